@@ -1,0 +1,25 @@
+"""The named errors of the program: text = what, where, value, remedy."""
+
+
+class BrakeError(Exception):
+    """Base of all named errors; the command line prints its text as one line."""
+
+
+class SceneError(BrakeError, ValueError):
+    """The scene or an input file is wrong: a user's mistake, exit status 2."""
+
+
+class SurfaceError(SceneError):
+    """A scan or a surface cannot be used (no valid point, flat where roughness is needed, ...)."""
+
+
+class NotConverged(BrakeError, RuntimeError):
+    """An iteration did not reach its tolerance; the last iterate is not returned."""
+
+
+class InaccurateResult(BrakeError, RuntimeError):
+    """A result was found but its own check (residual, count of modes, ...) fails."""
+
+
+class Separated(NotConverged):
+    """No equilibrium: the loads leave a part without contact and without support."""

@@ -1,0 +1,1 @@
+"""Gmsh builders, one per part or small scene."""
