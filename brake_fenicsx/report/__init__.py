@@ -1,1 +1,1 @@
-"""report."""
+"""Results to what a person reads: tables, figures, fields for ParaView, one HTML page."""

@@ -1,0 +1,85 @@
+"""Contact pressure on both pads, one row per approach."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .rundata import RunData, sort_approaches
+from .style import PRESSURE, label, new_figure
+from .tables import Columns
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+def draw_contact_pressure(run: RunData) -> Figure | None:
+    """Pressure of every contact element at equilibrium, first stored sample of each approach."""
+    contact = run.contact
+    if contact is None or contact["element"].size == 0:
+        return None
+    names = sort_approaches(set(map(str, contact["approach"])))
+    sides = _sides(contact["z"])
+    x, y = contact["x"] * 1e3, contact["y"] * 1e3
+    height = 1.05 + 5.6 / len(sides) * float(np.clip(np.ptp(y) / max(np.ptp(x), 1e-9), 0.2, 1.5))
+    figure, axes = new_figure(len(names), len(sides), height=height * len(names))
+    for row, name in zip(axes, names, strict=True):
+        mine = contact["approach"] == name
+        sample = contact["sample"][mine].min()
+        own = mine & (contact["sample"] == sample)
+        p = contact["p"][own] / 1e6
+        top = float(np.quantile(p[p > 0], 0.98)) if np.any(p > 0) else 1.0
+        for axis, (side, inside) in zip(row, sides, strict=True):
+            chosen = own & inside
+            image = _draw_patches(axis, {k: v[chosen] for k, v in contact.items()}, top)
+            axis.set_title(_headline(name, int(sample), side, contact, chosen), fontsize=8.5)
+            axis.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
+        beyond = "max" if np.any(p > top) else "neither"
+        figure.colorbar(image, ax=list(row), label="pressure [MPa]", extend=beyond, shrink=0.9)
+    return figure
+
+
+def _sides(z: NDArray) -> list[tuple[str, NDArray]]:
+    if np.any(z > 0) and np.any(z < 0):
+        return [("pad at z > 0", z > 0), ("pad at z < 0", z < 0)]
+    return [("contact face", np.full(z.shape, True))]
+
+
+def _headline(name: str, sample: int, side: str, contact: Columns, own: NDArray) -> str:
+    closed = int(np.sum(contact["p"][own] > 0))
+    mean = np.sum(contact["p"][own] * contact["area"][own]) / np.sum(contact["area"][own])
+    return (
+        f"{label(name)}, sample {sample}, {side}:\n"
+        f"{closed} of {own.sum()} elements closed, mean {mean / 1e6:.3g} MPa"
+    )
+
+
+def _draw_patches(axes: Axes, contact: Columns, top: float) -> Any:
+    """Squares of the elements' areas, turned to the radius; an open element is an empty square."""
+    from matplotlib.collections import PolyCollection
+
+    centre = np.column_stack([contact["x"], contact["y"]])
+    corners = centre[:, None, :] + _squares(centre, contact["area"])
+    p = np.where(contact["p"] > 0, contact["p"] / 1e6, np.nan)
+    patches = PolyCollection(corners * 1e3, cmap=PRESSURE, edgecolors="#b5b5b5", linewidths=0.15)
+    patches.set_array(p)
+    patches.set_clim(0.0, top)
+    patches.cmap.set_bad("white")
+    axes.add_collection(patches)
+    axes.autoscale_view()
+    axes.margins(0.03)
+    return patches
+
+
+def _squares(centre: NDArray, area: NDArray) -> NDArray:
+    """Corners [m] about the centre, shape (n, 4, 2); on a ring the sides follow the radius."""
+    radius = np.linalg.norm(centre, axis=1)
+    ring = radius.min() > 0.3 * radius.max()
+    angle = np.arctan2(centre[:, 1], centre[:, 0]) if ring else np.zeros(len(centre))
+    half = 0.5 * np.sqrt(area)[:, None, None]
+    unit = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return half * np.einsum("ijn,kj->nki", turn, unit)

@@ -1,0 +1,212 @@
+"""How many modes are unstable, how often, where: counts with Wilson intervals from the tables."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .rundata import RunData
+from .tables import MODES, TEXT, Columns
+
+Z_95 = 1.959963984540054
+REAL = frozenset({"frequency_hz", "real_1_s", "damping"})
+
+
+@dataclass(frozen=True, slots=True)
+class ApproachCount:
+    """Counts of one approach over its samples that ended well.
+
+    Attributes:
+        approach: its name.
+        samples: samples that ended well.
+        failed: samples that ended in an error.
+        modes: modes in the band, all samples.
+        unstable: unstable modes, all samples.
+        unstable_samples: samples with at least one unstable mode.
+        per_sample: unstable modes of each sample, shape (samples,), in the order of the samples.
+    """
+
+    approach: str
+    samples: int
+    failed: int
+    modes: int
+    unstable: int
+    unstable_samples: int
+    per_sample: NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """A share of samples with its 95 % Wilson interval: hits of n, low <= hits / n <= high."""
+
+    hits: int
+    n: int
+    low: float
+    high: float
+
+    @property
+    def value(self) -> float:
+        """The share itself."""
+        return self.hits / self.n if self.n else float("nan")
+
+
+@dataclass(frozen=True, slots=True)
+class FamilyCount:
+    """One family of unstable modes: the same mode recognised in many samples.
+
+    Attributes:
+        approach: its approach.
+        family: number of the family; -1 for modes of no family, gathered by frequency.
+        frequency: mean frequency of its unstable modes [Hz].
+        spread: standard deviation of that frequency [Hz].
+        share: share of samples in which it is unstable.
+        worst: lowest damping (most unstable) [-].
+    """
+
+    approach: str
+    family: int
+    frequency: float
+    spread: float
+    share: Share
+    worst: float
+
+
+def wilson(hits: int, n: int, z: float = Z_95) -> Share:
+    """Share of ``hits`` among ``n`` with its Wilson score interval.
+
+    Args:
+        hits: number of events.
+        n: number of trials.
+        z: half width of the interval in standard deviations.
+
+    Returns:
+        The share; its interval is (0, 1) without any trial.
+    """
+    if n == 0:
+        return Share(0, 0, 0.0, 1.0)
+    p = hits / n
+    scale = 1.0 / (1.0 + z * z / n)
+    centre = scale * (p + z * z / (2 * n))
+    half = scale * z * np.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
+    low = 0.0 if hits == 0 else float(centre - half)
+    high = 1.0 if hits == n else float(centre + half)
+    return Share(hits, n, low, high)
+
+
+def good_modes(run: RunData, approach: str, verdict: str | None = None) -> Columns:
+    """Modes of one approach over its samples that ended well.
+
+    Args:
+        run: the results.
+        approach: name of the approach.
+        verdict: only modes of this verdict, all if not given.
+
+    Returns:
+        The columns of ``modes.csv``, arrays of shape (n,).
+    """
+    if run.modes is None:
+        return {
+            name: np.empty(0, dtype=str if name in TEXT else float if name in REAL else int)
+            for name in MODES
+        }
+    chosen = run.modes["approach"] == approach
+    if run.samples is not None:
+        chosen &= np.isin(run.modes["sample"], _samples(run, approach)[0])
+    if verdict is not None:
+        chosen &= run.modes["verdict"] == verdict
+    return {name: values[chosen] for name, values in run.modes.items()}
+
+
+def count(run: RunData, approach: str) -> ApproachCount:
+    """Count samples, modes and unstable modes of one approach.
+
+    Args:
+        run: the results.
+        approach: name of the approach.
+
+    Returns:
+        The counts; without ``samples.csv`` the samples are those that have modes.
+    """
+    good, failed = _samples(run, approach)
+    modes = good_modes(run, approach)
+    unstable = modes["verdict"] == "unstable"
+    per_sample = np.zeros(good.size, dtype=int)
+    np.add.at(per_sample, np.searchsorted(good, modes["sample"][unstable]), 1)
+    return ApproachCount(
+        approach=approach,
+        samples=good.size,
+        failed=failed,
+        modes=unstable.size,
+        unstable=int(unstable.sum()),
+        unstable_samples=int(np.count_nonzero(per_sample)),
+        per_sample=per_sample,
+    )
+
+
+def band_edges(run: RunData, most: int = 20) -> NDArray:
+    """Edges [Hz] of equal frequency bands over all modes: at most ``most``, of a round width."""
+    top = 1.0
+    if run.modes is not None and run.modes["frequency_hz"].size:
+        top = float(np.max(run.modes["frequency_hz"]))
+    decades = 10.0 ** np.arange(-3, 7)[:, None] * np.array([1.0, 2.0, 5.0])
+    width = float(decades[decades * most >= top].min())
+    return width * np.arange(int(np.ceil(top / width * (1 - 1e-12))) + 1)
+
+
+def probability_per_band(run: RunData, approach: str, edges: NDArray) -> list[Share]:
+    """Share of samples with an unstable mode in each band.
+
+    Args:
+        run: the results.
+        approach: name of the approach.
+        edges: band edges [Hz], shape (n + 1,); the last band includes its upper edge.
+
+    Returns:
+        One share per band.
+    """
+    good, _ = _samples(run, approach)
+    modes = good_modes(run, approach, "unstable")
+    frequency, sample = modes["frequency_hz"], modes["sample"]
+    band = np.clip(np.searchsorted(edges, frequency, side="right") - 1, 0, len(edges) - 2)
+    return [wilson(np.unique(sample[band == j]).size, good.size) for j in range(len(edges) - 1)]
+
+
+def families(run: RunData, approach: str, width: float = 200.0) -> list[FamilyCount]:
+    """Families of unstable modes of one approach, the most frequent first.
+
+    Args:
+        run: the results.
+        approach: name of the approach.
+        width: modes of no family (number below zero) are gathered in bands of this width [Hz].
+
+    Returns:
+        One record per family with at least one unstable mode.
+    """
+    good, _ = _samples(run, approach)
+    table = good_modes(run, approach, "unstable")
+    family = table["family"].astype(int)
+    key = np.where(family >= 0, family, -1 - (table["frequency_hz"] // width).astype(int))
+    found = []
+    for number in np.unique(key):
+        own = key == number
+        f = table["frequency_hz"][own]
+        share = wilson(np.unique(table["sample"][own]).size, good.size)
+        worst = float(table["damping"][own].min())
+        record = FamilyCount(
+            approach, max(int(number), -1), float(f.mean()), float(f.std()), share, worst
+        )
+        found.append(record)
+    return sorted(found, key=lambda r: (-r.share.hits, r.frequency))
+
+
+def _samples(run: RunData, approach: str) -> tuple[NDArray, int]:
+    """Numbers of the samples that ended well, and how many did not."""
+    if run.samples is not None:
+        mine = run.samples["approach"] == approach
+        good = mine & (run.samples["status"] == "ok")
+        return np.unique(run.samples["sample"][good]), int(mine.sum() - good.sum())
+    if run.modes is not None:
+        return np.unique(run.modes["sample"][run.modes["approach"] == approach]), 0
+    return np.empty(0, dtype=int), 0

@@ -1,0 +1,150 @@
+"""Figures 7 and 8: maps of the real contact at several loads, and the library of laws."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .rundata import Arrays, RunData
+from .style import BLACK, BLUE, ORANGE, light_grid, new_figure, panel
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MOST_MAPS = 6
+
+
+def draw_contact_maps(run: RunData) -> Figure | None:
+    """Figure 7: where the surface touches the rigid plane, at loads from light to heavy."""
+    maps = run.maps
+    if maps is None or maps["pressures"].shape[0] == 0:
+        return None
+    n = maps["pressures"].shape[0]
+    chosen = np.unique(np.linspace(0, n - 1, min(n, MOST_MAPS)).round().astype(int))
+    columns = min(3, chosen.size)
+    rows = -(-chosen.size // columns)
+    figure, axes = new_figure(
+        rows, columns, height=2.75 * rows, width=2.4 * columns + 0.9, sharex=True, sharey=True
+    )
+    positive = maps["pressures"][maps["pressures"] > 0] / 1e6
+    limits = _limits(positive)
+    image = None
+    for axis, j in zip(axes.flat, chosen, strict=False):
+        image = _draw_map(axis, maps, int(j), limits)
+    for axis in axes.flat[chosen.size :]:
+        axis.set_visible(False)
+    for axis in axes[-1]:
+        axis.set_xlabel("x [mm]")
+    for axis in axes[:, 0]:
+        axis.set_ylabel("y [mm]")
+    shape = "{} x {}".format(*maps["pressures"].shape[1:])
+    text = f"contact pressure [MPa], {shape} points; white: no contact"
+    figure.colorbar(image, ax=list(axes.flat), label=text, extend="both", shrink=0.9)
+    return figure
+
+
+def draw_laws(run: RunData) -> Figure | None:
+    """Figure 8: pressure against separation, linear and log, and stiffness against pressure."""
+    laws = run.laws
+    if laws is None or laws["d"].shape[0] == 0:
+        return None
+    figure, axes = new_figure(1, 3, height=3.3)
+    E_star = float(laws["E_star"]) if "E_star" in laws else None
+    d, p, k = laws["d"] * 1e6, laws["p"], laws["k"]
+    _draw_bundle(axes[0, 0], d, p / 1e6)
+    axes[0, 0].set(xlabel="separation $d$ [µm]", ylabel="mean pressure $p$ [MPa]")
+    axes[0, 0].set_ylim(bottom=0)
+    panel(axes[0, 0], "a", f"{d.shape[0]} laws, linear")
+    scale = E_star or 1e6
+    _draw_bundle(axes[0, 1], d, p / scale)
+    text = "$p/E^*$ [-]" if E_star else "mean pressure $p$ [MPa]"
+    axes[0, 1].set(yscale="log", xlabel="separation $d$ [µm]", ylabel=text)
+    panel(axes[0, 1], "b", f"log, $E^*$ = {E_star / 1e6:.0f} MPa" if E_star else "log")
+    _draw_bundle(axes[0, 2], p / 1e6, k / 1e9, median=False)
+    axes[0, 2].set(xscale="log", yscale="log")
+    axes[0, 2].set(xlabel="mean pressure $p$ [MPa]", ylabel="stiffness $-p'(d)$ [N/mm$^3$]")
+    panel(axes[0, 2], "c", "stiffness")
+    _mark_braking(axes[0, 2], run)
+    for axis in axes.flat:
+        light_grid(axis)
+    axes[0, 0].legend(loc="upper right")
+    return figure
+
+
+def _draw_map(axes: Axes, maps: Arrays, j: int, limits: tuple[float, float]) -> Any:
+    import matplotlib
+    from matplotlib.colors import LinearSegmentedColormap, LogNorm
+
+    ramp = matplotlib.colormaps["inferno_r"](np.linspace(0.3, 1.0, 256))
+    colours = LinearSegmentedColormap.from_list("contact", ramp)
+    colours.set_bad("white")
+    p = maps["pressures"][j] / 1e6
+    size = maps["size"] * 1e3
+    image = axes.imshow(
+        np.where(p > 0, p, np.nan).T,
+        origin="lower",
+        extent=(0, float(size[0]), 0, float(size[1])),
+        cmap=colours,
+        norm=LogNorm(*limits),
+        interpolation="nearest",
+    )
+    area = float(maps["area_fraction"][j]) if "area_fraction" in maps else float((p > 0).mean())
+    load = f"$p/E^*$ = {_power(float(maps['p_over_E'][j]))}"
+    axes.set_title(f"{load}\nreal contact {100 * area:.2g} %", fontsize=8.5)
+    axes.spines[["top", "right"]].set_visible(True)
+    return image
+
+
+def _power(value: float) -> str:
+    """A number as text with its power of ten, for mathtext."""
+    if value <= 0:
+        return "0"
+    exponent = int(np.floor(np.log10(value) + 1e-9))
+    factor = value / 10.0**exponent
+    power = f"10^{{{exponent}}}"
+    return f"${power}$" if f"{factor:.1f}" == "1.0" else f"${factor:.1f}\\cdot {power}$"
+
+
+def _limits(positive: NDArray) -> tuple[float, float]:
+    """Colour limits [MPa] from the pressures of the touching points, without the tails."""
+    if positive.size == 0:
+        return 0.1, 1.0
+    low, high = np.quantile(positive, [0.05, 0.999])
+    return float(low), float(max(high, 1.5 * low))
+
+
+def _draw_bundle(axes: Axes, x: NDArray, y: NDArray, median: bool = True) -> None:
+    """All laws as thin lines, and the law whose mid separation is the median one in bold."""
+    from matplotlib.collections import LineCollection
+
+    y = np.where(y > 0, y, np.nan)
+    alpha = float(np.clip(12 / len(x), 0.15, 0.8))
+    lines = LineCollection(
+        [np.column_stack(pair) for pair in zip(x, y, strict=True)],
+        colors=BLUE,
+        linewidths=0.7,
+        alpha=alpha,
+        label="each law",
+    )
+    axes.add_collection(lines)
+    axes.autoscale_view()
+    if median and len(x) > 2:
+        middle = int(np.argsort(x[:, x.shape[1] // 2])[len(x) // 2])
+        axes.plot(x[middle], y[middle], color=BLACK, lw=1.6, label="median law")
+
+
+def _mark_braking(axes: Axes, run: RunData) -> None:
+    """Shade the pressures that the closed contact elements of the run really see."""
+    if run.contact is None:
+        return
+    closed = run.contact["p"][(run.contact["p"] > 0) & (run.contact["law"] >= 0)]
+    if closed.size < 2:
+        return
+    low, high = np.quantile(closed, [0.05, 0.95]) / 1e6
+    axes.axvspan(
+        low, high, color=ORANGE, alpha=0.18, lw=0, label="5 to 95 % of the\nbrake's patches"
+    )
+    axes.legend(loc="lower right", fontsize=7.5)

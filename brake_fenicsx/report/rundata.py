@@ -1,0 +1,125 @@
+"""What a run directory holds, read once for figures, tables and page; any part may be absent."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..errors import SceneError
+from .tables import CONTACT, MODES, SAMPLES, Columns, read_columns
+
+Arrays = dict[str, NDArray]
+
+ORDER = ("classical", "fast", "multi-scale", "joint")
+
+
+@dataclass(frozen=True, slots=True)
+class RunData:
+    """The results of one run; a part that the scene did not ask for is None or empty.
+
+    Attributes:
+        directory: where the run wrote.
+        modes: columns of ``modes.csv``, arrays of shape (n_modes,).
+        samples: columns of ``samples.csv``, arrays of shape (n_samples,).
+        contact: columns of ``contact.csv``, arrays of shape (n_elements,).
+        laws: arrays of ``laws.npz``.
+        surface: arrays of ``surface.npz``.
+        maps: arrays of ``contact_maps.npz``.
+        summary: content of ``summary.json``.
+        scene: text of ``scene.toml``.
+    """
+
+    directory: Path
+    modes: Columns | None = None
+    samples: Columns | None = None
+    contact: Columns | None = None
+    laws: Arrays | None = None
+    surface: Arrays | None = None
+    maps: Arrays | None = None
+    summary: dict[str, Any] = field(default_factory=dict)
+    scene: str | None = None
+
+    @property
+    def approaches(self) -> list[str]:
+        """Names of the approaches that were run, in the order of the figures."""
+        names: set[str] = set()
+        for table in (self.samples, self.modes):
+            if table is not None:
+                names.update(map(str, table["approach"]))
+        return sort_approaches(names)
+
+
+def sort_approaches(names: set[str]) -> list[str]:
+    """Order approaches: the known ones from the simplest on, then the others by name."""
+    known = [name for name in ORDER if name in names]
+    return known + sorted(names - set(ORDER))
+
+
+def read_run(directory: str | Path) -> RunData:
+    """Read all that a run has written.
+
+    Args:
+        directory: the run directory.
+
+    Returns:
+        The results; parts whose file is absent are None or empty.
+
+    Raises:
+        SceneError: the directory is missing, holds no result, or a file of it cannot be read.
+    """
+    root = Path(directory)
+    if not root.is_dir():
+        raise SceneError(f"{root}: no such run directory; run the scene first")
+    scene = root / "scene.toml"
+    run = RunData(
+        directory=root,
+        modes=_table(root / "modes.csv", MODES),
+        samples=_table(root / "samples.csv", SAMPLES),
+        contact=_table(root / "contact.csv", CONTACT),
+        laws=_arrays(root / "laws.npz", ("d", "p", "k")),
+        surface=_arrays(root / "surface.npz", ("heights", "size")),
+        maps=_arrays(root / "contact_maps.npz", ("size", "p_over_E", "pressures")),
+        summary=_json(root / "summary.json"),
+        scene=scene.read_text(encoding="utf-8") if scene.is_file() else None,
+    )
+    if not any((run.modes, run.samples, run.contact, run.laws, run.surface, run.maps, run.summary)):
+        raise SceneError(
+            f"{root}: holds no result of a run (modes.csv, laws.npz, surface.npz, ...)"
+        )
+    return run
+
+
+def _table(path: Path, required: Sequence[str]) -> Columns | None:
+    return read_columns(path, required) if path.is_file() else None
+
+
+def _arrays(path: Path, required: Sequence[str]) -> Arrays | None:
+    if not path.is_file():
+        return None
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+    except (ValueError, OSError, EOFError) as error:
+        raise SceneError(f"{path}: cannot be read ({error}); run the stage again") from error
+    missing = [name for name in required if name not in arrays]
+    if missing:
+        raise SceneError(f"{path}: array {', '.join(missing)} is missing; run the stage again")
+    return arrays
+
+
+def _json(path: Path) -> dict[str, Any]:
+    if not path.is_file():
+        return {}
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise SceneError(f"{path}: not JSON ({error}); run the scene again") from error
+    if not isinstance(content, dict):
+        raise SceneError(f"{path}: holds {type(content).__name__}, not a table of names")
+    return content

@@ -1,0 +1,262 @@
+"""Figure 9 and what follows from it: the squeal map, counts per sample, probability per band."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .counts import band_edges, count, families, good_modes, probability_per_band, wilson
+from .rundata import RunData
+from .style import (
+    BLACK,
+    BLUE,
+    CYCLE,
+    DAMPING_LABEL,
+    GREY,
+    MARKERS,
+    VERMILION,
+    label,
+    light_grid,
+    look,
+    new_figure,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MANY_POINTS = 2000  # beyond this a scatter is rasterised inside the SVG
+KHZ = "frequency [kHz]"
+
+
+def draw_squeal_map(run: RunData) -> Figure | None:
+    """Figure 9: frequency against damping, one panel per approach, unstable half shaded."""
+    if run.modes is None or run.modes["mode"].size == 0:
+        return None
+    figure, axes = _panels(run)
+    for axis, approach in zip(axes.flat, run.approaches, strict=True):
+        modes = good_modes(run, approach)
+        f, damping, verdict = modes["frequency_hz"] / 1e3, modes["damping"], modes["verdict"]
+        for name, colour, marker, size in (
+            ("neutral", GREY, ".", 14),
+            ("stable", BLUE, "o", 12),
+            ("unstable", VERMILION, "v", 20),
+        ):
+            own = verdict == name
+            _scatter(axis, f[own], damping[own], colour, marker, size, f"{name}: {own.sum()}")
+        axis.legend(loc="upper left", ncol=3, bbox_to_anchor=(0, 1.02), handletextpad=0.1)
+    return figure
+
+
+def draw_families(run: RunData, most: int = 6) -> Figure | None:
+    """Unstable modes by family: the same mode recognised in many samples has one look."""
+    if run.modes is None or not np.any(run.modes["verdict"] == "unstable"):
+        return None
+    figure, axes = _panels(run, height=1.5)
+    axes[0, 0].set_ylim(top=0.0)
+    for axis, approach in zip(axes.flat, run.approaches, strict=True):
+        modes = good_modes(run, approach, "unstable")
+        f, damping, family = modes["frequency_hz"] / 1e3, modes["damping"], modes["family"]
+        found = [r for r in families(run, approach) if r.family >= 0][:most]
+        rest = ~np.isin(family, [r.family for r in found])
+        for record, colour, marker in zip(found, CYCLE, MARKERS, strict=False):
+            own = family == record.family
+            text = (
+                f"{record.frequency / 1e3:.2f} kHz: {_how_often(record.share.hits, record.share.n)}"
+            )
+            _scatter(axis, f[own], damping[own], colour, marker, 20, text)
+        _scatter(axis, f[rest], damping[rest], GREY, ".", 20, f"others: {rest.sum()} modes")
+        axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05))
+    return figure
+
+
+def draw_counts(run: RunData) -> Figure | None:
+    """Histogram of the number of unstable modes per sample."""
+    shown = _sampled(run)
+    if not shown:
+        return None
+    figure, axes = new_figure(1, 1, height=3.0)
+    axis = axes[0, 0]
+    records = [count(run, approach) for approach in shown]
+    top = max(int(r.per_sample.max()) for r in records)
+    width = 0.8 / len(records)
+    hatches = ("", "///", "...", "xxx")
+    for j, record in enumerate(records):
+        share = np.bincount(record.per_sample, minlength=top + 1) / record.samples
+        x = np.arange(top + 1) + (j - (len(records) - 1) / 2) * width
+        mean = record.per_sample.mean()
+        text = f"{label(record.approach)}: {record.samples} samples, mean {mean:.2f}"
+        axis.bar(
+            x,
+            share,
+            0.92 * width,
+            color=look(record.approach)[0],
+            edgecolor="white",
+            linewidth=0.4,
+            hatch=hatches[j % 4],
+            label=text,
+        )
+    _mark_single(axis, run)
+    axis.set(xlabel="unstable modes per sample [-]", ylabel="share of samples [-]")
+    axis.xaxis.get_major_locator().set_params(integer=True)
+    axis.set_ylim(0, 1.25 * axis.get_ylim()[1])
+    light_grid(axis, axis="y")
+    axis.legend(loc="upper right")
+    return figure
+
+
+def draw_probability(run: RunData) -> Figure | None:
+    """Probability of at least one unstable mode per frequency band, with Wilson intervals."""
+    shown = _sampled(run)
+    if run.modes is None or not shown:
+        return None
+    edges = band_edges(run)
+    figure, axes = new_figure(
+        len(shown), 1, height=1.0 + 1.7 * len(shown), sharex=True, sharey=True
+    )
+    centre, width = (edges[1:] + edges[:-1]) / 2e3, np.diff(edges) / 1e3
+    for axis, approach in zip(axes.flat, shown, strict=True):
+        shares = probability_per_band(run, approach, edges)
+        value = np.array([s.value for s in shares])
+        reach = np.array([[s.value - s.low, s.high - s.value] for s in shares]).T
+        colour = look(approach)[0]
+        axis.bar(centre, value, 0.94 * width, color=colour, alpha=0.75)
+        axis.errorbar(centre, value, reach, fmt="none", ecolor=BLACK, elinewidth=1, capsize=2)
+        n = shares[0].n
+        axis.set_title(f"{label(approach)}: {n} samples; bars: 95 % Wilson interval")
+        axis.set(ylim=(0, 1.08), xlim=(0, edges[-1] / 1e3))
+        axis.set_ylabel("probability of\ninstability [-]")
+        light_grid(axis, axis="y")
+        _mark_deterministic(axis, run)
+    if _single(run):
+        axes[0, 0].legend(loc="upper right", bbox_to_anchor=(1.0, 1.25), handletextpad=0.1)
+    axes[-1, 0].set_xlabel(f"{KHZ}, bands of {width[0] * 1e3:g} Hz")
+    return figure
+
+
+def draw_convergence(run: RunData) -> Figure | None:
+    """Share of unstable samples and mean number of unstable modes as the samples come in."""
+    shown = [a for a in _sampled(run) if count(run, a).samples >= 3]
+    if not shown:
+        return None
+    figure, axes = new_figure(1, 2, height=2.9)
+    for approach in shown:
+        colour, _ = look(approach)
+        per_sample = count(run, approach).per_sample
+        n = np.arange(1, per_sample.size + 1)
+        hits = np.cumsum(per_sample > 0)
+        bounds = [wilson(int(h), int(m)) for h, m in zip(hits, n, strict=True)]
+        axes[0, 0].plot(n, hits / n, color=colour, label=label(approach))
+        low, high = [s.low for s in bounds], [s.high for s in bounds]
+        axes[0, 0].fill_between(n, low, high, color=colour, alpha=0.2, lw=0)
+        mean, error = _running_mean(per_sample)
+        axes[0, 1].plot(n, mean, color=colour, label=label(approach))
+        axes[0, 1].fill_between(n, mean - error, mean + error, color=colour, alpha=0.2, lw=0)
+    axes[0, 0].set(ylabel="share of unstable samples [-]", ylim=(-0.02, 1.02))
+    axes[0, 1].set(ylabel="mean unstable modes per sample [-]")
+    axes[0, 1].set_ylim(bottom=0)
+    for axis in axes.flat:
+        axis.set_xlabel("samples [-]")
+        light_grid(axis)
+        axis.legend(loc="best")
+    return figure
+
+
+def _panels(run: RunData, height: float = 1.9) -> tuple[Figure, NDArray]:
+    """One panel per approach over shared axes, the unstable half shaded, counts in the title."""
+    modes = run.modes or {}
+    damping = modes["damping"]
+    n = len(run.approaches)
+    figure, axes = new_figure(n, 1, height=0.7 + height * n, sharex=True, sharey=True)
+    low, high = min(float(damping.min()), 0.0), max(float(damping.max()), 0.0)
+    reach = max(high - low, 1e-6)
+    low, high = low - 0.08 * reach, high + 0.3 * reach
+    for axis, approach in zip(axes.flat, run.approaches, strict=True):
+        axis.axhspan(low, 0.0, color="#fbeee6", lw=0, zorder=0)
+        axis.axhline(0.0, color=BLACK, lw=0.6, zorder=1)
+        axis.text(
+            0.995, 0.03, "unstable", transform=axis.transAxes, ha="right", color=VERMILION, size=8
+        )
+        axis.set(ylim=(low, high), ylabel=DAMPING_LABEL.replace("damping ", "damping\n"))
+        axis.set_title(_headline(run, approach))
+    top = float(modes["frequency_hz"].max()) / 1e3
+    axes[-1, 0].set(xlabel=KHZ, xlim=(0, 1.02 * top))
+    return figure, axes
+
+
+def _headline(run: RunData, approach: str) -> str:
+    record = count(run, approach)
+    failed = f" ({record.failed} more failed)" if record.failed else ""
+    modes = f"{record.unstable} of {record.modes} modes unstable"
+    if record.samples == 1:
+        return f"{label(approach)}: 1 run{failed}, {modes}"
+    share = f"{record.unstable_samples} of {record.samples} samples unstable{failed}"
+    return f"{label(approach)}: {share}, {modes}"
+
+
+def _scatter(
+    axes: Axes, x: NDArray, y: NDArray, colour: str, marker: str, size: float, text: str
+) -> None:
+    if x.size == 0:
+        return
+    many = x.size > MANY_POINTS
+    axes.scatter(
+        x,
+        y,
+        s=size * (0.5 if many else 1.0),
+        c=colour,
+        marker=marker,
+        linewidths=0,
+        alpha=0.35 if many else 0.8,
+        label=text,
+        rasterized=many,
+        zorder=3,
+    )
+
+
+def _how_often(hits: int, n: int) -> str:
+    return "1 run" if n == 1 else f"{hits} of {n}"
+
+
+def _sampled(run: RunData) -> list[str]:
+    """Approaches with more than one sample; a single run has no distribution."""
+    return [a for a in run.approaches if count(run, a).samples > 1]
+
+
+def _single(run: RunData) -> list[str]:
+    return [a for a in run.approaches if count(run, a).samples == 1]
+
+
+def _mark_single(axes: Axes, run: RunData) -> None:
+    """A dashed line at the number of unstable modes of each approach of one run."""
+    for approach in _single(run):
+        colour, _ = look(approach)
+        number = int(count(run, approach).per_sample[0])
+        text = f"{label(approach)}: one run, {number}"
+        axes.axvline(number, color=colour, ls="--", lw=1.4, label=text)
+
+
+def _mark_deterministic(axes: Axes, run: RunData) -> None:
+    """Markers on top where an approach of one run is unstable."""
+    for approach in _single(run):
+        colour, marker = look(approach)
+        f = good_modes(run, approach, "unstable")["frequency_hz"] / 1e3
+        axes.plot(
+            f,
+            np.full(f.size, 1.04),
+            marker,
+            color=colour,
+            ms=4,
+            label=f"{label(approach)}: unstable modes of its one run",
+            clip_on=False,
+        )
+
+
+def _running_mean(values: NDArray) -> tuple[NDArray, NDArray]:
+    """Running mean and the half width of its 95 % normal interval."""
+    n = np.arange(1, values.size + 1)
+    mean = np.cumsum(values) / n
+    variance = np.maximum(np.cumsum(values.astype(float) ** 2) / n - mean**2, 0.0)
+    return mean, 1.96 * np.sqrt(variance / np.maximum(n - 1, 1))

@@ -1,0 +1,125 @@
+"""One look for all figures: Okabe-Ito colours, print sizes, no global plotting state."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Okabe and Ito: told apart with any colour vision, and by their grey value in print.
+BLACK, GREY = "#000000", "#8a8a8a"
+BLUE, SKY, GREEN = "#0072B2", "#56B4E9", "#009E73"
+ORANGE, VERMILION, PURPLE, YELLOW = "#E69F00", "#D55E00", "#CC79A7", "#F0E442"
+CYCLE = (BLUE, ORANGE, GREEN, PURPLE, SKY, VERMILION, BLACK)
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+
+APPROACH_LOOK = {
+    "classical": (BLUE, "o"),
+    "fast": (ORANGE, "s"),
+    "multi-scale": (GREEN, "^"),
+    "joint": (PURPLE, "D"),
+}
+APPROACH_NAME = {
+    "classical": "Classical",
+    "fast": "FAST",
+    "multi-scale": "Multi-scale",
+    "joint": "Joint (roughness, friction, moduli)",
+}
+HEIGHTS, PRESSURE = "cividis", "viridis"
+DAMPING_LABEL = r"damping $-2\,\alpha/|\omega|$ [-]"
+WIDTH = 7.2  # [in] of a full page
+
+_PARAMETERS = {
+    "font.family": "DejaVu Sans",
+    "font.size": 9,
+    "axes.titlesize": 9.5,
+    "axes.titlelocation": "left",
+    "axes.labelsize": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.7,
+    "axes.axisbelow": True,
+    "legend.fontsize": 8,
+    "legend.frameon": False,
+    "lines.linewidth": 1.3,
+    "xtick.labelsize": 8,
+    "ytick.labelsize": 8,
+    "mathtext.fontset": "dejavusans",
+    "svg.hashsalt": "brake_fenicsx",
+    "figure.dpi": 100,
+}
+
+
+@contextmanager
+def house_style() -> Iterator[None]:
+    """Apply the look inside the block and leave matplotlib's settings as they were."""
+    import matplotlib
+
+    with matplotlib.rc_context(_PARAMETERS):
+        yield
+
+
+def new_figure(
+    rows: int = 1, columns: int = 1, height: float = 3.4, width: float = WIDTH, **keys: Any
+) -> tuple[Figure, Any]:
+    """Make a figure without pyplot, so that nothing stays behind.
+
+    Args:
+        rows: rows of axes.
+        columns: columns of axes.
+        height: height [in].
+        width: width [in].
+        **keys: passed to ``Figure.subplots``.
+
+    Returns:
+        The figure and its axes, an array of shape (rows, columns).
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, **keys)
+
+
+def save(figure: Figure, directory: Path, name: str) -> list[Path]:
+    """Write a figure as PNG (200 dpi) and SVG, the same bytes for the same data.
+
+    Args:
+        figure: the figure.
+        directory: existing folder.
+        name: file name without suffix.
+
+    Returns:
+        The two paths.
+    """
+    png, svg = directory / f"{name}.png", directory / f"{name}.svg"
+    figure.savefig(png, dpi=200, facecolor="white", metadata={"Software": None})
+    figure.savefig(svg, dpi=200, facecolor="white", metadata={"Date": None, "Creator": None})
+    return [png, svg]
+
+
+def look(approach: str) -> tuple[str, str]:
+    """Colour and marker of an approach, the same in every figure."""
+    if approach in APPROACH_LOOK:
+        return APPROACH_LOOK[approach]
+    j = sum(map(ord, approach)) % 3 + 4
+    return CYCLE[j], MARKERS[j]
+
+
+def label(approach: str) -> str:
+    """Name of an approach as a figure shows it."""
+    return APPROACH_NAME.get(approach, approach)
+
+
+def panel(axes: Axes, letter: str, title: str) -> None:
+    """Head a panel with its letter and a short title."""
+    axes.set_title(f"({letter}) {title}")
+
+
+def light_grid(axes: Axes, **keys: Any) -> None:
+    """Draw a grid that stays behind the data in print."""
+    axes.grid(color="#dddddd", linewidth=0.5, **keys)

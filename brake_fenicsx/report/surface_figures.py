@@ -1,0 +1,265 @@
+"""Figures 4 to 6: the scan, its heights and spectrum, and an artificial surface beside it."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .rundata import Arrays, RunData
+from .style import (
+    BLACK,
+    BLUE,
+    GREY,
+    HEIGHTS,
+    ORANGE,
+    SKY,
+    VERMILION,
+    light_grid,
+    new_figure,
+    panel,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+UM, MM = 1e6, 1e3
+Q_LABEL, PSD_LABEL = "wave number $q$ [rad/m]", "radial PSD $C$ [m$^4$]"
+
+
+def surface_statistics(surface: Arrays) -> dict[str, Any]:
+    """Statistics of the scan (lengths in m) and parameters of its fit; may be empty."""
+    if "stats" not in surface:
+        return {}
+    content = json.loads(str(surface["stats"]))
+    return content if isinstance(content, dict) else {}
+
+
+def draw_topography(run: RunData) -> Figure | None:
+    """Figure 4: the levelled scan with its missing points, and two profiles through its centre."""
+    if run.surface is None:
+        return None
+    z, size = run.surface["heights"] * UM, run.surface["size"] * MM
+    figure, axes = new_figure(1, 2, height=3.3, gridspec_kw={"width_ratios": [1.25, 1]})
+    image = _map(axes[0, 0], z, size, _height_limits(z))
+    lost = int(np.isnan(z).sum())
+    what = f"{lost} of {z.size} points missing (red)" if lost else f"all {z.size} points valid"
+    panel(axes[0, 0], "a", f"levelled scan, {z.shape[0]} x {z.shape[1]},\n{what}")
+    figure.colorbar(image, ax=axes[0, 0], label="height [µm]", shrink=0.9)
+    x = (np.arange(z.shape[0]) + 0.5) * size[0] / z.shape[0]
+    y = (np.arange(z.shape[1]) + 0.5) * size[1] / z.shape[1]
+    axes[0, 1].plot(x, z[:, z.shape[1] // 2], color=BLUE, lw=0.9, label="along x, mid y")
+    axes[0, 1].plot(y, z[z.shape[0] // 2], color=ORANGE, lw=0.9, ls="--", label="along y, mid x")
+    axes[0, 1].set(xlabel="position [mm]", ylabel="height [µm]")
+    axes[0, 1].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), borderaxespad=0.1)
+    light_grid(axes[0, 1])
+    axes[0, 1].set_title("(b) profiles through the centre", pad=32)
+    return figure
+
+
+def draw_statistics(run: RunData) -> Figure | None:
+    """Figure 5: height distribution, radial PSD with fit and reliable band, residual of the fit."""
+    if run.surface is None:
+        return None
+    surface = run.surface
+    figure, axes = new_figure(1, 2, height=3.7, gridspec_kw={"width_ratios": [1, 1.25]})
+    _draw_heights(axes[0, 0], surface)
+    if "q" not in surface:
+        axes[0, 1].set_visible(False)
+        return figure
+    if "fit_q" in surface:
+        axes[0, 1].remove()
+        right = axes[0, 0].get_gridspec()[0, 1].subgridspec(2, 1, height_ratios=[3, 1])
+        top = figure.add_subplot(right[0])
+        bottom = figure.add_subplot(right[1], sharex=top)
+        _draw_residual(bottom, surface)
+        top.tick_params(labelbottom=False)
+        top.set_xlabel("")
+    else:
+        top = axes[0, 1]
+        top.set_xlabel(Q_LABEL)
+    _draw_psd(top, surface)
+    return figure
+
+
+def draw_artificial(run: RunData) -> Figure | None:
+    """Figure 6: an artificial surface beside the scan, with the heights and spectrum it reached."""
+    if run.surface is None or "artificial" not in run.surface:
+        return None
+    s = run.surface
+    scan, made = s["heights"] * UM, s["artificial"] * UM
+    figure, axes = new_figure(2, 2, height=6.2, gridspec_kw={"height_ratios": [1.15, 1]})
+    limits = _height_limits(np.concatenate([scan.ravel(), made.ravel()]))
+    side = float(max(s["size"].max(), s["artificial_size"].max())) * MM
+    for j, (name, z, size) in enumerate(
+        [("scan", scan, s["size"]), ("artificial surface", made, s["artificial_size"])]
+    ):
+        image = _map(axes[0, j], z, size * MM, limits)
+        axes[0, j].set(xlim=(0, side), ylim=(0, side))
+        spread = f"$S_q$ = {np.nanstd(z):.1f} µm"
+        panel(axes[0, j], "ab"[j], f"{name},\n{z.shape[0]} x {z.shape[1]}, {spread}")
+    figure.colorbar(image, ax=list(axes[0]), label="height [µm]", shrink=0.9)
+    _compare(axes[1, 0], s, "hdf_z", "hdf_density", UM, 1 / UM)
+    axes[1, 0].set(xlabel="height [µm]", ylabel="density [1/µm]")
+    axes[1, 0].set_ylim(bottom=0)
+    panel(axes[1, 0], "c", "height distribution")
+    _compare(axes[1, 1], s, "q", "C", 1.0, 1.0)
+    axes[1, 1].set(xscale="log", yscale="log", xlabel=Q_LABEL, ylabel=PSD_LABEL)
+    panel(axes[1, 1], "d", "radial PSD")
+    for axis in axes[1]:
+        light_grid(axis)
+        axis.legend(loc="best")
+    return figure
+
+
+def _map(axes: Axes, z: NDArray, size: NDArray, limits: tuple[float, float]) -> Any:
+    """Heights [um] of shape (nx, ny) as an image with x to the right, missing points in red."""
+    import matplotlib
+
+    colours = matplotlib.colormaps[HEIGHTS].copy()
+    colours.set_bad(VERMILION)
+    image = axes.imshow(
+        z.T,
+        origin="lower",
+        extent=(0, float(size[0]), 0, float(size[1])),
+        cmap=colours,
+        vmin=limits[0],
+        vmax=limits[1],
+        interpolation="nearest",
+    )
+    axes.set(xlabel="x [mm]", ylabel="y [mm]")
+    axes.spines[["top", "right"]].set_visible(True)
+    return image
+
+
+def _height_limits(z: NDArray) -> tuple[float, float]:
+    """Colour limits that a few spikes do not stretch."""
+    valid = z[np.isfinite(z)]
+    if valid.size == 0:
+        return 0.0, 1.0
+    low, high = np.quantile(valid, [0.001, 0.999])
+    return float(low), float(high) if high > low else float(low) + 1.0
+
+
+def _draw_heights(axes: Axes, surface: Arrays) -> None:
+    z = surface["heights"][np.isfinite(surface["heights"])]
+    axes.hist(z * UM, bins=64, density=True, color="#c9dcea", label="heights of the scan")
+    if "hdf_z" in surface:
+        axes.plot(
+            surface["hdf_z"] * UM, surface["hdf_density"] / UM, color=BLUE, label="kernel density"
+        )
+    mean, spread = z.mean() * UM, z.std() * UM
+    low, high = axes.get_xlim()
+    x = np.linspace(low, high, 200)
+    if spread > 0:
+        normal = np.exp(-0.5 * ((x - mean) / spread) ** 2) / (spread * np.sqrt(2 * np.pi))
+        axes.plot(x, normal, color=GREY, ls="--", label="normal")
+    stats = surface_statistics(surface)
+    axes.text(0.03, 0.97, _moments(stats), transform=axes.transAxes, va="top", fontsize=7.5)
+    axes.set(xlabel="height $z$ [µm]", ylabel="density $P(z)$ [1/µm]")
+    axes.set_ylim(0, 1.45 * axes.get_ylim()[1])
+    axes.legend(loc="upper right", fontsize=7.5)
+    panel(axes, "a", "height distribution")
+
+
+def _moments(stats: dict[str, Any]) -> str:
+    rows = [
+        ("mean", "mean", UM, "µm"),
+        ("median", "median", UM, "µm"),
+        ("S_q", "$S_q$", UM, "µm"),
+        ("S_sk", "$S_{sk}$", 1.0, ""),
+        ("S_ku", "$S_{ku}$", 1.0, ""),
+    ]
+    return "\n".join(
+        f"{text} = ${stats[key] * factor:.3g}$ {unit}".rstrip()
+        for key, text, factor, unit in rows
+        if isinstance(stats.get(key), int | float)
+    )
+
+
+def _draw_psd(axes: Axes, surface: Arrays) -> None:
+    _draw_band(axes, surface)
+    _draw_subsets(axes, surface)
+    positive = surface["C"] > 0
+    axes.loglog(
+        surface["q"][positive], surface["C"][positive], color=BLUE, lw=1.6, label="whole scan"
+    )
+    stats = surface_statistics(surface)
+    if "fit_q" in surface:
+        axes.loglog(
+            surface["fit_q"], surface["fit_C"], color=BLACK, ls="--", label=_fit_text(stats)
+        )
+    q_c = stats.get("q_c")
+    if isinstance(q_c, int | float) and q_c > 0:
+        axes.axvline(q_c, color=GREY, lw=0.8, ls=":")
+        axes.annotate(
+            "$q_c$", (q_c, 0.97), xycoords=("data", "axes fraction"), fontsize=8, va="top"
+        )
+    axes.set_ylabel(PSD_LABEL)
+    light_grid(axes)
+    axes.legend(loc="lower left", fontsize=7.5)
+    panel(axes, "b", "radial power spectrum")
+
+
+def _fit_text(stats: dict[str, Any]) -> str:
+    parts = []
+    for key, text in (("c1", "$c_1$"), ("c2", "$c_2$")):
+        value, error = stats.get(key), stats.get(f"{key}_error")
+        if isinstance(value, int | float):
+            spread = f" ± {error:.2f}" if isinstance(error, int | float) else ""
+            parts.append(f"{text} = ${value:.2f}${spread}")
+    return "bi-fractal fit" + (": " + ",\n".join(parts) if parts else "")
+
+
+def _draw_band(axes: Axes, surface: Arrays) -> None:
+    if "q_band" in surface:
+        low, high = surface["q_band"]
+        axes.axvspan(low, high, color="#eef4ea", lw=0, zorder=0, label="reliable band")
+
+
+def _draw_subsets(axes: Axes, surface: Arrays) -> None:
+    """PSDs of sub-windows (sky blue) and of decimated scans (orange, dashed)."""
+    if "sub_q" not in surface:
+        return
+    names = [str(name) for name in np.atleast_1d(surface.get("sub_name", np.array([])))]
+    counts = {True: 0, False: 0}
+    for j, (q, c) in enumerate(zip(surface["sub_q"], surface["sub_C"], strict=True)):
+        thin = j < len(names) and names[j].lower().startswith("decim")
+        good = np.isfinite(q) & np.isfinite(c) & (c > 0)
+        style: dict[str, Any] = {"color": ORANGE, "ls": "--"} if thin else {"color": SKY}
+        first = counts[thin] == 0
+        counts[thin] += 1
+        text = ("decimated scans" if thin else "sub-windows") if first else None
+        axes.loglog(q[good], c[good], lw=0.8, label=text, **style)
+
+
+def _draw_residual(axes: Axes, surface: Arrays) -> None:
+    """Ratio of the measured PSD to its fit, over the fitted wave numbers."""
+    q, fit_q = surface["q"], surface["fit_q"]
+    inside = (q >= fit_q.min()) & (q <= fit_q.max()) & (surface["C"] > 0)
+    if not inside.any():
+        axes.set_visible(False)
+        return
+    fit = np.interp(np.log(q[inside]), np.log(fit_q), np.log(surface["fit_C"]))
+    ratio = surface["C"][inside] / np.exp(fit)
+    _draw_band(axes, surface)
+    axes.semilogx(q[inside], ratio, color=BLUE, lw=0.9)
+    axes.axhline(1.0, color=BLACK, lw=0.7, ls="--")
+    axes.set(yscale="log", xlabel=Q_LABEL, ylabel="scan / fit [-]")
+    axes.yaxis.set_minor_formatter("")
+    light_grid(axes)
+
+
+def _compare(axes: Axes, s: Arrays, x: str, y: str, x_unit: float, y_unit: float) -> None:
+    """The same curve of the scan and of the artificial surface."""
+    for prefix, text, colour, line in (
+        ("", "scan", BLUE, "-"),
+        ("artificial_", "artificial", ORANGE, "--"),
+    ):
+        if prefix + x in s:
+            u, v = s[prefix + x] * x_unit, s[prefix + y] * y_unit
+            good = np.isfinite(v) & (v > 0)
+            axes.plot(u[good], v[good], color=colour, ls=line, label=text)
