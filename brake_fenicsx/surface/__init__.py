@@ -1,1 +1,25 @@
-"""surface."""
+"""Scan -> statistics -> artificial surfaces. Imports no dolfinx."""
+
+from brake_fenicsx.surface.hdf import HeightDistribution, match_moments
+from brake_fenicsx.surface.psd import BiFractal, RadialPsd, fit_bifractal, radial_psd
+from brake_fenicsx.surface.readers import read_topography
+from brake_fenicsx.surface.statistics import SurfaceStatistics, characterise, given_statistics
+from brake_fenicsx.surface.synthesis import SynthesisRecord, synthesise
+from brake_fenicsx.surface.topography import Topography, make_topography
+
+__all__ = [
+    "BiFractal",
+    "HeightDistribution",
+    "RadialPsd",
+    "SurfaceStatistics",
+    "SynthesisRecord",
+    "Topography",
+    "characterise",
+    "fit_bifractal",
+    "given_statistics",
+    "make_topography",
+    "match_moments",
+    "radial_psd",
+    "read_topography",
+    "synthesise",
+]

@@ -1,0 +1,403 @@
+"""Laws of pressure over separation, p(d): computed ones, their library, and analytic ones.
+
+A computed law interpolates ln p over d by monotone cubics through the solved steps with their
+exact slopes. Beyond the first step towards separation stands a quadratic foot, so that p and p'
+vanish together at first touch; beyond the last step the law goes on as a straight line. Pressure,
+stiffness -p' and energy int_d^inf p belong to one and the same function.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from brake_fenicsx.errors import SceneError
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+
+class Law(Protocol):
+    """Pressure between a pad patch and the disc, as a function of their separation."""
+
+    @property
+    def first_touch(self) -> float:
+        """Separation [m] at which the pressure becomes zero."""
+
+    def pressure(self, d: ArrayLike) -> Array:
+        """Pressure p [Pa] at the separation d [m]."""
+
+    def stiffness(self, d: ArrayLike) -> Array:
+        """Stiffness -dp/dd [Pa/m]."""
+
+    def energy(self, d: ArrayLike) -> Array:
+        """Energy per area, the integral of p from d to infinity [J/m^2]."""
+
+
+class Laws(Protocol):
+    """Many laws at once: element i of a contact follows law ``index[i]``."""
+
+    def __len__(self) -> int:
+        """Number of laws."""
+
+    def first_touch(self, index: Index) -> Array:
+        """Separations [m] at which the pressures become zero, shape of ``index``."""
+
+    def pressure(self, index: Index, d: Array) -> Array:
+        """Pressures [Pa] at the separations d [m], same shapes."""
+
+    def stiffness(self, index: Index, d: Array) -> Array:
+        """Stiffnesses -dp/dd [Pa/m]."""
+
+    def energy(self, index: Index, d: Array) -> Array:
+        """Energies per area [J/m^2]."""
+
+
+# Gauss-Legendre points on (0, 1): exp(cubic) over one interval to round-off.
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)  # type: ignore[no-untyped-call]
+_NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
+
+
+@dataclass(frozen=True, slots=True)
+class LawLibrary:
+    """Computed laws in arrays of one size, evaluated together.
+
+    Attributes:
+        d: separations of the steps, falling along a row; rows are filled up with the last step
+            [m], shape (n, m).
+        p: pressures of the steps [Pa], shape (n, m).
+        k: stiffnesses of the steps [Pa/m], shape (n, m), limited so that ln p is monotone.
+        count: number of steps of each law, shape (n,).
+        seed: seed of the surface behind each law, shape (n,).
+        settings: how the laws were made, for the record.
+    """
+
+    d: Array
+    p: Array
+    k: Array
+    count: Index
+    seed: NDArray[np.int64]
+    settings: dict[str, Any] = field(default_factory=dict)
+    _tail: Array = field(init=False, repr=False, compare=False)
+    _flat: tuple[Array, ...] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        flat = tuple(np.ascontiguousarray(a).ravel() for a in (self.d, self.p, self.k))
+        object.__setattr__(self, "_flat", flat)
+        object.__setattr__(self, "_tail", self._energies().ravel())
+
+    def __len__(self) -> int:
+        """Number of laws."""
+        return int(self.count.size)
+
+    def __getitem__(self, i: int) -> ComputedLaw:
+        """Law number i."""
+        if not -len(self) <= i < len(self):
+            raise IndexError(f"law {i} of a library of {len(self)}")
+        return ComputedLaw(self, i % len(self))
+
+    def __iter__(self) -> Iterator[ComputedLaw]:
+        """One law after the other."""
+        return (self[i] for i in range(len(self)))
+
+    def first_touch(self, index: Index) -> Array:
+        """Separations [m] at which the pressures become zero, shape of ``index``."""
+        i = np.asarray(index, dtype=np.intp)
+        return self.d[i, 0] + 2.0 * self.p[i, 0] / self.k[i, 0]
+
+    def pressure(self, index: Index, d: Array) -> Array:
+        """Pressures [Pa] at the separations d [m], same shapes."""
+        return self.evaluate(index, d)[0]
+
+    def stiffness(self, index: Index, d: Array) -> Array:
+        """Stiffnesses -dp/dd [Pa/m]."""
+        return self.evaluate(index, d)[1]
+
+    def evaluate(self, index: Index, d: Array) -> tuple[Array, Array]:
+        """Pressures [Pa] and stiffnesses [Pa/m] together, for the price of one."""
+        i, x = _same_shape(index, d)
+        at, place = self._find(i, x)
+        p, k = self._inside(at, x)
+        d0, p0, k0 = (a[at] for a in self._flat)
+        foot = np.maximum(1.0 - (x - d0) * k0 / (2.0 * p0), 0.0)
+        first, last = place < 0, place >= self.count[i] - 1
+        p = np.where(first, p0 * foot**2, np.where(last, p0 + k0 * (d0 - x), p))
+        k = np.where(first, k0 * foot, np.where(last, k0, k))
+        return p, k
+
+    def energy(self, index: Index, d: Array) -> Array:
+        """Energies per area [J/m^2], integrals of the pressures from d to infinity."""
+        i, x = _same_shape(index, d)
+        at, place = self._find(i, x)
+        d0, p0, k0 = (a[at] for a in self._flat)
+        y = d0 - x
+        foot = np.maximum(1.0 + y * k0 / (2.0 * p0), 0.0)
+        first, last = place < 0, place >= self.count[i] - 1
+        inner = ~(first | last)
+        e = np.where(first, 2.0 / 3.0 * p0**2 / k0 * foot**3, self._tail[at])
+        e = e + np.where(last, y * (p0 + 0.5 * k0 * y), 0.0)
+        points = x[inner][:, None] + y[inner][:, None] * _NODES
+        e[inner] += y[inner] * (self._inside(at[inner][:, None], points)[0] @ _WEIGHTS)
+        return e
+
+    def scaled(self, factor: float) -> LawLibrary:
+        """The same laws with all pressures multiplied by ``factor`` (another modulus)."""
+        _positive(factor=factor)
+        return LawLibrary(
+            self.d, self.p * factor, self.k * factor, self.count, self.seed, self.settings
+        )
+
+    def _find(self, i: Index, x: Array) -> tuple[Index, Index]:
+        """Flat address of the step left of x (the first step in the foot), and its number."""
+        flat, width = self._flat[0], self.d.shape[1]
+        base = i * width
+        low, high = np.full(i.shape, -1), self.count[i].copy()
+        for _ in range(int(np.ceil(np.log2(width + 2)))):
+            middle = (low + high) >> 1
+            probe = np.clip(middle, 0, width - 1)
+            before = (flat[base + probe] >= x) & (middle >= 0)
+            open_ = high - low > 1
+            low = np.where(open_ & before, middle, low)
+            high = np.where(open_ & ~before, middle, high)
+        return base + np.maximum(low, 0), low
+
+    def _inside(self, at: Index, x: Array) -> tuple[Array, Array]:
+        """Cubic of ln p between the steps ``at`` and ``at + 1``: pressure and stiffness."""
+        d, p, k = self._flat
+        nxt = np.minimum(at + 1, d.size - 1)
+        d0, p0, p1 = d[at], p[at], p[nxt]
+        h = d0 - d[nxt]
+        h = np.where(h > 0.0, h, 1.0)
+        m0, m1 = h * k[at] / p0, h * k[nxt] / p1
+        rise = np.log(p1 / p0)
+        a, b = 3.0 * rise - 2.0 * m0 - m1, m0 + m1 - 2.0 * rise
+        t = np.clip((d0 - x) / h, 0.0, 1.0)
+        value = p0 * np.exp(t * (m0 + t * (a + t * b)))
+        return value, value * (m0 + t * (2.0 * a + t * 3.0 * b)) / h
+
+    def _energies(self) -> Array:
+        """Energy [J/m^2] at each step, shape (n, m)."""
+        n, m = self.d.shape
+        e = np.empty((n, m))
+        e[:, 0] = 2.0 / 3.0 * self.p[:, 0] ** 2 / self.k[:, 0]
+        at = (np.arange(n) * m)[:, None] + np.arange(m - 1)
+        h = self.d[:, :-1] - self.d[:, 1:]
+        points = self.d[:, :-1, None] - h[..., None] * _NODES
+        pieces = h * (self._inside(at[..., None], points)[0] @ _WEIGHTS)
+        e[:, 1:] = e[:, :1] + np.cumsum(pieces, axis=1)
+        return e
+
+
+@dataclass(frozen=True, slots=True)
+class ComputedLaw:
+    """One law of a library.
+
+    Attributes:
+        library: where the law stands.
+        number: its number there.
+    """
+
+    library: LawLibrary
+    number: int
+
+    @property
+    def first_touch(self) -> float:
+        """Separation [m] at which the pressure becomes zero."""
+        return float(self.library.first_touch(np.array(self.number)))
+
+    @property
+    def steps(self) -> tuple[Array, Array, Array]:
+        """Separations [m], pressures [Pa] and stiffnesses [Pa/m] of the solved steps."""
+        n, lib = int(self.library.count[self.number]), self.library
+        return lib.d[self.number, :n], lib.p[self.number, :n], lib.k[self.number, :n]
+
+    def pressure(self, d: ArrayLike) -> Array:
+        """Pressure p [Pa] at the separation d [m]."""
+        return self.library.pressure(np.array(self.number), np.asarray(d, dtype=float))
+
+    def stiffness(self, d: ArrayLike) -> Array:
+        """Stiffness -dp/dd [Pa/m]."""
+        return self.library.stiffness(np.array(self.number), np.asarray(d, dtype=float))
+
+    def energy(self, d: ArrayLike) -> Array:
+        """Energy per area, the integral of p from d to infinity [J/m^2]."""
+        return self.library.energy(np.array(self.number), np.asarray(d, dtype=float))
+
+    def scaled(self, factor: float) -> ComputedLaw:
+        """The same law with all pressures multiplied by ``factor``."""
+        return make_library([self.steps], [int(self.library.seed[self.number])]).scaled(factor)[0]
+
+
+def make_library(
+    steps: list[tuple[Array, Array, Array]],
+    seeds: list[int] | None = None,
+    settings: dict[str, Any] | None = None,
+) -> LawLibrary:
+    """Put laws into arrays of one size.
+
+    Args:
+        steps: for each law separations [m] falling, pressures [Pa] rising, stiffnesses [Pa/m].
+        seeds: seed of the surface behind each law; -1 if not given.
+        settings: how the laws were made.
+
+    Raises:
+        SceneError: no law, or steps that are not monotone.
+    """
+    if not steps:
+        raise SceneError("a law library needs at least one law")
+    width = max(len(d) for d, _, _ in steps)
+    table = np.empty((3, len(steps), width))
+    for row, (d, p, k) in enumerate(steps):
+        if not (np.all(np.diff(d) < 0.0) and np.all(np.diff(p) > 0.0) and np.all(p > 0.0)):
+            raise SceneError(f"law {row}: the pressure must rise as the separation falls")
+        if not np.all(k > 0.0):
+            raise SceneError(f"law {row}: the stiffness of every step must be positive")
+        for column, values in enumerate((d, p, limited(d, p, k))):
+            table[column, row, : len(d)] = values
+            table[column, row, len(d) :] = values[-1]
+    count = np.array([len(d) for d, _, _ in steps], dtype=np.intp)
+    seed = np.array(seeds if seeds is not None else [-1] * len(steps), dtype=np.int64)
+    return LawLibrary(table[0], table[1], table[2], count, seed, settings or {})
+
+
+def limited(d: Array, p: Array, k: Array) -> Array:
+    """Stiffnesses [Pa/m] lowered where the cubic of ln p would not be monotone.
+
+    Reference: F. N. Fritsch, R. E. Carlson, SIAM J. Numer. Anal. 17 (1980) 238: slopes up to three
+    times those of both chords are enough.
+    """
+    if len(d) < 2:
+        return k
+    chord = np.diff(np.log(p)) / -np.diff(d)
+    most = np.full(len(d), np.inf)
+    most[1:] = 3.0 * chord
+    most[:-1] = np.minimum(most[:-1], 3.0 * chord)
+    return np.asarray(np.minimum(k / p, most) * p)
+
+
+@dataclass(frozen=True, slots=True)
+class LinearLaw:
+    """Penalty p = k <-d>, also as a library of one law.
+
+    Attributes:
+        k: stiffness [Pa/m].
+    """
+
+    k: float
+    first_touch: float = 0.0
+
+    def pressure(self, d: ArrayLike) -> Array:
+        """Pressure p [Pa] at the separation d [m]."""
+        return self.k * np.maximum(-np.asarray(d, dtype=float), 0.0)
+
+    def stiffness(self, d: ArrayLike) -> Array:
+        """Stiffness -dp/dd [Pa/m]."""
+        return np.where(np.asarray(d, dtype=float) < 0.0, self.k, 0.0)
+
+    def energy(self, d: ArrayLike) -> Array:
+        """Energy per area, the integral of p from d to infinity [J/m^2]."""
+        return 0.5 * self.k * np.maximum(-np.asarray(d, dtype=float), 0.0) ** 2
+
+    def scaled(self, factor: float) -> LinearLaw:
+        """The same law with all pressures multiplied by ``factor``."""
+        _positive(factor=factor)
+        return LinearLaw(self.k * factor)
+
+
+@dataclass(frozen=True, slots=True)
+class ExponentialLaw:
+    """p = p0 exp(-d / u0): many contacts of a random surface.
+
+    Attributes:
+        p0: pressure at d = 0 [Pa].
+        u0: length over which the pressure falls by e [m].
+    """
+
+    p0: float
+    u0: float
+
+    @property
+    def first_touch(self) -> float:
+        """Separation [m] where p has fallen to p0 / 1e6: it never becomes zero."""
+        return float(self.u0 * np.log(1e6))
+
+    def pressure(self, d: ArrayLike) -> Array:
+        """Pressure p [Pa] at the separation d [m]."""
+        return self.p0 * np.exp(-np.asarray(d, dtype=float) / self.u0)
+
+    def stiffness(self, d: ArrayLike) -> Array:
+        """Stiffness -dp/dd [Pa/m]."""
+        return self.pressure(d) / self.u0
+
+    def energy(self, d: ArrayLike) -> Array:
+        """Energy per area, the integral of p from d to infinity [J/m^2]."""
+        return self.pressure(d) * self.u0
+
+    def scaled(self, factor: float) -> ExponentialLaw:
+        """The same law with all pressures multiplied by ``factor``."""
+        _positive(factor=factor)
+        return ExponentialLaw(self.p0 * factor, self.u0)
+
+
+@dataclass(frozen=True, slots=True)
+class OneLaw:
+    """A single law seen as ``Laws``: every index means the same law.
+
+    Attributes:
+        law: the law.
+    """
+
+    law: Law
+
+    def __len__(self) -> int:
+        """One."""
+        return 1
+
+    def __iter__(self) -> Iterator[Law]:
+        """The law itself."""
+        return iter((self.law,))
+
+    def first_touch(self, index: Index) -> Array:
+        """Separations [m] at which the pressures become zero, shape of ``index``."""
+        return np.full(np.shape(index), self.law.first_touch)
+
+    def pressure(self, index: Index, d: Array) -> Array:
+        """Pressures [Pa] at the separations d [m], same shapes."""
+        return self.law.pressure(_same_shape(index, d)[1])
+
+    def stiffness(self, index: Index, d: Array) -> Array:
+        """Stiffnesses -dp/dd [Pa/m]."""
+        return self.law.stiffness(_same_shape(index, d)[1])
+
+    def energy(self, index: Index, d: Array) -> Array:
+        """Energies per area [J/m^2]."""
+        return self.law.energy(_same_shape(index, d)[1])
+
+
+def linear_law(k: float) -> LinearLaw:
+    """Linear penalty p = k <-d> with k [Pa/m]."""
+    _positive(k=k)
+    return LinearLaw(float(k))
+
+
+def exponential_law(p0: float, u0: float) -> ExponentialLaw:
+    """Exponential law p = p0 exp(-d / u0) with p0 [Pa] and u0 [m]."""
+    _positive(p0=p0, u0=u0)
+    return ExponentialLaw(float(p0), float(u0))
+
+
+def _positive(**values: float) -> None:
+    """Refuse what is not a positive finite number."""
+    for name, value in values.items():
+        if not (np.isfinite(value) and value > 0.0):
+            raise SceneError(f"law: {name} = {value}; give a positive number")
+
+
+def _same_shape(index: Index, d: Array) -> tuple[Index, Array]:
+    """Index and separation broadcast to one shape."""
+    i, x = np.broadcast_arrays(np.asarray(index, dtype=np.intp), np.asarray(d, dtype=float))
+    return i, x

@@ -1,0 +1,237 @@
+"""Distribution of the heights: moments with their errors, and the law new heights are drawn from.
+
+Heights follow z = xi + lam f((x - gamma) / delta) with x normal: Johnson's system, f = sinh
+(SU, unbounded) or the logistic function (SB, bounded), matched to four moments; or they are the
+measured heights themselves.
+
+Reference: N. L. Johnson, Biometrika 36 (1949) 149, doi:10.1093/biomet/36.1-2.149.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.special import expit, logit, ndtr, ndtri
+from scipy.stats import gaussian_kde
+
+from brake_fenicsx.errors import SurfaceError
+
+Array = NDArray[np.float64]
+
+
+class HeightDistribution(Protocol):
+    """P(z) of the heights about their mean plane."""
+
+    @property
+    def S_q(self) -> float:
+        """Root-mean-square height [m]."""
+
+    def pdf(self, z: Array) -> Array:
+        """Probability density [1/m] at heights ``z`` [m] above the mean plane."""
+
+    def ppf(self, u: Array) -> Array:
+        """Height [m] below which a share ``u`` of the surface lies."""
+
+    def sample(self, n: int, rng: np.random.Generator) -> Array:
+        """Draw ``n`` independent heights [m]."""
+
+
+@dataclass(frozen=True, slots=True)
+class Johnson:
+    """Normal or Johnson distribution of given moments, zero mean.
+
+    Attributes:
+        family: ``"normal"``, ``"johnson-su"`` or ``"johnson-sb"``.
+        S_q: root-mean-square height [m].
+        S_sk: skewness [-].
+        S_ku: kurtosis, 3 for a normal distribution [-].
+        gamma: shape [-].
+        delta: shape [-], positive.
+        xi: place [m].
+        lam: scale [m].
+    """
+
+    family: str
+    S_q: float
+    S_sk: float
+    S_ku: float
+    gamma: float
+    delta: float
+    xi: float
+    lam: float
+
+    def _height(self, x: Array) -> Array:
+        """Height [m] of the normal variate x."""
+        y = (x - self.gamma) / self.delta
+        return self.xi + self.lam * _SHAPES[self.family][0](y)
+
+    def ppf(self, u: Array) -> Array:
+        """Height [m] below which a share ``u`` of the surface lies."""
+        return self._height(ndtri(np.asarray(u, dtype=float)))
+
+    def sample(self, n: int, rng: np.random.Generator) -> Array:
+        """Draw ``n`` independent heights [m]."""
+        return self._height(rng.standard_normal(n))
+
+    def cdf(self, z: Array) -> Array:
+        """Share of the surface below height ``z`` [m]."""
+        return np.asarray(ndtr(self._normal(np.asarray(z, dtype=float))))
+
+    def pdf(self, z: Array) -> Array:
+        """Probability density [1/m] at heights ``z`` [m] above the mean plane."""
+        z = np.asarray(z, dtype=float)
+        x = self._normal(z)
+        t = (z - self.xi) / self.lam
+        if self.family == "johnson-su":
+            slope = self.delta / np.sqrt(1.0 + t**2)
+        elif self.family == "johnson-sb":
+            inside = (t > 0.0) & (t < 1.0)
+            slope = np.where(inside, self.delta / np.where(inside, t * (1.0 - t), 1.0), 0.0)
+        else:
+            slope = np.full(t.shape, self.delta)
+        with np.errstate(over="ignore", invalid="ignore"):
+            density = np.exp(-0.5 * x**2) * slope / (self.lam * np.sqrt(2.0 * np.pi))
+        return np.where(np.isfinite(x), density, 0.0)
+
+    def _normal(self, z: Array) -> Array:
+        """Normal variate of the height z [m]; infinite outside the range of the family."""
+        t = (z - self.xi) / self.lam
+        inverse = _SHAPES[self.family][1]
+        if self.family == "johnson-sb":
+            t = np.clip(t, 0.0, 1.0)
+        return self.gamma + self.delta * inverse(t)
+
+
+_SHAPES = {
+    "normal": (lambda y: y, lambda t: t),
+    "johnson-su": (np.sinh, np.arcsinh),
+    "johnson-sb": (expit, logit),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """The measured heights themselves, between them straight lines of the quantile function.
+
+    Attributes:
+        sorted_heights: ascending heights about their mean [m], shape (n,).
+    """
+
+    sorted_heights: Array
+
+    @property
+    def S_q(self) -> float:
+        """Root-mean-square height [m]."""
+        return float(self.sorted_heights.std())
+
+    def ppf(self, u: Array) -> Array:
+        """Height [m] below which a share ``u`` of the surface lies."""
+        z = self.sorted_heights
+        return np.interp(np.asarray(u, dtype=float) * z.size - 0.5, np.arange(z.size), z)
+
+    def sample(self, n: int, rng: np.random.Generator) -> Array:
+        """Draw ``n`` independent heights [m]."""
+        return self.ppf(rng.random(n))
+
+    def pdf(self, z: Array) -> Array:
+        """Probability density [1/m] at heights ``z`` [m], by a kernel density estimate."""
+        return kernel_density(self.sorted_heights, np.asarray(z, dtype=float))
+
+
+def kernel_density(heights: Array, z: Array, most: int = 5000) -> Array:
+    """Gaussian kernel density [1/m] of ``heights`` [m] at ``z`` [m].
+
+    At most ``most`` evenly spaced quantiles of the heights carry kernels.
+    """
+    heights = np.sort(np.asarray(heights, dtype=float).ravel())
+    if heights[0] == heights[-1]:
+        raise SurfaceError("kernel density: all heights are equal; the surface is flat")
+    if heights.size > most:
+        heights = heights[np.linspace(0, heights.size - 1, most).round().astype(int)]
+    return np.asarray(gaussian_kde(heights)(np.ravel(z))).reshape(np.shape(z))
+
+
+def moments(heights: Array) -> tuple[float, float, float, float]:
+    """Mean [m], S_q [m], S_sk [-] and S_ku [-] of heights [m]; (0, 3) for a flat surface."""
+    mean = float(heights.mean())
+    z = heights - mean
+    S_q = float(np.sqrt(np.mean(z**2)))
+    if S_q <= 1e-14 * max(abs(mean), float(np.abs(heights).max())):
+        return mean, 0.0, 0.0, 3.0
+    z = z / S_q
+    return mean, S_q, float(np.mean(z**3)), float(np.mean(z**4))
+
+
+def match_moments(S_q: float, S_sk: float = 0.0, S_ku: float = 3.0) -> Johnson:
+    """Zero-mean distribution with the given moments.
+
+    Args:
+        S_q: root-mean-square height [m], positive.
+        S_sk: skewness [-].
+        S_ku: kurtosis [-], more than 1 + S_sk^2.
+
+    Raises:
+        SurfaceError: no distribution, or none of Johnson's, has these moments.
+    """
+    if not (np.isfinite([S_q, S_sk, S_ku]).all() and S_q > 0.0):
+        raise SurfaceError(f"S_q = {S_q} m, S_sk = {S_sk}, S_ku = {S_ku}: S_q must be positive")
+    if S_ku <= 1.0 + S_sk**2:
+        raise SurfaceError(
+            f"S_ku = {S_ku}, S_sk = {S_sk}: every distribution has S_ku > 1 + S_sk^2; check both"
+        )
+    if abs(S_sk) < 1e-9 and abs(S_ku - 3.0) < 1e-9:
+        return Johnson("normal", S_q, 0.0, 3.0, 0.0, 1.0, 0.0, S_q)
+    family = "johnson-su" if S_ku > _lognormal_kurtosis(S_sk) else "johnson-sb"
+    gamma, delta = _solve_shape(family, S_sk, S_ku)
+    mean, spread, _, _ = _family_moments(family, gamma, delta)
+    lam = S_q / spread
+    return Johnson(family, S_q, S_sk, S_ku, gamma, delta, -lam * mean, lam)
+
+
+def _lognormal_kurtosis(S_sk: float) -> float:
+    """Kurtosis of the lognormal distribution of this skewness: the border of SU and SB."""
+    b = S_sk**2
+    w = np.cbrt(1.0 + b / 2.0 + np.sqrt(b + b**2 / 4.0))
+    w = w + 1.0 / w - 1.0
+    return float(w**4 + 2.0 * w**3 + 3.0 * w**2 - 3.0)
+
+
+_X = np.linspace(-12.0, 12.0, 1601)
+_WEIGHT = np.exp(-0.5 * _X**2)
+_WEIGHT = _WEIGHT / _WEIGHT.sum()
+
+
+def _family_moments(family: str, gamma: float, delta: float) -> tuple[float, float, float, float]:
+    """Mean, spread, skewness and kurtosis of f((x - gamma) / delta), x normal.
+
+    The trapezoidal rule over the normal density converges faster than any power.
+    """
+    y = _SHAPES[family][0]((_X - gamma) / delta)
+    mean = float(_WEIGHT @ y)
+    spread = float(np.sqrt(_WEIGHT @ (y - mean) ** 2))
+    z = (y - mean) / spread
+    return mean, spread, float(_WEIGHT @ z**3), float(_WEIGHT @ z**4)
+
+
+def _solve_shape(family: str, S_sk: float, S_ku: float) -> tuple[float, float]:
+    """Shapes (gamma, delta) that give the skewness and the kurtosis."""
+
+    def defect(v: Array) -> list[float]:
+        with np.errstate(all="ignore"):
+            _, _, s, k = _family_moments(family, v[0], float(np.exp(v[1])))
+        miss = [s - S_sk, k - S_ku]
+        return miss if np.isfinite(miss).all() else [1e3, 1e3]
+
+    for delta in (1.0, 2.0, 4.0, 0.5, 10.0):
+        for gamma in (0.0, np.sign(S_sk) * delta, -np.sign(S_sk) * delta):
+            start = [gamma, np.log(delta)]
+            fit = least_squares(defect, start, xtol=1e-15, ftol=1e-15, gtol=1e-15, x_scale="jac")
+            if np.abs(fit.fun).max() < 1e-9:
+                return float(fit.x[0]), float(np.exp(fit.x[1]))
+    raise SurfaceError(
+        f"S_sk = {S_sk}, S_ku = {S_ku}: no Johnson distribution found; use the measured heights"
+    )

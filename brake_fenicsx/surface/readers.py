@@ -1,0 +1,193 @@
+"""Read a scan: own npz, HDF5 and TrueMap readers; everything else through SurfaceTopography.
+
+What a file says of its size and unit is checked for plausibility; what looks wrong is logged with
+the remedy (``size``, ``height_unit``), never corrected silently. Known traps: NMS files come out
+with a lateral size 1e9 too large, and readers of TrueMap files disagree by 1e3 on the heights
+(the format stores millimetres).
+"""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import SurfaceError
+from brake_fenicsx.surface.topography import Topography, make_topography
+
+logger = logging.getLogger("brake_fenicsx")
+
+METRES = {
+    "m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "\u00b5m": 1e-6, "\u03bcm": 1e-6,
+    "nm": 1e-9, "A": 1e-10, "\u00c5": 1e-10, "pm": 1e-12,
+}  # fmt: skip
+MISSING = np.iinfo(np.int16).min  # value of a missing point in our int16 npz
+
+
+def read_topography(
+    path: str | Path,
+    size: tuple[float, float] | None = None,
+    height_unit: str | float | None = None,
+    channel: int | None = None,
+) -> Topography:
+    """Read the scan of a surface.
+
+    Args:
+        path: ``.npz`` or ``.h5`` with ``heights`` and ``size``, ``.tmd``, or any format that
+            SurfaceTopography reads (Keyence, Olympus, Sensofar, Zygo, Wyko, SUR, X3P, text, ...).
+        size: lengths of the scan [m]; replaces what the file says.
+        height_unit: unit of the numbers in the file, a name (``"um"``) or its length [m];
+            replaces what the file says.
+        channel: which channel of the file, the file's default if not given.
+
+    Raises:
+        SurfaceError: no such file, unknown format, no valid point, or no size.
+    """
+    file = Path(path)
+    if not file.is_file():
+        raise SurfaceError(f"{file}: no such file; give the path of a scan")
+    if height_unit is not None:
+        height_unit = _metres(height_unit, str(file))
+    own = {".npz": _read_npz, ".h5": _read_hdf5, ".hdf5": _read_hdf5, ".tmd": _read_truemap}
+    read = own.get(file.suffix.lower())
+    if read is not None:
+        heights, found = read(file, height_unit)
+    else:
+        heights, found = _read_instrument(file, height_unit, size, channel)
+    lengths = found if size is None else size
+    if lengths is None:
+        raise SurfaceError(f"{file}: the file names no lateral size; give it as 'size'")
+    topo = make_topography(heights, lengths, source=str(file))
+    warnings = implausible(topo)
+    for text in warnings:
+        logger.warning("%s", text)
+    return Topography(topo.heights, topo.size, source=str(file), warnings=warnings)
+
+
+def implausible(topo: Topography) -> tuple[str, ...]:
+    """What no instrument would deliver of a surface, as one line each with its remedy."""
+    found = []
+    if topo.size.max() > 0.5 or topo.size.min() < 1e-7:
+        found.append(f"lateral size {topo.size[0]:.3g} x {topo.size[1]:.3g} m; give 'size'")
+    ratio = topo.pixel.max() / topo.pixel.min()
+    if ratio > 5.0:
+        found.append(f"pixels {ratio:.3g} times longer than wide; give 'size'")
+    low, high = np.nanpercentile(topo.heights, [0.5, 99.5])
+    if high - low > topo.size.max():
+        found.append(f"heights span {high - low:.3g} m, more than the scan; give 'height_unit'")
+    elif 0.0 < high - low < 1e-7 * topo.size.min():
+        found.append(f"heights span {high - low:.3g} m only; give 'height_unit'")
+    share = float(topo.valid.mean())
+    if share < 0.7:
+        found.append(f"only {share:.0%} of the points are valid")
+    return tuple(f"{topo.source}: implausible: {text}" for text in found)
+
+
+def _metres(unit: str | float, source: str) -> float:
+    """Length of a height unit [m]."""
+    value = METRES.get(unit) if isinstance(unit, str) else float(unit)
+    if value is None or not np.isfinite(value) or value <= 0.0:
+        raise SurfaceError(f"{source}: height_unit = {unit!r}; choose one of {', '.join(METRES)}")
+    return value
+
+
+Read = tuple[NDArray[Any], Any]
+
+
+def _read_npz(file: Path, unit: float | None) -> Read:
+    """Own format: ``heights`` (times ``scale`` [m] if there is one, 1 m if not), ``size`` [m]."""
+    try:
+        with np.load(file, allow_pickle=False) as data:
+            found = {name: data[name] for name in data.files}
+    except (ValueError, OSError) as error:
+        raise SurfaceError(f"{file}: not a readable npz file ({error})") from error
+    return _from_arrays(file, found, unit)
+
+
+def _read_hdf5(file: Path, unit: float | None) -> Read:
+    """Own format in HDF5: data sets ``heights``, ``size`` and ``scale`` as in npz."""
+    import h5py
+
+    try:
+        with h5py.File(file, "r") as data:
+            names = ("heights", "size", "scale")
+            found = {name: np.asarray(data[name]) for name in names if name in data}
+    except OSError as error:
+        raise SurfaceError(f"{file}: not a readable HDF5 file ({error})") from error
+    if "heights" not in found:
+        return _read_instrument(file, unit, None, None)
+    return _from_arrays(file, found, unit)
+
+
+def _from_arrays(file: Path, found: dict[str, NDArray[Any]], unit: float | None) -> Read:
+    """Heights [m] and size [m] of the arrays of an npz or HDF5 file."""
+    if "heights" not in found:
+        raise SurfaceError(f"{file}: no array 'heights' (found: {', '.join(found) or 'nothing'})")
+    raw = found["heights"]
+    heights = raw.astype(float)
+    if raw.dtype == np.int16:
+        heights[raw == MISSING] = np.nan
+    scale = unit if unit is not None else float(found.get("scale", np.array(1.0)))
+    return heights * scale, found.get("size")
+
+
+def _read_truemap(file: Path, unit: float | None) -> Read:
+    """TrueMap: text header, two zero-ended strings, then 2 int32, 4 float32, float32 heights [mm].
+
+    The scan's lengths come first among the four numbers [mm]; rows are y.
+    """
+    data = file.read_bytes()
+    first = data.find(b"\0")
+    second = data.find(b"\0", first + 1)
+    if not data.startswith(b"Binary TrueMap") or second < 0 or len(data) < second + 25:
+        raise SurfaceError(f"{file}: not a TrueMap file")
+    nx, ny = (int(n) for n in np.frombuffer(data, "<i4", 2, second + 1))
+    lengths = np.frombuffer(data, "<f4", 2, second + 9).astype(float) * 1e-3
+    start = second + 25
+    if nx < 1 or ny < 1 or len(data) < start + 4 * nx * ny:
+        raise SurfaceError(f"{file}: TrueMap file of {nx} x {ny} points is cut short")
+    heights = np.frombuffer(data, "<f4", nx * ny, start).reshape(ny, nx).T.astype(float)
+    return heights * (1e-3 if unit is None else unit), lengths
+
+
+def _read_instrument(
+    file: Path, unit: float | None, size: tuple[float, float] | None, channel: int | None
+) -> Read:
+    """Everything SurfaceTopography reads."""
+    import SurfaceTopography
+    from SurfaceTopography.Exceptions import CannotDetectFileFormat
+
+    try:
+        reader = SurfaceTopography.open_topography(str(file))
+    except CannotDetectFileFormat:
+        raise SurfaceError(f"{file}: no reader knows this format; export it as text") from None
+    except Exception as error:
+        raise SurfaceError(f"{file}: the reader fails ({error}); export it as text") from error
+    channels = reader.channels
+    index = reader.default_channel.index if channel is None else channel
+    if not 0 <= index < len(channels):
+        raise SurfaceError(f"{file}: channel = {channel}, the file has {len(channels)}")
+    info = channels[index]
+    if info.dim != 2:
+        raise SurfaceError(f"{file}: channel {index} is a line scan; a map is needed")
+    settings: dict[str, Any] = {}
+    if info.physical_sizes is None:
+        if size is None:
+            raise SurfaceError(f"{file}: the file names no lateral size; give it as 'size'")
+        settings["physical_sizes"] = tuple(size)
+    topo = reader.topography(channel_index=index, **settings)
+    heights = np.ma.masked_array(topo.heights(), dtype=float).filled(np.nan)
+    length = METRES.get(topo.unit or "")
+    if length is None and (size is None or unit is None):
+        raise SurfaceError(
+            f"{file}: unit {topo.unit!r} of the file is unknown; give 'size' and 'height_unit'"
+        )
+    if unit is not None:
+        scale = info.height_scale_factor
+        heights = heights / (1.0 if scale is None else scale) * unit
+    elif length is not None:
+        heights = heights * length
+    return heights, None if length is None else np.array(topo.physical_sizes) * length

@@ -1,0 +1,188 @@
+"""From a scan to its statistics: what the artificial surfaces have to share with it."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import dataclass
+
+import numpy as np
+
+from brake_fenicsx.errors import SurfaceError
+from brake_fenicsx.surface.hdf import (
+    HeightDistribution,
+    Johnson,
+    Measured,
+    match_moments,
+    moments,
+)
+from brake_fenicsx.surface.psd import (
+    BiFractal,
+    RadialPsd,
+    anisotropy,
+    fit_bifractal,
+    psd_spread,
+    radial_psd,
+    sub_psds,
+)
+from brake_fenicsx.surface.topography import Array, Topography, form, outliers
+
+logger = logging.getLogger("brake_fenicsx")
+
+# The paper's scan: 256 pixels over 1.8 mm; the band of statistics that come without a scan.
+PAPER_BAND = (2.0 * np.pi / 1.8e-3, np.pi * 256 / 1.8e-3)
+
+
+@dataclass(frozen=True, slots=True)
+class SurfaceStatistics:
+    """Statistics of a scan, or given by numbers alone (then without heights and PSD).
+
+    Attributes:
+        mean: mean height over the instrument's zero [m].
+        median: median height over the instrument's zero [m].
+        S_q: root-mean-square height about the mean plane [m].
+        S_sk: skewness [-].
+        S_ku: kurtosis, 3 for a normal distribution [-].
+        errors: standard errors of (mean, S_q, S_sk, S_ku) from blocks of the scan; nan if given.
+        hdf: distribution new heights are drawn from, zero mean.
+        bifractal: broken power law of the PSD.
+        psd: radial PSD of the scan.
+        others: radial PSDs of sub-windows and of the decimated scan.
+        spread: rms of ln(C_other / C) between these and ``psd`` [-].
+        anisotropy: second angular harmonic of the PSD, 0 for an isotropic surface [-].
+        direction: angle of the strongest waves from the x axis [rad].
+        topography: levelled heights, zero mean, outliers and missing points nan.
+        level: form that was removed.
+        missing: points without a height in the scan.
+        outliers: points masked by the outlier rule.
+    """
+
+    mean: float
+    median: float
+    S_q: float
+    S_sk: float
+    S_ku: float
+    errors: tuple[float, float, float, float]
+    hdf: HeightDistribution
+    bifractal: BiFractal
+    psd: RadialPsd | None = None
+    others: tuple[RadialPsd, ...] = ()
+    spread: float = np.nan
+    anisotropy: float = np.nan
+    direction: float = np.nan
+    topography: Topography | None = None
+    level: str = "none"
+    missing: int = 0
+    outliers: int = 0
+
+    @property
+    def heights(self) -> Array:
+        """Levelled valid heights about the mean plane [m], shape (n,)."""
+        if self.topography is None:
+            raise SurfaceError("these statistics were given by numbers; there is no scan in them")
+        return self.topography.heights[self.topography.valid]
+
+
+def characterise(
+    topo: Topography,
+    level: str = "plane",
+    outlier_rule: str = "mad",
+    threshold: float = 8.0,
+    cutoff: float | None = None,
+    distribution: str = "johnson",
+) -> SurfaceStatistics:
+    """Level a scan, clean it, and take its moments, height distribution and spectrum.
+
+    Args:
+        topo: the scan.
+        level: form to remove: ``"none"``, ``"mean"``, ``"plane"``, ``"second-order"``.
+        outlier_rule: ``"mad"`` or ``"none"``; see ``topography.outliers``.
+        threshold: robust standard deviations beyond which a point is an outlier [-].
+        cutoff: shortest wave length the instrument resolves [m].
+        distribution: ``hdf`` is ``"johnson"`` (matched to the four moments) or ``"measured"``.
+
+    Raises:
+        SurfaceError: a flat scan, or too few valid points.
+    """
+    if distribution not in ("johnson", "measured"):
+        raise SurfaceError(f"distribution = {distribution!r}; choose 'johnson' or 'measured'")
+    levelled, marked = _clean(topo, level, outlier_rule, threshold)
+    h = levelled.heights[levelled.valid]
+    zero = float(np.mean(topo.heights[levelled.valid]))
+    mean, S_q, S_sk, S_ku = moments(h)
+    if S_q <= 1e-12 * max(float(np.nanmax(np.abs(topo.heights))), 1e-300):
+        raise SurfaceError(f"{topo.source}: the scan is flat; a rough surface is needed here")
+    missing = int(topo.heights.size - topo.valid.sum())
+    if missing + marked:
+        logger.info("%s: %d points missing, %d outliers masked", topo.source, missing, marked)
+    psd = radial_psd(levelled, cutoff)
+    others = sub_psds(levelled, cutoff)
+    strength, direction = anisotropy(levelled, psd.band)
+    measured = distribution == "measured"
+    hdf = Measured(np.sort(h - mean)) if measured else match_moments(S_q, S_sk, S_ku)
+    return SurfaceStatistics(
+        zero, zero + float(np.median(h)) - mean, S_q, S_sk, S_ku, _moment_errors(levelled), hdf,
+        fit_bifractal(psd), psd, others, psd_spread(psd, others), strength, direction,
+        levelled, level, missing, marked,
+    )  # fmt: skip
+
+
+def given_statistics(
+    S_q: float,
+    S_sk: float = 0.0,
+    S_ku: float = 3.0,
+    c1: float = -2.0,
+    c2: float = -4.5,
+    q_c: float = 30e3,
+    mean: float = 0.0,
+    band: tuple[float, float] = PAPER_BAND,
+) -> SurfaceStatistics:
+    """Statistics from numbers alone; the defaults are the paper's slopes and our corner.
+
+    Args:
+        S_q: root-mean-square height [m].
+        S_sk: skewness [-].
+        S_ku: kurtosis [-].
+        c1: slope of ln C over ln q below the corner [-], negative or zero.
+        c2: slope above the corner [-], negative.
+        q_c: corner wave number [rad/m].
+        mean: mean height over the instrument's zero [m].
+        band: wave numbers of the scan behind the numbers (lo, hi) [rad/m]; C0 follows from S_q
+            over this band, and ``low = "flat"`` holds the PSD below it.
+    """
+    hdf: Johnson = match_moments(S_q, S_sk, S_ku)
+    if not (q_c > 0.0 and 0.0 < band[0] < band[1]):
+        raise SurfaceError(f"q_c = {q_c} rad/m, band = {band} rad/m: give positive wave numbers")
+    if not (c1 <= 0.0 and c2 < 0.0):
+        raise SurfaceError(f"c1 = {c1}, c2 = {c2}: slopes of a rough surface are negative")
+    unit = BiFractal(c1, c2, q_c, 1.0, band)
+    bifractal = BiFractal(c1, c2, q_c, S_q**2 / unit.variance(*band), band)
+    nan = float("nan")
+    return SurfaceStatistics(mean, mean, S_q, S_sk, S_ku, (nan, nan, nan, nan), hdf, bifractal)
+
+
+def _clean(topo: Topography, level: str, rule: str, threshold: float) -> tuple[Topography, int]:
+    """Levelled heights without outliers, zero mean, and the number of outliers."""
+    heights = topo.heights - form(topo, level)
+    marked = outliers(heights, rule, threshold)
+    if marked.any():
+        kept = Topography(np.where(marked, np.nan, topo.heights), topo.size, topo.periodic)
+        heights = kept.heights - form(kept, level)
+    heights = heights - np.nanmean(heights)
+    levelled = Topography(heights, topo.size, topo.periodic, topo.source, topo.warnings)
+    return levelled, int(marked.sum())
+
+
+def _moment_errors(topo: Topography, blocks: int = 4) -> tuple[float, float, float, float]:
+    """Standard errors of the moments by leaving out one of blocks x blocks tiles at a time."""
+    if min(topo.shape) < 4 * blocks:
+        nan = float("nan")
+        return nan, nan, nan, nan
+    tile = np.add.outer(
+        np.arange(topo.shape[0]) * blocks // topo.shape[0] * blocks,
+        np.arange(topo.shape[1]) * blocks // topo.shape[1],
+    )[topo.valid]
+    h = topo.heights[topo.valid]
+    values = np.array([moments(h[tile != k]) for k in np.unique(tile)])
+    n = len(values)
+    spread = np.sqrt((n - 1) / n * np.sum((values - values.mean(axis=0)) ** 2, axis=0))
+    return float(spread[0]), float(spread[1]), float(spread[2]), float(spread[3])

@@ -1,0 +1,171 @@
+"""Artificial rough surfaces with a given spectrum and a given height distribution.
+
+Alternating projections: impose the amplitudes |F| of the spectrum, then put drawn heights in the
+places of equal rank, and again. The heights have the last word, so their moments are exactly those
+drawn; what remains of the spectrum's error is reported.
+
+Reference: F. Perez-Rafols, A. Almqvist, Tribology International 131 (2019) 591,
+doi:10.1016/j.triboint.2018.11.020.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.fft
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import SurfaceError
+from brake_fenicsx.surface.hdf import HeightDistribution
+from brake_fenicsx.surface.psd import BiFractal, half_plane_weights, wave_numbers
+from brake_fenicsx.surface.topography import Array, Topography
+
+Density = Callable[[Array], Array]
+
+
+@dataclass(frozen=True, slots=True)
+class SynthesisRecord:
+    """What the synthesis reached.
+
+    Attributes:
+        psd_errors: rms over the rings of C / C_target - 1 after each iteration, heights imposed.
+        height_error: largest deviation of the surface's heights from those drawn, over S_q [-].
+        C0_scale: factor between the given PSD and the one imposed, whose variance is that of the
+            drawn heights [-].
+        low: treatment of the wave numbers below the scan's band.
+        low_share: share of the variance in those wave numbers [-].
+    """
+
+    psd_errors: tuple[float, ...]
+    height_error: float
+    C0_scale: float
+    low: str
+    low_share: float
+
+    @property
+    def psd_error(self) -> float:
+        """Error of the finished surface [-]."""
+        return self.psd_errors[-1]
+
+    @property
+    def iterations(self) -> int:
+        """Number of projections on the heights."""
+        return len(self.psd_errors)
+
+
+def synthesise(
+    psd: BiFractal | Density,
+    hdf: HeightDistribution,
+    shape: tuple[int, int],
+    size: tuple[float, float],
+    rng: np.random.Generator,
+    low: str = "extend",
+    tolerance: float = 3e-3,
+    max_iterations: int = 40,
+) -> Topography:
+    """Make one periodic artificial surface.
+
+    Args:
+        psd: density C(q) [m^4] of the wave number [rad/m].
+        hdf: distribution of the heights; each surface draws its own from it, so that the highest
+            summit differs from surface to surface.
+        shape: pixels (nx, ny).
+        size: lengths [m], shape (2,).
+        rng: source of phases and heights.
+        low: where the surface is longer than the scan, ``"extend"`` the power law or hold it
+            ``"flat"``; for a plain function of q it has no effect.
+        tolerance: rms error of the radial PSD at which to stop [-].
+        max_iterations: projections at most.
+
+    Returns:
+        Surface with zero mean; its ``record`` tells the errors reached.
+    """
+    if min(shape) < 2 or min(size) <= 0.0:
+        raise SurfaceError(f"surface of {shape} pixels and {size} m; at least 2 x 2 and positive")
+    lengths = np.array(size, dtype=float)
+    q = wave_numbers(shape, lengths)
+    z = np.sort(hdf.sample(q.shape[0] * shape[1], rng))
+    z -= z.mean()
+    C = psd(q, low) if isinstance(psd, BiFractal) else psd(q)
+    C[0, 0] = 0.0
+    amplitude, scale, below = _amplitude(C, q, lengths, z, psd)
+    rings = _Rings(q, shape, amplitude)
+    f = scipy.fft.rfft2(rng.standard_normal(shape))
+    errors: list[float] = []
+    for _ in range(max_iterations):
+        h = scipy.fft.irfft2(_with_amplitude(f, amplitude), s=shape)
+        f = scipy.fft.rfft2(_place(h, z))
+        errors.append(rings.error(f))
+        if errors[-1] <= tolerance or _stalled(errors):
+            break
+    heights = _place_exactly(h, z)
+    errors[-1] = rings.error(scipy.fft.rfft2(heights))
+    missed = float(np.abs(np.sort(heights, axis=None) - z).max() / z.std())
+    record = SynthesisRecord(tuple(errors), missed, scale, low, below)
+    return Topography(heights, lengths, True, "artificial surface", record=record)
+
+
+def _amplitude(
+    C: Array, q: Array, size: Array, z: Array, psd: BiFractal | Density
+) -> tuple[Array, float, float]:
+    """Amplitudes |F| of ``rfft2`` with the variance of the heights z; scale; share below band."""
+    weights = half_plane_weights((q.shape[0], z.size // q.shape[0]))
+    dq2 = 4.0 * np.pi**2 / np.prod(size)
+    shares = weights * C * dq2
+    variance = float(shares.sum())
+    if not variance > 0.0:
+        raise SurfaceError("the PSD vanishes on this grid; a rough surface needs some roughness")
+    scale = float(z.var()) / variance
+    lo = psd.band[0] if isinstance(psd, BiFractal) else 0.0
+    below = float(shares[q < lo * (1.0 - 1e-12)].sum()) / variance
+    return z.size * np.sqrt(C * dq2 * scale), scale, below
+
+
+def _with_amplitude(f: Array, amplitude: Array) -> Array:
+    """Same phases, given amplitudes."""
+    size = np.abs(f)
+    return np.asarray(f * np.divide(amplitude, size, out=np.zeros_like(size), where=size > 0.0))
+
+
+def _place(h: Array, z: Array) -> Array:
+    """Heights z (ascending) in the places of rank of h, by 16-bit ranks: ties in grid order."""
+    low, high = h.min(), h.max()
+    levels = ((h - low) * (65535.0 / max(high - low, 1e-300))).astype(np.uint16)
+    return _put(np.argsort(levels, axis=None, kind="stable"), z, h)
+
+
+def _place_exactly(h: Array, z: Array) -> Array:
+    """Heights z (ascending) in the places of rank of h."""
+    return _put(np.argsort(h, axis=None, kind="stable"), z, h)
+
+
+def _put(order: NDArray[np.intp], z: Array, like: Array) -> Array:
+    """Place z[k] at the flat position order[k]."""
+    placed = np.empty(z.size)
+    placed[order] = z
+    return placed.reshape(like.shape)
+
+
+def _stalled(errors: list[float]) -> bool:
+    """Whether the last three iterations gained less than one part in a hundred."""
+    return len(errors) > 4 and errors[-1] > 0.99 * errors[-4]
+
+
+class _Rings:
+    """Rings of the half plane, one grid step wide, on which the PSD error is taken."""
+
+    def __init__(self, q: Array, shape: tuple[int, int], amplitude: Array):
+        weights = np.broadcast_to(half_plane_weights(shape), q.shape)
+        self.ring = np.rint(q / q[q > 0.0].min()).astype(np.intp).ravel()
+        self.weights = weights.ravel()
+        self.target = np.bincount(self.ring, self.weights * amplitude.ravel() ** 2)
+        self.some = self.target > 0.0
+
+    def error(self, f: Array) -> float:
+        """Root-mean-square over the rings of C / C_target - 1."""
+        power = (f.real**2 + f.imag**2).ravel()
+        found = np.bincount(self.ring, self.weights * power)
+        ratio = found[self.some] / self.target[self.some]
+        return float(np.sqrt(np.mean((ratio - 1.0) ** 2)))

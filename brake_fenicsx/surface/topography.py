@@ -1,0 +1,182 @@
+"""A scan or an artificial surface: heights that know their size; levelling and clean-up.
+
+Every treatment has a name and a count: nothing is masked, filled or rescaled silently.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.sparse.linalg import spsolve
+
+from brake_fenicsx.errors import SurfaceError
+
+if TYPE_CHECKING:
+    from brake_fenicsx.surface.synthesis import SynthesisRecord
+
+Array = NDArray[np.float64]
+
+LEVELS = ("none", "mean", "plane", "second-order")
+
+
+@dataclass(frozen=True, slots=True)
+class Topography:
+    """Heights on a regular grid of pixels.
+
+    Attributes:
+        heights: heights [m], shape (nx, ny); nan where the instrument saw nothing.
+        size: lengths of the scan [m], shape (2,); a pixel measures ``size / (nx, ny)``.
+        periodic: whether the surface repeats itself without a step.
+        source: where the heights come from, for messages and reports.
+        warnings: what looked implausible when the heights were read.
+        record: errors reached by the synthesis, for an artificial surface.
+    """
+
+    heights: Array
+    size: Array
+    periodic: bool = False
+    source: str = ""
+    warnings: tuple[str, ...] = ()
+    record: SynthesisRecord | None = field(default=None, compare=False)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Numbers of pixels (nx, ny)."""
+        return self.heights.shape[0], self.heights.shape[1]
+
+    @property
+    def pixel(self) -> Array:
+        """Lengths of one pixel [m], shape (2,)."""
+        return self.size / np.array(self.heights.shape)
+
+    @property
+    def valid(self) -> NDArray[np.bool_]:
+        """Where a height was measured, shape (nx, ny)."""
+        return np.isfinite(self.heights)
+
+
+def make_topography(
+    heights: Array,
+    size: Array | tuple[float, float],
+    periodic: bool = False,
+    source: str = "array",
+    warnings: tuple[str, ...] = (),
+) -> Topography:
+    """Check heights and size and put them together.
+
+    Args:
+        heights: heights [m], shape (nx, ny); nan or inf where missing.
+        size: lengths [m], shape (2,).
+        periodic: whether the surface repeats itself.
+        source: name for messages.
+        warnings: what the reader noticed.
+
+    Raises:
+        SurfaceError: not a two-dimensional array, no valid point, or a size that is not positive.
+    """
+    h = np.array(heights, dtype=float)
+    lengths = np.array(size, dtype=float)
+    if h.ndim != 2 or min(h.shape) < 2:
+        raise SurfaceError(
+            f"{source}: heights of shape {h.shape}; a scan has at least 2 x 2 pixels"
+        )
+    if lengths.shape != (2,) or not np.all(np.isfinite(lengths)) or np.any(lengths <= 0.0):
+        raise SurfaceError(f"{source}: size {size} m; give two positive lengths as 'size'")
+    h[~np.isfinite(h)] = np.nan
+    if np.isnan(h).all():
+        raise SurfaceError(f"{source}: no valid point in the scan; measure again or mask less")
+    return Topography(h, lengths, periodic, source, warnings)
+
+
+def form(topo: Topography, level: str) -> Array:
+    """Least-squares form of the valid heights [m], shape (nx, ny).
+
+    Args:
+        topo: the scan.
+        level: ``"none"`` (zero), ``"mean"``, ``"plane"`` or ``"second-order"`` (all terms x^i y^j
+            with i + j <= 2).
+    """
+    if level not in LEVELS:
+        raise SurfaceError(f"level = {level!r}; choose one of {', '.join(LEVELS)}")
+    if level == "none":
+        return np.zeros(topo.shape)
+    x, y = (np.linspace(-1.0, 1.0, n) for n in topo.shape)
+    order = {"mean": 0, "plane": 1, "second-order": 2}[level]
+    powers = [(i, j) for i in range(order + 1) for j in range(order + 1 - i)]
+    terms = np.stack([np.outer(x**i, y**j) for i, j in powers], axis=-1)
+    inside = topo.valid
+    if inside.sum() < len(powers):
+        raise SurfaceError(
+            f"{topo.source}: {inside.sum()} valid points cannot carry level = {level!r}"
+        )
+    h = topo.heights[inside]
+    middle = h.mean()  # taken off first: an instrument's zero may be far away
+    coefficients = np.linalg.lstsq(terms[inside], h - middle, rcond=None)[0]
+    return np.asarray(terms @ coefficients + middle)
+
+
+def outliers(heights: Array, rule: str = "mad", threshold: float = 8.0) -> NDArray[np.bool_]:
+    """Mark points that stand away from the others.
+
+    Args:
+        heights: levelled heights [m], shape (nx, ny), nan where missing.
+        rule: ``"mad"``: farther from the median than ``threshold`` times 1.4826 times the median
+            absolute deviation (the standard deviation of a normal distribution); ``"none"``.
+        threshold: distance in robust standard deviations [-].
+    """
+    if rule not in ("mad", "none"):
+        raise SurfaceError(f"outliers = {rule!r}; choose 'mad' or 'none'")
+    marked = np.zeros(heights.shape, dtype=bool)
+    if rule == "mad":
+        valid = np.isfinite(heights)
+        away = np.abs(heights[valid] - np.median(heights[valid]))
+        spread = 1.4826 * np.median(away)
+        if spread > 0.0:
+            marked[valid] = away > threshold * spread
+    return marked
+
+
+def fill(heights: Array) -> Array:
+    """Fill missing points with the harmonic function of the heights around them.
+
+    Args:
+        heights: heights [m], shape (nx, ny), nan where missing; at least one valid.
+
+    Returns:
+        Heights without nan [m], shape (nx, ny). Filled points lie between their neighbours, so
+        no new extreme arises. Edges of the scan have no slope across them.
+    """
+    missing = np.isnan(heights)
+    if not missing.any():
+        return heights
+    number = np.full(heights.shape, -1)
+    number[missing] = np.arange(missing.sum())
+    rows, columns, rhs = [], [], np.zeros(missing.sum())
+    degree = np.zeros(missing.sum())
+    for axis, step in ((0, 1), (0, -1), (1, 1), (1, -1)):
+        inner = _has_neighbour(heights.shape, axis, step) & missing
+        own = number[inner]
+        other, height = (np.roll(a, -step, axis)[inner] for a in (number, heights))
+        degree[own] += 1.0
+        open_ = other >= 0
+        rows.append(own[open_])
+        columns.append(other[open_])
+        np.add.at(rhs, own[~open_], height[~open_])
+    i, j = np.concatenate(rows), np.concatenate(columns)
+    matrix = sp.diags(degree) - sp.csr_matrix((np.ones(i.size), (i, j)), (degree.size,) * 2)
+    filled = heights.copy()
+    filled[missing] = spsolve(matrix.tocsc(), rhs)
+    return filled
+
+
+def _has_neighbour(shape: tuple[int, ...], axis: int, step: int) -> NDArray[np.bool_]:
+    """Pixels whose neighbour at ``step`` along ``axis`` is inside the grid."""
+    inside = np.ones(shape, dtype=bool)
+    edge = [slice(None), slice(None)]
+    edge[axis] = slice(-1, None) if step == 1 else slice(0, 1)
+    inside[tuple(edge)] = False
+    return inside
