@@ -48,7 +48,7 @@ CONTACT = (
     "k",
     "law",
 )
-TEXT = frozenset({"approach", "status", "verdict", "stage", "quantity"})
+TEXT = frozenset({"approach", "status", "verdict", "stage", "quantity", "most_frequent"})
 
 _INTEGER = re.compile(r"[+-]?\d+")
 

@@ -1,0 +1,215 @@
+"""Fields for ParaView: equilibrium and complex modes as XDMF, contact elements as points.
+
+What is written are the values at the mesh's vertices. A second-order field is first interpolated
+into the first-order space, openly: DOLFINx 0.5 would take the second-order field, write its vertex
+values and say nothing. Each file says so in a comment at its head, and the log says so too.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+from mpi4py import MPI
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..log import logger
+
+NOTE = (
+    "Vertex values: the second-order field was interpolated into the first-order space of the same "
+    "mesh; its mid-edge values are not in this file."
+)
+
+
+def _linear_space(V: Any) -> Any:
+    """First-order vector space on the mesh of ``V``."""
+    from dolfinx import fem
+
+    mesh = V.mesh
+    if hasattr(fem, "functionspace"):
+        return fem.functionspace(mesh, ("Lagrange", 1, (mesh.geometry.dim,)))
+    return fem.VectorFunctionSpace(mesh, ("Lagrange", 1))
+
+
+def _function(V: Any, values: NDArray | float, name: str) -> Any:
+    """Real function of ``V`` with the given local dofs."""
+    from dolfinx import fem
+
+    f = fem.Function(V)
+    f.name = name
+    f.x.array[:] = values
+    f.x.scatter_forward()
+    return f
+
+
+@contextmanager
+def _xdmf(comm: Any, path: Path) -> Iterator[Any]:
+    """XDMF file open for writing on all processes."""
+    from dolfinx.io import XDMFFile
+
+    with XDMFFile(comm, str(path), "w") as file:
+        yield file
+
+
+def write_fields(path: str | Path, V: Any, fields: Mapping[str, NDArray]) -> Path:
+    """Write vector fields on one mesh for ParaView, at its vertices.
+
+    The fields of the second-order space are interpolated into the first-order one before writing:
+    what lies between the vertices is not in the file. Collective over ``V.mesh.comm``.
+
+    Args:
+        path: the XDMF file; its data go beside it, into the same name with ``.h5``.
+        V: vector function space of Lagrange elements.
+        fields: by name, all local dofs (with ghosts) of a field of ``V``, shape (n_local,); a
+            complex field becomes two, ``name_re`` and ``name_im``.
+
+    Returns:
+        The path of the XDMF file.
+    """
+    path = Path(path)
+    linear = _linear_space(V)
+    with _xdmf(V.mesh.comm, path) as file:
+        file.write_mesh(V.mesh)
+        for name, values in _parts(V, fields).items():
+            file.write_function(_at_vertices(linear, V, values, name), 0.0)
+    if V.mesh.comm.rank == 0:
+        _one_grid(path)
+        logger.info("%s: %s", path, NOTE)
+    V.mesh.comm.barrier()
+    return path
+
+
+def write_phases(path: str | Path, V: Any, mode: NDArray, frames: int = 24) -> Path:
+    """Write one period of a complex mode as a time series: Re(mode exp(i theta)) over theta.
+
+    Growth or decay is left out: the phase alone runs. Vertex values, as in `write_fields`.
+    Collective over ``V.mesh.comm``.
+
+    Args:
+        path: the XDMF file.
+        V: vector function space of Lagrange elements.
+        mode: all local dofs of the mode, complex, shape (n_local,).
+        frames: number of instants; the time in the file is the phase [rad], 0 to 2 pi.
+
+    Returns:
+        The path of the XDMF file.
+    """
+    path = Path(path)
+    _check_length(V, "mode", mode)
+    linear = _linear_space(V)
+    with _xdmf(V.mesh.comm, path) as file:
+        file.write_mesh(V.mesh)
+        for theta in 2 * np.pi * np.arange(frames) / frames:
+            instant = np.real(mode * np.exp(1j * theta))
+            file.write_function(_at_vertices(linear, V, instant, "displacement"), float(theta))
+    if V.mesh.comm.rank == 0:
+        _write_tree(path, ElementTree.parse(path).getroot(), NOTE)
+        logger.info("%s: %s", path, NOTE)
+    V.mesh.comm.barrier()
+    return path
+
+
+def write_points(path: str | Path, points: NDArray, fields: Mapping[str, NDArray]) -> Path:
+    """Write contact elements as points with their pressure, gap, ... for ParaView.
+
+    Args:
+        path: the XDMF file; the data stand in it as text.
+        points: positions [m], shape (n, 3).
+        fields: by name, shape (n,) or (n, 3).
+
+    Returns:
+        The path; nothing of it is collective: call it on one process.
+    """
+    n = len(points)
+    root = ElementTree.Element("Xdmf", Version="3.0")
+    grid = ElementTree.SubElement(ElementTree.SubElement(root, "Domain"), "Grid", Name="contact")
+    topology = ElementTree.SubElement(
+        grid, "Topology", TopologyType="Polyvertex", NumberOfElements=str(n), NodesPerElement="1"
+    )
+    _item(topology, np.arange(n)[:, None])
+    _item(ElementTree.SubElement(grid, "Geometry", GeometryType="XYZ"), np.asarray(points, float))
+    for name, values in fields.items():
+        values = np.asarray(values, float)
+        kind = "Vector" if values.ndim == 2 else "Scalar"
+        attribute = ElementTree.SubElement(
+            grid, "Attribute", Name=name, AttributeType=kind, Center="Node"
+        )
+        _item(attribute, values.reshape(n, -1))
+    path = Path(path)
+    _write_tree(path, root)
+    return path
+
+
+def _parts(V: Any, fields: Mapping[str, NDArray]) -> dict[str, NDArray]:
+    """Real fields by name; a complex one gives its real and its imaginary part."""
+    parts: dict[str, NDArray] = {}
+    for name, values in fields.items():
+        _check_length(V, name, values)
+        if np.iscomplexobj(values):
+            parts[f"{name}_re"], parts[f"{name}_im"] = values.real, values.imag
+        else:
+            parts[name] = values
+    return parts
+
+
+def _check_length(V: Any, name: str, values: NDArray) -> None:
+    """Raise on all processes together if a field has not one value per local dof."""
+    layout = V.dofmap.index_map
+    n = (layout.size_local + layout.num_ghosts) * V.dofmap.index_map_bs
+    wrong = int(np.shape(values) != (n,))
+    if V.mesh.comm.allreduce(wrong, op=MPI.MAX):
+        raise ValueError(
+            f"field {name}: shape {np.shape(values)} on process {V.mesh.comm.rank}, where the "
+            f"space has {n} local dofs (ghosts included)"
+        )
+
+
+def _at_vertices(linear: Any, V: Any, values: NDArray, name: str) -> Any:
+    f = _function(linear, 0.0, name)
+    f.interpolate(_function(V, values, name))
+    f.x.scatter_forward()
+    return f
+
+
+def _one_grid(path: Path) -> None:
+    """Move all fields into the grid of the mesh, so that ParaView shows them as one data set."""
+    root = ElementTree.parse(path).getroot()
+    domain = root.find("Domain")
+    if domain is None:
+        raise OSError(f"{path}: no domain in the file just written")
+    mesh, *series = domain.findall("Grid")
+    for collection in series:
+        for attribute in collection.iter("Attribute"):
+            mesh.append(attribute)
+        domain.remove(collection)
+    _write_tree(path, root, NOTE)
+
+
+def _item(parent: ElementTree.Element, values: NDArray) -> None:
+    kind = "Int" if np.issubdtype(values.dtype, np.integer) else "Float"
+    item = ElementTree.SubElement(
+        parent,
+        "DataItem",
+        Dimensions=" ".join(map(str, values.shape)),
+        NumberType=kind,
+        Precision="8",
+        Format="XML",
+    )
+    item.text = "\n" + "\n".join(" ".join(map(repr, row)) for row in values.tolist()) + "\n"
+
+
+def _write_tree(path: Path, root: ElementTree.Element, note: str = "") -> None:
+    """Write the tree at once, with a comment at its head."""
+    ElementTree.register_namespace("xi", "http://www.w3.org/2001/XInclude")
+    ElementTree.indent(root)
+    comment = f"<!-- {note} -->\n" if note else ""
+    text = ElementTree.tostring(root, encoding="unicode")
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    part.write_text(f'<?xml version="1.0" encoding="utf-8"?>\n{comment}{text}\n', encoding="utf-8")
+    os.replace(part, path)

@@ -1,0 +1,260 @@
+"""One self-contained HTML page of a run: opens offline, prints well, every text escaped."""
+
+from __future__ import annotations
+
+import base64
+import os
+from collections.abc import Mapping, Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from .accuracy import ERROR_COLUMNS, error_rows, stage_rows
+from .figures import PLOTS, make_figures
+from .overview import approach_rows, family_rows
+from .page_style import CSS
+from .rundata import RunData, read_run
+from .style import label
+from .surface_figures import surface_statistics
+from .tables import Value, show
+
+CAPTIONS = {plot.name: plot.caption for plot in PLOTS}
+STATISTICS = (
+    ("mean", "mean height [µm]", 1e6),
+    ("median", "median height [µm]", 1e6),
+    ("S_q", "S_q, root mean square [µm]", 1e6),
+    ("S_sk", "S_sk, skewness [-]", 1.0),
+    ("S_ku", "S_ku, kurtosis [-]", 1.0),
+    ("c1", "c1, slope below q_c [-]", 1.0),
+    ("c2", "c2, slope above q_c [-]", 1.0),
+    ("q_c", "q_c, crossover [rad/m]", 1.0),
+    ("C0", "C0, level of the spectrum [m⁴]", 1.0),
+)
+
+
+def write_report(directory: str | Path, redraw: bool = True) -> Path:
+    """Write ``directory/report.html`` with all figures and tables of a run inside.
+
+    Args:
+        directory: the run directory.
+        redraw: draw the figures anew; False takes those in ``directory/figures``.
+
+    Returns:
+        The path of the page.
+
+    Raises:
+        SceneError: the directory holds no result, or a file of it cannot be read.
+    """
+    if redraw:
+        make_figures(directory)
+    run = read_run(directory)
+    path = run.directory / "report.html"
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    part.write_text(render_page(run), encoding="utf-8")
+    os.replace(part, path)
+    return path
+
+
+def render_page(run: RunData) -> str:
+    """The page as text.
+
+    Args:
+        run: the results; pictures are read from its ``figures`` folder.
+
+    Returns:
+        HTML that is well-formed XML too; sections without content are left out.
+    """
+    sections = [
+        ("squeal", "Squeal map", _squeal(run)),
+        ("probability", "Probability per band", _probability(run)),
+        ("pressure", "Contact pressure on the pads", _figures(run, "contact_pressure")),
+        ("shapes", "Mode shapes", _shapes(run)),
+        ("laws", "Contact laws", _figures(run, "figure8_laws", "figure7_contact_maps")),
+        ("surface", "Surface", _surface(run)),
+        ("accuracy", "Speed against error of this run", _accuracy(run)),
+        ("settings", "Settings, seeds and versions", _settings(run)),
+    ]
+    shown = [section for section in sections if section[2]]
+    links = "\n".join(f'<a href="#{key}">{escape(title)}</a>' for key, title, _ in shown)
+    body = "\n".join(
+        f'<section id="{key}">\n<h2>{number}. {escape(title)}</h2>\n{content}\n</section>'
+        for number, (key, title, content) in enumerate(shown, start=1)
+    )
+    name = escape(_title(run))
+    return (
+        '<!DOCTYPE html>\n<html xmlns="http://www.w3.org/1999/xhtml" lang="en">\n<head>\n'
+        '<meta charset="utf-8"/>\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1"/>\n'
+        f"<title>{name}</title>\n<style>\n{CSS}</style>\n</head>\n<body>\n"
+        f"<header>\n<h1>{name}</h1>\n{_lead(run)}\n</header>\n<nav>\n{links}\n</nav>\n"
+        f"<main>\n{body}\n</main>\n</body>\n</html>\n"
+    )
+
+
+def _title(run: RunData) -> str:
+    name = run.summary.get("name") or run.directory.resolve().name
+    return f"Brake squeal study: {name}"
+
+
+def _lead(run: RunData) -> str:
+    """What came out, in one table."""
+    rows = approach_rows(run)
+    if not rows:
+        return "<p>This run computed no modes.</p>"
+    heads = [
+        "approach",
+        "samples",
+        "failed",
+        "modes",
+        "unstable modes",
+        "unstable samples",
+        "share of unstable samples",
+        "most often unstable",
+    ]
+    body = [[label(str(row[0])), *row[1:6], _interval(row[6:9]), row[9]] for row in rows]
+    return _table(heads, body) + (
+        "<p>Shares carry 95 % Wilson intervals: they say how well this number of samples can know "
+        "the share, not how well the model knows the brake.</p>"
+    )
+
+
+def _squeal(run: RunData) -> str:
+    figures = _figures(run, "figure9_squeal_map", "squeal_families")
+    if not figures:
+        return ""
+    rows = [
+        [
+            label(str(row[0])),
+            "by frequency" if row[1] == -1 else row[1],
+            _kilo(row[2]),
+            _kilo(row[3]),
+            row[4],
+            _interval(row[5:8]),
+            row[8],
+        ]
+        for row in family_rows(run)[:40]
+    ]
+    heads = [
+        "approach",
+        "family",
+        "frequency [kHz]",
+        "spread [kHz]",
+        "unstable samples",
+        "share",
+        "lowest damping [-]",
+    ]
+    note = (
+        "<p>An eigenvalue is α + iω; drawn is the damping −2α/|ω|, twice the damping ratio. "
+        "Negative damping is a mode that grows from the equilibrium: a squeal candidate. "
+        "How large the vibration becomes is beyond a linear analysis.</p>"
+    )
+    return note + figures + (_table(heads, rows) if rows else "")
+
+
+def _probability(run: RunData) -> str:
+    return _figures(run, "probability_per_band", "unstable_per_sample", "convergence")
+
+
+def _shapes(run: RunData) -> str:
+    folder = run.directory / "figures"
+    paths = [*sorted(folder.glob("mesh*.png")), *sorted(folder.glob("mode_*.png"))]
+    return "\n".join(_image(path, path.stem.replace("_", " ")) for path in paths)
+
+
+def _surface(run: RunData) -> str:
+    if run.surface is None:
+        return ""
+    stats = surface_statistics(run.surface)
+    rows: list[list[Value]] = []
+    for key, text, factor in STATISTICS:
+        value, error = stats.get(key), stats.get(f"{key}_error")
+        if isinstance(value, int | float):
+            spread = float(error) * factor if isinstance(error, int | float) else None
+            rows.append([text, float(value) * factor, spread])
+    names = ("figure4_topography", "figure5_statistics", "figure6_artificial")
+    table = _table(["quantity", "value", "standard error"], rows) if rows else ""
+    return _figures(run, *names) + table
+
+
+def _accuracy(run: RunData) -> str:
+    parts = []
+    stages = stage_rows(run.summary)
+    if stages:
+        parts.append(_table(["stage", "time [s]", "peak memory [MB]"], stages))
+    errors = error_rows(run)
+    if errors:
+        heads = [name.replace("_", " ") for name in ERROR_COLUMNS]
+        parts.append(_table(heads, [[label(str(row[0])), *row[1:]] for row in errors]))
+        parts.append(
+            "<p>Errors are relative errors of the eigenvalues as the solver estimates them; "
+            "condition is that of the eigenvalue: error = backward error times condition.</p>"
+        )
+    known = {"settings", "versions", "seeds", "seconds", "peak_memory_mb", "name"}
+    rest = {key: value for key, value in run.summary.items() if key not in known}
+    if rest:
+        parts.append(_pairs("quantity", rest))
+    return "\n".join(parts + [_figures(run, "stages", "eigenvalue_errors")]) if parts else ""
+
+
+def _settings(run: RunData) -> str:
+    parts = [
+        f"<h3>{escape(key.capitalize())}</h3>\n" + _pairs(key.rstrip("s"), run.summary[key])
+        for key in ("versions", "seeds", "settings")
+        if isinstance(run.summary.get(key), Mapping)
+    ]
+    if run.scene is not None:
+        parts.append(f"<h3>Scene as run</h3>\n<pre>{escape(run.scene)}</pre>")
+    return "\n".join(parts)
+
+
+def _figures(run: RunData, *names: str) -> str:
+    paths = [(run.directory / "figures" / f"{name}.png", CAPTIONS[name]) for name in names]
+    return "\n".join(_image(path, caption) for path, caption in paths if path.is_file())
+
+
+def _image(path: Path, caption: str) -> str:
+    data = base64.b64encode(path.read_bytes()).decode("ascii")
+    text = escape(caption, quote=True)
+    return (
+        f'<figure>\n<img alt="{text}" src="data:image/png;base64,{data}"/>\n'
+        f"<figcaption>{text}</figcaption>\n</figure>"
+    )
+
+
+def _table(heads: Sequence[str], rows: Sequence[Sequence[Value]]) -> str:
+    head = "".join(f"<th>{escape(text)}</th>" for text in heads)
+    body = "\n".join(f"<tr>{''.join(map(_cell, row))}</tr>" for row in rows)
+    return f"<table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table>\n"
+
+
+def _cell(value: Value) -> str:
+    kind = ' class="number"' if isinstance(value, int | float) else ""
+    return f"<td{kind}>{escape(show(value))}</td>"
+
+
+def _pairs(what: str, content: Mapping[str, Any]) -> str:
+    """A nested mapping as a table of dotted names and exact values."""
+    rows = [[name, value] for name, value in _flatten(content)]
+    return _table([what, "value"], rows)
+
+
+def _flatten(content: Mapping[str, Any], above: str = "") -> list[tuple[str, str]]:
+    found: list[tuple[str, str]] = []
+    for key, value in content.items():
+        name = f"{above}.{key}" if above else str(key)
+        if isinstance(value, Mapping):
+            found += _flatten(value, name)
+        else:
+            found.append((name, value if isinstance(value, str) else repr(value)))
+    return found
+
+
+def _interval(values: Sequence[Value]) -> str:
+    numbers = [float(v) for v in values if isinstance(v, float)]
+    if len(numbers) < 3:
+        return "-"
+    return f"{100 * numbers[0]:.0f} % ({100 * numbers[1]:.0f} to {100 * numbers[2]:.0f} %)"
+
+
+def _kilo(value: Value) -> str:
+    return f"{value / 1e3:.3f}" if isinstance(value, float) else "-"

@@ -1,0 +1,164 @@
+"""The answer in tables: per approach, per family of modes, per frequency band."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from .accuracy import ERROR_COLUMNS, STAGE_COLUMNS, error_rows, stage_rows
+from .counts import FamilyCount, band_edges, count, families, probability_per_band, wilson
+from .rundata import RunData, read_run
+from .tables import Value, text_table, write_rows
+
+APPROACH_COLUMNS = (
+    "approach",
+    "samples",
+    "failed",
+    "modes",
+    "unstable_modes",
+    "unstable_samples",
+    "share",
+    "share_low",
+    "share_high",
+    "most_frequent",
+)
+FAMILY_COLUMNS = (
+    "approach",
+    "family",
+    "frequency_hz",
+    "spread_hz",
+    "unstable_samples",
+    "share",
+    "share_low",
+    "share_high",
+    "worst_damping",
+)
+BAND_COLUMNS = (
+    "approach",
+    "from_hz",
+    "to_hz",
+    "unstable_samples",
+    "samples",
+    "share",
+    "share_low",
+    "share_high",
+)
+
+
+def approach_rows(run: RunData, most: int = 3) -> list[list[Value]]:
+    """One row per approach, in the order of `APPROACH_COLUMNS`.
+
+    Args:
+        run: the results.
+        most: number of families named in the last column.
+
+    Returns:
+        The rows; shares are of samples, with 95 % Wilson intervals, and None where there is one
+        sample only, whose verdict is no share.
+    """
+    rows: list[list[Value]] = []
+    for approach in run.approaches:
+        c = count(run, approach)
+        share = wilson(c.unstable_samples, c.samples)
+        interval: list[Value] = [share.value, share.low, share.high]
+        rows.append(
+            [
+                approach,
+                c.samples,
+                c.failed,
+                c.modes,
+                c.unstable,
+                c.unstable_samples,
+                *(interval if c.samples > 1 else [None] * 3),
+                ", ".join(map(_family_text, families(run, approach)[:most])) or "none",
+            ]
+        )
+    return rows
+
+
+def family_rows(run: RunData) -> list[list[Value]]:
+    """One row per family of unstable modes, in the order of `FAMILY_COLUMNS`."""
+    return [
+        [
+            f.approach,
+            f.family,
+            f.frequency,
+            f.spread,
+            f.share.hits,
+            *([f.share.value, f.share.low, f.share.high] if f.share.n > 1 else [None] * 3),
+            f.worst,
+        ]
+        for approach in run.approaches
+        for f in families(run, approach)
+    ]
+
+
+def band_rows(run: RunData) -> list[list[Value]]:
+    """One row per approach and frequency band, in the order of `BAND_COLUMNS`."""
+    edges = band_edges(run)
+    rows: list[list[Value]] = []
+    for approach in run.approaches:
+        for j, s in enumerate(probability_per_band(run, approach, edges)):
+            interval: list[Value] = [s.value, s.low, s.high] if s.n > 1 else [None] * 3
+            rows.append([approach, float(edges[j]), float(edges[j + 1]), s.hits, s.n, *interval])
+    return rows
+
+
+def summary_table(run: RunData | str | Path) -> str:
+    """The answer of a run as text for the terminal.
+
+    Args:
+        run: the results, or the run directory.
+
+    Returns:
+        A table with one line per approach.
+    """
+    if not isinstance(run, RunData):
+        run = read_run(run)
+    heads = (
+        "approach",
+        "samples",
+        "failed",
+        "modes",
+        "unstable",
+        "unstable samples",
+        "share",
+        "most often unstable",
+    )
+    rows = [[*row[:6], _share_text(row[6:9]), row[9]] for row in approach_rows(run)]
+    return text_table(heads, rows)
+
+
+def write_tables(directory: str | Path) -> list[Path]:
+    """Write the tables of a run as CSV into ``directory/tables``.
+
+    Args:
+        directory: the run directory.
+
+    Returns:
+        Paths written: ``approaches.csv``, ``families.csv``, ``probability_per_band.csv``,
+        ``eigenvalue_errors.csv``, ``stages.csv``; an empty table is left out.
+    """
+    run = read_run(directory)
+    tables: list[tuple[str, Sequence[str], list[list[Value]]]] = [
+        ("approaches", APPROACH_COLUMNS, approach_rows(run)),
+        ("families", FAMILY_COLUMNS, family_rows(run)),
+        ("probability_per_band", BAND_COLUMNS, band_rows(run) if run.modes else []),
+        ("eigenvalue_errors", ERROR_COLUMNS, error_rows(run)),
+        ("stages", STAGE_COLUMNS, stage_rows(run.summary)),
+    ]
+    folder = run.directory / "tables"
+    folder.mkdir(exist_ok=True)
+    return [write_rows(folder / f"{name}.csv", heads, rows) for name, heads, rows in tables if rows]
+
+
+def _family_text(f: FamilyCount) -> str:
+    often = f" ({f.share.hits}/{f.share.n})" if f.share.n > 1 else ""
+    return f"{f.frequency / 1e3:.2f} kHz{often}"
+
+
+def _share_text(interval: Sequence[Value]) -> str:
+    numbers = [float(v) for v in interval if isinstance(v, float)]
+    if len(numbers) < 3:
+        return "-"
+    return f"{100 * numbers[0]:.0f} % ({100 * numbers[1]:.0f} to {100 * numbers[2]:.0f} %)"

@@ -1,0 +1,304 @@
+"""Pictures of meshes and mode shapes, off screen: both sides, with the pads lifted off along z."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .style import CYCLE, house_style
+
+VIEWS = (("seen from z > 0", 1.0), ("seen from z < 0", -1.0))
+SHAPE_COLOURS = "viridis"
+PIXELS = (1100, 900)
+LIGHT: dict[str, Any] = {"ambient": 0.45, "diffuse": 0.65, "specular": 0.0}
+
+
+def _pyvista() -> Any:
+    """The drawing library, imported when the first picture is drawn."""
+    import pyvista
+
+    return pyvista
+
+
+def _cells_of_space(V: Any) -> tuple[NDArray, NDArray, NDArray]:
+    """VTK cells (n, nodes) over the local dofs of ``V``, their type, and the dofs' positions."""
+    from dolfinx import plot
+
+    make = plot.vtk_mesh if hasattr(plot, "vtk_mesh") else plot.create_vtk_mesh
+    cells, types, points = make(V)
+    cells = np.asarray(cells)
+    nodes = int(cells[0]) if cells.size else 1
+    return cells.reshape(-1, nodes + 1)[:, 1:], np.asarray(types), np.asarray(points)
+
+
+def render_mode(
+    path: str | Path,
+    V: Any,
+    values: NDArray,
+    title: str = "",
+    scale: float = 0.08,
+    explode: float = 0.45,
+) -> Path:
+    """Draw a mode shape: warped, coloured by the displacement's amplitude, bodies pulled apart.
+
+    A complex mode is drawn at the phase of its largest motion; its colour is the amplitude over the
+    whole period. Collective over ``V.mesh.comm``; process 0 draws and writes.
+
+    Args:
+        path: the PNG file.
+        V: vector function space of Lagrange elements.
+        values: all local dofs, real or complex, shape (n_local,).
+        title: heading of the picture.
+        scale: largest displacement as drawn, as a share of the model's radius.
+        explode: distance between neighbouring bodies, as a share of the model's radius.
+
+    Returns:
+        The path.
+    """
+    turned = values * _phase(V, values)
+    grid = _gather(V, np.column_stack([turned.real, turned.imag]))
+    if grid is not None:
+        surface = grid.extract_surface(nonlinear_subdivision=1, algorithm="dataset_surface")
+        picture = _warp(surface, scale, explode)
+        images = _photographs(picture, scalars="amplitude")
+        _compose(Path(path), images, title, _note(values, scale))
+    V.mesh.comm.barrier()
+    return Path(path)
+
+
+def render_mesh(
+    path: str | Path,
+    V: Any,
+    parts: NDArray | None = None,
+    names: Mapping[int, str] | None = None,
+    title: str = "",
+    explode: float = 0.45,
+) -> Path:
+    """Draw the mesh with its edges, one colour per part, bodies pulled apart along z.
+
+    Collective over ``V.mesh.comm``; process 0 draws and writes.
+
+    Args:
+        path: the PNG file.
+        V: function space of Lagrange elements on the mesh.
+        parts: number of the part of each owned cell, shape (n_cells,); one part if not given.
+        names: name of each part, for the legend.
+        title: heading of the picture.
+        explode: distance between neighbouring bodies, as a share of the model's radius.
+
+    Returns:
+        The path.
+    """
+    grid = _gather(V, None, parts)
+    if grid is not None:
+        surface = grid.extract_surface(nonlinear_subdivision=0, algorithm="dataset_surface")
+        surface.points += _offsets(surface, explode)
+        found = np.unique(surface.cell_data["part"])
+        images = _photographs(surface, scalars="part")
+        legend = {
+            (names or {}).get(int(j), f"part {j}"): _part_colour(int(j), found) for j in found
+        }
+        _compose(Path(path), images, title, "", legend)
+    V.mesh.comm.barrier()
+    return Path(path)
+
+
+def _phase(V: Any, values: NDArray) -> complex:
+    """Unit factor that turns a complex mode to the phase of its largest real part."""
+    owned = values[: V.dofmap.index_map.size_local * V.dofmap.index_map_bs]
+    total = V.mesh.comm.allreduce(complex(np.sum(owned.astype(complex) ** 2)))
+    return complex(np.exp(-0.5j * np.angle(total)))
+
+
+def _gather(V: Any, values: NDArray | None, parts: NDArray | None = None) -> Any:
+    """Collect the mesh of ``V``'s dofs on process 0 as a pyvista grid; None elsewhere.
+
+    Args:
+        V: function space.
+        values: real and imaginary part of the local dofs, shape (n_local, 2).
+        parts: part of each owned cell.
+    """
+    comm, layout = V.mesh.comm, V.dofmap.index_map
+    cells, types, points = _cells_of_space(V)
+    n = layout.size_local
+    all_local = np.arange(n + layout.num_ghosts, dtype=np.int32)
+    numbers = np.asarray(layout.local_to_global(all_local))
+    u = None if values is None else values.reshape(-1, V.dofmap.index_map_bs, 2)[:n]
+    part = np.zeros(len(cells), dtype=int) if parts is None else np.asarray(parts)[: len(cells)]
+    pieces = comm.gather((numbers[:n], points[:n], u, numbers[cells], types, part), root=0)
+    if comm.rank != 0:
+        return None
+    return _grid(layout.size_global, pieces)
+
+
+def _grid(size: int, pieces: list[tuple[Any, ...]]) -> Any:
+    x = np.zeros((size, 3))
+    for numbers, points, *_ in pieces:
+        x[numbers] = points
+    cells = np.concatenate([piece[3] for piece in pieces if len(piece[3])])
+    head = np.full((len(cells), 1), cells.shape[1])
+    types = np.concatenate([piece[4] for piece in pieces])
+    grid = _pyvista().UnstructuredGrid(np.hstack([head, cells]).ravel(), types, x)
+    grid.point_data["body"] = _bodies(size, cells)
+    grid.cell_data["part"] = np.concatenate([piece[5] for piece in pieces])
+    if pieces[0][2] is not None:
+        u = np.zeros((size, *pieces[0][2].shape[1:]))
+        for numbers, _, own, *_ in pieces:
+            u[numbers] = own
+        grid.point_data["re"], grid.point_data["im"] = u[:, :, 0], u[:, :, 1]
+    return grid
+
+
+def _bodies(size: int, cells: NDArray) -> NDArray:
+    """Number of the body of each point: cells that share a point belong together."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    first = np.repeat(cells[:, 0], cells.shape[1])
+    links = coo_matrix((np.ones(first.size), (first, cells.ravel())), shape=(size, size))
+    return connected_components(links, directed=False)[1]
+
+
+def _offsets(surface: Any, explode: float) -> NDArray:
+    """Shift along z of every point, shape (n, 3): bodies at different heights are pulled apart."""
+    region = np.asarray(surface.point_data["body"])
+    z = np.asarray(surface.points)[:, 2]
+    bodies = np.unique(region)
+    middle = np.array([0.5 * (z[region == b].min() + z[region == b].max()) for b in bodies])
+    order = np.argsort(middle, kind="stable")
+    height = max(float(np.ptp(z)), 1e-300)
+    level = np.zeros(len(bodies))
+    level[order] = np.concatenate([[0], np.cumsum(np.diff(middle[order]) > 0.05 * height)])
+    level -= 0.5 * level.max()
+    shift = np.zeros((len(z), 3))
+    place = np.searchsorted(bodies, region)
+    shift[:, 2] = explode * _radius(surface) * level[place]
+    return shift
+
+
+def _radius(surface: Any) -> float:
+    box = np.ptp(np.asarray(surface.points), axis=0)
+    return 0.5 * float(np.linalg.norm(box))
+
+
+def _warp(surface: Any, scale: float, explode: float) -> Any:
+    re, im = (np.asarray(surface.point_data[name]) for name in ("re", "im"))
+    amplitude = np.sqrt((re**2 + im**2).sum(axis=1))
+    top = max(float(amplitude.max()), 1e-300)
+    motion = scale * _radius(surface) * re / top
+    surface.point_data["amplitude"] = amplitude / top
+    surface.points = np.asarray(surface.points) + _offsets(surface, explode) + motion
+    return surface
+
+
+def _photographs(surface: Any, scalars: str) -> list[NDArray]:
+    """Both views of a surface, cut to the same frame, RGB arrays."""
+    with _pyvista().vtk_verbosity("off"):  # without a display VTK warns, then draws all the same
+        return _trim([_photograph(surface, side, scalars) for _, side in VIEWS])
+
+
+def _photograph(surface: Any, side: float, scalars: str) -> NDArray:
+    """Picture of a surface from obliquely above (side = 1) or below (side = -1), RGB array."""
+    plotter = _pyvista().Plotter(off_screen=True, window_size=list(PIXELS))
+    plotter.set_background("white")
+    if scalars == "part":
+        found = np.unique(surface.cell_data["part"])
+        for j in found:
+            piece = surface.extract_cells(np.flatnonzero(surface.cell_data["part"] == j))
+            plotter.add_mesh(
+                piece, color=_part_colour(int(j), found), show_edges=True, line_width=1, **LIGHT
+            )
+    else:
+        plotter.add_mesh(
+            surface,
+            scalars=scalars,
+            cmap=SHAPE_COLOURS,
+            clim=(0.0, 1.0),
+            smooth_shading=True,
+            split_sharp_edges=True,
+            show_scalar_bar=False,
+            **LIGHT,
+        )
+        edges = surface.extract_feature_edges(40.0, manifold_edges=False)
+        if edges.n_points:
+            plotter.add_mesh(edges, color="#202020", line_width=1.5)
+    _aim(plotter, surface, side)
+    plotter.enable_parallel_projection()
+    plotter.enable_anti_aliasing("ssaa")
+    image = np.asarray(plotter.screenshot(return_img=True))
+    plotter.close()
+    return image
+
+
+def _aim(plotter: Any, surface: Any, side: float) -> None:
+    """Look from the side away from the pads, so that a lifted pad hides nothing of the disc."""
+    points = np.asarray(surface.points)
+    centre = points.mean(axis=0)
+    box = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    lean = centre - box
+    angle = np.arctan2(lean[1], lean[0]) if np.hypot(*lean[:2]) > 1e-3 * _radius(surface) else 1.57
+    angle += np.pi + 0.35
+    direction = np.array([np.cos(angle), np.sin(angle), 0.85 * side])
+    focus = np.asarray(surface.center)
+    far = focus + 6 * _radius(surface) * direction / np.linalg.norm(direction)
+    plotter.camera_position = [tuple(far), tuple(focus), (0.0, 0.0, side)]
+    plotter.reset_camera()
+
+
+def _trim(images: list[NDArray], margin: int = 12) -> list[NDArray]:
+    """Cut the border that is white in all RGB pictures."""
+    ink = np.any([(image < 250).any(axis=2) for image in images], axis=0)
+    marked = np.argwhere(ink)
+    if marked.size == 0:
+        return images
+    (top, left), (bottom, right) = marked.min(axis=0), marked.max(axis=0)
+    rows = slice(max(top - margin, 0), bottom + margin)
+    columns = slice(max(left - margin, 0), right + margin)
+    return [image[rows, columns] for image in images]
+
+
+def _part_colour(part: int, found: NDArray) -> str:
+    return CYCLE[int(np.searchsorted(found, part)) % len(CYCLE)]
+
+
+def _note(values: NDArray, scale: float) -> str:
+    moment = ", at the phase of largest motion" if np.iscomplexobj(values) else ""
+    return f"largest displacement drawn as {100 * scale:.0f} % of the radius{moment}"
+
+
+def _compose(
+    path: Path,
+    images: list[NDArray],
+    title: str,
+    note: str,
+    legend: Mapping[str, str] | None = None,
+) -> None:
+    """Put both views side by side under one heading, with the colour bar or the legend."""
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
+
+    with house_style():
+        figure = Figure(figsize=(7.2, 3.9), layout="constrained")
+        grid = figure.add_gridspec(2, 2, height_ratios=[1, 0.04])
+        for j, (image, (view, _)) in enumerate(zip(images, VIEWS, strict=True)):
+            axis = figure.add_subplot(grid[0, j])
+            axis.imshow(image, interpolation="antialiased")
+            axis.set_title(view, loc="center", fontsize=8.5, color="#404040")
+            axis.axis("off")
+        foot = figure.add_subplot(grid[1, :])
+        if title:
+            figure.suptitle(title, fontsize=10)
+        if legend is None:
+            colours = ScalarMappable(cmap=SHAPE_COLOURS)
+            bar = figure.colorbar(colours, cax=foot, orientation="horizontal")
+            bar.set_label(f"amplitude $|u|$ / largest [-]; {note}", fontsize=8)
+        else:
+            foot.axis("off")
+            handles = [Patch(color=colour, label=name) for name, colour in legend.items()]
+            foot.legend(handles=handles, loc="center", ncol=min(5, len(handles)))
+        figure.savefig(path, dpi=200, facecolor="white", metadata={"Software": None})
