@@ -1,0 +1,71 @@
+"""Every difference between DOLFINx versions, found by asking for the attribute.
+
+Supported: what Debian ships, 12 (0.5.2), 13 (0.9) and unstable (0.11).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import dolfinx
+import numpy as np
+from dolfinx import fem
+
+
+def vector_space(mesh: Any, degree: int) -> Any:
+    """Continuous Lagrange space of vectors on a mesh, of a given degree."""
+    if hasattr(fem, "functionspace"):
+        return fem.functionspace(mesh, ("Lagrange", degree, (mesh.geometry.dim,)))
+    return fem.VectorFunctionSpace(mesh, ("Lagrange", degree))
+
+
+def mesh_from_gmsh(model: Any, comm: MPI.Comm) -> tuple[Any, Any, Any]:
+    """Distribute the current gmsh model from rank 0.
+
+    Args:
+        model: ``gmsh.model`` on rank 0, ignored elsewhere.
+        comm: communicator of the mesh.
+
+    Returns:
+        The mesh, its cell tags and its facet tags.
+    """
+    try:
+        from dolfinx.io import gmsh as gmshio
+    except ImportError:
+        from dolfinx.io import gmshio
+    data = gmshio.model_to_mesh(model, comm, 0, gdim=3)
+    if hasattr(data, "mesh"):
+        return data.mesh, data.cell_tags, data.facet_tags
+    return data[0], data[1], data[2]
+
+
+def geometry_dofs(mesh: Any) -> np.ndarray:
+    """Geometry node of each cell's vertex, shape (cells, nodes)."""
+    dofs = mesh.geometry.dofmap
+    return dofs if isinstance(dofs, np.ndarray) else dofs.array.reshape(-1, dofs.offsets[1])
+
+
+def entities_to_geometry(mesh: Any, dim: int, entities: np.ndarray) -> np.ndarray:
+    """Geometry nodes of the vertices of mesh entities, shape (entities, vertices)."""
+    if hasattr(dolfinx.mesh, "entities_to_geometry"):
+        return dolfinx.mesh.entities_to_geometry(mesh, dim, entities)
+    return dolfinx.cpp.mesh.entities_to_geometry(mesh, dim, entities, False)
+
+
+def cell_permutation_free(mesh: Any) -> bool:
+    """Whether degree-2 Lagrange dofs need no permutation: one dof per edge, always true there."""
+    return bool(mesh.topology.dim == 3)
+
+
+def petsc_scalar_is_real() -> bool:
+    """Whether PETSc was built for real scalars, as the program needs."""
+    return not np.issubdtype(PETSc.ScalarType, np.complexfloating)
+
+
+def meshtags(mesh: Any, dim: int, entities: np.ndarray, value: int) -> Any:
+    """Tag some entities of a mesh with one value."""
+    entities = np.sort(entities).astype(np.int32)
+    return dolfinx.mesh.meshtags(mesh, dim, entities, np.full(entities.size, value, np.int32))

@@ -1,0 +1,154 @@
+"""The elastic bodies seen from their contact elements: one factorisation, then dense matrices.
+
+K0 = K + N'W k0 N is symmetric positive definite for a reference stiffness k0 > 0. Its inverse,
+seen through N and T, is all that contact needs: exact, dense, small. The solves run in blocks and
+are shared by the processes of a communicator, each of which holds the factor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from .solver import Factor, add_interface, blocks, local_rows
+
+Array = NDArray[np.float64]
+
+
+def gathered(A: PETSc.Mat) -> PETSc.Mat:
+    """The whole of a distributed matrix on this process alone."""
+    if A.comm.size == 1:
+        return A
+    parts = A.comm.tompi4py().allgather(local_rows(A))
+    whole = sp.vstack(parts).tocsr()
+    return petsc_matrix(whole)
+
+
+def petsc_matrix(A: sp.spmatrix) -> PETSc.Mat:
+    """A SciPy matrix as a PETSc matrix of this process."""
+    A = A.tocsr()
+    A.sort_indices()
+    csr = (A.indptr.astype(np.int32), A.indices.astype(np.int32), A.data.astype(float))
+    B = PETSc.Mat().createAIJ(A.shape, csr=csr, comm=PETSc.COMM_SELF)
+    B.assemble()
+    return B
+
+
+def gathered_vector(f: PETSc.Vec) -> Array:
+    """The whole of a distributed vector on every process."""
+    return np.concatenate(f.comm.tompi4py().allgather(f.array_r))
+
+
+@dataclass(frozen=True, slots=True)
+class Compliance:
+    """K0^-1 seen from the contact elements.
+
+    Attributes:
+        factor: factor of K0, on every process.
+        k0: reference stiffness of each element [Pa/m], shape (elements,).
+        NN: N K0^-1 N' [m/N], shape (elements, elements).
+        NT: N K0^-1 T' [m/N], shape (elements, elements).
+        Nf: N K0^-1 f [m] of the full loads, shape (elements,).
+    """
+
+    factor: Factor
+    k0: Array
+    NN: Array
+    NT: Array
+    Nf: Array
+
+
+def reference_factor(K: PETSc.Mat, N: sp.csr_matrix, w: Array, k0: Array) -> Factor:
+    """Factor of K0 = K + N'W k0 N, gathered on every process.
+
+    Args:
+        K: stiffness [N/m], distributed or not.
+        N: gap operator.
+        w: areas [m^2].
+        k0: reference stiffness [Pa/m], shape (elements,), positive.
+
+    Returns:
+        The factor.
+
+    Raises:
+        InaccurateResult: K0 is singular: a part is neither supported nor in contact.
+    """
+    return Factor(add_interface(gathered(K), N, w * k0, N), "brake_compliance_")
+
+
+def interface_moments(
+    factor: Factor,
+    M: sp.csr_matrix | None,
+    N: sp.csr_matrix,
+    T: sp.csr_matrix,
+    order: int,
+    comm: MPI.Comm,
+    progress: Callable[[int], None] = lambda n: None,
+) -> list[tuple[Array, Array]]:
+    """N K0^-1 (M K0^-1)^j N' and the same with T' on the right, j = 0 ... order.
+
+    Args:
+        factor: factor of K0.
+        M: mass [kg]; may be None for order 0.
+        N: gap operator, shape (elements, dofs).
+        T: slip operator, shape (elements, dofs).
+        order: largest j.
+        comm: processes that share the columns.
+        progress: called with the number of columns done.
+
+    Returns:
+        For each j the pair (NN, NT), shape (elements, elements), unit m/N (s^2)^j.
+    """
+    n = N.shape[0]
+    both = sp.vstack([N, T]).tocsr()
+    columns = N.T.tocsc()
+    share = np.array_split(np.arange(n), comm.size)[comm.rank]
+    out = np.empty((order + 1, 2 * n, share.size))
+    for b in blocks(share.size):
+        X = factor.solve(columns[:, share[b]].toarray())
+        out[0][:, b] = both @ X
+        for j in range(1, order + 1):
+            X = factor.solve(M @ X)
+            out[j][:, b] = both @ X
+        progress(b.stop - b.start)
+    pairs = []
+    for j in range(order + 1):
+        whole = np.hstack(comm.allgather(out[j]))
+        NN, TN = whole[:n], whole[n:]
+        pairs.append((0.5 * (NN + NN.T), np.ascontiguousarray(TN.T)))
+    return pairs
+
+
+def compliance(
+    K: PETSc.Mat,
+    N: sp.csr_matrix,
+    T: sp.csr_matrix,
+    w: Array,
+    f: Array,
+    k0: Array,
+    comm: MPI.Comm,
+) -> Compliance:
+    """Compliance of the bodies at the contact elements.
+
+    Args:
+        K: stiffness [N/m], distributed or not.
+        N: gap operator, shape (elements, dofs).
+        T: slip operator.
+        w: areas [m^2].
+        f: loads [N], all free dofs.
+        k0: reference stiffness [Pa/m].
+        comm: processes that share the work.
+
+    Returns:
+        The compliance and the factor behind it.
+    """
+    factor = reference_factor(K, N, w, k0)
+    ((NN, NT),) = interface_moments(factor, None, N, T, 0, comm)
+    return Compliance(factor, k0, NN, NT, np.asarray(N @ factor.solve(f)))

@@ -1,0 +1,238 @@
+"""Stiffness, mass and loads of elastic bodies on the free displacement dofs.
+
+Clamped dofs are taken out of the matrices, so that they leave no spurious eigenvalue behind.
+Second-order elements by default: linear ones lock in bending.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from petsc4py import PETSc
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from numpy.typing import NDArray
+
+from brake_fenicsx import compat
+from brake_fenicsx.errors import SceneError
+
+from .material import Material
+from .mesh import Mesh
+
+COMPONENTS = {"x": 0, "y": 1, "z": 2}
+
+
+def epsilon(u: Any) -> Any:
+    """Small strain as a Voigt vector with engineering shears, Eq. (2)."""
+    e = ufl.sym(ufl.grad(u))
+    return ufl.as_vector([e[0, 0], e[1, 1], e[2, 2], 2 * e[1, 2], 2 * e[0, 2], 2 * e[0, 1]])
+
+
+def sigma(u: Any, C: Any) -> Any:
+    """Cauchy stress C : epsilon(u) as a Voigt vector [Pa], Eq. (3).
+
+    Args:
+        u: displacement [m].
+        C: stiffness [Pa], shape (6, 6).
+    """
+    return C * epsilon(u)
+
+
+def stiffness_form(u: Any, v: Any, C: Any, dx: Any) -> Any:
+    """Virtual work of the stresses, the static side of the momentum balance, Eq. (4)."""
+    return ufl.inner(sigma(u, C), epsilon(v)) * dx
+
+
+def mass_form(u: Any, v: Any, rho: Any, dx: Any) -> Any:
+    """Virtual work of inertia, the rho u'' of the momentum balance, Eq. (1)."""
+    return rho * ufl.inner(u, v) * dx
+
+
+def pressure_form(v: Any, n: Any, pressure: Any, ds: Any) -> Any:
+    """Virtual work of a pressure pushing on a boundary face, Eq. (6)."""
+    return -pressure * ufl.inner(n, v) * ds
+
+
+@dataclass(frozen=True, slots=True)
+class FreeDofs:
+    """Numbering of the displacement dofs that are not held.
+
+    Attributes:
+        V: vector function space.
+        local: local indices of this process's free dofs, in the order of the free numbering.
+        column: global free number of every local dof, ghosts included; -1 where held.
+        size: number of free dofs over all processes.
+    """
+
+    V: Any
+    local: NDArray[np.int32]
+    column: NDArray[np.int64]
+    size: int
+
+    def expand(self, x: NDArray) -> NDArray:
+        """Values on all local dofs, ghosts included, zero where held.
+
+        Args:
+            x: this process's part of a free vector, shape (len(local),), or (len(local), m).
+
+        Returns:
+            Shape (local dofs with ghosts, ...), the same on every process that shares a dof.
+        """
+        bs = self.V.dofmap.index_map_bs
+        full = np.zeros((self.column.size, *x.shape[1:]), dtype=x.dtype)
+        full[self.local] = x
+        parts = full.reshape(self.column.size, -1)
+        for k in range(parts.shape[1]):
+            for view in (parts.real, parts.imag) if np.iscomplexobj(parts) else (parts,):
+                f = fem.Function(self.V)
+                f.x.array[:] = view[:, k]
+                f.x.scatter_forward()
+                view[:, k] = f.x.array
+        del bs
+        return full
+
+
+@dataclass(frozen=True, slots=True)
+class Elastic:
+    """Assembled elastic bodies.
+
+    Attributes:
+        K: stiffness [N/m] on the free dofs, PETSc.
+        M: mass [kg] on the free dofs, PETSc.
+        f: loads [N] on the free dofs, PETSc.
+        free: the numbering.
+        loads: load name -> (loaded area [m^2], force [N], shape (3,)).
+    """
+
+    K: PETSc.Mat
+    M: PETSc.Mat
+    f: PETSc.Vec
+    free: FreeDofs
+    loads: dict[str, tuple[float, NDArray]]
+
+
+def free_dofs(mesh: Mesh, V: Any, supports: Mapping[str, list[str]]) -> FreeDofs:
+    """Number the dofs that no support holds, Eq. (5).
+
+    Args:
+        mesh: the tagged mesh.
+        V: vector function space on it.
+        supports: face name -> held components, of "x", "y", "z".
+
+    Returns:
+        The numbering.
+    """
+    index_map, bs = V.dofmap.index_map, V.dofmap.index_map_bs
+    held = np.zeros((index_map.size_local + index_map.num_ghosts, bs), dtype=bool)
+    for face, components in supports.items():
+        facets = mesh.facet_tags.find(face_tag(mesh, face, "supports"))
+        blocks = fem.locate_dofs_topological(V, mesh.domain.topology.dim - 1, facets)
+        for c in components:
+            held[blocks, COMPONENTS[c]] = True
+    held = held.reshape(-1)
+    owned = index_map.size_local * bs
+    local = np.flatnonzero(~held[:owned]).astype(np.int32)
+    comm = mesh.domain.comm
+    start = comm.exscan(local.size) or 0
+    number = fem.Function(V)
+    number.x.array[:] = -1.0
+    number.x.array[local] = np.arange(start, start + local.size)
+    number.x.scatter_forward()
+    column = np.rint(number.x.array).astype(np.int64)
+    return FreeDofs(V, local, column, comm.allreduce(local.size))
+
+
+def face_tag(mesh: Mesh, face: str, where: str) -> int:
+    """Tag of a named face.
+
+    Raises:
+        SceneError: no part has such a face; the message lists those there are.
+    """
+    if face not in mesh.faces:
+        raise SceneError(f"{where}: no face {face!r}; there are {', '.join(sorted(mesh.faces))}")
+    return mesh.faces[face]
+
+
+def assemble_elastic(
+    mesh: Mesh,
+    materials: Mapping[str, Material],
+    supports: Mapping[str, list[str]],
+    loads: Mapping[str, float],
+    degree: int = 2,
+) -> Elastic:
+    """Assemble stiffness, mass and loads of all bodies.
+
+    Args:
+        mesh: the tagged mesh.
+        materials: layer name -> material in x, y, z axes.
+        supports: face name -> held components.
+        loads: face name -> pressure [Pa], positive pushes on the body.
+        degree: polynomial degree of the displacement.
+
+    Returns:
+        Matrices and load vector on the free dofs.
+
+    Raises:
+        SceneError: a layer without material, or an unknown face.
+    """
+    V = compat.vector_space(mesh.domain, degree)
+    free = free_dofs(mesh, V, supports)
+    u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+    K = M = None
+    for layer, tag in mesh.layers.items():
+        if layer not in materials:
+            raise SceneError(f"layer {layer!r} has no material")
+        cells = compat.meshtags(mesh.domain, 3, mesh.cell_tags.find(tag), 1)
+        dx = ufl.Measure("dx", domain=mesh.domain, subdomain_data=cells)(1)
+        C = fem.Constant(mesh.domain, materials[layer].C)
+        rho = fem.Constant(mesh.domain, PETSc.ScalarType(materials[layer].rho))
+        if K is None:
+            whole = fem.form(mass_form(u, v, rho, ufl.Measure("dx", domain=mesh.domain)))
+            K, M = fem.petsc.create_matrix(whole), fem.petsc.create_matrix(whole)
+        fem.petsc.assemble_matrix(K, fem.form(stiffness_form(u, v, C, dx)))
+        fem.petsc.assemble_matrix(M, fem.form(mass_form(u, v, rho, dx)))
+    if K is None or M is None:
+        raise SceneError("the scene has no part")
+    matrices = []
+    keep = PETSc.IS().createGeneral(_owned_globals(free), comm=mesh.domain.comm)
+    for A in (K, M):
+        A.assemble()
+        matrices.append(A.createSubMatrix(keep, keep))
+        A.destroy()
+    f, record = _loads(mesh, free, loads)
+    return Elastic(matrices[0], matrices[1], f, free, record)
+
+
+def _owned_globals(free: FreeDofs) -> NDArray[np.int32]:
+    """Global numbers, in the unreduced numbering, of this process's free dofs."""
+    start = free.V.dofmap.index_map.local_range[0] * free.V.dofmap.index_map_bs
+    return (free.local + start).astype(np.int32)
+
+
+def _loads(
+    mesh: Mesh, free: FreeDofs, loads: Mapping[str, float]
+) -> tuple[PETSc.Vec, dict[str, tuple[float, NDArray]]]:
+    """Load vector of the pressures, with area and force of each for the record."""
+    comm = mesh.domain.comm
+    f = PETSc.Vec().createMPI((free.local.size, free.size), comm=comm)
+    v, n = ufl.TestFunction(free.V), ufl.FacetNormal(mesh.domain)
+    record = {}
+    for face, pressure in loads.items():
+        facets = mesh.facet_tags.find(face_tag(mesh, face, "loads"))
+        tags = compat.meshtags(mesh.domain, 2, facets, 1)
+        ds = ufl.Measure("ds", domain=mesh.domain, subdomain_data=tags)(1)
+        p = fem.Constant(mesh.domain, PETSc.ScalarType(pressure))
+        b = fem.petsc.assemble_vector(fem.form(pressure_form(v, n, p, ds)))
+        b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+        f.array += b.array_r[free.local]
+        bs = free.V.dofmap.index_map_bs
+        force = comm.allreduce(b.array_r.reshape(-1, bs).sum(axis=0))
+        one = fem.Constant(mesh.domain, PETSc.ScalarType(1.0))
+        area = comm.allreduce(fem.assemble_scalar(fem.form(one * ds)))
+        record[face] = (float(area), force)
+        b.destroy()
+    return f, record

@@ -1,0 +1,76 @@
+"""Sliding: direction of the disc's velocity relative to the pad, and Coulomb friction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import SceneError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Rotation:
+    """The disc turns about z.
+
+    Attributes:
+        speed: angular velocity [rad/s]; its sign is the sense.
+    """
+
+    speed: float
+
+    def velocity(self, x: Array) -> Array:
+        """Velocity of the disc [m/s] at points x [m], shape (n, 3)."""
+        return self.speed * np.stack([-x[:, 1], x[:, 0], np.zeros(len(x))], axis=1)
+
+
+@dataclass(frozen=True, slots=True)
+class Translation:
+    """The second body of an interface moves along a direction.
+
+    Attributes:
+        direction: direction, any length, shape (3,).
+        speed: speed [m/s].
+    """
+
+    direction: tuple[float, float, float]
+    speed: float
+
+    def velocity(self, x: Array) -> Array:
+        """Velocity [m/s] at points x [m], shape (n, 3)."""
+        d = np.asarray(self.direction, float)
+        return np.broadcast_to(self.speed * d / np.linalg.norm(d), x.shape)
+
+
+Motion = Rotation | Translation
+
+
+def slip_frame(motion: Motion, points: Array, normal: Array) -> tuple[Array, Array, Array]:
+    """Direction s of the disc's velocity relative to the pad and the transverse one, Eq. (8).
+
+    Args:
+        motion: how the disc moves.
+        points: contact points [m], shape (n, 3).
+        normal: unit normals from disc to pad, shape (n, 3).
+
+    Returns:
+        s, r = normal x s, both of shape (n, 3), and the sliding speed V [m/s], shape (n,).
+
+    Raises:
+        SceneError: the disc does not slide at some contact point.
+    """
+    v = motion.velocity(points)
+    v = v - np.einsum("ij,ij->i", v, normal)[:, None] * normal
+    speed = np.linalg.norm(v, axis=1)
+    if np.any(speed <= 0):
+        raise SceneError("motion: there is a contact point without sliding velocity; change speed")
+    s = v / speed[:, None]
+    return s, np.cross(normal, s), speed
+
+
+def friction_traction(p: Array, mu: float | Array) -> Array:
+    """Coulomb's traction on the pad along s, mu p [Pa], Eq. (10)."""
+    return mu * p

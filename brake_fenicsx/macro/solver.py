@@ -1,0 +1,160 @@
+"""Symmetric factorisation (MUMPS) with solves in blocks: a single solve is bound by memory.
+
+Vectors and blocks are numpy arrays of this process's rows.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+
+from petsc4py import PETSc
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import InaccurateResult
+
+Array = NDArray[np.float64]
+
+BLOCK = 64
+
+
+class Factor:
+    """L D L' of a symmetric matrix.
+
+    Attributes:
+        A: the matrix.
+        seconds: time of the factorisation [s].
+        negative_pivots: number of negative eigenvalues of A, by Sylvester's law of inertia.
+    """
+
+    def __init__(self, A: PETSc.Mat, prefix: str = "brake_factor_"):
+        """Factor ``A``.
+
+        Args:
+            A: symmetric matrix, both triangles stored.
+            prefix: prefix of its PETSc options.
+
+        Raises:
+            InaccurateResult: the factorisation fails (singular matrix, no memory).
+        """
+        start = time.perf_counter()
+        self.A = A
+        A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        self._ksp = PETSc.KSP().create(A.comm)
+        self._ksp.setOptionsPrefix(prefix)
+        self._ksp.setOperators(A)
+        self._ksp.setType("preonly")
+        pc = self._ksp.getPC()
+        pc.setType("cholesky")
+        pc.setFactorSolverType("mumps")
+        pc.setFactorSetUpSolverType()
+        F = pc.getFactorMatrix()
+        F.setMumpsIcntl(14, 40)  # room for pivoting [%]
+        F.setMumpsIcntl(24, 1)  # detect null pivots instead of dividing by them
+        F.setMumpsIcntl(27, BLOCK)
+        self._ksp.setFromOptions()
+        try:
+            self._ksp.setUp()
+        except PETSc.Error as error:
+            raise InaccurateResult(f"MUMPS cannot factor the matrix: {error}") from error
+        if F.getMumpsInfog(1) < 0:
+            raise InaccurateResult(
+                f"MUMPS cannot factor the matrix: INFOG(1) = {F.getMumpsInfog(1)}"
+            )
+        if F.getMumpsInfog(28) > 0:
+            raise InaccurateResult(
+                f"the stiffness is singular: {F.getMumpsInfog(28)} null pivots;"
+                " a part is neither supported nor in contact"
+            )
+        self.negative_pivots = int(F.getMumpsInfog(12))
+        self.gigabytes = F.getMumpsInfog(22) / 1e3
+        self._F = F
+        self.seconds = time.perf_counter() - start
+
+    def solve(self, b: Array) -> Array:
+        """Solve for right-hand sides.
+
+        Args:
+            b: this process's rows, shape (rows,) or (rows, columns).
+
+        Returns:
+            The solutions, same shape.
+        """
+        if b.ndim == 1:
+            return self.solve(b[:, None])[:, 0]
+        (rows, size), _ = self.A.getSizes()
+        out = np.empty((rows, b.shape[1]), order="F")
+        for first in range(0, b.shape[1], BLOCK):
+            block = np.asfortranarray(b[:, first : first + BLOCK], dtype=float)
+            sizes = ((rows, size), (PETSc.DECIDE, block.shape[1]))
+            B = PETSc.Mat().createDense(sizes, array=block, comm=self.A.comm)
+            X = PETSc.Mat().createDense(sizes, comm=self.A.comm)
+            X.setUp()
+            for m in (B, X):
+                m.assemble()
+            self._F.matSolve(B, X)
+            out[:, first : first + BLOCK] = X.getDenseArray()
+            B.destroy()
+            X.destroy()
+        return out
+
+    def destroy(self) -> None:
+        """Free the factor."""
+        self._ksp.destroy()
+
+
+def local_rows(A: PETSc.Mat) -> sp.csr_matrix:
+    """This process's rows of a PETSc matrix as CSR with global columns."""
+    indptr, indices, data = A.getValuesCSR()
+    return sp.csr_matrix((data, indices, indptr), shape=(indptr.size - 1, A.getSize()[1]))
+
+
+def product(A: PETSc.Mat, X: Array) -> Array:
+    """A X for this process's rows X, shape (rows,) or (rows, columns)."""
+    x, y = A.createVecs()
+    if X.ndim == 1:
+        x.array[:] = X
+        A.mult(x, y)
+        return y.array_r.copy()
+    if A.comm.size == 1:
+        return np.asarray(local_rows(A) @ X)
+    out = np.empty((y.local_size, X.shape[1]))
+    for k in range(X.shape[1]):
+        x.array[:] = X[:, k]
+        A.mult(x, y)
+        out[:, k] = y.array_r
+    return out
+
+
+def add_interface(K: PETSc.Mat, left: sp.csr_matrix, D: Array, right: sp.csr_matrix) -> PETSc.Mat:
+    """K + left' diag(D) right, with the replicated interface operators of ``contact``.
+
+    Args:
+        K: matrix on the free dofs [N/m].
+        left: shape (elements, free dofs).
+        D: stiffness of each element [N/m], shape (elements,).
+        right: shape (elements, free dofs).
+
+    Returns:
+        A new matrix.
+    """
+    first, last = K.getOwnershipRange()
+    rows = (left[:, first:last].T.tocsr() @ sp.diags(D) @ right).tocsr()
+    rows.sort_indices()
+    B = PETSc.Mat().createAIJ(
+        (K.getSizes()[0], K.getSizes()[1]),
+        csr=(rows.indptr.astype(np.int32), rows.indices.astype(np.int32), rows.data),
+        comm=K.comm,
+    )
+    B.assemble()
+    B.axpy(1.0, K, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    return B
+
+
+def blocks(columns: int) -> Iterator[slice]:
+    """Slices of at most BLOCK columns."""
+    for first in range(0, columns, BLOCK):
+        yield slice(first, min(first + BLOCK, columns))

@@ -1,0 +1,53 @@
+"""Box aligned with x, y, z: block and plate of the smallest scene with friction."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from .part import Part, faces_where, flat_at
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Parameters of a box.
+
+    Attributes:
+        length: extent along x [m].
+        width: extent along y [m].
+        height: extent along z [m].
+        z: height of the lower face [m].
+        size: mesh size [m].
+    """
+
+    length: float = 40e-3
+    width: float = 20e-3
+    height: float = 20e-3
+    z: float = 0.0
+    size: float = 5e-3
+
+
+def build(occ: Any, block: Block) -> Part:
+    """Add a box centred about the z axis to the current gmsh model.
+
+    Args:
+        occ: gmsh's OpenCASCADE kernel.
+        block: its parameters.
+
+    Returns:
+        Layer ``body``; faces ``bottom``, ``top`` and ``sides``.
+    """
+    corner = (-block.length / 2, -block.width / 2, block.z)
+    body = [occ.addBox(*corner, block.length, block.width, block.height)]
+    occ.synchronize()
+    return Part(
+        volumes={"body": body},
+        faces={
+            "bottom": faces_where(body, flat_at(block.z)),
+            "top": faces_where(body, flat_at(block.z + block.height)),
+            "sides": faces_where(
+                body, lambda low, high: bool(high[2] - low[2] > 0.5 * block.height)
+            ),
+        },
+        sizes={"body": block.size},
+    )
