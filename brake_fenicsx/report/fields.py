@@ -73,10 +73,10 @@ def write_fields(path: str | Path, V: Any, fields: Mapping[str, NDArray]) -> Pat
         The path of the XDMF file.
     """
     path = Path(path)
-    linear = _linear_space(V)
+    parts, linear = _parts(V, fields), _linear_space(V)
     with _xdmf(V.mesh.comm, path) as file:
         file.write_mesh(V.mesh)
-        for name, values in _parts(V, fields).items():
+        for name, values in parts.items():
             file.write_function(_at_vertices(linear, V, values, name), 0.0)
     if V.mesh.comm.rank == 0:
         _one_grid(path)

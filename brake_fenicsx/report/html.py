@@ -6,12 +6,13 @@ import base64
 import os
 from collections.abc import Mapping, Sequence
 from html import escape
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from .accuracy import ERROR_COLUMNS, error_rows, stage_rows
 from .figures import PLOTS, make_figures
-from .overview import approach_rows, family_rows
+from .overview import approach_rows, family_rows, share_text
 from .page_style import CSS
 from .rundata import RunData, read_run
 from .style import label
@@ -68,7 +69,7 @@ def render_page(run: RunData) -> str:
         ("squeal", "Squeal map", _squeal(run)),
         ("probability", "Probability per band", _probability(run)),
         ("pressure", "Contact pressure on the pads", _figures(run, "contact_pressure")),
-        ("shapes", "Mode shapes", _shapes(run)),
+        ("shapes", "Mesh and mode shapes", _shapes(run)),
         ("laws", "Contact laws", _figures(run, "figure8_laws", "figure7_contact_maps")),
         ("surface", "Surface", _surface(run)),
         ("accuracy", "Speed against error of this run", _accuracy(run)),
@@ -111,7 +112,7 @@ def _lead(run: RunData) -> str:
         "share of unstable samples",
         "most often unstable",
     ]
-    body = [[label(str(row[0])), *row[1:6], _interval(row[6:9]), row[9]] for row in rows]
+    body = [[label(str(row[0])), *row[1:6], share_text(row[6:9]), row[9]] for row in rows]
     return _table(heads, body) + (
         "<p>Shares carry 95 % Wilson intervals: they say how well this number of samples can know "
         "the share, not how well the model knows the brake.</p>"
@@ -129,7 +130,7 @@ def _squeal(run: RunData) -> str:
             _kilo(row[2]),
             _kilo(row[3]),
             row[4],
-            _interval(row[5:8]),
+            share_text(row[5:8]),
             row[8],
         ]
         for row in family_rows(run)[:40]
@@ -144,7 +145,8 @@ def _squeal(run: RunData) -> str:
         "lowest damping [-]",
     ]
     note = (
-        "<p>An eigenvalue is α + iω; drawn is the damping −2α/|ω|, twice the damping ratio. "
+        "<p>An eigenvalue is alpha + i omega; drawn is -2 alpha / |omega|, twice the "
+        "damping ratio. "
         "Negative damping is a mode that grows from the equilibrium: a squeal candidate. "
         "How large the vibration becomes is beyond a linear analysis.</p>"
     )
@@ -158,7 +160,14 @@ def _probability(run: RunData) -> str:
 def _shapes(run: RunData) -> str:
     folder = run.directory / "figures"
     paths = [*sorted(folder.glob("mesh*.png")), *sorted(folder.glob("mode_*.png"))]
-    return "\n".join(_image(path, path.stem.replace("_", " ")) for path in paths)
+    return "\n".join(_image(path, _heading(path)) for path in paths)
+
+
+def _heading(path: Path) -> str:
+    """The heading drawn in a picture, or the name of its file."""
+    pillow: Any = import_module("PIL.Image")  # comes with matplotlib
+    with pillow.open(path) as picture:
+        return str(picture.info.get("Title", path.stem.replace("_", " ")))
 
 
 def _surface(run: RunData) -> str:
@@ -193,7 +202,7 @@ def _accuracy(run: RunData) -> str:
     rest = {key: value for key, value in run.summary.items() if key not in known}
     if rest:
         parts.append(_pairs("quantity", rest))
-    return "\n".join(parts + [_figures(run, "stages", "eigenvalue_errors")]) if parts else ""
+    return "\n".join([*parts, _figures(run, "stages", "eigenvalue_errors")]) if parts else ""
 
 
 def _settings(run: RunData) -> str:
@@ -247,13 +256,6 @@ def _flatten(content: Mapping[str, Any], above: str = "") -> list[tuple[str, str
         else:
             found.append((name, value if isinstance(value, str) else repr(value)))
     return found
-
-
-def _interval(values: Sequence[Value]) -> str:
-    numbers = [float(v) for v in values if isinstance(v, float)]
-    if len(numbers) < 3:
-        return "-"
-    return f"{100 * numbers[0]:.0f} % ({100 * numbers[1]:.0f} to {100 * numbers[2]:.0f} %)"
 
 
 def _kilo(value: Value) -> str:

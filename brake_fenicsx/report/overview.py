@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from .accuracy import ERROR_COLUMNS, STAGE_COLUMNS, error_rows, stage_rows
-from .counts import FamilyCount, band_edges, count, families, probability_per_band, wilson
+from .counts import FamilyCount, Share, band_edges, count, families, probability_per_band, wilson
 from .rundata import RunData, read_run
 from .tables import Value, text_table, write_rows
 
@@ -59,8 +59,6 @@ def approach_rows(run: RunData, most: int = 3) -> list[list[Value]]:
     rows: list[list[Value]] = []
     for approach in run.approaches:
         c = count(run, approach)
-        share = wilson(c.unstable_samples, c.samples)
-        interval: list[Value] = [share.value, share.low, share.high]
         rows.append(
             [
                 approach,
@@ -69,7 +67,7 @@ def approach_rows(run: RunData, most: int = 3) -> list[list[Value]]:
                 c.modes,
                 c.unstable,
                 c.unstable_samples,
-                *(interval if c.samples > 1 else [None] * 3),
+                *_share_cells(wilson(c.unstable_samples, c.samples)),
                 ", ".join(map(_family_text, families(run, approach)[:most])) or "none",
             ]
         )
@@ -85,7 +83,7 @@ def family_rows(run: RunData) -> list[list[Value]]:
             f.frequency,
             f.spread,
             f.share.hits,
-            *([f.share.value, f.share.low, f.share.high] if f.share.n > 1 else [None] * 3),
+            *_share_cells(f.share),
             f.worst,
         ]
         for approach in run.approaches
@@ -99,8 +97,8 @@ def band_rows(run: RunData) -> list[list[Value]]:
     rows: list[list[Value]] = []
     for approach in run.approaches:
         for j, s in enumerate(probability_per_band(run, approach, edges)):
-            interval: list[Value] = [s.value, s.low, s.high] if s.n > 1 else [None] * 3
-            rows.append([approach, float(edges[j]), float(edges[j + 1]), s.hits, s.n, *interval])
+            band = float(edges[j]), float(edges[j + 1])
+            rows.append([approach, *band, s.hits, s.n, *_share_cells(s)])
     return rows
 
 
@@ -125,8 +123,16 @@ def summary_table(run: RunData | str | Path) -> str:
         "share",
         "most often unstable",
     )
-    rows = [[*row[:6], _share_text(row[6:9]), row[9]] for row in approach_rows(run)]
+    rows = [[*row[:6], share_text(row[6:9]), row[9]] for row in approach_rows(run)]
     return text_table(heads, rows)
+
+
+def share_text(interval: Sequence[Value]) -> str:
+    """A share with its interval in per cent, or a dash where there is none."""
+    numbers = [float(v) for v in interval if isinstance(v, float)]
+    if len(numbers) < 3:
+        return "-"
+    return f"{100 * numbers[0]:.0f} % ({100 * numbers[1]:.0f} to {100 * numbers[2]:.0f} %)"
 
 
 def write_tables(directory: str | Path) -> list[Path]:
@@ -152,13 +158,11 @@ def write_tables(directory: str | Path) -> list[Path]:
     return [write_rows(folder / f"{name}.csv", heads, rows) for name, heads, rows in tables if rows]
 
 
+def _share_cells(share: Share) -> list[Value]:
+    """A share and its interval; a single sample has a verdict, no share."""
+    return [share.value, share.low, share.high] if share.n > 1 else [None, None, None]
+
+
 def _family_text(f: FamilyCount) -> str:
     often = f" ({f.share.hits}/{f.share.n})" if f.share.n > 1 else ""
     return f"{f.frequency / 1e3:.2f} kHz{often}"
-
-
-def _share_text(interval: Sequence[Value]) -> str:
-    numbers = [float(v) for v in interval if isinstance(v, float)]
-    if len(numbers) < 3:
-        return "-"
-    return f"{100 * numbers[0]:.0f} % ({100 * numbers[1]:.0f} to {100 * numbers[2]:.0f} %)"

@@ -15,7 +15,8 @@ figure img { display: block; width: 100%; max-width: 960px; height: auto; }
 figcaption { font-size: 0.9em; color: #444; margin-top: 0.3em; }
 table { border-collapse: collapse; font-size: 0.87em; margin: 1em 0; break-inside: auto; }
 th, td { padding: 0.25em 0.8em 0.25em 0; text-align: left; vertical-align: top;
-  border-bottom: 1px solid #ddd; overflow-wrap: anywhere; }
+  border-bottom: 1px solid #ddd; overflow-wrap: break-word; }
+td:first-child { white-space: nowrap; }
 th { border-bottom: 1.5px solid #555; overflow-wrap: normal; }
 td.number { font-variant-numeric: tabular-nums; }
 tr { break-inside: avoid; }

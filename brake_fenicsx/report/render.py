@@ -301,4 +301,6 @@ def _compose(
             foot.axis("off")
             handles = [Patch(color=colour, label=name) for name, colour in legend.items()]
             foot.legend(handles=handles, loc="center", ncol=min(5, len(handles)))
-        figure.savefig(path, dpi=200, facecolor="white", metadata={"Software": None})
+        figure.savefig(
+            path, dpi=200, facecolor="white", metadata={"Software": None, "Title": title}
+        )

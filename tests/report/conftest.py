@@ -1,11 +1,13 @@
 """A synthetic run directory, seeded: every file the report reads, small and of known content."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from brake_fenicsx.report.figures import make_figures
 from brake_fenicsx.report.tables import CONTACT, MODES, SAMPLES, write_rows
 
 E_STAR = 2373.4e6
@@ -219,6 +221,14 @@ def make_run(directory: Path, seed: int = 7, small: bool = False) -> Path:
         'stages = ["surface"]\n[micro]\nE = "1983.3 MPa"  # <b>E</b>\n'
     )
     return directory
+
+
+@pytest.fixture(scope="session")
+def drawn(run_directory, tmp_path_factory) -> tuple[Path, list[Path]]:
+    """The same run with all its figures, and what was written."""
+    directory = tmp_path_factory.mktemp("drawn") / "run & <one>"
+    shutil.copytree(run_directory, directory)
+    return directory, make_figures(directory)
 
 
 @pytest.fixture(scope="session")

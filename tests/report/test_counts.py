@@ -1,0 +1,122 @@
+"""Counts against a table small enough to count by hand."""
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from brake_fenicsx.report.accuracy import error_rows, stage_rows
+from brake_fenicsx.report.counts import band_edges, count, families, probability_per_band, wilson
+from brake_fenicsx.report.overview import approach_rows, family_rows, summary_table, write_tables
+from brake_fenicsx.report.rundata import read_run
+from brake_fenicsx.report.tables import MODES, SAMPLES, read_columns, read_rows, write_rows
+
+
+def mode(approach, sample, number, f, damping, family, error=1e-6):
+    verdict = "unstable" if damping < 0 else "stable" if damping > 0 else "neutral"
+    real = -damping * np.pi * f
+    return [approach, sample, number, f, real, damping, 1e-12, error, 2.0, verdict, family]
+
+
+@pytest.fixture
+def run(tmp_path):
+    """Four samples of one approach, of which one failed and one is stable; one of another."""
+    modes = [
+        mode("fast", 0, 0, 950.0, -0.01, 0),
+        mode("fast", 0, 1, 1050.0, -0.02, 1),
+        mode("fast", 0, 2, 5000.0, 0.0, -1),
+        mode("fast", 1, 0, 970.0, -0.03, 0, error=1e-4),
+        mode("fast", 2, 0, 960.0, 0.01, 0),
+        mode("fast", 3, 0, 980.0, -0.04, 0),
+        mode("classical", 0, 0, 4000.0, -0.05, -1),
+    ]
+    write_rows(tmp_path / "modes.csv", MODES, modes)
+    samples = [["fast", k, "ok" if k < 3 else "no equilibrium", k] for k in range(4)]
+    write_rows(tmp_path / "samples.csv", SAMPLES, [*samples, ["classical", 0, "ok", 0]])
+    return read_run(tmp_path)
+
+
+def test_failed_samples_do_not_count(run):
+    c = count(run, "fast")
+    assert (c.samples, c.failed, c.modes, c.unstable, c.unstable_samples) == (3, 1, 5, 3, 2)
+    assert c.per_sample.tolist() == [2, 1, 0]
+
+
+def test_families_are_counted_by_sample(run):
+    first, second = families(run, "fast")
+    assert (first.family, first.share.hits, first.share.n) == (0, 2, 3)
+    assert first.frequency == pytest.approx(960.0)
+    assert first.worst == -0.03
+    assert (second.family, second.share.hits) == (1, 1)
+    (lone,) = families(run, "classical")
+    assert (lone.family, lone.frequency) == (-1, 4000.0)
+
+
+def test_bands_count_samples_not_modes(run):
+    edges = np.array([0.0, 1000.0, 2000.0, 5000.0])
+    shares = probability_per_band(run, "fast", edges)
+    assert [s.hits for s in shares] == [2, 1, 0]
+    assert {s.n for s in shares} == {3}
+    wide = probability_per_band(run, "fast", np.array([0.0, 5000.0]))
+    assert wide[0].hits == 2
+
+
+def test_band_edges_are_round_and_cover_the_modes(run):
+    edges = band_edges(run)
+    assert edges[0] == 0.0
+    assert edges[-1] >= 5000.0 > edges[-2]
+    assert np.allclose(np.diff(edges), 500.0)
+
+
+@pytest.mark.parametrize(("hits", "n"), [(1, 3), (5, 40), (39, 40), (150, 300)])
+def test_wilson_bounds_solve_the_score_equation(hits, n):
+    z, share = 1.959963984540054, wilson(hits, n)
+
+    def score(p):
+        return (hits / n - p) ** 2 - z**2 * p * (1 - p) / n
+
+    assert share.low == pytest.approx(brentq(score, 1e-12, hits / n), rel=1e-9)
+    assert share.high == pytest.approx(brentq(score, hits / n, 1 - 1e-12), rel=1e-9)
+
+
+def test_wilson_at_the_ends():
+    assert (wilson(0, 10).low, wilson(10, 10).high) == (0.0, 1.0)
+    assert 0.2 < wilson(0, 10).high < 0.35
+    assert (wilson(0, 0).low, wilson(0, 0).high) == (0.0, 1.0)
+
+
+def test_tables_carry_the_numbers_of_the_run(run):
+    written = {path.stem: path for path in write_tables(run.directory)}
+    assert set(written) == {"approaches", "families", "probability_per_band", "eigenvalue_errors"}
+    classical, fast = read_rows(written["approaches"])
+    assert (fast["samples"], fast["failed"], fast["unstable_modes"]) == (3, 1, 3)
+    assert fast["share"] == 2 / 3
+    assert classical["share"] is None
+    assert fast["most_frequent"] == "0.96 kHz (2/3), 1.05 kHz (1/3)"
+    assert read_columns(written["families"])["frequency_hz"].tolist() == [4000.0, 960.0, 1050.0]
+    bands = read_rows(written["probability_per_band"])
+    assert sum(row["unstable_samples"] for row in bands if row["approach"] == "fast") == 3
+    assert [list(row) for row in approach_rows(run)] == [
+        list(row.values()) for row in read_rows(written["approaches"])
+    ]
+    assert len(family_rows(run)) == 3
+
+
+def test_errors_of_the_run(run):
+    classical, fast = error_rows(run)
+    assert fast[1] == 6
+    assert fast[6] == 1e-4
+    assert fast[4] == 1e-6
+    assert classical[7] == 2.0
+
+
+def test_stages_keep_their_order_and_gaps():
+    summary = {"seconds": {"b": 2, "a": 1.5}, "peak_memory_mb": {"a": 10.0, "c": 3.0}}
+    assert stage_rows(summary) == [["b", 2.0, None], ["a", 1.5, 10.0], ["c", None, 3.0]]
+    assert stage_rows({"seconds": "fast"}) == []
+
+
+def test_summary_names_every_approach(run):
+    lines = summary_table(run).splitlines()
+    assert lines[2].split()[:6] == ["classical", "1", "0", "1", "1", "1"]
+    assert lines[3].split()[:6] == ["fast", "3", "1", "5", "3", "2"]
+    assert summary_table(run.directory) == summary_table(run)

@@ -1,0 +1,171 @@
+"""What ParaView gets: values at the vertices, both parts of a mode, on one and on two processes."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+MPI = pytest.importorskip("mpi4py.MPI")
+pytest.importorskip("dolfinx")
+pyvista = pytest.importorskip("pyvista")
+h5py = pytest.importorskip("h5py")
+
+from dolfinx import fem, mesh  # noqa: E402
+
+from brake_fenicsx.report.fields import write_fields, write_phases, write_points  # noqa: E402
+from brake_fenicsx.report.render import render_mesh, render_mode  # noqa: E402
+
+
+def vector_space(comm, n=3, cell=None):
+    cube = mesh.create_unit_cube(comm, n, n, n, cell or mesh.CellType.tetrahedron)
+    if hasattr(fem, "functionspace"):
+        return fem.functionspace(cube, ("Lagrange", 2, (3,)))
+    return fem.VectorFunctionSpace(cube, ("Lagrange", 2))
+
+
+def field(x):
+    """Quadratic, complex: its vertex values are not those of a coarser fit."""
+    re = np.array([x[0] ** 2, x[1] * x[2], 1 + x[2]])
+    return re + 1j * np.array([x[1], -x[0], x[0] * x[2]])
+
+
+def values_on(V):
+    return field(V.tabulate_dof_coordinates().T).T.ravel()
+
+
+def read(path):
+    """The one grid of an XDMF file, read by VTK, an independent reader."""
+    from vtkmodules.vtkIOXdmf2 import vtkXdmfReader
+
+    reader = vtkXdmfReader()
+    reader.SetFileName(str(path))
+    reader.Update()
+    grid = pyvista.wrap(reader.GetOutputDataObject(0))
+    return grid[0] if isinstance(grid, pyvista.MultiBlock) else grid
+
+
+@pytest.fixture(scope="module")
+def space():
+    return vector_space(MPI.COMM_SELF)
+
+
+@pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
+def test_vertices_carry_the_values_of_the_field(tmp_path, cell):
+    V = vector_space(MPI.COMM_SELF, cell=getattr(mesh.CellType, cell))
+    values = values_on(V)
+    path = write_fields(tmp_path / "m.xdmf", V, {"mode": values, "static": values.real.copy()})
+    grid = read(path)
+    assert grid.n_points == 4**3
+    exact = field(grid.points.T.astype(float)).T
+    assert sorted(grid.point_data.keys()) == ["mode_im", "mode_re", "static"]
+    assert np.allclose(grid.point_data["mode_re"], exact.real, atol=1e-12)
+    assert np.allclose(grid.point_data["mode_im"], exact.imag, atol=1e-12)
+    assert np.allclose(grid.point_data["static"], exact.real, atol=1e-12)
+
+
+def test_the_file_says_what_was_left_out(tmp_path, space, caplog):
+    import logging
+
+    with caplog.at_level(logging.INFO, logger="brake_fenicsx"):
+        logging.getLogger("brake_fenicsx").propagate = True
+        path = write_fields(tmp_path / "m.xdmf", space, {"u": values_on(space).real})
+    assert "interpolated into the first-order space" in path.read_text().splitlines()[1]
+    assert "mid-edge values are not in this file" in caplog.text
+
+
+def test_phases_turn_the_mode_once(tmp_path, space):
+    values = values_on(space)
+    path = write_phases(tmp_path / "p.xdmf", space, values, frames=8)
+    with h5py.File(path.with_suffix(".h5")) as file:
+        data = file["Function"]["displacement"]
+        frames = [data[key][:] for key in sorted(data, key=lambda k: float(k.replace("_", ".")))]
+        points = file["Mesh"]["mesh"]["geometry"][:]
+    exact = field(points.T).T
+    assert len(frames) == 8
+    assert np.allclose(frames[0], exact.real, atol=1e-12)
+    assert np.allclose(frames[2], -exact.imag, atol=1e-12)
+    assert np.allclose(frames[4], -exact.real, atol=1e-12)
+
+
+def test_contact_points_keep_every_digit(tmp_path):
+    rng = np.random.default_rng(3)
+    points, p = rng.normal(size=(5, 3)), rng.random(5)
+    path = write_points(tmp_path / "contact.xdmf", points, {"p": p, "slip": points[:, ::-1]})
+    cloud = read(path)
+    assert np.array_equal(cloud.point_data["p"], p)
+    assert np.array_equal(cloud.point_data["slip"], points[:, ::-1])
+    assert np.allclose(cloud.points, points, rtol=1e-7)
+
+
+def test_a_field_of_another_length_is_refused(tmp_path, space):
+    with pytest.raises(ValueError, match="field u: shape"):
+        write_fields(tmp_path / "m.xdmf", space, {"u": np.zeros(7)})
+    assert not (tmp_path / "m.xdmf").exists()
+
+
+def test_mode_picture_shows_both_views_in_colour(tmp_path, space):
+    from matplotlib.image import imread
+
+    path = render_mode(tmp_path / "mode.png", space, values_on(space), title="1.23 kHz")
+    image = imread(path)[:, :, :3]
+    drawn = (image.max(axis=2) - image.min(axis=2)) > 0.2
+    height, width = drawn.shape
+    left, right = drawn[: int(0.8 * height), : width // 2], drawn[: int(0.8 * height), width // 2 :]
+    assert left.mean() > 0.1
+    assert right.mean() > 0.1
+
+
+def test_the_picture_does_not_depend_on_the_phase_or_the_size_of_the_mode(tmp_path, space):
+    from matplotlib.image import imread
+
+    values = values_on(space)
+    turned = 1e-7 * np.exp(0.7j) * values
+    first = imread(render_mode(tmp_path / "a.png", space, values))
+    second = imread(render_mode(tmp_path / "b.png", space, turned))
+    assert np.mean(np.abs(first - second)) < 1e-3
+
+
+def test_mesh_picture_has_one_colour_per_part(tmp_path, space):
+    from matplotlib.image import imread
+
+    n = space.mesh.topology.index_map(3).size_local
+    one = imread(render_mesh(tmp_path / "one.png", space))[:, :, :3]
+    parts = (np.arange(n) >= n // 2).astype(int)
+    two = imread(render_mesh(tmp_path / "two.png", space, parts, {0: "disc", 1: "pad"}))[:, :, :3]
+
+    def orange(image):
+        return np.mean((image[:, :, 0] - image[:, :, 2]) > 0.3)
+
+    assert orange(one) == 0
+    assert orange(two) > 0.01
+
+
+def test_two_processes_write_the_same_field(tmp_path):
+    mpirun = shutil.which("mpirun")
+    if mpirun is None:
+        pytest.skip("no mpirun")
+    environment = dict(
+        os.environ,
+        OMPI_ALLOW_RUN_AS_ROOT="1",
+        OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1",
+        OMP_NUM_THREADS="1",
+        PYTHONPATH=str(Path(__file__).parent),
+    )
+    code = (
+        "import sys; from mpi4py import MPI; import test_fields as t;"
+        "V = t.vector_space(MPI.COMM_WORLD); v = t.values_on(V);"
+        "t.write_fields(sys.argv[1], V, {'mode': v}); t.render_mode(sys.argv[2], V, v)"
+    )
+    paths = [str(tmp_path / "m.xdmf"), str(tmp_path / "m.png")]
+    command = [mpirun, "-n", "2", "--oversubscribe", sys.executable, "-c", code, *paths]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    grid = read(paths[0])
+    exact = field(grid.points.T.astype(float)).T
+    assert grid.n_points == 4**3
+    assert np.allclose(grid.point_data["mode_im"], exact.imag, atol=1e-12)
+    assert Path(paths[1]).stat().st_size > 10_000

@@ -1,0 +1,268 @@
+"""Every figure from a synthetic run: it is there, it shows the data, and only where data are."""
+
+import shutil
+from pathlib import Path
+from xml.etree import ElementTree
+
+import matplotlib.image
+import numpy as np
+import pytest
+from matplotlib.collections import LineCollection, PathCollection, PolyCollection
+
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.report.accuracy import draw_errors, draw_stages
+from brake_fenicsx.report.contact_figures import draw_contact_pressure
+from brake_fenicsx.report.counts import count
+from brake_fenicsx.report.figures import PLOTS, make_figures
+from brake_fenicsx.report.micro_figures import draw_contact_maps, draw_laws
+from brake_fenicsx.report.rundata import read_run
+from brake_fenicsx.report.squeal_figures import (
+    draw_convergence,
+    draw_counts,
+    draw_families,
+    draw_probability,
+    draw_squeal_map,
+)
+from brake_fenicsx.report.surface_figures import draw_artificial, draw_statistics, draw_topography
+
+NEEDS = {
+    "modes.csv": {
+        "figure9_squeal_map",
+        "squeal_families",
+        "probability_per_band",
+        "unstable_per_sample",
+        "convergence",
+        "eigenvalue_errors",
+    },
+    "contact.csv": {"contact_pressure"},
+    "laws.npz": {"figure8_laws"},
+    "surface.npz": {"figure4_topography", "figure5_statistics", "figure6_artificial"},
+    "contact_maps.npz": {"figure7_contact_maps"},
+    "summary.json": {"stages"},
+}
+
+
+@pytest.fixture(scope="module")
+def run(run_directory):
+    return read_run(run_directory)
+
+
+def labels(axes):
+    return axes.get_xlabel(), axes.get_ylabel()
+
+
+def ink(path: Path) -> tuple[float, int]:
+    """Share of pixels that are not white, and number of colours."""
+    image = (matplotlib.image.imread(path)[:, :, :3] * 255).astype(np.uint32)
+    packed = image @ np.array([65536, 256, 1], dtype=np.uint32)
+    return float(np.mean(packed < 0xFAFAFA)), len(np.unique(packed))
+
+
+def test_all_figures_are_drawn_and_none_is_blank(drawn):
+    _, written = drawn
+    expected = [f"{plot.name}.{kind}" for plot in PLOTS for kind in ("png", "svg")]
+    assert [path.name for path in written] == expected
+    for path in written:
+        if path.suffix == ".png":
+            share, colours = ink(path)
+            assert share > 0.02, path.name
+            assert colours > 30, path.name
+        else:
+            assert ElementTree.parse(path).getroot().tag.endswith("svg")
+
+
+@pytest.mark.parametrize("name", NEEDS)
+def test_what_is_absent_is_not_drawn(run_directory, tmp_path, monkeypatch, name):
+    drawn = set()
+    monkeypatch.setattr(
+        "brake_fenicsx.report.figures.save", lambda figure, folder, stem: drawn.add(stem) or []
+    )
+    shutil.copy(run_directory / name, tmp_path / name)
+    make_figures(tmp_path)
+    assert drawn == NEEDS[name]
+
+
+def test_the_same_run_gives_the_same_bytes(run_directory, tmp_path):
+    contents = []
+    before = dict(matplotlib.rcParams)
+    for k in range(2):
+        directory = tmp_path / str(k)
+        directory.mkdir()
+        shutil.copy(run_directory / "laws.npz", directory)
+        contents.append([path.read_bytes() for path in make_figures(directory)])
+    assert contents[0] == contents[1]
+    assert dict(matplotlib.rcParams) == before
+
+
+def test_pyplot_holds_no_figure(run):
+    import matplotlib.pyplot as plt
+
+    draw_laws(run)
+    assert plt.get_fignums() == []
+
+
+def test_topography_shows_the_heights_with_x_to_the_right(run):
+    figure = draw_topography(run)
+    image = figure.axes[0].images[0]
+    z = run.surface["heights"].T * 1e6
+    assert np.array_equal(np.isnan(z), np.ma.getmaskarray(image.get_array()))
+    assert np.allclose(image.get_array().compressed(), z[np.isfinite(z)])
+    assert np.allclose(image.get_extent(), [0, 1.8, 0, 1.4])
+    assert labels(figure.axes[0]) == ("x [mm]", "y [mm]")
+    assert f"{np.isnan(z).sum()} of {z.size}" in figure.axes[0].get_title(loc="left") + (
+        figure.axes[0].get_title()
+    )
+
+
+def test_statistics_show_fit_band_subsets_and_residual(run):
+    figure = draw_statistics(run)
+    heights, psd, residual = figure.axes
+    assert labels(heights) == ("height $z$ [µm]", "density $P(z)$ [1/µm]")
+    assert psd.get_ylabel() == "radial PSD $C$ [m$^4$]"
+    assert residual.get_xlabel() == "wave number $q$ [rad/m]"
+    assert (psd.get_xscale(), psd.get_yscale()) == ("log", "log")
+    texts = [t.get_text() for t in psd.get_legend().get_texts()]
+    assert texts[:4] == ["reliable band", "decimated scans", "sub-windows", "whole scan"]
+    assert "$-2.01$ ± 0.04" in texts[4]
+    curves = [line for line in psd.lines if len(line.get_xdata()) > 2]
+    assert len(curves) == 6 + 2
+    fit = residual.lines[0].get_ydata()
+    assert np.all(fit > 0)
+    area = sum(p.get_width() * p.get_height() for p in heights.patches)
+    assert area == pytest.approx(1.0)
+
+
+def test_statistics_without_spectrum_show_heights_only(run_directory, tmp_path):
+    with np.load(run_directory / "surface.npz") as file:
+        np.savez(tmp_path / "surface.npz", heights=file["heights"], size=file["size"])
+    run = read_run(tmp_path)
+    figure = draw_statistics(run)
+    assert [axis.get_visible() for axis in figure.axes] == [True, False]
+    assert draw_artificial(run) is None
+
+
+def test_artificial_surface_stands_at_the_scale_of_the_scan(run):
+    figure = draw_artificial(run)
+    left, right = figure.axes[:2]
+    assert left.get_xlim() == right.get_xlim() == (0, pytest.approx(2.825))
+    assert left.images[0].get_clim() == right.images[0].get_clim()
+    assert np.allclose(right.images[0].get_array(), run.surface["artificial"].T * 1e6)
+    assert all("[" in text for axis in figure.axes[:4] for text in labels(axis))
+
+
+def test_contact_maps_show_only_what_touches(run):
+    figure = draw_contact_maps(run)
+    maps = [axis for axis in figure.axes if axis.images]
+    for axis, p in zip(maps[:6], run.maps["pressures"], strict=True):
+        shown = axis.images[0].get_array()
+        assert np.array_equal(~np.ma.getmaskarray(shown), p.T > 0)
+    assert "real contact 30 %" in maps[5].get_title(loc="left") + maps[5].get_title()
+
+
+def test_laws_are_all_drawn_on_linear_and_log_axes(run):
+    figure = draw_laws(run)
+    assert [axis.get_yscale() for axis in figure.axes] == ["linear", "log", "log"]
+    for axis in figure.axes:
+        (bundle,) = (c for c in axis.collections if isinstance(c, LineCollection))
+        assert len(bundle.get_segments()) == 30
+    first = figure.axes[0].collections[0].get_segments()[3]
+    assert np.allclose(first[:, 0], run.laws["d"][3] * 1e6)
+    assert np.allclose(first[:, 1], run.laws["p"][3] / 1e6)
+    assert figure.axes[1].get_ylabel() == "$p/E^*$ [-]"
+    assert figure.axes[2].get_ylabel() == "stiffness $-p'(d)$ [N/mm$^3$]"
+
+
+def points(axes, marker):
+    groups = [c for c in axes.collections if isinstance(c, PathCollection)]
+    found = {c.get_label().split(":")[0]: c.get_offsets() for c in groups}
+    return found.get(marker, np.empty((0, 2)))
+
+
+def test_squeal_map_shows_every_mode_of_every_good_sample(run):
+    figure = draw_squeal_map(run)
+    assert len(figure.axes) == 3
+    for axis, approach in zip(figure.axes, run.approaches, strict=True):
+        c = count(run, approach)
+        shown = {name: points(axis, name) for name in ("neutral", "stable", "unstable")}
+        assert sum(map(len, shown.values())) == c.modes
+        assert len(shown["unstable"]) == c.unstable > 0
+        assert np.all(shown["unstable"][:, 1] < 0)
+        assert "-2" in axis.get_ylabel() and r"\alpha/|\omega|" in axis.get_ylabel()
+        assert f"{c.unstable} of {c.modes} modes unstable" in (
+            axis.get_title(loc="left") + axis.get_title()
+        )
+    assert figure.axes[-1].get_xlabel() == "frequency [kHz]"
+    assert len({axis.get_ylim() for axis in figure.axes}) == 1
+    mine = (run.modes["approach"] == "classical") & (run.modes["verdict"] == "unstable")
+    expected = np.column_stack([run.modes["frequency_hz"][mine] / 1e3, run.modes["damping"][mine]])
+    assert np.allclose(points(figure.axes[0], "unstable"), expected)
+
+
+def test_families_share_the_unstable_modes_among_them(run):
+    figure = draw_families(run)
+    for axis, approach in zip(figure.axes, run.approaches, strict=True):
+        total = sum(len(c.get_offsets()) for c in axis.collections if isinstance(c, PathCollection))
+        assert total == count(run, approach).unstable
+
+
+def test_probability_bars_are_the_shares(run):
+    figure = draw_probability(run)
+    assert len(figure.axes) == 2
+    bars = [p.get_height() for p in figure.axes[1].patches]
+    assert len(bars) == 16
+    assert max(bars) == pytest.approx(44 / 60)
+    assert "bands of 1000 Hz" in figure.axes[1].get_xlabel()
+
+
+def test_histogram_sums_to_one_per_approach(run):
+    axis = draw_counts(run).axes[0]
+    for bars in axis.containers:
+        assert sum(p.get_height() for p in bars) == pytest.approx(1.0)
+    assert len(axis.containers) == 2
+
+
+def test_convergence_ends_at_the_final_share(run):
+    figure = draw_convergence(run)
+    ends = [line.get_ydata()[-1] for line in figure.axes[0].lines]
+    final = [count(run, a) for a in ("fast", "multi-scale")]
+    assert ends == [c.unstable_samples / c.samples for c in final]
+
+
+def test_pressure_is_drawn_on_both_pads_of_each_approach(run):
+    figure = draw_contact_pressure(run)
+    pads = [axis for axis in figure.axes if axis.get_xlabel()]
+    assert len(pads) == 6
+    for axis in pads:
+        (patches,) = (c for c in axis.collections if isinstance(c, PolyCollection))
+        assert len(patches.get_paths()) == 15 * 37
+        assert labels(axis) == ("x [mm]", "y [mm]")
+    (patches,) = (c for c in pads[0].collections if isinstance(c, PolyCollection))
+    polygon = patches.get_paths()[0].vertices[:4]
+    sides = np.linalg.norm(np.diff(polygon, axis=0), axis=1)
+    assert np.allclose(sides, 2.825)
+
+
+def test_errors_and_stages_have_units(run):
+    errors, stages = draw_errors(run), draw_stages(run)
+    assert errors.axes[0].get_ylabel() == "error estimate of the eigenvalue [-]"
+    assert stages.axes[0].get_xlabel() == "time [s]"
+    assert [t.get_text() for t in stages.axes[0].get_yticklabels()] == list(run.summary["seconds"])
+
+
+def test_directories_without_results_are_named(tmp_path):
+    with pytest.raises(SceneError, match="no such run directory"):
+        make_figures(tmp_path / "nowhere")
+    with pytest.raises(SceneError, match="holds no result"):
+        make_figures(tmp_path)
+    (tmp_path / "laws.npz").write_bytes(b"not a zip")
+    with pytest.raises(SceneError, match=r"laws\.npz"):
+        make_figures(tmp_path)
+
+
+def test_a_broken_summary_is_named(tmp_path):
+    (tmp_path / "summary.json").write_text("{")
+    with pytest.raises(SceneError, match=r"summary\.json"):
+        read_run(tmp_path)
+    (tmp_path / "summary.json").write_text("[1]")
+    with pytest.raises(SceneError, match="list"):
+        read_run(tmp_path)

@@ -1,0 +1,103 @@
+import base64
+import re
+import shutil
+from xml.etree import ElementTree
+
+import pytest
+
+from brake_fenicsx.report.html import render_page, write_report
+from brake_fenicsx.report.rundata import RunData, read_run
+
+X = "{http://www.w3.org/1999/xhtml}"
+
+
+@pytest.fixture(scope="module")
+def page(drawn):
+    directory, _ = drawn
+    folder = directory / "figures"
+    shutil.copy(folder / "stages.png", folder / "mode_classical_0_3.png")
+    return write_report(directory, redraw=False)
+
+
+def test_page_is_well_formed_with_all_sections(page):
+    root = ElementTree.parse(page).getroot()
+    sections = [s.get("id") for s in root.iter(f"{X}section")]
+    assert sections == [
+        "squeal",
+        "probability",
+        "pressure",
+        "shapes",
+        "laws",
+        "surface",
+        "accuracy",
+        "settings",
+    ]
+    links = [a.get("href") for a in root.iter(f"{X}a")]
+    assert links == [f"#{key}" for key in sections]
+    assert root.find(f"{X}head/{X}title").text.endswith("run & <one>")
+
+
+def test_page_needs_no_network_and_no_script(page):
+    text = page.read_text()
+    without_images = re.sub(r'src="data:[^"]*"', "", text)
+    namespaces = re.sub(r'xmlns="[^"]*"', "", without_images)
+    assert not re.search(r"https?:|//|@import|<script|<link|<iframe|url\(", namespaces)
+    sources = re.findall(r'src="([^"]*)"', text)
+    assert len(sources) == 14
+    assert all(source.startswith("data:image/png;base64,") for source in sources)
+
+
+def test_images_are_the_files_of_the_run(page):
+    inside = {
+        base64.b64decode(source)
+        for source in re.findall(r'src="data:image/png;base64,([^"]*)"', page.read_text())
+    }
+    on_disk = {path.read_bytes() for path in (page.parent / "figures").glob("*.png")}
+    assert inside == on_disk
+
+
+def test_every_setting_seed_and_version_is_listed(page):
+    root = ElementTree.parse(page).getroot()
+    rows = [[c.text for c in row] for row in root.iter(f"{X}tr")]
+    for row in (
+        ["stability.band", "[0.0, 16000.0]"],
+        ["samples.seed", "1"],
+        ["laws", "2"],
+        ["dolfinx", "0.5.2"],
+        ["note", "<script>alert(1)</script> & more"],
+        ["reduction.max_error", "0.00013"],
+        ["counts.contact_elements", "1110"],
+        ["micro", "40.5", "330"],
+    ):
+        assert row in rows
+    assert "<b>E</b>" in root.find(f".//{X}pre").text
+
+
+def test_numbers_of_the_answer_stand_at_the_head(page):
+    root = ElementTree.parse(page).getroot()
+    rows = [[c.text for c in row] for row in root.find(f".//{X}header").iter(f"{X}tr")]
+    assert rows[3][:6] == ["Multi-scale", "60", "0", "1920", "96", "54"]
+    assert rows[3][6] == "90 % (80 to 95 %)"
+    assert rows[1][6] == "-"
+
+
+def test_every_image_has_a_text(page):
+    root = ElementTree.parse(page).getroot()
+    assert all(image.get("alt") for image in root.iter(f"{X}img"))
+
+
+def test_a_run_of_the_surface_alone_has_no_other_sections(run_directory, tmp_path):
+    shutil.copy(run_directory / "surface.npz", tmp_path)
+    root = ElementTree.parse(write_report(tmp_path)).getroot()
+    assert [s.get("id") for s in root.iter(f"{X}section")] == ["surface"]
+    assert len(list(root.iter(f"{X}img"))) == 3
+
+
+def test_an_empty_summary_leaves_no_empty_section(tmp_path):
+    root = ElementTree.fromstring(render_page(RunData(tmp_path, summary={"name": "bare"})))
+    assert list(root.iter(f"{X}section")) == []
+    assert root.find(f".//{X}h1").text == "Brake squeal study: bare"
+
+
+def test_page_is_the_same_for_the_same_run(page):
+    assert render_page(read_run(page.parent)) == page.read_text()
