@@ -13,6 +13,7 @@ from .style import BLACK, label, light_grid, look, new_figure
 from .tables import Value
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 ERROR_COLUMNS = (
@@ -75,43 +76,53 @@ def stage_rows(summary: Mapping[str, Any]) -> list[list[Value]]:
 
 
 def draw_errors(run: RunData) -> Figure | None:
-    """Relative error estimate and residual of every mode against frequency, per approach."""
-    if run.modes is None or run.modes["mode"].size == 0:
+    """Error estimates of the eigenvalues: against frequency, and how many exceed a given error."""
+    if run.modes is None:
         return None
-    figure, axes = new_figure(1, 2, height=3.0, sharex=True)
+    figure, axes = new_figure(1, 2, height=3.1)
     drawn = False
-    for axis, column, name in zip(
-        axes.flat,
-        ("error_estimate", "residual"),
-        ("error estimate of the eigenvalue [-]", "relative residual [-]"),
-        strict=True,
-    ):
-        for approach in run.approaches:
-            mine = (run.modes["approach"] == approach) & (run.modes[column] > 0)
-            mine &= np.isfinite(run.modes[column])
-            if not mine.any():
-                continue
+    for approach in run.approaches:
+        own = (run.modes["approach"] == approach) & (run.modes["error_estimate"] > 0)
+        own &= np.isfinite(run.modes["error_estimate"])
+        if own.any():
             drawn = True
-            colour, marker = look(approach)
-            f, value = run.modes["frequency_hz"][mine] / 1e3, run.modes[column][mine]
-            many = int(mine.sum()) > 2000
-            axis.plot(
-                f,
-                value,
-                marker,
-                color=colour,
-                ms=2.5,
-                mew=0,
-                alpha=0.25 if many else 0.7,
-                rasterized=many,
-                label=label(approach),
-            )
-        axis.set(yscale="log", xlabel="frequency [kHz]", ylabel=name)
-        light_grid(axis)
+            f, error = run.modes["frequency_hz"][own] / 1e3, run.modes["error_estimate"][own]
+            _draw_bands(axes[0, 0], f, error, approach)
+            _draw_excess(axes[0, 1], error, approach)
     if not drawn:
         return None
-    axes[0, 0].legend(loc="lower left", bbox_to_anchor=(0, 1), ncol=4, markerscale=2)
+    unit = "relative error estimate of the eigenvalue [-]"
+    axes[0, 0].set(
+        yscale="log", xlabel="frequency [kHz]", ylabel=unit.replace("estimate ", "estimate\n")
+    )
+    axes[0, 0].set_title("(a) largest (line) and median (dots) per band")
+    axes[0, 1].set(xscale="log", yscale="log", xlabel=unit, ylabel="share of modes above [-]")
+    axes[0, 1].set_title("(b) modes whose error exceeds a value")
+    axes[0, 1].legend(loc="lower left")
+    for axis in axes.flat:
+        light_grid(axis)
     return figure
+
+
+def _draw_bands(axes: Axes, f: NDArray, error: NDArray, approach: str, bands: int = 24) -> None:
+    """Largest and median error in equal bands of frequency [kHz]."""
+    colour, marker = look(approach)
+    edges = np.linspace(0.0, f.max() * (1 + 1e-12), bands + 1)
+    place = np.digitize(f, edges) - 1
+    full = [j for j in range(bands) if np.any(place == j)]
+    middle = 0.5 * (edges[1:] + edges[:-1])[full]
+    axes.plot(middle, [error[place == j].max() for j in full], color=colour, lw=1.2)
+    medians = [np.median(error[place == j]) for j in full]
+    axes.plot(middle, medians, marker, color=colour, ms=3.5, label=label(approach))
+
+
+def _draw_excess(axes: Axes, error: NDArray, approach: str) -> None:
+    """Share of modes with a larger error, at up to 400 of the values."""
+    ordered = np.sort(error)
+    chosen = np.unique(np.linspace(0, error.size - 1, 400).astype(int))
+    share = 1.0 - chosen / error.size
+    colour, _ = look(approach)
+    axes.step(ordered[chosen], share, where="post", color=colour, label=label(approach))
 
 
 def draw_stages(run: RunData) -> Figure | None:

@@ -98,7 +98,7 @@ PLOTS = (
     ),
     Plot(
         "eigenvalue_errors",
-        "Error estimate and residual of every eigenvalue.",
+        "Error estimates of the eigenvalues, as the solver or the reduced model states them.",
         draw_errors,
     ),
     Plot(

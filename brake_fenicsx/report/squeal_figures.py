@@ -77,7 +77,7 @@ def draw_counts(run: RunData) -> Figure | None:
     shown = _sampled(run)
     if not shown:
         return None
-    figure, axes = new_figure(1, 1, height=3.0)
+    figure, axes = new_figure(1, 1, height=3.2)
     axis = axes[0, 0]
     records = [count(run, approach) for approach in shown]
     top = max(int(r.per_sample.max()) for r in records)
@@ -101,9 +101,8 @@ def draw_counts(run: RunData) -> Figure | None:
     _mark_single(axis, run)
     axis.set(xlabel="unstable modes per sample [-]", ylabel="share of samples [-]")
     axis.xaxis.get_major_locator().set_params(integer=True)
-    axis.set_ylim(0, 1.25 * axis.get_ylim()[1])
     light_grid(axis, axis="y")
-    axis.legend(loc="upper right")
+    axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncol=2)
     return figure
 
 

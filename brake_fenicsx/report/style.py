@@ -28,7 +28,7 @@ APPROACH_NAME = {
     "classical": "Classical",
     "fast": "FAST",
     "multi-scale": "Multi-scale",
-    "joint": "Joint (roughness, friction, moduli)",
+    "joint": "Joint",
 }
 HEIGHTS, PRESSURE = "cividis", "viridis"
 DAMPING_LABEL = r"damping $-2\,\alpha/|\omega|$ [-]"

@@ -242,11 +242,21 @@ def test_pressure_is_drawn_on_both_pads_of_each_approach(run):
     assert np.allclose(sides, 2.825)
 
 
-def test_errors_and_stages_have_units(run):
-    errors, stages = draw_errors(run), draw_stages(run)
-    assert errors.axes[0].get_ylabel() == "error estimate of the eigenvalue [-]"
-    assert stages.axes[0].get_xlabel() == "time [s]"
+def test_error_curves_end_at_the_largest_error_of_each_approach(run):
+    bands, excess = draw_errors(run).axes
+    error = run.modes["error_estimate"]
+    largest = [error[run.modes["approach"] == a].max() for a in run.approaches]
+    assert [line.get_ydata().max() for line in bands.lines[::2]] == largest
+    assert [line.get_xdata()[-1] for line in excess.lines] == largest
+    assert all(line.get_ydata()[0] == 1.0 for line in excess.lines)
+    assert excess.get_xlabel() == "relative error estimate of the eigenvalue [-]"
+
+
+def test_stages_have_units(run):
+    stages = draw_stages(run)
+    assert [axis.get_xlabel() for axis in stages.axes] == ["time [s]", "peak memory [MB]"]
     assert [t.get_text() for t in stages.axes[0].get_yticklabels()] == list(run.summary["seconds"])
+    assert [p.get_width() for p in stages.axes[0].patches] == list(run.summary["seconds"].values())
 
 
 def test_directories_without_results_are_named(tmp_path):
