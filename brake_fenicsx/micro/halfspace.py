@@ -106,6 +106,7 @@ class HalfSpace:
         pixel: lengths of a pixel [m], shape (2,).
         boundary: ``"free"`` or ``"periodic"``.
         diagonal: displacement of a pixel's centre under its own unit pressure p / E* [m].
+        largest: bound on the largest eigenvalue of the influence [m].
         products: number of products done so far.
     """
 
@@ -128,6 +129,7 @@ class HalfSpace:
         self._small = self._transform if padded == shape else _transform(shape, shape)
         self._inverse = self._inverse_symbol()
         self._unfold(kernel)
+        self.largest = float(np.abs(self.symbol).max())
         self.products = 0
 
     def apply(self, p: Array) -> Array:
@@ -141,7 +143,8 @@ class HalfSpace:
 
     def full_contact(self, h: Array) -> Array:
         """Pressure of zero mean that makes the periodic heights h [m] flat."""
-        return self._small.convolve(h - h.mean(), 1.0 / self.symbol)
+        q = _wave_numbers(self.shape, self.pixel)
+        return self._small.convolve(h, q / 2.0)
 
     @functools.cached_property
     def uniform_stiffness(self) -> float:

@@ -11,11 +11,11 @@ import numpy as np
 from brake_fenicsx.errors import SceneError, SurfaceError
 from brake_fenicsx.micro.halfspace import HalfSpace, half_space
 from brake_fenicsx.micro.law import Array, ComputedLaw, LawLibrary, make_library
-from brake_fenicsx.micro.loading import sweep
 from brake_fenicsx.micro.qp import unit_answer
+from brake_fenicsx.micro.sweep import sweep
 from brake_fenicsx.surface.topography import Topography
 
-FINE = 10  # times more steps per decade while fewer than a hundred pixels touch
+FINE = 40  # steps per decade of load while fewer than a hundred pixels touch
 FOOT = 0.02  # the foot of a law is at most this share of S_q
 
 
@@ -37,8 +37,8 @@ def contact_law(
         max_pressure: mean pressure the law is computed to [Pa]; 0.1 E* if not given.
         min_pressure: mean pressure of the first step [Pa]; 1e-6 E* if not given, less where the
             foot would be longer than 0.02 S_q.
-        steps: number of steps, equal in the logarithm of the load; ten times denser while fewer
-            than a hundred pixels touch.
+        steps: number of steps, equal in the logarithm of the load; 40 per decade or more
+            while fewer than a hundred pixels touch.
         boundary: ``"free"`` or ``"periodic"``.
         bulk_compliance: ``"remove"`` the sinking of the whole free patch, which the pad's finite
             elements already have, or ``"keep"`` it.
@@ -85,7 +85,7 @@ def law_steps(
     if not first > 0.0:
         raise SurfaceError(f"{surface.source}: the surface is flat; use a linear law")
     coarse = max(1, round(steps / np.log10(high / low)))
-    found = sweep(space, h, first, high / E_star * h.size, (FINE * coarse, coarse), tolerance)
+    found = sweep(space, h, first, high / E_star * h.size, max(FINE, coarse), coarse, tolerance)
     d, total, stiffness = np.array([(s.d, s.total, s.stiffness) for s in found]).T
     if bulk_compliance == "remove" and boundary == "free":
         c = bulk(space)

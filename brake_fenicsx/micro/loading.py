@@ -1,4 +1,4 @@
-"""Contact of a rigid plane with a rough elastic half-space at one separation or load, and a sweep.
+"""Contact of a rigid plane with a rough elastic half-space at one separation or load.
 
 Separations are those of the plane from the surface's undeformed mean plane. With a free boundary
 they contain the sinking of the whole half-space; only ``law.contact_law`` corrects for it.
@@ -12,11 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from brake_fenicsx.errors import NotConverged, SceneError, SurfaceError
-from brake_fenicsx.micro.halfspace import Array, HalfSpace, Index, half_space
-from brake_fenicsx.micro.qp import State, active_set, projected_cg, unit_answer
+from brake_fenicsx.micro.active import AllPixels, HighPixels, Touching, active_set
+from brake_fenicsx.micro.halfspace import Array, HalfSpace, half_space
+from brake_fenicsx.micro.qp import State, certify, projected_cg
 
 DENSE = 400  # touching pixels up to which dense factors are faster than FFTs (bench_micro.py)
-FEW = 700  # candidates up to which their dense influence is faster than one FFT product
+FEW = 1000  # candidates up to which their dense influence is faster than FFT products
 
 
 @dataclass(frozen=True, slots=True)
@@ -145,14 +146,13 @@ def solve(
             return closed, "none"
     if guess is None or not (guess > 0.0).any():
         guess = _first_guess(space, h, d, total)
-    if solver != "pcg":
-        begin = np.flatnonzero(guess.ravel() > 0.0)
-        if solver == "active-set" or begin.size <= DENSE:
-            state = active_set(space, h, d, total, begin, _candidates(space, h, d))
-            if state is not None and state.gap <= tolerance:
-                return state, "active-set"
-            if solver == "active-set":
-                raise NotConverged("active set: the pivoting cycles; use solver = 'pcg'")
+    few = np.count_nonzero(guess) <= DENSE
+    if solver == "active-set" or (solver == "auto" and few):
+        state = _by_active_set(space, h, d, total, guess)
+        if state is not None and state.gap <= tolerance:
+            return state, "active-set"
+        if solver == "active-set":
+            raise NotConverged("active set: the pivoting does not settle; use solver = 'pcg'")
     return projected_cg(space, h, d, total, guess, tolerance, max_iterations), "pcg"
 
 
@@ -178,16 +178,39 @@ def _checked(
     return h - h.mean(), lengths
 
 
-def _candidates(space: HalfSpace, h: Array, d: float | None) -> Index | None:
-    """Pixels that can touch at separation d, if they are few.
-
-    All pressures push down a free half-space everywhere, so what lies below the plane before any
-    pressure never touches. That is not so under a periodic boundary.
-    """
-    if d is None or space.boundary != "free":
+def _by_active_set(
+    space: HalfSpace, h: Array, d: float | None, total: float | None, guess: Array
+) -> State | None:
+    """Active set on the whole grid, or on the pixels above the plane where they are few."""
+    flat = h.ravel()
+    high = np.flatnonzero(flat > d) if d is not None and space.boundary == "free" else None
+    if high is None or high.size > FEW:
+        found = active_set(AllPixels(space, h), d, total, np.flatnonzero(guess.ravel() > 0.0))
+        return None if found is None else _on_grid(space, h, found, total is not None)
+    pixels = HighPixels(space, h, high)
+    start = np.flatnonzero(guess.ravel()[high] > 0.0)
+    found = active_set(pixels, d, total, start if start.size else np.array([0]))
+    if found is None:
         return None
-    found = np.flatnonzero(h.ravel() > d)
-    return found if found.size <= FEW else None
+    p = np.zeros(h.size)
+    p[high[found.points]] = found.pressure
+    w = space.apply(p.reshape(h.shape)) - h + found.d
+    return _certified(space, h, p.reshape(h.shape), w, found, total is not None)
+
+
+def _on_grid(space: HalfSpace, h: Array, found: Touching, load_control: bool) -> State:
+    """Solution on all pixels as a certified state."""
+    p = np.zeros(h.size)
+    p[found.points] = found.pressure
+    return _certified(space, h, p.reshape(h.shape), found.gap.reshape(h.shape), found, load_control)
+
+
+def _certified(
+    space: HalfSpace, h: Array, p: Array, w: Array, found: Touching, load_control: bool
+) -> State:
+    """State with the certificate of pressures and gaps."""
+    c = certify(space, h, p, w, found.d, load_control)
+    return State(p, w, found.d, c.gap, c.penetration, c.complementarity, found.iterations)
 
 
 def _first_guess(space: HalfSpace, h: Array, d: float | None, total: float | None) -> Array:
@@ -209,102 +232,3 @@ def _closed(space: HalfSpace, h: Array, total: float) -> State | None:
     if p.min() < 0.0:
         return None
     return State(p, np.zeros_like(h), 0.0, 0.0, 0.0, 0.0, 0)
-
-
-@dataclass(frozen=True, slots=True)
-class Step:
-    """One point of a sweep, all over E* and for the sum over pixels.
-
-    Attributes:
-        d: far-field separation [m].
-        total: sum of the pressures [-].
-        stiffness: -d total / dd [1/m].
-        touching: number of touching pixels.
-        gap: certificate [-].
-    """
-
-    d: float
-    total: float
-    stiffness: float
-    touching: int
-    gap: float
-
-
-def sweep(
-    space: HalfSpace, h: Array, lowest: float, highest: float, per_decade: tuple[int, int],
-    tolerance: float,
-) -> list[Step]:  # fmt: skip
-    """Press a surface from one touching pixel to a high load.
-
-    Args:
-        space: the half-space.
-        h: heights over their mean [m], shape (nx, ny).
-        lowest: first sum of pressures over E* [-].
-        highest: sum to reach or pass [-].
-        per_decade: steps per decade of load while few pixels touch and afterwards. Few touching
-            pixels make a law of straight pieces with corners, and cost next to nothing.
-        tolerance: of the certificate of each step [-].
-
-    Returns:
-        Steps of rising load.
-    """
-    steps: list[Step] = []
-    touching = np.array([int(h.argmax())])
-    fine, coarse = per_decade
-    k, state = 0, None
-    while True:
-        target = lowest * 10.0 ** (k / fine)
-        state = _dense_step(space, h, min(target, highest), touching)
-        if state is None:
-            break
-        touching = np.flatnonzero(state.p)
-        assert state.unit is not None
-        steps.append(_step(state, state.unit))
-        if target >= highest:
-            return steps
-        if touching.size > DENSE:
-            break
-        k += 1 if touching.size < 100 else max(1, fine // coarse)
-    return steps + _pcg_steps(space, h, highest, coarse, tolerance, steps, state)
-
-
-def _step(state: State, unit: Array) -> Step:
-    """Record of a solution."""
-    count = int(np.count_nonzero(state.p > 0.0))
-    return Step(state.d, float(state.p.sum()), float(unit.sum()), count, state.gap)
-
-
-def _dense_step(space: HalfSpace, h: Array, total: float, touching: Index) -> State | None:
-    """One load with dense factors, the highest pixels as candidates while they suffice."""
-    if space.boundary == "free":
-        count = 4 * touching.size + 64
-        if count <= FEW and count < h.size:
-            flat = h.ravel()
-            high = np.argpartition(flat, h.size - count)[h.size - count :]
-            high = np.union1d(high, touching)
-            state = active_set(space, h, None, total, touching, high)
-            if state is not None and np.count_nonzero(flat > state.d) <= count:
-                return state
-    return active_set(space, h, None, total, touching)
-
-
-def _pcg_steps(
-    space: HalfSpace, h: Array, highest: float, per_decade: int, tolerance: float,
-    steps: list[Step], state: State | None,
-) -> list[Step]:  # fmt: skip
-    """Continue a sweep with conjugate gradients, the separation chosen for even steps in load."""
-    found: list[Step] = []
-    p = np.zeros_like(h) if state is None else state.p
-    unit = np.zeros_like(h) if state is None or state.unit is None else state.unit
-    total = steps[-1].total if steps else 0.0
-    while total < highest:
-        target = total * 10.0 ** (1.0 / per_decade)
-        s = (steps + found)[-1]
-        # Load over approach curves upward: at constant d(log p)/dd the step would be this long.
-        d = s.d - s.total / s.stiffness * np.log(target / total)
-        guess = np.maximum(p + (s.d - d) * unit, 0.0)
-        solved = projected_cg(space, h, float(d), None, guess, tolerance)
-        unit = unit_answer(space, solved.p > 0.0, unit)
-        found.append(_step(solved, unit))
-        p, total = solved.p, found[-1].total
-    return found

@@ -1,18 +1,11 @@
 """The quadratic program of contact, min 1/2 p'Hp - p'u with p >= 0, and its certificate.
 
 u = h - d is the overlap of the surface with the plane, w = Hp - u the gap. At the solution
-p >= 0, w >= 0 and p'w = 0. Two solvers:
+p >= 0, w >= 0 and p'w = 0. Here stands the solver for many touching pixels: preconditioned
+conjugate gradients projected on p >= 0, products by FFT. It keeps either the separation d or the
+sum of the pressures. Pressures are p / E*. ``active.py`` holds the solver for few.
 
-- ``active_set``: block pivoting on the set of touching pixels with dense Cholesky factors; exact,
-  right for a few hundred touching pixels.
-- ``projected_cg``: preconditioned conjugate gradients projected on p >= 0, products by FFT; right
-  for the rest.
-
-Both keep either the separation d or the sum of the pressures. Pressures are p / E*.
-
-References: I. A. Polonsky, L. M. Keer, Wear 231 (1999) 206, doi:10.1016/S0043-1648(99)00113-1;
-A. Bemporad, M. Paggi, Int. J. Solids Struct. 69-70 (2015) 421, doi:10.1016/j.ijsolstr.2015.06.005;
-J. J. Judice, F. M. Pires, Comput. Oper. Res. 21 (1994) 587, doi:10.1016/0305-0548(94)90106-6.
+Reference: I. A. Polonsky, L. M. Keer, Wear 231 (1999) 206, doi:10.1016/S0043-1648(99)00113-1.
 """
 
 from __future__ import annotations
@@ -20,10 +13,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from brake_fenicsx.errors import NotConverged
-from brake_fenicsx.micro.halfspace import Array, HalfSpace, Index, Mask
+from brake_fenicsx.micro.halfspace import Array, HalfSpace, Mask
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +30,6 @@ class State:
         penetration: largest overlap left [m].
         complementarity: p'w over the work [-].
         iterations: sets tried or conjugate directions.
-        unit: answer of the touching pixels to a unit approach, -dp/dd [1/m], or None.
     """
 
     p: Array
@@ -48,7 +39,6 @@ class State:
     penetration: float
     complementarity: float
     iterations: int
-    unit: Array | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,98 +87,6 @@ def _periodic_excess(space: HalfSpace, h: Array, p: Array, w: Array, d: float, v
     return 0.5 * ((1.0 - t) ** 2 * php + 2.0 * t * (1.0 - t) * phf + t**2 * fhf - php)
 
 
-def active_set(
-    space: HalfSpace,
-    h: Array,
-    d: float | None,
-    total: float | None,
-    start: Index,
-    candidates: Index | None = None,
-    max_iterations: int = 60,
-) -> State | None:
-    """Solve by pivoting whole blocks of pixels in and out of contact.
-
-    Args:
-        space: the half-space.
-        h: heights [m], shape (nx, ny).
-        d: separation [m], or None for a given load.
-        total: sum of the pressures over E* [-], or None for a given separation.
-        start: flat indices of the pixels to start from, at least one.
-        candidates: flat indices of all pixels that can touch, if they are few: then no FFT runs.
-        max_iterations: sets tried at most.
-
-    Returns:
-        The solution, exact to round-off, or None if the pivoting cycles.
-    """
-    height = h.ravel()
-    touching = np.zeros(h.size, dtype=bool)
-    touching[start] = True
-    fewest, patience = h.size + 1, 3
-    for iteration in range(1, max_iterations + 1):
-        points = np.flatnonzero(touching)
-        if points.size == 0:
-            return None
-        x = _dense_solve(space, points, height)
-        if x is None:
-            return None
-        at = float(x[:, 0].sum() - total) / float(x[:, 1].sum()) if d is None else d
-        pressure = x[:, 0] - at * x[:, 1]
-        gap = _gap(space, h, points, pressure, at, candidates)
-        scale = 1e-13 * max(float(np.abs(height[points] - at).max()), 1e-300)
-        leaving = points[pressure < 0.0]
-        entering = np.flatnonzero((gap < -scale) & ~touching)
-        wrong = leaving.size + entering.size
-        if wrong == 0:
-            return _dense_state(space, h, points, pressure, gap, at, x[:, 1], iteration, d is None)
-        if wrong < fewest:
-            fewest, patience = wrong, 3
-        elif patience > 0:
-            patience -= 1
-        else:  # single exchange: slow but cannot cycle
-            last = max(leaving.max(initial=-1), entering.max(initial=-1))
-            leaving, entering = leaving[leaving == last], entering[entering == last]
-        touching[leaving] = False
-        touching[entering] = True
-    return None
-
-
-def _dense_solve(space: HalfSpace, points: Index, height: Array) -> Array | None:
-    """Pressures that displace the points by their heights, and by one; shape (n, 2)."""
-    rhs = np.stack([height[points], np.ones(points.size)], axis=1)
-    try:
-        factor = cho_factor(space.block(points, points), overwrite_a=True, check_finite=False)
-    except np.linalg.LinAlgError:
-        return None
-    return np.asarray(cho_solve(factor, rhs, overwrite_b=True, check_finite=False))
-
-
-def _gap(
-    space: HalfSpace, h: Array, points: Index, pressure: Array, d: float, candidates: Index | None
-) -> Array:
-    """Gap [m] of all pixels, flat; infinite where a pixel is no candidate."""
-    if candidates is None:
-        p = np.zeros(h.size)
-        p[points] = pressure
-        return np.asarray((space.apply(p.reshape(h.shape)) - h).ravel() + d)
-    gap = np.full(h.size, np.inf)
-    gap[candidates] = space.block(candidates, points) @ pressure - h.ravel()[candidates] + d
-    return gap
-
-
-def _dense_state(
-    space: HalfSpace, h: Array, points: Index, pressure: Array, gap: Array, d: float,
-    unit: Array, iterations: int, load_control: bool,
-) -> State:  # fmt: skip
-    """Put the solution on the grid and certify it on the pixels looked at."""
-    p, answer = np.zeros(h.size), np.zeros(h.size)
-    p[points] = pressure
-    answer[points] = unit
-    p, answer, w = (a.reshape(h.shape) for a in (p, answer, gap))
-    finite = np.where(np.isfinite(w), w, 0.0)
-    c = certify(space, h, p, finite, d, load_control)
-    return State(p, w, d, c.gap, c.penetration, c.complementarity, iterations, answer)
-
-
 def projected_cg(
     space: HalfSpace,
     h: Array,
@@ -215,8 +113,8 @@ def projected_cg(
     load_control = d is None
     p = _scaled(np.maximum(p, 0.0), total)
     g = space.apply(p) - h  # gap without d
-    t, before, old, fresh = np.zeros_like(h), np.zeros_like(h), 0.0, True
-    certificate = Certificate(np.inf, np.inf, np.inf)
+    t, before, old = np.zeros_like(h), np.zeros_like(h), 0.0
+    certificate, watch = Certificate(np.inf, np.inf, np.inf), _Watch()
     for iteration in range(max_iterations + 1):
         touching = p > 0.0
         if load_control:
@@ -228,26 +126,31 @@ def projected_cg(
         if certificate.gap <= tolerance or (not touching.any() and not entering.any()):
             c = certificate
             return State(p, w, d, c.gap, c.penetration, c.complementarity, iteration)
-        if entering.any():
-            touching |= entering
-            fresh = True
+        if watch.stalls(certificate.gap):
+            p = _scaled(np.maximum(p - w / space.largest, 0.0), total)
+            g, old = space.apply(p) - h, 0.0
+            continue
+        touching |= entering
         r = np.where(touching, w, 0.0)
         z = np.where(touching, space.precondition(r), 0.0)
         if load_control:
             z = _without_load(space, z, touching)
         new = float(np.vdot(z, r))
-        t = z if fresh else z + max(0.0, (new - float(np.vdot(z, before))) / old) * t
+        # Polak-Ribiere: forgets the last direction by itself where the touching set changes.
+        keep = max(0.0, (new - float(np.vdot(z, before))) / old) if old > 0.0 else 0.0
+        t = z + keep * np.where(touching, t, 0.0)
+        if load_control:
+            t = _without_load(space, t, touching)
         before, old = r, new
         moved = space.apply(t)
         curvature = float(np.vdot(t, moved))
-        if not curvature > 0.0:
-            t, fresh = r, True
-            moved = space.apply(t)
-            curvature = float(np.vdot(t, moved))
-        step = float(np.vdot(r, t)) / curvature
+        slope = float(np.vdot(r, t))
+        if not (curvature > 0.0 and slope > 0.0):
+            watch.force()
+            continue
+        step = slope / curvature
         p = p - step * t
-        fresh = bool((p < 0.0).any())
-        if fresh:
+        if p.min() < 0.0:
             p = _scaled(np.maximum(p, 0.0), total)
             g = space.apply(p) - h
         else:
@@ -256,6 +159,32 @@ def projected_cg(
         f"contact on {h.shape[0]} x {h.shape[1]} pixels: certificate {certificate.gap:.2g} after "
         f"{max_iterations} iterations, wanted {tolerance:.2g}; loosen 'tolerance'"
     )
+
+
+class _Watch:
+    """Sees when the certificate no longer falls; then safe steps are taken.
+
+    A step along the gap no longer than the inverse of the largest eigenvalue of H, projected,
+    always lowers the energy: the method cannot cycle.
+    """
+
+    def __init__(self, patience: int = 40, safe: int = 10):
+        self.best, self.since, self.left = np.inf, 0, 0
+        self.patience, self.safe = patience, safe
+
+    def force(self) -> None:
+        """Ask for safe steps now."""
+        self.left = self.safe
+
+    def stalls(self, gap: float) -> bool:
+        """Whether the next step must be a safe one."""
+        self.since += 1
+        if gap < 0.9 * self.best:
+            self.best, self.since = gap, 0
+        if self.since >= self.patience:
+            self.since, self.left = 0, self.safe
+        self.left -= 1
+        return self.left >= 0
 
 
 def _scaled(p: Array, total: float | None) -> Array:

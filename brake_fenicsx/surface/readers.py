@@ -179,7 +179,7 @@ def _read_instrument(
             raise SurfaceError(f"{file}: the file names no lateral size; give it as 'size'")
         settings["physical_sizes"] = tuple(size)
     topo = reader.topography(channel_index=index, **settings)
-    heights = np.ma.masked_array(topo.heights(), dtype=float).filled(np.nan)
+    heights = np.asarray(np.ma.filled(topo.heights().astype(float), np.nan))  # type: ignore[no-untyped-call]
     length = METRES.get(topo.unit or "")
     if length is None and (size is None or unit is None):
         raise SurfaceError(
