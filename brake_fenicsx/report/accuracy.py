@@ -92,9 +92,8 @@ def draw_errors(run: RunData) -> Figure | None:
     if not drawn:
         return None
     unit = "relative error estimate of the eigenvalue [-]"
-    axes[0, 0].set(
-        yscale="log", xlabel="frequency [kHz]", ylabel=unit.replace("estimate ", "estimate\n")
-    )
+    axes[0, 0].set(yscale="log", xlabel="frequency [kHz]")
+    axes[0, 0].set_ylabel("relative error estimate\nof the eigenvalue [-]")
     axes[0, 0].set_title("(a) largest (line) and median (dots) per band")
     axes[0, 1].set(xscale="log", yscale="log", xlabel=unit, ylabel="share of modes above [-]")
     axes[0, 1].set_title("(b) modes whose error exceeds a value")

@@ -11,6 +11,7 @@ from .rundata import RunData
 from .tables import MODES, TEXT, Columns
 
 Z_95 = 1.959963984540054
+WIDTH = 200.0  # [Hz] of the bands that gather modes of no family
 REAL = frozenset({"frequency_hz", "real_1_s", "damping"})
 
 
@@ -71,6 +72,17 @@ class FamilyCount:
     spread: float
     share: Share
     worst: float
+
+
+@dataclass(frozen=True, slots=True)
+class ModeKey:
+    """One mode of the tables: approach, sample, mode, frequency [Hz] and damping [-]."""
+
+    approach: str
+    sample: int
+    mode: int
+    frequency: float
+    damping: float
 
 
 def wilson(hits: int, n: int, z: float = Z_95) -> Share:
@@ -173,7 +185,7 @@ def probability_per_band(run: RunData, approach: str, edges: NDArray) -> list[Sh
     return [wilson(np.unique(sample[band == j]).size, good.size) for j in range(len(edges) - 1)]
 
 
-def families(run: RunData, approach: str, width: float = 200.0) -> list[FamilyCount]:
+def families(run: RunData, approach: str, width: float = WIDTH) -> list[FamilyCount]:
     """Families of unstable modes of one approach, the most frequent first.
 
     Args:
@@ -199,6 +211,31 @@ def families(run: RunData, approach: str, width: float = 200.0) -> list[FamilyCo
         )
         found.append(record)
     return sorted(found, key=lambda r: (-r.share.hits, r.frequency))
+
+
+def representative_modes(run: RunData, approach: str, most: int = 4) -> list[ModeKey]:
+    """Which unstable modes to draw: of each frequent family the one of median damping.
+
+    Args:
+        run: the results.
+        approach: name of the approach.
+        most: number of families.
+
+    Returns:
+        At most ``most`` modes, the most frequent family first.
+    """
+    modes = good_modes(run, approach, "unstable")
+    chosen = []
+    for record in families(run, approach)[:most]:
+        if record.family >= 0:
+            own = np.flatnonzero(modes["family"] == record.family)
+        else:
+            own = np.flatnonzero(np.abs(modes["frequency_hz"] - record.frequency) <= WIDTH)
+        row = own[np.argsort(modes["damping"][own], kind="stable")[own.size // 2]]
+        numbers = int(modes["sample"][row]), int(modes["mode"][row])
+        frequency, damping = float(modes["frequency_hz"][row]), float(modes["damping"][row])
+        chosen.append(ModeKey(approach, *numbers, frequency, damping))
+    return chosen
 
 
 def _samples(run: RunData, approach: str) -> tuple[NDArray, int]:

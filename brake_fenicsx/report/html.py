@@ -15,7 +15,7 @@ from .figures import PLOTS, make_figures
 from .overview import approach_rows, family_rows, share_text
 from .page_style import CSS
 from .rundata import RunData, read_run
-from .style import label
+from .style import APPROACH_NAME
 from .surface_figures import surface_statistics
 from .tables import Value, show
 
@@ -112,7 +112,7 @@ def _lead(run: RunData) -> str:
         "share of unstable samples",
         "most often unstable",
     ]
-    body = [[label(str(row[0])), *row[1:6], share_text(row[6:9]), row[9]] for row in rows]
+    body = [[_name(row), *row[1:6], share_text(row[6:9]), row[9]] for row in rows]
     return _table(heads, body) + (
         "<p>Shares carry 95 % Wilson intervals: they say how well this number of samples can know "
         "the share, not how well the model knows the brake.</p>"
@@ -125,7 +125,7 @@ def _squeal(run: RunData) -> str:
         return ""
     rows = [
         [
-            label(str(row[0])),
+            _name(row),
             "by frequency" if row[1] == -1 else row[1],
             _kilo(row[2]),
             _kilo(row[3]),
@@ -193,7 +193,7 @@ def _accuracy(run: RunData) -> str:
     errors = error_rows(run)
     if errors:
         heads = [name.replace("_", " ") for name in ERROR_COLUMNS]
-        parts.append(_table(heads, [[label(str(row[0])), *row[1:]] for row in errors]))
+        parts.append(_table(heads, [[_name(row), *row[1:]] for row in errors]))
         parts.append(
             "<p>Errors are relative errors of the eigenvalues as the solver estimates them; "
             "condition is that of the eigenvalue: error = backward error times condition.</p>"
@@ -238,6 +238,8 @@ def _table(heads: Sequence[str], rows: Sequence[Sequence[Value]]) -> str:
 
 def _cell(value: Value) -> str:
     kind = ' class="number"' if isinstance(value, int | float) else ""
+    if isinstance(value, str) and value.endswith(" %)"):
+        kind = ' class="share"'
     return f"<td{kind}>{escape(show(value))}</td>"
 
 
@@ -256,6 +258,11 @@ def _flatten(content: Mapping[str, Any], above: str = "") -> list[tuple[str, str
         else:
             found.append((name, value if isinstance(value, str) else repr(value)))
     return found
+
+
+def _name(row: Sequence[Value]) -> str:
+    """Name of the approach at the head of a row."""
+    return APPROACH_NAME.get(str(row[0]), str(row[0]))
 
 
 def _kilo(value: Value) -> str:

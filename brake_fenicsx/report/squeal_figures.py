@@ -50,26 +50,45 @@ def draw_squeal_map(run: RunData) -> Figure | None:
     return figure
 
 
-def draw_families(run: RunData, most: int = 6) -> Figure | None:
-    """Unstable modes by family: the same mode recognised in many samples has one look."""
+def draw_families(run: RunData, most: int = 7) -> Figure | None:
+    """Unstable modes by family: families of about one frequency share a look in all panels."""
     if run.modes is None or not np.any(run.modes["verdict"] == "unstable"):
         return None
+    looks = _family_looks(run, most)
     figure, axes = _panels(run, height=1.5)
     axes[0, 0].set_ylim(top=0.0)
     for axis, approach in zip(axes.flat, run.approaches, strict=True):
         modes = good_modes(run, approach, "unstable")
         f, damping, family = modes["frequency_hz"] / 1e3, modes["damping"], modes["family"]
-        found = [r for r in families(run, approach) if r.family >= 0][:most]
-        rest = ~np.isin(family, [r.family for r in found])
-        for record, colour, marker in zip(found, CYCLE, MARKERS, strict=False):
+        rest = np.full(f.size, True)
+        for record in sorted(families(run, approach), key=lambda r: r.frequency):
+            if record.family < 0 or (approach, record.family) not in looks:
+                continue
             own = family == record.family
-            text = (
-                f"{record.frequency / 1e3:.2f} kHz: {_how_often(record.share.hits, record.share.n)}"
-            )
+            rest &= ~own
+            colour, marker = looks[approach, record.family]
+            often = "" if record.share.n == 1 else f": {record.share.hits} of {record.share.n}"
+            text = f"{record.frequency / 1e3:.2f} kHz{often}"
             _scatter(axis, f[own], damping[own], colour, marker, 20, text)
         _scatter(axis, f[rest], damping[rest], GREY, ".", 20, f"others: {rest.sum()} modes")
-        axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05))
+        if f.size:
+            axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.05), handletextpad=0.1)
     return figure
+
+
+def _family_looks(run: RunData, most: int) -> dict[tuple[str, int], tuple[str, str]]:
+    """Colour and marker per family: the most frequent ones, matched by frequency to within 3 %."""
+    every = [r for a in run.approaches for r in families(run, a) if r.family >= 0]
+    heads: list[float] = []
+    looks: dict[tuple[str, int], tuple[str, str]] = {}
+    for record in sorted(every, key=lambda r: (-r.share.value, r.frequency)):
+        near = [j for j, f in enumerate(heads) if abs(record.frequency - f) < 0.03 * f]
+        if not near and len(heads) < min(most, len(CYCLE)):
+            heads.append(record.frequency)
+            near = [len(heads) - 1]
+        if near:
+            looks[record.approach, record.family] = CYCLE[near[0]], MARKERS[near[0]]
+    return looks
 
 
 def draw_counts(run: RunData) -> Figure | None:
@@ -213,10 +232,6 @@ def _scatter(
         rasterized=many,
         zorder=3,
     )
-
-
-def _how_often(hits: int, n: int) -> str:
-    return "1 run" if n == 1 else f"{hits} of {n}"
 
 
 def _sampled(run: RunData) -> list[str]:

@@ -112,7 +112,7 @@ def look(approach: str) -> tuple[str, str]:
 
 def label(approach: str) -> str:
     """Name of an approach as a figure shows it."""
-    return APPROACH_NAME.get(approach, approach)
+    return APPROACH_NAME.get(approach, approach.replace("$", r"\$"))
 
 
 def panel(axes: Axes, letter: str, title: str) -> None:

@@ -145,23 +145,23 @@ def _height_limits(z: NDArray) -> tuple[float, float]:
 
 
 def _draw_heights(axes: Axes, surface: Arrays) -> None:
-    z = surface["heights"][np.isfinite(surface["heights"])]
-    axes.hist(z * UM, bins=64, density=True, color="#c9dcea", label="heights of the scan")
+    z = surface["heights"][np.isfinite(surface["heights"])] * UM
+    if z.size:
+        axes.hist(z, bins=64, density=True, color="#c9dcea", label="heights of the scan")
     if "hdf_z" in surface:
-        axes.plot(
-            surface["hdf_z"] * UM, surface["hdf_density"] / UM, color=BLUE, label="kernel density"
-        )
-    mean, spread = z.mean() * UM, z.std() * UM
-    low, high = axes.get_xlim()
-    x = np.linspace(low, high, 200)
-    if spread > 0:
-        normal = np.exp(-0.5 * ((x - mean) / spread) ** 2) / (spread * np.sqrt(2 * np.pi))
+        heights, density = surface["hdf_z"] * UM, surface["hdf_density"] / UM
+        axes.plot(heights, density, color=BLUE, label="kernel density")
+    if z.size and z.std() > 0:
+        low, high = axes.get_xlim()
+        x = np.linspace(low, high, 200)
+        normal = np.exp(-0.5 * ((x - z.mean()) / z.std()) ** 2) / (z.std() * np.sqrt(2 * np.pi))
         axes.plot(x, normal, color=GREY, ls="--", label="normal")
-    stats = surface_statistics(surface)
-    axes.text(0.03, 0.97, _moments(stats), transform=axes.transAxes, va="top", fontsize=7.5)
+    text = _moments(surface_statistics(surface))
+    axes.text(0.03, 0.97, text, transform=axes.transAxes, va="top", fontsize=7.5)
     axes.set(xlabel="height $z$ [µm]", ylabel="density $P(z)$ [1/µm]")
     axes.set_ylim(0, 1.45 * axes.get_ylim()[1])
-    axes.legend(loc="upper right", fontsize=7.5)
+    if z.size:
+        axes.legend(loc="upper right", fontsize=7.5)
     panel(axes, "a", "height distribution")
 
 

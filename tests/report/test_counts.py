@@ -5,7 +5,14 @@ import pytest
 from scipy.optimize import brentq
 
 from brake_fenicsx.report.accuracy import error_rows, stage_rows
-from brake_fenicsx.report.counts import band_edges, count, families, probability_per_band, wilson
+from brake_fenicsx.report.counts import (
+    band_edges,
+    count,
+    families,
+    probability_per_band,
+    representative_modes,
+    wilson,
+)
 from brake_fenicsx.report.overview import approach_rows, family_rows, summary_table, write_tables
 from brake_fenicsx.report.rundata import read_run
 from brake_fenicsx.report.tables import MODES, SAMPLES, read_columns, read_rows, write_rows
@@ -120,3 +127,12 @@ def test_summary_names_every_approach(run):
     assert lines[2].split()[:6] == ["classical", "1", "0", "1", "1", "1"]
     assert lines[3].split()[:6] == ["fast", "3", "1", "5", "3", "2"]
     assert summary_table(run.directory) == summary_table(run)
+
+
+def test_representative_modes_are_of_median_damping(run):
+    found = representative_modes(run, "fast")
+    assert [(m.sample, m.mode) for m in found] == [(0, 0), (0, 1)]
+    assert (found[0].frequency, found[0].damping) == (950.0, -0.01)
+    (lone,) = representative_modes(run, "classical")
+    assert (lone.sample, lone.mode, lone.frequency) == (0, 0, 4000.0)
+    assert len(representative_modes(run, "fast", most=1)) == 1

@@ -1,0 +1,87 @@
+"""Runs at the edge: one of everything, nothing closed, nothing unstable, failed samples only."""
+
+import numpy as np
+import pytest
+
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.report.figures import make_figures
+from brake_fenicsx.report.html import write_report
+from brake_fenicsx.report.overview import approach_rows, summary_table
+from brake_fenicsx.report.rundata import read_run
+from brake_fenicsx.report.tables import CONTACT, MODES, SAMPLES, write_rows
+
+pytestmark = pytest.mark.hard
+MODE = ["classical", 0, 0, 1000.0, 0.0, 0.0, 0.0, 0.0, float("nan"), "neutral", -1]
+
+
+def names(directory):
+    return {path.stem for path in make_figures(directory)}
+
+
+def test_one_neutral_mode_without_error_estimate(tmp_path):
+    write_rows(tmp_path / "modes.csv", MODES, [MODE])
+    assert names(tmp_path) == {"figure9_squeal_map"}
+    assert approach_rows(read_run(tmp_path))[0][1:6] == [1, 0, 1, 0, 0]
+    assert "none" in summary_table(tmp_path)
+    write_report(tmp_path)
+
+
+def test_no_mode_in_the_band(tmp_path):
+    write_rows(tmp_path / "modes.csv", MODES, [])
+    write_rows(tmp_path / "samples.csv", SAMPLES, [["fast", k, "ok", k] for k in range(5)])
+    drawn = names(tmp_path)
+    assert "figure9_squeal_map" not in drawn
+    assert "unstable_per_sample" in drawn
+    assert approach_rows(read_run(tmp_path))[0][:6] == ["fast", 5, 0, 0, 0, 0]
+
+
+def test_all_samples_failed(tmp_path):
+    write_rows(tmp_path / "modes.csv", MODES, [])
+    write_rows(tmp_path / "samples.csv", SAMPLES, [["fast", 0, "singular", 1]])
+    assert names(tmp_path) == set()
+    assert approach_rows(read_run(tmp_path))[0][:6] == ["fast", 0, 1, 0, 0, 0]
+    assert "FAST" in write_report(tmp_path).read_text()
+
+
+def test_all_contact_open_and_a_single_element(tmp_path):
+    row = ["classical", 0, 0, 0.1, 0.0, 0.01, 8e-6, 1e-5, 0.0, 0.0, 0.0, -1]
+    write_rows(tmp_path / "contact.csv", CONTACT, [row])
+    assert names(tmp_path) == {"contact_pressure"}
+
+
+def test_a_single_linear_law(tmp_path):
+    d = np.linspace(0.0, -1e-6, 5)[None]
+    p = -2e13 * d
+    np.savez(tmp_path / "laws.npz", d=d, p=p, k=np.full(d.shape, 2e13), seed=[0])
+    assert names(tmp_path) == {"figure8_laws"}
+
+
+def test_maps_without_any_contact(tmp_path):
+    empty = np.zeros((1, 8, 8))
+    np.savez(tmp_path / "contact_maps.npz", size=[1e-3, 1e-3], p_over_E=[0.0], pressures=empty)
+    assert names(tmp_path) == {"figure7_contact_maps"}
+
+
+@pytest.mark.parametrize(
+    "heights", [np.zeros((4, 4)), np.full((4, 4), np.nan)], ids=["flat", "lost"]
+)
+def test_a_scan_without_roughness_or_without_points(tmp_path, heights):
+    np.savez(tmp_path / "surface.npz", heights=heights, size=[1e-3, 1e-3])
+    assert names(tmp_path) == {"figure4_topography", "figure5_statistics"}
+
+
+def test_text_that_looks_like_markup_stays_text(tmp_path):
+    write_rows(tmp_path / "modes.csv", MODES, [["<i>a</i> & $x_$", *MODE[1:]]])
+    page = write_report(tmp_path).read_text()
+    assert "<i>" not in page
+    assert "&lt;i&gt;a&lt;/i&gt; &amp; $x_$" in page
+
+
+def test_a_missing_array_or_column_is_named(tmp_path):
+    np.savez(tmp_path / "laws.npz", d=[[0.0]], p=[[0.0]])
+    with pytest.raises(SceneError, match=r"laws\.npz: array k is missing"):
+        make_figures(tmp_path)
+    (tmp_path / "laws.npz").unlink()
+    write_rows(tmp_path / "modes.csv", MODES[:-1], [MODE[:-1]])
+    with pytest.raises(SceneError, match=r"modes\.csv: column family is missing"):
+        make_figures(tmp_path)
