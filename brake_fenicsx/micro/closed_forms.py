@@ -51,7 +51,7 @@ class Hertz:
 
     @property
     def stiffness(self) -> float:
-        """d load / d indentation [N/m]."""
+        """D load / d indentation [N/m]."""
         return 2.0 * self.E_star * self.radius
 
     def pressure(self, r: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Laws of pressure over separation, p(d): computed ones, their library, and analytic ones.
+"""Laws of pressure over separation, p(d): what a law is, and a library of computed ones.
 
 A computed law interpolates ln p over d by monotone cubics through the solved steps with their
 exact slopes. Beyond the first step towards separation stands a quadratic foot, so that p and p'
@@ -119,7 +119,7 @@ class LawLibrary:
 
     def evaluate(self, index: Index, d: Array) -> tuple[Array, Array]:
         """Pressures [Pa] and stiffnesses [Pa/m] together, for the price of one."""
-        i, x = _same_shape(index, d)
+        i, x = same_shape(index, d)
         at, place = self._find(i, x)
         p, k = self._inside(at, x)
         d0, p0, k0 = (a[at] for a in self._flat)
@@ -131,7 +131,7 @@ class LawLibrary:
 
     def energy(self, index: Index, d: Array) -> Array:
         """Energies per area [J/m^2], integrals of the pressures from d to infinity."""
-        i, x = _same_shape(index, d)
+        i, x = same_shape(index, d)
         at, place = self._find(i, x)
         d0, p0, k0 = (a[at] for a in self._flat)
         y = d0 - x
@@ -146,7 +146,7 @@ class LawLibrary:
 
     def scaled(self, factor: float) -> LawLibrary:
         """The same laws with all pressures multiplied by ``factor`` (another modulus)."""
-        _positive(factor=factor)
+        positive(factor=factor)
         return LawLibrary(
             self.d, self.p * factor, self.k * factor, self.count, self.seed, self.settings
         )
@@ -279,125 +279,14 @@ def limited(d: Array, p: Array, k: Array) -> Array:
     return np.asarray(np.minimum(k / p, most) * p)
 
 
-@dataclass(frozen=True, slots=True)
-class LinearLaw:
-    """Penalty p = k <-d>, also as a library of one law.
-
-    Attributes:
-        k: stiffness [Pa/m].
-    """
-
-    k: float
-    first_touch: float = 0.0
-
-    def pressure(self, d: ArrayLike) -> Array:
-        """Pressure p [Pa] at the separation d [m]."""
-        return self.k * np.maximum(-np.asarray(d, dtype=float), 0.0)
-
-    def stiffness(self, d: ArrayLike) -> Array:
-        """Stiffness -dp/dd [Pa/m]."""
-        return np.where(np.asarray(d, dtype=float) < 0.0, self.k, 0.0)
-
-    def energy(self, d: ArrayLike) -> Array:
-        """Energy per area, the integral of p from d to infinity [J/m^2]."""
-        return 0.5 * self.k * np.maximum(-np.asarray(d, dtype=float), 0.0) ** 2
-
-    def scaled(self, factor: float) -> LinearLaw:
-        """The same law with all pressures multiplied by ``factor``."""
-        _positive(factor=factor)
-        return LinearLaw(self.k * factor)
-
-
-@dataclass(frozen=True, slots=True)
-class ExponentialLaw:
-    """p = p0 exp(-d / u0): many contacts of a random surface.
-
-    Attributes:
-        p0: pressure at d = 0 [Pa].
-        u0: length over which the pressure falls by e [m].
-    """
-
-    p0: float
-    u0: float
-
-    @property
-    def first_touch(self) -> float:
-        """Separation [m] where p has fallen to p0 / 1e6: it never becomes zero."""
-        return float(self.u0 * np.log(1e6))
-
-    def pressure(self, d: ArrayLike) -> Array:
-        """Pressure p [Pa] at the separation d [m]."""
-        return self.p0 * np.exp(-np.asarray(d, dtype=float) / self.u0)
-
-    def stiffness(self, d: ArrayLike) -> Array:
-        """Stiffness -dp/dd [Pa/m]."""
-        return self.pressure(d) / self.u0
-
-    def energy(self, d: ArrayLike) -> Array:
-        """Energy per area, the integral of p from d to infinity [J/m^2]."""
-        return self.pressure(d) * self.u0
-
-    def scaled(self, factor: float) -> ExponentialLaw:
-        """The same law with all pressures multiplied by ``factor``."""
-        _positive(factor=factor)
-        return ExponentialLaw(self.p0 * factor, self.u0)
-
-
-@dataclass(frozen=True, slots=True)
-class OneLaw:
-    """A single law seen as ``Laws``: every index means the same law.
-
-    Attributes:
-        law: the law.
-    """
-
-    law: Law
-
-    def __len__(self) -> int:
-        """One."""
-        return 1
-
-    def __iter__(self) -> Iterator[Law]:
-        """The law itself."""
-        return iter((self.law,))
-
-    def first_touch(self, index: Index) -> Array:
-        """Separations [m] at which the pressures become zero, shape of ``index``."""
-        return np.full(np.shape(index), self.law.first_touch)
-
-    def pressure(self, index: Index, d: Array) -> Array:
-        """Pressures [Pa] at the separations d [m], same shapes."""
-        return self.law.pressure(_same_shape(index, d)[1])
-
-    def stiffness(self, index: Index, d: Array) -> Array:
-        """Stiffnesses -dp/dd [Pa/m]."""
-        return self.law.stiffness(_same_shape(index, d)[1])
-
-    def energy(self, index: Index, d: Array) -> Array:
-        """Energies per area [J/m^2]."""
-        return self.law.energy(_same_shape(index, d)[1])
-
-
-def linear_law(k: float) -> LinearLaw:
-    """Linear penalty p = k <-d> with k [Pa/m]."""
-    _positive(k=k)
-    return LinearLaw(float(k))
-
-
-def exponential_law(p0: float, u0: float) -> ExponentialLaw:
-    """Exponential law p = p0 exp(-d / u0) with p0 [Pa] and u0 [m]."""
-    _positive(p0=p0, u0=u0)
-    return ExponentialLaw(float(p0), float(u0))
-
-
-def _positive(**values: float) -> None:
+def positive(**values: float) -> None:
     """Refuse what is not a positive finite number."""
     for name, value in values.items():
         if not (np.isfinite(value) and value > 0.0):
             raise SceneError(f"law: {name} = {value}; give a positive number")
 
 
-def _same_shape(index: Index, d: Array) -> tuple[Index, Array]:
+def same_shape(index: Index, d: Array) -> tuple[Index, Array]:
     """Index and separation broadcast to one shape."""
     i, x = np.broadcast_arrays(np.asarray(index, dtype=np.intp), np.asarray(d, dtype=float))
     return i, x

@@ -1,113 +1,99 @@
-"""From a surface to its law, from many surfaces to a library, and the library on disk."""
+"""Libraries of laws: many surfaces of one kind, in parallel, and on disk."""
 
 from __future__ import annotations
 
 import json
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from functools import partial
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from brake_fenicsx.errors import SceneError, SurfaceError
-from brake_fenicsx.micro.halfspace import HalfSpace, half_space
-from brake_fenicsx.micro.law import Array, ComputedLaw, LawLibrary, make_library
-from brake_fenicsx.micro.qp import unit_answer
-from brake_fenicsx.micro.sweep import sweep
-from brake_fenicsx.surface.topography import Topography
-
-FINE = 40  # steps per decade of load while fewer than a hundred pixels touch
-FOOT = 0.02  # the foot of a law is at most this share of S_q
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.micro.contact_law import law_steps
+from brake_fenicsx.micro.law import Array, LawLibrary, make_library
+from brake_fenicsx.surface import BiFractal, HeightDistribution, Topography, synthesise
 
 
-def contact_law(
-    surface: Topography,
-    E_star: float,
-    max_pressure: float | None = None,
-    min_pressure: float | None = None,
-    steps: int = 20,
-    boundary: str = "free",
-    bulk_compliance: str = "remove",
-    tolerance: float = 1e-6,
-) -> ComputedLaw:
-    """Law p(d) of a rough surface under a rigid plane.
+@dataclass(frozen=True, slots=True)
+class LawRecipe:
+    """Everything a law needs but its random numbers.
+
+    Attributes:
+        psd: spectrum of the surfaces.
+        hdf: distribution of their heights.
+        E_star: composite modulus [Pa].
+        shape: pixels of a patch (nx, ny).
+        size: lengths of a patch [m].
+        low: treatment of waves longer than the scan, ``"extend"`` or ``"flat"``.
+        max_pressure: mean pressure the law is computed to [Pa]; 0.1 E* if None.
+        min_pressure: mean pressure of the first step [Pa]; 1e-6 E* if None.
+        steps: steps of the law, see ``contact_law``.
+        boundary: ``"free"`` or ``"periodic"``.
+        bulk_compliance: ``"remove"`` or ``"keep"``.
+        tolerance: duality gap over the work of each step [-].
+    """
+
+    psd: BiFractal
+    hdf: HeightDistribution
+    E_star: float
+    shape: tuple[int, int] = (128, 128)
+    size: tuple[float, float] = (2.825e-3, 2.825e-3)
+    low: str = "extend"
+    max_pressure: float | None = None
+    min_pressure: float | None = None
+    steps: int = 20
+    boundary: str = "free"
+    bulk_compliance: str = "remove"
+    tolerance: float = 1e-6
+
+    def surface(self, seed: int, number: int) -> Topography:
+        """Artificial surface ``number`` of the family of ``seed``.
+
+        It draws from its own child of the seed: any surface can be made again alone.
+        """
+        child = np.random.SeedSequence(seed, spawn_key=(number,))
+        rng = np.random.default_rng(child)
+        return synthesise(self.psd, self.hdf, self.shape, self.size, rng, self.low)
+
+    def law(self, seed: int, number: int) -> tuple[Array, Array, Array]:
+        """Steps of the law of that surface: d [m], p [Pa], k [Pa/m]."""
+        return law_steps(
+            self.surface(seed, number), self.E_star, self.max_pressure, self.min_pressure,
+            self.steps, self.boundary, self.bulk_compliance, self.tolerance,
+        )  # fmt: skip
+
+    def settings(self) -> dict[str, Any]:
+        """What the laws were made with, for the record on disk."""
+        names = ("E_star", "shape", "size", "low", "max_pressure", "min_pressure", "steps")
+        more = ("boundary", "bulk_compliance", "tolerance")
+        found: dict[str, Any] = {name: getattr(self, name) for name in (*names, *more)}
+        found |= {name: getattr(self.psd, name) for name in ("c1", "c2", "q_c", "C0", "band")}
+        return found | {"S_q": self.hdf.S_q}
+
+
+def law_library(recipe: LawRecipe, n: int, seed: int, processes: int = 1) -> LawLibrary:
+    """Make ``n`` laws; the result does not depend on the number of processes.
 
     Args:
-        surface: rough surface without missing points.
-        E_star: composite modulus [Pa].
-        max_pressure: mean pressure the law is computed to [Pa]; 0.1 E* if not given.
-        min_pressure: mean pressure of the first step [Pa]; 1e-6 E* if not given, less where the
-            foot would be longer than 0.02 S_q.
-        steps: number of steps, equal in the logarithm of the load; 40 per decade or more
-            while fewer than a hundred pixels touch.
-        boundary: ``"free"`` or ``"periodic"``.
-        bulk_compliance: ``"remove"`` the sinking of the whole free patch, which the pad's finite
-            elements already have, or ``"keep"`` it.
-        tolerance: duality gap over the work of each step [-].
-
-    Raises:
-        SurfaceError: missing points or a flat surface.
-        NotConverged: a step misses the tolerance.
+        recipe: what all laws share.
+        n: number of laws.
+        seed: seed of the library; law i belongs to its child i.
+        processes: how many work at once.
     """
-    d, p, k = law_steps(
-        surface, E_star, max_pressure, min_pressure, steps, boundary, bulk_compliance, tolerance
-    )
-    return make_library([(d, p, k)])[0]
-
-
-def law_steps(
-    surface: Topography,
-    E_star: float,
-    max_pressure: float | None = None,
-    min_pressure: float | None = None,
-    steps: int = 20,
-    boundary: str = "free",
-    bulk_compliance: str = "remove",
-    tolerance: float = 1e-6,
-) -> tuple[Array, Array, Array]:
-    """Separations [m], pressures [Pa] and stiffnesses [Pa/m] of the steps of a law.
-
-    Arguments as in ``contact_law``.
-    """
-    if bulk_compliance not in ("remove", "keep"):
-        raise SceneError(f"bulk_compliance = {bulk_compliance!r}; choose 'remove' or 'keep'")
-    high = 0.1 * E_star if max_pressure is None else max_pressure
-    low = 1e-6 * E_star if min_pressure is None else min_pressure
-    if not (E_star > 0.0 and 0.0 < low < high and steps >= 2):
-        raise SceneError(f"law from {low} to {high} Pa in {steps} steps, E_star = {E_star} Pa")
-    h = surface.heights - surface.heights.mean()
-    if not np.isfinite(h).all():
-        raise SurfaceError(f"{surface.source}: missing points; fill them before the contact")
-    S_q = float(h.std())
-    pixel = surface.pixel
-    space = half_space(surface.shape, (float(pixel[0]), float(pixel[1])), boundary)
-    # One pixel of compliance c takes the sum of pressures 0.02 S_q / c over the foot.
-    first = min(low / E_star * h.size, FOOT * S_q / space.diagonal)
-    if not first > 0.0:
-        raise SurfaceError(f"{surface.source}: the surface is flat; use a linear law")
-    coarse = max(1, round(steps / np.log10(high / low)))
-    found = sweep(space, h, first, high / E_star * h.size, max(FINE, coarse), coarse, tolerance)
-    d, total, stiffness = np.array([(s.d, s.total, s.stiffness) for s in found]).T
-    if bulk_compliance == "remove" and boundary == "free":
-        c = bulk(space)
-        d = d + c * total
-        stiffness = stiffness / (1.0 - c * stiffness)
-    return d, total * E_star / h.size, stiffness * E_star / h.size
-
-
-_BULK: dict[HalfSpace, float] = {}
-
-
-def bulk(space: HalfSpace) -> float:
-    """Sinking of the whole free patch under a rigid flat punch, per sum of p / E* [m].
-
-    The punch's force is F = 1.149208 E* L delta on 128 x 128 pixels of a square, so a mean
-    pressure P sinks it by 0.8702 P L / E*.
-    """
-    if space not in _BULK:
-        full = np.ones(space.shape, dtype=bool)
-        x = unit_answer(space, full, space.precondition(full.astype(float)), 1e-6)
-        _BULK[space] = 1.0 / float(x.sum())
-    return _BULK[space]
+    if n < 1 or processes < 1:
+        raise SceneError(f"laws = {n} on {processes} processes: at least one of each")
+    if processes == 1:
+        steps = [recipe.law(seed, i) for i in range(n)]
+    else:
+        # Forked workers share what is already imported; they start no threads and no MPI calls.
+        with ProcessPoolExecutor(processes, get_context("fork")) as pool:
+            steps = list(pool.map(partial(recipe.law, seed), range(n), chunksize=4))
+    settings = {**recipe.settings(), "seed": seed}
+    return make_library(steps, list(range(n)), settings)
 
 
 def save_laws(path: str | Path, laws: LawLibrary) -> None:

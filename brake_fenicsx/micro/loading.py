@@ -37,6 +37,7 @@ class ContactSolution:
         solver: ``"active-set"``, ``"pcg"`` or ``"none"`` where nothing touches.
         iterations: of the solver.
         seconds: wall-clock time [s].
+        rms_slope: of the undeformed surface; beyond 1 small strains no longer hold [-].
     """
 
     pressure: Array
@@ -51,6 +52,7 @@ class ContactSolution:
     solver: str
     iterations: int
     seconds: float
+    rms_slope: float
 
 
 def solve_contact(
@@ -107,7 +109,7 @@ def solve_contact(
     return ContactSolution(
         state.p * E_star, state.w, state.d, found * E_star * area, found * E_star / h.size,
         float(np.mean(state.p > 0.0)), state.gap, state.penetration, state.complementarity,
-        name, state.iterations, time.perf_counter() - began,
+        name, state.iterations, time.perf_counter() - began, rms_slope(h, pixel),
     )  # fmt: skip
 
 
@@ -154,6 +156,12 @@ def solve(
         if solver == "active-set":
             raise NotConverged("active set: the pivoting does not settle; use solver = 'pcg'")
     return projected_cg(space, h, d, total, guess, tolerance, max_iterations), "pcg"
+
+
+def rms_slope(h: Array, pixel: Array) -> float:
+    """Root-mean-square slope of the surface, from differences of neighbouring pixels [-]."""
+    squares = [float(np.mean((np.diff(h, axis=a) / pixel[a]) ** 2)) for a in (0, 1)]
+    return float(np.sqrt(sum(squares)))
 
 
 def _checked(

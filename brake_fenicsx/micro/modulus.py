@@ -10,7 +10,7 @@ from brake_fenicsx.errors import SceneError
 def plane_strain_modulus(E: float, nu: float) -> float:
     """E* = E / (1 - nu^2) [Pa], exact for an isotropic half-space.
 
-    The paper takes it for the lining too, with E_z and nu_xz: 1983.3 MPa and 0.4054 give 2373.4 MPa.
+    The paper takes it for the lining too, with E_z and nu_xz: 1983.3 MPa, 0.4054: 2373.4 MPa.
 
     Args:
         E: Young's modulus [Pa], positive.
