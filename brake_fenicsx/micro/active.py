@@ -103,7 +103,12 @@ class Touching:
 
 
 def active_set(
-    pixels: Pixels, d: float | None, total: float | None, start: Index, max_iterations: int = 60
+    pixels: Pixels,
+    d: float | None,
+    total: float | None,
+    start: Index,
+    most: int | None = None,
+    max_iterations: int = 60,
 ) -> Touching | None:
     """Solve the contact at a given separation or a given load.
 
@@ -112,10 +117,11 @@ def active_set(
         d: separation [m], or None for a given load.
         total: sum of the pressures over E* [-], or None for a given separation.
         start: pixels to start from, at least one.
+        most: give up when more pixels than these touch; None for no limit.
         max_iterations: sets tried at most.
 
     Returns:
-        The solution, exact to round-off; None if the pivoting does not settle.
+        The solution, exact to round-off; None if the pivoting does not settle or gives up.
     """
     height = pixels.height
     touching = np.zeros(height.size, dtype=bool)
@@ -123,6 +129,8 @@ def active_set(
     fewest, patience = height.size + 1, 3
     for iteration in range(1, max_iterations + 1):
         points = np.flatnonzero(touching)
+        if most is not None and points.size > most:
+            return None
         x = _dense_solve(pixels, points)
         if x is None:
             return None

@@ -150,7 +150,9 @@ def solve(
         guess = _first_guess(space, h, d, total)
     few = np.count_nonzero(guess) <= DENSE
     if solver == "active-set" or (solver == "auto" and few):
-        state = _by_active_set(space, h, d, total, guess)
+        state = _by_active_set(
+            space, h, d, total, guess, None if solver == "active-set" else 2 * DENSE
+        )
         if state is not None and state.gap <= tolerance:
             return state, "active-set"
         if solver == "active-set":
@@ -187,17 +189,18 @@ def _checked(
 
 
 def _by_active_set(
-    space: HalfSpace, h: Array, d: float | None, total: float | None, guess: Array
-) -> State | None:
+    space: HalfSpace, h: Array, d: float | None, total: float | None, guess: Array,
+    most: int | None,
+) -> State | None:  # fmt: skip
     """Active set on the whole grid, or on the pixels above the plane where they are few."""
     flat = h.ravel()
     high = np.flatnonzero(flat > d) if d is not None and space.boundary == "free" else None
     if high is None or high.size > FEW:
-        found = active_set(AllPixels(space, h), d, total, np.flatnonzero(guess.ravel() > 0.0))
+        found = active_set(AllPixels(space, h), d, total, np.flatnonzero(guess.ravel() > 0.0), most)
         return None if found is None else _on_grid(space, h, found, total is not None)
     pixels = HighPixels(space, h, high)
     start = np.flatnonzero(guess.ravel()[high] > 0.0)
-    found = active_set(pixels, d, total, start if start.size else np.array([0]))
+    found = active_set(pixels, d, total, start if start.size else np.array([0]), most)
     if found is None:
         return None
     p = np.zeros(h.size)

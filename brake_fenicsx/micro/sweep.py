@@ -89,10 +89,10 @@ def _few_steps(
     steps: list[Step] = []
     for k in range(10**6):
         total = min(lowest * 10.0 ** (k / per_decade), highest)
-        solved = active_set(pixels, None, total, at)
+        solved = active_set(pixels, None, total, at, 2 * DENSE)
         while isinstance(pixels, HighPixels) and not _suffice(pixels, h, order, solved):
             pixels = _highest(space, h, order, 2 * pixels.height.size)
-            solved = active_set(pixels, None, total, _translate(pixels, order, at))
+            solved = active_set(pixels, None, total, _translate(pixels, order, at), 2 * DENSE)
         if solved is None:
             break
         at, found = solved.points, solved
