@@ -19,22 +19,13 @@ from mpi4py import MPI
 import numpy as np
 from numpy.typing import NDArray
 
+from ..compat import vector_space
 from ..log import logger
 
 NOTE = (
     "Vertex values: the second-order field was interpolated into the first-order space of the same "
     "mesh; its mid-edge values are not in this file."
 )
-
-
-def _linear_space(V: Any) -> Any:
-    """First-order vector space on the mesh of ``V``."""
-    from dolfinx import fem
-
-    mesh = V.mesh
-    if hasattr(fem, "functionspace"):
-        return fem.functionspace(mesh, ("Lagrange", 1, (mesh.geometry.dim,)))
-    return fem.VectorFunctionSpace(mesh, ("Lagrange", 1))
 
 
 def _function(V: Any, values: NDArray | float, name: str) -> Any:
@@ -73,7 +64,7 @@ def write_fields(path: str | Path, V: Any, fields: Mapping[str, NDArray]) -> Pat
         The path of the XDMF file.
     """
     path = Path(path)
-    parts, linear = _parts(V, fields), _linear_space(V)
+    parts, linear = _parts(V, fields), vector_space(V.mesh, 1)
     with _xdmf(V.mesh.comm, path) as file:
         file.write_mesh(V.mesh)
         for name, values in parts.items():
@@ -102,7 +93,7 @@ def write_phases(path: str | Path, V: Any, mode: NDArray, frames: int = 24) -> P
     """
     path = Path(path)
     _check_length(V, "mode", mode)
-    linear = _linear_space(V)
+    linear = vector_space(V.mesh, 1)
     with _xdmf(V.mesh.comm, path) as file:
         file.write_mesh(V.mesh)
         for theta in 2 * np.pi * np.arange(frames) / frames:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from .accuracy import draw_errors, draw_stages
 from .contact_figures import draw_contact_pressure
+from .driver_figures import draw_drivers
 from .micro_figures import draw_contact_maps, draw_laws
 from .rundata import RunData, read_run
 from .squeal_figures import (
@@ -50,12 +51,15 @@ PLOTS = (
     Plot(
         "figure6_artificial",
         "Scan and one artificial surface at the same length and height scale, with the height "
-        "distribution and the spectrum that the artificial surface reached.",
+        "distribution and the spectrum that the artificial surface reached. Where the patch is "
+        "longer than the scan its spectrum goes further down, and the level is set so that the "
+        "variance of the heights stays that of the scan.",
         draw_artificial,
     ),
     Plot(
         "figure7_contact_maps",
-        "Real contact of one artificial surface with a rigid plane as the load grows.",
+        "Real contact of one artificial surface with a rigid plane as the load grows; circles mark "
+        "where the few points of a light contact lie.",
         draw_contact_maps,
     ),
     Plot(
@@ -91,6 +95,12 @@ PLOTS = (
         draw_convergence,
     ),
     Plot(
+        "drivers",
+        "What goes with instability: Spearman's rank correlation of each random input with the "
+        "number of unstable modes of the sample, with 95 % intervals.",
+        draw_drivers,
+    ),
+    Plot(
         "contact_pressure",
         "Contact pressure at equilibrium, both pads seen along the disc axis from the same side. "
         "Empty squares are open elements.",
@@ -109,11 +119,11 @@ PLOTS = (
 )
 
 
-def make_figures(directory: str | Path) -> list[Path]:
+def make_figures(directory: str | Path | RunData) -> list[Path]:
     """Draw every figure a run has data for, as PNG and SVG in ``directory/figures``.
 
     Args:
-        directory: the run directory.
+        directory: the run directory, or its results already read.
 
     Returns:
         Paths written, in the order of the figures.

@@ -21,8 +21,8 @@ from .tables import Value, show
 
 CAPTIONS = {plot.name: plot.caption for plot in PLOTS}
 STATISTICS = (
-    ("mean", "mean height [µm]", 1e6),
-    ("median", "median height [µm]", 1e6),
+    ("mean", "mean height over the instrument's zero [µm]", 1e6),
+    ("median", "median height over the instrument's zero [µm]", 1e6),
     ("S_q", "S_q, root mean square [µm]", 1e6),
     ("S_sk", "S_sk, skewness [-]", 1.0),
     ("S_ku", "S_ku, kurtosis [-]", 1.0),
@@ -33,11 +33,11 @@ STATISTICS = (
 )
 
 
-def write_report(directory: str | Path, redraw: bool = True) -> Path:
+def write_report(directory: str | Path | RunData, redraw: bool = True) -> Path:
     """Write ``directory/report.html`` with all figures and tables of a run inside.
 
     Args:
-        directory: the run directory.
+        directory: the run directory, or its results already read.
         redraw: draw the figures anew; False takes those in ``directory/figures``.
 
     Returns:
@@ -46,9 +46,9 @@ def write_report(directory: str | Path, redraw: bool = True) -> Path:
     Raises:
         SceneError: the directory holds no result, or a file of it cannot be read.
     """
-    if redraw:
-        make_figures(directory)
     run = read_run(directory)
+    if redraw:
+        make_figures(run)
     path = run.directory / "report.html"
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     part.write_text(render_page(run), encoding="utf-8")
@@ -154,7 +154,7 @@ def _squeal(run: RunData) -> str:
 
 
 def _probability(run: RunData) -> str:
-    return _figures(run, "probability_per_band", "unstable_per_sample", "convergence")
+    return _figures(run, "probability_per_band", "unstable_per_sample", "convergence", "drivers")
 
 
 def _shapes(run: RunData) -> str:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MOST_MAPS = 6
+FEW_POINTS = 300  # fewer touching points are circled
 
 
 def draw_contact_maps(run: RunData) -> Figure | None:
@@ -91,11 +92,26 @@ def _draw_map(axes: Axes, maps: Arrays, j: int, limits: tuple[float, float]) -> 
         norm=LogNorm(*limits),
         interpolation="nearest",
     )
-    area = float(maps["area_fraction"][j]) if "area_fraction" in maps else float((p > 0).mean())
+    touching = int(np.count_nonzero(p > 0))
+    area = float(maps["area_fraction"][j]) if "area_fraction" in maps else touching / p.size
     load = f"$p/E^*$ = {_power(float(maps['p_over_E'][j]))}"
-    axes.set_title(f"{load}\nreal contact {100 * area:.2g} %", fontsize=8.5)
+    points = f" ({touching} points)" if touching < FEW_POINTS else ""
+    axes.set_title(f"{load}\nreal contact {100 * area:.2g} %{points}", fontsize=8.5)
+    if touching < FEW_POINTS:
+        _circle(axes, p > 0, size)
     axes.spines[["top", "right"]].set_visible(True)
     return image
+
+
+def _circle(axes: Axes, touching: NDArray, size: NDArray) -> None:
+    """Ring each group of touching points, which alone would be lost in print."""
+    from scipy.ndimage import binary_dilation, center_of_mass, label
+
+    groups, n = label(binary_dilation(touching, iterations=max(1, len(touching) // 64)))
+    if n:
+        centres = np.array(center_of_mass(touching, groups, range(1, n + 1)))
+        x, y = ((centres + 0.5) * size / touching.shape).T
+        axes.scatter(x, y, s=90, facecolors="none", edgecolors=BLUE, linewidths=0.8)
 
 
 def _power(value: float) -> str:

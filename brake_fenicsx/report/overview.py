@@ -111,8 +111,7 @@ def summary_table(run: RunData | str | Path) -> str:
     Returns:
         A table with one line per approach.
     """
-    if not isinstance(run, RunData):
-        run = read_run(run)
+    run = read_run(run)
     heads = (
         "approach",
         "samples",
@@ -135,11 +134,11 @@ def share_text(interval: Sequence[Value]) -> str:
     return f"{100 * numbers[0]:.0f} % ({100 * numbers[1]:.0f} to {100 * numbers[2]:.0f} %)"
 
 
-def write_tables(directory: str | Path) -> list[Path]:
+def write_tables(directory: str | Path | RunData) -> list[Path]:
     """Write the tables of a run as CSV into ``directory/tables``.
 
     Args:
-        directory: the run directory.
+        directory: the run directory, or its results already read.
 
     Returns:
         Paths written: ``approaches.csv``, ``families.csv``, ``probability_per_band.csv``,

@@ -61,11 +61,11 @@ def sort_approaches(names: set[str]) -> list[str]:
     return known + sorted(names - set(ORDER))
 
 
-def read_run(directory: str | Path) -> RunData:
+def read_run(directory: str | Path | RunData) -> RunData:
     """Read all that a run has written.
 
     Args:
-        directory: the run directory.
+        directory: the run directory, or results already read, which are handed back.
 
     Returns:
         The results; parts whose file is absent are None or empty.
@@ -73,6 +73,8 @@ def read_run(directory: str | Path) -> RunData:
     Raises:
         SceneError: the directory is missing, holds no result, or a file of it cannot be read.
     """
+    if isinstance(directory, RunData):
+        return directory
     root = Path(directory)
     if not root.is_dir():
         raise SceneError(f"{root}: no such run directory; run the scene first")

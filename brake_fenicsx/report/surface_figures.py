@@ -46,7 +46,11 @@ def draw_topography(run: RunData) -> Figure | None:
     figure, axes = new_figure(1, 2, height=3.3, gridspec_kw={"width_ratios": [1.25, 1]})
     image = _map(axes[0, 0], z, size, _height_limits(z))
     lost = int(np.isnan(z).sum())
-    what = f"{lost} of {z.size} points missing (red)" if lost else f"all {z.size} points valid"
+    what = (
+        f"{lost} of {z.size} points missing or masked (red)"
+        if lost
+        else f"all {z.size} points valid"
+    )
     panel(axes[0, 0], "a", f"levelled scan, {z.shape[0]} x {z.shape[1]},\n{what}")
     figure.colorbar(image, ax=axes[0, 0], label="height [µm]", shrink=0.9)
     x = (np.arange(z.shape[0]) + 0.5) * size[0] / z.shape[0]
@@ -158,7 +162,7 @@ def _draw_heights(axes: Axes, surface: Arrays) -> None:
         axes.plot(x, normal, color=GREY, ls="--", label="normal")
     text = _moments(surface_statistics(surface))
     axes.text(0.03, 0.97, text, transform=axes.transAxes, va="top", fontsize=7.5)
-    axes.set(xlabel="height $z$ [µm]", ylabel="density $P(z)$ [1/µm]")
+    axes.set(xlabel="height over the mean plane $z$ [µm]", ylabel="density $P(z)$ [1/µm]")
     axes.set_ylim(0, 1.45 * axes.get_ylim()[1])
     if z.size:
         axes.legend(loc="upper right", fontsize=7.5)
@@ -167,8 +171,8 @@ def _draw_heights(axes: Axes, surface: Arrays) -> None:
 
 def _moments(stats: dict[str, Any]) -> str:
     rows = [
-        ("mean", "mean", UM, "µm"),
-        ("median", "median", UM, "µm"),
+        ("mean", "scan mean", UM, "µm"),
+        ("median", "scan median", UM, "µm"),
         ("S_q", "$S_q$", UM, "µm"),
         ("S_sk", "$S_{sk}$", 1.0, ""),
         ("S_ku", "$S_{ku}$", 1.0, ""),
@@ -221,13 +225,13 @@ def _draw_band(axes: Axes, surface: Arrays) -> None:
 
 
 def _draw_subsets(axes: Axes, surface: Arrays) -> None:
-    """PSDs of sub-windows (sky blue) and of decimated scans (orange, dashed)."""
+    """PSDs of sub-windows, named "window ..." (sky blue), and of decimated scans (orange)."""
     if "sub_q" not in surface:
         return
     names = [str(name) for name in np.atleast_1d(surface.get("sub_name", np.array([])))]
     counts = {True: 0, False: 0}
     for j, (q, c) in enumerate(zip(surface["sub_q"], surface["sub_C"], strict=True)):
-        thin = j < len(names) and names[j].lower().startswith("decim")
+        thin = j < len(names) and not names[j].startswith("window")
         good = np.isfinite(q) & np.isfinite(c) & (c > 0)
         style: dict[str, Any] = {"color": ORANGE, "ls": "--"} if thin else {"color": SKY}
         first = counts[thin] == 0
@@ -249,7 +253,11 @@ def _draw_residual(axes: Axes, surface: Arrays) -> None:
     axes.semilogx(q[inside], ratio, color=BLUE, lw=0.9)
     axes.axhline(1.0, color=BLACK, lw=0.7, ls="--")
     axes.set(yscale="log", xlabel=Q_LABEL, ylabel="scan / fit [-]")
-    axes.yaxis.set_minor_formatter("")
+    reach = max(2.2, 1.1 * float(np.max(np.maximum(ratio, 1 / ratio))))
+    axes.set_ylim(1 / reach, reach)
+    ticks = [t for t in (0.01, 0.1, 0.5, 1.0, 2.0, 10.0, 100.0) if 1 / reach < t < reach]
+    axes.set_yticks(ticks, [f"{t:g}" for t in ticks])
+    axes.minorticks_off()
     light_grid(axes)
 
 

@@ -10,6 +10,7 @@ import csv
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -217,12 +218,17 @@ def _parse(name: str, cell: str) -> Value:
 
 
 def _array(name: str, cells: list[str]) -> NDArray:
+    text = np.array(cells, dtype=str)
     if name in TEXT:
-        return np.array(cells, dtype=str)
+        return text
+    with suppress(ValueError, OverflowError):
+        return text.astype(np.int64)
+    if not any(map(_INTEGER.fullmatch, cells)):  # a whole number may be too long for a float
+        with suppress(ValueError):
+            return text.astype(np.float64)
     values = [_parse(name, cell) for cell in cells]
     if any(isinstance(value, str) for value in values):
-        return np.array(cells, dtype=str)
+        return text
     if all(isinstance(value, int) for value in values):
-        small = all(abs(value) < 2**63 for value in values if isinstance(value, int))
-        return np.array(values, dtype=np.int64 if small else object)
+        return np.array(values, dtype=object)
     return np.array([np.nan if value is None else float(value) for value in values], dtype=float)

@@ -42,14 +42,14 @@ def _mode(approach, sample, mode, f, damping, family, rng):
     return [approach, sample, mode, f, real, damping, *small, condition, verdict, family]
 
 
-def contact_rows(rng: np.random.Generator) -> list[list]:
+def contact_rows(rng: np.random.Generator, rings: int = 15, columns: int = 37) -> list[list]:
     """Two pads of 60 degrees, r 96-140 mm, patches of about 2.8 mm."""
     rows = []
     for approach in SAMPLED:
         element = 0
         for z in (0.010, -0.010):
-            for r in np.linspace(0.0975, 0.1385, 15):
-                for t in np.linspace(-0.5, 0.5, 37):
+            for r in np.linspace(0.0975, 0.1385, rings):
+                for t in np.linspace(-0.5, 0.5, columns):
                     smooth = 2.1e5 * (1 + 0.6 * t) * (1 - 60 * (r - 0.118) ** 2)
                     rough = rng.lognormal(-0.4, 0.9) * (rng.random() > 0.2)
                     p = smooth if approach == "classical" else smooth * rough
@@ -207,12 +207,20 @@ def make_run(directory: Path, seed: int = 7, small: bool = False) -> Path:
     directory.mkdir(parents=True, exist_ok=True)
     write_rows(directory / "modes.csv", MODES, mode_rows(rng))
     samples = [
-        [a, k, "error: no equilibrium" if (a, k) == ("fast", 39) else "ok", 100 + k, 0.5 + 0.01 * k]
+        [
+            a,
+            k,
+            "error: no equilibrium" if (a, k) == ("fast", 39) else "ok",
+            100 + k,
+            rng.normal(0.5, 0.05),
+        ]
         for a, n in SAMPLED.items()
         for k in range(n)
     ]
     write_rows(directory / "samples.csv", [*SAMPLES, "contact.pad_disc.friction"], samples)
-    write_rows(directory / "contact.csv", CONTACT, contact_rows(rng))
+    write_rows(
+        directory / "contact.csv", CONTACT, contact_rows(rng, *((8, 19) if small else (15, 37)))
+    )
     np.savez(directory / "laws.npz", **make_laws(rng))
     np.savez(directory / "surface.npz", **make_surface(rng, 64 if small else 256))
     np.savez(directory / "contact_maps.npz", **make_maps(rng, 64 if small else 512))

@@ -13,8 +13,9 @@ from brake_fenicsx.report.counts import (
     representative_modes,
     wilson,
 )
+from brake_fenicsx.report.driver_figures import draw_drivers, drivers
 from brake_fenicsx.report.overview import approach_rows, family_rows, summary_table, write_tables
-from brake_fenicsx.report.rundata import read_run
+from brake_fenicsx.report.rundata import RunData, read_run
 from brake_fenicsx.report.tables import MODES, SAMPLES, read_columns, read_rows, write_rows
 
 
@@ -136,3 +137,49 @@ def test_representative_modes_are_of_median_damping(run):
     (lone,) = representative_modes(run, "classical")
     assert (lone.sample, lone.mode, lone.frequency) == (0, 0, 4000.0)
     assert len(representative_modes(run, "fast", most=1)) == 1
+
+
+def driven_run(tmp_path, n=40):
+    """Unstable modes grow in number with ``a``; ``b`` is noise and ``c`` stands still."""
+    rng = np.random.default_rng(1)
+    a, b = rng.random(n), rng.random(n)
+    order = rng.permutation(n)
+    rows = [["joint", k, "ok", k, a[k], b[k], 5.0] for k in order]
+    modes = tuple(
+        np.array(column)
+        for column in zip(
+            *(mode("joint", k, j, 900.0 + j, -0.1, 0) for k in order for j in range(int(9 * a[k]))),
+            strict=True,
+        )
+    )
+    write_rows(tmp_path / "samples.csv", [*SAMPLES, "a", "b", "c"], rows)
+    samples = read_columns(tmp_path / "samples.csv")
+    return RunData(tmp_path, modes=dict(zip(MODES, modes, strict=True)), samples=samples)
+
+
+def test_drivers_find_the_input_that_matters(tmp_path):
+    run = driven_run(tmp_path)
+    first, second = drivers(run, "joint")
+    assert (first.name, second.name) == ("a", "b")
+    assert first.rho > 0.97 and first.low > 0.9
+    assert second.low < 0 < second.high
+    axis = draw_drivers(run).axes[0]
+    assert [p.get_width() for p in axis.patches] == [first.rho, second.rho]
+    assert [t.get_text() for t in axis.get_yticklabels()] == ["a", "b"]
+
+
+def test_spearman_agrees_with_scipy(tmp_path):
+    from scipy.stats import spearmanr
+
+    run = driven_run(tmp_path)
+    per_sample = count(run, "joint").per_sample
+    order = np.argsort(run.samples["sample"])
+    for driver in drivers(run, "joint"):
+        expected = spearmanr(run.samples[driver.name][order], per_sample).correlation
+        assert driver.rho == pytest.approx(expected, abs=1e-12)
+
+
+def test_few_samples_have_no_drivers(tmp_path):
+    run = driven_run(tmp_path, n=9)
+    assert drivers(run, "joint") == []
+    assert draw_drivers(run) is None

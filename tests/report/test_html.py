@@ -1,6 +1,8 @@
 import base64
 import re
 import shutil
+import subprocess
+import sys
 from xml.etree import ElementTree
 
 import pytest
@@ -43,7 +45,7 @@ def test_page_needs_no_network_and_no_script(page):
     namespaces = re.sub(r'xmlns="[^"]*"', "", without_images)
     assert not re.search(r"https?:|//|@import|<script|<link|<iframe|url\(", namespaces)
     sources = re.findall(r'src="([^"]*)"', text)
-    assert len(sources) == 14
+    assert len(sources) == 15
     assert all(source.startswith("data:image/png;base64,") for source in sources)
 
 
@@ -101,3 +103,13 @@ def test_an_empty_summary_leaves_no_empty_section(tmp_path):
 
 def test_page_is_the_same_for_the_same_run(page):
     assert render_page(read_run(page.parent)) == page.read_text()
+
+
+def test_importing_the_report_imports_no_heavy_library():
+    code = (
+        "import sys, brake_fenicsx.report.html, brake_fenicsx.report.overview\n"
+        "heavy = {'dolfinx', 'petsc4py', 'mpi4py', 'matplotlib', 'pyvista'}\n"
+        "print(sorted(heavy & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
