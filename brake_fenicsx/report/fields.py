@@ -1,8 +1,10 @@
 """Fields for ParaView: equilibrium and complex modes as XDMF, contact elements as points.
 
-What is written are the values at the mesh's vertices. A second-order field is first interpolated
-into the first-order space, openly: DOLFINx 0.5 would take the second-order field, write its vertex
-values and say nothing. Each file says so in a comment at its head, and the log says so too.
+What is written are the values at the nodes of the mesh: on a mesh of straight cells its vertices.
+There a second-order field is first interpolated into the first-order space, openly: DOLFINx 0.5
+would take the second-order field, write its vertex values and say nothing. Each file says so in a
+comment at its head, and the log says so too. A mesh of curved second-order cells has a node for
+every dof of a second-order field, and nothing is lost.
 """
 
 from __future__ import annotations
@@ -22,10 +24,24 @@ from numpy.typing import NDArray
 from ..compat import vector_space
 from ..log import logger
 
-NOTE = (
+LOSS = (
     "Vertex values: the second-order field was interpolated into the first-order space of the same "
     "mesh; its mid-edge values are not in this file."
 )
+NO_LOSS = "Values at all nodes of the mesh, one for every dof of the field."
+
+
+def _geometry_degree(mesh: Any) -> int:
+    """Order of the mesh's cells: 1 straight, 2 curved."""
+    cmap = mesh.geometry.cmaps[0] if hasattr(mesh.geometry, "cmaps") else mesh.geometry.cmap
+    return int(cmap.degree)
+
+
+def _nodal_space(V: Any) -> tuple[Any, str]:
+    """Space with one dof vector per node of the mesh, and what its files say of themselves."""
+    nodal = vector_space(V.mesh, _geometry_degree(V.mesh))
+    lost = V.dofmap.dof_layout.num_dofs > nodal.dofmap.dof_layout.num_dofs
+    return nodal, LOSS if lost else NO_LOSS
 
 
 def _function(V: Any, values: NDArray | float, name: str) -> Any:
@@ -49,10 +65,11 @@ def _xdmf(comm: Any, path: Path) -> Iterator[Any]:
 
 
 def write_fields(path: str | Path, V: Any, fields: Mapping[str, NDArray]) -> Path:
-    """Write vector fields on one mesh for ParaView, at its vertices.
+    """Write vector fields on one mesh for ParaView, at its nodes.
 
-    The fields of the second-order space are interpolated into the first-order one before writing:
-    what lies between the vertices is not in the file. Collective over ``V.mesh.comm``.
+    On a mesh of straight cells the fields of the second-order space are interpolated into the
+    first-order one before writing: what lies between the vertices is not in the file. Collective
+    over ``V.mesh.comm``.
 
     Args:
         path: the XDMF file; its data go beside it, into the same name with ``.h5``.
@@ -64,14 +81,15 @@ def write_fields(path: str | Path, V: Any, fields: Mapping[str, NDArray]) -> Pat
         The path of the XDMF file.
     """
     path = Path(path)
-    parts, linear = _parts(V, fields), vector_space(V.mesh, 1)
+    parts = _parts(V, fields)
+    nodal, note = _nodal_space(V)
     with _xdmf(V.mesh.comm, path) as file:
         file.write_mesh(V.mesh)
         for name, values in parts.items():
-            file.write_function(_at_vertices(linear, V, values, name), 0.0)
+            file.write_function(_at_nodes(nodal, V, values, name), 0.0)
     if V.mesh.comm.rank == 0:
-        _one_grid(path)
-        logger.info("%s: %s", path, NOTE)
+        _one_grid(path, note)
+        logger.info("%s: %s", path, note)
     V.mesh.comm.barrier()
     return path
 
@@ -79,7 +97,7 @@ def write_fields(path: str | Path, V: Any, fields: Mapping[str, NDArray]) -> Pat
 def write_phases(path: str | Path, V: Any, mode: NDArray, frames: int = 24) -> Path:
     """Write one period of a complex mode as a time series: Re(mode exp(i theta)) over theta.
 
-    Growth or decay is left out: the phase alone runs. Vertex values, as in `write_fields`.
+    Growth or decay is left out: the phase alone runs. Values at the nodes, as in `write_fields`.
     Collective over ``V.mesh.comm``.
 
     Args:
@@ -93,15 +111,15 @@ def write_phases(path: str | Path, V: Any, mode: NDArray, frames: int = 24) -> P
     """
     path = Path(path)
     _check_length(V, "mode", mode)
-    linear = vector_space(V.mesh, 1)
+    nodal, note = _nodal_space(V)
     with _xdmf(V.mesh.comm, path) as file:
         file.write_mesh(V.mesh)
         for theta in 2 * np.pi * np.arange(frames) / frames:
             instant = np.real(mode * np.exp(1j * theta))
-            file.write_function(_at_vertices(linear, V, instant, "displacement"), float(theta))
+            file.write_function(_at_nodes(nodal, V, instant, "displacement"), float(theta))
     if V.mesh.comm.rank == 0:
-        _write_tree(path, ElementTree.parse(path).getroot(), NOTE)
-        logger.info("%s: %s", path, NOTE)
+        _write_tree(path, ElementTree.parse(path).getroot(), note)
+        logger.info("%s: %s", path, note)
     V.mesh.comm.barrier()
     return path
 
@@ -161,14 +179,14 @@ def _check_length(V: Any, name: str, values: NDArray) -> None:
         )
 
 
-def _at_vertices(linear: Any, V: Any, values: NDArray, name: str) -> Any:
-    f = _function(linear, 0.0, name)
+def _at_nodes(nodal: Any, V: Any, values: NDArray, name: str) -> Any:
+    f = _function(nodal, 0.0, name)
     f.interpolate(_function(V, values, name))
     f.x.scatter_forward()
     return f
 
 
-def _one_grid(path: Path) -> None:
+def _one_grid(path: Path, note: str) -> None:
     """Move all fields into the grid of the mesh, so that ParaView shows them as one data set."""
     root = ElementTree.parse(path).getroot()
     domain = root.find("Domain")
@@ -179,7 +197,7 @@ def _one_grid(path: Path) -> None:
         for attribute in collection.iter("Attribute"):
             mesh.append(attribute)
         domain.remove(collection)
-    _write_tree(path, root, NOTE)
+    _write_tree(path, root, note)
 
 
 def _item(parent: ElementTree.Element, values: NDArray) -> None:

@@ -27,8 +27,9 @@ pre { font: 0.82em/1.45 "DejaVu Sans Mono", Consolas, monospace; background: #f5
 @media print {
   body { font-size: 10pt; max-width: none; padding: 0; }
   nav { display: none; }
-  figure img { width: auto; max-width: 100%; max-height: 150mm; }
+  figure img { width: auto; max-width: 100%; max-height: 135mm; }
   h2, h3 { break-after: avoid; }
+  table { break-inside: avoid; }
   pre { background: #fff; border: 1px solid #bbb; }
 }
 """

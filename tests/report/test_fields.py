@@ -21,10 +21,13 @@ from brake_fenicsx.report.render import render_mesh, render_mode  # noqa: E402
 
 
 def vector_space(comm, n=3, cell=None):
-    cube = mesh.create_unit_cube(comm, n, n, n, cell or mesh.CellType.tetrahedron)
+    return vector_space_on(mesh.create_unit_cube(comm, n, n, n, cell or mesh.CellType.tetrahedron))
+
+
+def vector_space_on(domain):
     if hasattr(fem, "functionspace"):
-        return fem.functionspace(cube, ("Lagrange", 2, (3,)))
-    return fem.VectorFunctionSpace(cube, ("Lagrange", 2))
+        return fem.functionspace(domain, ("Lagrange", 2, (3,)))
+    return fem.VectorFunctionSpace(domain, ("Lagrange", 2))
 
 
 def field(x):
@@ -65,6 +68,40 @@ def test_vertices_carry_the_values_of_the_field(tmp_path, cell):
     assert np.allclose(grid.point_data["mode_re"], exact.real, atol=1e-12)
     assert np.allclose(grid.point_data["mode_im"], exact.imag, atol=1e-12)
     assert np.allclose(grid.point_data["static"], exact.real, atol=1e-12)
+
+
+def test_a_first_order_field_loses_nothing(tmp_path):
+    from brake_fenicsx.compat import vector_space as space_of_degree
+
+    V = space_of_degree(vector_space(MPI.COMM_SELF).mesh, 1)
+    values = values_on(V).real.copy()
+    path = write_fields(tmp_path / "m.xdmf", V, {"u": values})
+    assert "all nodes" in path.read_text().splitlines()[1]
+    assert np.allclose(np.sort(read(path).point_data["u"], axis=None), np.sort(values))
+
+
+def test_a_curved_mesh_loses_nothing(tmp_path):
+    gmsh = pytest.importorskip("gmsh")
+    from brake_fenicsx.compat import mesh_from_gmsh
+
+    gmsh.initialize()
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.model.add("cylinder")
+    gmsh.model.occ.addCylinder(0, 0, 0, 0, 0, 0.5, 1)
+    gmsh.model.occ.synchronize()
+    gmsh.model.addPhysicalGroup(3, [1], 1)
+    gmsh.option.setNumber("Mesh.MeshSizeMax", 0.6)
+    gmsh.model.mesh.generate(3)
+    gmsh.model.mesh.setOrder(2)
+    V = vector_space_on(mesh_from_gmsh(gmsh.model, MPI.COMM_SELF)[0])
+    gmsh.finalize()
+    values = values_on(V).real.copy()
+    path = write_fields(tmp_path / "m.xdmf", V, {"u": values})
+    with h5py.File(path.with_suffix(".h5")) as file:
+        points, u = file["Mesh/mesh/geometry"][:], file["Function/u/0"][:]
+    assert len(points) > 3 * V.mesh.topology.index_map(0).size_local
+    assert np.allclose(u, field(points.T).real.T, atol=1e-10)
+    assert "all nodes" in path.read_text().splitlines()[1]
 
 
 def test_the_file_says_what_was_left_out(tmp_path, space, caplog):
