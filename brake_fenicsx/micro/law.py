@@ -131,7 +131,7 @@ class LawLibrary:
 
     def energy(self, index: Index, d: Array) -> Array:
         """Energies per area [J/m^2], integrals of the pressures from d to infinity."""
-        i, x = same_shape(index, d)
+        i, x = (a.ravel() for a in same_shape(index, d))
         at, place = self._find(i, x)
         d0, p0, k0 = (a[at] for a in self._flat)
         y = d0 - x
@@ -142,7 +142,7 @@ class LawLibrary:
         e = e + np.where(last, y * (p0 + 0.5 * k0 * y), 0.0)
         points = x[inner][:, None] + y[inner][:, None] * _NODES
         e[inner] += y[inner] * (self._inside(at[inner][:, None], points)[0] @ _WEIGHTS)
-        return e
+        return e.reshape(np.broadcast_shapes(np.shape(index), np.shape(d)))
 
     def scaled(self, factor: float) -> LawLibrary:
         """The same laws with all pressures multiplied by ``factor`` (another modulus)."""

@@ -85,7 +85,7 @@ def _few_steps(
     """Steps of equal ratio in the load with the active set, until ``DENSE`` pixels touch."""
     order = np.argsort(-h, axis=None, kind="stable")
     pixels = _highest(space, h, order, 64)
-    at, found = np.array([0]), None
+    at, found = _translate(pixels, order, np.array([0])), None
     steps: list[Step] = []
     for k in range(10**6):
         total = min(lowest * 10.0 ** (k / per_decade), highest)

@@ -1,0 +1,267 @@
+"""Laws: one function in three forms, monotone, smooth, and true to the contact solutions."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import quad
+
+from brake_fenicsx.errors import SceneError, SurfaceError
+from brake_fenicsx.micro import (
+    LawRecipe,
+    OneLaw,
+    contact_law,
+    exponential_law,
+    law_library,
+    linear_law,
+    load_laws,
+    make_library,
+    save_laws,
+    solve_contact,
+)
+from brake_fenicsx.surface import given_statistics, make_topography, synthesise
+
+PAPER = given_statistics(33.1e-6, -0.2410, 3.6549)
+E_STAR = 2.3734e9
+SIZE = (2.825e-3, 2.825e-3)
+
+
+def surface(seed, n=128):
+    return synthesise(PAPER.bifractal, PAPER.hdf, (n, n), SIZE, np.random.default_rng(seed))
+
+
+@pytest.fixture(scope="module")
+def law():
+    return contact_law(surface(0), E_STAR)
+
+
+def deviations(seed):
+    """Largest relative deviations of p and -p' from a 200-step law, up to p = 0.1 E*."""
+    fine = contact_law(surface(seed), E_STAR, steps=200, tolerance=1e-8)
+    usual = contact_law(surface(seed), E_STAR)
+    d = np.linspace(fine.steps[0][-1], fine.steps[0][0], 20001)
+    d = d[fine.pressure(d) <= 0.1 * E_STAR]
+    p = np.abs(usual.pressure(d) / fine.pressure(d) - 1.0).max()
+    return p, np.abs(usual.stiffness(d) / fine.stiffness(d) - 1.0).max()
+
+
+@pytest.mark.parametrize("seed", [0, 4])
+def test_law_agrees_with_200_steps(seed):
+    p, k = deviations(seed)
+    assert p < 0.01
+    assert k < 0.03
+
+
+@pytest.mark.slow
+def test_laws_agree_with_200_steps_over_many_surfaces():
+    found = np.array([deviations(seed) for seed in range(100, 130)])
+    assert found[:, 0].max() < 0.01
+    assert found[:, 1].max() < 0.03, found[:, 1]
+
+
+def test_law_agrees_with_fresh_contact_solutions(law):
+    """Between its steps, against solutions from cold at far-field separations."""
+    h = surface(0)
+    bulk = SIZE[0] / E_STAR / 1.1492083
+    for p in np.geomspace(2e-5, 0.08, 9) * E_STAR:
+        found = solve_contact(h.heights, h.size, E_STAR, load=p * np.prod(SIZE), tol=1e-10)
+        # The law's separation is free of the sinking of the whole patch.
+        d = found.separation + bulk * p
+        assert law.pressure(d) == pytest.approx(p, rel=0.01)
+
+
+def test_bulk_compliance_can_be_kept(law):
+    raw = contact_law(surface(0), E_STAR, bulk_compliance="keep")
+    (d, p, k), (d_raw, p_raw, k_raw) = law.steps, raw.steps
+    np.testing.assert_allclose(p, p_raw, rtol=1e-12)
+    c = SIZE[0] / E_STAR / 1.1492083
+    np.testing.assert_allclose(d - d_raw, c * p, rtol=1e-6)
+    use = slice(0, -1)  # stiffnesses are limited where ln p would not be monotone
+    np.testing.assert_allclose(1 / k_raw[use] - 1 / k[use], c, rtol=1e-4)
+
+
+def test_bulk_free_law_is_the_periodic_law_on_average():
+    """Mean over surfaces within 0.05 S_q up to p / E* = 0.1; one surface may be 0.25 away."""
+    miss = []
+    for seed in range(8):
+        free = contact_law(surface(seed), E_STAR)
+        periodic = contact_law(surface(seed), E_STAR, boundary="periodic")
+        levels = np.log(np.array([1e-4, 1e-3, 1e-2, 0.1]) * E_STAR)
+        miss.append([
+            np.interp(level, np.log(free.steps[1]), free.steps[0])
+            - np.interp(level, np.log(periodic.steps[1]), periodic.steps[0])
+            for level in levels
+        ])  # fmt: skip
+    miss = np.array(miss) / PAPER.S_q
+    assert np.abs(miss.mean(axis=0)).max() < 0.05, miss.mean(axis=0)
+    assert np.abs(miss).max() < 0.25
+
+
+def test_zero_beyond_first_touch_and_a_short_foot(law):
+    touch, top = law.first_touch, surface(0).heights.max()
+    assert law.pressure(touch) == 0.0 == law.stiffness(touch) == law.energy(touch)
+    assert np.all(law.pressure(touch + np.array([1e-12, 1e-6, 1.0])) == 0.0)
+    assert 0.0 < touch - law.steps[0][0] <= 0.04 * PAPER.S_q
+    assert abs(touch - top) <= 0.02 * PAPER.S_q
+
+
+def test_straight_beyond_the_last_step(law):
+    d, p, k = (a[-1] for a in law.steps)
+    x = d - np.array([1e-6, 1e-4, 1.0])
+    np.testing.assert_allclose(law.pressure(x), p + k * (d - x), rtol=1e-14)
+    np.testing.assert_allclose(law.stiffness(x), k, rtol=1e-14)
+
+
+def test_pressure_and_stiffness_are_continuous(law):
+    """C1 at every step, at the end of the foot and at first touch."""
+    d, p, k = law.steps
+    step = 1e-9 * np.diff(d).min()
+    for f, scale in ((law.pressure, p), (law.stiffness, k)):
+        jump = f(d + step) - f(d - step)
+        np.testing.assert_allclose(jump, 0.0, atol=1e-7 * scale.max())
+        np.testing.assert_allclose(jump / scale, 0.0, atol=1e-5)
+    assert law.stiffness(law.first_touch - 1e-15) < 1e-6 * k[0]
+
+
+def test_energy_is_the_integral_of_pressure_to_1e_12(law):
+    """Against adaptive quadrature between the steps, in the foot and beyond the end."""
+    d = law.steps[0]
+    for a, b in ((d[0], law.first_touch), (d[-1] - 1e-5, d[-1])):
+        found, _ = quad(law.pressure, a, b, epsabs=0.0, epsrel=1e-13)
+        assert law.energy(a) - law.energy(b) == pytest.approx(found, rel=1e-12)
+    for i in (0, 40, 100, len(d) - 3, len(d) - 2):
+        a, b = d[i + 1] + 0.3 * (d[i] - d[i + 1]), d[i]
+        found, _ = quad(law.pressure, a, b, epsabs=0.0, epsrel=1e-13)
+        # The difference of two energies carries the rounding of the larger one.
+        room = 1e-12 * found + 4e-16 * law.energy(a)
+        assert abs(law.energy(a) - law.energy(b) - found) < room
+
+
+def random_steps(rng, n):
+    """Steps of a monotone law with slopes that need not fit the chords."""
+    d = np.cumsum(-rng.exponential(1e-6, n)) + 1e-4
+    p = np.cumsum(rng.exponential(1.0, n)) * 10.0 ** rng.uniform(-2, 8)
+    return d, p, rng.exponential(1.0, n) * p / 1e-6
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10**6), st.integers(1, 40))
+def test_any_law_is_monotone_and_its_derivatives_fit(seed, n):
+    rng = np.random.default_rng(seed)
+    law = make_library([random_steps(rng, n)])[0]
+    d = law.steps[0]
+    span = law.first_touch - d[-1] + 1e-6
+    x = np.sort(rng.uniform(d[-1] - 0.2 * span, law.first_touch + 0.1 * span, 300))
+    p, k, e = law.pressure(x), law.stiffness(x), law.energy(x)
+    assert np.all(np.diff(p) <= 0.0) and np.all(k >= 0.0) and np.all(np.diff(e) <= 0.0)
+    # Central differences, away from steps where the second derivative jumps.
+    h = 1e-5 * span / n
+    corner = np.concatenate([d, [law.first_touch]])
+    far = np.abs(x[:, None] - corner).min(axis=1) > 2 * h
+    slope = (law.pressure(x[far] - h) - law.pressure(x[far] + h)) / (2 * h)
+    np.testing.assert_allclose(slope, k[far], rtol=1e-3, atol=1e-6 * k.max())
+    push = (law.energy(x[far] - h) - law.energy(x[far] + h)) / (2 * h)
+    np.testing.assert_allclose(push, p[far], rtol=1e-3, atol=1e-6 * p.max())
+
+
+def test_library_is_its_laws():
+    """Evaluation of many laws at once against one by one, rows of different length."""
+    rng = np.random.default_rng(0)
+    laws = make_library([random_steps(rng, n) for n in (5, 1, 30, 17)], [3, 1, 4, 1])
+    index = rng.integers(0, 4, 200)
+    d = rng.uniform(laws.d.min() - 1e-6, laws.first_touch(np.arange(4)).max() + 1e-6, 200)
+    for name in ("pressure", "stiffness", "energy"):
+        many = getattr(laws, name)(index, d)
+        one = [getattr(laws[i], name)(x) for i, x in zip(index, d, strict=True)]
+        np.testing.assert_array_equal(many, one)
+    np.testing.assert_array_equal(
+        laws.first_touch(index), [laws[i].first_touch for i in index]
+    )  # fmt: skip
+    assert len(laws) == len(list(laws)) == 4
+    with pytest.raises(IndexError):
+        laws[4]
+
+
+def test_scaled_law_is_stiffer_everywhere(law):
+    """Another modulus: p, -p' and energy grow by one factor, first touch stays."""
+    x = np.linspace(law.steps[0][-1] - 1e-5, law.first_touch, 50)
+    for other in (law.scaled(1.7), law.library.scaled(1.7)[0]):
+        for name in ("pressure", "stiffness", "energy"):
+            np.testing.assert_allclose(
+                getattr(other, name)(x), 1.7 * getattr(law, name)(x), rtol=1e-12
+            )
+        assert other.first_touch == pytest.approx(law.first_touch, rel=1e-14)
+
+
+def test_save_and_load(tmp_path, law):
+    laws = make_library([law.steps, law.scaled(2.0).steps], [11, 12], {"E_star": E_STAR})
+    save_laws(tmp_path / "laws.npz", laws)
+    back = load_laws(tmp_path / "laws.npz")
+    assert back.settings == {"E_star": E_STAR}
+    np.testing.assert_array_equal(back.seed, [11, 12])
+    x = np.linspace(-1e-4, 2e-4, 100)
+    for i in range(2):
+        np.testing.assert_array_equal(back[i].energy(x), laws[i].energy(x))
+
+
+def test_loading_something_else_is_named(tmp_path):
+    with pytest.raises(SceneError, match="missing"):
+        load_laws(tmp_path / "missing.npz")
+    np.savez(tmp_path / "other.npz", a=1)
+    with pytest.raises(SceneError, match=r"other\.npz"):
+        load_laws(tmp_path / "other.npz")
+
+
+def test_library_does_not_depend_on_the_number_of_processes():
+    recipe = LawRecipe(PAPER.bifractal, PAPER.hdf, E_STAR, shape=(32, 32))
+    one, two = (law_library(recipe, 3, seed=7, processes=n) for n in (1, 2))
+    for name in ("d", "p", "k", "count", "seed"):
+        np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
+    alone = recipe.law(7, 2)
+    np.testing.assert_array_equal(one[2].steps[0], alone[0])
+    assert one[0].first_touch != one[1].first_touch
+
+
+def test_analytic_laws():
+    d = np.array([-2e-6, 0.0, 1e-6])
+    spring = linear_law(2e13)
+    np.testing.assert_allclose(spring.pressure(d), [4e7, 0.0, 0.0])
+    np.testing.assert_allclose(spring.stiffness(d), [2e13, 0.0, 0.0])
+    np.testing.assert_allclose(spring.energy(d), [40.0, 0.0, 0.0])
+    soft = exponential_law(1e6, 1e-6)
+    np.testing.assert_allclose(soft.pressure(d), 1e6 * np.exp([2.0, 0.0, -1.0]))
+    np.testing.assert_allclose(soft.stiffness(d), 1e12 * np.exp([2.0, 0.0, -1.0]))
+    np.testing.assert_allclose(soft.energy(d), np.exp([2.0, 0.0, -1.0]))
+    assert spring.scaled(0.5).k == 1e13 and soft.scaled(2.0).p0 == 2e6
+    many = OneLaw(spring)
+    np.testing.assert_array_equal(many.pressure(np.array([0, 5, 9]), d), spring.pressure(d))
+    assert len(many) == 1 and many.first_touch(np.zeros(3, dtype=int)).shape == (3,)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: linear_law(-1.0),
+        lambda: exponential_law(1.0, 0.0),
+        lambda: exponential_law(np.nan, 1.0),
+        lambda: make_library([]),
+        lambda: make_library([(np.array([1.0, 2.0]), np.array([1.0, 2.0]), np.ones(2))]),
+        lambda: make_library([(np.array([2.0, 1.0]), np.array([1.0, 1.0]), np.ones(2))]),
+        lambda: make_library([(np.array([2.0, 1.0]), np.array([1.0, 2.0]), np.zeros(2))]),
+        lambda: contact_law(surface(0, 8), -1.0),
+        lambda: contact_law(surface(0, 8), 1.0, max_pressure=1e-9),
+        lambda: contact_law(surface(0, 8), 1.0, bulk_compliance="half"),
+        lambda: contact_law(surface(0, 8), 1.0, boundary="open"),
+        lambda: law_library(LawRecipe(PAPER.bifractal, PAPER.hdf, 1.0), 0, 1),
+    ],
+)
+def test_laws_that_cannot_be(make):
+    with pytest.raises(SceneError):
+        make()
+
+
+def test_missing_points_are_an_error():
+    h = np.zeros((4, 4))
+    h[1, 1] = np.nan
+    with pytest.raises(SurfaceError, match="missing"):
+        contact_law(make_topography(h, (1.0, 1.0)), 1.0)
