@@ -19,6 +19,7 @@ from .style import APPROACH_NAME
 from .surface_figures import surface_statistics
 from .tables import Value, show
 
+LONGEST = 60  # values of a list shown in full
 CAPTIONS = {plot.name: plot.caption for plot in PLOTS}
 STATISTICS = (
     ("mean", "mean height over the instrument's zero [µm]", 1e6),
@@ -256,8 +257,15 @@ def _flatten(content: Mapping[str, Any], above: str = "") -> list[tuple[str, str
         if isinstance(value, Mapping):
             found += _flatten(value, name)
         else:
-            found.append((name, value if isinstance(value, str) else repr(value)))
+            found.append((name, _exact(value)))
     return found
+
+
+def _exact(value: Any) -> str:
+    """A value as text, every digit; of a long list the first values and their number."""
+    if isinstance(value, list) and len(value) > LONGEST:
+        return f"{repr(value[:5])[:-1]}, ...] ({len(value)} values)"
+    return value if isinstance(value, str) else repr(value)
 
 
 def _name(row: Sequence[Value]) -> str:

@@ -101,6 +101,12 @@ def test_an_empty_summary_leaves_no_empty_section(tmp_path):
     assert root.find(f".//{X}h1").text == "Brake squeal study: bare"
 
 
+def test_long_lists_are_shortened_and_say_so(tmp_path):
+    text = render_page(RunData(tmp_path, summary={"settings": {"long": list(range(100))}}))
+    assert "[0, 1, 2, 3, 4, ...] (100 values)" in text
+    assert "95" not in text.split("<main>")[1]
+
+
 def test_page_is_the_same_for_the_same_run(page):
     assert render_page(read_run(page.parent)) == page.read_text()
 
