@@ -26,6 +26,7 @@ class Pixels(Protocol):
     """The pixels that can touch."""
 
     height: Array  # over the mean plane [m], shape (n,)
+    most: int  # how many can touch at once; a periodic surface in full contact has no separation
 
     def influence(self, points: Index) -> Array:
         """Dense influence of ``points`` on themselves [m], a fresh array."""
@@ -44,6 +45,7 @@ class AllPixels:
 
     def __init__(self, space: HalfSpace, h: Array):
         self.space, self.height = space, h.ravel()
+        self.most = h.size - (1 if space.boundary == "periodic" else 0)
 
     def influence(self, points: Index) -> Array:
         """See ``Pixels``."""
@@ -70,6 +72,7 @@ class HighPixels:
 
     def __init__(self, space: HalfSpace, h: Array, address: Index):
         self.address, self.height = address, h.ravel()[address]
+        self.most = address.size
         self._matrix = space.block(address, address)
 
     def influence(self, points: Index) -> Array:
@@ -129,7 +132,7 @@ def active_set(
     fewest, patience = height.size + 1, 3
     for iteration in range(1, max_iterations + 1):
         points = np.flatnonzero(touching)
-        if most is not None and points.size > most:
+        if points.size > (pixels.most if most is None else min(most, pixels.most)):
             return None
         x = _dense_solve(pixels, points)
         if x is None:

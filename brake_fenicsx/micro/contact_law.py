@@ -17,6 +17,7 @@ from brake_fenicsx.surface.topography import Topography
 logger = logging.getLogger("brake_fenicsx")
 
 FINE = 40  # steps per decade of load while few pixels touch
+FULL = 0.98  # share of the flat punch's stiffness from which roughness no longer counts
 FOOT = 0.02  # the foot of a law is at most this share of S_q
 
 
@@ -96,7 +97,14 @@ def law_steps(
     if bulk_compliance == "remove" and boundary == "free":
         c = bulk(space)
         d = d + c * total
-        stiffness = stiffness / (1.0 - c * stiffness)
+        closed = np.flatnonzero(c * stiffness >= FULL)
+        if closed.size:
+            p = total[closed[0]] / h.size
+            logger.info("%s: closed at p = %.2g E*; straight law beyond", surface.source, p)
+            d, total, stiffness = (a[: closed[0] + 1] for a in (d, total, stiffness))
+        stiffness = stiffness / np.maximum(1.0 - c * stiffness, 1.0 - FULL)
+    falls = np.concatenate([[True], np.diff(d) < -1e-12 * np.abs(d).max()])
+    d, total, stiffness = (a[falls] for a in (d, total, stiffness))
     return d, total * E_star / h.size, stiffness * E_star / h.size
 
 

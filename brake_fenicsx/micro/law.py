@@ -131,7 +131,8 @@ class LawLibrary:
 
     def energy(self, index: Index, d: Array) -> Array:
         """Energies per area [J/m^2], integrals of the pressures from d to infinity."""
-        i, x = (a.ravel() for a in same_shape(index, d))
+        i, x = same_shape(index, d)
+        i, x = i.ravel(), x.ravel()
         at, place = self._find(i, x)
         d0, p0, k0 = (a[at] for a in self._flat)
         y = d0 - x

@@ -230,11 +230,12 @@ def _first_guess(space: HalfSpace, h: Array, d: float | None, total: float | Non
         assert total is not None
         count = int(np.clip(total / space.shape[0] / space.shape[1] * 20 * h.size, 1, h.size))
         d = float(np.partition(h.ravel(), h.size - count)[h.size - count])
-        return np.where(h >= d, h - d + 1e-3 * max(float(h.max()) - d, 1e-300), 0.0)
+        least = 1e-3 * (float(h.max()) - d) or 1.0
+        return np.where(h >= d, h - d + least, 0.0)
     overlap = np.maximum(h - d, 0.0)
     if np.count_nonzero(overlap) <= 4:
         return overlap / space.diagonal
-    return np.maximum(space.precondition(overlap), 0.0) * (overlap > 0.0) + 1e-300 * (overlap > 0)
+    return np.where(overlap > 0.0, np.maximum(space.precondition(overlap), 0.0), 0.0)
 
 
 def _closed(space: HalfSpace, h: Array, total: float) -> State | None:

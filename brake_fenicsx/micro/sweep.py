@@ -68,13 +68,14 @@ def sweep(
         tolerance: of the certificate of each step [-].
 
     Returns:
-        Steps of rising load.
+        Steps of rising load. A periodic surface may close before ``highest``: then the sweep ends,
+        since its separation cannot fall further.
 
     Raises:
         NotConverged: a step misses the tolerance.
     """
     steps, reached = _few_steps(space, h, lowest, highest, fine, tolerance)
-    if steps and steps[-1].total >= highest * (1.0 - 1e-9):
+    if steps[-1].total >= highest * (1.0 - 1e-9) or _closed(space, steps[-1]):
         return steps
     return steps + _many_steps(space, h, highest, coarse, tolerance, steps[-1], reached)
 
@@ -97,11 +98,17 @@ def _few_steps(
             break
         at, found = solved.points, solved
         steps.append(_few_step(space, pixels, solved, total, tolerance))
-        if total >= highest or at.size > DENSE:
+        if total >= highest or at.size > DENSE or _closed(space, steps[-1]):
             break
     if found is None:
         raise NotConverged("first touch: the active set does not settle")
     return steps, _spread(pixels, found, h, order)
+
+
+def _closed(space: HalfSpace, step: Step) -> bool:
+    """Whether a periodic surface is all but in full contact."""
+    size = space.shape[0] * space.shape[1]
+    return space.boundary == "periodic" and step.touching >= min(0.97 * size, size - 1)
 
 
 def _highest(space: HalfSpace, h: Array, order: Index, count: int) -> Pixels:
@@ -149,10 +156,12 @@ def _many_steps(
     """Continue with conjugate gradients, the separation chosen for even steps in load."""
     found: list[Step] = []
     p, unit = reached.p, reached.unit
-    while last.total < highest:
+    while last.total < highest and not _closed(space, last):
         ratio = 10.0 ** (1.0 / (per_decade if last.touching > SMOOTH else 2 * per_decade))
         # Along constant d(ln p)/dd, which falls as the load rises: a little short of the ratio.
         d = last.d - last.total / last.stiffness * np.log(ratio)
+        if d <= 0.0 and space.boundary == "periodic":
+            break
         guess = np.maximum(p + (last.d - d) * unit, 0.0)
         solved = projected_cg(space, h, float(d), None, guess, tolerance)
         p = solved.p
