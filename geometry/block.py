@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from .part import Part, faces_where, flat_at
@@ -20,11 +20,11 @@ class Block:
         size: mesh size [m].
     """
 
-    length: float = 40e-3
-    width: float = 20e-3
-    height: float = 20e-3
-    z: float = 0.0
-    size: float = 5e-3
+    length: float = field(default=40e-3, metadata={"unit": "m"})
+    width: float = field(default=20e-3, metadata={"unit": "m"})
+    height: float = field(default=20e-3, metadata={"unit": "m"})
+    z: float = field(default=0.0, metadata={"unit": "m", "sign": "any"})
+    size: float = field(default=5e-3, metadata={"unit": "m"})
 
 
 def build(occ: Any, block: Block) -> Part:

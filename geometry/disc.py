@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -22,10 +22,10 @@ class Disc:
         size: mesh size [m].
     """
 
-    radius: float = 144e-3
-    bore: float = 75e-3
-    thickness: float = 20e-3
-    size: float = 12e-3
+    radius: float = field(default=144e-3, metadata={"unit": "m"})
+    bore: float = field(default=75e-3, metadata={"unit": "m"})
+    thickness: float = field(default=20e-3, metadata={"unit": "m"})
+    size: float = field(default=12e-3, metadata={"unit": "m"})
 
 
 def build(occ: Any, disc: Disc) -> Part:

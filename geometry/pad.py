@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import gmsh
@@ -34,20 +34,20 @@ class Pad:
     """
 
     side: str = "both"
-    z: float = 10e-3
-    r_inner: float = 96e-3
-    r_outer: float = 140e-3
-    angle: float = np.pi / 3
-    position: float = np.pi / 2
-    lining: float = 10e-3
-    plate: float = 6e-3
-    shim: float = 0.0
+    z: float = field(default=10e-3, metadata={"unit": "m", "sign": "any"})
+    r_inner: float = field(default=96e-3, metadata={"unit": "m"})
+    r_outer: float = field(default=140e-3, metadata={"unit": "m"})
+    angle: float = field(default=np.pi / 3, metadata={"unit": "rad"})
+    position: float = field(default=np.pi / 2, metadata={"unit": "rad", "sign": "any"})
+    lining: float = field(default=10e-3, metadata={"unit": "m"})
+    plate: float = field(default=6e-3, metadata={"unit": "m"})
+    shim: float = field(default=0.0, metadata={"unit": "m", "sign": "zero"})
     shim_layers: int = 1
-    ear_length: float = 10e-3
-    ear_width: float = 16e-3
-    piston_diameter: float = 54e-3
-    size: float = 4.29e-3
-    plate_size: float = 6e-3
+    ear_length: float = field(default=10e-3, metadata={"unit": "m", "sign": "zero"})
+    ear_width: float = field(default=16e-3, metadata={"unit": "m"})
+    piston_diameter: float = field(default=54e-3, metadata={"unit": "m"})
+    size: float = field(default=4.29e-3, metadata={"unit": "m"})
+    plate_size: float = field(default=6e-3, metadata={"unit": "m"})
 
 
 def build(occ: Any, pad: Pad) -> Part:

@@ -126,6 +126,17 @@ def interface_moments(
     return pairs
 
 
+def slip_compliance(factor: Factor, T: sp.csr_matrix, comm: MPI.Comm) -> Array:
+    """T K0^-1 T' [m/N], shape (elements, elements), its columns shared by the processes of comm."""
+    columns = T.T.tocsc()
+    share = np.array_split(np.arange(T.shape[0]), comm.size)[comm.rank]
+    out = np.empty((T.shape[0], share.size))
+    for b in blocks(share.size):
+        out[:, b] = T @ factor.solve(columns[:, share[b]].toarray())
+    TT = np.hstack(comm.allgather(out))
+    return 0.5 * (TT + TT.T)
+
+
 def compliance(
     K: PETSc.Mat,
     N: sp.csr_matrix,

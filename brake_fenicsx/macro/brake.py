@@ -1,0 +1,190 @@
+"""A scene's brake: parts, materials, supports, loads and interfaces to operators."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.scene import MaterialTable, Scene
+
+from .condensation import Compliance, gathered_vector
+from .contact import Contact, join, patch_contact
+from .elasticity import Elastic, assemble_elastic
+from .friction import Motion, Rotation, Translation
+from .material import (
+    Material,
+    isotropic,
+    orthotropic,
+    rotate_about_z,
+    transversely_isotropic,
+)
+from .mesh import Mesh, build_mesh
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Brake:
+    """Assembled operators of a scene.
+
+    Attributes:
+        mesh: the tagged mesh.
+        elastic: matrices, loads and the numbering of the free dofs.
+        contact: contact elements of all interfaces.
+        f: loads [N], all free dofs, the same on every process.
+        pressed: sum of the loads' magnitudes [N].
+        compliance: the bodies seen from the contact elements, once computed.
+    """
+
+    mesh: Mesh
+    elastic: Elastic
+    contact: Contact
+    f: Array
+    pressed: float
+    compliance: Compliance | None = None
+
+    @property
+    def K(self) -> PETSc.Mat:
+        """Stiffness [N/m]."""
+        return self.elastic.K
+
+    @property
+    def M(self) -> PETSc.Mat:
+        """Mass [kg]."""
+        return self.elastic.M
+
+    @property
+    def N(self) -> sp.csr_matrix:
+        """Gap operator."""
+        return self.contact.N
+
+    @property
+    def T(self) -> sp.csr_matrix:
+        """Slip operator along the sliding direction."""
+        return self.contact.T
+
+    @property
+    def R(self) -> sp.csr_matrix:
+        """Slip operator across the sliding direction."""
+        return self.contact.R
+
+    @property
+    def w(self) -> Array:
+        """Areas of the contact elements [m^2]."""
+        return self.contact.w
+
+    @property
+    def g0(self) -> Array:
+        """Gaps of the undeformed bodies [m]."""
+        return self.contact.g0
+
+    @property
+    def points(self) -> Array:
+        """Centres of the contact elements [m]."""
+        return self.contact.points
+
+    def size(self) -> dict[str, int]:
+        """Cells, free dofs and contact elements."""
+        domain = self.mesh.domain
+        cells = int(domain.topology.index_map(domain.topology.dim).size_global)
+        return {"cells": cells, "dofs": self.elastic.free.size, "contact_elements": len(self.w)}
+
+    def local(self, u: NDArray) -> NDArray:
+        """Values on all local dofs of this process of a whole free vector, zero where held."""
+        first, last = self.K.getOwnershipRange()
+        return self.elastic.free.expand(u[first:last])
+
+
+def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
+    """Build, mesh and assemble what the scene names.
+
+    Args:
+        scene: the scene; the first interface named is the first of the contact elements.
+        comm: communicator of mesh and matrices.
+
+    Returns:
+        The operators.
+
+    Raises:
+        SceneError: a part, face, layer or material does not fit.
+    """
+    materials = scene_materials(scene)
+    mesh = build_mesh(scene_parts(scene), comm)
+    layers = {}
+    for layer in mesh.layers:
+        name, _, inner = layer.partition(".")
+        used = scene.parts[name].material
+        if isinstance(used, dict) and inner not in used:
+            raise SceneError(f"parts.{name}.material: no material for layer {inner!r}")
+        layers[layer] = materials[used if isinstance(used, str) else used[inner]]
+    supports = {face: list(held) for face, held in scene.supports.items()}
+    loads = {face: load.pressure for face, load in scene.loads.items()}
+    elastic = assemble_elastic(mesh, layers, supports, loads)
+    motion = scene_motion(scene)
+    faces = [(c.faces[0], c.faces[1], c.search) for c in scene.contact.values()]
+    contact = join([patch_contact(mesh, elastic.free, (a, b), motion, s) for a, b, s in faces])
+    pressed = sum(loads[face] * area for face, (area, _) in elastic.loads.items())
+    return Brake(mesh, elastic, contact, gathered_vector(elastic.f), float(pressed))
+
+
+def scene_parts(scene: Scene) -> dict[str, tuple[Any, Any]]:
+    """Builder module and parameters of each part."""
+    from importlib import import_module
+
+    return {
+        name: (import_module(f"brake_fenicsx.geometry.{part.builder}"), part.parameters)
+        for name, part in scene.parts.items()
+    }
+
+
+def scene_motion(scene: Scene) -> Motion:
+    """How the disc moves; a scene without motion has no friction, any direction serves then."""
+    motion = scene.motion
+    if motion is None:
+        return Rotation(1.0)
+    if motion.direction is not None:
+        d = motion.direction
+        if len(d) != 3 or not any(d):
+            raise SceneError(f"motion.direction = {list(d)!r}: write three numbers, not all zero")
+        return Translation((d[0], d[1], d[2]), 1.0)
+    return Rotation(motion.rotation)
+
+
+def scene_materials(scene: Scene) -> dict[str, Material]:
+    """Materials of the scene; a wrong one is named by its key."""
+    found = {}
+    for name, table in scene.materials.items():
+        try:
+            C = rotate_about_z(_stiffness(table), table.axis) if table.axis else _stiffness(table)
+            found[name] = Material(C, table.rho)
+        except SceneError as error:
+            raise SceneError(f"{scene.file}: materials.{name}: {error}") from None
+    return found
+
+
+def _stiffness(t: MaterialTable) -> Array:
+    """Stiffness of a material table in the material's axes."""
+    needed = {
+        "isotropic": ("E", "nu"),
+        "transversely-isotropic": ("C11", "C12", "C13", "C33", "C44"),
+        "orthotropic": ("E", "nu", "G"),
+    }[t.model]
+    values: list[Any] = [getattr(t, name) for name in needed]
+    for name, value in zip(needed, values, strict=True):
+        if value is None:
+            raise SceneError(f"{name} is missing; model = {t.model!r} needs {', '.join(needed)}")
+        if isinstance(value, tuple) != (t.model == "orthotropic"):
+            raise SceneError(f"{name} = {value!r}: wrong number of values for {t.model!r}")
+    if t.model == "isotropic":
+        return isotropic(values[0], values[1])
+    if t.model == "orthotropic":
+        return orthotropic(*(np.array(v) for v in values))
+    return transversely_isotropic(*values)

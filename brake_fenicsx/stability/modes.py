@@ -1,0 +1,166 @@
+"""Complex modes as records: band, damping, error, verdict, families.
+
+lambda = alpha + i omega [1/s]; frequency |omega| / 2 pi; damping = -2 alpha / |omega|, negative
+means unstable. An undamped problem K phi = kappa M phi has lambda^2 = -kappa: a complex pair of
+kappa gives two rows, +-alpha.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# alpha beyond this share of |lambda| is called unstable; below it the model decides nothing.
+THRESHOLD = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class Count:
+    """How many modes the band must hold, and how that was counted."""
+
+    expected: int
+    how: str
+
+
+@dataclass(frozen=True, slots=True)
+class Modes:
+    """Complex modes of a band, sorted by frequency, one of each conjugate pair.
+
+    Attributes:
+        s: eigenvalues lambda [1/s], shape (modes,).
+        right: right vectors, shape (dofs or coordinates, modes); may have no column.
+        left: left vectors, psi^H (lambda^2 M + lambda C + K) = 0; may have no column.
+        residual: relative residual of each mode [-].
+        error: estimated error of lambda [1/s].
+        condition: eigenvalue condition number [-].
+        count: expected number of modes.
+        iterations: operator applications of the solver, or corrections of the reduced model.
+        seconds: time [s].
+        real: whether symmetry keeps the mode on the imaginary axis (a simple real kappa).
+    """
+
+    s: Complex
+    right: Complex
+    left: Complex
+    residual: Array
+    error: Array
+    condition: Array
+    count: Count
+    iterations: int
+    seconds: float
+    real: NDArray[np.bool_]
+
+    def __len__(self) -> int:
+        """Number of modes."""
+        return int(self.s.size)
+
+    @property
+    def frequency(self) -> Array:
+        """|omega| / 2 pi [Hz]."""
+        return np.asarray(np.abs(self.s.imag) / (2 * np.pi))
+
+    @property
+    def damping(self) -> Array:
+        """-2 alpha / |omega| [-]; -inf for divergence, nan for rigid modes."""
+        omega, alpha = np.abs(self.s.imag), self.s.real
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(np.where(omega > 0, -2 * alpha / omega, -alpha / 0.0) + 0.0)
+
+    @property
+    def verdict(self) -> list[str]:
+        """Stable, unstable, or neutral where the error interval straddles the threshold."""
+        limit = THRESHOLD * np.abs(self.s)
+        error = np.where(self.real, 0.0, self.error)
+        low, high = self.s.real - error, self.s.real + error
+        return [
+            "unstable" if a > l else "stable" if b < l else "neutral"
+            for a, b, l in zip(low, high, limit, strict=True)
+        ]
+
+
+def undamped_rows(
+    kappa: Complex, error: Array, band: tuple[float, float]
+) -> tuple[NDArray[np.intp], Complex, Array, NDArray[np.bool_]]:
+    """Rows of the band from the eigenvalues of K phi = kappa M phi, lambda^2 = -kappa.
+
+    Args:
+        kappa: eigenvalues [1/s^2], complex ones with their conjugates.
+        error: their estimated errors [1/s^2].
+        band: lowest and highest frequency [Hz].
+
+    Returns:
+        For each row: number of its kappa, lambda [1/s], error of lambda [1/s], and whether kappa
+        is real and too far from all others for an error to have made it so.
+    """
+    lam = np.sqrt(-kappa.astype(complex))
+    # Of the two roots +-lambda the one with omega > 0; of two real ones the growing one.
+    lam = np.where(lam.imag < 0, -lam, lam)
+    with np.errstate(divide="ignore"):
+        spread = np.where(np.abs(lam) > 0, error / (2 * np.abs(lam)), np.sqrt(error))
+    frequency = lam.imag / (2 * np.pi)
+    inside = (frequency >= band[0]) & (frequency <= band[1]) & (lam.imag > 0)
+    diverging = (lam.imag == 0) & (kappa.real < 0) & (band[0] <= 0)
+    chosen = np.flatnonzero(inside | diverging)
+    order = chosen[np.lexsort((lam[chosen].real, frequency[chosen]))]
+    return order, lam[order], spread[order], _surely_real(kappa, error)[order]
+
+
+def _surely_real(kappa: Complex, error: Array) -> NDArray[np.bool_]:
+    """Real kappa whose error disc meets no other disc: the exact eigenvalue is real as well."""
+    real = kappa.imag == 0
+    order = np.argsort(kappa.real, kind="stable")
+    x, e = kappa.real[order], 2 * error[order]
+    clear = np.ones(kappa.size, dtype=bool)
+    if kappa.size > 1:
+        touch = np.diff(x) <= e[1:] + e[:-1]
+        clear[1:] &= ~touch
+        clear[:-1] &= ~touch
+    out = np.empty_like(clear)
+    out[order] = clear
+    return real & out
+
+
+def follow(
+    shapes: Sequence[Complex], frequencies: Sequence[Array], least: float = 0.5
+) -> list[NDArray[np.intp]]:
+    """Families of modes over samples, by the modal assurance criterion in a common basis.
+
+    Each sample's modes are matched to the families' latest members, best match first; a mode that
+    matches none by ``least`` founds a family.
+
+    Args:
+        shapes: for each sample the mode vectors in M-orthonormal coordinates, shape (m, modes).
+        frequencies: for each sample the frequencies [Hz], shape (modes,).
+        least: smallest MAC of a match.
+
+    Returns:
+        For each sample the family number of each mode.
+    """
+    centres: list[NDArray] = []
+    pitch: list[float] = []
+    families = []
+    for X, f in zip(shapes, frequencies, strict=True):
+        X = X / np.linalg.norm(X, axis=0)
+        family = np.full(X.shape[1], -1)
+        if centres:
+            mac = np.abs(np.stack(centres).conj() @ X) ** 2
+            near = np.abs(np.log(np.maximum(f, 1.0)[None, :] / np.array(pitch)[:, None])) < 0.3
+            mac = np.where(near, mac, 0.0)
+            for _ in range(min(mac.shape)):
+                i, j = np.unravel_index(np.argmax(mac), mac.shape)
+                if mac[i, j] < least:
+                    break
+                family[j] = i
+                mac[i, :], mac[:, j] = -1.0, -1.0
+        for j in np.flatnonzero(family < 0):
+            family[j] = len(centres)
+            centres.append(X[:, j])
+            pitch.append(max(float(f[j]), 1.0))
+        families.append(family)
+    return families

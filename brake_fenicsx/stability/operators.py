@@ -1,0 +1,60 @@
+"""Operators of the linearised problem at an equilibrium, and residuals of its modes.
+
+(lambda^2 M + K + N'W k N + mu T'W k N) phi = 0, k = -p' of every element at equilibrium.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from petsc4py import PETSc
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from brake_fenicsx.macro.condensation import gathered, petsc_matrix
+from brake_fenicsx.macro.solver import add_interface, product
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+def tangent(
+    K: PETSc.Mat, N: sp.csr_matrix, T: sp.csr_matrix, w: Array, k: Array, mu: float
+) -> PETSc.Mat:
+    """K + N'W k N + mu T'W k N; non-symmetric where mu is not zero.
+
+    Args:
+        K: elastic stiffness [N/m].
+        N: gap operator, shape (elements, dofs).
+        T: slip operator, shape (elements, dofs).
+        w: areas [m^2].
+        k: contact stiffness [Pa/m].
+        mu: friction coefficient.
+
+    Returns:
+        A new matrix, distributed like ``K``.
+    """
+    # The pressures' work on N + mu T, the gaps' change through N.
+    left = (N + mu * T).tocsr() if mu else N
+    return add_interface(K, left, w * k, N)
+
+
+def as_petsc(A: Any) -> PETSc.Mat:
+    """A SciPy or PETSc matrix, whole on this process."""
+    return petsc_matrix(A) if sp.issparse(A) else gathered(A)
+
+
+def relative_residual(K: PETSc.Mat, M: PETSc.Mat, kappa: Complex, X: Complex) -> Array:
+    """|K phi - kappa M phi| / |kappa M phi| of each mode, Euclidean norms.
+
+    Args:
+        K: stiffness [N/m].
+        M: mass [kg].
+        kappa: -lambda^2 [1/s^2].
+        X: vectors, shape (dofs, modes).
+    """
+    KX = product(K, X.real) + 1j * product(K, X.imag)
+    MX = kappa * (product(M, X.real) + 1j * product(M, X.imag))
+    return np.asarray(np.linalg.norm(KX - MX, axis=0) / np.linalg.norm(MX, axis=0))

@@ -1,0 +1,200 @@
+"""Reduced model of a whole ensemble: real modes of a reference, the interface treated exactly.
+
+Samples differ in the contact stiffness k of every element and in mu. With K0 = K + N'W k0 N,
+D = W k, dD = W (k - k0) the undamped problem reads, for kappa = -lambda^2,
+
+    (K0 - kappa M) phi = -(N' dD + mu T' D) N phi.
+
+Phi, Lambda are the real modes of (K0, M) below a cutoff; the rest of (K0 - kappa M)^-1 is
+R0 + kappa R1 + kappa^2 R2 + ..., R_j = K0^-1 (M K0^-1)^j - Phi Lambda^-(j+1) Phi'. The gaps
+N phi = E(kappa)^-1 Phi_N a follow with E = I + C0 + kappa C1 + ..., C_j = R_j,NN dD + mu R_j,NT D,
+and leave a pencil in the modal coordinates a, to first order in kappa. R2 corrects each eigenvalue
+by the two-sided quotient and bounds what is left out.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.macro.condensation import (
+    gathered,
+    interface_moments,
+    petsc_matrix,
+    reference_factor,
+    slip_compliance,
+)
+from brake_fenicsx.macro.solver import Factor, add_interface, local_rows
+
+from .lanczos import lowest_modes
+from .modes import Complex, Modes
+from .sample import Sample
+
+Array = NDArray[np.float64]
+
+# Modes are kept up to this multiple of the band's highest frequency.
+CUTOFF = 1.6
+
+
+@dataclass(frozen=True, slots=True)
+class Basis:
+    """What the offline stage leaves behind; all of it dense and small.
+
+    Attributes:
+        Lambda: eigenvalues of the reference [1/s^2], shape (modes,).
+        Phi_N: gaps of its modes, shape (elements, modes).
+        Phi_T: slips of its modes, shape (elements, modes).
+        NN: N R_j N', j = 0, 1, 2, each of shape (elements, elements).
+        NT: N R_j T'.
+        TT: T R_0 T'.
+        compliance: (N K0^-1 N', N K0^-1 T', T K0^-1 T') with the modes.
+        w: areas [m^2].
+        k0: reference stiffness [Pa/m].
+        limit: no mode of the reference below it is missing [1/s^2].
+    """
+
+    Lambda: Array
+    Phi_N: Array
+    Phi_T: Array
+    NN: tuple[Array, ...]
+    NT: tuple[Array, ...]
+    TT: Array
+    compliance: tuple[Array, Array, Array]
+    w: Array
+    k0: Array
+    limit: float
+
+
+class Reduced:
+    """Complex modes of any sample of an ensemble, dense and fast.
+
+    Attributes:
+        basis: the offline result.
+        band: lowest and highest frequency [Hz].
+        factor: factor of K0, on every process.
+        Phi: real modes of the reference, shape (dofs, modes).
+        seconds: time of the offline stage by part [s].
+    """
+
+    def __init__(
+        self,
+        K: Any,
+        M: Any,
+        N: sp.csr_matrix,
+        T: sp.csr_matrix,
+        w: Array,
+        k0: Array | float,
+        band: tuple[float, float],
+        cutoff: float | None = None,
+        comm: MPI.Comm | None = None,
+        progress: Callable[[int], None] = lambda n: None,
+    ):
+        """Offline stage.
+
+        Args:
+            K: elastic stiffness [N/m], SciPy sparse or PETSc.
+            M: mass [kg], likewise.
+            N: gap operator, shape (elements, dofs).
+            T: slip operator, shape (elements, dofs).
+            w: areas of the elements [m^2], shape (elements,).
+            k0: reference stiffness [Pa/m], one or one per element, positive.
+            band: lowest and highest frequency [Hz].
+            cutoff: frequency up to which real modes are kept [Hz]; 1.6 times the band's if None.
+            comm: processes that share the work; this process alone if None.
+            progress: called with the number of interface columns done.
+
+        Raises:
+            InaccurateResult: K0 is singular, or the inertia count finds a missing mode.
+        """
+        comm = MPI.COMM_SELF if comm is None else comm
+        K, M = (petsc_matrix(A) if sp.issparse(A) else gathered(A) for A in (K, M))
+        k0 = np.broadcast_to(np.asarray(k0, float), w.shape).copy()
+        limit = (2 * np.pi * (CUTOFF * band[1] if cutoff is None else cutoff)) ** 2
+        times = [time.perf_counter()]
+        self.factor = reference_factor(K, N, w, k0)
+        times.append(time.perf_counter())
+        rows = local_rows(M)
+        modes = lowest_modes(self.factor, rows, limit)
+        _prove_complete(K, M, N, w * k0, limit, len(modes.Lambda))
+        # Every process made the same modes; the first one's serve all, to the last bit.
+        self.Phi, Lambda = comm.bcast((modes.Phi, modes.Lambda), root=0)
+        times.append(time.perf_counter())
+        moments = interface_moments(self.factor, rows, N, T, 2, comm, progress)
+        TT = slip_compliance(self.factor, T, comm)
+        times.append(time.perf_counter())
+        self.band, self.N, self.T, self.M = band, N, T, rows
+        self.seconds = dict(zip(("factor", "modes", "interface"), np.diff(times), strict=True))
+        Phi_N, Phi_T = N @ self.Phi, T @ self.Phi
+        powers = [Phi_N / Lambda ** (j + 1) for j in range(3)]
+        self.basis = Basis(
+            Lambda, Phi_N, Phi_T,
+            tuple(m[0] - P @ Phi_N.T for m, P in zip(moments, powers, strict=True)),
+            tuple(m[1] - P @ Phi_T.T for m, P in zip(moments, powers, strict=True)),
+            TT - (Phi_T / Lambda) @ Phi_T.T, (*moments[0], TT), w, k0, limit,
+        )  # fmt: skip
+
+    def modes(self, k: Array, mu: float) -> Modes:
+        """Complex modes of one sample in the band.
+
+        Args:
+            k: contact stiffness of each element [Pa/m], shape (elements,).
+            mu: friction coefficient.
+
+        Returns:
+            The modes in coordinates of the reference: ``right`` and ``left`` have one row per kept
+            real mode; ``expand`` gives displacements. ``residual`` bounds the residual of the full
+            problem in the norm of K0^-1, relative to the mode's norm in K0.
+        """
+        start = time.perf_counter()
+        return Sample(self.basis, k, mu).modes(self.band, start)
+
+    def expand(self, modes: Modes, k: Array, mu: float, which: NDArray[np.intp]) -> Complex:
+        """Displacements of chosen modes.
+
+        Args:
+            modes: result of ``modes`` for the same ``k`` and ``mu``.
+            k: contact stiffness [Pa/m].
+            mu: friction coefficient.
+            which: numbers of the modes.
+
+        Returns:
+            Shape (dofs, chosen).
+        """
+        kappa, a = -(modes.s[which] ** 2), modes.right[:, which]
+        g = Sample(self.basis, k, mu).gaps(a, kappa)
+        D, dD = self.basis.w * k, self.basis.w * (k - self.basis.k0)
+        force = self.N.T @ (dD[:, None] * g) + mu * (self.T.T @ (D[:, None] * g))
+        rest = total = self._deflated(force)
+        for _ in range(2):
+            total = rest + self._deflated(kappa * (self.M @ total))
+        return self.Phi @ a - total
+
+    def _deflated(self, force: Complex) -> Complex:
+        """R_0 force: the static response without the kept modes."""
+        x = self.factor.solve(force.real) + 1j * self.factor.solve(force.imag)
+        return x - self.Phi @ ((self.Phi.T @ force) / self.basis.Lambda[:, None])
+
+
+def _prove_complete(
+    K: PETSc.Mat, M: PETSc.Mat, N: sp.csr_matrix, D: Array, limit: float, found: int
+) -> None:
+    """Sylvester: as many negative pivots of K0 - limit M as modes found below the limit."""
+    shifted = add_interface(K, N, D, N)
+    shifted.axpy(-limit, M, structure=PETSc.Mat.Structure.SUBSET_NONZERO_PATTERN)
+    factor = Factor(shifted, "brake_inertia_")
+    expected = factor.negative_pivots
+    factor.destroy()
+    if expected != found:
+        raise InaccurateResult(
+            f"the reference has {expected} modes below the cutoff by inertia, {found} were found"
+        )

@@ -1,0 +1,53 @@
+"""Quantities with units at the border: "5 bar", "1983.3 MPa", "2.825 mm" to SI numbers."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+DIMENSIONS = {
+    "m": "length [mm]", "rad": "angle [deg]", "Pa": "pressure or modulus [MPa]",
+    "kg/m^3": "density [kg/m^3]", "Pa/m": "contact stiffness [Pa/m]", "Hz": "frequency [Hz]",
+    "rad/s": "angular speed [rad/s]", "m/s": "speed [m/s]", "1/m": "wave number [1/mm]", "": "a number",
+}  # fmt: skip
+
+
+@cache
+def _registry() -> Any:
+    import pint
+
+    return pint.UnitRegistry()
+
+
+def to_si(value: Any, unit: str) -> float:
+    """Convert a value of a scene to SI.
+
+    Args:
+        value: a number with unit as a string, or a plain number where ``unit`` is "".
+        unit: SI unit wanted, a key of ``DIMENSIONS``.
+
+    Returns:
+        The number in SI units.
+
+    Raises:
+        ValueError: not a number, no unit, or a unit of another dimension; the text says which.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise ValueError(f"write {DIMENSIONS[unit]}")
+    if unit == "":
+        if isinstance(value, str):
+            raise ValueError("write a plain number")
+        return float(value)
+    if not isinstance(value, str):
+        if value == 0:
+            return 0.0
+        raise ValueError(f"the unit is missing, write {DIMENSIONS[unit]} as a string")
+    import pint
+
+    try:
+        quantity = _registry().Quantity(value)
+        return float(quantity.to(_registry().Unit(unit)).magnitude)
+    except pint.DimensionalityError:
+        raise ValueError(f"wrong unit, write {DIMENSIONS[unit]}") from None
+    except Exception:
+        raise ValueError(f"not a quantity, write {DIMENSIONS[unit]}") from None
