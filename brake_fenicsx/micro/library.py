@@ -45,7 +45,7 @@ class LawRecipe:
     low: str = "extend"
     max_pressure: float | None = None
     min_pressure: float | None = None
-    steps: int = 20
+    steps: int = 40
     boundary: str = "free"
     bulk_compliance: str = "remove"
     tolerance: float = 1e-6

@@ -17,8 +17,6 @@ from brake_fenicsx.micro.halfspace import Array, HalfSpace, Index
 from brake_fenicsx.micro.loading import DENSE, FEW
 from brake_fenicsx.micro.qp import certify, projected_cg, unit_answer
 
-SMOOTH = 2000  # touching pixels from which one more hardly changes the stiffness
-
 
 @dataclass(frozen=True, slots=True)
 class Step:
@@ -157,7 +155,7 @@ def _many_steps(
     found: list[Step] = []
     p, unit = reached.p, reached.unit
     while last.total < highest and not _closed(space, last):
-        ratio = 10.0 ** (1.0 / (per_decade if last.touching > SMOOTH else 2 * per_decade))
+        ratio = 10.0 ** (1.0 / per_decade)
         # Along constant d(ln p)/dd, which falls as the load rises: a little short of the ratio.
         d = last.d - last.total / last.stiffness * np.log(ratio)
         if d <= 0.0 and space.boundary == "periodic":
