@@ -157,6 +157,7 @@ class Stability:
     method: str = key(default="full", choices=("full", "reduced"))
     cutoff: float | None = key("Hz", default=None)
     zeta_max: float = key(default=0.1)
+    verify: int = key(default=0, sign="zero")
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,10 +219,10 @@ class Scene:
         """A file named in the scene, relative to the scene's folder."""
         return self.file.parent / name
 
-    def digest(self, *sections: str) -> str:
-        """Hash of some sections of the scene, or of all."""
-        chosen = {s: self.table.get(s) for s in sections} if sections else self.table
-        return hashlib.sha256(json.dumps(chosen, sort_keys=True).encode()).hexdigest()[:16]
+    @staticmethod
+    def hash(content: Any) -> str:
+        """Hash of some content of a scene."""
+        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def read_scene(file: str | Path, overrides: Sequence[str] = ()) -> Scene:

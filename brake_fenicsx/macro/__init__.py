@@ -1,29 +1,28 @@
 """Parts -> mesh -> operators -> braking equilibrium.
 
-Names are imported on use: a scene without parts never loads dolfinx.
+What needs dolfinx is imported on use.
 """
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import Any
 
-_HOME = {
-    "equilibrium": "equilibrium",
-    "Equilibrium": "equilibrium",
-    "displacement": "equilibrium",
-    "EnrichedGap": "gap",
-    "draw_critical_gaps": "gap",
-    "Material": "material",
-    "build_mesh": "mesh",
-    "assemble_brake": "brake",
-    "Brake": "brake",
-}
-__all__ = list(_HOME)
+from brake_fenicsx.macro.equilibrium import Equilibrium, displacement, equilibrium
+from brake_fenicsx.macro.gap import EnrichedGap, draw_critical_gaps
+
+_HOME = {"assemble_brake": "brake", "Brake": "brake", "build_mesh": "mesh"}
+__all__ = [
+    "Equilibrium",
+    "EnrichedGap",
+    "displacement",
+    "draw_critical_gaps",
+    "equilibrium",
+    *_HOME,
+]
 
 
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from importlib import import_module
-
     return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)

@@ -26,7 +26,7 @@ from .material import (
     rotate_about_z,
     transversely_isotropic,
 )
-from .mesh import Mesh, build_mesh
+from .mesh import Mesh, build_mesh, check_parts
 
 Array = NDArray[np.float64]
 
@@ -133,6 +133,24 @@ def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
     contact = join([patch_contact(mesh, elastic.free, (a, b), motion, s) for a, b, s in faces])
     pressed = sum(loads[face] * area for face, (area, _) in elastic.loads.items())
     return Brake(mesh, elastic, contact, gathered_vector(elastic.f), float(pressed))
+
+
+def check_brake(scene: Scene, comm: MPI.Comm) -> None:
+    """Refuse what cannot be built, before anything is meshed or written.
+
+    Raises:
+        SceneError: a material, a part's parameters, a face or the motion is wrong.
+    """
+    scene_materials(scene)
+    scene_motion(scene)
+    faces = {f'supports."{face}"': face for face in scene.supports}
+    faces |= {f'loads."{face}"': face for face in scene.loads}
+    for name, contact in scene.contact.items():
+        faces |= {f"contact.{name}.faces[{i}]": face for i, face in enumerate(contact.faces)}
+    try:
+        check_parts(scene_parts(scene), faces, comm)
+    except SceneError as error:
+        raise SceneError(f"{scene.file}: {error}") from None
 
 
 def scene_parts(scene: Scene) -> dict[str, tuple[Any, Any]]:

@@ -79,6 +79,43 @@ def build_mesh(parts: Mapping[str, Builder], comm: MPI.Comm, minimum_quality: fl
     return Mesh(domain, cell_tags, facet_tags, layers, faces, quality)
 
 
+def check_parts(parts: Mapping[str, Builder], faces: Mapping[str, str], comm: MPI.Comm) -> None:
+    """Build the geometry without meshing it, so that a mistake shows before any work.
+
+    Args:
+        parts: as for ``build_mesh``.
+        faces: face names that the scene uses, with the key that uses each.
+        comm: communicator of the run.
+
+    Raises:
+        SceneError: a builder refuses its parameters, or there is no such face; on all ranks.
+    """
+    text = None
+    if comm.rank == 0:
+        import gmsh
+
+        gmsh.initialize()
+        gmsh.option.setNumber("General.Terminal", 0)
+        try:
+            gmsh.model.add("check")
+            known = set()
+            for name, (builder, values) in parts.items():
+                text = f"parts.{name}: "
+                known |= {f"{name}.{f}" for f in builder.build(gmsh.model.occ, values).faces}
+            missing = [(key, face) for key, face in faces.items() if face not in known]
+            text = None
+            if missing:
+                key, face = missing[0]
+                text = f"{key}: no face {face!r}; there are {', '.join(sorted(known))}"
+        except Exception as error:
+            text = f"{text}the geometry cannot be built: {error}; change its parameters"
+        finally:
+            gmsh.finalize()
+    text = comm.bcast(text, root=0)
+    if text is not None:
+        raise SceneError(text)
+
+
 def _gmsh_model(
     model: Any, parts: Mapping[str, Builder], minimum_quality: float
 ) -> tuple[dict[str, int], dict[str, int], float]:

@@ -98,6 +98,7 @@ class Reduced:
         cutoff: float | None = None,
         comm: MPI.Comm | None = None,
         progress: Callable[[int], None] = lambda n: None,
+        known: tuple[Basis, Array] | None = None,
     ):
         """Offline stage.
 
@@ -112,6 +113,7 @@ class Reduced:
             cutoff: frequency up to which real modes are kept [Hz]; 1.6 times the band's if None.
             comm: processes that share the work; this process alone if None.
             progress: called with the number of interface columns done.
+            known: basis and mode shapes of an earlier offline stage of the same problem.
 
         Raises:
             InaccurateResult: K0 is singular, or the inertia count finds a missing mode.
@@ -124,6 +126,11 @@ class Reduced:
         self.factor = reference_factor(K, N, w, k0)
         times.append(time.perf_counter())
         rows = local_rows(M)
+        self.band, self.N, self.T, self.M = band, N, T, rows
+        self.seconds = {"factor": times[1] - times[0]}
+        if known is not None:
+            self.basis, self.Phi = known
+            return
         modes = lowest_modes(self.factor, rows, limit)
         _prove_complete(K, M, N, w * k0, limit, len(modes.Lambda))
         # Every process made the same modes; the first one's serve all, to the last bit.
@@ -132,8 +139,7 @@ class Reduced:
         moments = interface_moments(self.factor, rows, N, T, 2, comm, progress)
         TT = slip_compliance(self.factor, T, comm)
         times.append(time.perf_counter())
-        self.band, self.N, self.T, self.M = band, N, T, rows
-        self.seconds = dict(zip(("factor", "modes", "interface"), np.diff(times), strict=True))
+        self.seconds |= {"modes": times[2] - times[1], "interface": times[3] - times[2]}
         Phi_N, Phi_T = N @ self.Phi, T @ self.Phi
         powers = [Phi_N / Lambda ** (j + 1) for j in range(3)]
         self.basis = Basis(
@@ -158,19 +164,19 @@ class Reduced:
         start = time.perf_counter()
         return Sample(self.basis, k, mu).modes(self.band, start)
 
-    def expand(self, modes: Modes, k: Array, mu: float, which: NDArray[np.intp]) -> Complex:
-        """Displacements of chosen modes.
+    def expand(self, s: Complex, a: Complex, k: Array, mu: float) -> Complex:
+        """Displacements of some modes of a sample.
 
         Args:
-            modes: result of ``modes`` for the same ``k`` and ``mu``.
-            k: contact stiffness [Pa/m].
-            mu: friction coefficient.
-            which: numbers of the modes.
+            s: eigenvalues lambda [1/s], shape (chosen,).
+            a: their coordinates, columns of ``right``, shape (modes, chosen).
+            k: contact stiffness of the sample [Pa/m].
+            mu: its friction coefficient.
 
         Returns:
             Shape (dofs, chosen).
         """
-        kappa, a = -(modes.s[which] ** 2), modes.right[:, which]
+        kappa = -(s**2)
         g = Sample(self.basis, k, mu).gaps(a, kappa)
         D, dD = self.basis.w * k, self.basis.w * (k - self.basis.k0)
         force = self.N.T @ (dD[:, None] * g) + mu * (self.T.T @ (D[:, None] * g))

@@ -1,0 +1,335 @@
+"""The whole path, top to bottom: one function per stage, and only what the scene names.
+
+scan -> statistics -> artificial surfaces -> laws -> brake -> equilibrium -> complex modes of every
+sample -> tables, figures, fields.
+"""
+
+from __future__ import annotations
+
+import platform
+import resource
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mpi4py import MPI
+
+import numpy as np
+
+from brake_fenicsx import __version__
+from brake_fenicsx.errors import BrakeError, SceneError
+from brake_fenicsx.log import Progress, logger, start_log
+from brake_fenicsx.scene import Scene, read_scene
+from brake_fenicsx.store import Store
+
+if TYPE_CHECKING:
+    from brake_fenicsx.macro.brake import Brake
+    from brake_fenicsx.micro import LawLibrary
+    from brake_fenicsx.surface import SurfaceStatistics
+
+
+@dataclass(slots=True)
+class Run:
+    """A run as it goes: what the stages hand on.
+
+    Attributes:
+        scene: the scene.
+        comm: processes of the run.
+        store: its results folder.
+        seconds: time of each stage [s].
+        peak_memory_mb: peak memory after each stage, summed over the processes [MB].
+        facts: sizes and figures for the summary.
+    """
+
+    scene: Scene
+    comm: MPI.Comm
+    store: Store
+    seconds: dict[str, float] = field(default_factory=dict)
+    peak_memory_mb: dict[str, float] = field(default_factory=dict)
+    facts: dict[str, Any] = field(default_factory=dict)
+
+    @contextmanager
+    def stage(self, name: str) -> Iterator[None]:
+        """Log and time a stage."""
+        logger.info("%s ...", name)
+        start = time.perf_counter()
+        yield
+        self.comm.Barrier()
+        self.seconds[name] = time.perf_counter() - start
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        self.peak_memory_mb[name] = self.comm.allreduce(peak)
+        logger.info(
+            "%s: %.1f s, %.0f MB at most", name, self.seconds[name], self.peak_memory_mb[name]
+        )
+
+
+def assemble(scene: str | Path, comm: MPI.Comm) -> Brake:
+    """Operators of a scene's brake.
+
+    Args:
+        scene: path of the scene.
+        comm: communicator of mesh and matrices.
+
+    Returns:
+        ``.K .M .N .T .R .w .f .points .mesh``.
+    """
+    from brake_fenicsx.macro.brake import assemble_brake
+
+    return assemble_brake(read_scene(scene), comm)
+
+
+def run(
+    scene: str | Path,
+    comm: MPI.Comm,
+    directory: str | Path | None = None,
+    overrides: Sequence[str] = (),
+    from_stage: str | None = None,
+) -> Run:
+    """Run a scene: every stage it names, continuing what an earlier run left.
+
+    Args:
+        scene: path of the scene.
+        comm: processes of the run.
+        directory: results folder; SCENE-results in the working directory if not given.
+        overrides: "key=value" replacements in the scene.
+        from_stage: forget the results of this stage and of all later ones first.
+
+    Returns:
+        The run; its results are in the folder.
+
+    Raises:
+        SceneError: the scene is wrong; nothing was written.
+        BrakeError: a stage failed.
+    """
+    parsed = read_scene(scene, overrides)
+    if directory is None:
+        directory = Path.cwd() / f"{parsed.file.stem}-results"
+    this = Run(parsed, comm, Store(Path(directory)))
+    this.store.check(parsed)
+    scan = check(parsed, comm)
+    if comm.rank == 0:
+        this.store.open(parsed, from_stage)
+    comm.Barrier()
+    start_log(comm.rank, this.store.path("log.txt") if comm.rank == 0 else None)
+    logger.info("%s -> %s, %d process(es)", parsed.file, this.store.directory, comm.size)
+    stages = parsed.stages
+    stats = surface_stage(this, scan) if "surface" in stages else None
+    library = micro_stage(this, stats) if "micro" in stages and stats else None
+    if "equilibrium" in stages:
+        mechanics(this, stats, library)
+    if comm.rank == 0:
+        write_summary(this)
+    comm.Barrier()
+    if "report" in stages:
+        with this.stage("report"):
+            if comm.rank == 0:
+                report(this.store.directory)
+        if comm.rank == 0:
+            write_summary(this)
+    return this
+
+
+def check(scene: Scene, comm: MPI.Comm) -> Any:
+    """Everything that can be refused before anything is written.
+
+    Returns:
+        The scan, read; None where the scene names none.
+    """
+    scan = None
+    if "surface" in scene.stages and scene.surface and scene.surface.scan:
+        from brake_fenicsx.surface import characterise, read_topography
+
+        s = scene.surface
+        size = None if s.size is None else (s.size[0], s.size[-1])
+        try:
+            scan = read_topography(scene.path(str(s.scan)), size, s.height_unit)
+            characterise(scan, s.level, cutoff=s.cutoff)
+        except BrakeError as error:
+            raise SceneError(f"{scene.file}: surface.scan: {error}") from None
+    if "equilibrium" in scene.stages:
+        from brake_fenicsx.macro.brake import check_brake
+
+        check_brake(scene, comm)
+    return scan
+
+
+def surface_stage(this: Run, scan: Any) -> SurfaceStatistics:
+    """Scan to statistics: height distribution, power spectrum, bi-fractal fit."""
+    from brake_fenicsx.surface import characterise, given_statistics
+
+    with this.stage("surface"):
+        table = this.scene.surface
+        if table is None:
+            raise SceneError(f"{this.scene.file}: surface: the section is missing")
+        if scan is None and table.statistics:
+            t = table.statistics
+            stats = given_statistics(t.S_q, t.S_sk, t.S_ku, t.c1, t.c2, t.q_c)
+        else:
+            stats = characterise(scan, table.level, cutoff=table.cutoff)
+        fit = stats.bifractal
+        logger.info(
+            "S_q %.2f um, S_sk %.3f, S_ku %.3f; slopes %.2f and %.2f, corner %.1f /mm",
+            stats.S_q * 1e6, stats.S_sk, stats.S_ku, fit.c1, fit.c2, fit.q_c / 1e3,
+        )  # fmt: skip
+        if this.comm.rank == 0:
+            from brake_fenicsx.report.inputs import surface_arrays
+
+            this.store.save("surface.npz", **surface_arrays(stats, law_recipe(this.scene, stats)))
+    return stats
+
+
+def law_recipe(scene: Scene, stats: SurfaceStatistics) -> Any:
+    """What the artificial surfaces and their laws are made from; None without the stage micro."""
+    micro = scene.micro
+    if micro is None or "micro" not in scene.stages:
+        return None
+    from brake_fenicsx.micro import LawRecipe, plane_strain_modulus
+
+    E_star = plane_strain_modulus(micro.E, micro.nu)
+    low = scene.surface.low if scene.surface else "extend"
+    return LawRecipe(
+        stats.bifractal, stats.hdf, E_star, (micro.pixels, micro.pixels),
+        (micro.patch, micro.patch), low, micro.max_pressure * E_star, None, micro.steps,
+        micro.boundary, micro.bulk_compliance, micro.tolerance,
+    )  # fmt: skip
+
+
+def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
+    """Artificial surfaces to a library of pressure-gap laws, shared by the processes."""
+    from brake_fenicsx.micro import load_laws, make_library, save_laws
+
+    scene, comm = this.scene, this.comm
+    micro = scene.micro
+    if micro is None:
+        raise SceneError(f"{scene.file}: micro: the section is missing")
+    path = this.store.path("laws.npz")
+    with this.stage("micro"):
+        if not comm.bcast(path.exists(), root=0):
+            recipe = law_recipe(scene, stats)
+            progress = Progress("laws", len(range(comm.rank, micro.laws, comm.size)))
+            own = {}
+            for i in range(comm.rank, micro.laws, comm.size):
+                own[i] = recipe.law(micro.seed, i)
+                progress.advance()
+            steps = {i: law for part in comm.allgather(own) for i, law in part.items()}
+            settings = {**recipe.settings(), "seed": micro.seed}
+            library = make_library(
+                [steps[i] for i in range(micro.laws)], list(range(micro.laws)), settings
+            )
+            if comm.rank == 0:
+                part = path.with_name(".laws.part")
+                save_laws(part, library)
+                part.rename(path)
+            comm.Barrier()
+        return load_laws(path)
+
+
+def mechanics(this: Run, stats: SurfaceStatistics | None, library: LawLibrary | None) -> None:
+    """Brake, shared reduction, and every sample's equilibrium and modes."""
+    from brake_fenicsx.macro.brake import assemble_brake
+    from brake_fenicsx.uncertainty.study import Study
+
+    with this.stage("brake"):
+        brake = assemble_brake(this.scene, this.comm)
+        this.facts |= brake.size()
+        this.facts |= {
+            "mean_patch_mm": 1e3 * float(np.sqrt(brake.w.mean())),
+            "contact_area_mm2": 1e6 * float(brake.w.sum()),
+            "uncovered_area_mm2": 1e6 * brake.contact.uncovered,
+            "loads_N": {name: force.tolist() for name, (_, force) in brake.elastic.loads.items()},
+            "worst_cell_quality": brake.mesh.quality,
+        }
+        logger.info(
+            "%(cells)d cells, %(dofs)d free dofs, %(contact_elements)d contact elements"
+            " of %(mean_patch_mm).3f mm squared in the mean",
+            this.facts,
+        )
+    study = Study(this.scene, brake, library, stats.hdf if stats else None, this.store, this.comm)
+    with this.stage("shared"):
+        study.prepare()
+        this.facts |= study.facts
+    with this.stage("samples"):
+        study.run()
+    with this.stage("results"):
+        study.write(this.facts)
+
+
+def write_summary(this: Run) -> None:
+    """summary.json: settings, sizes, times, versions."""
+    versions = {"brake_fenicsx": __version__, "python": platform.python_version()}
+    for name in ("numpy", "scipy", "dolfinx", "petsc4py", "slepc4py", "gmsh", "SurfaceTopography"):
+        if name in sys.modules:
+            versions[name] = str(getattr(sys.modules[name], "__version__", "?"))
+    seeds = {"samples": this.scene.samples.seed}
+    if this.scene.micro is not None:
+        seeds["laws"] = this.scene.micro.seed
+    this.store.save_json(
+        "summary.json",
+        {
+            "name": this.scene.file.stem,
+            **this.facts,
+            "processes": this.comm.size,
+            "seconds": {name: round(value, 3) for name, value in this.seconds.items()},
+            "peak_memory_mb": {name: round(v) for name, v in this.peak_memory_mb.items()},
+            "seeds": seeds,
+            "versions": versions,
+            "settings": this.scene.table,
+        },
+    )
+
+
+def report(directory: Path) -> None:
+    """Figures, tables and the HTML page of a results folder, on this process."""
+    from brake_fenicsx.report.figures import make_figures
+    from brake_fenicsx.report.html import write_report
+    from brake_fenicsx.report.inputs import contact_maps
+    from brake_fenicsx.report.overview import summary_table, write_tables
+    from brake_fenicsx.report.rundata import read_run
+
+    contact_maps(directory)
+    data = read_run(directory)
+    make_figures(data)
+    write_tables(data)
+    write_report(data, redraw=False)
+    if data.modes is not None:
+        logger.info("%s", summary_table(data))
+
+
+def describe(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -> None:
+    """Check a scene and print what a run of it will build; nothing is written.
+
+    Raises:
+        SceneError: the scene is wrong.
+    """
+    parsed = read_scene(scene, overrides)
+    scan = check(parsed, comm)
+    lines = [f"{parsed.file}: stages {', '.join(parsed.stages)}"]
+    if scan is not None:
+        nx, ny = scan.shape
+        lx, ly = (1e3 * v for v in scan.size)
+        lines.append(f"scan: {nx} x {ny} points, {lx:.4g} x {ly:.4g} mm, {scan.source}")
+    if parsed.micro and "micro" in parsed.stages:
+        m = parsed.micro
+        lines.append(
+            f"laws: {m.laws} of {m.pixels} x {m.pixels} points on {1e3 * m.patch:g} mm squared"
+        )
+    if "equilibrium" in parsed.stages:
+        from brake_fenicsx.macro.brake import assemble_brake
+
+        size = assemble_brake(parsed, comm).size()
+        gigabytes = comm.size * (size["dofs"] * 12e3 + 100 * size["contact_elements"] ** 2) / 1e9
+        lines.append(
+            f"brake: {size['cells']} cells, {size['dofs']} free dofs,"
+            f" {size['contact_elements']} contact elements; about {gigabytes:.1f} GB"
+        )
+        counts = [
+            f"{parsed.samples.n if a == 'multi-scale' else 1} {a}"
+            for a in parsed.samples.approaches
+        ]
+        lines.append(f"samples: {', '.join(counts)}")
+    if comm.rank == 0:
+        print("\n".join(lines))

@@ -1,0 +1,99 @@
+"""Arrays behind the surface and contact figures, from the stages' own results."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from brake_fenicsx.micro import LawRecipe
+    from brake_fenicsx.surface import SurfaceStatistics
+
+# Figure 7: pixels of the surface, and the loads it is pressed with, p / E*.
+MAP_PIXELS = 512
+MAP_LOADS = (1e-4, 1e-3, 1e-2, 5e-2)
+
+
+def surface_arrays(stats: SurfaceStatistics, recipe: LawRecipe | None) -> dict[str, Any]:
+    """Content of surface.npz.
+
+    Args:
+        stats: statistics of the scan, or given by numbers.
+        recipe: what artificial surfaces are made from, if the scene makes any.
+
+    Returns:
+        Arrays by name; what there is no scan or no artificial surface for is left out.
+    """
+    fit = stats.bifractal
+    q = np.geomspace(*fit.band, 200)
+    z = np.linspace(-5, 5, 401) * stats.S_q
+    names = ("c1", "c2", "ln_q_c", "ln_C0")
+    numbers = {n: getattr(stats, n) for n in ("mean", "median", "S_q", "S_sk", "S_ku")}
+    numbers |= {n: getattr(fit, n) for n in ("c1", "c2", "q_c", "C0")}
+    numbers |= {f"{n}_error": e for n, e in zip(names, fit.errors, strict=True)}
+    out: dict[str, Any] = {
+        "fit_q": q, "fit_C": fit(q), "q_band": np.array(fit.band),
+        "hdf_z": z, "hdf_density": stats.hdf.pdf(z), "stats": np.array(json.dumps(numbers)),
+    }  # fmt: skip
+    if stats.psd is not None and stats.topography is not None:
+        out |= {"q": stats.psd.q, "C": stats.psd.C, "q_band": np.array(stats.psd.band)}
+        out |= {"heights": stats.topography.heights, "size": stats.topography.size}
+        longest = max((o.q.size for o in stats.others), default=0)
+        for name in ("q", "C"):
+            rows = [np.pad(getattr(o, name), (0, longest - o.q.size), constant_values=np.nan)
+                    for o in stats.others]  # fmt: skip
+            out[f"sub_{name}"] = np.array(rows)
+        out["sub_name"] = np.array([o.label for o in stats.others])
+    if recipe is not None:
+        from brake_fenicsx.surface import radial_psd
+        from brake_fenicsx.surface.hdf import kernel_density
+
+        made = recipe.surface(0, 0)
+        psd = radial_psd(made)
+        out |= {
+            "artificial": made.heights, "artificial_size": made.size,
+            "artificial_q": psd.q, "artificial_C": psd.C, "artificial_hdf_z": z,
+            "artificial_hdf_density": kernel_density(made.heights.ravel(), z),
+        }  # fmt: skip
+    return out
+
+
+def contact_maps(directory: Path) -> None:
+    """Press one artificial surface of 512 x 512 points at several loads; writes contact_maps.npz.
+
+    The surface has the statistics of the run's laws; nothing is done without laws, or twice.
+    """
+    from brake_fenicsx.store import Store
+
+    store = Store(directory)
+    surface = store.load("surface.npz")
+    made = store.path("laws.npz").exists() and not store.path("contact_maps.npz").exists()
+    if surface is None or not made:
+        return
+    from brake_fenicsx.micro import load_laws, solve_contact
+    from brake_fenicsx.surface import BiFractal, match_moments, synthesise
+
+    how = load_laws(store.path("laws.npz")).settings
+    numbers = json.loads(str(surface["stats"]))
+    psd = BiFractal(how["c1"], how["c2"], how["q_c"], how["C0"], tuple(how["band"]))
+    hdf = match_moments(numbers["S_q"], numbers["S_sk"], numbers["S_ku"])
+    size, E_star = tuple(how["size"]), how["E_star"]
+    shape = (MAP_PIXELS, MAP_PIXELS)
+    topography = synthesise(psd, hdf, shape, size, np.random.default_rng(0), how["low"])
+    solved = [
+        solve_contact(
+            topography.heights, size, E_star, load=x * E_star * size[0] * size[1],
+            boundary=how["boundary"], tol=1e-6,
+        )
+        for x in MAP_LOADS
+    ]  # fmt: skip
+    store.save(
+        "contact_maps.npz",
+        heights=topography.heights, size=np.array(size), p_over_E=np.array(MAP_LOADS),
+        pressures=np.array([s.pressure for s in solved], dtype=np.float32),
+        area_fraction=np.array([s.area_fraction for s in solved]),
+        separation=np.array([s.separation for s in solved]),
+    )  # fmt: skip

@@ -1,0 +1,146 @@
+"""Rows of the tables from stored samples, in the order of the tasks: no order of work shows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from brake_fenicsx.macro.contact import Contact
+from brake_fenicsx.stability.modes import follow
+from brake_fenicsx.store import Store
+
+from .ensemble import Task, sample_file
+
+
+class Results:
+    """Stored samples of a study.
+
+    Attributes:
+        tasks: the samples wanted.
+        stored: arrays of each one that is there.
+    """
+
+    def __init__(self, store: Store, tasks: Sequence[Task], verify: Sequence[Task] = ()):
+        self.tasks, self.verify = list(tasks), list(verify)
+        self.stored: dict[Task, dict[str, Any]] = {}
+        for task in [*self.tasks, *self.verify]:
+            found = store.load(sample_file(task))
+            if found is not None:
+                self.stored[task] = found
+
+    def good(self) -> list[Task]:
+        """Samples that were computed without error."""
+        return [t for t in self.tasks if t in self.stored and str(self.stored[t]["status"]) == "ok"]
+
+    def sample_columns(self, first: Sequence[str]) -> list[str]:
+        """Columns of samples.csv: the fixed ones, friction, and one per random input."""
+        return [*first, "mu", *self._inputs()]
+
+    def _inputs(self) -> list[str]:
+        names = {str(n) for t in self.good() for n in self.stored[t]["random_names"]}
+        return sorted(names)
+
+    def samples(self) -> Iterator[list[Any]]:
+        """Rows of samples.csv."""
+        names = self._inputs()
+        for task in self.tasks:
+            data = self.stored.get(task)
+            if data is None:
+                continue
+            drawn = dict(
+                zip(map(str, data.get("random_names", ())), data.get("random", ()), strict=True)
+            )
+            seed = int(data["seed"]) if "seed" in data else None
+            mu = float(data["mu"]) if "mu" in data else None
+            values = [float(drawn[n]) if n in drawn else None for n in names]
+            yield [*task, str(data["status"]), seed, mu, *values]
+
+    def families(self) -> dict[Task, Any]:
+        """Family of every mode; -1 where samples have no common basis to be compared in."""
+        good = [t for t in self.good() if "s" in self.stored[t]]
+        based = [t for t in good if "coordinates" in self.stored[t]]
+        pitch = [np.abs(self.stored[t]["s"].imag) / 2 / np.pi for t in based]
+        found = follow([self.stored[t]["coordinates"].astype(complex) for t in based], pitch)
+        out = {t: np.full(self.stored[t]["s"].size, -1) for t in good}
+        return out | dict(zip(based, found, strict=True))
+
+    def modes(self) -> Iterator[list[Any]]:
+        """Rows of modes.csv."""
+        families = self.families()
+        for task, family in families.items():
+            d = self.stored[task]
+            for i, s in enumerate(d["s"]):
+                yield [
+                    *task, i, float(abs(s.imag) / (2 * np.pi)), float(s.real),
+                    float(d["damping"][i]), float(d["residual"][i]), float(d["error"][i]),
+                    float(d["condition"][i]), str(d["verdict"][i]), int(family[i]),
+                ]  # fmt: skip
+
+    def contact(self, contact: Contact) -> Iterator[list[Any]]:
+        """Rows of contact.csv: the first good sample of each approach."""
+        for task in self.first():
+            d = self.stored[task]
+            for i, (x, y, z) in enumerate(contact.points):
+                values = (x, y, z, contact.w[i], *(d[name][i] for name in ("g", "g_cr", "p", "k")))
+                yield [*task, i, *map(float, values), int(d["law"][i])]
+
+    def first(self) -> list[Task]:
+        """The first good sample of each approach."""
+        chosen: dict[str, Task] = {}
+        for task in self.good():
+            chosen.setdefault(task[0], task)
+        return list(chosen.values())
+
+    def facts(self) -> dict[str, Any]:
+        """Figures for the summary."""
+        facts: dict[str, Any] = {
+            "samples": {},
+            "failed_samples": len(self.stored) - len(self.verify),
+        }
+        facts["failed_samples"] = sum(
+            str(self.stored[t]["status"]) != "ok" for t in self.tasks if t in self.stored
+        )
+        for name in dict.fromkeys(t[0] for t in self.tasks):
+            own = [self.stored[t] for t in self.good() if t[0] == name]
+            about: dict[str, Any] = {"good": len(own)}
+            if own and "s" in own[0]:
+                about |= {
+                    "modes": int(sum(d["s"].size for d in own)),
+                    "counted_by": str(own[0]["counted"]),
+                    "unstable": int(sum((d["verdict"] == "unstable").sum() for d in own)),
+                    "neutral": int(sum((d["verdict"] == "neutral").sum() for d in own)),
+                    "seconds_per_stability": _median(own, "stability_seconds"),
+                }
+            if own:
+                about["seconds_per_equilibrium"] = _median(own, "equilibrium_seconds")
+                about["newton_iterations"] = _median(own, "equilibrium_iterations")
+            facts["samples"][name] = about
+        if self.verify:
+            facts["verification"] = self._verification()
+        return facts
+
+    def _verification(self) -> dict[str, Any]:
+        """Reduced samples against full order."""
+        errors, wrong, compared = [np.zeros(0)], 0, 0
+        for task in self.verify:
+            full = self.stored.get(task)
+            mine = [d for t, d in self.stored.items() if t[1] == task[1] and t[0] == "multi-scale"]
+            if full is None or "s" not in full or not mine or mine[0]["s"].size != full["s"].size:
+                continue
+            compared += 1
+            errors.append(np.abs(mine[0]["s"] - full["s"]) / np.abs(full["s"]))
+            pairs = zip(mine[0]["verdict"], full["verdict"], strict=True)
+            wrong += sum({str(a), str(b)} == {"stable", "unstable"} for a, b in pairs)
+        error = np.concatenate(errors)
+        return {
+            "samples_asked": len(self.verify), "samples_compared": compared,
+            "eigenvalues": int(error.size), "wrong_verdicts": wrong,
+            "largest_relative_error": float(error.max()) if error.size else None,
+            "median_relative_error": float(np.median(error)) if error.size else None,
+        }  # fmt: skip
+
+
+def _median(rows: Sequence[dict[str, Any]], name: str) -> float:
+    return float(np.median([float(d[name]) for d in rows]))
