@@ -1,0 +1,136 @@
+"""What all tests share: clean-up between parallel tests, communicators, small scenes.
+
+The scenes import DOLFINx only when a test asks for them.
+"""
+
+import gc
+from functools import cache
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+
+@pytest.fixture(autouse=True)
+def _collect_together():
+    """PETSc objects are destroyed by all processes together, between tests and nowhere else."""
+    yield
+    gc.collect()
+    MPI.COMM_WORLD.Barrier()
+
+
+@pytest.fixture
+def comm():
+    """All processes of the test run."""
+    return MPI.COMM_WORLD
+
+
+class TwoBlocks:
+    """A pad block on a plate, and the ways tests look at it."""
+
+    # Stiffness of the lining, axis 3 = z [Pa].
+    LINING = (5.94e9, 0.76e9, 0.98e9, 2.27e9, 1.18e9)
+
+    def __init__(
+        self, comm, pad, plate, supports, pressure=5e5, direction=(1.0, 0.3, 0.0), k0=1e11
+    ):
+        from brake_fenicsx.geometry import block
+
+        from brake_fenicsx.macro.condensation import gathered, gathered_vector
+        from brake_fenicsx.macro.contact import patch_contact
+        from brake_fenicsx.macro.elasticity import assemble_elastic
+        from brake_fenicsx.macro.friction import Translation
+        from brake_fenicsx.macro.material import Material, isotropic, transversely_isotropic
+        from brake_fenicsx.macro.mesh import build_mesh
+        from brake_fenicsx.macro.solver import local_rows
+
+        self.comm = comm
+        self.parts = {"pad": (block, block.Block(**pad)), "plate": (block, block.Block(**plate))}
+        self.mesh = build_mesh(self.parts, comm)
+        self.materials = {
+            "pad.body": Material(transversely_isotropic(*self.LINING), 2510.0),
+            "plate.body": Material(isotropic(125e9, 0.24), 7200.0),
+        }
+        loads = {"pad.top": pressure} if pressure else {}
+        self.elastic = assemble_elastic(self.mesh, self.materials, supports, loads)
+        self.free = self.elastic.free
+        self.contact = patch_contact(
+            self.mesh, self.free, ("pad.bottom", "plate.top"), Translation(direction, 2.0)
+        )
+        for name in ("N", "T", "R", "w", "g0"):
+            setattr(self, name, getattr(self.contact, name))
+        self.f = gathered_vector(self.elastic.f)
+        self.K, self.M = (local_rows(gathered(A)) for A in (self.elastic.K, self.elastic.M))
+        self.k0 = np.full(self.w.size, k0)
+
+    @property
+    def compliance(self):
+        """The blocks seen from their contact elements, made once."""
+        from brake_fenicsx.macro.condensation import compliance
+
+        if not hasattr(self, "_compliance"):
+            self._compliance = compliance(
+                self.elastic.K, self.N, self.T, self.w, self.f, self.k0, self.comm
+            )
+        return self._compliance
+
+    def tangent(self, k, mu):
+        """K + (N + mu T)' W k N as a SciPy matrix."""
+        import scipy.sparse as sp
+
+        return (self.K + (self.N + mu * self.T).T @ sp.diags(self.w * k) @ self.N).tocsr()
+
+    def field(self, **bodies):
+        """Free vector of a displacement given per body as a function of x, shape (3, points)."""
+        from dolfinx import fem
+
+        u = fem.Function(self.free.V)
+        for body, values in bodies.items():
+            cells = self.mesh.cell_tags.find(self.mesh.layers[f"{body}.body"])
+            u.interpolate(values, cells)
+        u.x.scatter_forward()
+        return np.concatenate(self.comm.allgather(u.x.array[self.free.local]))
+
+
+SCENES = {
+    # Lining block on a steel-like plate, clamped below; the block is guided, free along z.
+    "guided": dict(
+        pad=dict(length=12e-3, width=8e-3, height=6e-3, z=0.0, size=4e-3),
+        plate=dict(length=20e-3, width=14e-3, height=6e-3, z=-6e-3, size=7e-3),
+        supports={"plate.bottom": ["x", "y", "z"], "pad.top": ["x", "y"]},
+    ),
+    # The same, without tilting: held all around in the plane.
+    "upright": dict(
+        pad=dict(length=12e-3, width=8e-3, height=6e-3, z=0.0, size=4e-3),
+        plate=dict(length=20e-3, width=14e-3, height=6e-3, z=-6e-3, size=7e-3),
+        supports={"plate.bottom": ["x", "y", "z"], "pad.sides": ["x", "y"]},
+    ),
+    # Nothing held; the pad hangs 0.3 mm above the plate.
+    "loose": dict(
+        pad=dict(length=12e-3, width=8e-3, height=5e-3, z=3e-4, size=3e-3),
+        plate=dict(length=20e-3, width=14e-3, height=5e-3, z=-5e-3, size=4.3e-3),
+        supports={},
+    ),
+    # The pad reaches beyond the plate on all sides.
+    "overhang": dict(
+        pad=dict(length=20e-3, width=14e-3, height=5e-3, z=0.0, size=4.3e-3),
+        plate=dict(length=12e-3, width=8e-3, height=5e-3, z=-5e-3, size=3e-3),
+        supports={},
+    ),
+}
+
+
+@cache
+def _scene(name, comm, key):
+    return TwoBlocks(comm, **{**SCENES[name], **dict(key)})
+
+
+@pytest.fixture
+def two_blocks(comm):
+    """``two_blocks(name, **changes)``: one of the scenes above, made once per run."""
+
+    def make(name, comm=comm, **changes):
+        return _scene(name, comm, tuple(sorted(changes.items())))
+
+    return make

@@ -1,0 +1,217 @@
+"""Elasticity against closed forms: rates, constant strains, energies, mass, loads."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from scipy.sparse.linalg import spsolve
+
+from brake_fenicsx.macro.condensation import gathered, gathered_vector
+from brake_fenicsx.macro.elasticity import assemble_elastic
+from brake_fenicsx.macro.material import Material, orthotropic, rotate_about_z
+from brake_fenicsx.macro.mesh import Mesh
+from brake_fenicsx.macro.solver import Factor, local_rows
+
+VOIGT = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]
+SIZES = np.array([1.0, 0.7, 0.5])
+# All entries of an orthotropic material turned out of its axes, in units of 1 Pa.
+TURNED = rotate_about_z(
+    orthotropic(np.array([9.0, 5.0, 2.0]), np.array([0.2, 0.35, 0.3]), np.array([0.9, 1.3, 2.1])),
+    0.4,
+)
+FACES = {f"box.{c}{end}": 2 * i + end for i, c in enumerate("xyz") for end in (0, 1)}
+
+
+def box(comm, n, everywhere=False):
+    """A box of 6 n^3 tetrahedra, its faces named x0 ... z1, or all of them one face."""
+    import dolfinx
+
+    domain = dolfinx.mesh.create_box(comm, [np.zeros(3), SIZES], [n, n, n])
+    cells = np.arange(domain.topology.index_map(3).size_local, dtype=np.int32)
+    facets, values = [], []
+    for face, tag in FACES.items():
+        i, end = "xyz".index(face[-2]), int(face[-1])
+        found = dolfinx.mesh.locate_entities_boundary(
+            domain, 2, lambda x, i=i, end=end: np.isclose(x[i], end * SIZES[i])
+        )
+        facets.append(found)
+        values.append(np.full(found.size, tag))
+    facets, values = np.concatenate(facets), np.concatenate(values).astype(np.int32)
+    order = np.argsort(facets)
+    return Mesh(
+        domain,
+        dolfinx.mesh.meshtags(domain, 3, cells, np.zeros(cells.size, dtype=np.int32)),
+        dolfinx.mesh.meshtags(
+            domain, 2, facets[order].astype(np.int32), 0 * values if everywhere else values[order]
+        ),
+        {"box.body": 0},
+        {"box.all": 0} if everywhere else FACES,
+        1.0,
+    )
+
+
+def tensor(C):
+    c = np.empty((3, 3, 3, 3))
+    for a, (i, j) in enumerate(VOIGT):
+        for b, (k, l) in enumerate(VOIGT):
+            c[i, j, k, l] = c[j, i, k, l] = c[i, j, l, k] = c[j, i, l, k] = C[a, b]
+    return c
+
+
+def manufactured_error(comm, n):
+    """L2 error of the displacement against a smooth field that vanishes on the boundary."""
+    import ufl
+    from dolfinx import fem
+
+    mesh = box(comm, n, everywhere=True)
+    solved = assemble_elastic(
+        mesh, {"box.body": Material(TURNED, 1.0)}, {"box.all": ["x", "y", "z"]}, {}
+    )
+    V = solved.free.V
+    x = ufl.SpatialCoordinate(mesh.domain)
+    bubble = 1.0
+    for i in range(3):
+        bubble = bubble * ufl.sin(np.pi * x[i] / SIZES[i])
+    exact = bubble * ufl.as_vector([1 + x[1], ufl.exp(x[0]) - x[2], x[0] * x[1] + 0.5])
+    # The body force from the tensor with four indices: nothing of the code's Voigt vectors.
+    c = ufl.as_tensor(tensor(TURNED).tolist())
+    i, j, k, l = ufl.indices(4)
+    stress = ufl.as_tensor(c[i, j, k, l] * ufl.sym(ufl.grad(exact))[k, l], (i, j))
+    v = ufl.TestFunction(V)
+    dx = ufl.dx(metadata={"quadrature_degree": 8})
+    b = fem.petsc.assemble_vector(fem.form(-ufl.inner(ufl.div(stress), v) * dx))
+    from petsc4py import PETSc
+
+    b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
+    factor = Factor(solved.K)
+    u = fem.Function(V)
+    u.x.array[:] = solved.free.expand(factor.solve(b.array_r[solved.free.local]))
+    square = fem.assemble_scalar(fem.form(ufl.inner(u - exact, u - exact) * dx))
+    return np.sqrt(comm.allreduce(square))
+
+
+@pytest.mark.parametrize("cells", [(3, 6, 9), pytest.param((6, 12, 18), marks=pytest.mark.slow)])
+def test_displacement_converges_with_order_three(comm, cells):
+    """Catches a wrong shear factor or a missing entry of C: the error then does not fall."""
+    e = np.array([manufactured_error(comm, n) for n in cells])
+    rates = np.log(e[:-1] / e[1:]) / np.log(np.array(cells[1:]) / np.array(cells[:-1]))
+    assert np.all(rates > 2.75), f"L2 rates {rates}, expected 3; errors {e}"
+
+
+def linear(strain):
+    """Displacement of a constant strain given as a Voigt vector."""
+    e = np.array([[strain[0], strain[5] / 2, strain[4] / 2],
+                  [strain[5] / 2, strain[1], strain[3] / 2],
+                  [strain[4] / 2, strain[3] / 2, strain[2]]])  # fmt: skip
+    return lambda x: e @ x
+
+
+def free_vector(solved, values):
+    from dolfinx import fem
+
+    u = fem.Function(solved.free.V)
+    u.interpolate(values)
+    return np.concatenate(u.function_space.mesh.comm.allgather(u.x.array[solved.free.local]))
+
+
+@pytest.fixture(scope="module")
+def unsupported():
+    from mpi4py import MPI
+
+    solved = assemble_elastic(
+        box(MPI.COMM_WORLD, 2), {"box.body": Material(TURNED, 3.0)}, {}, {"box.z1": 2.0}
+    )
+    return solved, local_rows(gathered(solved.K)), local_rows(gathered(solved.M))
+
+
+def test_energies_of_all_constant_strains_give_the_stiffness_back(unsupported):
+    """u_a' K u_b = C_ab V for the six strains: all 21 constants, all shear factors."""
+    solved, K, _ = unsupported
+    U = np.stack([free_vector(solved, linear(e)) for e in np.eye(6)], axis=1)
+    np.testing.assert_allclose(U.T @ (K @ U) / SIZES.prod(), TURNED, atol=1e-12 * TURNED.max())
+
+
+def test_rigid_motions_cost_nothing_and_weigh_what_the_body_weighs(unsupported):
+    """Catches a strain that sees rotation, and a mass without density or components mixed."""
+    solved, K, M = unsupported
+    moves = [lambda x, i=i: np.eye(3)[i][:, None] + 0 * x for i in range(3)]
+    turns = [lambda x, i=i: np.cross(np.eye(3)[i], x.T).T for i in range(3)]
+    U = np.stack([free_vector(solved, r) for r in moves + turns], axis=1)
+    assert np.abs(K @ U).max() < 1e-12 * np.abs(K).max()
+    G = U.T @ (M @ U)
+    weight = 3.0 * SIZES.prod()
+    np.testing.assert_allclose(G[:3, :3], weight * np.eye(3), atol=1e-12)
+    # Moments of inertia of a box about its corner.
+    a, b, c = SIZES**2
+    inertia = weight / 3 * np.array([b + c, a + c, a + b])
+    np.testing.assert_allclose(np.diag(G)[3:], inertia, rtol=1e-12)
+
+
+def test_pressure_pushes_inwards_with_its_full_force(unsupported):
+    """Area and force of the record, and the vector itself; catches the sign of the normal."""
+    solved, _, _ = unsupported
+    area, force = solved.loads["box.z1"]
+    assert area == pytest.approx(SIZES[0] * SIZES[1], rel=1e-12)
+    np.testing.assert_allclose(force, [0, 0, -2.0 * area], atol=1e-13)
+    f = gathered_vector(solved.f)
+    up = free_vector(solved, lambda x: np.array([[0.0], [0], [1]]) + 0 * x)
+    assert f @ up == pytest.approx(-2.0 * area, rel=1e-12)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_uniaxial_pressure_on_the_lining(comm, axis):
+    """u = S sigma x in every dof; catches a material turned on its side."""
+    lining = Material(
+        np.array([[5.94, 0.76, 0.98, 0, 0, 0], [0.76, 5.94, 0.98, 0, 0, 0],
+                  [0.98, 0.98, 2.27, 0, 0, 0], [0, 0, 0, 1.18, 0, 0],
+                  [0, 0, 0, 0, 1.18, 0], [0, 0, 0, 0, 0, 2.59]]) * 1e9, 2510.0,
+    )  # fmt: skip
+    supports = {"box.x0": ["x"], "box.y0": ["y"], "box.z0": ["z"]}
+    p = 3e6
+    solved = assemble_elastic(
+        box(comm, 2), {"box.body": lining}, supports, {f"box.{'xyz'[axis]}1": p}
+    )
+    strain = -p * np.linalg.inv(lining.C)[:, axis]
+    K = local_rows(gathered(solved.K))
+    u = spsolve(K.tocsc(), gathered_vector(solved.f))
+    exact = free_vector(solved, linear(strain))
+    np.testing.assert_allclose(u, exact, atol=1e-10 * np.abs(exact).max())
+    if axis == 2:
+        assert -p / strain[2] == pytest.approx(1983.3e6, abs=0.05e6)
+
+
+def test_simple_shear_of_the_lining_carries_its_shear_modulus(unsupported):
+    """Nodal forces on the face z1 under u_x = gamma z: C55 gamma A along x, C45 along y, else none.
+
+    Catches shears 13 and 23 exchanged.
+    """
+    solved, K, _ = unsupported
+    u = free_vector(solved, lambda x: np.stack([1e-3 * x[2], 0 * x[0], 0 * x[0]]))
+    force = K @ u
+    for i in range(3):
+        top = free_vector(solved, lambda x, i=i: np.eye(3)[i][:, None] * np.isclose(x[2], SIZES[2]))
+        wanted = 1e-3 * SIZES[0] * SIZES[1] * TURNED[[4, 3, 2][i], 4]
+        assert top @ force == pytest.approx(wanted, abs=1e-14), "xyz"[i]
+
+
+def test_held_dofs_leave_no_eigenvalue_behind(comm):
+    """The matrices are those of the free dofs alone, and positive definite."""
+    solved = assemble_elastic(
+        box(comm, 1), {"box.body": Material(TURNED, 1.0)}, {"box.x0": ["x", "y", "z"]}, {}
+    )
+    assert solved.K.getSize()[0] == solved.free.size == 3 * (27 - 9)
+    K, M = (local_rows(gathered(A)).toarray() for A in (solved.K, solved.M))
+    assert np.linalg.eigvalsh(K)[0] > 0
+    assert np.linalg.eigvalsh(M)[0] > 0
+    assert not sp.csr_matrix(K - K.T).count_nonzero() or abs(K - K.T).max() < 1e-14 * abs(K).max()
+
+
+def test_supports_of_single_components_hold_these_only(comm):
+    """Two faces that share an edge hold different components there; catches held = all three."""
+    supports = {"box.x0": ["y"], "box.z1": ["x"]}
+    solved = assemble_elastic(box(comm, 1), {"box.body": Material(TURNED, 1.0)}, supports, {})
+    # 27 nodes of degree 2, nine on each face.
+    assert solved.free.size == 81 - 9 - 9
+    held = [
+        free_vector(solved, lambda x, i=i: np.eye(3)[i][:, None] + 0 * x).sum() for i in range(3)
+    ]
+    assert held == [18, 18, 27]
