@@ -49,7 +49,8 @@ def polygon_quadrature(polygon: Array, count: NDArray[np.int64]) -> tuple[Array,
     area = 0.5 * np.abs(_cross(b - a, c - a)) * (fan + 1 < count[:, None])
     points = np.stack([0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)], axis=2)
     weights = np.repeat(area[:, :, None] / 3, 3, axis=2)
-    return points.reshape(len(polygon), -1, 2), weights.reshape(len(polygon), -1)
+    shape = (len(polygon), 3 * fan.size)
+    return points.reshape(*shape, 2), weights.reshape(shape)
 
 
 def barycentric(x: Array, triangle: Array) -> Array:
@@ -105,7 +106,8 @@ def _cut(
     with np.errstate(divide="ignore", invalid="ignore"):
         t = side / (side - side_nxt)
     crossing = polygon + np.where(inside != inside_nxt, t, 0.0)[:, :, None] * (nxt - polygon)
-    keep = np.stack([alive & (inside != inside_nxt), alive & inside_nxt], axis=2).reshape(pairs, -1)
-    corners = np.stack([crossing, nxt], axis=2).reshape(pairs, -1, 2)
+    keep = np.stack([alive & (inside != inside_nxt), alive & inside_nxt], axis=2)
+    keep = keep.reshape(pairs, 2 * slots)
+    corners = np.stack([crossing, nxt], axis=2).reshape(pairs, 2 * slots, 2)
     order = np.argsort(~keep, axis=1, kind="stable")[:, :CORNERS]
     return np.take_along_axis(corners, order[:, :, None], axis=1), keep.sum(axis=1)
