@@ -114,7 +114,7 @@ SCENES = {
     ),
     # The pad reaches beyond the plate on all sides.
     "overhang": dict(
-        pad=dict(length=20e-3, width=14e-3, height=5e-3, z=0.0, size=4.3e-3),
+        pad=dict(length=20e-3, width=14e-3, height=5e-3, z=0.0, size=4e-3),
         plate=dict(length=12e-3, width=8e-3, height=5e-3, z=-5e-3, size=3e-3),
         supports={},
     ),
@@ -122,15 +122,16 @@ SCENES = {
 
 
 @cache
-def _scene(name, comm, key):
+def _scene(name, alone, key):
+    comm = MPI.COMM_SELF if alone else MPI.COMM_WORLD
     return TwoBlocks(comm, **{**SCENES[name], **dict(key)})
 
 
 @pytest.fixture
-def two_blocks(comm):
-    """``two_blocks(name, **changes)``: one of the scenes above, made once per run."""
+def two_blocks():
+    """``two_blocks(name, alone=False, **changes)``: one of the scenes above, made once per run."""
 
-    def make(name, comm=comm, **changes):
-        return _scene(name, comm, tuple(sorted(changes.items())))
+    def make(name, alone=False, **changes):
+        return _scene(name, alone, tuple(sorted(changes.items())))
 
     return make
