@@ -124,7 +124,9 @@ SCENES = {
 @cache
 def _scene(name, alone, key):
     comm = MPI.COMM_SELF if alone else MPI.COMM_WORLD
-    return TwoBlocks(comm, **{**SCENES[name], **dict(key)})
+    given = {**SCENES[name], **dict(key)}
+    tables = {name: dict(given[name]) for name in ("pad", "plate", "supports")}
+    return TwoBlocks(comm, **{**given, **tables})
 
 
 @pytest.fixture

@@ -1,0 +1,117 @@
+"""Static patch test through an interface whose meshes do not match."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.sparse.linalg import spsolve
+
+from brake_fenicsx.macro import EnrichedGap, displacement, equilibrium
+from brake_fenicsx.micro import OneLaw, linear_law
+
+PRESSURE, STIFFNESS = 5e5, 2e13
+
+
+@pytest.fixture
+def stack(two_blocks):
+    """Two blocks of equal cross section, confined all around: exact solution linear in z."""
+    return two_blocks(
+        "guided",
+        pad=(("length", 12e-3), ("width", 8e-3), ("height", 6e-3), ("z", 0.0), ("size", 4e-3)),
+        plate=(("length", 12e-3), ("width", 8e-3), ("height", 5e-3), ("z", -5e-3),
+               ("size", 2.6e-3)),
+        supports=(
+            ("plate.bottom", ("z",)), ("plate.sides", ("x", "y")), ("pad.sides", ("x", "y")),
+        ),
+        pressure=PRESSURE,
+    )  # fmt: skip
+
+
+def exact(scene, k=STIFFNESS, pressure=PRESSURE):
+    """u_z of both blocks: each compressed by p / C33 per length, the gap -p / k between them."""
+    below = -pressure / scene.materials["plate.body"].C[2, 2]
+    above = -pressure / scene.materials["pad.body"].C[2, 2]
+
+    def column(u_z):
+        return lambda x: np.stack([0 * x[0], 0 * x[0], u_z(x[2])])
+
+    jump = 5e-3 * below - pressure / k
+    return scene.field(
+        plate=column(lambda z: below * (z + 5e-3)), pad=column(lambda z: jump + above * z)
+    )
+
+
+def test_uniform_pressure_passes_sparse(stack):
+    """One linear solve: pressure uniform to 1e-10 and every displacement exact.
+
+    Catches disc weights of unclipped facets: the pressure then scatters by percents.
+    """
+    u = spsolve(stack.tangent(np.full(stack.w.size, STIFFNESS), 0.0).tocsc(), stack.f)
+    g = stack.contact.gap(u)
+    assert stack.w.size > 10
+    np.testing.assert_allclose(-STIFFNESS * g, PRESSURE, rtol=1e-9)
+    wanted = exact(stack)
+    np.testing.assert_allclose(u, wanted, atol=1e-10 * np.abs(wanted).max())
+
+
+class ManyLinear:
+    """A linear law of its own for every element."""
+
+    def __init__(self, k):
+        self.k = k
+
+    def __len__(self):
+        return self.k.size
+
+    def first_touch(self, index):
+        return np.zeros(np.shape(index))
+
+    def pressure(self, index, d):
+        return self.k[index] * np.maximum(-d, 0)
+
+    def stiffness(self, index, d):
+        return np.where(d < 0, self.k[index], 0.0)
+
+    def energy(self, index, d):
+        return 0.5 * self.k[index] * np.maximum(-d, 0) ** 2
+
+
+@pytest.mark.parametrize("per_element", [False, True])
+def test_uniform_pressure_passes_condensed(stack, per_element):
+    """The braking equilibrium: gap = -p / k, the same with one law and with a law per element."""
+    n = stack.w.size
+    laws = ManyLinear(np.full(n, STIFFNESS)) if per_element else OneLaw(linear_law(STIFFNESS))
+    ops = SimpleNamespace(N=stack.N, T=stack.T, w=stack.w, g0=stack.g0, compliance=stack.compliance)
+    eq = equilibrium(ops, EnrichedGap(laws, np.arange(n), np.zeros(n)))
+    np.testing.assert_allclose(eq.p, PRESSURE, rtol=1e-10)
+    np.testing.assert_allclose(eq.g, -PRESSURE / STIFFNESS, rtol=1e-10)
+    wanted = exact(stack)
+    u = displacement(ops, eq, stack.f)
+    np.testing.assert_allclose(u, wanted, atol=1e-10 * np.abs(wanted).max())
+
+
+def test_gaps_of_different_laws_carry_the_same_pressure(stack):
+    """Laws scattered over two decades, each with the critical gap that undoes the scatter."""
+    n = stack.w.size
+    k = STIFFNESS * 10 ** np.random.default_rng(0).uniform(-1, 1, n)
+    ops = SimpleNamespace(w=stack.w, g0=stack.g0, compliance=stack.compliance)
+    # delta = g - g_cr = -p / k_i at the common gap g = -p / k.
+    g_cr = PRESSURE / k - PRESSURE / STIFFNESS
+    eq = equilibrium(ops, EnrichedGap(ManyLinear(k), np.arange(n), g_cr))
+    np.testing.assert_allclose(eq.p, PRESSURE, rtol=1e-9)
+    np.testing.assert_allclose(eq.k, k)
+
+
+def test_stress_is_uniform(stack):
+    """The stress of the solved field, by its energy in each block: p^2 V / (2 C33)."""
+    u = spsolve(stack.tangent(np.full(stack.w.size, STIFFNESS), 0.0).tocsc(), stack.f)
+    area = 12e-3 * 8e-3
+    stored = sum(
+        PRESSURE**2 * area * height / (2 * stack.materials[f"{name}.body"].C[2, 2])
+        for name, height in (("pad", 6e-3), ("plate", 5e-3))
+    )
+    assert 0.5 * u @ (stack.K @ u) == pytest.approx(stored, rel=1e-9)
+    g = stack.contact.gap(u)
+    assert 0.5 * STIFFNESS * (stack.w @ g**2) == pytest.approx(
+        PRESSURE**2 * area / (2 * STIFFNESS), rel=1e-9
+    )
