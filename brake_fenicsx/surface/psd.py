@@ -26,14 +26,14 @@ class RadialPsd:
     Attributes:
         q: mean wave number of each ring [rad/m], shape (n,).
         C: mean density of each ring [m^4], shape (n,).
-        count: independent wave vectors in each ring, shape (n,).
+        scatter: relative variance of each ring's mean [-], shape (n,).
         band: reliable wave numbers (lo, hi) [rad/m].
         label: what it was taken from.
     """
 
     q: Array
     C: Array
-    count: Array
+    scatter: Array
     band: tuple[float, float]
     label: str = "scan"
 
@@ -150,11 +150,11 @@ def radial_psd(
     edges = _ring_edges(step, nyquist, rings)
     ring = np.digitize(q.ravel(), edges) - 1
     inside = (ring >= 0) & (ring < edges.size - 1)
-    w, r = weights.ravel()[inside], ring[inside]
-    count = np.bincount(r, w, edges.size - 1).astype(float)
-    some = count > 0.0
-    mean_q = np.bincount(r, w * q.ravel()[inside], edges.size - 1)[some] / count[some]
-    mean_C = np.bincount(r, w * C.ravel()[inside], edges.size - 1)[some] / count[some]
+    mean_q, mean_C, scatter = _ring_means(
+        ring[inside], weights.ravel()[inside], q.ravel()[inside], C.ravel()[inside]
+    )
+    if not topo.periodic:
+        scatter = scatter * 2.25  # the window ties neighbouring wave vectors to each other
     lo = (0.99 if topo.periodic else 2.0) * step
     hi = nyquist if cutoff is None else min(nyquist, 2.0 * np.pi / cutoff)
     corner = q > 1.2 * nyquist
@@ -162,7 +162,36 @@ def radial_psd(
         floor = 3.0 * float(np.average(C[corner], weights=weights[corner]))
         below = (mean_C < floor) & (mean_q > 4.0 * lo)
         hi = min(hi, float(mean_q[below][0])) if below.any() else hi
-    return RadialPsd(mean_q, mean_C, count[some], (lo, hi), label)
+    return RadialPsd(mean_q, mean_C, scatter, (lo, hi), label)
+
+
+def _ring_means(ring: NDArray[np.intp], w: Array, q: Array, C: Array) -> tuple[Array, Array, Array]:
+    """Mean wave number [rad/m], mean density there [m^4] and its relative variance [-] per ring.
+
+    Within a ring the density follows the local slope; that is taken out before the mean, or a
+    wide ring would lie high. The variance between wave vectors is the same share of the square in
+    all rings: 1 for a random surface, 0 for one with imposed amplitudes.
+    """
+    _, ring = np.unique(ring, return_inverse=True)
+    count = np.bincount(ring, w)
+    middle = np.exp(np.bincount(ring, w * np.log(q)) / count)
+    mean = np.bincount(ring, w * C) / count
+    if mean.size < 3 or not (mean > 0.0).all():
+        return middle, mean, 1.0 / count
+    for _ in range(2):
+        slope = np.gradient(np.log(mean), np.log(middle))
+        # A noisy slope must not bend a ring more than the surface does: smooth over three.
+        slope = np.convolve(np.pad(slope, 1, mode="edge"), np.ones(3) / 3.0, mode="valid")
+        detrended = C * (q / middle[ring]) ** -slope[ring]
+        mean = np.bincount(ring, w * detrended) / count
+    relative = np.bincount(ring, w * (detrended / mean[ring] - 1.0) ** 2)
+    full = count > 2.0
+    share = (
+        float(relative[full].sum() / np.maximum(count[full] - 1.0, 1.0).sum())
+        if full.any()
+        else 1.0
+    )
+    return middle, mean, share / count
 
 
 def _ring_edges(step: float, nyquist: float, rings: int) -> Array:
@@ -205,9 +234,11 @@ def anisotropy(topo: Topography, band: tuple[float, float]) -> tuple[float, floa
 def fit_bifractal(psd: RadialPsd) -> BiFractal:
     """Least-squares fit of the broken power law to ln C over ln q in the reliable band.
 
-    Rings weigh with the square root of their count of wave vectors: ln C of a ring scatters by
-    the inverse of it. The corner is sought from several starts; standard errors follow from the
-    Jacobian and the residual.
+    ln C of a ring has the variance of its scatter and lies half of it low; what the model itself
+    misses is estimated from the residual and added, so that a real surface weighs all rings alike
+    and an ideal one weighs them by their wave vectors. The corner leaves two rings or more
+    on either side and is sought from several starts;
+    standard errors follow from the Jacobian and the residual.
 
     Raises:
         SurfaceError: fewer than six rings in the band.
@@ -218,30 +249,37 @@ def fit_bifractal(psd: RadialPsd) -> BiFractal:
             f"bi-fractal fit: {use.sum()} rings between {psd.band[0]:.3g} and {psd.band[1]:.3g} "
             "rad/m, at least 6 are needed; scan a larger area or give 'statistics'"
         )
-    x, y = np.log(psd.q[use]), np.log(psd.C[use])
-    # A ring of n wave vectors scatters by 1/sqrt(n); 0.05 stands for what the model leaves out.
-    weights = 1.0 / np.sqrt(1.0 / psd.count[use] + 0.05**2)
-    best = None
-    for share in (0.2, 0.35, 0.5, 0.65, 0.8):
-        corner = x[0] + share * (x[-1] - x[0])
-        start = [*_linear_part(x, y, weights, corner), corner]
-        fit = least_squares(
-            lambda v: weights * (_broken(x, v) - y),
-            start,
-            bounds=([-np.inf] * 3 + [x[0]], [np.inf] * 3 + [x[-1]]),
-            x_scale="jac",
-        )
-        if best is None or fit.cost < best.cost:
-            best = fit
-    assert best is not None
-    ln_C0, c1, c2, ln_q_c = (float(v) for v in best.x)
-    spread = 2.0 * best.cost / max(x.size - 4, 1)
-    with np.errstate(all="ignore"):
-        covariance = np.linalg.pinv(best.jac.T @ best.jac) * spread
-    e = np.sqrt(np.diag(covariance))
-    rms = float(np.sqrt(np.mean((_broken(x, best.x) - y) ** 2)))
+    scatter = psd.scatter[use]
+    x, y = np.log(psd.q[use]), np.log(psd.C[use]) + 0.5 * scatter
+    missed = 0.01
+    for _ in range(3):
+        weights = 1.0 / np.sqrt(scatter + missed)
+        v, jacobian, cost = _best_start(x, y, weights)
+        residual = _broken(x, v) - y
+        missed = max(float(np.mean(residual**2 - scatter)), 1e-6)
+    spread = 2.0 * cost / max(x.size - 4, 1)
+    e = np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian) * spread))
     errors = (float(e[1]), float(e[2]), float(e[3]), float(e[0]))
-    return BiFractal(c1, c2, np.exp(ln_q_c), np.exp(ln_C0), psd.band, errors, rms)
+    rms = float(np.sqrt(np.mean(residual**2)))
+    q_c, C0 = float(np.exp(v[3])), float(np.exp(v[0]))
+    return BiFractal(float(v[1]), float(v[2]), q_c, C0, psd.band, errors, rms)
+
+
+def _best_start(x: Array, y: Array, weights: Array) -> tuple[Array, Array, float]:
+    """Parameters, Jacobian and cost of the best of several fits with different corners."""
+    fits = []
+    for share in (0.2, 0.35, 0.5, 0.65, 0.8):
+        corner = x[2] + share * (x[-3] - x[2])
+        fits.append(
+            least_squares(
+                lambda v: weights * (_broken(x, v) - y),
+                [*_linear_part(x, y, weights, corner), corner],
+                bounds=([-np.inf] * 3 + [x[2] - 1e-9], [np.inf] * 3 + [x[-3] + 1e-9]),
+                x_scale="jac",
+            )
+        )
+    best = min(fits, key=lambda fit: fit.cost)
+    return best.x, best.jac, float(best.cost)
 
 
 def _broken(x: Array, v: Array) -> Array:

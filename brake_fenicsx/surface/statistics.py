@@ -85,8 +85,8 @@ class SurfaceStatistics:
 def characterise(
     topo: Topography,
     level: str = "plane",
-    outlier_rule: str = "mad",
-    threshold: float = 8.0,
+    outlier_rule: str = "spike",
+    threshold: float = 4.0,
     cutoff: float | None = None,
     distribution: str = "johnson",
 ) -> SurfaceStatistics:
@@ -94,8 +94,9 @@ def characterise(
 
     Args:
         topo: the scan.
-        level: form to remove: ``"none"``, ``"mean"``, ``"plane"``, ``"second-order"``.
-        outlier_rule: ``"mad"`` or ``"none"``; see ``topography.outliers``.
+        level: form to remove: ``"none"``, ``"mean"``, ``"plane"``, ``"second-order"``; only the
+            mean of a periodic surface.
+        outlier_rule: ``"spike"``, ``"mad"`` or ``"none"``; see ``topography.outliers``.
         threshold: robust standard deviations beyond which a point is an outlier [-].
         cutoff: shortest wave length the instrument resolves [m].
         distribution: ``hdf`` is ``"johnson"`` (matched to the four moments) or ``"measured"``.
@@ -105,6 +106,7 @@ def characterise(
     """
     if distribution not in ("johnson", "measured"):
         raise SurfaceError(f"distribution = {distribution!r}; choose 'johnson' or 'measured'")
+    level = "mean" if topo.periodic and level != "none" else level  # it cannot have a tilt
     levelled, marked = _clean(topo, level, outlier_rule, threshold)
     h = levelled.heights[levelled.valid]
     zero = float(np.mean(topo.heights[levelled.valid]))

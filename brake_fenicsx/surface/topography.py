@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 from scipy.sparse.linalg import spsolve
 
 from brake_fenicsx.errors import SurfaceError
@@ -119,25 +120,28 @@ def form(topo: Topography, level: str) -> Array:
     return np.asarray(terms @ coefficients + middle)
 
 
-def outliers(heights: Array, rule: str = "mad", threshold: float = 8.0) -> NDArray[np.bool_]:
-    """Mark points that stand away from the others.
+def outliers(heights: Array, rule: str = "spike", threshold: float = 4.0) -> NDArray[np.bool_]:
+    """Mark points that do not belong to the surface.
+
+    Both rules measure in robust standard deviations: 1.4826 times the median distance of the
+    heights from their median.
 
     Args:
         heights: levelled heights [m], shape (nx, ny), nan where missing.
-        rule: ``"mad"``: farther from the median than ``threshold`` times 1.4826 times the median
-            absolute deviation (the standard deviation of a normal distribution); ``"none"``.
+        rule: ``"spike"``: farther than ``threshold`` from the median of the 5 x 5 pixels around;
+            a summit, however high, has flanks and stays. ``"mad"``: farther than ``threshold``
+            from the median of all heights. ``"none"``.
         threshold: distance in robust standard deviations [-].
     """
-    if rule not in ("mad", "none"):
-        raise SurfaceError(f"outliers = {rule!r}; choose 'mad' or 'none'")
-    marked = np.zeros(heights.shape, dtype=bool)
-    if rule == "mad":
-        valid = np.isfinite(heights)
-        away = np.abs(heights[valid] - np.median(heights[valid]))
-        spread = 1.4826 * np.median(away)
-        if spread > 0.0:
-            marked[valid] = away > threshold * spread
-    return marked
+    if rule not in ("spike", "mad", "none"):
+        raise SurfaceError(f"outliers = {rule!r}; choose 'spike', 'mad' or 'none'")
+    valid = np.isfinite(heights)
+    middle = np.median(heights[valid])
+    spread = 1.4826 * np.median(np.abs(heights[valid] - middle))
+    if rule == "none" or spread == 0.0:
+        return np.zeros(heights.shape, dtype=bool)
+    around = median_filter(fill(heights), 5, mode="nearest") if rule == "spike" else middle
+    return valid & (np.abs(np.where(valid, heights, middle) - around) > threshold * spread)
 
 
 def fill(heights: Array) -> Array:
