@@ -47,7 +47,7 @@ def parser() -> argparse.ArgumentParser:
         command.add_argument("--set", action="append", default=[], metavar="KEY=VALUE",
                              help="replace a key of the scene")  # fmt: skip
     runs.add_argument("--from", dest="from_stage", choices=STAGES, metavar="STAGE",
-                      help=f"compute this stage and all later ones afresh: {', '.join(STAGES)}")  # fmt: skip
+                      help=f"compute it and all later stages afresh: {', '.join(STAGES)}")  # fmt: skip
     runs.add_argument("-o", dest="directory", metavar="DIR", help="results folder, ./SCENE-results")
     runs.add_argument("petsc", nargs="*", metavar="-- PETSC_OPTIONS", help="go to PETSc")
     reports = commands.add_parser("report", help="figures and HTML page of a results folder")

@@ -5,6 +5,7 @@ Supported: what Debian ships, 12 (0.5.2), 13 (0.9) and unstable (0.11).
 
 from __future__ import annotations
 
+from importlib import import_module
 from typing import Any
 
 from mpi4py import MPI
@@ -33,9 +34,9 @@ def mesh_from_gmsh(model: Any, comm: MPI.Comm) -> tuple[Any, Any, Any]:
         The mesh, its cell tags and its facet tags.
     """
     try:
-        from dolfinx.io import gmsh as gmshio
+        gmshio: Any = import_module("dolfinx.io.gmsh")
     except ImportError:
-        from dolfinx.io import gmshio
+        gmshio = import_module("dolfinx.io.gmshio")
     data = gmshio.model_to_mesh(model, comm, 0, gdim=3)
     if hasattr(data, "mesh"):
         return data.mesh, data.cell_tags, data.facet_tags

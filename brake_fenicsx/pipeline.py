@@ -110,14 +110,15 @@ def run(
         directory = Path.cwd() / f"{parsed.file.stem}-results"
     this = Run(parsed, comm, Store(Path(directory)))
     this.store.check(parsed)
-    scan = check(parsed, comm)
+    stats = check(parsed, comm)
     if comm.rank == 0:
         this.store.open(parsed, from_stage)
     comm.Barrier()
     start_log(comm.rank, this.store.path("log.txt") if comm.rank == 0 else None)
     logger.info("%s -> %s, %d process(es)", parsed.file, this.store.directory, comm.size)
     stages = parsed.stages
-    stats = surface_stage(this, scan) if "surface" in stages else None
+    if stats is not None:
+        surface_stage(this, stats)
     library = micro_stage(this, stats) if "micro" in stages and stats else None
     if "equilibrium" in stages:
         mechanics(this, stats, library)
@@ -133,43 +134,41 @@ def run(
     return this
 
 
-def check(scene: Scene, comm: MPI.Comm) -> Any:
+def check(scene: Scene, comm: MPI.Comm) -> SurfaceStatistics | None:
     """Everything that can be refused before anything is written.
 
     Returns:
-        The scan, read; None where the scene names none.
+        Statistics of the surface; None where the scene names none.
     """
-    scan = None
-    if "surface" in scene.stages and scene.surface and scene.surface.scan:
-        from brake_fenicsx.surface import characterise, read_topography
-
-        s = scene.surface
-        size = None if s.size is None else (s.size[0], s.size[-1])
-        try:
-            scan = read_topography(scene.path(str(s.scan)), size, s.height_unit)
-            characterise(scan, s.level, cutoff=s.cutoff)
-        except BrakeError as error:
-            raise SceneError(f"{scene.file}: surface.scan: {error}") from None
+    stats = read_surface(scene) if "surface" in scene.stages else None
     if "equilibrium" in scene.stages:
         from brake_fenicsx.macro.brake import check_brake
 
         check_brake(scene, comm)
-    return scan
+    return stats
 
 
-def surface_stage(this: Run, scan: Any) -> SurfaceStatistics:
+def read_surface(scene: Scene) -> SurfaceStatistics:
     """Scan to statistics: height distribution, power spectrum, bi-fractal fit."""
-    from brake_fenicsx.surface import characterise, given_statistics
+    from brake_fenicsx.surface import characterise, given_statistics, read_topography
 
+    table = scene.surface
+    if table is None:
+        raise SceneError(f"{scene.file}: surface: the section is missing")
+    if table.statistics is not None:
+        t = table.statistics
+        return given_statistics(t.S_q, t.S_sk, t.S_ku, t.c1, t.c2, t.q_c)
+    size = None if table.size is None else (table.size[0], table.size[-1])
+    try:
+        scan = read_topography(scene.path(str(table.scan)), size, table.height_unit)
+        return characterise(scan, table.level, cutoff=table.cutoff)
+    except BrakeError as error:
+        raise SceneError(f"{scene.file}: surface.scan = {table.scan!r}: {error}") from None
+
+
+def surface_stage(this: Run, stats: SurfaceStatistics) -> None:
+    """Write what is known of the surface."""
     with this.stage("surface"):
-        table = this.scene.surface
-        if table is None:
-            raise SceneError(f"{this.scene.file}: surface: the section is missing")
-        if scan is None and table.statistics:
-            t = table.statistics
-            stats = given_statistics(t.S_q, t.S_sk, t.S_ku, t.c1, t.c2, t.q_c)
-        else:
-            stats = characterise(scan, table.level, cutoff=table.cutoff)
         fit = stats.bifractal
         logger.info(
             "S_q %.2f um, S_sk %.3f, S_ku %.3f; slopes %.2f and %.2f, corner %.1f /mm",
@@ -179,7 +178,6 @@ def surface_stage(this: Run, scan: Any) -> SurfaceStatistics:
             from brake_fenicsx.report.inputs import surface_arrays
 
             this.store.save("surface.npz", **surface_arrays(stats, law_recipe(this.scene, stats)))
-    return stats
 
 
 def law_recipe(scene: Scene, stats: SurfaceStatistics) -> Any:
@@ -306,8 +304,9 @@ def describe(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -
         SceneError: the scene is wrong.
     """
     parsed = read_scene(scene, overrides)
-    scan = check(parsed, comm)
+    stats = check(parsed, comm)
     lines = [f"{parsed.file}: stages {', '.join(parsed.stages)}"]
+    scan = stats.topography if stats else None
     if scan is not None:
         nx, ny = scan.shape
         lx, ly = (1e3 * v for v in scan.size)

@@ -7,34 +7,23 @@ unit ("unit"), the allowed sign ("sign": positive if absent, "zero", "any") and 
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import importlib
 import json
 import tomllib
-import types
-import typing
-from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, dataclass, field, fields
+from collections.abc import Sequence
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.scene_rules import check_consistent
+from brake_fenicsx.toml_tables import check_keys, key, override, read_table
 from brake_fenicsx.units import to_si
 
 STAGES = ("surface", "micro", "equilibrium", "stability", "uncertainty", "report")
 BUILDERS = {"disc": "Disc", "pad": "Pad", "block": "Block"}
 APPROACHES = ("multi-scale", "classical")
-
-
-def key(unit: str = "", default: Any = MISSING, **metadata: Any) -> Any:
-    """A field of a scene: unit, default, sign and choices."""
-    metadata["unit"] = unit
-    return (
-        field(metadata=metadata)
-        if default is MISSING
-        else field(default=default, metadata=metadata)
-    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -246,43 +235,16 @@ def read_scene(file: str | Path, overrides: Sequence[str] = ()) -> Scene:
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SceneError(f"{path}: not a TOML file: {error}") from None
     for text in overrides:
-        _override(table, text)
+        override(table, text)
     try:
         return _scene(path, table)
     except SceneError as error:
         raise SceneError(f"{path}: {error}") from None
 
 
-def _override(table: dict[str, Any], text: str) -> None:
-    name, sign, value = text.partition("=")
-    if not sign:
-        raise SceneError(f"--set {text}: write key=value")
-    try:
-        parsed = tomllib.loads(f"x = {value}")["x"]
-    except tomllib.TOMLDecodeError:
-        parsed = value.strip()
-    *path, last = tomllib_key(name.strip())
-    for step in path:
-        table = table.setdefault(step, {})
-    table[last] = parsed
-
-
-def tomllib_key(name: str) -> list[str]:
-    """The parts of a dotted key, quoted parts kept whole."""
-    try:
-        nested = tomllib.loads(f"{name} = 0")
-    except tomllib.TOMLDecodeError:
-        raise SceneError(f"--set {name}: not a dotted key") from None
-    parts = []
-    while isinstance(nested, dict):
-        ((part, nested),) = nested.items()
-        parts.append(part)
-    return parts
-
-
 def _scene(path: Path, table: dict[str, Any]) -> Scene:
     known = {f.name for f in fields(Scene)} - {"file", "table"}
-    _check_keys(table, known, "")
+    check_keys(table, known, "")
     stages = tuple(table.get("stages", ()))
     for stage in stages:
         if stage not in STAGES:
@@ -291,28 +253,35 @@ def _scene(path: Path, table: dict[str, Any]) -> Scene:
     if not stages:
         raise SceneError(f"stages = []: nothing to do; name some of {', '.join(STAGES)}")
     one = {
-        name: _read(cls, table[name], name) if name in table else None
+        name: read_table(cls, table[name], name) if name in table else None
         for name, cls in (
             ("surface", Surface), ("micro", Micro), ("motion", Motion), ("stability", Stability)
         )
     }  # fmt: skip
     samples = _samples(table.get("samples", {}))
-    return _consistent(Scene(
+    scene = Scene(
         path, table, stages, one["surface"], one["micro"],
         {n: _part(t, f"parts.{n}") for n, t in table.get("parts", {}).items()},
-        {n: _read(MaterialTable, t, f"materials.{n}") for n, t in table.get("materials", {}).items()},
-        {n: _read(Contact, t, f"contact.{n}") for n, t in table.get("contact", {}).items()},
+        _each(MaterialTable, table, "materials"),
+        _each(Contact, table, "contact"),
         {n: _support(t, f"supports.{n}") for n, t in table.get("supports", {}).items()},
-        {n: _read(Load, t, f"loads.{n}") for n, t in table.get("loads", {}).items()},
+        _each(Load, table, "loads"),
         one["motion"], one["stability"], samples,
-    ))  # fmt: skip
+    )  # fmt: skip
+    check_consistent(scene)
+    return scene
+
+
+def _each(cls: Any, table: dict[str, Any], section: str) -> dict[str, Any]:
+    """Read a section of named tables."""
+    return {n: read_table(cls, t, f"{section}.{n}") for n, t in table.get(section, {}).items()}
 
 
 def _samples(table: dict[str, Any]) -> Samples:
     random = table.get("random", {})
     rest = {k: v for k, v in table.items() if k != "random"}
-    samples = _read(Samples, rest, "samples")
-    drawn = {n: _read(Distribution, t, f'samples.random."{n}"') for n, t in random.items()}
+    samples = read_table(Samples, rest, "samples")
+    drawn = {n: read_table(Distribution, t, f'samples.random."{n}"') for n, t in random.items()}
     for name in samples.approaches:
         if name not in APPROACHES:
             raise SceneError(f"samples.approaches: {name!r}; use {', '.join(APPROACHES)}")
@@ -331,7 +300,9 @@ def _part(table: dict[str, Any], where: str) -> Part:
     rest = {k: v for k, v in table.items() if k not in ("builder", "material")}
     if rest.get("shim") is False:
         rest["shim"] = 0
-    return Part(builder, _read(getattr(module, BUILDERS[builder]), rest, where), table["material"])
+    return Part(
+        builder, read_table(getattr(module, BUILDERS[builder]), rest, where), table["material"]
+    )
 
 
 def _support(value: Any, where: str) -> tuple[str, ...]:
@@ -340,137 +311,3 @@ def _support(value: Any, where: str) -> tuple[str, ...]:
     if isinstance(value, list) and value and set(value) <= {"x", "y", "z"}:
         return tuple(value)
     raise SceneError(f'{where} = {value!r}: write "clamped" or a list of "x", "y", "z"')
-
-
-def _check_keys(table: Mapping[str, Any], known: set[str], where: str) -> None:
-    for name in table:
-        if name not in known:
-            near = difflib.get_close_matches(name, known, 1)
-            hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(sorted(known))}"
-            raise SceneError(
-                f"{where + '.' if where else ''}{name} = {table[name]!r}: unknown key; {hint}"
-            )
-
-
-def _read(cls: Any, table: Any, where: str) -> Any:
-    """Fill a dataclass from a table: known keys, units, signs, choices, nothing missing."""
-    if not isinstance(table, dict):
-        raise SceneError(f"{where} = {table!r}: write a table")
-    _check_keys(table, {f.name for f in fields(cls)}, where)
-    hints = typing.get_type_hints(cls)
-    values = {}
-    for f in fields(cls):
-        if f.name in table:
-            values[f.name] = _value(f, hints[f.name], table[f.name], f"{where}.{f.name}")
-        elif f.default is MISSING and f.default_factory is MISSING:
-            raise SceneError(f"{where}.{f.name}: missing; it has no default")
-    return cls(**values)
-
-
-def _value(f: Any, hint: Any, value: Any, where: str) -> Any:
-    kinds = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
-    said = f"{where} = {value!r}"
-    for kind in kinds:
-        if hasattr(kind, "__dataclass_fields__") and isinstance(value, dict):
-            return _read(kind, value, where)
-    choices = f.metadata.get("choices")
-    if choices and value not in choices:
-        raise SceneError(f"{said}: use one of {', '.join(choices)}")
-    sequence = next((k for k in kinds if typing.get_origin(k) is tuple), None)
-    if sequence is not None and isinstance(value, list):
-        inner = typing.get_args(sequence)[0]
-        return tuple(_scalar(f, (inner,), v, said) for v in value)
-    return _scalar(f, kinds, value, said)
-
-
-def _scalar(f: Any, kinds: tuple[Any, ...], value: Any, said: str) -> Any:
-    if bool in kinds:
-        if not isinstance(value, bool):
-            raise SceneError(f"{said}: write true or false")
-        return value
-    if str in kinds and isinstance(value, str):
-        return value
-    if int in kinds and float not in kinds:
-        if not isinstance(value, int) or isinstance(value, bool):
-            raise SceneError(f"{said}: write a whole number")
-        number: float = value
-    elif float in kinds:
-        try:
-            number = to_si(value, f.metadata.get("unit", ""))
-        except ValueError as error:
-            raise SceneError(f"{said}: {error}") from None
-    else:
-        raise SceneError(f"{said}: not of the right kind")
-    sign = f.metadata.get("sign", "positive")
-    if (sign == "positive" and not number > 0) or (sign == "zero" and not number >= 0):
-        raise SceneError(f"{said}: must be {'positive' if sign == 'positive' else 'zero or more'}")
-    return number
-
-
-def _consistent(scene: Scene) -> Scene:
-    """Refuse scenes whose sections contradict each other."""
-    s = scene
-    needs = {
-        "surface": s.surface,
-        "micro": s.micro,
-        "equilibrium": s.contact,
-        "stability": s.stability,
-    }
-    for stage, section in needs.items():
-        if stage in s.stages and not section:
-            raise SceneError(
-                f"stages: {stage!r} needs a section [{'contact' if stage == 'equilibrium' else stage}]"
-            )
-    if s.surface and not (s.surface.scan or s.surface.statistics):
-        raise SceneError("surface: name a scan or statistics")
-    if s.surface and s.surface.scan and not s.path(s.surface.scan).exists():
-        raise SceneError(
-            f"surface.scan = {s.surface.scan!r}: no such file; paths start at the scene's folder"
-        )
-    for name, part in s.parts.items():
-        used = [part.material] if isinstance(part.material, str) else part.material.values()
-        for material in used:
-            if material not in s.materials:
-                raise SceneError(
-                    f"parts.{name}.material = {material!r}: there is no [materials.{material}]"
-                )
-    for name, contact in s.contact.items():
-        if len(contact.faces) != 2:
-            raise SceneError(
-                f"contact.{name}.faces = {list(contact.faces)!r}: write two faces, the pad's first"
-            )
-        if (
-            contact.law == "library"
-            and "micro" not in s.stages
-            and "multi-scale" in s.samples.approaches
-        ):
-            raise SceneError(f'contact.{name}.law = "library": needs the stages surface and micro')
-        if isinstance(contact.law, str) and contact.law != "library":
-            raise SceneError(
-                f'contact.{name}.law = {contact.law!r}: write "library", {{ linear = "2e13 Pa/m" }} or {{ p0 = .., u0 = .. }}'
-            )
-        if contact.gap == "hdf" and "surface" not in s.stages:
-            raise SceneError(f'contact.{name}.gap = "hdf": needs the stage surface')
-    if "micro" in s.stages and "surface" not in s.stages:
-        raise SceneError("stages: 'micro' needs 'surface'")
-    if "stability" in s.stages and "equilibrium" not in s.stages:
-        raise SceneError("stages: 'stability' needs 'equilibrium'")
-    if s.stability and (len(s.stability.band) != 2 or s.stability.band[0] >= s.stability.band[1]):
-        raise SceneError(f"stability.band = {list(s.stability.band)!r} Hz: write [lowest, highest]")
-    sliding = any(c.friction for c in s.contact.values()) or "classical" in s.samples.approaches
-    if "equilibrium" in s.stages and sliding and s.motion is None:
-        raise SceneError("motion: friction needs a section [motion]")
-    if s.motion:
-        unit = "m/s" if s.motion.direction else "rad/s"
-        try:
-            to_si(s.motion.speed, unit)
-        except ValueError as error:
-            raise SceneError(f"motion.speed = {s.motion.speed!r}: {error}") from None
-    for name in s.samples.random:
-        if not (
-            name.startswith("contact.") and name.endswith(".friction") and name[8:-9] in s.contact
-        ):
-            raise SceneError(
-                f'samples.random."{name}": only contact.NAME.friction may be random so far'
-            )
-    return scene

@@ -7,8 +7,10 @@ from typing import Any
 
 DIMENSIONS = {
     "m": "length [mm]", "rad": "angle [deg]", "Pa": "pressure or modulus [MPa]",
-    "kg/m^3": "density [kg/m^3]", "Pa/m": "contact stiffness [Pa/m]", "Hz": "frequency [Hz]",
-    "rad/s": "angular speed [rad/s]", "m/s": "speed [m/s]", "1/m": "wave number [1/mm]", "": "a number",
+    "kg/m^3": "density [kg/m^3]",
+    "Pa/m": "contact stiffness [Pa/m]", "Hz": "frequency [Hz]",
+    "rad/s": "angular speed [rad/s]", "m/s": "speed [m/s]", "1/m": "wave number [1/mm]",
+    "": "a number",
 }  # fmt: skip
 
 

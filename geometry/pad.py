@@ -1,11 +1,10 @@
-"""Brake pad: lining, back plate with ears, optional shims, stacked along z from the friction face."""
+"""Brake pad: lining, back plate with ears, optional shims, stacked from the friction face."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 from typing import Any
 
-import gmsh
 import numpy as np
 
 from .part import Part, faces_where, flat_at, ring_sector, volumes_between
@@ -107,7 +106,7 @@ def _one_pad(occ: Any, pad: Pad, side: float) -> tuple[dict[str, list[int]], dic
     for (name, _), low, high in zip(layers, heights[:-1], heights[1:], strict=True):
         z_low, z_high = sorted((side * low, side * high))
         volumes.setdefault(name, []).extend(volumes_between(tags, z_low, z_high))
-    return volumes, _faces(pad, tags, side, heights)
+    return volumes, _faces(occ, pad, tags, side, heights)
 
 
 def _ears(occ: Any, pad: Pad, z: float) -> list[tuple[int, int]]:
@@ -124,7 +123,9 @@ def _ears(occ: Any, pad: Pad, z: float) -> list[tuple[int, int]]:
     return ears
 
 
-def _faces(pad: Pad, tags: list[int], side: float, heights: np.ndarray) -> dict[str, list[int]]:
+def _faces(
+    occ: Any, pad: Pad, tags: list[int], side: float, heights: np.ndarray
+) -> dict[str, list[int]]:
     """Name the faces of one built pad."""
     middle = 0.5 * (pad.r_inner + pad.r_outer)
     centre = middle * np.array([np.cos(pad.position), np.sin(pad.position)])
@@ -140,7 +141,7 @@ def _faces(pad: Pad, tags: list[int], side: float, heights: np.ndarray) -> dict[
         tip = middle * np.array([np.cos(a), np.sin(a)])
         tip += end * pad.ear_length * np.array([-np.sin(a), np.cos(a)])
         for tag in faces_where(tags, lambda low, high: bool(high[2] - low[2] > 0.5 * pad.plate)):
-            x, y, _ = gmsh.model.occ.getCenterOfMass(2, tag)
+            x, y, _ = occ.getCenterOfMass(2, tag)
             if pad.ear_length > 0 and np.hypot(x - tip[0], y - tip[1]) < 1e-6:
                 ends.append(tag)
     return {

@@ -6,7 +6,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-import gmsh
 import numpy as np
 
 
@@ -58,6 +57,8 @@ def ring_sector(
 
 def volumes_between(tags: list[int], z_low: float, z_high: float) -> list[int]:
     """Those of the volumes whose bounding box lies between two heights [m]."""
+    import gmsh
+
     tol = 1e-6
     inside = []
     for tag in tags:
@@ -77,6 +78,8 @@ def faces_where(volumes: list[int], test: Callable[[np.ndarray, np.ndarray], boo
     Returns:
         The faces' tags, sorted.
     """
+    import gmsh
+
     boundary = gmsh.model.getBoundary([(3, v) for v in volumes], combined=True, oriented=False)
     found = []
     for _, tag in boundary:

@@ -92,7 +92,7 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 def _cut(
-    polygon: Array, count: NDArray[np.int64], start: Array, along: Array
+    polygon: Array, count: NDArray[np.int64], start: Array, along: NDArray
 ) -> tuple[Array, NDArray[np.int64]]:
     """Keep what lies left of one line per pair."""
     pairs, slots = len(polygon), polygon.shape[1]

@@ -91,6 +91,7 @@ def interface_moments(
     order: int,
     comm: MPI.Comm,
     progress: Callable[[int], None] = lambda n: None,
+    first: float = 1.0,
 ) -> list[tuple[Array, Array]]:
     """N K0^-1 (M K0^-1)^j N' and the same with T' on the right, j = 0 ... order.
 
@@ -102,6 +103,7 @@ def interface_moments(
         order: largest j.
         comm: processes that share the columns.
         progress: called with the number of columns done.
+        first: share of process 0, which may be late, relative to the others'.
 
     Returns:
         For each j the pair (NN, NT), shape (elements, elements), unit m/N (s^2)^j.
@@ -109,12 +111,14 @@ def interface_moments(
     n = N.shape[0]
     both = sp.vstack([N, T]).tocsr()
     columns = N.T.tocsc()
-    share = np.array_split(np.arange(n), comm.size)[comm.rank]
+    share = _share(n, comm, first)
     out = np.empty((order + 1, 2 * n, share.size))
     for b in blocks(share.size):
         X = factor.solve(columns[:, share[b]].toarray())
         out[0][:, b] = both @ X
         for j in range(1, order + 1):
+            if M is None:
+                raise ValueError("moments beyond order 0 need the mass")
             X = factor.solve(M @ X)
             out[j][:, b] = both @ X
         progress(b.stop - b.start)
@@ -126,10 +130,17 @@ def interface_moments(
     return pairs
 
 
-def slip_compliance(factor: Factor, T: sp.csr_matrix, comm: MPI.Comm) -> Array:
+def _share(n: int, comm: MPI.Comm, first: float) -> NDArray[np.intp]:
+    """This process's columns."""
+    weights = np.r_[first, np.ones(comm.size - 1)]
+    ends = np.rint(n * np.cumsum(weights) / weights.sum()).astype(int)
+    return np.arange(ends[comm.rank - 1] if comm.rank else 0, ends[comm.rank])
+
+
+def slip_compliance(factor: Factor, T: sp.csr_matrix, comm: MPI.Comm, first: float = 1.0) -> Array:
     """T K0^-1 T' [m/N], shape (elements, elements), its columns shared by the processes of comm."""
     columns = T.T.tocsc()
-    share = np.array_split(np.arange(T.shape[0]), comm.size)[comm.rank]
+    share = _share(T.shape[0], comm, first)
     out = np.empty((T.shape[0], share.size))
     for b in blocks(share.size):
         out[:, b] = T @ factor.solve(columns[:, share[b]].toarray())

@@ -1,7 +1,7 @@
 """Contact elements between two faces whose meshes need not match: gap and slip as sparse operators.
 
 Discretisation "patch": one element per facet of the first face (the pad). Its gap and slip are means
-over the part of the facet that lies above the second face (the disc), integrated over the clipped
+over the part of the facet above the second face (the disc), integrated over the clipped
 common triangles with the shape functions of both sides; a uniform pressure is passed exactly.
 
 n points from disc to pad, a positive gap is open, and slip is pad minus disc.
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -91,12 +92,14 @@ def patch_contact(
     comm = mesh.domain.comm
     share = np.array_split(np.arange(len(pairs)), comm.size)[comm.rank]
     parts = comm.allgather(_integrate_pairs(pad, disc, frame, pairs[share]))
-    element, common, weight_pad, weight_disc, opening, where = map(np.concatenate, zip(*parts))
+    whole: list[NDArray] = [np.concatenate(column) for column in zip(*parts, strict=True)]
+    element = whole[0]
+    common, weight_pad, weight_disc, opening, where = whole[1:]
     if common.sum() <= 0:
         raise SceneError(
             f"contact: {faces[0]!r} and {faces[1]!r} lie nowhere opposite to each other"
         )
-    area = np.bincount(element, common, minlength=len(pad.corners))
+    area: Array = np.asarray(np.bincount(element, common, minlength=len(pad.corners)), float)
     kept = np.flatnonzero(area > 1e-6 * pad.area)
     number = np.full(len(pad.corners), -1)
     number[kept] = np.arange(kept.size)
@@ -124,11 +127,11 @@ def patch_contact(
 
 def join(contacts: Sequence[Contact]) -> Contact:
     """Contact elements of several interfaces as one, numbered in order."""
-    interface = np.concatenate([np.full(len(c.w), i) for i, c in enumerate(contacts)])
-    stacked = (sp.vstack([getattr(c, name) for c in contacts]).tocsr() for name in "NTR")
     names = ("w", "g0", "points", "normal", "s", "speed")
-    rest = (np.concatenate([getattr(c, name) for c in contacts]) for name in names)
-    return Contact(*stacked, *rest, interface, sum(c.uncovered for c in contacts))
+    parts: dict[str, Any] = {n: np.concatenate([getattr(c, n) for c in contacts]) for n in names}
+    parts |= {n: sp.vstack([getattr(c, n) for c in contacts]).tocsr() for n in "NTR"}
+    parts["interface"] = np.concatenate([np.full(len(c.w), i) for i, c in enumerate(contacts)])
+    return Contact(**parts, uncovered=sum(c.uncovered for c in contacts))
 
 
 def _plane_axes(pad: Face) -> tuple[Array, Array]:

@@ -60,7 +60,7 @@ def gather_face(mesh: Mesh, free: FreeDofs, face: str) -> Face:
         The face, identical on every process.
     """
     parts = mesh.domain.comm.allgather(_local_facets(mesh, free, face_tag(mesh, face, "contact")))
-    key, corners, apex, columns = map(np.concatenate, zip(*parts))
+    key, corners, apex, columns = map(np.concatenate, zip(*parts, strict=True))
     order = np.lexsort(np.sort(key, axis=1).T[::-1])
     key, corners, apex, columns = key[order], corners[order], apex[order], columns[order]
     turn = np.argsort(key, axis=1)

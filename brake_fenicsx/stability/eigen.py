@@ -7,6 +7,7 @@ cut into pieces of about equal numbers of modes; each is covered by the disc of 
 from __future__ import annotations
 
 import time
+from itertools import pairwise
 from typing import Any
 
 from petsc4py import PETSc
@@ -36,6 +37,7 @@ def complex_modes(
     method: str = "full",
     tolerance: float = 1e-9,
     zeta_max: float = 0.1,
+    frictionless: Any = None,
 ) -> Modes:
     """All complex modes of a frequency band of (lambda^2 M + lambda C + K) phi = 0.
 
@@ -47,6 +49,8 @@ def complex_modes(
         method: "full".
         tolerance: relative residual of every mode.
         zeta_max: largest damping ratio looked for; bounds the imaginary parts of kappa.
+        frictionless: for non-symmetric K the same stiffness at mu = 0, whose inertia then says
+            how many modes the band holds without friction; the pieces of the band follow it.
 
     Returns:
         The modes, sorted by frequency, one of each conjugate pair.
@@ -64,11 +68,12 @@ def complex_modes(
     K, M = as_petsc(K), as_petsc(M)
     symmetric = _is_symmetric(K)
     low, high = ((2 * np.pi * f) ** 2 for f in band)
-    expected = _count(K, M, high)
-    edges = _pieces(K, M, low, high, expected, band)
+    reference = K if symmetric else frictionless
+    expected = None if reference is None else _count(as_petsc(reference), M, high)
+    edges = _pieces(low, high, PER_SHIFT if expected is None else expected)
     found = []
     iterations = 0
-    for a, b in zip(edges[:-1], edges[1:], strict=True):
+    for a, b in pairwise(edges):
         piece, used = _piece(K, M, a, b, high, tolerance, zeta_max, symmetric)
         found.append(piece)
         iterations += used
@@ -76,13 +81,15 @@ def complex_modes(
     right = np.hstack([f[1] for f in found])
     left = np.hstack([f[2] for f in found])
     inside = kappa.real <= high
-    how = "inertia of K - kappa M"
     if symmetric and int(inside.sum()) != expected:
         raise InaccurateResult(
             f"{int(inside.sum())} modes found below {band[1]:g} Hz, inertia counts {expected}"
         )
+    how = "inertia of K - kappa M"
     if not symmetric:
-        how += " without its skew part: an estimate where friction moves modes over the edge"
+        how += " at mu = 0: friction may move modes over the edge of the band"
+    if expected is None:
+        expected, how = int(inside.sum()), "not counted: no frictionless stiffness was given"
     residual = relative_residual(K, M, kappa, right)
     condition, error = _two_sided(K, M, kappa, right, left)
     order, lam, spread, real = undamped_rows(kappa, error, band)
@@ -117,19 +124,16 @@ def _is_symmetric(K: PETSc.Mat) -> bool:
 
 
 def _count(K: PETSc.Mat, M: PETSc.Mat, kappa: float) -> int:
-    """Eigenvalues below kappa of the symmetric part, by Sylvester's law of inertia."""
-    rows = local_rows(K)
-    shifted = petsc_matrix((0.5 * (rows + rows.T) - kappa * local_rows(M)).tocsr())
+    """Eigenvalues below kappa of a symmetric pencil, by Sylvester's law of inertia."""
+    shifted = petsc_matrix((local_rows(K) - kappa * local_rows(M)).tocsr())
     factor = Factor(shifted, "brake_inertia_")
     count = factor.negative_pivots
     factor.destroy()
     return count
 
 
-def _pieces(
-    K: PETSc.Mat, M: PETSc.Mat, low: float, high: float, count: int, band: tuple[float, float]
-) -> Array:
-    """Borders of pieces of the band, equal in frequency, of at most about PER_SHIFT modes."""
+def _pieces(low: float, high: float, count: int) -> Array:
+    """Borders of pieces of the band, equal in frequency, of about PER_SHIFT modes at most."""
     n = max(1, int(np.ceil(count / PER_SHIFT)))
     edges = np.linspace(np.sqrt(low), np.sqrt(high), n + 1) ** 2
     # Rigid and diverging modes lie at kappa <= 0.
@@ -188,8 +192,8 @@ def _nearest(
     got = eps.getConverged()
     if got < wanted:
         raise NotConverged(
-            f"eigensolver: {got} of {wanted} modes converged near {np.sqrt(abs(sigma)) / 2 / np.pi:.0f}"
-            f" Hz in {eps.getIterationNumber()} restarts"
+            f"eigensolver: {got} of {wanted} modes converged near"
+            f" {np.sqrt(abs(sigma)) / 2 / np.pi:.0f} Hz in {eps.getIterationNumber()} restarts"
         )
     xr, xi = K.createVecs()[0], K.createVecs()[0]
     yr, yi = xr.duplicate(), xr.duplicate()

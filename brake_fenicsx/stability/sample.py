@@ -166,10 +166,11 @@ def _newton(
     return kappa, a, b
 
 
-def _quotient(K: Array, M: Array, Q: Array, z: complex, x: Complex, y: Complex) -> complex:
+def _quotient(K: Array, M: Array, Q: Array, z: complex, x: NDArray, y: NDArray) -> complex:
     """One Newton step for z of y' (K - z M + z^2 Q) x = 0."""
     Kx, Mx, Qx = np.vdot(y, K @ x), np.vdot(y, M @ x), np.vdot(y, Q @ x)
-    return z + (Kx - z * Mx + z**2 * Qx) / (Mx - 2 * z * Qx)  # type: ignore[no-any-return]
+    step: complex = (Kx - z * Mx + z**2 * Qx) / (Mx - 2 * z * Qx)
+    return z + step
 
 
 def _keep_real(corrected: Complex, kappa: Complex) -> Complex:

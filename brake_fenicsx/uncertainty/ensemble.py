@@ -75,7 +75,7 @@ class _Counter:
     def __enter__(self) -> _Counter:
         if self.comm.size > 1:
             size = MPI.INT64_T.Get_size() if self.comm.rank == 0 else 0
-            self.window = MPI.Win.Allocate(size, comm=self.comm)
+            self.window = MPI.Win.Allocate(size, comm=self.comm)  # type: ignore[arg-type]
             if self.comm.rank == 0:
                 self.window.Lock(0)
                 self.window.Put(np.zeros(1, dtype=np.int64), 0)

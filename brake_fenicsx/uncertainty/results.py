@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from brake_fenicsx.macro.contact import Contact
-from brake_fenicsx.stability.modes import follow
 from brake_fenicsx.store import Store
 
 from .ensemble import Task, sample_file
@@ -59,6 +58,8 @@ class Results:
 
     def families(self) -> dict[Task, Any]:
         """Family of every mode; -1 where samples have no common basis to be compared in."""
+        from brake_fenicsx.stability.modes import follow
+
         good = [t for t in self.good() if "s" in self.stored[t]]
         based = [t for t in good if "coordinates" in self.stored[t]]
         pitch = [np.abs(self.stored[t]["s"].imag) / 2 / np.pi for t in based]

@@ -197,7 +197,10 @@ class Study:
             return {}
         K = tangent(self.K, b.N, b.T, b.w, eq.k, sample.mu)
         band = (stability.band[0], stability.band[1])
-        modes = complex_modes(self.M, None, K, band, zeta_max=stability.zeta_max)
+        smooth = tangent(self.K, b.N, b.T, b.w, eq.k, 0.0) if sample.mu else None
+        modes = complex_modes(
+            self.M, None, K, band, zeta_max=stability.zeta_max, frictionless=smooth
+        )
         unstable = np.flatnonzero(np.array(modes.verdict) == "unstable")
         out = _arrays(modes)
         out |= {"vectors": modes.right[:, unstable].astype(np.complex64), "vector_mode": unstable}

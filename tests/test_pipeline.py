@@ -1,0 +1,253 @@
+"""The chain from scene to tables: what is built, what is not, resumption, processes."""
+
+import csv
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from brake_fenicsx.pipeline import assemble, run
+
+SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
+BLOCK = SCENES / "block_on_plate.toml"
+COARSE = [
+    "parts.disc.size=30 mm",
+    "parts.pad.size=16 mm",
+    "parts.pad.plate_size=20 mm",
+    "micro.pixels=64",
+    "micro.laws=4",
+    "samples.n=2",
+    "stability.band=['0 Hz', '9 kHz']",
+    "stability.verify=1",
+]
+# Several random samples of the block: heights from numbers alone, laws analytic.
+MANY = [
+    "stages=['surface','equilibrium','stability']",
+    "surface.statistics={ S_q = '3 um' }",
+    "contact.block_plate.gap=hdf",
+    "stability.method=reduced",
+    "stability.band=['0 Hz','20 kHz']",
+    "samples.n=8",
+]
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with path.open() as file:
+        return list(csv.DictReader(file))
+
+
+def command(scene: Path, out: Path, changes: list[str], n: int = 1) -> list[str]:
+    code = "import sys; from brake_fenicsx.cli import main; sys.exit(main(sys.argv[1:]))"
+    sets = [word for change in changes for word in ("--set", change)]
+    parallel = ["mpirun", "-n", str(n), "--oversubscribe"] if n > 1 else []
+    return [*parallel, sys.executable, "-c", code, "run", str(scene), "-o", str(out), *sets]
+
+
+@pytest.fixture(scope="module")
+def brake(tmp_path_factory):
+    """A coarse brake, all stages but the report."""
+    out = tmp_path_factory.mktemp("brake") / "out"
+    stages = "stages=['surface','micro','equilibrium','stability']"
+    run(SCENES / "disc_brake_demo.toml", MPI.COMM_SELF, out, [*COARSE, stages])
+    return out
+
+
+def test_coarse_brake_is_unstable_with_friction(brake):
+    """The whole chain, on a real if coarse brake, finds flutter at mu = 0.5."""
+    modes = rows(brake / "modes.csv")
+    for approach in ("multi-scale", "classical"):
+        own = [m for m in modes if m["approach"] == approach]
+        unstable = [m for m in own if m["verdict"] == "unstable"]
+        assert unstable
+        assert all(float(m["damping"]) < 0 < float(m["real_1_s"]) for m in unstable)
+
+
+def test_coarse_brake_is_stable_without_friction(tmp_path):
+    stages = "stages=['surface','micro','equilibrium','stability']"
+    no_friction = ["contact.pad_disc.friction=0.0", "samples.classical.friction=0.0"]
+    run(SCENES / "disc_brake_demo.toml", MPI.COMM_SELF, tmp_path, [*COARSE, stages, *no_friction])
+    modes = rows(tmp_path / "modes.csv")
+    assert len(modes) > 20
+    assert {m["verdict"] for m in modes} == {"stable"}
+    assert {float(m["real_1_s"]) for m in modes} == {0.0}
+
+
+def test_reduced_sample_agrees_with_full_order(brake):
+    """Certified errors cover the true ones, and no verdict differs."""
+    full, reduced = (
+        np.load(brake / "samples" / f"{n}-00000.npz") for n in ("verify", "multi-scale")
+    )
+    assert full["s"].size == reduced["s"].size
+    error = np.abs(full["s"] - reduced["s"])
+    assert np.all(error <= reduced["error"] + full["error"])
+    assert np.max(error / np.abs(full["s"])) < 1e-4
+    pairs = set(zip(full["verdict"], reduced["verdict"], strict=True))
+    assert not pairs & {("stable", "unstable"), ("unstable", "stable")}
+
+
+def test_contact_carries_the_piston_force(brake):
+    """5 bar on the piston circle comes back as contact pressure, half of it on either pad."""
+    from brake_fenicsx.macro.brake import assemble_brake
+    from brake_fenicsx.scene import read_scene
+
+    scene = read_scene(SCENES / "disc_brake_demo.toml", COARSE)
+    pressed = assemble_brake(scene, MPI.COMM_SELF).pressed
+    # The circle of 54 mm, cut by the pad's edges, has 2078 mm^2; the coarse mesh loses some.
+    assert pressed == pytest.approx(2 * 5e5 * 2078e-6, rel=0.1)
+    contact = rows(brake / "contact.csv")
+    for approach in ("multi-scale", "classical"):
+        own = [c for c in contact if c["approach"] == approach]
+        force = {
+            side: sum(float(c["p"]) * float(c["area"]) for c in own if side * float(c["z"]) > 0)
+            for side in (-1, 1)
+        }
+        assert sum(force.values()) == pytest.approx(pressed, rel=1e-8)
+        assert force[1] == pytest.approx(force[-1], rel=0.02)
+
+
+def test_tables_name_every_sample(brake):
+    samples = rows(brake / "samples.csv")
+    assert [(s["approach"], s["sample"]) for s in samples] == [
+        ("multi-scale", "0"), ("multi-scale", "1"), ("classical", "0"),
+    ]  # fmt: skip
+    assert {s["status"] for s in samples} == {"ok"}
+    assert len({s["seed"] for s in samples if s["approach"] == "multi-scale"}) == 2
+
+
+@pytest.mark.parametrize(
+    ("change", "layers"),
+    [
+        ("parts.pad.shim=0", {"pad.lining", "pad.plate", "disc.body"}),
+        ("parts.pad.shim=1 mm", {"pad.lining", "pad.plate", "pad.shim", "disc.body"}),
+    ],
+)
+def test_shim_is_built_only_if_named(change, layers, tmp_path):
+    from brake_fenicsx.macro.brake import assemble_brake
+    from brake_fenicsx.scene import read_scene
+
+    scene = read_scene(SCENES / "disc_brake_demo.toml", [*COARSE, change])
+    assert set(assemble_brake(scene, MPI.COMM_SELF).mesh.layers) == layers
+
+
+def test_one_pad_only_if_one_side_is_named():
+    from brake_fenicsx.macro.brake import assemble_brake
+    from brake_fenicsx.scene import read_scene
+
+    scene = read_scene(SCENES / "disc_brake_demo.toml", [*COARSE, "parts.pad.side=top"])
+    assert np.all(assemble_brake(scene, MPI.COMM_SELF).points[:, 2] > 0)
+
+
+def test_no_ears_if_none_are_named():
+    from brake_fenicsx.macro.brake import check_brake
+    from brake_fenicsx.scene import read_scene
+
+    from brake_fenicsx.errors import SceneError
+
+    scene = read_scene(SCENES / "disc_brake_demo.toml", ["parts.pad.ear_length=0"])
+    with pytest.raises(SceneError, match=r"pad\.ears"):
+        check_brake(scene, MPI.COMM_SELF)
+
+
+@pytest.mark.parametrize(
+    ("stages", "absent"),
+    [
+        ("['equilibrium']", ["slepc4py", "SurfaceTopography", "matplotlib", "pyvista"]),
+        ("['equilibrium','stability']", ["SurfaceTopography", "matplotlib", "pyvista"]),
+        ("['surface']", ["dolfinx", "petsc4py", "slepc4py", "gmsh", "matplotlib", "pyvista"]),
+    ],
+)
+def test_unnamed_stage_is_not_imported(stages, absent, tmp_path):
+    changes = [f"stages={stages}", "surface.statistics={ S_q = '3 um' }"]
+    words = command(BLOCK, tmp_path / "out", changes)
+    code = words[2].replace("sys.exit(main(sys.argv[1:]))", "main(sys.argv[1:]);")
+    words[2] = code + f"print([m for m in {absent!r} if m in sys.modules])"
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_assemble_gives_the_public_operators():
+    ops = assemble(BLOCK, MPI.COMM_SELF)
+    elements, dofs = ops.N.shape
+    assert ops.T.shape == ops.R.shape == (elements, dofs)
+    assert ops.K.getSize() == ops.M.getSize() == (dofs, dofs)
+    assert (len(ops.w), ops.points.shape, len(ops.f)) == (elements, (elements, 3), dofs)
+    assert ops.w.sum() == pytest.approx(40e-3 * 20e-3, rel=1e-12)
+
+
+@pytest.fixture(scope="module")
+def many(tmp_path_factory):
+    """Eight random samples of the block, uninterrupted."""
+    out = tmp_path_factory.mktemp("many") / "out"
+    subprocess.run(command(BLOCK, out, MANY), check=True, capture_output=True)
+    return out
+
+
+@pytest.mark.parametrize("samples", [1, 5])
+def test_killed_run_goes_on_to_the_same_bytes(samples, many, tmp_path):
+    """SIGKILL after some samples; the second start must not compute or number anything afresh."""
+    out = tmp_path / "out"
+    going = subprocess.Popen(command(BLOCK, out, MANY), stderr=subprocess.DEVNULL)
+    while going.poll() is None and len(list(out.glob("samples/*.npz"))) < samples:
+        time.sleep(0.005)
+    going.send_signal(signal.SIGKILL)
+    going.wait()
+    assert not (out / "modes.csv").exists()
+    before = {p.name: p.stat().st_mtime_ns for p in out.glob("samples/*.npz")}
+    subprocess.run(command(BLOCK, out, MANY), check=True, capture_output=True)
+    assert (out / "modes.csv").read_bytes() == (many / "modes.csv").read_bytes()
+    assert (out / "samples.csv").read_bytes() == (many / "samples.csv").read_bytes()
+    after = {p.name: p.stat().st_mtime_ns for p in out.glob("samples/*.npz")}
+    assert {name: after[name] for name in before} == before
+
+
+def test_two_processes_give_the_modes_of_one(many, tmp_path):
+    """Relative 1e-8, or the certified error where that is larger."""
+    environment = os.environ | {
+        "OMPI_ALLOW_RUN_AS_ROOT": "1",
+        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+    }
+    out = tmp_path / "out"
+    done = subprocess.run(command(BLOCK, out, MANY, 2), capture_output=True, env=environment)
+    assert done.returncode == 0, done.stderr.decode()
+    one, two = rows(many / "modes.csv"), rows(out / "modes.csv")
+    assert len(one) == len(two) > 50
+    for a, b in zip(one, two, strict=True):
+        assert (a["approach"], a["sample"], a["mode"]) == (b["approach"], b["sample"], b["mode"])
+        s = [complex(float(m["real_1_s"]), 2 * np.pi * float(m["frequency_hz"])) for m in (a, b)]
+        assert abs(s[0] - s[1]) <= max(1e-8 * abs(s[0]), 2 * float(a["error_estimate"]))
+
+
+def test_failing_sample_is_kept_and_stops_nothing(tmp_path, monkeypatch):
+    """One sample that cannot converge must not take the others with it."""
+    from brake_fenicsx.errors import NotConverged
+    from brake_fenicsx.uncertainty import study
+
+    solve = study.equilibrium
+    calls = iter(range(100))
+
+    def sometimes(*args, **kwargs):
+        if next(calls) == 1:
+            raise NotConverged("made to fail")
+        return solve(*args, **kwargs)
+
+    monkeypatch.setattr(study, "equilibrium", sometimes)
+    run(BLOCK, MPI.COMM_SELF, tmp_path / "out", [*MANY, "samples.n=3"])
+    status = [s["status"] for s in rows(tmp_path / "out" / "samples.csv")]
+    assert status == ["ok", "made to fail", "ok"]
+    assert {m["sample"] for m in rows(tmp_path / "out" / "modes.csv")} == {"0", "2"}
+
+
+def test_friction_may_be_random(tmp_path):
+    law = "{ law = 'normal', mean = 0.5, sd = 0.05, min = 0.3, max = 0.7 }"
+    name = "contact.block_plate.friction"
+    run(BLOCK, MPI.COMM_SELF, tmp_path / "out", [*MANY, f'samples.random."{name}"={law}'])
+    mu = [float(s[name]) for s in rows(tmp_path / "out" / "samples.csv")]
+    assert len(set(mu)) == 8
+    assert all(0.3 <= m <= 0.7 for m in mu)

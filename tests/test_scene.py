@@ -1,0 +1,153 @@
+"""The scene: units at the border, and one clear line for every mistake."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from brake_fenicsx.cli import main
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.scene import read_scene
+from brake_fenicsx.units import to_si
+
+SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
+BLOCK = SCENES / "block_on_plate.toml"
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "value"),
+    [
+        ("5 bar", "Pa", 5e5),
+        ("1983.3 MPa", "Pa", 1983.3e6),
+        ("2.825 mm", "m", 2.825e-3),
+        ("60 deg", "rad", np.pi / 3),
+        ("8 N/mm^3", "Pa/m", 8e9),
+        ("16 kHz", "Hz", 16e3),
+        ("30 1/mm", "1/m", 30e3),
+        ("7.2 g/cm^3", "kg/m^3", 7200.0),
+    ],
+)
+def test_units_become_si(text, unit, value):
+    """A factor of ten in a unit would go through every later stage unseen."""
+    assert to_si(text, unit) == pytest.approx(value, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["block_on_plate", "disc_brake", "disc_brake_demo"])
+def test_shipped_scenes_are_read(name):
+    scene = read_scene(SCENES / f"{name}.toml")
+    assert scene.stages[-1] == "report"
+    assert all(load.pressure == pytest.approx(5e5) for load in scene.loads.values())
+
+
+def test_reference_scene_has_the_sizes_of_the_study():
+    scene = read_scene(SCENES / "disc_brake.toml")
+    assert (scene.micro.laws, scene.micro.pixels, scene.samples.n) == (100, 128, 300)
+    assert scene.micro.patch == pytest.approx(2.825e-3)
+    assert scene.stability.band == pytest.approx((0.0, 16e3))
+    assert scene.samples.classical.penalty == pytest.approx(2e13)
+
+
+def test_override_replaces_a_key():
+    scene = read_scene(
+        BLOCK, ["contact.block_plate.friction=0.25", "stability.band=['0 Hz', '5 kHz']"]
+    )
+    assert scene.contact["block_plate"].friction == 0.25
+    assert scene.stability.band[1] == 5e3
+
+
+def test_override_with_quoted_key():
+    scene = read_scene(BLOCK, ['loads."block.top".pressure=7 bar'])
+    assert scene.loads["block.top"].pressure == pytest.approx(7e5)
+
+
+MISTAKES = [
+    ("contact.block_plate.frcition=0.3", "contact.block_plate.frcition", "friction"),
+    ('loads."block.top".pressure=5 mm', "5 mm", "pressure"),
+    ('loads."block.top".pressure=5', "unit is missing", "MPa"),
+    ("parts.block.size=-3 mm", "parts.block.size", "positive"),
+    ("parts.block.width=-20 mm", "parts.block.width", "positive"),
+    ("materials.lining.C12=9 GPa", "materials.lining", "positive definite"),
+    ("materials.iron.nu=0.5", "materials.iron", "nu"),
+    ("materials.iron.rho=-1 kg/m^3", "materials.iron.rho", "positive"),
+    ("parts.block.material=wood", "wood", "[materials.wood]"),
+    ('supports."block.left"=clamped', "block.left", "block.top"),
+    ("stages=['equilibrium','statbility']", "statbility", "stability"),
+    ("stages=['micro','equilibrium']", "micro", "[micro]"),
+    ("contact.block_plate.gap=hdf", "hdf", "surface"),
+    ("stability.band=['9 kHz','1 kHz']", "stability.band", "lowest"),
+    ("motion.speed=3 bar", "motion.speed", "m/s"),
+    ("parts.block.builder=cube", "cube", "block"),
+    ("samples.approaches=['fast']", "fast", "classical"),
+    ("contact.block_plate.friction=-0.1", "friction", "zero or more"),
+    ("samples.n=2.5", "samples.n", "whole number"),
+]
+
+
+@pytest.mark.parametrize(("change", "named", "remedy"), MISTAKES)
+def test_mistake_is_one_line_with_status_2_and_writes_nothing(
+    change, named, remedy, tmp_path, capsys, monkeypatch
+):
+    """File, key, value and remedy in one line; no results folder is left behind."""
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", str(BLOCK), "--set", change]) == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    assert str(BLOCK) in error
+    assert named in error
+    assert remedy in error
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_missing_scene(tmp_path, capsys):
+    assert main(["check", str(tmp_path / "none.toml")]) == 2
+    assert "no such file" in capsys.readouterr().err
+
+
+def _surface_scene(folder: Path, heights: np.ndarray) -> Path:
+    np.savez(folder / "scan.npz", heights=heights, size=np.array([1e-3, 1e-3]))
+    path = folder / "surface.toml"
+    path.write_text('stages = ["surface"]\n[surface]\nscan = "scan.npz"\n')
+    return path
+
+
+def test_scan_without_valid_point(tmp_path, capsys, monkeypatch):
+    path = _surface_scene(tmp_path, np.full((16, 16), np.nan))
+    (work := tmp_path / "work").mkdir()
+    monkeypatch.chdir(work)
+    assert main(["run", str(path)]) == 2
+    assert "surface.scan" in capsys.readouterr().err
+    assert list(work.iterdir()) == []
+
+
+def test_missing_scan(tmp_path, capsys):
+    path = _surface_scene(tmp_path, np.zeros((4, 4)))
+    (tmp_path / "scan.npz").unlink()
+    assert main(["run", str(path)]) == 2
+    assert "surface.scan" in capsys.readouterr().err
+
+
+def test_results_of_another_scene_are_not_overwritten(tmp_path):
+    from mpi4py import MPI
+
+    from brake_fenicsx.pipeline import run
+
+    path = _surface_scene(tmp_path, np.random.default_rng(0).standard_normal((32, 32)) * 1e-6)
+    run(path, MPI.COMM_SELF, tmp_path / "out")
+    with pytest.raises(SceneError, match="another scene"):
+        run(path, MPI.COMM_SELF, tmp_path / "out", ["surface.level=none"])
+
+
+def test_surface_only_scene_imports_no_finite_elements(tmp_path):
+    """Only what a scene names is imported."""
+    path = _surface_scene(tmp_path, np.random.default_rng(0).standard_normal((32, 32)) * 1e-6)
+    code = (
+        "import sys; from brake_fenicsx.cli import main;"
+        f"assert main(['run', {str(path)!r}, '-o', {str(tmp_path / 'out')!r}]) == 0;"
+        "print([m for m in ('dolfinx','petsc4py','slepc4py','gmsh','matplotlib','pyvista')"
+        " if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+    assert (tmp_path / "out" / "surface.npz").exists()
