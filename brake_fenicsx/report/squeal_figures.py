@@ -29,13 +29,25 @@ if TYPE_CHECKING:
 
 MANY_POINTS = 2000  # beyond this a scatter is rasterised inside the SVG
 KHZ = "frequency [kHz]"
+LINEAR_DAMPING = 1e-4  # the squeal map's damping axis is logarithmic beyond
 
 
 def draw_squeal_map(run: RunData) -> Figure | None:
-    """Figure 9: frequency against damping, one panel per approach, unstable half shaded."""
+    """Figure 9: frequency against damping, one panel per approach, unstable half shaded.
+
+    The damping axis is linear about zero and logarithmic beyond: flutter spans three decades.
+    """
     if run.modes is None or run.modes["mode"].size == 0:
         return None
-    figure, axes = _panels(run)
+    figure, axes = _panels(run, height=2.3)
+    for axis in axes.flat:
+        axis.set_yscale("symlog", linthresh=LINEAR_DAMPING, linscale=0.6)
+        axis.set_yticks([-0.1, -0.01, -0.001, 0.0, 0.001, 0.01, 0.1])
+        low, high = axis.get_ylim()
+        axis.axhspan(-1e3, low, color="#fbeee6", lw=0, zorder=0)
+        # Room above the points for the legend.
+        axis.set_ylim(min(3 * low, -3e-3), max(20 * high, 2e-2))
+        axis.grid(axis="y", color="0.9", linewidth=0.6)
     for axis, approach in zip(axes.flat, run.approaches, strict=True):
         modes = good_modes(run, approach)
         f, damping, verdict = modes["frequency_hz"] / 1e3, modes["damping"], modes["verdict"]
