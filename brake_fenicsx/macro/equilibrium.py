@@ -106,25 +106,21 @@ class _Condensed:
     mu: float
 
     def first_state(self, load: float) -> tuple[Array, Array]:
-        """Linear springs k0 carry the first load; each is then shifted to where its law agrees.
+        """Linear springs carry the first load; their common level is where the laws agree.
 
-        A common shift of a floating body costs nothing, so every body starts at first touch.
+        They are as stiff as the laws are there: softer ones let friction tilt a body without
+        bound. A common shift of a floating body costs nothing: it starts at first touch.
         """
-        c, k0 = self.compliance, self.compliance.k0
-        A = np.eye(len(self.w))
-        g = self.g0 + load * c.Nf
-        # t = k0 (touch - g): K0 u = f + N'W k0 (touch - g0) + mu T'W t.
-        touch = self._balanced_touch(load)
-        rhs = g + c.NN @ (self.w * k0 * (touch - self.g0))
-        if self.mu:
-            B = c.NT * friction_traction(self.w, self.mu)
-            rhs = rhs + B @ (k0 * touch)
-            A = A + B * k0
-        g = la.solve(A, rhs, overwrite_a=True)
-        return g, k0 * (touch - g)
+        level, carried = self._balanced_level(load)
+        ones = np.ones(len(self.w))
+        mean = float(np.sum(self.w * self.laws.stiffness(level * ones)) / np.sum(self.w))
+        k = (mean if mean > 0 else float(self.compliance.k0.mean())) * ones
+        free_of_load = level + carried / np.sum(self.w * k)
+        g = self._linear(load, k * free_of_load, k)
+        return g, k * (free_of_load - g)
 
-    def _balanced_touch(self, load: float) -> Array:
-        """Level at which the laws carry about what the linear springs carry."""
+    def _balanced_level(self, load: float) -> tuple[float, float]:
+        """Common gap at which the laws carry what the contact must carry, and that force."""
         c, k0 = self.compliance, self.compliance.k0
         carried = -float(np.sum(self.w * k0 * c.Nf)) * load
         first = float(self.laws.first_touch().max())
@@ -140,8 +136,7 @@ class _Condensed:
             middle = 0.5 * (low + high)
             enough = np.sum(self.w * self.laws.pressure(middle * ones)) >= carried
             low, high = (middle, high) if enough else (low, middle)
-        mean = carried / float(np.sum(self.w * k0))
-        return low * ones + mean
+        return low, carried
 
     def newton(
         self, state: tuple[Array, Array], load: float, tolerance: float, most: int
@@ -166,17 +161,21 @@ class _Condensed:
 
     def _step(self, g: Array, load: float) -> tuple[Array, Array]:
         """Solve the system linearised at g: t = p - k (g_new - g)."""
-        c, k0 = self.compliance, self.compliance.k0
         p, k = self.laws.pressure(g), self.laws.stiffness(g)
+        g_new = self._linear(load, p + k * g, k)
+        return g_new, p - k * (g_new - g)
+
+    def _linear(self, load: float, a: Array, k: Array) -> Array:
+        """Gaps of the system whose contact pressures are a - k g."""
+        c, k0 = self.compliance, self.compliance.k0
         J = c.NN * (-self.w * (k0 - k))
-        rhs = self.g0 + load * c.Nf + c.NN @ (self.w * (p + k * g - k0 * self.g0))
+        rhs = self.g0 + load * c.Nf + c.NN @ (self.w * (a - k0 * self.g0))
         if self.mu:
             wf = friction_traction(self.w, self.mu)
             J += c.NT * (wf * k)
-            rhs = rhs + c.NT @ (wf * (p + k * g))
+            rhs = rhs + c.NT @ (wf * a)
         J[np.diag_indices_from(J)] += 1.0
-        g_new = la.solve(J, rhs, overwrite_a=True, check_finite=False)
-        return g_new, p - k * (g_new - g)
+        return np.asarray(la.solve(J, rhs, overwrite_a=True, check_finite=False))
 
     def _line_search(self, g: Array, t: Array, dg: Array, dt: Array) -> float:
         """Step at which the work of the residual along the direction has dropped enough."""
