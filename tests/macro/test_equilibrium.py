@@ -1,0 +1,242 @@
+"""Braking equilibrium: condensed against sparse, balance, convergence."""
+
+from functools import cache
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from scipy.sparse.linalg import spsolve
+
+from brake_fenicsx.macro import EnrichedGap, displacement, draw_critical_gaps, equilibrium
+from brake_fenicsx.macro.elasticity import assemble_elastic
+from brake_fenicsx.macro.gap import separation_density
+from brake_fenicsx.micro import (
+    LawRecipe,
+    OneLaw,
+    exponential_law,
+    law_library,
+    linear_law,
+)
+from brake_fenicsx.surface import given_statistics
+
+
+def operators(scene):
+    return SimpleNamespace(N=scene.N, T=scene.T, w=scene.w, g0=scene.g0,
+                           compliance=scene.compliance)  # fmt: skip
+
+
+@cache
+def computed_library():
+    """Four laws of rough patches, on few pixels: kinks, feet and tails as real laws have them."""
+    found = given_statistics(3.31e-6, -0.2410, 3.6549)
+    recipe = LawRecipe(found.bifractal, found.hdf, 2.3734e9, shape=(32, 32), tolerance=1e-8)
+    return law_library(recipe, 4, seed=5)
+
+
+def enriched(kind, n, scatter=1.5e-6):
+    rng = np.random.default_rng(11)
+    laws = {
+        "exponential": lambda: OneLaw(exponential_law(4e5, 0.8e-6)),
+        "linear": lambda: OneLaw(linear_law(5e11)),
+        "computed": computed_library,
+    }[kind]()
+    return EnrichedGap(laws, rng.integers(len(laws), size=n), rng.normal(0, scatter, n))
+
+
+def sparse_newton(scene, laws, mu, start):
+    """Newton on all displacements with backtracking on the residual: nothing is condensed."""
+    NT = (scene.N + mu * scene.T).T.tocsr()
+
+    def residual(u):
+        return scene.K @ u - NT @ (scene.w * laws.pressure(scene.contact.gap(u))) - scene.f
+
+    u, r = start, residual(start)
+    for _ in range(80):
+        k = laws.stiffness(scene.contact.gap(u))
+        du = spsolve((scene.K + NT @ sp.diags(scene.w * k) @ scene.N).tocsc(), -r)
+        s = 1.0
+        while s > 1e-8 and np.linalg.norm(residual(u + s * du)) > (1 - 0.1 * s) * np.linalg.norm(r):
+            s *= 0.5
+        u = u + s * du
+        r = residual(u)
+        if np.linalg.norm(du) < 1e-13 * np.linalg.norm(u):
+            break
+    assert np.linalg.norm(r) < 1e-10 * np.linalg.norm(scene.f)
+    return u
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.5])
+@pytest.mark.parametrize("kind", ["exponential", "linear", "computed"])
+def test_condensed_equals_sparse(two_blocks, kind, mu):
+    """Gaps, pressures and displacements to 1e-10; catches a sign of friction, a term of k0 lost."""
+    scene = two_blocks("guided")
+    laws, ops = enriched(kind, scene.w.size), operators(scene)
+    eq = equilibrium(ops, laws, mu, tolerance=1e-13)
+    assert 3 < np.count_nonzero(eq.p > 1e3) <= scene.w.size
+    u = displacement(ops, eq, scene.f)
+    # Start of the other one: all elements closed by soft springs.
+    soft = spsolve(scene.tangent(np.full(scene.w.size, 2e11), mu).tocsc(), scene.f)
+    lift = scene.field(pad=lambda x: np.array([[0.0], [0], [1]]) + 0 * x)
+    level = np.median(laws.first_touch()) if kind == "computed" else 0.0
+    other = sparse_newton(scene, laws, mu, soft + lift * level)
+    g = scene.contact.gap(other)
+    scale = np.abs(g - laws.g_cr).max()
+    np.testing.assert_allclose(eq.g, g, atol=1e-10 * scale)
+    np.testing.assert_allclose(
+        eq.p, laws.pressure(g), atol=1e-10 * eq.p.max() + 1e-10 * scale * eq.k.max()
+    )
+    np.testing.assert_allclose(u, other, atol=1e-9 * np.abs(other).max())
+    np.testing.assert_array_equal(eq.k, laws.stiffness(eq.g))
+
+
+@pytest.mark.parametrize("kind", ["exponential", "computed"])
+def test_result_does_not_depend_on_the_load_steps(two_blocks, kind):
+    """One to seven steps end in one state; catches a last step that keeps an earlier load."""
+    scene = two_blocks("guided")
+    laws, ops = enriched(kind, scene.w.size), operators(scene)
+    one = equilibrium(ops, laws, 0.4, steps=1, tolerance=1e-12)
+    assert len(one.iterations) == 1
+    for steps in (2, 7):
+        more = equilibrium(ops, laws, 0.4, steps=steps, tolerance=1e-12)
+        assert len(more.iterations) == steps
+        np.testing.assert_allclose(more.p, one.p, atol=1e-9 * one.p.max())
+
+
+def test_reference_stiffness_cancels(two_blocks):
+    """k0 is an auxiliary: two values two decades apart, one equilibrium."""
+    pressures = []
+    for k0 in (3e9, 3e11):
+        scene = two_blocks("guided", k0=k0)
+        laws = enriched("exponential", scene.w.size)
+        pressures.append(equilibrium(operators(scene), laws, 0.5, tolerance=1e-13).p)
+    np.testing.assert_allclose(pressures[0], pressures[1], rtol=1e-9, atol=1e-3)
+
+
+def test_newton_ends_quadratically(two_blocks):
+    """The last steps square the error; a tangent without mu T'W k N would make it linear."""
+    scene = two_blocks("guided")
+    laws = enriched("exponential", scene.w.size)
+    for mu in (0.0, 0.7):
+        r = np.array(equilibrium(operators(scene), laws, mu, tolerance=1e-14).history)
+        r = r[(r < 0.3) & (r > 1e-13)]
+        assert r.size >= 3
+        # error(n + 1) <= c error(n)^2, with one c of order one for all steps.
+        assert np.all(r[1:] < 10 * r[:-1] ** 2 + 1e-13), r
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.5])
+def test_loads_contact_and_supports_balance(two_blocks, mu):
+    """The pad is free along z: its contact force is the load; friction is held by the guides."""
+    scene = two_blocks("guided")
+    laws, ops = enriched("computed", scene.w.size), operators(scene)
+    eq = equilibrium(ops, laws, mu, tolerance=1e-13)
+    load = 5e5 * 12e-3 * 8e-3
+    assert scene.w @ eq.p == pytest.approx(load, rel=1e-10)
+    # The same mesh without supports: what K u leaves over is the force of the supports.
+    whole = two_blocks("guided", supports=())
+    where = np.flatnonzero(scene.free.column >= 0)
+    assert whole.free.size == whole.comm.allreduce(scene.free.V.dofmap.index_map.size_local * 3)
+    assert where.size
+    first, last = scene.elastic.K.getOwnershipRange()
+    local = scene.free.expand(displacement(ops, eq, scene.f)[first:last])
+    u = np.concatenate(whole.comm.allgather(local[whole.free.local]))
+    traction = whole.N.T @ (whole.w * eq.p) + mu * whole.T.T @ (whole.w * eq.p)
+    support = whole.K @ u - whole.f - traction
+    held = np.concatenate(whole.comm.allgather((scene.free.column < 0)[whole.free.local]))
+    assert np.abs(support[~held]).max() < 1e-9 * np.abs(support).max()
+    s = scene.contact.s[0]
+    for direction, wanted in ((s, -mu * load), (np.cross([0, 0, 1.0], s), 0.0)):
+        push = whole.field(pad=lambda x, d=direction: d[:, None] + 0 * x)
+        assert push @ support == pytest.approx(wanted, abs=1e-9 * load)
+    for axis in np.eye(3):
+        both = whole.field(pad=lambda x, d=axis: d[:, None] + 0 * x,
+                           plate=lambda x, d=axis: d[:, None] + 0 * x)  # fmt: skip
+        turning = whole.field(pad=lambda x, d=axis: np.cross(d, x.T).T,
+                              plate=lambda x, d=axis: np.cross(d, x.T).T)  # fmt: skip
+        for motion, lever in ((both, 1.0), (turning, 1e-2)):
+            assert motion @ (support + whole.f) == pytest.approx(0, abs=1e-8 * load * lever)
+
+
+def test_friction_tilts_the_block(two_blocks):
+    """Guided at its top, the block is pressed harder where the sliding plate comes in.
+
+    The tangential force on the pad acts along s below its guides: it turns the pad's leading edge,
+    that at -s, away from nothing and into the plate. Catches mu with the other sign.
+    """
+    scene = two_blocks("guided")
+    laws, ops = enriched("exponential", scene.w.size, scatter=0.0), operators(scene)
+    along = scene.contact.points @ scene.contact.s[0]
+    lever = [
+        scene.w @ (along * equilibrium(ops, laws, mu, tolerance=1e-12).p) for mu in (0.0, 0.3, 0.6)
+    ]
+    load = 5e5 * 12e-3 * 8e-3
+    assert abs(lever[0]) < 0.02 * abs(lever[2])
+    # Moment balance of the pad about the middle of its guided face, 6 mm above: the guides may
+    # turn the pad only through x and y forces in that face, which have no moment there.
+    np.testing.assert_allclose(lever[1:], [-0.3 * load * 6e-3, -0.6 * load * 6e-3], rtol=0.02)
+
+
+def test_no_mode_of_separation_is_taken_for_contact(two_blocks):
+    """Laws act up to first touch and not beyond, and the critical gap shifts them by itself."""
+    laws = EnrichedGap(OneLaw(linear_law(1e12)), np.zeros(3, int), np.array([0.0, 1e-6, -1e-6]))
+    g = np.zeros(3)
+    np.testing.assert_allclose(laws.pressure(g), [0, 1e6, 0])
+    np.testing.assert_allclose(laws.delta(g), [0, -1e-6, 1e-6])
+    np.testing.assert_allclose(laws.energy(g), [0, 0.5, 0])
+    np.testing.assert_allclose(laws.first_touch(), [0, 1e-6, -1e-6])
+
+
+def test_pressure_is_the_slope_of_the_energy_at_every_element():
+    """p = -d(energy)/dg and k = -dp/dg by central differences, over all laws and gaps."""
+    n = 300
+    laws = enriched("computed", n)
+    touch = laws.first_touch()
+    g = touch - np.random.default_rng(0).uniform(-0.2e-6, 2e-6, n)
+    h = 1e-11
+    slope = (laws.energy(g - h) - laws.energy(g + h)) / (2 * h)
+    np.testing.assert_allclose(
+        slope, laws.pressure(g), rtol=1e-5, atol=1e-4 * laws.pressure(g).mean()
+    )
+    slope = (laws.pressure(g - h) - laws.pressure(g + h)) / (2 * h)
+    np.testing.assert_allclose(
+        slope, laws.stiffness(g), rtol=1e-4, atol=1e-3 * laws.stiffness(g).mean()
+    )
+
+
+def test_critical_gaps_and_separations_follow_the_heights():
+    """Zero mean, S_q of the scan; Eq. (16) is the density of g - g_cr, mirrored heights."""
+    hdf = given_statistics(33.1e-6, -0.2410, 3.6549).hdf
+    g_cr = draw_critical_gaps(hdf, 40000, np.random.default_rng(2))
+    assert abs(g_cr.mean()) < 4 * 33.1e-6 / 200
+    assert g_cr.std() == pytest.approx(33.1e-6, rel=0.02)
+    edges = np.linspace(-60e-6, 140e-6, 11)
+    share = np.histogram(40e-6 - g_cr, edges)[0] / g_cr.size
+    fine = np.linspace(edges[0], edges[-1], 2001)
+    density = separation_density(fine, 40e-6, hdf)
+    cumulative = np.concatenate([[0], np.cumsum(0.5 * (density[1:] + density[:-1]))]) * (
+        fine[1] - fine[0]
+    )
+    np.testing.assert_allclose(share, np.diff(cumulative[::200]), atol=4 * 0.5 / 200)
+
+
+def test_one_process_and_all_give_the_same_equilibrium(two_blocks):
+    """To 1e-10; catches columns of the compliance shared wrongly."""
+    results = []
+    for alone in (True, False):
+        scene = two_blocks("guided", alone=alone)
+        results.append(
+            equilibrium(operators(scene), enriched("computed", scene.w.size), 0.5, tolerance=1e-13)
+        )
+    np.testing.assert_allclose(results[0].p, results[1].p, atol=1e-9 * results[0].p.max())
+
+
+def test_loads_of_the_record(two_blocks):
+    """A load on an unknown face is an error that names those there are."""
+    scene = two_blocks("guided")
+    with pytest.raises(ValueError, match=r"loads: no face 'pad.piston'.*pad.top"):
+        assemble_elastic(scene.mesh, scene.materials, {}, {"pad.piston": 1.0})
+    with pytest.raises(ValueError, match=r"supports: no face 'pad.ears'"):
+        assemble_elastic(scene.mesh, scene.materials, {"pad.ears": ["x"]}, {})
+    with pytest.raises(ValueError, match="no material"):
+        assemble_elastic(scene.mesh, {}, {}, {})
