@@ -44,10 +44,10 @@ def draw_squeal_map(run: RunData) -> Figure | None:
         axis.set_yscale("symlog", linthresh=LINEAR_DAMPING, linscale=0.6)
         axis.set_yticks([-0.1, -0.01, -0.001, 0.0, 0.001, 0.01, 0.1])
         axis.axhspan(-1e3, 0.0, color="#fbeee6", lw=0, zorder=0)
+        axis.grid(axis="y", color="0.9", linewidth=0.6)
     low, high = axes[0, 0].get_ylim()
     # Room above the points for the legend; the panels share the axis.
     axes[0, 0].set_ylim(min(3 * low, -3e-3), max(20 * high, 2e-2))
-        axis.grid(axis="y", color="0.9", linewidth=0.6)
     for axis, approach in zip(axes.flat, run.approaches, strict=True):
         modes = good_modes(run, approach)
         f, damping, verdict = modes["frequency_hz"] / 1e3, modes["damping"], modes["verdict"]
