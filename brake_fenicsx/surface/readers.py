@@ -76,7 +76,9 @@ def implausible(topo: Topography) -> tuple[str, ...]:
     if ratio > 5.0:
         found.append(f"pixels {ratio:.3g} times longer than wide; give 'size'")
     low, high = np.nanpercentile(topo.heights, [0.5, 99.5])
-    if high - low > topo.size.max():
+    if found:  # heights cannot be judged against a size that is wrong
+        pass
+    elif high - low > topo.size.max():
         found.append(f"heights span {high - low:.3g} m, more than the scan; give 'height_unit'")
     elif 0.0 < high - low < 1e-7 * topo.size.min():
         found.append(f"heights span {high - low:.3g} m only; give 'height_unit'")

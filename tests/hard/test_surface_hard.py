@@ -1,0 +1,128 @@
+"""Hard cases of the surface stage: each ends in a right answer or in a named error."""
+
+import numpy as np
+import pytest
+
+from brake_fenicsx.errors import SurfaceError
+from brake_fenicsx.surface import characterise, given_statistics, make_topography, synthesise
+
+pytestmark = pytest.mark.hard
+
+PAPER = given_statistics(33.1e-6, -0.2410, 3.6549)
+
+
+def scan(n=128, seed=0):
+    topo = synthesise(
+        PAPER.bifractal, PAPER.hdf, (2 * n, 2 * n), (3.6e-3, 3.6e-3), np.random.default_rng(seed)
+    )
+    return make_topography(topo.heights[:n, :n], (1.8e-3, 1.8e-3))
+
+
+@pytest.mark.parametrize("tilt", [0.0, 1e-2])
+def test_flat_scan_is_refused(tilt):
+    """Also a perfect plane that only looks rough before levelling."""
+    h = 1e-3 + tilt * np.arange(64)[:, None] * np.ones(64)
+    with pytest.raises(SurfaceError, match="flat"):
+        characterise(make_topography(h, (1.0, 1.0)))
+
+
+def test_third_of_the_points_missing():
+    """Moments come from the valid points alone; the spectrum keeps its slope."""
+    topo = scan()
+    rng = np.random.default_rng(1)
+    holes = topo.heights.copy()
+    holes[rng.random(holes.shape) < 0.3] = np.nan
+    full, part = characterise(topo), characterise(make_topography(holes, topo.size))
+    assert part.missing == np.isnan(holes).sum()
+    assert part.S_q == pytest.approx(full.S_q, rel=0.02)
+    assert part.S_sk == pytest.approx(full.S_sk, abs=0.05)
+    assert part.bifractal.c1 == pytest.approx(full.bifractal.c1, abs=0.3)
+
+
+def test_one_block_missing():
+    topo = scan()
+    holes = topo.heights.copy()
+    holes[40:70, 50:80] = np.nan
+    full, part = characterise(topo), characterise(make_topography(holes, topo.size))
+    assert part.bifractal.c2 == pytest.approx(full.bifractal.c2, abs=0.2)
+
+
+def test_single_valid_point():
+    h = np.full((20, 20), np.nan)
+    h[3, 4] = 1.0
+    with pytest.raises(SurfaceError, match="valid points"):
+        characterise(make_topography(h, (1.0, 1.0)))
+
+
+def test_spikes_do_not_change_the_moments():
+    topo = scan()
+    spiked = topo.heights.copy()
+    rng = np.random.default_rng(2)
+    where = tuple(rng.integers(0, 128, (2, 12)))
+    spiked[where] += rng.choice([-1, 1], 12) * 1e-3
+    clean, found = characterise(topo), characterise(make_topography(spiked, topo.size))
+    assert found.outliers == np.unique(np.stack(where), axis=1).shape[1]
+    assert found.S_ku == pytest.approx(clean.S_ku, rel=0.01)
+
+
+def test_spectrum_below_the_reach_of_the_instrument():
+    """Everything shorter than the cutoff is noise: the band ends there, too few rings are said."""
+    topo = scan(32)
+    with pytest.raises(SurfaceError, match="rings"):
+        characterise(topo, cutoff=0.5e-3)
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1.0, 1e6])
+def test_units_only_scale(unit):
+    topo = scan(64)
+    usual = characterise(topo)
+    other = characterise(make_topography(topo.heights * unit, tuple(topo.size * unit)))
+    assert other.S_q == pytest.approx(usual.S_q * unit, rel=1e-9)
+    assert other.S_ku == pytest.approx(usual.S_ku, rel=1e-9)
+    assert other.bifractal.c2 == pytest.approx(usual.bifractal.c2, abs=1e-5)
+    assert other.bifractal.q_c == pytest.approx(usual.bifractal.q_c / unit, rel=1e-4)
+
+
+def test_tiny_and_odd_patches_can_be_made():
+    for shape in ((2, 2), (3, 3), (127, 129), (2, 64)):
+        topo = synthesise(PAPER.bifractal, PAPER.hdf, shape, (1e-3, 1e-3), np.random.default_rng(0))
+        assert np.isfinite(topo.heights).all() and topo.heights.std() > 0.0
+
+
+def test_steep_and_rising_spectra():
+    """Slopes of real scans go from rising (c1 > 0) to -8: the fit returns what is there."""
+    for c1, c2 in ((-0.1, -1.5), (-3.0, -8.0), (-2.9, -3.1)):
+        stats = given_statistics(1e-6, c1=c1, c2=c2, q_c=3e4)
+        rng = np.random.default_rng(0)
+        topo = synthesise(stats.bifractal, stats.hdf, (256, 256), (2.8e-3, 2.8e-3), rng)
+        fit = characterise(topo).bifractal
+        assert fit.c1 == pytest.approx(c1, abs=0.1)
+        assert fit.c2 == pytest.approx(c2, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    "numbers",
+    [
+        {"S_q": -1.0},
+        {"S_q": 1e-6, "c2": 0.5},
+        {"S_q": 1e-6, "q_c": 0.0},
+        {"S_q": 1e-6, "band": (10.0, 1.0)},
+        {"S_q": 1e-6, "S_sk": 2.0, "S_ku": 3.0},
+    ],
+)
+def test_impossible_numbers_are_named(numbers):
+    with pytest.raises(SurfaceError):
+        given_statistics(**numbers)
+
+
+def test_heights_of_statistics_without_a_scan():
+    with pytest.raises(SurfaceError, match="numbers"):
+        _ = PAPER.heights
+
+
+@pytest.mark.parametrize(
+    "setting", [{"level": "cubic"}, {"outlier_rule": "sigma"}, {"distribution": "normal"}]
+)
+def test_unknown_settings_are_named(setting):
+    with pytest.raises(SurfaceError, match="choose"):
+        characterise(scan(32), **setting)

@@ -1,0 +1,188 @@
+"""Spectrum: Parseval, its radial mean, its anisotropy, and the recovery of known parameters."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from brake_fenicsx.errors import SurfaceError
+from brake_fenicsx.surface import (
+    characterise,
+    fit_bifractal,
+    given_statistics,
+    make_topography,
+    radial_psd,
+    synthesise,
+)
+from brake_fenicsx.surface.psd import (
+    BiFractal,
+    RadialPsd,
+    anisotropy,
+    half_plane_weights,
+    psd_2d,
+    wave_numbers,
+)
+
+PAPER = given_statistics(33.1e-6, -0.2410, 3.6549)
+
+
+def random_surface(psd, n, length, rng):
+    """Gaussian surface with random amplitudes, made without the program's own synthesis."""
+    q = 2 * np.pi * np.hypot(*np.meshgrid(*2 * [np.fft.fftfreq(n, length / n)], indexing="ij"))
+    white = np.fft.fft2(rng.standard_normal((n, n)))
+    density = np.where(q > 0, psd(np.where(q > 0, q, 1.0)), 0.0)
+    return np.fft.ifft2(white * np.sqrt(density) * 2 * np.pi * n / length).real
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(2, 21), st.integers(2, 21), st.integers(0, 10**6))
+def test_parseval(nx, ny, seed):
+    """Sum of C over the wave vectors is the variance, for even and odd grids."""
+    h = np.random.default_rng(seed).standard_normal((nx, ny))
+    topo = make_topography(h, (1.3e-3, 0.7e-3), periodic=True)
+    cell = (2 * np.pi) ** 2 / np.prod(topo.size)
+    total = np.sum(psd_2d(topo) * half_plane_weights((nx, ny))) * cell
+    assert total == pytest.approx(h.var(), rel=1e-12)
+
+
+def test_single_wave_stands_at_its_wave_number():
+    """cos(qx) of amplitude a has the variance a^2 / 2, all of it at q."""
+    n, length, a = 64, 2e-3, 3e-6
+    x = np.arange(n) / n
+    h = np.repeat(a * np.cos(2 * np.pi * 5 * x)[:, None], n, axis=1)
+    topo = make_topography(h, (length, length), periodic=True)
+    C, q = psd_2d(topo), wave_numbers((n, n), topo.size)
+    assert q[C > 1e-3 * C.max()] == pytest.approx(2 * np.pi * 5 / length, rel=1e-12)
+    cell = (2 * np.pi / length) ** 2
+    assert np.sum(C * half_plane_weights((n, n))) * cell == pytest.approx(a**2 / 2, rel=1e-12)
+
+
+def test_window_keeps_the_level():
+    """A windowed cut of a white surface has the density of the surface."""
+    rng = np.random.default_rng(0)
+    h = rng.standard_normal((256, 200))
+    topo = make_topography(h, (256e-6, 200e-6))
+    expected = 1e-12 / (4 * np.pi**2)  # variance 1 spread over (2 pi / pixel)^2
+    inner = psd_2d(topo)[10:120, 10:]
+    assert inner.mean() == pytest.approx(expected, rel=0.02)
+
+
+def test_radial_integral_is_the_variance_of_the_model():
+    """2 pi int C q dq of the broken power law against quadrature."""
+    psd = PAPER.bifractal
+    q = np.geomspace(*psd.band, 200_001)
+    C = psd(q)
+    numeric = 2 * np.pi * np.sum(0.5 * (C[1:] * q[1:] + C[:-1] * q[:-1]) * np.diff(q))
+    assert psd.variance(*psd.band) == pytest.approx(numeric, rel=1e-7)
+    assert numeric == pytest.approx(33.1e-6**2, rel=1e-7)
+
+
+def test_model_below_the_band():
+    psd = BiFractal(-2.0, -4.5, 1e4, 1.0, (1e3, 1e6))
+    q = np.array([0.0, 100.0, 1e3, 1e4, 1e5])
+    np.testing.assert_allclose(psd(q), [0.0, 1e4, 100.0, 1.0, 10**-4.5])
+    np.testing.assert_allclose(psd(q, "flat"), [0.0, 100.0, 100.0, 1.0, 10**-4.5])
+    with pytest.raises(SurfaceError, match="extend"):
+        psd(q, "none")
+
+
+def test_fit_returns_an_exact_broken_line():
+    q = np.geomspace(1e3, 1e6, 40)
+    truth = BiFractal(-1.2, -4.0, 2.3e4, 5e-20, (900.0, 1.1e6))
+    fit = fit_bifractal(RadialPsd(q, truth(q), np.full(40, 1e-9), truth.band))
+    np.testing.assert_allclose(
+        [fit.c1, fit.c2, fit.q_c, fit.C0], [-1.2, -4.0, 2.3e4, 5e-20], rtol=1e-5
+    )
+    assert fit.rms < 1e-6
+
+
+@pytest.mark.parametrize("c1", [-2.0, -0.8])
+@pytest.mark.parametrize("n", [128, 512])
+def test_recovery_from_artificial_surfaces(n, c1):
+    """20 seeds, imposed amplitudes: slopes to 0.05, q_c to 5 %, S_q to 2 %."""
+    given_ = given_statistics(33.1e-6, -0.2410, 3.6549, c1=c1, c2=-4.0, q_c=25e3)
+    found = []
+    for seed in range(20 if n == 128 else 4):
+        topo = synthesise(
+            given_.bifractal, given_.hdf, (n, n), (2.825e-3, 2.825e-3), np.random.default_rng(seed)
+        )
+        stats = characterise(topo)
+        fit = stats.bifractal
+        found.append([fit.c1 - c1, fit.c2 + 4.0, fit.q_c / 25e3 - 1, stats.S_q / 33.1e-6 - 1])
+    worst = np.abs(found).max(axis=0)
+    assert np.all(worst < [0.05, 0.05, 0.05, 0.02]), worst
+
+
+def test_recovery_from_random_amplitudes_without_bias():
+    """20 seeds of an independent generator: the means return, each within its standard errors."""
+    psd, found, errors = PAPER.bifractal, [], []
+    for seed in range(20):
+        h = random_surface(psd, 512, 5.65e-3, np.random.default_rng(seed))
+        fit = characterise(make_topography(h, (5.65e-3, 5.65e-3), periodic=True)).bifractal
+        found.append([fit.c1 + 2.0, fit.c2 + 4.5, np.log(fit.q_c / 30e3), np.log(fit.C0 / psd.C0)])
+        errors.append(fit.errors)
+    found, errors = np.array(found), np.array(errors)
+    assert np.all(np.abs(found.mean(axis=0))[:3] < [0.05, 0.05, 0.05]), found.mean(axis=0)
+    # Standard errors are honest: the scatter over seeds is what they say, within a factor 1.6.
+    ratio = found.std(axis=0) / errors.mean(axis=0)
+    assert np.all((ratio > 1 / 1.6) & (ratio < 1.6)), ratio
+
+
+def test_recovery_from_cuts_without_bias():
+    """Windowed, levelled cuts of a larger surface: the means over 20 seeds return."""
+    found = []
+    for seed in range(20):
+        h = random_surface(PAPER.bifractal, 768, 8.475e-3, np.random.default_rng(seed))
+        cut = make_topography(h[:512, :512] + 1e-2 * np.arange(512)[:, None], (5.65e-3, 5.65e-3))
+        fit = characterise(cut).bifractal
+        found.append([fit.c1 + 2.0, fit.c2 + 4.5, np.log(fit.q_c / 30e3)])
+    mean = np.abs(np.mean(found, axis=0))
+    error = np.std(found, axis=0) / np.sqrt(20)
+    assert np.all(mean < 0.02 + 3 * error), (mean, error)
+    assert np.all(error < [0.05, 0.01, 0.015])
+
+
+def test_noise_ends_the_reliable_band():
+    """White noise on a cut lowers the band's upper end, and the slope above q_c survives."""
+    rng = np.random.default_rng(3)
+    h = random_surface(PAPER.bifractal, 768, 5.4e-3, rng)[:384, :384]
+    clean = make_topography(h, (2.7e-3, 2.7e-3))
+    noisy = make_topography(h + 0.3e-6 * rng.standard_normal(h.shape), (2.7e-3, 2.7e-3))
+    ends = [radial_psd(t).band[1] for t in (clean, noisy)]
+    assert ends[1] < 0.7 * ends[0]
+    assert characterise(noisy).bifractal.c2 == pytest.approx(-4.5, abs=0.25)
+
+
+def test_instrument_cutoff_ends_the_band():
+    h = np.random.default_rng(0).standard_normal((64, 64))
+    topo = make_topography(h, (64e-6, 64e-6), periodic=True)
+    assert radial_psd(topo, cutoff=8e-6).band[1] == pytest.approx(2 * np.pi / 8e-6)
+
+
+def test_anisotropy():
+    """Near 0 for an isotropic surface, near 1 for grooves, and it knows their direction."""
+    rng = np.random.default_rng(0)
+    topo = synthesise(PAPER.bifractal, PAPER.hdf, (128, 128), (1e-3, 1e-3), rng)
+    strength, _ = anisotropy(topo, (2e4, 3e5))
+    assert strength < 0.05
+    x = np.arange(128) / 128
+    grooves = sum(np.cos(2 * np.pi * k * x + k) / k for k in range(2, 30))
+    ridged = make_topography(np.repeat(grooves[None, :], 128, axis=0), (1e-3, 1e-3), periodic=True)
+    strength, direction = anisotropy(ridged, (1e4, 3e5))
+    assert strength > 0.9
+    assert abs(abs(direction) - np.pi / 2) < 0.05  # wave vectors along y
+
+
+def test_sub_windows_and_decimated_scans_overlay():
+    """On a self-similar surface windows and coarser scans tell the same spectrum."""
+    h = random_surface(PAPER.bifractal, 512, 5.65e-3, np.random.default_rng(8))
+    stats = characterise(make_topography(h[:400, :400], (4.41e-3, 4.41e-3)))
+    assert len(stats.others) == 7
+    assert {o.label for o in stats.others} >= {"window 1", "every 2th", "every 4th"}
+    assert 0.05 < stats.spread < 0.6
+
+
+def test_too_few_rings_are_named():
+    topo = make_topography(np.random.default_rng(0).standard_normal((6, 6)), (1.0, 1.0))
+    with pytest.raises(SurfaceError, match="rings"):
+        fit_bifractal(radial_psd(topo))

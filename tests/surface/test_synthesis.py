@@ -1,0 +1,123 @@
+"""Artificial surfaces: heights and spectrum both imposed, errors reported, seeds obeyed."""
+
+import numpy as np
+import pytest
+
+from brake_fenicsx.errors import SurfaceError
+from brake_fenicsx.surface import given_statistics, synthesise
+from brake_fenicsx.surface.hdf import Measured, moments
+from brake_fenicsx.surface.psd import half_plane_weights, psd_2d, wave_numbers
+
+PAPER = given_statistics(33.1e-6, -0.2410, 3.6549)
+SIZE = (2.825e-3, 2.825e-3)
+
+
+def make(seed=0, n=128, stats=PAPER, size=SIZE, **settings):
+    rng = np.random.default_rng(seed)
+    return synthesise(stats.bifractal, stats.hdf, (n, n), size, rng, **settings)
+
+
+def radial_error(topo, psd):
+    """Rms over rings one grid step wide of C / target - 1, target scaled to the variance."""
+    C, q = psd_2d(topo), wave_numbers(topo.shape, topo.size)
+    weights = np.broadcast_to(half_plane_weights(topo.shape), C.shape)
+    target = psd(q)
+    target *= np.sum(weights * C) / np.sum(weights * target)
+    ring = np.rint(q / q[q > 0].min()).astype(int)
+    found, wanted = (np.bincount(ring.ravel(), (weights * a).ravel())[1:] for a in (C, target))
+    return np.sqrt(np.mean((found / wanted - 1) ** 2))
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_spectrum_within_half_a_percent(seed):
+    """Measured from the heights, not taken from the record; the record says the same."""
+    topo = make(seed)
+    error = radial_error(topo, PAPER.bifractal)
+    assert error < 5e-3
+    assert topo.record.psd_error == pytest.approx(error, rel=1e-6)
+
+
+def test_heights_are_those_drawn():
+    """The surface is a permutation of the sample of its own generator: all moments exact."""
+    topo = make(5)
+    drawn = PAPER.hdf.sample(128 * 128, np.random.default_rng(5))
+    np.testing.assert_allclose(
+        np.sort(topo.heights, axis=None), np.sort(drawn - drawn.mean()), atol=1e-18
+    )
+    found, wanted = moments(topo.heights.ravel()), moments(drawn)
+    np.testing.assert_allclose(found[1:], wanted[1:], rtol=1e-10)
+    assert topo.record.height_error < 1e-6
+
+
+def test_errors_fall_with_the_iterations():
+    record = make(1, tolerance=1e-9, max_iterations=30).record
+    assert record.psd_errors[-1] < 0.05 * record.psd_errors[0]
+    assert record.iterations <= 30
+
+
+def test_highest_summit_differs_from_surface_to_surface():
+    """Fixed quantiles would make z_max one number and kill the scatter of the laws."""
+    tops = [make(seed).heights.max() for seed in range(12)]
+    assert np.std(tops) > 0.05 * PAPER.S_q
+
+
+def test_seeds_reproduce_and_differ():
+    np.testing.assert_array_equal(make(3).heights, make(3).heights)
+    assert np.abs(make(3).heights - make(4).heights).max() > PAPER.S_q
+
+
+@pytest.mark.parametrize("n", [512, pytest.param(2048, marks=pytest.mark.slow)])
+def test_larger_grids(n):
+    topo = make(0, n)
+    assert radial_error(topo, PAPER.bifractal) < 5e-3
+
+
+def test_grids_that_are_not_square():
+    topo = synthesise(
+        PAPER.bifractal, PAPER.hdf, (96, 63), (3e-3, 1.7e-3), np.random.default_rng(0)
+    )
+    assert topo.shape == (96, 63) and topo.periodic
+    assert topo.record.psd_error < 0.02
+
+
+def test_patch_longer_than_the_scan():
+    """Waves the scan never saw: extended they carry a quarter of the variance, flat far less."""
+    extend, flat = make(0, low="extend"), make(0, low="flat")
+    assert 0.2 < extend.record.low_share < 0.35
+    assert flat.record.low_share < 0.7 * extend.record.low_share
+    for topo in (extend, flat):
+        assert topo.heights.std() == pytest.approx(33.1e-6, rel=0.03)
+    # C0 of the extended spectrum shrinks so that the heights keep their variance.
+    assert extend.record.C0_scale < flat.record.C0_scale
+
+
+def test_measured_heights_can_be_imposed():
+    """A two-humped distribution that no formula has."""
+    rng = np.random.default_rng(0)
+    z = np.sort(np.concatenate([rng.normal(-1, 0.3, 3000), rng.normal(2, 0.5, 1500)])) * 1e-6
+    hdf = Measured(z - z.mean())
+    topo = synthesise(PAPER.bifractal, hdf, (128, 128), SIZE, rng)
+    assert moments(topo.heights.ravel())[2] == pytest.approx(moments(z)[2], abs=0.05)
+    assert topo.record.psd_error < 0.03
+
+
+def test_any_function_of_q_is_a_spectrum():
+    topo = synthesise(
+        lambda q: np.exp(-((q / 3e4) ** 2)), PAPER.hdf, (64, 64), SIZE, np.random.default_rng(0)
+    )
+    assert topo.record.psd_error < 0.05
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {"shape": (1, 5), "size": SIZE},
+        {"shape": (8, 8), "size": (0.0, 1.0)},
+        {"shape": (8, 8), "size": SIZE, "psd": lambda q: 0.0 * q},
+        {"shape": (8, 8), "size": SIZE, "low": "cut"},
+    ],
+)
+def test_what_cannot_be_made(arguments):
+    settings = {"psd": PAPER.bifractal, "hdf": PAPER.hdf, "rng": np.random.default_rng(0)}
+    with pytest.raises(SurfaceError):
+        synthesise(**(settings | arguments))
