@@ -46,8 +46,8 @@ def parser() -> argparse.ArgumentParser:
         command.add_argument("scene", metavar="SCENE.toml")
         command.add_argument("--set", action="append", default=[], metavar="KEY=VALUE",
                              help="replace a key of the scene")  # fmt: skip
-    runs.add_argument("--from", dest="from_stage", choices=STAGES, metavar="STAGE",
-                      help=f"compute it and all later stages afresh: {', '.join(STAGES)}")  # fmt: skip
+    afresh = f"compute it and all later stages afresh: {', '.join(STAGES)}"
+    runs.add_argument("--from", dest="from_stage", choices=STAGES, metavar="STAGE", help=afresh)
     runs.add_argument("-o", dest="directory", metavar="DIR", help="results folder, ./SCENE-results")
     runs.add_argument("petsc", nargs="*", metavar="-- PETSC_OPTIONS", help="go to PETSc")
     reports = commands.add_parser("report", help="figures and HTML page of a results folder")

@@ -5,8 +5,6 @@ from __future__ import annotations
 import logging
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 logger = logging.getLogger("brake_fenicsx")
@@ -36,37 +34,24 @@ def start_log(rank: int, file: Path | None = None) -> None:
         logger.addHandler(handler)
 
 
-@contextmanager
-def stage(name: str, times: dict[str, float] | None = None) -> Iterator[None]:
-    """Log the start and the seconds of a stage; keep the seconds in ``times``.
-
-    Args:
-        name: name of the stage.
-        times: receives ``times[name]`` [s].
-    """
-    logger.info("%s ...", name)
-    start = time.perf_counter()
-    yield
-    seconds = time.perf_counter() - start
-    if times is not None:
-        times[name] = seconds
-    logger.info("%s: %.1f s", name, seconds)
-
-
 class Progress:
-    """A log line per tenth of the work, or per five seconds, with the time to go."""
+    """A log line every five seconds at most, with the time to go."""
 
     def __init__(self, what: str, total: int):
         self.what, self.total, self.done = what, total, 0
-        self.start = self.last = time.perf_counter()
+        self.last = self.said = time.perf_counter()
+        self.each: float | None = None
 
     def advance(self, n: int = 1) -> None:
         """Count ``n`` finished pieces and say so when there is something new to say."""
         self.done += n
         now = time.perf_counter()
-        if self.done < self.total and now - self.last < 5.0:
-            return
+        each = (now - self.last) / max(n, 1)
+        # Pieces differ in length: the latest count more.
+        self.each = each if self.each is None else 0.8 * self.each + 0.2 * min(each, 4 * self.each)
         self.last = now
-        rate = (now - self.start) / max(self.done, 1)
-        to_go = rate * (self.total - self.done)
+        if self.done < self.total and now - self.said < 5.0:
+            return
+        self.said = now
+        to_go = self.each * (self.total - self.done)
         logger.info("%s: %d of %d, %.0f s to go", self.what, self.done, self.total, to_go)

@@ -320,7 +320,8 @@ def describe(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -
         from brake_fenicsx.macro.brake import assemble_brake
 
         size = assemble_brake(parsed, comm).size()
-        gigabytes = comm.size * (size["dofs"] * 12e3 + 100 * size["contact_elements"] ** 2) / 1e9
+        # Factor, Krylov vectors and interface matrices of one process, as measured.
+        gigabytes = comm.size * (size["dofs"] * 35e3 + 150 * size["contact_elements"] ** 2) / 1e9
         lines.append(
             f"brake: {size['cells']} cells, {size['dofs']} free dofs,"
             f" {size['contact_elements']} contact elements; about {gigabytes:.1f} GB"

@@ -117,7 +117,7 @@ class Study:
             self._cache_basis(basis, self.reduced.Phi)
         factor = self.reduced.factor
         self.compliance = Compliance(
-            factor, basis.k0, basis.compliance[0], basis.compliance[1], brake.N @ factor.solve(brake.f)
+            factor, basis.k0, *basis.compliance[:2], brake.N @ factor.solve(brake.f)
         )  # fmt: skip
         self.facts["reduced_basis"] = {
             "real_modes": len(basis.Lambda),
@@ -158,7 +158,8 @@ class Study:
         eq = equilibrium(self, sample.laws, sample.mu_equilibrium, self.steps)
         names = sorted(sample.random)
         out: dict[str, Any] = {
-            "seed": np.uint64(sample.seed), "mu": sample.mu, "mu_equilibrium": sample.mu_equilibrium,
+            "seed": np.uint64(sample.seed),
+            "mu": sample.mu, "mu_equilibrium": sample.mu_equilibrium,
             "g": eq.g, "g_cr": sample.laws.g_cr, "p": eq.p, "k": eq.k, "law": sample.laws.index,
             "random_names": np.array(names, dtype=str),
             "random": np.array([sample.random[n] for n in names]),
