@@ -11,7 +11,8 @@ search and the stopping rule cost a product with a small dense matrix, no solve.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+import warnings
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,9 @@ from .friction import friction_traction
 from .gap import EnrichedGap
 
 Array = NDArray[np.float64]
+
+# Springs that hold open elements far from equilibrium, over the stiffness of the interface.
+HOLD = 0.03
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +85,8 @@ def equilibrium(
     start = time.perf_counter()
     problem = _Condensed(ops.compliance, ops.w, ops.g0, laws, mu)
     counts: list[int] = []
-    state = problem.first_state(1.0 / steps)
+    state, spring = problem.first_state(1.0 / steps)
+    problem = replace(problem, hold=HOLD * spring)
     for step in range(1, steps + 1):
         last = step == steps
         state, history = problem.newton(
@@ -104,8 +109,9 @@ class _Condensed:
     g0: Array
     laws: EnrichedGap
     mu: float
+    hold: float = 0.0
 
-    def first_state(self, load: float) -> tuple[Array, Array]:
+    def first_state(self, load: float) -> tuple[tuple[Array, Array], float]:
         """Linear springs carry the first load; their common level is where the laws agree.
 
         They are as stiff as the laws are there: softer ones let friction tilt a body without
@@ -117,7 +123,10 @@ class _Condensed:
         k = (mean if mean > 0 else float(self.compliance.k0.mean())) * ones
         free_of_load = level + carried / np.sum(self.w * k)
         g = self._linear(load, k * free_of_load, k)
-        return g, k * (free_of_load - g)
+        # Secant stiffness of the interface: its mean pressure over the scatter of first touch.
+        scatter = float(self.laws.first_touch().std())
+        secant = carried / float(np.sum(self.w)) / max(scatter, 1e-12)
+        return (g, k * (free_of_load - g)), min(0.1 * float(k[0]), secant)
 
     def _balanced_level(self, load: float) -> tuple[float, float]:
         """Common gap at which the laws carry what the contact must carry, and that force."""
@@ -142,14 +151,20 @@ class _Condensed:
         self, state: tuple[Array, Array], load: float, tolerance: float, most: int
     ) -> tuple[tuple[Array, Array], list[float]]:
         """Newton's iteration with line search at one load."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return self._newton(state, load, tolerance, most)
+
+    def _newton(
+        self, state: tuple[Array, Array], load: float, tolerance: float, most: int
+    ) -> tuple[tuple[Array, Array], list[float]]:
         g, t = state
         history = [self._residual(g, t) if load == 1.0 else np.inf]
         for _ in range(most):
-            g_new, t_new = self._step(g, load)
+            g_new, t_new = self._step(g, load, history[-1])
             s = self._line_search(g, t, g_new - g, t_new - t)
             g, t = g + s * (g_new - g), t + s * (t_new - t)
             history.append(self._residual(g, t))
-            if not np.isfinite(history[-1]):
+            if np.isnan(history[-1]):
                 break
             # Only a full step moves the loads of the state to the present ones.
             if history[-1] < tolerance and s == 1.0:
@@ -159,9 +174,14 @@ class _Condensed:
             f" {len(history) - 1} iterations, wanted {tolerance:.0e}; raise the load steps"
         )
 
-    def _step(self, g: Array, load: float) -> tuple[Array, Array]:
-        """Solve the system linearised at g: t = p - k (g_new - g)."""
+    def _step(self, g: Array, load: float, residual: float) -> tuple[Array, Array]:
+        """Solve the system linearised at g: t = p - k (g_new - g).
+
+        Far from equilibrium weak springs hold what no element holds yet; they fade with the
+        residual, so that the last steps are Newton's.
+        """
         p, k = self.laws.pressure(g), self.laws.stiffness(g)
+        k = k + self.hold * min(residual, 1.0)
         g_new = self._linear(load, p + k * g, k)
         return g_new, p - k * (g_new - g)
 
@@ -175,7 +195,15 @@ class _Condensed:
             J += c.NT * (wf * k)
             rhs = rhs + c.NT @ (wf * a)
         J[np.diag_indices_from(J)] += 1.0
-        return np.asarray(la.solve(J, rhs, overwrite_a=True, check_finite=False))
+        try:
+            with warnings.catch_warnings():
+                # Nearly all elements open: the line search judges what the step is worth.
+                warnings.simplefilter("ignore", la.LinAlgWarning)
+                return np.asarray(la.solve(J, rhs, overwrite_a=True, check_finite=False))
+        except la.LinAlgError as error:
+            raise NotConverged(
+                "equilibrium: no element is in contact on the way; raise the load steps"
+            ) from error
 
     def _line_search(self, g: Array, t: Array, dg: Array, dt: Array) -> float:
         """Step at which the work of the residual along the direction has dropped enough."""
@@ -183,10 +211,13 @@ class _Condensed:
         def work(s: float) -> float:
             return float(np.sum(self.w * (t + s * dt - self.laws.pressure(g + s * dg)) * dg))
 
-        at_zero, at_one = work(0.0), work(1.0)
-        if abs(at_one) <= 0.8 * abs(at_zero) or at_zero == 0.0 or at_one * at_zero > 0:
-            return 1.0
-        low, high, f_low, f_high = 0.0, 1.0, at_zero, at_one
+        low, high, f_low = 0.0, 1.0, work(0.0)
+        at_zero, f_high = f_low, work(1.0)
+        while not np.isfinite(f_high) and high > 1e-6:
+            high *= 0.5
+            f_high = work(high)
+        if abs(f_high) <= 0.8 * abs(at_zero) or at_zero == 0.0 or f_high * at_zero > 0:
+            return high
         for _ in range(30):
             s = 0.5 * (low + high) if _ % 3 == 2 else low - f_low * (high - low) / (f_high - f_low)
             value = work(s)
