@@ -33,7 +33,15 @@ class TwoBlocks:
     LINING = (5.94e9, 0.76e9, 0.98e9, 2.27e9, 1.18e9)
 
     def __init__(
-        self, comm, pad, plate, supports, pressure=5e5, direction=(1.0, 0.3, 0.0), k0=1e11
+        self,
+        comm,
+        pad,
+        plate,
+        supports,
+        pressure=5e5,
+        direction=(1.0, 0.3, 0.0),
+        k0=1e11,
+        mesh=None,
     ):
         from brake_fenicsx.geometry import block
 
@@ -47,7 +55,7 @@ class TwoBlocks:
 
         self.comm = comm
         self.parts = {"pad": (block, block.Block(**pad)), "plate": (block, block.Block(**plate))}
-        self.mesh = build_mesh(self.parts, comm)
+        self.mesh = build_mesh(self.parts, comm) if mesh is None else mesh
         self.materials = {
             "pad.body": Material(transversely_isotropic(*self.LINING), 2510.0),
             "plate.body": Material(isotropic(125e9, 0.24), 7200.0),
@@ -63,6 +71,11 @@ class TwoBlocks:
         self.f = gathered_vector(self.elastic.f)
         self.K, self.M = (local_rows(gathered(A)) for A in (self.elastic.K, self.elastic.M))
         self.k0 = np.full(self.w.size, k0)
+
+    def on_the_same_mesh(self, supports):
+        """The scene with other supports."""
+        pad, plate = ({} for _ in range(2))
+        return TwoBlocks(self.comm, pad, plate, supports, mesh=self.mesh)
 
     @property
     def compliance(self):

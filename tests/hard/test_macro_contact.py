@@ -1,0 +1,208 @@
+"""Hard cases of the braking equilibrium: each a right answer or a named error."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.sparse.linalg import spsolve
+
+from brake_fenicsx.errors import InaccurateResult, NotConverged, Separated
+from brake_fenicsx.macro import EnrichedGap, displacement, equilibrium
+from brake_fenicsx.macro.condensation import compliance
+from brake_fenicsx.micro import OneLaw, exponential_law, linear_law
+
+pytestmark = pytest.mark.hard
+
+AREA = 12e-3 * 8e-3
+
+
+class ManyLinear:
+    """A linear law of its own for every element."""
+
+    def __init__(self, k):
+        self.k = np.asarray(k)
+
+    def __len__(self):
+        return self.k.size
+
+    def first_touch(self, index):
+        return np.zeros(np.shape(index))
+
+    def pressure(self, index, d):
+        return self.k[index] * np.maximum(-d, 0)
+
+    def stiffness(self, index, d):
+        return np.where(d < 0, self.k[index], 0.0)
+
+    def energy(self, index, d):
+        return 0.5 * self.k[index] * np.maximum(-d, 0) ** 2
+
+
+def operators(scene):
+    return SimpleNamespace(N=scene.N, T=scene.T, w=scene.w, g0=scene.g0,
+                           compliance=scene.compliance)  # fmt: skip
+
+
+def full_residual(scene, laws, eq):
+    """Of the whole system, relative to the load, after a check of its gaps and pressures.
+
+    With the pressures of the result: those of gaps read off u again carry the round-off of u times
+    the stiffness of the law.
+    """
+    u = displacement(operators(scene), eq, scene.f)
+    g = scene.contact.gap(u)
+    np.testing.assert_allclose(g, eq.g, atol=1e-9 * np.abs(u).max())
+    np.testing.assert_array_equal(eq.p, laws.pressure(eq.g))
+    pushed = (scene.N + eq.mu * scene.T).T @ (scene.w * eq.p)
+    return np.linalg.norm(scene.K @ u - pushed - scene.f) / np.linalg.norm(scene.f)
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.5])
+@pytest.mark.parametrize("law", [linear_law(1e12), exponential_law(1e5, 1e-6)])
+def test_pulled_apart(two_blocks, law, mu):
+    """A load away from the plate has no equilibrium: said, not computed."""
+    scene = two_blocks("guided", pressure=-1e5)
+    laws = EnrichedGap(OneLaw(law), np.zeros(scene.w.size, int), np.zeros(scene.w.size))
+    with pytest.raises(Separated):
+        equilibrium(operators(scene), laws, mu)
+
+
+def test_no_load_at_all(two_blocks):
+    """Nothing presses, nothing is in contact."""
+    scene = two_blocks("guided", pressure=0.0)
+    laws = EnrichedGap(
+        OneLaw(linear_law(1e12)), np.zeros(scene.w.size, int), np.zeros(scene.w.size)
+    )
+    with pytest.raises(Separated):
+        equilibrium(operators(scene), laws)
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.5])
+def test_one_closed_patch(two_blocks, mu):
+    """One element stands proud by far: it alone carries the load, all others stay open."""
+    scene = two_blocks("upright", pressure=1e4)
+    n = scene.w.size
+    one = int(np.argmin(np.linalg.norm(scene.contact.points, axis=1)))
+    g_cr = np.full(n, -1e-3)
+    g_cr[one] = 0.0
+    laws = EnrichedGap(OneLaw(linear_law(1e13)), np.zeros(n, int), g_cr)
+    eq = equilibrium(operators(scene), laws, mu)
+    wanted = np.zeros(n)
+    wanted[one] = 1e4 * AREA / scene.w[one]
+    if mu == 0.0:
+        # The sides are held in the plane only: all of the load passes through the one element.
+        np.testing.assert_allclose(eq.p, wanted, rtol=1e-9)
+    assert np.flatnonzero(eq.p).tolist() == [one]
+    assert scene.w @ eq.p == pytest.approx(1e4 * AREA, rel=1e-9)
+    assert full_residual(scene, laws, eq) < 1e-8
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.5])
+def test_one_law_a_million_times_stiffer(two_blocks, mu):
+    """Against a sparse solve: all elements closed, so that the problem is linear."""
+    scene = two_blocks("guided")
+    n = scene.w.size
+    k = np.full(n, 1e10)
+    k[n // 2] = 1e16
+    # Together the soft ones carry the load at the gap at which the stiff one touches.
+    g_cr = np.where(k > 1e10, 0.0, 50e-6)
+    laws = EnrichedGap(ManyLinear(k), np.arange(n), g_cr)
+    eq = equilibrium(operators(scene), laws, mu, tolerance=1e-9)
+    assert np.all(eq.p[k < 1e11] > 0)
+    k[eq.p == 0] = 0.0
+    # p = k (g_cr - g): the critical gap acts as a load.
+    push = (scene.N + mu * scene.T).T @ (scene.w * k * g_cr)
+    u = spsolve(scene.tangent(k, mu).tocsc(), scene.f + push)
+    p = k * (g_cr - scene.contact.gap(u))
+    soft = np.arange(n) != n // 2
+    np.testing.assert_allclose(eq.p[soft], p[soft], rtol=1e-6)
+    assert scene.w @ eq.p == pytest.approx(5e5 * AREA, rel=1e-8)
+
+
+@pytest.mark.parametrize("ratio", [1e-3, 1.0, 1e3, 1e6])
+def test_law_from_a_thousandth_to_a_million_of_the_bulk(two_blocks, ratio):
+    """Stiffness of the bulk: E / height, about 3e11 Pa/m. The load balance holds throughout."""
+    scene = two_blocks("guided")
+    n = scene.w.size
+    laws = EnrichedGap(OneLaw(linear_law(3e11 * ratio)), np.zeros(n, int), np.zeros(n))
+    eq = equilibrium(operators(scene), laws, 0.3)
+    assert scene.w @ eq.p == pytest.approx(5e5 * AREA, rel=1e-7)
+    assert full_residual(scene, laws, eq) < 1e-6
+
+
+def test_critical_gaps_beyond_any_closure(two_blocks):
+    """A third of the elements can never touch; the rest carries everything."""
+    scene = two_blocks("guided")
+    n = scene.w.size
+    g_cr = np.zeros(n)
+    g_cr[::3] = -10e-3
+    laws = EnrichedGap(OneLaw(linear_law(1e12)), np.zeros(n, int), g_cr)
+    eq = equilibrium(operators(scene), laws, 0.4)
+    assert np.all(eq.p[::3] == 0) and np.all(eq.k[::3] == 0)
+    assert scene.w @ eq.p == pytest.approx(5e5 * AREA, rel=1e-9)
+    assert full_residual(scene, laws, eq) < 1e-8
+
+
+@pytest.mark.parametrize("scatter", [33e-6, 330e-6])
+@pytest.mark.parametrize("mu", [0.0, 0.5, 0.8])
+@pytest.mark.parametrize("seed", range(3))
+def test_critical_gaps_far_wider_than_the_elastic_closure(two_blocks, scatter, mu, seed):
+    """Few patches carry, the tilt of the free pad decides which: in one load step.
+
+    Catches a start from which Newton's step flings the pad away (singular tangent, overflow).
+    """
+    scene = two_blocks("guided")
+    n = scene.w.size
+    g_cr = np.random.default_rng(seed).normal(0, scatter, n)
+    laws = EnrichedGap(OneLaw(exponential_law(1e5, 2e-6)), np.zeros(n, int), g_cr)
+    eq = equilibrium(operators(scene), laws, mu)
+    assert scene.w @ eq.p == pytest.approx(5e5 * AREA, rel=1e-8)
+    assert full_residual(scene, laws, eq) < 1e-7
+
+
+def test_friction_that_tips_the_block_over(two_blocks):
+    """Guided 6 mm above a face 12 mm long: at mu = 1 the pressure would have to stand on the edge.
+
+    Moments: the centre of pressure lies mu x 6 mm behind the middle, and the block ends there.
+    """
+    scene = two_blocks("guided", direction=(1.0, 0.0, 0.0))
+    n = scene.w.size
+    laws = EnrichedGap(OneLaw(exponential_law(1e5, 2e-6)), np.zeros(n, int), np.zeros(n))
+    eq = equilibrium(operators(scene), laws, 0.75, steps=4)
+    centre = scene.w * eq.p @ scene.contact.points[:, 0] / (scene.w @ eq.p)
+    assert centre == pytest.approx(-0.75 * 6e-3, rel=0.02)
+    with pytest.raises(NotConverged):
+        equilibrium(operators(scene), laws, 1.1, steps=4)
+
+
+def test_pad_that_rests_by_contact_alone(two_blocks, comm):
+    """K is singular: alone it cannot be factored, with the contact springs it can."""
+    scene = two_blocks("guided")
+    from brake_fenicsx.macro.condensation import gathered
+    from brake_fenicsx.macro.solver import Factor
+
+    with pytest.raises(InaccurateResult, match="neither supported nor in contact"):
+        Factor(gathered(scene.elastic.K))
+    assert np.all(np.linalg.eigvalsh(scene.compliance.NN) > -1e-20)
+
+
+def test_part_without_any_hold_is_named(two_blocks):
+    """Frictionless contact holds no sliding: the loose pad has three rigid motions left."""
+    scene = two_blocks("loose")
+    with pytest.raises(InaccurateResult, match="neither supported nor in contact"):
+        compliance(scene.elastic.K, scene.N, scene.T, scene.w, scene.f, scene.k0, scene.comm)
+
+
+def test_initial_gap_is_closed_by_the_ramp(two_blocks):
+    """The pad starts a millimetre above the plate; being free along z, it makes no difference."""
+    scene = two_blocks(
+        "guided",
+        pad=(("length", 12e-3), ("width", 8e-3), ("height", 6e-3), ("z", 1e-3), ("size", 4e-3)),
+    )
+    n = scene.w.size
+    laws = EnrichedGap(OneLaw(linear_law(1e12)), np.zeros(n, int), np.zeros(n))
+    eq = equilibrium(operators(scene), laws, 0.3)
+    closed = equilibrium(operators(two_blocks("guided")), laws, 0.3)
+    np.testing.assert_allclose(scene.g0, 1e-3)
+    np.testing.assert_allclose(eq.p, closed.p, rtol=1e-3)
+    assert scene.w @ eq.p == pytest.approx(5e5 * AREA, rel=1e-8)
