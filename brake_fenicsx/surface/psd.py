@@ -141,7 +141,7 @@ def radial_psd(
     Returns:
         The band runs from the scan length (twice its wave number for a windowed scan: window and
         levelling take from the lowest waves) to the instrument's cutoff, or to where the density
-        sinks to three times that of the corner of the wave-vector square, where noise rules.
+        sinks to ten times that of the instrument's white noise.
     """
     C, q = psd_2d(topo), wave_numbers(topo.shape, topo.size)
     weights = np.broadcast_to(half_plane_weights(topo.shape) / 2.0, C.shape)
@@ -157,12 +157,24 @@ def radial_psd(
         scatter = scatter * 2.25  # the window ties neighbouring wave vectors to each other
     lo = (0.99 if topo.periodic else 2.0) * step
     hi = nyquist if cutoff is None else min(nyquist, 2.0 * np.pi / cutoff)
-    corner = q > 1.2 * nyquist
-    if corner.any() and not topo.periodic:
-        floor = 3.0 * float(np.average(C[corner], weights=weights[corner]))
-        below = (mean_C < floor) & (mean_q > 4.0 * lo)
-        hi = min(hi, float(mean_q[below][0])) if below.any() else hi
+    floor = 10.0 * _noise(C, q, weights, nyquist)
+    below = (mean_C < floor) & (mean_q > 2.0 * lo)
+    hi = min(hi, float(mean_q[below][0])) if below.any() else hi
     return RadialPsd(mean_q, mean_C, scatter, (lo, hi), label)
+
+
+def _noise(C: Array, q: Array, weights: Array, nyquist: float) -> float:
+    """Density of the instrument's white noise [m^4]; zero where the surface still rules.
+
+    Noise shows as a density that no longer falls: between 0.7 of the Nyquist wave number and the
+    corners of the wave-vector square its slope is above -1.
+    """
+    inner, outer = (q > 0.6 * nyquist) & (q < 0.8 * nyquist), q > 1.2 * nyquist
+    if inner.sum() < 8 or outer.sum() < 8:
+        return 0.0
+    levels = [float(np.average(C[part], weights=weights[part])) for part in (inner, outer)]
+    ratio = float(q[outer].mean() / q[inner].mean())
+    return levels[1] if levels[1] > levels[0] / ratio else 0.0
 
 
 def _ring_means(ring: NDArray[np.intp], w: Array, q: Array, C: Array) -> tuple[Array, Array, Array]:

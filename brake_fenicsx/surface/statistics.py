@@ -86,7 +86,7 @@ def characterise(
     topo: Topography,
     level: str = "plane",
     outlier_rule: str = "spike",
-    threshold: float = 4.0,
+    threshold: float = 6.0,
     cutoff: float | None = None,
     distribution: str = "johnson",
 ) -> SurfaceStatistics:

@@ -10,6 +10,7 @@ doi:10.1016/j.triboint.2018.11.020.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -22,6 +23,10 @@ from brake_fenicsx.surface.hdf import HeightDistribution, moments
 from brake_fenicsx.surface.psd import BiFractal, half_plane_weights, wave_numbers
 from brake_fenicsx.surface.topography import Array, Topography
 
+logger = logging.getLogger("brake_fenicsx")
+
+GAIN = 0.4  # exponent of the ring-wise correction of the imposed amplitudes
+POOR = 0.05  # rms error of the radial PSD that is worth a warning
 Density = Callable[[Array], Array]
 
 
@@ -89,31 +94,66 @@ def synthesise(
     q = wave_numbers(shape, lengths)
     z = np.sort(hdf.sample(q.shape[0] * shape[1], rng))
     z -= z.mean()
-    C = psd(q, low) if isinstance(psd, BiFractal) else psd(q)
-    C[0, 0] = 0.0
+    C = _density(psd, q, low)
     amplitude, scale, below = _amplitude(C, q, lengths, z, psd)
-    rings = _Rings(q, shape, amplitude)
-    f = scipy.fft.rfft2(rng.standard_normal(shape))
+    phases = scipy.fft.rfft2(rng.standard_normal(shape))
+    heights, errors = _project(
+        amplitude, z, phases, _Rings(q, shape, amplitude), tolerance, max_iterations
+    )
+    record = SynthesisRecord(errors, _moments_missed(heights, z), scale, low, below)
+    warnings: tuple[str, ...] = ()
+    if record.psd_error > POOR:
+        warnings = (
+            f"artificial surface: PSD missed by {record.psd_error:.1%} rms; its heights and its "
+            "spectrum contradict each other",
+        )
+        logger.warning("%s", warnings[0])
+    return Topography(heights, lengths, True, "artificial surface", warnings, record)
+
+
+def _project(
+    amplitude: Array, z: Array, f: Array, rings: _Rings, tolerance: float, max_iterations: int
+) -> tuple[Array, tuple[float, ...]]:
+    """Alternate between amplitudes and heights; the best heights and the errors on the way.
+
+    Ranks of 16 bits are enough on the way. The heights that are returned carry exact ranks, and
+    the last error is theirs.
+    """
     errors: list[float] = []
-    imposed = amplitude
+    best, lowest, imposed = np.empty(0), np.inf, amplitude
     for _ in range(max_iterations):
-        h = scipy.fft.irfft2(_with_amplitude(f, imposed), s=shape)
+        h = scipy.fft.irfft2(_with_amplitude(f, imposed), s=rings.grid)
         f = scipy.fft.rfft2(_place(h, z))
         ratio = rings.ratio(f)
         errors.append(rings.error(ratio))
-        if errors[-1] <= 0.8 * tolerance or _stalled(errors):
-            # Ranks of 16 bits are enough on the way; the finished heights are those drawn.
-            heights = _place_exactly(h, z)
-            errors[-1] = rings.error(rings.ratio(scipy.fft.rfft2(heights)))
-            if errors[-1] <= tolerance or _stalled(errors):
-                break
+        if errors[-1] < lowest:
+            best, lowest = h, errors[-1]
+            if lowest <= 0.8 * tolerance:
+                heights, error = _finished(h, z, rings)
+                if error <= tolerance:
+                    return heights, (*errors[:-1], error)
+        if _stalled(errors):
+            break
         # Ring by ring, ask for more of what the heights took away.
-        imposed = imposed * rings.spread(1.0 / np.sqrt(np.clip(ratio, 0.25, 4.0)))
-    else:
-        heights = _place_exactly(h, z)
-        errors[-1] = rings.error(rings.ratio(scipy.fft.rfft2(heights)))
-    record = SynthesisRecord(tuple(errors), _moments_missed(heights, z), scale, low, below)
-    return Topography(heights, lengths, True, "artificial surface", record=record)
+        imposed = imposed * rings.spread(np.clip(ratio, 0.25, 4.0) ** -GAIN)
+    heights, error = _finished(best, z, rings)
+    return heights, (*errors, error)
+
+
+def _finished(h: Array, z: Array, rings: _Rings) -> tuple[Array, float]:
+    """Heights z in the places of rank of h, and their error."""
+    heights = _put(np.argsort(h, axis=None, kind="stable"), z, h)
+    return heights, rings.error(rings.ratio(scipy.fft.rfft2(heights)))
+
+
+def _density(psd: BiFractal | Density, q: Array, low: str) -> Array:
+    """C(q) [m^4] on the grid, zero for the mean plane."""
+    if isinstance(psd, BiFractal):
+        return psd(q, low)
+    if low not in ("extend", "flat"):
+        raise SurfaceError(f"low = {low!r}; choose 'extend' or 'flat'")
+    safe = np.where(q > 0.0, q, q[q > 0.0].min())
+    return np.where(q > 0.0, psd(safe), 0.0)
 
 
 def _amplitude(
@@ -145,11 +185,6 @@ def _place(h: Array, z: Array) -> Array:
     return _put(np.argsort(levels, axis=None, kind="stable"), z, h)
 
 
-def _place_exactly(h: Array, z: Array) -> Array:
-    """Heights z (ascending) in the places of rank of h."""
-    return _put(np.argsort(h, axis=None, kind="stable"), z, h)
-
-
 def _put(order: NDArray[np.intp], z: Array, like: Array) -> Array:
     """Place z[k] at the flat position order[k]."""
     placed = np.empty(z.size)
@@ -166,15 +201,15 @@ def _moments_missed(heights: Array, z: Array) -> float:
 
 
 def _stalled(errors: list[float]) -> bool:
-    """Whether the last six of many iterations gained less than one part in a hundred."""
-    return len(errors) > 15 and min(errors[-6:]) > 0.99 * min(errors[:-6])
+    """Whether the last ten of many iterations found nothing better."""
+    return len(errors) > 20 and min(errors[-10:]) > 0.99 * min(errors[:-10])
 
 
 class _Rings:
     """Rings of the half plane, one grid step wide, on which the PSD error is taken."""
 
     def __init__(self, q: Array, shape: tuple[int, int], amplitude: Array):
-        self.shape = q.shape
+        self.shape, self.grid = q.shape, shape
         weights = np.broadcast_to(half_plane_weights(shape), q.shape)
         self.ring = np.rint(q / q[q > 0.0].min()).astype(np.intp).ravel()
         self.weights = weights.ravel()

@@ -120,7 +120,7 @@ def form(topo: Topography, level: str) -> Array:
     return np.asarray(terms @ coefficients + middle)
 
 
-def outliers(heights: Array, rule: str = "spike", threshold: float = 4.0) -> NDArray[np.bool_]:
+def outliers(heights: Array, rule: str = "spike", threshold: float = 6.0) -> NDArray[np.bool_]:
     """Mark points that do not belong to the surface.
 
     Both rules measure in robust standard deviations: 1.4826 times the median distance of the

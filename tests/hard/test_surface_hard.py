@@ -89,15 +89,19 @@ def test_tiny_and_odd_patches_can_be_made():
         assert np.isfinite(topo.heights).all() and topo.heights.std() > 0.0
 
 
-def test_steep_and_rising_spectra():
-    """Slopes of real scans go from rising (c1 > 0) to -8: the fit returns what is there."""
-    for c1, c2 in ((-0.1, -1.5), (-3.0, -8.0), (-2.9, -3.1)):
-        stats = given_statistics(1e-6, c1=c1, c2=c2, q_c=3e4)
-        rng = np.random.default_rng(0)
-        topo = synthesise(stats.bifractal, stats.hdf, (256, 256), (2.8e-3, 2.8e-3), rng)
-        fit = characterise(topo).bifractal
-        assert fit.c1 == pytest.approx(c1, abs=0.1)
-        assert fit.c2 == pytest.approx(c2, abs=0.1)
+@pytest.mark.parametrize(("c1", "c2"), [(1.0, -2.0), (-0.1, -1.5), (-3.0, -8.0), (-2.8, -3.2)])
+def test_steep_and_rising_spectra(c1, c2):
+    """Slopes of real scans go from rising to -8: the fit returns what is there."""
+    n, length, q_c = 256, 2.8e-3, 3e4
+    k = 2 * np.pi * np.hypot(*np.meshgrid(*2 * [np.fft.fftfreq(n, length / n)], indexing="ij"))
+    x = np.where(k > 0, k, q_c) / q_c
+    density = np.where(k > 0, np.where(x < 1, x**c1, x**c2), 0.0)
+    white = np.fft.fft2(np.random.default_rng(0).standard_normal((n, n)))
+    h = np.fft.ifft2(np.sqrt(density) * white / np.maximum(np.abs(white), 1e-300)).real
+    fit = characterise(make_topography(h, (length, length), periodic=True)).bifractal
+    assert fit.c1 == pytest.approx(c1, abs=0.02)
+    assert fit.c2 == pytest.approx(c2, abs=0.02)
+    assert fit.q_c == pytest.approx(q_c, rel=0.02 if c2 - c1 < -1 else 0.3)
 
 
 @pytest.mark.parametrize(

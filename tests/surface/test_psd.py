@@ -52,7 +52,7 @@ def test_single_wave_stands_at_its_wave_number():
     h = np.repeat(a * np.cos(2 * np.pi * 5 * x)[:, None], n, axis=1)
     topo = make_topography(h, (length, length), periodic=True)
     C, q = psd_2d(topo), wave_numbers((n, n), topo.size)
-    assert q[C > 1e-3 * C.max()] == pytest.approx(2 * np.pi * 5 / length, rel=1e-12)
+    np.testing.assert_allclose(q[1e-3 * C.max() < C], 2 * np.pi * 5 / length, rtol=1e-12)
     cell = (2 * np.pi / length) ** 2
     assert np.sum(C * half_plane_weights((n, n))) * cell == pytest.approx(a**2 / 2, rel=1e-12)
 
@@ -147,7 +147,7 @@ def test_noise_ends_the_reliable_band():
     rng = np.random.default_rng(3)
     h = random_surface(PAPER.bifractal, 768, 5.4e-3, rng)[:384, :384]
     clean = make_topography(h, (2.7e-3, 2.7e-3))
-    noisy = make_topography(h + 0.3e-6 * rng.standard_normal(h.shape), (2.7e-3, 2.7e-3))
+    noisy = make_topography(h + 2e-6 * rng.standard_normal(h.shape), (2.7e-3, 2.7e-3))
     ends = [radial_psd(t).band[1] for t in (clean, noisy)]
     assert ends[1] < 0.7 * ends[0]
     assert characterise(noisy).bifractal.c2 == pytest.approx(-4.5, abs=0.25)

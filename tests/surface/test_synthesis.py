@@ -92,13 +92,21 @@ def test_patch_longer_than_the_scan():
 
 
 def test_measured_heights_can_be_imposed():
-    """A two-humped distribution that no formula has."""
+    """Plateaus and pits of a worn pad, as measured, instead of a fitted formula."""
     rng = np.random.default_rng(0)
-    z = np.sort(np.concatenate([rng.normal(-1, 0.3, 3000), rng.normal(2, 0.5, 1500)])) * 1e-6
-    hdf = Measured(z - z.mean())
-    topo = synthesise(PAPER.bifractal, hdf, (128, 128), SIZE, rng)
+    z = np.sort(-rng.gamma(4.0, 1e-6, 5000))
+    topo = synthesise(PAPER.bifractal, Measured(z - z.mean()), (128, 128), SIZE, rng)
     assert moments(topo.heights.ravel())[2] == pytest.approx(moments(z)[2], abs=0.05)
-    assert topo.record.psd_error < 0.03
+    assert topo.record.psd_error < 0.02 and topo.warnings == ()
+
+
+def test_heights_that_contradict_the_spectrum_are_reported():
+    """Two plateaus have steps between them; no such surface has slopes of -4.5."""
+    rng = np.random.default_rng(0)
+    z = np.sort(np.concatenate([rng.normal(-1, 0.1, 3000), rng.normal(2, 0.1, 1500)])) * 1e-6
+    topo = synthesise(PAPER.bifractal, Measured(z - z.mean()), (64, 64), SIZE, rng)
+    assert topo.record.psd_error > 0.1
+    assert len(topo.warnings) == 1 and "PSD missed" in topo.warnings[0]
 
 
 def test_any_function_of_q_is_a_spectrum():
