@@ -1,6 +1,6 @@
 """Contact elements between two faces whose meshes need not match: gap and slip as sparse operators.
 
-Discretisation "patch": one element per facet of the first face (the pad). Its gap and slip are means
+Discretisation "patch": one element per facet of the first face (the pad). Gap and slip are means
 over the part of the facet above the second face (the disc), integrated over the clipped
 common triangles with the shape functions of both sides; a uniform pressure is passed exactly.
 

@@ -25,12 +25,18 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from brake_fenicsx.errors import InaccurateResult
+
+from .completeness import Trapezium, count_zeros
 from .modes import Complex, Count, Modes, undamped_rows
 
 if TYPE_CHECKING:
     from .reduction import Basis
 
 Array = NDArray[np.float64]
+
+# Damping ratios up to this one are counted.
+ZETA_MAX = 0.25
 
 
 class Sample:
@@ -67,14 +73,24 @@ class Sample:
 
     def gaps(self, a: Complex, kappa: Complex) -> Complex:
         """Gaps g = (I + C)^-1 Phi_N a, to second order in kappa, shape (elements, modes)."""
-        return self.S @ a - kappa * (self.S1 @ a) + kappa**2 * (self.S2 @ a)
+        S, S1, S2 = (_times(A, a) for A in (self.S, self.S1, self.S2))
+        return S - kappa * S1 + kappa**2 * S2
 
     def modes(self, band: tuple[float, float], start: float) -> Modes:
         """Modes of the band with residuals and errors; the clock was started at ``start`` [s]."""
         Lambda = self.basis.Lambda
         K_r, M_r, Q_r = np.diag(Lambda) + self.B @ self.S, self.B @ self.S1, self.B @ self.S2
         M_r[np.diag_indices_from(M_r)] += 1.0
-        kappa, a, b = _newton(K_r, M_r, Q_r, *_linear_pencil(K_r, M_r, band))
+        all_kappa, *pairs = _linear_pencil(K_r, M_r, band)
+        kappa, a, b = _newton(K_r, M_r, Q_r, *pairs)
+        region = _region(band)
+        expected = count_zeros(lambda z: K_r - z * M_r + z**2 * Q_r, region, all_kappa)
+        found = int(region.holds(kappa).sum())
+        if found != expected:
+            raise InaccurateResult(
+                f"reduced model: {found} modes found in the band, the winding number of the"
+                f" determinant counts {expected}"
+            )
         slope = np.einsum("im,im->m", b.conj(), M_r @ a - 2 * kappa * (Q_r @ a))
         first, tail, residual = self._errors(kappa, a, b, K_r, M_r, Q_r)
         kappa = _keep_real(kappa + first / slope, kappa)
@@ -85,7 +101,7 @@ class Sample:
         order, lam, spread, real = undamped_rows(kappa, error, band)
         return Modes(
             lam, a[:, order], b[:, order], residual[order], spread, condition[order],
-            Count(order.size, "all of the reduced pencil, its basis complete by inertia"),
+            Count(expected, "winding number of det T, on a basis complete by inertia"),
             0, time.perf_counter() - start, real,
         )  # fmt: skip
 
@@ -95,10 +111,11 @@ class Sample:
         """First-order error psi' P phi, bound of its tail, and relative residual of each mode."""
         s = self.basis
         g = self.gaps(a, kappa)
-        r_a = K_r @ a - kappa * (M_r @ a) + kappa**2 * (Q_r @ a)
+        r_a = _times(K_r, a) - kappa * _times(M_r, a) + kappa**2 * _times(Q_r, a)
         # Of r_g only the terms beyond the expansion of ``gaps`` are left.
-        C2g = self.C2 @ (self.S2 @ a)
-        r_g = -(kappa**3) * (self.C1 @ (self.S2 @ a) - self.C2 @ (self.S1 @ a)) - kappa**4 * C2g
+        S1a, S2a = _times(self.S1, a), _times(self.S2, a)
+        cubic = _times(self.C1, S2a) - _times(self.C2, S1a)
+        r_g = -(kappa**3) * cubic - kappa**4 * _times(self.C2, S2a)
         y = self._solve(self.B.T @ b.real, 1) + 1j * self._solve(self.B.T @ b.imag, 1)
         first = np.einsum("im,im->m", b.conj(), r_a) + np.einsum("im,im->m", y.conj(), r_g)
         v_N, v_T = self.dD[:, None] * g, self.mD[:, None] * g
@@ -110,25 +127,28 @@ class Sample:
         tail = size**3 / np.maximum(limit - size, 1e-3 * limit) * np.sqrt(inertia_y) * rest
         f_N, f_T = self.dD[:, None] * r_g, self.mD[:, None] * r_g
         A_NN, A_NT, A_TT = s.compliance
-        cross = 2 * np.einsum("im,im->m", f_N.conj(), A_NT @ f_T).real
+        cross = 2 * np.einsum("im,im->m", f_N.conj(), _times(A_NT, f_T)).real
         forces = _quadratic(A_NN, f_N) + cross + _quadratic(A_TT, f_T)
-        modal = np.einsum(
-            "im,im->m", np.abs(r_a) ** 2, np.broadcast_to(1 / s.Lambda[:, None], a.shape)
-        )
+        modal = (1 / s.Lambda) @ np.abs(r_a) ** 2
         norm = np.sqrt(modal) + np.sqrt(np.abs(forces)) + size**3 / limit**2 * rest
         return first, tail, norm / np.sqrt(s.Lambda @ np.abs(a) ** 2)
 
 
 def _quadratic(A: Array, x: Complex) -> Array:
     """X' A x of each column, for symmetric semi-definite A."""
-    re = np.einsum("im,im->m", x.real, A @ x.real)
-    return np.asarray(np.maximum(re + np.einsum("im,im->m", x.imag, A @ x.imag), 0.0))
+    return np.asarray(np.maximum(np.einsum("im,im->m", x.conj(), _times(A, x)).real, 0.0))
+
+
+def _times(A: Array, x: Complex) -> Complex:
+    """A x for real A: two real products on contiguous parts instead of a complex copy of A."""
+    re, im = np.ascontiguousarray(x.real), np.ascontiguousarray(x.imag)
+    return np.asarray(A @ re + 1j * (A @ im))
 
 
 def _linear_pencil(
     K: Array, M: Array, band: tuple[float, float]
-) -> tuple[Complex, Complex, Complex]:
-    """Eigenvalues of K a = kappa M a in or near the band, with right and left vectors.
+) -> tuple[Complex, Complex, Complex, Complex]:
+    """All eigenvalues of K a = kappa M a; those in or near the band, with right and left vectors.
 
     Conjugate pairs stand side by side, the one of positive imaginary part first.
     """
@@ -139,7 +159,7 @@ def _linear_pencil(
     chosen = np.flatnonzero(near)
     chosen = chosen[np.lexsort((-kappa[chosen].imag, kappa[chosen].real))]
     b = la.lu_solve(lu, left[:, chosen].astype(complex), trans=1)
-    return kappa[chosen], right[:, chosen].astype(complex), b
+    return kappa, kappa[chosen].copy(), right[:, chosen].astype(complex), b
 
 
 def _newton(
@@ -171,6 +191,16 @@ def _quotient(K: Array, M: Array, Q: Array, z: complex, x: NDArray, y: NDArray) 
     Kx, Mx, Qx = np.vdot(y, K @ x), np.vdot(y, M @ x), np.vdot(y, Q @ x)
     step: complex = (Kx - z * Mx + z**2 * Qx) / (Mx - 2 * z * Qx)
     return z + step
+
+
+def _region(band: tuple[float, float]) -> Trapezium:
+    """The band in the plane of kappa, with damping ratios up to ZETA_MAX.
+
+    A hair wider than the band, so that a mode on its very edge is not on the contour.
+    """
+    low, high = ((2 * np.pi * f) ** 2 for f in band)
+    bottom = low * (1 - 1e-7) if low > 0 else -0.02 * high
+    return Trapezium(bottom, high * (1 + 1e-7), 2 * ZETA_MAX, 1e-3 * high)
 
 
 def _keep_real(corrected: Complex, kappa: Complex) -> Complex:

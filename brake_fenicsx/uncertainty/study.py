@@ -117,7 +117,8 @@ class Study:
             self._cache_basis(basis, self.reduced.Phi)
         factor = self.reduced.factor
         self.compliance = Compliance(
-            factor, basis.k0, *basis.compliance[:2], brake.N @ factor.solve(brake.f)
+            factor, basis.k0, basis.compliance[0], basis.compliance[1],
+            brake.N @ factor.solve(brake.f),
         )  # fmt: skip
         self.facts["reduced_basis"] = {
             "real_modes": len(basis.Lambda),

@@ -1,0 +1,110 @@
+"""How many eigenvalues a band holds, counted without an eigensolver.
+
+The number of zeros of an analytic function inside a contour is the number of turns of its phase
+along it. The function is det T(kappa) of a real matrix function, so that the upper half of a
+contour symmetric about the real axis suffices. Values believed to be zeros are divided out first:
+the phase of the quotient turns once for every zero that was missed, back once for every one that is
+none, and hardly otherwise, so that a few points of the contour settle it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import InaccurateResult
+
+# Largest turn of the phase between two neighbouring points of the contour [rad].
+TURN = 0.6
+
+
+@dataclass(frozen=True, slots=True)
+class Trapezium:
+    """Region low <= Re kappa <= high, |Im kappa| <= slope Re kappa + rise.
+
+    Attributes:
+        low: smallest real part [1/s^2].
+        high: largest real part [1/s^2].
+        slope: growth of the half height [-].
+        rise: half height at zero [1/s^2].
+    """
+
+    low: float
+    high: float
+    slope: float
+    rise: float
+
+    def holds(self, kappa: NDArray) -> NDArray[np.bool_]:
+        """Which of some values lie inside."""
+        x, y = kappa.real, np.abs(kappa.imag)
+        return np.asarray(
+            (x >= self.low) & (x <= self.high) & (y <= self.slope * np.maximum(x, 0) + self.rise)
+        )
+
+    def upper_half(self, points: int) -> NDArray[np.complex128]:
+        """Points along the boundary from (high, 0) over the top to (low, 0)."""
+        right = self.high + 1j * np.linspace(0, self.slope * self.high + self.rise, points)
+        zero = max(self.low, 0.0)
+        x = np.linspace(self.high, zero, 4 * points)
+        top = x + 1j * (self.slope * x + self.rise)
+        corner = np.linspace(zero, self.low, points) + 1j * (self.slope * zero + self.rise)
+        left = self.low + 1j * np.linspace(self.slope * zero + self.rise, 0, points)
+        return np.concatenate([right, top[1:], corner[1:], left[1:]])
+
+
+def count_zeros(
+    T: Callable[[complex], NDArray],
+    region: Trapezium,
+    believed: NDArray,
+    points: int = 8,
+    most: int = 2000,
+) -> int:
+    """Zeros of det T inside a region, with multiplicity.
+
+    Args:
+        T: matrix function, analytic in the region, real on the real axis.
+        region: where to count; no zero may lie on its boundary.
+        believed: values taken for zeros, inside the region and near it; any values are allowed,
+            good ones save work.
+        points: points of the first walk along the short sides.
+        most: evaluations allowed.
+
+    Returns:
+        The number of zeros.
+
+    Raises:
+        InaccurateResult: the phase cannot be followed: a zero lies on the boundary.
+    """
+    path = list(region.upper_half(points))
+    phases = [_phase(T, z, believed) for z in path]
+    turned, i, used = 0.0, 0, len(path)
+    while i + 1 < len(path):
+        step = phases[i + 1] / phases[i]
+        if abs(np.angle(step)) <= TURN:
+            turned += float(np.angle(step))
+            i += 1
+            continue
+        if used >= most or not abs(path[i + 1] - path[i]) > 1e-11 * abs(region.high):
+            raise InaccurateResult(
+                "count of modes: an eigenvalue lies on the edge of the band; move the band a little"
+            )
+        middle = 0.5 * (path[i] + path[i + 1])
+        path.insert(i + 1, middle)
+        phases.insert(i + 1, _phase(T, middle, believed))
+        used += 1
+    return int(region.holds(believed).sum()) + int(np.rint(turned / np.pi))
+
+
+def _phase(T: Callable[[complex], NDArray], z: complex, believed: NDArray) -> complex:
+    """Phase of det T / prod (z - believed), from a factorisation."""
+    lu, pivots = la.lu_factor(T(z), check_finite=False)
+    diagonal = np.diag(lu).astype(complex)
+    swaps = int(np.sum(pivots != np.arange(pivots.size)))
+    away = np.conj(z - believed)
+    factors = np.concatenate([diagonal / np.abs(diagonal), away / np.abs(away)])
+    phase: complex = np.prod(factors) * (-1) ** swaps
+    return phase

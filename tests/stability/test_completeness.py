@@ -1,0 +1,56 @@
+"""The count of modes that needs no eigensolver."""
+
+import numpy as np
+import pytest
+
+from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.stability.completeness import Trapezium, count_zeros
+
+REGION = Trapezium(low=-0.02, high=1.0, slope=0.5, rise=1e-3)
+
+
+def matrix(values: list[complex], seed: int = 0) -> np.ndarray:
+    """A real matrix with the given eigenvalues, complex ones with their conjugates."""
+    blocks = [np.array([[v.real, v.imag], [-v.imag, v.real]]) if v.imag else np.array([[v.real]])
+              for v in map(complex, values)]  # fmt: skip
+    n = sum(len(b) for b in blocks)
+    A, at = np.zeros((n, n)), 0
+    for b in blocks:
+        A[at : at + len(b), at : at + len(b)] = b
+        at += len(b)
+    X = np.random.default_rng(seed).standard_normal((n, n))
+    return np.linalg.solve(X, A @ X)
+
+
+INSIDE = [0.1, 0.2, 0.2 + 1e-9, 0.5 + 0.1j, 0.9 + 0.3j, -0.01]
+OUTSIDE = [-0.5, 1.001, 0.3 + 0.4j, 2.0, 5.0 + 1j]
+
+
+@pytest.mark.parametrize("missed", [[], [0.1], [0.2 + 1e-9], [0.5 + 0.1j, 0.5 - 0.1j]])
+@pytest.mark.parametrize("phantom", [[], [0.35], [0.6, 0.61]])
+def test_missed_and_invented_zeros_are_seen(missed, phantom):
+    """The count is the truth whatever the solver believed."""
+    A = matrix(INSIDE + OUTSIDE)
+    exact = np.linalg.eigvals(A)
+    believed = [v for v in exact if not any(abs(v - m) < 1e-6 for m in missed)]
+    got = count_zeros(lambda z: A - z * np.eye(len(A)), REGION, np.array(believed + phantom))
+    assert got == 8
+
+
+def test_nothing_believed_still_counts():
+    A = matrix(INSIDE + OUTSIDE)
+    assert count_zeros(lambda z: A - z * np.eye(len(A)), REGION, np.zeros(0), points=30) == 8
+
+
+def test_quadratic_function_is_counted_with_its_extra_zeros():
+    """z^2 Q doubles the number of zeros; those inside the region count."""
+    K, Q = np.diag([0.3, 0.4]), np.diag([0.0, 1.0])
+    # 0.3 - z and 0.4 - 1.3 z + z^2 = (z - 0.5)(z - 0.8): three zeros inside.
+    M = np.diag([1.0, 1.3])
+    assert count_zeros(lambda z: K - z * M + z**2 * Q, REGION, np.array([0.3])) == 3
+
+
+def test_zero_on_the_border_is_refused():
+    A = matrix([0.2, 1.0])
+    with pytest.raises(InaccurateResult, match="edge of the band"):
+        count_zeros(lambda z: A - z * np.eye(2), REGION, np.zeros(0), most=400)
