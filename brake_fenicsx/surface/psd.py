@@ -157,7 +157,7 @@ def radial_psd(
         scatter = scatter * 2.25  # the window ties neighbouring wave vectors to each other
     lo = (0.99 if topo.periodic else 2.0) * step
     hi = nyquist if cutoff is None else min(nyquist, 2.0 * np.pi / cutoff)
-    floor = 10.0 * _noise(C, q, weights, nyquist)
+    floor = 0.0 if topo.periodic else 10.0 * _noise(C, q, weights, nyquist)
     below = (mean_C < floor) & (mean_q > 2.0 * lo)
     hi = min(hi, float(mean_q[below][0])) if below.any() else hi
     return RadialPsd(mean_q, mean_C, scatter, (lo, hi), label)

@@ -137,7 +137,7 @@ def _project(
         # Ring by ring, ask for more of what the heights took away.
         imposed = imposed * rings.spread(np.clip(ratio, 0.25, 4.0) ** -GAIN)
     heights, error = _finished(best, z, rings)
-    return heights, (*errors, error)
+    return heights, (*errors[:-1], error)
 
 
 def _finished(h: Array, z: Array, rings: _Rings) -> tuple[Array, float]:
