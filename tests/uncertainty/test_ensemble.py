@@ -1,0 +1,68 @@
+"""Samples over processes: all done once, failures kept, defects not hidden."""
+
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from brake_fenicsx.errors import NotConverged
+from brake_fenicsx.store import Store
+from brake_fenicsx.uncertainty.ensemble import run_ensemble, sample_file
+
+COMM = MPI.COMM_WORLD
+TASKS = [("multi-scale", k) for k in range(12)]
+
+
+@pytest.fixture
+def store(tmp_path):
+    """One folder for all processes."""
+    folder = Path(COMM.bcast(str(tmp_path), root=0))
+    if COMM.rank == 0:
+        (folder / "samples").mkdir()
+    COMM.Barrier()
+    return Store(folder)
+
+
+def value(store, task):
+    return store.load(sample_file(task))
+
+
+def test_every_sample_is_done_exactly_once(store):
+    done = []
+    run_ensemble(TASKS, lambda t: done.append(t) or {"x": np.array(t[1] ** 2)}, store, COMM)
+    everyone = [t for part in COMM.allgather(done) for t in part]
+    assert sorted(everyone) == TASKS
+    assert [int(value(store, t)["x"]) for t in TASKS] == [k**2 for k in range(12)]
+
+
+def test_finished_samples_are_not_done_again(store):
+    if COMM.rank == 0:
+        store.save(sample_file(TASKS[4]), status="ok", x=np.array(-1))
+    COMM.Barrier()
+    run_ensemble(TASKS, lambda t: {"x": np.array(t[1])}, store, COMM)
+    assert int(value(store, TASKS[4])["x"]) == -1
+    assert int(value(store, TASKS[5])["x"]) == 5
+
+
+def test_failing_sample_is_kept_with_its_error(store):
+    def work(task):
+        if task[1] == 7:
+            raise NotConverged("stalls")
+        return {}
+
+    run_ensemble(TASKS, work, store, COMM)
+    assert str(value(store, TASKS[7])["status"]) == "stalls"
+    assert {str(value(store, t)["status"]) for t in TASKS if t[1] != 7} == {"ok"}
+
+
+def test_defect_of_the_program_is_raised_on_all_processes(store):
+    def work(task):
+        if task[1] == 3:
+            raise ZeroDivisionError("a defect")
+        return {}
+
+    with pytest.raises(RuntimeError, match="a defect"):
+        run_ensemble(TASKS, work, store, COMM)
+    assert value(store, TASKS[3]) is None

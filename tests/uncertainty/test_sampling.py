@@ -1,0 +1,77 @@
+"""Random inputs of a sample."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from brake_fenicsx.scene import Distribution, read_scene
+from brake_fenicsx.surface import match_moments
+from brake_fenicsx.uncertainty.sampling import draw, draw_sample, sample_seed
+
+BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
+CHANGES = [
+    "stages=['surface','equilibrium','stability']",
+    "surface.statistics={ S_q = '3 um' }",
+    "contact.block_plate.gap=hdf",
+    "samples.n=4",
+]
+HDF = match_moments(33.1e-6, -0.241, 3.6549)
+
+
+def sample(k: int, changes=(), elements: int = 4000):
+    scene = read_scene(BLOCK, [*CHANGES, *changes])
+    return draw_sample(scene, "multi-scale", k, elements, None, HDF)
+
+
+def test_sample_can_be_drawn_again_alone():
+    assert np.array_equal(sample(3).laws.g_cr, sample(3).laws.g_cr)
+    assert sample(3).seed == sample_seed(1, 3)
+
+
+def test_samples_and_seeds_differ():
+    assert not np.array_equal(sample(0).laws.g_cr, sample(1).laws.g_cr)
+    assert not np.array_equal(sample(0).laws.g_cr, sample(0, ["samples.seed=2"]).laws.g_cr)
+
+
+def test_naming_another_random_input_leaves_the_gaps_alone():
+    """Each kind of draw has its own stream."""
+    law = "{ law = 'normal', mean = 0.5, sd = 0.05 }"
+    with_mu = sample(0, [f'samples.random."contact.block_plate.friction"={law}'])
+    assert np.array_equal(sample(0).laws.g_cr, with_mu.laws.g_cr)
+    assert with_mu.mu != sample(0).mu == 0.5
+
+
+def test_critical_gaps_follow_the_heights():
+    """Eq. (11): distribution of the heights, zero mean; bounds are four standard errors."""
+    g = np.concatenate([sample(k).laws.g_cr for k in range(10)])
+    n = g.size
+    assert abs(g.mean()) < 4 * 33.1e-6 / np.sqrt(n)
+    assert g.std() == pytest.approx(33.1e-6, rel=4 * np.sqrt((3.6549 - 1) / 4 / n))
+    assert stats.skew(g) == pytest.approx(-0.241, abs=0.1)
+
+
+def test_classical_sample_is_perfect_contact():
+    scene = read_scene(BLOCK, CHANGES)
+    s = draw_sample(scene, "classical", 0, 5, None, None)
+    assert np.all(s.laws.g_cr == 0)
+    assert s.mu == 0.5
+    assert s.laws.stiffness(np.full(5, -1e-6)) == pytest.approx(2e13)
+    assert np.all(s.laws.pressure(np.full(5, 1e-9)) == 0)
+
+
+def test_friction_may_be_left_out_of_the_equilibrium():
+    s = sample(0, ["contact.block_plate.friction_in_equilibrium=false"])
+    assert (s.mu, s.mu_equilibrium) == (0.5, 0.0)
+
+
+def test_truncated_normal_has_its_closed_form_mean():
+    """mean + sd (phi(a) - phi(b)) / (Phi(b) - Phi(a))."""
+    d = Distribution("normal", 0.5, 0.05, 0.5, 0.7)
+    values = [draw(d, rng) for rng in [np.random.default_rng(1)] for _ in range(20000)]
+    b = 0.2 / 0.05
+    exact = 0.5 + 0.05 * (stats.norm.pdf(0) - stats.norm.pdf(b)) / (stats.norm.cdf(b) - 0.5)
+    assert np.mean(values) == pytest.approx(exact, abs=4 * 0.03 / np.sqrt(20000))
+    assert min(values) >= 0.5
+    assert max(values) <= 0.7
