@@ -96,7 +96,7 @@ def undamped_rows(
 
     Returns:
         For each row: number of its kappa, lambda [1/s], error of lambda [1/s], and whether kappa
-        is real and too far from all others for an error to have made it so.
+        is real, positive and too far from all others and from zero for an error to have made it so.
     """
     lam = np.sqrt(-kappa.astype(complex))
     # Of the two roots +-lambda the one with omega > 0; of two real ones the growing one.
@@ -112,8 +112,8 @@ def undamped_rows(
 
 
 def _surely_real(kappa: Complex, error: Array) -> NDArray[np.bool_]:
-    """Real kappa whose error disc meets no other disc: the exact eigenvalue is real as well."""
-    real = kappa.imag == 0
+    """Surely real and positive kappa: its error disc meets no other disc and not zero."""
+    real = (kappa.imag == 0) & (kappa.real > error)
     order = np.argsort(kappa.real, kind="stable")
     x, e = kappa.real[order], 2 * error[order]
     clear = np.ones(kappa.size, dtype=bool)
