@@ -104,8 +104,9 @@ def synthesise(
     warnings: tuple[str, ...] = ()
     if record.psd_error > POOR:
         warnings = (
-            f"artificial surface: PSD missed by {record.psd_error:.1%} rms; its heights and its "
-            "spectrum contradict each other",
+            f"artificial surface: PSD missed by {record.psd_error:.1%} rms after "
+            f"{record.iterations} iterations: heights and spectrum contradict each other, or "
+            "'max_iterations' is too low",
         )
         logger.warning("%s", warnings[0])
     return Topography(heights, lengths, True, "artificial surface", warnings, record)

@@ -1,0 +1,198 @@
+"""Speed against error of the micro-contact, one table: ``python scripts/bench_micro.py [--all]``.
+
+Rows: one contact from a cold start (grid, boundary, load, tolerance), a law, a library, and the
+error the grid itself makes at braking pressure. Errors are relative to a solution with tolerance
+1e-12 on the same grid, or, for the grid study, to the finest grid. One thread; wall-clock seconds.
+``--all`` adds the grids of 512 and 1024 pixels. ContactMechanics runs along where it is installed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+
+for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+    os.environ.setdefault(name, "1")
+
+import resource  # noqa: E402
+import time  # noqa: E402
+from collections.abc import Iterator  # noqa: E402
+
+import numpy as np  # noqa: E402
+import scipy.fft  # noqa: E402
+
+from brake_fenicsx.micro import (  # noqa: E402
+    LawRecipe,
+    contact_law,
+    law_library,
+    plane_strain_modulus,
+    solve_contact,
+)
+from brake_fenicsx.surface import (  # noqa: E402
+    Topography,
+    given_statistics,
+    make_topography,
+    synthesise,
+)
+
+PAPER = given_statistics(33.1e-6, -0.2410, 3.6549)
+SIZE = (2.825e-3, 2.825e-3)
+AREA = SIZE[0] * SIZE[1]
+E_STAR = plane_strain_modulus(1983.3e6, 0.4054)
+BRAKING = 0.2e6  # [Pa]
+HEAD = ("what", "pixels", "boundary", "p/E*", "tolerance", "seconds", "peak MB", "steps")
+ERRORS = ("error p", "error area", "error d/S_q")
+
+
+def surface(n: int, seed: int = 0) -> Topography:
+    return synthesise(PAPER.bifractal, PAPER.hdf, (n, n), SIZE, np.random.default_rng(seed))
+
+
+def row(*cells: object) -> None:
+    texts = [f"{c:.3g}" if isinstance(c, float) else str(c) for c in cells]
+    print(" | ".join(f"{t:>12}" for t in texts), flush=True)
+
+
+def peak_megabytes() -> float:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+
+
+def contacts(sizes: list[int]) -> None:
+    for n in sizes:
+        topo = surface(n)
+        for boundary in ("free", "periodic"):
+            solve_contact(topo.heights, SIZE, E_STAR, load=1.0, boundary=boundary)  # plans, kernel
+            for level in (0.02, 0.1):
+                load = level * E_STAR * AREA
+                settings = {"load": load, "boundary": boundary, "solver": "pcg"}
+                exact = None
+                for tol in (1e-12, 1e-2, 1e-4, 1e-6, 1e-8) if n <= 256 else (1e-6,):
+                    found = solve_contact(topo.heights, SIZE, E_STAR, tol=tol, **settings)
+                    exact = exact or (found if n <= 256 else None)
+                    errors: tuple[object, ...] = ("-", "-", "-")
+                    if exact is not None:
+                        norm = np.linalg.norm(exact.pressure)
+                        errors = (
+                            float(np.linalg.norm(found.pressure - exact.pressure) / norm),
+                            abs(found.area_fraction / exact.area_fraction - 1.0),
+                            abs(found.separation - exact.separation) / PAPER.S_q,
+                        )
+                    row(
+                        "contact", n, boundary, level, tol, found.seconds, peak_megabytes(),
+                        found.iterations, *errors,
+                    )  # fmt: skip
+
+
+def laws(sizes: list[int]) -> None:
+    for n in sizes:
+        topo = surface(n)
+        contact_law(topo, E_STAR, max_pressure=1e-3 * E_STAR)  # kernel and plans
+        fine = contact_law(topo, E_STAR, steps=200, tolerance=1e-8) if n <= 256 else None
+        for steps in (20, 40, 80):
+            start = time.perf_counter()
+            law = contact_law(topo, E_STAR, steps=steps)
+            seconds = time.perf_counter() - start
+            errors: tuple[object, ...] = ("-", "-", "-")
+            if fine is not None:
+                d = np.linspace(fine.steps[0][-1], fine.steps[0][0], 20001)
+                d = d[fine.pressure(d) <= 0.1 * E_STAR]
+                p = float(np.abs(law.pressure(d) / fine.pressure(d) - 1.0).max())
+                k = float(np.abs(law.stiffness(d) / fine.stiffness(d) - 1.0).max())
+                errors = (p, "-", f"k: {k:.3g}")
+            row(
+                "law", n, "free", "to 0.1", 1e-6, seconds, peak_megabytes(),
+                len(law.steps[0]), *errors,
+            )  # fmt: skip
+
+
+def libraries(n_laws: int) -> None:
+    recipe = LawRecipe(PAPER.bifractal, PAPER.hdf, E_STAR)
+    for processes in (1, 2):
+        start = time.perf_counter()
+        law_library(recipe, n_laws, seed=1, processes=processes)
+        seconds = time.perf_counter() - start
+        what = f"{n_laws} laws /{processes}"
+        row(what, 128, "free", "to 0.1", 1e-6, seconds, peak_megabytes(), "-", "-", "-", "-")
+
+
+def coarse(topo: Topography, n: int) -> Topography:
+    """The same surface without the waves an n x n grid cannot carry."""
+    N = topo.shape[0]
+    waves = scipy.fft.fftshift(scipy.fft.fft2(topo.heights))
+    lo = (N - n) // 2
+    kept = scipy.fft.ifftshift(waves[lo : lo + n, lo : lo + n])
+    return make_topography(scipy.fft.ifft2(kept).real * (n / N) ** 2, SIZE, periodic=True)
+
+
+def grids(sizes: list[int], surfaces: int) -> None:
+    """Separation and stiffness at braking pressure against the finest grid, over surfaces."""
+    found = np.empty((surfaces, len(sizes), 4))
+    for i in range(surfaces):
+        finest = surface(sizes[-1], seed=i)
+        for j, n in enumerate(sizes):
+            topo = coarse(finest, n) if n < sizes[-1] else finest
+            start = time.perf_counter()
+            law = contact_law(topo, E_STAR, max_pressure=3.0 * BRAKING)
+            seconds = time.perf_counter() - start
+            d, p, _ = law.steps
+            at = float(np.interp(np.log(BRAKING), np.log(p), d))
+            touching = solve_contact(topo.heights, SIZE, E_STAR, load=BRAKING * AREA).pressure
+            found[i, j] = at, float(law.stiffness(at)), np.count_nonzero(touching), seconds
+    for j, n in enumerate(sizes):
+        d, k, touching, seconds = found[:, j].T
+        miss = (d - found[:, -1, 0]) / PAPER.S_q
+        row(
+            "grid", n, "free", BRAKING / E_STAR, 1e-6, float(seconds.mean()), peak_megabytes(),
+            f"{touching.mean():.1f} touch",
+            f"k: {np.median(k / found[:, -1, 1] - 1.0):+.2f}",
+            f"k rms {np.sqrt(np.mean((k / found[:, -1, 1] - 1.0) ** 2)):.2f}",
+            f"{miss.mean():+.3f}+-{miss.std():.3f}",
+        )  # fmt: skip
+
+
+def peers(sizes: list[int]) -> None:
+    try:
+        import ContactMechanics as peer
+        from SurfaceTopography import Topography as PeerTopography
+    except ImportError:
+        print("ContactMechanics is not installed: no peer rows")
+        return
+    for n, periodic in _pairs(sizes):
+        topo = surface(n)
+        kind = peer.PeriodicFFTElasticHalfSpace if periodic else peer.FreeFFTElasticHalfSpace
+        half = kind((n, n), 1.0, SIZE)
+        heights = PeerTopography(topo.heights - topo.heights.mean(), SIZE, periodic=periodic)
+        system = peer.Systems.NonSmoothContactSystem(half, heights)
+        start = time.perf_counter()
+        system.minimize_proxy(external_force=0.1 * AREA, pentol=1e-7 * PAPER.S_q, maxiter=1000)
+        seconds = time.perf_counter() - start
+        name = "periodic" if periodic else "free"
+        ours = solve_contact(topo.heights, SIZE, 1.0, load=0.1 * AREA, boundary=name, tol=1e-10)
+        force = np.abs(np.asarray(half.force))[:n, :n]
+        p = force / (AREA / n**2)
+        error = float(np.linalg.norm(p - ours.pressure) / np.linalg.norm(ours.pressure))
+        row("peer", n, name, 0.1, "-", seconds, peak_megabytes(), "-", error, "-", "-")
+
+
+def _pairs(sizes: list[int]) -> Iterator[tuple[int, bool]]:
+    for n in sizes:
+        yield n, False
+        yield n, True
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--all", action="store_true", help="512 and 1024 pixels too")
+    parser.add_argument("--surfaces", type=int, default=20, help="surfaces of the grid study")
+    arguments = parser.parse_args()
+    sizes = [64, 128, 256, 512, 1024] if arguments.all else [64, 128, 256]
+    row(*HEAD, *ERRORS)
+    contacts(sizes)
+    laws(sizes[:4])
+    libraries(100)
+    grids(sizes, arguments.surfaces)
+    peers(sizes[:4])
+
+
+if __name__ == "__main__":
+    main()
