@@ -40,7 +40,7 @@ class Mesh:
     quality: float
 
 
-def build_mesh(parts: Mapping[str, Builder], comm: MPI.Comm, minimum_quality: float = 0.02) -> Mesh:
+def build_mesh(parts: Mapping[str, Builder], comm: MPI.Comm, minimum_quality: float = 0.01) -> Mesh:
     """Build and mesh all parts with gmsh, and distribute the mesh.
 
     Args:

@@ -172,11 +172,13 @@ class LawLibrary:
         nxt = np.minimum(at + 1, d.size - 1)
         d0, p0, p1 = d[at], p[at], p[nxt]
         h = d0 - d[nxt]
-        h = np.where(h > 0.0, h, 1.0)
+        between = h > 0.0
+        h = np.where(between, h, 1.0)
         m0, m1 = h * k[at] / p0, h * k[nxt] / p1
         rise = np.log(p1 / p0)
         a, b = 3.0 * rise - 2.0 * m0 - m1, m0 + m1 - 2.0 * rise
-        t = np.clip((d0 - x) / h, 0.0, 1.0)
+        # Behind the last step of a row stands another law: nothing of it may enter.
+        t = np.where(between, np.clip((d0 - x) / h, 0.0, 1.0), 0.0)
         value = p0 * np.exp(t * (m0 + t * (a + t * b)))
         return value, value * (m0 + t * (2.0 * a + t * 3.0 * b)) / h
 
