@@ -41,15 +41,17 @@ def ring_sector(
     Returns:
         The volume's tag.
     """
+    # Arcs of less than half a turn.
+    arcs = int(np.ceil(angle / (0.9 * np.pi)))
     corner = {}
     for i, r in enumerate((r_inner, r_outer)):
-        for j, a in enumerate((start, start + angle / 2, start + angle)):
+        for j, a in enumerate(np.linspace(start, start + angle, arcs + 1)):
             corner[i, j] = occ.addPoint(r * np.cos(a), r * np.sin(a), z)
     centre = occ.addPoint(0, 0, z)
-    inner = [occ.addCircleArc(corner[0, j], centre, corner[0, j + 1]) for j in (0, 1)]
-    outer = [occ.addCircleArc(corner[1, j], centre, corner[1, j + 1]) for j in (0, 1)]
-    side = [occ.addLine(corner[0, j], corner[1, j]) for j in (0, 2)]
-    wire = occ.addCurveLoop([*inner, side[1], -outer[1], -outer[0], -side[0]])
+    inner = [occ.addCircleArc(corner[0, j], centre, corner[0, j + 1]) for j in range(arcs)]
+    outer = [occ.addCircleArc(corner[1, j], centre, corner[1, j + 1]) for j in range(arcs)]
+    side = [occ.addLine(corner[0, j], corner[1, j]) for j in (0, arcs)]
+    wire = occ.addCurveLoop([*inner, side[1], *(-tag for tag in reversed(outer)), -side[0]])
     face = occ.addPlaneSurface([wire])
     occ.remove([(0, centre)])
     return int(next(tag for dim, tag in occ.extrude([(2, face)], 0, 0, height) if dim == 3))
