@@ -1,6 +1,7 @@
 """The chain from scene to tables: what is built, what is not, resumption, processes."""
 
 import csv
+import json
 import os
 import signal
 import subprocess
@@ -77,6 +78,9 @@ def test_coarse_brake_is_stable_without_friction(tmp_path):
     assert len(modes) > 20
     assert {m["verdict"] for m in modes} == {"stable"}
     assert {float(m["real_1_s"]) for m in modes} == {0.0}
+    # The symmetric solver ran: only there inertia alone proves that no mode is missing.
+    facts = json.loads((tmp_path / "summary.json").read_text())["samples"]
+    assert facts["classical"]["counted_by"] == "inertia of K - kappa M"
 
 
 def test_reduced_sample_agrees_with_full_order(brake):
@@ -145,10 +149,9 @@ def test_one_pad_only_if_one_side_is_named():
 
 
 def test_no_ears_if_none_are_named():
+    from brake_fenicsx.errors import SceneError
     from brake_fenicsx.macro.brake import check_brake
     from brake_fenicsx.scene import read_scene
-
-    from brake_fenicsx.errors import SceneError
 
     scene = read_scene(SCENES / "disc_brake_demo.toml", ["parts.pad.ear_length=0"])
     with pytest.raises(SceneError, match=r"pad\.ears"):
