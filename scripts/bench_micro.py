@@ -132,7 +132,7 @@ def grids(sizes: list[int], surfaces: int) -> None:
         for j, n in enumerate(sizes):
             topo = coarse(finest, n) if n < sizes[-1] else finest
             start = time.perf_counter()
-            law = contact_law(topo, E_STAR, max_pressure=3.0 * BRAKING)
+            law = contact_law(topo, E_STAR, max_pressure=1.2 * BRAKING)
             seconds = time.perf_counter() - start
             d, p, _ = law.steps
             at = float(np.interp(np.log(BRAKING), np.log(p), d))

@@ -248,6 +248,8 @@ def test_analytic_laws():
         lambda: make_library([(np.array([1.0, 2.0]), np.array([1.0, 2.0]), np.ones(2))]),
         lambda: make_library([(np.array([2.0, 1.0]), np.array([1.0, 1.0]), np.ones(2))]),
         lambda: make_library([(np.array([2.0, 1.0]), np.array([1.0, 2.0]), np.zeros(2))]),
+        lambda: make_library([(np.array([1.0, 1.0]), np.array([1.0, 2.0]), np.ones(2))]),
+        lambda: make_library([(np.array([2.0, 1.0]), np.array([0.0, 2.0]), np.ones(2))]),
         lambda: contact_law(surface(0, 8), -1.0),
         lambda: contact_law(surface(0, 8), 1.0, max_pressure=1e-9),
         lambda: contact_law(surface(0, 8), 1.0, bulk_compliance="half"),
