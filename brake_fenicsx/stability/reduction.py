@@ -26,7 +26,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
 from brake_fenicsx.macro.condensation import (
     gathered,
     interface_moments,
@@ -119,12 +119,17 @@ class Reduced:
             known: basis and mode shapes of an earlier offline stage of the same problem.
 
         Raises:
-            InaccurateResult: K0 is singular, or the inertia count finds a missing mode.
+            SceneError: the cutoff lies inside the band.
+            InaccurateResult: K0 is singular, the inertia count finds a missing mode, or the
+                reference has no mode below the cutoff.
         """
         comm = MPI.COMM_SELF if comm is None else comm
         K, M = (petsc_matrix(A) if sp.issparse(A) else gathered(A) for A in (K, M))
         k0 = np.broadcast_to(np.asarray(k0, float), w.shape).copy()
-        limit = (2 * np.pi * (CUTOFF * band[1] if cutoff is None else cutoff)) ** 2
+        cutoff = CUTOFF * band[1] if cutoff is None else cutoff
+        if not cutoff > band[1]:
+            raise SceneError(f"cutoff {cutoff:g} Hz must lie above the band's {band[1]:g} Hz")
+        limit = (2 * np.pi * cutoff) ** 2
         times = [time.perf_counter()]
         self.factor = reference_factor(K, N, w, k0)
         times.append(time.perf_counter())
@@ -134,20 +139,30 @@ class Reduced:
         if known is not None:
             self.basis, self.Phi = known
             return
-        found = None
+        found: Any = None
         if comm.rank == 0:
             # Meanwhile the other processes begin with the interface.
-            modes = lowest_modes(self.factor, rows, limit)
-            found = modes.Phi, modes.Lambda, _inertia(K, M, N, w * k0, limit)
+            try:
+                modes = lowest_modes(self.factor, rows, limit)
+                found = modes.Phi, modes.Lambda, _inertia(K, M, N, w * k0, limit)
+            except BrakeError as error:
+                found = error
         times.append(time.perf_counter())
         first = FIRST_SHARE if comm.size > 1 else 1.0
         moments = interface_moments(self.factor, rows, N, T, 2, comm, progress, first)
         TT = slip_compliance(self.factor, T, comm, first)
-        self.Phi, Lambda, expected = comm.bcast(found, root=0)
+        found = comm.bcast(found, root=0)
+        if isinstance(found, BrakeError):
+            raise found
+        self.Phi, Lambda, expected = found
         if expected != len(Lambda):
             raise InaccurateResult(
                 f"the reference has {expected} modes below {np.sqrt(limit) / 2 / np.pi:.0f} Hz by"
                 f" inertia, {len(Lambda)} were found"
+            )
+        if not expected:
+            raise InaccurateResult(
+                f"the reference has no mode below {cutoff:.0f} Hz: raise the cutoff"
             )
         times.append(time.perf_counter())
         self.seconds |= {"modes": times[2] - times[1], "interface": times[3] - times[2]}
