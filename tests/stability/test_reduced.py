@@ -7,7 +7,7 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.errors import InaccurateResult, NotConverged
 from brake_fenicsx.macro.condensation import petsc_matrix
 from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.stability import Reduced, complex_modes, reduction
@@ -33,6 +33,15 @@ def stiffness(n, seed, centre=K0, decades=2.0, is_open=0.3):
     return k
 
 
+def dense_vectors(scene, k, mu):
+    """kappa with left and right vectors of the whole problem, M-orthogonal coordinates undone."""
+    L = la.cholesky(scene.M.toarray(), lower=True)
+    A = la.solve_triangular(L, scene.tangent(k, mu).toarray(), lower=True)
+    A = la.solve_triangular(L, A.T, lower=True).T
+    kappa, left, right = la.eig(A, left=True, right=True)
+    return kappa, *(la.solve_triangular(L, V, lower=True, trans=1) for V in (left, right))
+
+
 def dense(scene, k, mu):
     """All lambda with omega >= 0 [1/s], and the round-off they carry before their condition."""
     L = la.cholesky(scene.M.toarray(), lower=True)
@@ -43,14 +52,21 @@ def dense(scene, k, mu):
     return np.where(lam.imag < 0, -lam, lam), 1e-15 * np.abs(kappa).max()
 
 
+def within(lam, highest):
+    """Those of the modes with frequencies up to a highest one [Hz]."""
+    return lam[(lam.imag > 0) & (lam.imag <= 2 * np.pi * highest)]
+
+
 def verdicts_agree(modes, nearest):
     grows = nearest.real > THRESHOLD * np.abs(nearest)
     for verdict, unstable in zip(modes.verdict, grows, strict=True):
         assert verdict == "neutral" or (verdict == "unstable") == unstable
 
 
-@pytest.mark.parametrize("mu", [0.0, 0.3, 0.5, 1.0])
-@pytest.mark.parametrize("seed", range(3))
+CASES = [(mu, seed) for mu in (0.0, 0.3, 0.5, 1.0) for seed in range(2)]
+
+
+@pytest.mark.parametrize("mu, seed", CASES)
 def test_every_mode_of_a_random_interface(two_blocks, mu, seed):
     """Two decades of stiffness, 30 % open: none missed, none invented, errors covered, verdicts.
 
@@ -88,6 +104,19 @@ def test_some_of_these_flutter(two_blocks):
     assert pairs >= 3
 
 
+def test_a_pair_that_the_correction_moves_over_the_edge_is_counted(two_blocks):
+    """The linear pencil has it beyond 90 kHz, the corrected one below: the phase turns unseen.
+
+    Catches a count that divides by the uncorrected values.
+    """
+    scene = two_blocks("guided")
+    k = stiffness(scene.w.size, 122, 10 * K0, 2)
+    found = offline(scene).modes(k, 0.3)
+    exact, _ = dense(scene, k, 0.3)
+    assert 18 <= len(found) <= 20 == within(exact, BAND[1]).size
+    assert within(found.s, 0.999 * BAND[1]).size == within(exact, 0.999 * BAND[1]).size
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("mu", [0.3, 0.5, 1.0])
 def test_many_interfaces(two_blocks, mu):
@@ -101,11 +130,12 @@ def test_many_interfaces(two_blocks, mu):
         round_off = floor * found.condition / (2 * np.abs(found.s))
         assert np.all(distance.min(axis=1) <= found.error + round_off), seed
         verdicts_agree(found, exact[distance.argmin(axis=1)])
-        inside = (exact.imag > 0) & (exact.imag <= 2 * np.pi * BAND[1])
-        assert len(found) == inside.sum(), seed
+        # A mode closer to the edge of the band than its error may fall on either side of it.
+        least, most = (within(exact, edge * BAND[1]).size for edge in (0.999, 1.001))
+        assert least <= len(found) <= most, seed
 
 
-@pytest.mark.parametrize("mu", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("mu", [0.0, 1.0])
 def test_left_and_right_vectors_satisfy_the_full_problem(two_blocks, mu):
     """Expanded displacements: the residual of K + (N + mu T)'W k N - kappa M itself."""
     scene = two_blocks("guided")
@@ -124,7 +154,7 @@ def test_left_and_right_vectors_satisfy_the_full_problem(two_blocks, mu):
     assert np.all(size / norm <= m.residual * 1.01 + 1e-9)
     assert np.all(m.residual < 1e-2)
     # And the displacements are those of the full order, up to a factor.
-    exact, V = la.eig(K.toarray(), scene.M.toarray())
+    exact, _, V = dense_vectors(scene, k, mu)
     for i in range(len(m)):
         j = np.argmin(np.abs(exact - kappa[i]))
         x, v = X[:, i], V[:, j]
@@ -140,7 +170,7 @@ def test_left_vectors_are_those_of_the_adjoint_sample(two_blocks):
     scene = two_blocks("guided")
     k = stiffness(scene.w.size, 2)
     m = offline(scene).modes(k, 0.5)
-    kappa, VL, VR = la.eig(scene.tangent(k, 0.5).toarray(), scene.M.toarray(), left=True)
+    kappa, VL, VR = dense_vectors(scene, k, 0.5)
     MR, ML = scene.M @ VR, scene.M @ VL
     norms = np.sqrt(np.einsum("im,im->m", VR.conj(), MR).real
                     * np.einsum("im,im->m", VL.conj(), ML).real)  # fmt: skip
@@ -208,6 +238,20 @@ def test_a_hidden_mode_of_the_reference_is_noticed(two_blocks, monkeypatch):
 
     monkeypatch.setattr(reduction, "lowest_modes", hide)
     with pytest.raises(InaccurateResult, match="inertia"):
+        Reduced(
+            scene.elastic.K, scene.elastic.M, scene.N, scene.T, scene.w, K0, BAND, None, scene.comm
+        )
+
+
+def test_a_failure_of_the_first_process_is_raised_on_all(two_blocks, monkeypatch):
+    """Process 0 alone finds the real modes: catches the others waiting for ever."""
+    scene = two_blocks("guided")
+
+    def fail(*args, **kwargs):
+        raise NotConverged("block Lanczos: said by the test")
+
+    monkeypatch.setattr(reduction, "lowest_modes", fail)
+    with pytest.raises(NotConverged, match="said by the test"):
         Reduced(
             scene.elastic.K, scene.elastic.M, scene.N, scene.T, scene.w, K0, BAND, None, scene.comm
         )

@@ -1,0 +1,152 @@
+"""Hard cases of the modal analysis: each a right answer or a named error."""
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
+from brake_fenicsx.stability import Reduced, complex_modes
+
+pytestmark = pytest.mark.hard
+
+BAND = (0.0, 90e3)
+
+
+def dense(scene, k, mu):
+    L = la.cholesky(scene.M.toarray(), lower=True)
+    A = la.solve_triangular(L, scene.tangent(k, mu).toarray(), lower=True)
+    kappa = la.eigvals(la.solve_triangular(L, A.T, lower=True).T)
+    lam = np.sqrt(-kappa + 0j)
+    return np.where(lam.imag < 0, -lam, lam)
+
+
+def reduced(scene, k0, cutoff=None, band=BAND):
+    return Reduced(scene.elastic.K, scene.elastic.M, scene.N, scene.T, scene.w, k0, band, cutoff)
+
+
+def check(found, exact):
+    """Errors covered, verdicts not wrong."""
+    distance = np.abs(found.s[:, None] - exact)
+    nearest = exact[distance.argmin(axis=1)]
+    floor = 1e-9 * np.abs(found.s) * np.maximum(found.condition, 1)
+    assert np.all(distance.min(axis=1) <= found.error + floor)
+    grows = nearest.real > 1e-6 * np.abs(nearest)
+    for verdict, unstable in zip(found.verdict, grows, strict=True):
+        assert verdict == "neutral" or (verdict == "unstable") == unstable
+
+
+def test_all_elements_open(two_blocks):
+    """The pad floats: its rigid motion along z is a mode near zero, and nothing flutters."""
+    scene = two_blocks("guided")
+    m = reduced(scene, 3e11).modes(np.zeros(scene.w.size), 0.5)
+    check(m, dense(scene, np.zeros(scene.w.size), 0.5))
+    assert "unstable" not in m.verdict
+    full = complex_modes(scene.M, None, scene.tangent(np.zeros(scene.w.size), 0.5), BAND)
+    assert "unstable" not in full.verdict
+
+
+@pytest.mark.parametrize("mu", [0.0, 1.0])
+def test_stiffness_from_a_thousandth_to_a_million(two_blocks, mu):
+    """One element a million times stiffer than another, and one closed patch alone."""
+    scene = two_blocks("guided")
+    n = scene.w.size
+    red = reduced(scene, 3e11)
+    for k in (10 ** np.linspace(9, 15, n), np.where(np.arange(n) == n // 2, 3e11, 0.0)):
+        check(red.modes(k, mu), dense(scene, k, mu))
+
+
+def test_cutoff_inside_the_band_is_refused(two_blocks):
+    """Modes between cutoff and band would be missing without a word."""
+    with pytest.raises(SceneError, match="must lie above the band"):
+        reduced(two_blocks("guided"), 3e11, 60e3)
+
+
+def test_basis_without_a_mode_is_refused(two_blocks):
+    """A band far below the reference: a soft sample could still have a mode there."""
+    with pytest.raises(InaccurateResult, match="raise the cutoff"):
+        reduced(two_blocks("guided"), 3e11, None, (0.0, 1e3))
+
+
+@pytest.mark.parametrize("band", [8e3, 11e3])
+def test_basis_of_one_mode_or_two(two_blocks, band):
+    """Little is left but the residual flexibility: errors still cover what is wrong."""
+    scene = two_blocks("guided")
+    red = reduced(scene, 3e11, None, (0.0, band))
+    assert red.basis.Lambda.size <= 2
+    for k in (1e11, 3e11, 1e12):
+        k = np.full(scene.w.size, k)
+        check(red.modes(k, 0.5), dense(scene, k, 0.5))
+
+
+@pytest.mark.slow
+def test_basis_of_all_modes(two_blocks):
+    """Nothing is left to the residual flexibility: the answer is exact."""
+    scene = two_blocks("guided")
+    n = scene.w.size
+    k = 3e11 * 10 ** np.random.default_rng(0).uniform(-1, 1, n)
+    highest = 1.01 * np.sqrt(
+        la.eigvalsh(scene.tangent(np.full(n, 3e11), 0.0).toarray(), scene.M.toarray())[-1]
+    )
+    m = reduced(scene, 3e11, highest / 2 / np.pi).modes(k, 0.5)
+    exact = dense(scene, k, 0.5)
+    distance = np.abs(m.s[:, None] - exact).min(axis=1)
+    assert np.all(distance < 1e-8 * np.abs(m.s) * m.condition)
+
+
+@pytest.mark.slow
+def test_two_modes_on_the_point_of_merging(two_blocks):
+    """Friction swept finely across a flutter onset: never a wrong verdict, the condition tells."""
+    scene = two_blocks("guided")
+    rng = np.random.default_rng(1)
+    k = 3e11 * 10 ** rng.uniform(-1, 1, scene.w.size)
+    k[rng.random(scene.w.size) < 0.3] = 0.0
+    red = reduced(scene, 3e11)
+
+    def unstable(mu):
+        lam = dense(scene, k, mu)
+        lam = lam[lam.imag <= 2 * np.pi * BAND[1]]
+        return int(np.sum(lam.real > 1e-6 * np.abs(lam)))
+
+    low, high = 0.0, 1.0
+    assert unstable(high) > 0
+    for _ in range(14):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if unstable(middle) else (middle, high)
+    for mu in (low, 0.5 * (low + high), high):
+        m = red.modes(k, mu)
+        assert m.condition.max() > 30
+        check(m, dense(scene, k, mu))
+
+
+def test_part_without_any_hold(two_blocks):
+    """K0 is singular: named before any number comes out."""
+    with pytest.raises(InaccurateResult, match="neither supported nor in contact"):
+        reduced(two_blocks("loose"), 3e11)
+
+
+def test_free_block_has_six_rigid_modes(two_blocks):
+    """At full order an unsupported pair of blocks has twelve, none of them a divergence."""
+    scene = two_blocks("loose")
+    m = complex_modes(scene.M, None, scene.K, (0.0, 60e3))
+    kappa = la.eigvalsh(scene.K.toarray(), scene.M.toarray())
+    assert m.count.expected == np.sum(kappa < (2 * np.pi * 60e3) ** 2)
+    assert "unstable" not in m.verdict
+    wanted = np.sqrt(kappa[12:][kappa[12:] < (2 * np.pi * 60e3) ** 2]) / 2 / np.pi
+    np.testing.assert_allclose(m.frequency[m.frequency > 100], wanted, rtol=1e-7)
+
+
+def test_matrix_of_one_degree_of_freedom():
+    m = complex_modes(sp.csr_matrix([[2.0]]), None, sp.csr_matrix([[8.0]]), (0.0, 1.0))
+    np.testing.assert_allclose(m.s, [2j], rtol=1e-12)
+
+
+def test_singular_mass_leaves_no_finite_mode_behind():
+    """A massless dof is condensed by the spectral transformation; the mode with mass is right."""
+    K = sp.csr_matrix(np.array([[2.0, -1.0], [-1.0, 1.0]]))
+    M = sp.csr_matrix(np.diag([1.0, 0.0]))
+    try:
+        m = complex_modes(M, None, K, (0.0, 1.0))
+    except BrakeError:
+        return
+    np.testing.assert_allclose(m.s[np.isfinite(m.s)], [1j], rtol=1e-9)
