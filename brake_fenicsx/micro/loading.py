@@ -16,7 +16,7 @@ from brake_fenicsx.micro.active import AllPixels, HighPixels, Touching, active_s
 from brake_fenicsx.micro.halfspace import Array, HalfSpace, half_space
 from brake_fenicsx.micro.qp import State, certify, projected_cg
 
-DENSE = 500  # touching pixels up to which dense factors are faster than FFTs (bench_micro.py)
+DENSE = 500  # touching pixels up to which dense factors serve; at 128^2 FFTs then cost the same
 FEW = 1000  # candidates up to which their dense influence is faster than FFT products
 
 

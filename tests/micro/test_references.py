@@ -140,7 +140,8 @@ def test_area_of_self_affine_surface_lies_between_the_theories():
             h, (1.0, 1.0), 1.0, load=reduced * 0.01, boundary="periodic", tol=1e-8
         )
         touching = found.pressure > 0.0
-        # The outline of spots on a square grid is too long: take pi / 16 of a pixel off each edge.
+        # Pixels cover too much along the outline: (pi - 1 + ln 2) / 24 of a pixel for each edge
+        # (Yastrebov, Anciaux, Molinari, J. Mech. Phys. Solids 107 (2017) 469).
         edges = sum(np.count_nonzero(touching != np.roll(touching, 1, a)) for a in (0, 1))
         area.append((touching.sum() - (np.pi - 1 + np.log(2)) / 24 * edges) / n**2 / reduced)
     assert PERSSON_AREA < np.mean(area) < BUSH_GIBSON_THOMAS_AREA, area
