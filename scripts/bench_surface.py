@@ -12,7 +12,6 @@ import os
 for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(name, "1")
 
-import logging  # noqa: E402
 import resource  # noqa: E402
 import time  # noqa: E402
 
@@ -81,7 +80,6 @@ def recovery(n: int, cut: bool, seeds: int = 20) -> None:
 
 
 def main() -> None:
-    logging.getLogger("brake_fenicsx").setLevel(logging.ERROR)  # one iteration misses the PSD
     row(*HEAD, *MORE)
     for iterations in (1, 2, 5, 10, 40):
         synthesis(128, iterations, 50)

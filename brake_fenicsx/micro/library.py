@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -16,6 +17,8 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.micro.contact_law import law_steps
 from brake_fenicsx.micro.law import Array, LawLibrary, make_library
 from brake_fenicsx.surface import BiFractal, HeightDistribution, Topography, synthesise
+
+logger = logging.getLogger("brake_fenicsx")
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +89,8 @@ def law_library(recipe: LawRecipe, n: int, seed: int, processes: int = 1) -> Law
     """
     if n < 1 or processes < 1:
         raise SceneError(f"laws = {n} on {processes} processes: at least one of each")
+    for text in recipe.surface(seed, 0).warnings:  # what is doubtful about one is about all
+        logger.warning("%s", text)
     if processes == 1:
         steps = [recipe.law(seed, i) for i in range(n)]
     else:

@@ -10,7 +10,6 @@ doi:10.1016/j.triboint.2018.11.020.
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -23,9 +22,8 @@ from brake_fenicsx.surface.hdf import HeightDistribution, moments
 from brake_fenicsx.surface.psd import BiFractal, half_plane_weights, wave_numbers
 from brake_fenicsx.surface.topography import Array, Topography
 
-logger = logging.getLogger("brake_fenicsx")
-
 GAIN = 0.4  # exponent of the ring-wise correction of the imposed amplitudes
+UNSEEN = 0.5  # share of the variance in waves that the scan never saw that is worth a warning
 POOR = 0.05  # rms error of the radial PSD that is worth a warning
 Density = Callable[[Array], Array]
 
@@ -86,7 +84,8 @@ def synthesise(
         max_iterations: projections at most.
 
     Returns:
-        Surface with zero mean; its ``record`` tells the errors reached.
+        Surface with zero mean; its ``record`` tells the errors reached, its ``warnings`` what is
+        doubtful about it.
     """
     if min(shape) < 2 or min(size) <= 0.0:
         raise SurfaceError(f"surface of {shape} pixels and {size} m; at least 2 x 2 and positive")
@@ -101,15 +100,23 @@ def synthesise(
         amplitude, z, phases, _Rings(q, shape, amplitude), tolerance, max_iterations
     )
     record = SynthesisRecord(errors, _moments_missed(heights, z), scale, low, below)
-    warnings: tuple[str, ...] = ()
+    return Topography(heights, lengths, True, "artificial surface", _doubts(record), record)
+
+
+def _doubts(record: SynthesisRecord) -> tuple[str, ...]:
+    """What a user should know of this surface, one line each."""
+    found = []
     if record.psd_error > POOR:
-        warnings = (
-            f"artificial surface: PSD missed by {record.psd_error:.1%} rms after "
-            f"{record.iterations} iterations: heights and spectrum contradict each other, or "
-            "'max_iterations' is too low",
+        found.append(
+            f"PSD missed by {record.psd_error:.1%} rms after {record.iterations} iterations: "
+            "heights and spectrum contradict each other, or 'max_iterations' is too low"
         )
-        logger.warning("%s", warnings[0])
-    return Topography(heights, lengths, True, "artificial surface", warnings, record)
+    if record.low_share > UNSEEN:
+        found.append(
+            f"{record.low_share:.0%} of the variance lies in waves longer than the scan (low = "
+            f"{record.low!r}); scan a larger area, make smaller patches or hold the PSD 'flat'"
+        )
+    return tuple(f"artificial surface: {text}" for text in found)
 
 
 def _project(

@@ -109,6 +109,16 @@ def test_heights_that_contradict_the_spectrum_are_reported():
     assert len(topo.warnings) == 1 and "PSD missed" in topo.warnings[0]
 
 
+def test_waves_the_scan_never_saw_are_named():
+    """A steep spectrum extended below the scan is nearly all extrapolation: said, not hidden."""
+    steep = given_statistics(1e-6, c1=-3.6, c2=-4.0, band=(5.2e3, 4e5))
+    topo = make(0, 64, steep)
+    assert topo.record.low_share > 0.5
+    assert len(topo.warnings) == 1 and "longer than the scan" in topo.warnings[0]
+    flat = make(0, 64, steep, low="flat")
+    assert flat.record.low_share < topo.record.low_share
+
+
 def test_any_function_of_q_is_a_spectrum():
     topo = synthesise(
         lambda q: np.exp(-((q / 3e4) ** 2)), PAPER.hdf, (64, 64), SIZE, np.random.default_rng(0)
