@@ -108,7 +108,7 @@ def law_steps(
     return d, total * E_star / h.size, stiffness * E_star / h.size
 
 
-_BULK: dict[HalfSpace, float] = {}
+_BULK: dict[tuple[tuple[int, int], float, float], float] = {}
 
 
 def bulk(space: HalfSpace) -> float:
@@ -117,8 +117,9 @@ def bulk(space: HalfSpace) -> float:
     The punch's force is F = 1.149208 E* L delta on 128 x 128 pixels of a square, so a mean
     pressure P sinks it by 0.8702 P L / E*.
     """
-    if space not in _BULK:
+    key = (space.shape, float(space.pixel[0]), float(space.pixel[1]))
+    if key not in _BULK:
         full = np.ones(space.shape, dtype=bool)
         x = unit_answer(space, full, space.precondition(full.astype(float)), 1e-6)
-        _BULK[space] = 1.0 / float(x.sum())
-    return _BULK[space]
+        _BULK[key] = 1.0 / float(x.sum())
+    return _BULK[key]

@@ -101,6 +101,8 @@ def _transform(shape: tuple[int, int], padded: tuple[int, int]) -> Transform:
 class HalfSpace:
     """Displacement of pressure on a grid, and an approximate inverse of it.
 
+    Products share work arrays: one thread at a time.
+
     Attributes:
         shape: pixels (nx, ny).
         pixel: lengths of a pixel [m], shape (2,).
