@@ -1,5 +1,8 @@
 """Operator of the half-space against its analytic symbol and against direct integration."""
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 from scipy.integrate import dblquad
@@ -90,3 +93,13 @@ def test_square_punch_tends_to_its_limit():
     first, second = 2 * found[1] - found[0], 2 * found[2] - found[1]
     assert second == pytest.approx(1.1523, abs=2e-4)
     assert abs(second - first) < 3e-4
+
+
+def test_kernels_of_past_grids_are_let_go():
+    """A study over many grids keeps the last few kernels, not all of them."""
+    past = weakref.ref(half_space((11, 13), (1.0, 1.0)))
+    bulk(past())
+    for n in range(4, 12):
+        bulk(half_space((n, n), (1.0, 1.0)))
+    gc.collect()
+    assert past() is None
