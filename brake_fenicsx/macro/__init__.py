@@ -8,7 +8,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
-from brake_fenicsx.macro.equilibrium import Equilibrium, displacement, equilibrium
+from brake_fenicsx.macro.braking import equilibrium
+from brake_fenicsx.macro.equilibrium import Equilibrium, displacement
 from brake_fenicsx.macro.gap import EnrichedGap, draw_critical_gaps
 
 _HOME = {"assemble_brake": "brake", "Brake": "brake", "build_mesh": "mesh"}

@@ -45,6 +45,7 @@ class Equilibrium:
             the interface compliance.
         history: residuals of the last load step, one per iteration.
         seconds: time [s].
+        u: displacement on all free dofs [m], where it was asked for.
     """
 
     g: Array
@@ -55,6 +56,7 @@ class Equilibrium:
     residual: float
     history: tuple[float, ...]
     seconds: float
+    u: Array | None = None
 
 
 def equilibrium(

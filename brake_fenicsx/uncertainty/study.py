@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import BrakeError
 from brake_fenicsx.log import Progress, logger
 from brake_fenicsx.macro.brake import Brake
+from brake_fenicsx.macro.braking import reference_stiffness
 from brake_fenicsx.macro.condensation import Compliance, compliance, gathered
 from brake_fenicsx.macro.equilibrium import Equilibrium, equilibrium
 from brake_fenicsx.micro.law import Laws
@@ -78,25 +79,14 @@ class Study:
     def prepare(self) -> None:
         """Factor the reference, and make or load the reduced basis."""
         brake = self.brake
-        k0 = np.full(len(brake.w), self.reference_stiffness())
+        laws = self._draw(next(iter(self.by_reduction)), 0).laws
+        pressure = brake.pressed / float(brake.w.sum())
+        k0 = np.full(len(brake.w), reference_stiffness(laws, pressure))
         self.facts["reference_stiffness_Pa_per_m"] = float(k0[0])
         if any(self.by_reduction.values()):
             self._prepare_reduced(k0)
         else:
             self.compliance = compliance(self.K, brake.N, brake.T, brake.w, brake.f, k0, self.comm)
-
-    def reference_stiffness(self) -> float:
-        """Median stiffness of the laws at the mean contact pressure [Pa/m]."""
-        pressure = self.brake.pressed / float(self.brake.w.sum())
-        laws = self._draw(next(iter(self.by_reduction)), 0).laws
-        # Bisection on the separation: laws fall monotonically.
-        touch = laws.laws.first_touch(laws.index)
-        low, high = touch - 1e-3, touch
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            enough = laws.laws.pressure(laws.index, middle) >= pressure
-            low, high = np.where(enough, middle, low), np.where(enough, high, middle)
-        return float(np.median(laws.laws.stiffness(laws.index, low)))
 
     def _prepare_reduced(self, k0: Array) -> None:
         from brake_fenicsx.stability.reduction import Reduced

@@ -1,0 +1,147 @@
+"""Braking equilibrium of an assembled brake: laws and critical gaps in, displacements out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from mpi4py import MPI
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.micro.analytic import OneLaw
+from brake_fenicsx.micro.law import Law, Laws
+
+from .condensation import Compliance, compliance
+from .equilibrium import Equilibrium, displacement
+from .equilibrium import equilibrium as solve
+from .gap import EnrichedGap
+
+if TYPE_CHECKING:
+    from .brake import Brake
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+
+def equilibrium(
+    ops: Brake,
+    laws: Law | Laws | Sequence[Law],
+    g_cr: ArrayLike,
+    mu: float,
+    index: Index | None = None,
+    steps: int = 1,
+    comm: MPI.Comm | None = None,
+) -> Equilibrium:
+    """Equilibrium of one set of laws and critical gaps, with its displacement.
+
+    Args:
+        ops: operators of a brake, see ``pipeline.assemble``; its compliance is computed if it has
+            none, and kept by the caller's ``with_compliance`` for many equilibria.
+        laws: one law for all elements, one per element, or a library.
+        g_cr: critical gap of each element, or of all [m].
+        mu: friction coefficient, 0 for an equilibrium without friction.
+        index: number of each element's law in a library; element i takes law i if not given.
+        steps: equal load steps.
+        comm: processes that share the compliance; this process alone if None.
+
+    Returns:
+        ``.u`` [m] on all free dofs, ``.g`` [m], ``.p`` [Pa], ``.k`` [Pa/m] per element,
+        ``.iterations``, ``.residual``.
+
+    Raises:
+        SceneError: the number of laws or gaps does not fit the contact elements.
+        Separated, NotConverged: there is no equilibrium, or it was not found.
+    """
+    n = len(ops.w)
+    gaps = np.broadcast_to(np.asarray(g_cr, dtype=float), (n,))
+    enriched = EnrichedGap(*_library(laws, index, n), gaps)
+    if ops.compliance is None:
+        ops = with_compliance(ops, enriched, comm)
+    eq = solve(ops, enriched, mu, steps)
+    return replace(eq, u=displacement(ops, eq, ops.f))
+
+
+def with_compliance(ops: Brake, laws: EnrichedGap, comm: MPI.Comm | None = None) -> Brake:
+    """The brake with its interface compliance, for springs as stiff as the laws under its loads.
+
+    Args:
+        ops: operators of a brake.
+        laws: laws and critical gaps of its elements.
+        comm: processes that share the work; this process alone if None.
+    """
+    comm = MPI.COMM_SELF if comm is None else comm
+    k0 = np.full(len(ops.w), reference_stiffness(laws, ops.pressed / float(ops.w.sum())))
+    found: Compliance = compliance(ops.K, ops.N, ops.T, ops.w, ops.f, k0, comm)
+    return replace(ops, compliance=found)
+
+
+def reference_stiffness(laws: EnrichedGap, pressure: float) -> float:
+    """Median stiffness of the laws at a common pressure [Pa/m].
+
+    Args:
+        laws: laws of the contact elements.
+        pressure: mean contact pressure [Pa].
+    """
+    high = laws.laws.first_touch(laws.index)
+    high = np.where(np.isfinite(high), high, 0.0)
+    width = np.full(high.shape, 1e-9)
+    # Laws fall monotonically: widen until all carry the pressure, then halve.
+    while np.any(short := laws.laws.pressure(laws.index, high - width) < pressure):
+        width = np.where(short, 2 * width, width)
+    low = high - width
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        enough = laws.laws.pressure(laws.index, middle) >= pressure
+        low, high = np.where(enough, middle, low), np.where(enough, high, middle)
+    return float(np.median(laws.laws.stiffness(laws.index, low)))
+
+
+def _library(laws: Law | Laws | Sequence[Law], index: Index | None, n: int) -> tuple[Laws, Index]:
+    """Laws as a library, and each element's number in it."""
+    if isinstance(laws, list | tuple):
+        laws = _Listed(tuple(laws))
+    if not hasattr(laws, "__len__"):
+        return OneLaw(laws), np.zeros(n, dtype=np.intp)
+    count = len(laws)  # type: ignore[arg-type]
+    if index is None and count not in (1, n):
+        raise SceneError(f"{count} laws for {n} contact elements: give index, or one law for each")
+    if index is None:
+        index = np.zeros(n, dtype=np.intp) if count == 1 else np.arange(n)
+    if np.shape(index) != (n,) or np.min(index) < 0 or np.max(index) >= count:
+        raise SceneError(f"index: {n} numbers from 0 to {count - 1} are needed")
+    return laws, np.asarray(index, dtype=np.intp)  # type: ignore[return-value]
+
+
+@dataclass(frozen=True, slots=True)
+class _Listed:
+    """Laws of any kind, one by one."""
+
+    laws: tuple[Any, ...]
+
+    def __len__(self) -> int:
+        return len(self.laws)
+
+    def _each(self, name: str, index: Index, d: Array) -> Array:
+        pairs = zip(np.ravel(index), np.ravel(d), strict=True)
+        values = [float(getattr(self.laws[i], name)(x)) for i, x in pairs]
+        return np.array(values).reshape(np.shape(d))
+
+    def first_touch(self, index: Index) -> Array:
+        """See ``Laws``."""
+        return np.array([self.laws[i].first_touch for i in index], dtype=float)
+
+    def pressure(self, index: Index, d: Array) -> Array:
+        """See ``Laws``."""
+        return self._each("pressure", index, d)
+
+    def stiffness(self, index: Index, d: Array) -> Array:
+        """See ``Laws``."""
+        return self._each("stiffness", index, d)
+
+    def energy(self, index: Index, d: Array) -> Array:
+        """See ``Laws``."""
+        return self._each("energy", index, d)

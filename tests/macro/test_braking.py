@@ -1,0 +1,63 @@
+"""The public equilibrium: one law, a list, a library; its displacement solves the full system."""
+
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.macro import equilibrium
+from brake_fenicsx.macro.solver import local_rows
+from brake_fenicsx.micro import exponential_law, linear_law
+from brake_fenicsx.pipeline import assemble
+
+BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
+
+
+@pytest.fixture(scope="module")
+def ops():
+    return assemble(BLOCK, MPI.COMM_SELF)
+
+
+@pytest.mark.parametrize("law", [exponential_law(10e6, 10e-6), linear_law(1e12)])
+@pytest.mark.parametrize("mu", [0.0, 0.5])
+def test_displacement_solves_the_full_system(ops, law, mu):
+    """K u = f + (N + mu T)' W p(g0 + N u - g_cr), assembled independently."""
+    g_cr = np.random.default_rng(0).normal(0, 2e-6, len(ops.w))
+    eq = equilibrium(ops, law, g_cr, mu)
+    p = law.pressure(ops.g0 + ops.N @ eq.u - g_cr)
+    force = (ops.N + mu * ops.T).T @ (ops.w * p)
+    K = local_rows(ops.K)
+    assert np.linalg.norm(K @ eq.u - ops.f - force) < 1e-8 * np.linalg.norm(ops.f)
+    assert eq.residual < 1e-10
+    assert p == pytest.approx(eq.p, rel=1e-6, abs=1e-3)
+
+
+def test_list_library_and_single_law_agree(ops):
+    law, n = exponential_law(10e6, 10e-6), len(ops.w)
+    one = equilibrium(ops, law, 0.0, 0.3)
+    many = equilibrium(ops, [law] * n, np.zeros(n), 0.3)
+    named = equilibrium(ops, [linear_law(1e9), law], 0.0, 0.3, index=np.ones(n, dtype=int))
+    assert np.allclose(one.p, many.p, rtol=1e-9)
+    assert np.allclose(one.p, named.p, rtol=1e-9)
+
+
+def test_wrong_number_of_laws_is_refused(ops):
+    laws = [linear_law(1e12)] * 3
+    with pytest.raises(SceneError, match="3 laws for"):
+        equilibrium(ops, laws, 0.0, 0.0)
+    with pytest.raises(SceneError, match="index"):
+        equilibrium(ops, laws, 0.0, 0.0, index=np.full(len(ops.w), 7))
+
+
+def test_contact_stiffness_is_the_slope_of_the_law(ops):
+    """The tangent of the next stage: k = -dp/dg element by element."""
+    law = exponential_law(10e6, 10e-6)
+    eq = equilibrium(ops, law, 0.0, 0.5)
+    h = 1e-9
+    slope = (law.pressure(eq.g - h) - law.pressure(eq.g + h)) / (2 * h)
+    assert eq.k == pytest.approx(slope, rel=1e-6)
+    assert sp.issparse(ops.N)
