@@ -49,6 +49,8 @@ def as_petsc(A: Any) -> PETSc.Mat:
 def relative_residual(K: PETSc.Mat, M: PETSc.Mat, kappa: Complex, X: Complex) -> Array:
     """|K phi - kappa M phi| / |kappa M phi| of each mode, Euclidean norms.
 
+    Of rigid modes, whose kappa is round-off, relative to a millionth of the largest kappa.
+
     Args:
         K: stiffness [N/m].
         M: mass [kg].
@@ -56,5 +58,7 @@ def relative_residual(K: PETSc.Mat, M: PETSc.Mat, kappa: Complex, X: Complex) ->
         X: vectors, shape (dofs, modes).
     """
     KX = product(K, X.real) + 1j * product(K, X.imag)
-    MX = kappa * (product(M, X.real) + 1j * product(M, X.imag))
-    return np.asarray(np.linalg.norm(KX - MX, axis=0) / np.linalg.norm(MX, axis=0))
+    MX = product(M, X.real) + 1j * product(M, X.imag)
+    size = np.maximum(np.abs(kappa), 1e-6 * np.abs(kappa).max(initial=0.0))
+    size = np.maximum(size * np.linalg.norm(MX, axis=0), np.finfo(float).tiny)
+    return np.asarray(np.linalg.norm(KX - kappa * MX, axis=0) / size)

@@ -134,6 +134,7 @@ def test_free_block_has_six_rigid_modes(two_blocks):
     assert "unstable" not in m.verdict
     wanted = np.sqrt(kappa[12:][kappa[12:] < (2 * np.pi * 60e3) ** 2]) / 2 / np.pi
     np.testing.assert_allclose(m.frequency[m.frequency > 100], wanted, rtol=1e-7)
+    assert np.all(m.residual < 1e-6), "of rigid modes too"
 
 
 def test_matrix_of_one_degree_of_freedom():
