@@ -25,7 +25,7 @@ import numpy as np
 import scipy.sparse as sp
 from brake_fenicsx.geometry import disc, pad
 
-from brake_fenicsx.macro import EnrichedGap, displacement, equilibrium
+from brake_fenicsx.macro import EnrichedGap, displacement
 from brake_fenicsx.macro.condensation import (
     Compliance,
     gathered_vector,
@@ -35,6 +35,7 @@ from brake_fenicsx.macro.condensation import (
 )
 from brake_fenicsx.macro.contact import patch_contact
 from brake_fenicsx.macro.elasticity import assemble_elastic
+from brake_fenicsx.macro.equilibrium import equilibrium
 from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.material import Material, isotropic, transversely_isotropic
 from brake_fenicsx.macro.mesh import build_mesh

@@ -7,8 +7,9 @@ import pytest
 from scipy.sparse.linalg import spsolve
 
 from brake_fenicsx.errors import InaccurateResult, NotConverged, Separated
-from brake_fenicsx.macro import EnrichedGap, displacement, equilibrium
+from brake_fenicsx.macro import EnrichedGap, displacement
 from brake_fenicsx.macro.condensation import compliance
+from brake_fenicsx.macro.equilibrium import equilibrium
 from brake_fenicsx.micro import OneLaw, exponential_law, linear_law
 
 pytestmark = pytest.mark.hard

@@ -8,8 +8,9 @@ import pytest
 import scipy.sparse as sp
 from scipy.sparse.linalg import spsolve
 
-from brake_fenicsx.macro import EnrichedGap, displacement, draw_critical_gaps, equilibrium
+from brake_fenicsx.macro import EnrichedGap, displacement, draw_critical_gaps
 from brake_fenicsx.macro.elasticity import assemble_elastic
+from brake_fenicsx.macro.equilibrium import equilibrium
 from brake_fenicsx.macro.gap import separation_density
 from brake_fenicsx.micro import (
     LawRecipe,

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import spsolve
 
-from brake_fenicsx.macro import EnrichedGap, displacement, equilibrium
+from brake_fenicsx.macro import EnrichedGap, displacement
+from brake_fenicsx.macro.equilibrium import equilibrium
 from brake_fenicsx.micro import OneLaw, linear_law
 
 PRESSURE, STIFFNESS = 5e5, 2e13
