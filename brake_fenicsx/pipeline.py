@@ -208,6 +208,8 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
     with this.stage("micro"):
         if not comm.bcast(path.exists(), root=0):
             recipe = law_recipe(scene, stats)
+            for text in recipe.surface(micro.seed, 0).warnings:
+                logger.warning("%s", text)
             progress = Progress("laws", len(range(comm.rank, micro.laws, comm.size)))
             own = {}
             for i in range(comm.rank, micro.laws, comm.size):
@@ -238,7 +240,7 @@ def mechanics(this: Run, stats: SurfaceStatistics | None, library: LawLibrary | 
             "mean_patch_mm": 1e3 * float(np.sqrt(brake.w.mean())),
             "contact_area_mm2": 1e6 * float(brake.w.sum()),
             "uncovered_area_mm2": 1e6 * brake.contact.uncovered,
-            "loads_N": {name: force.tolist() for name, (_, force) in brake.elastic.loads.items()},
+            "pressed_N": brake.pressed,
             "worst_cell_quality": brake.mesh.quality,
         }
         logger.info(
@@ -321,7 +323,7 @@ def describe(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -
 
         size = assemble_brake(parsed, comm).size()
         # Factor, Krylov vectors and interface matrices of one process, as measured.
-        gigabytes = comm.size * (size["dofs"] * 35e3 + 150 * size["contact_elements"] ** 2) / 1e9
+        gigabytes = comm.size * (size["dofs"] * 45e3 + 150 * size["contact_elements"] ** 2) / 1e9
         lines.append(
             f"brake: {size['cells']} cells, {size['dofs']} free dofs,"
             f" {size['contact_elements']} contact elements; about {gigabytes:.1f} GB"

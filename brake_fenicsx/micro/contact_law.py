@@ -100,7 +100,7 @@ def law_steps(
         closed = np.flatnonzero(c * stiffness >= FULL)
         if closed.size:
             p = total[closed[0]] / h.size
-            logger.info("%s: closed at p = %.2g E*; straight law beyond", surface.source, p)
+            logger.debug("%s: closed at p = %.2g E*; straight law beyond", surface.source, p)
             d, total, stiffness = (a[: closed[0] + 1] for a in (d, total, stiffness))
         stiffness = stiffness / np.maximum(1.0 - c * stiffness, 1.0 - FULL)
     falls = np.concatenate([[True], np.diff(d) < -1e-12 * np.abs(d).max()])

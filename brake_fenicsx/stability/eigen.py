@@ -20,6 +20,7 @@ from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
 from brake_fenicsx.macro.condensation import petsc_matrix
 from brake_fenicsx.macro.solver import Factor, local_rows
 
+from .damped import Pencil, damped_modes
 from .modes import Complex, Count, Modes, undamped_rows
 from .operators import as_petsc, relative_residual
 
@@ -56,14 +57,15 @@ def complex_modes(
         The modes, sorted by frequency, one of each conjugate pair.
 
     Raises:
-        SceneError: unknown method, or damping (which this solver does not treat yet).
+        SceneError: unknown method.
         NotConverged: the eigensolver leaves a mode unconverged.
         InaccurateResult: for symmetric K, the inertia count differs from the modes found.
     """
     if method != "full":
         raise SceneError(f"method {method!r}: complex_modes knows 'full'; see Reduced")
     if C is not None:
-        raise SceneError("damping: not available at full order yet; leave it out")
+        matrices = (local_rows(as_petsc(A)).tocsc() for A in (M, C, K))
+        return damped_modes(Pencil(*matrices), band, tolerance, zeta_max)
     start = time.perf_counter()
     K, M = as_petsc(K), as_petsc(M)
     symmetric = _is_symmetric(K)

@@ -1,0 +1,190 @@
+"""Full order with damping: (lambda^2 M + lambda C + K) phi = 0 by complex shifts.
+
+Real PETSc cannot factor at a complex shift, so that SciPy does here: one sparse factorisation of
+lambda^2 M + lambda C + K at each shift on the imaginary axis serves the linearised problem of twice
+the size. Small problems are solved densely. For up to some ten thousand dofs.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import NotConverged
+
+from .modes import Complex, Count, Modes
+
+Array = NDArray[np.float64]
+
+# Up to this size the dense eigenvalues are as quick.
+DENSE = 300
+# Eigenvalues that one shift is asked for first.
+PER_SHIFT = 40
+
+
+@dataclass(frozen=True, slots=True)
+class Pencil:
+    """The matrices, SciPy sparse: M [kg], C [N s/m], K [N/m]."""
+
+    M: sp.csc_matrix
+    C: sp.csc_matrix
+    K: sp.csc_matrix
+
+    def at(self, s: complex) -> sp.csc_matrix:
+        """lambda^2 M + lambda C + K at lambda = s."""
+        return (s**2 * self.M + s * self.C + self.K).tocsc()
+
+    def times(self, s: Complex, X: Complex) -> Complex:
+        """(lambda^2 M + lambda C + K) x for each pair."""
+        return np.asarray(self.M @ (X * s**2) + self.C @ (X * s) + self.K @ X)
+
+    def slope(self, s: Complex, X: Complex) -> Complex:
+        """(2 lambda M + C) x for each pair."""
+        return np.asarray(self.M @ (X * (2 * s)) + self.C @ X)
+
+    @property
+    def transposed(self) -> Pencil:
+        """The transposed matrices, whose right vectors are the conjugate left ones."""
+        return Pencil(self.M.T.tocsc(), self.C.T.tocsc(), self.K.T.tocsc())
+
+
+def damped_modes(
+    pencil: Pencil, band: tuple[float, float], tolerance: float, zeta_max: float
+) -> Modes:
+    """All modes of a band with |alpha| <= zeta_max |lambda|, one of each conjugate pair.
+
+    Args:
+        pencil: the matrices.
+        band: lowest and highest frequency [Hz].
+        tolerance: relative residual of every mode.
+        zeta_max: largest damping ratio looked for.
+
+    Returns:
+        The modes; their number is not proven.
+
+    Raises:
+        NotConverged: a mode misses the tolerance.
+    """
+    start = time.perf_counter()
+    low, high = (2 * np.pi * f for f in band)
+    n = pencil.K.shape[0]
+    if n <= DENSE:
+        s, right, left, used = *_dense(pencil), 1
+    else:
+        s, right, left, used = _covered(pencil, low, high, zeta_max)
+    keep = (np.abs(s.imag) >= low) & (np.abs(s.imag) <= high) & (s.imag > 0)
+    keep &= np.abs(s.real) <= zeta_max * np.abs(s)
+    diverging = (s.imag == 0) & (s.real > 0) & (low <= 0)
+    chosen = np.flatnonzero(keep | diverging)
+    chosen = chosen[np.lexsort((s[chosen].real, s[chosen].imag))]
+    s, right, left = s[chosen], right[:, chosen], _paired(pencil, s, right, left)[:, chosen]
+    residual, error, condition = _checked(pencil, s, right, left)
+    if np.any(residual > tolerance):
+        raise NotConverged(
+            f"damped modes: relative residual {residual.max():.1e}, wanted {tolerance:.0e}"
+        )
+    return Modes(
+        s, right, left, residual, error, condition,
+        Count(s.size, "not counted: damped problem"), used, time.perf_counter() - start,
+        np.zeros(s.size, dtype=bool),
+    )  # fmt: skip
+
+
+def _dense(p: Pencil) -> tuple[Complex, Complex, Complex]:
+    """All eigenvalues by the companion matrix, with right and left vectors."""
+    n = p.K.shape[0]
+    M, C, K = (A.toarray() for A in (p.M, p.C, p.K))
+    A = np.block([[np.zeros((n, n)), np.eye(n)], [-la.solve(M, K), -la.solve(M, C)]])
+    s, left, right = la.eig(A, left=True, right=True)
+    # Of a left vector (y1, y2) of the companion, M^-T y2 is that of the quadratic problem.
+    return s, right[:n], la.solve(M.T.astype(complex), left[n:])
+
+
+def _covered(
+    p: Pencil, low: float, high: float, zeta_max: float
+) -> tuple[Complex, Complex, Complex, int]:
+    """Eigenvalues of the band from as many shifts as its pieces need."""
+    pieces, found, used = [(low, high, PER_SHIFT)], [], 0
+    while pieces:
+        a, b, wanted = pieces.pop()
+        sigma = 0.5j * (a + b) * (1 + 1.234e-7) + 1e-9 * b
+        reach = 1.001 * np.hypot(0.5 * (b - a), zeta_max * b)
+        s, right, left = _nearest(p, sigma, wanted)
+        used += 1
+        covered = float(np.abs(s - sigma).max())
+        if covered < reach and s.size < 2 * p.K.shape[0] - 2:
+            # Halve the piece while it is its length that counts, then ask for more.
+            middle = 0.5 * (a + b)
+            longer = 0.5 * (b - a) > zeta_max * b
+            more = int(1.2 * wanted * reach / covered) + 4
+            pieces += [(a, middle, wanted), (middle, b, wanted)] if longer else [(a, b, more)]
+            continue
+        # Half-open pieces: what lies on a border belongs to the upper one.
+        own = (s.imag >= a) & ((s.imag < b) | (b == high))
+        found.append((s[own], right[:, own], left[:, own]))
+    return (
+        np.concatenate([f[0] for f in found]),
+        np.hstack([f[1] for f in found]),
+        np.hstack([f[2] for f in found]),
+        used,
+    )
+
+
+def _nearest(p: Pencil, sigma: complex, wanted: int) -> tuple[Complex, Complex, Complex]:
+    """The eigenvalues nearest to a shift, with right and left vectors."""
+    lu = spla.splu(p.at(sigma))
+    s, right = _arnoldi(p, lambda b: lu.solve(b), sigma, wanted)
+    t, left = _arnoldi(p.transposed, lambda b: lu.solve(b, "T"), sigma, wanted)
+    nearest = np.abs(s[:, None] - t[None, :]).argmin(axis=1)
+    return s, right, left[:, nearest].conj()
+
+
+def _arnoldi(p: Pencil, solve: object, sigma: complex, wanted: int) -> tuple[Complex, Complex]:
+    """Eigenpairs of the linearisation [x, lambda x] nearest to sigma."""
+    n = p.K.shape[0]
+    damp = (p.C + sigma * p.M).tocsr()
+
+    def apply(b: Complex) -> Complex:
+        x = solve(-(damp @ b[:n]) - p.M @ b[n:])  # type: ignore[operator]
+        return np.concatenate([x, b[:n] + sigma * x])
+
+    operator = spla.LinearOperator((2 * n, 2 * n), matvec=apply, dtype=complex)
+    rng = np.random.default_rng(0)
+    k = min(wanted, 2 * n - 2)
+    try:
+        theta, x = spla.eigs(operator, k, v0=rng.standard_normal(2 * n) + 0j, ncv=min(2 * n, 3 * k))
+    except spla.ArpackNoConvergence as error:
+        raise NotConverged(f"damped modes near {abs(sigma) / 2 / np.pi:.0f} Hz: {error}") from error
+    return sigma + 1 / theta, x[:n] / np.linalg.norm(x[:n], axis=0)
+
+
+def _paired(p: Pencil, s: Complex, right: Complex, left: Complex) -> Complex:
+    """Left vectors biorthogonal to the right ones within clusters of equal eigenvalues."""
+    left = left.copy()
+    order = np.lexsort((s.real, s.imag))
+    gaps = np.abs(np.diff(s[order])) > 1e-7 * np.abs(s[order][1:])
+    for group in np.split(order, np.flatnonzero(gaps) + 1):
+        if group.size > 1:
+            overlap = left[:, group].conj().T @ p.slope(s[group], right[:, group])
+            left[:, group] = left[:, group] @ la.pinv(overlap).conj().T
+    return left
+
+
+def _checked(p: Pencil, s: Complex, right: Complex, left: Complex) -> tuple[Array, Array, Array]:
+    """Relative residual, error [1/s] and condition number of each mode."""
+    r = p.times(s, right)
+    MX = p.M @ right
+    size = np.maximum(np.abs(s) ** 2 * np.linalg.norm(MX, axis=0), np.finfo(float).tiny)
+    residual = np.linalg.norm(r, axis=0) / size
+    overlap = np.einsum("im,im->m", left.conj(), p.slope(s, right))
+    norms = np.einsum("im,im->m", right.conj(), MX).real
+    norms = norms * np.einsum("im,im->m", left.conj(), p.M @ left).real
+    condition = 2 * np.abs(s) * np.sqrt(norms) / np.abs(overlap)
+    first = np.abs(np.einsum("im,im->m", left.conj(), r) / overlap)
+    return residual, first + 1e-11 * condition * np.abs(s).max(initial=0.0), condition
