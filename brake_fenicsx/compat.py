@@ -49,18 +49,6 @@ def geometry_dofs(mesh: Any) -> np.ndarray:
     return dofs if isinstance(dofs, np.ndarray) else dofs.array.reshape(-1, dofs.offsets[1])
 
 
-def entities_to_geometry(mesh: Any, dim: int, entities: np.ndarray) -> np.ndarray:
-    """Geometry nodes of the vertices of mesh entities, shape (entities, vertices)."""
-    if hasattr(dolfinx.mesh, "entities_to_geometry"):
-        return dolfinx.mesh.entities_to_geometry(mesh, dim, entities)
-    return dolfinx.cpp.mesh.entities_to_geometry(mesh, dim, entities, False)
-
-
-def cell_permutation_free(mesh: Any) -> bool:
-    """Whether degree-2 Lagrange dofs need no permutation: one dof per edge, always true there."""
-    return bool(mesh.topology.dim == 3)
-
-
 def petsc_scalar_is_real() -> bool:
     """Whether PETSc was built for real scalars, as the program needs."""
     return not np.issubdtype(PETSc.ScalarType, np.complexfloating)

@@ -15,6 +15,7 @@ from petsc4py import PETSc
 import numpy as np
 import ufl
 from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
 from numpy.typing import NDArray
 
 from brake_fenicsx import compat
@@ -82,7 +83,6 @@ class FreeDofs:
         Returns:
             Shape (local dofs with ghosts, ...), the same on every process that shares a dof.
         """
-        bs = self.V.dofmap.index_map_bs
         full = np.zeros((self.column.size, *x.shape[1:]), dtype=x.dtype)
         full[self.local] = x
         parts = full.reshape(self.column.size, -1)
@@ -92,7 +92,6 @@ class FreeDofs:
                 f.x.array[:] = view[:, k]
                 f.x.scatter_forward()
                 view[:, k] = f.x.array
-        del bs
         return full
 
 
@@ -179,6 +178,11 @@ def assemble_elastic(
     Raises:
         SceneError: a layer without material, or an unknown face.
     """
+    if not compat.petsc_scalar_is_real():
+        raise SceneError(
+            "PETSc is built for complex numbers: use the real build (python3-dolfinx-real on"
+            " Debian; PETSC_DIR names it)"
+        )
     V = compat.vector_space(mesh.domain, degree)
     free = free_dofs(mesh, V, supports)
     u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
@@ -192,9 +196,9 @@ def assemble_elastic(
         rho = fem.Constant(mesh.domain, PETSc.ScalarType(materials[layer].rho))
         if K is None:
             whole = fem.form(mass_form(u, v, rho, ufl.Measure("dx", domain=mesh.domain)))
-            K, M = fem.petsc.create_matrix(whole), fem.petsc.create_matrix(whole)
-        fem.petsc.assemble_matrix(K, fem.form(stiffness_form(u, v, C, dx)))
-        fem.petsc.assemble_matrix(M, fem.form(mass_form(u, v, rho, dx)))
+            K, M = fem_petsc.create_matrix(whole), fem_petsc.create_matrix(whole)
+        fem_petsc.assemble_matrix(K, fem.form(stiffness_form(u, v, C, dx)))
+        fem_petsc.assemble_matrix(M, fem.form(mass_form(u, v, rho, dx)))
     if K is None or M is None:
         raise SceneError("the scene has no part")
     matrices = []
@@ -226,7 +230,7 @@ def _loads(
         tags = compat.meshtags(mesh.domain, 2, facets, 1)
         ds = ufl.Measure("ds", domain=mesh.domain, subdomain_data=tags)(1)
         p = fem.Constant(mesh.domain, PETSc.ScalarType(pressure))
-        b = fem.petsc.assemble_vector(fem.form(pressure_form(v, n, p, ds)))
+        b = fem_petsc.assemble_vector(fem.form(pressure_form(v, n, p, ds)))
         b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         f.array += b.array_r[free.local]
         bs = free.V.dofmap.index_map_bs

@@ -146,13 +146,13 @@ def _nearest(p: Pencil, sigma: complex, wanted: int) -> tuple[Complex, Complex, 
 
 
 def _arnoldi(p: Pencil, solve: object, sigma: complex, wanted: int) -> tuple[Complex, Complex]:
-    """Eigenpairs of the linearisation [x, lambda x] nearest to sigma."""
-    n = p.K.shape[0]
+    """Eigenpairs of the linearisation [x, lambda x / |sigma|] nearest to sigma."""
+    n, scale = p.K.shape[0], abs(sigma)
     damp = (p.C + sigma * p.M).tocsr()
 
     def apply(b: Complex) -> Complex:
-        x = solve(-(damp @ b[:n]) - p.M @ b[n:])  # type: ignore[operator]
-        return np.concatenate([x, b[:n] + sigma * x])
+        x = solve(-(damp @ b[:n]) - scale * (p.M @ b[n:]))  # type: ignore[operator]
+        return np.concatenate([x, (b[:n] + sigma * x) / scale])
 
     operator = spla.LinearOperator((2 * n, 2 * n), matvec=apply, dtype=complex)
     rng = np.random.default_rng(0)
