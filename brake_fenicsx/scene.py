@@ -63,7 +63,7 @@ class Micro:
     nu: float = key(default=0.4054, sign="any")
     tolerance: float = key(default=1e-6)
     max_pressure: float = key(default=0.1)
-    steps: int = key(default=20)
+    steps: int = key(default=40)
     bulk_compliance: str = key(default="remove", choices=("remove", "keep"))
     seed: int = key(default=1, sign="zero")
 
