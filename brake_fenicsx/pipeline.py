@@ -255,7 +255,12 @@ def mechanics(this: Run, stats: SurfaceStatistics | None, library: LawLibrary | 
     with this.stage("samples"):
         study.run()
     with this.stage("results"):
-        study.write(this.facts)
+        results = study.write()
+        this.facts |= results.facts()
+        if "report" in this.scene.stages:
+            from brake_fenicsx.uncertainty.shapes import write_shapes
+
+            write_shapes(study, results)
 
 
 def write_summary(this: Run) -> None:

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 from mpi4py import MPI
@@ -36,6 +35,7 @@ from brake_fenicsx.macro.condensation import (
 )
 from brake_fenicsx.macro.solver import Factor, add_interface, local_rows
 
+from .basis import Basis
 from .lanczos import lowest_modes
 from .modes import Complex, Modes
 from .sample import Sample
@@ -47,35 +47,6 @@ CUTOFF = 1.6
 
 # Interface columns of process 0, which also finds the real modes, relative to the others'.
 FIRST_SHARE = 0.35
-
-
-@dataclass(frozen=True, slots=True)
-class Basis:
-    """What the offline stage leaves behind; all of it dense and small.
-
-    Attributes:
-        Lambda: eigenvalues of the reference [1/s^2], shape (modes,).
-        Phi_N: gaps of its modes, shape (elements, modes).
-        Phi_T: slips of its modes, shape (elements, modes).
-        NN: N R_j N', j = 0, 1, 2, each of shape (elements, elements).
-        NT: N R_j T'.
-        TT: T R_0 T'.
-        compliance: (N K0^-1 N', N K0^-1 T', T K0^-1 T') with the modes.
-        w: areas [m^2].
-        k0: reference stiffness [Pa/m].
-        limit: no mode of the reference below it is missing [1/s^2].
-    """
-
-    Lambda: Array
-    Phi_N: Array
-    Phi_T: Array
-    NN: tuple[Array, ...]
-    NT: tuple[Array, ...]
-    TT: Array
-    compliance: tuple[Array, Array, Array]
-    w: Array
-    k0: Array
-    limit: float
 
 
 class Reduced:

@@ -19,7 +19,6 @@ R_(j+1) <= R_j / limit, since the reference has no mode left below its limit.
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg as la
@@ -27,11 +26,9 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
 
+from .basis import Basis
 from .completeness import Trapezium, count_zeros
 from .modes import Complex, Count, Modes, undamped_rows
-
-if TYPE_CHECKING:
-    from .reduction import Basis
 
 Array = NDArray[np.float64]
 

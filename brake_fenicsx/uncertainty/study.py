@@ -11,7 +11,6 @@ from mpi4py import MPI
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.errors import BrakeError
 from brake_fenicsx.log import Progress, logger
 from brake_fenicsx.macro.brake import Brake
 from brake_fenicsx.macro.braking import reference_stiffness
@@ -23,7 +22,8 @@ from brake_fenicsx.scene import Scene
 from brake_fenicsx.store import Store
 from brake_fenicsx.surface.hdf import HeightDistribution
 
-from .ensemble import Task, run_ensemble, sample_file
+from .ensemble import Task, run_ensemble
+from .results import Results
 from .sampling import SampleInput, draw_sample, is_random
 
 Array = NDArray[np.float64]
@@ -118,7 +118,7 @@ class Study:
         }
 
     def _cached_basis(self) -> Any:
-        from brake_fenicsx.stability.reduction import Basis
+        from brake_fenicsx.stability.basis import Basis
 
         stored = self.store.load("cache/basis.npz")
         if stored is None:
@@ -201,26 +201,16 @@ class Study:
             out["coordinates"] = coordinates.astype(np.complex64)
         return out
 
-    def write(self, facts: dict[str, Any]) -> None:
-        """modes.csv, samples.csv, contact.csv from the stored samples; fields and pictures."""
-        from .results import Results
-
+    def write(self) -> Results:
+        """modes.csv, samples.csv and contact.csv from the stored samples."""
         results = Results(self.store, self.tasks, self.verify)
         if self.comm.rank == 0:
-            write_rows(
-                self.store.path("samples.csv"), results.sample_columns(SAMPLES), results.samples()
-            )
+            path = self.store.path
+            write_rows(path("samples.csv"), results.sample_columns(SAMPLES), results.samples())
             if "stability" in self.scene.stages:
-                write_rows(self.store.path("modes.csv"), MODES, results.modes())
-            write_rows(self.store.path("contact.csv"), CONTACT, results.contact(self.brake.contact))
-            facts |= results.facts()
-        if "report" in self.scene.stages:
-            from .shapes import write_shapes
-
-            try:
-                write_shapes(self, results)
-            except BrakeError as error:
-                logger.warning("fields: %s", error)
+                write_rows(path("modes.csv"), MODES, results.modes())
+            write_rows(path("contact.csv"), CONTACT, results.contact(self.brake.contact))
+        return results
 
 
 def _arrays(modes: Any) -> dict[str, Any]:
@@ -230,6 +220,3 @@ def _arrays(modes: Any) -> dict[str, Any]:
         "damping": modes.damping, "expected": modes.count.expected, "counted": modes.count.how,
         "stability_seconds": modes.seconds,
     }  # fmt: skip
-
-
-__all__ = ["Study", "sample_file"]
