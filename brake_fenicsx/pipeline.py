@@ -333,10 +333,10 @@ def describe(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -
             f"brake: {size['cells']} cells, {size['dofs']} free dofs,"
             f" {size['contact_elements']} contact elements; about {gigabytes:.1f} GB"
         )
-        counts = [
-            f"{parsed.samples.n if a == 'multi-scale' else 1} {a}"
-            for a in parsed.samples.approaches
-        ]
+        from brake_fenicsx.uncertainty.sampling import sample_count
+
+        number = {"multi-scale": sample_count(parsed), "classical": 1}
+        counts = [f"{number[a]} {a}" for a in parsed.samples.approaches]
         lines.append(f"samples: {', '.join(counts)}")
     if comm.rank == 0:
         print("\n".join(lines))

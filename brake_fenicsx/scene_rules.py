@@ -11,6 +11,14 @@ if TYPE_CHECKING:
     from brake_fenicsx.scene import Contact, Scene
 
 
+# Stages that build on another one.
+PREDECESSORS = (
+    ("micro", "surface"),
+    ("stability", "equilibrium"),
+    ("uncertainty", "equilibrium"),
+)
+
+
 def check_consistent(s: Scene) -> None:
     """Refuse scenes whose sections contradict each other.
 
@@ -38,7 +46,7 @@ def _check_stages(s: Scene) -> None:
     for stage, section in sections.items():
         if stage in s.stages and not getattr(s, section):
             raise SceneError(f"stages: {stage!r} needs a section [{section}]")
-    for stage, before in (("micro", "surface"), ("stability", "equilibrium")):
+    for stage, before in PREDECESSORS:
         if stage in s.stages and before not in s.stages:
             raise SceneError(f"stages: {stage!r} needs {before!r}")
     if "surface" in s.stages and s.surface:

@@ -30,7 +30,7 @@ COARSE = [
 ]
 # Several random samples of the block: heights from numbers alone, laws analytic.
 MANY = [
-    "stages=['surface','equilibrium','stability']",
+    "stages=['surface','equilibrium','stability','uncertainty']",
     "surface.statistics={ S_q = '3 um' }",
     "contact.block_plate.gap=hdf",
     "stability.method=reduced",
@@ -55,7 +55,7 @@ def command(scene: Path, out: Path, changes: list[str], n: int = 1) -> list[str]
 def brake(tmp_path_factory):
     """A coarse brake, all stages but the report."""
     out = tmp_path_factory.mktemp("brake") / "out"
-    stages = "stages=['surface','micro','equilibrium','stability']"
+    stages = "stages=['surface','micro','equilibrium','stability','uncertainty']"
     run(SCENES / "disc_brake_demo.toml", MPI.COMM_SELF, out, [*COARSE, stages])
     return out
 
@@ -71,7 +71,7 @@ def test_coarse_brake_is_unstable_with_friction(brake):
 
 
 def test_coarse_brake_is_stable_without_friction(tmp_path):
-    stages = "stages=['surface','micro','equilibrium','stability']"
+    stages = "stages=['surface','micro','equilibrium','stability','uncertainty']"
     no_friction = ["contact.pad_disc.friction=0.0", "samples.classical.friction=0.0"]
     run(SCENES / "disc_brake_demo.toml", MPI.COMM_SELF, tmp_path, [*COARSE, stages, *no_friction])
     modes = rows(tmp_path / "modes.csv")
@@ -245,6 +245,13 @@ def test_failing_sample_is_kept_and_stops_nothing(tmp_path, monkeypatch):
     status = [s["status"] for s in rows(tmp_path / "out" / "samples.csv")]
     assert status == ["ok", "made to fail", "ok"]
     assert {m["sample"] for m in rows(tmp_path / "out" / "modes.csv")} == {"0", "2"}
+
+
+def test_one_sample_without_the_stage_uncertainty(tmp_path):
+    """An ensemble is run only where the scene names it."""
+    stages = "stages=['surface','equilibrium']"
+    run(BLOCK, MPI.COMM_SELF, tmp_path / "out", [*MANY, stages])
+    assert len(rows(tmp_path / "out" / "samples.csv")) == 1
 
 
 def test_friction_may_be_random(tmp_path):

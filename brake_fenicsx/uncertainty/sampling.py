@@ -16,7 +16,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.gap import EnrichedGap, draw_critical_gaps
 from brake_fenicsx.micro import OneLaw, exponential_law, linear_law
 from brake_fenicsx.micro.law import Laws
-from brake_fenicsx.scene import Contact, Distribution, Law, Scene
+from brake_fenicsx.scene import Distribution, Law, Scene
 from brake_fenicsx.surface.hdf import HeightDistribution
 
 Array = NDArray[np.float64]
@@ -119,6 +119,8 @@ def draw(d: Distribution, rng: np.random.Generator) -> float:
     return float(stats.truncnorm.ppf(u, a, b, loc=d.mean, scale=d.sd))
 
 
-def is_random(contact: Contact, scene: Scene) -> bool:
-    """Whether samples of the multi-scale approach differ from each other."""
-    return contact.law == "library" or contact.gap == "hdf" or bool(scene.samples.random)
+def sample_count(scene: Scene) -> int:
+    """Samples of the multi-scale approach: many if the scene names uncertainty and has some."""
+    contact = next(iter(scene.contact.values()))
+    random = contact.law == "library" or contact.gap == "hdf" or bool(scene.samples.random)
+    return scene.samples.n if random and "uncertainty" in scene.stages else 1

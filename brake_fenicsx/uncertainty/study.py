@@ -24,7 +24,7 @@ from brake_fenicsx.surface.hdf import HeightDistribution
 
 from .ensemble import Task, run_ensemble
 from .results import Results
-from .sampling import SampleInput, draw_sample, is_random
+from .sampling import SampleInput, draw_sample, sample_count
 
 Array = NDArray[np.float64]
 
@@ -60,8 +60,7 @@ class Study:
         self.compliance: Compliance | None = None
         self.K, self.M = gathered(brake.K), gathered(brake.M)
         self.steps = max((load.steps for load in scene.loads.values()), default=1)
-        many = is_random(next(iter(scene.contact.values())), scene)
-        count = {"multi-scale": scene.samples.n if many else 1, "classical": 1}
+        count = {"multi-scale": sample_count(scene), "classical": 1}
         self.tasks: list[Task] = [
             (name, k) for name in scene.samples.approaches for k in range(count[name])
         ]
