@@ -133,7 +133,7 @@ def test_results_of_another_scene_are_not_overwritten(tmp_path):
 
     from brake_fenicsx.pipeline import run
 
-    path = _surface_scene(tmp_path, np.random.default_rng(0).standard_normal((32, 32)) * 1e-6)
+    path = _surface_scene(tmp_path, np.random.default_rng(0).standard_normal((128, 128)) * 1e-6)
     run(path, MPI.COMM_SELF, tmp_path / "out")
     with pytest.raises(SceneError, match="another scene"):
         run(path, MPI.COMM_SELF, tmp_path / "out", ["surface.level=none"])
@@ -141,7 +141,7 @@ def test_results_of_another_scene_are_not_overwritten(tmp_path):
 
 def test_surface_only_scene_imports_no_finite_elements(tmp_path):
     """Only what a scene names is imported."""
-    path = _surface_scene(tmp_path, np.random.default_rng(0).standard_normal((32, 32)) * 1e-6)
+    path = _surface_scene(tmp_path, np.random.default_rng(0).standard_normal((128, 128)) * 1e-6)
     code = (
         "import sys; from brake_fenicsx.cli import main;"
         f"assert main(['run', {str(path)!r}, '-o', {str(tmp_path / 'out')!r}]) == 0;"
