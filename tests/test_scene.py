@@ -105,6 +105,15 @@ def test_missing_scene(tmp_path, capsys):
     assert "no such file" in capsys.readouterr().err
 
 
+def rough() -> np.ndarray:
+    """Self-affine heights [m]; white noise would be taken for the instrument's."""
+    n = 128
+    q = np.hypot(np.fft.fftfreq(n)[:, None], np.fft.fftfreq(n)[None, :])
+    q[0, 0] = np.inf
+    white = np.fft.fft2(np.random.default_rng(0).standard_normal((n, n)))
+    return 1e-6 * np.fft.ifft2(white / q**2).real
+
+
 def _surface_scene(folder: Path, heights: np.ndarray) -> Path:
     np.savez(folder / "scan.npz", heights=heights, size=np.array([1e-3, 1e-3]))
     path = folder / "surface.toml"
@@ -133,7 +142,7 @@ def test_results_of_another_scene_are_not_overwritten(tmp_path):
 
     from brake_fenicsx.pipeline import run
 
-    path = _surface_scene(tmp_path, np.random.default_rng(0).standard_normal((128, 128)) * 1e-6)
+    path = _surface_scene(tmp_path, rough())
     run(path, MPI.COMM_SELF, tmp_path / "out")
     with pytest.raises(SceneError, match="another scene"):
         run(path, MPI.COMM_SELF, tmp_path / "out", ["surface.level=none"])
@@ -141,7 +150,7 @@ def test_results_of_another_scene_are_not_overwritten(tmp_path):
 
 def test_surface_only_scene_imports_no_finite_elements(tmp_path):
     """Only what a scene names is imported."""
-    path = _surface_scene(tmp_path, np.random.default_rng(0).standard_normal((128, 128)) * 1e-6)
+    path = _surface_scene(tmp_path, rough())
     code = (
         "import sys; from brake_fenicsx.cli import main;"
         f"assert main(['run', {str(path)!r}, '-o', {str(tmp_path / 'out')!r}]) == 0;"
