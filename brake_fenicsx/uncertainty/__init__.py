@@ -1,1 +1,1 @@
-"""uncertainty."""
+"""Many samples: their random inputs, their runs over processes, their tables."""
