@@ -20,6 +20,9 @@ Array = NDArray[np.float64]
 
 BLOCK = 64
 
+# Room for pivoting [%]; null pivots are detected, not divided by; right-hand sides at once.
+MUMPS = {"mat_mumps_icntl_14": 40, "mat_mumps_icntl_24": 1, "mat_mumps_icntl_27": BLOCK}
+
 
 class Factor:
     """L D L' of a symmetric matrix.
@@ -50,16 +53,20 @@ class Factor:
         pc = self._ksp.getPC()
         pc.setType("cholesky")
         pc.setFactorSolverType("mumps")
-        pc.setFactorSetUpSolverType()
-        F = pc.getFactorMatrix()
-        F.setMumpsIcntl(14, 40)  # room for pivoting [%]
-        F.setMumpsIcntl(24, 1)  # detect null pivots instead of dividing by them
-        F.setMumpsIcntl(27, BLOCK)
-        self._ksp.setFromOptions()
+        # Through the options, so that the user's own come first; ours leave the database again.
+        options = PETSc.Options(prefix)
+        ours = [name for name in MUMPS if not options.hasName(name)]
+        for name in ours:
+            options[name] = MUMPS[name]
         try:
+            self._ksp.setFromOptions()
             self._ksp.setUp()
         except PETSc.Error as error:
             raise InaccurateResult(f"MUMPS cannot factor the matrix: {error}") from error
+        finally:
+            for name in ours:
+                options.delValue(name)
+        F = pc.getFactorMatrix()
         if F.getMumpsInfog(1) < 0:
             raise InaccurateResult(
                 f"MUMPS cannot factor the matrix: INFOG(1) = {F.getMumpsInfog(1)}"

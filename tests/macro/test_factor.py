@@ -1,0 +1,46 @@
+"""The factorisation: its options are the user's first, its failures have names."""
+
+from petsc4py import PETSc
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.macro.condensation import petsc_matrix
+from brake_fenicsx.macro.solver import Factor
+
+
+def chain(ends: float, n: int = 200) -> sp.csr_matrix:
+    """Springs in a row; ends = 2: fixed at both ends, 1: free."""
+    return sp.diags([-1.0, np.r_[ends, 2 * np.ones(n - 2), ends], -1.0], [-1, 0, 1]).tocsr()
+
+
+def test_user_option_wins_and_ours_leave_no_trace():
+    options = PETSc.Options()
+    options["brake_test_mat_mumps_icntl_14"] = 77
+    try:
+        factor = Factor(petsc_matrix(chain(2.0)), "brake_test_")
+        assert factor._F.getMumpsIcntl(14) == 77
+        assert factor._F.getMumpsIcntl(24) == 1
+        assert not options.hasName("brake_test_mat_mumps_icntl_24")
+    finally:
+        options.delValue("brake_test_mat_mumps_icntl_14")
+
+
+def test_block_of_right_hand_sides_is_solved():
+    A = chain(2.0)
+    b = np.random.default_rng(0).standard_normal((200, 150))
+    x = Factor(petsc_matrix(A)).solve(b)
+    assert np.linalg.norm(A @ x - b) < 1e-10 * np.linalg.norm(b)
+
+
+def test_inertia_is_counted():
+    shifted = chain(2.0) - 0.5 * sp.identity(200)
+    exact = 2 - 2 * np.cos(np.pi * np.arange(1, 201) / 201)
+    assert Factor(petsc_matrix(shifted)).negative_pivots == int((exact < 0.5).sum())
+
+
+def test_free_chain_is_singular():
+    with pytest.raises(InaccurateResult, match="singular"):
+        Factor(petsc_matrix(chain(1.0)))
