@@ -13,7 +13,9 @@ from brake_fenicsx.macro.solver import Factor
 
 def chain(ends: float, n: int = 200) -> sp.csr_matrix:
     """Springs in a row; ends = 2: fixed at both ends, 1: free."""
-    return sp.diags([-1.0, np.r_[ends, 2 * np.ones(n - 2), ends], -1.0], [-1, 0, 1]).tocsr()
+    return sp.diags(
+        [-1.0, np.r_[ends, 2 * np.ones(n - 2), ends], -1.0], [-1, 0, 1], shape=(n, n)
+    ).tocsr()
 
 
 def test_user_option_wins_and_ours_leave_no_trace():
