@@ -15,6 +15,8 @@ import dolfinx
 import numpy as np
 from dolfinx import fem
 
+basix: Any = import_module("basix")
+
 
 def vector_space(mesh: Any, degree: int) -> Any:
     """Continuous Lagrange space of vectors on a mesh, of a given degree."""
@@ -47,6 +49,37 @@ def geometry_dofs(mesh: Any) -> np.ndarray:
     """Geometry node of each cell's vertex, shape (cells, nodes)."""
     dofs = mesh.geometry.dofmap
     return dofs if isinstance(dofs, np.ndarray) else dofs.array.reshape(-1, dofs.offsets[1])
+
+
+def cell_name(mesh: Any) -> str:
+    """Name of the mesh's cells, "tetrahedron" or "hexahedron"."""
+    name = mesh.ufl_cell().cellname
+    return str(name() if callable(name) else name)
+
+
+def degree(V: Any) -> int:
+    """Polynomial degree of a space."""
+    found = V.ufl_element().degree
+    return int(found() if callable(found) else found)
+
+
+def facet_vertices(mesh: Any) -> list[list[int]]:
+    """Local vertices of each local facet of a cell."""
+    cell = getattr(basix.CellType, cell_name(mesh))
+    return [list(f) for f in basix.topology(cell)[2]]
+
+
+def triangle_rule(degree: int) -> tuple[np.ndarray, np.ndarray]:
+    """Quadrature on the reference triangle: points, shape (n, 2), and weights of sum 1/2."""
+    x, w = basix.make_quadrature(basix.CellType.triangle, degree)
+    return np.asarray(x), np.asarray(w)
+
+
+def cell_dofs(V: Any, cells: np.ndarray) -> np.ndarray:
+    """Local blocks of dofs of some cells, shape (cells, blocks)."""
+    dofs, width = V.dofmap.list, V.dofmap.dof_layout.num_dofs
+    table = dofs if isinstance(dofs, np.ndarray) else dofs.array.reshape(-1, width)
+    return np.asarray(table[cells], dtype=np.int64)
 
 
 def petsc_scalar_is_real() -> bool:

@@ -33,7 +33,7 @@ from brake_fenicsx.macro.condensation import (
     petsc_matrix,
     reference_factor,
 )
-from brake_fenicsx.macro.contact import patch_contact
+from brake_fenicsx.macro.contact import contact_elements
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.equilibrium import equilibrium
 from brake_fenicsx.macro.friction import Rotation
@@ -71,7 +71,7 @@ def brake(size: float, comm: MPI.Comm = MPI.COMM_SELF) -> Case:
     }
     mesh = build_mesh(parts, comm)
     elastic = assemble_elastic(mesh, MATERIALS, SUPPORTS, {"pad.piston": 5e5})
-    contact = patch_contact(mesh, elastic.free, ("pad.friction", "disc.friction"), Rotation(5.0))
+    contact = contact_elements(mesh, elastic.free, ("pad.friction", "disc.friction"), Rotation(5.0))
     return Case(elastic, contact, gathered_vector(elastic.f), time.perf_counter() - start)
 
 

@@ -46,7 +46,7 @@ class TwoBlocks:
         from brake_fenicsx.geometry import block
 
         from brake_fenicsx.macro.condensation import gathered, gathered_vector
-        from brake_fenicsx.macro.contact import patch_contact
+        from brake_fenicsx.macro.contact import contact_elements
         from brake_fenicsx.macro.elasticity import assemble_elastic
         from brake_fenicsx.macro.friction import Translation
         from brake_fenicsx.macro.material import Material, isotropic, transversely_isotropic
@@ -63,7 +63,7 @@ class TwoBlocks:
         loads = {"pad.top": pressure} if pressure else {}
         self.elastic = assemble_elastic(self.mesh, self.materials, supports, loads)
         self.free = self.elastic.free
-        self.contact = patch_contact(
+        self.contact = contact_elements(
             self.mesh, self.free, ("pad.bottom", "plate.top"), Translation(direction, 2.0)
         )
         for name in ("N", "T", "R", "w", "g0"):

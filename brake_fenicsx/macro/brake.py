@@ -16,7 +16,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import MaterialTable, Scene
 
 from .condensation import Compliance, gathered_vector
-from .contact import Contact, join, patch_contact
+from .contact import Contact, contact_elements, join
 from .elasticity import Elastic, assemble_elastic
 from .friction import Motion, Rotation, Translation
 from .material import (
@@ -129,8 +129,14 @@ def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
     loads = {face: load.pressure for face, load in scene.loads.items()}
     elastic = assemble_elastic(mesh, layers, supports, loads)
     motion = scene_motion(scene)
-    faces = [(c.faces[0], c.faces[1], c.search) for c in scene.contact.values()]
-    contact = join([patch_contact(mesh, elastic.free, (a, b), motion, s) for a, b, s in faces])
+    contact = join(
+        [
+            contact_elements(
+                mesh, elastic.free, (c.faces[0], c.faces[1]), motion, c.discretisation, c.search
+            )
+            for c in scene.contact.values()
+        ]
+    )
     pressed = sum(loads[face] * area for face, (area, _) in elastic.loads.items())
     return Brake(mesh, elastic, contact, gathered_vector(elastic.f), float(pressed))
 

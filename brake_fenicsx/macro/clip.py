@@ -10,6 +10,9 @@ Array = NDArray[np.float64]
 # A triangle cut by three half planes has six corners at most.
 CORNERS = 6
 
+# Middles of the edges of the reference triangle.
+MIDDLES = (np.array([[0.5, 0.0], [0.5, 0.5], [0.0, 0.5]]), np.full(3, 1 / 6))
+
 
 def clip_triangles(subject: Array, window: Array) -> tuple[Array, NDArray[np.int64]]:
     """Intersection polygon of each pair of triangles.
@@ -33,23 +36,28 @@ def clip_triangles(subject: Array, window: Array) -> tuple[Array, NDArray[np.int
     return polygon, count
 
 
-def polygon_quadrature(polygon: Array, count: NDArray[np.int64]) -> tuple[Array, Array]:
-    """Points and weights on convex polygons, exact for polynomials of degree two.
+def polygon_quadrature(
+    polygon: Array, count: NDArray[np.int64], rule: tuple[Array, Array] = MIDDLES
+) -> tuple[Array, Array]:
+    """Points and weights on convex polygons, cut into triangles about their first corner.
 
     Args:
         polygon: corners, shape (pairs, 6, 2).
         count: corners that count, shape (pairs,).
+        rule: points on the reference triangle, shape (q, 2), and weights of sum 1/2; edge middles
+            if not given, exact for polynomials of degree two.
 
     Returns:
-        Points, shape (pairs, 12, 2), and weights, shape (pairs, 12), zero where unused.
+        Points, shape (pairs, 4 q, 2), and weights, shape (pairs, 4 q), zero where unused.
     """
     fan = np.arange(1, CORNERS - 1)
     a = np.repeat(polygon[:, :1], fan.size, axis=1)
     b, c = polygon[:, fan], polygon[:, fan + 1]
-    area = 0.5 * np.abs(_cross(b - a, c - a)) * (fan + 1 < count[:, None])
-    points = np.stack([0.5 * (a + b), 0.5 * (b + c), 0.5 * (c + a)], axis=2)
-    weights = np.repeat(area[:, :, None] / 3, 3, axis=2)
-    shape = (len(polygon), 3 * fan.size)
+    twice = np.where(fan + 1 < count[:, None], np.abs(_cross(b - a, c - a)), 0.0)
+    x, w = rule
+    points: Array = a[:, :, None] + x[:, :1] * (b - a)[:, :, None] + x[:, 1:] * (c - a)[:, :, None]
+    weights: Array = twice[:, :, None] * w
+    shape = (len(polygon), fan.size * len(w))
     return points.reshape(*shape, 2), weights.reshape(shape)
 
 
@@ -68,23 +76,6 @@ def barycentric(x: Array, triangle: Array) -> Array:
     first = _cross(b - x, c - x) / twice
     second = _cross(c - x, a - x) / twice
     return np.stack([first, second, 1 - first - second], axis=2)
-
-
-def shape_functions(bary: Array) -> Array:
-    """Quadratic Lagrange functions on a triangle: corners, then middles of edges 12, 02, 01.
-
-    Args:
-        bary: barycentric coordinates, shape (..., 3).
-
-    Returns:
-        Shape (..., 6).
-    """
-    corner = bary * (2 * bary - 1)
-    edge = 4 * np.stack(
-        [bary[..., 1] * bary[..., 2], bary[..., 0] * bary[..., 2], bary[..., 0] * bary[..., 1]],
-        axis=-1,
-    )
-    return np.concatenate([corner, edge], axis=-1)
 
 
 def _cross(a: Array, b: Array) -> Array:

@@ -1,7 +1,8 @@
 """A named face of the distributed mesh, gathered on every process in one order.
 
 The order and the corners' order come from the mesh generator's node numbers, so that nothing
-depends on how the mesh was distributed.
+depends on how the mesh was distributed. Facets are isoparametric in the displacement's nodes, which
+holds geometries of the same or of a lower degree exactly.
 """
 
 from __future__ import annotations
@@ -12,40 +13,69 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx import compat
+from brake_fenicsx.errors import InaccurateResult
 
 from .elasticity import FreeDofs, face_tag
+from .facet import FacetElement
 from .mesh import Mesh
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
 class Face:
-    """Triangular facets with quadratic displacement.
+    """Facets with the nodes of the displacement.
 
     Attributes:
-        corners: corner positions [m], shape (facets, 3, 3).
-        normal: outward unit normals, shape (facets, 3).
-        area: areas [m^2], shape (facets,).
-        columns: free number of each dof, -1 where held, shape (facets, 6, 3): corners, then
-            middles of the edges opposite to corners 0, 1, 2.
+        element: the reference facet.
+        nodes: node positions [m], shape (facets, nodes, 3).
+        normal: outward unit normals of the planes through the corners, shape (facets, 3).
+        turn: +1 where the cross product of the reference directions points outward, else -1.
+        columns: free number of each dof, -1 where held, shape (facets, nodes, 3).
+        number: number of each node in the mesh, shape (facets, nodes).
+        straight: whether the facet is plane with straight edges, shape (facets,).
     """
 
-    corners: Array
+    element: FacetElement
+    nodes: Array
     normal: Array
-    area: Array
-    columns: NDArray[np.int64]
+    turn: Array
+    columns: Index
+    number: Index
+    straight: NDArray[np.bool_]
+
+    @property
+    def corners(self) -> Array:
+        """Corners [m], shape (facets, corners, 3)."""
+        return self.nodes[:, : self.element.corners]
 
     @property
     def centre(self) -> Array:
-        """Centres [m], shape (facets, 3)."""
+        """Means of the corners [m], shape (facets, 3)."""
         return np.asarray(self.corners.mean(axis=1))
 
     @property
     def radius(self) -> Array:
-        """Largest distance of a corner from the centre [m], shape (facets,)."""
-        away = self.corners - self.centre[:, None]
+        """Largest distance of a node from the centre [m], shape (facets,)."""
+        away = self.nodes - self.centre[:, None]
         return np.asarray(np.linalg.norm(away, axis=2).max(axis=1))
+
+    def surface(self, facet: Index, x: Array) -> tuple[Array, Array, Array]:
+        """Positions, outward unit normals and area ratios at reference points of some facets.
+
+        Args:
+            facet: facets, shape (n,).
+            x: reference points, shape (n, points, 2).
+
+        Returns:
+            Positions [m] and normals, shape (n, points, 3), and area per reference area [m^2].
+        """
+        position = np.einsum("fqa,fac->fqc", self.element.shape(x), self.nodes[facet])
+        tangent = np.einsum("fqad,fac->fqdc", self.element.gradient(x), self.nodes[facet])
+        cross = np.cross(tangent[:, :, 0], tangent[:, :, 1]) * self.turn[facet][:, None, None]
+        ratio = np.linalg.norm(cross, axis=-1)
+        return position, cross / ratio[..., None], ratio
 
 
 def gather_face(mesh: Mesh, free: FreeDofs, face: str) -> Face:
@@ -53,31 +83,80 @@ def gather_face(mesh: Mesh, free: FreeDofs, face: str) -> Face:
 
     Args:
         mesh: the tagged mesh.
-        free: numbering of the free dofs of a space of degree 2.
+        free: numbering of the free dofs.
         face: name of the face.
 
     Returns:
         The face, identical on every process.
     """
-    parts = mesh.domain.comm.allgather(_local_facets(mesh, free, face_tag(mesh, face, "contact")))
-    key, corners, apex, columns = map(np.concatenate, zip(*parts, strict=True))
+    element = FacetElement(
+        3 if compat.cell_name(mesh.domain) == "tetrahedron" else 4, compat.degree(free.V)
+    )
+    local = _local_facets(mesh, free, face_tag(mesh, face, "contact"))
+    key, corners, inside, x, columns, number = map(
+        np.concatenate, zip(*mesh.domain.comm.allgather(local), strict=True)
+    )
     order = np.lexsort(np.sort(key, axis=1).T[::-1])
-    key, corners, apex, columns = key[order], corners[order], apex[order], columns[order]
-    turn = np.argsort(key, axis=1)
-    corners = np.take_along_axis(corners, turn[:, :, None], axis=1)
-    # Corner a and the middle of the edge opposite to it keep the same place.
-    columns = np.take_along_axis(columns, np.hstack([turn, turn + 3])[:, :, None], axis=1)
-    cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    key, corners, inside, x, columns, number = (
+        a[order] for a in (key, corners, inside, x, columns, number)
+    )
+    corners = np.take_along_axis(corners, _cyclic(key)[:, :, None], axis=1)
+    place = _match(element, corners, x)
+    x = np.take_along_axis(x, place[:, :, None], axis=1)
+    columns = np.take_along_axis(columns, place[:, :, None], axis=1)
+    number = np.take_along_axis(number, place, axis=1)
+    ends = (corners[:, 1] - corners[:, 0], corners[:, -1] - corners[:, 0])
+    if element.corners == 4:
+        ends = (corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])
+    cross = np.cross(*ends)
     length = np.linalg.norm(cross, axis=1)
-    inward = np.einsum("ij,ij->i", cross, apex - corners[:, 0]) > 0
-    normal = np.where(inward, -1.0, 1.0)[:, None] * cross / length[:, None]
-    return Face(corners, normal, 0.5 * length, columns)
+    inward = np.einsum("ij,ij->i", cross, inside - corners.mean(axis=1)) > 0
+    turn = np.where(inward, -1.0, 1.0)
+    normal = turn[:, None] * cross / length[:, None]
+    return Face(element, x, normal, turn, columns, number, _straight(element, x, normal))
+
+
+def _cyclic(key: Index) -> Index:
+    """Cyclic order that starts at the smallest number and goes on to its smaller neighbour."""
+    corners = key.shape[1]
+    first = np.argmin(key, axis=1)[:, None]
+    onward = (first + np.arange(corners)) % corners
+    back = (first - np.arange(corners)) % corners
+    following = np.take_along_axis(key, onward[:, [1, -1]], axis=1)
+    return np.where(following[:, :1] < following[:, 1:], onward, back)
+
+
+def _match(element: FacetElement, corners: Array, x: Array) -> Index:
+    """Which of the given nodes stands at each place of the reference facet."""
+    linear = FacetElement(element.corners, 1)
+    expected = np.einsum("na,fac->fnc", linear.shape(element.nodes), corners)
+    distance = np.linalg.norm(expected[:, :, None] - x[:, None], axis=3)
+    place: Index = np.asarray(distance.argmin(axis=2))
+    if np.any(np.sort(place, axis=1) != np.arange(len(element.nodes))):
+        raise InaccurateResult("contact: a facet is too distorted to tell its nodes apart; refine")
+    return place
+
+
+def _straight(element: FacetElement, x: Array, normal: Array) -> NDArray[np.bool_]:
+    """Whether facets are plane with straight edges, to 1e-9 of their size."""
+    linear = FacetElement(element.corners, 1)
+    corners = x[:, : element.corners]
+    expected = np.einsum("na,fac->fnc", linear.shape(element.nodes), corners)
+    size = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1)
+    bent = np.linalg.norm(expected - x, axis=2).max(axis=1)
+    height = np.einsum("fac,fc->fa", corners - corners[:, :1], normal)
+    return np.asarray(np.maximum(bent, np.abs(height).max(axis=1)) < 1e-9 * size)
 
 
 def _local_facets(
     mesh: Mesh, free: FreeDofs, tag: int
-) -> tuple[NDArray[np.int64], Array, Array, NDArray[np.int64]]:
-    """Facets owned here: node numbers of the generator, corners, opposite corner, dof columns."""
+) -> tuple[Index, Array, Array, Array, Index, Index]:
+    """Facets owned here.
+
+    Returns:
+        Node numbers of the generator and corners, middle of the cell, and of each displacement
+        node the position, the dof columns and the number.
+    """
     domain = mesh.domain
     topology, dim = domain.topology, domain.topology.dim
     topology.create_connectivity(dim - 1, dim)
@@ -87,17 +166,22 @@ def _local_facets(
     facets = facets[facets < topology.index_map(dim - 1).size_local]
     nodes, x = compat.geometry_dofs(domain), domain.geometry.x
     generator = np.asarray(domain.geometry.input_global_indices)
-    columns = free.column.reshape(-1, 3)
-    key = np.empty((facets.size, 3), dtype=np.int64)
-    corners, apex = np.empty((facets.size, 3, 3)), np.empty((facets.size, 3))
-    dofs = np.empty((facets.size, 6, 3), dtype=np.int64)
-    for k, facet in enumerate(facets):
-        cell = to_cell.links(facet)[0]
-        # In a tetrahedron facet i lies opposite to corner i.
-        i = int(np.flatnonzero(to_facet.links(cell) == facet)[0])
-        local = [a for a in range(4) if a != i]
-        key[k], corners[k] = generator[nodes[cell, local]], x[nodes[cell, local]]
-        apex[k] = x[nodes[cell, i]]
-        closure = free.V.dofmap.dof_layout.entity_closure_dofs(dim - 1, i)
-        dofs[k] = columns[free.V.dofmap.cell_dofs(cell)[closure]]
-    return key, corners, apex, dofs
+    columns, position = free.column.reshape(-1, 3), free.V.tabulate_dof_coordinates()
+    index_map, layout = free.V.dofmap.index_map, free.V.dofmap.dof_layout
+    # Corners of a quadrilateral come in tensor order.
+    ends = [f if len(f) == 3 else [f[0], f[1], f[3], f[2]] for f in compat.facet_vertices(domain)]
+    closure = np.array([layout.entity_closure_dofs(dim - 1, i) for i in range(len(ends))])
+    cells = np.array([to_cell.links(f)[0] for f in facets], dtype=np.int64)
+    place = np.array(
+        [np.flatnonzero(to_facet.links(c) == f)[0] for c, f in zip(cells, facets, strict=True)],
+        dtype=np.int64,
+    )
+    corner = nodes[cells[:, None], np.array(ends)[place]]
+    every = compat.cell_dofs(free.V, cells)
+    dofs = np.take_along_axis(every, closure[place], axis=1)
+    inside = x[nodes[cells]].mean(axis=1)
+    number = index_map.local_to_global(dofs.reshape(-1).astype(np.int32)).reshape(dofs.shape)
+    return (
+        generator[corner], x[corner], inside, position[dofs], columns[dofs],
+        number.astype(np.int64),
+    )  # fmt: skip

@@ -11,8 +11,8 @@ from brake_fenicsx.macro.clip import (
     barycentric,
     clip_triangles,
     polygon_quadrature,
-    shape_functions,
 )
+from brake_fenicsx.macro.facet import FacetElement
 
 
 def cross(a, b):
@@ -125,13 +125,6 @@ def test_batches_do_not_mix():
     assert np.count_nonzero(together) > 50
 
 
-def test_shape_functions_are_those_of_the_six_nodes():
-    """One at their own node, zero at others; catches middles of edges in another order."""
-    corners = np.eye(3)
-    middles = 0.5 * (corners[[1, 0, 0]] + corners[[2, 2, 1]])
-    np.testing.assert_allclose(shape_functions(np.vstack([corners, middles])), np.eye(6))
-
-
 @given(seed=st.integers(0, 10**6))
 @settings(max_examples=30, deadline=None)
 def test_interpolation_reproduces_quadratics(seed):
@@ -148,4 +141,5 @@ def test_interpolation_reproduces_quadratics(seed):
     bary = barycentric(x, t[None])
     np.testing.assert_allclose(bary @ t, x, atol=1e-12)
     scale = np.abs(bary).max() ** 2
-    np.testing.assert_allclose(shape_functions(bary) @ f(nodes), f(x), atol=1e-12 * scale)
+    shape = FacetElement(3, 2).shape(bary[..., 1:])
+    np.testing.assert_allclose(shape @ f(nodes), f(x), atol=1e-12 * scale)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.macro.contact import join, patch_contact
+from brake_fenicsx.macro.contact import contact_elements, join
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.friction import Rotation, Translation, slip_frame
 from brake_fenicsx.macro.material import Material, isotropic
@@ -129,9 +129,9 @@ def test_faces_without_partner_are_an_error(two_blocks):
     s = two_blocks("loose")
     sliding = Translation((1.0, 0, 0), 1.0)
     with pytest.raises(SceneError, match="nowhere opposite"):
-        patch_contact(s.mesh, s.free, ("pad.top", "plate.top"), sliding)
+        contact_elements(s.mesh, s.free, ("pad.top", "plate.top"), sliding)
     with pytest.raises(SceneError, match=r"no face 'pad.friction'.*pad.bottom"):
-        patch_contact(s.mesh, s.free, ("pad.friction", "plate.top"), sliding)
+        contact_elements(s.mesh, s.free, ("pad.friction", "plate.top"), sliding)
 
 
 def test_search_reaches_across_a_wide_gap(comm):
@@ -148,8 +148,8 @@ def test_search_reaches_across_a_wide_gap(comm):
     free = assemble_elastic(mesh, dict.fromkeys(mesh.layers, steel), {}, {}).free
     faces, sliding = ("pad.bottom", "plate.top"), Translation((1.0, 0, 0), 1.0)
     with pytest.raises(SceneError, match="nowhere opposite"):
-        patch_contact(mesh, free, faces, sliding)
-    found = patch_contact(mesh, free, faces, sliding, search=30e-3)
+        contact_elements(mesh, free, faces, sliding)
+    found = contact_elements(mesh, free, faces, sliding, reach=30e-3)
     np.testing.assert_allclose(found.g0, 30e-3, rtol=1e-12)
     assert found.w.sum() == pytest.approx(16e-6, rel=1e-12)
 
@@ -196,14 +196,14 @@ def brake_contact():
     mesh = build_mesh(parts, comm)
     steel = Material(isotropic(2e11, 0.3), 7800.0)
     free = assemble_elastic(mesh, dict.fromkeys(mesh.layers, steel), {}, {}).free
-    contact = patch_contact(mesh, free, ("pad.friction", "disc.friction"), Rotation(5.0))
+    contact = contact_elements(mesh, free, ("pad.friction", "disc.friction"), Rotation(5.0))
     return mesh, free, contact
 
 
 def test_join_stacks_in_order(two_blocks):
     """Two interfaces as one: catches an order that differs between operators and areas."""
     s = two_blocks("loose")
-    one, two = s.contact, patch_contact(
+    one, two = s.contact, contact_elements(
         s.mesh, s.free, ("plate.top", "pad.bottom"), Translation((0, 1.0, 0), 3.0)
     )  # fmt: skip
     both = join([one, two])
