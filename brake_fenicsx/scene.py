@@ -104,14 +104,23 @@ class Law:
 
 
 @dataclass(frozen=True, slots=True)
+class Friction:
+    """[contact.NAME.friction]: kinetic + (static - kinetic) exp(-V / decay) at sliding speed V."""
+
+    static: float = key(sign="zero")
+    kinetic: float = key(sign="zero")
+    decay: float = key("m/s")
+
+
+@dataclass(frozen=True, slots=True)
 class Contact:
     """[contact.NAME]: an interface between two faces, the pad's first."""
 
     faces: tuple[str, ...]
     law: str | Law = "library"
-    discretisation: str = key(default="patch", choices=("patch",))
+    discretisation: str = key(default="patch", choices=("patch", "quadrature", "node"))
     gap: str = key(default="none", choices=("none", "hdf"))
-    friction: float = key(default=0.0, sign="zero")
+    friction: float | Friction = key(default=0.0, sign="zero")  # noqa: RUF009
     friction_in_equilibrium: bool = True
     search: float | None = key("m", default=None)
 

@@ -27,16 +27,17 @@ def check_consistent(s: Scene) -> None:
     """
     _check_stages(s)
     _check_parts(s)
-    if len(s.contact) > 1:
-        raise SceneError(f"contact: {len(s.contact)} interfaces; a scene may have one so far")
     for name, contact in s.contact.items():
         _check_contact(s, f"contact.{name}", contact)
     _check_motion(s)
     for name in s.samples.random:
-        if name not in {f"contact.{c}.friction" for c in s.contact}:
+        owner = {f"contact.{c}.friction": table for c, table in s.contact.items()}.get(name)
+        if owner is None:
             raise SceneError(
                 f'samples.random."{name}": only contact.NAME.friction may be random so far'
             )
+        if not isinstance(owner.friction, float | int):
+            raise SceneError(f'samples.random."{name}": {name} is a table; write one number there')
 
 
 def _check_stages(s: Scene) -> None:

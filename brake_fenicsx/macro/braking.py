@@ -31,7 +31,7 @@ def equilibrium(
     ops: Brake,
     laws: Law | Laws | Sequence[Law],
     g_cr: ArrayLike,
-    mu: float,
+    mu: float | Array,
     index: Index | None = None,
     steps: int = 1,
     comm: MPI.Comm | None = None,
@@ -43,7 +43,7 @@ def equilibrium(
             none, and kept by the caller's ``with_compliance`` for many equilibria.
         laws: one law for all elements, one per element, or a library.
         g_cr: critical gap of each element, or of all [m].
-        mu: friction coefficient, 0 for an equilibrium without friction.
+        mu: friction coefficient, one or one per element; 0 for an equilibrium without friction.
         index: number of each element's law in a library; element i takes law i if not given.
         steps: equal load steps.
         comm: processes that share the compliance; this process alone if None.

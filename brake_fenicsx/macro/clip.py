@@ -55,10 +55,11 @@ def polygon_quadrature(
     b, c = polygon[:, fan], polygon[:, fan + 1]
     twice = np.where(fan + 1 < count[:, None], np.abs(_cross(b - a, c - a)), 0.0)
     x, w = rule
-    points: Array = a[:, :, None] + x[:, :1] * (b - a)[:, :, None] + x[:, 1:] * (c - a)[:, :, None]
+    along, across = (v[:, :, None] for v in (b - a, c - a))
+    points = a[:, :, None] + x[:, :1] * along + x[:, 1:] * across
     weights: Array = twice[:, :, None] * w
     shape = (len(polygon), fan.size * len(w))
-    return points.reshape(*shape, 2), weights.reshape(shape)
+    return np.asarray(points.reshape(*shape, 2), float), weights.reshape(shape)
 
 
 def barycentric(x: Array, triangle: Array) -> Array:

@@ -21,9 +21,9 @@ Complex = NDArray[np.complex128]
 
 
 def tangent(
-    K: PETSc.Mat, N: sp.csr_matrix, T: sp.csr_matrix, w: Array, k: Array, mu: float
+    K: PETSc.Mat, N: sp.csr_matrix, T: sp.csr_matrix, w: Array, k: Array, mu: float | Array
 ) -> PETSc.Mat:
-    """K + N'W k N + mu T'W k N; non-symmetric where mu is not zero.
+    """K + N'W k N + T'W mu k N; non-symmetric where mu is not zero.
 
     Args:
         K: elastic stiffness [N/m].
@@ -37,7 +37,7 @@ def tangent(
         A new matrix, distributed like ``K``.
     """
     # The pressures' work on N + mu T, the gaps' change through N.
-    left = (N + mu * T).tocsr() if mu else N
+    left = (N + sp.diags(np.broadcast_to(mu, w.shape)) @ T).tocsr() if np.any(mu) else N
     return add_interface(K, left, w * k, N)
 
 

@@ -146,12 +146,12 @@ class Reduced:
             TT - (Phi_T / Lambda) @ Phi_T.T, (*moments[0], TT), w, k0, limit,
         )  # fmt: skip
 
-    def modes(self, k: Array, mu: float) -> Modes:
+    def modes(self, k: Array, mu: float | Array) -> Modes:
         """Complex modes of one sample in the band.
 
         Args:
             k: contact stiffness of each element [Pa/m], shape (elements,).
-            mu: friction coefficient.
+            mu: friction coefficient, one or one per element.
 
         Returns:
             The modes in coordinates of the reference: ``right`` and ``left`` have one row per kept
@@ -161,14 +161,14 @@ class Reduced:
         start = time.perf_counter()
         return Sample(self.basis, k, mu).modes(self.band, start)
 
-    def expand(self, s: Complex, a: Complex, k: Array, mu: float) -> Complex:
+    def expand(self, s: Complex, a: Complex, k: Array, mu: float | Array) -> Complex:
         """Displacements of some modes of a sample.
 
         Args:
             s: eigenvalues lambda [1/s], shape (chosen,).
             a: their coordinates, columns of ``right``, shape (modes, chosen).
             k: contact stiffness of the sample [Pa/m].
-            mu: its friction coefficient.
+            mu: its friction coefficient, one or one per element.
 
         Returns:
             Shape (dofs, chosen).
@@ -176,7 +176,7 @@ class Reduced:
         kappa = -(s**2)
         g = Sample(self.basis, k, mu).gaps(a, kappa)
         D, dD = self.basis.w * k, self.basis.w * (k - self.basis.k0)
-        force = self.N.T @ (dD[:, None] * g) + mu * (self.T.T @ (D[:, None] * g))
+        force = self.N.T @ (dD[:, None] * g) + self.T.T @ ((mu * D)[:, None] * g)
         rest = total = self._deflated(force)
         for _ in range(2):
             total = rest + self._deflated(kappa * (self.M @ total))

@@ -39,13 +39,13 @@ ZETA_MAX = 0.25
 class Sample:
     """Reduced operators of one contact stiffness and one friction coefficient."""
 
-    def __init__(self, basis: Basis, k: Array, mu: float):
+    def __init__(self, basis: Basis, k: Array, mu: float | Array):
         """Factor the interface problem and expand it in kappa.
 
         Args:
             basis: offline result.
             k: contact stiffness of each element [Pa/m], shape (elements,).
-            mu: friction coefficient.
+            mu: friction coefficient, one or one per element.
         """
         b = self.basis = basis
         self.dD, self.mD = b.w * (k - b.k0), mu * b.w * k

@@ -52,7 +52,7 @@ class Results:
                 zip(map(str, data.get("random_names", ())), data.get("random", ()), strict=True)
             )
             seed = int(data["seed"]) if "seed" in data else None
-            mu = float(data["mu"]) if "mu" in data else None
+            mu = float(np.mean(data["mu"])) if "mu" in data else None
             values = [float(drawn[n]) if n in drawn else None for n in names]
             yield [*task, str(data["status"]), seed, mu, *values]
 

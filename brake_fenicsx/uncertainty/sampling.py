@@ -13,10 +13,14 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.macro.contact import Contact
+from brake_fenicsx.macro.friction import velocity_friction
 from brake_fenicsx.macro.gap import EnrichedGap, draw_critical_gaps
 from brake_fenicsx.micro import OneLaw, exponential_law, linear_law
+from brake_fenicsx.micro.joined import join_laws
 from brake_fenicsx.micro.law import Laws
-from brake_fenicsx.scene import Distribution, Law, Scene
+from brake_fenicsx.scene import Contact as ContactTable
+from brake_fenicsx.scene import Distribution, Friction, Law, Scene
 from brake_fenicsx.surface.hdf import HeightDistribution
 
 Array = NDArray[np.float64]
@@ -29,15 +33,15 @@ class SampleInput:
     Attributes:
         seed: seed of its random numbers.
         laws: law and critical gap of each contact element.
-        mu: friction coefficient.
+        mu: friction coefficient of each contact element, shape (elements,).
         mu_equilibrium: the same in the equilibrium, 0 where the scene leaves friction out there.
         random: random inputs of the scene by name.
     """
 
     seed: int
     laws: EnrichedGap
-    mu: float
-    mu_equilibrium: float
+    mu: Array
+    mu_equilibrium: Array
     random: dict[str, float]
 
 
@@ -51,7 +55,7 @@ def draw_sample(
     scene: Scene,
     approach: str,
     k: int,
-    elements: int,
+    contact: Contact,
     library: Laws | None,
     hdf: HeightDistribution | None,
 ) -> SampleInput:
@@ -62,41 +66,62 @@ def draw_sample(
         approach: "multi-scale" (the contact as the scene writes it) or "classical" (perfect
             contact: a stiff linear penalty, no critical gap, the classical friction).
         k: number of the sample.
-        elements: number of contact elements.
+        contact: contact elements; only their interfaces and sliding speeds are used.
         library: the laws, where the scene asks for them.
         hdf: height distribution, where critical gaps are drawn from it.
 
     Returns:
         The inputs.
     """
-    contact = next(iter(scene.contact.values()))
     seed = sample_seed(scene.samples.seed, k)
-    zero = np.zeros(elements)
-    index = np.zeros(elements, dtype=np.intp)
+    elements = contact.interface.size
+    tables = list(scene.contact.items())
+    in_equilibrium = np.array([t.friction_in_equilibrium for _, t in tables])[contact.interface]
     if approach == "classical":
         classical = scene.samples.classical
-        laws = EnrichedGap(OneLaw(linear_law(classical.penalty)), index, zero)
-        mu = classical.friction
-        return SampleInput(seed, laws, mu, mu * contact.friction_in_equilibrium, {})
+        index = np.zeros(elements, dtype=np.intp)
+        laws = EnrichedGap(OneLaw(linear_law(classical.penalty)), index, np.zeros(elements))
+        mu = np.full(elements, classical.friction)
+        return SampleInput(seed, laws, mu, mu * in_equilibrium, {})
     # Each kind of draw has its own child, so that naming one does not change the others.
     children = np.random.SeedSequence(seed).spawn(3)
     law_rng, gap_rng, random_rng = (np.random.default_rng(child) for child in children)
-    chosen = library
-    if isinstance(contact.law, Law):
-        chosen = analytic_law(contact.law)
-    elif library is not None:
-        index = law_rng.integers(0, len(library), elements).astype(np.intp)
-    if chosen is None:
-        raise SceneError('contact.law = "library": there is no library; name the stage micro')
-    g_cr = zero
-    if contact.gap == "hdf":
-        if hdf is None:
-            raise SceneError('contact.gap = "hdf": there are no heights; name the stage surface')
-        g_cr = draw_critical_gaps(hdf, elements, gap_rng)
     inputs = {name: draw(d, random_rng) for name, d in sorted(scene.samples.random.items())}
-    mu = inputs.get(f"contact.{next(iter(scene.contact))}.friction", contact.friction)
-    laws = EnrichedGap(chosen, index, g_cr)
-    return SampleInput(seed, laws, mu, mu * contact.friction_in_equilibrium, inputs)
+    parts: list[Laws] = []
+    index, g_cr, mu = np.zeros(elements, np.intp), np.zeros(elements), np.zeros(elements)
+    for i, (name, table) in enumerate(tables):
+        own = contact.interface == i
+        chosen, numbers = _laws(table, library, int(own.sum()), law_rng)
+        index[own] = numbers + sum(len(part) for part in parts)
+        parts.append(chosen)
+        if table.gap == "hdf":
+            if hdf is None:
+                raise SceneError(
+                    f'contact.{name}.gap = "hdf": there are no heights; name the stage surface'
+                )
+            g_cr[own] = draw_critical_gaps(hdf, int(own.sum()), gap_rng)
+        value = inputs.get(f"contact.{name}.friction", table.friction)
+        mu[own] = coefficient(value, contact.speed[own])
+    laws = EnrichedGap(join_laws(parts), index, g_cr)
+    return SampleInput(seed, laws, mu, mu * in_equilibrium, inputs)
+
+
+def _laws(
+    table: ContactTable, library: Laws | None, elements: int, rng: np.random.Generator
+) -> tuple[Laws, NDArray[np.intp]]:
+    """Laws of one interface, and the number of each element's."""
+    if isinstance(table.law, Law):
+        return analytic_law(table.law), np.zeros(elements, dtype=np.intp)
+    if library is None:
+        raise SceneError('contact.law = "library": there is no library; name the stage micro')
+    return library, rng.integers(0, len(library), elements).astype(np.intp)
+
+
+def coefficient(friction: float | Friction, speed: Array) -> Array:
+    """Friction coefficient of contact elements that slide at some speeds [m/s]."""
+    if isinstance(friction, Friction):
+        return velocity_friction(speed, friction.static, friction.kinetic, friction.decay)[0]
+    return np.full(speed.shape, float(friction))
 
 
 def analytic_law(law: Law) -> OneLaw:
@@ -121,6 +146,7 @@ def draw(d: Distribution, rng: np.random.Generator) -> float:
 
 def sample_count(scene: Scene) -> int:
     """Samples of the multi-scale approach: many if the scene names uncertainty and has some."""
-    contact = next(iter(scene.contact.values()))
-    random = contact.law == "library" or contact.gap == "hdf" or bool(scene.samples.random)
+    tables = scene.contact.values()
+    rough = any(c.law == "library" or c.gap == "hdf" for c in tables)
+    random = rough or bool(scene.samples.random)
     return scene.samples.n if random and "uncertainty" in scene.stages else 1

@@ -57,7 +57,7 @@ def write_shapes(study: Study, results: Results) -> None:
 def _displacement(study: Study, data: dict[str, Any]) -> NDArray:
     """Displacement of a stored equilibrium."""
     zero: tuple[Any, ...] = ((0,), 0.0, (), 0.0)
-    mu = float(data["mu_equilibrium"])
+    mu = data["mu_equilibrium"]
     eq = Equilibrium(data["g"], data["p"], data["k"], mu, *zero)
     ops = _Operators(study)
     return displacement(ops, eq, study.brake.f)
@@ -81,4 +81,4 @@ def _unstable(study: Study, task: Task, data: dict[str, Any]) -> tuple[NDArray, 
         column = {int(m): j for j, m in enumerate(data["vector_mode"])}
         return chosen, data["vectors"][:, [column[int(i)] for i in chosen]].astype(complex)
     s, a = data["s"][chosen], data["coordinates"][:, chosen].astype(complex)
-    return chosen, study.reduced.expand(s, a, data["k"], float(data["mu"]))
+    return chosen, study.reduced.expand(s, a, data["k"], data["mu"])

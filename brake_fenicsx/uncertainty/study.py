@@ -172,7 +172,7 @@ class Study:
         return self.brake.g0
 
     def _draw(self, approach: str, k: int) -> SampleInput:
-        return draw_sample(self.scene, approach, k, len(self.brake.w), self.library, self.hdf)
+        return draw_sample(self.scene, approach, k, self.brake.contact, self.library, self.hdf)
 
     def _reduced(self, eq: Equilibrium, sample: SampleInput) -> dict[str, Any]:
         return _arrays(modes := self.reduced.modes(eq.k, sample.mu)) | {
@@ -188,7 +188,7 @@ class Study:
             return {}
         K = tangent(self.K, b.N, b.T, b.w, eq.k, sample.mu)
         band = (stability.band[0], stability.band[1])
-        smooth = tangent(self.K, b.N, b.T, b.w, eq.k, 0.0) if sample.mu else None
+        smooth = tangent(self.K, b.N, b.T, b.w, eq.k, 0.0) if np.any(sample.mu) else None
         modes = complex_modes(
             self.M, None, K, band, zeta_max=stability.zeta_max, frictionless=smooth
         )

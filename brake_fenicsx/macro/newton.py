@@ -1,0 +1,174 @@
+"""Newton's iteration for contact with enriched laws, on whatever solves the linearised system.
+
+A state is (g, t): the gaps and the pressures t that hold the bodies there; at equilibrium
+t = p(g). The residual of the full system is (N + mu T)'W (t - p(g)): the line search and the
+stopping rule need no solve.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import NotConverged, Separated
+
+from .gap import EnrichedGap
+
+Array = NDArray[np.float64]
+State = tuple[Array, Array]
+
+# Springs that hold open elements far from equilibrium, over the stiffness of the interface.
+HOLD = 0.03
+
+
+class System(Protocol):
+    """The bodies between loads and contact elements."""
+
+    @property
+    def w(self) -> Array:
+        """Areas of the contact elements [m^2]."""
+
+    def linear(self, load: float, a: Array, k: Array) -> Array:
+        """Gaps [m] under a share of the loads when the contact pressures are a - k g."""
+
+    def carried(self) -> tuple[float, float]:
+        """Force [N] that the contact carries under the full loads, and a stiffness [Pa/m]."""
+
+    def norm(self, pressure: Array) -> float:
+        """Norm of the nodal forces of some contact pressures."""
+
+
+@dataclass(frozen=True, slots=True)
+class Newton:
+    """Newton's iteration with line search, for one set of laws.
+
+    Attributes:
+        system: the bodies.
+        laws: law and critical gap of every element.
+        most: iterations allowed at one load.
+    """
+
+    system: System
+    laws: EnrichedGap
+    most: int
+
+    def ramp(self, steps: int, tolerance: float) -> tuple[State, list[int], list[float]]:
+        """Equilibrium under loads that grow in equal steps.
+
+        Args:
+            steps: number of load steps.
+            tolerance: relative residual of the last step.
+
+        Returns:
+            The state, iterations of each step, residuals of the last one.
+
+        Raises:
+            Separated: the loads pull the bodies apart.
+            NotConverged: the iteration stalls.
+        """
+        state, hold = self._first_state(1.0 / steps)
+        counts, history = [], [np.inf]
+        for step in range(1, steps + 1):
+            wanted = tolerance if step == steps else 1e-3
+            with np.errstate(over="ignore", invalid="ignore"):
+                state, history = self._iterate(state, step / steps, wanted, hold)
+            counts.append(len(history) - 1)
+        return state, counts, history
+
+    def _first_state(self, load: float) -> tuple[State, float]:
+        """Linear springs carry the first load; their common level is where the laws agree.
+
+        They are as stiff as the laws are there: softer ones let friction tilt a body without
+        bound. A common shift of a floating body costs nothing: it starts at first touch.
+        """
+        w, laws = self.system.w, self.laws
+        level, carried, usual = self._balanced_level(load)
+        ones = np.ones(len(w))
+        mean = float(np.sum(w * laws.stiffness(level * ones)) / np.sum(w))
+        k = (mean if mean > 0 else usual) * ones
+        free_of_load = level + carried / np.sum(w * k)
+        g = self.system.linear(load, k * free_of_load, k)
+        # Secant stiffness of the interface: its mean pressure over the scatter of first touch.
+        scatter = float(laws.first_touch().std())
+        secant = carried / float(np.sum(w)) / max(scatter, 1e-12)
+        return (g, k * (free_of_load - g)), HOLD * min(0.1 * float(k[0]), secant)
+
+    def _balanced_level(self, load: float) -> tuple[float, float, float]:
+        """Common gap at which the laws carry what the contact must carry, and that force."""
+        w, laws = self.system.w, self.laws
+        force, usual = self.system.carried()
+        carried = force * load
+        if carried <= 0:
+            raise Separated("equilibrium: the loads do not press the contact faces together")
+        first = float(laws.first_touch().max())
+        low, high = first - 1e-9, first
+        ones = np.ones(len(w))
+        for _ in range(200):
+            if np.sum(w * laws.pressure(low * ones)) >= carried:
+                break
+            low = high - 2 * (high - low)
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            enough = np.sum(w * laws.pressure(middle * ones)) >= carried
+            low, high = (middle, high) if enough else (low, middle)
+        return low, carried, usual
+
+    def _iterate(
+        self, state: State, load: float, tolerance: float, hold: float
+    ) -> tuple[State, list[float]]:
+        """Newton's iteration at one load."""
+        g, t = state
+        history = [self._residual(g, t) if load == 1.0 else np.inf]
+        for _ in range(self.most):
+            # Far from equilibrium weak springs hold what no element holds yet; they fade with
+            # the residual, so that the last steps are Newton's.
+            p = self.laws.pressure(g)
+            k = self.laws.stiffness(g) + hold * min(history[-1], 1.0)
+            g_new = self.system.linear(load, p + k * g, k)
+            t_new = p - k * (g_new - g)
+            s = self._line_search(g, t, g_new - g, t_new - t)
+            g, t = g + s * (g_new - g), t + s * (t_new - t)
+            history.append(self._residual(g, t))
+            if np.isnan(history[-1]):
+                break
+            # Only a full step moves the loads of the state to the present ones.
+            if history[-1] < tolerance and s == 1.0:
+                return (g, t), history
+        raise NotConverged(
+            f"equilibrium: Newton's iteration stands at residual {history[-1]:.2e} after"
+            f" {len(history) - 1} iterations, wanted {tolerance:.0e}; raise the load steps"
+        )
+
+    def _line_search(self, g: Array, t: Array, dg: Array, dt: Array) -> float:
+        """Step at which the work of the residual along the direction has dropped enough."""
+        w, laws = self.system.w, self.laws
+
+        def work(s: float) -> float:
+            return float(np.sum(w * (t + s * dt - laws.pressure(g + s * dg)) * dg))
+
+        low, high, f_low = 0.0, 1.0, work(0.0)
+        at_zero, f_high = f_low, work(1.0)
+        while not np.isfinite(f_high) and high > 1e-6:
+            high *= 0.5
+            f_high = work(high)
+        if abs(f_high) <= 0.8 * abs(at_zero) or at_zero == 0.0 or f_high * at_zero > 0:
+            return high
+        for i in range(30):
+            s = 0.5 * (low + high) if i % 3 == 2 else low - f_low * (high - low) / (f_high - f_low)
+            value = work(s)
+            if abs(value) <= 0.3 * abs(at_zero):
+                break
+            if value * f_low > 0:
+                low, f_low = s, value
+            else:
+                high, f_high = s, value
+        return float(s)
+
+    def _residual(self, g: Array, t: Array) -> float:
+        """Norm of the full residual over the norm of the contact forces."""
+        p = self.laws.pressure(g)
+        size = self.system.norm(p)
+        return self.system.norm(t - p) / size if size > 0 else np.inf
