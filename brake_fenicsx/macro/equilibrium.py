@@ -26,6 +26,9 @@ from .newton import Newton, State
 
 Array = NDArray[np.float64]
 
+# Steps of iterative refinement before double precision takes over.
+REFINEMENTS = 12
+
 
 @dataclass(frozen=True, slots=True)
 class Equilibrium:
@@ -104,6 +107,69 @@ def record(
 
 
 @dataclass(frozen=True, slots=True)
+class Jacobian:
+    """1 + NN diag(n) + NT diag(t), solved by single-precision factors and refinement.
+
+    Attributes:
+        NN: compliance [m/N], shape (elements, elements).
+        NT: the same from slip to gap.
+        n: stiffness [N/m], shape (elements,).
+        t: the same for the friction forces; None without friction.
+    """
+
+    NN: Array
+    NT: Array
+    n: Array
+    t: Array | None
+
+    def times(self, x: Array) -> Array:
+        """Product with a vector."""
+        y = x + self.NN @ (self.n * x)
+        return np.asarray(y if self.t is None else y + self.NT @ (self.t * x))
+
+    def solve(self, b: Array) -> Array:
+        """Solution to double precision.
+
+        Raises:
+            NotConverged: the matrix is singular.
+        """
+        try:
+            with warnings.catch_warnings():
+                # Nearly all elements open: the line search judges what the step is worth.
+                warnings.simplefilter("ignore", la.LinAlgWarning)
+                x = self._refined(b)
+                return x if x is not None else la.solve(self._matrix(float), b, overwrite_a=True)
+        except (la.LinAlgError, ValueError) as error:
+            raise NotConverged(
+                "equilibrium: no element is in contact on the way; raise the load steps"
+            ) from error
+
+    def _refined(self, b: Array) -> Array | None:
+        """Solution by refinement; None where single precision is not enough of a start."""
+        lu = la.lu_factor(self._matrix(np.float32), overwrite_a=True, check_finite=False)
+        x, last = np.zeros_like(b), np.inf
+        for _ in range(REFINEMENTS):
+            r = b - self.times(x)
+            dx = la.lu_solve(lu, r.astype(np.float32), check_finite=False).astype(float)
+            size = float(np.linalg.norm(dx))
+            x = x + dx
+            if size <= 1e-15 * np.linalg.norm(x):
+                return x
+            if not size < 0.5 * last:
+                # Round-off of the residual, or no convergence at all.
+                return x if last <= 1e-13 * np.linalg.norm(x) else None
+            last = size
+        return None
+
+    def _matrix(self, kind: type) -> Array:
+        J = np.multiply(self.NN, self.n, dtype=kind, casting="same_kind")
+        if self.t is not None:
+            J += np.multiply(self.NT, self.t, dtype=kind, casting="same_kind")
+        J[np.diag_indices_from(J)] += 1.0
+        return J
+
+
+@dataclass(frozen=True, slots=True)
 class Condensed:
     """The bodies through the compliance of their contact elements; see ``newton.System``.
 
@@ -127,22 +193,12 @@ class Condensed:
     def linear(self, load: float, a: Array, k: Array) -> Array:
         """Gaps of the system whose contact pressures are a - k g."""
         c, k0 = self.compliance, self.compliance.k0
-        J = c.NN * (-self.w * (k0 - k))
         rhs = self.g0 + load * c.Nf + c.NN @ (self.w * (a - k0 * self.g0))
-        if np.any(self.mu):
-            wf = friction_traction(self.w, self.mu)
-            J += c.NT * (wf * k)
+        wf = friction_traction(self.w, self.mu) if np.any(self.mu) else None
+        if wf is not None:
             rhs = rhs + c.NT @ (wf * a)
-        J[np.diag_indices_from(J)] += 1.0
-        try:
-            with warnings.catch_warnings():
-                # Nearly all elements open: the line search judges what the step is worth.
-                warnings.simplefilter("ignore", la.LinAlgWarning)
-                return np.asarray(la.solve(J, rhs, overwrite_a=True, check_finite=False))
-        except la.LinAlgError as error:
-            raise NotConverged(
-                "equilibrium: no element is in contact on the way; raise the load steps"
-            ) from error
+        J = Jacobian(c.NN, c.NT, -self.w * (k0 - k), None if wf is None else wf * k)
+        return J.solve(np.asarray(rhs, float))
 
     def norm(self, pressure: Array) -> float:
         """Norm of the forces of some pressures, weighted with the compliance."""

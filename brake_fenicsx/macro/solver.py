@@ -25,33 +25,36 @@ MUMPS = {"mat_mumps_icntl_14": 40, "mat_mumps_icntl_24": 1, "mat_mumps_icntl_27"
 
 
 class Factor:
-    """L D L' of a symmetric matrix.
+    """L D L' of a symmetric matrix, or L U of another one.
 
     Attributes:
         A: the matrix.
         seconds: time of the factorisation [s].
-        negative_pivots: number of negative eigenvalues of A, by Sylvester's law of inertia.
+        negative_pivots: number of negative eigenvalues of a symmetric A, by Sylvester's law of
+            inertia.
+        gigabytes: memory of the factor over all processes [GB].
     """
 
-    def __init__(self, A: PETSc.Mat, prefix: str = "brake_factor_"):
+    def __init__(self, A: PETSc.Mat, prefix: str = "brake_factor_", symmetric: bool = True):
         """Factor ``A``.
 
         Args:
-            A: symmetric matrix, both triangles stored.
+            A: the matrix; both triangles of a symmetric one are stored.
             prefix: prefix of its PETSc options.
+            symmetric: whether A is symmetric.
 
         Raises:
             InaccurateResult: the factorisation fails (singular matrix, no memory).
         """
         start = time.perf_counter()
         self.A = A
-        A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        A.setOption(PETSc.Mat.Option.SYMMETRIC, symmetric)
         self._ksp = PETSc.KSP().create(A.comm)
         self._ksp.setOptionsPrefix(prefix)
         self._ksp.setOperators(A)
         self._ksp.setType("preonly")
         pc = self._ksp.getPC()
-        pc.setType("cholesky")
+        pc.setType("cholesky" if symmetric else "lu")
         pc.setFactorSolverType("mumps")
         # Through the options, so that the user's own come first; ours leave the database again.
         options = PETSc.Options(prefix)

@@ -11,6 +11,7 @@ from mpi4py import MPI
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.log import Progress, logger
 from brake_fenicsx.macro.brake import Brake
 from brake_fenicsx.macro.braking import reference_stiffness
@@ -145,7 +146,7 @@ class Study:
         if approach == VERIFY:
             approach = next(name for name, reduced in self.by_reduction.items() if reduced)
         sample = self._draw(approach, k)
-        eq = equilibrium(self, sample.laws, sample.mu_equilibrium, self.steps)
+        eq = self._equilibrium(sample)
         names = sorted(sample.random)
         out: dict[str, Any] = {
             "seed": np.uint64(sample.seed),
@@ -160,6 +161,15 @@ class Study:
             return out
         reduced = self.by_reduction[approach] and task[0] != VERIFY
         return out | (self._reduced(eq, sample) if reduced else self._full(eq, sample))
+
+    def _equilibrium(self, sample: SampleInput) -> Equilibrium:
+        """The full load at once, which nearly always converges; the scene's ramp if it does not."""
+        try:
+            return equilibrium(self, sample.laws, sample.mu_equilibrium)
+        except NotConverged:
+            if self.steps == 1:
+                raise
+        return equilibrium(self, sample.laws, sample.mu_equilibrium, self.steps)
 
     @property
     def w(self) -> Array:

@@ -1,0 +1,104 @@
+"""Braking equilibrium on all displacements: one sparse factorisation per Newton iteration.
+
+Slower than the condensed form by orders of magnitude for many samples, but distributed: matrix,
+factor and vectors are shared out among the processes of the matrix. Same iteration, same result.
+"""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import InaccurateResult, NotConverged
+
+from .equilibrium import Equilibrium, record
+from .friction import friction_traction
+from .gap import EnrichedGap
+from .newton import Newton
+from .solver import Factor, add_interface
+
+Array = NDArray[np.float64]
+
+
+def sparse_equilibrium(
+    ops: Any,
+    laws: EnrichedGap,
+    mu: float | Array = 0.0,
+    k0: float = 1e11,
+    steps: int = 1,
+    tolerance: float = 1e-10,
+    max_iterations: int = 60,
+) -> Equilibrium:
+    """Braking equilibrium under the ramped loads by Newton's iteration on u, Eq. (9).
+
+    Args:
+        ops: anything with ``.K`` (PETSc, distributed), ``.N``, ``.T``, ``.w``, ``.g0`` and ``.f``
+            (loads [N] on all free dofs).
+        laws: law and critical gap of every element.
+        mu: friction coefficient, one or one per element; 0: without friction.
+        k0: stiffness of the springs that find the force the contact carries [Pa/m].
+        steps: equal load steps.
+        tolerance: relative residual of the last step.
+        max_iterations: Newton iterations allowed in one step.
+
+    Returns:
+        The equilibrium with its displacement on all free dofs.
+
+    Raises:
+        Separated: the loads pull the bodies apart.
+        NotConverged: Newton's iteration stalls, or no element is in contact on the way.
+    """
+    start = time.perf_counter()
+    system = Sparse(ops, mu, k0)
+    found = Newton(system, laws, max_iterations).ramp(steps, tolerance)
+    # The last linear solve is the last full Newton step: its displacement belongs to the state.
+    return record(laws, mu, found, start, system.u)
+
+
+class Sparse:
+    """The bodies through their stiffness matrix; see ``newton.System``."""
+
+    def __init__(self, ops: Any, mu: float | Array, k0: float):
+        """Collect the operators.
+
+        Args:
+            ops: see ``sparse_equilibrium``.
+            mu: friction coefficient, one or one per element.
+            k0: stiffness of the springs of ``carried`` [Pa/m].
+        """
+        self.K, self.N, self.w, self.g0, self.f = ops.K, ops.N, ops.w, ops.g0, ops.f
+        self.k0 = k0
+        self.u: Array = np.zeros_like(ops.f)
+        self._sliding = bool(np.any(mu))
+        # Nodal forces of a pressure: N' p + T' mu p.
+        traction = sp.diags(friction_traction(np.ones_like(self.w), mu))
+        self._push = (ops.N + traction @ ops.T).tocsr() if self._sliding else ops.N
+
+    def carried(self) -> tuple[float, float]:
+        """Force of the springs k0 under the loads [N], and k0 [Pa/m]."""
+        k = np.full(self.w.shape, self.k0)
+        g = self.linear(1.0, k * self.g0, k)
+        return float(np.sum(self.w * k * (self.g0 - g))), self.k0
+
+    def linear(self, load: float, a: Array, k: Array) -> Array:
+        """Gaps of the system whose contact pressures are a - k g."""
+        A = add_interface(self.K, self._push, self.w * k, self.N)
+        b = load * self.f + self._push.T @ (self.w * (a - k * self.g0))
+        first, last = A.getOwnershipRange()
+        try:
+            factor = Factor(A, "brake_equilibrium_", symmetric=not self._sliding)
+        except InaccurateResult as error:
+            raise NotConverged(f"equilibrium: {error}; raise the load steps") from error
+        own = factor.solve(b[first:last])
+        factor.destroy()
+        A.destroy()
+        self.u = np.concatenate(self.K.comm.tompi4py().allgather(own))
+        return np.asarray(self.g0 + self.N @ self.u)
+
+    def norm(self, pressure: Array) -> float:
+        """Euclidean norm of the nodal forces of some pressures."""
+        return float(np.linalg.norm(self._push.T @ (self.w * pressure)))
