@@ -17,12 +17,16 @@ from pathlib import Path
 from typing import Any
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.scene_mesh import MeshTable, read_mesh
 from brake_fenicsx.scene_rules import check_consistent
 from brake_fenicsx.toml_tables import check_keys, key, override, read_table
 from brake_fenicsx.units import to_si
 
 STAGES = ("surface", "micro", "equilibrium", "stability", "uncertainty", "report")
-BUILDERS = {"disc": "Disc", "pad": "Pad", "block": "Block"}
+BUILDERS = {
+    "disc": "Disc", "pad": "Pad", "block": "Block", "hertz_sphere": "Sphere", "hertz_base": "Base",
+    "hertz_cylinder": "Cylinder", "hertz_slab": "Plate",
+}  # fmt: skip
 APPROACHES = ("multi-scale", "classical")
 
 
@@ -70,28 +74,49 @@ class Micro:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """[parts.NAME]: a builder with its parameters, and a material for each layer."""
+    """[parts.NAME]: a builder with its parameters, or none if it comes from the mesh file.
 
-    builder: str
+    Attributes:
+        builder: name of the builder; None: cells of the file in [mesh].
+        parameters: the builder's parameters.
+        material: one for the part, or one for each layer.
+        axis: angle of the part's axis 1 from x about z [rad]; a material's own axis adds to it.
+            A pad's lies along the tangent at mid pad if the scene does not say otherwise.
+    """
+
+    builder: str | None
     parameters: Any
     material: str | dict[str, str]
+    axis: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """Direction of a part's axis 1."""
+
+    axis: float | None = key("rad", default=None, sign="any")
 
 
 @dataclass(frozen=True, slots=True)
 class MaterialTable:
-    """[materials.NAME]: constants of the chosen model."""
+    """[materials.NAME]: constants of the chosen model, see ``macro.material_table``."""
 
     model: str = key(choices=("isotropic", "transversely-isotropic", "orthotropic"))
     rho: float = key("kg/m^3")
     E: float | tuple[float, ...] | None = key("Pa", default=None)
     nu: float | tuple[float, ...] | None = key(default=None, sign="any")
-    G: tuple[float, ...] | None = key("Pa", default=None)
+    G: float | tuple[float, ...] | None = key("Pa", default=None)
     C11: float | None = key("Pa", default=None)
+    C22: float | None = key("Pa", default=None)
+    C33: float | None = key("Pa", default=None)
     C12: float | None = key("Pa", default=None, sign="any")
     C13: float | None = key("Pa", default=None, sign="any")
-    C33: float | None = key("Pa", default=None)
+    C23: float | None = key("Pa", default=None, sign="any")
     C44: float | None = key("Pa", default=None)
+    C55: float | None = key("Pa", default=None)
+    C66: float | None = key("Pa", default=None)
     axis: float = key("rad", default=0.0, sign="any")
+    loss: float = key(default=0.0, sign="zero")
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,6 +229,7 @@ class Scene:
     stages: tuple[str, ...]
     surface: Surface | None
     micro: Micro | None
+    mesh: MeshTable
     parts: dict[str, Part]
     materials: dict[str, MaterialTable]
     contact: dict[str, Contact]
@@ -268,9 +294,11 @@ def _scene(path: Path, table: dict[str, Any]) -> Scene:
         )
     }  # fmt: skip
     samples = _samples(table.get("samples", {}))
+    mesh = read_mesh(table.get("mesh", {}))
     scene = Scene(
         path, table, stages, one["surface"], one["micro"],
-        {n: _part(t, f"parts.{n}") for n, t in table.get("parts", {}).items()},
+        mesh,
+        {n: _part(t, f"parts.{n}", mesh) for n, t in table.get("parts", {}).items()},
         _each(MaterialTable, table, "materials"),
         _each(Contact, table, "contact"),
         {n: _support(t, f"supports.{n}") for n, t in table.get("supports", {}).items()},
@@ -299,19 +327,31 @@ def _samples(table: dict[str, Any]) -> Samples:
     )
 
 
-def _part(table: dict[str, Any], where: str) -> Part:
+def _part(table: dict[str, Any], where: str, mesh: MeshTable) -> Part:
     builder = table.get("builder")
-    if builder not in BUILDERS:
+    if builder is None and mesh.file is None:
+        raise SceneError(
+            f"{where}.builder: missing; use one of {', '.join(BUILDERS)}, or name a mesh.file"
+        )
+    if builder is not None and builder not in BUILDERS:
         raise SceneError(f"{where}.builder = {builder!r}: use one of {', '.join(BUILDERS)}")
     if "material" not in table:
         raise SceneError(f"{where}: no material; write material = NAME, or one NAME for each layer")
-    module = importlib.import_module(f"brake_fenicsx.geometry.{builder}")
-    rest = {k: v for k, v in table.items() if k not in ("builder", "material")}
+    material = table["material"]
+    rest = {k: v for k, v in table.items() if k not in ("builder", "material", "axis")}
+    turn = {k: v for k, v in table.items() if k == "axis"}
+    if builder is None:
+        if rest:
+            raise SceneError(f"{where}.{next(iter(rest))}: has no meaning without a builder")
+        return Part(None, None, material, read_table(Axis, turn, where).axis or 0.0)
     if rest.get("shim") is False:
         rest["shim"] = 0
-    return Part(
-        builder, read_table(getattr(module, BUILDERS[builder]), rest, where), table["material"]
-    )
+    module = importlib.import_module(f"brake_fenicsx.geometry.{builder}")
+    parameters = read_table(getattr(module, BUILDERS[builder]), rest, where)
+    axis = read_table(Axis, turn, where).axis
+    if axis is None:
+        axis = getattr(parameters, "axis", 0.0)
+    return Part(builder, parameters, material, axis)
 
 
 def _support(value: Any, where: str) -> tuple[str, ...]:

@@ -86,7 +86,7 @@ def _value(f: Any, hint: Any, value: Any, where: str) -> Any:
             return read_table(kind, value, where)
     choices = f.metadata.get("choices")
     if choices and value not in choices:
-        raise SceneError(f"{said}: use one of {', '.join(choices)}")
+        raise SceneError(f"{said}: use one of {', '.join(map(str, choices))}")
     sequence = next((k for k in kinds if typing.get_origin(k) is tuple), None)
     if sequence is not None and isinstance(value, list):
         inner = typing.get_args(sequence)[0]

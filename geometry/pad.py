@@ -30,6 +30,7 @@ class Pad:
         piston_diameter: diameter of the loaded circle on the outermost layer [m].
         size: mesh size of the lining's friction face [m].
         plate_size: mesh size of plate and shim [m].
+        mirror: the meshes of the two pads are exact mirror images.
     """
 
     side: str = "both"
@@ -47,6 +48,12 @@ class Pad:
     piston_diameter: float = field(default=54e-3, metadata={"unit": "m"})
     size: float = field(default=4.29e-3, metadata={"unit": "m"})
     plate_size: float = field(default=6e-3, metadata={"unit": "m"})
+    mirror: bool = True
+
+    @property
+    def axis(self) -> float:
+        """Direction of the tangent at mid pad: angle from the x axis [rad]."""
+        return self.position + np.pi / 2
 
 
 def build(occ: Any, pad: Pad) -> Part:
@@ -63,16 +70,20 @@ def build(occ: Any, pad: Pad) -> Part:
     sides = {"top": [1.0], "bottom": [-1.0], "both": [1.0, -1.0]}.get(pad.side)
     if sides is None:
         raise ValueError(f"side {pad.side!r}: use top, bottom or both")
+    mirror = pad.side == "both" and pad.mirror
+    if mirror:
+        sides = [1.0]
     volumes: dict[str, list[int]] = {}
     faces: dict[str, list[int]] = {"friction": [], "ears": [], "piston": []}
     for side in sides:
-        layers, named = _one_pad(occ, pad, side)
+        layers, found = _one_pad(occ, pad, side)
         for name, tags in layers.items():
             volumes.setdefault(name, []).extend(tags)
-        for name, tags in named.items():
+        for name, tags in found.items():
             faces[name].extend(tags)
     sizes = {name: pad.size if name == "lining" else pad.plate_size for name in volumes}
-    return Part(volumes, {name: tags for name, tags in faces.items() if tags}, sizes)
+    named = {name: tags for name, tags in faces.items() if tags}
+    return Part(volumes, named, sizes, mirror=mirror)
 
 
 def _one_pad(occ: Any, pad: Pad, side: float) -> tuple[dict[str, list[int]], dict[str, list[int]]]:

@@ -17,11 +17,81 @@ class Part:
         volumes: layer name -> gmsh volume tags.
         faces: face name -> gmsh surface tags.
         sizes: layer name -> mesh size [m].
+        fine: places of finer mesh, as (size there [m], distance from there [m] as a gmsh expression
+            in x, y, z); away from them the size grows.
+        growth: how fast, size per distance; None leaves it to the mesh settings.
+        mirror: the mesh is completed by its mirror image at z = 0.
     """
 
     volumes: dict[str, list[int]]
     faces: dict[str, list[int]]
     sizes: dict[str, float] = field(default_factory=dict)
+    fine: tuple[tuple[float, str], ...] = ()
+    growth: float | None = None
+    mirror: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Slab:
+    """A layer of a swept part.
+
+    Attributes:
+        layer: its name; slabs of one name are one layer.
+        low: start of the sweep [m].
+        high: its end [m].
+        elements: number of elements along the sweep.
+        regions: regions of the footprint that are swept.
+    """
+
+    layer: str
+    low: float
+    high: float
+    elements: int
+    regions: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SweptFace:
+    """A face of a swept part.
+
+    Attributes:
+        slab: number of the slab whose boundary it is.
+        side: "low" or "high" end of the slab, or "side" along the sweep.
+        of: regions of the footprint for an end, curves for a side.
+    """
+
+    slab: int
+    side: str
+    of: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Swept:
+    """A part swept along z: a plane footprint and slabs; meshed with hexahedra or tetrahedra.
+
+    Attributes:
+        regions: region name -> gmsh surface tags in the plane z = 0.
+        curves: curve name -> gmsh curve tags.
+        slabs: from low to high, without gaps where they share regions.
+        faces: face name -> where it is.
+        size: mesh size of the footprint [m].
+        fine: as for ``Part``.
+        growth: as for ``Part``.
+        mirror: as for ``Part``.
+        below: the part is the mirror image itself: below the plane z = 0.
+        upright: the footprint stands in the x, z plane and is swept along -y.
+    """
+
+    regions: dict[str, list[int]]
+    curves: dict[str, list[int]]
+    slabs: tuple[Slab, ...]
+    faces: dict[str, tuple[SweptFace, ...]]
+    size: float
+    fine: tuple[tuple[float, str], ...] = ()
+    growth: float | None = None
+    mirror: bool = False
+    below: bool = False
+    upright: bool = False
 
 
 def ring_sector(
@@ -94,3 +164,44 @@ def faces_where(volumes: list[int], test: Callable[[np.ndarray, np.ndarray], boo
 def flat_at(z: float) -> Callable[[np.ndarray, np.ndarray], bool]:
     """Test for ``faces_where``: the face lies in the plane at height z [m]."""
     return lambda low, high: bool(abs(low[2] - z) < 1e-6 and abs(high[2] - z) < 1e-6)
+
+
+def revolved_quarter(
+    occ: Any,
+    surface: int,
+    heights: dict[str, tuple[float, float]],
+    reach: dict[str, float] | None = None,
+) -> tuple[list[int], dict[str, list[int]]]:
+    """A quarter turn of a profile about the z axis, from x to y.
+
+    Args:
+        occ: gmsh's OpenCASCADE kernel.
+        surface: profile in the x, y plane, whose y becomes z.
+        heights: face name -> lowest and highest point of a face of revolution [m].
+        reach: face name -> largest radius [m], where two faces lie at one height.
+
+    Returns:
+        The volumes, and the faces with ``symmetry_x`` (x = 0) and ``symmetry_y`` (y = 0).
+    """
+    occ.rotate([(2, surface)], 0, 0, 0, 1, 0, 0, np.pi / 2)
+    turned = occ.revolve([(2, surface)], 0, 0, 0, 0, 0, 1, np.pi / 2)
+    occ.synchronize()
+    body = [tag for dim, tag in turned if dim == 3]
+    tol = 1e-6
+
+    def between(name: str) -> Callable[[np.ndarray, np.ndarray], bool]:
+        z, r = heights[name], (reach or {}).get(name, np.inf)
+        return lambda low, high: bool(
+            abs(low[2] - z[0]) < tol and abs(high[2] - z[1]) < tol and high[0] < r + tol
+        )
+
+    faces = {
+        "symmetry_x": faces_where(body, lambda low, high: bool(high[0] < tol)),
+        "symmetry_y": faces_where(body, lambda low, high: bool(high[1] < tol)),
+    }
+    taken = [tag for tags in faces.values() for tag in tags]
+    for name in heights:
+        found = [tag for tag in faces_where(body, between(name)) if tag not in taken]
+        faces[name] = found
+        taken += found
+    return body, faces

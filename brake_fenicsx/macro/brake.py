@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -13,20 +12,15 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene import MaterialTable, Scene
+from brake_fenicsx.scene import Scene
 
 from .condensation import Compliance, gathered_vector
 from .contact import Contact, contact_elements, join
 from .elasticity import Elastic, assemble_elastic
 from .friction import Motion, Rotation, Translation
-from .material import (
-    Material,
-    isotropic,
-    orthotropic,
-    rotate_about_z,
-    transversely_isotropic,
-)
-from .mesh import Mesh, build_mesh, check_parts
+from .material_table import layer_materials, scene_materials
+from .mesh import Mesh
+from .parts import check_mesh, scene_mesh
 
 Array = NDArray[np.float64]
 
@@ -117,14 +111,8 @@ def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
         SceneError: a part, face, layer or material does not fit.
     """
     materials = scene_materials(scene)
-    mesh = build_mesh(scene_parts(scene), comm)
-    layers = {}
-    for layer in mesh.layers:
-        name, _, inner = layer.partition(".")
-        used = scene.parts[name].material
-        if isinstance(used, dict) and inner not in used:
-            raise SceneError(f"parts.{name}.material: no material for layer {inner!r}")
-        layers[layer] = materials[used if isinstance(used, str) else used[inner]]
+    mesh = scene_mesh(scene, comm)
+    layers = layer_materials(scene, materials, mesh.layers)
     supports = {face: list(held) for face, held in scene.supports.items()}
     loads = {face: load.pressure for face, load in scene.loads.items()}
     elastic = assemble_elastic(mesh, layers, supports, loads)
@@ -153,20 +141,7 @@ def check_brake(scene: Scene, comm: MPI.Comm) -> None:
     faces |= {f'loads."{face}"': face for face in scene.loads}
     for name, contact in scene.contact.items():
         faces |= {f"contact.{name}.faces[{i}]": face for i, face in enumerate(contact.faces)}
-    try:
-        check_parts(scene_parts(scene), faces, comm)
-    except SceneError as error:
-        raise SceneError(f"{scene.file}: {error}") from None
-
-
-def scene_parts(scene: Scene) -> dict[str, tuple[Any, Any]]:
-    """Builder module and parameters of each part."""
-    from importlib import import_module
-
-    return {
-        name: (import_module(f"brake_fenicsx.geometry.{part.builder}"), part.parameters)
-        for name, part in scene.parts.items()
-    }
+    check_mesh(scene, faces, comm)
 
 
 def scene_motion(scene: Scene) -> Motion:
@@ -180,35 +155,3 @@ def scene_motion(scene: Scene) -> Motion:
             raise SceneError(f"motion.direction = {list(d)!r}: write three numbers, not all zero")
         return Translation((d[0], d[1], d[2]), 1.0)
     return Rotation(motion.rotation)
-
-
-def scene_materials(scene: Scene) -> dict[str, Material]:
-    """Materials of the scene; a wrong one is named by its key."""
-    found = {}
-    for name, table in scene.materials.items():
-        try:
-            C = rotate_about_z(_stiffness(table), table.axis) if table.axis else _stiffness(table)
-            found[name] = Material(C, table.rho)
-        except SceneError as error:
-            raise SceneError(f"{scene.file}: materials.{name}: {error}") from None
-    return found
-
-
-def _stiffness(t: MaterialTable) -> Array:
-    """Stiffness of a material table in the material's axes."""
-    needed = {
-        "isotropic": ("E", "nu"),
-        "transversely-isotropic": ("C11", "C12", "C13", "C33", "C44"),
-        "orthotropic": ("E", "nu", "G"),
-    }[t.model]
-    values: list[Any] = [getattr(t, name) for name in needed]
-    for name, value in zip(needed, values, strict=True):
-        if value is None:
-            raise SceneError(f"{name} is missing; model = {t.model!r} needs {', '.join(needed)}")
-        if isinstance(value, tuple) != (t.model == "orthotropic"):
-            raise SceneError(f"{name} = {value!r}: wrong number of values for {t.model!r}")
-    if t.model == "isotropic":
-        return isotropic(values[0], values[1])
-    if t.model == "orthotropic":
-        return orthotropic(*(np.array(v) for v in values))
-    return transversely_isotropic(*values)

@@ -40,6 +40,8 @@ class Material:
                 f"the stiffness matrix is not positive definite: eigenvalue {lowest:.4g} Pa;"
                 " check moduli and Poisson ratios"
             )
+        if not self.loss >= 0:
+            raise SceneError(f"loss factor {self.loss} must be zero or more")
         if not self.rho > 0:
             raise SceneError(f"density {self.rho} kg/m^3 must be positive")
 
@@ -58,8 +60,11 @@ def isotropic(E: float, nu: float) -> Array:
         SceneError: nu outside (-1, 0.5) or E not positive.
     """
     if not (E > 0 and -1 < nu < 0.5):
+        with np.errstate(divide="ignore"):
+            lowest = np.divide(E, [1 + nu, 1 - 2 * nu]).min()
         raise SceneError(
-            f"E = {E:g} Pa, nu = {nu:g}: not positive definite, E > 0 and -1 < nu < 0.5 are needed"
+            f"E = {E:g} Pa, nu = {nu:g}: not positive definite, eigenvalue {lowest:.4g} Pa;"
+            " E > 0 and -1 < nu < 0.5 are needed"
         )
     lame, G = E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
     C = np.zeros((6, 6))
@@ -85,6 +90,33 @@ def transversely_isotropic(C11: float, C12: float, C13: float, C33: float, C44: 
     C[:3, :3] = [[C11, C12, C13], [C12, C11, C13], [C13, C13, C33]]
     C[3, 3] = C[4, 4] = C44
     C[5, 5] = 0.5 * (C11 - C12)
+    return C
+
+
+def orthotropic_stiffness(
+    C11: float, C22: float, C33: float, C12: float, C13: float, C23: float,
+    C44: float, C55: float, C66: float,
+) -> Array:  # fmt: skip
+    """Stiffness of an orthotropic material from its nine constants [Pa].
+
+    Args:
+        C11: along axis 1; C22 and C33 alike.
+        C22: along axis 2.
+        C33: along axis 3.
+        C12: coupling of axes 1 and 2; C13 and C23 alike.
+        C13: coupling of axes 1 and 3.
+        C23: coupling of axes 2 and 3.
+        C44: shear stiffness of plane 23.
+        C55: shear stiffness of plane 13.
+        C66: shear stiffness of plane 12.
+
+    Returns:
+        Stiffness [Pa], shape (6, 6).
+    """
+    C = np.diag([C11, C22, C33, C44, C55, C66]).astype(float)
+    C[0, 1] = C[1, 0] = C12
+    C[0, 2] = C[2, 0] = C13
+    C[1, 2] = C[2, 1] = C23
     return C
 
 

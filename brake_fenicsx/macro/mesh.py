@@ -5,9 +5,9 @@ All bodies live in one mesh, as components that share no node; layers of one par
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 from mpi4py import MPI
 
@@ -15,8 +15,14 @@ import numpy as np
 
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.scene_mesh import MeshTable
+
+from .gmsh_mesh import discrete_model, gmsh_session, mesh_part, swept_part
+from .quality import Quality, orientation, quality
+from .rawmesh import RawMesh, facet_nodes, joined
 
 Builder = tuple[Any, Any]
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +35,9 @@ class Mesh:
         facet_tags: tag of each named boundary facet, by ``faces``.
         layers: "part.layer" -> cell tag.
         faces: "part.face" -> facet tag.
-        quality: smallest ratio of inscribed to circumscribed radius (3 r / R) over all cells.
+        quality: worst cell: smallest ratio of inscribed to circumscribed radius (3 r / R) of
+            tetrahedra, smallest scaled Jacobian of hexahedra.
+        worst: all measures of the worst cells.
     """
 
     domain: Any
@@ -38,15 +46,18 @@ class Mesh:
     layers: dict[str, int]
     faces: dict[str, int]
     quality: float
+    worst: Quality | None = None
 
 
-def build_mesh(parts: Mapping[str, Builder], comm: MPI.Comm, minimum_quality: float = 0.01) -> Mesh:
+def build_mesh(
+    parts: Mapping[str, Builder], comm: MPI.Comm, table: MeshTable | None = None
+) -> Mesh:
     """Build and mesh all parts with gmsh, and distribute the mesh.
 
     Args:
         parts: part name -> (builder module with ``build(occ, parameters)``, its parameters).
         comm: communicator of the mesh.
-        minimum_quality: a mesh with a worse cell is refused.
+        table: kind of cells, order, growth and the quality asked for.
 
     Returns:
         The tagged mesh.
@@ -54,118 +65,169 @@ def build_mesh(parts: Mapping[str, Builder], comm: MPI.Comm, minimum_quality: fl
     Raises:
         SceneError: a builder refuses its parameters, or the mesh is too bad; on all ranks.
     """
-    tables: tuple[dict[str, int], dict[str, int], float] | Exception | None = None
-    model = None
+    settings = table or MeshTable()
+    return distribute(lambda: raw_mesh(parts, settings), comm, settings)
+
+
+def raw_mesh(parts: Mapping[str, Builder], table: MeshTable) -> RawMesh:
+    """Build and mesh all parts on this process.
+
+    Raises:
+        SceneError: a builder refuses its parameters; the part is named.
+    """
+    meshes = []
+    with gmsh_session() as gmsh:
+        for name, (builder, values) in parts.items():
+            try:
+                meshes.append(mesh_part(gmsh, name, builder, values, table))
+            except Exception as error:
+                raise SceneError(f"parts.{name}: the mesh cannot be built: {error}") from None
+    if not meshes:
+        raise SceneError("parts: none is named; write [parts.NAME]")
+    return joined(meshes)
+
+
+def distribute(make: Callable[[], RawMesh], comm: MPI.Comm, table: MeshTable) -> Mesh:
+    """Make a plain mesh on rank 0, check it, and distribute it.
+
+    Args:
+        make: makes the mesh; called on rank 0 only.
+        comm: communicator of the mesh.
+        table: the quality asked for.
+
+    Returns:
+        The tagged mesh.
+
+    Raises:
+        SceneError: the mesh cannot be made, or is too bad; on all ranks.
+    """
+
+    def checked() -> tuple[RawMesh | None, Any, Quality]:
+        raw = make()
+        return raw, facet_nodes(raw), check_cells(raw, table)
+
+    raw, facets, worst = on_rank_0(checked, comm, lambda found: (None, None, found[2]))
+    layers, faces = comm.bcast((raw.layers, raw.faces) if raw else ({}, {}), root=0)
+    if raw is not None:
+        with gmsh_session() as gmsh:
+            model = discrete_model(gmsh, raw, facets)
+            domain, cell_tags, facet_tags = compat.mesh_from_gmsh(model, comm)
+    else:
+        domain, cell_tags, facet_tags = compat.mesh_from_gmsh(None, comm)
+    return Mesh(domain, cell_tags, facet_tags, layers, faces, worst.worst, worst)
+
+
+def check_cells(mesh: RawMesh, table: MeshTable) -> Quality:
+    """Refuse cells that are inside out, flat or skew.
+
+    Raises:
+        SceneError: the cell, its measure and the remedy.
+    """
+    bad = np.flatnonzero(orientation(mesh) != 1)
+    if bad.size:
+        raise SceneError(
+            f"mesh: {bad.size} cells are flat or twisted, one at {_place(mesh, bad[0])}:"
+            " change the mesh sizes or repair the mesh"
+        )
+    worst = quality(mesh)
+    if worst.worst < table.quality:
+        raise SceneError(
+            f"mesh: the worst cell, at {_place(mesh, worst.cell)}, has quality {worst.worst:.3g},"
+            f" at least {table.quality} is needed: change the mesh sizes"
+        )
+    if not worst.distortion > 0:
+        raise SceneError(
+            "mesh: a curved cell is turned inside out by its middle nodes: take finer cells at"
+            " curved faces, or mesh.order = 1"
+        )
+    return worst
+
+
+def _place(mesh: RawMesh, cell: int) -> str:
+    """Layer and centre of a cell, for messages."""
+    layer = next(n for n, tag in mesh.layers.items() if tag == mesh.cell_tag[cell])
+    x, y, z = 1e3 * mesh.points[mesh.corners[cell]].mean(axis=0)
+    return f"({x:.1f}, {y:.1f}, {z:.1f}) mm in {layer}"
+
+
+def on_rank_0(
+    make: Callable[[], Result], comm: MPI.Comm, shared: Callable[[Result], Result]
+) -> Result:
+    """Run something on rank 0; its error is raised on all ranks.
+
+    Args:
+        make: called on rank 0.
+        comm: the ranks.
+        shared: the part of the result that the other ranks get.
+
+    Raises:
+        SceneError: what went wrong on rank 0.
+    """
+    result: Result | None = None
+    note: Any = None
     if comm.rank == 0:
-        import gmsh
-
-        gmsh.initialize()
-        gmsh.option.setNumber("General.Terminal", 0)
         try:
-            gmsh.model.add("brake")
-            tables = _gmsh_model(gmsh.model, parts, minimum_quality)
-            model = gmsh.model
+            result = make()
+            note = shared(result)
+        except SceneError as error:
+            note = error
         except Exception as error:
-            tables = SceneError(f"the mesh cannot be built: {error}")
-    tables = comm.bcast(tables, root=0)
-    try:
-        if isinstance(tables, Exception) or tables is None:
-            raise tables or SceneError("no mesh was built")
-        domain, cell_tags, facet_tags = compat.mesh_from_gmsh(model, comm)
-    finally:
-        if comm.rank == 0:
-            gmsh.finalize()
-    layers, faces, quality = tables
-    return Mesh(domain, cell_tags, facet_tags, layers, faces, quality)
+            note = SceneError(f"the mesh cannot be built: {error}")
+    note = comm.bcast(note, root=0)
+    if isinstance(note, SceneError):
+        raise note
+    return note if result is None else result
 
 
-def check_parts(parts: Mapping[str, Builder], faces: Mapping[str, str], comm: MPI.Comm) -> None:
+def check_parts(
+    parts: Mapping[str, Builder],
+    faces: Mapping[str, str],
+    comm: MPI.Comm,
+    table: MeshTable | None = None,
+) -> None:
     """Build the geometry without meshing it, so that a mistake shows before any work.
 
     Args:
         parts: as for ``build_mesh``.
         faces: face names that the scene uses, with the key that uses each.
         comm: communicator of the run.
+        table: kind of cells.
 
     Raises:
         SceneError: a builder refuses its parameters, or there is no such face; on all ranks.
     """
-    text = None
-    if comm.rank == 0:
-        import gmsh
-
-        gmsh.initialize()
-        gmsh.option.setNumber("General.Terminal", 0)
-        try:
-            gmsh.model.add("check")
-            known = set()
-            for name, (builder, values) in parts.items():
-                text = f"parts.{name}: "
-                known |= {f"{name}.{f}" for f in builder.build(gmsh.model.occ, values).faces}
-            missing = [(key, face) for key, face in faces.items() if face not in known]
-            text = None
-            if missing:
-                key, face = missing[0]
-                text = f"{key}: no face {face!r}; there are {', '.join(sorted(known))}"
-        except Exception as error:
-            text = f"{text}the geometry cannot be built: {error}; change its parameters"
-        finally:
-            gmsh.finalize()
-    text = comm.bcast(text, root=0)
-    if text is not None:
-        raise SceneError(text)
+    on_rank_0(lambda: check_faces(faces, _known_faces(parts, table or MeshTable())), comm, _all)
 
 
-def _gmsh_model(
-    model: Any, parts: Mapping[str, Builder], minimum_quality: float
-) -> tuple[dict[str, int], dict[str, int], float]:
-    """Build, name and mesh on rank 0."""
-    import gmsh
+def check_faces(faces: Mapping[str, str], known: set[str]) -> None:
+    """Refuse names of faces that no part has.
 
-    built = {name: builder.build(model.occ, values) for name, (builder, values) in parts.items()}
-    layers: dict[str, int] = {}
-    faces: dict[str, int] = {}
-    sizes = []
-    for name, part in built.items():
-        for layer, tags in part.volumes.items():
-            layers[f"{name}.{layer}"] = model.addPhysicalGroup(3, tags)
-            sizes.append((part.sizes[layer], tags))
-        for face, tags in part.faces.items():
-            faces[f"{name}.{face}"] = model.addPhysicalGroup(2, tags)
-    # Coarse layers first: where two layers share a face the finer size holds.
-    for size, tags in sorted(sizes, key=lambda item: -item[0]):
-        points = model.getBoundary([(3, t) for t in tags], recursive=True, combined=False)
-        model.mesh.setSize(points, size)
-    gmsh.option.setNumber("Mesh.MeshSizeExtendFromBoundary", 1)
-    gmsh.option.setNumber("Mesh.Algorithm", 6)
-    gmsh.option.setNumber("Mesh.Optimize", 1)
-    model.mesh.generate(3)
-    quality = _worst_quality(model)
-    if quality < minimum_quality:
-        raise ValueError(
-            f"worst cell has quality {quality:.3g}, at least {minimum_quality} is needed:"
-            " change the mesh sizes"
-        )
-    return layers, faces, quality
+    Raises:
+        SceneError: the key, the name, and the names there are.
+    """
+    for key, face in faces.items():
+        if face not in known:
+            raise SceneError(f"{key}: no face {face!r}; there are {', '.join(sorted(known))}")
 
 
-def _worst_quality(model: Any) -> float:
-    """Smallest 3 r / R over the tetrahedra of the gmsh model; 1 for a regular one."""
-    nodes, x, _ = model.mesh.getNodes()
-    where = np.zeros(int(nodes.max()) + 1, dtype=int)
-    where[nodes.astype(int)] = np.arange(nodes.size)
-    _, _, cells = model.mesh.getElements(3)
-    corner = x.reshape(-1, 3)[where[cells[0].astype(int)]].reshape(-1, 4, 3)
-    a, b, c = (corner[:, i] - corner[:, 0] for i in (1, 2, 3))
-    volume6 = np.abs(np.einsum("ij,ij->i", a, np.cross(b, c)))
-    area = 0.5 * sum(
-        np.linalg.norm(np.cross(p, q), axis=1) for p, q in ((a, b), (b, c), (c, a), (b - a, c - a))
-    )
-    inscribed = 0.5 * volume6 / area
-    top = (
-        np.cross(b, c) * np.sum(a * a, axis=1)[:, None]
-        + np.cross(c, a) * np.sum(b * b, axis=1)[:, None]
-        + np.cross(a, b) * np.sum(c * c, axis=1)[:, None]
-    )
-    circumscribed = np.linalg.norm(top, axis=1) / (2 * volume6)
-    return float(np.min(3 * inscribed / circumscribed))
+def _all(found: None) -> None:
+    """Nothing to share."""
+
+
+def _known_faces(parts: Mapping[str, Builder], table: MeshTable) -> set[str]:
+    """Faces of all parts, whose geometry is built but not meshed."""
+    known = set()
+    with gmsh_session() as gmsh:
+        for name, (builder, values) in parts.items():
+            gmsh.model.add(name)
+            try:
+                if table.cells == "hexahedra" or not hasattr(builder, "build"):
+                    part = swept_part(gmsh.model.occ, name, builder, values)
+                else:
+                    part = builder.build(gmsh.model.occ, values)
+            except Exception as error:
+                raise SceneError(
+                    f"parts.{name}: the geometry cannot be built: {error}; change its parameters"
+                ) from None
+            known |= {f"{name}.{face}" for face in part.faces}
+    return known

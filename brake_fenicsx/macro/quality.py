@@ -1,0 +1,171 @@
+"""Shape of cells: how flat, how skew, and whether they are turned inside out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .rawmesh import EDGES, FACETS, RawMesh
+
+Array = NDArray[np.float64]
+
+# Neighbours of each corner of a hexahedron, right-handed.
+_NEIGHBOURS = np.array(
+    [[1, 3, 4], [2, 0, 5], [3, 1, 6], [0, 2, 7], [7, 5, 0], [4, 6, 1], [5, 7, 2], [6, 4, 3]]
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Quality:
+    """Worst cells of a mesh.
+
+    Attributes:
+        worst: the smallest measure: 3 r / R of tetrahedra (inscribed to circumscribed radius, 1 if
+            regular), scaled Jacobian of hexahedra (1 for a box).
+        cell: number of that cell.
+        dihedral: smallest angle between two faces of a cell [rad].
+        distortion: smallest Jacobian inside a curved cell, relative to the cell's largest; 1 where
+            all cells are straight-sided.
+    """
+
+    worst: float
+    cell: int
+    dihedral: float
+    distortion: float = 1.0
+
+
+def quality(mesh: RawMesh) -> Quality:
+    """Measures of a mesh; cells must be oriented, see ``orientation``."""
+    x = mesh.points[mesh.corners]
+    if mesh.shape == "tetrahedron":
+        measure, angle = radius_ratio(x), dihedral(x)
+    else:
+        measure = corner_jacobians(x).min(axis=1)
+        three = x[:, np.concatenate([np.arange(8)[:, None], _NEIGHBOURS], axis=1)]
+        angle = dihedral(three.reshape(-1, 4, 3), at_first=True)
+    worst = int(np.argmin(measure))
+    distortion = 1.0
+    if mesh.order == 2:
+        J = jacobians(mesh)
+        distortion = float((J.min(axis=1) / np.abs(J).max(axis=1)).min())
+    return Quality(float(measure[worst]), worst, float(angle.min()), distortion)
+
+
+def orientation(mesh: RawMesh) -> NDArray[np.int64]:
+    """+1 for cells of positive volume, -1 for cells turned as a whole, 0 for twisted or flat ones.
+
+    Returns:
+        Shape (cells,).
+    """
+    x = mesh.points[mesh.corners]
+    if mesh.shape == "tetrahedron":
+        size = np.prod(_edges_at_corner(x), axis=1)
+        j = _volume6(x)[:, None] / np.where(size > 0, size, 1.0)[:, None]
+    else:
+        j = corner_jacobians(x)
+    tiny = 1e-10
+    return np.where((j > tiny).all(axis=1), 1, np.where((j < -tiny).all(axis=1), -1, 0))
+
+
+def _edges_at_corner(x: Array) -> Array:
+    """Lengths of the three edges at the first corner [m], shape (cells, 3)."""
+    return np.asarray(np.linalg.norm(x[:, 1:4] - x[:, :1], axis=2))
+
+
+def _volume6(x: Array) -> Array:
+    a, b, c = (x[:, i] - x[:, 0] for i in (1, 2, 3))
+    return np.asarray(np.einsum("ij,ij->i", a, np.cross(b, c)))
+
+
+def radius_ratio(x: Array) -> Array:
+    """3 r / R of tetrahedra: 1 if regular, 0 if flat.
+
+    Args:
+        x: corners [m], shape (cells, 4, 3).
+    """
+    a, b, c = (x[:, i] - x[:, 0] for i in (1, 2, 3))
+    volume6 = np.abs(_volume6(x))
+    area = 0.5 * sum(
+        np.linalg.norm(np.cross(p, q), axis=1) for p, q in ((a, b), (b, c), (c, a), (b - a, c - a))
+    )
+    top = (
+        np.cross(b, c) * np.sum(a * a, axis=1)[:, None]
+        + np.cross(c, a) * np.sum(b * b, axis=1)[:, None]
+        + np.cross(a, b) * np.sum(c * c, axis=1)[:, None]
+    )
+    # r = V6 / (2 A), R = |top| / (2 V6).
+    return np.asarray(3 * volume6**2 / (area * np.linalg.norm(top, axis=1)))
+
+
+def dihedral(x: Array, at_first: bool = False) -> Array:
+    """Smallest angle [rad] between two faces of each tetrahedron.
+
+    Args:
+        x: corners [m], shape (cells, 4, 3).
+        at_first: look only at the three faces that meet at the first corner.
+
+    Returns:
+        Shape (cells,).
+    """
+    faces = ((0, 1, 2), (0, 2, 3), (0, 3, 1)) + (() if at_first else ((1, 3, 2),))
+    n = np.stack([np.cross(x[:, b] - x[:, a], x[:, c] - x[:, a]) for a, b, c in faces], axis=1)
+    n /= np.maximum(np.linalg.norm(n, axis=2), 1e-300)[:, :, None]
+    i, j = np.triu_indices(len(faces), 1)
+    cos = -np.einsum("cki,cki->ck", n[:, i], n[:, j])
+    return np.asarray(np.arccos(np.clip(cos, -1, 1)).min(axis=1))
+
+
+def corner_jacobians(x: Array) -> Array:
+    """Scaled Jacobians of hexahedra at their corners.
+
+    Args:
+        x: corners [m], shape (cells, 8, 3).
+
+    Returns:
+        Triple products of the unit edges, shape (cells, 8).
+    """
+    e = x[:, _NEIGHBOURS] - x[:, :, None]
+    e = e / np.maximum(np.linalg.norm(e, axis=3), 1e-300)[..., None]
+    return np.asarray(np.einsum("cki,cki->ck", e[:, :, 0], np.cross(e[:, :, 1], e[:, :, 2])))
+
+
+def jacobians(mesh: RawMesh) -> Array:
+    """Jacobian determinants [m^3] of second-order cells at their nodes, shape (cells, nodes)."""
+    x = mesh.points[mesh.cells]
+    gradient = _tetrahedron_gradients() if mesh.shape == "tetrahedron" else _hexahedron_gradients()
+    return np.asarray(np.linalg.det(np.einsum("cni,pnj->cpij", x, gradient)))
+
+
+def _tetrahedron_gradients() -> Array:
+    """Gradients of the 10 shape functions at the 10 nodes, shape (node, function, 3)."""
+    edges = np.array(EDGES["tetrahedron"])
+    unit = np.vstack([np.zeros(3), np.eye(3)])
+    points = np.vstack([unit, unit[edges].mean(axis=1)])
+    L = np.column_stack([1 - points.sum(axis=1), points])
+    dL = np.vstack([-np.ones(3), np.eye(3)])
+    corner = (4 * L - 1)[:, :, None] * dL
+    a, b = edges.T
+    middle = 4 * (L[:, a, None] * dL[b] + L[:, b, None] * dL[a])
+    return np.concatenate([corner, middle], axis=1)
+
+
+def _hexahedron_gradients() -> Array:
+    """Gradients of the 27 shape functions at the 27 nodes, shape (node, function, 3)."""
+    corner = np.array(
+        [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]]
+    )
+    sets = [*EDGES["hexahedron"], *FACETS["hexahedron"], tuple(range(8))]
+    at = np.vstack([2 * corner, [2 * corner[list(s)].mean(axis=0) for s in sets]]).astype(int)
+    # Values and slopes of the three quadratic functions at 0, 1/2, 1.
+    value = np.eye(3)
+    slope = np.array([[-3.0, 4, -1], [-1, 0, 1], [1, -4, 3]])
+    out = np.empty((27, 27, 3))
+    for k in range(3):
+        factors = [
+            (slope if axis == k else value)[at[:, None, axis], at[None, :, axis]]
+            for axis in range(3)
+        ]
+        out[:, :, k] = factors[0] * factors[1] * factors[2]
+    return out

@@ -1,0 +1,215 @@
+"""A mesh as plain arrays, on one process, before it is distributed.
+
+Builders and mesh files both end here; orientation, quality and splitting are checked here. Nodes of
+a cell stand in gmsh's order: corners, middles of edges, and for 27-node hexahedra middles of faces
+and the centre.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+CORNERS = {"tetrahedron": 4, "hexahedron": 8}
+EDGES = {
+    "tetrahedron": ((0, 1), (1, 2), (0, 2), (0, 3), (2, 3), (1, 3)),
+    "hexahedron": (
+        (0, 1), (0, 3), (0, 4), (1, 2), (1, 5), (2, 3),
+        (2, 6), (3, 7), (4, 5), (4, 7), (5, 6), (6, 7),
+    ),
+}  # fmt: skip
+FACETS = {
+    "tetrahedron": ((1, 2, 3), (0, 2, 3), (0, 1, 3), (0, 1, 2)),
+    "hexahedron": (
+        (0, 1, 2, 3), (0, 1, 5, 4), (0, 3, 7, 4), (1, 2, 6, 5), (2, 3, 7, 6), (4, 5, 6, 7),
+    ),
+}  # fmt: skip
+# Corner i of the reflected cell is this corner of the cell.
+_REFLECTED = {"tetrahedron": (1, 0, 2, 3), "hexahedron": (4, 5, 6, 7, 0, 1, 2, 3)}
+
+
+@dataclass(frozen=True, slots=True)
+class RawMesh:
+    """Cells of one kind with named layers and faces.
+
+    Attributes:
+        points: positions [m], shape (nodes, 3).
+        shape: "tetrahedron" or "hexahedron".
+        cells: nodes of each cell, shape (cells, 4, 10, 8 or 27).
+        cell_tag: tag of each cell, by ``layers``.
+        facets: corner nodes of each named facet, shape (facets, 3 or 4).
+        facet_tag: tag of each facet, by ``faces``.
+        layers: "part.layer" -> tag.
+        faces: "part.face" -> tag.
+    """
+
+    points: Array
+    shape: str
+    cells: Ints
+    cell_tag: Ints
+    facets: Ints
+    facet_tag: Ints
+    layers: dict[str, int]
+    faces: dict[str, int]
+
+    @property
+    def order(self) -> int:
+        """Order of the geometry: 1 or 2."""
+        return 1 if self.cells.shape[1] == CORNERS[self.shape] else 2
+
+    @property
+    def corners(self) -> Ints:
+        """Corner nodes of each cell."""
+        return self.cells[:, : CORNERS[self.shape]]
+
+    def part(self, name: str) -> NDArray[np.bool_]:
+        """Which cells belong to a part."""
+        tags = [tag for layer, tag in self.layers.items() if layer.partition(".")[0] == name]
+        return np.isin(self.cell_tag, tags)
+
+    def parts(self) -> list[str]:
+        """Names of the parts, in the order of their layers."""
+        return list(dict.fromkeys(layer.partition(".")[0] for layer in self.layers))
+
+
+def permuted(shape: str, order: int, corner: Sequence[int]) -> Ints:
+    """Positions of a cell's nodes once its corners are permuted.
+
+    Args:
+        shape: kind of cell.
+        order: order of the geometry.
+        corner: new corner i is old corner ``corner[i]``.
+
+    Returns:
+        Indices p: new node i is old node p[i].
+    """
+    found = list(corner)
+    if order == 2:
+        n = CORNERS[shape]
+        middle = {frozenset(edge): n + k for k, edge in enumerate(EDGES[shape])}
+        found += [middle[frozenset((corner[a], corner[b]))] for a, b in EDGES[shape]]
+        if shape == "hexahedron":
+            start = n + len(EDGES[shape])
+            face = {frozenset(f): start + k for k, f in enumerate(FACETS[shape])}
+            found += [face[frozenset(corner[a] for a in f)] for f in FACETS[shape]]
+            found.append(start + len(FACETS[shape]))
+    return np.array(found)
+
+
+def turned(mesh: RawMesh, which: NDArray[np.bool_]) -> RawMesh:
+    """The mesh with some cells' nodes in the opposite orientation; the bodies stay as they are."""
+    cells = mesh.cells.copy()
+    cells[which] = cells[which][:, permuted(mesh.shape, mesh.order, _REFLECTED[mesh.shape])]
+    return replace(mesh, cells=cells)
+
+
+def with_mirror_image(mesh: RawMesh) -> RawMesh:
+    """The mesh and its exact mirror image at z = 0, under the same names."""
+    image = turned(mesh, np.ones(len(mesh.cells), dtype=bool))
+    image = replace(image, points=mesh.points * np.array([1.0, 1.0, -1.0]))
+    return joined([mesh, image])
+
+
+def joined(meshes: Sequence[RawMesh]) -> RawMesh:
+    """Several meshes as one, sharing no node; equal names become one layer or face.
+
+    Args:
+        meshes: meshes of the same kind and order.
+
+    Returns:
+        The nodes, cells and facets of all, in this order.
+    """
+    layers: dict[str, int] = {}
+    faces: dict[str, int] = {}
+    cells, facets, cell_tag, facet_tag = [], [], [], []
+    start = 0
+    for mesh in meshes:
+        cells.append(mesh.cells + start)
+        facets.append(mesh.facets + start)
+        cell_tag.append(_retagged(mesh.cell_tag, mesh.layers, layers))
+        facet_tag.append(_retagged(mesh.facet_tag, mesh.faces, faces))
+        start += len(mesh.points)
+    return RawMesh(
+        np.concatenate([m.points for m in meshes]), meshes[0].shape,
+        np.concatenate(cells), np.concatenate(cell_tag),
+        np.concatenate(facets), np.concatenate(facet_tag), layers, faces,
+    )  # fmt: skip
+
+
+def _retagged(tag: Ints, names: dict[str, int], table: dict[str, int]) -> Ints:
+    """Tags of one mesh in a common table, which grows."""
+    new = np.zeros(max(names.values(), default=0) + 1, dtype=np.int64)
+    for name, old in names.items():
+        new[old] = table.setdefault(name, len(table) + 1)
+    return np.asarray(new[tag])
+
+
+def without_unused_nodes(mesh: RawMesh) -> RawMesh:
+    """The mesh without nodes of no cell; the order of the rest is kept."""
+    used = np.zeros(len(mesh.points), dtype=bool)
+    used[mesh.cells] = True
+    number = np.cumsum(used) - 1
+    return replace(
+        mesh, points=mesh.points[used], cells=number[mesh.cells], facets=number[mesh.facets]
+    )
+
+
+def facet_keys(corners: Ints) -> NDArray[np.uint64]:
+    """One number for each set of corner nodes, shape (..., 3 or 4) to (...).
+
+    Three corners name a facet, of a quadrilateral too. Up to 2.6 million nodes fit.
+    """
+    c = np.sort(corners, axis=-1).astype(np.uint64)
+    base = np.uint64(2_642_245)
+    return np.asarray((c[..., 0] * base + c[..., 1]) * base + c[..., 2])
+
+
+def cell_facets(mesh: RawMesh, which: NDArray[np.bool_] | None = None) -> Ints:
+    """Corner nodes of every facet of the cells, shape (cells, facets of a cell, corners)."""
+    cells = mesh.cells if which is None else mesh.cells[which]
+    return np.asarray(cells[:, np.array(FACETS[mesh.shape])])
+
+
+def exterior_facets(mesh: RawMesh, part: str) -> Ints:
+    """Corner nodes of a part's boundary facets, shape (facets, corners)."""
+    facets = cell_facets(mesh, mesh.part(part))
+    facets = facets.reshape(-1, facets.shape[-1])
+    _, first, count = np.unique(facet_keys(facets), return_index=True, return_counts=True)
+    return np.asarray(facets[np.sort(first[count == 1])])
+
+
+def facet_nodes(mesh: RawMesh) -> Ints:
+    """All nodes of the named facets in gmsh's order: corners, middles of edges, centre.
+
+    Raises:
+        ValueError: a named facet belongs to no cell.
+    """
+    if mesh.order == 1:
+        return mesh.facets
+    all_facets = cell_facets(mesh)
+    per_cell = all_facets.shape[1]
+    keys = facet_keys(all_facets).reshape(-1)
+    order = np.argsort(keys)
+    at = np.searchsorted(keys, facet_keys(mesh.facets), sorter=order)
+    found = order[np.minimum(at, keys.size - 1)]
+    if np.any(keys[found] != facet_keys(mesh.facets)):
+        raise ValueError("a named facet belongs to no cell")
+    table = np.array([_facet_nodes_of_cell(mesh.shape, f) for f in FACETS[mesh.shape]])
+    return np.asarray(mesh.cells[(found // per_cell)[:, None], table[found % per_cell]])
+
+
+def _facet_nodes_of_cell(shape: str, facet: Sequence[int]) -> list[int]:
+    """Local nodes of a facet of a second-order cell."""
+    n = CORNERS[shape]
+    middle = {frozenset(edge): n + k for k, edge in enumerate(EDGES[shape])}
+    ring = [*facet[1:], facet[0]]
+    nodes = [*facet, *(middle[frozenset(pair)] for pair in zip(facet, ring, strict=True))]
+    if shape == "hexahedron":
+        nodes.append(n + len(EDGES[shape]) + FACETS[shape].index(tuple(facet)))
+    return nodes
