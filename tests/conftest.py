@@ -42,6 +42,8 @@ class TwoBlocks:
         direction=(1.0, 0.3, 0.0),
         k0=1e11,
         mesh=None,
+        cells="tetrahedra",
+        discretisation="patch",
     ):
         from brake_fenicsx.geometry import block
 
@@ -52,10 +54,11 @@ class TwoBlocks:
         from brake_fenicsx.macro.material import Material, isotropic, transversely_isotropic
         from brake_fenicsx.macro.mesh import build_mesh
         from brake_fenicsx.macro.solver import local_rows
+        from brake_fenicsx.scene_mesh import MeshTable
 
         self.comm = comm
         self.parts = {"pad": (block, block.Block(**pad)), "plate": (block, block.Block(**plate))}
-        self.mesh = build_mesh(self.parts, comm) if mesh is None else mesh
+        self.mesh = build_mesh(self.parts, comm, MeshTable(cells=cells)) if mesh is None else mesh
         self.materials = {
             "pad.body": Material(transversely_isotropic(*self.LINING), 2510.0),
             "plate.body": Material(isotropic(125e9, 0.24), 7200.0),
@@ -64,8 +67,9 @@ class TwoBlocks:
         self.elastic = assemble_elastic(self.mesh, self.materials, supports, loads)
         self.free = self.elastic.free
         self.contact = contact_elements(
-            self.mesh, self.free, ("pad.bottom", "plate.top"), Translation(direction, 2.0)
-        )
+            self.mesh, self.free, ("pad.bottom", "plate.top"), Translation(direction, 2.0),
+            discretisation,
+        )  # fmt: skip
         for name in ("N", "T", "R", "w", "g0"):
             setattr(self, name, getattr(self.contact, name))
         self.f = gathered_vector(self.elastic.f)
