@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from .part import Part, faces_where, flat_at
+from .part import Part, Slab, Swept, SweptFace, element_count, faces_where, flat_at
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,4 +50,30 @@ def build(occ: Any, block: Block) -> Part:
             ),
         },
         sizes={"body": block.size},
+    )
+
+
+def sweep(occ: Any, block: Block) -> Swept:
+    """Add the box's footprint to the current gmsh model, with the same names as ``build``.
+
+    Args:
+        occ: gmsh's OpenCASCADE kernel.
+        block: its parameters.
+    """
+    import gmsh
+
+    face = occ.addRectangle(-block.length / 2, -block.width / 2, 0, block.length, block.width)
+    occ.synchronize()
+    around = [tag for _, tag in gmsh.model.getBoundary([(2, face)], oriented=False)]
+    n = element_count(block.height, block.size)
+    return Swept(
+        regions={"all": [face]},
+        curves={"around": around},
+        slabs=(Slab("body", block.z, block.z + block.height, n, ("all",)),),
+        faces={
+            "bottom": (SweptFace(0, "low", ("all",)),),
+            "top": (SweptFace(0, "high", ("all",)),),
+            "sides": (SweptFace(0, "side", ("around",)),),
+        },
+        size=block.size,
     )

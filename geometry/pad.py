@@ -7,7 +7,17 @@ from typing import Any
 
 import numpy as np
 
-from .part import Part, faces_where, flat_at, ring_sector, volumes_between
+from . import pad_shape
+from .part import (
+    Part,
+    Slab,
+    Swept,
+    SweptFace,
+    element_count,
+    faces_where,
+    flat_at,
+    volumes_between,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,36 +26,51 @@ class Pad:
 
     Attributes:
         side: "top", "bottom" or "both" sides of the disc.
+        shape: of lining and plate: "sector" of a ring; "parallel" ends between the two arcs;
+            "rectangle".
         z: height of the friction face above the disc's mid plane [m].
         r_inner: inner radius of lining and plate [m].
         r_outer: outer radius of lining and plate [m].
         angle: opening angle [rad].
+        width: tangential extent of a pad with parallel ends [m]; the chord of ``angle`` at mid
+            radius if not given.
         position: angle of the pad's middle from the x axis [rad].
         lining: thickness of the lining [m].
         plate: thickness of the back plate [m].
-        shim: thickness of the shim [m]; 0: no shim is built.
-        shim_layers: number of equal layers of the shim.
+        shim: thickness of the shim [m]; 0: no shim is built; several values: one for each layer,
+            from the plate outwards.
+        shim_layers: number of equal layers of a shim of one thickness.
         ear_length: tangential length of an ear [m]; 0: no ears.
         ear_width: radial width of an ear [m].
         piston_diameter: diameter of the loaded circle on the outermost layer [m].
+        chamfer: tangential length of the chamfers at both ends of the lining [m]; 0: none.
+        chamfer_depth: their depth at the ends [m]; as long as deep if not given.
+        slot: width of a radial slot in the middle of the lining [m]; 0: none.
+        slot_depth: its depth [m]; the whole lining if not given.
         size: mesh size of the lining's friction face [m].
         plate_size: mesh size of plate and shim [m].
         mirror: the meshes of the two pads are exact mirror images.
     """
 
     side: str = "both"
+    shape: str = "sector"
     z: float = field(default=10e-3, metadata={"unit": "m", "sign": "any"})
     r_inner: float = field(default=96e-3, metadata={"unit": "m"})
     r_outer: float = field(default=140e-3, metadata={"unit": "m"})
     angle: float = field(default=np.pi / 3, metadata={"unit": "rad"})
+    width: float | None = field(default=None, metadata={"unit": "m"})
     position: float = field(default=np.pi / 2, metadata={"unit": "rad", "sign": "any"})
     lining: float = field(default=10e-3, metadata={"unit": "m"})
     plate: float = field(default=6e-3, metadata={"unit": "m"})
-    shim: float = field(default=0.0, metadata={"unit": "m", "sign": "zero"})
+    shim: float | tuple[float, ...] = field(default=0.0, metadata={"unit": "m", "sign": "zero"})
     shim_layers: int = 1
     ear_length: float = field(default=10e-3, metadata={"unit": "m", "sign": "zero"})
     ear_width: float = field(default=16e-3, metadata={"unit": "m"})
     piston_diameter: float = field(default=54e-3, metadata={"unit": "m"})
+    chamfer: float = field(default=0.0, metadata={"unit": "m", "sign": "zero"})
+    chamfer_depth: float | None = field(default=None, metadata={"unit": "m"})
+    slot: float = field(default=0.0, metadata={"unit": "m", "sign": "zero"})
+    slot_depth: float | None = field(default=None, metadata={"unit": "m"})
     size: float = field(default=4.29e-3, metadata={"unit": "m"})
     plate_size: float = field(default=6e-3, metadata={"unit": "m"})
     mirror: bool = True
@@ -56,6 +81,32 @@ class Pad:
         return self.position + np.pi / 2
 
 
+def layers(pad: Pad) -> list[tuple[str, float]]:
+    """Names and thicknesses [m] from the friction face: ``lining``, ``plate``, then the shim.
+
+    One layer of shim is ``shim``; several are ``shim1``, ``shim2``, ... from the plate outwards.
+    """
+    shims = pad.shim if isinstance(pad.shim, tuple) else (pad.shim / pad.shim_layers,)
+    if not isinstance(pad.shim, tuple):
+        shims = shims * pad.shim_layers if pad.shim > 0 else ()
+    elif pad.shim_layers != 1:
+        raise ValueError(f"shim_layers = {pad.shim_layers}: the shim already names its layers")
+    names = ["shim"] if len(shims) == 1 else [f"shim{i}" for i in range(1, len(shims) + 1)]
+    if any(not h > 0 for h in shims):
+        raise ValueError(f"shim {list(shims)} m: every layer needs a thickness")
+    return [("lining", pad.lining), ("plate", pad.plate), *zip(names, shims, strict=True)]
+
+
+def _sides(pad: Pad) -> tuple[list[float], bool]:
+    """Sides to build, and whether the rest is their mirror image."""
+    pad_shape.check(pad)
+    sides = {"top": [1.0], "bottom": [-1.0], "both": [1.0, -1.0]}.get(pad.side)
+    if sides is None:
+        raise ValueError(f"side {pad.side!r}: use top, bottom or both")
+    mirror = pad.side == "both" and pad.mirror
+    return (sides[:1] if mirror else sides), mirror
+
+
 def build(occ: Any, pad: Pad) -> Part:
     """Add one pad, or two mirror images, to the current gmsh model.
 
@@ -64,82 +115,59 @@ def build(occ: Any, pad: Pad) -> Part:
         pad: its parameters.
 
     Returns:
-        Layers ``lining``, ``plate`` and, where asked for, ``shim``; faces ``friction``,
+        Layers ``lining``, ``plate`` and those of the shim, see ``layers``; faces ``friction``,
         ``ears`` (their end faces) and ``piston`` (the part of the circle that lies on the pad).
     """
-    sides = {"top": [1.0], "bottom": [-1.0], "both": [1.0, -1.0]}.get(pad.side)
-    if sides is None:
-        raise ValueError(f"side {pad.side!r}: use top, bottom or both")
-    mirror = pad.side == "both" and pad.mirror
-    if mirror:
-        sides = [1.0]
+    sides, mirror = _sides(pad)
     volumes: dict[str, list[int]] = {}
     faces: dict[str, list[int]] = {"friction": [], "ears": [], "piston": []}
     for side in sides:
-        layers, found = _one_pad(occ, pad, side)
-        for name, tags in layers.items():
-            volumes.setdefault(name, []).extend(tags)
+        found, named = _one_pad(occ, pad, side)
         for name, tags in found.items():
+            volumes.setdefault(name, []).extend(tags)
+        for name, tags in named.items():
             faces[name].extend(tags)
     sizes = {name: pad.size if name == "lining" else pad.plate_size for name in volumes}
-    named = {name: tags for name, tags in faces.items() if tags}
-    return Part(volumes, named, sizes, mirror=mirror)
+    return Part(volumes, {n: tags for n, tags in faces.items() if tags}, sizes, mirror=mirror)
 
 
 def _one_pad(occ: Any, pad: Pad, side: float) -> tuple[dict[str, list[int]], dict[str, list[int]]]:
     """Build one pad on one side of the disc; side = +1 or -1."""
-    start = pad.position - pad.angle / 2
-    layers = [("lining", pad.lining), ("plate", pad.plate)]
-    if pad.shim > 0:
-        layers += [("shim", pad.shim / pad.shim_layers)] * pad.shim_layers
-    heights = np.cumsum([pad.z] + [thickness for _, thickness in layers])
-    solids = [
-        (3, ring_sector(occ, pad.r_inner, pad.r_outer, z, h, start, pad.angle))
-        for z, (_, h) in zip(heights, layers, strict=False)
-    ]
+    stack = layers(pad)
+    heights = np.cumsum([pad.z] + [thickness for _, thickness in stack])
+    solids = [_slab(occ, pad, z, h) for z, (_, h) in zip(heights, stack, strict=False)]
+    cut = pad_shape.cutters(occ, pad)
+    linings = occ.cut([solids[0]], cut)[0] if cut else solids[:1]
     if pad.ear_length > 0:
-        plate = [solids[1], *_ears(occ, pad, heights[1])]
+        plate = [solids[1], *pad_shape.ears(occ, pad, heights[1])]
         solids[1] = occ.fuse(plate[:1], plate[1:])[0][0]
-    middle = 0.5 * (pad.r_inner + pad.r_outer)
-    x, y = middle * np.cos(pad.position), middle * np.sin(pad.position)
-    circle = occ.addDisk(x, y, heights[-1], pad.piston_diameter / 2, pad.piston_diameter / 2)
     # The circle may reach beyond the pad: only what lies on it is imprinted.
-    outside = ring_sector(
-        occ, pad.r_inner, pad.r_outer, heights[-2], heights[-1] - heights[-2], start, pad.angle
-    )
-    on_pad, _ = occ.intersect([(2, circle)], [(3, outside)])
-    solids = [s for s in occ.fragment(solids, on_pad)[0] if s[0] == 3]
+    outside = _slab(occ, pad, heights[-2], heights[-1] - heights[-2])
+    on_pad, _ = occ.intersect([pad_shape.piston(occ, pad, heights[-1])], [outside])
+    solids = [s for s in occ.fragment([*linings, *solids[1:]], on_pad)[0] if s[0] == 3]
     if side < 0:
         occ.mirror(solids, 0, 0, 1, 0)
     occ.synchronize()
     tags = sorted({tag for _, tag in solids})
     volumes: dict[str, list[int]] = {}
-    for (name, _), low, high in zip(layers, heights[:-1], heights[1:], strict=True):
+    for (name, _), low, high in zip(stack, heights[:-1], heights[1:], strict=True):
         z_low, z_high = sorted((side * low, side * high))
         volumes.setdefault(name, []).extend(volumes_between(tags, z_low, z_high))
     return volumes, _faces(occ, pad, tags, side, heights)
 
 
-def _ears(occ: Any, pad: Pad, z: float) -> list[tuple[int, int]]:
-    """Blocks at both sector ends at mid radius, overlapping the plate so that they fuse."""
-    middle = 0.5 * (pad.r_inner + pad.r_outer)
-    overlap = 0.5 * pad.ear_width
-    ears = []
-    for end in (-1.0, 1.0):
-        length = pad.ear_length + overlap
-        y = -overlap if end > 0 else -pad.ear_length
-        box = occ.addBox(middle - pad.ear_width / 2, y, z, pad.ear_width, length, pad.plate)
-        occ.rotate([(3, box)], 0, 0, 0, 0, 0, 1, pad.position + end * pad.angle / 2)
-        ears.append((3, box))
-    return ears
+def _slab(occ: Any, pad: Pad, z: float, height: float) -> tuple[int, int]:
+    """The pad's outline, extruded [m]."""
+    solid = occ.extrude([(2, pad_shape.outline(occ, pad, z))], 0, 0, height)
+    return next((dim, int(tag)) for dim, tag in solid if dim == 3)
 
 
 def _faces(
     occ: Any, pad: Pad, tags: list[int], side: float, heights: np.ndarray
 ) -> dict[str, list[int]]:
     """Name the faces of one built pad."""
-    middle = 0.5 * (pad.r_inner + pad.r_outer)
-    centre = middle * np.array([np.cos(pad.position), np.sin(pad.position)])
+    r = pad_shape.middle(pad)
+    centre = r * np.array([np.cos(pad.position), np.sin(pad.position)])
     reach = pad.piston_diameter / 2 + 1e-6
 
     def on_piston(low: np.ndarray, high: np.ndarray) -> bool:
@@ -147,16 +175,92 @@ def _faces(
         return bool(near and flat_at(side * heights[-1])(low, high))
 
     ends = []
-    for end in (-1.0, 1.0):
-        a = pad.position + end * pad.angle / 2
-        tip = middle * np.array([np.cos(a), np.sin(a)])
-        tip += end * pad.ear_length * np.array([-np.sin(a), np.cos(a)])
+    for tip in pad_shape.ear_tips(pad) if pad.ear_length > 0 else ():
         for tag in faces_where(tags, lambda low, high: bool(high[2] - low[2] > 0.5 * pad.plate)):
             x, y, _ = occ.getCenterOfMass(2, tag)
-            if pad.ear_length > 0 and np.hypot(x - tip[0], y - tip[1]) < 1e-6:
+            if np.hypot(x - tip[0], y - tip[1]) < 1e-6:
                 ends.append(tag)
     return {
         "friction": faces_where(tags, flat_at(side * pad.z)),
         "ears": ends,
         "piston": faces_where(tags, on_piston),
     }
+
+
+def sweep(occ: Any, pad: Pad) -> Swept:
+    """Add the pad's footprint to the current gmsh model, with the same names as ``build``.
+
+    Args:
+        occ: gmsh's OpenCASCADE kernel.
+        pad: its parameters; chamfers are not swept.
+    """
+    sides, mirror = _sides(pad)
+    if pad.chamfer > 0:
+        raise ValueError(
+            'a chamfered lining is not swept along z: write chamfer = 0, or cells = "tetrahedra"'
+        )
+    if len(sides) > 1:
+        raise ValueError("two pads of hexahedra are mirror images: write mirror = true")
+    regions, tips = _footprint(occ, pad)
+    body = tuple(name for name in regions if name != "ears")
+    open_slot = tuple(name for name in body if "slot" not in name)
+    press = tuple(name for name in body if "piston" in name)
+    slabs, z = [], pad.z
+    for name, h in layers(pad):
+        if name == "lining" and len(open_slot) < len(body):
+            depth = pad.lining if pad.slot_depth is None else pad.slot_depth
+            n = element_count(depth, pad.size)
+            slabs.append(Slab(name, z, z + depth, n, open_slot))
+            if depth < h:
+                n = element_count(h - depth, pad.size)
+                slabs.append(Slab(name, z + depth, z + h, n, body))
+        else:
+            size = pad.size if name == "lining" else pad.plate_size
+            slabs.append(
+                Slab(
+                    name, z, z + h, element_count(h, size), body + (("ears",) if name == "plate"
+                    and "ears" in regions else ()),
+                )
+            )  # fmt: skip
+        z += h
+    plate = next(i for i, slab in enumerate(slabs) if slab.layer == "plate")
+    faces: dict[str, tuple[SweptFace, ...]] = {"friction": (SweptFace(0, "low", slabs[0].regions),)}
+    if tips:
+        faces["ears"] = (SweptFace(plate, "side", ("ears",)),)
+    faces["piston"] = (SweptFace(len(slabs) - 1, "high", press),)
+    return Swept(
+        regions, {"ears": tips} if tips else {}, tuple(slabs), faces, pad.size,
+        mirror=mirror, below=sides[0] < 0,
+    )  # fmt: skip
+
+
+def _footprint(occ: Any, pad: Pad) -> tuple[dict[str, list[int]], list[int]]:
+    """Regions of the outline in the plane z = 0, and the curves at the ears' ends."""
+    body = (2, pad_shape.outline(occ, pad, 0.0))
+    tools = {"piston": [pad_shape.piston(occ, pad, 0.0)]}
+    if pad.slot > 0:
+        tools["slot"] = [pad_shape.slot_face(occ, pad)]
+    for name, tool in tools.items():
+        tools[name] = occ.intersect(tool, [(2, occ.copy([body])[0][1])])[0]
+    ears = pad_shape.ear_faces(occ, pad) if pad.ear_length > 0 else []
+    flat = [tool for group in tools.values() for tool in group]
+    _, pieces = occ.fragment([body], flat + ears)
+    inside = {
+        name: {e for t in group for e in pieces[1 + flat.index(t)]} for name, group in tools.items()
+    }
+    occ.synchronize()
+    regions: dict[str, list[int]] = {}
+    for piece in pieces[0]:
+        name = "_".join(n for n in inside if piece in inside[n]) or "rest"
+        regions.setdefault(name, []).append(piece[1])
+    outer = {e for group in pieces[1 + len(flat) :] for e in group} - set(pieces[0])
+    if outer:
+        regions["ears"] = sorted(tag for _, tag in outer)
+    import gmsh
+
+    tips = []
+    for _, curve in gmsh.model.getEntities(1):
+        x, y, _ = occ.getCenterOfMass(1, curve)
+        if ears and any(np.hypot(x - t[0], y - t[1]) < 1e-6 for t in pad_shape.ear_tips(pad)):
+            tips.append(curve)
+    return regions, tips

@@ -94,22 +94,26 @@ class Swept:
     upright: bool = False
 
 
-def ring_sector(
-    occ: Any, r_inner: float, r_outer: float, z: float, height: float, start: float, angle: float
+def element_count(length: float, size: float) -> int:
+    """Number of elements of about a size [m] along a length [m]."""
+    return max(1, round(length / size))
+
+
+def ring_sector_face(
+    occ: Any, r_inner: float, r_outer: float, z: float, start: float, angle: float
 ) -> int:
-    """Annular sector between two radii, extruded along z.
+    """Plane annular sector between two radii.
 
     Args:
         occ: gmsh's OpenCASCADE kernel.
         r_inner: inner radius [m].
         r_outer: outer radius [m].
-        z: height of the lower face [m].
-        height: extrusion, positive [m].
+        z: height [m].
         start: angle of the first edge from x [rad].
         angle: opening angle [rad], below 2 pi.
 
     Returns:
-        The volume's tag.
+        The surface's tag.
     """
     # Arcs of less than half a turn.
     arcs = int(np.ceil(angle / (0.9 * np.pi)))
@@ -124,7 +128,7 @@ def ring_sector(
     wire = occ.addCurveLoop([*inner, side[1], *(-tag for tag in reversed(outer)), -side[0]])
     face = occ.addPlaneSurface([wire])
     occ.remove([(0, centre)])
-    return int(next(tag for dim, tag in occ.extrude([(2, face)], 0, 0, height) if dim == 3))
+    return int(face)
 
 
 def volumes_between(tags: list[int], z_low: float, z_high: float) -> list[int]:

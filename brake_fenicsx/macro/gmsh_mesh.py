@@ -11,11 +11,16 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.scene_mesh import MeshTable
 
+from .quality import quality
 from .rawmesh import RawMesh, with_mirror_image
 from .swept import footprint, sweep
 
 Ints = NDArray[np.int64]
 
+# Gmsh's plane algorithms in the order in which they are tried: frontal, Delaunay, mesh adaptation.
+PLANE_ALGORITHMS = (6, 5, 1)
+# Quality 3 r / R of the worst cell from which on no other algorithm is tried.
+GOOD = 0.05
 # gmsh's numbers for cells and facets of order 1 and 2.
 CELL_TYPE = {("tetrahedron", 1): 4, ("tetrahedron", 2): 11,
              ("hexahedron", 1): 5, ("hexahedron", 2): 12}  # fmt: skip
@@ -94,16 +99,25 @@ def _swept_mesh(gmsh: Any, name: str, swept: Any, table: MeshTable) -> RawMesh:
 
 
 def _volume_mesh(gmsh: Any, name: str, part: Any, table: MeshTable) -> RawMesh:
-    """Tetrahedra in all volumes of a part."""
+    """Tetrahedra in all volumes of a part; if one is flat, other plane meshes are tried."""
     model = gmsh.model
     _point_sizes(model, part, table.growth)
     _fine_places(gmsh, part, max(part.sizes.values()), table.growth)
-    gmsh.option.setNumber("Mesh.Algorithm", 6)
     gmsh.option.setNumber("Mesh.Optimize", 1)
-    model.mesh.generate(3)
-    if table.order == 2:
-        model.mesh.setOrder(2)
-    return gathered(model, name, part.volumes, part.faces, "tetrahedron", table.order)
+    measure = -1.0
+    for algorithm in PLANE_ALGORITHMS:
+        gmsh.option.setNumber("Mesh.Algorithm", algorithm)
+        model.mesh.clear()
+        model.mesh.generate(3)
+        if table.order == 2:
+            model.mesh.setOrder(2)
+        mesh = gathered(model, name, part.volumes, part.faces, "tetrahedron", table.order)
+        worst = quality(mesh).worst
+        if worst > measure:
+            best, measure = mesh, worst
+        if measure >= GOOD:
+            break
+    return best
 
 
 def _point_sizes(model: Any, part: Any, growth: float) -> None:

@@ -1,0 +1,171 @@
+"""Outlines of a pad seen along z: lining and plate, ears, piston circle, slot, chamfers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from .part import ring_sector_face
+
+if TYPE_CHECKING:
+    from .pad import Pad
+
+Entities = list[tuple[int, int]]
+
+
+def middle(pad: Pad) -> float:
+    """Mid radius [m]."""
+    return 0.5 * (pad.r_inner + pad.r_outer)
+
+
+def width(pad: Pad) -> float:
+    """Tangential extent of a pad with parallel ends [m]."""
+    return 2 * middle(pad) * np.sin(pad.angle / 2) if pad.width is None else pad.width
+
+
+def check(pad: Pad) -> None:
+    """Refuse parameters that make no pad."""
+    if pad.shape not in ("sector", "parallel", "rectangle"):
+        raise ValueError(f"shape {pad.shape!r}: use sector, parallel or rectangle")
+    if not pad.r_inner < pad.r_outer:
+        raise ValueError(f"r_inner {pad.r_inner} m must be below r_outer {pad.r_outer} m")
+    if pad.shape == "sector" and not pad.angle < 2 * np.pi:
+        raise ValueError(f"angle {pad.angle} rad must be below a full turn")
+    if pad.shape != "sector" and not width(pad) < 2 * pad.r_inner:
+        raise ValueError(f"width {width(pad)} m must be below twice r_inner {pad.r_inner} m")
+    if pad.shape == "sector" and pad.width is not None:
+        raise ValueError('width has no meaning for shape "sector"; write angle')
+    depth = pad.lining if pad.slot_depth is None else pad.slot_depth
+    if depth > pad.lining:
+        raise ValueError(f"slot_depth {depth} m is more than the lining {pad.lining} m")
+    if pad.chamfer > 0 and chamfer_depth(pad) > pad.lining:
+        raise ValueError(f"chamfer_depth {chamfer_depth(pad)} m is more than the lining")
+    if pad.slot + 2 * pad.chamfer >= 0.8 * (
+        width(pad) if pad.shape != "sector" else pad.angle * pad.r_inner
+    ):
+        raise ValueError(f"slot {pad.slot} m and chamfers {pad.chamfer} m leave no lining")
+
+
+def chamfer_depth(pad: Pad) -> float:
+    """Depth of a chamfer at the end of the lining [m]; 45 degrees if the scene names none."""
+    return pad.chamfer if pad.chamfer_depth is None else pad.chamfer_depth
+
+
+def outline(occ: Any, pad: Pad, z: float) -> int:
+    """Plane surface of lining and plate at a height [m]."""
+    if pad.shape == "sector":
+        start = pad.position - pad.angle / 2
+        return ring_sector_face(occ, pad.r_inner, pad.r_outer, z, start, pad.angle)
+    half = 0.5 * width(pad)
+    arcs = pad.shape == "parallel"
+    x = [np.sqrt(r**2 - half**2) if arcs else r for r in (pad.r_inner, pad.r_outer)]
+    at = [occ.addPoint(*p, z) for p in ((x[0], -half), (x[1], -half), (x[1], half), (x[0], half))]
+    if arcs:
+        centre = occ.addPoint(0, 0, z)
+        curves = [
+            occ.addLine(at[0], at[1]), occ.addCircleArc(at[1], centre, at[2]),
+            occ.addLine(at[2], at[3]), occ.addCircleArc(at[3], centre, at[0]),
+        ]  # fmt: skip
+        occ.remove([(0, centre)])
+    else:
+        curves = [occ.addLine(at[i], at[(i + 1) % 4]) for i in range(4)]
+    face = occ.addPlaneSurface([occ.addCurveLoop(curves)])
+    occ.rotate([(2, face)], 0, 0, 0, 0, 0, 1, pad.position)
+    return int(face)
+
+
+def ends(pad: Pad) -> list[tuple[float, float, float]]:
+    """Both ends: side (-1, 1), direction of its line [rad], the line's distance from z [m]."""
+    if pad.shape == "sector":
+        return [(e, pad.position + e * pad.angle / 2, 0.0) for e in (-1.0, 1.0)]
+    return [(e, pad.position, e * 0.5 * width(pad)) for e in (-1.0, 1.0)]
+
+
+def ear_tips(pad: Pad) -> list[np.ndarray]:
+    """Centres of the ears' end faces in the plane [m]."""
+    tips = []
+    for end, a, offset in ends(pad):
+        along, across = np.array([np.cos(a), np.sin(a)]), np.array([-np.sin(a), np.cos(a)])
+        tips.append(middle(pad) * along + (offset + end * pad.ear_length) * across)
+    return tips
+
+
+def _ear_origin(pad: Pad, end: float, offset: float, overlap: float) -> float:
+    return offset - (overlap if end > 0 else pad.ear_length)
+
+
+def ears(occ: Any, pad: Pad, z: float) -> Entities:
+    """Blocks at both ends at mid radius, overlapping the plate so that they fuse."""
+    overlap = 0.5 * pad.ear_width
+    found = []
+    for end, a, offset in ends(pad):
+        y = _ear_origin(pad, end, offset, overlap)
+        box = occ.addBox(
+            middle(pad) - pad.ear_width / 2, y, z,
+            pad.ear_width, pad.ear_length + overlap, pad.plate,
+        )  # fmt: skip
+        occ.rotate([(3, box)], 0, 0, 0, 0, 0, 1, a)
+        found.append((3, box))
+    return found
+
+
+def ear_faces(occ: Any, pad: Pad) -> Entities:
+    """Rectangles of the ears in the plane z = 0."""
+    overlap = 0.5 * pad.ear_width
+    found = []
+    for end, a, offset in ends(pad):
+        y = _ear_origin(pad, end, offset, overlap)
+        face = occ.addRectangle(
+            middle(pad) - pad.ear_width / 2, y, 0, pad.ear_width, pad.ear_length + overlap
+        )
+        occ.rotate([(2, face)], 0, 0, 0, 0, 0, 1, a)
+        found.append((2, face))
+    return found
+
+
+def piston(occ: Any, pad: Pad, z: float) -> tuple[int, int]:
+    """Circle of the piston at a height [m]."""
+    r = middle(pad)
+    x, y = r * np.cos(pad.position), r * np.sin(pad.position)
+    return 2, occ.addDisk(x, y, z, pad.piston_diameter / 2, pad.piston_diameter / 2)
+
+
+def slot_face(occ: Any, pad: Pad) -> tuple[int, int]:
+    """Strip of the slot in the plane z = 0, along the radius at mid pad."""
+    reach = 1.2 * pad.r_outer
+    face = occ.addRectangle(0.5 * pad.r_inner, -pad.slot / 2, 0, reach, pad.slot)
+    occ.rotate([(2, face)], 0, 0, 0, 0, 0, 1, pad.position)
+    return 2, face
+
+
+def cutters(occ: Any, pad: Pad) -> Entities:
+    """Solids to be cut off the lining: slot and chamfers."""
+    found = []
+    if pad.slot > 0:
+        depth = pad.lining if pad.slot_depth is None else pad.slot_depth
+        box = occ.addBox(
+            0.5 * pad.r_inner, -pad.slot / 2, pad.z - 0.1 * depth,
+            1.2 * pad.r_outer, pad.slot, 1.1 * depth,
+        )  # fmt: skip
+        occ.rotate([(3, box)], 0, 0, 0, 0, 0, 1, pad.position)
+        found.append((3, box))
+    if pad.chamfer > 0:
+        found += [_wedge(occ, pad, *end) for end in ends(pad)]
+    return found
+
+
+def _wedge(occ: Any, pad: Pad, end: float, a: float, offset: float) -> tuple[int, int]:
+    """Wedge that takes a chamfer off one end, reaching beyond the lining on all sides."""
+    slope = chamfer_depth(pad) / pad.chamfer
+    more = 0.2 * pad.chamfer
+    y = [-pad.chamfer - more, more, more]
+    z = [-slope * more, slope * (pad.chamfer + more), -slope * more]
+    x = 0.5 * pad.r_inner
+    at = [occ.addPoint(x, offset + end * b, pad.z + h) for b, h in zip(y, z, strict=True)]
+    face = occ.addPlaneSurface(
+        [occ.addCurveLoop([occ.addLine(at[i], at[(i + 1) % 3]) for i in range(3)])]
+    )
+    solid = next(e for e in occ.extrude([(2, face)], 1.2 * pad.r_outer, 0, 0) if e[0] == 3)
+    occ.rotate([solid], 0, 0, 0, 0, 0, 1, a)
+    return 3, int(solid[1])
