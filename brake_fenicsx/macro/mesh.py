@@ -5,7 +5,7 @@ All bodies live in one mesh, as components that share no node; layers of one par
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -184,6 +184,7 @@ def check_parts(
     faces: Mapping[str, str],
     comm: MPI.Comm,
     table: MeshTable | None = None,
+    more: Collection[str] = (),
 ) -> None:
     """Build the geometry without meshing it, so that a mistake shows before any work.
 
@@ -192,11 +193,13 @@ def check_parts(
         faces: face names that the scene uses, with the key that uses each.
         comm: communicator of the run.
         table: kind of cells.
+        more: faces of parts that have no builder.
 
     Raises:
         SceneError: a builder refuses its parameters, or there is no such face; on all ranks.
     """
-    on_rank_0(lambda: check_faces(faces, _known_faces(parts, table or MeshTable())), comm, _all)
+    settings = table or MeshTable()
+    on_rank_0(lambda: check_faces(faces, _known_faces(parts, settings).union(more)), comm, _all)
 
 
 def check_faces(faces: Mapping[str, str], known: set[str]) -> None:

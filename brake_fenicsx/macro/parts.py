@@ -10,7 +10,9 @@ from mpi4py import MPI
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import Scene
 
-from .mesh import Builder, Mesh, build_mesh, check_parts
+from .groups import mesh_of_file
+from .mesh import Builder, Mesh, check_parts, distribute, on_rank_0, raw_mesh
+from .rawmesh import RawMesh, joined
 
 
 def scene_parts(scene: Scene) -> dict[str, Builder]:
@@ -22,6 +24,11 @@ def scene_parts(scene: Scene) -> dict[str, Builder]:
     }
 
 
+def file_parts(scene: Scene) -> list[str]:
+    """Names of the parts that come from the mesh file."""
+    return [name for name, part in scene.parts.items() if part.builder is None]
+
+
 def scene_mesh(scene: Scene, comm: MPI.Comm) -> Mesh:
     """Mesh of all parts of a scene.
 
@@ -29,9 +36,31 @@ def scene_mesh(scene: Scene, comm: MPI.Comm) -> Mesh:
         SceneError: a part or the mesh file is wrong, or the mesh too bad; on all ranks.
     """
     try:
-        return build_mesh(scene_parts(scene), comm, scene.mesh)
+        return distribute(lambda: scene_raw_mesh(scene), comm, scene.mesh)
     except SceneError as error:
         raise SceneError(f"{scene.file}: {error}") from None
+
+
+def scene_raw_mesh(scene: Scene) -> RawMesh:
+    """Plain mesh of all parts, on this process.
+
+    Raises:
+        SceneError: a part or the mesh file is wrong, or their cells are of two kinds.
+    """
+    built = scene_parts(scene)
+    if scene.mesh.file is None:
+        return raw_mesh(built, scene.mesh)
+    read = mesh_of_file(scene.file.parent, scene.mesh, file_parts(scene))
+    if not built:
+        return read
+    made = raw_mesh(built, scene.mesh)
+    if (made.shape, made.order) != (read.shape, read.order):
+        cells = "tetrahedra" if read.shape == "tetrahedron" else "hexahedra"
+        raise SceneError(
+            f"mesh.file: its cells are {cells} of order {read.order}, those of the builders are"
+            f' not; write mesh.cells = "{cells}" and mesh.order = {read.order}'
+        )
+    return joined([made, read])
 
 
 def check_mesh(scene: Scene, faces: Mapping[str, str], comm: MPI.Comm) -> None:
@@ -45,7 +74,14 @@ def check_mesh(scene: Scene, faces: Mapping[str, str], comm: MPI.Comm) -> None:
     Raises:
         SceneError: a part's parameters, the mesh file or a face's name is wrong; on all ranks.
     """
+
+    def known() -> set[str] | None:
+        if scene.mesh.file is None:
+            return set()
+        return set(mesh_of_file(scene.file.parent, scene.mesh, file_parts(scene)).faces)
+
     try:
-        check_parts(scene_parts(scene), faces, comm, scene.mesh)
+        of_file = on_rank_0(known, comm, lambda found: found)
+        check_parts(scene_parts(scene), faces, comm, scene.mesh, of_file or set())
     except SceneError as error:
         raise SceneError(f"{scene.file}: {error}") from None

@@ -1,0 +1,113 @@
+"""What a mesh file holds, before its groups become parts and faces."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import SceneError
+
+from .rawmesh import CORNERS, EDGES, FACETS, facet_keys
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+# Kind of cell of meshio, Abaqus and Ansys -> (shape, nodes).
+SOLIDS = {
+    "tetra": ("tetrahedron", 4), "tetra10": ("tetrahedron", 10),
+    "hexahedron": ("hexahedron", 8), "hexahedron20": ("hexahedron", 20),
+    "hexahedron27": ("hexahedron", 27),
+}  # fmt: skip
+# Edges whose middle nodes follow the corners, in the order of VTK, Abaqus and Ansys.
+_VTK_EDGES = {
+    "tetrahedron": ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
+    "hexahedron": (
+        (0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6),
+        (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7),
+    ),
+}  # fmt: skip
+# Faces whose middle nodes come next in VTK's 27-node hexahedron.
+_VTK_FACES = ((0, 3, 7, 4), (1, 2, 6, 5), (0, 1, 5, 4), (2, 3, 7, 6), (0, 1, 2, 3), (4, 5, 6, 7))
+
+
+@dataclass(slots=True)
+class FileMesh:
+    """Cells and groups of a mesh file; nodes of a cell in gmsh's order.
+
+    Attributes:
+        points: positions in the file's unit, shape (nodes, 3).
+        shape: "tetrahedron" or "hexahedron".
+        cells: nodes of each cell, shape (cells, nodes of a cell).
+        cell_groups: name -> numbers of cells.
+        facet_groups: name -> corner nodes of facets.
+        node_groups: name -> nodes.
+    """
+
+    points: Array
+    shape: str
+    cells: Ints
+    cell_groups: dict[str, Ints] = field(default_factory=dict)
+    facet_groups: dict[str, Ints] = field(default_factory=dict)
+    node_groups: dict[str, Ints] = field(default_factory=dict)
+
+
+def gmsh_order(shape: str, nodes: int) -> list[int]:
+    """Where gmsh's nodes of a cell stand among those of VTK, Abaqus and Ansys."""
+    n = CORNERS[shape]
+    order = list(range(n))
+    if nodes > n:
+        edges = [frozenset(e) for e in _VTK_EDGES[shape]]
+        order += [n + edges.index(frozenset(e)) for e in EDGES[shape]]
+    if nodes == 27:
+        faces = [frozenset(f) for f in _VTK_FACES]
+        order += [20 + faces.index(frozenset(f)) for f in FACETS[shape]] + [26]
+    return order
+
+
+def one_kind(kinds: Iterable[str]) -> str:
+    """The kind of all solid cells of a file.
+
+    Raises:
+        SceneError: there are several kinds, or none.
+    """
+    found = sorted(set(kinds))
+    if not found:
+        raise SceneError("the file has no tetrahedra or hexahedra; export the solid elements")
+    if len(found) > 1 or found[0] not in SOLIDS:
+        raise SceneError(
+            f"the file has cells of kind {', '.join(found)}; write all of one kind:"
+            f" {', '.join(SOLIDS)}"
+        )
+    return found[0]
+
+
+def completed(points: Array, cells: Ints) -> tuple[Array, Ints]:
+    """20-node hexahedra with the middle nodes of faces and body that serendipity implies.
+
+    Args:
+        points: positions, shape (nodes, 3).
+        cells: 20 nodes of each hexahedron in gmsh's order.
+
+    Returns:
+        The points with the new ones behind, and 27 nodes of each cell.
+    """
+    edges = [frozenset(e) for e in EDGES["hexahedron"]]
+    facets = cells[:, np.array(FACETS["hexahedron"])]
+    middles = np.array(
+        [
+            [8 + edges.index(frozenset(pair)) for pair in zip(f, (*f[1:], f[0]), strict=True)]
+            for f in FACETS["hexahedron"]
+        ]
+    )
+    x = points[cells]
+    centres = 0.5 * x[:, middles].sum(axis=2) - 0.25 * points[facets].sum(axis=2)
+    _, first, number = np.unique(facet_keys(facets), return_index=True, return_inverse=True)
+    shared = centres.reshape(-1, 3)[first]
+    body = 0.25 * x[:, 8:20].sum(axis=1) - 0.25 * x[:, :8].sum(axis=1)
+    start = len(points)
+    number = number.reshape(len(cells), 6) + start
+    own = start + len(shared) + np.arange(len(cells))
+    return np.concatenate([points, shared, body]), np.column_stack([cells, number, own])

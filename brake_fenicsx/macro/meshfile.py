@@ -1,0 +1,140 @@
+"""Readers of mesh files: gmsh by gmsh, Abaqus by ``abaqus``, the rest by meshio."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import SceneError
+
+from .abaqus import read_abaqus
+from .filemesh import SOLIDS, FileMesh, gmsh_order, one_kind
+from .gmsh_mesh import gmsh_session
+
+Ints = NDArray[np.int64]
+
+# Gmsh's numbers of solid elements, and of triangles and quadrilaterals with their corners.
+_GMSH_SOLIDS = {4: "tetra", 11: "tetra10", 5: "hexahedron", 17: "hexahedron20", 12: "hexahedron27",
+                6: "wedge", 7: "pyramid", 13: "wedge18", 18: "wedge15"}  # fmt: skip
+_GMSH_SKINS = {2: 3, 9: 3, 3: 4, 10: 4, 16: 4}
+_SKINS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}
+
+
+def read_mesh_file(path: Path) -> FileMesh:
+    """Read a mesh file by its ending.
+
+    Args:
+        path: .msh of gmsh; .inp of Abaqus or CalculiX; what meshio reads (.bdf, .nas, .med, .vtu,
+            .unv, ...).
+
+    Raises:
+        SceneError: the file is missing, of no known kind, or damaged.
+    """
+    if not path.is_file():
+        raise SceneError("no such file; paths start at the scene's folder")
+    try:
+        if path.suffix == ".inp":
+            return read_abaqus(path)
+        if path.suffix == ".msh":
+            return read_gmsh(path)
+        return read_other(path)
+    except SceneError:
+        raise
+    except Exception as error:
+        text = " ".join(str(error).split()) or type(error).__name__
+        raise SceneError(f"cannot be read: {text}; is it a whole mesh file?") from None
+
+
+def read_gmsh(path: Path) -> FileMesh:
+    """Read gmsh's own format, 2.2 or 4.1; physical groups by name, or by number without one."""
+    with gmsh_session() as gmsh:
+        gmsh.open(str(path))
+        model = gmsh.model
+        tags, x, _ = model.mesh.getNodes()
+        number = np.full(int(tags.max()) + 1, -1, dtype=np.int64)
+        number[tags.astype(np.int64)] = np.arange(tags.size)
+        kinds = [int(kind) for kind in model.mesh.getElementTypes(3)]
+        kind = one_kind(_GMSH_SOLIDS.get(k, f"gmsh {k}") for k in kinds)
+        shape, count = SOLIDS[kind]
+
+        cells: list[Ints] = []
+        start: dict[int, tuple[int, int]] = {}
+        for _, entity in model.getEntities(3):
+            _, nodes = model.mesh.getElementsByType(kinds[0], entity)
+            first = sum(map(len, cells))
+            cells.append(number[nodes.astype(np.int64)].reshape(-1, count))
+            start[entity] = (first, first + len(cells[-1]))
+        mesh = FileMesh(x.reshape(-1, 3), shape, np.concatenate(cells))
+        for dim, group in model.getPhysicalGroups():
+            name = model.getPhysicalName(dim, group) or str(group)
+            entities = model.getEntitiesForPhysicalGroup(dim, group)
+            if dim == 3:
+                mesh.cell_groups[name] = np.concatenate([np.arange(*start[e]) for e in entities])
+            elif dim == 2:
+                mesh.facet_groups[name] = _gmsh_skin(model, entities, number, shape)
+    return mesh
+
+
+def _gmsh_skin(model: Any, entities: Any, number: Ints, shape: str) -> Ints:
+    """Corner nodes of the facets of some surfaces."""
+    corners = 3 if shape == "tetrahedron" else 4
+    found: list[Ints] = [np.zeros((0, corners), dtype=np.int64)]
+    for entity in entities:
+        for kind, _, nodes in zip(*model.mesh.getElements(2, entity), strict=True):
+            if _GMSH_SKINS.get(int(kind)) == corners:
+                count = model.mesh.getElementProperties(kind)[3]
+                found.append(number[nodes.astype(np.int64)].reshape(-1, count)[:, :corners])
+    return np.concatenate(found)
+
+
+def read_other(path: Path) -> FileMesh:
+    """Read what meshio reads; groups are its sets, and integers of cells by their value."""
+    try:
+        import meshio
+    except ImportError:
+        raise SceneError(
+            f"{path.suffix} needs meshio: pip install meshio, or convert the mesh to .msh or .inp"
+        ) from None
+    if path.suffix not in meshio.extension_to_filetypes:
+        raise SceneError(f"files {path.suffix} are not known; write .msh, .inp or .bdf instead")
+    try:
+        read = meshio.read(path)
+    except SystemExit:
+        raise SceneError("cannot be read by meshio; write .msh or .inp instead") from None
+    kind = one_kind(b.type for b in read.cells if b.dim == 3)
+    shape, count = SOLIDS[kind]
+    solid = [i for i, block in enumerate(read.cells) if block.type == kind]
+    cells = np.concatenate([read.cells[i].data for i in solid]).astype(np.int64)
+    mesh = FileMesh(np.asarray(read.points, dtype=float), shape, cells[:, gmsh_order(shape, count)])
+    corners = 3 if shape == "tetrahedron" else 4
+    skin = [i for i, block in enumerate(read.cells) if _SKINS.get(block.type) == corners]
+    for name, members in _meshio_groups(read).items():
+        offset, own = 0, []
+        for i in solid:
+            own.append(np.asarray(members[i], dtype=np.int64) + offset)
+            offset += len(read.cells[i].data)
+        if sum(map(len, own)):
+            mesh.cell_groups[name] = np.concatenate(own)
+        facets = [read.cells[i].data[members[i]][:, :corners] for i in skin if len(members[i])]
+        if facets:
+            mesh.facet_groups[name] = np.concatenate(facets).astype(np.int64)
+    for name, nodes in read.point_sets.items():
+        mesh.node_groups[name] = np.asarray(nodes, dtype=np.int64)
+    return mesh
+
+
+def _meshio_groups(read: Any) -> dict[str, list[Ints]]:
+    """Group -> members in each block of cells."""
+    groups: dict[str, list[Ints]] = {}
+    for name, members in read.cell_sets.items():
+        groups[name] = [np.asarray(m if m is not None else [], dtype=np.int64) for m in members]
+    for values in read.cell_data.values():
+        arrays = [np.asarray(v) for v in values]
+        if any(not np.issubdtype(v.dtype, np.integer) or v.ndim != 1 for v in arrays):
+            continue
+        for value in np.unique(np.concatenate(arrays)):
+            groups.setdefault(str(value), [np.flatnonzero(v == value) for v in arrays])
+    return groups

@@ -1,0 +1,80 @@
+"""Small mesh files for the tests: two boxes, one on the other, written in several formats."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from brake_fenicsx.geometry import block
+
+from brake_fenicsx.macro.gmsh_mesh import discrete_model, gmsh_session
+from brake_fenicsx.macro.mesh import raw_mesh
+from brake_fenicsx.macro.rawmesh import facet_nodes
+from brake_fenicsx.scene_mesh import MeshTable
+
+LOW = block.Block(length=40e-3, width=20e-3, height=10e-3, z=-10e-3, size=8e-3)
+HIGH = block.Block(length=40e-3, width=20e-3, height=12e-3, z=0.0, size=8e-3)
+# Abaqus's order of the nodes, as places in gmsh's.
+ABAQUS = {
+    4: range(4),
+    8: range(8),
+    10: (0, 1, 2, 3, 4, 5, 6, 7, 9, 8),
+    20: (0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15),
+}
+TYPES = {4: "C3D4", 8: "C3D8", 10: "C3D10", 20: "C3D20"}
+
+
+def boxes(cells="tetrahedra", order=1):
+    """Two boxes with coincident nodes at z = 0, each with nodes of its own."""
+    table = MeshTable(cells=cells, order=order)
+    return raw_mesh({"pad": (block, HIGH), "plate": (block, LOW)}, table)
+
+
+def glued(mesh):
+    """The mesh with coincident nodes made one."""
+    _, first, number = np.unique(
+        np.rint(mesh.points / 1e-7).astype(int), axis=0, return_index=True, return_inverse=True
+    )
+    number = number.reshape(-1)
+    return replace(
+        mesh, points=mesh.points[first], cells=number[mesh.cells], facets=number[mesh.facets]
+    )
+
+
+def write_gmsh(mesh, path, version=4.1, scale=1e3):
+    """Write with gmsh; groups are named as layers and faces, with _ for the dot."""
+    with gmsh_session() as gmsh:
+        rename = {n.replace(".", "_"): t for n, t in mesh.layers.items()}
+        faces = {n.replace(".", "_"): t for n, t in mesh.faces.items()}
+        named = replace(mesh, points=scale * mesh.points, layers=rename, faces=faces)
+        discrete_model(gmsh, named, facet_nodes(named))
+        gmsh.option.setNumber("Mesh.MshFileVersion", version)
+        gmsh.write(str(path))
+
+
+def write_abaqus(mesh, path, scale=1e3, sets="nodes"):
+    """Write an .inp by hand: element sets of the layers, node sets or surfaces of the faces."""
+    count = {27: 20}.get(mesh.cells.shape[1], mesh.cells.shape[1])
+    lines = ["*HEADING", "** two boxes", "*NODE, NSET=ALL"]
+    used = np.unique(mesh.cells[:, :count])
+    lines += [f"{10 + i}, " + ", ".join(f"{scale * v:.12e}" for v in mesh.points[i]) for i in used]
+    element = 1000
+    for layer, tag in mesh.layers.items():
+        lines.append(f"*Element, type={TYPES[count]}, elset={layer.replace('.', '_')}")
+        for cell in mesh.cells[mesh.cell_tag == tag][:, list(ABAQUS[count])]:
+            words = [str(element), *(str(10 + i) for i in cell)]
+            lines += [", ".join(words[:10]) + ","] + ([", ".join(words[10:])] if count > 9 else [])
+            element += 1
+    for face, tag in mesh.faces.items():
+        lines.append(f"*NSET, NSET={face.replace('.', '_')}")
+        nodes = np.unique(facet_nodes(mesh)[mesh.facet_tag == tag])
+        lines += [", ".join(str(10 + i) for i in row) for row in np.array_split(nodes, 9)]
+    path.write_text("\n".join(lines) + "\n")
+
+
+@pytest.fixture
+def meshes():
+    """Makers and writers of small meshes."""
+    return SimpleNamespace(
+        boxes=boxes, glued=glued, write_gmsh=write_gmsh, write_abaqus=write_abaqus
+    )

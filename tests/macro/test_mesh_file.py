@@ -1,0 +1,282 @@
+"""A user's own mesh: formats, groups, units, orientation, bodies that share nodes."""
+
+from itertools import pairwise
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.macro.groups import mesh_of_file
+from brake_fenicsx.macro.mesh import check_cells, distribute
+from brake_fenicsx.macro.quality import orientation
+from brake_fenicsx.scene_mesh import MeshTable
+
+GROUPS = {
+    "pad_body": "pad.lining", "plate_body": "plate.body", "pad_bottom": "pad.friction",
+    "plate_top": "plate.top", "pad_top": "pad.back", "plate_bottom": "plate.bottom",
+}  # fmt: skip
+PARTS = ("pad", "plate")
+AREA, VOLUME = 800e-6, {"pad.lining": 800e-6 * 12e-3, "plate.body": 800e-6 * 10e-3}
+
+
+def table(path, **changes):
+    return MeshTable(**{"file": path.name, "unit": "mm", "groups": GROUPS, **changes})
+
+
+def read(path, **changes):
+    return mesh_of_file(path.parent, table(path, **changes), PARTS)
+
+
+def volumes(mesh):
+    """Volume of each layer by gauss-free means: the divergence over the corners of the cells."""
+    from brake_fenicsx.macro.rawmesh import CORNERS
+
+    x = mesh.points[mesh.corners]
+    if CORNERS[mesh.shape] == 4:
+        v = np.linalg.det(x[:, 1:] - x[:, :1]) / 6
+    else:
+        # Six tetrahedra about the diagonal 0 6.
+        around = (1, 2, 3, 7, 4, 5, 1)
+        v = sum(
+            np.linalg.det(np.stack([x[:, a] - x[:, 0], x[:, b] - x[:, 0], x[:, 6] - x[:, 0]], 1))
+            for a, b in pairwise(around)
+        ) / 6  # fmt: skip
+    return {name: v[mesh.cell_tag == tag].sum() for name, tag in mesh.layers.items()}
+
+
+def area(mesh, face):
+    x = mesh.points[mesh.facets[mesh.facet_tag == mesh.faces[face]]]
+    cross = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+    if x.shape[1] == 4:
+        cross = np.cross(x[:, 2] - x[:, 0], x[:, 3] - x[:, 1])
+    return 0.5 * np.linalg.norm(cross, axis=1).sum()
+
+
+KINDS = [("tetrahedra", 1), ("tetrahedra", 2), ("hexahedra", 1), ("hexahedra", 2)]
+
+
+@pytest.mark.parametrize("cells, order", KINDS)
+@pytest.mark.parametrize("form", ["msh2", "msh4", "inp"])
+def test_round_trip(cells, order, form, tmp_path, meshes):
+    """Volumes, faces and node positions come back; catches middle nodes in another's order."""
+    mesh = meshes.boxes(cells, order)
+    file = tmp_path / f"boxes.{form[:3]}"
+    if form == "inp":
+        meshes.write_abaqus(mesh, file)
+    else:
+        meshes.write_gmsh(mesh, file, 2.2 if form == "msh2" else 4.1)
+    found = read(file)
+    assert found.order == order
+    assert (found.shape, len(found.cells)) == (mesh.shape, len(mesh.cells))
+    for name, volume in volumes(found).items():
+        assert volume == pytest.approx(VOLUME[name], rel=1e-9)
+    for face in ("pad.friction", "plate.top", "pad.back", "plate.bottom"):
+        assert area(found, face) == pytest.approx(AREA, rel=1e-9), face
+    # Boxes have straight edges: a misplaced middle node would distort its cell.
+    assert check_cells(found, MeshTable()).distortion > 0.2
+    np.testing.assert_allclose(
+        np.sort(found.points[found.cells].mean(axis=1), axis=0),
+        np.sort(mesh.points[mesh.cells].mean(axis=1), axis=0),
+        atol=1e-12,
+    )
+
+
+def test_nastran_by_property(tmp_path, meshes):
+    """.bdf through meshio: groups are the property numbers of solids and shells."""
+    meshio = pytest.importorskip("meshio")
+    mesh = meshes.boxes()
+    blocks = [("tetra", mesh.cells), ("triangle", mesh.facets)]
+    refs = [mesh.cell_tag, 100 + mesh.facet_tag]
+    file = tmp_path / "boxes.bdf"
+    meshio.Mesh(
+        np.round(1e3 * mesh.points, 6) + 0.0, blocks, cell_data={"nastran:ref": refs}
+    ).write(file)
+    names = {**{str(t): n for n, t in mesh.layers.items()},
+             **{str(100 + t): n for n, t in mesh.faces.items()}}  # fmt: skip
+    found = read(file, groups=names)
+    assert volumes(found)["pad.body"] == pytest.approx(VOLUME["pad.lining"], rel=1e-6)
+    assert area(found, "plate.top") == pytest.approx(AREA, rel=1e-6)
+
+
+def test_surfaces_and_sets_of_abaqus(tmp_path):
+    """S1 to S4 by element sets, GENERATE, sets of sets, *INCLUDE, shells, upper and lower case."""
+    (tmp_path / "nodes.inp").write_text(
+        "*NODE\n1,0,0,0\n2,10,0,0\n3,0,10,0\n4,0,0,10\n5,10,10,10\n"
+    )
+    file = tmp_path / "two.inp"
+    file.write_text(
+        "*Heading\n*INCLUDE, INPUT=nodes.inp\n*ELEMENT, TYPE=C3D4\n1,1,2,3,4\n2,2,3,4,5\n"
+        "*ELEMENT, TYPE=S3R, ELSET=skin\n7,1,2,4\n"
+        "*ELSET, ELSET=one, GENERATE\n1,1,1\n*ELSET, ELSET=both\none\n2,\n"
+        "*ELSET, ELSET=other\n2\n"
+        "*SURFACE, NAME=low, TYPE=ELEMENT\none, S1\n*SURFACE, NAME=left\n1, S4\n"
+        "*NSET, NSET=far\n3,4\n5\n*SURFACE, NAME=far_nodes, TYPE=NODE\nfar,\n*STEP\n*END STEP\n"
+    )
+    names = {"BOTH": "b.all", "Low": "b.low", "left": "b.left", "skin": "b.skin", "far": "b.far"}
+    found = mesh_of_file(tmp_path, table(file, groups=names), ["b"])
+    centres = {
+        name: 1e3 * found.points[found.facets[found.facet_tag == tag]].mean(axis=1)
+        for name, tag in found.faces.items()
+    }
+    third = 10 / 3
+    np.testing.assert_allclose(centres["b.low"], [[third, third, 0]], atol=1e-9)
+    np.testing.assert_allclose(centres["b.left"], [[0, third, third]], atol=1e-9)
+    np.testing.assert_allclose(centres["b.skin"], [[third, 0, third]], atol=1e-9)
+    np.testing.assert_allclose(centres["b.far"], [[third, 2 * third, 2 * third]], atol=1e-9)
+
+
+@pytest.mark.parametrize("cells, order", KINDS)
+def test_shared_nodes_are_split_on_request(cells, order, tmp_path, meshes):
+    """One glued mesh: refused as it is, two bodies after the split, middle nodes doubled too."""
+    mesh = meshes.glued(meshes.boxes(cells, order))
+    file = tmp_path / "glued.inp"
+    meshes.write_abaqus(mesh, file)
+    with pytest.raises(SceneError, match=r"share \d+ nodes.*mesh.split"):
+        read(file)
+    found = read(file, split={"pad.friction": "plate.top"})
+    nodes = [set(found.cells[found.part(part)].ravel()) for part in PARTS]
+    assert not nodes[0] & nodes[1]
+    assert area(found, "pad.friction") == pytest.approx(area(found, "plate.top"), rel=1e-12)
+    count = len(meshes.boxes(cells, order).points)
+    assert len(found.points) == count
+    for part, face in zip(PARTS, ("pad.friction", "plate.top"), strict=True):
+        own = found.facets[found.facet_tag == found.faces[face]]
+        assert set(own.ravel()) <= nodes[PARTS.index(part)]
+    # The face of the other body need not be a group of the file.
+    fewer = {k: v for k, v in GROUPS.items() if v != "plate.top"}
+    same = read(file, groups=fewer, split={"pad.friction": "plate.top"})
+    assert area(same, "plate.top") == pytest.approx(AREA, rel=1e-9)
+
+
+def test_gap_of_a_split_mesh_opens(tmp_path, meshes):
+    """The pad lifted off by 1: gap 1 everywhere; catches facets left on the other body's nodes."""
+    from dolfinx import fem
+
+    from brake_fenicsx.macro.contact import patch_contact
+    from brake_fenicsx.macro.elasticity import assemble_elastic
+    from brake_fenicsx.macro.friction import Translation
+    from brake_fenicsx.macro.material import Material, isotropic
+
+    file = tmp_path / "glued.msh"
+    meshes.write_gmsh(meshes.glued(meshes.boxes()), file)
+    split = {"pad.friction": "plate.top"}
+    mesh = distribute(lambda: read(file, split=split), MPI.COMM_SELF, MeshTable())
+    steel = Material(isotropic(2e11, 0.3), 7800.0)
+    free = assemble_elastic(mesh, dict.fromkeys(mesh.layers, steel), {}, {}).free
+    faces = ("pad.friction", "plate.top")
+    contact = patch_contact(mesh, free, faces, Translation((1.0, 0, 0), 1.0))
+    u = fem.Function(free.V)
+    u.interpolate(
+        lambda x: np.outer([0, 0, 1.0], np.ones(x.shape[1])),
+        mesh.cell_tags.find(mesh.layers["pad.lining"]),
+    )
+    np.testing.assert_allclose(contact.N @ u.x.array[free.local], 1.0, rtol=1e-12)
+    assert contact.w.sum() == pytest.approx(AREA, rel=1e-9)
+
+
+@pytest.mark.parametrize("cells, order", KINDS)
+def test_left_handed_cells_are_turned(cells, order, tmp_path, caplog, meshes):
+    """A mesh mirrored by a preprocessor: turned with a note, the same volume, no negative cell."""
+    from dataclasses import replace
+
+    mesh = meshes.boxes(cells, order)
+    file = tmp_path / "mirrored.inp"
+    meshes.write_abaqus(replace(mesh, points=mesh.points * [1, 1, -1.0]), file)
+    with caplog.at_level("INFO", logger="brake_fenicsx"):
+        found = read(file)
+    assert f"{len(mesh.cells)} cells" in caplog.text
+    assert "left-handed" in caplog.text
+    assert np.all(orientation(found) == 1)
+    assert volumes(found)["pad.lining"] == pytest.approx(VOLUME["pad.lining"], rel=1e-9)
+    assert check_cells(found, MeshTable()).distortion > 0.2
+
+
+def test_a_twisted_hexahedron_is_refused(tmp_path, meshes):
+    """Two corners exchanged: neither turned nor accepted."""
+    mesh = meshes.boxes("hexahedra")
+    mesh.cells[3, [4, 5]] = mesh.cells[3, [5, 4]]
+    file = tmp_path / "twisted.inp"
+    meshes.write_abaqus(mesh, file)
+    with pytest.raises(SceneError, match=r"1 cells are flat or twisted.*pad.lining"):
+        check_cells(read(file), MeshTable())
+
+
+def test_serendipity_hexahedra_keep_their_curves(tmp_path, meshes):
+    """C3D20 on a cylinder to 27 nodes: edges as in the file, volume within the element's order."""
+    from brake_fenicsx.geometry import disc
+
+    from brake_fenicsx.macro.mesh import raw_mesh
+
+    parts = {"disc": (disc, disc.Disc(size=15e-3))}
+    mesh = raw_mesh(parts, MeshTable(cells="hexahedra", order=2))
+    file = tmp_path / "disc.inp"
+    meshes.write_abaqus(mesh, file)
+    groups = {"disc_body": "disc.body", "disc_rim": "disc.rim"}
+    found = mesh_of_file(tmp_path, table(file, groups=groups), ["disc"])
+    r = np.hypot(*found.points[np.unique(found.cells[:, :20])].T[:2])
+    assert r.max() == pytest.approx(144e-3, rel=1e-9)
+    own, wanted = (np.sort(m.points[m.cells[:, 20:]].reshape(-1, 3), axis=0) for m in (found, mesh))
+    # The centres of faces on the cylinder differ by the fourth power of the angle of an element.
+    np.testing.assert_allclose(own, wanted, atol=2e-4)
+    own, wanted = (check_cells(m, MeshTable()).distortion for m in (found, mesh))
+    assert own == pytest.approx(wanted, rel=0.1)
+
+
+MISTAKES = [
+    ({"unit": None}, "mesh.unit: missing"),
+    ({"unit": "m"}, r"mesh.unit = 'm'.*40 m long.*correct the unit"),
+    ({"unit": "um"}, r"mesh.unit = 'um'.*correct the unit"),
+    ({"unit": "kg"}, "mesh.unit = 'kg': wrong unit"),
+    ({"file": "none.msh"}, "no such file"),
+    ({"groups": {**GROUPS, "pad_botom": "pad.x"}}, r"pad_botom.*did you mean 'pad_bottom'"),
+    ({"groups": {**GROUPS, "plate_sides": "pad.x"}}, r"do not lie on the boundary of 'pad'"),
+    ({"groups": {**GROUPS, "pad_sides": "pda.x"}}, "no part 'pda' has cells"),
+    ({"groups": {**GROUPS, "pad_body": "pda.lining"}}, r"no part 'pda'.*did you mean 'pad'"),
+    ({"groups": {"pad_body": "pad.lining"}}, r"parts.plate: neither builder nor cells"),
+    ({"groups": {"pad_top": "pad.lining"}}, "no group of cells is named"),
+    ({"split": {"pad.fric": "plate.top"}}, r"mesh.split.\"pad.fric\".*pad.friction"),
+    ({"split": {"pad.back": "plate.top"}}, "share no node there"),
+]
+
+
+@pytest.mark.parametrize("change, text", MISTAKES)
+def test_mistakes_are_named(change, text, tmp_path, meshes):
+    """Key, value and remedy in one line."""
+    file = tmp_path / "boxes.msh"
+    meshes.write_gmsh(meshes.boxes(), file)
+    with pytest.raises(SceneError, match=text) as caught:
+        read(file, **change)
+    assert "\n" not in str(caught.value)
+
+
+def test_files_that_are_none(tmp_path):
+    """Noise, an unknown ending, wedges and an assembly of parts: a named error each."""
+    for name, content, text in (
+        ("a.msh", "no mesh", "cannot be read|no tetrahedra"),
+        ("a.stp", "x", "not known"),
+        ("a.bdf", "nothing", "cannot be read"),
+        ("a.inp", "nothing", "no tetrahedra"),
+        ("b.inp", "*NODE\n1,0,0,0\n*ELEMENT,TYPE=C3D4\n1,1,2,3,4\n", "node 2 .*not defined"),
+        ("c.inp", "*NODE\n1,0,0,0\n*ELEMENT,TYPE=C3D6\n1,1,1,1,1,1,1\n", "wedge"),
+        ("d.inp", "*PART,NAME=a\n*PART,NAME=b\n", r"several \*PART"),
+    ):
+        file = tmp_path / name
+        file.write_text(content)
+        with pytest.raises(SceneError, match=text):
+            read(file)
+
+
+def test_overlapping_groups_and_faces(tmp_path):
+    """A cell in two layers, a facet in two faces."""
+    file = tmp_path / "two.inp"
+    file.write_text(
+        "*NODE\n1,0,0,0\n2,10,0,0\n3,0,10,0\n4,0,0,10\n*ELEMENT, TYPE=C3D4, ELSET=a\n1,1,2,3,4\n"
+        "*ELSET, ELSET=b\n1\n*SURFACE, NAME=low\n1, S1\n*NSET, NSET=n\n1,2,3\n"
+    )
+    with pytest.raises(SceneError, match=r"in 'p.a' already"):
+        mesh_of_file(tmp_path, table(file, groups={"a": "p.a", "b": "p.b"}), ["p"])
+    groups = {"a": "p.a", "low": "p.low", "n": "p.n"}
+    with pytest.raises(SceneError, match=r"'p.low' and 'p.n' have 1 facets in common"):
+        mesh_of_file(tmp_path, table(file, groups=groups), ["p"])
