@@ -71,11 +71,25 @@ def facing_pairs(pad: Face, disc: Face, reach: float | None) -> Index:
 
 
 def rule(pad: Face, disc: Face, test_degree: int) -> tuple[Array, Array]:
-    """Quadrature that integrates test times shape functions; exactly on straight triangles."""
-    if pad.element.corners == 3 and pad.straight.all() and disc.straight.all() and not test_degree:
+    """Quadrature that integrates test times shape functions.
+
+    Exactly on straight triangles and parallelograms; to 1e-11 on plane quadrilaterals that are
+    neither, where the shape functions are not polynomials of the position.
+    """
+    plane = bool(pad.straight.all() and disc.straight.all())
+    if pad.element.corners == 3 and plane and not test_degree:
         return MIDDLES
-    degree = 6 if pad.element.corners == 3 and pad.straight.all() else 8
-    return compat.triangle_rule(degree)
+    affine = pad.element.corners == 3 or (_parallelograms(pad) and _parallelograms(disc))
+    if plane and not affine:
+        return compat.triangle_rule(16)
+    return compat.triangle_rule(6 if plane else 8)
+
+
+def _parallelograms(face: Face) -> bool:
+    """Whether all quadrilaterals are parallelograms."""
+    a, b, c, d = np.moveaxis(face.corners, 1, 0)
+    away = np.linalg.norm(a + c - b - d, axis=1)
+    return bool(np.all(away < 1e-9 * np.linalg.norm(c - a, axis=1)))
 
 
 def overlap(
