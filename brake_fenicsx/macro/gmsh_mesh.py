@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -16,6 +17,8 @@ from .rawmesh import RawMesh, with_mirror_image
 from .swept import footprint, sweep
 
 Ints = NDArray[np.int64]
+
+logger = logging.getLogger(__name__)
 
 # Gmsh's plane algorithms in the order in which they are tried: frontal, Delaunay, mesh adaptation.
 PLANE_ALGORITHMS = (6, 5, 1)
@@ -64,7 +67,20 @@ def mesh_part(gmsh: Any, name: str, builder: Any, values: Any, table: MeshTable)
         return with_mirror_image(mesh) if swept.mirror else mesh
     part = builder.build(gmsh.model.occ, values)
     mesh = _volume_mesh(gmsh, name, part, table)
+    if quality(mesh).worst < table.quality:
+        mesh = _layered(gmsh, name, builder, values, table) or mesh
     return with_mirror_image(mesh) if part.mirror else mesh
+
+
+def _layered(gmsh: Any, name: str, builder: Any, values: Any, table: MeshTable) -> RawMesh | None:
+    """Tetrahedra in layers along the sweep, where thin layers come out as slivers otherwise."""
+    gmsh.model.add(f"{name} in layers")
+    try:
+        swept = swept_part(gmsh.model.occ, name, builder, values)
+    except ValueError:
+        return None
+    logger.info("part %s is meshed in layers: its thin layers would hold slivers", name)
+    return _swept_mesh(gmsh, name, swept, table)
 
 
 def swept_part(occ: Any, name: str, builder: Any, values: Any) -> Any:

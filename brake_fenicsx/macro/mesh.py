@@ -133,7 +133,7 @@ def check_cells(mesh: RawMesh, table: MeshTable) -> Quality:
     if worst.worst < table.quality:
         raise SceneError(
             f"mesh: the worst cell, at {_place(mesh, worst.cell)}, has quality {worst.worst:.3g},"
-            f" at least {table.quality} is needed: change the mesh sizes"
+            f" at least {table.quality} is needed: change the mesh sizes, or mesh.cells"
         )
     if not worst.distortion > 0:
         raise SceneError(
