@@ -36,30 +36,37 @@ def clip_triangles(subject: Array, window: Array) -> tuple[Array, NDArray[np.int
     return polygon, count
 
 
-def polygon_quadrature(
-    polygon: Array, count: NDArray[np.int64], rule: tuple[Array, Array] = MIDDLES
-) -> tuple[Array, Array]:
-    """Points and weights on convex polygons, cut into triangles about their first corner.
+def polygon_triangles(polygon: Array, count: NDArray[np.int64]) -> tuple[Array, NDArray[np.intp]]:
+    """Convex polygons cut into triangles about their first corner.
 
     Args:
         polygon: corners, shape (pairs, 6, 2).
         count: corners that count, shape (pairs,).
+
+    Returns:
+        Triangles, shape (triangles, 3, 2), and the polygon of each, rising.
+    """
+    owner, fan = np.nonzero(np.arange(2, CORNERS) < count[:, None])
+    return np.stack([polygon[owner, 0], polygon[owner, fan + 1], polygon[owner, fan + 2]], 1), owner
+
+
+def triangle_quadrature(
+    triangle: Array, rule: tuple[Array, Array] = MIDDLES
+) -> tuple[Array, Array]:
+    """Points and weights on triangles.
+
+    Args:
+        triangle: corners, shape (triangles, 3, 2).
         rule: points on the reference triangle, shape (q, 2), and weights of sum 1/2; edge middles
             if not given, exact for polynomials of degree two.
 
     Returns:
-        Points, shape (pairs, 4 q, 2), and weights, shape (pairs, 4 q), zero where unused.
+        Points, shape (triangles, q, 2), and weights, shape (triangles, q).
     """
-    fan = np.arange(1, CORNERS - 1)
-    a = np.repeat(polygon[:, :1], fan.size, axis=1)
-    b, c = polygon[:, fan], polygon[:, fan + 1]
-    twice = np.where(fan + 1 < count[:, None], np.abs(_cross(b - a, c - a)), 0.0)
     x, w = rule
-    along, across = (v[:, :, None] for v in (b - a, c - a))
-    points = a[:, :, None] + x[:, :1] * along + x[:, 1:] * across
-    weights: Array = twice[:, :, None] * w
-    shape = (len(polygon), fan.size * len(w))
-    return np.asarray(points.reshape(*shape, 2), float), weights.reshape(shape)
+    edges = triangle[:, 1:] - triangle[:, :1]
+    twice = np.abs(_cross(edges[:, 0], edges[:, 1]))
+    return triangle[:, :1] + x @ edges, np.asarray(twice[:, None] * w, float)
 
 
 def barycentric(x: Array, triangle: Array) -> Array:
@@ -103,3 +110,28 @@ def _cut(
     corners = np.stack([crossing, nxt], axis=2).reshape(pairs, 2 * slots, 2)
     order = np.argsort(~keep, axis=1, kind="stable")[:, :CORNERS]
     return np.take_along_axis(corners, order[:, :, None], axis=1), keep.sum(axis=1)
+
+
+def bilinear(x: Array, corner: Array) -> Array:
+    """Reference coordinates of points in convex quadrilaterals, by Newton's iteration.
+
+    Args:
+        x: points, shape (rows, points, 2).
+        corner: corners in cyclic order, shape (rows, 4, 2).
+
+    Returns:
+        Coordinates in the unit square, shape (rows, points, 2).
+    """
+    a, b, d = corner[:, :1], corner[:, 1:2] - corner[:, :1], corner[:, 3:] - corner[:, :1]
+    twist = corner[:, :1] - corner[:, 1:2] + corner[:, 2:3] - corner[:, 3:]
+    local = np.full_like(x, 0.5)
+    for _ in range(20):
+        r, t = local[..., :1], local[..., 1:]
+        along, across = b + t * twist, d + r * twist
+        miss = a + r * b + t * d + r * t * twist - x
+        det = _cross(along, across)
+        step = np.stack([_cross(miss, across) / det, _cross(along, miss) / det], axis=-1)
+        local = np.clip(local - step, -1.0, 2.0)
+        if np.abs(step).max(initial=0.0) < 1e-14:
+            break
+    return local

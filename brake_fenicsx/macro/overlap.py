@@ -16,7 +16,14 @@ from scipy.spatial import cKDTree
 
 from brake_fenicsx import compat
 
-from .clip import MIDDLES, barycentric, clip_triangles, polygon_quadrature
+from .clip import (
+    MIDDLES,
+    barycentric,
+    bilinear,
+    clip_triangles,
+    polygon_triangles,
+    triangle_quadrature,
+)
 from .faces import Face
 from .projection import EDGE, project, search
 
@@ -126,30 +133,56 @@ def _clipped(
     points: tuple[Array, Array],
 ) -> Overlap:
     """Points on the common part of one triangle of each facet of the pairs."""
-    i, j = pairs[:, 0], pairs[:, 1]
-    first = pad.corners[:, 1] - pad.corners[:, 0]
-    first /= np.linalg.norm(first, axis=1)[:, None]
-    axes = np.stack([first, np.cross(pad.normal, first)], axis=2)[i]
-    origin = pad.corners[i, :1]
-    flat_pad = (pad.corners[i][:, one] - origin) @ axes
-    flat_disc = (disc.corners[j][:, two] - origin) @ axes
-    polygon, count = clip_triangles(flat_pad, flat_disc)
-    common = count > 2
-    i, j, flat_pad, flat_disc = i[common], j[common], flat_pad[common], flat_disc[common]
-    flat, weight = polygon_quadrature(polygon[common], count[common], points)
-    on_pad = barycentric(flat, flat_pad) @ pad.element.nodes[list(one)]
-    on_disc = barycentric(flat, flat_disc) @ disc.element.nodes[list(two)]
-    straight = pad.straight[i]
-    if pad.element.corners == 4 and straight.any():
-        k = i[straight]
-        x = pad.corners[k, :1] + flat[straight] @ np.swapaxes(axes[common][straight], 1, 2)
-        n = np.repeat(pad.normal[k][:, None], x.shape[1], axis=1)
-        on_pad[straight] = project(pad, k, x, n, on_pad[straight])[0]
+    plane = _Plane(pad, pairs[:, 0])
+    flat_pad, flat_disc = plane.flat(pad, pairs[:, 0]), plane.flat(disc, pairs[:, 1])
+    polygon, count = clip_triangles(flat_pad[:, one], flat_disc[:, two])
+    triangles, owner = polygon_triangles(polygon, count)
+    flat, weight = triangle_quadrature(triangles, points)
+    i, j = pairs[owner].T
+    flat_pad, flat_disc = flat_pad[owner], flat_disc[owner]
+    on_pad = _local(flat, flat_pad, pad, i, one)
+    on_disc = _local(flat, flat_disc, disc, j, two)
     x, n, ratio = pad.surface(i, on_pad)
-    twice = np.abs(np.cross(flat_pad[:, 1] - flat_pad[:, 0], flat_pad[:, 2] - flat_pad[:, 0]))
-    weight = np.where(straight[:, None], weight, weight * ratio / twice[:, None])
-    on_disc, gap = project(disc, j, x, n, on_disc)
+    bent = np.flatnonzero(~pad.straight[i])
+    if bent.size:
+        twice = np.abs(_twice(flat_pad[bent][:, one]))
+        weight[bent] *= ratio[bent] / twice[:, None]
+    gap = np.einsum("fqc,fqc->fq", disc.surface(j, on_disc)[0] - x, n)
+    # On plane facets the points lie above each other already.
+    bent = np.flatnonzero(~pad.straight[i] | ~disc.straight[j])
+    if bent.size:
+        on_disc[bent], gap[bent] = project(disc, j[bent], x[bent], n[bent], on_disc[bent])
     return Overlap(i, j, on_pad, on_disc, weight, x, -n, gap)
+
+
+class _Plane:
+    """The planes through the corners of some facets."""
+
+    def __init__(self, face: Face, facet: Index):
+        first = face.corners[:, 1] - face.corners[:, 0]
+        first /= np.linalg.norm(first, axis=1)[:, None]
+        self.axes = np.stack([first, np.cross(face.normal, first)], axis=2)[facet]
+        self.origin = face.corners[facet, :1]
+
+    def flat(self, face: Face, facet: Index) -> Array:
+        """Corners of other facets seen along the normal, shape (rows, corners, 2)."""
+        return np.asarray((face.corners[facet] - self.origin) @ self.axes)
+
+
+def _local(flat: Array, corners: Array, face: Face, facet: Index, chosen: tuple[int, ...]) -> Array:
+    """Reference points: exact on plane facets, by the chord triangle on curved ones."""
+    three = list(chosen)
+    by_chord = np.asarray(barycentric(flat, corners[:, three]) @ face.element.nodes[three])
+    plane = np.flatnonzero(face.straight[facet])
+    if face.element.corners == 4 and plane.size:
+        by_chord[plane] = bilinear(flat[plane], corners[plane])
+    return by_chord
+
+
+def _twice(triangle: Array) -> Array:
+    """Twice the signed areas."""
+    a, b = triangle[:, 1] - triangle[:, 0], triangle[:, 2] - triangle[:, 0]
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
 
 def _handed_over(disc: Face, pairs: Index, found: Overlap) -> tuple[Overlap, Overlap]:

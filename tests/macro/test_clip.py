@@ -9,8 +9,10 @@ from scipy.spatial import ConvexHull, QhullError
 
 from brake_fenicsx.macro.clip import (
     barycentric,
+    bilinear,
     clip_triangles,
-    polygon_quadrature,
+    polygon_triangles,
+    triangle_quadrature,
 )
 from brake_fenicsx.macro.facet import FacetElement
 
@@ -25,7 +27,13 @@ def signed(t):
 
 def common_area(subject, window):
     subject, window = np.asarray(subject, float), np.asarray(window, float)
-    return polygon_quadrature(*clip_triangles(subject[None], window[None]))[1].sum()
+    return areas(subject[None], window[None])[0]
+
+
+def areas(subjects, windows):
+    triangles, owner = polygon_triangles(*clip_triangles(subjects, windows))
+    weights = triangle_quadrature(triangles)[1].sum(axis=1)
+    return np.bincount(owner, weights, minlength=len(subjects))
 
 
 def brute_force(p, q):
@@ -105,7 +113,8 @@ def test_a_tiling_covers_a_triangle_once(seed, scale):
     a, b, c = 3 * scale * UNIT - scale
     ab, bc, ca = (a + b) / 2, (b + c) / 2, (c + a) / 2
     tiles = np.array([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]])
-    x, w = polygon_quadrature(*clip_triangles(np.repeat(p[None], 4, axis=0), tiles))
+    triangles, _ = polygon_triangles(*clip_triangles(np.repeat(p[None], 4, axis=0), tiles))
+    x, w = triangle_quadrature(triangles)
     assert w.sum() == pytest.approx(abs(signed(p)), rel=1e-12)
     # Closed form of the second moments of a triangle: A / 12 (sum of p p' + 9 c c').
     exact = abs(signed(p)) / 12 * (p.T @ p + 9 * np.outer(p.mean(0), p.mean(0)))
@@ -116,7 +125,7 @@ def test_batches_do_not_mix():
     """Many pairs at once give what each gives alone."""
     rng = np.random.default_rng(3)
     p, q = rng.uniform(-1, 1, (2, 200, 3, 2))
-    together = polygon_quadrature(*clip_triangles(p, q))[1].sum(axis=1)
+    together = areas(p, q)
     alone = np.array([common_area(a, b) for a, b in zip(p, q, strict=True)])
     np.testing.assert_array_equal(together, alone)
     np.testing.assert_allclose(
@@ -143,3 +152,14 @@ def test_interpolation_reproduces_quadratics(seed):
     scale = np.abs(bary).max() ** 2
     shape = FacetElement(3, 2).shape(bary[..., 1:])
     np.testing.assert_allclose(shape @ f(nodes), f(x), atol=1e-12 * scale)
+
+
+@given(seed=st.integers(0, 10**6))
+@settings(max_examples=30, deadline=None)
+def test_bilinear_coordinates_lead_back(seed):
+    """Convex quadrilaterals far from parallelograms, points at corners, edges and inside."""
+    rng = np.random.default_rng(seed)
+    corner = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]]) + rng.uniform(-0.24, 0.24, (4, 2))
+    local = np.vstack([[0, 0], [1, 0], [1, 1], [0, 0.5], rng.uniform(0, 1, (5, 2))])
+    x = FacetElement(4, 1).shape(local) @ corner
+    np.testing.assert_allclose(bilinear(x[None], corner[None])[0], local, atol=1e-12)
