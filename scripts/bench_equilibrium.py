@@ -1,161 +1,348 @@
 #!/usr/bin/env python3
-"""Braking equilibrium of the reference brake: mesh size against seconds, memory and error.
+"""Brake and braking equilibrium: speed against error. One table per subject.
 
-    scripts/bench_equilibrium.py [--sizes 14 10 7.5] [--mu 0.5]
+    scripts/bench_equilibrium.py elements    kind, order and size of cells: frequencies, forces
+    scripts/bench_equilibrium.py samples     condensed against sparse Newton, per sample
+    scripts/bench_equilibrium.py ladder      20 k to 1 M free dofs: exponents of time and memory
+    scripts/bench_equilibrium.py settings    orderings, threads and low-rank blocks of MUMPS
+    scripts/bench_equilibrium.py processes   the distributed path on 1, 2 and 3 processes
 
-Columns: size of the linings' friction faces, free dofs, contact elements; seconds of meshing and
-assembly, of the factorisation, of the compliance (one block solve per 64 contact elements), of one
-equilibrium; peak memory so far; difference of the first moment of pressure about the disc axis
-(the brake torque over mu) to that of the finest mesh; largest difference of a pressure to Newton's
-iteration on all displacements with a sparse factorisation, relative to the largest pressure.
+All on the reference brake, an exponential law per element with critical gaps that are a smooth
+function of place. Every row runs in a process of its own, so that its memory is its own.
 """
 
 from __future__ import annotations
 
 import argparse
+import json
+import os
 import resource
+import subprocess
+import sys
 import time
-from dataclasses import dataclass
-from types import SimpleNamespace
+from pathlib import Path
 from typing import Any
 
-from mpi4py import MPI
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
-import scipy.sparse as sp
-from brake_fenicsx.geometry import disc, pad
 
-from brake_fenicsx.macro import EnrichedGap, displacement
-from brake_fenicsx.macro.condensation import (
-    Compliance,
-    gathered_vector,
-    interface_moments,
-    petsc_matrix,
-    reference_factor,
-)
-from brake_fenicsx.macro.contact import contact_elements
-from brake_fenicsx.macro.elasticity import assemble_elastic
-from brake_fenicsx.macro.equilibrium import equilibrium
-from brake_fenicsx.macro.friction import Rotation
-from brake_fenicsx.macro.material import Material, isotropic, transversely_isotropic
-from brake_fenicsx.macro.mesh import build_mesh
-from brake_fenicsx.macro.solver import local_rows
-from brake_fenicsx.micro import OneLaw, exponential_law
-
-STEEL = Material(isotropic(207e9, 0.28), 7820.0)
-MATERIALS = {
-    "disc.body": Material(isotropic(125e9, 0.24), 7200.0),
-    "pad.lining": Material(transversely_isotropic(5.94e9, 0.76e9, 0.98e9, 2.27e9, 1.18e9), 2510.0),
-    "pad.plate": STEEL,
-}
-SUPPORTS = {"disc.bore": ["x", "y", "z"], "pad.ears": ["x", "y"]}
-K0 = 2e11
+SCENE = Path(__file__).parent / "scenes" / "disc_brake.toml"
+LAW = (2e5, 2e-6)
+MU = 0.5
+MODES = 20
+SECTORS, RINGS = 8, 2
 
 
-@dataclass(frozen=True)
-class Case:
-    """Operators of one mesh."""
+def brake(sizes: dict[str, float], cells: str = "tetrahedra", order: int = 1) -> Any:
+    """The reference brake with other mesh sizes [mm], on all processes."""
+    from mpi4py import MPI
 
-    elastic: Any
-    contact: Any
-    f: np.ndarray
-    seconds: float
+    from brake_fenicsx.macro.brake import assemble_brake
+    from brake_fenicsx.scene import read_scene
 
-
-def brake(size: float, comm: MPI.Comm = MPI.COMM_SELF) -> Case:
-    """The reference brake without shim, its friction faces meshed with a size [m]."""
-    start = time.perf_counter()
-    parts = {
-        "disc": (disc, disc.Disc(size=1.6 * size)),
-        "pad": (pad, pad.Pad(size=size, plate_size=1.2 * size)),
-    }
-    mesh = build_mesh(parts, comm)
-    elastic = assemble_elastic(mesh, MATERIALS, SUPPORTS, {"pad.piston": 5e5})
-    contact = contact_elements(mesh, elastic.free, ("pad.friction", "disc.friction"), Rotation(5.0))
-    return Case(elastic, contact, gathered_vector(elastic.f), time.perf_counter() - start)
+    changes = ["stages=['equilibrium']", "contact.pad_disc.gap=none",
+               f"contact.pad_disc.law={{ p0 = '{LAW[0]} Pa', u0 = '{LAW[1]} m' }}",
+               f"mesh.cells={cells}", f"mesh.order={order}"]  # fmt: skip
+    changes += [f"parts.{name}='{size} mm'" for name, size in sizes.items()]
+    scene = read_scene(SCENE, changes)
+    return assemble_brake(scene, MPI.COMM_WORLD)
 
 
-def enriched(points: np.ndarray) -> EnrichedGap:
+def scaled(factor: float, cells: str = "tetrahedra") -> dict[str, float]:
+    """Sizes of disc, lining and plate as multiples of the reference scene's."""
+    lining = 4.5 if cells == "tetrahedra" else 3.1
+    return {"disc.size": 7 * factor, "pad.size": lining * factor, "pad.plate_size": 5 * factor}
+
+
+def laws(points: np.ndarray) -> Any:
     """One exponential law; critical gaps a smooth function of place, the same on every mesh."""
+    from brake_fenicsx.macro import EnrichedGap
+    from brake_fenicsx.micro import OneLaw, exponential_law
+
     x, y, z = points.T
     g_cr = 2e-6 * np.sin(150 * x) * np.cos(170 * y) * np.sign(z)
-    n = len(points)
-    return EnrichedGap(OneLaw(exponential_law(2e5, 2e-6)), np.zeros(n, dtype=np.intp), g_cr)
+    return EnrichedGap(OneLaw(exponential_law(*LAW)), np.zeros(len(points), dtype=np.intp), g_cr)
 
 
-def sparse_newton(case: Case, laws: EnrichedGap, mu: float, u: np.ndarray) -> np.ndarray:
-    """Gaps by Newton's iteration on all displacements, from a start nearby."""
-    from petsc4py import PETSc
-
-    c, K = case.contact, local_rows(case.elastic.K)
-    push = (c.N + mu * c.T).T.tocsr()
-    for _ in range(20):
-        g = c.gap(u)
-        r = case.f + push @ (c.w * laws.pressure(g)) - K @ u
-        A = petsc_matrix(K + push @ sp.diags(c.w * laws.stiffness(g)) @ c.N)
-        ksp = PETSc.KSP().create(A.comm)
-        ksp.setOperators(A)
-        ksp.setType("preonly")
-        ksp.getPC().setType("lu")
-        ksp.getPC().setFactorSolverType("mumps")
-        b, x = A.createVecs()
-        b.array[:] = r
-        ksp.solve(b, x)
-        du = x.array_r.copy()
-        ksp.destroy()
-        u = u + du
-        if np.linalg.norm(du) < 1e-12 * np.linalg.norm(u):
-            break
-    return c.gap(u)
+def gigabytes() -> float:
+    """Peak memory of this process."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
 
 
-def measure(size: float, mu: float) -> dict[str, float]:
-    """All figures of one mesh."""
-    case = brake(size)
-    c = case.contact
-    k0 = np.full(c.w.size, K0)
-    factor = reference_factor(case.elastic.K, c.N, c.w, k0)
+def timed(job: Any) -> tuple[Any, float]:
+    """Result of a call, and its seconds."""
     start = time.perf_counter()
-    ((NN, NT),) = interface_moments(factor, None, c.N, c.T, 0, MPI.COMM_SELF)
-    ops = SimpleNamespace(
-        N=c.N, T=c.T, w=c.w, g0=c.g0,
-        compliance=Compliance(factor, k0, NN, NT, c.N @ factor.solve(case.f)),
-    )  # fmt: skip
-    seconds = time.perf_counter() - start
-    laws = enriched(c.points)
-    eq = equilibrium(ops, laws, mu)
-    u = displacement(ops, eq, case.f)
-    p = laws.pressure(sparse_newton(case, laws, mu, u * (1 + 1e-3)))
-    radius = np.hypot(*c.points[:, :2].T)
+    return job(), time.perf_counter() - start
+
+
+def measure_element(case: dict[str, Any]) -> dict[str, Any]:
+    """Frequencies and contact forces of one mesh."""
+    from mpi4py import MPI
+
+    from brake_fenicsx.macro.braking import reference_stiffness
+    from brake_fenicsx.macro.condensation import compliance, gathered
+    from brake_fenicsx.macro.equilibrium import equilibrium
+    from brake_fenicsx.macro.solver import local_rows
+    from brake_fenicsx.stability.lanczos import lowest_modes
+
+    sizes = scaled(case["factor"], case["cells"])
+    brake(scaled(3, case["cells"]), case["cells"], case["order"])  # compiles the forms
+    b, assembly = timed(lambda: brake(sizes, case["cells"], case["order"]))
+    enriched = laws(b.points)
+    k0 = np.full(len(b.w), reference_stiffness(enriched, b.pressed / float(b.w.sum())))
+    seen = compliance(b.K, b.N, b.T, b.w, b.f, k0, MPI.COMM_SELF)
+    rows = local_rows(gathered(b.M))
+    modes, seconds = timed(lambda: lowest_modes(seen.factor, rows, (2 * np.pi * 6.5e3) ** 2))
+    eq = equilibrium(_seen(b, seen), enriched, MU)
     return {
-        "size": size, "dofs": case.elastic.free.size, "elements": c.w.size,
-        "assembly": case.seconds, "factor": factor.seconds, "compliance": seconds,
-        "equilibrium": eq.seconds, "iterations": sum(eq.iterations),
-        "memory": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20,
-        "moment": float(np.sum(c.w * eq.p * radius)), "peak": float(eq.p.max()),
-        "sparse": float(np.abs(eq.p - p).max() / eq.p.max()),
+        "dofs": b.elastic.free.size, "elements": len(b.w), "assembly": assembly,
+        "nonzeros": b.K.getInfo()["nz_used"], "factor": seen.factor.seconds, "modes": seconds,
+        "frequency": list(np.sqrt(modes.Lambda[:MODES]) / 2 / np.pi),
+        "force": list(binned(b.points, b.w * eq.p)), "memory": gigabytes(),
     }  # fmt: skip
 
 
-def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--sizes", type=float, nargs="+", default=[14.0, 10.0, 7.5], help="mm")
-    parser.add_argument("--mu", type=float, default=0.5)
-    given = parser.parse_args()
-    brake(max(given.sizes) * 1e-3)  # warms the cache of compiled forms
-    rows = [measure(s * 1e-3, given.mu) for s in sorted(given.sizes, reverse=True)]
+def binned(points: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Share of the contact force in sectors and rings of both pads, by smooth weights.
+
+    Hats instead of boxes: which box an element's centre falls into is not the force's error.
+    """
+    x, y, z = points.T
+    angle = np.clip((np.arctan2(y, x) - np.pi / 3) / (np.pi / 3), 0, 1) * SECTORS
+    ring = np.clip((np.hypot(x, y) - 0.096) / 0.044, 0, 1) * RINGS
+    hats = [np.maximum(0, 1 - np.abs(t - np.arange(n + 1)[:, None]))
+            for t, n in ((angle, SECTORS), (ring, RINGS))]  # fmt: skip
+    side = np.stack([z > 0, z < 0]).astype(float)
+    shares = np.einsum("ie,je,ke,e->ijk", *hats, side, force)
+    return np.asarray(shares.ravel() / force.sum())
+
+
+def _seen(b: Any, seen: Any) -> Any:
+    from dataclasses import replace
+
+    return replace(b, compliance=seen)
+
+
+def elements() -> None:
+    """Which cells are cheaper at equal error."""
+    cases = [(c, o, f) for c, o, fs in (
+        ("tetrahedra", 1, (2.0, 1.4, 1.0, 0.75)), ("tetrahedra", 2, (1.4, 1.0)),
+        ("hexahedra", 1, (2.6, 1.8, 1.3, 1.0)), ("hexahedra", 2, (1.8,)),
+    ) for f in fs]  # fmt: skip
+    finest = run(measure_element, cells="hexahedra", order=2, factor=0.8)
     print(
-        " size/mm    dofs  elements  assembly/s  factor/s  compliance/s  equilibrium/s  iterations"
-        "  peak memory/GB  torque against finest  against sparse Newton"
+        "cells       order  size    dofs  nonzeros  elements  mesh+assembly/s  factor/s  modes/s"
+        "  memory/GB  frequencies: largest  median   force distribution"
     )
-    for r in rows:
-        error = abs(r["moment"] / rows[-1]["moment"] - 1)
+    for cells, order, factor in cases:
+        r = run(measure_element, cells=cells, order=order, factor=factor)
+        f = np.abs(np.array(r["frequency"]) / np.array(finest["frequency"]) - 1)
+        force, exact = np.array(r["force"]), np.array(finest["force"])
         print(
-            f"{r['size'] * 1e3:8.2f} {r['dofs']:7d} {r['elements']:9d} {r['assembly']:11.2f}"
-            f" {r['factor']:9.2f} {r['compliance']:13.2f} {r['equilibrium']:14.4f}"
-            f" {r['iterations']:11d} {r['memory']:15.2f} {error:22.1e} {r['sparse']:22.1e}"
+            f"{cells:11s} {order:5d} {factor:5.2f} {r['dofs']:7d} {r['nonzeros']:9.2e}"
+            f" {r['elements']:9d} {r['assembly']:16.2f} {r['factor']:9.2f} {r['modes']:8.1f}"
+            f" {r['memory']:10.2f} {f.max():21.2e} {np.median(f):7.1e}"
+            f" {np.linalg.norm(force - exact) / np.linalg.norm(exact):20.1e}",
+            flush=True,
         )
+    print(f"against hexahedra of order 2, size 0.8, {finest['dofs']} dofs")
+
+
+def measure_sample(case: dict[str, Any]) -> dict[str, Any]:
+    """One sample, condensed and sparse."""
+    from mpi4py import MPI
+
+    from brake_fenicsx.macro.braking import reference_stiffness
+    from brake_fenicsx.macro.condensation import compliance
+    from brake_fenicsx.macro.equilibrium import equilibrium
+    from brake_fenicsx.macro.sparse import sparse_equilibrium
+
+    b = brake(scaled(case["factor"]))
+    enriched = laws(b.points)
+    k0 = np.full(len(b.w), reference_stiffness(enriched, b.pressed / float(b.w.sum())))
+    seen, offline = timed(lambda: compliance(b.K, b.N, b.T, b.w, b.f, k0, MPI.COMM_SELF))
+    ops = _seen(b, seen)
+    dense = [equilibrium(ops, enriched, MU) for _ in range(5)]
+    sparse = sparse_equilibrium(b, enriched, MU)
+    best = dense[0]
+    return {
+        "dofs": b.elastic.free.size, "elements": len(b.w), "factor": seen.factor.seconds,
+        "compliance": offline - seen.factor.seconds, "dense": float(np.median(
+            [e.seconds for e in dense])), "iterations": sum(best.iterations),
+        "sparse": sparse.seconds, "sparse_iterations": sum(sparse.iterations),
+        "difference": float(np.abs(best.p - sparse.p).max() / sparse.p.max()),
+        "memory": gigabytes(),
+    }  # fmt: skip
+
+
+def samples() -> None:
+    """What condensation buys."""
+    print(
+        "   dofs  elements  factor/s  compliance/s  condensed/s  iterations  sparse/s  iterations"
+        "   ratio  memory/GB  difference of p"
+    )
+    for factor in (2.5, 1.6, 1.0):
+        r = run(measure_sample, factor=factor)
+        print(
+            f"{r['dofs']:7d} {r['elements']:9d} {r['factor']:9.2f} {r['compliance']:13.2f}"
+            f" {r['dense']:12.3f} {r['iterations']:11d} {r['sparse']:9.1f}"
+            f" {r['sparse_iterations']:11d} {r['sparse'] / r['dense']:7.0f} {r['memory']:10.2f}"
+            f" {r['difference']:16.1e}",
+            flush=True,
+        )
+
+
+def measure_size(case: dict[str, Any]) -> dict[str, Any]:
+    """Assembly, factor and solves of one size."""
+    from brake_fenicsx.macro.solver import BLOCK, product
+
+    brake(scaled(3))
+    b, assembly = timed(lambda: brake(scaled(case["factor"])))
+    nonzeros = b.K.getInfo()["nz_used"]
+    factor, A = _factor(b)
+    n = b.elastic.free.size
+    rhs = np.random.default_rng(0).normal(size=(n, BLOCK))
+    x, block = timed(lambda: factor.solve(rhs))
+    _, single = timed(lambda: factor.solve(rhs[:, 0]))
+    error = float(np.linalg.norm(product(A, x[:, 0]) - rhs[:, 0]) / np.linalg.norm(rhs[:, 0]))
+    return {
+        "dofs": n, "nonzeros": nonzeros, "assembly": assembly, "factor": factor.seconds,
+        "single": single, "block": block / BLOCK, "gigabytes": factor.gigabytes,
+        "memory": gigabytes(), "error": error,
+    }  # fmt: skip
+
+
+def _factor(b: Any) -> tuple[Any, Any]:
+    """Factor of the brake with springs of 1e11 Pa/m in the interface."""
+    from brake_fenicsx.macro.solver import Factor, add_interface
+
+    A = add_interface(b.K, b.N, b.w * 1e11, b.N)
+    return Factor(A, "brake_compliance_"), A
+
+
+def ladder(largest: float) -> None:
+    """Exponents of time and memory."""
+    print(
+        "   dofs  nonzeros  mesh+assembly/s  factor/s  factor/GB  one solve/s  per vector in"
+        " blocks/s  peak memory/GB  residual"
+    )
+    rows = []
+    for factor in (2.6, 1.7, 1.15, 0.85, 0.62, 0.47):
+        r = run(measure_size, factor=factor)
+        rows.append(r)
+        print(
+            f"{r['dofs']:7d} {r['nonzeros']:9.2e} {r['assembly']:16.2f} {r['factor']:9.2f}"
+            f" {r['gigabytes']:10.2f} {r['single']:12.3f} {r['block']:23.4f} {r['memory']:15.2f}"
+            f" {r['error']:9.1e}",
+            flush=True,
+        )
+        if r["dofs"] > 0.55 * largest:
+            break
+    n = np.log([r["dofs"] for r in rows])
+    for name in ("assembly", "factor", "gigabytes", "single", "block", "memory"):
+        slope = np.polyfit(n, np.log([r[name] for r in rows]), 1)[0]
+        print(f"{name:10s} grows like dofs^{slope:.2f}")
+
+
+def settings() -> None:
+    """Orderings, threads, low-rank blocks."""
+    cases: list[tuple[str, dict[str, Any], int]] = [
+        ("default", {}, 1), ("two threads", {}, 2),
+        ("AMD", {"icntl_7": 0}, 1), ("METIS", {"icntl_7": 5}, 1), ("SCOTCH", {"icntl_7": 3}, 1),
+        ("PORD", {"icntl_7": 4}, 1),
+        *((f"low rank {eps:.0e}", {"icntl_35": 2, "cntl_7": eps}, 1)
+          for eps in (1e-12, 1e-9, 1e-6)),
+    ]  # fmt: skip
+    print("setting            factor/s  factor/GB  one solve/s  per vector in blocks/s  residual")
+    for name, options, threads in cases:
+        try:
+            r = run(measure_size, threads=threads, factor=1.0, options=options)
+        except subprocess.CalledProcessError:
+            print(f"{name:18s} not in this build of MUMPS")
+            continue
+        print(
+            f"{name:18s} {r['factor']:8.2f} {r['gigabytes']:10.2f} {r['single']:12.3f}"
+            f" {r['block']:23.4f} {r['error']:9.1e}",
+            flush=True,
+        )
+
+
+def measure_share(case: dict[str, Any]) -> dict[str, Any]:
+    """The distributed path: assembly, one factor, one sparse equilibrium."""
+    from mpi4py import MPI
+
+    from brake_fenicsx.macro.sparse import sparse_equilibrium
+
+    comm = MPI.COMM_WORLD
+    brake(scaled(3))
+    b, assembly = timed(lambda: brake(scaled(case["factor"])))
+    factor, A = _factor(b)
+    mine = gigabytes()
+    seconds = factor.seconds
+    factor.destroy()
+    A.destroy()
+    eq = sparse_equilibrium(b, laws(b.points), MU)
+    return {
+        "dofs": b.elastic.free.size, "assembly": assembly, "factor": seconds,
+        "memory": comm.allreduce(mine, MPI.MAX), "total": comm.allreduce(gigabytes()),
+        "largest": comm.allreduce(gigabytes(), MPI.MAX), "sparse": eq.seconds,
+        "moment": float(eq.p @ (b.w * np.hypot(*b.points[:, :2].T))), "residual": eq.residual,
+    }  # fmt: skip
+
+
+def processes() -> None:
+    """Does memory scale down, and is the result the same."""
+    print(
+        "processes    dofs  mesh+assembly/s  factor/s  GB a process to the factor  sparse"
+        " equilibrium/s  GB a process  GB in all  moment of pressure against one process"
+    )
+    first = None
+    for n in (1, 2, 3):
+        r = run(measure_share, processes=n, factor=1.0)
+        first = first or r["moment"]
+        print(
+            f"{n:9d} {r['dofs']:7d} {r['assembly']:16.2f} {r['factor']:9.2f} {r['memory']:27.2f}"
+            f" {r['sparse']:21.1f} {r['largest']:13.2f} {r['total']:10.2f}"
+            f" {abs(r['moment'] / first - 1):40.1e}",
+            flush=True,
+        )
+
+
+def run(
+    job: Any, processes: int = 1, threads: int = 1, options: Any = None, **case: Any
+) -> dict[str, Any]:
+    """Run one case in processes of its own and read its figures."""
+    command = [sys.executable, __file__, "--case", json.dumps({"job": job.__name__, **case})]
+    flags = [f"-brake_compliance_mat_mumps_{k}={v}" for k, v in (options or {}).items()]
+    env = dict(os.environ, OPENBLAS_NUM_THREADS=str(threads), OMP_NUM_THREADS=str(threads),
+               PETSC_OPTIONS=" ".join(f.replace("=", " ") for f in flags))  # fmt: skip
+    if processes > 1:
+        env |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+        command = ["mpirun", "-n", str(processes), "--oversubscribe", *command]
+    done = subprocess.run(command, env=env, check=True, capture_output=True, text=True)
+    return json.loads(next(x for x in done.stdout.splitlines() if x.startswith("{")))  # type: ignore[no-any-return]
+
+
+def main() -> None:
+    """Print one table, or measure one case."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    tables = {f.__name__: f for f in (elements, samples, settings, processes)}
+    parser.add_argument("table", nargs="?", default="samples", choices=[*tables, "ladder"])
+    parser.add_argument("--largest", type=float, default=1e6, help="dofs of the ladder's last rung")
+    parser.add_argument("--case", type=json.loads, help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.case:
+        from mpi4py import MPI
+
+        figures = globals()[given.case.pop("job")](given.case)
+        if MPI.COMM_WORLD.rank == 0:
+            print(json.dumps(figures))
+    elif given.table == "ladder":
+        ladder(given.largest)
+    else:
+        tables[given.table]()
 
 
 if __name__ == "__main__":

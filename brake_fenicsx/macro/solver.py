@@ -112,7 +112,8 @@ class Factor:
         return out
 
     def destroy(self) -> None:
-        """Free the factor."""
+        """Free the factor now: PETSc may keep what Python lets go until much later."""
+        self._F.destroy()
         self._ksp.destroy()
 
 
