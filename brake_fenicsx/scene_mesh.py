@@ -15,7 +15,10 @@ class MeshTable:
 
     Attributes:
         cells: kind of the builders' cells; hexahedra only for swept parts.
-        order: order of the geometry; 2 puts middle nodes on curved faces.
+        order: order of the geometry; 2 puts middle nodes on curved faces, as a Hertz contact needs.
+            Displacements are of second order in any case. Straight sides are the default: for the
+            reference disc they are no less exact (below 6 kHz, 12 mm tetrahedra: 1.2 % against
+            1.4 % of middle nodes, 7 mm: 0.25 % against 0.31 %), and are assembled in less time.
         growth: how fast cells grow away from finer ones, size per distance.
         quality: a mesh with a worse cell is refused: 3 r / R of tetrahedra, scaled Jacobian of
             hexahedra.

@@ -25,6 +25,8 @@ from .material import Material
 from .mesh import Mesh
 
 COMPONENTS = {"x": 0, "y": 1, "z": 2}
+# 27 points integrate a second-order hexahedron; UFL's own estimate takes many more.
+QUADRATURE = {"tetrahedron": {}, "hexahedron": {"quadrature_degree": 4}}
 
 
 def epsilon(u: Any) -> Any:
@@ -191,11 +193,13 @@ def assemble_elastic(
         if layer not in materials:
             raise SceneError(f"layer {layer!r} has no material")
         cells = compat.meshtags(mesh.domain, 3, mesh.cell_tags.find(tag), 1)
-        dx = ufl.Measure("dx", domain=mesh.domain, subdomain_data=cells)(1)
+        rule = QUADRATURE[mesh.shape]
+        dx = ufl.Measure("dx", domain=mesh.domain, subdomain_data=cells, metadata=rule)(1)
         C = fem.Constant(mesh.domain, materials[layer].C)
         rho = fem.Constant(mesh.domain, PETSc.ScalarType(materials[layer].rho))
         if K is None:
-            whole = fem.form(mass_form(u, v, rho, ufl.Measure("dx", domain=mesh.domain)))
+            everywhere = ufl.Measure("dx", domain=mesh.domain, metadata=rule)
+            whole = fem.form(mass_form(u, v, rho, everywhere))
             K, M = fem_petsc.create_matrix(whole), fem_petsc.create_matrix(whole)
         fem_petsc.assemble_matrix(K, fem.form(stiffness_form(u, v, C, dx)))
         fem_petsc.assemble_matrix(M, fem.form(mass_form(u, v, rho, dx)))

@@ -105,13 +105,36 @@ def _swept_mesh(gmsh: Any, name: str, swept: Any, table: MeshTable) -> RawMesh:
     model.mesh.setSize(points, swept.size)
     _fine_places(gmsh, swept, swept.size, table.growth)
     gmsh.option.setNumber("Mesh.Algorithm", 6)
-    gmsh.option.setNumber("Mesh.RecombineAll", int(quads))
-    gmsh.option.setNumber("Mesh.RecombinationAlgorithm", 3)
-    model.mesh.generate(2)
+    if quads:
+        _quadrilaterals(gmsh)
+    else:
+        model.mesh.generate(2)
     if table.order == 2:
         model.mesh.setOrder(2)
-    gmsh.option.setNumber("Mesh.RecombineAll", 0)
     return sweep(footprint(model, swept, table.order), swept, name)
+
+
+def _quadrilaterals(gmsh: Any) -> None:
+    """Mesh the plane model with quadrilaterals only.
+
+    Gmsh's full-quad recombination may leave triangles where the mesh is coarse; then triangles of
+    twice the size are each cut into three.
+    """
+    mesh, option = gmsh.model.mesh, gmsh.option.setNumber
+    option("Mesh.RecombineAll", 1)
+    try:
+        for recombination, subdivide, factor in ((3, 0, 1.0), (2, 0, 1.0), (0, 1, 2.0)):
+            option("Mesh.RecombinationAlgorithm", recombination)
+            option("Mesh.SubdivisionAlgorithm", subdivide)
+            option("Mesh.MeshSizeFactor", factor)
+            mesh.clear()
+            mesh.generate(2)
+            if mesh.getElementsByType(2)[0].size == 0:
+                return
+    finally:
+        option("Mesh.RecombineAll", 0)
+        option("Mesh.SubdivisionAlgorithm", 0)
+        option("Mesh.MeshSizeFactor", 1.0)
 
 
 def _volume_mesh(gmsh: Any, name: str, part: Any, table: MeshTable) -> RawMesh:

@@ -38,6 +38,7 @@ class Mesh:
         quality: worst cell: smallest ratio of inscribed to circumscribed radius (3 r / R) of
             tetrahedra, smallest scaled Jacobian of hexahedra.
         worst: all measures of the worst cells.
+        shape: "tetrahedron" or "hexahedron".
     """
 
     domain: Any
@@ -47,6 +48,7 @@ class Mesh:
     faces: dict[str, int]
     quality: float
     worst: Quality | None = None
+    shape: str = "tetrahedron"
 
 
 def build_mesh(
@@ -107,14 +109,15 @@ def distribute(make: Callable[[], RawMesh], comm: MPI.Comm, table: MeshTable) ->
         return raw, facet_nodes(raw), check_cells(raw, table)
 
     raw, facets, worst = on_rank_0(checked, comm, lambda found: (None, None, found[2]))
-    layers, faces = comm.bcast((raw.layers, raw.faces) if raw else ({}, {}), root=0)
+    names = (raw.layers, raw.faces, raw.shape) if raw else None
+    layers, faces, shape = comm.bcast(names, root=0)
     if raw is not None:
         with gmsh_session() as gmsh:
             model = discrete_model(gmsh, raw, facets)
             domain, cell_tags, facet_tags = compat.mesh_from_gmsh(model, comm)
     else:
         domain, cell_tags, facet_tags = compat.mesh_from_gmsh(None, comm)
-    return Mesh(domain, cell_tags, facet_tags, layers, faces, worst.worst, worst)
+    return Mesh(domain, cell_tags, facet_tags, layers, faces, worst.worst, worst, shape)
 
 
 def check_cells(mesh: RawMesh, table: MeshTable) -> Quality:
