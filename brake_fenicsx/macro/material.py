@@ -180,4 +180,6 @@ def rotate_about_z(C: Array, angle: float) -> Array:
     for row, (i, j) in enumerate(pairs):
         for col, (k, l) in enumerate(pairs):
             T[row, col] = a[i, k] * a[j, l] + (a[i, l] * a[j, k] if k != l else 0.0)
-    return T @ C @ T.T
+    turned = T @ C @ T.T
+    # Round-off of the zeros is not symmetric.
+    return 0.5 * (turned + turned.T)

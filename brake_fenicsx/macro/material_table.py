@@ -32,6 +32,7 @@ from .material import (
 
 Array = NDArray[np.float64]
 
+DIGITS = "0123456789"
 # Number of values of E, nu and G, 0 for one that is left out.
 ENGINEERING = {
     "isotropic": {"E": 1, "nu": 1},
@@ -74,12 +75,13 @@ def layer_materials(
         name, _, inner = layer.partition(".")
         part = scene.parts[name]
         used = part.material
-        if isinstance(used, dict) and inner not in used:
+        # The layers shim1, shim2, ... of a shim may share the material of "shim".
+        key = used if isinstance(used, str) else used.get(inner, used.get(inner.rstrip(DIGITS)))
+        if key is None:
             raise SceneError(
                 f"{scene.file}: parts.{name}.material: no material for layer {inner!r};"
                 f" there are materials for {', '.join(used)}"
             )
-        key = used if isinstance(used, str) else used[inner]
         angle = part.axis + scene.materials[key].axis
         found[layer] = in_axes(materials[key], angle)
     return found

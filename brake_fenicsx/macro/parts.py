@@ -11,7 +11,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import Scene
 
 from .groups import mesh_of_file
-from .mesh import Builder, Mesh, check_parts, distribute, on_rank_0, raw_mesh
+from .mesh import Builder, Mesh, check_cells, check_parts, distribute, on_rank_0, raw_mesh
 from .rawmesh import RawMesh, joined
 
 
@@ -78,7 +78,9 @@ def check_mesh(scene: Scene, faces: Mapping[str, str], comm: MPI.Comm) -> None:
     def known() -> set[str] | None:
         if scene.mesh.file is None:
             return set()
-        return set(mesh_of_file(scene.file.parent, scene.mesh, file_parts(scene)).faces)
+        mesh = mesh_of_file(scene.file.parent, scene.mesh, file_parts(scene))
+        check_cells(mesh, scene.mesh)
+        return set(mesh.faces)
 
     try:
         of_file = on_rank_0(known, comm, lambda found: found)

@@ -136,3 +136,11 @@ def test_ratio_of_ten_thousand_and_nearly_incompressible():
     C = isotropic(1e9, 0.5 - 1e-9)
     assert Material(C, 1.0).rho == 1.0
     assert engineering_constants(C)["E_x"] == pytest.approx(1e9, rel=1e-5)
+
+
+@pytest.mark.parametrize("degrees", range(0, 180, 15))
+def test_a_turned_isotropic_material_is_itself(degrees):
+    """Catches round-off zeros that are not symmetric and made the turned material refused."""
+    C = isotropic(207e9, 0.28)
+    turned = Material(rotate_about_z(C, np.deg2rad(degrees)), 7820.0)
+    np.testing.assert_allclose(turned.C, C, atol=1e-14 * 207e9 * 100)
