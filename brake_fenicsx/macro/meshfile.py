@@ -1,4 +1,7 @@
-"""Readers of mesh files: gmsh by gmsh, Abaqus by ``abaqus``, the rest by meshio."""
+"""Readers of mesh files: gmsh by gmsh, Abaqus and Ansys by modules here, the rest by meshio.
+
+Meshio reads no .cdb, and of an .inp neither surfaces nor two element blocks of one set.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import SceneError
 
 from .abaqus import read_abaqus
+from .ansys import read_ansys
 from .filemesh import SOLIDS, FileMesh, gmsh_order, one_kind
 from .gmsh_mesh import gmsh_session
 
@@ -27,8 +31,8 @@ def read_mesh_file(path: Path) -> FileMesh:
     """Read a mesh file by its ending.
 
     Args:
-        path: .msh of gmsh; .inp of Abaqus or CalculiX; what meshio reads (.bdf, .nas, .med, .vtu,
-            .unv, ...).
+        path: .msh of gmsh; .inp of Abaqus or CalculiX; .cdb of Ansys; what meshio reads (.bdf,
+            .nas, .med, .vtu, ...).
 
     Raises:
         SceneError: the file is missing, of no known kind, or damaged.
@@ -38,6 +42,8 @@ def read_mesh_file(path: Path) -> FileMesh:
     try:
         if path.suffix == ".inp":
             return read_abaqus(path)
+        if path.suffix == ".cdb":
+            return read_ansys(path)
         if path.suffix == ".msh":
             return read_gmsh(path)
         return read_other(path)

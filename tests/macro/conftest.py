@@ -72,9 +72,53 @@ def write_abaqus(mesh, path, scale=1e3, sets="nodes"):
     path.write_text("\n".join(lines) + "\n")
 
 
+def write_ansys(mesh, path, scale=1e3, degenerate=False):
+    """Write a .cdb by hand: element components of the layers, node components of the faces.
+
+    Args:
+        degenerate: tetrahedra as bricks with equal corners.
+    """
+    count = {27: 20}.get(mesh.cells.shape[1], mesh.cells.shape[1])
+    routine = {4: 285, 10: 187, 8: 185, 20: 186}[count]
+    if degenerate:
+        routine = {4: 185, 10: 186}[count]
+    lines = ["/PREP7", f"ET,        1,{routine}", "ET,2,174"]
+    used = np.unique(mesh.cells[:, :count])
+    lines += [f"NBLOCK,6,SOLID,{10 + used.max():9d},{used.size:9d}", "(3i9,6e21.13e3)"]
+    for i in used:
+        x = "".join(f"{scale * v:21.13E}" for v in mesh.points[i])
+        lines.append(f"{10 + i:9d}{0:9d}{0:9d}" + x)
+    lines += ["N,R5.3,LOC,       -1,", f"EBLOCK,19,SOLID,{len(mesh.cells):9d}", "(19i9)"]
+    brick = {4: [0, 1, 2, 2, 3, 3, 3, 3],
+             10: [0, 1, 2, 2, 3, 3, 3, 3, 4, 5, 2, 6, 3, 3, 3, 3, 7, 8, 9, 9]}  # fmt: skip
+    for k, cell in enumerate(mesh.cells[:, list(ABAQUS[count])]):
+        nodes = 10 + (cell[brick[count]] if degenerate else cell)
+        head = [mesh.cell_tag[k], 1, 1, 1, 0, 0, 0, 0, len(nodes), 0, 1 + k]
+        for row in ([*head, *nodes[:8]], nodes[8:]):
+            lines += ["".join(f"{v:9d}" for v in row)] if len(row) else []
+    # A contact element, which is no solid.
+    lines.append("".join(f"{v:9d}" for v in [9, 2, 1, 1, 0, 0, 0, 0, 4, 0, 10**6, 10, 11, 12, 13]))
+    lines.append("       -1")
+    for layer, tag in mesh.layers.items():
+        own = 1 + np.flatnonzero(mesh.cell_tag == tag)
+        # Cells of a layer stand in a row.
+        lines += [f"CMBLOCK,{layer.replace('.', '_')},ELEM,       2  ! users element component",
+                  "(8i10)", f"{own[0]:10d}{-own[-1]:10d}"]  # fmt: skip
+    for face, tag in mesh.faces.items():
+        nodes = 10 + np.unique(facet_nodes(mesh)[mesh.facet_tag == tag])
+        lines += [f"CMBLOCK,{face.replace('.', '_')},NODE,{nodes.size:8d}", "(8i10)"]
+        rows = [nodes[i : i + 8] for i in range(0, nodes.size, 8)]
+        lines += ["".join(f"{v:10d}" for v in row) for row in rows]
+    path.write_text("\n".join(lines) + "\n")
+
+
 @pytest.fixture
 def meshes():
     """Makers and writers of small meshes."""
     return SimpleNamespace(
-        boxes=boxes, glued=glued, write_gmsh=write_gmsh, write_abaqus=write_abaqus
+        boxes=boxes,
+        glued=glued,
+        write_gmsh=write_gmsh,
+        write_abaqus=write_abaqus,
+        write_ansys=write_ansys,
     )

@@ -58,13 +58,13 @@ KINDS = [("tetrahedra", 1), ("tetrahedra", 2), ("hexahedra", 1), ("hexahedra", 2
 
 
 @pytest.mark.parametrize("cells, order", KINDS)
-@pytest.mark.parametrize("form", ["msh2", "msh4", "inp"])
+@pytest.mark.parametrize("form", ["msh2", "msh4", "inp", "cdb"])
 def test_round_trip(cells, order, form, tmp_path, meshes):
     """Volumes, faces and node positions come back; catches middle nodes in another's order."""
     mesh = meshes.boxes(cells, order)
     file = tmp_path / f"boxes.{form[:3]}"
-    if form == "inp":
-        meshes.write_abaqus(mesh, file)
+    if form in ("inp", "cdb"):
+        {"inp": meshes.write_abaqus, "cdb": meshes.write_ansys}[form](mesh, file)
     else:
         meshes.write_gmsh(mesh, file, 2.2 if form == "msh2" else 4.1)
     found = read(file)
@@ -81,6 +81,20 @@ def test_round_trip(cells, order, form, tmp_path, meshes):
         np.sort(mesh.points[mesh.cells].mean(axis=1), axis=0),
         atol=1e-12,
     )
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_degenerate_bricks_of_ansys_are_tetrahedra(order, tmp_path, meshes):
+    """Corners K = L and M = N = O = P, the middle nodes in their places."""
+    mesh = meshes.boxes(order=order)
+    file = tmp_path / "boxes.cdb"
+    meshes.write_ansys(mesh, file, degenerate=True)
+    groups = {**GROUPS, "MAT1": "pad.lining"}
+    del groups["pad_body"]
+    found = read(file, groups=groups)
+    assert (found.shape, found.order) == ("tetrahedron", order)
+    assert volumes(found)["pad.lining"] == pytest.approx(VOLUME["pad.lining"], rel=1e-9)
+    assert check_cells(found, MeshTable()).distortion > 0.9
 
 
 def test_nastran_by_property(tmp_path, meshes):
@@ -256,6 +270,7 @@ def test_files_that_are_none(tmp_path):
     for name, content, text in (
         ("a.msh", "no mesh", "cannot be read|no tetrahedra"),
         ("a.stp", "x", "not known"),
+        ("a.cdb", "/PREP7\nN,1,0,0,0\n", "no NBLOCK"),
         ("a.bdf", "nothing", "cannot be read"),
         ("a.inp", "nothing", "no tetrahedra"),
         ("b.inp", "*NODE\n1,0,0,0\n*ELEMENT,TYPE=C3D4\n1,1,2,3,4\n", "node 2 .*not defined"),
