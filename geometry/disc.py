@@ -8,7 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from .part import Part, Slab, Swept, SweptFace, element_count, faces_where, flat_at
+from .part import (
+    Part,
+    Slab,
+    Swept,
+    SweptFace,
+    element_count,
+    faces_where,
+    flat_at,
+    ring_sector_face,
+)
 
 Entities = list[tuple[int, int]]
 
@@ -185,19 +194,11 @@ def sweep(occ: Any, disc: Disc) -> Swept:
                 f"a disc with {name} is not swept along z: write {name} = 0,"
                 ' or cells = "tetrahedra"'
             )
-    import gmsh
-
-    outer, inner = (occ.addDisk(0, 0, 0, r, r) for r in (disc.radius, disc.bore))
-    face = occ.cut([(2, outer)], [(2, inner)])[0][0][1]
-    occ.synchronize()
-    curves: dict[str, list[int]] = {"bore": [], "rim": []}
-    for _, tag in gmsh.model.getBoundary([(2, face)], oriented=False):
-        reach = gmsh.model.getBoundingBox(1, tag)[3]
-        curves["rim" if np.isclose(reach, disc.radius, rtol=1e-3) else "bore"].append(tag)
+    regions, curves = _quarters(occ, disc)
     half = disc.thickness / 2
     n = element_count(disc.thickness, disc.size)
     return Swept(
-        regions={"all": [face]},
+        regions={"all": regions},
         curves=curves,
         slabs=(Slab("body", -half, half, n, ("all",)),),
         faces={
@@ -207,3 +208,29 @@ def sweep(occ: Any, disc: Disc) -> Swept:
         },
         size=disc.size,
     )
+
+
+def _quarters(occ: Any, disc: Disc) -> tuple[list[int], dict[str, list[int]]]:
+    """Four quarters of the ring with regular cells, so that double modes stay double."""
+    import gmsh
+
+    quarters = [
+        (2, ring_sector_face(occ, disc.bore, disc.radius, 0.0, start, np.pi / 2))
+        for start in np.pi / 2 * np.arange(4)
+    ]
+    faces = [tag for _, tag in occ.fragment(quarters, [])[0]]
+    occ.synchronize()
+    mesh = gmsh.model.mesh
+    across = element_count(disc.radius - disc.bore, disc.size)
+    along = element_count(np.pi / 4 * (disc.radius + disc.bore), disc.size)
+    curves: dict[str, list[int]] = {"bore": [], "rim": []}
+    for _, tag in gmsh.model.getEntities(1):
+        ends = gmsh.model.getBoundary([(1, tag)])
+        r = [np.hypot(*gmsh.model.getValue(0, end, [])[:2]) for _, end in ends]
+        arc = np.isclose(r[0], r[1], rtol=1e-6)
+        if arc:
+            curves["rim" if np.isclose(r[0], disc.radius, rtol=1e-6) else "bore"].append(tag)
+        mesh.setTransfiniteCurve(tag, (along if arc else across) + 1)
+    for face in faces:
+        mesh.setTransfiniteSurface(face)
+    return faces, curves

@@ -48,7 +48,8 @@ class Pad:
         slot: width of a radial slot in the middle of the lining [m]; 0: none.
         slot_depth: its depth [m]; the whole lining if not given.
         size: mesh size of the lining's friction face [m].
-        plate_size: mesh size of plate and shim [m].
+        plate_size: mesh size of the plate [m].
+        shim_size: mesh size of the shim [m]; the plate's if not given.
         mirror: the meshes of the two pads are exact mirror images.
     """
 
@@ -73,6 +74,7 @@ class Pad:
     slot_depth: float | None = field(default=None, metadata={"unit": "m"})
     size: float = field(default=4.29e-3, metadata={"unit": "m"})
     plate_size: float = field(default=6e-3, metadata={"unit": "m"})
+    shim_size: float | None = field(default=None, metadata={"unit": "m"})
     mirror: bool = True
 
     @property
@@ -95,6 +97,13 @@ def layers(pad: Pad) -> list[tuple[str, float]]:
     if any(not h > 0 for h in shims):
         raise ValueError(f"shim {list(shims)} m: every layer needs a thickness")
     return [("lining", pad.lining), ("plate", pad.plate), *zip(names, shims, strict=True)]
+
+
+def _size(pad: Pad, layer: str) -> float:
+    """Mesh size of a layer [m]."""
+    if layer.startswith("shim") and pad.shim_size is not None:
+        return pad.shim_size
+    return pad.size if layer == "lining" else pad.plate_size
 
 
 def _sides(pad: Pad) -> tuple[list[float], bool]:
@@ -127,7 +136,7 @@ def build(occ: Any, pad: Pad) -> Part:
             volumes.setdefault(name, []).extend(tags)
         for name, tags in named.items():
             faces[name].extend(tags)
-    sizes = {name: pad.size if name == "lining" else pad.plate_size for name in volumes}
+    sizes = {name: _size(pad, name) for name in volumes}
     return Part(volumes, {n: tags for n, tags in faces.items() if tags}, sizes, mirror=mirror)
 
 
@@ -215,7 +224,7 @@ def sweep(occ: Any, pad: Pad) -> Swept:
                 n = element_count(h - depth, pad.size)
                 slabs.append(Slab(name, z + depth, z + h, n, body))
         else:
-            size = pad.size if name == "lining" else pad.plate_size
+            size = _size(pad, name)
             slabs.append(
                 Slab(
                     name, z, z + h, element_count(h, size), body + (("ears",) if name == "plate"

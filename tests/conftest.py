@@ -4,6 +4,7 @@ The scenes import DOLFINx only when a test asks for them.
 """
 
 import gc
+import logging
 from functools import cache
 
 from mpi4py import MPI
@@ -18,6 +19,16 @@ def _collect_together():
     yield
     gc.collect()
     MPI.COMM_WORLD.Barrier()
+
+
+@pytest.fixture(autouse=True)
+def _log_as_before():
+    """A run of the program takes the log over; the next test finds it as it was."""
+    log = logging.getLogger("brake_fenicsx")
+    before = log.propagate, log.level, log.handlers[:]
+    yield
+    log.propagate, log.handlers[:] = before[0], before[2]
+    log.setLevel(before[1])
 
 
 @pytest.fixture

@@ -130,6 +130,15 @@ def test_plain_disc(cells):
     assert errors[1] < errors[0] / 100
 
 
+def test_hexahedra_of_a_disc_are_regular():
+    """Each quarter is a quarter turn of the first, so that double modes stay double."""
+    m = mesh("disc", "hexahedra", 2, size=20e-3)
+    turned = m.points[:, [1, 0, 2]] * [-1, 1, 1]
+    away = np.linalg.norm(m.points[:, None] - turned[None], axis=2).min(axis=0)
+    assert away.max() < 1e-12
+    assert quality(m).worst > 0.99
+
+
 @pytest.mark.parametrize("order, rate", [(1, 2), (2, 4)])
 def test_rates_of_a_curved_face(order, rate):
     """Area of the cylinder: order 2 with straight sides, 4 with middle nodes on the surface."""
