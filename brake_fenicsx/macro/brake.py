@@ -135,13 +135,13 @@ def check_brake(scene: Scene, comm: MPI.Comm) -> None:
     Raises:
         SceneError: a material, a part's parameters, a face or the motion is wrong.
     """
-    scene_materials(scene)
+    materials = scene_materials(scene)
     scene_motion(scene)
     faces = {f'supports."{face}"': face for face in scene.supports}
     faces |= {f'loads."{face}"': face for face in scene.loads}
     for name, contact in scene.contact.items():
         faces |= {f"contact.{name}.faces[{i}]": face for i, face in enumerate(contact.faces)}
-    check_mesh(scene, faces, comm)
+    layer_materials(scene, materials, check_mesh(scene, faces, comm))
 
 
 def scene_motion(scene: Scene) -> Motion:

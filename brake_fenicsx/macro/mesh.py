@@ -182,58 +182,49 @@ def on_rank_0(
     return note if result is None else result
 
 
-def check_parts(
-    parts: Mapping[str, Builder],
-    faces: Mapping[str, str],
-    comm: MPI.Comm,
-    table: MeshTable | None = None,
-    more: Collection[str] = (),
-) -> None:
-    """Build the geometry without meshing it, so that a mistake shows before any work.
+def known_names(parts: Mapping[str, Builder], table: MeshTable) -> tuple[list[str], list[str]]:
+    """Layers and faces of all parts, whose geometry is built but not meshed.
 
     Args:
         parts: as for ``build_mesh``.
-        faces: face names that the scene uses, with the key that uses each.
-        comm: communicator of the run.
         table: kind of cells.
-        more: faces of parts that have no builder.
+
+    Returns:
+        "part.layer" and "part.face" names.
 
     Raises:
-        SceneError: a builder refuses its parameters, or there is no such face; on all ranks.
+        SceneError: a builder refuses its parameters; the part is named.
     """
-    settings = table or MeshTable()
-    on_rank_0(lambda: check_faces(faces, _known_faces(parts, settings).union(more)), comm, _all)
-
-
-def check_faces(faces: Mapping[str, str], known: set[str]) -> None:
-    """Refuse names of faces that no part has.
-
-    Raises:
-        SceneError: the key, the name, and the names there are.
-    """
-    for key, face in faces.items():
-        if face not in known:
-            raise SceneError(f"{key}: no face {face!r}; there are {', '.join(sorted(known))}")
-
-
-def _all(found: None) -> None:
-    """Nothing to share."""
-
-
-def _known_faces(parts: Mapping[str, Builder], table: MeshTable) -> set[str]:
-    """Faces of all parts, whose geometry is built but not meshed."""
-    known = set()
+    layers, faces = [], []
     with gmsh_session() as gmsh:
         for name, (builder, values) in parts.items():
             gmsh.model.add(name)
             try:
                 if table.cells == "hexahedra" or not hasattr(builder, "build"):
                     part = swept_part(gmsh.model.occ, name, builder, values)
+                    own = dict.fromkeys(slab.layer for slab in part.slabs)
                 else:
                     part = builder.build(gmsh.model.occ, values)
+                    own = part.volumes
             except Exception as error:
                 raise SceneError(
                     f"parts.{name}: the geometry cannot be built: {error}; change its parameters"
                 ) from None
-            known |= {f"{name}.{face}" for face in part.faces}
-    return known
+            layers += [f"{name}.{layer}" for layer in own]
+            faces += [f"{name}.{face}" for face in part.faces]
+    return layers, faces
+
+
+def check_faces(used: Mapping[str, str], known: Collection[str]) -> None:
+    """Refuse names of faces that no part has.
+
+    Args:
+        used: key of the scene -> face that it names.
+        known: faces of all parts.
+
+    Raises:
+        SceneError: the key, the name, and the names there are.
+    """
+    for key, face in used.items():
+        if face not in known:
+            raise SceneError(f"{key}: no face {face!r}; there are {', '.join(sorted(known))}")

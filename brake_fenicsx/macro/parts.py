@@ -11,7 +11,16 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import Scene
 
 from .groups import mesh_of_file
-from .mesh import Builder, Mesh, check_cells, check_parts, distribute, on_rank_0, raw_mesh
+from .mesh import (
+    Builder,
+    Mesh,
+    check_cells,
+    check_faces,
+    distribute,
+    known_names,
+    on_rank_0,
+    raw_mesh,
+)
 from .rawmesh import RawMesh, joined
 
 
@@ -63,7 +72,7 @@ def scene_raw_mesh(scene: Scene) -> RawMesh:
     return joined([made, read])
 
 
-def check_mesh(scene: Scene, faces: Mapping[str, str], comm: MPI.Comm) -> None:
+def check_mesh(scene: Scene, faces: Mapping[str, str], comm: MPI.Comm) -> list[str]:
     """Refuse what cannot be built, before anything is meshed.
 
     Args:
@@ -71,19 +80,23 @@ def check_mesh(scene: Scene, faces: Mapping[str, str], comm: MPI.Comm) -> None:
         faces: key of the scene -> face that it names.
         comm: communicator of the run.
 
+    Returns:
+        Layers of all parts.
+
     Raises:
         SceneError: a part's parameters, the mesh file or a face's name is wrong; on all ranks.
     """
 
-    def known() -> set[str] | None:
-        if scene.mesh.file is None:
-            return set()
-        mesh = mesh_of_file(scene.file.parent, scene.mesh, file_parts(scene))
-        check_cells(mesh, scene.mesh)
-        return set(mesh.faces)
+    def checked() -> list[str]:
+        layers, known = known_names(scene_parts(scene), scene.mesh)
+        if scene.mesh.file is not None:
+            mesh = mesh_of_file(scene.file.parent, scene.mesh, file_parts(scene))
+            check_cells(mesh, scene.mesh)
+            layers, known = [*layers, *mesh.layers], [*known, *mesh.faces]
+        check_faces(faces, known)
+        return layers
 
     try:
-        of_file = on_rank_0(known, comm, lambda found: found)
-        check_parts(scene_parts(scene), faces, comm, scene.mesh, of_file or set())
+        return on_rank_0(checked, comm, lambda layers: layers)
     except SceneError as error:
         raise SceneError(f"{scene.file}: {error}") from None

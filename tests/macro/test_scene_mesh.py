@@ -106,6 +106,14 @@ def test_mistakes_are_one_line(change, named, remedy, own, capsys, monkeypatch):
     assert sorted(own.parent.iterdir()) == before
 
 
+def test_a_layer_without_material_is_found_before_any_mesh():
+    """Catches a mistake that shows only after minutes of surfaces and laws."""
+    shim = "parts.pad.material={lining='lining', plate='steel'}"
+    scene = read_scene(SCENES / "disc_brake.toml", [shim])
+    with pytest.raises(SceneError, match=r"parts.pad.material: no material for layer 'shim'"):
+        check_brake(scene, MPI.COMM_SELF)
+
+
 def test_groups_without_a_file():
     with pytest.raises(SceneError, match=r"mesh.groups: needs mesh.file"):
         read_scene(BLOCK, ["mesh.groups.a=b.c"])
