@@ -7,7 +7,6 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.brake import assemble_brake, check_brake
 from brake_fenicsx.macro.parts import scene_mesh, scene_raw_mesh
@@ -93,17 +92,15 @@ MISTAKES = [
 
 
 @pytest.mark.parametrize("change, named, remedy", MISTAKES)
-def test_mistakes_are_one_line(change, named, remedy, own, capsys, monkeypatch):
-    """Exit status 2, file, key and remedy, nothing written."""
-    monkeypatch.chdir(own.parent)
-    before = sorted(own.parent.iterdir())
-    assert main(["run", str(own), "--set", change]) == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    assert str(own) in error
+def test_mistakes_are_one_line(change, named, remedy, own):
+    """File, key and remedy in one line, before anything is meshed."""
+    with pytest.raises(SceneError) as caught:
+        check_brake(read_scene(own, [change]), MPI.COMM_SELF)
+    error = str(caught.value)
+    assert "\n" not in error
+    assert error.startswith(f"{own}: ")
     assert named in error
     assert remedy in error
-    assert sorted(own.parent.iterdir()) == before
 
 
 def test_a_layer_without_material_is_found_before_any_mesh():
