@@ -1,0 +1,128 @@
+"""Damping of the linearised problem, term by term; a scene names the ones it wants.
+
+lambda^2 M + lambda (C + C_s + C_mu + Omega G) + K: material damping C, here as Rayleigh or as loss
+factors of the parts; C_s and C_mu of sliding friction; G of the turning disc in ``gyroscopic``.
+
+Friction at a contact element: the disc slides past the pad at a speed V along s. With the slip of
+pad minus disc, T u along s and R u across, the pad moves against the disc with the velocity
+v = (T u' - V) s + R u' r, and the traction on the pad is -mu(|v|) p v / |v|. To first order in u',
+
+    |v| = V - T u',     -v / |v| = s - (R u' / V) r,
+    traction = mu p s - mu'(V) p T u' s - (mu p / V) R u' r.
+
+The first term is the friction of the tangent; the two others, moved to the left-hand side, are
+C_mu = T' W p mu'(V) T and C_s = R' W (mu p / V) R. Their signs: sliding always damps across its
+direction, and friction that falls with speed (mu' < 0) feeds energy in along it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import reduce
+from typing import Any
+
+from petsc4py import PETSc
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import SceneError
+
+Array = NDArray[np.float64]
+
+
+def rayleigh(M: Any, K: Any, alpha: float, beta: float) -> Any:
+    """C = alpha M + beta K; a mode at omega is damped by 2 zeta = alpha/omega + beta omega.
+
+    Args:
+        M: mass [kg], SciPy sparse or PETSc.
+        K: elastic stiffness [N/m], of the same kind; symmetric, so without friction.
+        alpha: mass factor [1/s], not negative.
+        beta: stiffness factor [s], not negative.
+
+    Returns:
+        Damping [N s/m], of the same kind.
+
+    Raises:
+        SceneError: a factor is negative.
+    """
+    if alpha < 0 or beta < 0:
+        raise SceneError(f"Rayleigh damping: alpha = {alpha:g}, beta = {beta:g}: none may be < 0")
+    return _combination([(alpha, M), (beta, K)])
+
+
+def loss_factor(parts: Sequence[tuple[float, Any]], omega_ref: float) -> Any:
+    """C = sum eta_j K_j / omega_ref; at omega_ref a part dissipates eta_j of its strain energy.
+
+    The loss factor of a hysteretic part is the same at all frequencies, that of this viscous one
+    grows with frequency: exact at omega_ref alone. Energy a period over 2 pi times the strain
+    energy: omega u'C u / u'K u = eta at omega = omega_ref.
+
+    Args:
+        parts: loss factor [-] and stiffness [N/m] of each part, on the dofs of all parts; SciPy
+            sparse or PETSc.
+        omega_ref: reference frequency [rad/s], positive.
+
+    Returns:
+        Damping [N s/m], of the kind of the stiffnesses.
+
+    Raises:
+        SceneError: no part, a negative loss factor, or a reference frequency that is not positive.
+    """
+    if not parts:
+        raise SceneError("loss factors: no part is named")
+    if not omega_ref > 0:
+        raise SceneError(f"loss factors: reference frequency {omega_ref:g} rad/s must be positive")
+    if min(eta for eta, _ in parts) < 0:
+        raise SceneError("loss factors: none may be negative")
+    return _combination([(eta / omega_ref, K) for eta, K in parts])
+
+
+def sliding_damping(R: sp.spmatrix, w: Array, p: Array, V: Array, mu: float | Array) -> Any:
+    """C_s = R' W (mu p / V) R: friction turns with the direction of sliding.
+
+    Args:
+        R: slip across the sliding direction, shape (elements, dofs).
+        w: areas [m^2], shape (elements,).
+        p: pressures at equilibrium [Pa], shape (elements,).
+        V: sliding speeds [m/s], positive, shape (elements,).
+        mu: friction coefficient, one or one per element.
+
+    Returns:
+        Symmetric, positive semi-definite [N s/m], CSR.
+
+    Raises:
+        SceneError: a sliding speed is not positive: friction without a direction.
+    """
+    if not np.all(np.asarray(V) > 0):
+        raise SceneError("sliding damping: every contact element needs a sliding speed V > 0")
+    return (R.T @ sp.diags(w * mu * p / V) @ R).tocsr()
+
+
+def velocity_slope(T: sp.spmatrix, w: Array, p: Array, slope: float | Array) -> Any:
+    """C_mu = T' W p mu'(V) T: friction changes with the speed of sliding.
+
+    Args:
+        T: slip along the sliding direction, shape (elements, dofs).
+        w: areas [m^2], shape (elements,).
+        p: pressures at equilibrium [Pa], shape (elements,).
+        slope: mu'(V) [s/m] at the sliding speed of each element, or one for all; negative where
+            friction falls with speed.
+
+    Returns:
+        Symmetric [N s/m], CSR; negative semi-definite where friction falls.
+    """
+    return (T.T @ sp.diags(w * p * np.asarray(slope)) @ T).tocsr()
+
+
+def _combination(terms: Sequence[tuple[float, Any]]) -> Any:
+    """Sum of factor times matrix, all SciPy or all PETSc; the terms are left as they are."""
+    factor, first = terms[0]
+    if sp.issparse(first):
+        return reduce(lambda a, b: a + b, [c * A for c, A in terms]).tocsr()
+    out = first.copy()
+    out.scale(factor)
+    for c, A in terms[1:]:
+        out.axpy(c, A, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    return out
