@@ -79,8 +79,33 @@ def count_zeros(
     Raises:
         InaccurateResult: the phase cannot be followed: a zero lies on the boundary.
     """
+    return count_turns(lambda z: _phase(T, z, believed), region, believed, points, most)
+
+
+def count_turns(
+    phase: Callable[[complex], complex],
+    region: Trapezium,
+    believed: NDArray,
+    points: int = 8,
+    most: int = 2000,
+) -> int:
+    """Zeros inside a region of a function whose phase over prod (z - believed) is given.
+
+    Args:
+        phase: complex number of modulus one for a point of the upper half of the edge.
+        region: where to count.
+        believed: the values divided out.
+        points: points of the first walk along the short sides.
+        most: evaluations allowed.
+
+    Returns:
+        The number of zeros.
+
+    Raises:
+        InaccurateResult: the phase cannot be followed: a zero lies on the boundary.
+    """
     path = list(region.upper_half(points))
-    phases = [_phase(T, z, believed) for z in path]
+    phases = [phase(z) for z in path]
     turned, i, used = 0.0, 0, len(path)
     while i + 1 < len(path):
         step = phases[i + 1] / phases[i]
@@ -94,7 +119,7 @@ def count_zeros(
             )
         middle = 0.5 * (path[i] + path[i + 1])
         path.insert(i + 1, middle)
-        phases.insert(i + 1, _phase(T, middle, believed))
+        phases.insert(i + 1, phase(middle))
         used += 1
     return int(region.holds(believed).sum()) + int(np.rint(turned / np.pi))
 

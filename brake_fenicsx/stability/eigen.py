@@ -1,33 +1,44 @@
-"""Full order: all complex modes of a band by shift-and-invert (SLEPc, MUMPS).
+"""Full order: all complex modes of a band, and the proof that none is missing.
 
-Undamped, the problem is K phi = kappa M phi with kappa = -lambda^2, in real arithmetic. The band is
-cut into pieces of about equal numbers of modes; each is covered by the disc of one real shift.
+Undamped, the problem is K phi = kappa M phi with kappa = -lambda^2, in real arithmetic:
+
+- symmetric K: block Lanczos, complete by inertia;
+- K_s plus friction of low rank: block Arnoldi from either side; inertia of K_s and the winding
+  number of a determinant on the contact interface count the modes of a region around the band;
+- small matrices: dense; the winding number of det(K - kappa M) itself counts;
+- anything else: shift-and-invert in slices, and the record says that nothing was counted.
 """
 
 from __future__ import annotations
 
 import time
-from itertools import pairwise
 from typing import Any
 
+from mpi4py import MPI
 from petsc4py import PETSc
-from slepc4py import SLEPc
 
 import numpy as np
-from numpy.typing import NDArray
 
-from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
-from brake_fenicsx.macro.condensation import petsc_matrix
-from brake_fenicsx.macro.solver import Factor, local_rows
+from brake_fenicsx.errors import NotConverged, SceneError
+from brake_fenicsx.macro.solver import local_rows
 
+from .completeness import count_zeros
 from .damped import Pencil, damped_modes
-from .modes import Complex, Count, Modes, undamped_rows
-from .operators import as_petsc, relative_residual
+from .dense import dense_modes
+from .friction import friction_modes
+from .interface import Interface, difference_interface
+from .modes import Count, Modes, undamped_rows
+from .operators import as_petsc
+from .problem import Found, Problem, agree, search_region
+from .slices import sliced_modes
+from .symmetric import count_below, shifted_factor, symmetric_modes
+from .vectors import paired, residuals, two_sided
 
-Array = NDArray[np.float64]
+# Up to this size all eigenvalues are computed, and counted by dense determinants.
+DENSE = 300
 
-# Eigenvalues that one shift is asked for: a factorisation costs about as much as 50 solves.
-PER_SHIFT = 60
+# Backward error that is all round-off: residuals cannot be smaller than that of a stiff matrix.
+ROUND_OFF = 1e-14
 
 
 def complex_modes(
@@ -39,185 +50,136 @@ def complex_modes(
     tolerance: float = 1e-9,
     zeta_max: float = 0.1,
     frictionless: Any = None,
+    friction: Interface | None = None,
 ) -> Modes:
     """All complex modes of a frequency band of (lambda^2 M + lambda C + K) phi = 0.
 
     Args:
         M: mass [kg], symmetric positive definite, SciPy sparse or PETSc.
         C: damping [N s/m]; None where there is none.
-        K: stiffness [N/m], not symmetric where there is friction.
+        K: stiffness [N/m], not symmetric where there is friction. The processes of a distributed
+            matrix must call together; each holds the whole of it and of the result.
         band: lowest and highest frequency [Hz].
         method: "full".
         tolerance: relative residual of every mode.
         zeta_max: largest damping ratio looked for; bounds the imaginary parts of kappa.
-        frictionless: for non-symmetric K the same stiffness at mu = 0, whose inertia then says
-            how many modes the band holds without friction; the pieces of the band follow it.
+        frictionless: for non-symmetric K the same stiffness at mu = 0; the symmetric half of K if
+            None.
+        friction: K - frictionless by contact elements, see ``contact_interface``; found from the
+            matrices if None, which takes longer.
 
     Returns:
         The modes, sorted by frequency, one of each conjugate pair.
 
     Raises:
-        SceneError: unknown method.
+        SceneError: unknown method, or a band that is none.
         NotConverged: the eigensolver leaves a mode unconverged.
-        InaccurateResult: for symmetric K, the inertia count differs from the modes found.
+        InaccurateResult: the modes found are not as many as were counted.
     """
     if method != "full":
         raise SceneError(f"method {method!r}: complex_modes knows 'full'; see Reduced")
+    if not 0 <= band[0] < band[1]:
+        raise SceneError(f"band {band[0]:g} to {band[1]:g} Hz: from at least 0 up to a higher one")
+    comm = K.comm.tompi4py() if isinstance(K, PETSc.Mat) else MPI.COMM_SELF
     if C is not None:
         matrices = (local_rows(as_petsc(A)).tocsc() for A in (M, C, K))
         return damped_modes(Pencil(*matrices), band, tolerance, zeta_max)
     start = time.perf_counter()
-    K, M = as_petsc(K), as_petsc(M)
-    symmetric = _is_symmetric(K)
+    problem = _problem(K, M, frictionless, friction, comm)
     low, high = ((2 * np.pi * f) ** 2 for f in band)
-    reference = K if symmetric else frictionless
-    expected = None if reference is None else _count(as_petsc(reference), M, high)
-    if expected is not None and low > 0:
-        expected -= _count(as_petsc(reference), M, low)
-    edges = _pieces(low, high, PER_SHIFT if expected is None else expected)
-    found = []
-    iterations = 0
-    for a, b in pairwise(edges):
-        piece, used = _piece(K, M, a, b, high, tolerance, zeta_max, symmetric)
-        found.append(piece)
-        iterations += used
-    kappa = np.concatenate([f[0] for f in found])
-    right = np.hstack([f[1] for f in found])
-    left = np.hstack([f[2] for f in found])
-    inside = kappa.real <= high
-    if symmetric and int(inside.sum()) != expected:
-        raise InaccurateResult(
-            f"{int(inside.sum())} modes found from {band[0]:g} to {band[1]:g} Hz,"
-            f" inertia counts {expected}"
-        )
-    how = "inertia of K - kappa M"
-    if not symmetric:
-        how += " at mu = 0: friction may move modes over the edge of the band"
-    if expected is None:
-        expected, how = int(inside.sum()), "not counted: no frictionless stiffness was given"
-    residual = relative_residual(K, M, kappa, right)
-    condition, error = _two_sided(K, M, kappa, right, left)
-    order, lam, spread, real = undamped_rows(kappa, error, band)
-    return Modes(
-        lam, right[:, order], left[:, order], residual[order], spread, condition[order],
-        Count(expected, how), iterations, time.perf_counter() - start, real,
-    )  # fmt: skip
+    n = problem.K.shape[0]
+    found = None
+    if n <= DENSE:
+        found = _small(problem, low, high, zeta_max)
+    elif problem.symmetric:
+        found = _symmetric(problem, low, high)
+    elif problem.face is not None:
+        found = friction_modes(problem, low, high, zeta_max)
+    if found is None:
+        found = _sliced(problem, low, high, tolerance, zeta_max)
+    return _record(problem, found, band, tolerance, start)
 
 
-def _two_sided(
-    K: PETSc.Mat, M: PETSc.Mat, kappa: Complex, right: Complex, left: Complex
-) -> tuple[Array, Array]:
-    """Condition numbers in the norm of M, and errors from the two-sided quotient [1/s^2]."""
-    MX, KX = _times(M, right), _times(K, right)
-    overlap = np.einsum("im,im->m", left.conj(), MX)
-    norms = np.einsum("im,im->m", right.conj(), MX).real
-    norms = norms * np.einsum("im,im->m", left.conj(), _times(M, left)).real
-    condition = np.sqrt(norms) / np.abs(overlap)
-    first = np.abs(np.einsum("im,im->m", left.conj(), KX - kappa * MX) / overlap)
-    # What the quotient of two inexact vectors leaves open, and the round-off of the solves.
-    return condition, first + 1e-11 * condition * np.abs(kappa).max(initial=0.0)
+def _problem(
+    K: Any, M: Any, frictionless: Any, friction: Interface | None, comm: MPI.Comm
+) -> Problem:
+    """Take the matrices apart."""
+    K, M = (local_rows(as_petsc(A)) for A in (K, M))
+    if abs(K - K.T).max() <= 1e-12 * abs(K).max():
+        return Problem(K, M, K, None, comm)
+    if frictionless is not None:
+        smooth = local_rows(as_petsc(frictionless))
+    elif friction is not None:
+        smooth = (K - friction.left.T @ friction.right).tocsr()
+    else:
+        smooth = (0.5 * (K + K.T)).tocsr()
+    if K.shape[0] > DENSE and friction is None:
+        rest = (K - smooth).tocsr()
+        rest.data[np.abs(rest.data) < 1e-15 * abs(K).max()] = 0.0
+        friction = difference_interface(rest)
+    return Problem(K, M, smooth, friction, comm)
 
 
-def _times(M: PETSc.Mat, X: Complex) -> Complex:
-    rows = local_rows(M)
-    return np.asarray(rows @ X)
+def _small(p: Problem, low: float, high: float, zeta_max: float) -> Found:
+    """Dense; counted by inertia if symmetric, else by the winding number of the determinant."""
+    kappa, right, left = dense_modes(p.K, p.M, high, p.symmetric)
+    if p.symmetric:
+        expected, at = count_below(p.K, p.M, high)
+        agree(int(np.sum(kappa.real < at)), expected, high, "inertia")
+        return Found(kappa, right, left, "inertia of K - kappa M", 1)
+    K, M = p.K.toarray(), p.M.toarray()
+    region = search_region(kappa, low, high, zeta_max)
+    expected = count_zeros(lambda z: K - z * M, region, kappa[np.abs(kappa) < 4 * high])
+    agree(int(region.holds(kappa).sum()), expected, high, "the winding number")
+    return Found(kappa, right, left, "winding number of det(K - kappa M)", 1)
 
 
-def _is_symmetric(K: PETSc.Mat) -> bool:
-    rows = local_rows(K)
-    return bool(abs(rows - rows.T).max() <= 1e-12 * abs(rows).max())
+def _symmetric(p: Problem, low: float, high: float) -> Found | None:
+    """Block Lanczos; None where it does not apply."""
+    shifted = shifted_factor(p.K, p.M, high)
+    if shifted is None:
+        return None
+    modes = symmetric_modes(p.K, p.M, *shifted, high)
+    shifted[0].destroy()
+    if modes is None:
+        return None
+    shapes = modes.Phi.astype(complex)
+    return Found(modes.kappa + 0j, shapes, shapes, "inertia of K - kappa M", modes.blocks)
 
 
-def _count(K: PETSc.Mat, M: PETSc.Mat, kappa: float) -> int:
-    """Eigenvalues below kappa of a symmetric pencil, by Sylvester's law of inertia."""
-    shifted = petsc_matrix((local_rows(K) - kappa * local_rows(M)).tocsr())
-    factor = Factor(shifted, "brake_inertia_")
-    count = factor.negative_pivots
-    factor.destroy()
-    return count
+def _sliced(p: Problem, low: float, high: float, tolerance: float, zeta_max: float) -> Found:
+    """SLEPc, one vector at a time; symmetric problems are counted by inertia."""
+    count, at = count_below(p.smooth, p.M, high)
+    # Below the band, a little, so that what lies on its edge is found.
+    bottom = low * (1 - 1e-9) if low > 0 else low
+    below, bottom = count_below(p.smooth, p.M, bottom) if low > 0 else (0, bottom)
+    kappa, right, left, used = sliced_modes(
+        p.K, p.M, bottom, at, count - below, 1e-2 * tolerance, zeta_max, p.symmetric
+    )
+    if p.symmetric:
+        agree(kappa.size, count - below, high, "inertia")
+        return Found(kappa, right, left, "inertia of K - kappa M", used)
+    return Found(kappa, right, left, "not counted: friction is not of low rank here", used)
 
 
-def _pieces(low: float, high: float, count: int) -> Array:
-    """Borders of pieces of the band, equal in frequency, of about PER_SHIFT modes at most."""
-    n = max(1, int(np.ceil(count / PER_SHIFT)))
-    edges = np.linspace(np.sqrt(low), np.sqrt(high), n + 1) ** 2
-    # Rigid and diverging modes lie at kappa <= 0.
-    edges[0] = -np.inf if low <= 0 else low
-    return edges
+def _record(
+    p: Problem, f: Found, band: tuple[float, float], tolerance: float, start: float
+) -> Modes:
+    """Errors, condition numbers and rows of the band.
 
-
-def _piece(
-    K: PETSc.Mat,
-    M: PETSc.Mat,
-    a: float,
-    b: float,
-    high: float,
-    tolerance: float,
-    zeta_max: float,
-    symmetric: bool,
-) -> tuple[tuple[Complex, Complex, Complex], int]:
-    """Eigenpairs with a <= Re kappa < b."""
-    bottom = a if np.isfinite(a) else -0.02 * high
-    sigma = 0.5 * (bottom + b) * (1 + 1.234e-7)
-    reach = 1.001 * np.hypot(0.5 * (b - bottom), 2 * zeta_max * b * (not symmetric))
-    wanted = PER_SHIFT + 10
-    n = K.getSize()[0]
-    while True:
-        kappa, right, left, used = _nearest(K, M, sigma, min(wanted, n), tolerance, symmetric)
-        if kappa.size >= n or np.abs(kappa - sigma).max() > reach:
-            break
-        wanted = int(1.5 * wanted)
-    keep = (kappa.real >= a) & (kappa.real < b)
-    return (kappa[keep], right[:, keep], left[:, keep]), used
-
-
-def _nearest(
-    K: PETSc.Mat, M: PETSc.Mat, sigma: float, wanted: int, tolerance: float, symmetric: bool
-) -> tuple[Complex, Complex, Complex, int]:
-    """The eigenpairs nearest to a real shift, with left vectors."""
-    eps = SLEPc.EPS().create(K.comm)
-    eps.setOptionsPrefix("brake_eigen_")
-    eps.setOperators(K, M)
-    kind = SLEPc.EPS.ProblemType
-    eps.setProblemType(kind.GHEP if symmetric else kind.GNHEP)
-    eps.setTwoSided(not symmetric)
-    eps.setDimensions(wanted, min(K.getSize()[0], 2 * wanted + 20))
-    eps.setTolerances(tolerance * 1e-2, 200)
-    eps.setTarget(sigma)
-    eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
-    st = eps.getST()
-    st.setType(SLEPc.ST.Type.SINVERT)
-    st.setShift(sigma)
-    pc = st.getKSP().getPC()
-    st.getKSP().setType("preonly")
-    pc.setType("lu")
-    pc.setFactorSolverType("mumps")
-    eps.setFromOptions()
-    eps.solve()
-    got = eps.getConverged()
-    if got < wanted:
+    Raises:
+        NotConverged: a mode misses the tolerance by more than round-off explains.
+    """
+    left = paired(f.kappa, f.left, p.M @ f.right)
+    condition, error = two_sided(p.K, p.M, f.kappa, f.right, left)
+    residual, backward = residuals(p.K, p.M, f.kappa, f.right)
+    order, lam, spread, real = undamped_rows(f.kappa, error, band)
+    missed = (residual > tolerance) & (backward > ROUND_OFF)
+    if np.any(missed[order]):
         raise NotConverged(
-            f"eigensolver: {got} of {wanted} modes converged near"
-            f" {np.sqrt(abs(sigma)) / 2 / np.pi:.0f} Hz in {eps.getIterationNumber()} restarts"
+            f"full order: relative residual {residual[order].max():.1e}, wanted {tolerance:.0e}"
         )
-    xr, xi = K.createVecs()[0], K.createVecs()[0]
-    yr, yi = xr.duplicate(), xr.duplicate()
-    rows = local_rows(M)
-    kappa = np.empty(got, dtype=complex)
-    right, left = (np.empty((xr.size, got), dtype=complex) for _ in range(2))
-    for i in range(got):
-        kappa[i] = eps.getEigenpair(i, xr, xi)
-        right[:, i] = xr.array_r + 1j * xi.array_r
-        if symmetric:
-            left[:, i] = right[:, i]
-        else:
-            eps.getLeftEigenvector(i, yr, yi)
-            left[:, i] = yr.array_r + 1j * yi.array_r
-            # SLEPc gives y' K = kappa y' M for one sign of the imaginary part: take the partner
-            # that is not orthogonal to the right vector.
-            y, Mx = left[:, i], rows @ right[:, i]
-            if abs(y @ Mx) > abs(y.conj() @ Mx):
-                left[:, i] = y.conj()
-    used = eps.getIterationNumber()
-    eps.destroy()
-    return kappa, right, left, used
+    return Modes(
+        lam, f.right[:, order], left[:, order], residual[order], spread, condition[order],
+        Count(order.size, f.how), f.iterations, time.perf_counter() - start, real,
+    )  # fmt: skip

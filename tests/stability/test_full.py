@@ -186,19 +186,27 @@ def test_what_is_not_available_is_named():
         complex_modes(M, None, K, WIDE, method="krylov")
 
 
-def test_a_lost_mode_is_noticed(monkeypatch):
-    """The inertia count is compared with what was found."""
-    from brake_fenicsx.stability import eigen
+@pytest.mark.parametrize("stiff", [False, True])
+def test_a_lost_mode_is_noticed(monkeypatch, stiff):
+    """The inertia count is compared with what was found, by block Lanczos and in slices."""
+    from brake_fenicsx.stability import slices, symmetric
 
-    real = eigen._nearest
+    lowest, nearest = symmetric.lowest_modes, slices.nearest
 
     def lossy(*args):
-        kappa, right, left, used = real(*args)
+        m = lowest(*args)
+        return type(m)(m.Phi[:, 1:], m.Lambda[1:], m.residual, m.blocks)
+
+    def lossy_slice(*args):
+        kappa, right, left, used = nearest(*args)
         keep = np.argsort(kappa.real) != 1
         return kappa[keep], right[:, keep], left[:, keep], used
 
-    monkeypatch.setattr(eigen, "_nearest", lossy)
-    K, M, _ = chain(200)
+    monkeypatch.setattr(symmetric, "lowest_modes", lossy)
+    monkeypatch.setattr(slices, "nearest", lossy_slice)
+    if stiff:
+        monkeypatch.setattr(symmetric, "MOST", 0)
+    K, M, _ = chain(400)
     with pytest.raises(InaccurateResult, match="inertia counts"):
         complex_modes(M, None, K, (0.0, 0.05))
 

@@ -1,0 +1,126 @@
+"""Eigenpairs of a non-symmetric pencil nearest to a shift by block Arnoldi.
+
+Krylov space of A = (K - sigma M)^-1 M, whose eigenvalues are 1 / (kappa - sigma). Blocks, because
+the factor solves many right-hand sides for the price of a few.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import NotConverged
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+def nearest_modes(
+    inverse: Callable[[Array], Array],
+    M: sp.csr_matrix,
+    sigma: float,
+    reach: float,
+    expected: int,
+    tolerance: float = 1e-11,
+    block: int = 32,
+    seed: int = 0,
+) -> tuple[Complex, Complex, int]:
+    """All eigenpairs of K x = kappa M x with |kappa - sigma| <= reach.
+
+    Args:
+        inverse: applies (K - sigma M)^-1 to a block.
+        M: mass [kg].
+        sigma: real shift [1/s^2].
+        reach: radius [1/s^2].
+        expected: about how many there are.
+        tolerance: relative residual of (A - theta) x.
+        block: vectors in a block.
+        seed: seed of the starting block.
+
+    Returns:
+        kappa, those of positive imaginary part for their pairs; vectors, shape (dofs, modes), after
+        one more inverse iteration; number of block solves.
+
+    Raises:
+        NotConverged: the Krylov space fills without convergence.
+    """
+    n = M.shape[0]
+    block = min(block, n)
+    room = min(n, 8 * expected + 12 * block)
+    V = np.empty((n, room + block), order="F")
+    H = np.zeros((room + block, room + block))
+    start = np.random.default_rng(seed).standard_normal((n, block))
+    new = _orthonormal(inverse(M @ start))[0]
+    size = steps = 0
+    while size <= room:
+        k, first = new.shape[1], size
+        V[:, first : first + k] = new
+        size += k
+        steps += 1
+        W = inverse(M @ new)
+        for _ in range(2):
+            c = V[:, :size].T @ W
+            W -= V[:, :size] @ c
+            H[:size, first:size] += c
+        new, coupling = _orthonormal(W)
+        full = size >= n or not new.shape[1]
+        if full or (size > 2 * expected and steps % 2 == 0) or size > room:
+            theta, s = la.eig(H[:size, :size])
+            near = np.abs(theta) * reach >= 1
+            residual = np.linalg.norm(coupling @ s[first:], axis=0) / np.abs(theta)
+            beyond = np.abs(theta[~near]).max(initial=0.0) > 0 or full
+            if full or (beyond and np.all(residual[near] < tolerance)):
+                return *_polished(inverse, M, V[:, :size], sigma, theta[near], s[:, near]), steps
+        H[size : size + new.shape[1], first:size] = coupling[: new.shape[1]]
+    raise NotConverged(
+        f"block Arnoldi: {size} vectors do not give all modes within {reach:.3g} 1/s^2"
+    )
+
+
+def _polished(
+    inverse: Callable[[Array], Array],
+    M: sp.csr_matrix,
+    V: Array,
+    sigma: float,
+    theta: Complex,
+    s: Complex,
+) -> tuple[Complex, Complex]:
+    """Eigenvalues and vectors, one of each conjugate pair, once more through the inverse.
+
+    The residual of K itself is then that of the Arnoldi process, without the norm of K.
+    """
+    keep = np.flatnonzero(theta.imag <= 0)  # kappa has the other sign.
+    kappa, s = sigma + 1 / theta[keep], s[:, keep]
+    X = complex_columns(inverse(M @ (V @ real_columns(kappa, s))), kappa)
+    return kappa, X / np.linalg.norm(X, axis=0)
+
+
+def real_columns(kappa: Complex, X: Complex) -> Array:
+    """Columns that span the vectors over the reals: of real ones one, of complex ones two."""
+    turned = np.flatnonzero(kappa.imag != 0)
+    return np.hstack([X.real, X[:, turned].imag])
+
+
+def complex_columns(R: Array, kappa: Complex) -> Complex:
+    """The vectors of ``real_columns`` again."""
+    X = R[:, : kappa.size].astype(complex)
+    X[:, kappa.imag != 0] += 1j * R[:, kappa.size :]
+    return X
+
+
+def _orthonormal(W: Array) -> tuple[Array, Array]:
+    """Orthonormal basis of a block and the coefficients that give the block back.
+
+    Directions of no length are dropped.
+    """
+    scale = np.linalg.norm(W, axis=0)
+    scale[scale == 0] = 1.0
+    Q, R, order = la.qr(W / scale, mode="economic", pivoting=True, check_finite=False)
+    good = int(np.sum(np.abs(np.diag(R)) > 1e-13 * max(abs(R[0, 0]), np.finfo(float).tiny)))
+    back = np.empty((good, W.shape[1]))
+    back[:, order] = R[:good]
+    return Q[:, :good], back * scale

@@ -1,0 +1,106 @@
+"""All modes of a large undamped problem with friction, and their number on the interface."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from brake_fenicsx.errors import InaccurateResult
+
+from .arnoldi import nearest_modes
+from .interface import Inverse, moments
+from .problem import MARGIN, Found, Problem, agree, search_region
+from .symmetric import Symmetric, shifted_factor, symmetric_modes
+from .winding import prove
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# The frictionless modes are complete up to this multiple of the band's highest frequency.
+CUTOFF = 1.6
+
+
+def friction_modes(p: Problem, low: float, high: float, zeta_max: float) -> Found | None:
+    """Block Arnoldi from either side, and the proof.
+
+    Args:
+        p: the problem; its friction is an interface.
+        low: lower end of the band [1/s^2].
+        high: upper end [1/s^2].
+        zeta_max: largest damping ratio looked for.
+
+    Returns:
+        The modes of the band and a little more; None where the method does not apply.
+
+    Raises:
+        NotConverged: an iteration fails.
+        InaccurateResult: left and right eigenvalues or the count differ.
+    """
+    shifted = shifted_factor(p.smooth, p.M, high)
+    face = p.face
+    if shifted is None or face is None:
+        return None
+    factor, sigma = shifted
+    smooth = symmetric_modes(p.smooth, p.M, factor, sigma, CUTOFF**2 * high)
+    if smooth is None:
+        return None
+    seen = moments(factor, p.M, face, p.comm)
+    inverse = Inverse(factor, face, seen.RL[0])
+    reach = (1 + MARGIN) * high * np.hypot(1, 2 * zeta_max * (1 + MARGIN)) + 3e-3 * high
+    kappa, right, left, steps = _both_sides(p, inverse, smooth, reach)
+    kappa, right, left = with_conjugates(kappa, right, left)
+    region = search_region(kappa, low, high, zeta_max)
+    proof = prove(smooth, face, seen, region, kappa)
+    factor.destroy()
+    agree(int(region.holds(kappa).sum()), proof.count, high, "the winding number")
+    proven = "" if proof.rest < 1 else "; not proven, it should be below 1"
+    how = (
+        f"inertia without friction, winding number of {face.rank} contact elements"
+        f" (rest {proof.rest:.1g}{proven})"
+    )
+    return Found(kappa, right, left, how, steps)
+
+
+def _both_sides(
+    p: Problem, inverse: Inverse, smooth: Symmetric, reach: float
+) -> tuple[Complex, Complex, Complex, int]:
+    """Right and left eigenpairs, one of each conjugate pair; on two processes side by side."""
+    expected = int(np.sum(smooth.kappa <= reach)) + 1
+    sides = []
+    for side in (False, True):
+        if p.comm.size == 1 or p.comm.rank == int(side):
+            apply = lambda b, side=side: inverse(b, side)  # noqa: E731
+            sides.append(nearest_modes(apply, p.M, smooth.sigma, reach, expected))
+    if p.comm.size > 1:
+        sides = [p.comm.bcast(sides[0] if p.comm.rank == i else None, root=i) for i in (0, 1)]
+    (kappa, right, steps), (other, left, more) = sides
+    match = matched(kappa, other)
+    return kappa, right, left[:, match].conj(), steps + more
+
+
+def matched(kappa: Complex, other: Complex) -> NDArray[np.intp]:
+    """For each of the right eigenvalues the left one.
+
+    Raises:
+        InaccurateResult: their numbers differ.
+    """
+    if kappa.size != other.size:
+        raise InaccurateResult(
+            f"{kappa.size} right and {other.size} left eigenvectors: a mode lies on the edge of"
+            " what is searched; move the band a little"
+        )
+    distance = np.abs(kappa[:, None] - other[None, :])
+    return np.asarray(linear_sum_assignment(distance)[1])
+
+
+def with_conjugates(
+    kappa: Complex, right: Complex, left: Complex
+) -> tuple[Complex, Complex, Complex]:
+    """Both of each conjugate pair."""
+    turned = kappa.imag != 0
+    return (
+        np.r_[kappa, kappa[turned].conj()],
+        np.hstack([right, right[:, turned].conj()]),
+        np.hstack([left, left[:, turned].conj()]),
+    )

@@ -1,0 +1,180 @@
+"""Friction as what it is: a term of low rank on the contact interface.
+
+K = K_s + left' right with K_s symmetric. Contact elements i with springs D = W k give
+left = mu sqrt(D) T, right = sqrt(D) N: then right K_s^-1 right' <= 1, because K_s holds the springs
+right' right themselves. What is behind the interface is reached by solves with S = K_s - sigma M,
+
+    K - sigma M = S + left' right,    E = I + right S^-1 left',
+    (S + left' right)^-1 = S^-1 - S^-1 left' E^-1 right S^-1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from brake_fenicsx.macro.solver import Factor, blocks
+
+Array = NDArray[np.float64]
+
+# Moments of the interface that are kept: right S^-1 (M S^-1)^j left', j = 0, 1, 2.
+ORDERS = 3
+
+# Largest rank for which friction is treated on its interface: dense matrices of this size.
+LARGEST = 4000
+
+
+@dataclass(frozen=True, slots=True)
+class Interface:
+    """The friction term left' right.
+
+    Attributes:
+        left: shape (rank, dofs).
+        right: shape (rank, dofs).
+        bounded: whether right K_s^-1 right' <= 1 is known.
+    """
+
+    left: sp.csr_matrix
+    right: sp.csr_matrix
+    bounded: bool
+
+    @property
+    def rank(self) -> int:
+        """Number of rows."""
+        return int(self.left.shape[0])
+
+
+def contact_interface(N: sp.csr_matrix, T: sp.csr_matrix, D: Array, mu: float | Array) -> Interface:
+    """Friction mu T' D N of contact elements.
+
+    Args:
+        N: gap operator, shape (elements, dofs).
+        T: slip operator, shape (elements, dofs).
+        D: springs w k [N/m], not negative, shape (elements,).
+        mu: friction coefficient, one or one per element.
+
+    Returns:
+        The interface of the elements that are closed and rub.
+    """
+    mu = np.broadcast_to(np.asarray(mu, float), D.shape)
+    rubs = (D > 0) & (mu != 0)
+    root = np.sqrt(D[rubs])
+    left = sp.diags(mu[rubs] * root) @ T[rubs]
+    return Interface(left.tocsr(), (sp.diags(root) @ N[rubs]).tocsr(), True)
+
+
+def difference_interface(F: sp.spmatrix, tolerance: float = 1e-13) -> Interface | None:
+    """A factorisation of K - K_s where nothing but the matrix is known.
+
+    The nonzero rows and columns of F make a small matrix; its singular values fall to round-off
+    after the number of contact elements.
+
+    Args:
+        F: K - K_s, shape (dofs, dofs).
+        tolerance: singular values below this share of the largest are round-off.
+
+    Returns:
+        The interface; None where F is not of low rank.
+    """
+    F = F.tocsr()
+    F.eliminate_zeros()
+    rows, columns = np.flatnonzero(np.diff(F.indptr)), np.unique(F.indices)
+    if min(rows.size, columns.size) > 2 * LARGEST:
+        return None
+    small = F[rows][:, columns]
+    limit = min(LARGEST, *small.shape)
+    rng = np.random.default_rng(0)
+    Q = la.qr(small @ rng.standard_normal((columns.size, limit)), mode="economic")[0]
+    V, s, W = la.svd(Q.T @ small, full_matrices=False)
+    rank = int(np.sum(s > tolerance * s[:1].max(initial=0.0)))
+    if rank >= LARGEST:
+        return None
+    root = np.sqrt(s[:rank])
+    left = _placed((Q @ V[:, :rank] * root).T, rows, F.shape[0])
+    return Interface(left, _placed(root[:, None] * W[:rank], columns, F.shape[0]), False)
+
+
+def _placed(values: Array, columns: NDArray[np.intp], size: int) -> sp.csr_matrix:
+    """A dense matrix as some columns of a wider sparse one."""
+    n = values.shape[0]
+    indptr = np.arange(n + 1) * columns.size
+    return sp.csr_matrix((values.ravel(), np.tile(columns, n), indptr), shape=(n, size))
+
+
+@dataclass(frozen=True, slots=True)
+class Moments:
+    """The interface as seen through S^-1.
+
+    Attributes:
+        RL: right S^-1 (M S^-1)^j left', j = 0, 1, 2, each of shape (rank, rank).
+        LL: left S^-1 (M S^-1)^2 left', shape (rank, rank).
+        RR: largest eigenvalue of right S^-1 right'; 1 where the interface is bounded.
+    """
+
+    RL: tuple[Array, ...]
+    LL: Array
+    RR: float
+
+
+def moments(factor: Factor, M: sp.csr_matrix, face: Interface, comm: MPI.Comm) -> Moments:
+    """Solve for every column of the interface; the columns are shared by the processes.
+
+    Args:
+        factor: factor of S, on every process.
+        M: mass [kg].
+        face: the interface.
+        comm: processes that share the columns.
+
+    Returns:
+        The moments.
+    """
+    share = np.array_split(np.arange(face.rank), comm.size)[comm.rank]
+    RL, LL = np.empty((ORDERS, face.rank, share.size)), np.empty((face.rank, share.size))
+    RR = np.empty((face.rank, 0 if face.bounded else share.size))
+    left, right = face.left[share].T.tocsc(), face.right[share].T.tocsc()
+    for b in blocks(share.size):
+        X = factor.solve(left[:, b].toarray())
+        for j in range(ORDERS):
+            X = X if j == 0 else factor.solve(M @ X)
+            RL[j][:, b] = face.right @ X
+        LL[:, b] = face.left @ X
+        if not face.bounded:
+            RR[:, b] = face.right @ factor.solve(right[:, b].toarray())
+    whole = [np.hstack(comm.allgather(part)) for part in (*RL, LL, RR)]
+    size = 1.0
+    if not face.bounded:
+        gap = 0.5 * (whole[-1] + whole[-1].T)
+        size = float(la.eigvalsh(gap, subset_by_index=[face.rank - 1, face.rank - 1])[0])
+    return Moments(tuple(whole[:ORDERS]), 0.5 * (whole[ORDERS] + whole[ORDERS].T), size)
+
+
+class Inverse:
+    """(S + left' right)^-1 and its transpose by block solves with S."""
+
+    def __init__(self, factor: Factor, face: Interface | None, RL0: Array | None):
+        """Factor the interface matrix.
+
+        Args:
+            factor: factor of S.
+            face: the interface; None without friction.
+            RL0: right S^-1 left'.
+        """
+        self.factor, self.face = factor, face
+        if face is not None and RL0 is not None:
+            self._lu = la.lu_factor(np.eye(face.rank) + RL0)
+
+    def __call__(self, b: Array, transposed: bool = False) -> Array:
+        """Apply to a block, shape (dofs, columns)."""
+        x = self.factor.solve(b)
+        face = self.face
+        if face is None or not face.rank:
+            return x
+        first, second = (face.left, face.right) if transposed else (face.right, face.left)
+        c = la.lu_solve(self._lu, first @ x, trans=int(transposed))
+        return x - self.factor.solve(second.T @ c)

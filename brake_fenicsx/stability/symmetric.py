@@ -1,0 +1,146 @@
+"""All lowest modes of the frictionless problem, proven complete by inertia.
+
+K_s phi = kappa M phi with K_s symmetric. S = K_s - sigma M with a small negative shift is positive
+definite also where a part is held by nothing (rigid modes, open contacts): block Lanczos with S^-1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from petsc4py import PETSc
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.macro.condensation import petsc_matrix
+from brake_fenicsx.macro.solver import Factor
+
+from .lanczos import lowest_modes
+
+Array = NDArray[np.float64]
+
+# sigma as a share of the highest kappa of the band.
+SHIFT = 1e-3
+
+# More modes than this below the limit are not sought in one Krylov space.
+MOST = 500
+
+
+@dataclass(frozen=True, slots=True)
+class Symmetric:
+    """Modes of K_s phi = kappa M phi below a limit.
+
+    Attributes:
+        K: K_s [N/m].
+        M: mass [kg].
+        sigma: shift, negative [1/s^2].
+        factor: factor of S = K_s - sigma M.
+        Phi: M-orthonormal shapes, shape (dofs, modes).
+        kappa: eigenvalues [1/s^2], ascending.
+        limit: inertia counts as many modes below it as there are [1/s^2].
+        blocks: block solves of the Lanczos process.
+    """
+
+    K: sp.csr_matrix
+    M: sp.csr_matrix
+    sigma: float
+    factor: Factor
+    Phi: Array
+    kappa: Array
+    limit: float
+    blocks: int
+
+
+def shifted_factor(K: sp.csr_matrix, M: sp.csr_matrix, high: float) -> tuple[Factor, float] | None:
+    """Factor of K_s - sigma M, and sigma; None where it is not positive definite."""
+    sigma = -SHIFT * high
+    factor = Factor(petsc_matrix((K - sigma * M).tocsr()), "brake_shifted_")
+    if factor.negative_pivots:
+        factor.destroy()
+        return None
+    return factor, sigma
+
+
+def count_below(K: sp.csr_matrix, M: sp.csr_matrix, kappa: float) -> tuple[int, float]:
+    """Eigenvalues below kappa, by Sylvester's law of inertia.
+
+    Args:
+        K: K_s [N/m].
+        M: mass [kg].
+        kappa: where to count [1/s^2].
+
+    Returns:
+        The number, and where it was counted: a little higher if kappa itself is an eigenvalue.
+
+    Raises:
+        InaccurateResult: the matrix cannot be factored there nor nearby.
+    """
+    for step in (0.0, 1e-6, 1e-4, 1e-3):
+        at = kappa * (1 + step) if kappa > 0 else kappa * (1 - step)
+        try:
+            factor = Factor(petsc_matrix((K - at * M).tocsr()), "brake_inertia_")
+        except InaccurateResult:
+            continue
+        count = factor.negative_pivots
+        factor.destroy()
+        return count, at
+    raise InaccurateResult(
+        f"inertia: K - kappa M is singular at and near {np.sqrt(abs(kappa)) / 2 / np.pi:.6g} Hz"
+    )
+
+
+def symmetric_modes(
+    K: sp.csr_matrix, M: sp.csr_matrix, factor: Factor, sigma: float, limit: float
+) -> Symmetric | None:
+    """All modes below a limit.
+
+    Args:
+        K: K_s [N/m].
+        M: mass [kg].
+        factor: factor of K_s - sigma M.
+        sigma: the shift [1/s^2].
+        limit: largest eigenvalue wanted [1/s^2]; may be raised a little by the count.
+
+    Returns:
+        The modes; None where there are too many for one Krylov space.
+
+    Raises:
+        NotConverged: Lanczos does not converge.
+        InaccurateResult: inertia counts another number.
+    """
+    expected, limit = count_below(K, M, limit)
+    if expected > MOST:
+        return None
+    found = lowest_modes(factor, M, limit - sigma)
+    Phi, kappa = _polished(K, M, factor, found.Phi)
+    inside = kappa < limit
+    if inside.sum() != expected:
+        raise InaccurateResult(
+            f"{inside.sum()} modes found below {np.sqrt(limit) / 2 / np.pi:.6g} Hz without"
+            f" friction, inertia counts {expected}"
+        )
+    return Symmetric(K, M, sigma, factor, Phi[:, inside], kappa[inside], limit, found.blocks)
+
+
+def _polished(
+    K: sp.csr_matrix, M: sp.csr_matrix, factor: Factor, Phi: Array
+) -> tuple[Array, Array]:
+    """One inverse iteration and a Rayleigh-Ritz step: residuals as small as arithmetic allows."""
+    if not Phi.shape[1]:
+        return Phi, np.zeros(0)
+    X = factor.solve(M @ Phi)
+    X /= np.linalg.norm(X, axis=0)
+    gram = X.T @ (M @ X)
+    stiff = X.T @ (K @ X)
+    kappa, turn = la.eigh(0.5 * (stiff + stiff.T), 0.5 * (gram + gram.T))
+    return X @ turn, kappa
+
+
+def whole(A: PETSc.Mat) -> sp.csr_matrix:
+    """A matrix of this process as SciPy CSR."""
+    indptr, indices, data = A.getValuesCSR()
+    return sp.csr_matrix((data, indices, indptr), shape=A.getSize())

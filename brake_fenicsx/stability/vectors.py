@@ -1,0 +1,72 @@
+"""What left and right vectors tell of an eigenvalue: residual, condition, error."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+# Eigenvalues closer than this, relatively, share their vectors.
+CLUSTER = 1e-7
+
+
+def paired(s: Complex, left: Complex, weighted: Complex) -> Complex:
+    """Left vectors biorthogonal to the right ones within clusters of equal eigenvalues.
+
+    Args:
+        s: eigenvalues.
+        left: left vectors, shape (dofs, modes).
+        weighted: derivative of the pencil times the right vectors: M phi, or (2 lambda M + C) phi.
+
+    Returns:
+        New left vectors of unit norm.
+    """
+    left = left / np.linalg.norm(left, axis=0)
+    order = np.lexsort((s.real, s.imag))
+    gaps = np.abs(np.diff(s[order])) > CLUSTER * np.abs(s[order][1:])
+    for group in np.split(order, np.flatnonzero(gaps) + 1):
+        if group.size > 1:
+            overlap = left[:, group].conj().T @ weighted[:, group]
+            turned = left[:, group] @ la.pinv(overlap).conj().T
+            left[:, group] = turned / np.linalg.norm(turned, axis=0)
+    return left
+
+
+def two_sided(
+    K: sp.spmatrix, M: sp.spmatrix, kappa: Complex, right: Complex, left: Complex
+) -> tuple[Array, Array]:
+    """Condition numbers in the norm of M, and errors from the two-sided quotient [1/s^2]."""
+    MX, KX = M @ right, K @ right
+    overlap = np.einsum("im,im->m", left.conj(), MX)
+    norms = np.einsum("im,im->m", right.conj(), MX).real
+    norms = norms * np.einsum("im,im->m", left.conj(), M @ left).real
+    with np.errstate(divide="ignore"):
+        condition = np.sqrt(norms) / np.abs(overlap)
+    first = np.abs(np.einsum("im,im->m", left.conj(), KX - kappa * MX) / overlap)
+    # What the quotient of two inexact vectors leaves open, and the round-off of the solves.
+    return condition, first + 1e-11 * condition * np.abs(kappa).max(initial=0.0)
+
+
+def residuals(K: sp.spmatrix, M: sp.spmatrix, kappa: Complex, X: Complex) -> tuple[Array, Array]:
+    """Relative residual and backward error of each mode, Euclidean norms.
+
+    The first is |K phi - kappa M phi| / |kappa M phi|; of rigid modes, whose kappa is round-off,
+    relative to a millionth of the largest kappa. The second divides by (|K| + |kappa| |M|) |phi|:
+    with a spring 1e12 times stiffer than the rest it is small whatever phi is.
+    """
+    KX, MX = K @ X, M @ X
+    r = np.linalg.norm(KX - kappa * MX, axis=0)
+    size = np.maximum(np.abs(kappa), 1e-6 * np.abs(kappa).max(initial=0.0))
+    size = np.maximum(size * np.linalg.norm(MX, axis=0), np.finfo(float).tiny)
+    norm = _norm(K) + np.abs(kappa) * _norm(M)
+    return r / size, r / (norm * np.linalg.norm(X, axis=0))
+
+
+def _norm(A: sp.spmatrix) -> float:
+    """Bound of the 2-norm: root of the largest row sum times the largest column sum."""
+    size = abs(A)
+    return float(np.sqrt(size.sum(axis=0).max() * size.sum(axis=1).max()))

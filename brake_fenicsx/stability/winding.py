@@ -1,0 +1,123 @@
+"""Proof that no mode of the problem with friction is missing, on the contact interface.
+
+K - kappa M = (K_s - kappa M) + left' right has the determinant
+
+    det(K_s - kappa M) det G(kappa),     G = I + right (K_s - kappa M)^-1 left'.
+
+The zeros of the first factor are counted by inertia. G is analytic but for these poles, so that the
+number of eigenvalues in a region is that of the poles plus the turns of det G along its edge. With
+the modes Phi, Lambda below a limit and the moments about sigma, kappa' = kappa - sigma,
+
+    G = I + P (Lambda' - kappa')^-1 Q' + R_0 + kappa' R_1 + kappa'^2 R_2 + rest,
+    P = right Phi,  Q = left Phi,  R_j = right S^-1 (M S^-1)^j left' - P Lambda'^-(j+1) Q'.
+
+All modes below the limit are in Phi, so that the rest is kappa'^3 A (Lambda' - kappa')^-1 B' over
+the modes beyond it, with A A' <= right S^-1 right' and B B' limit'^2 <= left S^-1 (M S^-1)^2 left'
+less its part in Phi. The turns of det G are those of its known part as long as
+
+    |kappa'|^3 / (limit' - |kappa'|) / limit' |B' G^-1| |A| < 1
+
+along the edge; the largest value of the left-hand side is kept with the count.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+
+from .completeness import Trapezium, count_turns
+from .interface import Interface, Moments
+from .symmetric import Symmetric
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Proof:
+    """Number of eigenvalues in a region.
+
+    Attributes:
+        count: the number.
+        rest: bound of what the expansion leaves out, relative; below 1 it is a proof.
+        points: points of the edge.
+    """
+
+    count: int
+    rest: float
+    points: int
+
+
+class Determinant:
+    """Phase of det G, and the bound of the rest."""
+
+    def __init__(self, modes: Symmetric, face: Interface, moments: Moments):
+        """Prepare.
+
+        Args:
+            modes: the frictionless problem.
+            face: the friction term.
+            moments: its moments about the shift of the modes.
+        """
+        self.sigma, self.kappa = modes.sigma, modes.kappa
+        self.limit = modes.limit - modes.sigma
+        away = modes.kappa - modes.sigma
+        self.P, self.Q = face.right @ modes.Phi, face.left @ modes.Phi
+        self.R = [RL - (self.P / away ** (j + 1)) @ self.Q.T for j, RL in enumerate(moments.RL)]
+        self.R[0] = self.R[0] + np.eye(face.rank)
+        values, vectors = la.eigh(moments.LL - (self.Q / away**3) @ self.Q.T)
+        self.B = np.sqrt(np.maximum(values, 0.0)) * vectors
+        self.A = np.sqrt(moments.RR)
+        self.rest, self.points = 0.0, 0
+
+    def phase(self, kappa: complex, believed: NDArray) -> complex:
+        """Phase of det(K - kappa M) / prod(believed - kappa), up to a constant sign."""
+        z = kappa - self.sigma
+        modal = self.P / (self.kappa - kappa)
+        G = self.R[0] + z * self.R[1] + z**2 * self.R[2] + modal @ self.Q.T
+        lu, pivots = la.lu_factor(G, overwrite_a=True, check_finite=False)
+        self.rest = max(self.rest, self._rest(abs(z), lu, pivots))
+        self.points += 1
+        poles, zeros = self.kappa - kappa, np.conj(believed - kappa)
+        factors = np.concatenate([np.diag(lu), poles, zeros])
+        swaps = int(np.sum(pivots != np.arange(pivots.size)))
+        out: complex = np.prod(factors / np.abs(factors)) * (-1) ** swaps
+        return out
+
+    def _rest(self, z: float, lu: NDArray, pivots: NDArray) -> float:
+        """Bound of the relative rest; |B' G^-1| by subspace iteration, so from just below."""
+        if not z < self.limit:
+            return np.inf
+        x = np.random.default_rng(0).standard_normal((self.B.shape[0], 4)).astype(complex)
+        size = 0.0
+        for _ in range(12):
+            x = la.qr(x, mode="economic", check_finite=False)[0]
+            y = self.B.T @ la.lu_solve((lu, pivots), x, check_finite=False)
+            size = float(np.linalg.norm(y, 2))
+            x = la.lu_solve((lu, pivots), self.B @ y, trans=2, check_finite=False)
+        return z**3 / (self.limit - z) / self.limit * size * self.A
+
+
+def prove(
+    modes: Symmetric, face: Interface, moments: Moments, region: Trapezium, believed: NDArray
+) -> Proof:
+    """Count the eigenvalues of a region, conjugates included.
+
+    Args:
+        modes: the frictionless problem, complete beyond the region.
+        face: the friction term.
+        moments: its moments.
+        region: where to count.
+        believed: what an eigensolver found, in the region and near it, conjugates included.
+
+    Returns:
+        The count and what it is worth.
+
+    Raises:
+        InaccurateResult: an eigenvalue lies on the edge of the region.
+    """
+    det = Determinant(modes, face, moments)
+    count = count_turns(lambda z: det.phase(z, believed), region, believed)
+    return Proof(count, det.rest, det.points)
