@@ -1,7 +1,8 @@
-"""Eigenpairs of a non-symmetric pencil nearest to a shift by block Arnoldi.
+"""Largest eigenpairs of a real operator by block Arnoldi: those of a pencil nearest to a shift.
 
-Krylov space of A = (K - sigma M)^-1 M, whose eigenvalues are 1 / (kappa - sigma). Blocks, because
-the factor solves many right-hand sides for the price of a few.
+Of K x = kappa M x with A = (K - sigma M)^-1 M, whose eigenvalues are 1 / (kappa - sigma), or of a
+linearised quadratic problem. Blocks, because a factor solves many right-hand sides for the price of
+a few.
 """
 
 from __future__ import annotations
@@ -10,7 +11,6 @@ from collections.abc import Callable
 
 import numpy as np
 import scipy.linalg as la
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import NotConverged
@@ -20,8 +20,8 @@ Complex = NDArray[np.complex128]
 
 
 def nearest_modes(
-    inverse: Callable[[Array], Array],
-    M: sp.csr_matrix,
+    apply: Callable[[Array], Array],
+    n: int,
     sigma: float,
     reach: float,
     expected: int,
@@ -29,39 +29,38 @@ def nearest_modes(
     block: int = 32,
     seed: int = 0,
 ) -> tuple[Complex, Complex, int]:
-    """All eigenpairs of K x = kappa M x with |kappa - sigma| <= reach.
+    """All eigenpairs with |kappa - sigma| <= reach, kappa = sigma + 1 / theta.
 
     Args:
-        inverse: applies (K - sigma M)^-1 to a block.
-        M: mass [kg].
-        sigma: real shift [1/s^2].
-        reach: radius [1/s^2].
-        expected: about how many there are.
+        apply: the operator A, on blocks of shape (n, columns).
+        n: its size.
+        sigma: real shift.
+        reach: radius.
+        expected: about how many eigenvalues there are, conjugates included.
         tolerance: relative residual of (A - theta) x.
         block: vectors in a block.
         seed: seed of the starting block.
 
     Returns:
-        kappa, those of positive imaginary part for their pairs; vectors, shape (dofs, modes), after
-        one more inverse iteration; number of block solves.
+        kappa, those of positive imaginary part for their pairs; vectors, shape (n, modes), after
+        one more application of A; number of block solves.
 
     Raises:
         NotConverged: the Krylov space fills without convergence.
     """
-    n = M.shape[0]
     block = min(block, n)
     room = min(n, 8 * expected + 12 * block)
     V = np.empty((n, room + block), order="F")
     H = np.zeros((room + block, room + block))
     start = np.random.default_rng(seed).standard_normal((n, block))
-    new = _orthonormal(inverse(M @ start))[0]
+    new = _orthonormal(apply(start))[0]
     size = steps = 0
     while size <= room:
         k, first = new.shape[1], size
         V[:, first : first + k] = new
         size += k
         steps += 1
-        W = inverse(M @ new)
+        W = apply(new)
         for _ in range(2):
             c = V[:, :size].T @ W
             W -= V[:, :size] @ c
@@ -74,28 +73,25 @@ def nearest_modes(
             residual = np.linalg.norm(coupling @ s[first:], axis=0) / np.abs(theta)
             beyond = np.abs(theta[~near]).max(initial=0.0) > 0 or full
             if full or (beyond and np.all(residual[near] < tolerance)):
-                return *_polished(inverse, M, V[:, :size], sigma, theta[near], s[:, near]), steps
+                return *_polished(apply, V[:, :size], sigma, theta[near], s[:, near]), steps
         H[size : size + new.shape[1], first:size] = coupling[: new.shape[1]]
-    raise NotConverged(
-        f"block Arnoldi: {size} vectors do not give all modes within {reach:.3g} 1/s^2"
-    )
+    raise NotConverged(f"block Arnoldi: {size} vectors do not give all modes within {reach:.3g}")
 
 
 def _polished(
-    inverse: Callable[[Array], Array],
-    M: sp.csr_matrix,
+    apply: Callable[[Array], Array],
     V: Array,
     sigma: float,
     theta: Complex,
     s: Complex,
 ) -> tuple[Complex, Complex]:
-    """Eigenvalues and vectors, one of each conjugate pair, once more through the inverse.
+    """Eigenvalues and vectors, one of each conjugate pair, once more through A.
 
     The residual of K itself is then that of the Arnoldi process, without the norm of K.
     """
     keep = np.flatnonzero(theta.imag <= 0)  # kappa has the other sign.
     kappa, s = sigma + 1 / theta[keep], s[:, keep]
-    X = complex_columns(inverse(M @ (V @ real_columns(kappa, s))), kappa)
+    X = complex_columns(apply(V @ real_columns(kappa, s)), kappa)
     return kappa, X / np.linalg.norm(X, axis=0)
 
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
 
-# Largest turn of the phase between two neighbouring points of the contour [rad].
+# Largest turn of the phase from an end of a piece of the contour to its middle [rad].
 TURN = 0.6
 
 
@@ -49,7 +49,8 @@ class Trapezium:
         """Points along the boundary from (high, 0) over the top to (low, 0)."""
         right = self.high + 1j * np.linspace(0, self.slope * self.high + self.rise, points)
         zero = max(self.low, 0.0)
-        x = np.linspace(self.high, zero, 4 * points)
+        # Frequencies are about evenly spread.
+        x = np.linspace(np.sqrt(self.high), np.sqrt(zero), 4 * points) ** 2
         top = x + 1j * (self.slope * x + self.rise)
         corner = np.linspace(zero, self.low, points) + 1j * (self.slope * zero + self.rise)
         left = self.low + 1j * np.linspace(self.slope * zero + self.rise, 0, points)
@@ -60,7 +61,7 @@ def count_zeros(
     T: Callable[[complex], NDArray],
     region: Trapezium,
     believed: NDArray,
-    points: int = 8,
+    points: int = 6,
     most: int = 2000,
 ) -> int:
     """Zeros of det T inside a region, with multiplicity.
@@ -86,7 +87,7 @@ def count_turns(
     phase: Callable[[complex], complex],
     region: Trapezium,
     believed: NDArray,
-    points: int = 8,
+    points: int = 6,
     most: int = 2000,
 ) -> int:
     """Zeros inside a region of a function whose phase over prod (z - believed) is given.
@@ -104,24 +105,41 @@ def count_turns(
     Raises:
         InaccurateResult: the phase cannot be followed: a zero lies on the boundary.
     """
-    path = list(region.upper_half(points))
+    path = region.upper_half(points)
     phases = [phase(z) for z in path]
-    turned, i, used = 0.0, 0, len(path)
-    while i + 1 < len(path):
-        step = phases[i + 1] / phases[i]
-        if abs(np.angle(step)) <= TURN:
-            turned += float(np.angle(step))
-            i += 1
-            continue
-        if used >= most or not abs(path[i + 1] - path[i]) > 1e-11 * abs(region.high):
+    walk = _Walk(phase, 1e-11 * abs(region.high), most - len(path))
+    ends = zip(path[:-1], path[1:], phases[:-1], phases[1:], strict=True)
+    turned = sum(walk.turn(*end) for end in ends)
+    return int(region.holds(believed).sum()) + int(np.rint(turned / np.pi))
+
+
+class _Walk:
+    """Turn of a phase along a path, each piece of it settled by a point between its ends.
+
+    The point between is evaluated in any case: two ends alone cannot tell a small turn from one
+    that is a whole turn larger, as a missed zero close to the path makes it.
+    """
+
+    def __init__(self, phase: Callable[[complex], complex], least: float, most: int):
+        self.phase, self.least, self.left = phase, least, most
+
+    def turn(self, a: complex, b: complex, at_a: complex, at_b: complex) -> float:
+        """Turn from a to b [rad].
+
+        Raises:
+            InaccurateResult: it cannot be followed.
+        """
+        if self.left <= 0 or not abs(b - a) > self.least:
             raise InaccurateResult(
                 "count of modes: an eigenvalue lies on the edge of the band; move the band a little"
             )
-        middle = 0.5 * (path[i] + path[i + 1])
-        path.insert(i + 1, middle)
-        phases.insert(i + 1, phase(middle))
-        used += 1
-    return int(region.holds(believed).sum()) + int(np.rint(turned / np.pi))
+        self.left -= 1
+        middle = 0.5 * (a + b)
+        at_middle = self.phase(middle)
+        first, second = np.angle(at_middle / at_a), np.angle(at_b / at_middle)
+        if max(abs(first), abs(second)) <= TURN:
+            return float(first + second)
+        return self.turn(a, middle, at_a, at_middle) + self.turn(middle, b, at_middle, at_b)
 
 
 def _phase(T: Callable[[complex], NDArray], z: complex, believed: NDArray) -> complex:

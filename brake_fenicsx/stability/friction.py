@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
-
-from brake_fenicsx.errors import InaccurateResult
 
 from .arnoldi import nearest_modes
 from .interface import Inverse, moments
 from .problem import MARGIN, Found, Problem, agree, search_region
 from .symmetric import Symmetric, shifted_factor, symmetric_modes
+from .vectors import RIM, matched, with_conjugates
 from .winding import prove
 
 Array = NDArray[np.float64]
@@ -49,7 +47,6 @@ def friction_modes(p: Problem, low: float, high: float, zeta_max: float) -> Foun
     inverse = Inverse(factor, face, seen.RL[0])
     reach = (1 + MARGIN) * high * np.hypot(1, 2 * zeta_max * (1 + MARGIN)) + 3e-3 * high
     kappa, right, left, steps = _both_sides(p, inverse, smooth, reach)
-    kappa, right, left = with_conjugates(kappa, right, left)
     region = search_region(kappa, low, high, zeta_max)
     proof = prove(smooth, face, seen, region, kappa)
     factor.destroy()
@@ -65,42 +62,17 @@ def friction_modes(p: Problem, low: float, high: float, zeta_max: float) -> Foun
 def _both_sides(
     p: Problem, inverse: Inverse, smooth: Symmetric, reach: float
 ) -> tuple[Complex, Complex, Complex, int]:
-    """Right and left eigenpairs, one of each conjugate pair; on two processes side by side."""
+    """Right and left eigenpairs, conjugates included; on two processes side by side."""
     expected = int(np.sum(smooth.kappa <= reach)) + 1
     sides = []
     for side in (False, True):
         if p.comm.size == 1 or p.comm.rank == int(side):
-            apply = lambda b, side=side: inverse(b, side)  # noqa: E731
-            sides.append(nearest_modes(apply, p.M, smooth.sigma, reach, expected))
+            apply = lambda b, side=side: inverse(p.M @ b, side)  # noqa: E731
+            sides.append(nearest_modes(apply, p.M.shape[0], smooth.sigma, RIM * reach, expected))
     if p.comm.size > 1:
         sides = [p.comm.bcast(sides[0] if p.comm.rank == i else None, root=i) for i in (0, 1)]
     (kappa, right, steps), (other, left, more) = sides
-    match = matched(kappa, other)
-    return kappa, right, left[:, match].conj(), steps + more
-
-
-def matched(kappa: Complex, other: Complex) -> NDArray[np.intp]:
-    """For each of the right eigenvalues the left one.
-
-    Raises:
-        InaccurateResult: their numbers differ.
-    """
-    if kappa.size != other.size:
-        raise InaccurateResult(
-            f"{kappa.size} right and {other.size} left eigenvectors: a mode lies on the edge of"
-            " what is searched; move the band a little"
-        )
-    distance = np.abs(kappa[:, None] - other[None, :])
-    return np.asarray(linear_sum_assignment(distance)[1])
-
-
-def with_conjugates(
-    kappa: Complex, right: Complex, left: Complex
-) -> tuple[Complex, Complex, Complex]:
-    """Both of each conjugate pair."""
-    turned = kappa.imag != 0
-    return (
-        np.r_[kappa, kappa[turned].conj()],
-        np.hstack([right, right[:, turned].conj()]),
-        np.hstack([left, left[:, turned].conj()]),
-    )
+    # Both of each pair: round-off splits a true doublet into a pair on one side alone.
+    (kappa, right), (other, left) = with_conjugates(kappa, right), with_conjugates(other, left)
+    i, j = matched(kappa, other, smooth.sigma, reach)
+    return kappa[i], right[:, i], left[:, j].conj(), steps + more

@@ -29,6 +29,9 @@ ORDERS = 3
 # Largest rank for which friction is treated on its interface: dense matrices of this size.
 LARGEST = 4000
 
+# ... and for which it is no more than this part of all dofs.
+SHARE = 4
+
 
 @dataclass(frozen=True, slots=True)
 class Interface:
@@ -85,15 +88,16 @@ def difference_interface(F: sp.spmatrix, tolerance: float = 1e-13) -> Interface 
     F = F.tocsr()
     F.eliminate_zeros()
     rows, columns = np.flatnonzero(np.diff(F.indptr)), np.unique(F.indices)
-    if min(rows.size, columns.size) > 2 * LARGEST:
+    most = min(LARGEST, F.shape[0] // SHARE)
+    if min(rows.size, columns.size) > 12 * most:
         return None
     small = F[rows][:, columns]
-    limit = min(LARGEST, *small.shape)
+    limit = min(most, *small.shape)
     rng = np.random.default_rng(0)
     Q = la.qr(small @ rng.standard_normal((columns.size, limit)), mode="economic")[0]
     V, s, W = la.svd(Q.T @ small, full_matrices=False)
     rank = int(np.sum(s > tolerance * s[:1].max(initial=0.0)))
-    if rank >= LARGEST:
+    if rank >= most:
         return None
     root = np.sqrt(s[:rank])
     left = _placed((Q @ V[:, :rank] * root).T, rows, F.shape[0])

@@ -1,8 +1,10 @@
-"""Fallback: modes of a band by shift-and-invert one vector at a time (SLEPc, MUMPS).
+"""Fallback: modes of a band by shift-and-invert in pieces.
 
 For bands with more modes below them than one Krylov space holds, and matrices whose friction is not
 of low rank. The band is cut into pieces, each covered by the disc of one real shift. Borders lie in
 gaps of the spectrum, so that no mode is on both sides or on neither, and clusters stay together.
+Symmetric problems go to SLEPc; its two-sided solver for others breaks down now and then (LAPACK's
+trevc, 2x2 blocks cut apart), so that these go to block Arnoldi, from either side.
 """
 
 from __future__ import annotations
@@ -14,8 +16,12 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from brake_fenicsx.errors import NotConverged
+from brake_fenicsx.errors import InaccurateResult, NotConverged
 from brake_fenicsx.macro.condensation import petsc_matrix
+
+from .arnoldi import nearest_modes
+from .lu import LU
+from .vectors import RIM, matched, with_conjugates
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -56,13 +62,16 @@ def sliced_modes(
     Raises:
         NotConverged: the eigensolver leaves a mode unconverged.
     """
-    pair = petsc_matrix(K), petsc_matrix(M)
     edges = _pieces(low, high, count)
     found, a, iterations = [], float(edges[0]), 0
     for b in edges[1:]:
-        (kappa, right, left), used = _piece(
-            *pair, M, a, float(b), high, tolerance, zeta_max, symmetric
-        )
+        bottom, top = a if np.isfinite(a) else -0.02 * high, float(b) * (1 + PLAY)
+        sigma = 0.5 * (bottom + top) * (1 + 1.234e-7)
+        reach = 1.001 * np.hypot(0.5 * (top - bottom), 2 * zeta_max * top * (not symmetric))
+        if symmetric:
+            kappa, right, left, used = _covered(K, M, sigma, reach, tolerance)
+        else:
+            kappa, right, left, used = _two_sided(K, M, sigma, reach, count)
         border = high if b >= high else widest_gap(kappa.real, b * (1 - PLAY), b * (1 + PLAY))
         own = (kappa.real >= a) & (kappa.real <= border)
         found.append((kappa[own], right[:, own], left[:, own]))
@@ -91,46 +100,46 @@ def _pieces(low: float, high: float, count: int) -> Array:
     return edges
 
 
-def _piece(
-    K: PETSc.Mat,
-    M: PETSc.Mat,
-    mass: sp.csr_matrix,
-    a: float,
-    b: float,
-    high: float,
-    tolerance: float,
-    zeta_max: float,
-    symmetric: bool,
-) -> tuple[tuple[Complex, Complex, Complex], int]:
-    """Eigenpairs with a <= Re kappa <= b and some beyond, as far as the border may move."""
-    bottom, top = a if np.isfinite(a) else -0.02 * high, b * (1 + PLAY)
-    sigma = 0.5 * (bottom + top) * (1 + 1.234e-7)
-    reach = 1.001 * np.hypot(0.5 * (top - bottom), 2 * zeta_max * top * (not symmetric))
-    wanted = PER_SHIFT + 10
-    n = K.getSize()[0]
+def _covered(
+    K: sp.csr_matrix, M: sp.csr_matrix, sigma: float, reach: float, tolerance: float
+) -> Found:
+    """All eigenpairs of a symmetric problem within reach of a shift."""
+    pair, n, wanted = (petsc_matrix(K), petsc_matrix(M)), K.shape[0], PER_SHIFT + 10
     while True:
-        kappa, right, left, used = nearest(K, M, mass, sigma, min(wanted, n), tolerance, symmetric)
+        kappa, X, used = nearest(*pair, sigma, min(wanted, n), tolerance)
         if kappa.size >= n or np.abs(kappa - sigma).max() > reach:
-            return (kappa, right, left), used
+            return kappa, X, X, used
         wanted = int(1.5 * wanted)
 
 
+def _two_sided(K: sp.csr_matrix, M: sp.csr_matrix, sigma: float, reach: float, count: int) -> Found:
+    """All eigenpairs of a non-symmetric problem within reach of a shift."""
+    sides, expected = [], min(count, 2 * PER_SHIFT)
+    for A, B in ((K, M), (K.T, M.T)):
+        B = B.tocsr()
+        try:
+            lu = LU((A - sigma * B).tocsr())
+        except InaccurateResult:
+            # The shift is an eigenvalue: any other near it serves.
+            lu = LU((A - (sigma := sigma * (1 + 1e-5)) * B).tocsr())
+        apply = lambda b, lu=lu, B=B: lu.solve(B @ b)  # noqa: E731
+        sides.append(nearest_modes(apply, K.shape[0], sigma, RIM * reach, expected))
+        lu.destroy()
+    (kappa, right, steps), (other, left, more) = sides
+    # Both of each pair: round-off splits a true doublet into a pair on one side alone.
+    (kappa, right), (other, left) = with_conjugates(kappa, right), with_conjugates(other, left)
+    i, j = matched(kappa, other, sigma, reach)
+    return kappa[i], right[:, i], left[:, j].conj(), steps + more
+
+
 def nearest(
-    K: PETSc.Mat,
-    M: PETSc.Mat,
-    mass: sp.csr_matrix,
-    sigma: float,
-    wanted: int,
-    tolerance: float,
-    symmetric: bool,
-) -> Found:
-    """The eigenpairs nearest to a real shift, with left vectors."""
+    K: PETSc.Mat, M: PETSc.Mat, sigma: float, wanted: int, tolerance: float
+) -> tuple[Complex, Complex, int]:
+    """The eigenpairs of a symmetric problem nearest to a real shift (SLEPc)."""
     eps = SLEPc.EPS().create(K.comm)
     eps.setOptionsPrefix("brake_eigen_")
     eps.setOperators(K, M)
-    kind = SLEPc.EPS.ProblemType
-    eps.setProblemType(kind.GHEP if symmetric else kind.GNHEP)
-    eps.setTwoSided(not symmetric)
+    eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
     eps.setDimensions(wanted, min(K.getSize()[0], 2 * wanted + 20))
     eps.setTolerances(tolerance, 200)
     eps.setTarget(sigma)
@@ -150,23 +159,11 @@ def nearest(
             f"eigensolver: {got} of {wanted} modes converged near"
             f" {np.sqrt(abs(sigma)) / 2 / np.pi:.0f} Hz in {eps.getIterationNumber()} restarts"
         )
-    xr, xi = K.createVecs()[0], K.createVecs()[0]
-    yr, yi = xr.duplicate(), xr.duplicate()
-    kappa = np.empty(got, dtype=complex)
-    right, left = (np.empty((xr.size, got), dtype=complex) for _ in range(2))
+    x = K.createVecs()[0]
+    kappa, X = np.empty(got, dtype=complex), np.empty((x.size, got), dtype=complex)
     for i in range(got):
-        kappa[i] = eps.getEigenpair(i, xr, xi)
-        right[:, i] = xr.array_r + 1j * xi.array_r
-        if symmetric:
-            left[:, i] = right[:, i]
-            continue
-        eps.getLeftEigenvector(i, yr, yi)
-        left[:, i] = yr.array_r + 1j * yi.array_r
-        # SLEPc gives y' K = kappa y' M for one sign of the imaginary part: take the partner
-        # that is not orthogonal to the right vector.
-        y, Mx = left[:, i], mass @ right[:, i]
-        if abs(y @ Mx) > abs(y.conj() @ Mx):
-            left[:, i] = y.conj()
+        kappa[i] = eps.getEigenpair(i, x)
+        X[:, i] = x.array_r
     used = eps.getIterationNumber()
     eps.destroy()
-    return kappa, right, left, used
+    return kappa, X, used

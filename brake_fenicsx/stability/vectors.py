@@ -6,12 +6,22 @@ import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from brake_fenicsx.errors import InaccurateResult
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 # Eigenvalues closer than this, relatively, share their vectors.
 CLUSTER = 1e-7
+
+# Left and right eigenvalues agree to this share of the region searched; near an exceptional point
+# both lose half of their digits.
+MATCH = 1e-5
+
+# What is searched reaches a little beyond what is wanted: its rim may cut a cluster.
+RIM = 1.05
 
 
 def paired(s: Complex, left: Complex, weighted: Complex) -> Complex:
@@ -70,3 +80,34 @@ def _norm(A: sp.spmatrix) -> float:
     """Bound of the 2-norm: root of the largest row sum times the largest column sum."""
     size = abs(A)
     return float(np.sqrt(size.sum(axis=0).max() * size.sum(axis=1).max()))
+
+
+def matched(
+    kappa: Complex, other: Complex, sigma: float, reach: float
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Right eigenvalues within reach of a shift, and for each of them its own left one.
+
+    Args:
+        kappa: eigenvalues of the right vectors, some beyond the reach among them.
+        other: those of the left vectors.
+        sigma: the shift.
+        reach: radius.
+
+    Raises:
+        InaccurateResult: a right eigenvalue has no left one.
+    """
+    inner = np.flatnonzero(np.abs(kappa - sigma) <= reach)
+    distance = np.abs(kappa[inner, None] - other[None, :])
+    rows, columns = linear_sum_assignment(distance)
+    far = distance[rows, columns] > MATCH * reach
+    if rows.size < inner.size or np.any(far):
+        raise InaccurateResult(
+            f"{inner.size} right eigenvectors, {rows.size - far.sum()} of them with a left one"
+        )
+    return inner, columns
+
+
+def with_conjugates(kappa: Complex, X: Complex) -> tuple[Complex, Complex]:
+    """Both of each conjugate pair, their vectors too."""
+    turned = kappa.imag != 0
+    return np.r_[kappa, kappa[turned].conj()], np.hstack([X, X[:, turned].conj()])

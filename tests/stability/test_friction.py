@@ -1,0 +1,195 @@
+"""Full order with friction: Arnoldi from either side, and the count on the interface."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.stability import complex_modes, eigen, friction, interface
+from brake_fenicsx.stability.completeness import Trapezium
+from brake_fenicsx.stability.interface import contact_interface, difference_interface
+from brake_fenicsx.stability.symmetric import shifted_factor, symmetric_modes
+from brake_fenicsx.stability.winding import Determinant, prove
+
+BAND = (0.0, 90e3)
+K0 = 3e11
+
+
+def stiffness(n, seed):
+    """Two decades about K0, a third of the elements open."""
+    rng = np.random.default_rng(seed)
+    k = K0 * 10 ** rng.uniform(-1, 1, n)
+    k[rng.random(n) < 0.33] = 0.0
+    return k
+
+
+def dense(K, M):
+    """All lambda with omega >= 0 [1/s]."""
+    L = la.cholesky(M.toarray(), lower=True)
+    A = la.solve_triangular(L, K.toarray(), lower=True)
+    kappa = la.eigvals(la.solve_triangular(L, A.T, lower=True).T)
+    lam = np.sqrt(-kappa + 0j)
+    return np.where(lam.imag < 0, -lam, lam)
+
+
+def check(modes, exact, band=BAND):
+    """None missed, none invented, errors covered, verdicts not wrong."""
+    edge = 2 * np.pi * band[1]
+    assert len(modes) == np.sum((exact.imag > 0) & (exact.imag <= edge)) == modes.count.expected
+    distance = np.abs(modes.s[:, None] - exact)
+    nearest = exact[distance.argmin(axis=1)]
+    # The dense reference itself has round-off of the largest kappa.
+    floor = 1e-15 * np.abs(exact).max() ** 2 * modes.condition / np.abs(modes.s)
+    assert np.all(distance.min(axis=1) <= modes.error + floor)
+    grows = nearest.real > 1e-6 * np.abs(nearest)
+    for verdict, unstable in zip(modes.verdict, grows, strict=True):
+        assert verdict == "neutral" or (verdict == "unstable") == unstable
+
+
+@pytest.mark.parametrize("mu", [0.3, 1.0])
+def test_all_modes_of_two_blocks(two_blocks, mu):
+    """Springs over two decades, a third open; proven, whichever way friction is given."""
+    scene = two_blocks("guided")
+    k = stiffness(scene.w.size, 1)
+    K = scene.tangent(k, mu)
+    exact = dense(K, scene.M)
+    assert np.any(exact.real > 1e-3 * np.abs(exact)) or mu < 1
+    face = contact_interface(scene.N, scene.T, scene.w * k, mu)
+    smooth = scene.tangent(k, 0.0)
+    for given in (dict(friction=face, frictionless=smooth), dict(friction=face),
+                  dict(frictionless=smooth), dict()):  # fmt: skip
+        modes = complex_modes(scene.M, None, K, BAND, **given)
+        check(modes, exact)
+        if given:
+            assert modes.count.how.startswith("inertia without friction, winding number")
+            assert "not proven" not in modes.count.how, modes.count.how
+        assert np.all(modes.residual < 1e-9)
+
+
+def test_friction_of_every_element_its_own(two_blocks):
+    """mu as an array, zero on some elements."""
+    scene = two_blocks("guided")
+    k = stiffness(scene.w.size, 2)
+    mu = np.random.default_rng(2).uniform(0, 1, k.size) * (np.arange(k.size) % 3 > 0)
+    D = sp.diags(scene.w * k)
+    smooth = scene.tangent(k, 0.0)
+    K = (smooth + scene.T.T @ sp.diags(mu) @ D @ scene.N).tocsr()
+    face = contact_interface(scene.N, scene.T, scene.w * k, mu)
+    assert face.rank == np.sum((k > 0) & (mu > 0))
+    assert abs(K - smooth - face.left.T @ face.right).max() < 1e-12 * abs(K).max()
+    modes = complex_modes(scene.M, None, K, BAND, frictionless=smooth, friction=face)
+    check(modes, dense(K, scene.M))
+
+
+def test_left_vectors_are_left_vectors(two_blocks):
+    """psi^H K = kappa psi^H M, biorthogonal to the right ones."""
+    scene = two_blocks("guided")
+    k = stiffness(scene.w.size, 3)
+    K = scene.tangent(k, 0.8)
+    m = complex_modes(scene.M, None, K, BAND, frictionless=scene.tangent(k, 0.0))
+    kappa, psi = -(m.s**2), m.left.conj().T
+    r = psi @ K - kappa[:, None] * (psi @ scene.M)
+    assert np.all(np.linalg.norm(r, axis=1) < 1e-8 * np.linalg.norm(psi @ K, axis=1))
+    cross = psi @ scene.M @ m.right
+    # Rows +-lambda share kappa and vectors with nobody: all are different kappa here.
+    size = np.sqrt(np.abs(np.diag(cross))[:, None] * np.abs(np.diag(cross)))
+    off = np.abs(cross / size - np.diag(np.diag(cross / size)))
+    assert off.max() < 1e-6
+
+
+def test_a_lost_pair_is_noticed(two_blocks, monkeypatch):
+    """Withheld from either side alike: the winding number knows."""
+    scene = two_blocks("guided")
+    k = stiffness(scene.w.size, 1)
+    real = friction.nearest_modes
+
+    def lossy(*args):
+        kappa, X, steps = real(*args)
+        keep = np.argsort(kappa.real) != 4
+        return kappa[keep], X[:, keep], steps
+
+    monkeypatch.setattr(friction, "nearest_modes", lossy)
+    with pytest.raises(InaccurateResult, match="winding number counts"):
+        complex_modes(
+            scene.M, None, scene.tangent(k, 1.0), BAND, frictionless=scene.tangent(k, 0.0)
+        )
+
+
+def prepared(scene, k, mu, cutoff=1.6):
+    """The frictionless modes, the interface and its moments."""
+    high = (2 * np.pi * BAND[1]) ** 2
+    K = scene.tangent(k, 0.0)
+    factor, sigma = shifted_factor(K, scene.M, high)
+    modes = symmetric_modes(K, scene.M, factor, sigma, cutoff**2 * high)
+    face = contact_interface(scene.N, scene.T, scene.w * k, mu)
+    return modes, face, interface.moments(factor, scene.M, face, MPI.COMM_SELF), high
+
+
+def test_count_needs_no_eigensolver(two_blocks):
+    """With values withheld, invented or none at all the count is the truth."""
+    scene = two_blocks("guided")
+    k = stiffness(scene.w.size, 1)
+    modes, face, seen, high = prepared(scene, k, 1.0)
+    kappa = la.eigvals(scene.tangent(k, 1.0).toarray(), scene.M.toarray())
+    region = Trapezium(-0.02 * high, 1.013 * high, 0.2, 1e-3 * high)
+    inside = int(region.holds(kappa).sum())
+    near = kappa[np.abs(kappa) < 1.5 * high]
+    for believed in (near, near[3:], np.r_[near, 0.5 * high, 0.6 * high], np.zeros(0)):
+        proof = prove(modes, face, seen, region, believed)
+        assert proof.count == inside and proof.rest < 1
+
+
+@pytest.mark.parametrize("cutoff", [1.3, 1.6, 2.5])
+def test_rest_is_a_bound(two_blocks, cutoff):
+    """|eigenvalues of G^-1 (exact G - G)| <= rest, by the dense exact G; not vastly above it."""
+    scene = two_blocks("guided")
+    k = stiffness(scene.w.size, 4)
+    modes, face, seen, high = prepared(scene, k, 0.7, cutoff)
+    K, M = scene.tangent(k, 0.0).toarray(), scene.M.toarray()
+    L, R = face.left.toarray(), face.right.toarray()
+    for z in (0.9 * high * (1 + 0.2j), 0.3 * high * (1 + 0.1j), high * (1.01 + 0.01j)):
+        det = Determinant(modes, face, seen)
+        det.phase(z, np.zeros(0))
+        exact = np.eye(face.rank) + R @ la.solve(K - z * M, L.T)
+        d = z - modes.sigma
+        known = det.R[0] + d * det.R[1] + d**2 * det.R[2] + det.P / (modes.kappa - z) @ det.Q.T
+        size = np.abs(la.eigvals(la.solve(known, exact - known))).max()
+        assert size <= det.rest * (1 + 1e-6) + 1e-9
+        assert det.rest < 1e4 * size + 1e-6
+    assert det.rest < (3.0 if cutoff < 1.5 else 1.0)
+
+
+def test_unbounded_interface_gives_the_same_count(two_blocks):
+    """Found from the matrices alone, the size of the gaps' compliance is computed."""
+    scene = two_blocks("guided")
+    k = stiffness(scene.w.size, 1)
+    F = scene.tangent(k, 1.0) - scene.tangent(k, 0.0)
+    face = difference_interface(F)
+    assert not face.bounded
+    assert face.rank == np.sum(k > 0)
+    assert abs(F - face.left.T @ face.right).max() < 1e-12 * abs(F).max()
+
+
+def test_a_full_difference_is_no_interface(monkeypatch):
+    """Rank beyond the limit: said so, and the modes come from slices, not counted."""
+    monkeypatch.setattr(interface, "LARGEST", 50)
+    n = 310
+    K = sp.diags([np.full(n, 2.0), -1.001 * np.ones(n - 1), -0.999 * np.ones(n - 1)], [0, 1, -1])
+    assert difference_interface((0.5 * (K - K.T)).tocsr()) is None
+    modes = complex_modes(sp.identity(n, format="csr"), None, K.tocsr(), (0.0, 0.05))
+    # A similarity makes it symmetric: omega^2 = 2 - 2 sqrt(1 - 1e-6) cos(k pi / (n + 1)).
+    exact = np.sqrt(2 - 2 * np.sqrt(1 - 1e-6) * np.cos(np.arange(1, n + 1) * np.pi / (n + 1)))
+    exact = exact[exact < 2 * np.pi * 0.05]
+    assert modes.count.how.startswith("not counted")
+    assert len(modes) == exact.size
+
+
+def test_small_matrices_are_counted_by_their_own_determinant():
+    """Two dofs past the onset of flutter."""
+    K = sp.csr_matrix(np.array([[1.1, 0.3], [-0.3, 0.9]]))
+    m = complex_modes(sp.identity(2, format="csr"), None, K, (0.0, 1.0))
+    assert m.count.how == "winding number of det(K - kappa M)" and m.count.expected == 2
+    assert eigen.DENSE >= 2
