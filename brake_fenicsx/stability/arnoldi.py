@@ -55,6 +55,7 @@ def nearest_modes(
     start = np.random.default_rng(seed).standard_normal((n, block))
     new = _orthonormal(apply(start))[0]
     size = steps = 0
+    due = 2 * expected
     while size <= room:
         k, first = new.shape[1], size
         V[:, first : first + k] = new
@@ -67,7 +68,9 @@ def nearest_modes(
             H[:size, first:size] += c
         new, coupling = _orthonormal(W)
         full = size >= n or not new.shape[1]
-        if full or (size > 2 * expected and steps % 2 == 0) or size > room:
+        if full or size > min(due, room):
+            # The dense eigenvalues cost as much as several blocks.
+            due = int(1.12 * size) + block
             theta, s = la.eig(H[:size, :size])
             near = np.abs(theta) * reach >= 1
             residual = np.linalg.norm(coupling @ s[first:], axis=0) / np.abs(theta)

@@ -32,13 +32,10 @@ from .operators import as_petsc
 from .problem import Found, Problem, agree, search_region
 from .slices import sliced_modes
 from .symmetric import count_below, shifted_factor, symmetric_modes
-from .vectors import paired, residuals, two_sided
+from .vectors import ROUND_OFF, paired, residuals, two_sided
 
 # Up to this size all eigenvalues are computed, and counted by dense determinants.
 DENSE = 300
-
-# Backward error that is all round-off: residuals cannot be smaller than that of a stiff matrix.
-ROUND_OFF = 1e-14
 
 
 def complex_modes(

@@ -16,6 +16,9 @@ Complex = NDArray[np.complex128]
 # Eigenvalues closer than this, relatively, share their vectors.
 CLUSTER = 1e-7
 
+# Backward error that is all round-off: residuals cannot be smaller than that of a stiff matrix.
+ROUND_OFF = 1e-14
+
 # Left and right eigenvalues agree to this share of the region searched; near an exceptional point
 # both lose half of their digits.
 MATCH = 1e-5
@@ -72,11 +75,11 @@ def residuals(K: sp.spmatrix, M: sp.spmatrix, kappa: Complex, X: Complex) -> tup
     r = np.linalg.norm(KX - kappa * MX, axis=0)
     size = np.maximum(np.abs(kappa), 1e-6 * np.abs(kappa).max(initial=0.0))
     size = np.maximum(size * np.linalg.norm(MX, axis=0), np.finfo(float).tiny)
-    norm = _norm(K) + np.abs(kappa) * _norm(M)
+    norm = norm_bound(K) + np.abs(kappa) * norm_bound(M)
     return r / size, r / (norm * np.linalg.norm(X, axis=0))
 
 
-def _norm(A: sp.spmatrix) -> float:
+def norm_bound(A: sp.spmatrix) -> float:
     """Bound of the 2-norm: root of the largest row sum times the largest column sum."""
     size = abs(A)
     return float(np.sqrt(size.sum(axis=0).max() * size.sum(axis=1).max()))

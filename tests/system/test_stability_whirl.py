@@ -82,7 +82,11 @@ def split(thickness, size):
 
 
 def test_a_wave_pair_splits_by_two_m_omega():
-    """Thin disc: omega +- m Omega for m = 1, 2, 3; the wave that runs along is the faster one."""
+    """Thin disc, |m| up to 2 at least; the wave that runs along is the faster one.
+
+    omega = m Omega + sqrt(omega_0^2 + m^2 Omega^2) without the terms in Omega^2; the in-plane
+    inertia of the slab adds a Coriolis term of less than one percent of the drag.
+    """
     solved, K, M, G = split(2e-3, 16e-3)
     still = complex_modes(M, None, K, (0.0, 1100.0))
     modes = complex_modes(M, G, K, (0.0, 1200.0), zeta_max=0.02)
@@ -90,11 +94,9 @@ def test_a_wave_pair_splits_by_two_m_omega():
     for i, s in enumerate(modes.s):
         # Time runs as exp(i omega t): a wave along +theta has exp(-i m theta).
         m = -angular_order(solved, modes.right[:, i])
-        drag = m * SPEED
-        at_rest = 2 * np.pi * still.frequency
-        error = np.abs(s.imag - drag - at_rest).min()
-        # Of second order: (m Omega)^2 / 2 omega; and the in-plane inertia of the slab.
-        assert error < 0.5 * drag**2 / s.imag + 0.02 * SPEED, (m, s)
+        drag, at_rest = m * SPEED, 2 * np.pi * still.frequency
+        error = np.abs(s.imag - drag - np.hypot(at_rest, drag)).min()
+        assert error < 0.01 * abs(drag) + 0.002 * SPEED, (m, s)
         seen.add(m)
     assert np.abs(modes.s.real).max() < 1e-6 * np.abs(modes.s).max()
     assert seen >= {-2, -1, 0, 1, 2}
