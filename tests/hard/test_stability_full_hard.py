@@ -1,0 +1,249 @@
+"""Hard cases of the full order: each a right answer or a named error."""
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from brake_fenicsx.errors import BrakeError, SceneError
+from brake_fenicsx.stability import complex_modes, eigen, symmetric
+from brake_fenicsx.stability.damping import loss_factor
+from brake_fenicsx.stability.interface import contact_interface
+
+pytestmark = pytest.mark.hard
+
+TWO_PI = 2 * np.pi
+BAND = (0.0, 90e3)
+
+
+def grid(n, m, stiff=1.0, coupling=1.0):
+    """Springs on a box n x m between walls, and its eigenvalues; square ones have true doublets."""
+    lines = [sp.diags([np.full(k, 2.0), -np.ones(k - 1), -np.ones(k - 1)], [0, 1, -1])
+             for k in (n, m)]  # fmt: skip
+    K = sp.kron(lines[0], sp.identity(m)) + sp.kron(sp.identity(n), lines[1])
+    values = [4 * np.sin(np.arange(1, k + 1) * np.pi / (2 * (k + 1))) ** 2 for k in (n, m)]
+    return K.tocsr(), np.sort((values[0][:, None] + values[1]).ravel())
+
+
+def one(n):
+    return sp.identity(n, format="csr")
+
+
+def dense(K, M):
+    """All lambda with omega >= 0, by a shifted inverse: exact to round-off for low modes."""
+    K, M = (A.toarray() for A in (K, M))
+    s = 1e-3 * (TWO_PI * BAND[1]) ** 2
+    theta = la.eigvals(la.solve(K + s * M, M))
+    theta = theta[np.abs(theta) > 1e-14 * np.abs(theta).max()]
+    lam = np.sqrt(s - 1 / theta + 0j)
+    return np.where(lam.imag < 0, -lam, lam)
+
+
+def compared(modes, exact, highest=BAND[1], tolerance=1e-7):
+    """None missed, none invented, each within a tolerance."""
+    exact = exact[(exact.imag > 0) & (exact.imag <= TWO_PI * highest)]
+    assert len(modes) == exact.size == modes.count.expected
+    distance = np.abs(modes.s[:, None] - exact).min(axis=1)
+    assert np.all(distance <= tolerance * np.abs(modes.s) + modes.error)
+
+
+@pytest.mark.parametrize("large", [False, True])
+def test_exact_doublets(monkeypatch, large):
+    """A square grid: every doublet is there twice, by Lanczos and in slices."""
+    monkeypatch.setattr(symmetric, "MOST", 10 if large else 500)
+    K, kappa = grid(22, 22)
+    edge = 0.5 * (kappa[99] + kappa[100])
+    assert kappa[100] > kappa[99] * 1.0001
+    m = complex_modes(one(484), None, K, (0.0, np.sqrt(edge) / TWO_PI))
+    np.testing.assert_allclose(m.s.imag, np.sqrt(kappa[:100]), rtol=1e-9)
+    # Vectors of a doublet are independent.
+    gram = m.right.conj().T @ m.right
+    assert np.linalg.cond(gram) < 1.0 + 1e-6
+
+
+def test_close_pairs_at_the_border_of_two_pieces_are_kept(monkeypatch):
+    """150 modes in pairs 1e-9 apart: none merged, none doubled wherever the pieces meet."""
+    monkeypatch.setattr(symmetric, "MOST", 10)
+    base = np.linspace(1.0, 4.0, 160)
+    kappa = np.sort(np.r_[base, base * (1 + 1e-9)])
+    K = sp.diags(kappa).tocsr()
+    edge = 0.5 * (kappa[299] + kappa[300])
+    m = complex_modes(one(320), None, K, (0.0, np.sqrt(edge) / TWO_PI))
+    assert len(m) == 300
+    np.testing.assert_allclose(m.s.imag, np.sqrt(kappa[:300]), rtol=1e-8)
+
+
+@pytest.mark.parametrize("n", [25, 400])
+def test_band_edge_inside_a_cluster_and_on_an_eigenvalue(n):
+    """Ten modes within 1e-6 about the edge: those below it, by their own frequency."""
+    cluster = 2.0 * (1 + 1e-6 * np.linspace(-0.45, 0.55, 10))
+    kappa = np.sort(np.r_[cluster, np.linspace(0.5, 1.8, 8), np.linspace(2.5, 90.0, n - 18)])
+    m = complex_modes(one(n), None, sp.diags(kappa).tocsr(), (0.0, np.sqrt(2.0) / TWO_PI))
+    assert len(m) == np.sum(kappa <= 2.0)
+    # The edge is an eigenvalue itself: in or out, but never an error of another kind.
+    m = complex_modes(one(n), None, sp.diags(kappa).tocsr(), (0.0, np.sqrt(cluster[4]) / TWO_PI))
+    assert len(m) in (np.sum(kappa < cluster[4]), np.sum(kappa <= cluster[4]))
+
+
+@pytest.mark.parametrize("n", [40, 400])
+def test_shift_exactly_on_an_eigenvalue(n):
+    """kappa = sigma of either method: no division by zero."""
+    high = (TWO_PI * 0.5) ** 2
+    for at in (high, 0.49 * high * (1 + 1.234e-7)):
+        kappa = np.sort(np.r_[at, high * np.linspace(0.1, 0.95, 7), high * np.linspace(2, 90, n)])
+        m = complex_modes(one(n + 8), None, sp.diags(kappa).tocsr(), (0.0, 0.5))
+        assert len(m) in (np.sum(kappa < high * (1 - 1e-9)), np.sum(kappa <= high * (1 + 1e-9)))
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.4, 1.0])
+def test_band_without_a_mode_and_a_third_of_the_patches_open(two_blocks, mu):
+    """The rest over two decades; below the first mode there is nothing, and that is proven."""
+    scene = two_blocks("guided")
+    rng = np.random.default_rng(5)
+    k = 3e11 * 10 ** rng.uniform(-1, 1, scene.w.size)
+    k[rng.random(k.size) < 1 / 3] = 0.0
+    K, smooth = scene.tangent(k, mu), scene.tangent(k, 0.0)
+    exact = dense(K, scene.M)
+    m = complex_modes(scene.M, None, K, BAND, frictionless=smooth)
+    compared(m, exact)
+    if mu == 0:
+        assert np.all(m.s.real == 0) and m.count.how == "inertia of K - kappa M"
+        assert set(m.verdict) == {"stable"}
+    else:
+        assert "winding" in m.count.how and "not proven" not in m.count.how
+    first = np.min(exact[exact.imag > 0].imag) / TWO_PI
+    none = complex_modes(scene.M, None, K, (0.0, 0.6 * first), frictionless=smooth)
+    assert len(none) == 0 == none.count.expected
+
+
+def test_all_contacts_open_with_friction_is_symmetric(two_blocks):
+    """No spring, no friction: rigid motion of the pad at zero, nothing invented."""
+    scene = two_blocks("guided")
+    k = np.zeros(scene.w.size)
+    face = contact_interface(scene.N, scene.T, scene.w * k, 0.5)
+    assert face.rank == 0
+    m = complex_modes(scene.M, None, scene.tangent(k, 0.5), BAND, friction=face)
+    assert m.count.how == "inertia of K - kappa M" and "unstable" not in m.verdict
+
+
+def test_rigid_modes_with_friction(two_blocks):
+    """Two free blocks in contact: six rigid modes, none of them lost, none a divergence."""
+    scene = two_blocks("loose")
+    k = np.full(scene.w.size, 1e11)
+    m = complex_modes(scene.M, None, scene.tangent(k, 0.0), (0.0, 60e3))
+    kappa = la.eigvalsh(scene.tangent(k, 0.0).toarray(), scene.M.toarray())
+    assert m.count.expected <= np.sum(kappa < (TWO_PI * 60e3) ** 2)
+    elastic = np.sqrt(kappa[6:][kappa[6:] < (TWO_PI * 60e3) ** 2])
+    np.testing.assert_allclose(m.s.imag[m.frequency > 100], elastic[elastic > 628], rtol=1e-6)
+    assert "unstable" not in m.verdict
+
+
+@pytest.mark.parametrize("n", [60, 420])
+def test_springs_of_a_trillion_times_the_mean(n):
+    """1e12: the backward error says nothing then, a constraint is the reference.
+
+    Catches low modes drowned in the round-off of the stiff ones.
+    """
+    K, _ = grid(n // 20, 20)
+    stiff = K + sp.diags(np.where(np.arange(n) % 7 == 0, 4e12, 0.0))
+    free = np.flatnonzero(np.arange(n) % 7)
+    exact = np.sqrt(la.eigvalsh(K[free][:, free].toarray()))
+    edge = 0.5 * (exact[19] + exact[20])
+    m = complex_modes(one(n), None, stiff.tocsr(), (0.0, edge / TWO_PI))
+    np.testing.assert_allclose(m.s.imag, exact[:20], rtol=1e-7)
+
+
+def test_massless_contact_dofs():
+    """Springs in series through nodes without mass: k / 2 each; a finite mode for each mass."""
+    n = 9
+    K = sp.diags([np.full(2 * n + 1, 2.0), -np.ones(2 * n), -np.ones(2 * n)], [0, 1, -1]).tocsr()
+    M = sp.diags(np.arange(2 * n + 1) % 2 * 1.0).tocsr()
+    try:
+        m = complex_modes(M, None, K, (0.0, 1.0))
+    except BrakeError:
+        return
+    exact = np.sqrt(2.0) * np.sin(np.arange(1, n + 1) * np.pi / (2 * (n + 1)))
+    np.testing.assert_allclose(m.s.imag, exact, rtol=1e-9)
+
+
+@pytest.mark.parametrize("nu", [0.49, 0.499])
+def test_nearly_incompressible_layer(nu):
+    """The sliding layer's exact dispersion relation, its lining all but incompressible."""
+    import importlib.util
+    from pathlib import Path
+
+    file = Path(__file__).parents[1] / "system" / "test_stability_layer.py"
+    spec = importlib.util.spec_from_file_location("layer", file)
+    layer = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(layer)
+    exact = layer.in_band(layer.lambdas(layer.exact_modes(1.5 / layer.H, nu, 0.4)))
+    m = layer.solved(*layer.constrained(layer.Layer(1.5 / layer.H, nu, 0.4), 16))
+    assert len(m) == exact.size
+    frequency, growth = layer.match(m.s, exact)
+    assert frequency.max() < 1e-4 and growth.max() < 1e-3
+
+
+@pytest.mark.parametrize("n", [30, 400])
+def test_shim_ten_thousand_times_softer(n):
+    """Two stiff chains through one soft spring: the low mode is the two masses on it."""
+    k = np.full(n + 1, 1e4)
+    k[n // 2], k[0], k[-1] = 1.0, 0.0, 0.0
+    K = sp.diags([k[:-1] + k[1:], -k[1:-1], -k[1:-1]], [0, 1, -1]).tocsr()
+    exact = np.sqrt(np.maximum(la.eigvalsh(K.toarray())[:3], 0))
+    edge = 0.5 * (exact[1] + exact[2])
+    m = complex_modes(one(n), None, K, (0.0, edge / TWO_PI))
+    elastic = m.s[m.s.imag > 1e-3 * exact[1]]
+    np.testing.assert_allclose(elastic.imag, exact[1], rtol=1e-8)
+    # The free chain's rigid mode is there, or on the other side of zero: never a divergence.
+    assert "unstable" not in m.verdict and len(m) in (1, 2)
+
+
+@pytest.mark.parametrize("n", [40, 330])
+def test_damping_contrast_of_a_thousand(n):
+    """Half a chain with eta = 0.1, half with 1e-4: against the dense companion matrix."""
+    k = 1e6
+    links = sp.diags([np.ones(n), -np.ones(n - 1)], [0, -1], shape=(n, n)).tocsr()
+    parts = [(links.T @ sp.diags(k * half) @ links).tocsr()
+             for half in np.stack([np.arange(n) < n // 2, np.arange(n) >= n // 2])]  # fmt: skip
+    K = (parts[0] + parts[1]).tocsr()
+    omega = np.sqrt(la.eigvalsh(K.toarray()))
+    C = loss_factor([(0.1, parts[0]), (1e-4, parts[1])], omega[10])
+    edge = 0.5 * (omega[20] + omega[21])
+    m = complex_modes(one(n), C, K, (0.0, edge / TWO_PI), zeta_max=0.2)
+    zero = np.zeros((n, n))
+    companion = np.block([[zero, np.eye(n)], [-K.toarray(), -C.toarray()]])
+    exact = la.eigvals(companion)
+    exact = exact[(exact.imag > 1e-6) & (exact.imag <= edge)]
+    exact = exact[np.abs(exact.real) <= 0.2 * np.abs(exact)]
+    assert len(m) == exact.size > 15
+    distance = np.abs(m.s[:, None] - exact).min(axis=1)
+    assert np.all(distance < 1e-7 * np.abs(m.s))
+    assert set(m.verdict) == {"stable"}
+
+
+@pytest.mark.parametrize("excess", [-1e-8, 0.0, 1e-8])
+def test_exceptional_point_in_a_large_problem(excess):
+    """A pair at the onset of flutter among 400 modes: neutral or right, condition large."""
+    n, d = 400, 1e-3
+    a = d * (1 + excess)
+    K = sp.lil_matrix((n, n))
+    K.setdiag(np.r_[1 + d, 1 - d, np.linspace(1.5, 80.0, n - 2)])
+    K[0, 1], K[1, 0] = a, -a
+    K = K.tocsr()
+    try:
+        m = complex_modes(one(n), None, K, (0.0, 0.25), frictionless=sp.diags(K.diagonal()).tocsr())
+    except BrakeError as error:
+        assert "left" in str(error) or "edge" in str(error)
+        return
+    pair = np.argsort(np.abs(m.s - 1j))[:2]
+    assert np.all(m.condition[pair] > 1e3)
+    assert np.all(np.abs(m.s[pair] - 1j) < 1e-6)
+    grows = excess > 0 and abs(np.sqrt(1j * d * np.sqrt(2 * excess)).real) > 1e-6
+    assert grows or all(m.verdict[i] != "unstable" for i in pair)
+
+
+@pytest.mark.parametrize("band", [(2.0, 1.0), (1.0, 1.0), (-1.0, 1.0), (np.nan, 1.0)])
+def test_a_band_that_is_none(band):
+    with pytest.raises(SceneError, match="band"):
+        complex_modes(one(3), None, sp.diags([1.0, 2.0, 3.0]).tocsr(), band)
+    assert eigen.DENSE > 3
