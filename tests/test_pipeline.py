@@ -236,7 +236,8 @@ def test_failing_sample_is_kept_and_stops_nothing(tmp_path, monkeypatch):
     calls = iter(range(100))
 
     def sometimes(*args, **kwargs):
-        if next(calls) == 1:
+        # The second sample, at once and by its ramp of two steps.
+        if next(calls) in (1, 2):
             raise NotConverged("made to fail")
         return solve(*args, **kwargs)
 
@@ -245,6 +246,29 @@ def test_failing_sample_is_kept_and_stops_nothing(tmp_path, monkeypatch):
     status = [s["status"] for s in rows(tmp_path / "out" / "samples.csv")]
     assert status == ["ok", "made to fail", "ok"]
     assert {m["sample"] for m in rows(tmp_path / "out" / "modes.csv")} == {"0", "2"}
+
+
+def test_the_ramp_is_gone_through_where_the_full_load_does_not_converge(tmp_path, monkeypatch):
+    """The scene's two load steps, only for the sample that needs them, with the same result."""
+    from brake_fenicsx.errors import NotConverged
+    from brake_fenicsx.uncertainty import study
+
+    solve, steps = study.equilibrium, []
+
+    def sometimes(ops, laws, mu, n=1):
+        steps.append(n)
+        if len(steps) == 2:
+            raise NotConverged("made to fail")
+        return solve(ops, laws, mu, n)
+
+    monkeypatch.setattr(study, "equilibrium", sometimes)
+    run(BLOCK, MPI.COMM_SELF, tmp_path / "ramp", [*MANY, "samples.n=3"])
+    assert steps == [1, 1, 2, 1]
+    monkeypatch.undo()
+    run(BLOCK, MPI.COMM_SELF, tmp_path / "full", [*MANY, "samples.n=3"])
+    a, b = (rows(tmp_path / name / "modes.csv") for name in ("ramp", "full"))
+    for one, two in zip(a, b, strict=True):
+        assert float(one["frequency_hz"]) == pytest.approx(float(two["frequency_hz"]), rel=1e-9)
 
 
 def test_one_sample_without_the_stage_uncertainty(tmp_path):

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import Scene
+from brake_fenicsx.units import to_si
 
 from .condensation import Compliance, gathered_vector
 from .contact import Contact, contact_elements, join
@@ -153,5 +154,5 @@ def scene_motion(scene: Scene) -> Motion:
         d = motion.direction
         if len(d) != 3 or not any(d):
             raise SceneError(f"motion.direction = {list(d)!r}: write three numbers, not all zero")
-        return Translation((d[0], d[1], d[2]), 1.0)
+        return Translation((d[0], d[1], d[2]), to_si(motion.speed, "m/s"))
     return Rotation(motion.rotation)

@@ -33,7 +33,7 @@ def sparse_equilibrium(
     tolerance: float = 1e-10,
     max_iterations: int = 60,
 ) -> Equilibrium:
-    """Braking equilibrium under the ramped loads by Newton's iteration on u, Eq. (9).
+    """Braking equilibrium under the ramped loads by Newton's iteration on u: as the condensed one.
 
     Args:
         ops: anything with ``.K`` (PETSc, distributed), ``.N``, ``.T``, ``.w``, ``.g0`` and ``.f``
