@@ -19,7 +19,7 @@ SLIDING = Translation((0.2, 1.0, 0.0), 1.0)
 
 
 @cache
-def bodies(cells, fine=0.4e-3):
+def bodies(cells, fine):
     """A round body on a flat one, nothing held: hexahedra a cylinder, tetrahedra a sphere."""
     from brake_fenicsx.geometry import hertz_base, hertz_cylinder, hertz_slab, hertz_sphere
 
@@ -42,7 +42,7 @@ def elements(cells, discretisation, faces=("upper.contact", "lower.contact"), fi
 def field(cells, body, values):
     from dolfinx import fem
 
-    mesh, free = bodies(cells)
+    mesh, free = bodies(cells, 0.4e-3)
     u = fem.Function(free.V)
     u.interpolate(values, mesh.cell_tags.find(mesh.layers[f"{body}.body"]))
     u.x.scatter_forward()
