@@ -164,9 +164,14 @@ def facet_keys(corners: Ints) -> NDArray[np.uint64]:
     """One number for each set of corner nodes, shape (..., 3 or 4) to (...).
 
     Three corners name a facet, of a quadrilateral too. Up to 2.6 million nodes fit.
+
+    Raises:
+        ValueError: there are more nodes.
     """
-    c = np.sort(corners, axis=-1).astype(np.uint64)
     base = np.uint64(2_642_245)
+    if corners.size and corners.max() >= base:
+        raise ValueError(f"a mesh may have {base} nodes at most")
+    c = np.sort(corners, axis=-1).astype(np.uint64)
     return np.asarray((c[..., 0] * base + c[..., 1]) * base + c[..., 2])
 
 

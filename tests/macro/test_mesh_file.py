@@ -168,7 +168,7 @@ def test_gap_of_a_split_mesh_opens(tmp_path, meshes):
     """The pad lifted off by 1: gap 1 everywhere; catches facets left on the other body's nodes."""
     from dolfinx import fem
 
-    from brake_fenicsx.macro.contact import patch_contact
+    from brake_fenicsx.macro.contact import contact_elements
     from brake_fenicsx.macro.elasticity import assemble_elastic
     from brake_fenicsx.macro.friction import Translation
     from brake_fenicsx.macro.material import Material, isotropic
@@ -180,7 +180,7 @@ def test_gap_of_a_split_mesh_opens(tmp_path, meshes):
     steel = Material(isotropic(2e11, 0.3), 7800.0)
     free = assemble_elastic(mesh, dict.fromkeys(mesh.layers, steel), {}, {}).free
     faces = ("pad.friction", "plate.top")
-    contact = patch_contact(mesh, free, faces, Translation((1.0, 0, 0), 1.0))
+    contact = contact_elements(mesh, free, faces, Translation((1.0, 0, 0), 1.0))
     u = fem.Function(free.V)
     u.interpolate(
         lambda x: np.outer([0, 0, 1.0], np.ones(x.shape[1])),
