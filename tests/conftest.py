@@ -22,13 +22,12 @@ def _collect_together():
 
 
 @pytest.fixture(autouse=True)
-def _log_as_before():
-    """A run of the program takes the log over; the next test finds it as it was."""
+def _log_of_its_own():
+    """A run of the program, a shared fixture's too, takes the log over; a test finds it free."""
     log = logging.getLogger("brake_fenicsx")
-    before = log.propagate, log.level, log.handlers[:]
+    log.propagate, log.handlers[:] = True, []
+    log.setLevel(logging.NOTSET)
     yield
-    log.propagate, log.handlers[:] = before[0], before[2]
-    log.setLevel(before[1])
 
 
 @pytest.fixture
