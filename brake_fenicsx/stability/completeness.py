@@ -12,6 +12,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from mpi4py import MPI
+
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
@@ -89,6 +91,7 @@ def count_turns(
     believed: NDArray,
     points: int = 6,
     most: int = 2000,
+    comm: MPI.Comm = MPI.COMM_SELF,
 ) -> int:
     """Zeros inside a region of a function whose phase over prod (z - believed) is given.
 
@@ -98,6 +101,7 @@ def count_turns(
         believed: the values divided out.
         points: points of the first walk along the short sides.
         most: evaluations allowed.
+        comm: processes that share the edge.
 
     Returns:
         The number of zeros.
@@ -106,10 +110,19 @@ def count_turns(
         InaccurateResult: the phase cannot be followed: a zero lies on the boundary.
     """
     path = region.upper_half(points)
-    phases = [phase(z) for z in path]
-    walk = _Walk(phase, 1e-11 * abs(region.high), most - len(path))
-    ends = zip(path[:-1], path[1:], phases[:-1], phases[1:], strict=True)
-    turned = sum(walk.turn(*end) for end in ends)
+    own = np.array_split(np.arange(path.size - 1), comm.size)[comm.rank]
+    phases = {i: phase(path[i]) for i in range(own[0], own[-1] + 2)} if own.size else {}
+    walk = _Walk(phase, 1e-11 * abs(region.high), most - path.size)
+    try:
+        part = sum(walk.turn(path[i], path[i + 1], phases[i], phases[i + 1]) for i in own)
+        failed = None
+    except InaccurateResult as error:
+        part, failed = 0.0, error
+    parts, failures = comm.allgather(part), comm.allgather(failed)
+    for failure in failures:
+        if failure is not None:
+            raise failure
+    turned = sum(parts)
     return int(region.holds(believed).sum()) + int(np.rint(turned / np.pi))
 
 

@@ -5,18 +5,23 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.errors import BrakeError
+
 from .arnoldi import nearest_modes
 from .interface import Inverse, moments
 from .problem import MARGIN, Found, Problem, agree, search_region
-from .symmetric import Symmetric, shifted_factor, symmetric_modes
+from .symmetric import shifted_factor, symmetric_modes
 from .vectors import RIM, matched, with_conjugates
-from .winding import prove
+from .winding import Seen, prove, seen_modes
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 # The frictionless modes are complete up to this multiple of the band's highest frequency.
 CUTOFF = 1.6
+
+# Interface columns of process 0, which also finds the frictionless modes, relative to the others'.
+FIRST_SHARE = 0.1
 
 
 def friction_modes(p: Problem, low: float, high: float, zeta_max: float) -> Found | None:
@@ -40,15 +45,25 @@ def friction_modes(p: Problem, low: float, high: float, zeta_max: float) -> Foun
     if shifted is None or face is None:
         return None
     factor, sigma = shifted
-    smooth = symmetric_modes(p.smooth, p.M, factor, sigma, CUTOFF**2 * high)
+    smooth: Seen | BrakeError | None = None
+    if p.comm.rank == 0:
+        # Meanwhile the other processes begin with the interface.
+        try:
+            modes = symmetric_modes(p.smooth, p.M, factor, sigma, CUTOFF**2 * high)
+            smooth = None if modes is None else seen_modes(modes, face)
+        except BrakeError as error:
+            smooth = error
+    seen = moments(factor, p.M, face, p.comm, FIRST_SHARE if p.comm.size > 1 else 1.0)
+    smooth = p.comm.bcast(smooth)
     if smooth is None:
         return None
-    seen = moments(factor, p.M, face, p.comm)
+    if isinstance(smooth, BrakeError):
+        raise smooth
     inverse = Inverse(factor, face, seen.RL[0])
     reach = (1 + MARGIN) * high * np.hypot(1, 2 * zeta_max * (1 + MARGIN)) + 3e-3 * high
     kappa, right, left, steps = _both_sides(p, inverse, smooth, reach)
     region = search_region(kappa, low, high, zeta_max)
-    proof = prove(smooth, face, seen, region, kappa)
+    proof = prove(smooth, face, seen, region, kappa, p.comm)
     factor.destroy()
     agree(int(region.holds(kappa).sum()), proof.count, high, "the winding number")
     proven = "" if proof.rest < 1 else "; not proven, it should be below 1"
@@ -60,7 +75,7 @@ def friction_modes(p: Problem, low: float, high: float, zeta_max: float) -> Foun
 
 
 def _both_sides(
-    p: Problem, inverse: Inverse, smooth: Symmetric, reach: float
+    p: Problem, inverse: Inverse, smooth: Seen, reach: float
 ) -> tuple[Complex, Complex, Complex, int]:
     """Right and left eigenpairs, conjugates included; on two processes side by side."""
     expected = int(np.sum(smooth.kappa <= reach)) + 1

@@ -126,7 +126,9 @@ class Moments:
     RR: float
 
 
-def moments(factor: Factor, M: sp.csr_matrix, face: Interface, comm: MPI.Comm) -> Moments:
+def moments(
+    factor: Factor, M: sp.csr_matrix, face: Interface, comm: MPI.Comm, first: float = 1.0
+) -> Moments:
     """Solve for every column of the interface; the columns are shared by the processes.
 
     Args:
@@ -134,11 +136,12 @@ def moments(factor: Factor, M: sp.csr_matrix, face: Interface, comm: MPI.Comm) -
         M: mass [kg].
         face: the interface.
         comm: processes that share the columns.
+        first: share of process 0, which may be late, relative to the others'.
 
     Returns:
         The moments.
     """
-    share = np.array_split(np.arange(face.rank), comm.size)[comm.rank]
+    share = shared_columns(face.rank, comm, first)
     RL, LL = np.empty((ORDERS, face.rank, share.size)), np.empty((face.rank, share.size))
     RR = np.empty((face.rank, 0 if face.bounded else share.size))
     left, right = face.left[share].T.tocsc(), face.right[share].T.tocsc()
@@ -156,6 +159,12 @@ def moments(factor: Factor, M: sp.csr_matrix, face: Interface, comm: MPI.Comm) -
         gap = 0.5 * (whole[-1] + whole[-1].T)
         size = float(la.eigvalsh(gap, subset_by_index=[face.rank - 1, face.rank - 1])[0])
     return Moments(tuple(whole[:ORDERS]), 0.5 * (whole[ORDERS] + whole[ORDERS].T), size)
+
+
+def shared_columns(n: int, comm: MPI.Comm, first: float) -> NDArray[np.intp]:
+    """This process's columns of n, process 0 with its own share."""
+    ends = np.rint(n * np.cumsum(np.r_[0, first, np.ones(comm.size - 1)]) / (first + comm.size - 1))
+    return np.arange(int(ends[comm.rank]), int(ends[comm.rank + 1]))
 
 
 class Inverse:

@@ -24,6 +24,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from mpi4py import MPI
+
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
@@ -50,21 +52,46 @@ class Proof:
     points: int
 
 
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """The modes of the frictionless problem as the interface sees them.
+
+    Attributes:
+        kappa: eigenvalues [1/s^2], ascending; all there are below the limit.
+        limit: proven by inertia [1/s^2].
+        sigma: shift of the moments [1/s^2].
+        P: right Phi, shape (rank, modes).
+        Q: left Phi, shape (rank, modes).
+    """
+
+    kappa: Array
+    limit: float
+    sigma: float
+    P: Array
+    Q: Array
+
+
+def seen_modes(modes: Symmetric, face: Interface) -> Seen:
+    """What the interface sees of some modes."""
+    Phi = modes.Phi
+    return Seen(modes.kappa, modes.limit, modes.sigma, face.right @ Phi, face.left @ Phi)
+
+
 class Determinant:
     """Phase of det G, and the bound of the rest."""
 
-    def __init__(self, modes: Symmetric, face: Interface, moments: Moments):
+    def __init__(self, modes: Seen, face: Interface, moments: Moments):
         """Prepare.
 
         Args:
-            modes: the frictionless problem.
+            modes: the frictionless problem, seen from the interface.
             face: the friction term.
             moments: its moments about the shift of the modes.
         """
         self.sigma, self.kappa = modes.sigma, modes.kappa
         self.limit = modes.limit - modes.sigma
         away = modes.kappa - modes.sigma
-        self.P, self.Q = face.right @ modes.Phi, face.left @ modes.Phi
+        self.P, self.Q = modes.P, modes.Q
         self.R = [RL - (self.P / away ** (j + 1)) @ self.Q.T for j, RL in enumerate(moments.RL)]
         self.R[0] = self.R[0] + np.eye(face.rank)
         values, vectors = la.eigh(moments.LL - (self.Q / away**3) @ self.Q.T)
@@ -101,7 +128,12 @@ class Determinant:
 
 
 def prove(
-    modes: Symmetric, face: Interface, moments: Moments, region: Trapezium, believed: NDArray
+    modes: Seen,
+    face: Interface,
+    moments: Moments,
+    region: Trapezium,
+    believed: NDArray,
+    comm: MPI.Comm = MPI.COMM_SELF,
 ) -> Proof:
     """Count the eigenvalues of a region, conjugates included.
 
@@ -111,6 +143,7 @@ def prove(
         moments: its moments.
         region: where to count.
         believed: what an eigensolver found, in the region and near it, conjugates included.
+        comm: processes that share the edge of the region.
 
     Returns:
         The count and what it is worth.
@@ -119,5 +152,5 @@ def prove(
         InaccurateResult: an eigenvalue lies on the edge of the region.
     """
     det = Determinant(modes, face, moments)
-    count = count_turns(lambda z: det.phase(z, believed), region, believed)
-    return Proof(count, det.rest, det.points)
+    count = count_turns(lambda z: det.phase(z, believed), region, believed, comm=comm)
+    return Proof(count, comm.allreduce(det.rest, MPI.MAX), comm.allreduce(det.points))

@@ -12,7 +12,7 @@ from brake_fenicsx.stability import complex_modes, eigen, friction, interface
 from brake_fenicsx.stability.completeness import Trapezium
 from brake_fenicsx.stability.interface import contact_interface, difference_interface
 from brake_fenicsx.stability.symmetric import shifted_factor, symmetric_modes
-from brake_fenicsx.stability.winding import Determinant, prove
+from brake_fenicsx.stability.winding import Determinant, prove, seen_modes
 
 BAND = (0.0, 90e3)
 K0 = 3e11
@@ -125,7 +125,8 @@ def prepared(scene, k, mu, cutoff=1.6):
     factor, sigma = shifted_factor(K, scene.M, high)
     modes = symmetric_modes(K, scene.M, factor, sigma, cutoff**2 * high)
     face = contact_interface(scene.N, scene.T, scene.w * k, mu)
-    return modes, face, interface.moments(factor, scene.M, face, MPI.COMM_SELF), high
+    seen = interface.moments(factor, scene.M, face, MPI.COMM_SELF)
+    return seen_modes(modes, face), face, seen, high
 
 
 def test_count_needs_no_eigensolver(two_blocks):
