@@ -1,0 +1,95 @@
+"""Large damped problems in real arithmetic."""
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.stability import complex_modes, damped
+from brake_fenicsx.stability.damping import rayleigh
+from brake_fenicsx.stability.quadratic import quadratic_modes
+
+BAND = (0.0, 60e3)
+
+
+def companion(M, C, K):
+    """All eigenvalues with Im > 0, lengths scaled so that both halves weigh the same."""
+    M, C, K = (A.toarray() for A in (M, C, K))
+    w = 2 * np.pi * BAND[1]
+    n = M.shape[0]
+    MK, MC = la.solve(M, K) / w**2, la.solve(M, C) / w
+    s = w * la.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [-MK, -MC]]))
+    return s[s.imag > 0]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mu", [0.0, 1.0])
+def test_damped_blocks_with_friction(two_blocks, mu):
+    """Sliding blocks with Rayleigh damping and a gyroscopic coupling, against the companion."""
+    scene = two_blocks("guided")
+    K, M = scene.tangent(np.full(scene.w.size, 3e11), mu), scene.M
+    C = rayleigh(M, scene.K, 50.0, 2e-8)
+    if mu:
+        odd = sp.random(M.shape[0], M.shape[0], 1e-3, random_state=0, format="csr")
+        C = (C + 1e-2 * abs(C).max() * (odd - odd.T)).tocsr()
+    m = complex_modes(M, C, K, BAND)
+    exact = companion(M, C, K)
+    exact = exact[(exact.imag <= 2 * np.pi * BAND[1]) & (np.abs(exact.real) < 0.1 * np.abs(exact))]
+    assert len(m) == exact.size > 10
+    distance = np.abs(m.s[:, None] - exact).min(axis=1)
+    assert np.all(distance < 1e-6 * np.abs(m.s))
+    left = m.left.conj().T
+    r = (left @ M) * (m.s**2)[:, None] + (left @ C) * m.s[:, None] + left @ K
+    assert np.all(np.linalg.norm(r, axis=1) < 1e-7 * np.linalg.norm(left @ K, axis=1))
+
+
+def chain(n):
+    """Unit masses, springs of 1e8 N/m between walls, and omega."""
+    K = 1e8 * sp.diags([-1.0, 2.0, -1.0], [-1, 0, 1], shape=(n, n)).tocsr()
+    return K, 2e4 * np.sin(np.pi * np.arange(1, n + 1) / (2 * (n + 1)))
+
+
+def test_rayleigh_chain_with_a_doublet_of_every_mode():
+    """Two equal chains: pairs of equal lambda, each there twice, 1e-9."""
+    n = 151
+    K, omega = chain(n)
+    K, omega = sp.block_diag([K, K]).tocsr(), np.repeat(omega, 2)
+    M = sp.identity(2 * n, format="csr")
+    edge = 0.5 * (omega[39] + omega[40])
+    m = complex_modes(M, 2.0 * M + 1e-6 * K, K, (0.0, edge / 2 / np.pi))
+    zeta = 1.0 / omega + 0.5e-6 * omega
+    exact = omega[:40] * (-zeta[:40] + 1j * np.sqrt(1 - zeta[:40] ** 2))
+    assert len(m) == 40
+    np.testing.assert_allclose(np.sort_complex(m.s), np.sort_complex(exact), rtol=1e-8)
+    # Within a doublet the vectors are any two: their condition is finite, not one.
+    assert np.all((m.condition > 0.99) & (m.condition < 100))
+    assert m.count.how.startswith("not counted")
+
+
+def test_too_many_modes_go_to_complex_shifts(monkeypatch):
+    """None tells the caller to cover the band instead."""
+    from brake_fenicsx.stability import quadratic
+
+    monkeypatch.setattr(quadratic, "MOST", 4)
+    K, _ = chain(50)
+    M = sp.identity(50, format="csr")
+    assert quadratic_modes(M, M, K, 1e4, 0.1) is None
+
+
+def test_a_small_problem_is_counted(monkeypatch):
+    """The winding number of the quadratic determinant; a withheld mode is noticed."""
+    K, _ = chain(20)
+    M = sp.identity(20, format="csr")
+    m = complex_modes(M, 2.0 * M, K, (0.0, 4e3))
+    assert m.count.how.startswith("winding number") and len(m) == 20
+    real = damped._dense
+
+    def lossy(p):
+        s, right, left = real(p)
+        keep = np.abs(np.abs(s.imag) - np.sort(np.abs(s.imag))[7]) > 1e-6
+        return s[keep], right[:, keep], left[:, keep]
+
+    monkeypatch.setattr(damped, "_dense", lossy)
+    with pytest.raises(InaccurateResult, match="winding number counts"):
+        complex_modes(M, 2.0 * M, K, (0.0, 4e3))
