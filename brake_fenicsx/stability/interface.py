@@ -92,9 +92,14 @@ def difference_interface(F: sp.spmatrix, tolerance: float = 1e-13) -> Interface 
     if min(rows.size, columns.size) > 12 * most:
         return None
     small = F[rows][:, columns]
-    limit = min(most, *small.shape)
-    rng = np.random.default_rng(0)
-    Q = la.qr(small @ rng.standard_normal((columns.size, limit)), mode="economic")[0]
+    limit, width, rng = min(most, *small.shape), 256, np.random.default_rng(0)
+    while True:
+        # A random block that is wide enough has the range of the whole.
+        width = min(2 * width, limit)
+        Q = la.qr(small @ rng.standard_normal((columns.size, width)), mode="economic")[0]
+        rest = small - Q @ (Q.T @ small)
+        if width == limit or np.linalg.norm(rest) <= tolerance * np.linalg.norm(small.data):
+            break
     V, s, W = la.svd(Q.T @ small, full_matrices=False)
     rank = int(np.sum(s > tolerance * s[:1].max(initial=0.0)))
     if rank >= most:
