@@ -1,4 +1,4 @@
-"""Operators of the linearised problem at an equilibrium, and residuals of its modes.
+"""Operators of the linearised problem at an equilibrium.
 
 (lambda^2 M + K + N'W k N + mu T'W k N) phi = 0, k = -p' of every element at equilibrium.
 """
@@ -14,10 +14,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.macro.condensation import gathered, petsc_matrix
-from brake_fenicsx.macro.solver import add_interface, product
+from brake_fenicsx.macro.solver import add_interface
 
 Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 
 def tangent(
@@ -31,7 +30,7 @@ def tangent(
         T: slip operator, shape (elements, dofs).
         w: areas [m^2].
         k: contact stiffness [Pa/m].
-        mu: friction coefficient.
+        mu: friction coefficient, one or one per element.
 
     Returns:
         A new matrix, distributed like ``K``.
@@ -44,21 +43,3 @@ def tangent(
 def as_petsc(A: Any) -> PETSc.Mat:
     """A SciPy or PETSc matrix, whole on this process."""
     return petsc_matrix(A) if sp.issparse(A) else gathered(A)
-
-
-def relative_residual(K: PETSc.Mat, M: PETSc.Mat, kappa: Complex, X: Complex) -> Array:
-    """|K phi - kappa M phi| / |kappa M phi| of each mode, Euclidean norms.
-
-    Of rigid modes, whose kappa is round-off, relative to a millionth of the largest kappa.
-
-    Args:
-        K: stiffness [N/m].
-        M: mass [kg].
-        kappa: -lambda^2 [1/s^2].
-        X: vectors, shape (dofs, modes).
-    """
-    KX = product(K, X.real) + 1j * product(K, X.imag)
-    MX = product(M, X.real) + 1j * product(M, X.imag)
-    size = np.maximum(np.abs(kappa), 1e-6 * np.abs(kappa).max(initial=0.0))
-    size = np.maximum(size * np.linalg.norm(MX, axis=0), np.finfo(float).tiny)
-    return np.asarray(np.linalg.norm(KX - kappa * MX, axis=0) / size)

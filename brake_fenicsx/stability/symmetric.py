@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from petsc4py import PETSc
-
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
@@ -138,9 +136,3 @@ def _polished(
     stiff = X.T @ (K @ X)
     kappa, turn = la.eigh(0.5 * (stiff + stiff.T), 0.5 * (gram + gram.T))
     return X @ turn, kappa
-
-
-def whole(A: PETSc.Mat) -> sp.csr_matrix:
-    """A matrix of this process as SciPy CSR."""
-    indptr, indices, data = A.getValuesCSR()
-    return sp.csr_matrix((data, indices, indptr), shape=A.getSize())
