@@ -190,7 +190,7 @@ class Study:
         }
 
     def _full(self, eq: Equilibrium, sample: SampleInput) -> dict[str, Any]:
-        from brake_fenicsx.stability.eigen import complex_modes
+        from brake_fenicsx.stability import complex_modes, contact_interface
         from brake_fenicsx.stability.operators import tangent
 
         stability, b = self.scene.stability, self.brake
@@ -198,10 +198,8 @@ class Study:
             return {}
         K = tangent(self.K, b.N, b.T, b.w, eq.k, sample.mu)
         band = (stability.band[0], stability.band[1])
-        smooth = tangent(self.K, b.N, b.T, b.w, eq.k, 0.0) if np.any(sample.mu) else None
-        modes = complex_modes(
-            self.M, None, K, band, zeta_max=stability.zeta_max, frictionless=smooth
-        )
+        friction = contact_interface(b.N, b.T, b.w * eq.k, sample.mu) if sample.mu.any() else None
+        modes = complex_modes(self.M, None, K, band, zeta_max=stability.zeta_max, friction=friction)
         unstable = np.flatnonzero(np.array(modes.verdict) == "unstable")
         out = _arrays(modes)
         out |= {"vectors": modes.right[:, unstable].astype(np.complex64), "vector_mode": unstable}
