@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Pictures of what the builders make, side by side: docs/meshes.png.
 
-    scripts/mesh_picture.py [FILE]
+Run as: scripts/mesh_picture.py [FILE]
 """
 
 from __future__ import annotations
