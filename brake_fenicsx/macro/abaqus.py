@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
 
-from .filemesh import SOLIDS, FileMesh, gmsh_order, one_kind
+from .filemesh import SOLIDS, FileMesh, numbered
 
 Ints = NDArray[np.int64]
 
@@ -164,15 +164,7 @@ def _named(sets: dict[str, list[int]], name: str) -> list[int]:
 
 def _mesh(deck: _Deck) -> FileMesh:
     """The deck with nodes and cells numbered from 0."""
-    kind = one_kind(kind for kind, _ in deck.solids.values())
-    shape, count = SOLIDS[kind]
-    node = {number: i for i, number in enumerate(deck.nodes)}
-    cell = {number: i for i, number in enumerate(deck.solids)}
-    try:
-        cells = np.array([[node[n] for n in nodes] for _, nodes in deck.solids.values()])
-    except KeyError as error:
-        raise SceneError(f"node {error} of an element is not defined") from None
-    mesh = FileMesh(np.array(list(deck.nodes.values())), shape, cells[:, gmsh_order(shape, count)])
+    mesh, cells, node, cell = numbered(deck.nodes, deck.solids)
     for name, numbers in deck.elsets.items():
         own = [cell[n] for n in numbers if n in cell]
         if own:
@@ -181,7 +173,7 @@ def _mesh(deck: _Deck) -> FileMesh:
         if skins:
             mesh.facet_groups[name] = np.array(skins)
     for name, places in deck.surfaces.items():
-        mesh.facet_groups[name] = _surface(deck, name, places, cell, cells, shape)
+        mesh.facet_groups[name] = _surface(deck, name, places, cell, cells, mesh.shape)
     for name, numbers in deck.nsets.items():
         mesh.node_groups[name] = np.array([node[n] for n in numbers if n in node], dtype=np.int64)
     return mesh

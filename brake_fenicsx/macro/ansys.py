@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
 
-from .filemesh import SOLIDS, FileMesh, gmsh_order, one_kind
+from .filemesh import FileMesh, numbered
 
 Ints = NDArray[np.int64]
 
@@ -136,15 +136,7 @@ def _component(deck: _Deck, words: list[str], lines: Iterator[str]) -> None:
 
 def _mesh(deck: _Deck) -> FileMesh:
     """The deck with nodes and cells numbered from 0."""
-    kind = one_kind(kind for kind, _ in deck.solids.values())
-    shape, count = SOLIDS[kind]
-    node = {number: i for i, number in enumerate(deck.nodes)}
-    cell = {number: i for i, number in enumerate(deck.solids)}
-    try:
-        cells = np.array([[node[n] for n in nodes] for _, nodes in deck.solids.values()])
-    except KeyError as error:
-        raise SceneError(f"node {error} of an element is not defined") from None
-    mesh = FileMesh(np.array(list(deck.nodes.values())), shape, cells[:, gmsh_order(shape, count)])
+    mesh, _, node, cell = numbered(deck.nodes, deck.solids)
     for name, numbers in deck.elements.items():
         own = [cell[n] for n in numbers if n in cell]
         if own:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -52,6 +52,33 @@ class FileMesh:
     cell_groups: dict[str, Ints] = field(default_factory=dict)
     facet_groups: dict[str, Ints] = field(default_factory=dict)
     node_groups: dict[str, Ints] = field(default_factory=dict)
+
+
+def numbered(
+    nodes: Mapping[int, Sequence[float]], solids: Mapping[int, tuple[str, Sequence[int]]]
+) -> tuple[FileMesh, Ints, dict[int, int], dict[int, int]]:
+    """Nodes and cells of a deck, numbered from 0.
+
+    Args:
+        nodes: number -> position.
+        solids: number -> kind and numbers of the nodes.
+
+    Returns:
+        The mesh without groups, its cells in the deck's order of nodes, and the new number of
+        every node and of every cell.
+
+    Raises:
+        SceneError: cells of several kinds, or a node that is not there.
+    """
+    shape, count = SOLIDS[one_kind(kind for kind, _ in solids.values())]
+    node = {number: i for i, number in enumerate(nodes)}
+    cell = {number: i for i, number in enumerate(solids)}
+    try:
+        cells = np.array([[node[n] for n in own] for _, own in solids.values()])
+    except KeyError as error:
+        raise SceneError(f"node {error} of an element is not defined") from None
+    points = np.array(list(nodes.values()), dtype=float)
+    return FileMesh(points, shape, cells[:, gmsh_order(shape, count)]), cells, node, cell
 
 
 def gmsh_order(shape: str, nodes: int) -> list[int]:

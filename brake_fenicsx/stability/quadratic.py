@@ -18,8 +18,10 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from brake_fenicsx.macro.condensation import petsc_matrix
+from brake_fenicsx.macro.solver import Factor
+
 from .arnoldi import nearest_modes
-from .lu import LU
 from .symmetric import MOST, SHIFT, count_below
 from .vectors import RIM, matched, with_conjugates
 
@@ -74,9 +76,10 @@ def _symmetric(A: sp.spmatrix) -> bool:
 
 def _operator(
     M: sp.csr_matrix, C: sp.csr_matrix, K: sp.csr_matrix, s: float, omega: float
-) -> tuple[Callable[[Array], Array], LU]:
+) -> tuple[Callable[[Array], Array], Factor]:
     """The operator of the largest theta on blocks of states, and the factor behind it."""
-    lu, n = LU((s**2 * M + s * C + K).tocsr()), K.shape[0]
+    shifted = petsc_matrix((s**2 * M + s * C + K).tocsr())
+    lu, n = Factor(shifted, "brake_lu_", symmetric=False), K.shape[0]
     first = (C + s * M).tocsr()
 
     def apply(b: Array) -> Array:

@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult, NotConverged
 from brake_fenicsx.macro.condensation import petsc_matrix
+from brake_fenicsx.macro.solver import Factor
 
 from .arnoldi import nearest_modes
-from .lu import LU
 from .vectors import RIM, matched, with_conjugates
 
 Array = NDArray[np.float64]
@@ -118,10 +118,10 @@ def _two_sided(K: sp.csr_matrix, M: sp.csr_matrix, sigma: float, reach: float, c
     for A, B in ((K, M), (K.T, M.T)):
         B = B.tocsr()
         try:
-            lu = LU((A - sigma * B).tocsr())
+            lu = _lu(A - sigma * B)
         except InaccurateResult:
             # The shift is an eigenvalue: any other near it serves.
-            lu = LU((A - (sigma := sigma * (1 + 1e-5)) * B).tocsr())
+            lu = _lu(A - (sigma := sigma * (1 + 1e-5)) * B)
         apply = lambda b, lu=lu, B=B: lu.solve(B @ b)  # noqa: E731
         sides.append(nearest_modes(apply, K.shape[0], sigma, RIM * reach, expected))
         lu.destroy()
@@ -167,3 +167,7 @@ def nearest(
     used = eps.getIterationNumber()
     eps.destroy()
     return kappa, X, used
+
+
+def _lu(A: sp.spmatrix) -> Factor:
+    return Factor(petsc_matrix(A), "brake_lu_", symmetric=False)
