@@ -243,9 +243,11 @@ def mechanics(this: Run, stats: SurfaceStatistics | None, library: LawLibrary | 
             "pressed_N": brake.pressed,
             "worst_cell_quality": brake.mesh.quality,
         }
+        if brake.mesh.worst is not None:
+            this.facts["smallest_dihedral_deg"] = float(np.degrees(brake.mesh.worst.dihedral))
         logger.info(
             "%(cells)d cells, %(dofs)d free dofs, %(contact_elements)d contact elements"
-            " of %(mean_patch_mm).3f mm squared in the mean",
+            " of %(mean_patch_mm).3f mm squared in the mean; worst cell %(worst_cell_quality).3f",
             this.facts,
         )
     study = Study(this.scene, brake, library, stats.hdf if stats else None, this.store, this.comm)
