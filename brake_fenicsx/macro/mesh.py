@@ -17,9 +17,9 @@ from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene_mesh import MeshTable
 
-from .gmsh_mesh import discrete_model, gmsh_session, mesh_part, swept_part
-from .quality import Quality, orientation, quality
-from .rawmesh import RawMesh, facet_nodes, joined
+from .meshing.gmsh_mesh import discrete_model, gmsh_session, mesh_part, swept_part
+from .meshing.quality import Quality, orientation, quality
+from .meshing.rawmesh import RawMesh, facet_nodes, joined
 
 Builder = tuple[Any, Any]
 Result = TypeVar("Result")

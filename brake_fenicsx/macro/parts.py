@@ -10,7 +10,6 @@ from mpi4py import MPI
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import Scene
 
-from .groups import mesh_of_file
 from .mesh import (
     Builder,
     Mesh,
@@ -21,7 +20,8 @@ from .mesh import (
     on_rank_0,
     raw_mesh,
 )
-from .rawmesh import RawMesh, joined
+from .meshing.groups import mesh_of_file
+from .meshing.rawmesh import RawMesh, joined
 
 
 def scene_parts(scene: Scene) -> dict[str, Builder]:

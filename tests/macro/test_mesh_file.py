@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.macro.groups import mesh_of_file
 from brake_fenicsx.macro.mesh import check_cells, distribute
-from brake_fenicsx.macro.quality import orientation
+from brake_fenicsx.macro.meshing.groups import mesh_of_file
+from brake_fenicsx.macro.meshing.quality import orientation
 from brake_fenicsx.scene_mesh import MeshTable
 
 GROUPS = {
@@ -31,7 +31,7 @@ def read(path, **changes):
 
 def volumes(mesh):
     """Volume of each layer by gauss-free means: the divergence over the corners of the cells."""
-    from brake_fenicsx.macro.rawmesh import CORNERS
+    from brake_fenicsx.macro.meshing.rawmesh import CORNERS
 
     x = mesh.points[mesh.corners]
     if CORNERS[mesh.shape] == 4:

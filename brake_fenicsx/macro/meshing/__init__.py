@@ -1,0 +1,1 @@
+"""Plain meshes on one process: from gmsh builders or files, swept, mirrored, measured."""
