@@ -335,8 +335,7 @@ def describe(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -
         )
         from brake_fenicsx.uncertainty.sampling import sample_count
 
-        number = {"multi-scale": sample_count(parsed), "classical": 1}
-        counts = [f"{number[a]} {a}" for a in parsed.samples.approaches]
+        counts = [f"{sample_count(parsed, a)} {a}" for a in parsed.samples.approaches]
         lines.append(f"samples: {', '.join(counts)}")
     if comm.rank == 0:
         print("\n".join(lines))
