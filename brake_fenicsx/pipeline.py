@@ -256,7 +256,7 @@ def mechanics(this: Run, stats: SurfaceStatistics | None, library: LawLibrary | 
         study.run()
     with this.stage("results"):
         results = study.write()
-        this.facts |= results.facts()
+        this.facts |= {**results.facts(), **study.facts}
         if "report" in this.scene.stages:
             from brake_fenicsx.uncertainty.shapes import write_shapes
 

@@ -89,7 +89,20 @@ class Distribution:
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """[samples]: how many, of which approaches."""
+    """[samples]: how many, of which approaches.
+
+    Attributes:
+        n: samples of each approach that is random.
+        seed: seed of all of them.
+        design: points of the random inputs, see ``uncertainty.designs``.
+        curves: independent search curves of FAST for each input.
+        approaches: of "multi-scale", "classical", "fast", "joint".
+        classical: perfect contact.
+        fast: number and design of its samples.
+        joint: number and design of its samples.
+        limit: share of samples beyond which an unstable family is called robust.
+        random: law of each random input.
+    """
 
     n: int = key(default=1)
     seed: int = key(default=1, sign="zero")
@@ -99,6 +112,7 @@ class Samples:
     classical: Classical = field(default_factory=Classical)
     fast: Design = field(default_factory=Design)
     joint: Design = field(default_factory=Design)
+    limit: float = key(default=0.5)
     random: dict[str, Distribution] = field(default_factory=dict)
 
     def takes_random(self, approach: str) -> bool:

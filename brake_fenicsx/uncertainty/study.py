@@ -30,7 +30,9 @@ from brake_fenicsx.surface.hdf import HeightDistribution
 from .bulk import Bulk, assemble_bulk
 from .ensemble import Task, run_ensemble
 from .inputs import points_of
+from .outcomes import ensembles
 from .results import Results
+from .robustness import write_causes
 from .sampling import PERFECT, SampleInput, draw_sample, sample_count
 
 Array = NDArray[np.float64]
@@ -348,6 +350,10 @@ class Study:
             if "stability" in self.scene.stages:
                 write_rows(path("modes.csv"), MODES, results.modes())
             write_rows(path("contact.csv"), CONTACT, results.contact(self.brake.contact))
+            stability = self.scene.stability
+            if stability is not None and {"stability", "uncertainty"} <= {*self.scene.stages}:
+                found = ensembles(results, stability.band)
+                self.facts["robustness"] = write_causes(path(), self.scene.samples, found)
         return results
 
 
