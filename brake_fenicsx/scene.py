@@ -59,12 +59,18 @@ class Surface:
 
 @dataclass(frozen=True, slots=True)
 class Micro:
-    """[micro]: artificial patches and their contact."""
+    """[micro]: artificial patches and their contact.
+
+    Attributes:
+        laws: number of laws in the library; "per-sample": each sample makes its own afresh.
+        laws_per_sample: how many it makes then.
+    """
 
     patch: float = key("m", default=2.825e-3)
     pixels: int = key(default=128)
     boundary: str = key(default="free", choices=("free", "periodic"))
-    laws: int = key(default=100)
+    laws: int | str = key(default=100)
+    laws_per_sample: int = key(default=20)
     E: float = key("Pa", default=1983.3e6)
     nu: float = key(default=0.4054, sign="any")
     tolerance: float = key(default=1e-6)
@@ -72,6 +78,16 @@ class Micro:
     steps: int = key(default=40)
     bulk_compliance: str = key(default="remove", choices=("remove", "keep"))
     seed: int = key(default=1, sign="zero")
+
+    @property
+    def fresh(self) -> bool:
+        """Whether each sample makes its own laws."""
+        return self.laws == "per-sample"
+
+    @property
+    def library_size(self) -> int:
+        """Laws made before the samples; those of sample 0 where each makes its own."""
+        return self.laws_per_sample if isinstance(self.laws, str) else self.laws
 
 
 @dataclass(frozen=True, slots=True)

@@ -54,6 +54,8 @@ def _check_stages(s: Scene) -> None:
             raise SceneError(
                 f"surface.scan = {scan!r}: no such file; paths start at the scene's folder"
             )
+    if s.micro and isinstance(s.micro.laws, str) and not s.micro.fresh:
+        raise SceneError(f'micro.laws = {s.micro.laws!r}: write a number, or "per-sample"')
     if s.stability and (len(s.stability.band) != 2 or s.stability.band[0] >= s.stability.band[1]):
         raise SceneError(f"stability.band = {list(s.stability.band)!r} Hz: write [lowest, highest]")
 

@@ -20,6 +20,7 @@ from brake_fenicsx.macro.corrected import Bodies, corrected_equilibrium
 from brake_fenicsx.macro.equilibrium import Equilibrium, displacement, equilibrium
 from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.macro.solver import local_rows
+from brake_fenicsx.micro import LawRecipe, make_library
 from brake_fenicsx.micro.law import Laws
 from brake_fenicsx.report.tables import CONTACT, MODES, SAMPLES, write_rows
 from brake_fenicsx.scene import Scene
@@ -54,6 +55,7 @@ class Study:
         hdf: HeightDistribution | None,
         store: Store,
         comm: MPI.Comm,
+        recipe: LawRecipe | None = None,
     ):
         """Collect what the samples need.
 
@@ -64,7 +66,10 @@ class Study:
             hdf: height distribution, if the scene has a surface.
             store: the results folder.
             comm: processes that share the samples.
+            recipe: how laws are made, where each sample makes its own; ``library`` then holds
+                those of sample 0.
         """
+        self.recipe = recipe
         self.scene, self.brake, self.library, self.hdf = scene, brake, library, hdf
         self.store, self.comm = store, comm
         self.facts: dict[str, Any] = {}
@@ -310,9 +315,17 @@ class Study:
     def _draw(self, approach: str, k: int) -> SampleInput:
         points = self.points[approach]
         point = None if points is None else points[k]
-        return draw_sample(
-            self.scene, approach, k, self.brake.contact, self.library, self.hdf, point
-        )
+        library = self.library if approach in PERFECT else self._laws(k)
+        return draw_sample(self.scene, approach, k, self.brake.contact, library, self.hdf, point)
+
+    def _laws(self, k: int) -> Laws | None:
+        """The library, or the laws that sample ``k`` makes for itself."""
+        micro = self.scene.micro
+        if micro is None or not micro.fresh or k == 0 or self.recipe is None:
+            return self.library
+        numbers = range(k * micro.laws_per_sample, (k + 1) * micro.laws_per_sample)
+        made = [self.recipe.law(micro.seed, i) for i in numbers]
+        return make_library(made, list(numbers))
 
     def _reduced(self, eq: Equilibrium, sample: SampleInput) -> dict[str, Any]:
         return _arrays(modes := self.reduced.modes(eq.k, sample.mu)) | {
