@@ -47,7 +47,8 @@ class Design:
     Attributes:
         n: samples; those of [samples] if not given. FAST and Saltelli's design use the largest
             number not above it that their structure allows.
-        design: see ``uncertainty.designs``; [samples] says it if not given ("fast": FAST).
+        design: see ``uncertainty.designs``; [samples] says it if not given ("fast":
+            RBD-FAST, which needs fewer samples than FAST).
         curves: independent search curves of FAST for each input: intervals come from their spread.
     """
 
@@ -128,7 +129,7 @@ class Samples:
     def plan(self, approach: str) -> Plan:
         """Number and design of an approach's samples as the scene asks for them."""
         own = {"fast": self.fast, "joint": self.joint}.get(approach, Design())
-        design = own.design or ("fast" if approach == "fast" else self.design)
+        design = own.design or ("rbd-fast" if approach == "fast" else self.design)
         return Plan(own.n or self.n, design, own.curves or self.curves)
 
 

@@ -1,8 +1,8 @@
 """Which random input moves an outcome: first-order and total indices with 95 % intervals.
 
     fast       extended FAST, first and total; means over the independent search curves, intervals
-               from their spread by Student's t. (Resampling a curve, as SALib's own interval does,
-               destroys the order its spectrum is made of.)
+               from their spread by Student's t, widened by the bias of the method. (Resampling a
+               curve, as SALib's own interval does, destroys the order its spectrum is made of.)
     saltelli   first and total; intervals by SALib's bootstrap over the rows
     others     RBD-FAST, first; intervals by SALib's bootstrap over halves of the samples
 
@@ -30,6 +30,8 @@ FEWEST = 60
 RBD_HARMONICS = 10
 # Largest share of a rigid design that may be filled.
 FILLED = 0.02
+# Largest bias of FAST's first-order and total indices on Ishigami's function, 200 to 1000 points.
+BIAS = np.array([0.01, 0.05])
 CONFIDENCE = 0.95
 RESAMPLES = 200
 
@@ -122,7 +124,7 @@ def _fast(plan: Plan, y: Array, inputs: int) -> tuple[Array, Array, Array, Array
     half = np.full_like(mean, np.nan)
     if plan.curves > 1:
         t = stats.t.ppf(0.5 + CONFIDENCE / 2, plan.curves - 1)
-        half = t * found.std(axis=0, ddof=1) / np.sqrt(plan.curves)
+        half = t * found.std(axis=0, ddof=1) / np.sqrt(plan.curves) + BIAS
     return mean[:, 0], half[:, 0], mean[:, 1], half[:, 1]
 
 

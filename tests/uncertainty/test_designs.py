@@ -39,12 +39,12 @@ def test_saltelli_crosses_two_blocks():
 
 def test_fast_curves_visit_every_axis_evenly_and_differ():
     """Uniform on each axis; curves of one phase would give no interval."""
-    plan = Plan(800, "fast", 2)
+    plan = Plan(1600, "fast", 2)
     x = design_points(plan, 4, SEED)
-    assert x.shape == (800, 4)
+    assert x.shape == (1600, 4)
     for axis in x.T:
         assert stats.kstest(axis, "uniform").statistic < 0.05
-    assert not np.allclose(x[:400], x[400:])
+    assert not np.allclose(x[:800], x[800:])
 
 
 @pytest.mark.parametrize("design", ["random", "latin-hypercube", "sobol", "fast", "saltelli"])
@@ -52,7 +52,7 @@ def test_design_is_its_seed_and_leaves_the_global_generator_alone(design):
     """The layout of FAST is drawn from NumPy's global generator, which others may rely on."""
     np.random.seed(3)  # noqa: NPY002
     before = np.random.get_state()[1].copy()  # noqa: NPY002
-    a, b = (design_points(Plan(300, design, 1), 2, seed_again()) for _ in range(2))
+    a, b = (design_points(Plan(400, design, 1), 2, seed_again()) for _ in range(2))
     assert (a is None and design == "random") or np.array_equal(a, b)
     np.testing.assert_array_equal(np.random.get_state()[1], before)  # noqa: NPY002
 
@@ -62,7 +62,7 @@ def seed_again():
 
 
 def test_too_few_samples_for_a_design_are_refused():
-    with pytest.raises(SceneError, match="780 or more"):
+    with pytest.raises(SceneError, match="2400 or more"):
         design_size(Plan(700, "fast", 3), 4)
     with pytest.raises(SceneError, match="48 or more"):
         design_size(Plan(40, "saltelli", 1), 4)
