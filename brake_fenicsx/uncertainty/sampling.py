@@ -24,12 +24,9 @@ from brake_fenicsx.scene import Contact as ContactTable
 from brake_fenicsx.scene import Friction, Law, Scene
 from brake_fenicsx.surface.hdf import HeightDistribution
 
-from .inputs import Inputs, draw_inputs, law_factor, size_of
+from .inputs import PERFECT, Inputs, draw_inputs, law_factor, scaled_interfaces, size_of
 
 Array = NDArray[np.float64]
-
-# Approaches with a penalty in the place of the scene's laws and gaps.
-PERFECT = ("classical", "fast")
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,8 +141,7 @@ def _rough(
         own = interface == i
         chosen, numbers = _laws(table, library, int(own.sum()), law_rng)
         index[own] = numbers + sum(len(part) for part in parts)
-        # A penalty is a number of the method and has no modulus.
-        if not (isinstance(table.law, Law) and table.law.linear is not None):
+        if inputs.materials and name in scaled_interfaces(scene):
             chosen = scaled_laws(chosen, law_factor(scene, name, inputs.materials))
         parts.append(chosen)
         if table.gap == "hdf":

@@ -30,11 +30,11 @@ from brake_fenicsx.surface.hdf import HeightDistribution
 
 from .bulk import Bulk, assemble_bulk
 from .ensemble import Task, run_ensemble
-from .inputs import points_of
+from .inputs import PERFECT, points_of
 from .outcomes import ensembles
 from .results import Results
 from .robustness import write_causes
-from .sampling import PERFECT, SampleInput, draw_sample, sample_count
+from .sampling import SampleInput, draw_sample, sample_count
 
 Array = NDArray[np.float64]
 

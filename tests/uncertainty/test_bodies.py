@@ -177,3 +177,35 @@ def test_friction_alone_goes_through_the_reduced_path_also_in_perfect_contact(tm
     samples = rows(tmp_path / "a" / "samples.csv")
     assert all(s["contact.block_plate.friction"] == "" for s in samples[:3])
     assert len({s["contact.block_plate.friction"] for s in samples[3:]}) == 3
+
+
+NO_MODES = "stages=['surface','equilibrium','uncertainty']"
+
+
+def test_material_far_from_the_scene_is_factored_afresh(tmp_path):
+    """Where corrections diverge the sample must still come out, and right."""
+    stiff = random("materials.lining.C44", "{ law='uniform', min='4 GPa', max='5 GPa' }")
+    run(BLOCK, COMM, tmp_path / "a", [*COARSE, stiff, NO_MODES, "samples.n=2"])
+    drawn = rows(tmp_path / "a" / "samples.csv")[1]
+    assert drawn["status"] == "ok"
+    value = f"materials.lining.C44='{drawn['materials.lining.C44']} Pa'"
+    run(BLOCK, COMM, tmp_path / "b", [*COARSE, value, NO_MODES, "samples.n=2"])
+    a, b = (np.load(tmp_path / n / "samples" / "multi-scale-00001.npz")["p"] for n in "ab")
+    np.testing.assert_allclose(a, b, rtol=1e-7, atol=1e-8 * b.max())
+
+
+def test_rejected_draws_are_counted_where_one_looks(tmp_path):
+    """In samples.csv and the summary; a rigid design keeps the sample with its error."""
+    import json
+
+    bad = random("materials.lining.nu_31", "{ law='uniform', min=0.0, max=0.9 }")
+    run(BLOCK, COMM, tmp_path / "a", [*COARSE, bad, NO_MODES, "samples.n=12"])
+    counted = [int(r["rejected"]) for r in rows(tmp_path / "a" / "samples.csv")]
+    summary = json.loads((tmp_path / "a" / "summary.json").read_text())
+    assert sum(counted) == summary["samples"]["multi-scale"]["rejected_draws"] > 0
+    rigid = [*COARSE, bad, NO_MODES, "samples.n=24", "samples.design=saltelli"]
+    run(BLOCK, COMM, tmp_path / "b", rigid)
+    status = [r["status"] for r in rows(tmp_path / "b" / "samples.csv")]
+    failed = [s for s in status if s.startswith("draw rejected: materials.lining: ")]
+    assert 0 < len(failed) < len(status) == 24
+    assert len(failed) + status.count("ok") == 24

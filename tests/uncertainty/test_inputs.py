@@ -121,6 +121,15 @@ def test_rejected_point_of_a_rigid_design_is_an_error():
     assert found.rejected >= 1
 
 
+def test_no_draw_within_a_fifth_of_the_lining_is_rejected():
+    """nu_13 = 0.507 at 0.8 E_3 is a material, though beyond the 0.5 of an isotropic one."""
+    s = scene(random("materials.lining.E_3", "{ law='uniform', spread=0.2 }"))
+    low = draw_inputs(s, "multi-scale", np.array([0.0]), np.random.default_rng(0))
+    assert low.rejected == 0
+    assert engineering_constants(low.materials["lining"])["nu_xz"] > 0.5
+    assert law_factor(s, "block_plate", low.materials) > 0.8
+
+
 def test_no_draw_possible_is_said():
     s = scene(random("materials.lining.nu_31", "{ law='uniform', min=5, max=6 }"))
     with pytest.raises(InaccurateResult, match="all of 1000 draws rejected"):
