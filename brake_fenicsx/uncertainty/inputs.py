@@ -204,6 +204,6 @@ def _modulus(name: str, C: Array) -> float:
     # Beyond the 0.5 of an isotropic material: nu_13 grows as E_3 falls at fixed nu_31.
     if not abs(c["nu_xz"]) < 1:
         raise SceneError(
-            f"materials.{name}: nu_13 = {c['nu_xz']:.4g}: the laws' E_3 / (1 - nu_13^2) has no value"
+            f"materials.{name}: nu_13 = {c['nu_xz']:.4g}: E_3 / (1 - nu_13^2) is no modulus"
         )
     return float(c["E_z"] / (1 - c["nu_xz"] ** 2))
