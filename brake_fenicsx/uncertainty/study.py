@@ -96,7 +96,8 @@ class Study:
         self.verified = next((name for name, reduced in self.by_reduction.items() if reduced), "")
         self.verify: list[Task] = []
         if stability is not None and self.verified:
-            self.verify = [(VERIFY, k) for k in range(stability.verify)]
+            most = min(stability.verify, count[self.verified])
+            self.verify = [(VERIFY, k) for k in range(most)]
 
     def changes_bodies(self, approach: str) -> bool:
         """Whether the materials of an approach's samples differ from those of the scene."""

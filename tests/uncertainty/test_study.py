@@ -40,6 +40,13 @@ def command(out, changes):
     return [sys.executable, "-c", code, "run", str(BLOCK), "-o", str(out), *sets]
 
 
+def test_more_verified_samples_than_there_are(tmp_path):
+    """A design has no point for a sample beyond its own."""
+    lhs = [MU, "samples.design=latin-hypercube", "samples.n=2", "stability.verify=3"]
+    run(BLOCK, COMM, tmp_path / "out", [*ROUGH, *lhs])
+    assert len(list((tmp_path / "out" / "samples").glob("verify-*.npz"))) == 2
+
+
 FOUR = "samples.approaches=['multi-scale','fast','classical','joint']"
 
 
