@@ -207,19 +207,17 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
     path = this.store.path("laws.npz")
     with this.stage("micro"):
         if not comm.bcast(path.exists(), root=0):
-            recipe = law_recipe(scene, stats)
+            recipe, number = law_recipe(scene, stats), micro.library_size
             for text in recipe.surface(micro.seed, 0).warnings:
                 logger.warning("%s", text)
-            progress = Progress("laws", len(range(comm.rank, micro.laws, comm.size)))
+            progress = Progress("laws", len(range(comm.rank, number, comm.size)))
             own = {}
-            for i in range(comm.rank, micro.laws, comm.size):
+            for i in range(comm.rank, number, comm.size):
                 own[i] = recipe.law(micro.seed, i)
                 progress.advance()
             steps = {i: law for part in comm.allgather(own) for i, law in part.items()}
             settings = {**recipe.settings(), "seed": micro.seed}
-            library = make_library(
-                [steps[i] for i in range(micro.laws)], list(range(micro.laws)), settings
-            )
+            library = make_library([steps[i] for i in range(number)], list(range(number)), settings)
             if comm.rank == 0:
                 part = path.with_name(".laws.part")
                 save_laws(part, library)
@@ -250,7 +248,9 @@ def mechanics(this: Run, stats: SurfaceStatistics | None, library: LawLibrary | 
             " of %(mean_patch_mm).3f mm squared in the mean; worst cell %(worst_cell_quality).3f",
             this.facts,
         )
-    study = Study(this.scene, brake, library, stats.hdf if stats else None, this.store, this.comm)
+    recipe = law_recipe(this.scene, stats) if stats else None
+    hdf = stats.hdf if stats else None
+    study = Study(this.scene, brake, library, hdf, this.store, this.comm, recipe)
     with this.stage("shared"):
         study.prepare()
         this.facts |= study.facts
@@ -258,7 +258,7 @@ def mechanics(this: Run, stats: SurfaceStatistics | None, library: LawLibrary | 
         study.run()
     with this.stage("results"):
         results = study.write()
-        this.facts |= results.facts()
+        this.facts |= {**results.facts(), **study.facts}
         if "report" in this.scene.stages:
             from brake_fenicsx.uncertainty.shapes import write_shapes
 
@@ -322,8 +322,10 @@ def describe(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -
         lines.append(f"scan: {nx} x {ny} points, {lx:.4g} x {ly:.4g} mm, {scan.source}")
     if parsed.micro and "micro" in parsed.stages:
         m = parsed.micro
+        each = " for each sample" if m.fresh else ""
         lines.append(
-            f"laws: {m.laws} of {m.pixels} x {m.pixels} points on {1e3 * m.patch:g} mm squared"
+            f"laws: {m.library_size}{each} of {m.pixels} x {m.pixels} points on"
+            f" {1e3 * m.patch:g} mm squared"
         )
     if "equilibrium" in parsed.stages:
         from brake_fenicsx.macro.brake import assemble_brake
@@ -337,8 +339,7 @@ def describe(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -
         )
         from brake_fenicsx.uncertainty.sampling import sample_count
 
-        number = {"multi-scale": sample_count(parsed), "classical": 1}
-        counts = [f"{number[a]} {a}" for a in parsed.samples.approaches]
+        counts = [f"{sample_count(parsed, a)} {a}" for a in parsed.samples.approaches]
         lines.append(f"samples: {', '.join(counts)}")
     if comm.rank == 0:
         print("\n".join(lines))

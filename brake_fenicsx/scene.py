@@ -12,22 +12,24 @@ import importlib
 import json
 import tomllib
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene_mesh import MeshTable, read_mesh
 from brake_fenicsx.scene_rules import check_consistent
+from brake_fenicsx.scene_samples import Classical, Design, Distribution, Samples, read_samples
 from brake_fenicsx.toml_tables import check_keys, key, override, read_table
 from brake_fenicsx.units import to_si
+
+__all__ = ["Classical", "Design", "Distribution", "Samples", "Scene", "read_scene"]
 
 STAGES = ("surface", "micro", "equilibrium", "stability", "uncertainty", "report")
 BUILDERS = {
     "disc": "Disc", "pad": "Pad", "block": "Block", "hertz_sphere": "Sphere", "hertz_base": "Base",
     "hertz_cylinder": "Cylinder", "hertz_slab": "Plate",
 }  # fmt: skip
-APPROACHES = ("multi-scale", "classical")
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,12 +59,18 @@ class Surface:
 
 @dataclass(frozen=True, slots=True)
 class Micro:
-    """[micro]: artificial patches and their contact."""
+    """[micro]: artificial patches and their contact.
+
+    Attributes:
+        laws: number of laws in the library; "per-sample": each sample makes its own afresh.
+        laws_per_sample: how many it makes then.
+    """
 
     patch: float = key("m", default=2.825e-3)
     pixels: int = key(default=128)
     boundary: str = key(default="free", choices=("free", "periodic"))
-    laws: int = key(default=100)
+    laws: int | str = key(default=100)
+    laws_per_sample: int = key(default=20)
     E: float = key("Pa", default=1983.3e6)
     nu: float = key(default=0.4054, sign="any")
     tolerance: float = key(default=1e-6)
@@ -70,6 +78,16 @@ class Micro:
     steps: int = key(default=40)
     bulk_compliance: str = key(default="remove", choices=("remove", "keep"))
     seed: int = key(default=1, sign="zero")
+
+    @property
+    def fresh(self) -> bool:
+        """Whether each sample makes its own laws."""
+        return self.laws == "per-sample"
+
+    @property
+    def library_size(self) -> int:
+        """Laws made before the samples; those of sample 0 where each makes its own."""
+        return self.laws_per_sample if isinstance(self.laws, str) else self.laws
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,37 +202,6 @@ class Stability:
 
 
 @dataclass(frozen=True, slots=True)
-class Classical:
-    """[samples.classical]: perfect contact."""
-
-    penalty: float = key("Pa/m", default=2e13)
-    friction: float = key(default=0.5, sign="zero")
-
-
-@dataclass(frozen=True, slots=True)
-class Distribution:
-    """[samples.random]: law of one random input."""
-
-    law: str = key(choices=("normal", "uniform"))
-    mean: float | None = key(default=None, sign="any")
-    sd: float | None = key(default=None)
-    min: float = key(default=-float("inf"), sign="any")
-    max: float = key(default=float("inf"), sign="any")
-
-
-@dataclass(frozen=True, slots=True)
-class Samples:
-    """[samples]: how many, of which approaches."""
-
-    n: int = key(default=1)
-    seed: int = key(default=1, sign="zero")
-    design: str = key(default="random", choices=("random",))
-    approaches: tuple[str, ...] = key(default=("multi-scale",))
-    classical: Classical = field(default_factory=Classical)
-    random: dict[str, Distribution] = field(default_factory=dict)
-
-
-@dataclass(frozen=True, slots=True)
 class Scene:
     """A checked scene.
 
@@ -293,7 +280,7 @@ def _scene(path: Path, table: dict[str, Any]) -> Scene:
             ("surface", Surface), ("micro", Micro), ("motion", Motion), ("stability", Stability)
         )
     }  # fmt: skip
-    samples = _samples(table.get("samples", {}))
+    samples = read_samples(table.get("samples", {}), path.parent)
     mesh = read_mesh(table.get("mesh", {}))
     scene = Scene(
         path, table, stages, one["surface"], one["micro"],
@@ -312,19 +299,6 @@ def _scene(path: Path, table: dict[str, Any]) -> Scene:
 def _each(cls: Any, table: dict[str, Any], section: str) -> dict[str, Any]:
     """Read a section of named tables."""
     return {n: read_table(cls, t, f"{section}.{n}") for n, t in table.get(section, {}).items()}
-
-
-def _samples(table: dict[str, Any]) -> Samples:
-    random = table.get("random", {})
-    rest = {k: v for k, v in table.items() if k != "random"}
-    samples = read_table(Samples, rest, "samples")
-    drawn = {n: read_table(Distribution, t, f'samples.random."{n}"') for n, t in random.items()}
-    for name in samples.approaches:
-        if name not in APPROACHES:
-            raise SceneError(f"samples.approaches: {name!r}; use {', '.join(APPROACHES)}")
-    return Samples(
-        samples.n, samples.seed, samples.design, samples.approaches, samples.classical, drawn
-    )
 
 
 def _part(table: dict[str, Any], where: str, mesh: MeshTable) -> Part:

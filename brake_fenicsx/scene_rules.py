@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.scene_samples import ENGINEERING, split_key
 from brake_fenicsx.units import to_si
 
 if TYPE_CHECKING:
-    from brake_fenicsx.scene import Contact, Scene
+    from brake_fenicsx.scene import Contact, MaterialTable, Scene
 
 
 # Stages that build on another one.
@@ -31,13 +32,8 @@ def check_consistent(s: Scene) -> None:
         _check_contact(s, f"contact.{name}", contact)
     _check_motion(s)
     for name in s.samples.random:
-        owner = {f"contact.{c}.friction": table for c, table in s.contact.items()}.get(name)
-        if owner is None:
-            raise SceneError(
-                f'samples.random."{name}": only contact.NAME.friction may be random so far'
-            )
-        if not isinstance(owner.friction, float | int):
-            raise SceneError(f'samples.random."{name}": {name} is a table; write one number there')
+        _check_random(s, name)
+    _check_approaches(s)
 
 
 def _check_stages(s: Scene) -> None:
@@ -58,6 +54,8 @@ def _check_stages(s: Scene) -> None:
             raise SceneError(
                 f"surface.scan = {scan!r}: no such file; paths start at the scene's folder"
             )
+    if s.micro and isinstance(s.micro.laws, str) and not s.micro.fresh:
+        raise SceneError(f'micro.laws = {s.micro.laws!r}: write a number, or "per-sample"')
     if s.stability and (len(s.stability.band) != 2 or s.stability.band[0] >= s.stability.band[1]):
         raise SceneError(f"stability.band = {list(s.stability.band)!r} Hz: write [lowest, highest]")
 
@@ -85,7 +83,7 @@ def _check_contact(s: Scene, where: str, contact: Contact) -> None:
                 f'{where}.law = {contact.law!r}: write "library", {{ linear = "2e13 Pa/m" }}'
                 " or { p0 = .., u0 = .. }"
             )
-        if "micro" not in s.stages and "multi-scale" in s.samples.approaches:
+        if "micro" not in s.stages and {"multi-scale", "joint"} & {*s.samples.approaches}:
             raise SceneError(f'{where}.law = "library": needs the stages surface and micro')
     elif contact.law.linear is None and (contact.law.p0 is None or contact.law.u0 is None):
         raise SceneError(f"{where}.law: write {{ linear = .. }} or {{ p0 = .., u0 = .. }}")
@@ -93,9 +91,60 @@ def _check_contact(s: Scene, where: str, contact: Contact) -> None:
         raise SceneError(f'{where}.gap = "hdf": needs the stage surface')
 
 
+def _check_random(s: Scene, name: str) -> None:
+    """The scalar is there and is one number."""
+    where = f'samples.random."{name}"'
+    section, table, last = split_key(name)
+    tables = getattr(s, section)
+    if table not in tables:
+        known = ", ".join(tables) or "none"
+        raise SceneError(f"{where}: there is no [{section}.{table}]; there are {known}")
+    if section == "materials":
+        _check_constant(where, tables[table], last)
+    elif not isinstance(getattr(tables[table], last), float | int):
+        raise SceneError(f"{where}: {name} is a table; write one number there")
+
+
+def _check_constant(where: str, material: MaterialTable, constant: str) -> None:
+    """The constant is one of the material."""
+    by_stiffness = material.E is None
+    if constant[0] == "C":
+        if not by_stiffness or getattr(material, constant, None) is None:
+            raise SceneError(
+                f"{where}: the material is not written by {constant}; name an engineering constant"
+            )
+    elif material.model == "isotropic":
+        if constant not in ("E", "nu") or by_stiffness:
+            raise SceneError(f"{where}: of an isotropic material E and nu, or C11 and C12")
+    elif constant not in ENGINEERING:
+        raise SceneError(f"{where}: use one of {', '.join(ENGINEERING)}")
+
+
+def _check_approaches(s: Scene) -> None:
+    """Approaches that live from random inputs have some; no material is named in two ways."""
+    for name in ("fast", "joint"):
+        if name in s.samples.approaches and not s.samples.random:
+            raise SceneError(
+                f"samples.approaches: {name!r} needs random inputs; write them in [samples.random]"
+            )
+        if name in s.samples.approaches and "uncertainty" not in s.stages:
+            raise SceneError(f"samples.approaches: {name!r} needs the stage uncertainty")
+    ways: dict[str, set[bool]] = {}
+    for section, table, last in map(split_key, s.samples.random):
+        if section == "materials":
+            ways.setdefault(table, set()).add(last[0] == "C")
+    for table, found in ways.items():
+        if len(found) > 1:
+            raise SceneError(
+                f"samples.random: materials.{table} by stiffnesses and by engineering constants;"
+                " use one kind"
+            )
+
+
 def _check_motion(s: Scene) -> None:
     """Friction has a direction, and the speed the right unit."""
-    sliding = any(c.friction for c in s.contact.values()) or "classical" in s.samples.approaches
+    perfect = bool({"classical", "fast"} & {*s.samples.approaches})
+    sliding = any(c.friction for c in s.contact.values()) or perfect
     if "equilibrium" in s.stages and sliding and s.motion is None:
         raise SceneError("motion: friction needs a section [motion]")
     if s.motion:

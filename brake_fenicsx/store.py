@@ -95,11 +95,20 @@ class Store:
 
 def result_digest(scene: Scene) -> str:
     """Hash of all that the results of a sample depend on."""
-    samples = {
-        k: v for k, v in scene.table.get("samples", {}).items() if k not in ("n", "approaches")
-    }
+    left_out = ("n", "approaches", "limit")
+    samples = {k: v for k, v in scene.table.get("samples", {}).items() if k not in left_out}
     table = {k: v for k, v in scene.table.items() if k not in ("stages", "samples")}
-    return Scene.hash({**table, "samples": samples, "base": str(scene.file.resolve().parent)})
+    content = {**table, "samples": samples, "base": str(scene.file.resolve().parent)}
+    s = scene.samples
+    # The points of a design hang together; fast and joint take the inputs from multi-scale.
+    whole = [s.plan(a) for a in s.approaches if s.takes_random(a) and not s.plan(a).grows]
+    if whole:
+        content["designs"] = [[p.n, p.design, p.curves] for p in whole]
+    if s.random and {"fast", "joint"} & {*s.approaches}:
+        content["multi-scale"] = "roughness alone"
+    if measured := {name: d.digest for name, d in s.random.items() if d.digest}:
+        content["measured"] = measured
+    return Scene.hash(content)
 
 
 def _write(path: Path, text: str) -> None:

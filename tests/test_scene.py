@@ -79,7 +79,7 @@ MISTAKES = [
     ("stability.band=['9 kHz','1 kHz']", "stability.band", "lowest"),
     ("motion.speed=3 bar", "motion.speed", "m/s"),
     ("parts.block.builder=cube", "cube", "block"),
-    ("samples.approaches=['fast']", "fast", "classical"),
+    ("samples.approaches=['fast']", "fast", "samples.random"),
     ("contact.block_plate.friction=-0.1", "friction", "zero or more"),
     ("samples.n=2.5", "samples.n", "whole number"),
 ]

@@ -6,7 +6,7 @@ Second-order elements by default: linear ones lock in bending.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -213,6 +213,45 @@ def assemble_elastic(
         A.destroy()
     f, record = _loads(mesh, free, loads)
     return Elastic(matrices[0], matrices[1], f, free, record)
+
+
+def affine_parts(
+    mesh: Mesh, free: FreeDofs, directions: Sequence[Mapping[str, NDArray]]
+) -> list[PETSc.Mat]:
+    """Stiffness of unit changes of the materials: K is linear in every C_ij.
+
+    Args:
+        mesh: the tagged mesh.
+        free: numbering of the free dofs.
+        directions: for each matrix wanted, layer name -> change of its stiffness in x, y, z axes
+            [Pa], shape (6, 6), symmetric; other layers do not change.
+
+    Returns:
+        One matrix [N/m] on the free dofs for each direction.
+    """
+    u, v = ufl.TrialFunction(free.V), ufl.TestFunction(free.V)
+    keep = PETSc.IS().createGeneral(_owned_globals(free), comm=mesh.domain.comm)
+    parts = []
+    for changes in directions:
+        A = None
+        for layer, change in changes.items():
+            cells = compat.meshtags(mesh.domain, 3, mesh.cell_tags.find(mesh.layers[layer]), 1)
+            rule = QUADRATURE[mesh.shape]
+            dx = ufl.Measure("dx", domain=mesh.domain, subdomain_data=cells, metadata=rule)(1)
+            form = fem.form(stiffness_form(u, v, fem.Constant(mesh.domain, change), dx))
+            A = fem_petsc.create_matrix(form) if A is None else A
+            fem_petsc.assemble_matrix(A, form)
+        if A is None:
+            raise SceneError("a change of no layer")
+        A.assemble()
+        parts.append(A.createSubMatrix(keep, keep))
+        A.destroy()
+    return parts
+
+
+def unit_loads(mesh: Mesh, free: FreeDofs, face: str) -> PETSc.Vec:
+    """Loads [N/Pa] of a pressure of 1 Pa on a face, on the free dofs."""
+    return _loads(mesh, free, {face: 1.0})[0]
 
 
 def _owned_globals(free: FreeDofs) -> NDArray[np.int32]:

@@ -75,8 +75,7 @@ def layer_materials(
         name, _, inner = layer.partition(".")
         part = scene.parts[name]
         used = part.material
-        # The layers shim1, shim2, ... of a shim may share the material of "shim".
-        key = used if isinstance(used, str) else used.get(inner, used.get(inner.rstrip(DIGITS)))
+        key = layer_material(used, inner)
         if key is None:
             raise SceneError(
                 f"{scene.file}: parts.{name}.material: no material for layer {inner!r};"
@@ -85,6 +84,13 @@ def layer_materials(
         angle = part.axis + scene.materials[key].axis
         found[layer] = in_axes(materials[key], angle)
     return found
+
+
+def layer_material(used: str | Mapping[str, str], layer: str) -> str | None:
+    """Material of a layer; the layers shim1, shim2, ... of a shim may share that of "shim"."""
+    if isinstance(used, str):
+        return used
+    return used.get(layer) or used.get(layer.rstrip(DIGITS))
 
 
 def in_axes(material: Material, angle: float) -> Material:

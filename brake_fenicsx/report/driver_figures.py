@@ -48,7 +48,7 @@ def drivers(run: RunData, approach: str) -> list[Driver]:
     order = np.argsort(run.samples["sample"][good], kind="stable")
     found = []
     for name, column in run.samples.items():
-        if name in SAMPLES or not np.issubdtype(column.dtype, np.number):
+        if name in (*SAMPLES, "rejected") or not np.issubdtype(column.dtype, np.number):
             continue
         values = column[good][order].astype(float)
         if np.all(np.isfinite(values)) and np.ptp(values) > 0:

@@ -12,6 +12,7 @@ from .contact_figures import draw_contact_pressure
 from .driver_figures import draw_drivers
 from .micro_figures import draw_contact_maps, draw_laws
 from .rundata import RunData, read_run
+from .sensitivity_figures import draw_sensitivity
 from .squeal_figures import (
     draw_convergence,
     draw_counts,
@@ -99,6 +100,12 @@ PLOTS = (
         "What goes with instability: Spearman's rank correlation of each random input with the "
         "number of unstable modes of the sample, with 95 % intervals.",
         draw_drivers,
+    ),
+    Plot(
+        "sensitivity",
+        "Share of the variance of the growth rate (0 where stable) that each random input explains "
+        "alone, with 95 % intervals; diamonds: together with its interactions.",
+        draw_sensitivity,
     ),
     Plot(
         "contact_pressure",

@@ -155,7 +155,9 @@ def _squeal(run: RunData) -> str:
 
 
 def _probability(run: RunData) -> str:
-    return _figures(run, "probability_per_band", "unstable_per_sample", "convergence", "drivers")
+    return _figures(
+        run, "probability_per_band", "unstable_per_sample", "convergence", "drivers", "sensitivity"
+    )
 
 
 def _shapes(run: RunData) -> str:

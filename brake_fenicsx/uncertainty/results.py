@@ -21,8 +21,14 @@ class Results:
         stored: arrays of each one that is there.
     """
 
-    def __init__(self, store: Store, tasks: Sequence[Task], verify: Sequence[Task] = ()):
-        self.tasks, self.verify = list(tasks), list(verify)
+    def __init__(
+        self,
+        store: Store,
+        tasks: Sequence[Task],
+        verify: Sequence[Task] = (),
+        verified: str = "multi-scale",
+    ):
+        self.tasks, self.verify, self.verified = list(tasks), list(verify), verified
         self.stored: dict[Task, dict[str, Any]] = {}
         for task in [*self.tasks, *self.verify]:
             found = store.load(sample_file(task))
@@ -35,7 +41,11 @@ class Results:
 
     def sample_columns(self, first: Sequence[str]) -> list[str]:
         """Columns of samples.csv: the fixed ones, friction, and one per random input."""
-        return [*first, "mu", *self._inputs()]
+        return [*first, "mu", *self._inputs(), *self._rejected()]
+
+    def _rejected(self) -> list[str]:
+        """The column of rejected draws, where materials are random and some may be."""
+        return ["rejected"] if any(n.startswith("materials.") for n in self._inputs()) else []
 
     def _inputs(self) -> list[str]:
         names = {str(n) for t in self.good() for n in self.stored[t]["random_names"]}
@@ -54,7 +64,10 @@ class Results:
             seed = int(data["seed"]) if "seed" in data else None
             mu = float(np.mean(data["mu"])) if "mu" in data else None
             values = [float(drawn[n]) if n in drawn else None for n in names]
-            yield [*task, str(data["status"]), seed, mu, *values]
+            rejected = int(data["rejected"]) if "rejected" in data else None
+            yield [
+                *task, str(data["status"]), seed, mu, *values, *(rejected for _ in self._rejected())
+            ]  # fmt: skip
 
     def families(self) -> dict[Task, Any]:
         """Family of every mode; -1 where samples have no common basis to be compared in."""
@@ -114,6 +127,8 @@ class Results:
                     "neutral": int(sum((d["verdict"] == "neutral").sum() for d in own)),
                     "seconds_per_stability": _median(own, "stability_seconds"),
                 }
+            if any("rejected" in d for d in own):
+                about["rejected_draws"] = int(sum(int(d["rejected"]) for d in own))
             if own:
                 about["seconds_per_equilibrium"] = _median(own, "equilibrium_seconds")
                 about["newton_iterations"] = _median(own, "equilibrium_iterations")
@@ -127,7 +142,7 @@ class Results:
         errors, wrong, compared = [np.zeros(0)], 0, 0
         for task in self.verify:
             full = self.stored.get(task)
-            mine = [d for t, d in self.stored.items() if t[1] == task[1] and t[0] == "multi-scale"]
+            mine = [d for t, d in self.stored.items() if t[1] == task[1] and t[0] == self.verified]
             if full is None or "s" not in full or not mine or mine[0]["s"].size != full["s"].size:
                 continue
             compared += 1

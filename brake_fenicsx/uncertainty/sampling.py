@@ -6,11 +6,11 @@ nothing depends on the number of processes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.contact import Contact
@@ -19,9 +19,12 @@ from brake_fenicsx.macro.gap import EnrichedGap, draw_critical_gaps
 from brake_fenicsx.micro import OneLaw, exponential_law, linear_law
 from brake_fenicsx.micro.joined import join_laws
 from brake_fenicsx.micro.law import Laws
+from brake_fenicsx.micro.scaled import scaled_laws
 from brake_fenicsx.scene import Contact as ContactTable
-from brake_fenicsx.scene import Distribution, Friction, Law, Scene
+from brake_fenicsx.scene import Friction, Law, Scene
 from brake_fenicsx.surface.hdf import HeightDistribution
+
+from .inputs import PERFECT, Inputs, draw_inputs, law_factor, scaled_interfaces, size_of
 
 Array = NDArray[np.float64]
 
@@ -36,6 +39,9 @@ class SampleInput:
         mu: friction coefficient of each contact element, shape (elements,).
         mu_equilibrium: the same in the equilibrium, 0 where the scene leaves friction out there.
         random: random inputs of the scene by name.
+        materials: stiffness of each random material in its own axes [Pa], shape (6, 6).
+        pressures: pressure of each random load [Pa], by its face.
+        rejected: draws of the random inputs that were rejected.
     """
 
     seed: int
@@ -43,6 +49,9 @@ class SampleInput:
     mu: Array
     mu_equilibrium: Array
     random: dict[str, float]
+    materials: dict[str, Array] = field(default_factory=dict)
+    pressures: dict[str, float] = field(default_factory=dict)
+    rejected: int = 0
 
 
 def sample_seed(seed: int, k: int) -> int:
@@ -58,41 +67,82 @@ def draw_sample(
     contact: Contact,
     library: Laws | None,
     hdf: HeightDistribution | None,
+    point: Array | None = None,
 ) -> SampleInput:
     """Inputs of sample ``k`` of an approach.
 
     Args:
         scene: the scene.
-        approach: "multi-scale" (the contact as the scene writes it) or "classical" (perfect
-            contact: a stiff linear penalty, no critical gap, the classical friction).
+        approach: "multi-scale" and "joint" take the contact as the scene writes it; "classical"
+            and "fast" perfect contact: a stiff linear penalty, no critical gap, the classical
+            friction where it is not random.
         k: number of the sample.
         contact: contact elements; only their interfaces and sliding speeds are used.
         library: the laws, where the scene asks for them.
         hdf: height distribution, where critical gaps are drawn from it.
+        point: the sample's point of a design, shape (inputs,); None: drawn from its own stream.
 
     Returns:
         The inputs.
+
+    Raises:
+        InaccurateResult: the point cannot be used and may not be replaced.
     """
     seed = sample_seed(scene.samples.seed, k)
-    elements = contact.interface.size
-    tables = list(scene.contact.items())
-    in_equilibrium = np.array([t.friction_in_equilibrium for _, t in tables])[contact.interface]
-    if approach == "classical":
-        classical = scene.samples.classical
-        index = np.zeros(elements, dtype=np.intp)
-        laws = EnrichedGap(OneLaw(linear_law(classical.penalty)), index, np.zeros(elements))
-        mu = np.full(elements, classical.friction)
-        return SampleInput(seed, laws, mu, mu * in_equilibrium, {})
     # Each kind of draw has its own child, so that naming one does not change the others.
     children = np.random.SeedSequence(seed).spawn(3)
     law_rng, gap_rng, random_rng = (np.random.default_rng(child) for child in children)
-    inputs = {name: draw(d, random_rng) for name, d in sorted(scene.samples.random.items())}
-    parts: list[Laws] = []
-    index, g_cr, mu = np.zeros(elements, np.intp), np.zeros(elements), np.zeros(elements)
-    for i, (name, table) in enumerate(tables):
+    inputs = Inputs({}, {}, {})
+    if scene.samples.takes_random(approach):
+        inputs = draw_inputs(scene, approach, point, random_rng)
+    if approach in PERFECT:
+        laws = perfect_contact(scene, contact.interface.size)
+    else:
+        laws = _rough(scene, contact.interface, library, hdf, inputs, (law_rng, gap_rng))
+    mu = _friction(scene, contact, approach in PERFECT, inputs.values)
+    in_equilibrium = np.array([t.friction_in_equilibrium for t in scene.contact.values()])
+    return SampleInput(
+        seed, laws, mu, mu * in_equilibrium[contact.interface], inputs.values, inputs.materials,
+        inputs.pressures, inputs.rejected,
+    )  # fmt: skip
+
+
+def perfect_contact(scene: Scene, elements: int) -> EnrichedGap:
+    """The classical penalty for every element, no critical gap."""
+    index = np.zeros(elements, dtype=np.intp)
+    penalty = linear_law(scene.samples.classical.penalty)
+    return EnrichedGap(OneLaw(penalty), index, np.zeros(elements))
+
+
+def _friction(scene: Scene, contact: Contact, perfect: bool, values: Mapping[str, float]) -> Array:
+    """Friction coefficient of each element, shape (elements,)."""
+    mu = np.zeros(contact.interface.size)
+    for i, (name, table) in enumerate(scene.contact.items()):
         own = contact.interface == i
+        usual = scene.samples.classical.friction if perfect else table.friction
+        value = values.get(f"contact.{name}.friction", usual)
+        mu[own] = coefficient(value, contact.speed[own])
+    return mu
+
+
+def _rough(
+    scene: Scene,
+    interface: NDArray[np.int_],
+    library: Laws | None,
+    hdf: HeightDistribution | None,
+    inputs: Inputs,
+    streams: tuple[np.random.Generator, np.random.Generator],
+) -> EnrichedGap:
+    """Law and critical gap of each element, the laws for the sample's modulus."""
+    law_rng, gap_rng = streams
+    parts: list[Laws] = []
+    index, g_cr = np.zeros(interface.size, np.intp), np.zeros(interface.size)
+    for i, (name, table) in enumerate(scene.contact.items()):
+        own = interface == i
         chosen, numbers = _laws(table, library, int(own.sum()), law_rng)
         index[own] = numbers + sum(len(part) for part in parts)
+        if inputs.materials and name in scaled_interfaces(scene):
+            chosen = scaled_laws(chosen, law_factor(scene, name, inputs.materials))
         parts.append(chosen)
         if table.gap == "hdf":
             if hdf is None:
@@ -100,10 +150,7 @@ def draw_sample(
                     f'contact.{name}.gap = "hdf": there are no heights; name the stage surface'
                 )
             g_cr[own] = draw_critical_gaps(hdf, int(own.sum()), gap_rng)
-        value = inputs.get(f"contact.{name}.friction", table.friction)
-        mu[own] = coefficient(value, contact.speed[own])
-    laws = EnrichedGap(join_laws(parts), index, g_cr)
-    return SampleInput(seed, laws, mu, mu * in_equilibrium, inputs)
+    return EnrichedGap(join_laws(parts), index, g_cr)
 
 
 def _laws(
@@ -133,20 +180,10 @@ def analytic_law(law: Law) -> OneLaw:
     return OneLaw(exponential_law(law.p0, law.u0))
 
 
-def draw(d: Distribution, rng: np.random.Generator) -> float:
-    """One value of a distribution, by inversion so that truncation wastes no draw."""
-    u = rng.random()
-    if d.law == "uniform":
-        return float(d.min + u * (d.max - d.min))
-    if d.mean is None or d.sd is None:
-        raise SceneError("samples.random: a normal law needs mean and sd")
-    a, b = (d.min - d.mean) / d.sd, (d.max - d.mean) / d.sd
-    return float(stats.truncnorm.ppf(u, a, b, loc=d.mean, scale=d.sd))
-
-
-def sample_count(scene: Scene) -> int:
-    """Samples of the multi-scale approach: many if the scene names uncertainty and has some."""
+def sample_count(scene: Scene, approach: str = "multi-scale") -> int:
+    """Samples of an approach: many if the scene names uncertainty and something is random."""
+    if approach == "classical" or "uncertainty" not in scene.stages:
+        return 1
     tables = scene.contact.values()
-    rough = any(c.law == "library" or c.gap == "hdf" for c in tables)
-    random = rough or bool(scene.samples.random)
-    return scene.samples.n if random and "uncertainty" in scene.stages else 1
+    rough = any(c.law == "library" or c.gap == "hdf" for c in tables) and approach not in PERFECT
+    return size_of(scene, approach) if rough or scene.samples.takes_random(approach) else 1

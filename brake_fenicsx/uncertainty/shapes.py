@@ -7,8 +7,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.macro.equilibrium import Equilibrium, displacement
-
 from .ensemble import Task
 from .results import Results
 
@@ -36,7 +34,7 @@ def write_shapes(study: Study, results: Results) -> None:
     comm.Barrier()
     for task in results.first():
         data, name = results.stored[task], task[0]
-        u = study.brake.local(_displacement(study, data))
+        u = study.brake.local(study.displacement(task, data))
         write_fields(store.path("fields", f"equilibrium_{name}.xdmf"), V, {"u_e": u})
         if comm.rank == 0:
             values = {key: data[key] for key in ("g", "g_cr", "p", "k")}
@@ -52,23 +50,6 @@ def write_shapes(study: Study, results: Results) -> None:
             render_mode(store.path("figures", f"mode_{name}_{hertz:05.0f}Hz.png"), V, local, title)
         if fields:
             write_fields(store.path("fields", f"modes_{name}.xdmf"), V, fields)
-
-
-def _displacement(study: Study, data: dict[str, Any]) -> NDArray:
-    """Displacement of a stored equilibrium."""
-    zero: tuple[Any, ...] = ((0,), 0.0, (), 0.0)
-    mu = data["mu_equilibrium"]
-    eq = Equilibrium(data["g"], data["p"], data["k"], mu, *zero)
-    ops = _Operators(study)
-    return displacement(ops, eq, study.brake.f)
-
-
-class _Operators:
-    """The brake's operators with the study's compliance."""
-
-    def __init__(self, study: Study):
-        b = study.brake
-        self.N, self.T, self.w, self.g0, self.compliance = b.N, b.T, b.w, b.g0, study.compliance
 
 
 def _unstable(study: Study, task: Task, data: dict[str, Any]) -> tuple[NDArray, NDArray]:

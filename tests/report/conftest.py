@@ -9,6 +9,7 @@ import pytest
 
 from brake_fenicsx.report.figures import make_figures
 from brake_fenicsx.report.tables import CONTACT, MODES, SAMPLES, write_rows
+from brake_fenicsx.uncertainty.robustness import SENSITIVITY
 
 E_STAR = 2373.4e6
 SAMPLED = {"classical": 1, "fast": 40, "multi-scale": 60}
@@ -40,6 +41,17 @@ def _mode(approach, sample, mode, f, damping, family, rng):
     small = 10.0 ** rng.uniform(-13, -10), 10.0 ** rng.uniform(-8, -5)
     condition = float(rng.lognormal(0.5, 0.5) + 1)
     return [approach, sample, mode, f, real, damping, *small, condition, verdict, family]
+
+
+def sensitivity_rows() -> list[list]:
+    """Two inputs for the whole band and a family, the second without total indices."""
+    rows = []
+    for scope, where, f in (("band", "0-16000", 8000.0), ("family", "0", 1930.0)):
+        for name, first in (("contact.pad_disc.friction", 0.7), ("materials.lining.E_3", 0.15)):
+            index = [first, first - 0.1, first + 0.1]
+            total = index if scope == "band" else [None] * 3
+            rows.append(["fast", scope, where, f, "growth", name, *index, *total, "FAST", 40, 1])
+    return rows
 
 
 def contact_rows(rng: np.random.Generator, rings: int = 15, columns: int = 37) -> list[list]:
@@ -218,6 +230,7 @@ def make_run(directory: Path, seed: int = 7, small: bool = False) -> Path:
         for k in range(n)
     ]
     write_rows(directory / "samples.csv", [*SAMPLES, "contact.pad_disc.friction"], samples)
+    write_rows(directory / "sensitivity.csv", SENSITIVITY, sensitivity_rows())
     write_rows(
         directory / "contact.csv", CONTACT, contact_rows(rng, *((8, 19) if small else (15, 37)))
     )

@@ -45,7 +45,7 @@ def test_page_needs_no_network_and_no_script(page):
     namespaces = re.sub(r'xmlns="[^"]*"', "", without_images)
     assert not re.search(r"https?:|//|@import|<script|<link|<iframe|url\(", namespaces)
     sources = re.findall(r'src="([^"]*)"', text)
-    assert len(sources) == 15
+    assert len(sources) == 16
     assert all(source.startswith("data:image/png;base64,") for source in sources)
 
 

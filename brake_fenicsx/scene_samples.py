@@ -1,0 +1,282 @@
+"""[samples]: how many, of which approaches, and what is random in them.
+
+A random input is named by the dotted key of the scalar it replaces; its numbers carry that
+scalar's unit:
+
+    contact.NAME.friction                       one number, not a table
+    loads.FACE.pressure
+    materials.NAME.CONSTANT                     a stiffness (C11, ...) where the table is written by
+        stiffnesses; or an engineering constant: E, nu of an isotropic material, E_1, E_2, E_3,
+        nu_12, nu_31, nu_32, G_12, G_13, G_23 of any other one, however its table is written. The
+        named ones change, the others of this list stay.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.toml_tables import key, read_table
+from brake_fenicsx.units import to_si
+
+APPROACHES = ("multi-scale", "classical", "fast", "joint")
+DESIGNS = ("random", "latin-hypercube", "sobol", "fast", "rbd-fast", "saltelli")
+LAWS = ("normal", "lognormal", "uniform", "measured")
+ENGINEERING = ("E_1", "E_2", "E_3", "nu_12", "nu_31", "nu_32", "G_12", "G_13", "G_23")
+INFINITY = float("inf")
+
+
+@dataclass(frozen=True, slots=True)
+class Classical:
+    """[samples.classical]: perfect contact."""
+
+    penalty: float = key("Pa/m", default=2e13)
+    friction: float = key(default=0.5, sign="zero")
+
+
+@dataclass(frozen=True, slots=True)
+class Design:
+    """[samples.fast], [samples.joint]: number and design of one approach's samples.
+
+    Attributes:
+        n: samples; those of [samples] if not given. FAST and Saltelli's design use the largest
+            number not above it that their structure allows.
+        design: see ``uncertainty.designs``; [samples] says it if not given ("fast":
+            RBD-FAST, which needs fewer samples than FAST).
+        curves: independent search curves of FAST for each input: intervals come from their spread.
+    """
+
+    n: int | None = key(default=None)
+    design: str | None = key(default=None, choices=DESIGNS)
+    curves: int | None = key(default=None)
+
+
+@dataclass(frozen=True, slots=True)
+class Distribution:
+    """[samples.random]: law of one random input, in SI units.
+
+    Attributes:
+        law: "normal", "lognormal", "uniform", or "measured" values.
+        mean: mean value; of the lognormal law too, not of the logarithm.
+        sd: standard deviation, likewise.
+        min: no value lies below; any law may be cut.
+        max: no value lies above.
+        spread: uniform between (1 - spread) and (1 + spread) times the value in the scene.
+        values: measured values, at least two; each is drawn as it is, with equal chance.
+        file: text file of numbers, or npz, in place of ``values``.
+        array: name of the array in an npz file that holds several.
+        unit: unit of the numbers in the file.
+        digest: hash of the values read from the file.
+    """
+
+    law: str = key(choices=LAWS)
+    mean: float | None = key(default=None, sign="any")
+    sd: float | None = key(default=None)
+    min: float = key(default=-INFINITY, sign="any")
+    max: float = key(default=INFINITY, sign="any")
+    spread: float | None = key(default=None)
+    values: tuple[float, ...] = key(default=(), sign="any")
+    file: str | None = key(default=None)
+    array: str | None = key(default=None)
+    unit: str | None = key(default=None)
+    digest: str = key(default="")
+
+
+@dataclass(frozen=True, slots=True)
+class Samples:
+    """[samples]: how many, of which approaches.
+
+    Attributes:
+        n: samples of each approach that is random.
+        seed: seed of all of them.
+        design: points of the random inputs, see ``uncertainty.designs``.
+        curves: independent search curves of FAST for each input.
+        approaches: of "multi-scale", "classical", "fast", "joint".
+        classical: perfect contact.
+        fast: number and design of its samples.
+        joint: number and design of its samples.
+        limit: share of samples beyond which an unstable family is called robust.
+        random: law of each random input.
+    """
+
+    n: int = key(default=1)
+    seed: int = key(default=1, sign="zero")
+    design: str = key(default="random", choices=DESIGNS)
+    curves: int = key(default=3)
+    approaches: tuple[str, ...] = key(default=("multi-scale",))
+    classical: Classical = field(default_factory=Classical)
+    fast: Design = field(default_factory=Design)
+    joint: Design = field(default_factory=Design)
+    limit: float = key(default=0.5)
+    random: dict[str, Distribution] = field(default_factory=dict)
+
+    def takes_random(self, approach: str) -> bool:
+        """Whether an approach samples [samples.random].
+
+        The multi-scale one does only where no other can: beside fast or joint it is roughness
+        alone.
+        """
+        if approach == "classical" or not self.random:
+            return False
+        return approach != "multi-scale" or not {"fast", "joint"} & {*self.approaches}
+
+    def plan(self, approach: str) -> Plan:
+        """Number and design of an approach's samples as the scene asks for them."""
+        own = {"fast": self.fast, "joint": self.joint}.get(approach, Design())
+        design = own.design or ("rbd-fast" if approach == "fast" else self.design)
+        return Plan(own.n or self.n, design, own.curves or self.curves)
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """Samples asked for, their design, and search curves of FAST for each input."""
+
+    n: int
+    design: str
+    curves: int
+
+    @property
+    def grows(self) -> bool:
+        """Whether more samples leave those already there as they are."""
+        return self.design in ("random", "sobol")
+
+
+def read_samples(table: dict[str, Any], folder: Path) -> Samples:
+    """Read [samples].
+
+    Args:
+        table: its content.
+        folder: the scene's folder, where files of measured values are looked for.
+
+    Raises:
+        SceneError: the key, its value and the remedy.
+    """
+    random = table.get("random", {})
+    rest = {k: v for k, v in table.items() if k != "random"}
+    samples: Samples = read_table(Samples, rest, "samples")
+    for name in samples.approaches:
+        if name not in APPROACHES:
+            raise SceneError(f"samples.approaches: {name!r}; use {', '.join(APPROACHES)}")
+    drawn = {n: _distribution(t, n, folder) for n, t in random.items()}
+    return replace(samples, random=drawn)
+
+
+def split_key(name: str) -> tuple[str, str, str]:
+    """Section, table and key of "section.table.key"; the table's name may hold dots itself."""
+    section, _, rest = name.partition(".")
+    table, _, last = rest.rpartition(".")
+    return section, table.strip('"'), last
+
+
+def unit_of(name: str) -> str:
+    """SI unit of a scalar of the scene that may be random.
+
+    Raises:
+        SceneError: no such scalar may be random.
+    """
+    section, _, last = split_key(name)
+    if (section, last) == ("contact", "friction"):
+        return ""
+    if (section, last) == ("loads", "pressure"):
+        return "Pa"
+    if section == "materials" and re.fullmatch(r"nu(_\d\d)?", last):
+        return ""
+    if section == "materials" and re.fullmatch(r"E|E_\d|G_\d\d|C\d\d", last):
+        return "Pa"
+    where = f'samples.random."{name}"'
+    if section == "parts":
+        raise SceneError(
+            f"{where}: a length changes the mesh, which all samples share; run the scene once for"
+            f" each length, with --set {name}=VALUE"
+        )
+    raise SceneError(
+        f"{where}: cannot be random; contact.NAME.friction, loads.FACE.pressure and"
+        " materials.NAME.CONSTANT can"
+    )
+
+
+def _distribution(table: Any, name: str, folder: Path) -> Distribution:
+    """Read one law; its numbers carry the unit of the scalar."""
+    where, unit = f'samples.random."{name}"', unit_of(name)
+    if not isinstance(table, dict):
+        raise SceneError(f"{where} = {table!r}: write a table")
+    table = dict(table)
+    for word in ("mean", "sd", "min", "max", "values"):
+        if word in table and unit:
+            table[word] = _converted(table[word], unit, f"{where}.{word}")
+    if "digest" in table:
+        raise SceneError(f"{where}.digest: unknown key")
+    d: Distribution = read_table(Distribution, table, where)
+    if d.file is not None:
+        values = _measured(d, unit, folder, where)
+        digest = hashlib.sha256(np.array(values).tobytes()).hexdigest()
+        d = replace(d, values=values, digest=digest)
+    _check(d, where)
+    return d
+
+
+def _converted(value: Any, unit: str, where: str) -> Any:
+    if isinstance(value, list):
+        return [_converted(v, unit, where) for v in value]
+    try:
+        return to_si(value, unit)
+    except ValueError as error:
+        raise SceneError(f"{where} = {value!r}: {error}") from None
+
+
+def _check(d: Distribution, where: str) -> None:
+    """What each law needs."""
+    if not d.min < d.max:
+        raise SceneError(f"{where}: min = {d.min:g} must lie below max = {d.max:g}")
+    if d.law in ("normal", "lognormal"):
+        if d.mean is None or d.sd is None:
+            raise SceneError(f"{where}: a {d.law} law needs mean and sd")
+        if d.law == "lognormal" and not d.mean > 0:
+            raise SceneError(f"{where}.mean = {d.mean:g}: a lognormal law needs a positive mean")
+    if d.law == "uniform" and d.spread is None and not np.isfinite(d.max - d.min):
+        raise SceneError(f"{where}: a uniform law needs min and max, or spread")
+    if d.spread is not None and (d.law != "uniform" or np.isfinite([d.min, d.max]).any()):
+        raise SceneError(f"{where}.spread: only for a uniform law, in place of min and max")
+    if d.spread is not None and not d.spread < 1:
+        raise SceneError(f"{where}.spread = {d.spread:g}: must be below 1")
+    inside = [v for v in d.values if d.min <= v <= d.max]
+    if d.law == "measured" and len(inside) < 2:
+        raise SceneError(
+            f"{where}: a measured law needs two values or more within min and max, in values or"
+            " file"
+        )
+    if d.law != "measured" and (d.values or d.file):
+        raise SceneError(f'{where}: values and file belong to law = "measured"')
+
+
+def _measured(d: Distribution, unit: str, folder: Path, where: str) -> tuple[float, ...]:
+    """Numbers of a file in SI units."""
+    path = folder / str(d.file)
+    said = f"{where}.file = {d.file!r}"
+    factor = 1.0
+    if unit:
+        if d.unit is None:
+            raise SceneError(f"{where}.unit: missing; say the unit of the numbers in {d.file}")
+        factor = _converted(f"1 {d.unit}", unit, f"{where}.unit")
+    try:
+        if path.suffix == ".npz":
+            with np.load(path, allow_pickle=False) as data:
+                names = data.files if d.array is None else [d.array]
+                if len(names) != 1 or names[0] not in data.files:
+                    raise SceneError(f"{said}: holds {', '.join(data.files)}; name one as array")
+                values = np.ravel(data[names[0]]).astype(float)
+        else:
+            values = np.ravel(np.loadtxt(path, ndmin=1))
+    except FileNotFoundError:
+        raise SceneError(f"{said}: no such file; paths start at the scene's folder") from None
+    except (ValueError, OSError) as error:
+        raise SceneError(f"{said}: cannot be read as numbers: {error}") from None
+    if not np.isfinite(values).all():
+        raise SceneError(f"{said}: holds values that are no numbers; remove them")
+    return tuple(float(v) * factor for v in values)

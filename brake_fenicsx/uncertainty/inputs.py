@@ -1,0 +1,209 @@
+"""Random inputs of one sample: its point of the design, the values there, what they make.
+
+A draw that makes no brake (a stiffness that is not positive definite, a modulus that gives the laws
+no E*, a negative friction or pressure) is rejected. The sample then draws a new point from its own
+stream, again and again, so that nothing depends on other samples; only in the rigid designs (FAST,
+Saltelli), whose points mean something only all together, it fails with its named error instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
+from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene_samples import split_key
+
+from .designs import RIGID, design_points, design_size
+from .distributions import quantile
+
+Array = NDArray[np.float64]
+
+# Draws of one sample before its laws are called impossible.
+MOST_DRAWS = 1000
+
+# Approaches with a penalty in the place of the scene's laws and gaps.
+PERFECT = ("classical", "fast")
+
+# Children of the scene's seed that seed the designs, far from the samples' own.
+DESIGN_SEEDS = {"multi-scale": 2**32 - 1, "fast": 2**32 - 2, "joint": 2**32 - 3}
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """Random inputs of a sample.
+
+    Attributes:
+        values: value of each input by its key, in SI units.
+        materials: stiffness of each random material in its own axes [Pa], shape (6, 6).
+        pressures: pressure of each random load [Pa], by its face.
+        rejected: draws that were rejected before this one.
+    """
+
+    values: dict[str, float]
+    materials: dict[str, Array]
+    pressures: dict[str, float]
+    rejected: int = 0
+
+
+def points_of(scene: Scene, approach: str) -> Array | None:
+    """Design of an approach, shape (samples, inputs); None where each sample draws by itself."""
+    samples = scene.samples
+    if not samples.takes_random(approach):
+        return None
+    seed = np.random.SeedSequence(samples.seed, spawn_key=(DESIGN_SEEDS[approach],))
+    return design_points(samples.plan(approach), len(samples.random), seed)
+
+
+def size_of(scene: Scene, approach: str) -> int:
+    """Samples of an approach that has random inputs or rough contact."""
+    plan = scene.samples.plan(approach)
+    if not scene.samples.takes_random(approach):
+        return plan.n
+    return design_size(plan, len(scene.samples.random))
+
+
+def draw_inputs(
+    scene: Scene, approach: str, point: Array | None, rng: np.random.Generator
+) -> Inputs:
+    """Inputs of a sample.
+
+    Args:
+        scene: the scene.
+        approach: the sample's approach.
+        point: its point of the design; None: the first of the sample's own stream.
+        rng: the sample's stream.
+
+    Raises:
+        InaccurateResult: the point of a rigid design is rejected, or every draw is.
+    """
+    random = dict(sorted(scene.samples.random.items()))
+    nominal = {name: nominal_value(scene, name) for name, d in random.items() if d.spread}
+    scaled = [] if approach in PERFECT else scaled_interfaces(scene)
+    u = rng.random(len(random)) if point is None else point
+    for rejected in range(MOST_DRAWS):
+        values = {
+            name: float(quantile(d, x, nominal.get(name)))
+            for (name, d), x in zip(random.items(), u, strict=True)
+        }
+        try:
+            made = _made(scene, values, rejected)
+            for interface in scaled:
+                law_factor(scene, interface, made.materials)
+            return made
+        except BrakeError as error:
+            reason = error
+        if scene.samples.plan(approach).design in RIGID:
+            raise InaccurateResult(f"draw rejected: {reason}") from None
+        u = rng.random(len(random))
+    raise InaccurateResult(f"all of {MOST_DRAWS} draws rejected, the last one: {reason}")
+
+
+def nominal_value(scene: Scene, name: str) -> float:
+    """Value of a scalar in the scene, SI."""
+    section, table, last = split_key(name)
+    if section == "materials":
+        from brake_fenicsx.macro.material_sample import constants
+
+        return constants(scene.materials[table])[last]
+    return float(getattr(getattr(scene, section)[table], last))
+
+
+def _made(scene: Scene, values: Mapping[str, float], rejected: int) -> Inputs:
+    """Materials and loads of some values, each possible."""
+    groups: dict[str, dict[str, float]] = {}
+    pressures = {}
+    for name, value in values.items():
+        section, table, last = split_key(name)
+        if section == "materials":
+            groups.setdefault(table, {})[last] = value
+        elif not value >= 0:
+            raise SceneError(f"{name} = {value:g}: must be zero or more")
+        if section == "loads":
+            pressures[table] = value
+    return Inputs(dict(values), _stiffnesses(scene, groups), pressures, rejected)
+
+
+def _stiffnesses(scene: Scene, groups: Mapping[str, Mapping[str, float]]) -> dict[str, Array]:
+    if not groups:
+        return {}
+    from brake_fenicsx.macro.material import Material
+    from brake_fenicsx.macro.material_sample import varied_stiffness
+
+    found = {}
+    for material, values in groups.items():
+        table = scene.materials[material]
+        try:
+            found[material] = Material(varied_stiffness(table, values), table.rho).C
+        except SceneError as error:
+            raise SceneError(f"materials.{material}: {error}") from None
+    return found
+
+
+def law_material(scene: Scene, interface: str) -> str:
+    """Material whose modulus the laws of an interface stand for: the pad's at its contact face.
+
+    Raises:
+        SceneError: the pad has layers of several materials, and none is called lining.
+    """
+    part = scene.contact[interface].faces[0].partition(".")[0]
+    material = scene.parts[part].material
+    if isinstance(material, str):
+        return material
+    if "lining" in material:
+        return material["lining"]
+    if len(set(material.values())) == 1:
+        return next(iter(material.values()))
+    raise SceneError(
+        f"parts.{part}.material: which layer's modulus scales the laws of contact.{interface} is"
+        " not said; call the layer lining"
+    )
+
+
+def scaled_interfaces(scene: Scene) -> list[str]:
+    """Interfaces whose laws stand for a surface; a penalty is a number of the method.
+
+    Raises:
+        SceneError: the laws must scale with a material, and which one is not said.
+    """
+    if not any(split_key(name)[0] == "materials" for name in scene.samples.random):
+        return []
+    found = []
+    for name, table in scene.contact.items():
+        if isinstance(table.law, str) or table.law.linear is None:
+            law_material(scene, name)
+            found.append(name)
+    return found
+
+
+def law_factor(scene: Scene, interface: str, materials: Mapping[str, Array]) -> float:
+    """E*(sample) / E*(scene) of the material behind the laws of an interface.
+
+    E* = E_3 / (1 - nu_13^2) as for the laws themselves. A half-space's pressures at given gaps are
+    proportional to it, whatever the surface.
+    """
+    if not materials:
+        return 1.0
+    name = law_material(scene, interface)
+    if name not in materials:
+        return 1.0
+    from brake_fenicsx.macro.material_table import stiffness
+
+    nominal = stiffness(scene.materials[name])
+    return _modulus(name, materials[name]) / _modulus(name, nominal)
+
+
+def _modulus(name: str, C: Array) -> float:
+    from brake_fenicsx.macro.material import engineering_constants
+
+    c = engineering_constants(C)
+    # Beyond the 0.5 of an isotropic material: nu_13 grows as E_3 falls at fixed nu_31.
+    if not abs(c["nu_xz"]) < 1:
+        raise SceneError(
+            f"materials.{name}: nu_13 = {c['nu_xz']:.4g}: E_3 / (1 - nu_13^2) is no modulus"
+        )
+    return float(c["E_z"] / (1 - c["nu_xz"] ** 2))

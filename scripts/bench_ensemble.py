@@ -1,0 +1,149 @@
+#!/usr/bin/env python3
+"""Studies of many samples: samples and processes against seconds and width of the intervals.
+
+    scripts/bench_ensemble.py run [SCENE] [--samples 10 20 40] [--processes 1 2] [--set KEY=VALUE]
+    scripts/bench_ensemble.py intervals     width and coverage of the intervals of indices
+
+``run`` starts every row from nothing (cold: mesh, laws, basis and samples) and then once more on
+the folder it left, without its samples (cached: laws and basis are read). Full order is the median
+of the samples solved both ways (``stability.verify``), times the number of samples: extrapolated.
+``width`` is that of the probability of any instability, 95 %; ``index`` the widest interval of a
+first-order index of the whole band.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import json
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import numpy as np
+
+HERE = Path(__file__).parent
+SCENE = HERE / "scenes" / "disc_brake_demo.toml"
+MAIN = "import sys; from brake_fenicsx.cli import main; sys.exit(main(sys.argv[1:]))"
+ROOT = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+
+
+def study(scene: Path, out: Path, samples: int, processes: int, sets: list[str]) -> float:
+    """Run a study and return its seconds."""
+    parallel = ["mpirun", "-n", str(processes), "--oversubscribe"] if processes > 1 else []
+    words = [*parallel, sys.executable, "-c", MAIN, "run", str(scene), "-o", str(out)]
+    for change in [f"samples.n={samples}", *sets]:
+        words += ["--set", change]
+    start = time.perf_counter()
+    done = subprocess.run(words, capture_output=True, text=True, env=os.environ | ROOT)
+    if done.returncode:
+        sys.exit(done.stderr[-2000:])
+    return time.perf_counter() - start
+
+
+def table(path: Path) -> list[dict[str, str]]:
+    """Rows of a CSV file; none if there is no such file."""
+    if not path.exists():
+        return []
+    with path.open() as file:
+        return list(csv.DictReader(file))
+
+
+def facts(out: Path) -> dict[str, Any]:
+    """Seconds per sample, memory and interval widths of a finished study."""
+    summary = json.loads((out / "summary.json").read_text())
+    whole = next(r for r in table(out / "robustness.csv") if r["scope"] == "band")
+    found = [r for r in table(out / "sensitivity.csv") if r["where"] == whole["where"]]
+    widths = [float(r["first_high"]) - float(r["first_low"]) for r in found if r["first_high"]]
+    own = summary["samples"][whole["approach"]]
+    full = [float(np.load(f)["stability_seconds"]) for f in out.glob("samples/verify-*.npz")]
+    return {
+        "memory": max(summary["peak_memory_mb"].values()) / summary["processes"],
+        "sample": own["seconds_per_stability"] + own["seconds_per_equilibrium"],
+        "full": float(np.median(full)) if full else float("nan"),
+        "width": float(whole["high"]) - float(whole["low"]),
+        "index": max(widths, default=float("nan")),
+    }
+
+
+def run(args: argparse.Namespace) -> None:
+    """One row for each number of samples and of processes."""
+    print(
+        f"{args.scene.stem}\n{'samples':>8}{'proc.':>6}{'cold s':>8}{'cached s':>9}{'s/sample':>9}"
+        f"{'full s':>8}{'ratio':>7}{'MB/proc.':>9}{'width':>7}{'index':>7}"
+    )
+    for n in args.samples:
+        for processes in args.processes:
+            with tempfile.TemporaryDirectory() as folder:
+                out = Path(folder) / "out"
+                cold = study(args.scene, out, n, processes, args.set)
+                f = facts(out)
+                shutil.rmtree(out / "samples")
+                cached = study(args.scene, out, n, processes, args.set)
+            full = f["full"] * n / processes
+            print(
+                f"{n:8d}{processes:6d}{cold:8.1f}{cached:9.1f}{f['sample']:9.3f}{full:8.0f}"
+                f"{full / cold:7.1f}{f['memory']:9.0f}{f['width']:7.3f}{f['index']:7.3f}",
+                flush=True,
+            )
+
+
+def intervals(args: argparse.Namespace) -> None:
+    """First-order indices of Ishigami's function: error, width and coverage of the intervals."""
+    from brake_fenicsx.scene_samples import Plan
+    from brake_fenicsx.uncertainty.designs import design_points, design_size
+    from brake_fenicsx.uncertainty.sensitivity import indices
+
+    a, b = 7.0, 0.1
+    variance = a**2 / 8 + b * np.pi**4 / 5 + b**2 * np.pi**8 / 18 + 0.5
+    exact = np.array([0.5 * (1 + b * np.pi**4 / 5) ** 2, a**2 / 8, 0.0]) / variance
+    print(
+        f"{'design':>16}{'samples':>8}{'error':>8}{'width':>8}{'coverage':>9}   x_1, x_2, 60 seeds"
+    )
+    for design in ("fast", "saltelli", "rbd-fast", "random"):
+        # FAST needs 200 points for each of three inputs and three curves.
+        for n in (1800, 5400) if design == "fast" else (300, 1000, 3000):
+            plan = Plan(n, design, 3)
+            error, width, hits = [], [], []
+            for seed in range(60):
+                points = design_points(plan, 3, np.random.SeedSequence(seed))
+                if points is None:
+                    points = np.random.default_rng(seed).random((n, 3))
+                x = np.pi * (2 * points - 1)
+                y = np.sin(x[:, 0]) * (1 + b * x[:, 2] ** 4) + a * np.sin(x[:, 1]) ** 2
+                found = indices(plan, x, y, np.ones(y.size, dtype=bool))
+                off = np.abs(found.first - exact)[:2]
+                error.append(off)
+                width.append(2 * found.first_half[:2])
+                hits.append(off <= found.first_half[:2])
+            print(
+                f"{design:>16}{design_size(plan, 3):8d}{np.mean(error):8.3f}{np.mean(width):8.3f}"
+                f"{np.mean(hits):9.2f}"
+            )
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    commands = parser.add_subparsers(required=True)
+    one = commands.add_parser("run")
+    one.add_argument("scene", nargs="?", type=Path, default=SCENE)
+    one.add_argument("--samples", type=int, nargs="+", default=[20, 60])
+    one.add_argument("--processes", type=int, nargs="+", default=[1, 2])
+    one.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
+    one.set_defaults(do=run)
+    commands.add_parser("intervals").set_defaults(do=intervals)
+    args = parser.parse_args()
+    args.do(args)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,211 @@
+"""Samples whose materials and loads differ from the scene's, against scenes written that way."""
+
+import csv
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from brake_fenicsx.errors import NotConverged
+from brake_fenicsx.macro.brake import assemble_brake
+from brake_fenicsx.macro.condensation import compliance
+from brake_fenicsx.macro.corrected import Bodies, corrected_equilibrium
+from brake_fenicsx.macro.equilibrium import equilibrium
+from brake_fenicsx.macro.solver import local_rows
+from brake_fenicsx.pipeline import run
+from brake_fenicsx.scene import read_scene
+from brake_fenicsx.uncertainty.bulk import assemble_bulk
+from brake_fenicsx.uncertainty.inputs import draw_inputs
+from brake_fenicsx.uncertainty.sampling import draw_sample
+
+COMM = MPI.COMM_SELF
+BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
+STAGES = "stages=['surface','equilibrium','stability','uncertainty']"
+COARSE = [
+    STAGES, "surface.statistics={ S_q = '3 um' }", "contact.block_plate.gap=hdf",
+    "parts.block.axis='30 deg'", "parts.block.size='10 mm'", "parts.plate.size='14 mm'",
+    "stability.band=['0 Hz','20 kHz']", "stability.method=reduced",
+]  # fmt: skip
+NAMES = ("C11", "C12", "C13", "C33", "C44")
+
+
+def random(key, law):
+    return f'samples.random."{key}"={law}'
+
+
+C44 = random("materials.lining.C44", "{ law='uniform', spread=0.2 }")
+C33 = random("materials.lining.C33", "{ law='uniform', spread=0.2 }")
+LOAD = random("loads.block.top.pressure", "{ law='uniform', min='2 bar', max='9 bar' }")
+MU = random("contact.block_plate.friction", "{ law='uniform', min=0.3, max=0.7 }")
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return read_scene(BLOCK, [*COARSE, C44, C33])
+
+
+@pytest.fixture(scope="module")
+def brake(scene):
+    return assemble_brake(scene, COMM)
+
+
+def written(scene, inputs, *changes):
+    """The scene with the sample's constants written in it."""
+    values = {k.rpartition(".")[2]: v for k, v in inputs.values.items() if "materials" in k}
+    sets = [f"materials.lining.{name}='{v!r} Pa'" for name, v in values.items()]
+    return read_scene(BLOCK, [*COARSE, *sets, *changes])
+
+
+def test_stiffness_of_a_sample_is_that_of_the_scene_written_with_its_constants(scene, brake):
+    """Axes turned by 30 degrees: unit changes in x, y, z instead would be wrong there."""
+    bulk = assemble_bulk(scene, brake)
+    assert {c for _, c in bulk.parts} == {"C33", "C44", "C55"}
+    inputs = draw_inputs(scene, "multi-scale", None, np.random.default_rng(4))
+    K = local_rows(bulk.stiffness(inputs.materials))
+    expected = local_rows(assemble_brake(written(scene, inputs), COMM).K)
+    assert abs(K - expected).max() < 1e-12 * abs(expected).max()
+
+
+def test_engineering_constants_move_what_they_must(brake):
+    s = read_scene(
+        BLOCK, [*COARSE, random("materials.lining.E_3", "{ law='uniform', spread=0.2 }")]
+    )
+    bulk = assemble_bulk(s, brake)
+    assert {c for _, c in bulk.parts} == {"C11", "C22", "C33", "C12", "C13", "C23"}
+    inputs = draw_inputs(s, "multi-scale", None, np.random.default_rng(4))
+    change = inputs.materials["lining"] - bulk.materials["lining"]
+    assert abs(change[0, 0]) > 1e-4 * bulk.materials["lining"][0, 0]
+
+
+@pytest.fixture(scope="module")
+def bodies(brake):
+    k0 = np.full(len(brake.w), 1e11)
+    c = compliance(brake.K, brake.N, brake.T, brake.w, brake.f, k0, COMM)
+    return Bodies(brake.N, brake.T, brake.w, brake.g0, brake.f, c)
+
+
+def test_corrected_equilibrium_is_that_of_the_changed_bodies(scene, brake, bodies):
+    """A correction left out after the first would be off by the square of the change."""
+    bulk = assemble_bulk(scene, brake)
+    sample = draw_sample(scene, "multi-scale", 0, brake.contact, None, heights())
+    change = bulk.change(sample.materials)
+    found = corrected_equilibrium(bodies, change, sample.laws, sample.mu)
+    K = bulk.stiffness(sample.materials)
+    own = compliance(K, brake.N, brake.T, brake.w, brake.f, bodies.compliance.k0, COMM)
+    whole = Bodies(brake.N, brake.T, brake.w, brake.g0, brake.f, own)
+    direct = equilibrium(whole, sample.laws, sample.mu)
+    np.testing.assert_allclose(found.p, direct.p, rtol=1e-8, atol=1e-9 * direct.p.max())
+    push = brake.N.T @ (brake.w * found.p) + brake.T.T @ (brake.w * found.p * sample.mu)
+    rest = local_rows(K) @ found.u - brake.f - push
+    assert np.linalg.norm(rest) < 1e-9 * np.linalg.norm(push)
+
+
+def test_material_far_from_the_scene_is_refused_by_the_corrections(scene, brake, bodies):
+    """Three times as stiff: the corrections diverge, and must say so."""
+    bulk = assemble_bulk(scene, brake)
+    sample = draw_sample(scene, "multi-scale", 0, brake.contact, None, heights())
+    stiff = {"lining": bulk.materials["lining"] * np.where(np.eye(6), 4.0, 1.0)}
+    with pytest.raises(NotConverged, match="too far"):
+        corrected_equilibrium(bodies, bulk.change(stiff), sample.laws, sample.mu)
+
+
+def heights():
+    from brake_fenicsx.surface import match_moments
+
+    return match_moments(3e-6, 0.0, 3.0)
+
+
+def rows(path):
+    with path.open() as file:
+        return list(csv.DictReader(file))
+
+
+def eigenvalues(folder, approach, sample):
+    """lambda [1/s] and its stated error of every mode of a sample."""
+    table = rows(folder / "modes.csv")
+    own = [r for r in table if (r["approach"], r["sample"]) == (approach, str(sample))]
+    s = [complex(float(r["real_1_s"]), 2 * np.pi * float(r["frequency_hz"])) for r in own]
+    return np.array(s), np.array([float(r["error_estimate"]) for r in own])
+
+
+def same_modes(a, b):
+    """Eigenvalues agree within 1e-8 and the errors that both state."""
+    (s, e), (t, f) = a, b
+    assert s.size == t.size > 3
+    assert np.all(np.abs(s - t) <= 1e-8 * np.abs(t) + e + f)
+    return np.abs(s - t) / np.abs(t)
+
+
+def test_random_load_and_material_give_the_modes_of_the_scene_written_so(tmp_path):
+    """The whole path of sample 2: draw, equilibrium, full order."""
+    run(BLOCK, COMM, tmp_path / "a", [*COARSE, C44, LOAD, "samples.n=3"])
+    drawn = rows(tmp_path / "a" / "samples.csv")[2]
+    sets = [
+        f"materials.lining.C44='{drawn['materials.lining.C44']} Pa'",
+        f"loads.\"block.top\".pressure='{drawn['loads.block.top.pressure']} Pa'",
+        "samples.n=3",
+    ]
+    # The laws of the second scene are not scaled: its own modulus is what they are made for.
+    run(BLOCK, COMM, tmp_path / "b", [*COARSE, *sets, "stability.method=full"])
+    found = same_modes(*(eigenvalues(tmp_path / n, "multi-scale", 2) for n in "ab"))
+    assert found.max() < 1e-8
+    assert drawn["rejected"] == "0"
+    family = [int(r["family"]) for r in rows(tmp_path / "a" / "modes.csv")]
+    assert min(family) >= 0
+
+
+def test_random_load_alone_keeps_the_reduced_path(tmp_path):
+    run(BLOCK, COMM, tmp_path / "a", [*COARSE, LOAD, "samples.n=3"])
+    p = rows(tmp_path / "a" / "samples.csv")[1]["loads.block.top.pressure"]
+    load = f"loads.\"block.top\".pressure='{p} Pa'"
+    run(BLOCK, COMM, tmp_path / "b", [*COARSE, load, "samples.n=3"])
+    found = same_modes(*(eigenvalues(tmp_path / n, "multi-scale", 1) for n in "ab"))
+    assert found.max() < 1e-4
+
+
+def test_friction_alone_goes_through_the_reduced_path_also_in_perfect_contact(tmp_path):
+    """The penalty is far from the reference stiffness: errors grow, and must be stated."""
+    fast = ["samples.approaches=['multi-scale','fast']", "samples.fast.design=rbd-fast"]
+    law = [*COARSE, MU, *fast, "samples.n=3"]
+    run(BLOCK, COMM, tmp_path / "a", law)
+    run(BLOCK, COMM, tmp_path / "b", [*law, "stability.method=full"])
+    for k in range(3):
+        found = same_modes(*(eigenvalues(tmp_path / n, "fast", k) for n in "ab"))
+        assert 0 < found.max() < 3e-4
+    samples = rows(tmp_path / "a" / "samples.csv")
+    assert all(s["contact.block_plate.friction"] == "" for s in samples[:3])
+    assert len({s["contact.block_plate.friction"] for s in samples[3:]}) == 3
+
+
+NO_MODES = "stages=['surface','equilibrium','uncertainty']"
+
+
+def test_material_far_from_the_scene_is_factored_afresh(tmp_path):
+    """Where corrections diverge the sample must still come out, and right."""
+    stiff = random("materials.lining.C44", "{ law='uniform', min='4 GPa', max='5 GPa' }")
+    run(BLOCK, COMM, tmp_path / "a", [*COARSE, stiff, NO_MODES, "samples.n=2"])
+    drawn = rows(tmp_path / "a" / "samples.csv")[1]
+    assert drawn["status"] == "ok"
+    value = f"materials.lining.C44='{drawn['materials.lining.C44']} Pa'"
+    run(BLOCK, COMM, tmp_path / "b", [*COARSE, value, NO_MODES, "samples.n=2"])
+    a, b = (np.load(tmp_path / n / "samples" / "multi-scale-00001.npz")["p"] for n in "ab")
+    np.testing.assert_allclose(a, b, rtol=1e-7, atol=1e-8 * b.max())
+
+
+def test_rejected_draws_are_counted_where_one_looks(tmp_path):
+    """In samples.csv and the summary; a rigid design keeps the sample with its error."""
+    import json
+
+    bad = random("materials.lining.nu_31", "{ law='uniform', min=0.0, max=0.9 }")
+    run(BLOCK, COMM, tmp_path / "a", [*COARSE, bad, NO_MODES, "samples.n=12"])
+    counted = [int(r["rejected"]) for r in rows(tmp_path / "a" / "samples.csv")]
+    summary = json.loads((tmp_path / "a" / "summary.json").read_text())
+    assert sum(counted) == summary["samples"]["multi-scale"]["rejected_draws"] > 0
+    rigid = [*COARSE, bad, NO_MODES, "samples.n=24", "samples.design=saltelli"]
+    run(BLOCK, COMM, tmp_path / "b", rigid)
+    status = [r["status"] for r in rows(tmp_path / "b" / "samples.csv")]
+    failed = [s for s in status if s.startswith("draw rejected: materials.lining: ")]
+    assert 0 < len(failed) < len(status) == 24
+    assert len(failed) + status.count("ok") == 24

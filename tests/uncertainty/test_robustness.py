@@ -1,0 +1,134 @@
+"""Outcomes of samples and the tables of causes, against closed forms."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from brake_fenicsx.scene import Distribution, Samples
+from brake_fenicsx.uncertainty.distributions import quantile
+from brake_fenicsx.uncertainty.outcomes import Ensemble, Outcome, ensembles
+from brake_fenicsx.uncertainty.robustness import (
+    CONVERGENCE,
+    ROBUSTNESS,
+    SENSITIVITY,
+    convergence_rows,
+    robustness_rows,
+    sensitivity_rows,
+    write_causes,
+)
+
+MU, E3 = "contact.pad_disc.friction", "materials.lining.E_3"
+SAMPLES = Samples(approaches=("joint",), random={MU: Distribution("normal", 0.5, 0.05)})
+
+
+def ensemble(x, growth, good=None):
+    good = np.ones(len(x), dtype=bool) if good is None else good
+    whole = Outcome("band", "0-16000", 8000.0, growth)
+    return Ensemble("joint", (MU, E3), x, good, (whole, Outcome("family", "3", 1900.0, growth)))
+
+
+def table(columns, rows):
+    return [dict(zip(columns, row, strict=True)) for row in rows]
+
+
+def drawn(n, seed=2):
+    rng = np.random.default_rng(seed)
+    mu = quantile(Distribution("normal", 0.5, 0.05), rng.random(n))
+    E = quantile(Distribution("uniform", spread=0.2), rng.random(n), 2e9)
+    return np.column_stack([mu, E]), rng
+
+
+def test_probability_of_a_border_in_one_parameter():
+    """Flutter beyond mu_c = 0.54: P = 1 - Phi(0.8), within the interval; mu is the mover."""
+    x, _ = drawn(4000)
+    growth = 300.0 * np.sqrt(np.maximum(x[:, 0] - 0.54, 0.0))
+    row = table(ROBUSTNESS, robustness_rows(SAMPLES, [ensemble(x, growth)]))[1]
+    assert row["low"] <= stats.norm.sf(0.8) <= row["high"]
+    assert row["mover"] == MU
+    assert row["mover_low"] > 0.5
+    assert row["above_limit"] == "no"
+    assert (row["scope"], row["where"]) == ("family", "3")
+
+
+def test_shares_of_the_variance_of_a_sum():
+    """growth = 100 + a mu + b E_3 + roughness: shares are the variances of the terms."""
+    x, rng = drawn(4000)
+    terms = np.array([2.0, 1.0, 1.0])
+    z = np.column_stack(
+        [(x[:, 0] - 0.5) / 0.05, (x[:, 1] - 2e9) / (0.4e9 / np.sqrt(12)) / 2, rng.normal(size=4000)]
+    )
+    growth = 100 + z @ terms
+    row = table(ROBUSTNESS, robustness_rows(SAMPLES, [ensemble(x, growth)]))[0]
+    exact = np.array([4.0, np.var(z[:, 1]), 1.0])
+    exact /= exact.sum()
+    found = [row["share_friction"], row["share_materials"], row["share_rest"]]
+    np.testing.assert_allclose(found, exact, atol=0.03)
+    assert row["share_loads"] == 0.0
+    index = table(SENSITIVITY, sensitivity_rows(SAMPLES, [ensemble(x, growth)]))
+    # Always unstable: the verdict never changes and has no index, the growth has two for each.
+    assert [r["outcome"] for r in index] == ["growth"] * 4
+    assert index[0]["first_low"] <= exact[0] <= index[0]["first_high"]
+
+
+def test_failed_samples_count_for_nothing():
+    """A failed sample is neither stable nor unstable."""
+    x, _ = drawn(100)
+    good = np.arange(100) % 4 > 0
+    growth = np.where(good, 5.0, 0.0)
+    row = table(ROBUSTNESS, robustness_rows(SAMPLES, [ensemble(x, growth, good)]))[0]
+    assert (row["samples"], row["unstable"], row["probability"]) == (75, 75, 1.0)
+    assert row["above_limit"] == "yes"
+
+
+def test_probability_settles_with_the_samples():
+    x, _ = drawn(300)
+    growth = np.where(x[:, 0] > 0.5, 1.0, 0.0)
+    rows = table(CONVERGENCE, convergence_rows(SAMPLES, [ensemble(x, growth)]))
+    whole = [r for r in rows if r["scope"] == "band"]
+    assert [r["samples"] for r in whole] == [10, 20, 40, 80, 160, 300]
+    width = [r["high"] - r["low"] for r in whole]
+    assert width[-1] < 0.5 * width[1]
+
+
+def stored(pitch, real, verdict):
+    s = np.array(real) + 2j * np.pi * np.array(pitch)
+    return {"s": s, "verdict": np.array(verdict), "random_names": np.array([MU]), "random": [0.5]}
+
+
+@pytest.fixture
+def results():
+    """Two samples and a failed one; a family that is stable in one of them."""
+    a = stored([1000.0, 1000.0, 9000.0], [-3.0, 3.0, 0.2], ["stable", "unstable", "neutral"])
+    b = stored([1010.0, 15999.0], [1e-9, 7.0], ["stable", "unstable"])
+    tasks = [("joint", 0), ("joint", 1), ("joint", 2), ("classical", 0)]
+    families = {tasks[0]: np.array([1, 0, 2]), tasks[1]: np.array([0, 4])}
+    return SimpleNamespace(
+        tasks=tasks, stored={tasks[0]: a, tasks[1]: b, tasks[2]: {"status": "no"}},
+        families=lambda: families,
+    )  # fmt: skip
+
+
+def test_outcomes_of_bands_and_families(results):
+    """Decaying and neutral modes are no growth; the upper edge belongs to the last band."""
+    (e,) = ensembles(results, (0.0, 16e3))
+    assert e.approach == "joint"
+    np.testing.assert_array_equal(e.good, [True, True, False])
+    np.testing.assert_array_equal(np.isnan(e.x[:, 0]), [False, False, True])
+    growth = {(o.scope, o.where): o.growth[:2].tolist() for o in e.outcomes}
+    assert growth["band", "0-16000"] == [3.0, 7.0]
+    assert growth["band", "0-2000"] == [3.0, 0.0]
+    assert growth["band", "8000-10000"] == [0.0, 0.0]
+    assert growth["band", "14000-16000"] == [0.0, 7.0]
+    assert growth["family", "0"] == [3.0, 0.0]
+    assert growth["family", "4"] == [0.0, 7.0]
+    assert ("family", "2") not in growth
+
+
+def test_tables_are_written_and_the_summary_says_how_stable_modes_count(results, tmp_path):
+    facts = write_causes(tmp_path, SAMPLES, ensembles(results, (0.0, 16e3)))
+    assert facts["stable_modes"] == "count as growth 0 in every index"
+    assert facts["joint"]["probability_of_any"] == 1.0
+    for name in ("sensitivity", "robustness", "convergence"):
+        assert (tmp_path / f"{name}.csv").read_text().startswith("approach,scope,where")

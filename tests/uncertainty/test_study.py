@@ -1,0 +1,119 @@
+"""Whole studies: killed at any moment, laws made afresh, all approaches side by side."""
+
+import csv
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from brake_fenicsx.pipeline import run
+from brake_fenicsx.store import Store
+
+COMM = MPI.COMM_SELF
+BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
+STAGES = "['surface','equilibrium','stability','uncertainty']"
+ROUGH = [
+    f"stages={STAGES}", "surface.statistics={ S_q = '3 um' }", "contact.block_plate.gap=hdf",
+    "parts.block.size='10 mm'", "parts.plate.size='14 mm'",
+    "stability.band=['0 Hz','20 kHz']", "stability.method=reduced",
+]  # fmt: skip
+MU = "samples.random.\"contact.block_plate.friction\"={ law='uniform', min=0.3, max=0.7 }"
+G13 = "samples.random.\"materials.lining.G_13\"={ law='uniform', spread=0.2 }"
+TABLES = ("modes", "samples", "contact", "sensitivity", "robustness", "convergence")
+
+
+def rows(path):
+    with path.open() as file:
+        return list(csv.DictReader(file))
+
+
+def command(out, changes):
+    code = "import sys; from brake_fenicsx.cli import main; sys.exit(main(sys.argv[1:]))"
+    sets = [word for change in changes for word in ("--set", change)]
+    return [sys.executable, "-c", code, "run", str(BLOCK), "-o", str(out), *sets]
+
+
+def test_more_verified_samples_than_there_are(tmp_path):
+    """A design has no point for a sample beyond its own."""
+    lhs = [MU, "samples.design=latin-hypercube", "samples.n=2", "stability.verify=3"]
+    run(BLOCK, COMM, tmp_path / "out", [*ROUGH, *lhs])
+    assert len(list((tmp_path / "out" / "samples").glob("verify-*.npz"))) == 2
+
+
+FOUR = "samples.approaches=['multi-scale','fast','classical','joint']"
+
+
+def test_four_approaches_in_one_scene(tmp_path):
+    """Each has its own number, design and inputs; families are told apart in one basis."""
+    small = ["samples.fast.n=6", "samples.fast.design=rbd-fast", "samples.joint.n=3", "samples.n=4"]
+    run(BLOCK, COMM, tmp_path / "out", [*ROUGH, MU, G13, FOUR, *small])
+    samples = rows(tmp_path / "out" / "samples.csv")
+    counts = {a: sum(s["approach"] == a for s in samples) for a in ("multi-scale", "fast", "joint")}
+    assert counts == {"multi-scale": 4, "fast": 6, "joint": 3}
+    assert {s["status"] for s in samples} == {"ok"}
+    drawn = [s for s in samples if s["materials.lining.G_13"]]
+    assert {s["approach"] for s in drawn} == {"fast", "joint"}
+    assert len({s["materials.lining.G_13"] for s in drawn}) == 9
+    modes = rows(tmp_path / "out" / "modes.csv")
+    assert min(int(m["family"]) for m in modes if m["approach"] != "classical") >= 0
+    robust = rows(tmp_path / "out" / "robustness.csv")
+    unstable = {(m["approach"], m["sample"]) for m in modes if m["verdict"] == "unstable"}
+    for approach, n in counts.items():
+        whole = next(r for r in robust if (r["approach"], r["where"]) == (approach, "0-20000"))
+        assert int(whole["samples"]) == n
+        assert int(whole["unstable"]) == sum(a == approach for a, _ in unstable)
+
+
+def test_laws_made_afresh_are_each_samples_own(tmp_path):
+    """Sample k makes laws k n ... k n + n - 1, whoever computes it and whatever ran before."""
+    fresh = [
+        "stages=['surface','micro','equilibrium','uncertainty']", "contact.block_plate.law=library",
+        "micro.laws=per-sample", "micro.laws_per_sample=2", "micro.pixels=16", "micro.steps=12",
+        "samples.n=3", "stability.method=full",
+    ]  # fmt: skip
+    run(BLOCK, COMM, tmp_path / "a", [*ROUGH, *fresh])
+    first = Store(tmp_path / "a").load("laws.npz")
+    assert first["seed"].tolist() == [0, 1]
+    a = [Store(tmp_path / "a").load(f"samples/multi-scale-{k:05d}.npz") for k in range(3)]
+    assert not np.array_equal(a[0]["p"], a[1]["p"])
+    (tmp_path / "a" / "samples" / "multi-scale-00002.npz").unlink()
+    run(BLOCK, COMM, tmp_path / "a", [*ROUGH, *fresh])
+    again = Store(tmp_path / "a").load("samples/multi-scale-00002.npz")
+    np.testing.assert_array_equal(again["p"], a[2]["p"])
+    whole = [*fresh, "micro.laws=6"]
+    run(BLOCK, COMM, tmp_path / "b", [*ROUGH, *whole])
+    library = Store(tmp_path / "b").load("laws.npz")
+    assert library["d"].shape[0] == 6
+    np.testing.assert_array_equal(library["d"][:2, :5], first["d"][:, :5])
+
+
+@pytest.mark.slow
+def test_killed_at_ten_random_moments_ends_with_the_same_bytes(tmp_path):
+    """SIGKILL anywhere, also while a file is written: no half file is read, nothing renumbered."""
+    study = [*ROUGH, MU, "samples.design=latin-hypercube", "samples.n=60"]
+    environment = os.environ | {"OPENBLAS_NUM_THREADS": "1"}
+    start = time.perf_counter()
+    whole = tmp_path / "whole"
+    subprocess.run(command(whole, study), check=True, capture_output=True, env=environment)
+    seconds = time.perf_counter() - start
+    rng, killed = np.random.default_rng(11), 0
+    for k, moment in enumerate(rng.uniform(0.2, 0.95, 10) * seconds):
+        out = tmp_path / f"killed{k}"
+        going = subprocess.Popen(command(out, study), stderr=subprocess.DEVNULL, env=environment)
+        try:
+            going.wait(moment)
+        except subprocess.TimeoutExpired:
+            going.send_signal(signal.SIGKILL)
+            killed += going.wait() == -signal.SIGKILL
+        subprocess.run(command(out, study), check=True, capture_output=True, env=environment)
+        for name in TABLES:
+            a, b = (folder / f"{name}.csv" for folder in (whole, out))
+            assert a.read_bytes() == b.read_bytes(), (k, name)
+    assert killed >= 7
