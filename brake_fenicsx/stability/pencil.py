@@ -300,8 +300,9 @@ def _invariant(
 
 def _real_basis(vectors: Complex) -> Array:
     """Orthonormal real basis of vectors that are closed under conjugation."""
+    # Imaginary parts keep their size: those of real vectors are round-off.
+    vectors = _unit(vectors)
     both = np.hstack([vectors.real, vectors.imag])
-    both = both / np.maximum(np.linalg.norm(both, axis=0), np.finfo(float).tiny)
     return np.asarray(la.qr(both, mode="economic", pivoting=True)[0][:, : vectors.shape[1]])
 
 
