@@ -36,6 +36,7 @@ from brake_fenicsx.macro.condensation import (
 from brake_fenicsx.macro.solver import Factor, add_interface, local_rows
 
 from .basis import Basis
+from .correction import Deeper
 from .lanczos import lowest_modes
 from .modes import Complex, Modes
 from .sample import Sample
@@ -143,12 +144,14 @@ class Reduced:
         whole = (NN[0] + P @ Phi_N.T, NT[0] + P @ Phi_T.T, TT)
         self.basis = Basis(Lambda, Phi_N, Phi_T, NN, NT, TT_0, whole, w, k0, limit)
 
-    def modes(self, k: Array, mu: float | Array) -> Modes:
+    def modes(self, k: Array, mu: float | Array, tolerance: float = 1e-6) -> Modes:
         """Complex modes of one sample in the band.
 
         Args:
             k: contact stiffness of each element [Pa/m], shape (elements,).
             mu: friction coefficient, one or one per element.
+            tolerance: relative error of lambda; modes estimated beyond it are corrected on the full
+                problem, and ``iterations`` says how many.
 
         Returns:
             The modes in coordinates of the reference: ``right`` and ``left`` have one row per kept
@@ -156,7 +159,9 @@ class Reduced:
             problem in the norm of K0^-1, relative to the mode's norm in K0.
         """
         start = time.perf_counter()
-        return Sample(self.basis, k, mu).modes(self.band, start)
+        rest = _Deflated(self.factor, self.Phi, self.basis.Lambda)
+        deeper = Deeper(rest, self.M, self.N, self.T, self.basis.limit)
+        return Sample(self.basis, k, mu).modes(self.band, start, tolerance, deeper)
 
     def expand(self, s: Complex, a: Complex, k: Array, mu: float | Array) -> Complex:
         """Displacements of some modes of a sample.

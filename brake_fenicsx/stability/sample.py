@@ -30,13 +30,14 @@ from numpy.typing import NDArray
 
 from .basis import Basis
 from .completeness import Trapezium
+from .correction import Deeper
 from .modes import Complex, Count, Modes, undamped_rows
 from .pencil import Pencil
 
 Array = NDArray[np.float64]
 
 # Damping ratios up to this one are counted.
-ZETA_MAX = 0.25
+ZETA_MAX = 0.4
 
 # Smallest derivative of the determinant's factor that is divided by: a double eigenvalue has none.
 TINY = 1e-300
@@ -82,8 +83,24 @@ class Sample:
         S, S1, S2 = (_times(A, a) for A in (self.S, self.S1, self.S2))
         return S - kappa * S1 + kappa**2 * S2
 
-    def modes(self, band: tuple[float, float], start: float) -> Modes:
-        """Modes of the band with residuals and errors; the clock was started at ``start`` [s]."""
+    def modes(
+        self,
+        band: tuple[float, float],
+        start: float,
+        tolerance: float = 1e-6,
+        deeper: Deeper | None = None,
+    ) -> Modes:
+        """Modes of the band with residuals and errors.
+
+        Args:
+            band: lowest and highest frequency [Hz].
+            start: when the clock was started [s].
+            tolerance: relative error of lambda beyond which a mode is corrected.
+            deeper: the full problem; without it no mode is corrected.
+
+        Raises:
+            InaccurateResult: the count differs.
+        """
         Lambda = self.basis.Lambda
         K_r, M_r, Q_r = np.diag(Lambda) + self.B @ self.S, self.B @ self.S1, self.B @ self.S2
         M_r[np.diag_indices_from(M_r)] += 1.0
@@ -94,8 +111,13 @@ class Sample:
         kappa, a, b = pairs.kappa[half], pairs.right[:, half], pairs.left[:, half]
         slope = np.einsum("im,im->m", b.conj(), M_r @ a - 2 * kappa * (Q_r @ a))
         slope = np.where(np.abs(slope) > TINY, slope, TINY)
-        rest, tail, residual = self._errors(kappa, a, b, K_r, M_r, Q_r)
+        rest, tail, residual, forces = self._errors(kappa, a, b, K_r, M_r, Q_r)
         first = np.einsum("im,im->m", b.conj(), rest)
+        # Half of the tolerance for the tail: |d lambda / lambda| = |d kappa / kappa| / 2.
+        beyond = tail > tolerance * np.abs(slope * kappa)
+        if deeper is not None and beyond.any():
+            part, tail[beyond] = self._corrected(deeper, kappa, b, forces, beyond)
+            first[beyond] += part
         condition = np.linalg.norm(a, axis=0) * np.linalg.norm(b, axis=0) / np.abs(slope)
         apart = _separation(kappa)
         shift = _keep_real(first / slope, kappa)
@@ -113,13 +135,33 @@ class Sample:
             lam, pairs.right[:, order], pairs.left[:, order], residual[both][order], spread,
             condition[both][order],
             Count(pairs.expected, "winding number of det T, on a basis complete by inertia"),
-            0, time.perf_counter() - start, real,
+            int(beyond[both][order].sum()) if deeper is not None else 0,
+            time.perf_counter() - start, real,
         )  # fmt: skip
+
+    def _corrected(
+        self,
+        deeper: Deeper,
+        kappa: Complex,
+        b: Complex,
+        forces: tuple[Complex, Complex],
+        which: NDArray[np.bool_],
+    ) -> tuple[Complex, Array]:
+        """What the full problem adds to psi' P phi of some modes, and its new bound."""
+        z, top = kappa[which], len(self.basis.NN) - 1
+        y = first = self._solves(_times(self.B.T, b[:, which]), 1)
+        for _ in range(2 * ANSWERS):
+            more = _times(self.C1.T, z.conj() * y) + _times(self.C2.T, z.conj() ** 2 * y)
+            y = first - self._solves(more, 1)
+        return deeper(z, y, forces[0][:, which], forces[1][:, which], top)
 
     def _errors(
         self, kappa: Complex, a: Complex, b: Complex, K_r: Array, M_r: Array, Q_r: Array
-    ) -> tuple[Complex, Array, Array]:
-        """What T a leaves out, b' of it being psi' P phi; bound of its tail; relative residual."""
+    ) -> tuple[Complex, Array, Array, tuple[Complex, Complex]]:
+        """What T a leaves out, b' of it being psi' P phi; bound of its tail; relative residual.
+
+        Last the normal and tangential forces of the modes on the elements.
+        """
         s, top = self.basis, len(self.basis.NN) - 1
         S1a, S2a = _times(self.S1, a), _times(self.S2, a)
         g = _times(self.S, a) - kappa * S1a + kappa**2 * S2a
@@ -144,7 +186,8 @@ class Sample:
         forces += np.sqrt(_quadratic(A_TT, self.mD[:, None] * r_g))
         modal = np.sqrt((1 / s.Lambda) @ np.abs(r_a) ** 2)
         norm = modal + forces + size**3 * limit ** (top / 2 - 3) * (normal + slip)
-        return r_a + _times(self.B, h), tail, norm / np.sqrt(s.Lambda @ np.abs(a) ** 2)
+        norm = norm / np.sqrt(s.Lambda @ np.abs(a) ** 2)
+        return r_a + _times(self.B, h), tail, norm, (v_N, v_T)
 
     def _answer(self, r: Complex, kappa: Complex) -> Complex:
         """(I + C0 + kappa C1 + kappa^2 C2)^-1 r by a series in kappa."""
