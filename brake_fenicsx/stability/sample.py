@@ -111,13 +111,14 @@ class Sample:
         kappa, a, b = pairs.kappa[half], pairs.right[:, half], pairs.left[:, half]
         slope = np.einsum("im,im->m", b.conj(), M_r @ a - 2 * kappa * (Q_r @ a))
         slope = np.where(np.abs(slope) > TINY, slope, TINY)
-        rest, tail, residual, forces = self._errors(kappa, a, b, K_r, M_r, Q_r)
+        rest, tail, residual, known = self._errors(kappa, a, b, K_r, M_r, Q_r)
         first = np.einsum("im,im->m", b.conj(), rest)
         # Half of the tolerance for the tail: |d lambda / lambda| = |d kappa / kappa| / 2.
         beyond = tail > tolerance * np.abs(slope * kappa)
+        # A basis of an earlier program may end at order 2.
+        beyond &= len(self.basis.NN) > 3
         if deeper is not None and beyond.any():
-            part, tail[beyond] = self._corrected(deeper, kappa, b, forces, beyond)
-            first[beyond] += part
+            first[beyond], tail[beyond] = self._corrected(deeper, kappa, b, known, beyond)
         condition = np.linalg.norm(a, axis=0) * np.linalg.norm(b, axis=0) / np.abs(slope)
         apart = _separation(kappa)
         shift = _keep_real(first / slope, kappa)
@@ -144,23 +145,34 @@ class Sample:
         deeper: Deeper,
         kappa: Complex,
         b: Complex,
-        forces: tuple[Complex, Complex],
+        known: tuple[Complex, ...],
         which: NDArray[np.bool_],
     ) -> tuple[Complex, Array]:
-        """What the full problem adds to psi' P phi of some modes, and its new bound."""
+        """Error psi' P phi of some modes with all that the full problem adds, and its new bound.
+
+        The gaps' answer h to what is left out is itself left out by C_3 and what follows: taken off
+        to first order, and its size kept as part of the bound.
+        """
+        v_N, v_T, left_out, r_a, h = (x[:, which] for x in known)
         z, top = kappa[which], len(self.basis.NN) - 1
         y = first = self._solves(_times(self.B.T, b[:, which]), 1)
         for _ in range(2 * ANSWERS):
             more = _times(self.C1.T, z.conj() * y) + _times(self.C2.T, z.conj() ** 2 * y)
             y = first - self._solves(more, 1)
-        return deeper(z, y, forces[0][:, which], forces[1][:, which], top)
+        part, bound = deeper(z, y, v_N, v_T, top)
+        part = part + np.einsum("im,im->m", b[:, which].conj(), r_a)
+        part += np.einsum("im,im->m", y.conj(), left_out)
+        C_h = _times(self.basis.NN[3], self.dD[:, None] * h)
+        C_h += _times(self.basis.NT[3], self.mD[:, None] * h)
+        answer = z**3 * np.einsum("im,im->m", y.conj(), C_h)
+        return part - answer, bound + np.abs(answer)
 
     def _errors(
         self, kappa: Complex, a: Complex, b: Complex, K_r: Array, M_r: Array, Q_r: Array
-    ) -> tuple[Complex, Array, Array, tuple[Complex, Complex]]:
+    ) -> tuple[Complex, Array, Array, tuple[Complex, ...]]:
         """What T a leaves out, b' of it being psi' P phi; bound of its tail; relative residual.
 
-        Last the normal and tangential forces of the modes on the elements.
+        Last what a correction starts from: forces of the modes on the elements, parts of the rest.
         """
         s, top = self.basis, len(self.basis.NN) - 1
         S1a, S2a = _times(self.S1, a), _times(self.S2, a)
@@ -187,7 +199,7 @@ class Sample:
         modal = np.sqrt((1 / s.Lambda) @ np.abs(r_a) ** 2)
         norm = modal + forces + size**3 * limit ** (top / 2 - 3) * (normal + slip)
         norm = norm / np.sqrt(s.Lambda @ np.abs(a) ** 2)
-        return r_a + _times(self.B, h), tail, norm, (v_N, v_T)
+        return r_a + _times(self.B, h), tail, norm, (v_N, v_T, left_out, r_a, h)
 
     def _answer(self, r: Complex, kappa: Complex) -> Complex:
         """(I + C0 + kappa C1 + kappa^2 C2)^-1 r by a series in kappa."""
