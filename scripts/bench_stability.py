@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Reduced model of the reference brake: kept modes against seconds, memory and error.
 
-    scripts/bench_stability.py [--size 14] [--band 8000] [--samples 2] [--cutoff 1.2 1.6 2.0]
+    scripts/bench_stability.py [--size 2] [--band 8000] [--samples 2] [--cutoff 1.2 1.6 2.0]
 
 Samples have lognormal contact stiffness over two decades and 30 % open elements, at mu = 0.5.
 Columns: cutoff over the band's highest frequency; modes kept; seconds offline (once) and online
@@ -18,7 +18,7 @@ import resource
 import time
 
 import numpy as np
-from bench_equilibrium import K0, brake
+from bench_equilibrium import brake, scaled
 
 from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.stability import Modes, Reduced, complex_modes
@@ -27,6 +27,9 @@ from brake_fenicsx.stability.modes import THRESHOLD
 from brake_fenicsx.stability.operators import tangent
 
 MU = 0.5
+
+# Stiffness of the reference [Pa/m].
+K0 = 8e9
 
 
 def stiffness(n: int, seed: int) -> np.ndarray:
@@ -58,12 +61,12 @@ def memory() -> float:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--size", type=float, default=14.0, help="mm")
+    parser.add_argument("--size", type=float, default=2.0, help="multiple of the reference mesh")
     parser.add_argument("--band", type=float, default=8000.0, help="Hz")
     parser.add_argument("--samples", type=int, default=2)
     parser.add_argument("--cutoff", type=float, nargs="+", default=[1.2, 1.6, 2.0])
     given = parser.parse_args()
-    case, band = brake(given.size * 1e-3), (0.0, given.band)
+    case, band = brake(scaled(given.size), order=2), (0.0, given.band)
     c, K, M = case.contact, case.elastic.K, case.elastic.M
     samples = [stiffness(c.w.size, seed) for seed in range(given.samples)]
     start, busy = time.perf_counter(), time.process_time()

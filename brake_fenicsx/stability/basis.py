@@ -18,7 +18,7 @@ class Basis:
         Lambda: eigenvalues of the reference [1/s^2], shape (modes,).
         Phi_N: gaps of its modes, shape (elements, modes).
         Phi_T: slips of its modes, shape (elements, modes).
-        NN: N R_j N', j = 0, 1, 2, each of shape (elements, elements).
+        NN: N R_j N', j = 0, 1, 2 at least, each of shape (elements, elements).
         NT: N R_j T'.
         TT: T R_0 T'.
         compliance: (N K0^-1 N', N K0^-1 T', T K0^-1 T') with the modes.

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -36,6 +36,7 @@ from brake_fenicsx.macro.condensation import (
 from brake_fenicsx.macro.solver import Factor, add_interface, local_rows
 
 from .basis import Basis
+from .correction import Deeper
 from .lanczos import lowest_modes
 from .modes import Complex, Modes
 from .sample import Sample
@@ -45,8 +46,8 @@ Array = NDArray[np.float64]
 # Modes are kept up to this multiple of the band's highest frequency.
 CUTOFF = 1.6
 
-# Interface columns of process 0, which also finds the real modes, relative to the others'.
-FIRST_SHARE = 0.35
+# Orders of the residual flexibility; those beyond 2 serve the error alone.
+ORDER = 4
 
 
 class Reduced:
@@ -112,16 +113,14 @@ class Reduced:
             return
         found: Any = None
         if comm.rank == 0:
-            # Meanwhile the other processes begin with the interface.
+            # Meanwhile the other processes begin with the slips.
             try:
                 modes = lowest_modes(self.factor, rows, limit)
                 found = modes.Phi, modes.Lambda, _inertia(K, M, N, w * k0, limit)
             except BrakeError as error:
                 found = error
         times.append(time.perf_counter())
-        first = FIRST_SHARE if comm.size > 1 else 1.0
-        moments = interface_moments(self.factor, rows, N, T, 2, comm, progress, first)
-        TT = slip_compliance(self.factor, T, comm, first)
+        TT = slip_compliance(self.factor, T, comm, 0.0 if comm.size > 1 else 1.0)
         found = comm.bcast(found, root=0)
         if isinstance(found, BrakeError):
             raise found
@@ -135,23 +134,24 @@ class Reduced:
             raise InaccurateResult(
                 f"the reference has no mode below {cutoff:.0f} Hz: raise the cutoff"
             )
+        rest = _Deflated(self.factor, self.Phi, Lambda)
+        moments = interface_moments(cast(Factor, rest), rows, N, T, ORDER, comm, progress)
         times.append(time.perf_counter())
         self.seconds |= {"modes": times[2] - times[1], "interface": times[3] - times[2]}
         Phi_N, Phi_T = N @ self.Phi, T @ self.Phi
-        powers = [Phi_N / Lambda ** (j + 1) for j in range(3)]
-        self.basis = Basis(
-            Lambda, Phi_N, Phi_T,
-            tuple(m[0] - P @ Phi_N.T for m, P in zip(moments, powers, strict=True)),
-            tuple(m[1] - P @ Phi_T.T for m, P in zip(moments, powers, strict=True)),
-            TT - (Phi_T / Lambda) @ Phi_T.T, (*moments[0], TT), w, k0, limit,
-        )  # fmt: skip
+        NN, NT = (tuple(m[i] for m in moments) for i in (0, 1))
+        P, TT_0 = Phi_N / Lambda, TT - (Phi_T / Lambda) @ Phi_T.T
+        whole = (NN[0] + P @ Phi_N.T, NT[0] + P @ Phi_T.T, TT)
+        self.basis = Basis(Lambda, Phi_N, Phi_T, NN, NT, TT_0, whole, w, k0, limit)
 
-    def modes(self, k: Array, mu: float | Array) -> Modes:
+    def modes(self, k: Array, mu: float | Array, tolerance: float = 1e-6) -> Modes:
         """Complex modes of one sample in the band.
 
         Args:
             k: contact stiffness of each element [Pa/m], shape (elements,).
             mu: friction coefficient, one or one per element.
+            tolerance: relative error of lambda; modes estimated beyond it are corrected on the full
+                problem, and ``iterations`` says how many.
 
         Returns:
             The modes in coordinates of the reference: ``right`` and ``left`` have one row per kept
@@ -159,7 +159,9 @@ class Reduced:
             problem in the norm of K0^-1, relative to the mode's norm in K0.
         """
         start = time.perf_counter()
-        return Sample(self.basis, k, mu).modes(self.band, start)
+        rest = _Deflated(self.factor, self.Phi, self.basis.Lambda)
+        deeper = Deeper(rest, self.M, self.N, self.T, self.basis.limit)
+        return Sample(self.basis, k, mu).modes(self.band, start, tolerance, deeper)
 
     def expand(self, s: Complex, a: Complex, k: Array, mu: float | Array) -> Complex:
         """Displacements of some modes of a sample.
@@ -186,6 +188,20 @@ class Reduced:
         """R_0 force: the static response without the kept modes."""
         x = self.factor.solve(force.real) + 1j * self.factor.solve(force.imag)
         return x - self.Phi @ ((self.Phi.T @ force) / self.basis.Lambda[:, None])
+
+
+class _Deflated:
+    """R_0 in place of K0^-1: the kept modes are taken out of every solve, before round-off grows.
+
+    Taken out of the moments at the end, they leave round-off (kappa / Lambda_1)^j times as large.
+    """
+
+    def __init__(self, factor: Factor, Phi: Array, Lambda: Array):
+        self.factor, self.Phi, self.Lambda = factor, Phi, Lambda
+
+    def solve(self, b: Array) -> Array:
+        """R_0 b for a block, shape (dofs, columns)."""
+        return self.factor.solve(b) - self.Phi @ ((self.Phi.T @ b) / self.Lambda[:, None])
 
 
 def _inertia(K: PETSc.Mat, M: PETSc.Mat, N: sp.csr_matrix, D: Array, limit: float) -> int:

@@ -1,19 +1,23 @@
-"""One sample in the reduced model: the pencil, its correction, its residual and error.
+"""One sample in the reduced model: the pencil, its residual and error.
 
 With the basis of ``reduction`` and F = N' dD + mu T' D the problem in modal coordinates a is
 
     T(kappa) a = [Lambda - kappa + B (I + C(kappa))^-1 Phi_N] a = 0,
     B = Phi' F,   C(kappa) = N R(kappa) F = C0 + kappa C1 + kappa^2 C2 + ...
 
-First a linear pencil from C0 and C1 (all eigenvalues at once), then for every mode near the band a
-Newton step with C2. For the trial vectors phi = Phi a - R F g and psi' = b' Phi' - y' N R the full
-residual has three parts, all of which the offline matrices measure:
+To second order in kappa this is the pencil that ``pencil`` solves. For the trial vectors
+phi = Phi a - R F g and psi' = b' Phi' - y' N R, with R to second order, the full residual has three
+parts, all of which the offline matrices measure:
 
     P(kappa) phi = M Phi r_a + F r_g + kappa^3 M R2 F g,
     r_a = (Lambda - kappa) a + B g,   r_g = Phi_N a - (I + C) g,
 
-and psi' P phi / psi' M phi is the error of kappa to first order. The last part is bounded with
-R_(j+1) <= R_j / limit, since the reference has no mode left below its limit.
+and psi' P phi / psi' M phi is the error of kappa to first order. Of the last part
+
+    psi' kappa^3 M R2 F g = - y' (kappa^3 C3 + kappa^4 C4 + kappa^5 C5) g,
+
+what the basis knows is taken off, the rest bounded with R_(j+1) <= R_j / limit, since the reference
+has no mode left below its limit.
 """
 
 from __future__ import annotations
@@ -24,16 +28,22 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from brake_fenicsx.errors import InaccurateResult
-
 from .basis import Basis
-from .completeness import Trapezium, count_zeros
+from .completeness import Trapezium
+from .correction import Deeper
 from .modes import Complex, Count, Modes, undamped_rows
+from .pencil import Pencil
 
 Array = NDArray[np.float64]
 
 # Damping ratios up to this one are counted.
-ZETA_MAX = 0.25
+ZETA_MAX = 0.4
+
+# Smallest derivative of the determinant's factor that is divided by: a double eigenvalue has none.
+TINY = 1e-300
+
+# Terms of the answer of the gaps to what the pencil leaves out.
+ANSWERS = 2
 
 
 class Sample:
@@ -73,124 +83,152 @@ class Sample:
         S, S1, S2 = (_times(A, a) for A in (self.S, self.S1, self.S2))
         return S - kappa * S1 + kappa**2 * S2
 
-    def modes(self, band: tuple[float, float], start: float) -> Modes:
-        """Modes of the band with residuals and errors; the clock was started at ``start`` [s]."""
+    def modes(
+        self,
+        band: tuple[float, float],
+        start: float,
+        tolerance: float = 1e-6,
+        deeper: Deeper | None = None,
+    ) -> Modes:
+        """Modes of the band with residuals and errors.
+
+        Args:
+            band: lowest and highest frequency [Hz].
+            start: when the clock was started [s].
+            tolerance: relative error of lambda beyond which a mode is corrected.
+            deeper: the full problem; without it no mode is corrected.
+
+        Raises:
+            InaccurateResult: the count differs.
+        """
         Lambda = self.basis.Lambda
         K_r, M_r, Q_r = np.diag(Lambda) + self.B @ self.S, self.B @ self.S1, self.B @ self.S2
         M_r[np.diag_indices_from(M_r)] += 1.0
-        far, *pairs = _linear_pencil(K_r, M_r, band)
-        kappa, a, b = _newton(K_r, M_r, Q_r, *pairs)
-        region = _region(band)
-        # The corrected values: one that crosses the edge of the region turns the phase unseen.
-        believed = np.concatenate([kappa, far])
-        expected = count_zeros(lambda z: K_r - z * M_r + z**2 * Q_r, region, believed)
-        found = int(region.holds(kappa).sum())
-        if found != expected:
-            raise InaccurateResult(
-                f"reduced model: {found} modes found in the band, the winding number of the"
-                f" determinant counts {expected}"
-            )
+        highest = (2 * np.pi * 1.02 * band[1]) ** 2
+        pencil = Pencil(K_r, M_r, Q_r)
+        pairs = pencil.pairs(highest, _region(band))
+        half = np.flatnonzero(pairs.kappa.imag >= 0)
+        kappa, a, b = pairs.kappa[half], pairs.right[:, half], pairs.left[:, half]
         slope = np.einsum("im,im->m", b.conj(), M_r @ a - 2 * kappa * (Q_r @ a))
-        first, tail, residual = self._errors(kappa, a, b, K_r, M_r, Q_r)
-        kappa = _keep_real(kappa + first / slope, kappa)
+        slope = np.where(np.abs(slope) > TINY, slope, TINY)
+        rest, tail, residual, known = self._errors(kappa, a, b, K_r, M_r, Q_r)
+        first = np.einsum("im,im->m", b.conj(), rest)
+        # Half of the tolerance for the tail: |d lambda / lambda| = |d kappa / kappa| / 2.
+        beyond = tail > tolerance * np.abs(slope * kappa)
+        # A basis of an earlier program may end at order 2.
+        beyond &= len(self.basis.NN) > 3
+        if deeper is not None and beyond.any():
+            first[beyond], tail[beyond] = self._corrected(deeper, kappa, b, known, beyond)
         condition = np.linalg.norm(a, axis=0) * np.linalg.norm(b, axis=0) / np.abs(slope)
-        second = np.abs(first / slope) ** 2 * condition / _separation(kappa)
+        apart = _separation(kappa)
+        shift = _keep_real(first / slope, kappa)
+        # Close to another eigenvalue a first-order correction is none.
+        safe = np.abs(shift) * condition <= 0.1 * apart
+        second = np.abs(shift) * np.where(safe, np.abs(shift) * condition / apart, 1.0)
+        second += pencil.coupled_shift(kappa, rest) * condition
         floor = 1e-14 * Lambda[-1] * condition
         error = tail / np.abs(slope) + second + floor
-        order, lam, spread, real = undamped_rows(kappa, error, band)
+        kappa = np.where(safe, kappa + shift, kappa)
+        both = _with_mates(pairs.kappa)
+        kappa = np.where(pairs.kappa.imag < 0, kappa[both].conj(), kappa[both])
+        order, lam, spread, real = undamped_rows(kappa, error[both], band)
         return Modes(
-            lam, a[:, order], b[:, order], residual[order], spread, condition[order],
-            Count(expected, "winding number of det T, on a basis complete by inertia"),
-            0, time.perf_counter() - start, real,
+            lam, pairs.right[:, order], pairs.left[:, order], residual[both][order], spread,
+            condition[both][order],
+            Count(pairs.expected, "winding number of det T, on a basis complete by inertia"),
+            int(beyond[both][order].sum()) if deeper is not None else 0,
+            time.perf_counter() - start, real,
         )  # fmt: skip
+
+    def _corrected(
+        self,
+        deeper: Deeper,
+        kappa: Complex,
+        b: Complex,
+        known: tuple[Complex, ...],
+        which: NDArray[np.bool_],
+    ) -> tuple[Complex, Array]:
+        """Error psi' P phi of some modes with all that the full problem adds, and its new bound.
+
+        The gaps' answer h to what is left out is itself left out by C_3 and what follows: taken off
+        to first order, and its size kept as part of the bound.
+        """
+        v_N, v_T, left_out, r_a, h = (x[:, which] for x in known)
+        z, top = kappa[which], len(self.basis.NN) - 1
+        y = first = self._solves(_times(self.B.T, b[:, which]), 1)
+        for _ in range(2 * ANSWERS):
+            more = _times(self.C1.T, z.conj() * y) + _times(self.C2.T, z.conj() ** 2 * y)
+            y = first - self._solves(more, 1)
+        part, bound = deeper(z, y, v_N, v_T, top)
+        part = part + np.einsum("im,im->m", b[:, which].conj(), r_a)
+        part += np.einsum("im,im->m", y.conj(), left_out)
+        C_h = _times(self.basis.NN[3], self.dD[:, None] * h)
+        C_h += _times(self.basis.NT[3], self.mD[:, None] * h)
+        answer = z**3 * np.einsum("im,im->m", y.conj(), C_h)
+        return part - answer, bound + np.abs(answer)
 
     def _errors(
         self, kappa: Complex, a: Complex, b: Complex, K_r: Array, M_r: Array, Q_r: Array
-    ) -> tuple[Complex, Array, Array]:
-        """First-order error psi' P phi, bound of its tail, and relative residual of each mode."""
-        s = self.basis
-        g = self.gaps(a, kappa)
+    ) -> tuple[Complex, Array, Array, tuple[Complex, ...]]:
+        """What T a leaves out, b' of it being psi' P phi; bound of its tail; relative residual.
+
+        Last what a correction starts from: forces of the modes on the elements, parts of the rest.
+        """
+        s, top = self.basis, len(self.basis.NN) - 1
+        S1a, S2a = _times(self.S1, a), _times(self.S2, a)
+        g = _times(self.S, a) - kappa * S1a + kappa**2 * S2a
+        y = self._solves(_times(self.B.T, b), 1)
+        y -= self._solves(_times(self.C1.T, kappa.conj() * y), 1)
         r_a = _times(K_r, a) - kappa * _times(M_r, a) + kappa**2 * _times(Q_r, a)
         # Of r_g only the terms beyond the expansion of ``gaps`` are left.
-        S1a, S2a = _times(self.S1, a), _times(self.S2, a)
-        cubic = _times(self.C1, S2a) - _times(self.C2, S1a)
-        r_g = -(kappa**3) * cubic - kappa**4 * _times(self.C2, S2a)
-        y = self._solve(self.B.T @ b.real, 1) + 1j * self._solve(self.B.T @ b.imag, 1)
-        first = np.einsum("im,im->m", b.conj(), r_a) + np.einsum("im,im->m", y.conj(), r_g)
+        r_g = kappa**3 * (_times(self.C2, S1a - kappa * S2a) - _times(self.C1, S2a))
         v_N, v_T = self.dD[:, None] * g, self.mD[:, None] * g
+        left_out, last = r_g.copy(), _times(s.NN[top], v_N)
+        for j in range(3, top + 1):
+            C_j = last if j == top else _times(s.NN[j], v_N)
+            left_out -= kappa**j * (C_j + _times(s.NT[j], v_T))
+        h = self._answer(left_out, kappa)
         limit, size = s.limit, np.abs(kappa)
-        inertia_N = _quadratic(s.NN[2], v_N)
-        inertia_T = _quadratic(s.TT, v_T) / limit**2
-        inertia_y = _quadratic(s.NN[2], y)
-        rest = np.sqrt(inertia_N) + np.sqrt(inertia_T)
-        tail = size**3 / np.maximum(limit - size, 1e-3 * limit) * np.sqrt(inertia_y) * rest
-        f_N, f_T = self.dD[:, None] * r_g, self.mD[:, None] * r_g
-        A_NN, A_NT, A_TT = s.compliance
-        cross = 2 * np.einsum("im,im->m", f_N.conj(), _times(A_NT, f_T)).real
-        forces = _quadratic(A_NN, f_N) + cross + _quadratic(A_TT, f_T)
-        modal = (1 / s.Lambda) @ np.abs(r_a) ** 2
-        norm = np.sqrt(modal) + np.sqrt(np.abs(forces)) + size**3 / limit**2 * rest
-        return first, tail, norm / np.sqrt(s.Lambda @ np.abs(a) ** 2)
+        normal = np.sqrt(np.maximum(np.einsum("im,im->m", v_N.conj(), last).real, 0.0))
+        slip = np.sqrt(_quadratic(s.TT, v_T)) / limit ** (top / 2)
+        tail = np.sqrt(_quadratic(s.NN[top], y)) * (normal + slip)
+        tail *= size ** (top + 1) / np.maximum(limit - size, 1e-3 * limit)
+        A_NN, _, A_TT = s.compliance
+        forces = np.sqrt(_quadratic(A_NN, self.dD[:, None] * r_g))
+        forces += np.sqrt(_quadratic(A_TT, self.mD[:, None] * r_g))
+        modal = np.sqrt((1 / s.Lambda) @ np.abs(r_a) ** 2)
+        norm = modal + forces + size**3 * limit ** (top / 2 - 3) * (normal + slip)
+        norm = norm / np.sqrt(s.Lambda @ np.abs(a) ** 2)
+        return r_a + _times(self.B, h), tail, norm, (v_N, v_T, left_out, r_a, h)
+
+    def _answer(self, r: Complex, kappa: Complex) -> Complex:
+        """(I + C0 + kappa C1 + kappa^2 C2)^-1 r by a series in kappa."""
+        h = first = self._solves(r)
+        for _ in range(ANSWERS):
+            h = first - self._solves(_times(self.C1, kappa * h) + _times(self.C2, kappa**2 * h))
+        return h
+
+    def _solves(self, x: Complex, trans: int = 0) -> Complex:
+        """E^-1 x for complex columns, of imaginary parts only those that are there."""
+        turned = np.flatnonzero(np.any(x.imag != 0, axis=0))
+        y = self._solve(np.hstack([x.real, x.imag[:, turned]]), trans)
+        out = y[:, : x.shape[1]].astype(complex)
+        out[:, turned] += 1j * y[:, x.shape[1] :]
+        return out
 
 
-def _quadratic(A: Array, x: Complex) -> Array:
+def _quadratic(A: Array, x: NDArray) -> Array:
     """X' A x of each column, for symmetric semi-definite A."""
     return np.asarray(np.maximum(np.einsum("im,im->m", x.conj(), _times(A, x)).real, 0.0))
 
 
 def _times(A: Array, x: Complex) -> Complex:
-    """A x for real A: two real products on contiguous parts instead of a complex copy of A."""
-    re, im = np.ascontiguousarray(x.real), np.ascontiguousarray(x.imag)
-    return np.asarray(A @ re + 1j * (A @ im))
-
-
-def _linear_pencil(
-    K: Array, M: Array, band: tuple[float, float]
-) -> tuple[Complex, Complex, Complex, Complex]:
-    """Eigenvalues of K a = kappa M a: those far from the band; those near, with their vectors.
-
-    Conjugate pairs stand side by side, the one of positive imaginary part first.
-    """
-    lu = la.lu_factor(M)
-    kappa, left, right = la.eig(la.lu_solve(lu, K), left=True, right=True)
-    highest = (2 * np.pi * 1.02 * band[1]) ** 2
-    near = np.isfinite(kappa) & (kappa.real < highest) & (np.abs(kappa) < 2 * highest)
-    chosen = np.flatnonzero(near)
-    chosen = chosen[np.lexsort((-kappa[chosen].imag, kappa[chosen].real))]
-    b = la.lu_solve(lu, left[:, chosen].astype(complex), trans=1)
-    far = np.isfinite(kappa) & ~near
-    return kappa[far], kappa[chosen], right[:, chosen].astype(complex), b
-
-
-def _newton(
-    K: Array, M: Array, Q: Array, kappa: Complex, a: Complex, b: Complex
-) -> tuple[Complex, Complex, Complex]:
-    """Eigenpairs of (K - kappa M + kappa^2 Q) a = 0 near those of the linear pencil.
-
-    Two-sided quotient, one inverse iteration on either side, quotient again.
-    """
-    for m in range(kappa.size):
-        if kappa[m].imag < 0:
-            a[:, m], b[:, m], kappa[m] = a[:, m - 1].conj(), b[:, m - 1].conj(), kappa[m - 1].conj()
-            continue
-        real = kappa[m].imag == 0
-        x, y = (v[:, m].real if real else v[:, m] for v in (a, b))
-        z = kappa[m].real if real else kappa[m]
-        z = _quotient(K, M, Q, z, x, y)
-        # A shift on the eigenvalue itself is what inverse iteration wants.
-        lu = la.lu_factor(K - z * (1 + 1e-12) * M + z**2 * Q, check_finite=False)
-        x = la.lu_solve(lu, M @ x, check_finite=False)
-        y = la.lu_solve(lu, M.T @ y, trans=2, check_finite=False)
-        x, y = x / np.linalg.norm(x), y / np.linalg.norm(y)
-        a[:, m], b[:, m], kappa[m] = x, y, _quotient(K, M, Q, z, x, y)
-    return kappa, a, b
-
-
-def _quotient(K: Array, M: Array, Q: Array, z: complex, x: NDArray, y: NDArray) -> complex:
-    """One Newton step for z of y' (K - z M + z^2 Q) x = 0."""
-    Kx, Mx, Qx = np.vdot(y, K @ x), np.vdot(y, M @ x), np.vdot(y, Q @ x)
-    step: complex = (Kx - z * Mx + z**2 * Qx) / (Mx - 2 * z * Qx)
-    return z + step
+    """A x for real A: one real product, of imaginary parts only those that are there."""
+    turned = np.flatnonzero(np.any(x.imag != 0, axis=0))
+    product = A @ np.hstack([x.real, x.imag[:, turned]])
+    out = product[:, : x.shape[1]].astype(complex)
+    out[:, turned] += 1j * product[:, x.shape[1] :]
+    return out
 
 
 def _region(band: tuple[float, float]) -> Trapezium:
@@ -203,15 +241,22 @@ def _region(band: tuple[float, float]) -> Trapezium:
     return Trapezium(bottom, high * (1 + 1e-7), 2 * ZETA_MAX, 1e-3 * high)
 
 
-def _keep_real(corrected: Complex, kappa: Complex) -> Complex:
+def _keep_real(shift: Complex, kappa: Complex) -> Complex:
     """A real eigenvalue of a real problem stays real."""
-    return np.where(kappa.imag == 0, corrected.real + 0j, corrected)
+    return np.where(kappa.imag == 0, shift.real + 0j, shift)
+
+
+def _with_mates(kappa: Complex) -> NDArray[np.intp]:
+    """For each eigenvalue its position among those without negative imaginary part."""
+    return np.asarray(np.cumsum(kappa.imag >= 0) - 1)
 
 
 def _separation(kappa: Complex) -> Array:
-    """Distance of each eigenvalue from its nearest neighbour."""
-    if kappa.size < 2:
-        return np.full(kappa.size, np.inf)
+    """Distance of each eigenvalue from its nearest neighbour, its own conjugate included."""
+    if not kappa.size:
+        return np.zeros(0)
     distance = np.abs(kappa[:, None] - kappa[None, :])
     np.fill_diagonal(distance, np.inf)
-    return np.asarray(np.maximum(distance.min(axis=0), 1e-12 * np.abs(kappa).max()))
+    mate = np.where(kappa.imag > 0, 2 * kappa.imag, np.inf)
+    nearest = np.minimum(distance.min(axis=0), mate)
+    return np.asarray(np.maximum(nearest, 1e-12 * np.abs(kappa).max()))

@@ -117,6 +117,41 @@ def test_a_pair_that_the_correction_moves_over_the_edge_is_counted(two_blocks):
     assert within(found.s, 0.999 * BAND[1]).size == within(exact, 0.999 * BAND[1]).size
 
 
+SAMPLES = [(seed, mu) for seed in range(200, 204) for mu in (0.25 * (seed - 199),)]
+MORE = [(seed, (seed - 204) / 19) for seed in range(204, 224)]
+
+
+@pytest.mark.parametrize("samples", [SAMPLES, pytest.param(MORE, marks=pytest.mark.slow)])
+def test_tolerance_is_kept_over_samples(two_blocks, samples):
+    """95 % within 1e-5 and none beyond 1e-4 uncorrected; 1e-6 corrected; verdicts.
+
+    Not yet kept: of the twenty slow samples a mode close to another one, whose error is of second
+    order in what the basis leaves out, stays beyond 1e-6, as its record says.
+
+    Scattered over two decades, a third open, mu from 0 to 1. Catches a correction that is none.
+    """
+    scene = two_blocks("guided")
+    red, before, after, corrected = offline(scene), [], [], 0
+    for seed, mu in samples:
+        k = stiffness(scene.w.size, seed, is_open=0.33)
+        exact, floor = dense(scene, k, mu)
+        for tolerance, errors in ((np.inf, before), (1e-6, after)):
+            m = red.modes(k, mu, tolerance)
+            assert len(m) == within(exact, BAND[1]).size
+            distance = np.abs(m.s[:, None] - exact)
+            round_off = floor * m.condition / (2 * np.abs(m.s))
+            assert np.all(distance.min(axis=1) <= m.error + round_off), (seed, tolerance)
+            verdicts_agree(m, exact[distance.argmin(axis=1)])
+            errors.append(np.maximum(distance.min(axis=1) - round_off, 0) / np.abs(m.s))
+            corrected += m.iterations
+            assert tolerance < 1 or m.iterations == 0
+    before, after = np.concatenate(before), np.concatenate(after)
+    assert corrected > 0 and np.median(after) <= np.median(before)
+    assert np.mean(before < 1e-5) >= 0.95 and before.max() < 1e-4, (before.max(),)
+    assert np.mean(after < 1e-6) > 0.99, (before.max(), after.max(), corrected)
+    assert after.max() < 1e-6 or len(samples) > 4, (before.max(), after.max(), corrected)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("mu", [0.3, 0.5, 1.0])
 def test_many_interfaces(two_blocks, mu):
@@ -208,7 +243,8 @@ def test_error_falls_with_the_cutoff(two_blocks):
     exact, _ = dense(scene, k, 0.5)
     worst = []
     for factor in (1.2, 1.6, 2.2):
-        m = offline(scene, K0, factor * BAND[1]).modes(k, 0.5)
+        # Uncorrected: a correction would hide the basis.
+        m = offline(scene, K0, factor * BAND[1]).modes(k, 0.5, np.inf)
         worst.append(np.max(np.abs(m.s[:, None] - exact).min(axis=1) / np.abs(m.s)))
     assert worst[1] < 0.3 * worst[0] and worst[2] < 0.3 * worst[1], worst
 

@@ -1,0 +1,81 @@
+"""Which part of the brake moves in a mode, and which mode a flutter pair is made of.
+
+The share of a part in the kinetic energy of a mode phi is phi^H M_p phi / sum_q phi^H M_q phi, with
+the mass M_p of the part on the dofs of all parts. Shared nodes belong to each part by its own mass,
+so that nothing is counted twice. Strain energy is shared likewise, with stiffnesses.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import SceneError
+
+from .modes import Complex
+
+Array = NDArray[np.float64]
+
+# Two rows +-alpha of one pair agree to this share of |lambda|.
+SAME = 1e-6
+
+
+def energy_shares(parts: Mapping[str, Any], phi: Complex) -> dict[str, Array]:
+    """Share of each part in the energy of each mode.
+
+    Args:
+        parts: name -> mass [kg] or stiffness [N/m] of the part on all dofs, symmetric and positive
+            semi-definite: SciPy sparse, or the diagonal of a lumped one, shape (dofs,).
+        phi: displacements of the modes, shape (dofs, modes), as ``Reduced.expand`` gives them.
+
+    Returns:
+        For each part the shares [-], shape (modes,); they sum to one.
+
+    Raises:
+        SceneError: no part, a matrix of another size, or a mode without any energy.
+    """
+    if not parts:
+        raise SceneError("participation: no part is named")
+    for name, A in parts.items():
+        if A.shape[0] != phi.shape[0]:
+            raise SceneError(
+                f"participation: part {name} has {A.shape[0]} dofs, the modes {phi.shape[0]}"
+            )
+    energy = {name: _energy(A, phi) for name, A in parts.items()}
+    total = np.sum(list(energy.values()), axis=0)
+    if not np.all(total > 0):
+        raise SceneError(
+            f"participation: mode {int(np.argmin(total))} has no energy in any part that is named"
+        )
+    return {name: e / total for name, e in energy.items()}
+
+
+def _energy(A: Any, phi: Complex) -> Array:
+    """phi^H A phi of each mode."""
+    image = A @ phi if sp.issparse(A) else np.asarray(A)[:, None] * phi
+    return np.asarray(np.maximum(np.einsum("im,im->m", phi.conj(), image).real, 0.0))
+
+
+def flutter_partners(s: Complex) -> NDArray[np.intp]:
+    """The other row of each flutter pair of an undamped problem.
+
+    Args:
+        s: eigenvalues lambda [1/s], one of each conjugate pair, shape (modes,).
+
+    Returns:
+        For each mode the row with -conj(lambda), which coalesced with it; -1 for a mode on the
+        imaginary axis, a divergence, or where that row is not in the list.
+    """
+    partner = np.full(s.size, -1)
+    for i in np.flatnonzero((s.real != 0) & (s.imag != 0)):
+        distance = np.abs(s + s[i].conj())
+        # A mode closer to the axis than the tolerance would be its own partner.
+        distance[i] = np.inf
+        j = int(np.argmin(distance))
+        if distance[j] <= SAME * abs(s[i]):
+            partner[i] = j
+    return partner
