@@ -184,9 +184,10 @@ class Study:
 
     def _cached_basis(self) -> Any:
         from brake_fenicsx.stability.basis import Basis
+        from brake_fenicsx.stability.reduction import ORDER
 
         stored = self.store.load("cache/basis.npz")
-        if stored is None:
+        if stored is None or len(stored["NN"]) != ORDER + 1:
             return None
         logger.info("reduced basis: from the cache")
         values: dict[str, Any] = {f.name: stored[f.name] for f in fields(Basis)}
