@@ -20,6 +20,7 @@ import resource
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -95,7 +96,7 @@ def measure_element(case: dict[str, Any]) -> dict[str, Any]:
     seen = compliance(b.K, b.N, b.T, b.w, b.f, k0, MPI.COMM_SELF)
     rows = local_rows(gathered(b.M))
     modes, seconds = timed(lambda: lowest_modes(seen.factor, rows, (2 * np.pi * 6.5e3) ** 2))
-    eq = equilibrium(_seen(b, seen), enriched, MU)
+    eq = equilibrium(replace(b, compliance=seen), enriched, MU)
     return {
         "dofs": b.elastic.free.size, "elements": len(b.w), "assembly": assembly,
         "nonzeros": b.K.getInfo()["nz_used"], "factor": seen.factor.seconds, "modes": seconds,
@@ -117,12 +118,6 @@ def binned(points: np.ndarray, force: np.ndarray) -> np.ndarray:
     side = np.stack([z > 0, z < 0]).astype(float)
     shares = np.einsum("ie,je,ke,e->ijk", *hats, side, force)
     return np.asarray(shares.ravel() / force.sum())
-
-
-def _seen(b: Any, seen: Any) -> Any:
-    from dataclasses import replace
-
-    return replace(b, compliance=seen)
 
 
 def elements() -> None:
@@ -163,7 +158,7 @@ def measure_sample(case: dict[str, Any]) -> dict[str, Any]:
     enriched = laws(b.points)
     k0 = np.full(len(b.w), reference_stiffness(enriched, b.pressed / float(b.w.sum())))
     seen, offline = timed(lambda: compliance(b.K, b.N, b.T, b.w, b.f, k0, MPI.COMM_SELF))
-    ops = _seen(b, seen)
+    ops = replace(b, compliance=seen)
     dense = [equilibrium(ops, enriched, MU) for _ in range(5)]
     sparse = sparse_equilibrium(b, enriched, MU)
     best = dense[0]

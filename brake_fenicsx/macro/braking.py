@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
 from mpi4py import MPI
 
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.micro.analytic import OneLaw
+from brake_fenicsx.micro.joined import join_laws
 from brake_fenicsx.micro.law import Law, Laws
 
 from .condensation import Compliance, compliance
@@ -113,7 +114,7 @@ def reference_stiffness(laws: EnrichedGap, pressure: float) -> float:
 def _library(laws: Law | Laws | Sequence[Law], index: Index | None, n: int) -> tuple[Laws, Index]:
     """Laws as a library, and each element's number in it."""
     if isinstance(laws, list | tuple):
-        laws = _Listed(tuple(laws))
+        laws = join_laws([OneLaw(law) for law in laws])
     if not hasattr(laws, "__len__"):
         return OneLaw(laws), np.zeros(n, dtype=np.intp)
     count = len(laws)  # type: ignore[arg-type]
@@ -124,34 +125,3 @@ def _library(laws: Law | Laws | Sequence[Law], index: Index | None, n: int) -> t
     if np.shape(index) != (n,) or np.min(index) < 0 or np.max(index) >= count:
         raise SceneError(f"index: {n} numbers from 0 to {count - 1} are needed")
     return laws, np.asarray(index, dtype=np.intp)  # type: ignore[return-value]
-
-
-@dataclass(frozen=True, slots=True)
-class _Listed:
-    """Laws of any kind, one by one."""
-
-    laws: tuple[Any, ...]
-
-    def __len__(self) -> int:
-        return len(self.laws)
-
-    def _each(self, name: str, index: Index, d: Array) -> Array:
-        pairs = zip(np.ravel(index), np.ravel(d), strict=True)
-        values = [float(getattr(self.laws[i], name)(x)) for i, x in pairs]
-        return np.array(values).reshape(np.shape(d))
-
-    def first_touch(self, index: Index) -> Array:
-        """See ``Laws``."""
-        return np.array([self.laws[i].first_touch for i in index], dtype=float)
-
-    def pressure(self, index: Index, d: Array) -> Array:
-        """See ``Laws``."""
-        return self._each("pressure", index, d)
-
-    def stiffness(self, index: Index, d: Array) -> Array:
-        """See ``Laws``."""
-        return self._each("stiffness", index, d)
-
-    def energy(self, index: Index, d: Array) -> Array:
-        """See ``Laws``."""
-        return self._each("energy", index, d)

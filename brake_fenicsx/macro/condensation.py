@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -44,6 +45,13 @@ def petsc_matrix(A: sp.spmatrix) -> PETSc.Mat:
 def gathered_vector(f: PETSc.Vec) -> Array:
     """The whole of a distributed vector on every process."""
     return np.concatenate(f.comm.tompi4py().allgather(f.array_r))
+
+
+class Solves(Protocol):
+    """A symmetric inverse, known by its products."""
+
+    def solve(self, b: Array) -> Array:
+        """Product with a block, shape (dofs, columns)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,26 +92,24 @@ def reference_factor(K: PETSc.Mat, N: sp.csr_matrix, w: Array, k0: Array) -> Fac
 
 
 def interface_moments(
-    factor: Factor,
+    factor: Solves,
     M: sp.csr_matrix | None,
     N: sp.csr_matrix,
     T: sp.csr_matrix,
     order: int,
     comm: MPI.Comm,
     progress: Callable[[int], None] = lambda n: None,
-    first: float = 1.0,
 ) -> list[tuple[Array, Array]]:
     """N K0^-1 (M K0^-1)^j N' and the same with T' on the right, j = 0 ... order.
 
     Args:
-        factor: factor of K0.
+        factor: factor of K0, or what else stands for its inverse.
         M: mass [kg]; may be None for order 0.
         N: gap operator, shape (elements, dofs).
         T: slip operator, shape (elements, dofs).
         order: largest j.
         comm: processes that share the columns.
         progress: called with the number of columns done.
-        first: share of process 0, which may be late, relative to the others'.
 
     Returns:
         For each j the pair (NN, NT), shape (elements, elements), unit m/N (s^2)^j.
@@ -111,7 +117,7 @@ def interface_moments(
     n = N.shape[0]
     both = sp.vstack([N, T]).tocsr()
     columns = N.T.tocsc()
-    share = _share(n, comm, first)
+    share = shared_columns(n, comm)
     out = np.empty((order + 1, 2 * n, share.size))
     for b in blocks(share.size):
         X = factor.solve(columns[:, share[b]].toarray())
@@ -130,8 +136,14 @@ def interface_moments(
     return pairs
 
 
-def _share(n: int, comm: MPI.Comm, first: float) -> NDArray[np.intp]:
-    """This process's columns."""
+def shared_columns(n: int, comm: MPI.Comm, first: float = 1.0) -> NDArray[np.intp]:
+    """This process's columns of n.
+
+    Args:
+        n: number of columns.
+        comm: processes that share them.
+        first: share of process 0, which may be late, relative to the others'.
+    """
     weights = np.r_[first, np.ones(comm.size - 1)]
     ends = np.rint(n * np.cumsum(weights) / weights.sum()).astype(int)
     return np.arange(ends[comm.rank - 1] if comm.rank else 0, ends[comm.rank])
@@ -140,7 +152,7 @@ def _share(n: int, comm: MPI.Comm, first: float) -> NDArray[np.intp]:
 def slip_compliance(factor: Factor, T: sp.csr_matrix, comm: MPI.Comm, first: float = 1.0) -> Array:
     """T K0^-1 T' [m/N], shape (elements, elements), its columns shared by the processes of comm."""
     columns = T.T.tocsc()
-    share = _share(T.shape[0], comm, first)
+    share = shared_columns(T.shape[0], comm, first)
     out = np.empty((T.shape[0], share.size))
     for b in blocks(share.size):
         out[:, b] = T @ factor.solve(columns[:, share[b]].toarray())

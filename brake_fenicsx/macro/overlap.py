@@ -114,8 +114,10 @@ def overlap(
         The points of pairs that overlap; and, one to a row, those that a curved second face
         hands to a neighbour of the facet below the chord.
     """
+    plane = _Plane(pad, pairs[:, 0])
+    flat = plane.flat(pad, pairs[:, 0]), plane.flat(disc, pairs[:, 1])
     found = [
-        _clipped(pad, disc, pairs, one, two, points)
+        _clipped(pad, disc, pairs, flat, one, two, points)
         for one in pad.element.triangles
         for two in disc.element.triangles
     ]
@@ -128,13 +130,13 @@ def _clipped(
     pad: Face,
     disc: Face,
     pairs: Index,
+    seen: tuple[Array, Array],
     one: tuple[int, int, int],
     two: tuple[int, int, int],
     points: tuple[Array, Array],
 ) -> Overlap:
-    """Points on the common part of one triangle of each facet of the pairs."""
-    plane = _Plane(pad, pairs[:, 0])
-    flat_pad, flat_disc = plane.flat(pad, pairs[:, 0]), plane.flat(disc, pairs[:, 1])
+    """Points on the common part of one triangle of each facet, their corners seen in its plane."""
+    flat_pad, flat_disc = seen
     polygon, count = clip_triangles(flat_pad[:, one], flat_disc[:, two])
     triangles, owner = polygon_triangles(polygon, count)
     flat, weight = triangle_quadrature(triangles, points)

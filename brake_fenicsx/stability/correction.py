@@ -12,11 +12,12 @@ bounded by v_n' M v_n and u_n' M u_n.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
+
+from brake_fenicsx.macro.condensation import Solves
 
 from .modes import Complex
 
@@ -24,14 +25,6 @@ Array = NDArray[np.float64]
 
 # Largest i of u_i and v_i: moments to order 2 DEPTH + 1.
 DEPTH = 3
-
-
-class Solves(Protocol):
-    """R_0, the static response without the kept modes."""
-
-    def solve(self, b: Array) -> Array:
-        """R_0 b for a block."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

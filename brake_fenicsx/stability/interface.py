@@ -19,6 +19,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from brake_fenicsx.macro.condensation import shared_columns
 from brake_fenicsx.macro.solver import Factor, blocks
 
 Array = NDArray[np.float64]
@@ -164,12 +165,6 @@ def moments(
         gap = 0.5 * (whole[-1] + whole[-1].T)
         size = float(la.eigvalsh(gap, subset_by_index=[face.rank - 1, face.rank - 1])[0])
     return Moments(tuple(whole[:ORDERS]), 0.5 * (whole[ORDERS] + whole[ORDERS].T), size)
-
-
-def shared_columns(n: int, comm: MPI.Comm, first: float) -> NDArray[np.intp]:
-    """This process's columns of n, process 0 with its own share."""
-    ends = np.rint(n * np.cumsum(np.r_[0, first, np.ones(comm.size - 1)]) / (first + comm.size - 1))
-    return np.arange(int(ends[comm.rank]), int(ends[comm.rank + 1]))
 
 
 class Inverse:

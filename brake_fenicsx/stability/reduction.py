@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any, cast
+from typing import Any
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -135,7 +135,7 @@ class Reduced:
                 f"the reference has no mode below {cutoff:.0f} Hz: raise the cutoff"
             )
         rest = _Deflated(self.factor, self.Phi, Lambda)
-        moments = interface_moments(cast(Factor, rest), rows, N, T, ORDER, comm, progress)
+        moments = interface_moments(rest, rows, N, T, ORDER, comm, progress)
         times.append(time.perf_counter())
         self.seconds |= {"modes": times[2] - times[1], "interface": times[3] - times[2]}
         Phi_N, Phi_T = N @ self.Phi, T @ self.Phi
@@ -159,8 +159,7 @@ class Reduced:
             problem in the norm of K0^-1, relative to the mode's norm in K0.
         """
         start = time.perf_counter()
-        rest = _Deflated(self.factor, self.Phi, self.basis.Lambda)
-        deeper = Deeper(rest, self.M, self.N, self.T, self.basis.limit)
+        deeper = Deeper(self._rest(), self.M, self.N, self.T, self.basis.limit)
         return Sample(self.basis, k, mu).modes(self.band, start, tolerance, deeper)
 
     def expand(self, s: Complex, a: Complex, k: Array, mu: float | Array) -> Complex:
@@ -179,15 +178,19 @@ class Reduced:
         g = Sample(self.basis, k, mu).gaps(a, kappa)
         D, dD = self.basis.w * k, self.basis.w * (k - self.basis.k0)
         force = self.N.T @ (dD[:, None] * g) + self.T.T @ ((mu * D)[:, None] * g)
-        rest = total = self._deflated(force)
+        rest = self._rest()
+
+        def response(f: Complex) -> Complex:
+            return np.asarray(rest.solve(f.real) + 1j * rest.solve(f.imag))
+
+        first = total = response(force)
         for _ in range(2):
-            total = rest + self._deflated(kappa * (self.M @ total))
+            total = first + response(kappa * (self.M @ total))
         return self.Phi @ a - total
 
-    def _deflated(self, force: Complex) -> Complex:
-        """R_0 force: the static response without the kept modes."""
-        x = self.factor.solve(force.real) + 1j * self.factor.solve(force.imag)
-        return x - self.Phi @ ((self.Phi.T @ force) / self.basis.Lambda[:, None])
+    def _rest(self) -> _Deflated:
+        """The static response without the kept modes."""
+        return _Deflated(self.factor, self.Phi, self.basis.Lambda)
 
 
 class _Deflated:

@@ -258,14 +258,12 @@ class Study:
     def _loaded(self, sample: SampleInput, steps: int) -> Equilibrium:
         """Equilibrium in equal load steps, of the scene's bodies or of the sample's own."""
         laws, mu = sample.laws, sample.mu_equilibrium
-        # One step is left unsaid: it is the equilibrium's own default.
-        ramp = (steps,) if steps > 1 else ()
         bulk = self.bulk
         if bulk is None or not (sample.materials or sample.pressures):
-            return equilibrium(self, laws, mu, *ramp)
+            return equilibrium(self, laws, mu, steps)
         bodies = self.bodies(sample)
         if not sample.materials:
-            return equilibrium(bodies, laws, mu, *ramp)
+            return equilibrium(bodies, laws, mu, steps)
         try:
             return corrected_equilibrium(bodies, bulk.change(sample.materials), laws, mu, steps)
         except NotConverged:
@@ -273,7 +271,7 @@ class Study:
         b, K, k0 = self.brake, bulk.stiffness(sample.materials), bodies.compliance.k0
         own = compliance(K, b.N, b.T, b.w, bodies.f, k0, MPI.COMM_SELF)
         own_bodies = replace(bodies, compliance=own)
-        eq = equilibrium(own_bodies, laws, mu, *ramp)
+        eq = equilibrium(own_bodies, laws, mu, steps)
         u = displacement(own_bodies, eq, bodies.f)
         own.factor.destroy()
         return replace(eq, u=u)
