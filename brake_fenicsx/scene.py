@@ -34,7 +34,16 @@ BUILDERS = {
 
 @dataclass(frozen=True, slots=True)
 class Statistics:
-    """[surface.statistics]: a surface known by its numbers alone."""
+    """[surface.statistics]: a surface known by its numbers alone.
+
+    Attributes:
+        S_q: root mean square of the heights.
+        S_sk: their skewness.
+        S_ku: their kurtosis; 3 for a Gaussian surface.
+        c1: slope of the power spectrum below ``q_c``.
+        c2: slope above it.
+        q_c: wave number of the crossover.
+    """
 
     S_q: float = key("m")
     S_sk: float = key(default=0.0, sign="any")
@@ -46,7 +55,17 @@ class Statistics:
 
 @dataclass(frozen=True, slots=True)
 class Surface:
-    """[surface]: the scan, or statistics in its place."""
+    """[surface]: the scan, or statistics in its place.
+
+    Attributes:
+        scan: file of the scan, relative to the scene's folder: npz, text, or an instrument's.
+        level: what is subtracted from the heights: nothing, a plane, or a second-order surface.
+        size: lengths of the scan's sides, where the file does not say them.
+        height_unit: unit of the heights, where the file does not say it ("um").
+        statistics: numbers in place of a scan.
+        cutoff: shortest wavelength the instrument resolves; two pixels if not given.
+        low: the spectrum below the scan's lowest wave number: extended, or held flat.
+    """
 
     scan: str | None = key(default=None)
     level: str = key(default="plane", choices=("none", "plane", "second-order"))
@@ -62,8 +81,19 @@ class Micro:
     """[micro]: artificial patches and their contact.
 
     Attributes:
+        patch: side of the square patch.
+        pixels: points along a side.
+        boundary: half-space without neighbours, or periodic.
         laws: number of laws in the library; "per-sample": each sample makes its own afresh.
         laws_per_sample: how many it makes then.
+        E: Young's modulus of the lining across the surface.
+        nu: Poisson's ratio that goes with it; E* = E / (1 - nu^2).
+        tolerance: largest duality gap of a contact solution, relative to the work done.
+        max_pressure: highest mean pressure of a law, relative to E*.
+        steps: load steps of a law, equal in log load.
+        bulk_compliance: whether a law keeps the half-space's own compliance, which the
+            finite-element lining already has.
+        seed: seed of the artificial surfaces.
     """
 
     patch: float = key("m", default=2.825e-3)
@@ -110,14 +140,37 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """Direction of a part's axis 1."""
+    """Direction of a part's axis 1.
+
+    Attributes:
+        axis: angle from x about z; of a pad the tangent at mid pad if not given, of another part 0.
+    """
 
     axis: float | None = key("rad", default=None, sign="any")
 
 
 @dataclass(frozen=True, slots=True)
 class MaterialTable:
-    """[materials.NAME]: constants of the chosen model, see ``macro.material_table``."""
+    """[materials.NAME]: engineering constants or stiffnesses of the chosen model.
+
+    Attributes:
+        model: symmetry; which constants it takes: [meshes.md](meshes.md).
+        rho: density.
+        E: Young's modulus, or one for each axis.
+        nu: Poisson's ratio, or one for each pair of axes.
+        G: shear modulus, or one for each pair of axes.
+        C11: stiffness, in place of engineering constants.
+        C22: likewise.
+        C33: likewise.
+        C12: likewise.
+        C13: likewise.
+        C23: likewise.
+        C44: likewise, shear 23.
+        C55: likewise, shear 13.
+        C66: likewise, shear 12.
+        axis: turns axis 1 further from that of the part.
+        loss: loss factor.
+    """
 
     model: str = key(choices=("isotropic", "transversely-isotropic", "orthotropic"))
     rho: float = key("kg/m^3")
@@ -139,7 +192,13 @@ class MaterialTable:
 
 @dataclass(frozen=True, slots=True)
 class Law:
-    """[contact.NAME.law]: an analytic law in place of "library"."""
+    """[contact.NAME.law]: an analytic law in place of "library".
+
+    Attributes:
+        linear: stiffness of a linear penalty, p = linear * penetration.
+        p0: pressure at zero gap of an exponential law, p = p0 exp(-g / u0).
+        u0: its decay length.
+    """
 
     linear: float | None = key("Pa/m", default=None)
     p0: float | None = key("Pa", default=None)
@@ -148,7 +207,13 @@ class Law:
 
 @dataclass(frozen=True, slots=True)
 class Friction:
-    """[contact.NAME.friction]: kinetic + (static - kinetic) exp(-V / decay) at sliding speed V."""
+    """[contact.NAME.friction]: kinetic + (static - kinetic) exp(-V / decay) at sliding speed V.
+
+    Attributes:
+        static: coefficient at rest.
+        kinetic: coefficient at high speed.
+        decay: speed over which it falls.
+    """
 
     static: float = key(sign="zero")
     kinetic: float = key(sign="zero")
@@ -157,7 +222,18 @@ class Friction:
 
 @dataclass(frozen=True, slots=True)
 class Contact:
-    """[contact.NAME]: an interface between two faces, the pad's first."""
+    """[contact.NAME]: an interface between two faces.
+
+    Attributes:
+        faces: two faces "part.face", the pad's first.
+        law: "library": laws of the rough surface; or a table.
+        discretisation: what a contact element is: a facet, a Gauss point, or a node
+            ([contact.md](contact.md)).
+        gap: critical gap of every element: none, or drawn from the height distribution.
+        friction: coefficient; or a table, where it depends on the speed.
+        friction_in_equilibrium: whether friction acts in the equilibrium too.
+        search: largest gap at which facets are paired; the largest facet if not given.
+    """
 
     faces: tuple[str, ...]
     law: str | Law = "library"
@@ -170,7 +246,12 @@ class Contact:
 
 @dataclass(frozen=True, slots=True)
 class Load:
-    """[loads]: a pressure on a face, applied in equal steps."""
+    """[loads]: a pressure on a face, by its name "part.face".
+
+    Attributes:
+        pressure: the pressure, towards the body.
+        steps: equal load steps, taken only if the full load at once does not converge.
+    """
 
     pressure: float = key("Pa")
     steps: int = key(default=1)
@@ -178,7 +259,13 @@ class Load:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """[motion]: rotation about z, or a direction."""
+    """[motion]: rotation about z, or a direction.
+
+    Attributes:
+        axis: axis of the disc's rotation.
+        direction: direction in which the second body slides, in place of ``axis``.
+        speed: angular speed about the axis, or speed along the direction ("1 m/s").
+    """
 
     axis: str | None = key(default=None, choices=("z",))
     direction: tuple[float, ...] | None = key(default=None, sign="any")
@@ -192,7 +279,15 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Stability:
-    """[stability]: band and method of the eigenvalue analysis."""
+    """[stability]: band and method of the eigenvalue analysis.
+
+    Attributes:
+        band: lowest and highest frequency.
+        method: every sample at full order, or by one reduced model shared by all.
+        cutoff: real modes of the reduced model go up to here; 1.6 times the band if not given.
+        zeta_max: modes of a larger damping ratio are left out.
+        verify: samples of the reduced model that are solved at full order as well.
+    """
 
     band: tuple[float, ...] = key("Hz", sign="zero")
     method: str = key(default="full", choices=("full", "reduced"))

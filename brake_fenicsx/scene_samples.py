@@ -34,7 +34,12 @@ INFINITY = float("inf")
 
 @dataclass(frozen=True, slots=True)
 class Classical:
-    """[samples.classical]: perfect contact."""
+    """[samples.classical]: perfect contact.
+
+    Attributes:
+        penalty: contact stiffness.
+        friction: coefficient.
+    """
 
     penalty: float = key("Pa/m", default=2e13)
     friction: float = key(default=0.5, sign="zero")
@@ -59,7 +64,7 @@ class Design:
 
 @dataclass(frozen=True, slots=True)
 class Distribution:
-    """[samples.random]: law of one random input, in SI units.
+    """[samples.random]: law of one random input, by its dotted key; numbers carry its unit.
 
     Attributes:
         law: "normal", "lognormal", "uniform", or "measured" values.
@@ -85,7 +90,7 @@ class Distribution:
     file: str | None = key(default=None)
     array: str | None = key(default=None)
     unit: str | None = key(default=None)
-    digest: str = key(default="")
+    digest: str = key(default="", internal=True)
 
 
 @dataclass(frozen=True, slots=True)
