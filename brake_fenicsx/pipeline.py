@@ -21,6 +21,7 @@ from mpi4py import MPI
 import numpy as np
 
 from brake_fenicsx import __version__
+from brake_fenicsx.costs import Counts, cost_lines, count_solves, estimate
 from brake_fenicsx.errors import BrakeError, SceneError
 from brake_fenicsx.log import Progress, logger, start_log
 from brake_fenicsx.scene import Scene, read_scene
@@ -327,19 +328,21 @@ def describe(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -
             f"laws: {m.library_size}{each} of {m.pixels} x {m.pixels} points on"
             f" {1e3 * m.patch:g} mm squared"
         )
+    counts = Counts()
     if "equilibrium" in parsed.stages:
         from brake_fenicsx.macro.brake import assemble_brake
-
-        size = assemble_brake(parsed, comm).size()
-        # Factor, Krylov vectors and interface matrices of one process, as measured.
-        gigabytes = comm.size * (size["dofs"] * 45e3 + 150 * size["contact_elements"] ** 2) / 1e9
-        lines.append(
-            f"brake: {size['cells']} cells, {size['dofs']} free dofs,"
-            f" {size['contact_elements']} contact elements; about {gigabytes:.1f} GB"
-        )
         from brake_fenicsx.uncertainty.sampling import sample_count
 
-        counts = [f"{sample_count(parsed, a)} {a}" for a in parsed.samples.approaches]
-        lines.append(f"samples: {', '.join(counts)}")
+        size = assemble_brake(parsed, comm).size()
+        samples = {name: sample_count(parsed, name) for name in parsed.samples.approaches}
+        solves = count_solves(parsed, samples)
+        counts = Counts(size["dofs"], size["contact_elements"], sum(samples.values()), *solves)
+        lines.append(
+            f"brake: {size['cells']} cells, {size['dofs']} free dofs,"
+            f" {size['contact_elements']} contact elements"
+        )
+        how = f"; modes: {solves[0]} reduced, {solves[1]} at full order" if any(solves) else ""
+        lines.append(f"samples: {', '.join(f'{n} {name}' for name, n in samples.items())}{how}")
+    lines += cost_lines(estimate(parsed, counts), comm.size)
     if comm.rank == 0:
         print("\n".join(lines))

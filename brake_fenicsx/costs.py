@@ -1,0 +1,174 @@
+"""What a run will cost: seconds and memory of each stage, estimated from its sizes alone.
+
+Every constant is a measured figure of the README (tables of stages, of the size ladder, of one
+equilibrium, of micro-contact), on one 2.6 GHz core with OpenBLAS on one thread; exponents are the
+ladder's. With
+
+    n free dofs, m contact elements, r real modes below 1.6 times the band, b modes in the band,
+    v = 0.0213 s (n / 105e3)^1.22, one vector of a blocked solve,
+
+    laws       0.24 s (pixels / 128)^2.5 steps / 40, each
+    brake      2.7 s (n / 105e3)^0.87
+    shared     4.4 s (n / 105e3)^1.63 for the factor; then 15 r v for the real modes and 4.5 m v for
+               the interface of the reduced model; without it 0.45 m v for the compliance
+    samples    0.2 s (m / 1368)^2.5 an equilibrium;
+               0.5 s (r / 150)^3 + 0.3 s (m / 1000)^2 its modes, reduced;
+               70 s (n / 40.7e3)^0.8 b / 64 its modes at full order
+    memory     0.2 GB + 16 kB n with a factor, 150 B m^2 + 8 B n r the reduced model, 30 kB n the
+               solver at full order; of one process
+
+How many modes there are is not known before: b is taken as in the reference brake, 4.2 per kHz.
+Within a factor of three of what was measured; a busy machine easily doubles it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene_samples import split_key
+
+CORE = "one 2.6 GHz core"
+MODES_PER_HZ = 4.2e-3
+# Modes are denser higher up: of the reference brake 68 lie below 16 kHz, 154 real ones below 25.6.
+CUTOFF = 1.6
+REAL_MODES_PER_HZ = 6.0e-3
+PICTURES = 4  # of unstable modes, for each approach
+
+
+@dataclass(frozen=True, slots=True)
+class Counts:
+    """Sizes of a run that are known before it starts.
+
+    Attributes:
+        dofs: free dofs.
+        elements: contact elements.
+        samples: samples of all approaches.
+        reduced: samples whose modes come from the reduced model.
+        full: samples whose modes are found at full order.
+    """
+
+    dofs: int = 0
+    elements: int = 0
+    samples: int = 0
+    reduced: int = 0
+    full: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """Estimated cost of one stage: seconds [s] on one core, peak memory of a process [GB]."""
+
+    stage: str
+    seconds: float
+    gigabytes: float
+
+
+def count_solves(scene: Scene, samples: dict[str, int]) -> tuple[int, int]:
+    """Samples solved by the reduced model and at full order.
+
+    Args:
+        scene: the scene.
+        samples: number of samples of each approach.
+
+    Returns:
+        Both numbers; the second with the samples that are verified.
+    """
+    stability = scene.stability if "stability" in scene.stages else None
+    if stability is None:
+        return 0, 0
+    bodies = any(split_key(name)[0] == "materials" for name in scene.samples.random)
+    chosen = [
+        name
+        for name, n in samples.items()
+        if stability.method == "reduced" and n > 1
+        and not (bodies and scene.samples.takes_random(name))
+    ]  # fmt: skip
+    reduced = sum(samples[name] for name in chosen)
+    verified = min(stability.verify, samples[chosen[0]]) if chosen else 0
+    return reduced, sum(samples.values()) - reduced + verified
+
+
+def estimate(scene: Scene, counts: Counts) -> list[Cost]:
+    """Cost of every stage that the scene names, in their order.
+
+    Args:
+        scene: the scene.
+        counts: its sizes.
+
+    Returns:
+        Estimates; see the head of this module.
+    """
+    stages = scene.stages
+    costs = []
+    if "surface" in stages:
+        costs.append(Cost("surface", 0.1, 0.2))
+    if "micro" in stages:
+        costs.append(Cost("micro", _laws(scene, counts.samples), 0.25))
+    if "equilibrium" in stages:
+        costs += _mechanics(scene, counts)
+    if "report" in stages:
+        maps = 4.0 if "micro" in stages else 0.0
+        costs.append(Cost("report", 8.0 + maps, max([c.gigabytes for c in costs], default=0.3)))
+    return costs
+
+
+def cost_lines(costs: list[Cost], processes: int) -> list[str]:
+    """What a person reads of the costs: time, memory, and how far to trust them.
+
+    Args:
+        costs: of each stage.
+        processes: number of processes; each holds its own matrices.
+    """
+    if not costs:
+        return []
+    each = ", ".join(f"{c.stage} {_time(c.seconds)}" for c in costs)
+    peak = max(c.gigabytes for c in costs)
+    every = f", {processes * peak:.1f} GB on {processes} processes" if processes > 1 else ""
+    return [
+        f"memory: about {peak:.1f} GB{every}",
+        f"time: about {_time(sum(c.seconds for c in costs))} on {CORE}: {each}",
+        "both are estimates from measured runs, up to a factor of three off; nothing was run",
+    ]
+
+
+def _time(seconds: float) -> str:
+    if seconds < 90:
+        return f"{seconds:.0f} s" if seconds >= 1 else "< 1 s"
+    if seconds < 5400:
+        return f"{seconds / 60:.0f} min"
+    return f"{seconds / 3600:.1f} h"
+
+
+def _laws(scene: Scene, samples: int) -> float:
+    micro = scene.micro
+    if micro is None:
+        return 0.0
+    number = micro.library_size * (max(samples, 1) if micro.fresh else 1)
+    return number * 0.24 * (micro.pixels / 128) ** 2.5 * micro.steps / 40
+
+
+def _mechanics(scene: Scene, c: Counts) -> list[Cost]:
+    """Brake, what all samples share, the samples, and their fields and pictures."""
+    n, m = c.dofs, c.elements
+    top = scene.stability.band[1] if scene.stability else 0.0
+    b = MODES_PER_HZ * top
+    cutoff = (scene.stability.cutoff if scene.stability else None) or CUTOFF * top
+    r = REAL_MODES_PER_HZ * cutoff
+    vector = 0.0213 * (n / 105e3) ** 1.22
+    shared = 4.4 * (n / 105e3) ** 1.63 + (
+        15 * r * vector + 4.5 * m * vector if c.reduced else 0.45 * m * vector
+    )
+    one = 0.2 * (m / 1368) ** 2.5
+    reduced = c.reduced * (0.5 * (r / 150) ** 3 + 0.3 * (m / 1e3) ** 2)
+    full = c.full * 70 * (n / 40.7e3) ** 0.8 * b / 64
+    held = 0.2 + 16e-6 * n + ((150e-9 * m**2 + 8e-9 * n * r) if c.reduced else 40e-9 * m**2)
+    peak = held + (30e-6 * n if c.full else 0.0)
+    pictures = PICTURES * 1.7 * len(scene.samples.approaches) if top else 0.0
+    written = 1.0 + (pictures if "report" in scene.stages else 0.0)
+    return [
+        Cost("brake", 2.7 * (n / 105e3) ** 0.87, 0.2 + 4e-6 * n),
+        Cost("shared", shared, held),
+        Cost("samples", c.samples * one + reduced + full, peak),
+        Cost("results", written, peak),
+    ]

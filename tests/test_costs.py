@@ -1,0 +1,91 @@
+"""The cost model against the measured figures of the README; nothing is timed here."""
+
+import re
+from pathlib import Path
+
+from mpi4py import MPI
+
+import pytest
+
+from brake_fenicsx.costs import Counts, count_solves, estimate
+from brake_fenicsx.pipeline import describe
+from brake_fenicsx.scene import read_scene
+
+ROOT = Path(__file__).parents[1]
+SCENES = ROOT / "scripts" / "scenes"
+
+# Sizes as the README gives them: dofs, contact elements, samples, reduced, full order.
+RUNS = {
+    "disc_brake": (Counts(152_479, 1368, 301, 300, 3), 2),
+    "disc_brake_demo": (Counts(40_745, 576, 21, 20, 2), 1),
+}
+FACTOR = 3.0
+LEAST = 2.0  # [s] below which a stage is start-up time
+
+
+def measured(column):
+    """Seconds and memory of each stage in the README's table, columns from ``column`` on."""
+    table = {}
+    for line in (ROOT / "README.md").read_text().splitlines():
+        if match := re.match(r"\| `(\w+)`: ", line):
+            cells = [c.strip() for c in line.strip("|").split("|")]
+            table[match[1]] = float(cells[column]), float(cells[column + 1].split()[0])
+    return table
+
+
+@pytest.mark.parametrize(("name", "column"), [("disc_brake", 1), ("disc_brake_demo", 3)])
+def test_estimate_is_within_a_factor_of_three_of_the_measured_run(name, column):
+    counts, processes = RUNS[name]
+    costs = estimate(read_scene(SCENES / f"{name}.toml"), counts)
+    table = measured(column)
+    assert len(table) == 7
+    assert [c.stage for c in costs] == list(table)
+    for c in costs:
+        seconds, gigabytes = table[c.stage]
+        if max(seconds, c.seconds) > LEAST:
+            assert seconds / FACTOR < c.seconds < seconds * FACTOR, c
+        assert gigabytes / FACTOR < c.gigabytes * processes < gigabytes * FACTOR, c
+    whole, total = sum(s for s, _ in table.values()), sum(c.seconds for c in costs)
+    assert whole / 2 < total < 2 * whole
+
+
+@pytest.mark.parametrize(
+    ("dofs", "elements", "condensed", "factor", "compliance"),
+    [(24_485, 270, 0.004, 0.3, 0.5), (51_161, 554, 0.017, 1.0, 2.3), (152_479, 1368, 0.2, 5, 19)],
+)
+def test_estimate_of_one_equilibrium_and_what_it_shares(
+    dofs, elements, condensed, factor, compliance
+):
+    """README, table of one equilibrium: another set of runs than the one of the stages."""
+    changes = ["stages=['surface','micro','equilibrium']"]
+    scene = read_scene(SCENES / "disc_brake.toml", changes)
+    cost = {c.stage: c for c in estimate(scene, Counts(dofs, elements, 1))}
+    assert condensed / FACTOR < cost["samples"].seconds < condensed * FACTOR
+    assert (factor + compliance) / FACTOR < cost["shared"].seconds < FACTOR * (factor + compliance)
+
+
+def test_stages_that_are_not_named_cost_nothing():
+    scene = read_scene(SCENES / "disc_brake_demo.toml", ["stages=['surface','micro']"])
+    assert [c.stage for c in estimate(scene, Counts())] == ["surface", "micro"]
+
+
+def test_full_order_is_told_from_reduced():
+    """As the README's runs did; 300 samples taken for reduced would be hours off."""
+    scene = read_scene(SCENES / "disc_brake.toml")
+    assert count_solves(scene, {"multi-scale": 300, "classical": 1}) == (300, 3)
+    full = read_scene(SCENES / "disc_brake.toml", ["stability.method=full"])
+    assert count_solves(full, {"multi-scale": 300, "classical": 1}) == (0, 301)
+    law = "samples.random.'materials.lining.C33'={ law = 'uniform', spread = 0.2 }"
+    bodies = read_scene(SCENES / "disc_brake.toml", [law])
+    assert count_solves(bodies, {"multi-scale": 300, "classical": 1}) == (0, 301)
+
+
+def test_check_says_it_all_and_writes_nothing(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    describe(SCENES / "block_on_plate.toml", MPI.COMM_SELF)
+    text = capsys.readouterr().out
+    dofs = re.search(r"(\d+) cells, (\d+) free dofs, (\d+) contact elements", text)
+    assert int(dofs[2]) > 3 * int(dofs[1])
+    for words in ("1 at full order", "memory: about", "time: about", "2.6 GHz core", "estimates"):
+        assert words in text
+    assert list(tmp_path.iterdir()) == []
