@@ -6,6 +6,7 @@ Supported: what Debian ships, 12 (0.5.2), 13 (0.9) and unstable (0.11).
 from __future__ import annotations
 
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
@@ -91,3 +92,12 @@ def meshtags(mesh: Any, dim: int, entities: np.ndarray, value: int) -> Any:
     """Tag some entities of a mesh with one value."""
     entities = np.sort(entities).astype(np.int32)
     return dolfinx.mesh.meshtags(mesh, dim, entities, np.full(entities.size, value, np.int32))
+
+
+def vtx_writer(comm: MPI.Comm, path: Path, functions: list[Any]) -> Any:
+    """Writer of functions of one space with all their dofs; None where there is no ADIOS2."""
+    from dolfinx import io
+
+    if not hasattr(io, "VTXWriter"):
+        return None
+    return io.VTXWriter(comm, str(path), functions)

@@ -27,7 +27,7 @@ _FILES = {
     "equilibrium": ("cache", "samples"),
     "stability": ("cache", "samples"),
     "uncertainty": ("samples",),
-    "report": ("figures", "fields", "report.html"),
+    "report": ("figures", "fields", "report.html", "contact_faces.npz"),
 }
 
 

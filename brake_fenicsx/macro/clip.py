@@ -26,9 +26,9 @@ def clip_triangles(subject: Array, window: Array) -> tuple[Array, NDArray[np.int
         fewer than three: no common part.
     """
     pairs = len(subject)
-    polygon = np.zeros((pairs, CORNERS, 2))
+    polygon: Array = np.zeros((pairs, CORNERS, 2))
     polygon[:, :3] = subject
-    count = np.full(pairs, 3)
+    count: NDArray[np.int64] = np.full(pairs, 3)
     turn = np.sign(_cross(window[:, 1] - window[:, 0], window[:, 2] - window[:, 0]))
     for i in range(3):
         start, end = window[:, i], window[:, (i + 1) % 3]

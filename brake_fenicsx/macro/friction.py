@@ -86,7 +86,7 @@ def velocity_friction(V: Array, static: float, kinetic: float, decay: float) -> 
         mu [-] and mu'(V) [s/m], shape of V.
     """
     fall = (static - kinetic) * np.exp(-np.asarray(V, float) / decay)
-    return kinetic + fall, -fall / decay
+    return kinetic + fall, np.asarray(-fall / decay, float)
 
 
 def friction_traction(p: Array, mu: float | Array) -> Array:

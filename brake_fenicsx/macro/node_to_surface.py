@@ -35,13 +35,20 @@ def node_integrals(pad: Face, disc: Face, reach: float | None) -> Integrals:
     met, where, gap, miss = search(disc, x, normal, point[facing], candidate[facing])
     kept = np.flatnonzero((met >= 0) & (miss <= 100 * EDGE))
     n = -normal[kept]
-    sides = []
+    sides: list[tuple[Index, Index, Array, Array]] = []
     for face, f, at in (
         (pad, facet[kept], pad.element.nodes[local[kept]]),
         (disc, met[kept], where[kept]),
     ):
         shape = face.element.shape(at)
-        sides.append((np.arange(kept.size), face.columns[f], shape, shape[..., None] * n[:, None]))
+        sides.append(
+            (
+                np.arange(kept.size, dtype=np.int64),
+                face.columns[f],
+                shape,
+                shape[..., None] * n[:, None],
+            )
+        )
     uncovered = float(share.sum() - share[kept].sum())
     return Integrals(share[kept], gap[kept], x[kept], n, sides, uncovered)
 

@@ -44,7 +44,8 @@ class AllPixels:
     """
 
     def __init__(self, space: HalfSpace, h: Array):
-        self.space, self.height = space, h.ravel()
+        self.space = space
+        self.height: Array = h.ravel()
         self.most = h.size - (1 if space.boundary == "periodic" else 0)
 
     def influence(self, points: Index) -> Array:

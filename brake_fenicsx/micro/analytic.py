@@ -59,7 +59,7 @@ class ExponentialLaw:
 
     def pressure(self, d: ArrayLike) -> Array:
         """Pressure p [Pa] at the separation d [m]."""
-        return self.p0 * np.exp(-np.asarray(d, dtype=float) / self.u0)
+        return np.asarray(self.p0 * np.exp(-np.asarray(d, dtype=float) / self.u0), float)
 
     def stiffness(self, d: ArrayLike) -> Array:
         """Stiffness -dp/dd [Pa/m]."""

@@ -146,7 +146,7 @@ class HalfSpace:
     def full_contact(self, h: Array) -> Array:
         """Pressure of zero mean that makes the periodic heights h [m] flat."""
         q = _wave_numbers(self.shape, self.pixel)
-        return self._small.convolve(h, q / 2.0)
+        return self._small.convolve(h, 0.5 * q)
 
     @functools.cached_property
     def uniform_stiffness(self) -> float:
@@ -161,7 +161,7 @@ class HalfSpace:
 
     def _inverse_symbol(self) -> Array:
         """Symbol of the preconditioner on the grid without padding."""
-        inverse = _wave_numbers(self.shape, self.pixel) / 2.0
+        inverse = 0.5 * _wave_numbers(self.shape, self.pixel)
         # The mean: a patch under uniform pressure sinks by about 0.95 of its length.
         inverse[0, 0] = 1.0 / float(np.sqrt(np.prod(self.pixel * self.shape)))
         return inverse

@@ -58,7 +58,8 @@ class Laws(Protocol):
 
 
 # Gauss-Legendre points on (0, 1): exp(cubic) over one interval to round-off.
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)  # type: ignore[no-untyped-call]
+_legendre: Any = np.polynomial.legendre
+_NODES, _WEIGHTS = _legendre.leggauss(16)
 _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from .rundata import RunData
 from .style import BLACK, label, light_grid, look, new_figure
-from .tables import Value
+from .tables import Columns, Value
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,10 +27,19 @@ ERROR_COLUMNS = (
     "condition_max",
 )
 STAGE_COLUMNS = ("stage", "seconds", "peak_memory_mb")
+SPEED_COLUMNS = (
+    "approach",
+    "samples",
+    "seconds_per_equilibrium",
+    "seconds_per_stability",
+    "error_median",
+    "error_max",
+    "counted_by",
+)
 
 
 def error_rows(run: RunData) -> list[list[Value]]:
-    """Residuals and error estimates of the eigenvalues, one row per approach.
+    """Residuals and relative error estimates of the eigenvalues, one row per approach.
 
     Args:
         run: the results.
@@ -43,7 +52,8 @@ def error_rows(run: RunData) -> list[list[Value]]:
     rows: list[list[Value]] = []
     for approach in run.approaches:
         mine = run.modes["approach"] == approach
-        residual, error = (_finite(run.modes[c][mine]) for c in ("residual", "error_estimate"))
+        residual = _finite(run.modes["residual"][mine])
+        error = _finite(relative_errors(run.modes)[mine])
         condition = _finite(run.modes["condition"][mine])
         rows.append(
             [
@@ -58,6 +68,43 @@ def error_rows(run: RunData) -> list[list[Value]]:
             ]
         )
     return rows
+
+
+def speed_rows(run: RunData) -> list[list[Value]]:
+    """What one sample cost and how exact it was, in the order of `SPEED_COLUMNS`.
+
+    Args:
+        run: the results; ``samples`` and ``verification`` of its summary are read.
+
+    Returns:
+        One row per approach with the solver's error estimates, and one with the true errors of the
+        samples that were solved at full order as well.
+    """
+    samples = run.summary.get("samples")
+    if not isinstance(samples, Mapping):
+        return []
+    errors = {str(row[0]): row for row in error_rows(run)}
+    rows: list[list[Value]] = []
+    for name in run.approaches:
+        about = samples.get(name, {})
+        known = [about.get(key) for key in ("good", *SPEED_COLUMNS[2:4])]
+        error = errors.get(name, [None] * len(ERROR_COLUMNS))
+        rows.append([name, *known, error[4], error[6], about.get("counted_by")])
+    checked = run.summary.get("verification")
+    if isinstance(checked, Mapping) and checked.get("samples_compared"):
+        verdicts = f"{checked.get('wrong_verdicts')} wrong of {checked.get('eigenvalues')} verdicts"
+        true = (checked.get(f"{kind}_relative_error") for kind in ("median", "largest"))
+        rows.append(
+            ["against full order", checked["samples_compared"], None, None, *true, verdicts]
+        )
+    return rows
+
+
+def relative_errors(modes: Columns) -> NDArray:
+    """Error estimates [1/s] over the size of the eigenvalue [1/s]; nan for a zero one."""
+    size = np.hypot(modes["real_1_s"], 2 * np.pi * modes["frequency_hz"])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(size > 0, modes["error_estimate"] / size, np.nan)
 
 
 def stage_rows(summary: Mapping[str, Any]) -> list[list[Value]]:
@@ -82,11 +129,11 @@ def draw_errors(run: RunData) -> Figure | None:
     figure, axes = new_figure(1, 2, height=3.1)
     drawn = False
     for approach in run.approaches:
-        own = (run.modes["approach"] == approach) & (run.modes["error_estimate"] > 0)
-        own &= np.isfinite(run.modes["error_estimate"])
+        every = relative_errors(run.modes)
+        own = (run.modes["approach"] == approach) & (every > 0) & np.isfinite(every)
         if own.any():
             drawn = True
-            f, error = run.modes["frequency_hz"][own] / 1e3, run.modes["error_estimate"][own]
+            f, error = run.modes["frequency_hz"][own] / 1e3, every[own]
             _draw_bands(axes[0, 0], f, error, approach)
             _draw_excess(axes[0, 1], error, approach)
     if not drawn:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .rundata import RunData, sort_approaches
+from .contact_fields import facet_means
+from .rundata import Arrays, RunData, sort_approaches
 from .style import PRESSURE, label, new_figure
 from .tables import Columns
 
@@ -17,7 +18,10 @@ if TYPE_CHECKING:
 
 
 def draw_contact_pressure(run: RunData) -> Figure | None:
-    """Pressure of every contact element at equilibrium, first stored sample of each approach."""
+    """Pressure of the pads' facets at equilibrium, first stored sample of each approach.
+
+    Where the facets are not known, every element is drawn as a square of its area.
+    """
     contact = run.contact
     if contact is None or contact["element"].size == 0:
         return None
@@ -34,7 +38,9 @@ def draw_contact_pressure(run: RunData) -> Figure | None:
         top = float(np.quantile(p[p > 0], 0.98)) if np.any(p > 0) else 1.0
         for axis, (side, inside) in zip(row, sides, strict=True):
             chosen = own & inside
-            image = _draw_patches(axis, {k: v[chosen] for k, v in contact.items()}, top)
+            own_table = {k: v[chosen] for k, v in contact.items()}
+            corners, shown = _facets(own_table, run.faces) or _all_squares(own_table)
+            image = _draw_patches(axis, corners, shown, top)
             axis.set_title(_headline(name, int(sample), side, contact, chosen), fontsize=8.5)
             axis.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
         beyond = "max" if np.any(p > top) else "neither"
@@ -57,15 +63,30 @@ def _headline(name: str, sample: int, side: str, contact: Columns, own: NDArray)
     )
 
 
-def _draw_patches(axes: Axes, contact: Columns, top: float) -> Any:
-    """Squares of the elements' areas, turned to the radius; an open element is an empty square."""
+def _facets(contact: Columns, faces: Arrays | None) -> tuple[NDArray, NDArray] | None:
+    """Corners [m] of the facets of some elements, shape (n, corners, 2), and pressures [Pa]."""
+    if faces is None or contact["element"].max() >= len(faces["facet"]):
+        return None
+    facet, corners = faces["facet"][contact["element"]], faces["corners"]
+    if np.any(facet < 0):
+        return None
+    p = facet_means(facet, contact["area"], contact["p"], len(corners))
+    held = np.isfinite(p)
+    return corners[held][..., :2], p[held]
+
+
+def _all_squares(contact: Columns) -> tuple[NDArray, NDArray]:
+    """Corners [m] of squares of the elements' areas, shape (n, 4, 2), and the pressures [Pa]."""
+    centre = np.column_stack([contact["x"], contact["y"]])
+    return centre[:, None, :] + _squares(centre, contact["area"]), contact["p"]
+
+
+def _draw_patches(axes: Axes, corners: NDArray, p: NDArray, top: float) -> Any:
+    """Patches coloured by their pressure [Pa]; an open one is empty."""
     from matplotlib.collections import PolyCollection
 
-    centre = np.column_stack([contact["x"], contact["y"]])
-    corners = centre[:, None, :] + _squares(centre, contact["area"])
-    p = np.where(contact["p"] > 0, contact["p"] / 1e6, np.nan)
     patches = PolyCollection(corners * 1e3, cmap=PRESSURE, edgecolors="#b5b5b5", linewidths=0.15)
-    patches.set_array(p)
+    patches.set_array(np.where(p > 0, p / 1e6, np.nan))
     patches.set_clim(0.0, top)
     patches.cmap.set_bad("white")
     axes.add_collection(patches)

@@ -53,6 +53,9 @@ def drivers(run: RunData, approach: str) -> list[Driver]:
         values = column[good][order].astype(float)
         if np.all(np.isfinite(values)) and np.ptp(values) > 0:
             found.append(Driver(name, *_spearman(values, per_sample)))
+    # The mean friction says nothing beside the friction of the one interface it is the mean of.
+    frictions = [d for d in found if d.name.startswith("contact.")]
+    found = [d for d in found if d.name != "mu" or len(frictions) != 1]
     return sorted(found, key=lambda d: -abs(d.rho))
 
 

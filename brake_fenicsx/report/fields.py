@@ -1,16 +1,18 @@
-"""Fields for ParaView: equilibrium and complex modes as XDMF, contact elements as points.
+"""Fields for ParaView: displacements of the equilibrium and of complex modes.
 
-What is written are the values at the nodes of the mesh: on a mesh of straight cells its vertices.
-There a second-order field is first interpolated into the first-order space, openly: DOLFINx 0.5
-would take the second-order field, write its vertex values and say nothing. Each file says so in a
-comment at its head, and the log says so too. A mesh of curved second-order cells has a node for
-every dof of a second-order field, and nothing is lost.
+XDMF is written everywhere. It holds the values at the nodes of the mesh: on a mesh of straight
+cells its vertices. There a second-order field is first interpolated into the first-order space,
+openly: DOLFINx 0.5 would take the second-order field, write its vertex values and say nothing. Each
+file says so in a comment at its head, and the log says so too. A mesh of curved second-order cells
+has a node for every dof of a second-order field, and nothing is lost.
+
+Where DOLFINx was built with ADIOS2 the same fields are written a second time as VTX (a folder
+``.bp``), with every dof. ParaView opens both.
 """
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -21,13 +23,16 @@ from mpi4py import MPI
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compat import vector_space
+from ..compat import vector_space, vtx_writer
 from ..log import logger
+from .xdmf_text import write_tree
 
 LOSS = (
     "Vertex values: the second-order field was interpolated into the first-order space of the same "
     "mesh; its mid-edge values are not in this file."
 )
+VTX_TOO = "all values are in {}"
+NO_VTX = "this DOLFINx has no ADIOS2, no file holds them"
 NO_LOSS = "Values at all nodes of the mesh, one for every dof of the field."
 
 
@@ -72,7 +77,7 @@ def write_fields(path: str | Path, V: Any, fields: Mapping[str, NDArray]) -> Pat
     over ``V.mesh.comm``.
 
     Args:
-        path: the XDMF file; its data go beside it, into the same name with ``.h5``.
+        path: the XDMF file; its data go beside it, into the same name with ``.h5`` (``.bp``: VTX).
         V: vector function space of Lagrange elements.
         fields: by name, all local dofs (with ghosts) of a field of ``V``, shape (n_local,); a
             complex field becomes two, ``name_re`` and ``name_im``.
@@ -89,8 +94,8 @@ def write_fields(path: str | Path, V: Any, fields: Mapping[str, NDArray]) -> Pat
             file.write_function(_at_nodes(nodal, V, values, name), 0.0)
     if V.mesh.comm.rank == 0:
         _one_grid(path, note)
-        logger.info("%s: %s", path, note)
-    V.mesh.comm.barrier()
+    functions = [_function(V, values, name) for name, values in parts.items()]
+    _say(V, path, note, _write_vtx(path, functions, [(0.0, list(parts.values()))]))
     return path
 
 
@@ -118,41 +123,41 @@ def write_phases(path: str | Path, V: Any, mode: NDArray, frames: int = 24) -> P
             instant = np.real(mode * np.exp(1j * theta))
             file.write_function(_at_nodes(nodal, V, instant, "displacement"), float(theta))
     if V.mesh.comm.rank == 0:
-        _write_tree(path, ElementTree.parse(path).getroot(), note)
-        logger.info("%s: %s", path, note)
-    V.mesh.comm.barrier()
+        write_tree(path, ElementTree.parse(path).getroot(), note)
+    angles = 2 * np.pi * np.arange(frames) / frames
+    steps = ((float(a), [np.real(mode * np.exp(1j * a))]) for a in angles)
+    _say(V, path, note, _write_vtx(path, [_function(V, 0.0, "displacement")], steps))
     return path
 
 
-def write_points(path: str | Path, points: NDArray, fields: Mapping[str, NDArray]) -> Path:
-    """Write contact elements as points with their pressure, gap, ... for ParaView.
+def _write_vtx(
+    path: Path, functions: list[Any], steps: Iterable[tuple[float, list[NDArray]]]
+) -> bool:
+    """Write functions with all their dofs beside ``path``; False where DOLFINx cannot.
 
     Args:
-        path: the XDMF file; the data stand in it as text.
-        points: positions [m], shape (n, 3).
-        fields: by name, shape (n,) or (n, 3).
-
-    Returns:
-        The path; nothing of it is collective: call it on one process.
+        path: the XDMF file.
+        functions: of one space.
+        steps: time, and the local dofs of every function.
     """
-    n = len(points)
-    root = ElementTree.Element("Xdmf", Version="3.0")
-    grid = ElementTree.SubElement(ElementTree.SubElement(root, "Domain"), "Grid", Name="contact")
-    topology = ElementTree.SubElement(
-        grid, "Topology", TopologyType="Polyvertex", NumberOfElements=str(n), NodesPerElement="1"
-    )
-    _item(topology, np.arange(n)[:, None])
-    _item(ElementTree.SubElement(grid, "Geometry", GeometryType="XYZ"), np.asarray(points, float))
-    for name, values in fields.items():
-        values = np.asarray(values, float)
-        kind = "Vector" if values.ndim == 2 else "Scalar"
-        attribute = ElementTree.SubElement(
-            grid, "Attribute", Name=name, AttributeType=kind, Center="Node"
-        )
-        _item(attribute, values.reshape(n, -1))
-    path = Path(path)
-    _write_tree(path, root)
-    return path
+    comm = functions[0].function_space.mesh.comm
+    writer = vtx_writer(comm, path.with_suffix(".bp"), functions)
+    if writer is None:
+        return False
+    for time, values in steps:
+        for f, own in zip(functions, values, strict=True):
+            f.x.array[:] = own
+        writer.write(time)
+    writer.close()
+    return True
+
+
+def _say(V: Any, path: Path, note: str, vtx: bool) -> None:
+    """Log what the file holds, and where the rest is; collective."""
+    if V.mesh.comm.rank == 0:
+        rest = VTX_TOO.format(path.with_suffix(".bp").name) if vtx else NO_VTX
+        logger.info("%s: %s", path, f"{note[:-1]}; {rest}." if note == LOSS else note)
+    V.mesh.comm.barrier()
 
 
 def _parts(V: Any, fields: Mapping[str, NDArray]) -> dict[str, NDArray]:
@@ -197,28 +202,4 @@ def _one_grid(path: Path, note: str) -> None:
         for attribute in collection.iter("Attribute"):
             mesh.append(attribute)
         domain.remove(collection)
-    _write_tree(path, root, note)
-
-
-def _item(parent: ElementTree.Element, values: NDArray) -> None:
-    kind = "Int" if np.issubdtype(values.dtype, np.integer) else "Float"
-    item = ElementTree.SubElement(
-        parent,
-        "DataItem",
-        Dimensions=" ".join(map(str, values.shape)),
-        NumberType=kind,
-        Precision="8",
-        Format="XML",
-    )
-    item.text = "\n" + "\n".join(" ".join(map(repr, row)) for row in values.tolist()) + "\n"
-
-
-def _write_tree(path: Path, root: ElementTree.Element, note: str = "") -> None:
-    """Write the tree at once, with a comment at its head."""
-    ElementTree.register_namespace("xi", "http://www.w3.org/2001/XInclude")
-    ElementTree.indent(root)
-    comment = f"<!-- {note} -->\n" if note else ""
-    text = ElementTree.tostring(root, encoding="unicode")
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    part.write_text(f'<?xml version="1.0" encoding="utf-8"?>\n{comment}{text}\n', encoding="utf-8")
-    os.replace(part, path)
+    write_tree(path, root, note)

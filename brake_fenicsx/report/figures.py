@@ -110,7 +110,7 @@ PLOTS = (
     Plot(
         "contact_pressure",
         "Contact pressure at equilibrium, both pads seen along the disc axis from the same side. "
-        "Empty squares are open elements.",
+        "Empty patches are open elements.",
         draw_contact_pressure,
     ),
     Plot(

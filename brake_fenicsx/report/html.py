@@ -10,9 +10,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from .accuracy import ERROR_COLUMNS, error_rows, stage_rows
+from .accuracy import ERROR_COLUMNS, SPEED_COLUMNS, error_rows, speed_rows, stage_rows
 from .figures import PLOTS, make_figures
-from .overview import approach_rows, family_rows, share_text
+from .overview import approach_rows, cause_rows, family_rows, share_text
 from .page_style import CSS
 from .rundata import RunData, read_run
 from .style import APPROACH_NAME
@@ -69,6 +69,7 @@ def render_page(run: RunData) -> str:
     sections = [
         ("squeal", "Squeal map", _squeal(run)),
         ("probability", "Probability per band", _probability(run)),
+        ("drivers", "What drives it", _drivers(run)),
         ("pressure", "Contact pressure on the pads", _figures(run, "contact_pressure")),
         ("shapes", "Mesh and mode shapes", _shapes(run)),
         ("laws", "Contact laws", _figures(run, "figure8_laws", "figure7_contact_maps")),
@@ -155,9 +156,52 @@ def _squeal(run: RunData) -> str:
 
 
 def _probability(run: RunData) -> str:
-    return _figures(
-        run, "probability_per_band", "unstable_per_sample", "convergence", "drivers", "sensitivity"
+    return _figures(run, "probability_per_band", "unstable_per_sample", "convergence")
+
+
+def _drivers(run: RunData) -> str:
+    """Who moves the growth rate, and how sure the probabilities of the most frequent places are."""
+    rows = [
+        [
+            _name(row),
+            row[1],
+            share_text(row[2:5]),
+            row[5],
+            row[6] or "-",
+            _interval(row[7:10]),
+            *(_percent(v) for v in row[10:]),
+        ]
+        for row in cause_rows(run)
+    ]
+    heads = [
+        "approach",
+        "where",
+        "probability of instability",
+        "robust",
+        "moved most by",
+        "rank correlation",
+        "friction",
+        "materials",
+        "loads",
+        "rest",
+    ]
+    note = (
+        "<p>Robust: whether the probability lies above the limit of the scene, with its interval "
+        "(open: the interval holds the limit). The last four columns share out the variance of the "
+        "growth rate; the rest is roughness together with all interactions.</p>"
     )
+    table = note + _table(heads, rows) if rows else ""
+    return _figures(run, "sensitivity", "drivers") + table
+
+
+def _interval(values: Sequence[Value]) -> str:
+    """A number with its interval, or a dash."""
+    numbers = [float(v) for v in values if isinstance(v, float)]
+    return "{:.2f} ({:.2f} to {:.2f})".format(*numbers) if len(numbers) == 3 else "-"
+
+
+def _percent(value: Value) -> str:
+    return f"{100 * value:.0f} %" if isinstance(value, float) else "-"
 
 
 def _shapes(run: RunData) -> str:
@@ -193,6 +237,10 @@ def _accuracy(run: RunData) -> str:
     stages = stage_rows(run.summary)
     if stages:
         parts.append(_table(["stage", "time [s]", "peak memory [MB]"], stages))
+    speed = speed_rows(run)
+    if speed:
+        heads = [name.replace("_", " ").replace("seconds per", "s per") for name in SPEED_COLUMNS]
+        parts.append(_table(heads, [[_name(row), *row[1:]] for row in speed]))
     errors = error_rows(run)
     if errors:
         heads = [name.replace("_", " ") for name in ERROR_COLUMNS]

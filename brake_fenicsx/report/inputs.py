@@ -28,7 +28,7 @@ def surface_arrays(stats: SurfaceStatistics, recipe: LawRecipe | None) -> dict[s
         Arrays by name; what there is no scan or no artificial surface for is left out.
     """
     fit = stats.bifractal
-    q = np.geomspace(*fit.band, 200)
+    q = np.asarray(np.geomspace(*fit.band, 200), float)
     z = np.linspace(-5, 5, 401) * stats.S_q
     names = ("c1", "c2", "ln_q_c", "ln_C0")
     numbers = {n: getattr(stats, n) for n in ("mean", "median", "S_q", "S_sk", "S_ku")}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,14 +26,14 @@ def draw_contact_maps(run: RunData) -> Figure | None:
         return None
     n = maps["pressures"].shape[0]
     chosen = np.unique(np.linspace(0, n - 1, min(n, MOST_MAPS)).round().astype(int))
-    columns = min(3, chosen.size)
+    columns = 2 if chosen.size in (2, 4) else min(3, chosen.size)
     rows = -(-chosen.size // columns)
     figure, axes = new_figure(
         rows, columns, height=2.75 * rows, width=2.4 * columns + 0.9, sharex=True, sharey=True
     )
     positive = maps["pressures"][maps["pressures"] > 0] / 1e6
     limits = _limits(positive)
-    image = None
+    image: Any = None
     for axis, j in zip(axes.flat, chosen, strict=False):
         image = _draw_map(axis, maps, int(j), limits)
     for axis in axes.flat[chosen.size :]:
@@ -53,7 +54,7 @@ def draw_laws(run: RunData) -> Figure | None:
     if laws is None or laws["d"].shape[0] == 0:
         return None
     figure, axes = new_figure(1, 3, height=3.3)
-    E_star = float(laws["E_star"]) if "E_star" in laws else None
+    E_star = _modulus(laws)
     d, p, k = laws["d"] * 1e6, laws["p"], laws["k"]
     _draw_bundle(axes[0, 0], d, p / 1e6)
     axes[0, 0].set(xlabel="separation $d$ [µm]", ylabel="mean pressure $p$ [MPa]")
@@ -73,6 +74,14 @@ def draw_laws(run: RunData) -> Figure | None:
         light_grid(axis)
     axes[0, 0].legend(loc="upper right")
     return figure
+
+
+def _modulus(laws: Arrays) -> float | None:
+    """E* [Pa] of a library, if it says so."""
+    if "E_star" in laws:
+        return float(laws["E_star"])
+    settings = json.loads(str(laws["settings"])) if "settings" in laws else {}
+    return float(settings["E_star"]) if "E_star" in settings else None
 
 
 def _draw_map(axes: Axes, maps: Arrays, j: int, limits: tuple[float, float]) -> Any:
@@ -133,7 +142,7 @@ def _limits(positive: NDArray) -> tuple[float, float]:
 
 
 def _draw_bundle(axes: Axes, x: NDArray, y: NDArray, median: bool = True) -> None:
-    """All laws as thin lines, and the law whose mid separation is the median one in bold."""
+    """All laws as thin lines, and in bold the median separation at each pressure."""
     from matplotlib.collections import LineCollection
 
     y = np.where(y > 0, y, np.nan)
@@ -148,8 +157,20 @@ def _draw_bundle(axes: Axes, x: NDArray, y: NDArray, median: bool = True) -> Non
     axes.add_collection(lines)
     axes.autoscale_view()
     if median and len(x) > 2:
-        middle = int(np.argsort(x[:, x.shape[1] // 2])[len(x) // 2])
-        axes.plot(x[middle], y[middle], color=BLACK, lw=1.6, label="median law")
+        axes.plot(*_median_law(x, y), color=BLACK, lw=1.6, label="median separation")
+
+
+def _median_law(d: NDArray, p: NDArray) -> tuple[NDArray, NDArray]:
+    """Median of the separations at pressures that all laws reach."""
+    known = [np.isfinite(row) for row in p]
+    low = max(row[k].min() for row, k in zip(p, known, strict=True))
+    high = min(row[k].max() for row, k in zip(p, known, strict=True))
+    at = np.geomspace(low, max(high, low), 200)
+    rows = []
+    for own_d, own_p, k in zip(d, p, known, strict=True):
+        order = np.argsort(own_p[k])
+        rows.append(np.interp(np.log(at), np.log(own_p[k][order]), own_d[k][order]))
+    return np.median(rows, axis=0), at
 
 
 def _mark_braking(axes: Axes, run: RunData) -> None:
@@ -163,4 +184,6 @@ def _mark_braking(axes: Axes, run: RunData) -> None:
     axes.axvspan(
         low, high, color=ORANGE, alpha=0.18, lw=0, label="5 to 95 % of the\nbrake's patches"
     )
-    axes.legend(loc="lower right", fontsize=7.5)
+    handles, names = axes.get_legend_handles_labels()
+    shown = [(h, n) for h, n in zip(handles, names, strict=True) if n != "each law"]
+    axes.legend(*zip(*shown, strict=True), loc="upper left", fontsize=7.5)

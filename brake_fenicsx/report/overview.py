@@ -5,10 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from .accuracy import ERROR_COLUMNS, STAGE_COLUMNS, error_rows, stage_rows
+from .accuracy import (
+    ERROR_COLUMNS,
+    SPEED_COLUMNS,
+    STAGE_COLUMNS,
+    error_rows,
+    speed_rows,
+    stage_rows,
+)
 from .counts import FamilyCount, Share, band_edges, count, families, probability_per_band, wilson
 from .rundata import RunData, read_run
-from .tables import Value, text_table, write_rows
+from .tables import Value, read_rows, text_table, write_rows
 
 APPROACH_COLUMNS = (
     "approach",
@@ -42,6 +49,17 @@ BAND_COLUMNS = (
     "share",
     "share_low",
     "share_high",
+)
+
+CAUSE_COLUMNS = (
+    "probability",
+    "low",
+    "high",
+    "above_limit",
+    "mover",
+    "mover_rho",
+    "mover_low",
+    "mover_high",
 )
 
 
@@ -102,6 +120,40 @@ def band_rows(run: RunData) -> list[list[Value]]:
     return rows
 
 
+def cause_rows(run: RunData, most: int = 12) -> list[list[Value]]:
+    """What robustness.csv says of the whole band and of the families, the most probable first.
+
+    Args:
+        run: the results.
+        most: rows of each approach.
+
+    Returns:
+        Approach, where, probability with its interval, whether it is above the limit, the input
+        that moves it most, its rank correlation with interval, shares of the variance of growth by
+        friction, materials, loads and the rest.
+    """
+    path = run.directory / "robustness.csv"
+    if not path.is_file():
+        return []
+    found = [row for row in read_rows(path) if row["scope"] in ("band", "family")]
+    rows: list[list[Value]] = []
+    for approach in run.approaches:
+        own = [row for row in found if row["approach"] == approach]
+        whole = [row for row in own if row["scope"] == "band"][:1]
+        families = [row for row in own if row["scope"] == "family" and row["unstable"]]
+        families.sort(key=lambda row: -_number(row["probability"]))
+        for row in [*whole, *families[: most - 1]]:
+            kilo = _number(row["frequency_hz"]) / 1e3
+            where = f"{row['where']} Hz" if row["scope"] == "band" else f"{kilo:.2f} kHz"
+            chosen = (*CAUSE_COLUMNS, *(name for name in row if name.startswith("share_")))
+            rows.append([approach, where, *(row[name] for name in chosen)])
+    return rows
+
+
+def _number(value: Value) -> float:
+    return float(value) if isinstance(value, int | float) else 0.0
+
+
 def summary_table(run: RunData | str | Path) -> str:
     """The answer of a run as text for the terminal.
 
@@ -142,7 +194,8 @@ def write_tables(directory: str | Path | RunData) -> list[Path]:
 
     Returns:
         Paths written: ``approaches.csv``, ``families.csv``, ``probability_per_band.csv``,
-        ``eigenvalue_errors.csv``, ``stages.csv``; an empty table is left out.
+        ``eigenvalue_errors.csv``, ``stages.csv``, ``speed_and_error.csv``; an empty table is left
+        out.
     """
     run = read_run(directory)
     tables: list[tuple[str, Sequence[str], list[list[Value]]]] = [
@@ -151,6 +204,7 @@ def write_tables(directory: str | Path | RunData) -> list[Path]:
         ("probability_per_band", BAND_COLUMNS, band_rows(run) if run.modes else []),
         ("eigenvalue_errors", ERROR_COLUMNS, error_rows(run)),
         ("stages", STAGE_COLUMNS, stage_rows(run.summary)),
+        ("speed_and_error", SPEED_COLUMNS, speed_rows(run)),
     ]
     folder = run.directory / "tables"
     folder.mkdir(exist_ok=True)

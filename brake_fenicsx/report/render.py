@@ -1,4 +1,8 @@
-"""Pictures of meshes and mode shapes, off screen: both sides, with the pads lifted off along z."""
+"""Pictures of meshes and mode shapes, off screen: every body from both sides, side by side.
+
+Bodies that lie on each other hide their contact faces; drawn in a row, lowest first, they show
+them.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +17,7 @@ from .style import CYCLE, house_style
 
 VIEWS = (("seen from z > 0", 1.0), ("seen from z < 0", -1.0))
 SHAPE_COLOURS = "viridis"
-PIXELS = (1100, 900)
+PIXELS = (1500, 900)
 LIGHT: dict[str, Any] = {"ambient": 0.45, "diffuse": 0.65, "specular": 0.0}
 
 
@@ -41,9 +45,9 @@ def render_mode(
     values: NDArray,
     title: str = "",
     scale: float = 0.08,
-    explode: float = 0.45,
+    distance: float = 0.12,
 ) -> Path:
-    """Draw a mode shape: warped, coloured by the displacement's amplitude, bodies pulled apart.
+    """Draw a mode shape: warped, coloured by the displacement's amplitude, bodies in a row.
 
     A complex mode is drawn at the phase of its largest motion; its colour is the amplitude over the
     whole period. Collective over ``V.mesh.comm``; process 0 draws and writes.
@@ -54,7 +58,7 @@ def render_mode(
         values: all local dofs, real or complex, shape (n_local,).
         title: heading of the picture.
         scale: largest displacement as drawn, as a share of the model's radius.
-        explode: distance between neighbouring bodies, as a share of the model's radius.
+        distance: between neighbouring bodies, as a share of the model's radius.
 
     Returns:
         The path.
@@ -63,8 +67,9 @@ def render_mode(
     grid = _gather(V, np.column_stack([turned.real, turned.imag]))
     if grid is not None:
         surface = grid.extract_surface(nonlinear_subdivision=1, algorithm="dataset_surface")
-        picture = _warp(surface, scale, explode)
-        images = _photographs(picture, scalars="amplitude")
+        surface.point_data["level"] = _levels(surface)
+        picture = _warp(surface, scale)
+        images = _photographs(picture, "amplitude", distance)
         _compose(Path(path), images, title, _note(values, scale))
     V.mesh.comm.barrier()
     return Path(path)
@@ -76,9 +81,9 @@ def render_mesh(
     parts: NDArray | None = None,
     names: Mapping[int, str] | None = None,
     title: str = "",
-    explode: float = 0.45,
+    distance: float = 0.12,
 ) -> Path:
-    """Draw the mesh with its edges, one colour per part, bodies pulled apart along z.
+    """Draw the mesh with its edges, one colour per part, bodies in a row.
 
     Collective over ``V.mesh.comm``; process 0 draws and writes.
 
@@ -88,7 +93,7 @@ def render_mesh(
         parts: number of the part of each owned cell, shape (n_cells,); one part if not given.
         names: name of each part, for the legend.
         title: heading of the picture.
-        explode: distance between neighbouring bodies, as a share of the model's radius.
+        distance: between neighbouring bodies, as a share of the model's radius.
 
     Returns:
         The path.
@@ -96,9 +101,9 @@ def render_mesh(
     grid = _gather(V, None, parts)
     if grid is not None:
         surface = grid.extract_surface(nonlinear_subdivision=0, algorithm="dataset_surface")
-        surface.points += _offsets(surface, explode)
+        surface.point_data["level"] = _levels(surface)
         found = np.unique(surface.cell_data["part"])
-        images = _photographs(surface, scalars="part")
+        images = _photographs(surface, "part", distance)
         legend = {
             (names or {}).get(int(j), f"part {j}"): _part_colour(int(j), found) for j in found
         }
@@ -163,21 +168,40 @@ def _bodies(size: int, cells: NDArray) -> NDArray:
     return connected_components(links, directed=False)[1]
 
 
-def _offsets(surface: Any, explode: float) -> NDArray:
-    """Shift along z of every point, shape (n, 3): bodies at different heights are pulled apart."""
+def _levels(surface: Any) -> NDArray:
+    """Number of the level of every point: bodies at about one height are one level, from below."""
     region = np.asarray(surface.point_data["body"])
     z = np.asarray(surface.points)[:, 2]
     bodies = np.unique(region)
     middle = np.array([0.5 * (z[region == b].min() + z[region == b].max()) for b in bodies])
     order = np.argsort(middle, kind="stable")
     height = max(float(np.ptp(z)), 1e-300)
-    level = np.zeros(len(bodies))
+    level = np.zeros(len(bodies), dtype=int)
     level[order] = np.concatenate([[0], np.cumsum(np.diff(middle[order]) > 0.05 * height)])
-    level -= 0.5 * level.max()
-    shift = np.zeros((len(z), 3))
-    place = np.searchsorted(bodies, region)
-    shift[:, 2] = explode * _radius(surface) * level[place]
-    return shift
+    return level[np.searchsorted(bodies, region)]
+
+
+def _in_a_row(surface: Any, view: NDArray, side: float, distance: float) -> Any:
+    """A copy whose levels stand beside each other as seen along ``view``, the lowest to the left.
+
+    Args:
+        surface: the bodies where they are.
+        view: direction from the bodies to the eye.
+        side: +1 where the eye looks from above, -1 from below.
+        distance: between neighbours, as a share of the radius.
+    """
+    points, level = np.asarray(surface.points), np.asarray(surface.point_data["level"])
+    right = side * np.array([-view[1], view[0], 0.0]) / np.hypot(*view[:2])
+    moved, edge = points.copy(), 0.0
+    for j in range(level.max() + 1):
+        own = level == j
+        box = 0.5 * (points[own].min(axis=0) + points[own].max(axis=0))
+        reach = (points[own] - box) @ right
+        moved[own] += (edge - reach.min()) * right - box
+        edge += np.ptp(reach) + distance * _radius(surface)
+    out = surface.copy()
+    out.points = moved
+    return out
 
 
 def _radius(surface: Any) -> float:
@@ -185,24 +209,26 @@ def _radius(surface: Any) -> float:
     return 0.5 * float(np.linalg.norm(box))
 
 
-def _warp(surface: Any, scale: float, explode: float) -> Any:
+def _warp(surface: Any, scale: float) -> Any:
     re, im = (np.asarray(surface.point_data[name]) for name in ("re", "im"))
     amplitude = np.sqrt((re**2 + im**2).sum(axis=1))
     top = max(float(amplitude.max()), 1e-300)
     motion = scale * _radius(surface) * re / top
     surface.point_data["amplitude"] = amplitude / top
-    surface.points = np.asarray(surface.points) + _offsets(surface, explode) + motion
+    surface.points = np.asarray(surface.points) + motion
     return surface
 
 
-def _photographs(surface: Any, scalars: str) -> list[NDArray]:
+def _photographs(surface: Any, scalars: str, distance: float) -> list[NDArray]:
     """Both views of a surface, cut to the same frame, RGB arrays."""
     with _pyvista().vtk_verbosity("off"):  # without a display VTK warns, then draws all the same
-        return _trim([_photograph(surface, side, scalars) for _, side in VIEWS])
+        return _trim([_photograph(surface, side, scalars, distance) for _, side in VIEWS])
 
 
-def _photograph(surface: Any, side: float, scalars: str) -> NDArray:
+def _photograph(surface: Any, side: float, scalars: str, distance: float) -> NDArray:
     """Picture of a surface from obliquely above (side = 1) or below (side = -1), RGB array."""
+    view = _view(surface, side)
+    surface = _in_a_row(surface, view, side, distance)
     plotter = _pyvista().Plotter(off_screen=True, window_size=list(PIXELS))
     plotter.set_background("white")
     if scalars == "part":
@@ -226,7 +252,10 @@ def _photograph(surface: Any, side: float, scalars: str) -> NDArray:
         edges = surface.extract_feature_edges(40.0, manifold_edges=False)
         if edges.n_points:
             plotter.add_mesh(edges, color="#202020", line_width=1.5)
-    _aim(plotter, surface, side)
+    focus = np.asarray(surface.center)
+    far = focus + 6 * _radius(surface) * view / np.linalg.norm(view)
+    plotter.camera_position = [tuple(far), tuple(focus), (0.0, 0.0, side)]
+    plotter.reset_camera()
     plotter.enable_parallel_projection()
     plotter.enable_anti_aliasing("ssaa")
     image = np.asarray(plotter.screenshot(return_img=True))
@@ -234,19 +263,15 @@ def _photograph(surface: Any, side: float, scalars: str) -> NDArray:
     return image
 
 
-def _aim(plotter: Any, surface: Any, side: float) -> None:
-    """Look from the side away from the pads, so that a lifted pad hides nothing of the disc."""
+def _view(surface: Any, side: float) -> NDArray:
+    """Direction to the eye: on the side away from the pads, so that their arcs open towards it."""
     points = np.asarray(surface.points)
     centre = points.mean(axis=0)
     box = 0.5 * (points.min(axis=0) + points.max(axis=0))
     lean = centre - box
     angle = np.arctan2(lean[1], lean[0]) if np.hypot(*lean[:2]) > 1e-3 * _radius(surface) else 1.57
     angle += np.pi + 0.35
-    direction = np.array([np.cos(angle), np.sin(angle), 0.85 * side])
-    focus = np.asarray(surface.center)
-    far = focus + 6 * _radius(surface) * direction / np.linalg.norm(direction)
-    plotter.camera_position = [tuple(far), tuple(focus), (0.0, 0.0, side)]
-    plotter.reset_camera()
+    return np.array([np.cos(angle), np.sin(angle), 1.1 * side])
 
 
 def _trim(images: list[NDArray], margin: int = 12) -> list[NDArray]:
@@ -283,14 +308,20 @@ def _compose(
     from matplotlib.patches import Patch
 
     with house_style():
-        figure = Figure(figsize=(7.2, 3.9), layout="constrained")
-        grid = figure.add_gridspec(2, 2, height_ratios=[1, 0.04])
+        height, width = images[0].shape[:2]
+        wide = width > 1.4 * height
+        rows, columns = (2, 1) if wide else (1, 2)
+        tall = 7.2 / columns * height / width * rows
+        figure = Figure(figsize=(7.2, tall + 1.2), layout="constrained")
+        ratios = [1.0] * rows + [0.16 * rows / tall]
+        grid = figure.add_gridspec(rows + 1, columns, height_ratios=ratios)
         for j, (image, (view, _)) in enumerate(zip(images, VIEWS, strict=True)):
-            axis = figure.add_subplot(grid[0, j])
+            axis = figure.add_subplot(grid[j, 0] if wide else grid[0, j])
             axis.imshow(image, interpolation="antialiased")
-            axis.set_title(view, loc="center", fontsize=8.5, color="#404040")
+            order = ", the lowest body to the left" if wide else ""
+            axis.set_title(view + order, loc="center", fontsize=8.5, color="#404040")
             axis.axis("off")
-        foot = figure.add_subplot(grid[1, :])
+        foot = figure.add_subplot(grid[rows, :])
         if title:
             figure.suptitle(title, fontsize=10)
         if legend is None:

@@ -31,6 +31,7 @@ class RunData:
         laws: arrays of ``laws.npz``.
         surface: arrays of ``surface.npz``.
         maps: arrays of ``contact_maps.npz``.
+        faces: arrays of ``contact_faces.npz``.
         summary: content of ``summary.json``.
         scene: text of ``scene.toml``.
     """
@@ -42,6 +43,7 @@ class RunData:
     laws: Arrays | None = None
     surface: Arrays | None = None
     maps: Arrays | None = None
+    faces: Arrays | None = None
     summary: dict[str, Any] = field(default_factory=dict)
     scene: str | None = None
 
@@ -87,6 +89,7 @@ def read_run(directory: str | Path | RunData) -> RunData:
         laws=_arrays(root / "laws.npz", ("d", "p", "k")),
         surface=_arrays(root / "surface.npz", ("heights", "size")),
         maps=_arrays(root / "contact_maps.npz", ("size", "p_over_E", "pressures")),
+        faces=_arrays(root / "contact_faces.npz", ("corners", "facet")),
         summary=_json(root / "summary.json"),
         scene=scene.read_text(encoding="utf-8") if scene.is_file() else None,
     )

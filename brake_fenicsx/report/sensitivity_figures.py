@@ -38,11 +38,13 @@ def draw_sensitivity(run: RunData, most: int = 6) -> Figure | None:
     names = [a for a in run.approaches if np.any(table["approach"] == a)]
     if not names:
         return None
-    figure, axes = new_figure(len(names), 1, height=0.9 + 2.4 * len(names))
+    figure, axes = new_figure(len(names), 1, height=0.9 + 2.4 * len(names), sharey=True)
     for axis, name in zip(axes.flat, names, strict=True):
         own = table["approach"] == name
         _draw(axis, {key: values[own] for key, values in table.items()}, most)
-        axis.set_title(f"{label(name)}: {table['method'][own][0]}")
+        samples = f", {table['samples'][own][0]} samples" if "samples" in table else ""
+        axis.set_title(f"{label(name)}: {table['method'][own][0]}{samples}")
+    axes[0, 0].legend(fontsize=7.5, ncols=2, loc="lower left", bbox_to_anchor=(0.0, 1.1))
     return figure
 
 
@@ -67,8 +69,7 @@ def _draw(axis: Axes, table: Columns, most: int) -> None:
             _bar(axis, table, own & (table["input"] == key), x, width, CYCLE[i % len(CYCLE)], name)
     axis.axhline(0.0, color=BLACK, lw=0.7)
     axis.set_xticks(range(len(groups)), marks)
-    axis.set_ylabel("index of growth [-]")
-    axis.legend(fontsize=7, ncols=2)
+    axis.set_ylabel("share of the variance\nof the growth rate [-]")
     light_grid(axis, axis="y")
 
 
@@ -89,7 +90,10 @@ def _bar(
         if not np.isfinite(value):
             continue
         if kind == "first":
-            axis.bar(x, value, 0.9 * width, color=colour, alpha=0.75, label=name)
+            # Without an interval it is a guess: an empty bar.
+            known = bool(np.isfinite(low))
+            axis.bar(x, value, 0.9 * width, color=colour if known else "none", edgecolor=colour,
+                     alpha=0.75, label=name)  # fmt: skip
         else:
             axis.plot(x + shift, value, "D", color=BLACK, ms=3)
         if np.isfinite(low):

@@ -67,8 +67,14 @@ def draw_families(run: RunData, most: int = 7) -> Figure | None:
     if run.modes is None or not np.any(run.modes["verdict"] == "unstable"):
         return None
     looks = _family_looks(run, most)
-    figure, axes = _panels(run, height=1.5)
-    axes[0, 0].set_ylim(top=0.0)
+    figure, axes = _panels(run, height=1.7)
+    damping = run.modes["damping"][run.modes["verdict"] == "unstable"]
+    for axis in axes.flat:
+        axis.set_yscale("symlog", linthresh=LINEAR_DAMPING, linscale=0.6)
+        axis.set_yticks([-0.1, -0.01, -0.001, 0.0])
+        axis.axhspan(-1e3, 0.0, color="#fbeee6", lw=0, zorder=0)
+        axis.grid(axis="y", color="0.9", linewidth=0.6)
+    axes[0, 0].set_ylim(min(3 * float(damping.min()), -3e-3), 0.0)
     for axis, approach in zip(axes.flat, run.approaches, strict=True):
         modes = good_modes(run, approach, "unstable")
         f, damping, family = modes["frequency_hz"] / 1e3, modes["damping"], modes["family"]
@@ -93,12 +99,18 @@ def _family_looks(run: RunData, most: int) -> dict[tuple[str, int], tuple[str, s
     every = [r for a in run.approaches for r in families(run, a) if r.family >= 0]
     heads: list[float] = []
     looks: dict[tuple[str, int], tuple[str, str]] = {}
-    for record in sorted(every, key=lambda r: (-r.share.value, r.frequency)):
-        near = [j for j, f in enumerate(heads) if abs(record.frequency - f) < 0.03 * f]
+    taken: set[tuple[str, int]] = set()
+    # One run alone has no share: its modes come after families that recur.
+    for record in sorted(every, key=lambda r: (r.share.n == 1, -r.share.value, r.frequency)):
+        near = [
+            j for j, f in enumerate(heads)
+            if abs(record.frequency - f) < 0.03 * f and (record.approach, j) not in taken
+        ]  # fmt: skip
         if not near and len(heads) < min(most, len(CYCLE)):
             heads.append(record.frequency)
             near = [len(heads) - 1]
         if near:
+            taken.add((record.approach, near[0]))
             looks[record.approach, record.family] = CYCLE[near[0]], MARKERS[near[0]]
     return looks
 
@@ -189,6 +201,7 @@ def draw_convergence(run: RunData) -> Figure | None:
     axes[0, 1].set_ylim(bottom=0)
     for axis in axes.flat:
         axis.set_xlabel("samples [-]")
+        axis.xaxis.get_major_locator().set_params(integer=True)
         light_grid(axis)
         axis.legend(loc="best")
     return figure

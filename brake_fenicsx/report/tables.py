@@ -49,7 +49,9 @@ CONTACT = (
     "k",
     "law",
 )
-TEXT = frozenset({"approach", "status", "verdict", "stage", "quantity", "most_frequent"})
+TEXT = frozenset(
+    {"approach", "status", "verdict", "stage", "quantity", "most_frequent", "counted_by"}
+)
 
 _INTEGER = re.compile(r"[+-]?\d+")
 

@@ -141,7 +141,9 @@ def _symmetric(p: Problem, low: float, high: float) -> Found | None:
     if modes is None:
         return None
     shapes = modes.Phi.astype(complex)
-    return Found(modes.kappa + 0j, shapes, shapes, "inertia of K - kappa M", modes.blocks)
+    return Found(
+        modes.kappa.astype(complex), shapes, shapes, "inertia of K - kappa M", modes.blocks
+    )
 
 
 def _sliced(p: Problem, low: float, high: float, tolerance: float, zeta_max: float) -> Found:

@@ -143,11 +143,12 @@ class Pencil:
         groups: list[list[int]] = []
         left = set(range(k.size))
         while left:
-            group, edge = set(), {left.pop()}
+            group: set[int] = set()
+            edge = {left.pop()}
             while edge:
                 m = edge.pop()
                 group.add(m)
-                edge |= set(np.flatnonzero(linked[m]).tolist()) - group
+                edge |= {int(i) for i in np.flatnonzero(linked[m])} - group
                 if len(group) + len(edge) > 1:
                     edge |= {self._mate(k, i) for i in group | edge} - group
             left -= group

@@ -165,7 +165,7 @@ def moments(heights: Array) -> tuple[float, float, float, float]:
     S_q = float(np.sqrt(np.mean(z**2)))
     if S_q <= 1e-14 * max(abs(mean), float(np.abs(heights).max())):
         return mean, 0.0, 0.0, 3.0
-    z = z / S_q
+    z /= S_q
     square = z * z
     return mean, S_q, float(np.mean(square * z)), float(np.mean(square * square))
 

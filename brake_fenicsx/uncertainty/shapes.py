@@ -1,4 +1,4 @@
-"""Displacements of the first sample of each approach: fields for ParaView, pictures of modes."""
+"""What is seen of a study: fields for ParaView, pictures of unstable modes, the contact faces."""
 
 from __future__ import annotations
 
@@ -18,38 +18,108 @@ MOST = 4
 
 
 def write_shapes(study: Study, results: Results) -> None:
-    """Write fields/*.xdmf and figures/mode_*.png; collective.
+    """Write fields/*.xdmf, figures/mode_*.png and contact_faces.npz; collective.
+
+    Equilibrium and contact are those of the first sample of each approach, modes those of its first
+    sample that has an unstable one.
 
     Args:
         study: the study.
         results: its stored samples.
     """
-    from brake_fenicsx.report.fields import write_fields, write_points
-    from brake_fenicsx.report.render import render_mode
-
-    store, comm, V = study.store, study.comm, study.brake.elastic.free.V
+    store, comm = study.store, study.comm
     if comm.rank == 0:
         for name in ("fields", "figures"):
             store.path(name).mkdir(exist_ok=True)
     comm.Barrier()
+    faces = contact_faces(study)
     for task in results.first():
-        data, name = results.stored[task], task[0]
-        u = study.brake.local(study.displacement(task, data))
-        write_fields(store.path("fields", f"equilibrium_{name}.xdmf"), V, {"u_e": u})
-        if comm.rank == 0:
-            values = {key: data[key] for key in ("g", "g_cr", "p", "k")}
-            write_points(store.path("fields", f"contact_{name}.xdmf"), study.brake.points, values)
-        chosen, X = _unstable(study, task, data)
-        fields = {}
-        for i, x in zip(chosen, X.T, strict=True):
-            hertz, damping = abs(data["s"][i].imag) / 2 / np.pi, float(data["damping"][i])
-            local = study.brake.local(x)
-            label = f"mode_{hertz:05.0f}Hz"
-            fields[label] = local
-            title = f"{name}, {hertz:.0f} Hz, damping {damping:.2e}"
-            render_mode(store.path("figures", f"mode_{name}_{hertz:05.0f}Hz.png"), V, local, title)
-        if fields:
-            write_fields(store.path("fields", f"modes_{name}.xdmf"), V, fields)
+        _write_equilibrium(study, task, results.stored[task], faces)
+    for task in _unstable_samples(results):
+        _write_modes(study, task, results.stored[task])
+
+
+def contact_faces(study: Study) -> dict[str, NDArray]:
+    """Facets of the interfaces' first faces, and the facet of every contact element; collective.
+
+    An element of "patch" or "quadrature" belongs to the facet whose centre is nearest; one of
+    "node" to none.
+
+    Args:
+        study: the study; process 0 writes its contact_faces.npz.
+
+    Returns:
+        ``corners`` in cyclic order [m], shape (facets, 3 or 4, 3), and ``facet``, -1: none.
+    """
+    from scipy.spatial import KDTree
+
+    from brake_fenicsx.macro.faces import gather_face
+
+    b = study.brake
+    facet, corners, count = np.full(len(b.w), -1), [], 0
+    for i, table in enumerate(study.scene.contact.values()):
+        face = gather_face(b.mesh, b.elastic.free, table.faces[0])
+        if table.discretisation != "node":
+            own = b.contact.interface == i
+            facet[own] = count + KDTree(face.centre).query(b.points[own])[1]
+        corners.append(face.corners)
+        count += len(face.corners)
+    found = {"corners": np.concatenate(corners), "facet": facet}
+    if study.comm.rank == 0:
+        study.store.save("contact_faces.npz", **found)
+    return found
+
+
+def _write_equilibrium(
+    study: Study, task: Task, data: dict[str, Any], faces: dict[str, NDArray]
+) -> None:
+    """Displacement; pressure, gap, stiffness and state of every contact element."""
+    from brake_fenicsx.report.contact_fields import facet_means, write_facets, write_points
+    from brake_fenicsx.report.fields import write_fields
+
+    folder, name, V = study.store.path("fields"), task[0], study.brake.elastic.free.V
+    u = study.brake.local(study.displacement(task, data))
+    write_fields(folder / f"equilibrium_{name}.xdmf", V, {"u_e": u})
+    if study.comm.rank != 0:
+        return
+    values = {key: data[key] for key in ("g", "g_cr", "p", "k")}
+    values["active"] = (data["p"] > 0).astype(float)
+    write_points(folder / f"contact_{name}.xdmf", study.brake.points, values)
+    facet, corners = faces["facet"], faces["corners"]
+    if np.any(facet >= 0):
+        means = {
+            key: facet_means(facet, study.brake.w, v, len(corners)) for key, v in values.items()
+        }
+        held = np.isfinite(means["p"])
+        means = {key: v[held] for key, v in means.items()}
+        write_facets(folder / f"pressure_{name}.xdmf", corners[held], means)
+
+
+def _unstable_samples(results: Results) -> list[Task]:
+    """The first good sample of each approach that has an unstable mode."""
+    chosen: dict[str, Task] = {}
+    for task in results.good():
+        if np.any(results.stored[task].get("verdict", np.zeros(0, str)) == "unstable"):
+            chosen.setdefault(task[0], task)
+    return list(chosen.values())
+
+
+def _write_modes(study: Study, task: Task, data: dict[str, Any]) -> None:
+    """Real and imaginary part of the most unstable modes, one period of each, and its picture."""
+    from brake_fenicsx.report.fields import write_fields, write_phases
+    from brake_fenicsx.report.render import render_mode
+
+    store, name, V = study.store, task[0], study.brake.elastic.free.V
+    chosen, X = _unstable(study, task, data)
+    fields = {}
+    for i, x in zip(chosen, X.T, strict=True):
+        hertz, damping = abs(data["s"][i].imag) / 2 / np.pi, float(data["damping"][i])
+        label = f"mode_{hertz:05.0f}Hz"
+        fields[label] = local = study.brake.local(x)
+        write_phases(store.path("fields", f"phase_{name}_{hertz:05.0f}Hz.xdmf"), V, local)
+        title = f"{name}, sample {task[1]}: {hertz:.0f} Hz, damping {damping:.2e}"
+        render_mode(store.path("figures", f"mode_{name}_{hertz:05.0f}Hz.png"), V, local, title)
+    write_fields(store.path("fields", f"modes_{name}.xdmf"), V, fields)
 
 
 def _unstable(study: Study, task: Task, data: dict[str, Any]) -> tuple[NDArray, NDArray]:

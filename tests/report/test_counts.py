@@ -1,10 +1,12 @@
 """Counts against a table small enough to count by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from brake_fenicsx.report.accuracy import error_rows, stage_rows
+from brake_fenicsx.report.accuracy import error_rows, speed_rows, stage_rows
 from brake_fenicsx.report.counts import (
     band_edges,
     count,
@@ -112,9 +114,28 @@ def test_tables_carry_the_numbers_of_the_run(run):
 def test_errors_of_the_run(run):
     classical, fast = error_rows(run)
     assert fast[1] == 6
-    assert fast[6] == 1e-4
-    assert fast[4] == 1e-6
+    # Relative: of the size of the eigenvalue, damping -0.03 at 970 Hz.
+    assert fast[6] == pytest.approx(1e-4 / (2 * np.pi * 970 * np.hypot(1, 0.015)), rel=1e-12)
+    assert fast[4] == pytest.approx(1e-6 / (2 * np.pi * 970), rel=0.02)
     assert classical[7] == 2.0
+
+
+def test_speed_stands_beside_the_error_of_the_same_run(run):
+    """A row for what is reduced, one for its check at full order; what is unknown is empty."""
+    facts = {
+        "samples": {"fast": {"good": 3, "seconds_per_equilibrium": 0.1, "counted_by": "inertia",
+                             "seconds_per_stability": 0.5}, "classical": {"good": 1}},
+        "verification": {"samples_compared": 2, "largest_relative_error": 3e-7,
+                         "median_relative_error": 1e-9, "wrong_verdicts": 0, "eigenvalues": 9},
+    }  # fmt: skip
+    rows = speed_rows(replace(run, summary=facts))
+    assert rows[0][:4] == ["classical", 1, None, None]
+    assert rows[1][:4] == ["fast", 3, 0.1, 0.5]
+    assert rows[1][4] == error_rows(run)[1][4]
+    assert rows[2][0] == "against full order"
+    assert rows[2][4:6] == [1e-9, 3e-7]
+    assert "0 wrong of 9" in rows[2][6]
+    assert speed_rows(run) == []
 
 
 def test_stages_keep_their_order_and_gaps():

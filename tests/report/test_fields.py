@@ -16,7 +16,12 @@ h5py = pytest.importorskip("h5py")
 
 from dolfinx import fem, mesh  # noqa: E402
 
-from brake_fenicsx.report.fields import write_fields, write_phases, write_points  # noqa: E402
+from brake_fenicsx.report.contact_fields import (  # noqa: E402
+    facet_means,
+    write_facets,
+    write_points,
+)
+from brake_fenicsx.report.fields import write_fields, write_phases  # noqa: E402
 from brake_fenicsx.report.render import render_mesh, render_mode  # noqa: E402
 
 
@@ -138,6 +143,79 @@ def test_contact_points_keep_every_digit(tmp_path):
     assert np.allclose(cloud.points, points, rtol=1e-7)
 
 
+def test_facets_carry_the_mean_of_their_elements(tmp_path):
+    """Two triangles, two elements on the first of unequal area, none on a third."""
+    corners = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0], [0, 1, 0]]])
+    facet, w = np.array([0, 0, 1, -1]), np.array([1.0, 3.0, 2.0, 5.0])
+    means = facet_means(facet, w, np.array([4.0, 8.0, 1.0, 100.0]), 3)
+    assert np.allclose(means, [7.0, 1.0, np.nan], equal_nan=True)
+    path = write_facets(tmp_path / "p.xdmf", corners, {"p": means[:2]})
+    grid = read(path)
+    assert (grid.n_cells, grid.n_points) == (2, 6)
+    assert np.array_equal(grid.cell_data["p"], [7.0, 1.0])
+    assert np.allclose(grid.compute_cell_sizes().cell_data["Area"], 0.5)
+
+
+class Recorder:
+    """Stands for DOLFINx's VTXWriter: keeps what it is given."""
+
+    def __init__(self, comm, path, functions):
+        self.path, self.functions, self.steps = path, functions, []
+        Recorder.made = self
+
+    def write(self, time):
+        self.steps.append((time, [f.x.array.copy() for f in self.functions]))
+
+    def close(self):
+        self.steps = tuple(self.steps)
+
+
+def test_vtx_gets_every_dof_where_there_is_adios2(tmp_path, space, monkeypatch, caplog):
+    """Second order, real and imaginary part apart, and every instant of the phase."""
+    import logging
+
+    from dolfinx import io
+
+    monkeypatch.setattr(io, "VTXWriter", Recorder, raising=False)
+    values = values_on(space)
+    logging.getLogger("brake_fenicsx").propagate = True
+    with caplog.at_level(logging.INFO, logger="brake_fenicsx"):
+        write_fields(tmp_path / "m.xdmf", space, {"mode": values})
+    assert "all values are in m.bp" in caplog.text
+    made = Recorder.made
+    assert Path(made.path).name == "m.bp"
+    assert [f.name for f in made.functions] == ["mode_re", "mode_im"]
+    ((time, (re, im)),) = made.steps
+    assert time == 0.0
+    assert np.array_equal(re + 1j * im, values)
+    write_phases(tmp_path / "p.xdmf", space, values, frames=4)
+    assert np.allclose([t for t, _ in Recorder.made.steps], np.pi * np.arange(4) / 2)
+    assert np.allclose(Recorder.made.steps[1][1][0], -values.imag, atol=1e-12)
+
+
+def test_vtx_folder_is_written_by_dolfinx_itself(tmp_path, space):
+    from dolfinx import io
+
+    if not hasattr(io, "VTXWriter"):
+        pytest.skip("DOLFINx without ADIOS2")
+    write_fields(tmp_path / "m.xdmf", space, {"mode": values_on(space)})
+    size = sum(f.stat().st_size for f in (tmp_path / "m.bp").iterdir())
+    assert size > 8 * 2 * values_on(space).size
+
+
+def test_the_log_says_where_there_is_no_adios2(tmp_path, space, monkeypatch, caplog):
+    import logging
+
+    from dolfinx import io
+
+    monkeypatch.delattr(io, "VTXWriter", raising=False)
+    logging.getLogger("brake_fenicsx").propagate = True
+    with caplog.at_level(logging.INFO, logger="brake_fenicsx"):
+        write_fields(tmp_path / "m.xdmf", space, {"u": values_on(space).real.copy()})
+    assert "no ADIOS2" in caplog.text
+    assert not (tmp_path / "m.bp").exists()
+
+
 def test_a_field_of_another_length_is_refused(tmp_path, space):
     with pytest.raises(ValueError, match="field u: shape"):
         write_fields(tmp_path / "m.xdmf", space, {"u": np.zeros(7)})
@@ -150,10 +228,31 @@ def test_mode_picture_shows_both_views_in_colour(tmp_path, space):
     path = render_mode(tmp_path / "mode.png", space, values_on(space), title="1.23 kHz")
     image = imread(path)[:, :, :3]
     drawn = (image.max(axis=2) - image.min(axis=2)) > 0.2
-    height, width = drawn.shape
-    left, right = drawn[: int(0.8 * height), : width // 2], drawn[: int(0.8 * height), width // 2 :]
-    assert left.mean() > 0.1
-    assert right.mean() > 0.1
+    rows = np.flatnonzero(drawn.any(axis=1))
+    upper = rows[rows < 0.4 * len(drawn)].size, rows[rows > 0.4 * len(drawn)].size
+    left, right = (half.mean() for half in np.array_split(drawn, 2, axis=1))
+    assert min(upper) > 20
+    assert left > 0.05
+    assert right > 0.05
+
+
+def test_bodies_in_a_row_hide_nothing():
+    """Three boxes on each other: side by side, lowest first, in both views."""
+    from brake_fenicsx.report.render import _in_a_row, _levels, _view
+
+    boxes = [pyvista.Box((-1, 1, -1, 1, z, z + 0.9)) for z in (0.0, 1.0, 2.0)]
+    merged = pyvista.merge(boxes, merge_points=False)
+    surface = merged.extract_surface(algorithm="dataset_surface")
+    surface.point_data["body"] = (surface.points[:, 2] // 1).astype(int)
+    surface.point_data["level"] = level = _levels(surface)
+    assert np.array_equal(level, surface.point_data["body"])
+    for side in (1.0, -1.0):
+        view = _view(surface, side)
+        row = _in_a_row(surface, view, side, 0.1)
+        right = np.cross([0.0, 0.0, side], view)
+        reach = [(row.points[level == j] @ right / np.linalg.norm(right)) for j in range(3)]
+        assert reach[0].max() < reach[1].min()
+        assert reach[1].max() < reach[2].min()
 
 
 def test_the_picture_does_not_depend_on_the_phase_or_the_size_of_the_mode(tmp_path, space):

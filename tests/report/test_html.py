@@ -27,6 +27,7 @@ def test_page_is_well_formed_with_all_sections(page):
     assert sections == [
         "squeal",
         "probability",
+        "drivers",
         "pressure",
         "shapes",
         "laws",

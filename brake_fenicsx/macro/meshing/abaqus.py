@@ -134,7 +134,7 @@ def _elements(deck: _Deck, options: dict[str, str], rows: list[list[str]]) -> No
         else:
             deck.skins[number] = nodes[: 3 if count in (3, 6) else 4]
     if "ELSET" in options:
-        deck.elsets.setdefault(options["ELSET"], []).extend(table[:, 0].tolist())
+        deck.elsets.setdefault(options["ELSET"], []).extend(map(int, table[:, 0]))
 
 
 def _members(sets: dict[str, list[int]], rows: list[list[str]], generate: bool) -> list[int]:

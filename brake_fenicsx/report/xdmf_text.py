@@ -1,0 +1,35 @@
+"""XDMF files whose data stand in them as text: written at once, every digit kept."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def add_item(parent: ElementTree.Element, values: NDArray) -> None:
+    """Add an array to an element, as text that reads back to the same numbers."""
+    kind = "Int" if np.issubdtype(values.dtype, np.integer) else "Float"
+    item = ElementTree.SubElement(
+        parent,
+        "DataItem",
+        Dimensions=" ".join(map(str, values.shape)),
+        NumberType=kind,
+        Precision="8",
+        Format="XML",
+    )
+    item.text = "\n" + "\n".join(" ".join(map(repr, row)) for row in values.tolist()) + "\n"
+
+
+def write_tree(path: Path, root: ElementTree.Element, note: str = "") -> None:
+    """Write the tree at once, with a comment at its head."""
+    ElementTree.register_namespace("xi", "http://www.w3.org/2001/XInclude")
+    ElementTree.indent(root)
+    comment = f"<!-- {note} -->\n" if note else ""
+    text = ElementTree.tostring(root, encoding="unicode")
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    part.write_text(f'<?xml version="1.0" encoding="utf-8"?>\n{comment}{text}\n', encoding="utf-8")
+    os.replace(part, path)
