@@ -20,6 +20,7 @@ from .surface_figures import surface_statistics
 from .tables import Value, show
 
 LONGEST = 60  # values of a list shown in full
+SHORT = 28  # characters that are not broken into lines
 CAPTIONS = {plot.name: plot.caption for plot in PLOTS}
 STATISTICS = (
     ("mean", "mean height over the instrument's zero [µm]", 1e6),
@@ -207,7 +208,7 @@ def _percent(value: Value) -> str:
 def _shapes(run: RunData) -> str:
     folder = run.directory / "figures"
     paths = [*sorted(folder.glob("mesh*.png")), *sorted(folder.glob("mode_*.png"))]
-    return "\n".join(_image(path, _heading(path)) for path in paths)
+    return "\n".join(_image(path, _heading(path), "shape") for path in paths)
 
 
 def _heading(path: Path) -> str:
@@ -263,7 +264,10 @@ def _settings(run: RunData) -> str:
         if isinstance(run.summary.get(key), Mapping)
     ]
     if run.scene is not None:
-        parts.append(f"<h3>Scene as run</h3>\n<pre>{escape(run.scene)}</pre>")
+        parts.append(
+            "<h3>Scene file</h3>\n<p>The settings above hold it with the changes that --set made."
+            f"</p>\n<pre>{escape(run.scene)}</pre>"
+        )
     return "\n".join(parts)
 
 
@@ -272,11 +276,11 @@ def _figures(run: RunData, *names: str) -> str:
     return "\n".join(_image(path, caption) for path, caption in paths if path.is_file())
 
 
-def _image(path: Path, caption: str) -> str:
+def _image(path: Path, caption: str, kind: str = "plot") -> str:
     data = base64.b64encode(path.read_bytes()).decode("ascii")
     text = escape(caption, quote=True)
     return (
-        f'<figure>\n<img alt="{text}" src="data:image/png;base64,{data}"/>\n'
+        f'<figure class="{kind}">\n<img alt="{text}" src="data:image/png;base64,{data}"/>\n'
         f"<figcaption>{text}</figcaption>\n</figure>"
     )
 
@@ -291,6 +295,8 @@ def _cell(value: Value) -> str:
     kind = ' class="number"' if isinstance(value, int | float) else ""
     if isinstance(value, str) and value.endswith(" %)"):
         kind = ' class="share"'
+    elif isinstance(value, str) and len(value) <= SHORT:
+        kind = ' class="short"'
     return f"<td{kind}>{escape(show(value))}</td>"
 
 

@@ -144,7 +144,7 @@ def cause_rows(run: RunData, most: int = 12) -> list[list[Value]]:
         families.sort(key=lambda row: -_number(row["probability"]))
         for row in [*whole, *families[: most - 1]]:
             kilo = _number(row["frequency_hz"]) / 1e3
-            where = f"{row['where']} Hz" if row["scope"] == "band" else f"{kilo:.2f} kHz"
+            where = "whole band" if row["scope"] == "band" else f"{kilo:.2f} kHz"
             chosen = (*CAUSE_COLUMNS, *(name for name in row if name.startswith("share_")))
             rows.append([approach, where, *(row[name] for name in chosen)])
     return rows

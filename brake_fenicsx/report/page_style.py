@@ -18,7 +18,8 @@ th, td { padding: 0.25em 0.8em 0.25em 0; text-align: left; vertical-align: top;
   border-bottom: 1px solid #ddd; overflow-wrap: break-word; }
 td:first-child { white-space: nowrap; }
 th { border-bottom: 1.5px solid #555; overflow-wrap: normal; }
-td.share { white-space: nowrap; }
+td.share, td.short { white-space: nowrap; }
+thead { display: table-header-group; }
 td.number { font-variant-numeric: tabular-nums; }
 tr { break-inside: avoid; }
 pre { font: 0.82em/1.45 "DejaVu Sans Mono", Consolas, monospace; background: #f5f5f5;
@@ -27,9 +28,9 @@ pre { font: 0.82em/1.45 "DejaVu Sans Mono", Consolas, monospace; background: #f5
 @media print {
   body { font-size: 10pt; max-width: none; padding: 0; }
   nav { display: none; }
-  figure img { width: auto; max-width: 100%; max-height: 135mm; }
+  figure img { width: auto; max-width: 100%; max-height: 170mm; }
+  figure.shape img { max-height: 112mm; }
   h2, h3 { break-after: avoid; }
-  table { break-inside: avoid; }
   pre { background: #fff; border: 1px solid #bbb; }
 }
 """

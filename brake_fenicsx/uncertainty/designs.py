@@ -80,7 +80,9 @@ def design_points(plan: Plan, inputs: int, seed: np.random.SeedSequence) -> Arra
     size = design_size(plan, inputs)
     if plan.design == "random":
         return None
-    rng = np.random.default_rng(seed)
+    # A sequence of its own: newer SciPy spawns from it, and a second call would find it changed.
+    fresh = np.random.SeedSequence(seed.entropy, spawn_key=seed.spawn_key)
+    rng = np.random.default_rng(fresh)
     if plan.design in ("latin-hypercube", "rbd-fast"):
         return np.asarray(qmc.LatinHypercube(inputs, seed=rng).random(size))
     if plan.design == "sobol":
@@ -102,8 +104,10 @@ def _curves(curves: int, length: int, inputs: int, rng: np.random.Generator) -> 
 
     sets = []
     for _ in range(curves):
-        with library_seed(int(rng.integers(2**32))):
-            sets.append(fast_sampler.sample(unit_problem(inputs), length, M=HARMONICS))
+        phase = int(rng.integers(2**32))
+        with library_seed(phase):
+            found = fast_sampler.sample(unit_problem(inputs), length, M=HARMONICS, seed=phase)
+        sets.append(found)
     return _inside(np.concatenate(sets))
 
 
@@ -120,7 +124,10 @@ def _inside(x: Array) -> Array:
 
 @contextmanager
 def library_seed(seed: int) -> Iterator[None]:
-    """Seed NumPy's global generator, which SALib draws from, and put it back after."""
+    """Seed NumPy's global generator, which older SALib draws from, and put it back after.
+
+    Newer SALib takes the seed itself: its numbers are others, but as reproducible.
+    """
     state = np.random.get_state()  # noqa: NPY002
     np.random.seed(seed)  # noqa: NPY002
     try:

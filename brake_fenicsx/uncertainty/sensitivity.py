@@ -92,7 +92,7 @@ def _rbd(x: Array, y: Array) -> tuple[Array, Array]:
 
     with library_seed(1):
         found = rbd_fast.analyze(
-            unit_problem(x.shape[1]), x, y, M=RBD_HARMONICS, num_resamples=RESAMPLES
+            unit_problem(x.shape[1]), x, y, M=RBD_HARMONICS, num_resamples=RESAMPLES, seed=1
         )
     return np.array(found["S1"], float), np.array(found["S1_conf"], float)
 

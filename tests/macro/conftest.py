@@ -9,7 +9,7 @@ from brake_fenicsx.geometry import block
 
 from brake_fenicsx.macro.mesh import raw_mesh
 from brake_fenicsx.macro.meshing.gmsh_mesh import discrete_model, gmsh_session
-from brake_fenicsx.macro.meshing.rawmesh import facet_nodes
+from brake_fenicsx.macro.meshing.rawmesh import facet_nodes, joined, turned
 from brake_fenicsx.scene_mesh import MeshTable
 
 LOW = block.Block(length=40e-3, width=20e-3, height=10e-3, z=-10e-3, size=8e-3)
@@ -24,10 +24,28 @@ ABAQUS = {
 TYPES = {4: "C3D4", 8: "C3D8", 10: "C3D10", 20: "C3D20"}
 
 
+# Faces of the pad's mirror image, which is the plate.
+MIRRORED = {
+    "pad.body": "plate.body",
+    "pad.bottom": "plate.top",
+    "pad.top": "plate.bottom",
+    "pad.sides": "plate.sides",
+}
+
+
 def boxes(cells="tetrahedra", order=1):
-    """Two boxes with coincident nodes at z = 0, each with nodes of its own."""
-    table = MeshTable(cells=cells, order=order)
-    return raw_mesh({"pad": (block, HIGH), "plate": (block, LOW)}, table)
+    """Two boxes with coincident nodes at z = 0, each with nodes of its own.
+
+    The plate is the pad's mirror image, flattened: meshed apart, two faces of one shape have the
+    same mesh with some versions of gmsh only.
+    """
+    pad = raw_mesh({"pad": (block, HIGH)}, MeshTable(cells=cells, order=order))
+    image = turned(pad, np.ones(len(pad.cells), dtype=bool))
+    names = ({MIRRORED[n]: tag for n, tag in own.items()} for own in (pad.layers, pad.faces))
+    layers, faces = names
+    flat = np.array([1.0, 1.0, -LOW.height / HIGH.height])
+    plate = replace(image, points=pad.points * flat, layers=layers, faces=faces)
+    return joined([pad, plate])
 
 
 def glued(mesh):

@@ -107,13 +107,15 @@ def test_some_of_these_flutter(two_blocks):
 def test_a_pair_that_the_correction_moves_over_the_edge_is_counted(two_blocks):
     """The linear pencil has it beyond 90 kHz, the corrected one below: the phase turns unseen.
 
-    Catches a count that divides by the uncorrected values.
+    Catches a count that divides by the uncorrected values. On another mesh (gmsh 4.13) no pair lies
+    there, and what is left is that no mode well inside is missing.
     """
     scene = two_blocks("guided")
     k = stiffness(scene.w.size, 122, 10 * K0, 2)
     found = offline(scene).modes(k, 0.3)
     exact, _ = dense(scene, k, 0.3)
-    assert 18 <= len(found) <= 20 == within(exact, BAND[1]).size
+    there = within(exact, BAND[1]).size
+    assert there - 2 <= len(found) <= there
     assert within(found.s, 0.999 * BAND[1]).size == within(exact, 0.999 * BAND[1]).size
 
 
