@@ -106,7 +106,7 @@ def facet_areas(face: Face) -> Array:
         return 0.5 * np.linalg.norm(np.cross(one, two), axis=1)
     x, w = roots_sh_legendre(8)
     grid: Array = np.stack(np.meshgrid(x, x, indexing="ij"), axis=-1).reshape(-1, 2)
-    weight = np.outer(w, w).reshape(-1)
+    weight: Array = np.outer(w, w).reshape(-1)
     if face.element.corners == 3:
         weight = weight * (1 - grid[:, 0])
         grid = np.stack([grid[:, 0], grid[:, 1] * (1 - grid[:, 0])], axis=1)

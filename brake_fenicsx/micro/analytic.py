@@ -63,7 +63,7 @@ class ExponentialLaw:
 
     def stiffness(self, d: ArrayLike) -> Array:
         """Stiffness -dp/dd [Pa/m]."""
-        return self.pressure(d) / self.u0
+        return np.asarray(self.pressure(d) / self.u0, float)
 
     def energy(self, d: ArrayLike) -> Array:
         """Energy per area, the integral of p from d to infinity [J/m^2]."""

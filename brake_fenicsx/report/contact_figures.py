@@ -85,7 +85,9 @@ def _draw_patches(axes: Axes, corners: NDArray, p: NDArray, top: float) -> Any:
     """Patches coloured by their pressure [Pa]; an open one is empty."""
     from matplotlib.collections import PolyCollection
 
-    patches = PolyCollection(corners * 1e3, cmap=PRESSURE, edgecolors="#b5b5b5", linewidths=0.15)
+    patches = PolyCollection(
+        list(corners * 1e3), cmap=PRESSURE, edgecolors="#b5b5b5", linewidths=0.15
+    )
     patches.set_array(np.where(p > 0, p / 1e6, np.nan))
     patches.set_clim(0.0, top)
     patches.cmap.set_bad("white")

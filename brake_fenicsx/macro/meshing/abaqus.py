@@ -21,7 +21,9 @@ _KINDS = {
     "C3D27": "hexahedron27", "C3D6": "wedge", "C3D15": "wedge15",
 }  # fmt: skip
 _NODES = {"wedge": 6, "wedge15": 15, "hexahedron27": 27} | {k: n for k, (_, n) in SOLIDS.items()}
+# gmsh writes faces as elements of plane stress, CPS.
 _SKINS = {"S3": 3, "S4": 4, "S6": 6, "S8": 8, "M3D3": 3, "M3D4": 4, "M3D6": 6, "M3D8": 8,
+          "CPS3": 3, "CPS4": 4, "CPS6": 6, "CPS8": 8,
           "SFM3D3": 3, "SFM3D4": 4, "SFM3D6": 6, "SFM3D8": 8, "STRI3": 3, "STRI65": 6}  # fmt: skip
 # Corners of faces S1, S2, ...
 _FACES = {

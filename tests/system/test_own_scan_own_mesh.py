@@ -1,0 +1,88 @@
+"""docs/own_scan_own_mesh.md as a reader follows it: its files are written, its commands run."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from brake_fenicsx.report.rundata import read_run
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "own_scan_own_mesh.md"
+BLOCK = re.compile(r"^```(sh|toml|python)\n(.*?)^```$", re.M | re.S)
+
+
+@pytest.fixture(scope="module")
+def followed(tmp_path_factory):
+    """Folder in which the page was followed, and what each command printed."""
+    folder = tmp_path_factory.mktemp("own")
+    places = [Path(sys.executable).parent, ROOT / "scripts"]
+    environment = os.environ | {
+        "PATH": os.pathsep.join([*map(str, places), os.environ["PATH"]]),
+        "OMPI_ALLOW_RUN_AS_ROOT": "1",
+        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+        "OMPI_MCA_rmaps_base_oversubscribe": "1",
+        "OPENBLAS_NUM_THREADS": "1",
+    }
+    printed = {}
+    for kind, text in BLOCK.findall(PAGE.read_text()):
+        if kind != "sh":
+            name = re.match(r"# (\S+)\n", text)[1]
+            (folder / name).write_text(text)
+            continue
+        for line in text.splitlines():
+            done = subprocess.run(
+                ["bash", "-c", line], cwd=folder, env=environment, capture_output=True, text=True
+            )
+            assert done.returncode == 0, f"{line}\n{done.stdout}{done.stderr}"
+            printed[line] = done.stdout + done.stderr
+    return folder, printed
+
+
+def test_the_scan_is_read_as_the_page_says(followed):
+    folder, _ = followed
+    surface = read_run(folder / "scan-results").surface
+    assert surface["size"] == pytest.approx([1.8e-3, 1.4e-3])
+    assert np.nanstd(surface["heights"]) == pytest.approx(33.1e-6, rel=0.05)
+
+
+def test_a_wrong_unit_and_a_wrong_group_are_named(followed):
+    _, printed = followed
+    assert "mesh.unit" in printed[next(line for line in printed if "mesh.unit=m" in line)]
+    assert "ROTOR" in printed[next(line for line in printed if "groups.ROTOR" in line)]
+
+
+def test_check_says_what_the_run_then_built(followed):
+    folder, printed = followed
+    said = re.search(
+        r"(\d+) cells, (\d+) free dofs, (\d+) contact", printed["brake-fenicsx check my_brake.toml"]
+    )
+    facts = read_run(folder / "my_brake-results").summary
+    assert [int(n) for n in said.groups()] == [
+        facts["cells"], facts["dofs"], facts["contact_elements"]
+    ]  # fmt: skip
+
+
+def test_samples_were_added_and_the_brake_is_pressed(followed):
+    folder, printed = followed
+    assert (
+        "of 7 samples were there already"
+        in printed["brake-fenicsx run my_brake.toml --set samples.n=6"]
+    )
+    run = read_run(folder / "my_brake-results")
+    assert np.sum(run.samples["approach"] == "multi-scale") == 6
+    own = run.contact["approach"] == "classical"
+    force = np.sum(run.contact["p"][own] * run.contact["area"][own])
+    # 2 bar on both back plates of 80 x 45 mm.
+    assert force == pytest.approx(2 * 2e5 * 80e-3 * 45e-3, rel=1e-6)
+    assert (folder / "my_brake-results" / "report.html").stat().st_size > 500_000
+
+
+def test_another_friction_is_another_folder(followed):
+    folder, printed = followed
+    assert np.unique(read_run(folder / "trial").samples["mu"]) == pytest.approx([0.3, 0.5])
+    assert "dofs" in printed["python my_brake.py"]
