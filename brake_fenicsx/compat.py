@@ -5,6 +5,7 @@ Supported: what Debian ships, 12 (0.5.2), 13 (0.9) and unstable (0.11).
 
 from __future__ import annotations
 
+import os
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,8 @@ from petsc4py import PETSc
 import dolfinx
 import numpy as np
 from dolfinx import fem
+
+from brake_fenicsx.errors import SceneError
 
 basix: Any = import_module("basix")
 
@@ -83,9 +86,18 @@ def cell_dofs(V: Any, cells: np.ndarray) -> np.ndarray:
     return np.asarray(table[cells], dtype=np.int64)
 
 
-def petsc_scalar_is_real() -> bool:
-    """Whether PETSc was built for real scalars, as the program needs."""
-    return not np.issubdtype(PETSc.ScalarType, np.complexfloating)
+def require_real_petsc() -> None:
+    """Refuse a PETSc of complex scalars: factors, inertia and the real-equivalent forms are real.
+
+    Raises:
+        SceneError: one line that names the build in use and the remedy.
+    """
+    if np.issubdtype(PETSc.ScalarType, np.complexfloating):
+        raise SceneError(
+            f"PETSC_DIR = {os.environ.get('PETSC_DIR', '')!r}: this PETSc is built for complex"
+            " numbers; use the real build (on Debian python3-dolfinx-real and"
+            " PETSC_DIR=/usr/lib/petscdir/petsc-real)"
+        )
 
 
 def meshtags(mesh: Any, dim: int, entities: np.ndarray, value: int) -> Any:

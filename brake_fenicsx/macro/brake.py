@@ -11,6 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.units import to_si
@@ -134,8 +135,9 @@ def check_brake(scene: Scene, comm: MPI.Comm) -> None:
     """Refuse what cannot be built, before anything is meshed or written.
 
     Raises:
-        SceneError: a material, a part's parameters, a face or the motion is wrong.
+        SceneError: a material, a part's parameters, a face or the motion is wrong, or PETSc is.
     """
+    compat.require_real_petsc()
     materials = scene_materials(scene)
     scene_motion(scene)
     faces = {f'supports."{face}"': face for face in scene.supports}

@@ -178,13 +178,9 @@ def assemble_elastic(
         Matrices and load vector on the free dofs.
 
     Raises:
-        SceneError: a layer without material, or an unknown face.
+        SceneError: a layer without material, an unknown face, or a PETSc of complex scalars.
     """
-    if not compat.petsc_scalar_is_real():
-        raise SceneError(
-            "PETSc is built for complex numbers: use the real build (python3-dolfinx-real on"
-            " Debian; PETSC_DIR names it)"
-        )
+    compat.require_real_petsc()
     V = compat.vector_space(mesh.domain, degree)
     free = free_dofs(mesh, V, supports)
     u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
