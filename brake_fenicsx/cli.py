@@ -17,41 +17,73 @@ from brake_fenicsx.errors import BrakeError, SceneError  # noqa: E402
 
 STAGES = ("surface", "micro", "equilibrium", "stability", "uncertainty", "report")
 
+DESCRIPTION = """\
+Which vibration modes of a disc brake will squeal, how sure that is, and what drives them: from a
+measured scan of the pad's surface to the complex modes of hundreds of random samples.
+
+Everything is written in one scene file: parts, materials, contact, loads, and the stages to run.
+scripts/scenes/ holds examples, docs/scene.md every key, docs/own_scan_own_mesh.md a first study."""
+
 EPILOG = """\
-A run writes modes.csv, samples.csv, contact.csv, laws.npz, summary.json, figures, fields and
-report.html into its folder. Started again after an interruption it goes on where it stopped.
+first steps:
+  brake-fenicsx check brake.toml          what it builds: dofs, laws, samples; memory, time
+  brake-fenicsx run brake.toml            results in ./brake-results; open its report.html
+  brake-fenicsx run brake.toml            once more: goes on where it was interrupted
+  brake-fenicsx report brake-results      figures and page again, without computing
 
-  brake-fenicsx run brake.toml
-  brake-fenicsx run brake.toml --set samples.n=20 --set contact.pad_disc.friction=0.4 -o trial
+variations:
+  brake-fenicsx run brake.toml --set samples.n=20 -o trial
+  brake-fenicsx run brake.toml --set contact.pad_disc.friction=0.4 -o other
+  brake-fenicsx run brake.toml --from report
   mpirun -n 8 brake-fenicsx run brake.toml
-  brake-fenicsx run brake.toml -- -brake_eigen_eps_monitor
+  brake-fenicsx run brake.toml -- -brake_factor_mat_mumps_icntl_4 2
 
-Exit status: 0 done; 1 a computation failed (its named error is printed); 2 wrong input, nothing
-was written."""
+exit status:
+  0    done
+  1    a computation failed; its named error is printed, finished samples are kept
+  2    wrong input; one line names file, key, value and remedy, nothing was written
+  130  interrupted; started again it goes on
+
+"brake-fenicsx COMMAND --help" lists the options of a command."""
+
+AFTER_CHECK = """\
+Nothing is written. Memory and time are estimates from measured runs, for one core."""
+
+AFTER_RUN = """\
+The results folder holds report.html, figures/ (PNG, SVG), tables (modes.csv, samples.csv, ...),
+fields/ for ParaView, summary.json (sizes, times, seeds, versions) and log.txt; docs/results.md
+lists them all. A folder that holds results of another scene is refused."""
 
 
 def parser() -> argparse.ArgumentParser:
     """Arguments of the command line."""
     top = argparse.ArgumentParser(
         prog="brake-fenicsx",
-        description="Disc-brake squeal from a scan of the pad surface.",
+        description=DESCRIPTION,
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     top.add_argument("--version", action="version", version=__version__)
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    checks = commands.add_parser("check", help="read a scene and say what it will build")
-    runs = commands.add_parser("run", help="run a scene, or go on with it")
+    raw = argparse.RawDescriptionHelpFormatter
+    text = "read a scene; say what it will build and about how long it will take"
+    checks = commands.add_parser("check", help=text, description=text, epilog=AFTER_CHECK,
+                                 formatter_class=raw)  # fmt: skip
+    text = "run a scene, or go on with it"
+    runs = commands.add_parser("run", help=text, description=text, epilog=AFTER_RUN,
+                               formatter_class=raw)  # fmt: skip
     for command in (checks, runs):
-        command.add_argument("scene", metavar="SCENE.toml")
+        command.add_argument("scene", metavar="SCENE.toml", help="the scene file")
         command.add_argument("--set", action="append", default=[], metavar="KEY=VALUE",
-                             help="replace a key of the scene")  # fmt: skip
+                             help="replace a key of the scene: any of docs/scene.md, as often as"
+                             " wanted; the value is TOML, or a bare word")  # fmt: skip
     afresh = f"compute it and all later stages afresh: {', '.join(STAGES)}"
     runs.add_argument("--from", dest="from_stage", choices=STAGES, metavar="STAGE", help=afresh)
     runs.add_argument("-o", dest="directory", metavar="DIR", help="results folder, ./SCENE-results")
     runs.add_argument("petsc", nargs="*", metavar="-- PETSC_OPTIONS", help="go to PETSc")
-    reports = commands.add_parser("report", help="figures and HTML page of a results folder")
-    reports.add_argument("directory", metavar="DIR")
+    text = "draw the figures of a results folder and write its page again"
+    reports = commands.add_parser("report", help=text, description=text)
+    reports.add_argument("directory", metavar="DIR", help="results folder of a run")
     return top
 
 
@@ -59,7 +91,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line.
 
     Returns:
-        Exit status: 0 done, 1 a computation failed, 2 wrong input.
+        Exit status: 0 done, 1 a computation failed, 2 wrong input, 130 interrupted.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     given = words[words.index("--") + 1 :] if "--" in words else []
