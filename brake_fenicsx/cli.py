@@ -36,7 +36,7 @@ variations:
   brake-fenicsx run brake.toml --set contact.pad_disc.friction=0.4 -o other
   brake-fenicsx run brake.toml --from report
   mpirun -n 8 brake-fenicsx run brake.toml
-  brake-fenicsx run brake.toml -- -brake_factor_mat_mumps_icntl_4 2
+  brake-fenicsx run brake.toml -- -brake_compliance_mat_mumps_icntl_4 2
 
 exit status:
   0    done
