@@ -117,6 +117,8 @@ def value_text(f: Field, hint: Any) -> str:
     """What is written for a key: kind, dimension with an example of a unit, sign."""
     unit = f.metadata.get("unit", "")
     kinds = [_kind_text(kind, unit) for kind in _kinds(hint)]
+    if "units" in f.metadata:
+        kinds = [f"list of {', '.join(DIMENSIONS[u] for u in f.metadata['units'])}"]
     text = " or ".join(dict.fromkeys(filter(None, kinds)))
     sign = {"zero": "zero or more", "any": "any sign"}.get(f.metadata.get("sign", ""), "")
     return f"{text}, {sign}" if sign else text

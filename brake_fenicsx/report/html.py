@@ -252,9 +252,10 @@ def _accuracy(run: RunData) -> str:
         )
     known = {"settings", "versions", "seeds", "seconds", "peak_memory_mb", "name"}
     rest = {key: value for key, value in run.summary.items() if key not in known}
-    if rest:
-        parts.append(_pairs("quantity", rest))
-    return "\n".join([*parts, _figures(run, "stages", "eigenvalue_errors")]) if parts else ""
+    if not parts and not rest:
+        return ""
+    pairs = _pairs("quantity", rest) if rest else ""
+    return "\n".join([*parts, _figures(run, "stages", "eigenvalue_errors"), pairs])
 
 
 def _settings(run: RunData) -> str:

@@ -20,7 +20,7 @@ td:first-child { white-space: nowrap; }
 th { border-bottom: 1.5px solid #555; overflow-wrap: normal; }
 td.share, td.short { white-space: nowrap; }
 thead { display: table-header-group; }
-td.number { font-variant-numeric: tabular-nums; }
+td.number { font-variant-numeric: tabular-nums; white-space: nowrap; }
 tr { break-inside: avoid; }
 pre { font: 0.82em/1.45 "DejaVu Sans Mono", Consolas, monospace; background: #f5f5f5;
   padding: 0.8em 1em; white-space: pre-wrap; overflow-wrap: anywhere; }
