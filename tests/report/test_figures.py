@@ -242,6 +242,25 @@ def test_pressure_is_drawn_on_both_pads_of_each_approach(run):
     assert np.allclose(sides, 2.825)
 
 
+def test_pressure_is_drawn_on_the_facets_where_they_are_known(run_directory, tmp_path):
+    """One triangle for each element, two of the same facet drawn as one with their mean."""
+    shutil.copy(run_directory / "contact.csv", tmp_path)
+    contact = read_run(tmp_path).contact
+    n = int(contact["element"].max()) + 1
+    centre = np.column_stack([contact[c][:n] for c in "xyz"])
+    shape = 1e-3 * np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    facet = np.arange(n)
+    facet[1] = 0
+    np.savez(tmp_path / "contact_faces.npz", corners=centre[:, None] + shape, facet=facet)
+    figure = draw_contact_pressure(read_run(tmp_path))
+    (patches,) = (c for c in figure.axes[0].collections if isinstance(c, PolyCollection))
+    paths = patches.get_paths()
+    assert len(paths) == 8 * 19 - 1
+    assert np.allclose(paths[0].vertices[:3], 1e3 * (centre[0] + shape)[:, :2])
+    p, w = contact["p"][:2], contact["area"][:2]
+    assert patches.get_array()[0] == pytest.approx(np.sum(p * w) / np.sum(w) / 1e6)
+
+
 def test_error_curves_end_at_the_largest_error_of_each_approach(run):
     bands, excess = draw_errors(run).axes
     size = np.hypot(run.modes["real_1_s"], 2 * np.pi * run.modes["frequency_hz"])

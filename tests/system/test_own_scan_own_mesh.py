@@ -82,6 +82,23 @@ def test_samples_were_added_and_the_brake_is_pressed(followed):
     assert (folder / "my_brake-results" / "report.html").stat().st_size > 500_000
 
 
+def test_every_element_lies_on_a_facet_of_its_own(followed):
+    """Facets drawn and written for ParaView: each with the element whose area it covers."""
+    folder, _ = followed
+    run = read_run(folder / "my_brake-results")
+    corners, facet = run.faces["corners"], run.faces["facet"]
+    assert np.unique(facet).size == facet.size
+    sides = corners[:, 1:] - corners[:, :1]
+    area = 0.5 * np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)[facet]
+    own = run.contact["approach"] == "classical"
+    # The rim cuts the pads' outer corners off; all other facets are covered whole.
+    w = run.contact["area"][own]
+    assert np.all(w <= area * (1 + 1e-9))
+    assert np.median(w / area) == pytest.approx(1.0, rel=1e-9)
+    text = (folder / "my_brake-results/fields/pressure_classical.xdmf").read_text()
+    assert all(f'Name="{name}"' in text for name in ("p", "g", "g_cr", "k", "active"))
+
+
 def test_another_friction_is_another_folder(followed):
     folder, printed = followed
     assert np.unique(read_run(folder / "trial").samples["mu"]) == pytest.approx([0.3, 0.5])
