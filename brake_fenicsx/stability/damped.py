@@ -62,7 +62,7 @@ class Pencil:
 def damped_modes(
     pencil: Pencil, band: tuple[float, float], tolerance: float, zeta_max: float
 ) -> Modes:
-    """All modes of a band with |alpha| <= zeta_max |lambda|, one of each conjugate pair.
+    """All modes of a band with alpha >= -zeta_max |lambda|, one of each conjugate pair.
 
     Args:
         pencil: the matrices.
@@ -89,7 +89,8 @@ def damped_modes(
         large = quadratic_modes(M, C, K, high, zeta_max)
         s, right, left, used = large or _covered(pencil, low, high, zeta_max)
     keep = (np.abs(s.imag) >= low) & (np.abs(s.imag) <= high) & (s.imag > 0)
-    keep &= np.abs(s.real) <= zeta_max * np.abs(s)
+    # Only decay is cut off: a mode that grows faster than that is news.
+    keep &= s.real >= -zeta_max * np.abs(s)
     diverging = (s.imag == 0) & (s.real > 0) & (low <= 0)
     chosen = np.flatnonzero(keep | diverging)
     chosen = chosen[np.lexsort((s[chosen].real, s[chosen].imag))]

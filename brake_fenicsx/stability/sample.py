@@ -29,9 +29,9 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from .basis import Basis
-from .completeness import Trapezium
+from .completeness import Trapezium, lowest_real, opening
 from .correction import Deeper
-from .modes import Complex, Count, Modes, undamped_rows
+from .modes import Complex, Modes, counted_rows, undamped_rows
 from .pencil import Pencil
 
 Array = NDArray[np.float64]
@@ -135,7 +135,7 @@ class Sample:
         return Modes(
             lam, pairs.right[:, order], pairs.left[:, order], residual[both][order], spread,
             condition[both][order],
-            Count(pairs.expected, "winding number of det T, on a basis complete by inertia"),
+            counted_rows(lam, "winding number of det T, on a basis complete by inertia", ZETA_MAX),
             int(beyond[both][order].sum()) if deeper is not None else 0,
             time.perf_counter() - start, real,
         )  # fmt: skip
@@ -232,13 +232,14 @@ def _times(A: Array, x: Complex) -> Complex:
 
 
 def _region(band: tuple[float, float]) -> Trapezium:
-    """The band in the plane of kappa, with damping ratios up to ZETA_MAX.
+    """What holds the band in the plane of kappa, for damping ratios up to ZETA_MAX.
 
-    A hair wider than the band, so that a mode on its very edge is not on the contour.
+    A hair wider than that, so that a mode on the very edge is not on the contour. Modes of the
+    region that lie beyond the band by their own frequency belong to the proof, not to the rows.
     """
     low, high = ((2 * np.pi * f) ** 2 for f in band)
-    bottom = low * (1 - 1e-7) if low > 0 else -0.02 * high
-    return Trapezium(bottom, high * (1 + 1e-7), 2 * ZETA_MAX, 1e-3 * high)
+    bottom = lowest_real(low, ZETA_MAX) * (1 - 1e-7) if low > 0 else -0.02 * high
+    return Trapezium(bottom, high * (1 + 1e-7), opening(ZETA_MAX), 1e-3 * high)
 
 
 def _keep_real(shift: Complex, kappa: Complex) -> Complex:
