@@ -97,6 +97,7 @@ def check_damping(scene: Scene) -> None:
     table = scene.stability.damping if scene.stability else None
     if table is None:
         return
+    _check_loss(scene, table)
     terms = (table.rayleigh, table.loss, table.sliding, table.slope, table.gyroscopic)
     if not any(terms):
         raise SceneError(
@@ -105,7 +106,6 @@ def check_damping(scene: Scene) -> None:
         )
     if table.rayleigh is not None and not any(table.rayleigh):
         raise SceneError(f"{WHERE}.rayleigh = [0, 0]: no damping; leave it out")
-    _check_loss(scene, table)
     _check_friction(scene, table)
     if table.gyroscopic:
         _check_turning(scene)
