@@ -20,15 +20,23 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import InaccurateResult, NotConverged
 
 from .completeness import Trapezium, count_zeros
+from .dense import MASSLESS
 from .modes import Complex, Count, Modes
 from .quadratic import quadratic_modes
 from .slices import widest_gap
+from .symmetric import SHIFT
 from .vectors import ROUND_OFF, norm_bound, paired
 
 Array = NDArray[np.float64]
 
+EPS = float(np.finfo(float).eps)
+
 # Up to this size the dense eigenvalues are as quick.
 DENSE = 300
+# Eigenvalues up to this share of the band's end may be rigid modes; vectors of rigid modes that
+# differ by less are one.
+NEAR_ZERO, SAME_SHAPE = 1e-4, 1e-4
+
 # Eigenvalues that one shift is asked for first.
 PER_SHIFT = 40
 
@@ -82,22 +90,30 @@ def damped_modes(
     n = pencil.K.shape[0]
     how = "not counted: damped problem"
     if n <= DENSE:
-        s, right, left, used = *_dense(pencil), 1
+        s, right, left, used = *_dense(pencil, high), 1
         how = _counted(pencil, s, high, zeta_max)
     else:
         M, C, K = (A.tocsr() for A in (pencil.M, pencil.C, pencil.K))
         large = quadratic_modes(M, C, K, high, zeta_max)
         s, right, left, used = large or _covered(pencil, low, high, zeta_max)
-    keep = (np.abs(s.imag) >= low) & (np.abs(s.imag) <= high) & (s.imag > 0)
     # Only decay is cut off: a mode that grows faster than that is news.
-    keep &= s.real >= -zeta_max * np.abs(s)
-    diverging = (s.imag == 0) & (s.real > 0) & (low <= 0)
-    chosen = np.flatnonzero(keep | diverging)
+    slow = s.real >= -zeta_max * np.abs(s)
+    chosen = np.flatnonzero(
+        slow & (s.imag >= 0) & (s.imag <= high) | (np.abs(s) <= NEAR_ZERO * high)
+    )
     chosen = chosen[np.lexsort((s[chosen].real, s[chosen].imag))]
     s, right, left = s[chosen], right[:, chosen], left[:, chosen]
     left = paired(s, left, pencil.slope(s, right))
     s = _quotient(pencil, s, right, left)
     residual, error, condition = _checked(pencil, s, right, left)
+    wanted = (s.imag > 0) & (s.imag >= low) & (s.imag <= high) & (s.real >= -zeta_max * np.abs(s))
+    wanted |= (s.imag == 0) & (s.real > 0) & (low <= 0)
+    rigid = (np.abs(s) <= np.minimum(error, NEAR_ZERO * high)) & (low <= 0)
+    rows = np.r_[_independent(right, np.flatnonzero(rigid)), np.flatnonzero(wanted & ~rigid)]
+    right, left = right[:, rows], left[:, rows]
+    residual, error, condition = residual[rows], error[rows], condition[rows]
+    # What cannot be told from zero is a rigid mode: no frequency, no verdict.
+    s = np.where(np.abs(s[rows]) <= error, 0.0, s[rows])
     if np.any((residual > tolerance) & (_backward(pencil, s, right) > ROUND_OFF)):
         raise NotConverged(
             f"damped modes: relative residual {residual.max():.1e}, wanted {tolerance:.0e}"
@@ -109,14 +125,45 @@ def damped_modes(
     )  # fmt: skip
 
 
-def _dense(p: Pencil) -> tuple[Complex, Complex, Complex]:
-    """All eigenvalues by the companion matrix, with right and left vectors."""
+def _independent(right: Complex, among: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Those of some eigenvalues at zero that have vectors of their own.
+
+    A rigid mode that nothing damps is a double zero, and round-off splits zeros into pairs of any
+    kind: their vectors tell how many modes there are.
+    """
+    if not among.size:
+        return among
+    X = right[:, among] / np.linalg.norm(right[:, among], axis=0)
+    _, R, order = la.qr(np.hstack([X.real, X.imag]), mode="economic", pivoting=True)
+    rank = int(np.sum(np.abs(np.diag(R)) > SAME_SHAPE * abs(R[0, 0])))
+    # A vector may stand in twice, by its real and its imaginary part.
+    first = list(dict.fromkeys(int(i) % among.size for i in order))[:rank]
+    return among[np.sort(first)]
+
+
+def _dense(p: Pencil, omega: float) -> tuple[Complex, Complex, Complex]:
+    """All finite eigenvalues, with right and left vectors.
+
+    With v = lambda x / omega the pencil is A + lambda B, A = [0, -omega; K, 0], B = [1, 0; C,
+    omega M]; of a left vector (y1, y2) y2 is that of the quadratic problem. Its inverse at a small
+    positive shift gives dofs without mass a zero in place of an infinite eigenvalue.
+
+    Raises:
+        InaccurateResult: a dof has neither stiffness nor mass.
+    """
     n = p.K.shape[0]
     M, C, K = (A.toarray() for A in (p.M, p.C, p.K))
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [-la.solve(M, K), -la.solve(M, C)]])
-    s, left, right = la.eig(A, left=True, right=True)
-    # Of a left vector (y1, y2) of the companion, M^-T y2 is that of the quadratic problem.
-    return s, right[:n], la.solve(M.T.astype(complex), left[n:])
+    zero, one, shift = np.zeros((n, n)), np.eye(n), np.sqrt(SHIFT) * omega
+    B = np.block([[one, zero], [C, omega * M]])
+    with np.errstate(all="ignore"):
+        lu = la.lu_factor(np.block([[zero, -omega * one], [K, zero]]) + shift * B)
+    if not np.all(np.abs(np.diag(lu[0])) > 0):
+        raise InaccurateResult("damped modes: a dof has neither stiffness nor mass")
+    theta, w, z = la.eig(-la.lu_solve(lu, B), left=True, right=True)
+    keep = np.abs(theta) > MASSLESS * np.abs(theta).max()
+    theta, w, z = theta[keep], w[:, keep], z[:n, keep]
+    y = la.lu_solve(lu, w.real, trans=1) + 1j * la.lu_solve(lu, w.imag, trans=1)
+    return shift + 1 / theta.astype(complex), z.astype(complex), y[n:]
 
 
 def _counted(p: Pencil, s: Complex, high: float, zeta_max: float) -> str:
@@ -231,4 +278,8 @@ def _checked(p: Pencil, s: Complex, right: Complex, left: Complex) -> tuple[Arra
     norms = norms * np.einsum("im,im->m", left.conj(), p.M @ left).real
     condition = 2 * np.abs(s) * np.sqrt(norms) / np.abs(overlap)
     first = np.abs(np.einsum("im,im->m", left.conj(), r) / overlap)
-    return residual, first + 1e-11 * condition * np.abs(s).max(initial=0.0), condition
+    # The round-off of K phi, which is all that there is of a rigid mode.
+    lengths = np.linalg.norm(right, axis=0) * np.linalg.norm(left, axis=0)
+    floor = EPS * norm_bound(p.K) * lengths / np.abs(overlap)
+    error = first + floor + 1e-11 * condition * np.abs(s).max(initial=0.0)
+    return residual, error, condition
