@@ -139,7 +139,10 @@ def _hysteretic(brake: Brake, layers: Mapping[str, Material], omega_ref: float) 
     values = sorted({m.loss for m in layers.values() if m.loss})
     groups = [{n: m.C for n, m in layers.items() if m.loss == eta} for eta in values]
     stiffnesses = affine_parts(brake.mesh, brake.elastic.free, groups)
-    return loss_factor(list(zip(values, stiffnesses, strict=True)), omega_ref)
+    C = loss_factor(list(zip(values, stiffnesses, strict=True)), omega_ref)
+    for K in stiffnesses:
+        K.destroy()
+    return C
 
 
 def _follows(scene: Scene, table: Damping) -> dict[str, float]:
@@ -153,4 +156,6 @@ def _sum(parts: list[PETSc.Mat]) -> sp.csr_matrix | None:
     if not parts:
         return None
     whole = [local_rows(gathered(A)) for A in parts]
+    for A in parts:
+        A.destroy()
     return sum(whole[1:], whole[0]).tocsr()

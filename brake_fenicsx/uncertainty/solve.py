@@ -16,7 +16,6 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.macro.brake import Brake
-from brake_fenicsx.macro.condensation import gathered
 from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.macro.material_table import layer_materials, scene_materials
@@ -97,8 +96,7 @@ def share(
         raise ValueError("a scene without [stability] has no modes")
     layers = layer_materials(scene, scene_materials(scene), brake.mesh.layers)
     density = {name: m.rho for name, m in layers.items()}
-    assembled = layer_masses(brake.mesh, brake.elastic.free, density)
-    masses = {name: local_rows(gathered(A)) for name, A in assembled.items()}
+    masses = layer_masses(brake.mesh, brake.elastic.free, density)
     terms, damping = damping_terms(scene, brake), record(scene, brake.contact)
     shared = Shared(brake, *whole, scene.stability, masses, terms, damping, bulk, reduced)
     if reduced is not None:

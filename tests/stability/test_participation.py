@@ -6,9 +6,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.macro.condensation import gathered
 from brake_fenicsx.macro.layer_mass import layer_masses
-from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.stability import Reduced, complex_modes
 from brake_fenicsx.stability.participation import (
     damped_partners,
@@ -101,8 +99,7 @@ def test_masses_of_the_layers_add_up(two_blocks, comm):
     """To the mass matrix, and each to its own density times volume."""
     scene = two_blocks("loose")
     density = {name: m.rho for name, m in scene.materials.items()}
-    parts = layer_masses(scene.mesh, scene.free, density)
-    masses = {name: local_rows(gathered(A)) for name, A in parts.items()}
+    masses = layer_masses(scene.mesh, scene.free, density)
     assert abs(sum(masses.values()) - scene.M).max() < 1e-14 * abs(scene.M).max()
     one = lambda x: np.vstack([np.ones(x.shape[1]), 0 * x[0], 0 * x[0]])  # noqa: E731
     u = scene.field(pad=one, plate=one)
@@ -118,8 +115,7 @@ def test_shares_of_reduced_modes_are_those_of_the_whole_ones(two_blocks, mu):
     k = 3e11 * 10 ** rng.uniform(-1, 1, scene.w.size)
     red = Reduced(scene.elastic.K, scene.elastic.M, scene.N, scene.T, scene.w, 3e11, band)
     m = red.modes(k, mu)
-    parts = layer_masses(scene.mesh, scene.free, {n: v.rho for n, v in scene.materials.items()})
-    masses = {name: local_rows(gathered(A)) for name, A in parts.items()}
+    masses = layer_masses(scene.mesh, scene.free, {n: v.rho for n, v in scene.materials.items()})
     leading = energy_shares(kinetic_grams(masses, red.Phi), m.right)
     whole = energy_shares(masses, red.expand(m.s, m.right, k, mu))
     full = complex_modes(scene.M, None, scene.tangent(k, mu), band, zeta_max=0.4)
