@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
-import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult, NotConverged
@@ -23,6 +22,7 @@ from .completeness import Trapezium, count_zeros
 from .dense import MASSLESS
 from .modes import Complex, Count, Modes
 from .quadratic import quadratic_modes
+from .shifts import covered_modes
 from .slices import widest_gap
 from .symmetric import SHIFT
 from .vectors import ROUND_OFF, norm_bound, paired
@@ -36,9 +36,6 @@ DENSE = 300
 # Eigenvalues up to this share of the band's end may be rigid modes; vectors of rigid modes that
 # differ by less are one.
 NEAR_ZERO, SAME_SHAPE = 1e-4, 1e-4
-
-# Eigenvalues that one shift is asked for first.
-PER_SHIFT = 40
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +92,7 @@ def damped_modes(
     else:
         M, C, K = (A.tocsr() for A in (pencil.M, pencil.C, pencil.K))
         large = quadratic_modes(M, C, K, high, zeta_max)
-        s, right, left, used = large or _covered(pencil, low, high, zeta_max)
+        s, right, left, used = large or covered_modes(pencil, low, high, zeta_max)
     # Only decay is cut off: a mode that grows faster than that is news.
     slow = s.real >= -zeta_max * np.abs(s)
     chosen = np.flatnonzero(
@@ -187,64 +184,6 @@ def _counted(p: Pencil, s: Complex, high: float, zeta_max: float) -> str:
     if found != counted:
         raise InaccurateResult(f"damped modes: {found} found, the winding number counts {counted}")
     return "winding number of det(lambda^2 M + lambda C + K)"
-
-
-def _covered(
-    p: Pencil, low: float, high: float, zeta_max: float
-) -> tuple[Complex, Complex, Complex, int]:
-    """Eigenvalues of the band from as many shifts as its pieces need."""
-    pieces, found, used = [(low, high, PER_SHIFT)], [], 0
-    while pieces:
-        a, b, wanted = pieces.pop()
-        sigma = 0.5j * (a + b) * (1 + 1.234e-7) + 1e-9 * b
-        reach = 1.001 * np.hypot(0.5 * (b - a), zeta_max * b)
-        s, right, left = _nearest(p, sigma, wanted)
-        used += 1
-        covered = float(np.abs(s - sigma).max())
-        if covered < reach and s.size < 2 * p.K.shape[0] - 2:
-            # Halve the piece while it is its length that counts, then ask for more.
-            middle = 0.5 * (a + b)
-            longer = 0.5 * (b - a) > zeta_max * b
-            more = int(1.2 * wanted * reach / covered) + 4
-            pieces += [(a, middle, wanted), (middle, b, wanted)] if longer else [(a, b, more)]
-            continue
-        # Half-open pieces: what lies on a border belongs to the upper one.
-        own = (s.imag >= a) & ((s.imag < b) | (b == high))
-        found.append((s[own], right[:, own], left[:, own]))
-    return (
-        np.concatenate([f[0] for f in found]),
-        np.hstack([f[1] for f in found]),
-        np.hstack([f[2] for f in found]),
-        used,
-    )
-
-
-def _nearest(p: Pencil, sigma: complex, wanted: int) -> tuple[Complex, Complex, Complex]:
-    """The eigenvalues nearest to a shift, with right and left vectors."""
-    lu = spla.splu(p.at(sigma))
-    s, right = _arnoldi(p, lambda b: lu.solve(b), sigma, wanted)
-    t, left = _arnoldi(p.transposed, lambda b: lu.solve(b, "T"), sigma, wanted)
-    nearest = np.abs(s[:, None] - t[None, :]).argmin(axis=1)
-    return s, right, left[:, nearest].conj()
-
-
-def _arnoldi(p: Pencil, solve: object, sigma: complex, wanted: int) -> tuple[Complex, Complex]:
-    """Eigenpairs of the linearisation [x, lambda x / |sigma|] nearest to sigma."""
-    n, scale = p.K.shape[0], abs(sigma)
-    damp = (p.C + sigma * p.M).tocsr()
-
-    def apply(b: Complex) -> Complex:
-        x = solve(-(damp @ b[:n]) - scale * (p.M @ b[n:]))  # type: ignore[operator]
-        return np.concatenate([x, (b[:n] + sigma * x) / scale])
-
-    operator = spla.LinearOperator((2 * n, 2 * n), matvec=apply, dtype=complex)
-    rng = np.random.default_rng(0)
-    k = min(wanted, 2 * n - 2)
-    try:
-        theta, x = spla.eigs(operator, k, v0=rng.standard_normal(2 * n) + 0j, ncv=min(2 * n, 3 * k))
-    except spla.ArpackNoConvergence as error:
-        raise NotConverged(f"damped modes near {abs(sigma) / 2 / np.pi:.0f} Hz: {error}") from error
-    return sigma + 1 / theta, x[:n] / np.linalg.norm(x[:n], axis=0)
 
 
 def _backward(p: Pencil, s: Complex, X: Complex) -> Array:
