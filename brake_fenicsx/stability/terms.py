@@ -26,7 +26,7 @@ from brake_fenicsx.macro.material import Material
 from brake_fenicsx.macro.material_table import layer_materials, scene_materials
 from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene_damping import Damping, turning_parts
+from brake_fenicsx.scene_damping import Damping, active_terms, turning_parts
 
 from .damping import loss_factor, rayleigh, sliding_damping, velocity_slope
 from .gyroscopic import gyroscopic
@@ -113,7 +113,7 @@ def damping_of_sample(
 
 
 def record(scene: Scene, contact: Contact) -> dict[str, Any]:
-    """What acts, with its numbers, for log and summary; empty without damping."""
+    """What acts where, with its numbers, for log and summary; empty without damping."""
     table = scene.stability.damping if scene.stability else None
     if table is None:
         return {}
@@ -131,6 +131,9 @@ def record(scene: Scene, contact: Contact) -> dict[str, Any]:
     if table.gyroscopic:
         speed = scene.motion.rotation if scene.motion else 0.0
         facts["gyroscopic"] = {"speed_rad_s": speed, "parts": turning_parts(scene)}
+    for term, numbers in facts.items():
+        approaches = scene.samples.approaches
+        numbers["approaches"] = [a for a in approaches if term in active_terms(scene, a)]
     return facts
 
 

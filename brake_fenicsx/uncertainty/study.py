@@ -165,7 +165,8 @@ class Study:
         if full:
             logger.info("%s: damping or materials of their own, full order", ", ".join(full))
         shapes = None
-        if full and self.reduced is None:
+        followed = any(sum(task[0] == name for task in self.tasks) > 1 for name in full)
+        if followed and self.reduced is None:
             shapes = family_shapes(compliance.factor, self.M, stability.band[1], self.comm)
         self.modal = share(self.scene, self.brake, (self.K, self.M), self.bulk, self.reduced)
         self.modal.shapes = shapes

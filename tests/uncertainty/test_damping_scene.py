@@ -126,6 +126,7 @@ def test_each_term_moves_the_eigenvalues_as_perturbation_theory_says(term, tmp_p
     assert np.all(moved.real > 0) if term == "slope" else np.all(moved.real < 1e-6)
     name = "rayleigh" if term in ("alpha", "beta") else term
     assert list(summary["damping"]) == [name]
+    assert summary["damping"][name]["approaches"] == ["multi-scale"]
     assert name in (tmp_path / "log.txt").read_text()
     if term == "loss":
         assert summary["damping"]["loss"]["omega_ref_rad_s"] == pytest.approx(2 * np.pi * 8e3)
