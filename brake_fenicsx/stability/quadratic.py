@@ -28,10 +28,6 @@ from .vectors import RIM, matched, with_conjugates
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-# 1 / (lambda - s) falls slower with frequency than that of the undamped problem: the Krylov space
-# needs a higher degree, that is more room, and narrow blocks where few modes are wanted.
-ROOM, FEW, NARROW, WIDE = 26, 40, 16, 32
-
 
 def quadratic_modes(
     M: sp.csr_matrix, C: sp.csr_matrix, K: sp.csr_matrix, high: float, zeta_max: float
@@ -63,8 +59,7 @@ def quadratic_modes(
     for A in ((M, C, K), (M.T.tocsr(), C.T.tocsr(), K.T.tocsr())):
         apply, lu = _operator(*A, s, high)
         n = 2 * K.shape[0]
-        block = NARROW if count < FEW else WIDE
-        found, X, steps = nearest_modes(apply, n, s, RIM * reach, 2 * count + ROOM, block=block)
+        found, X, steps = nearest_modes(apply, n, s, RIM * reach, 2 * count + 2)
         lu.destroy()
         sides.append((*with_conjugates(found, X[: n // 2]), steps))
         if _symmetric(C) and _symmetric(K):
