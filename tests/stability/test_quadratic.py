@@ -10,7 +10,7 @@ from brake_fenicsx.stability import complex_modes, damped
 from brake_fenicsx.stability.damping import rayleigh
 from brake_fenicsx.stability.quadratic import quadratic_modes
 
-BAND = (0.0, 60e3)
+BAND = (0.0, 80e3)
 
 
 def companion(M, C, K):
