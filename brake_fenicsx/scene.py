@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.scene_damping import Damping
 from brake_fenicsx.scene_mesh import MeshTable, read_mesh
 from brake_fenicsx.scene_rules import check_consistent
 from brake_fenicsx.scene_samples import Classical, Design, Distribution, Samples, read_samples
@@ -192,13 +193,21 @@ class Motion:
 
 @dataclass(frozen=True, slots=True)
 class Stability:
-    """[stability]: band and method of the eigenvalue analysis."""
+    """[stability]: band and method of the eigenvalue analysis.
+
+    Attributes:
+        tolerance: relative eigenvalue error beyond which a reduced mode is corrected.
+        zeta_max: largest damping ratio looked for at full order.
+        damping: terms of the damping; none where the section is left out.
+    """
 
     band: tuple[float, ...] = key("Hz", sign="zero")
     method: str = key(default="full", choices=("full", "reduced"))
     cutoff: float | None = key("Hz", default=None)
+    tolerance: float = key(default=1e-6)
     zeta_max: float = key(default=0.1)
     verify: int = key(default=0, sign="zero")
+    damping: Damping | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ DIMENSIONS = {
     "kg/m^3": "density [kg/m^3]",
     "Pa/m": "contact stiffness [Pa/m]", "Hz": "frequency [Hz]",
     "rad/s": "angular speed [rad/s]", "m/s": "speed [m/s]", "1/m": "wave number [1/mm]",
+    "1/s": "rate [1/s]", "s": "time [us]",
     "": "a number",
 }  # fmt: skip
 

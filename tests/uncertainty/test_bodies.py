@@ -179,6 +179,18 @@ def test_friction_alone_goes_through_the_reduced_path_also_in_perfect_contact(tm
     assert len({s["contact.block_plate.friction"] for s in samples[3:]}) == 3
 
 
+def test_tolerance_of_the_scene_decides_what_is_corrected(tmp_path):
+    """Perfect contact, far from the reference: errors beyond the tolerance are taken away."""
+    fast = ["samples.approaches=['multi-scale','fast']", "samples.fast.design=rbd-fast"]
+    worst = []
+    for name, tolerance in (("loose", 1.0), ("tight", 1e-6)):
+        given = [*COARSE, MU, *fast, "samples.n=2", f"stability.tolerance={tolerance}"]
+        run(BLOCK, COMM, tmp_path / name, given)
+        both = [eigenvalues(tmp_path / name, "fast", k) for k in range(2)]
+        worst.append(max(np.max(e / np.abs(s)) for s, e in both))
+    assert worst[0] > 5e-6 and worst[1] < 0.2 * worst[0]
+
+
 NO_MODES = "stages=['surface','equilibrium','uncertainty']"
 
 
