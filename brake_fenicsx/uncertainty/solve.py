@@ -1,7 +1,7 @@
 """Complex modes of one sample: which solver takes it, and what is kept of its modes.
 
-Samples of the scene's own bodies without damping go through the reduced model, where there is one;
-all others are solved at full order.
+Samples without damping go through a reduced model, where there is one: that of the scene's bodies,
+or that of bodies whose materials change; all others are solved at full order.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ from brake_fenicsx.stability.terms import Terms, damping_of_sample, damping_term
 from .bulk import Bulk
 
 if TYPE_CHECKING:
+    from .changing import ChangingBodies
     from .sampling import SampleInput
 
 Array = NDArray[np.float64]
@@ -56,6 +57,9 @@ class Shared:
         reduced: the reduced model, if it serves any sample.
         grams: masses of the layers in its real modes, shape (modes, modes).
         shapes: real modes that tell families apart where there is no reduced model.
+        changing: the reduced model of bodies whose materials change, if there is one.
+        changing_grams: masses of the layers in its coordinates.
+        onto: its coordinates in those of ``basis``; None where there is no such basis.
     """
 
     brake: Brake
@@ -69,6 +73,17 @@ class Shared:
     reduced: Reduced | None = None
     grams: dict[str, Array] = field(default_factory=dict)
     shapes: Array | None = None
+    changing: ChangingBodies | None = None
+    changing_grams: dict[str, Array] = field(default_factory=dict)
+    onto: Array | None = None
+
+    def take_changing(self, changing: ChangingBodies) -> None:
+        """Use a reduced model of bodies whose materials change."""
+        self.changing = changing
+        S = changing.basis.shapes
+        self.changing_grams = {name: (S.T @ (A @ S)).toarray() for name, A in self.masses.items()}
+        if self.basis is not None:
+            self.onto = changing.onto(self.basis, local_rows(self.M))
 
     @property
     def basis(self) -> Array | None:
@@ -116,8 +131,11 @@ def modes_of_sample(
         by_reduction: whether the reduced model of the scene's own bodies may serve.
     """
     C = sample_damping(shared, sample, eq)
-    if by_reduction and C is None and not sample.materials and shared.reduced is not None:
-        return _reduced(shared, shared.reduced, sample, eq)
+    if by_reduction and C is None:
+        if sample.materials and shared.changing is not None:
+            return _changing(shared, shared.changing, sample, eq)
+        if not sample.materials and shared.reduced is not None:
+            return _reduced(shared, shared.reduced, sample, eq)
     return _full(shared, sample, eq, C)
 
 
@@ -139,6 +157,18 @@ def _reduced(shared: Shared, reduced: Reduced, sample: SampleInput, eq: Equilibr
         **_composition(modes, energy_shares(shared.grams, modes.right), flutter_partners(modes.s)),
         "coordinates": modes.right.astype(np.complex64),
     }
+
+
+def _changing(
+    shared: Shared, changing: ChangingBodies, sample: SampleInput, eq: Equilibrium
+) -> Arrays:
+    modes = changing.modes(sample.random, eq.k, sample.mu, shared.stability.tolerance)
+    shares = energy_shares(shared.changing_grams, modes.right)
+    coordinates = modes.right if shared.onto is None else shared.onto @ modes.right
+    return {
+        **_record(modes), **_composition(modes, shares, flutter_partners(modes.s)),
+        "coordinates": coordinates.astype(np.complex64),
+    }  # fmt: skip
 
 
 def _full(shared: Shared, sample: SampleInput, eq: Equilibrium, C: sp.csr_matrix | None) -> Arrays:

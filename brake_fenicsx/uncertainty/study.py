@@ -10,7 +10,7 @@ from mpi4py import MPI
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.errors import InaccurateResult, NotConverged
+from brake_fenicsx.errors import BrakeError, InaccurateResult, NotConverged
 from brake_fenicsx.log import logger
 from brake_fenicsx.macro.brake import Brake
 from brake_fenicsx.macro.braking import reference_stiffness
@@ -33,9 +33,10 @@ from .inputs import PERFECT, points_of
 from .outcomes import ensembles
 from .results import Results
 from .robustness import write_causes
-from .sampling import SampleInput, draw_sample, sample_count
+from .sampling import SampleInput, draw_sample, random_inputs, sample_count
 
 if TYPE_CHECKING:
+    from .changing import ChangingBodies
     from .solve import Shared
 
 Array = NDArray[np.float64]
@@ -82,6 +83,7 @@ class Study:
         self.bulk: Bulk | None = None
         self.loads: dict[str, Array] = {}
         self.modal: Shared | None = None
+        self.changing: ChangingBodies | None = None
         self.tasks: list[Task] = [
             (name, k) for name in scene.samples.approaches for k in range(count[name])
         ]
@@ -105,8 +107,8 @@ class Study:
         return materials and self.scene.samples.takes_random(approach)
 
     def full_order(self, approach: str) -> bool:
-        """Whether the reduced model of the scene's bodies without damping cannot serve."""
-        return self.changes_bodies(approach) or bool(active_terms(self.scene, approach))
+        """Whether an approach's samples are damped, so that no reduced model can serve."""
+        return bool(active_terms(self.scene, approach))
 
     def prepare(self) -> None:
         """Factor the reference, and make or load the reduced basis."""
@@ -115,11 +117,12 @@ class Study:
         pressure = brake.pressed / float(brake.w.sum())
         k0 = np.full(len(brake.w), reference_stiffness(laws, pressure))
         self.facts["reference_stiffness_Pa_per_m"] = float(k0[0])
-        if any(self.by_reduction.values()):
+        if any(r and not self.changes_bodies(name) for name, r in self.by_reduction.items()):
             self._prepare_reduced(k0)
         else:
             self.compliance = compliance(self.K, brake.N, brake.T, brake.w, brake.f, k0, self.comm)
         self._prepare_bodies()
+        self._prepare_changing()
         self._prepare_modes()
 
     def _reference_laws(self) -> EnrichedGap:
@@ -142,6 +145,34 @@ class Study:
         N, factor = self.brake.N, self.compliance.factor
         self.loads = {face: N @ factor.solve(f) for face, f in self.bulk.loads.items()}
 
+    def _prepare_changing(self) -> None:
+        """Reduced model of samples whose materials change; full order where there can be none."""
+        names = [n for n, r in self.by_reduction.items() if r and self.changes_bodies(n)]
+        if not names or self.bulk is None:
+            return
+        from .changing import ChangingBodies
+
+        try:
+            drawn = [self._random(name, k) for name, k in self.tasks if name in names]
+            self.changing = ChangingBodies(
+                self.scene, self.brake, (self.K, self.M), self.bulk, [d for d in drawn if d],
+                self.comm,
+            )  # fmt: skip
+        except BrakeError as error:
+            logger.warning("no reduced model of changing materials: %s; full order", error)
+            self.by_reduction |= dict.fromkeys(names, False)
+            return
+        self.facts["changing_bodies"] = {"seconds": self.changing.basis.seconds}
+
+    def _random(self, approach: str, k: int) -> dict[str, float]:
+        """Random inputs of a sample; none of one that cannot be drawn."""
+        points = self.points[approach]
+        try:
+            point = None if points is None else points[k]
+            return random_inputs(self.scene, approach, k, point).values
+        except InaccurateResult:
+            return {}
+
     def _prepare_reduced(self, k0: Array) -> None:
         from .basis import compliance_of, reduced_model
 
@@ -161,15 +192,21 @@ class Study:
         from .basis import family_shapes
         from .solve import share
 
-        full = [name for name in self.by_reduction if self.full_order(name)]
+        full = [
+            name for name, reduced in self.by_reduction.items()
+            if not reduced and (self.full_order(name) or self.changes_bodies(name))
+        ]  # fmt: skip
         if full:
             logger.info("%s: damping or materials of their own, full order", ", ".join(full))
         shapes = None
-        followed = any(sum(task[0] == name for task in self.tasks) > 1 for name in full)
+        followed = self.changing is not None
+        followed |= any(sum(task[0] == name for task in self.tasks) > 1 for name in full)
         if followed and self.reduced is None:
             shapes = family_shapes(compliance.factor, self.M, stability.band[1], self.comm)
         self.modal = share(self.scene, self.brake, (self.K, self.M), self.bulk, self.reduced)
         self.modal.shapes = shapes
+        if self.changing is not None:
+            self.modal.take_changing(self.changing)
         if self.modal.damping:
             self.facts["damping"] = self.modal.damping
         for term, numbers in self.modal.damping.items():
@@ -188,7 +225,8 @@ class Study:
         if approach == VERIFY:
             approach = self.verified
         sample = self._draw(approach, k)
-        eq = self._equilibrium(sample)
+        reduced = self.by_reduction[approach] and task[0] != VERIFY
+        eq = self._equilibrium(sample, reduced)
         names = sorted(sample.random)
         out: dict[str, Any] = {
             "seed": np.uint64(sample.seed),
@@ -205,19 +243,18 @@ class Study:
             return out
         from .solve import modes_of_sample
 
-        reduced = self.by_reduction[approach] and task[0] != VERIFY
         return out | modes_of_sample(self.modal, sample, eq, reduced)
 
-    def _equilibrium(self, sample: SampleInput) -> Equilibrium:
+    def _equilibrium(self, sample: SampleInput, reduced: bool = False) -> Equilibrium:
         """The full load at once, which nearly always converges; the scene's ramp if it does not."""
         try:
-            return self._loaded(sample, 1)
+            return self._loaded(sample, 1, reduced)
         except NotConverged:
             if self.steps == 1:
                 raise
-        return self._loaded(sample, self.steps)
+        return self._loaded(sample, self.steps, reduced)
 
-    def _loaded(self, sample: SampleInput, steps: int) -> Equilibrium:
+    def _loaded(self, sample: SampleInput, steps: int, reduced: bool) -> Equilibrium:
         """Equilibrium in equal load steps, of the scene's bodies or of the sample's own."""
         laws, mu = sample.laws, sample.mu_equilibrium
         bulk = self.bulk
@@ -226,6 +263,8 @@ class Study:
         bodies = self.bodies(sample)
         if not sample.materials:
             return equilibrium(bodies, laws, mu, steps)
+        if reduced and self.changing is not None:
+            return equilibrium(self._changed(bodies, sample), laws, mu, steps)
         try:
             return corrected_equilibrium(bodies, bulk.change(sample.materials), laws, mu, steps)
         except NotConverged:
@@ -237,6 +276,14 @@ class Study:
         u = displacement(own_bodies, eq, bodies.f)
         own.factor.destroy()
         return replace(eq, u=u)
+
+    def _changed(self, bodies: Bodies, sample: SampleInput) -> Bodies:
+        """Bodies of a sample's own materials, by the reduced model."""
+        c, changing = bodies.compliance, self.changing
+        if changing is None:
+            raise ValueError("prepare() comes first")
+        NN, NT, Nf = changing.compliance(sample.random, sample.pressures, c.k0)
+        return replace(bodies, compliance=replace(c, NN=NN, NT=NT, Nf=Nf))
 
     def bodies(self, sample: SampleInput) -> Bodies:
         """The scene's bodies under the loads of a sample."""

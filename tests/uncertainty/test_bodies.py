@@ -140,7 +140,7 @@ def same_modes(a, b):
 
 def test_random_load_and_material_give_the_modes_of_the_scene_written_so(tmp_path):
     """The whole path of sample 2: draw, equilibrium, full order."""
-    run(BLOCK, COMM, tmp_path / "a", [*COARSE, C44, LOAD, "samples.n=3"])
+    run(BLOCK, COMM, tmp_path / "a", [*COARSE, C44, LOAD, "samples.n=3", "stability.method=full"])
     drawn = rows(tmp_path / "a" / "samples.csv")[2]
     sets = [
         f"materials.lining.C44='{drawn['materials.lining.C44']} Pa'",
@@ -154,6 +154,35 @@ def test_random_load_and_material_give_the_modes_of_the_scene_written_so(tmp_pat
     assert drawn["rejected"] == "0"
     family = [int(r["family"]) for r in rows(tmp_path / "a" / "modes.csv")]
     assert min(family) >= 0
+
+
+def test_materials_and_load_in_the_reduced_model(tmp_path):
+    """Engineering constants and pressure: equilibrium and modes of all samples to 1e-6."""
+    constants = [
+        random(f"materials.lining.{name}", "{ law='uniform', spread=0.2 }")
+        for name in ("E_3", "G_13")
+    ]
+    given = [*COARSE, *constants, LOAD, MU, "samples.n=6", "stability.verify=2"]
+    run(BLOCK, COMM, tmp_path / "a", given)
+    run(BLOCK, COMM, tmp_path / "b", [*given, "stability.method=full"])
+    for k in range(6):
+        assert same_modes(*(eigenvalues(tmp_path / n, "multi-scale", k) for n in "ab")).max() < 1e-6
+    a, b = (rows(tmp_path / n / "modes.csv") for n in "ab")
+    assert [r["verdict"] for r in a] == [r["verdict"] for r in b]
+    shares = [[float(r[c]) for r in t for c in r if c.startswith("share_")] for t in (a, b)]
+    assert np.abs(np.subtract(*shares)).max() < 0.1
+    one = np.load(tmp_path / "a" / "samples" / "multi-scale-00000.npz")
+    assert "anchors" in str(one["counted"])
+
+
+def test_materials_that_no_box_can_hold_go_to_full_order(tmp_path):
+    """Draws that are possible may span a box whose corners are not."""
+    names = ("nu_31", "nu_32")
+    odd = [random(f"materials.lining.{n}", "{ law='uniform', min=0.0, max=0.9 }") for n in names]
+    run(BLOCK, COMM, tmp_path / "a", [*COARSE, *odd, "samples.n=8"])
+    one = np.load(tmp_path / "a" / "samples" / "multi-scale-00000.npz")
+    assert "anchors" not in str(one["counted"])
+    assert "full order" in (tmp_path / "a" / "log.txt").read_text()
 
 
 def test_random_load_alone_keeps_the_reduced_path(tmp_path):
