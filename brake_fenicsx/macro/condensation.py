@@ -107,7 +107,7 @@ def interface_moments(
         factor: factor of K0, or what else stands for its inverse.
         M: mass [kg]; may be None for order 0.
         N: gap operator, shape (elements, dofs).
-        T: slip operator, shape (elements, dofs).
+        T: slip operator, shape (elements, dofs); more rows are as good.
         order: largest j.
         comm: processes that share the columns.
         progress: called with the number of columns done.
@@ -120,7 +120,7 @@ def interface_moments(
     both = sp.vstack([N, T]).tocsr()
     columns = N.T.tocsc()
     share = shared_columns(n, comm)
-    out = np.empty((order + 1, 2 * n, share.size))
+    out = np.empty((order + 1, both.shape[0], share.size))
     for b in blocks(share.size):
         X = factor.solve(columns[:, share[b]].toarray())
         out[0][:, b] = both @ X
@@ -152,7 +152,7 @@ def shared_columns(n: int, comm: MPI.Comm, first: float = 1.0) -> NDArray[np.int
     return np.arange(ends[comm.rank - 1] if comm.rank else 0, ends[comm.rank])
 
 
-def slip_compliance(factor: Factor, T: sp.csr_matrix, comm: MPI.Comm, first: float = 1.0) -> Array:
+def slip_compliance(factor: Solves, T: sp.csr_matrix, comm: MPI.Comm, first: float = 1.0) -> Array:
     """T K0^-1 T' [m/N], shape (elements, elements), its columns shared by the processes of comm."""
     columns = T.T.tocsc()
     share = shared_columns(T.shape[0], comm, first)

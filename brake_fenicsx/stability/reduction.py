@@ -37,6 +37,7 @@ from brake_fenicsx.macro.solver import Factor, add_interface, local_rows
 
 from .basis import Basis
 from .correction import Deeper
+from .deflation import Deflated
 from .lanczos import lowest_modes
 from .modes import Complex, Modes
 from .sample import Sample
@@ -136,7 +137,7 @@ class Reduced:
             raise InaccurateResult(
                 f"the reference has no mode below {cutoff:.0f} Hz: raise the cutoff"
             )
-        rest = _Deflated(self.factor, self.Phi, Lambda)
+        rest = Deflated(self.factor, self.Phi, Lambda)
         # What was taken out of X is not in M X either, and grows back in two steps at the earliest.
         moments = interface_moments(rest, rows, N, T, ORDER, comm, progress, between=self.factor)
         times.append(time.perf_counter())
@@ -191,23 +192,9 @@ class Reduced:
             total = first + response(kappa * (self.M @ total))
         return self.Phi @ a - total
 
-    def _rest(self) -> _Deflated:
+    def _rest(self) -> Deflated:
         """The static response without the kept modes."""
-        return _Deflated(self.factor, self.Phi, self.basis.Lambda)
-
-
-class _Deflated:
-    """R_0 in place of K0^-1: the kept modes are taken out of every solve, before round-off grows.
-
-    Taken out of the moments at the end, they leave round-off (kappa / Lambda_1)^j times as large.
-    """
-
-    def __init__(self, factor: Factor, Phi: Array, Lambda: Array):
-        self.factor, self.Phi, self.Lambda = factor, Phi, Lambda
-
-    def solve(self, b: Array) -> Array:
-        """R_0 b for a block, shape (dofs, columns)."""
-        return self.factor.solve(b) - self.Phi @ ((self.Phi.T @ b) / self.Lambda[:, None])
+        return Deflated(self.factor, self.Phi, self.basis.Lambda)
 
 
 def _inertia(K: PETSc.Mat, M: PETSc.Mat, N: sp.csr_matrix, D: Array, limit: float) -> int:
