@@ -30,7 +30,7 @@ from .varied import FixedBody, Seen, VariedBody, fixed_body
 Array = NDArray[np.float64]
 
 # Modes of bodies of variable stiffness are kept up to this multiple of the band: they are small.
-VARIED_CUTOFF = 2.0
+VARIED_CUTOFF = 2.5
 
 # sigma as a share of the highest kappa of the band: moments about -sigma lose the digits that the
 # lowest modes, which have none of their own on free bodies, would cost them about zero.

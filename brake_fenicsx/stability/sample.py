@@ -43,6 +43,9 @@ ZETA_MAX = 0.4
 # Smallest derivative of the determinant's factor that is divided by: a double eigenvalue has none.
 TINY = 1e-300
 
+# What the error of a basis may be elsewhere, over that where it was checked.
+DOUBT = 4.0
+
 # Terms of the answer of the gaps to what the pencil leaves out.
 ANSWERS = 2
 
@@ -214,15 +217,19 @@ class Sample:
         return r_a + _times(self.B, h), tail, norm, (v_N, v_T, left_out, r_a, h)
 
     def _doubted(self, kappa: Complex, y: Complex, v_N: Complex, v_T: Complex) -> Array:
-        """Error of each mode under the typical errors of the basis, all added up."""
+        """Error of each mode under the typical errors of the basis, all added up.
+
+        A mode that they happen to leave alone shares the doubt of the others.
+        """
         total = np.zeros(y.shape[1])
         for errors in self.doubt:
             first = sum(
                 kappa**j * np.einsum("im,im->m", y.conj(), _times(NN, v_N) + _times(NT, v_T))
                 for j, (NN, NT) in enumerate(errors)
             )
-            total += np.abs(first)
-        return total
+            total += DOUBT * np.abs(first)
+        size = np.abs(kappa)
+        return np.maximum(total, float(np.median(total / size)) * size) if total.any() else total
 
     def _answer(self, r: Complex, kappa: Complex) -> Complex:
         """(I + C0 + kappa C1 + kappa^2 C2)^-1 r by a series in kappa."""
@@ -254,7 +261,7 @@ def _times(A: Array, x: Complex) -> Complex:
     return out
 
 
-def _region(band: tuple[float, float], sigma: float = 0.0) -> Trapezium:
+def _region(band: tuple[float, float], sigma: float) -> Trapezium:
     """What holds the band in the plane of kappa + sigma, for damping ratios up to ZETA_MAX.
 
     A hair wider than that, so that a mode on the very edge is not on the contour. Modes of the
@@ -262,7 +269,8 @@ def _region(band: tuple[float, float], sigma: float = 0.0) -> Trapezium:
     """
     low, high = ((2 * np.pi * f) ** 2 for f in band)
     bottom = lowest_real(low, ZETA_MAX) * (1 - 1e-7) if low > 0 else -0.02 * high
-    return Trapezium(bottom + sigma, high * (1 + 1e-7) + sigma, opening(ZETA_MAX), 1e-3 * high)
+    top = high * (1 + 1e-7)
+    return Trapezium(bottom + sigma, top + sigma, opening(ZETA_MAX), 1e-3 * high)
 
 
 def _keep_real(shift: Complex, kappa: Complex) -> Complex:

@@ -165,6 +165,7 @@ class VariedBody:
         self._higher, self.TT = self._centre(found[0], order, comm)
         self.doubt = [
             [self._split(r[j].ravel() - self._interpolated(x, j)) for j in range(top + 1)]
+            + [self._followed(r[top].ravel())]
             for x, r in zip(checks, solved[len(anchors.points) :], strict=True)
         ]
 
@@ -256,6 +257,13 @@ class VariedBody:
             scaled = N / Lambda ** (j + 1)
             higher.append((moments[j][0] - scaled @ N.T, moments[j][1] - scaled @ T.T))
         return higher, TT
+
+    def _followed(self, last: Array) -> tuple[Array, Array]:
+        """What the first R_j that is not interpolated must change like, by the one before."""
+        change = last - self._R[-1][0]
+        before = self._split(self._R[-1][0])[0]
+        ratio = np.linalg.norm(self._higher[0][0]) / np.linalg.norm(before) if self._higher else 0.0
+        return self._split(ratio * (len(self._R) + 1) / len(self._R) * change)
 
     def _split(self, flat: Array) -> tuple[Array, Array]:
         """N R N' and N R T' from rows of N and T."""
