@@ -196,8 +196,12 @@ class Stability:
     """[stability]: band and method of the eigenvalue analysis.
 
     Attributes:
+        band: lowest and highest frequency.
+        method: every sample at full order, or by one reduced model shared by all.
+        cutoff: real modes of the reduced model go up to here; 1.7 times the band if not given.
         tolerance: relative eigenvalue error beyond which a reduced mode is corrected.
-        zeta_max: largest damping ratio looked for at full order.
+        zeta_max: modes that decay with a larger damping ratio are not looked for; below 0.7.
+        verify: samples of the reduced model that are solved at full order as well.
         damping: terms of the damping; none where the section is left out.
     """
 

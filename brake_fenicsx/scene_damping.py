@@ -29,11 +29,11 @@ class Damping:
 
     Attributes:
         rayleigh: alpha [1/s] of the mass and beta [s] of the elastic stiffness.
-        loss: loss factors of the materials, ``materials.NAME.loss``.
-        omega_ref: frequency at which these hold, "2 kHz" or "12566 rad/s".
-        sliding: friction turns with the direction of sliding.
-        slope: friction changes with the speed of sliding.
-        gyroscopic: the second bodies of the interfaces turn; or the names of the parts that do.
+        loss: whether the loss factors of the materials act, ``materials.NAME.loss``.
+        omega_ref: frequency at which these hold, "2 kHz" or "12566 rad/s"; needed with loss.
+        sliding: whether friction turns with the direction of sliding.
+        slope: whether friction changes with the speed of sliding.
+        gyroscopic: whether the second bodies of the interfaces turn; or the parts that do.
     """
 
     rayleigh: tuple[float, ...] | None = key(default=None, units=("1/s", "s"), sign="zero")

@@ -73,7 +73,8 @@ def test_the_region_counted_holds_every_mode_of_the_band(zeta):
     low, high = ((2 * np.pi * f) ** 2 for f in band)
     assert np.all(search_region(kappa, low, high, zeta).holds(kappa))
     if zeta == ZETA_MAX:
-        assert np.all(_region(band).holds(kappa))
+        for sigma in (0.0, 0.1 * high):
+            assert np.all(_region(band, sigma).holds(kappa + sigma))
 
 
 @pytest.mark.parametrize("mu, low, note", [(2.0, 0.0, False), (4.0, 0.0, True), (4.0, 30e3, False)])
