@@ -130,11 +130,11 @@ def eigenvalues(folder, approach, sample):
     return np.array(s), np.array([float(r["error_estimate"]) for r in own])
 
 
-def same_modes(a, b):
-    """Eigenvalues agree within 1e-8 and the errors that both state."""
+def same_modes(a, b, more=1e-8):
+    """Eigenvalues agree within a little and the errors that both state."""
     (s, e), (t, f) = a, b
     assert s.size == t.size > 3
-    assert np.all(np.abs(s - t) <= 1e-8 * np.abs(t) + e + f)
+    assert np.all(np.abs(s - t) <= more * np.abs(t) + e + f)
     return np.abs(s - t) / np.abs(t)
 
 
@@ -166,7 +166,9 @@ def test_materials_and_load_in_the_reduced_model(tmp_path):
     run(BLOCK, COMM, tmp_path / "a", given)
     run(BLOCK, COMM, tmp_path / "b", [*given, "stability.method=full"])
     for k in range(6):
-        assert same_modes(*(eigenvalues(tmp_path / n, "multi-scale", k) for n in "ab")).max() < 1e-6
+        both = (eigenvalues(tmp_path / n, "multi-scale", k) for n in "ab")
+        # The equilibrium, through the compliance, has an interpolation error of its own.
+        assert same_modes(*both, more=1e-7).max() < 1e-6
     a, b = (rows(tmp_path / n / "modes.csv") for n in "ab")
     assert [r["verdict"] for r in a] == [r["verdict"] for r in b]
     shares = [[float(r[c]) for r in t for c in r if c.startswith("share_")] for t in (a, b)]
@@ -177,9 +179,9 @@ def test_materials_and_load_in_the_reduced_model(tmp_path):
 
 def test_materials_that_no_box_can_hold_go_to_full_order(tmp_path):
     """Draws that are possible may span a box whose corners are not."""
-    names = ("nu_31", "nu_32")
-    odd = [random(f"materials.lining.{n}", "{ law='uniform', min=0.0, max=0.9 }") for n in names]
-    run(BLOCK, COMM, tmp_path / "a", [*COARSE, *odd, "samples.n=8"])
+    names = ("nu_12", "nu_31")
+    odd = [random(f"materials.lining.{n}", "{ law='uniform', min=0.0, max=0.95 }") for n in names]
+    run(BLOCK, COMM, tmp_path / "a", [*COARSE, *odd, "samples.n=12"])
     one = np.load(tmp_path / "a" / "samples" / "multi-scale-00000.npz")
     assert "anchors" not in str(one["counted"])
     assert "full order" in (tmp_path / "a" / "log.txt").read_text()
