@@ -77,7 +77,8 @@ def nearest_modes(
             beyond = np.abs(theta[~near]).max(initial=0.0) > 0 or full
             if full or (beyond and np.all(residual[near] < tolerance)):
                 return *_polished(apply, V[:, :size], sigma, theta[near], s[:, near]), steps
-        H[size : size + new.shape[1], first:size] = coupling[: new.shape[1]]
+        if size <= room:
+            H[size : size + new.shape[1], first:size] = coupling
     raise NotConverged(f"block Arnoldi: {size} vectors do not give all modes within {reach:.3g}")
 
 

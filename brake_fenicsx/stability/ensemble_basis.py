@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 from mpi4py import MPI
 
@@ -22,7 +23,7 @@ from numpy.typing import NDArray
 from .anchors import Anchors
 from .basis import Basis
 from .bodies import split_bodies
-from .modes import Modes
+from .modes import Complex, Modes
 from .reduction import CUTOFF, ORDER
 from .sample import Sample
 from .varied import FixedBody, Seen, VariedBody, fixed_body
@@ -113,7 +114,7 @@ class EnsembleBasis:
             tolerance: relative error of lambda that is wanted; nothing is corrected.
 
         Returns:
-            The modes; ``right`` and ``left`` in the coordinates of ``shapes``.
+            The modes; ``right`` and ``left`` in coordinates that ``displacements`` understands.
         """
         start = time.perf_counter()
         seen = [body.seen(x) for body in self.bodies]
@@ -167,16 +168,36 @@ class EnsembleBasis:
             out.append(g + S @ a)
         return 0.5 * (out[0] + out[0].T), out[1], out[2]
 
-    @property
-    def shapes(self) -> sp.csr_matrix:
-        """Displacements of the coordinates, shape (dofs, coordinates)."""
-        count = sum(body.body.dofs.size for body in self.bodies)
-        columns = []
-        for body in self.bodies:
-            whole = sp.lil_matrix((count, body.W.shape[1]))
-            whole[body.body.dofs] = body.W
-            columns.append(whole.tocsr())
-        return sp.hstack(columns).tocsr()
+    def displacements(self, coordinates: Complex) -> Complex:
+        """Displacements of some coordinates, shape (dofs, columns); static answers left out."""
+        out = np.zeros((sum(b.body.dofs.size for b in self.bodies), coordinates.shape[1]), complex)
+        for body, own in zip(self.bodies, self._places(), strict=True):
+            out[body.body.dofs] = body.W @ coordinates[own]
+        return out
+
+    def projected(self, A: sp.csr_matrix, shapes: Array | None = None) -> Array:
+        """Shapes' A U of the displacements U of all coordinates; U'A U without other shapes.
+
+        Args:
+            A: a matrix that does not couple the bodies, such as the mass, shape (dofs, dofs).
+            shapes: other displacements, shape (dofs, columns).
+        """
+        places = self._places()
+        size = places[-1].stop
+        out = np.zeros((size if shapes is None else shapes.shape[1], size))
+        for body, own in zip(self.bodies, places, strict=True):
+            dofs = body.body.dofs
+            AW = A[dofs][:, dofs] @ body.W
+            if shapes is None:
+                out[own, own] = body.W.T @ AW
+            else:
+                out[:, own] = shapes[dofs].T @ AW
+        return out
+
+    def _places(self) -> list[slice]:
+        """Places of each body's coordinates."""
+        ends = np.cumsum([0, *(body.W.shape[1] for body in self.bodies)])
+        return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
     def _modal(self, seen: list[Seen]) -> tuple[Array, Array, Array, Array]:
         """Gaps, slips and loads of all modes, and their eigenvalues."""

@@ -8,7 +8,6 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.macro.brake import Brake
@@ -133,9 +132,5 @@ class ChangingBodies:
     def modes(
         self, drawn: Mapping[str, float], k: Array, mu: Array, tolerance: float = 1e-6
     ) -> Modes:
-        """Complex modes of a sample, in coordinates of ``basis.shapes``."""
+        """Complex modes of a sample, in coordinates of the basis."""
         return self.basis.modes(self.box.place(drawn), k, mu, tolerance)
-
-    def onto(self, shapes: Array, M: sp.csr_matrix) -> Array:
-        """Coordinates of the basis in those of some other shapes, shape (shapes, coordinates)."""
-        return np.asarray((self.basis.shapes.T @ (M @ shapes)).T)

@@ -80,10 +80,10 @@ class Shared:
     def take_changing(self, changing: ChangingBodies) -> None:
         """Use a reduced model of bodies whose materials change."""
         self.changing = changing
-        S = changing.basis.shapes
-        self.changing_grams = {name: (S.T @ (A @ S)).toarray() for name, A in self.masses.items()}
+        own = changing.basis
+        self.changing_grams = {name: own.projected(A) for name, A in self.masses.items()}
         if self.basis is not None:
-            self.onto = changing.onto(self.basis, local_rows(self.M))
+            self.onto = own.projected(local_rows(self.M), self.basis)
 
     @property
     def basis(self) -> Array | None:
