@@ -53,15 +53,13 @@ class Damping:
         if self.omega_ref is None:
             raise SceneError(f'{WHERE}.loss: needs omega_ref, such as omega_ref = "2 kHz"')
         said = f"{WHERE}.omega_ref = {self.omega_ref!r}"
-        # Unit libraries take 1 Hz for 1 rad/s: the two are told apart here.
-        angular = "rad" in self.omega_ref
         try:
-            value = to_si(self.omega_ref, "rad/s" if angular else "Hz")
+            value = to_si(self.omega_ref, "rad/s")
         except ValueError:
             raise SceneError(f'{said}: write a frequency, "2 kHz" or "12566 rad/s"') from None
         if not 0 < value < np.inf:
             raise SceneError(f"{said}: must be positive")
-        return value if angular else 2 * np.pi * value
+        return value
 
 
 def turning_parts(scene: Scene) -> list[str]:
