@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.scene_damping import Damping
 from brake_fenicsx.scene_mesh import MeshTable, read_mesh
 from brake_fenicsx.scene_rules import check_consistent
 from brake_fenicsx.scene_samples import Classical, Design, Distribution, Samples, read_samples
@@ -284,16 +285,20 @@ class Stability:
     Attributes:
         band: lowest and highest frequency.
         method: every sample at full order, or by one reduced model shared by all.
-        cutoff: real modes of the reduced model go up to here; 1.6 times the band if not given.
-        zeta_max: modes of a larger damping ratio are left out.
+        cutoff: real modes of the reduced model go up to here; 1.7 times the band if not given.
+        tolerance: relative eigenvalue error beyond which a reduced mode is corrected.
+        zeta_max: modes that decay with a larger damping ratio are not looked for; below 0.7.
         verify: samples of the reduced model that are solved at full order as well.
+        damping: terms of the damping; none where the section is left out.
     """
 
     band: tuple[float, ...] = key("Hz", sign="zero")
     method: str = key(default="full", choices=("full", "reduced"))
     cutoff: float | None = key("Hz", default=None)
+    tolerance: float = key(default=1e-6)
     zeta_max: float = key(default=0.1)
     verify: int = key(default=0, sign="zero")
+    damping: Damping | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.scene_damping import check_damping
 from brake_fenicsx.scene_samples import ENGINEERING, split_key
 from brake_fenicsx.units import to_si
 
@@ -19,6 +20,9 @@ PREDECESSORS = (
     ("uncertainty", "equilibrium"),
 )
 
+# Beyond 1/sqrt(2) the squares of damped frequencies are no longer positive.
+ZETA_LIMIT = 0.7
+
 
 def check_consistent(s: Scene) -> None:
     """Refuse scenes whose sections contradict each other.
@@ -31,6 +35,7 @@ def check_consistent(s: Scene) -> None:
     for name, contact in s.contact.items():
         _check_contact(s, f"contact.{name}", contact)
     _check_motion(s)
+    check_damping(s)
     for name in s.samples.random:
         _check_random(s, name)
     _check_approaches(s)
@@ -58,6 +63,10 @@ def _check_stages(s: Scene) -> None:
         raise SceneError(f'micro.laws = {s.micro.laws!r}: write a number, or "per-sample"')
     if s.stability and (len(s.stability.band) != 2 or s.stability.band[0] >= s.stability.band[1]):
         raise SceneError(f"stability.band = {list(s.stability.band)!r} Hz: write [lowest, highest]")
+    if s.stability and not s.stability.zeta_max < ZETA_LIMIT:
+        raise SceneError(
+            f"stability.zeta_max = {s.stability.zeta_max:g}: must lie below {ZETA_LIMIT:g}"
+        )
 
 
 def _check_parts(s: Scene) -> None:

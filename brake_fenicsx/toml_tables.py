@@ -15,7 +15,7 @@ from brake_fenicsx.units import to_si
 
 
 def key(unit: str = "", default: Any = MISSING, **metadata: Any) -> Any:
-    """A field of a scene: unit, default, sign and choices."""
+    """A field of a scene: unit, default, sign, choices; units of a list whose values differ."""
     metadata["unit"] = unit
     return (
         field(metadata=metadata)
@@ -90,11 +90,14 @@ def _value(f: Any, hint: Any, value: Any, where: str) -> Any:
     sequence = next((k for k in kinds if typing.get_origin(k) is tuple), None)
     if sequence is not None and isinstance(value, list):
         inner = typing.get_args(sequence)[0]
-        return tuple(_scalar(f, (inner,), v, said) for v in value)
-    return _scalar(f, kinds, value, said)
+        units = f.metadata.get("units", (f.metadata.get("unit", ""),) * len(value))
+        if len(units) != len(value):
+            raise SceneError(f"{said}: write {len(units)} values, [{', '.join(units)}]")
+        return tuple(_scalar(f, (inner,), v, said, u) for v, u in zip(value, units, strict=True))
+    return _scalar(f, kinds, value, said, f.metadata.get("unit", ""))
 
 
-def _scalar(f: Any, kinds: tuple[Any, ...], value: Any, said: str) -> Any:
+def _scalar(f: Any, kinds: tuple[Any, ...], value: Any, said: str, unit: str) -> Any:
     if bool in kinds:
         if not isinstance(value, bool):
             raise SceneError(f"{said}: write true or false")
@@ -107,7 +110,7 @@ def _scalar(f: Any, kinds: tuple[Any, ...], value: Any, said: str) -> Any:
         number: float = value
     elif float in kinds:
         try:
-            number = to_si(value, f.metadata.get("unit", ""))
+            number = to_si(value, unit)
         except ValueError as error:
             raise SceneError(f"{said}: {error}") from None
     else:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cache
 from typing import Any
 
@@ -10,6 +11,7 @@ DIMENSIONS = {
     "kg/m^3": "density [kg/m^3]",
     "Pa/m": "contact stiffness [Pa/m]", "Hz": "frequency [Hz]",
     "rad/s": "angular speed [rad/s]", "m/s": "speed [m/s]", "1/m": "wave number [1/mm]",
+    "1/s": "rate [1/s]", "s": "time [us]",
     "": "a number",
 }  # fmt: skip
 
@@ -48,8 +50,16 @@ def to_si(value: Any, unit: str) -> float:
 
     try:
         quantity = _registry().Quantity(value)
-        return float(quantity.to(_registry().Unit(unit)).magnitude)
+        return _turns(quantity, unit) * float(quantity.to(_registry().Unit(unit)).magnitude)
     except pint.DimensionalityError:
         raise ValueError(f"wrong unit, write {DIMENSIONS[unit]}") from None
     except Exception:
         raise ValueError(f"not a quantity, write {DIMENSIONS[unit]}") from None
+
+
+def _turns(quantity: Any, unit: str) -> float:
+    """2 pi between a frequency and an angular speed, which have the same dimension."""
+    text = str(quantity.units)
+    if unit == "Hz" and any(word in text for word in ("radian", "revolution", "turn", "degree")):
+        return 0.5 / math.pi
+    return 2 * math.pi if unit == "rad/s" and "hertz" in text else 1.0

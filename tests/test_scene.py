@@ -25,6 +25,10 @@ BLOCK = SCENES / "block_on_plate.toml"
         ("60 deg", "rad", np.pi / 3),
         ("8 N/mm^3", "Pa/m", 8e9),
         ("16 kHz", "Hz", 16e3),
+        ("6 rad/s", "Hz", 3 / np.pi),
+        ("3 Hz", "rad/s", 6 * np.pi),
+        ("60 rpm", "rad/s", 2 * np.pi),
+        ("60 rpm", "Hz", 1.0),
         ("30 1/mm", "1/m", 30e3),
         ("7.2 g/cm^3", "kg/m^3", 7200.0),
     ],
@@ -82,6 +86,23 @@ MISTAKES = [
     ("samples.approaches=['fast']", "fast", "samples.random"),
     ("contact.block_plate.friction=-0.1", "friction", "zero or more"),
     ("samples.n=2.5", "samples.n", "whole number"),
+    ("stability.tolerance=0", "stability.tolerance", "positive"),
+    ("stability.zeta_max=0.8", "stability.zeta_max", "below 0.7"),
+    ("stability.damping={}", "stability.damping: no term", "rayleigh"),
+    ("stability.damping.raleigh=[0, 0]", "raleigh", "did you mean 'rayleigh'"),
+    ("stability.damping.rayleigh=['1 1/s']", "['1 1/s']", "2 values, [1/s, s]"),
+    ("stability.damping.rayleigh=['1 s', '1 s']", "wrong unit", "rate"),
+    ("stability.damping.rayleigh=['-1 1/s', '1 s']", "rayleigh", "zero or more"),
+    ("stability.damping.rayleigh=[0, 0]", "rayleigh", "leave it out"),
+    ("stability.damping.loss=1", "stability.damping.loss = 1", "true or false"),
+    ("stability.damping.loss=true", "stability.damping.loss", "omega_ref"),
+    ("stability.damping.omega_ref=2 kHz", "omega_ref = '2 kHz'", "loss = true"),
+    ("stability.damping={ loss=true, omega_ref='2 mm' }", "'2 mm'", "write a frequency"),
+    ("stability.damping={ loss=true, omega_ref='2' }", "'2'", "write a frequency"),
+    ("stability.damping={ loss=true, omega_ref='-2 kHz' }", "omega_ref", "positive"),
+    ("stability.damping={ loss=true, omega_ref='2 kHz' }", "loss factor", "materials.NAME.loss"),
+    ("stability.damping.slope=true", "stability.damping.slope", "static"),
+    ("stability.damping.gyroscopic=true", "gyroscopic", "motion.axis"),
 ]
 
 
@@ -98,6 +119,25 @@ def test_mistake_is_one_line_with_status_2_and_writes_nothing(
     assert named in error
     assert remedy in error
     assert list(tmp_path.iterdir()) == []
+
+
+CONTRADICTIONS = [
+    (["contact.block_plate.friction=0"], "sliding=true", "contact.NAME.friction"),
+    (["contact.block_plate.friction={ static=0.5, kinetic=0.5, decay='1 m/s' }"], "slope=true",
+     "depends on the speed"),
+    (["contact.block_plate.friction={ static=0.6, kinetic=0.5, decay='1 m/s' }",
+      "samples.approaches=['classical']"], "slope=true", "name multi-scale"),
+    (["motion={ axis='z', speed='0 rad/s' }"], "gyroscopic=true", "needs a rotation"),
+    (["motion={ axis='z', speed='3 rad/s' }"], "gyroscopic=['disc']", "no part 'disc'"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("changes", "term", "remedy"), CONTRADICTIONS)
+def test_a_damping_term_without_what_it_acts_on(changes, term, remedy):
+    """It would be silently zero."""
+    with pytest.raises(SceneError, match=remedy) as error:
+        read_scene(BLOCK, [*changes, f"stability.damping.{term}"])
+    assert "damping" in str(error.value) and "\n" not in str(error.value)
 
 
 def test_missing_scene(tmp_path, capsys):

@@ -99,6 +99,7 @@ def interface_moments(
     order: int,
     comm: MPI.Comm,
     progress: Callable[[int], None] = lambda n: None,
+    between: Solves | None = None,
 ) -> list[tuple[Array, Array]]:
     """N K0^-1 (M K0^-1)^j N' and the same with T' on the right, j = 0 ... order.
 
@@ -106,10 +107,11 @@ def interface_moments(
         factor: factor of K0, or what else stands for its inverse.
         M: mass [kg]; may be None for order 0.
         N: gap operator, shape (elements, dofs).
-        T: slip operator, shape (elements, dofs).
+        T: slip operator, shape (elements, dofs); more rows are as good.
         order: largest j.
         comm: processes that share the columns.
         progress: called with the number of columns done.
+        between: a cheaper inverse for odd j, where it comes to the same; the first one if None.
 
     Returns:
         For each j the pair (NN, NT), shape (elements, elements), unit m/N (s^2)^j.
@@ -118,14 +120,15 @@ def interface_moments(
     both = sp.vstack([N, T]).tocsr()
     columns = N.T.tocsc()
     share = shared_columns(n, comm)
-    out = np.empty((order + 1, 2 * n, share.size))
+    out = np.empty((order + 1, both.shape[0], share.size))
     for b in blocks(share.size):
         X = factor.solve(columns[:, share[b]].toarray())
         out[0][:, b] = both @ X
         for j in range(1, order + 1):
             if M is None:
                 raise ValueError("moments beyond order 0 need the mass")
-            X = factor.solve(M @ X)
+            inverse = factor if between is None or j % 2 == 0 else between
+            X = inverse.solve(M @ X)
             out[j][:, b] = both @ X
         progress(b.stop - b.start)
     pairs = []
@@ -149,7 +152,7 @@ def shared_columns(n: int, comm: MPI.Comm, first: float = 1.0) -> NDArray[np.int
     return np.arange(ends[comm.rank - 1] if comm.rank else 0, ends[comm.rank])
 
 
-def slip_compliance(factor: Factor, T: sp.csr_matrix, comm: MPI.Comm, first: float = 1.0) -> Array:
+def slip_compliance(factor: Solves, T: sp.csr_matrix, comm: MPI.Comm, first: float = 1.0) -> Array:
     """T K0^-1 T' [m/N], shape (elements, elements), its columns shared by the processes of comm."""
     columns = T.T.tocsc()
     share = shared_columns(T.shape[0], comm, first)

@@ -18,7 +18,7 @@ from brake_fenicsx.errors import InaccurateResult
 
 Array = NDArray[np.float64]
 
-BLOCK = 64
+BLOCK = 128
 
 # Room for pivoting [%]; null pivots are detected, not divided by; right-hand sides at once.
 MUMPS = {"mat_mumps_icntl_14": 40, "mat_mumps_icntl_24": 1, "mat_mumps_icntl_27": BLOCK}

@@ -2,7 +2,7 @@
 
 Of K x = kappa M x with A = (K - sigma M)^-1 M, whose eigenvalues are 1 / (kappa - sigma), or of a
 linearised quadratic problem. Blocks, because a factor solves many right-hand sides for the price of
-a few.
+a few; small ones, because 32 vectors at once need twice the Krylov space of 8.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def nearest_modes(
     reach: float,
     expected: int,
     tolerance: float = 1e-11,
-    block: int = 32,
+    block: int = 8,
     seed: int = 0,
 ) -> tuple[Complex, Complex, int]:
     """All eigenpairs with |kappa - sigma| <= reach, kappa = sigma + 1 / theta.
@@ -49,7 +49,7 @@ def nearest_modes(
         NotConverged: the Krylov space fills without convergence.
     """
     block = min(block, n)
-    room = min(n, 8 * expected + 12 * block)
+    room = min(n, 8 * expected + 48 * block)
     V = np.empty((n, room + block), order="F")
     H = np.zeros((room + block, room + block))
     start = np.random.default_rng(seed).standard_normal((n, block))
@@ -77,7 +77,8 @@ def nearest_modes(
             beyond = np.abs(theta[~near]).max(initial=0.0) > 0 or full
             if full or (beyond and np.all(residual[near] < tolerance)):
                 return *_polished(apply, V[:, :size], sigma, theta[near], s[:, near]), steps
-        H[size : size + new.shape[1], first:size] = coupling[: new.shape[1]]
+        if size <= room:
+            H[size : size + new.shape[1], first:size] = coupling
     raise NotConverged(f"block Arnoldi: {size} vectors do not give all modes within {reach:.3g}")
 
 

@@ -56,7 +56,19 @@ class Trapezium:
         top = x + 1j * (self.slope * x + self.rise)
         corner = np.linspace(zero, self.low, points) + 1j * (self.slope * zero + self.rise)
         left = self.low + 1j * np.linspace(self.slope * zero + self.rise, 0, points)
-        return np.concatenate([right, top[1:], corner[1:], left[1:]])
+        # The edge bends at zero only where the region reaches below it.
+        bend = corner[1:] if self.low < 0 else corner[:0]
+        return np.concatenate([right, top[1:], bend, left[1:]])
+
+
+def opening(zeta: float) -> float:
+    """|Im kappa| / Re kappa of modes of a damping ratio: kappa = -lambda^2 turns twice as far."""
+    return float(np.tan(2 * np.arcsin(zeta)))
+
+
+def lowest_real(low: float, zeta: float) -> float:
+    """Smallest Re kappa of modes with omega^2 >= low and damping ratios up to zeta [1/s^2]."""
+    return low * (1 - zeta**2 / (1 - zeta**2))
 
 
 def count_zeros(

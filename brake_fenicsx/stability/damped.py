@@ -14,23 +14,28 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
-import scipy.sparse.linalg as spla
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult, NotConverged
 
 from .completeness import Trapezium, count_zeros
+from .dense import MASSLESS
 from .modes import Complex, Count, Modes
 from .quadratic import quadratic_modes
+from .shifts import covered_modes
 from .slices import widest_gap
+from .symmetric import SHIFT
 from .vectors import ROUND_OFF, norm_bound, paired
 
 Array = NDArray[np.float64]
 
+EPS = float(np.finfo(float).eps)
+
 # Up to this size the dense eigenvalues are as quick.
 DENSE = 300
-# Eigenvalues that one shift is asked for first.
-PER_SHIFT = 40
+# Eigenvalues up to this share of the band's end may be rigid modes; vectors of rigid modes that
+# differ by less are one.
+NEAR_ZERO, SAME_SHAPE = 1e-4, 1e-4
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +67,7 @@ class Pencil:
 def damped_modes(
     pencil: Pencil, band: tuple[float, float], tolerance: float, zeta_max: float
 ) -> Modes:
-    """All modes of a band with |alpha| <= zeta_max |lambda|, one of each conjugate pair.
+    """All modes of a band with alpha >= -zeta_max |lambda|, one of each conjugate pair.
 
     Args:
         pencil: the matrices.
@@ -82,21 +87,30 @@ def damped_modes(
     n = pencil.K.shape[0]
     how = "not counted: damped problem"
     if n <= DENSE:
-        s, right, left, used = *_dense(pencil), 1
+        s, right, left, used = *_dense(pencil, high), 1
         how = _counted(pencil, s, high, zeta_max)
     else:
         M, C, K = (A.tocsr() for A in (pencil.M, pencil.C, pencil.K))
         large = quadratic_modes(M, C, K, high, zeta_max)
-        s, right, left, used = large or _covered(pencil, low, high, zeta_max)
-    keep = (np.abs(s.imag) >= low) & (np.abs(s.imag) <= high) & (s.imag > 0)
-    keep &= np.abs(s.real) <= zeta_max * np.abs(s)
-    diverging = (s.imag == 0) & (s.real > 0) & (low <= 0)
-    chosen = np.flatnonzero(keep | diverging)
+        s, right, left, used = large or covered_modes(pencil, low, high, zeta_max)
+    # Only decay is cut off: a mode that grows faster than that is news.
+    slow = s.real >= -zeta_max * np.abs(s)
+    chosen = np.flatnonzero(
+        slow & (s.imag >= 0) & (s.imag <= high) | (np.abs(s) <= NEAR_ZERO * high)
+    )
     chosen = chosen[np.lexsort((s[chosen].real, s[chosen].imag))]
     s, right, left = s[chosen], right[:, chosen], left[:, chosen]
     left = paired(s, left, pencil.slope(s, right))
     s = _quotient(pencil, s, right, left)
     residual, error, condition = _checked(pencil, s, right, left)
+    wanted = (s.imag > 0) & (s.imag >= low) & (s.imag <= high) & (s.real >= -zeta_max * np.abs(s))
+    wanted |= (s.imag == 0) & (s.real > 0) & (low <= 0)
+    rigid = (np.abs(s) <= np.minimum(error, NEAR_ZERO * high)) & (low <= 0)
+    rows = np.r_[_independent(right, np.flatnonzero(rigid)), np.flatnonzero(wanted & ~rigid)]
+    right, left = right[:, rows], left[:, rows]
+    residual, error, condition = residual[rows], error[rows], condition[rows]
+    # What cannot be told from zero is a rigid mode: no frequency, no verdict.
+    s = np.where(np.abs(s[rows]) <= error, 0.0, s[rows])
     if np.any((residual > tolerance) & (_backward(pencil, s, right) > ROUND_OFF)):
         raise NotConverged(
             f"damped modes: relative residual {residual.max():.1e}, wanted {tolerance:.0e}"
@@ -108,14 +122,45 @@ def damped_modes(
     )  # fmt: skip
 
 
-def _dense(p: Pencil) -> tuple[Complex, Complex, Complex]:
-    """All eigenvalues by the companion matrix, with right and left vectors."""
+def _independent(right: Complex, among: NDArray[np.intp]) -> NDArray[np.intp]:
+    """Those of some eigenvalues at zero that have vectors of their own.
+
+    A rigid mode that nothing damps is a double zero, and round-off splits zeros into pairs of any
+    kind: their vectors tell how many modes there are.
+    """
+    if not among.size:
+        return among
+    X = right[:, among] / np.linalg.norm(right[:, among], axis=0)
+    _, R, order = la.qr(np.hstack([X.real, X.imag]), mode="economic", pivoting=True)
+    rank = int(np.sum(np.abs(np.diag(R)) > SAME_SHAPE * abs(R[0, 0])))
+    # A vector may stand in twice, by its real and its imaginary part.
+    first = list(dict.fromkeys(int(i) % among.size for i in order))[:rank]
+    return among[np.sort(first)]
+
+
+def _dense(p: Pencil, omega: float) -> tuple[Complex, Complex, Complex]:
+    """All finite eigenvalues, with right and left vectors.
+
+    With v = lambda x / omega the pencil is A + lambda B, A = [0, -omega; K, 0], B = [1, 0; C,
+    omega M]; of a left vector (y1, y2) y2 is that of the quadratic problem. Its inverse at a small
+    positive shift gives dofs without mass a zero in place of an infinite eigenvalue.
+
+    Raises:
+        InaccurateResult: a dof has neither stiffness nor mass.
+    """
     n = p.K.shape[0]
     M, C, K = (A.toarray() for A in (p.M, p.C, p.K))
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [-la.solve(M, K), -la.solve(M, C)]])
-    s, left, right = la.eig(A, left=True, right=True)
-    # Of a left vector (y1, y2) of the companion, M^-T y2 is that of the quadratic problem.
-    return s, right[:n], la.solve(M.T.astype(complex), left[n:])
+    zero, one, shift = np.zeros((n, n)), np.eye(n), np.sqrt(SHIFT) * omega
+    B = np.block([[one, zero], [C, omega * M]])
+    with np.errstate(all="ignore"):
+        lu = la.lu_factor(np.block([[zero, -omega * one], [K, zero]]) + shift * B)
+    if not np.all(np.abs(np.diag(lu[0])) > 0):
+        raise InaccurateResult("damped modes: a dof has neither stiffness nor mass")
+    theta, w, z = la.eig(-la.lu_solve(lu, B), left=True, right=True)
+    keep = np.abs(theta) > MASSLESS * np.abs(theta).max()
+    theta, w, z = theta[keep], w[:, keep], z[:n, keep]
+    y = la.lu_solve(lu, w.real, trans=1) + 1j * la.lu_solve(lu, w.imag, trans=1)
+    return shift + 1 / theta.astype(complex), z.astype(complex), y[n:]
 
 
 def _counted(p: Pencil, s: Complex, high: float, zeta_max: float) -> str:
@@ -139,64 +184,6 @@ def _counted(p: Pencil, s: Complex, high: float, zeta_max: float) -> str:
     if found != counted:
         raise InaccurateResult(f"damped modes: {found} found, the winding number counts {counted}")
     return "winding number of det(lambda^2 M + lambda C + K)"
-
-
-def _covered(
-    p: Pencil, low: float, high: float, zeta_max: float
-) -> tuple[Complex, Complex, Complex, int]:
-    """Eigenvalues of the band from as many shifts as its pieces need."""
-    pieces, found, used = [(low, high, PER_SHIFT)], [], 0
-    while pieces:
-        a, b, wanted = pieces.pop()
-        sigma = 0.5j * (a + b) * (1 + 1.234e-7) + 1e-9 * b
-        reach = 1.001 * np.hypot(0.5 * (b - a), zeta_max * b)
-        s, right, left = _nearest(p, sigma, wanted)
-        used += 1
-        covered = float(np.abs(s - sigma).max())
-        if covered < reach and s.size < 2 * p.K.shape[0] - 2:
-            # Halve the piece while it is its length that counts, then ask for more.
-            middle = 0.5 * (a + b)
-            longer = 0.5 * (b - a) > zeta_max * b
-            more = int(1.2 * wanted * reach / covered) + 4
-            pieces += [(a, middle, wanted), (middle, b, wanted)] if longer else [(a, b, more)]
-            continue
-        # Half-open pieces: what lies on a border belongs to the upper one.
-        own = (s.imag >= a) & ((s.imag < b) | (b == high))
-        found.append((s[own], right[:, own], left[:, own]))
-    return (
-        np.concatenate([f[0] for f in found]),
-        np.hstack([f[1] for f in found]),
-        np.hstack([f[2] for f in found]),
-        used,
-    )
-
-
-def _nearest(p: Pencil, sigma: complex, wanted: int) -> tuple[Complex, Complex, Complex]:
-    """The eigenvalues nearest to a shift, with right and left vectors."""
-    lu = spla.splu(p.at(sigma))
-    s, right = _arnoldi(p, lambda b: lu.solve(b), sigma, wanted)
-    t, left = _arnoldi(p.transposed, lambda b: lu.solve(b, "T"), sigma, wanted)
-    nearest = np.abs(s[:, None] - t[None, :]).argmin(axis=1)
-    return s, right, left[:, nearest].conj()
-
-
-def _arnoldi(p: Pencil, solve: object, sigma: complex, wanted: int) -> tuple[Complex, Complex]:
-    """Eigenpairs of the linearisation [x, lambda x / |sigma|] nearest to sigma."""
-    n, scale = p.K.shape[0], abs(sigma)
-    damp = (p.C + sigma * p.M).tocsr()
-
-    def apply(b: Complex) -> Complex:
-        x = solve(-(damp @ b[:n]) - scale * (p.M @ b[n:]))  # type: ignore[operator]
-        return np.concatenate([x, (b[:n] + sigma * x) / scale])
-
-    operator = spla.LinearOperator((2 * n, 2 * n), matvec=apply, dtype=complex)
-    rng = np.random.default_rng(0)
-    k = min(wanted, 2 * n - 2)
-    try:
-        theta, x = spla.eigs(operator, k, v0=rng.standard_normal(2 * n) + 0j, ncv=min(2 * n, 3 * k))
-    except spla.ArpackNoConvergence as error:
-        raise NotConverged(f"damped modes near {abs(sigma) / 2 / np.pi:.0f} Hz: {error}") from error
-    return sigma + 1 / theta, x[:n] / np.linalg.norm(x[:n], axis=0)
 
 
 def _backward(p: Pencil, s: Complex, X: Complex) -> Array:
@@ -230,4 +217,8 @@ def _checked(p: Pencil, s: Complex, right: Complex, left: Complex) -> tuple[Arra
     norms = norms * np.einsum("im,im->m", left.conj(), p.M @ left).real
     condition = 2 * np.abs(s) * np.sqrt(norms) / np.abs(overlap)
     first = np.abs(np.einsum("im,im->m", left.conj(), r) / overlap)
-    return residual, first + 1e-11 * condition * np.abs(s).max(initial=0.0), condition
+    # The round-off of K phi, which is all that there is of a rigid mode.
+    lengths = np.linalg.norm(right, axis=0) * np.linalg.norm(left, axis=0)
+    floor = EPS * norm_bound(p.K) * lengths / np.abs(overlap)
+    error = first + floor + 1e-11 * condition * np.abs(s).max(initial=0.0)
+    return residual, error, condition

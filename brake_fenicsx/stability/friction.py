@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import BrakeError
 
 from .arnoldi import nearest_modes
+from .completeness import opening
 from .interface import Inverse, moments
 from .problem import MARGIN, Found, Problem, agree, search_region
 from .symmetric import shifted_factor, symmetric_modes
@@ -60,7 +61,7 @@ def friction_modes(p: Problem, low: float, high: float, zeta_max: float) -> Foun
     if isinstance(smooth, BrakeError):
         raise smooth
     inverse = Inverse(factor, face, seen.RL[0])
-    reach = (1 + MARGIN) * high * np.hypot(1, 2 * zeta_max * (1 + MARGIN)) + 3e-3 * high
+    reach = (1 + MARGIN) * high * np.hypot(1, opening(zeta_max) * (1 + MARGIN)) + 3e-3 * high
     kappa, right, left, steps = _both_sides(p, inverse, smooth, reach)
     region = search_region(kappa, low, high, zeta_max)
     proof = prove(smooth, face, seen, region, kappa, p.comm)

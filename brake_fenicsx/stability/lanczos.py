@@ -1,6 +1,7 @@
 """Lowest real modes of a symmetric pencil by block Lanczos with full orthogonalisation.
 
-Blocks, because MUMPS solves 64 right-hand sides at once for the price of about ten.
+Blocks, because a factor solves many right-hand sides for the price of a few; small ones, because a
+Krylov space of larger ones is of lower degree and so needs more vectors.
 """
 
 from __future__ import annotations
@@ -16,6 +17,9 @@ from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.macro.solver import Factor
 
 Array = NDArray[np.float64]
+
+# Convergence is looked for every so many blocks.
+CHECK = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +44,7 @@ def lowest_modes(
     M: sp.csr_matrix,
     cutoff: float,
     tolerance: float = 1e-9,
-    block: int = 32,
+    block: int = 16,
     seed: int = 0,
 ) -> RealModes:
     """All modes below a cutoff of the pencil whose stiffness is factored.
@@ -61,12 +65,12 @@ def lowest_modes(
     """
     n = M.shape[0]
     block = min(block, n)
-    room = min(n, 64 * block)
+    room = min(n, 128 * block)
     V, MV = (np.empty((n, room + block), order="F") for _ in range(2))
     H = np.zeros((room + block, room + block))
     W = factor.solve(M @ np.random.default_rng(seed).standard_normal((n, block)))
     new, Mnew, _ = _orthonormalise(W, M @ W)
-    size = 0
+    size = before = 0
     for step in range(1, room // block + 2):
         k = new.shape[1]
         last = slice(size, size + k)
@@ -74,13 +78,17 @@ def lowest_modes(
         size += k
         W = factor.solve(Mnew)
         h = np.zeros((size, k))
-        for _ in range(2):
-            c = MV[:, :size].T @ W
-            W -= V[:, :size] @ c
-            h += c
+        # Only the last two blocks have a share in W; all others round-off, which grows unchecked.
+        for first in (before, 0):
+            c = MV[:, first:size].T @ W
+            W -= V[:, first:size] @ c
+            h[first:] += c
+        before = last.start
         H[:size, last] = h
         H[last, :size] = h.T
         new, Mnew, coupling = _orthonormalise(W, M @ W)
+        if step % CHECK and size < min(n, room):
+            continue
         theta, S = la.eigh(0.5 * (H[:size, :size] + H[:size, :size].T))
         theta, S = theta[::-1], S[:, ::-1]
         # K^-1 M y - theta y = new coupling s, in the norm of M; over theta it is relative.

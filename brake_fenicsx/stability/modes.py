@@ -22,7 +22,12 @@ THRESHOLD = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Count:
-    """How many modes the band must hold, and how that was counted."""
+    """How many modes the band must hold, and how that was counted.
+
+    Attributes:
+        expected: modes of the band, after what was found agreed with what was counted.
+        how: by what; names the modes beyond the damping ratios counted, if there are any.
+    """
 
     expected: int
     how: str
@@ -82,6 +87,19 @@ class Modes:
             "unstable" if a > l else "stable" if b < l else "neutral"
             for a, b, l in zip(low, high, limit, strict=True)
         ]
+
+
+def counted_rows(s: Complex, how: str, zeta_max: float) -> Count:
+    """Record of a count that agreed with the modes found in its region.
+
+    Args:
+        s: eigenvalues of the band [1/s], shape (modes,).
+        how: how the region was counted.
+        zeta_max: the region holds every mode of the band up to this damping ratio.
+    """
+    beyond = int(np.sum((s.imag != 0) & (np.abs(s.real) > zeta_max * np.abs(s))))
+    note = f"; {beyond} beyond the damping ratio {zeta_max:g}, found but not counted"
+    return Count(s.size, how + note if beyond else how)
 
 
 def undamped_rows(

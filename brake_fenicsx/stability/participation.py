@@ -3,6 +3,10 @@
 The share of a part in the kinetic energy of a mode phi is phi^H M_p phi / sum_q phi^H M_q phi, with
 the mass M_p of the part on the dofs of all parts. Shared nodes belong to each part by its own mass,
 so that nothing is counted twice. Strain energy is shared likewise, with stiffnesses.
+
+Without damping the two modes of a flutter pair are lambda and -conj(lambda), with vectors phi and
+conj(phi). Damping moves the two eigenvalues apart and turns the vectors a little: there the partner
+is the mode whose shape is nearest to conj(phi), and it is a matter of degree.
 """
 
 from __future__ import annotations
@@ -23,13 +27,17 @@ Array = NDArray[np.float64]
 # Two rows +-alpha of one pair agree to this share of |lambda|.
 SAME = 1e-6
 
+# Least likeness (MAC) of the partner's shape to the conjugate one, and largest distance of the two
+# frequencies relative to |lambda|, where there is damping.
+ALIKE, NEAR = 0.5, 0.1
+
 
 def energy_shares(parts: Mapping[str, Any], phi: Complex) -> dict[str, Array]:
     """Share of each part in the energy of each mode.
 
     Args:
         parts: name -> mass [kg] or stiffness [N/m] of the part on all dofs, symmetric and positive
-            semi-definite: SciPy sparse, or the diagonal of a lumped one, shape (dofs,).
+            semi-definite: SciPy sparse, dense, or the diagonal of a lumped one, shape (dofs,).
         phi: displacements of the modes, shape (dofs, modes), as ``Reduced.expand`` gives them.
 
     Returns:
@@ -56,7 +64,8 @@ def energy_shares(parts: Mapping[str, Any], phi: Complex) -> dict[str, Array]:
 
 def _energy(A: Any, phi: Complex) -> Array:
     """phi^H A phi of each mode."""
-    image = A @ phi if sp.issparse(A) else np.asarray(A)[:, None] * phi
+    A = A if sp.issparse(A) else np.asarray(A)
+    image = A[:, None] * phi if A.ndim == 1 else A @ phi
     return np.asarray(np.maximum(np.einsum("im,im->m", phi.conj(), image).real, 0.0))
 
 
@@ -79,3 +88,37 @@ def flutter_partners(s: Complex) -> NDArray[np.intp]:
         if distance[j] <= SAME * abs(s[i]):
             partner[i] = j
     return partner
+
+
+def damped_partners(
+    s: Complex, phi: Complex, M: Any, unstable: NDArray[np.bool_]
+) -> NDArray[np.intp]:
+    """The mode that each growing mode of a damped problem coalesced with, by its shape.
+
+    Args:
+        s: eigenvalues lambda [1/s], one of each conjugate pair, shape (modes,).
+        phi: right vectors, shape (dofs, modes).
+        M: mass [kg], SciPy sparse.
+        unstable: which modes grow, shape (modes,).
+
+    Returns:
+        For each mode its partner's row; -1 for one that has none: it does not grow and no growing
+        mode names it, or no other mode is alike (one that falling friction alone drives).
+    """
+    partner = np.full(s.size, -1)
+    size = np.sqrt(np.einsum("im,im->m", phi.conj(), M @ phi).real)
+    for i in np.flatnonzero(unstable & (s.imag != 0)):
+        near = np.abs(s.imag - s[i].imag) <= NEAR * abs(s[i])
+        near[i] = False
+        # (conj phi_i)^H M phi_j = phi_i' M phi_j
+        likeness = np.where(near, np.abs((M @ phi[:, i]) @ phi) / (size[i] * size), 0.0) ** 2
+        j = int(np.argmax(likeness))
+        if likeness[j] >= ALIKE:
+            partner[i] = j
+            partner[j] = i if partner[j] < 0 else partner[j]
+    return partner
+
+
+def kinetic_grams(masses: Mapping[str, Any], Phi: Array) -> dict[str, Array]:
+    """Masses of the parts in the kept real modes: Phi' M_p Phi, shape (modes, modes)."""
+    return {name: np.asarray(Phi.T @ (A @ Phi)) for name, A in masses.items()}

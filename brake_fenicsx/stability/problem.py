@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
 
-from .completeness import Trapezium
+from .completeness import Trapezium, lowest_real, opening
 from .interface import Interface
 from .slices import widest_gap
 
@@ -68,6 +68,8 @@ class Found:
 def search_region(kappa: NDArray, low: float, high: float, zeta_max: float) -> Trapezium:
     """Region of the plane of kappa that holds the band, its edges in gaps of the spectrum.
 
+    Every mode of the band with a damping ratio up to zeta_max lies inside.
+
     Args:
         kappa: eigenvalues in the band and beyond [1/s^2].
         low: lower end of the band [1/s^2].
@@ -75,12 +77,13 @@ def search_region(kappa: NDArray, low: float, high: float, zeta_max: float) -> T
         zeta_max: largest damping ratio looked for.
     """
     rise = 1e-3 * high
-    near = kappa[np.abs(kappa.imag) <= 4 * zeta_max * np.abs(kappa.real) + rise]
+    wide, least = opening(zeta_max), lowest_real(low, zeta_max)
+    near = kappa[np.abs(kappa.imag) <= 2 * wide * np.abs(kappa.real) + rise]
     top = widest_gap(near.real, high, high * (1 + MARGIN))
-    bottom = widest_gap(near.real, low * (1 - MARGIN), low) if low > 0 else -0.02 * high
+    bottom = widest_gap(near.real, least * (1 - MARGIN), least) if low > 0 else -0.02 * high
     inner = kappa[(kappa.real > bottom) & (kappa.real < top) & (kappa.real > 0)]
     slopes = (np.abs(inner.imag) - rise) / np.maximum(inner.real, 1e-6 * high)
-    slope = widest_gap(slopes, 2 * zeta_max, 2 * zeta_max * (1 + MARGIN))
+    slope = widest_gap(slopes, wide, wide * (1 + MARGIN))
     return Trapezium(bottom, top, slope, rise)
 
 

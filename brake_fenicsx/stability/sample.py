@@ -23,15 +23,16 @@ has no mode left below its limit.
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
 from .basis import Basis
-from .completeness import Trapezium
+from .completeness import Trapezium, lowest_real, opening
 from .correction import Deeper
-from .modes import Complex, Count, Modes, undamped_rows
+from .modes import Complex, Modes, counted_rows, undamped_rows
 from .pencil import Pencil
 
 Array = NDArray[np.float64]
@@ -42,6 +43,9 @@ ZETA_MAX = 0.4
 # Smallest derivative of the determinant's factor that is divided by: a double eigenvalue has none.
 TINY = 1e-300
 
+# What the error of a basis may be elsewhere, over that where it was checked.
+DOUBT = 4.0
+
 # Terms of the answer of the gaps to what the pencil leaves out.
 ANSWERS = 2
 
@@ -49,15 +53,25 @@ ANSWERS = 2
 class Sample:
     """Reduced operators of one contact stiffness and one friction coefficient."""
 
-    def __init__(self, basis: Basis, k: Array, mu: float | Array):
+    def __init__(
+        self,
+        basis: Basis,
+        k: Array,
+        mu: float | Array,
+        sigma: float = 0.0,
+        doubt: Sequence[Sequence[tuple[Array, Array]]] = (),
+    ):
         """Factor the interface problem and expand it in kappa.
 
         Args:
             basis: offline result.
             k: contact stiffness of each element [Pa/m], shape (elements,).
             mu: friction coefficient, one or one per element.
+            sigma: shift of the basis, whose eigenvalues are kappa + sigma [1/s^2].
+            doubt: sets of typical errors of the basis, (N R_j N', N R_j T') for j = 0, 1, ...
         """
         b = self.basis = basis
+        self.sigma, self.doubt = sigma, doubt
         self.dD, self.mD = b.w * (k - b.k0), mu * b.w * k
         self.C1, self.C2 = (self._residual_gap(j) for j in (1, 2))
         E = self._residual_gap(0)
@@ -104,9 +118,9 @@ class Sample:
         Lambda = self.basis.Lambda
         K_r, M_r, Q_r = np.diag(Lambda) + self.B @ self.S, self.B @ self.S1, self.B @ self.S2
         M_r[np.diag_indices_from(M_r)] += 1.0
-        highest = (2 * np.pi * 1.02 * band[1]) ** 2
+        highest = (2 * np.pi * 1.02 * band[1]) ** 2 + self.sigma
         pencil = Pencil(K_r, M_r, Q_r)
-        pairs = pencil.pairs(highest, _region(band))
+        pairs = pencil.pairs(highest, _region(band, self.sigma))
         half = np.flatnonzero(pairs.kappa.imag >= 0)
         kappa, a, b = pairs.kappa[half], pairs.right[:, half], pairs.left[:, half]
         slope = np.einsum("im,im->m", b.conj(), M_r @ a - 2 * kappa * (Q_r @ a))
@@ -131,11 +145,11 @@ class Sample:
         kappa = np.where(safe, kappa + shift, kappa)
         both = _with_mates(pairs.kappa)
         kappa = np.where(pairs.kappa.imag < 0, kappa[both].conj(), kappa[both])
-        order, lam, spread, real = undamped_rows(kappa, error[both], band)
+        order, lam, spread, real = undamped_rows(kappa - self.sigma, error[both], band)
         return Modes(
             lam, pairs.right[:, order], pairs.left[:, order], residual[both][order], spread,
             condition[both][order],
-            Count(pairs.expected, "winding number of det T, on a basis complete by inertia"),
+            counted_rows(lam, "winding number of det T, on a basis complete by inertia", ZETA_MAX),
             int(beyond[both][order].sum()) if deeper is not None else 0,
             time.perf_counter() - start, real,
         )  # fmt: skip
@@ -193,6 +207,7 @@ class Sample:
         slip = np.sqrt(_quadratic(s.TT, v_T)) / limit ** (top / 2)
         tail = np.sqrt(_quadratic(s.NN[top], y)) * (normal + slip)
         tail *= size ** (top + 1) / np.maximum(limit - size, 1e-3 * limit)
+        tail += self._doubted(kappa, y, v_N, v_T)
         A_NN, _, A_TT = s.compliance
         forces = np.sqrt(_quadratic(A_NN, self.dD[:, None] * r_g))
         forces += np.sqrt(_quadratic(A_TT, self.mD[:, None] * r_g))
@@ -200,6 +215,21 @@ class Sample:
         norm = modal + forces + size**3 * limit ** (top / 2 - 3) * (normal + slip)
         norm = norm / np.sqrt(s.Lambda @ np.abs(a) ** 2)
         return r_a + _times(self.B, h), tail, norm, (v_N, v_T, left_out, r_a, h)
+
+    def _doubted(self, kappa: Complex, y: Complex, v_N: Complex, v_T: Complex) -> Array:
+        """Error of each mode under the typical errors of the basis, all added up.
+
+        A mode that they happen to leave alone shares the doubt of the others.
+        """
+        total = np.zeros(y.shape[1])
+        for errors in self.doubt:
+            first = sum(
+                kappa**j * np.einsum("im,im->m", y.conj(), _times(NN, v_N) + _times(NT, v_T))
+                for j, (NN, NT) in enumerate(errors)
+            )
+            total += DOUBT * np.abs(first)
+        size = np.abs(kappa)
+        return np.maximum(total, float(np.median(total / size)) * size) if total.any() else total
 
     def _answer(self, r: Complex, kappa: Complex) -> Complex:
         """(I + C0 + kappa C1 + kappa^2 C2)^-1 r by a series in kappa."""
@@ -231,14 +261,16 @@ def _times(A: Array, x: Complex) -> Complex:
     return out
 
 
-def _region(band: tuple[float, float]) -> Trapezium:
-    """The band in the plane of kappa, with damping ratios up to ZETA_MAX.
+def _region(band: tuple[float, float], sigma: float) -> Trapezium:
+    """What holds the band in the plane of kappa + sigma, for damping ratios up to ZETA_MAX.
 
-    A hair wider than the band, so that a mode on its very edge is not on the contour.
+    A hair wider than that, so that a mode on the very edge is not on the contour. Modes of the
+    region that lie beyond the band by their own frequency belong to the proof, not to the rows.
     """
     low, high = ((2 * np.pi * f) ** 2 for f in band)
-    bottom = low * (1 - 1e-7) if low > 0 else -0.02 * high
-    return Trapezium(bottom, high * (1 + 1e-7), 2 * ZETA_MAX, 1e-3 * high)
+    bottom = lowest_real(low, ZETA_MAX) * (1 - 1e-7) if low > 0 else -0.02 * high
+    top = high * (1 + 1e-7)
+    return Trapezium(bottom + sigma, top + sigma, opening(ZETA_MAX), 1e-3 * high)
 
 
 def _keep_real(shift: Complex, kappa: Complex) -> Complex:

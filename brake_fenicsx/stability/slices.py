@@ -21,6 +21,7 @@ from brake_fenicsx.macro.condensation import petsc_matrix
 from brake_fenicsx.macro.solver import Factor
 
 from .arnoldi import nearest_modes
+from .completeness import opening
 from .vectors import RIM, matched, with_conjugates
 
 Array = NDArray[np.float64]
@@ -67,7 +68,7 @@ def sliced_modes(
     for b in edges[1:]:
         bottom, top = a if np.isfinite(a) else -0.02 * high, float(b) * (1 + PLAY)
         sigma = 0.5 * (bottom + top) * (1 + 1.234e-7)
-        reach = 1.001 * np.hypot(0.5 * (top - bottom), 2 * zeta_max * top * (not symmetric))
+        reach = 1.001 * np.hypot(0.5 * (top - bottom), opening(zeta_max) * top * (not symmetric))
         if symmetric:
             kappa, right, left, used = _covered(K, M, sigma, reach, tolerance)
         else:

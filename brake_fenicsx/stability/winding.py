@@ -36,6 +36,9 @@ from .symmetric import Symmetric
 
 Array = NDArray[np.float64]
 
+# Subspace iterations for the norm in the bound of the rest: at the first point, at all others.
+FIRST_STEPS, STEPS = 12, 3
+
 
 @dataclass(frozen=True, slots=True)
 class Proof:
@@ -98,6 +101,7 @@ class Determinant:
         self.B = np.sqrt(np.maximum(values, 0.0)) * vectors
         self.A = np.sqrt(moments.RR)
         self.rest, self.points = 0.0, 0
+        self._x = np.random.default_rng(0).standard_normal((face.rank, 4)).astype(complex)
 
     def phase(self, kappa: complex, believed: NDArray) -> complex:
         """Phase of det(K - kappa M) / prod(believed - kappa), up to a constant sign."""
@@ -114,16 +118,18 @@ class Determinant:
         return out
 
     def _rest(self, z: float, lu: NDArray, pivots: NDArray) -> float:
-        """Bound of the relative rest; |B' G^-1| by subspace iteration, so from just below."""
+        """Bound of the relative rest; |B' G^-1| by subspace iteration, so from just below.
+
+        It goes on from where the last point of the edge, a close one, has left it.
+        """
         if not z < self.limit:
             return np.inf
-        x = np.random.default_rng(0).standard_normal((self.B.shape[0], 4)).astype(complex)
         size = 0.0
-        for _ in range(12):
-            x = la.qr(x, mode="economic", check_finite=False)[0]
+        for _ in range(FIRST_STEPS if self.points == 0 else STEPS):
+            x = la.qr(self._x, mode="economic", check_finite=False)[0]
             y = self.B.T @ la.lu_solve((lu, pivots), x, check_finite=False)
             size = float(np.linalg.norm(y, 2))
-            x = la.lu_solve((lu, pivots), self.B @ y, trans=2, check_finite=False)
+            self._x = la.lu_solve((lu, pivots), self.B @ y, trans=2, check_finite=False)
         return z**3 / (self.limit - z) / self.limit * size * self.A
 
 

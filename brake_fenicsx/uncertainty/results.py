@@ -69,6 +69,15 @@ class Results:
                 *task, str(data["status"]), seed, mu, *values, *(rejected for _ in self._rejected())
             ]  # fmt: skip
 
+    def mode_columns(self, first: Sequence[str]) -> list[str]:
+        """Columns of modes.csv: the fixed ones, the flutter partner, and one share per layer."""
+        return [*first, "partner", *(f"share_{name}" for name in self._layers())]
+
+    def _layers(self) -> list[str]:
+        """Layers whose shares of the kinetic energy are stored."""
+        found = (d["layers"] for d in self.stored.values() if "layers" in d)
+        return [str(name) for name in next(found, ())]
+
     def families(self) -> dict[Task, Any]:
         """Family of every mode; -1 where samples have no common basis to be compared in."""
         from brake_fenicsx.stability.modes import follow
@@ -82,14 +91,18 @@ class Results:
 
     def modes(self) -> Iterator[list[Any]]:
         """Rows of modes.csv."""
-        families = self.families()
+        families, layers = self.families(), len(self._layers())
         for task, family in families.items():
             d = self.stored[task]
+            shares = d.get("shares", np.full((layers, d["s"].size), np.nan))
+            partner = d.get("partner", np.full(d["s"].size, -1))
             for i, s in enumerate(d["s"]):
                 yield [
                     *task, i, float(abs(s.imag) / (2 * np.pi)), float(s.real),
                     float(d["damping"][i]), float(d["residual"][i]), float(d["error"][i]),
                     float(d["condition"][i]), str(d["verdict"][i]), int(family[i]),
+                    int(partner[i]) if partner[i] >= 0 else None,
+                    *(None if np.isnan(value) else float(value) for value in shares[:, i]),
                 ]  # fmt: skip
 
     def contact(self, contact: Contact) -> Iterator[list[Any]]:

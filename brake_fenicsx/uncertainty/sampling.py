@@ -38,6 +38,7 @@ class SampleInput:
         laws: law and critical gap of each contact element.
         mu: friction coefficient of each contact element, shape (elements,).
         mu_equilibrium: the same in the equilibrium, 0 where the scene leaves friction out there.
+        slope: mu'(V) of each element [s/m], 0 where friction does not depend on the speed.
         random: random inputs of the scene by name.
         materials: stiffness of each random material in its own axes [Pa], shape (6, 6).
         pressures: pressure of each random load [Pa], by its face.
@@ -48,6 +49,7 @@ class SampleInput:
     laws: EnrichedGap
     mu: Array
     mu_equilibrium: Array
+    slope: Array
     random: dict[str, float]
     materials: dict[str, Array] = field(default_factory=dict)
     pressures: dict[str, float] = field(default_factory=dict)
@@ -89,22 +91,31 @@ def draw_sample(
         InaccurateResult: the point cannot be used and may not be replaced.
     """
     seed = sample_seed(scene.samples.seed, k)
-    # Each kind of draw has its own child, so that naming one does not change the others.
-    children = np.random.SeedSequence(seed).spawn(3)
-    law_rng, gap_rng, random_rng = (np.random.default_rng(child) for child in children)
-    inputs = Inputs({}, {}, {})
-    if scene.samples.takes_random(approach):
-        inputs = draw_inputs(scene, approach, point, random_rng)
+    law_rng, gap_rng, _ = _streams(seed)
+    inputs = random_inputs(scene, approach, k, point)
     if approach in PERFECT:
         laws = perfect_contact(scene, contact.interface.size)
     else:
         laws = _rough(scene, contact.interface, library, hdf, inputs, (law_rng, gap_rng))
-    mu = _friction(scene, contact, approach in PERFECT, inputs.values)
+    mu, slope = _friction(scene, contact, approach in PERFECT, inputs.values)
     in_equilibrium = np.array([t.friction_in_equilibrium for t in scene.contact.values()])
     return SampleInput(
-        seed, laws, mu, mu * in_equilibrium[contact.interface], inputs.values, inputs.materials,
-        inputs.pressures, inputs.rejected,
+        seed, laws, mu, mu * in_equilibrium[contact.interface], slope, inputs.values,
+        inputs.materials, inputs.pressures, inputs.rejected,
     )  # fmt: skip
+
+
+def random_inputs(scene: Scene, approach: str, k: int, point: Array | None = None) -> Inputs:
+    """The random inputs of a sample alone, see ``draw_sample``."""
+    if not scene.samples.takes_random(approach):
+        return Inputs({}, {}, {})
+    *_, stream = _streams(sample_seed(scene.samples.seed, k))
+    return draw_inputs(scene, approach, point, stream)
+
+
+def _streams(seed: int) -> list[np.random.Generator]:
+    """For laws, gaps and random inputs: naming one kind does not change the others."""
+    return [np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(3)]
 
 
 def perfect_contact(scene: Scene, elements: int) -> EnrichedGap:
@@ -114,15 +125,17 @@ def perfect_contact(scene: Scene, elements: int) -> EnrichedGap:
     return EnrichedGap(OneLaw(penalty), index, np.zeros(elements))
 
 
-def _friction(scene: Scene, contact: Contact, perfect: bool, values: Mapping[str, float]) -> Array:
-    """Friction coefficient of each element, shape (elements,)."""
-    mu = np.zeros(contact.interface.size)
+def _friction(
+    scene: Scene, contact: Contact, perfect: bool, values: Mapping[str, float]
+) -> tuple[Array, Array]:
+    """Friction coefficient of each element and its slope mu'(V), shape (elements,)."""
+    mu, slope = np.zeros((2, contact.interface.size))
     for i, (name, table) in enumerate(scene.contact.items()):
         own = contact.interface == i
         usual = scene.samples.classical.friction if perfect else table.friction
         value = values.get(f"contact.{name}.friction", usual)
-        mu[own] = coefficient(value, contact.speed[own])
-    return mu
+        mu[own], slope[own] = coefficient(value, contact.speed[own])
+    return mu, slope
 
 
 def _rough(
@@ -164,11 +177,11 @@ def _laws(
     return library, rng.integers(0, len(library), elements).astype(np.intp)
 
 
-def coefficient(friction: float | Friction, speed: Array) -> Array:
-    """Friction coefficient of contact elements that slide at some speeds [m/s]."""
+def coefficient(friction: float | Friction, speed: Array) -> tuple[Array, Array]:
+    """Friction coefficient of contact elements at some speeds [m/s], and its slope [s/m]."""
     if isinstance(friction, Friction):
-        return velocity_friction(speed, friction.static, friction.kinetic, friction.decay)[0]
-    return np.full(speed.shape, float(friction))
+        return velocity_friction(speed, friction.static, friction.kinetic, friction.decay)
+    return np.full(speed.shape, float(friction)), np.zeros(speed.shape)
 
 
 def analytic_law(law: Law) -> OneLaw:

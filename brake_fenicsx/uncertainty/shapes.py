@@ -131,5 +131,9 @@ def _unstable(study: Study, task: Task, data: dict[str, Any]) -> tuple[NDArray, 
     if "vectors" in data:
         column = {int(m): j for j, m in enumerate(data["vector_mode"])}
         return chosen, data["vectors"][:, [column[int(i)] for i in chosen]].astype(complex)
+    if study.changing is not None and study.changes_bodies(task[0]):
+        drawn = dict(zip(map(str, data["random_names"]), data["random"], strict=True))
+        modes = study.changing.modes(drawn, data["k"], data["mu"])
+        return chosen, study.changing.basis.displacements(modes.right[:, chosen])
     s, a = data["s"][chosen], data["coordinates"][:, chosen].astype(complex)
     return chosen, study.reduced.expand(s, a, data["k"], data["mu"])

@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-import time
-from dataclasses import fields, replace
-from typing import Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.errors import InaccurateResult, NotConverged
-from brake_fenicsx.log import Progress, logger
+from brake_fenicsx.errors import BrakeError, InaccurateResult, NotConverged
+from brake_fenicsx.log import logger
 from brake_fenicsx.macro.brake import Brake
 from brake_fenicsx.macro.braking import reference_stiffness
 from brake_fenicsx.macro.condensation import Compliance, compliance, gathered
 from brake_fenicsx.macro.corrected import Bodies, corrected_equilibrium
 from brake_fenicsx.macro.equilibrium import Equilibrium, displacement, equilibrium
 from brake_fenicsx.macro.gap import EnrichedGap
-from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.micro import LawRecipe, make_library
 from brake_fenicsx.micro.law import Laws
 from brake_fenicsx.report.tables import CONTACT, MODES, SAMPLES, write_rows
 from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene_damping import active_terms
 from brake_fenicsx.scene_samples import split_key
 from brake_fenicsx.store import Store
 from brake_fenicsx.surface.hdf import HeightDistribution
@@ -34,14 +33,15 @@ from .inputs import PERFECT, points_of
 from .outcomes import ensembles
 from .results import Results
 from .robustness import write_causes
-from .sampling import SampleInput, draw_sample, sample_count
+from .sampling import SampleInput, draw_sample, random_inputs, sample_count
+
+if TYPE_CHECKING:
+    from .changing import ChangingBodies
+    from .solve import Shared
 
 Array = NDArray[np.float64]
 
 VERIFY = "verify"
-
-# Real modes up to this multiple of the band tell the modes of changed bodies apart.
-FAMILIES = 1.3
 
 
 class Study:
@@ -82,7 +82,8 @@ class Study:
         self.points = {name: points_of(scene, name) for name in approaches}
         self.bulk: Bulk | None = None
         self.loads: dict[str, Array] = {}
-        self.shapes: Array | None = None
+        self.modal: Shared | None = None
+        self.changing: ChangingBodies | None = None
         self.tasks: list[Task] = [
             (name, k) for name in scene.samples.approaches for k in range(count[name])
         ]
@@ -90,7 +91,7 @@ class Study:
         # One sample alone does not pay for a basis: it is solved at full order.
         self.by_reduction = {
             name: stability is not None and stability.method == "reduced" and count[name] > 1
-            and not self.changes_bodies(name)
+            and not self.full_order(name)
             for name in approaches
         }  # fmt: skip
         self.verified = next((name for name, reduced in self.by_reduction.items() if reduced), "")
@@ -105,6 +106,10 @@ class Study:
         materials = any(split_key(name)[0] == "materials" for name in random)
         return materials and self.scene.samples.takes_random(approach)
 
+    def full_order(self, approach: str) -> bool:
+        """Whether an approach's samples are damped, so that no reduced model can serve."""
+        return bool(active_terms(self.scene, approach))
+
     def prepare(self) -> None:
         """Factor the reference, and make or load the reduced basis."""
         brake = self.brake
@@ -112,11 +117,13 @@ class Study:
         pressure = brake.pressed / float(brake.w.sum())
         k0 = np.full(len(brake.w), reference_stiffness(laws, pressure))
         self.facts["reference_stiffness_Pa_per_m"] = float(k0[0])
-        if any(self.by_reduction.values()):
+        if any(r and not self.changes_bodies(name) for name, r in self.by_reduction.items()):
             self._prepare_reduced(k0)
         else:
             self.compliance = compliance(self.K, brake.N, brake.T, brake.w, brake.f, k0, self.comm)
         self._prepare_bodies()
+        self._prepare_changing()
+        self._prepare_modes()
 
     def _reference_laws(self) -> EnrichedGap:
         """Laws of the first sample that can be drawn, of rough contact if there is any."""
@@ -130,75 +137,81 @@ class Study:
         raise reason
 
     def _prepare_bodies(self) -> None:
-        """Unit changes of random materials and loads, and shapes to tell modes apart by."""
-        random, compliance = self.scene.samples.random, self.compliance
-        sections = {split_key(name)[0] for name in random}
-        if not sections & {"materials", "loads"} or compliance is None:
+        """Unit changes of random materials and loads."""
+        sections = {split_key(name)[0] for name in self.scene.samples.random}
+        if not sections & {"materials", "loads"} or self.compliance is None:
             return
         self.bulk = assemble_bulk(self.scene, self.brake)
-        N = self.brake.N
-        self.loads = {face: N @ compliance.factor.solve(f) for face, f in self.bulk.loads.items()}
-        names = [name for name in self.by_reduction if self.changes_bodies(name)]
-        stability = self.scene.stability
-        if not names or stability is None or "stability" not in self.scene.stages:
-            return
-        logger.info("%s: bodies change from sample to sample, full order", ", ".join(names))
-        if self.reduced is None:
-            from brake_fenicsx.stability.lanczos import lowest_modes
+        N, factor = self.brake.N, self.compliance.factor
+        self.loads = {face: N @ factor.solve(f) for face, f in self.bulk.loads.items()}
 
-            limit = (2 * np.pi * FAMILIES * stability.band[1]) ** 2
-            rows = local_rows(self.M)
-            found = None
-            if self.comm.rank == 0:
-                found = lowest_modes(compliance.factor, rows, limit).Phi
-            self.shapes = self.comm.bcast(found, root=0)
+    def _prepare_changing(self) -> None:
+        """Reduced model of samples whose materials change; full order where there can be none."""
+        names = [n for n, r in self.by_reduction.items() if r and self.changes_bodies(n)]
+        if not names or self.bulk is None:
+            return
+        from .changing import ChangingBodies
+
+        try:
+            drawn = [self._random(name, k) for name, k in self.tasks if name in names]
+            self.changing = ChangingBodies(
+                self.scene, self.brake, (self.K, self.M), self.bulk, [d for d in drawn if d],
+                self.comm,
+            )  # fmt: skip
+        except BrakeError as error:
+            logger.warning("no reduced model of changing materials: %s; full order", error)
+            self.by_reduction |= dict.fromkeys(names, False)
+            return
+        self.facts["changing_bodies"] = {"seconds": self.changing.basis.seconds}
+
+    def _random(self, approach: str, k: int) -> dict[str, float]:
+        """Random inputs of a sample; none of one that cannot be drawn."""
+        points = self.points[approach]
+        try:
+            point = None if points is None else points[k]
+            return random_inputs(self.scene, approach, k, point).values
+        except InaccurateResult:
+            return {}
 
     def _prepare_reduced(self, k0: Array) -> None:
-        from brake_fenicsx.stability.reduction import Reduced
+        from .basis import compliance_of, reduced_model
 
         stability, brake = self.scene.stability, self.brake
         if stability is None:
             return
-        known = self._cached_basis()
-        progress = Progress("interface columns", -(-len(brake.w) // self.comm.size))
-        band = (stability.band[0], stability.band[1])
-        start = time.perf_counter()
-        self.reduced = Reduced(
-            self.K, self.M, brake.N, brake.T, brake.w, k0, band, stability.cutoff, self.comm,
-            progress.advance, known,
-        )  # fmt: skip
-        basis = self.reduced.basis
-        if known is None and self.comm.rank == 0:
-            self._cache_basis(basis, self.reduced.Phi)
-        factor = self.reduced.factor
-        self.compliance = Compliance(
-            factor, basis.k0, basis.compliance[0], basis.compliance[1],
-            brake.N @ factor.solve(brake.f),
-        )  # fmt: skip
-        self.facts["reduced_basis"] = {
-            "real_modes": len(basis.Lambda),
-            "complete_up_to_hz": float(np.sqrt(basis.limit) / 2 / np.pi),
-            "seconds": time.perf_counter() - start,
-            **{f"seconds_{name}": value for name, value in self.reduced.seconds.items()},
-        }
+        self.reduced, self.facts["reduced_basis"] = reduced_model(
+            stability, brake, self.K, self.M, k0, self.store, self.comm
+        )
+        self.compliance = compliance_of(self.reduced, brake.f)
 
-    def _cached_basis(self) -> Any:
-        from brake_fenicsx.stability.basis import Basis
-        from brake_fenicsx.stability.reduction import ORDER
+    def _prepare_modes(self) -> None:
+        """What the samples' modes share; nothing without the stage stability."""
+        stability, compliance = self.scene.stability, self.compliance
+        if stability is None or compliance is None or "stability" not in self.scene.stages:
+            return
+        from .basis import family_shapes
+        from .solve import share
 
-        stored = self.store.load("cache/basis.npz")
-        if stored is None or len(stored["NN"]) != ORDER + 1:
-            return None
-        logger.info("reduced basis: from the cache")
-        values: dict[str, Any] = {f.name: stored[f.name] for f in fields(Basis)}
-        for name in ("NN", "NT", "compliance"):
-            values[name] = tuple(values[name])
-        values["limit"] = float(values["limit"])
-        return Basis(**values), stored["Phi"]
-
-    def _cache_basis(self, basis: Any, Phi: Array) -> None:
-        arrays = {f.name: np.asarray(getattr(basis, f.name)) for f in fields(basis)}
-        self.store.save("cache/basis.npz", Phi=Phi, **arrays)
+        full = [
+            name for name, reduced in self.by_reduction.items()
+            if not reduced and (self.full_order(name) or self.changes_bodies(name))
+        ]  # fmt: skip
+        if full:
+            logger.info("%s: damping or materials of their own, full order", ", ".join(full))
+        shapes = None
+        followed = self.changing is not None
+        followed |= any(sum(task[0] == name for task in self.tasks) > 1 for name in full)
+        if followed and self.reduced is None:
+            shapes = family_shapes(compliance.factor, self.M, stability.band[1], self.comm)
+        self.modal = share(self.scene, self.brake, (self.K, self.M), self.bulk, self.reduced)
+        self.modal.shapes = shapes
+        if self.changing is not None:
+            self.modal.take_changing(self.changing)
+        if self.modal.damping:
+            self.facts["damping"] = self.modal.damping
+        for term, numbers in self.modal.damping.items():
+            said = ", ".join(f"{name} = {value}" for name, value in numbers.items())
+            logger.info("damping, %s: %s", term, said)
 
     def run(self) -> None:
         """Run every sample that is not stored yet; long ones first."""
@@ -212,7 +225,8 @@ class Study:
         if approach == VERIFY:
             approach = self.verified
         sample = self._draw(approach, k)
-        eq = self._equilibrium(sample)
+        reduced = self.by_reduction[approach] and task[0] != VERIFY
+        eq = self._equilibrium(sample, reduced)
         names = sorted(sample.random)
         out: dict[str, Any] = {
             "seed": np.uint64(sample.seed),
@@ -225,37 +239,22 @@ class Study:
         }  # fmt: skip
         if sample.random:
             out["rejected"] = sample.rejected
-        if "stability" not in self.scene.stages:
+        if self.modal is None:
             return out
-        reduced = self.by_reduction[approach] and task[0] != VERIFY
-        return out | self.modes_of_sample(sample, eq, reduced)
+        from .solve import modes_of_sample
 
-    def modes_of_sample(
-        self, sample: SampleInput, eq: Equilibrium, reduced: bool
-    ) -> dict[str, Any]:
-        """Complex modes of a sample, as arrays to store: the one place that chooses the solver.
+        return out | modes_of_sample(self.modal, sample, eq, reduced)
 
-        Args:
-            sample: its inputs; materials that differ from the scene's change the stiffness.
-            eq: its equilibrium.
-            reduced: whether the reduced model of the scene's own bodies serves.
-        """
-        if reduced and not sample.materials:
-            return self._reduced(eq, sample)
-        if self.bulk is None or not sample.materials:
-            return self._full(eq, sample, self.K)
-        return self._full(eq, sample, self.bulk.stiffness(sample.materials))
-
-    def _equilibrium(self, sample: SampleInput) -> Equilibrium:
+    def _equilibrium(self, sample: SampleInput, reduced: bool = False) -> Equilibrium:
         """The full load at once, which nearly always converges; the scene's ramp if it does not."""
         try:
-            return self._loaded(sample, 1)
+            return self._loaded(sample, 1, reduced)
         except NotConverged:
             if self.steps == 1:
                 raise
-        return self._loaded(sample, self.steps)
+        return self._loaded(sample, self.steps, reduced)
 
-    def _loaded(self, sample: SampleInput, steps: int) -> Equilibrium:
+    def _loaded(self, sample: SampleInput, steps: int, reduced: bool) -> Equilibrium:
         """Equilibrium in equal load steps, of the scene's bodies or of the sample's own."""
         laws, mu = sample.laws, sample.mu_equilibrium
         bulk = self.bulk
@@ -264,6 +263,8 @@ class Study:
         bodies = self.bodies(sample)
         if not sample.materials:
             return equilibrium(bodies, laws, mu, steps)
+        if reduced and self.changing is not None:
+            return equilibrium(self._changed(bodies, sample), laws, mu, steps)
         try:
             return corrected_equilibrium(bodies, bulk.change(sample.materials), laws, mu, steps)
         except NotConverged:
@@ -275,6 +276,14 @@ class Study:
         u = displacement(own_bodies, eq, bodies.f)
         own.factor.destroy()
         return replace(eq, u=u)
+
+    def _changed(self, bodies: Bodies, sample: SampleInput) -> Bodies:
+        """Bodies of a sample's own materials, by the reduced model."""
+        c, changing = bodies.compliance, self.changing
+        if changing is None:
+            raise ValueError("prepare() comes first")
+        NN, NT, Nf = changing.compliance(sample.random, sample.pressures, c.k0)
+        return replace(bodies, compliance=replace(c, NN=NN, NT=NT, Nf=Nf))
 
     def bodies(self, sample: SampleInput) -> Bodies:
         """The scene's bodies under the loads of a sample."""
@@ -327,31 +336,6 @@ class Study:
         made = [self.recipe.law(micro.seed, i) for i in numbers]
         return make_library(made, list(numbers))
 
-    def _reduced(self, eq: Equilibrium, sample: SampleInput) -> dict[str, Any]:
-        return _arrays(modes := self.reduced.modes(eq.k, sample.mu)) | {
-            "coordinates": modes.right.astype(np.complex64)
-        }
-
-    def _full(self, eq: Equilibrium, sample: SampleInput, stiffness: Any) -> dict[str, Any]:
-        from brake_fenicsx.stability import complex_modes, contact_interface
-        from brake_fenicsx.stability.operators import tangent
-
-        stability, b = self.scene.stability, self.brake
-        if stability is None:
-            return {}
-        K = tangent(stiffness, b.N, b.T, b.w, eq.k, sample.mu)
-        band = (stability.band[0], stability.band[1])
-        friction = contact_interface(b.N, b.T, b.w * eq.k, sample.mu) if sample.mu.any() else None
-        modes = complex_modes(self.M, None, K, band, zeta_max=stability.zeta_max, friction=friction)
-        unstable = np.flatnonzero(np.array(modes.verdict) == "unstable")
-        out = _arrays(modes)
-        out |= {"vectors": modes.right[:, unstable].astype(np.complex64), "vector_mode": unstable}
-        shapes = self.shapes if self.reduced is None else self.reduced.Phi
-        if shapes is not None:
-            coordinates = shapes.T @ (local_rows(self.M) @ modes.right)
-            out["coordinates"] = coordinates.astype(np.complex64)
-        return out
-
     def write(self) -> Results:
         """modes.csv, samples.csv and contact.csv from the stored samples."""
         results = Results(self.store, self.tasks, self.verify, self.verified)
@@ -359,19 +343,10 @@ class Study:
             path = self.store.path
             write_rows(path("samples.csv"), results.sample_columns(SAMPLES), results.samples())
             if "stability" in self.scene.stages:
-                write_rows(path("modes.csv"), MODES, results.modes())
+                write_rows(path("modes.csv"), results.mode_columns(MODES), results.modes())
             write_rows(path("contact.csv"), CONTACT, results.contact(self.brake.contact))
             stability = self.scene.stability
             if stability is not None and {"stability", "uncertainty"} <= {*self.scene.stages}:
                 found = ensembles(results, stability.band)
                 self.facts["robustness"] = write_causes(path(), self.scene.samples, found)
         return results
-
-
-def _arrays(modes: Any) -> dict[str, Any]:
-    return {
-        "s": modes.s, "residual": modes.residual, "error": modes.error,
-        "condition": modes.condition, "verdict": np.array(modes.verdict, dtype=str),
-        "damping": modes.damping, "expected": modes.count.expected, "counted": modes.count.how,
-        "stability_seconds": modes.seconds,
-    }  # fmt: skip

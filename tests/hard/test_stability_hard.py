@@ -5,7 +5,7 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
+from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.stability import Reduced, complex_modes
 
 pytestmark = pytest.mark.hard
@@ -171,8 +171,5 @@ def test_singular_mass_leaves_no_finite_mode_behind():
     """A massless dof is condensed by the spectral transformation; the mode with mass is right."""
     K = sp.csr_matrix(np.array([[2.0, -1.0], [-1.0, 1.0]]))
     M = sp.csr_matrix(np.diag([1.0, 0.0]))
-    try:
-        m = complex_modes(M, None, K, (0.0, 1.0))
-    except BrakeError:
-        return
-    np.testing.assert_allclose(m.s[np.isfinite(m.s)], [1j], rtol=1e-9)
+    m = complex_modes(M, None, K, (0.0, 1.0))
+    np.testing.assert_allclose(m.s, [1j], rtol=1e-9)

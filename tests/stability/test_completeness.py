@@ -2,9 +2,13 @@
 
 import numpy as np
 import pytest
+import scipy.linalg as la
 
 from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.stability import Reduced, complex_modes
 from brake_fenicsx.stability.completeness import Trapezium, count_zeros
+from brake_fenicsx.stability.problem import search_region
+from brake_fenicsx.stability.sample import ZETA_MAX, _region
 
 REGION = Trapezium(low=-0.02, high=1.0, slope=0.5, rise=1e-3)
 
@@ -54,3 +58,41 @@ def test_zero_on_the_border_is_refused():
     A = matrix([0.2, 1.0])
     with pytest.raises(InaccurateResult, match="edge of the band"):
         count_zeros(lambda z: A - z * np.eye(2), REGION, np.zeros(0), most=400)
+
+
+@pytest.mark.parametrize("zeta", [0.05, 0.1, ZETA_MAX])
+def test_the_region_counted_holds_every_mode_of_the_band(zeta):
+    """In lambda the band is a sector; a region of |Im kappa| <= 2 zeta Re kappa is too narrow.
+
+    That one ends at zeta = 0.33 where 0.4 was meant, and cuts damped modes at the lower end.
+    """
+    rng, band = np.random.default_rng(0), (20.0, 90.0)
+    omega = 2 * np.pi * np.r_[band, rng.uniform(*band, 400)]
+    ratio = np.r_[zeta, zeta, rng.uniform(-zeta, zeta, 400)] * (1 - 1e-9)
+    kappa = -((omega * (-ratio / np.sqrt(1 - ratio**2) + 1j)) ** 2)
+    low, high = ((2 * np.pi * f) ** 2 for f in band)
+    assert np.all(search_region(kappa, low, high, zeta).holds(kappa))
+    if zeta == ZETA_MAX:
+        for sigma in (0.0, 0.1 * high):
+            assert np.all(_region(band, sigma).holds(kappa + sigma))
+
+
+@pytest.mark.parametrize("mu, low, note", [(2.0, 0.0, False), (4.0, 0.0, True), (4.0, 30e3, False)])
+def test_rows_and_count_agree_however_strong_the_flutter(two_blocks, mu, low, note):
+    """Damping ratios of 0.35 and 0.67, and a band that starts above zero: as many as there are.
+
+    The count said 20 where there are 22 rows, and refused every band that does not start at zero.
+    """
+    scene, band = two_blocks("guided"), (low, 90e3)
+    k = 3e11 * 10 ** np.random.default_rng(1).uniform(-1, 1, scene.w.size)
+    K = scene.tangent(k, mu)
+    s = np.sqrt(-la.eigvals(K.toarray(), scene.M.toarray()) + 0j)
+    s = np.where(s.imag < 0, -s, s)
+    inside = (s.imag >= 2 * np.pi * low) & (s.imag <= 2 * np.pi * band[1]) & (s.imag > 0)
+    m = Reduced(scene.K, scene.M, scene.N, scene.T, scene.w, 3e11, band).modes(k, mu)
+    assert len(m) == m.count.expected == inside.sum()
+    assert ("beyond the damping ratio 0.4" in m.count.how) == note
+    m = complex_modes(scene.M, None, K, band, frictionless=scene.tangent(k, 0.0), zeta_max=0.4)
+    assert "winding" in m.count.how and np.sum(np.abs(m.s.real) <= 0.4 * np.abs(m.s)) == np.sum(
+        inside & (np.abs(s.real) <= 0.4 * np.abs(s))
+    )

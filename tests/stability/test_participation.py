@@ -6,8 +6,14 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.stability import complex_modes
-from brake_fenicsx.stability.participation import energy_shares, flutter_partners
+from brake_fenicsx.macro.layer_mass import layer_masses
+from brake_fenicsx.stability import Reduced, complex_modes
+from brake_fenicsx.stability.participation import (
+    damped_partners,
+    energy_shares,
+    flutter_partners,
+    kinetic_grams,
+)
 
 
 def test_two_masses_on_springs():
@@ -59,3 +65,61 @@ def test_partners_of_a_flutter_pair():
     assert partner[flutter[1]] == flutter[0]
     np.testing.assert_allclose(m.s[partner[flutter]], -m.s[flutter].conj(), rtol=1e-9)
     np.testing.assert_array_equal(flutter_partners(np.array([0.1 + 1j, 2j, 3.0 + 0j])), -1)
+
+
+def damped(K, C):
+    """Modes of unit masses, and the partners of those that grow."""
+    M = sp.identity(len(K), format="csr")
+    m = complex_modes(M, sp.csr_matrix(C), sp.csr_matrix(K), (0.0, 1.0), zeta_max=0.5)
+    return m, damped_partners(m.s, m.right, M, np.array(m.verdict) == "unstable")
+
+
+@pytest.mark.parametrize("damping", [1e-9, 0.02, 0.1])
+def test_a_damped_flutter_pair_has_a_partner_though_no_exact_one(damping):
+    """Damping of one mass alone pulls the two eigenvalues apart; a third mode stays by itself."""
+    K = np.array([[1.1, 0.3, 0.0], [-0.3, 0.9, 0.0], [0.0, 0.0, 1.05]])
+    m, partner = damped(K, np.diag([damping, 0.0, 0.5 * damping]))
+    (i,) = np.flatnonzero(np.array(m.verdict) == "unstable")
+    j = int(partner[i])
+    assert partner[j] == i and np.sum(partner >= 0) == 2
+    third = int(np.argmax(np.abs(m.right[2]) / np.linalg.norm(m.right, axis=0)))
+    assert j != third
+    if damping > 1e-3:
+        assert flutter_partners(m.s)[i] == -1
+
+
+def test_a_mode_that_falling_friction_drives_alone_has_no_partner():
+    """Negative damping, symmetric stiffness: one mode grows, nothing coalesced."""
+    m, partner = damped(np.diag([1.0, 1.02, 2.0]), np.diag([-0.01, 0.01, 0.01]))
+    assert m.verdict.count("unstable") == 1
+    np.testing.assert_array_equal(partner, -1)
+
+
+def test_masses_of_the_layers_add_up(two_blocks, comm):
+    """To the mass matrix, and each to its own density times volume."""
+    scene = two_blocks("loose")
+    density = {name: m.rho for name, m in scene.materials.items()}
+    masses = layer_masses(scene.mesh, scene.free, density)
+    assert abs(sum(masses.values()) - scene.M).max() < 1e-14 * abs(scene.M).max()
+    one = lambda x: np.vstack([np.ones(x.shape[1]), 0 * x[0], 0 * x[0]])  # noqa: E731
+    u = scene.field(pad=one, plate=one)
+    assert u @ masses["pad.body"] @ u == pytest.approx(2510 * 12e-3 * 8e-3 * 5e-3, rel=1e-12)
+    assert u @ masses["plate.body"] @ u == pytest.approx(7200 * 20e-3 * 14e-3 * 5e-3, rel=1e-12)
+
+
+@pytest.mark.parametrize("mu", [0.3, 1.0])
+def test_shares_of_reduced_modes_are_those_of_the_whole_ones(two_blocks, mu):
+    """From the kept real modes alone: 1e-3 of the energy; and partners are those of full order."""
+    scene, band = two_blocks("guided"), (0.0, 90e3)
+    rng = np.random.default_rng(1)
+    k = 3e11 * 10 ** rng.uniform(-1, 1, scene.w.size)
+    red = Reduced(scene.elastic.K, scene.elastic.M, scene.N, scene.T, scene.w, 3e11, band)
+    m = red.modes(k, mu)
+    masses = layer_masses(scene.mesh, scene.free, {n: v.rho for n, v in scene.materials.items()})
+    leading = energy_shares(kinetic_grams(masses, red.Phi), m.right)
+    whole = energy_shares(masses, red.expand(m.s, m.right, k, mu))
+    full = complex_modes(scene.M, None, scene.tangent(k, mu), band, zeta_max=0.4)
+    for name in masses:
+        np.testing.assert_allclose(leading[name], whole[name], atol=1e-3)
+    assert len(full) == len(m)
+    np.testing.assert_array_equal(flutter_partners(m.s), flutter_partners(full.s))

@@ -1,0 +1,53 @@
+"""Mass of each layer by itself: what the kinetic energy of a mode is shared out by."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from petsc4py import PETSc
+
+import scipy.sparse as sp
+import ufl
+from dolfinx import fem
+from dolfinx.fem import petsc as fem_petsc
+
+from brake_fenicsx import compat
+
+from .condensation import gathered
+from .elasticity import QUADRATURE, FreeDofs, mass_form
+from .mesh import Mesh
+from .solver import local_rows
+
+
+def layer_masses(
+    mesh: Mesh, free: FreeDofs, density: Mapping[str, float]
+) -> dict[str, sp.csr_matrix]:
+    """Mass matrices of single layers; collective.
+
+    Args:
+        mesh: the tagged mesh.
+        free: numbering of the free dofs.
+        density: layer -> density [kg/m^3].
+
+    Returns:
+        Layer -> mass [kg] on the free dofs of all parts, whole on every process; they add up to the
+        mass.
+    """
+    u, v = ufl.TrialFunction(free.V), ufl.TestFunction(free.V)
+    start = free.V.dofmap.index_map.local_range[0] * free.V.dofmap.index_map_bs
+    keep = PETSc.IS().createGeneral(free.local + start, comm=mesh.domain.comm)
+    masses = {}
+    for layer, value in density.items():
+        cells = compat.meshtags(mesh.domain, 3, mesh.cell_tags.find(mesh.layers[layer]), 1)
+        rule = QUADRATURE[mesh.shape]
+        dx = ufl.Measure("dx", domain=mesh.domain, subdomain_data=cells, metadata=rule)(1)
+        rho = fem.Constant(mesh.domain, PETSc.ScalarType(value))
+        A = fem_petsc.assemble_matrix(fem.form(mass_form(u, v, rho, dx)))
+        A.assemble()
+        part = A.createSubMatrix(keep, keep)
+        A.destroy()
+        masses[layer] = local_rows(gathered(part))
+        # PETSc keeps places for all layers.
+        masses[layer].eliminate_zeros()
+        part.destroy()
+    return masses

@@ -1,0 +1,180 @@
+"""[stability.damping]: the damping terms of a scene, each only where it is named.
+
+Their signs and derivations are in ``stability.damping`` and ``stability.gyroscopic``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.toml_tables import key
+from brake_fenicsx.units import to_si
+
+if TYPE_CHECKING:
+    from brake_fenicsx.scene import Scene
+
+# Approaches whose friction is one number, whatever the scene's contact says.
+ONE_FRICTION = frozenset({"classical", "fast"})
+
+WHERE = "stability.damping"
+
+
+@dataclass(frozen=True, slots=True)
+class Damping:
+    """[stability.damping]: terms of the damping.
+
+    Attributes:
+        rayleigh: alpha [1/s] of the mass and beta [s] of the elastic stiffness.
+        loss: whether the loss factors of the materials act, ``materials.NAME.loss``.
+        omega_ref: frequency at which these hold, "2 kHz" or "12566 rad/s"; needed with loss.
+        sliding: whether friction turns with the direction of sliding.
+        slope: whether friction changes with the speed of sliding.
+        gyroscopic: whether the second bodies of the interfaces turn; or the parts that do.
+    """
+
+    rayleigh: tuple[float, ...] | None = key(default=None, units=("1/s", "s"), sign="zero")
+    loss: bool = False
+    omega_ref: str | None = key(default=None)
+    sliding: bool = False
+    slope: bool = False
+    gyroscopic: bool | tuple[str, ...] = False
+
+    @property
+    def reference(self) -> float:
+        """omega_ref [rad/s].
+
+        Raises:
+            SceneError: it is missing or not a frequency.
+        """
+        if self.omega_ref is None:
+            raise SceneError(f'{WHERE}.loss: needs omega_ref, such as omega_ref = "2 kHz"')
+        said = f"{WHERE}.omega_ref = {self.omega_ref!r}"
+        try:
+            value = to_si(self.omega_ref, "rad/s")
+        except ValueError:
+            raise SceneError(f'{said}: write a frequency, "2 kHz" or "12566 rad/s"') from None
+        if not 0 < value < np.inf:
+            raise SceneError(f"{said}: must be positive")
+        return value
+
+
+def turning_parts(scene: Scene) -> list[str]:
+    """Parts that turn: those named, or those of the second faces of all interfaces."""
+    stability = scene.stability
+    named = stability.damping.gyroscopic if stability and stability.damping else False
+    if not isinstance(named, bool):
+        return list(named)
+    return sorted({c.faces[1].partition(".")[0] for c in scene.contact.values()}) if named else []
+
+
+def active_terms(scene: Scene, approach: str) -> tuple[str, ...]:
+    """Names of the terms that act in the samples of an approach."""
+    stability = scene.stability
+    table = stability.damping if stability and "stability" in scene.stages else None
+    if table is None:
+        return ()
+    named = [n for n in ("rayleigh", "loss", "sliding", "slope", "gyroscopic") if getattr(table, n)]
+    left_out = set()
+    if approach in ONE_FRICTION:
+        left_out.add("slope")
+    if not _rubs(scene, approach):
+        left_out.add("sliding")
+    return tuple(n for n in named if n not in left_out)
+
+
+def check_damping(scene: Scene) -> None:
+    """Refuse terms that lack what they act on.
+
+    Raises:
+        SceneError: the key, its value and the remedy.
+    """
+    table = scene.stability.damping if scene.stability else None
+    if table is None:
+        return
+    _check_loss(scene, table)
+    terms = (table.rayleigh, table.loss, table.sliding, table.slope, table.gyroscopic)
+    if not any(terms):
+        raise SceneError(
+            f"{WHERE}: no term; name rayleigh, loss, sliding, slope or gyroscopic,"
+            " or leave the section out"
+        )
+    if table.rayleigh is not None and not any(table.rayleigh):
+        raise SceneError(f"{WHERE}.rayleigh = [0, 0]: no damping; leave it out")
+    _check_friction(scene, table)
+    if table.gyroscopic:
+        _check_turning(scene)
+
+
+def _check_loss(scene: Scene, table: Damping) -> None:
+    """Loss factors and their frequency belong together."""
+    if not table.loss:
+        if table.omega_ref is not None:
+            raise SceneError(
+                f"{WHERE}.omega_ref = {table.omega_ref!r}: has no meaning without loss = true"
+            )
+        return
+    _ = table.reference
+    if not any(scene.materials[name].loss for name in _used_materials(scene)):
+        raise SceneError(
+            f"{WHERE}.loss: no material of a part has a loss factor; write materials.NAME.loss"
+        )
+
+
+def _check_friction(scene: Scene, table: Damping) -> None:
+    """Terms of friction need friction, and its slope one that depends on the speed."""
+    approaches = scene.samples.approaches
+    if table.sliding and not any(_rubs(scene, a) for a in approaches):
+        raise SceneError(f"{WHERE}.sliding: there is no friction; write contact.NAME.friction")
+    if not table.slope:
+        return
+    frictions = [c.friction for c in scene.contact.values()]
+    if not any(not isinstance(f, float | int) and f.static != f.kinetic for f in frictions):
+        raise SceneError(
+            f"{WHERE}.slope: no friction depends on the speed; write"
+            " contact.NAME.friction = { static = .., kinetic = .., decay = .. }"
+        )
+    if ONE_FRICTION.issuperset(approaches):
+        raise SceneError(
+            f"{WHERE}.slope: friction is one number in the approaches"
+            f" {', '.join(approaches)}; name multi-scale or joint"
+        )
+
+
+def _check_turning(scene: Scene) -> None:
+    """The gyroscopic term needs a rotation, and parts that turn."""
+    motion = scene.motion
+    if motion is None or motion.direction is not None:
+        raise SceneError(
+            f'{WHERE}.gyroscopic: needs a rotation; write motion.axis = "z" and motion.speed'
+        )
+    if not motion.rotation:
+        raise SceneError(f"motion.speed = {motion.speed!r}: {WHERE}.gyroscopic needs a rotation")
+    for name in turning_parts(scene):
+        if name not in scene.parts:
+            raise SceneError(
+                f"{WHERE}.gyroscopic: there is no part {name!r}; there are {', '.join(scene.parts)}"
+            )
+
+
+def _rubs(scene: Scene, approach: str) -> bool:
+    """Whether some element of an approach's samples has friction."""
+    if any(name.endswith(".friction") for name in scene.samples.random) and (
+        scene.samples.takes_random(approach)
+    ):
+        return True
+    if approach in ONE_FRICTION:
+        return scene.samples.classical.friction > 0
+    frictions = [c.friction for c in scene.contact.values()]
+    return any(f if isinstance(f, float | int) else f.static or f.kinetic for f in frictions)
+
+
+def _used_materials(scene: Scene) -> set[str]:
+    """Materials of the parts."""
+    used: set[str] = set()
+    for part in scene.parts.values():
+        used |= {part.material} if isinstance(part.material, str) else {*part.material.values()}
+    return used

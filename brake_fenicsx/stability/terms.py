@@ -1,0 +1,164 @@
+"""Damping of a scene's brake: what all samples share, and what each adds at its interface.
+
+Rayleigh, loss factors and the turning disc belong to the bodies and are assembled once. Friction's
+own terms, C_s and C_mu of ``damping``, take the sample's pressures, friction and speeds at
+equilibrium. Of samples with materials of their own, beta K and eta K / omega_ref follow K.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from petsc4py import PETSc
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from brake_fenicsx.macro.brake import Brake, scene_motion
+from brake_fenicsx.macro.condensation import gathered
+from brake_fenicsx.macro.contact import Contact
+from brake_fenicsx.macro.elasticity import affine_parts
+from brake_fenicsx.macro.friction import Rotation
+from brake_fenicsx.macro.material import Material
+from brake_fenicsx.macro.material_table import layer_materials, scene_materials
+from brake_fenicsx.macro.solver import local_rows
+from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene_damping import Damping, active_terms, turning_parts
+
+from .damping import loss_factor, rayleigh, sliding_damping, velocity_slope
+from .gyroscopic import gyroscopic
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Terms:
+    """Damping terms of a scene.
+
+    Attributes:
+        bulk: those of the bodies [N s/m], whole on this process; None if there are none.
+        follows: material -> share [s] of a change of its stiffness that the damping takes.
+        sliding: whether friction turns with the direction of sliding.
+        slope: whether it changes with the speed.
+    """
+
+    bulk: sp.csr_matrix | None
+    follows: dict[str, float]
+    sliding: bool
+    slope: bool
+
+
+def damping_terms(scene: Scene, brake: Brake) -> Terms | None:
+    """Assemble the terms of the bodies; collective.
+
+    Args:
+        scene: the scene.
+        brake: its operators.
+
+    Returns:
+        The terms; None where the scene names none.
+    """
+    table = scene.stability.damping if scene.stability else None
+    if table is None:
+        return None
+    layers = layer_materials(scene, scene_materials(scene), brake.mesh.layers)
+    parts = []
+    if table.rayleigh is not None:
+        parts.append(rayleigh(brake.M, brake.K, *table.rayleigh))
+    if table.loss:
+        parts.append(_hysteretic(brake, layers, table.reference))
+    motion = scene_motion(scene)
+    if table.gyroscopic and isinstance(motion, Rotation):
+        turns = set(turning_parts(scene))
+        density = {n: m.rho for n, m in layers.items() if n.partition(".")[0] in turns}
+        parts.append(gyroscopic(brake.mesh, brake.elastic.free, density, motion.speed))
+    return Terms(_sum(parts), _follows(scene, table), table.sliding, table.slope)
+
+
+def damping_of_sample(
+    terms: Terms | None,
+    contact: Contact,
+    p: Array,
+    mu: Array,
+    slope: Array,
+    changes: Mapping[str, sp.spmatrix] | None = None,
+) -> sp.csr_matrix | None:
+    """Damping of one sample at its equilibrium.
+
+    Args:
+        terms: those of the scene.
+        contact: contact elements, the same for all samples.
+        p: pressures at equilibrium [Pa], shape (elements,).
+        mu: friction coefficients, shape (elements,).
+        slope: mu'(V) [s/m], shape (elements,).
+        changes: random material -> what it adds to the scene's stiffness [N/m].
+
+    Returns:
+        C [N s/m], whole on this process; None where nothing damps this sample.
+    """
+    if terms is None:
+        return None
+    parts = [] if terms.bulk is None else [terms.bulk]
+    for material, change in (changes or {}).items():
+        if terms.follows.get(material):
+            parts.append(terms.follows[material] * change)
+    if terms.sliding and np.any(mu * p):
+        parts.append(sliding_damping(contact.R, contact.w, p, contact.speed, mu))
+    if terms.slope and np.any(slope * p):
+        parts.append(velocity_slope(contact.T, contact.w, p, slope))
+    return sum(parts[1:], parts[0]).tocsr() if parts else None
+
+
+def record(scene: Scene, contact: Contact) -> dict[str, Any]:
+    """What acts where, with its numbers, for log and summary; empty without damping."""
+    table = scene.stability.damping if scene.stability else None
+    if table is None:
+        return {}
+    facts: dict[str, Any] = {}
+    if table.rayleigh is not None:
+        facts["rayleigh"] = {"alpha_1_s": table.rayleigh[0], "beta_s": table.rayleigh[1]}
+    if table.loss:
+        factors = {name: m.loss for name, m in scene.materials.items() if m.loss}
+        facts["loss"] = {"omega_ref_rad_s": table.reference, "factors": factors}
+    speeds = [float(contact.speed.min()), float(contact.speed.max())]
+    if table.sliding:
+        facts["sliding"] = {"speeds_m_s": speeds}
+    if table.slope:
+        facts["slope"] = {"speeds_m_s": speeds}
+    if table.gyroscopic:
+        speed = scene.motion.rotation if scene.motion else 0.0
+        facts["gyroscopic"] = {"speed_rad_s": speed, "parts": turning_parts(scene)}
+    for term, numbers in facts.items():
+        approaches = scene.samples.approaches
+        numbers["approaches"] = [a for a in approaches if term in active_terms(scene, a)]
+    return facts
+
+
+def _hysteretic(brake: Brake, layers: Mapping[str, Material], omega_ref: float) -> PETSc.Mat:
+    """Loss factors of the layers, one stiffness assembled for each value of them."""
+    values = sorted({m.loss for m in layers.values() if m.loss})
+    groups = [{n: m.C for n, m in layers.items() if m.loss == eta} for eta in values]
+    stiffnesses = affine_parts(brake.mesh, brake.elastic.free, groups)
+    C = loss_factor(list(zip(values, stiffnesses, strict=True)), omega_ref)
+    for K in stiffnesses:
+        K.destroy()
+    return C
+
+
+def _follows(scene: Scene, table: Damping) -> dict[str, float]:
+    beta = table.rayleigh[1] if table.rayleigh is not None else 0.0
+    loss = 1 / table.reference if table.loss else 0.0
+    return {name: beta + loss * m.loss for name, m in scene.materials.items()}
+
+
+def _sum(parts: list[PETSc.Mat]) -> sp.csr_matrix | None:
+    """Sum of distributed matrices, the whole of it on every process."""
+    if not parts:
+        return None
+    whole = [local_rows(gathered(A)) for A in parts]
+    for A in parts:
+        A.destroy()
+    return sum(whole[1:], whole[0]).tocsr()

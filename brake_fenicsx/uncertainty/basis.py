@@ -1,0 +1,108 @@
+"""The reduced model that the samples share: made once, kept in the results folder."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import fields
+from typing import Any
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.log import Progress, logger
+from brake_fenicsx.macro.brake import Brake
+from brake_fenicsx.macro.condensation import Compliance
+from brake_fenicsx.macro.solver import Factor, local_rows
+from brake_fenicsx.scene import Stability
+from brake_fenicsx.stability.basis import Basis
+from brake_fenicsx.stability.lanczos import lowest_modes
+from brake_fenicsx.stability.reduction import ORDER, Reduced
+from brake_fenicsx.store import Store
+
+Array = NDArray[np.float64]
+
+FILE = "cache/basis.npz"
+
+# Real modes up to this multiple of the band tell modes apart where there is no reduced model.
+FAMILIES = 1.3
+
+
+def reduced_model(
+    stability: Stability,
+    brake: Brake,
+    K: PETSc.Mat,
+    M: PETSc.Mat,
+    k0: Array,
+    store: Store,
+    comm: MPI.Comm,
+) -> tuple[Reduced, dict[str, Any]]:
+    """Make the reduced model, or load it; collective.
+
+    Args:
+        stability: band and cutoff.
+        brake: operators of the scene.
+        K: its stiffness [N/m], whole on this process.
+        M: its mass [kg], likewise.
+        k0: reference stiffness [Pa/m], shape (elements,).
+        store: the results folder.
+        comm: processes that share the work.
+
+    Returns:
+        The model, and its figures for the summary.
+    """
+    known = _cached(store)
+    progress = Progress("interface columns", -(-len(brake.w) // comm.size))
+    band = (stability.band[0], stability.band[1])
+    start = time.perf_counter()
+    reduced = Reduced(
+        K, M, brake.N, brake.T, brake.w, k0, band, stability.cutoff, comm, progress.advance, known
+    )
+    basis = reduced.basis
+    if known is None and comm.rank == 0:
+        arrays = {f.name: np.asarray(getattr(basis, f.name)) for f in fields(basis)}
+        store.save(FILE, Phi=reduced.Phi, **arrays)
+    return reduced, {
+        "real_modes": len(basis.Lambda),
+        "complete_up_to_hz": float(np.sqrt(basis.limit) / 2 / np.pi),
+        "seconds": time.perf_counter() - start,
+        **{f"seconds_{name}": value for name, value in reduced.seconds.items()},
+    }
+
+
+def compliance_of(reduced: Reduced, f: Array) -> Compliance:
+    """The bodies seen from their contact elements, under loads f [N]: part of the basis."""
+    basis, factor = reduced.basis, reduced.factor
+    return Compliance(
+        factor, basis.k0, basis.compliance[0], basis.compliance[1], reduced.N @ factor.solve(f)
+    )
+
+
+def family_shapes(factor: Factor, M: PETSc.Mat, highest: float, comm: MPI.Comm) -> Array:
+    """Real modes of the reference that families are followed in, shape (dofs, modes); collective.
+
+    Args:
+        factor: factor of the reference, on every process.
+        M: mass [kg], whole on this process.
+        highest: upper end of the band [Hz].
+        comm: processes that want them.
+    """
+    limit = (2 * np.pi * FAMILIES * highest) ** 2
+    found = lowest_modes(factor, local_rows(M), limit).Phi if comm.rank == 0 else None
+    shapes: Array = comm.bcast(found, root=0)
+    return shapes
+
+
+def _cached(store: Store) -> tuple[Basis, Array] | None:
+    """Basis and mode shapes that an earlier run left; None if there are none of this order."""
+    stored = store.load(FILE)
+    if stored is None or len(stored["NN"]) != ORDER + 1:
+        return None
+    logger.info("reduced basis: from the cache")
+    values: dict[str, Any] = {f.name: stored[f.name] for f in fields(Basis)}
+    for name in ("NN", "NT", "compliance"):
+        values[name] = tuple(values[name])
+    values["limit"] = float(values["limit"])
+    return Basis(**values), stored["Phi"]

@@ -1,0 +1,136 @@
+"""Reduced model of samples whose materials change: their box, and each one's place in it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.macro.brake import Brake
+from brake_fenicsx.macro.condensation import gathered_vector
+from brake_fenicsx.macro.elasticity import unit_loads
+from brake_fenicsx.macro.material_sample import varied_stiffness
+from brake_fenicsx.macro.solver import local_rows
+from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene_samples import split_key
+from brake_fenicsx.stability.ensemble_basis import EnsembleBasis
+from brake_fenicsx.stability.modes import Modes
+
+from .bulk import PLACES, Bulk
+
+Array = NDArray[np.float64]
+
+
+class Box:
+    """The box of the random material constants of all samples.
+
+    Moduli enter by their inverse: a body that is softer as a whole by a factor answers with that
+    factor, and the interpolation has nothing left to do.
+    """
+
+    def __init__(self, scene: Scene, bulk: Bulk, drawn: Sequence[Mapping[str, float]]):
+        """Span the box.
+
+        Args:
+            scene: the scene.
+            bulk: unit changes of the random materials.
+            drawn: random inputs of every sample, by name.
+        """
+        self.scene, self.bulk = scene, bulk
+        self.names = [n for n in sorted(scene.samples.random) if split_key(n)[0] == "materials"]
+        values = np.array([[self._turned(n, d[n]) for n in self.names] for d in drawn])
+        self.low, self.high = values.min(axis=0), values.max(axis=0)
+
+    def place(self, drawn: Mapping[str, float]) -> Array:
+        """A sample's place in [-1, 1]^d."""
+        values = np.array([self._turned(n, drawn[n]) for n in self.names])
+        width = np.where(self.high > self.low, self.high - self.low, 1.0)
+        return np.asarray((2 * values - self.low - self.high) / width)
+
+    def coefficients(self, x: Array) -> Array:
+        """Coefficients of the unit changes of ``bulk.parts`` [Pa] at a place."""
+        values = 0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * x
+        groups: dict[str, dict[str, float]] = {}
+        for name, value in zip(self.names, values, strict=True):
+            _, material, constant = split_key(name)
+            groups.setdefault(material, {})[constant] = self._turned(name, value)
+        change = {
+            m: varied_stiffness(self.scene.materials[m], given) - self.bulk.materials[m]
+            for m, given in groups.items()
+        }
+        return np.array([change[material][PLACES[c]] for material, c in self.bulk.parts])
+
+    @staticmethod
+    def _turned(name: str, value: float) -> float:
+        """The inverse of a modulus, anything else itself; its own inverse."""
+        return 1 / value if split_key(name)[2][0] in "EGC" and value > 0 else value
+
+
+class ChangingBodies:
+    """Modes and compliance of samples of other materials.
+
+    Attributes:
+        basis: the reduced model of all of them.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        brake: Brake,
+        matrices: tuple[PETSc.Mat, PETSc.Mat],
+        bulk: Bulk,
+        drawn: Sequence[Mapping[str, float]],
+        comm: MPI.Comm,
+    ):
+        """Offline stage; collective.
+
+        Args:
+            scene: the scene, with its section [stability].
+            brake: its operators.
+            matrices: stiffness [N/m] and mass [kg], whole on this process.
+            bulk: unit changes of the random materials.
+            drawn: random inputs of every sample, by name.
+            comm: processes that share the work.
+
+        Raises:
+            SceneError, InaccurateResult: the materials are not positive definite everywhere in the
+                box of the samples.
+        """
+        stability = scene.stability
+        if stability is None:
+            raise ValueError("a scene without [stability] has no modes")
+        self.box = Box(scene, bulk, drawn)
+        self.faces = sorted(scene.loads)
+        mesh, free = brake.mesh, brake.elastic.free
+        loads = [gathered_vector(unit_loads(mesh, free, face)) for face in self.faces]
+        self._pressures = {face: scene.loads[face].pressure for face in self.faces}
+        K, M = (local_rows(A) for A in matrices)
+        band = (stability.band[0], stability.band[1])
+        self.basis = EnsembleBasis(
+            K, M, brake.N, brake.T, brake.w, np.stack(loads, axis=1), list(bulk.parts.values()),
+            self.box.coefficients, len(self.box.names), band, comm=comm,
+        )  # fmt: skip
+
+    def compliance(
+        self, drawn: Mapping[str, float], pressures: Mapping[str, float], k0: Array
+    ) -> tuple[Array, Array, Array]:
+        """Compliance of a sample's bodies on springs k0, and its gaps under the loads.
+
+        Args:
+            drawn: its random inputs.
+            pressures: its random pressures [Pa], by face.
+            k0: reference stiffness [Pa/m].
+        """
+        NN, NT, Nf = self.basis.compliance(self.box.place(drawn), k0)
+        load = {**self._pressures, **pressures}
+        return NN, NT, Nf @ np.array([load[face] for face in self.faces])
+
+    def modes(
+        self, drawn: Mapping[str, float], k: Array, mu: Array, tolerance: float = 1e-6
+    ) -> Modes:
+        """Complex modes of a sample, in coordinates of the basis."""
+        return self.basis.modes(self.box.place(drawn), k, mu, tolerance)

@@ -1,0 +1,212 @@
+"""Complex modes of one sample: which solver takes it, and what is kept of its modes.
+
+Samples without damping go through a reduced model, where there is one: that of the scene's bodies,
+or that of bodies whose materials change; all others are solved at full order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from petsc4py import PETSc
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from brake_fenicsx.macro.brake import Brake
+from brake_fenicsx.macro.equilibrium import Equilibrium
+from brake_fenicsx.macro.layer_mass import layer_masses
+from brake_fenicsx.macro.material_table import layer_materials, scene_materials
+from brake_fenicsx.macro.solver import local_rows
+from brake_fenicsx.scene import Scene, Stability
+from brake_fenicsx.stability import Modes, Reduced, complex_modes, contact_interface
+from brake_fenicsx.stability.operators import tangent
+from brake_fenicsx.stability.participation import (
+    damped_partners,
+    energy_shares,
+    flutter_partners,
+    kinetic_grams,
+)
+from brake_fenicsx.stability.terms import Terms, damping_of_sample, damping_terms, record
+
+from .bulk import Bulk
+
+if TYPE_CHECKING:
+    from .changing import ChangingBodies
+    from .sampling import SampleInput
+
+Array = NDArray[np.float64]
+Arrays = dict[str, Any]
+
+
+@dataclass(slots=True)
+class Shared:
+    """What the samples' modes share.
+
+    Attributes:
+        brake: operators of the scene.
+        K: its stiffness [N/m], whole on this process.
+        M: its mass [kg], likewise.
+        stability: the scene's settings.
+        masses: mass of each layer [kg], shape (dofs, dofs).
+        terms: damping terms; None without damping.
+        damping: what acts, with its numbers, for log and summary.
+        bulk: unit changes of random materials and loads, if there are any.
+        reduced: the reduced model, if it serves any sample.
+        grams: masses of the layers in its real modes, shape (modes, modes).
+        shapes: real modes that tell families apart where there is no reduced model.
+        changing: the reduced model of bodies whose materials change, if there is one.
+        changing_grams: masses of the layers in its coordinates.
+        onto: its coordinates in those of ``basis``; None where there is no such basis.
+    """
+
+    brake: Brake
+    K: PETSc.Mat
+    M: PETSc.Mat
+    stability: Stability
+    masses: dict[str, sp.csr_matrix]
+    terms: Terms | None = None
+    damping: dict[str, Any] = field(default_factory=dict)
+    bulk: Bulk | None = None
+    reduced: Reduced | None = None
+    grams: dict[str, Array] = field(default_factory=dict)
+    shapes: Array | None = None
+    changing: ChangingBodies | None = None
+    changing_grams: dict[str, Array] = field(default_factory=dict)
+    onto: Array | None = None
+
+    def take_changing(self, changing: ChangingBodies) -> None:
+        """Use a reduced model of bodies whose materials change."""
+        self.changing = changing
+        own = changing.basis
+        self.changing_grams = {name: own.projected(A) for name, A in self.masses.items()}
+        if self.basis is not None:
+            self.onto = own.projected(local_rows(self.M), self.basis)
+
+    @property
+    def basis(self) -> Array | None:
+        """Real modes in whose coordinates families are followed, shape (dofs, modes)."""
+        return self.shapes if self.reduced is None else self.reduced.Phi
+
+
+def share(
+    scene: Scene,
+    brake: Brake,
+    whole: tuple[PETSc.Mat, PETSc.Mat],
+    bulk: Bulk | None,
+    reduced: Reduced | None,
+) -> Shared:
+    """Assemble what the samples' modes share; collective.
+
+    Args:
+        scene: the scene, with its section [stability].
+        brake: its operators.
+        whole: stiffness [N/m] and mass [kg], whole on this process.
+        bulk: unit changes of random materials and loads, if there are any.
+        reduced: the reduced model, if it serves any sample.
+    """
+    if scene.stability is None:
+        raise ValueError("a scene without [stability] has no modes")
+    layers = layer_materials(scene, scene_materials(scene), brake.mesh.layers)
+    density = {name: m.rho for name, m in layers.items()}
+    masses = layer_masses(brake.mesh, brake.elastic.free, density)
+    terms, damping = damping_terms(scene, brake), record(scene, brake.contact)
+    shared = Shared(brake, *whole, scene.stability, masses, terms, damping, bulk, reduced)
+    if reduced is not None:
+        shared.grams = kinetic_grams(masses, reduced.Phi)
+    return shared
+
+
+def modes_of_sample(
+    shared: Shared, sample: SampleInput, eq: Equilibrium, by_reduction: bool
+) -> Arrays:
+    """Complex modes of a sample, as arrays to store: the one place that chooses the solver.
+
+    Args:
+        shared: what all samples share.
+        sample: its inputs; materials that differ from the scene's change the stiffness.
+        eq: its equilibrium.
+        by_reduction: whether the reduced model of the scene's own bodies may serve.
+    """
+    C = sample_damping(shared, sample, eq)
+    if by_reduction and C is None:
+        if sample.materials and shared.changing is not None:
+            return _changing(shared, shared.changing, sample, eq)
+        if not sample.materials and shared.reduced is not None:
+            return _reduced(shared, shared.reduced, sample, eq)
+    return _full(shared, sample, eq, C)
+
+
+def sample_damping(shared: Shared, sample: SampleInput, eq: Equilibrium) -> sp.csr_matrix | None:
+    """Damping C [N s/m] of a sample, whole on this process; None where nothing damps it."""
+    changes, bulk = {}, shared.bulk
+    if bulk is not None:
+        changes = {
+            name: bulk.change({**bulk.materials, name: C}) for name, C in sample.materials.items()
+        }
+    contact = shared.brake.contact
+    return damping_of_sample(shared.terms, contact, eq.p, sample.mu, sample.slope, changes)
+
+
+def _reduced(shared: Shared, reduced: Reduced, sample: SampleInput, eq: Equilibrium) -> Arrays:
+    modes = reduced.modes(eq.k, sample.mu, shared.stability.tolerance)
+    return {
+        **_record(modes),
+        **_composition(modes, energy_shares(shared.grams, modes.right), flutter_partners(modes.s)),
+        "coordinates": modes.right.astype(np.complex64),
+    }
+
+
+def _changing(
+    shared: Shared, changing: ChangingBodies, sample: SampleInput, eq: Equilibrium
+) -> Arrays:
+    modes = changing.modes(sample.random, eq.k, sample.mu, shared.stability.tolerance)
+    shares = energy_shares(shared.changing_grams, modes.right)
+    coordinates = modes.right if shared.onto is None else shared.onto @ modes.right
+    return {
+        **_record(modes), **_composition(modes, shares, flutter_partners(modes.s)),
+        "coordinates": coordinates.astype(np.complex64),
+    }  # fmt: skip
+
+
+def _full(shared: Shared, sample: SampleInput, eq: Equilibrium, C: sp.csr_matrix | None) -> Arrays:
+    b, stability = shared.brake, shared.stability
+    stiffness = shared.K
+    if shared.bulk is not None and sample.materials:
+        stiffness = shared.bulk.stiffness(sample.materials)
+    K = tangent(stiffness, b.N, b.T, b.w, eq.k, sample.mu)
+    band = (stability.band[0], stability.band[1])
+    friction = contact_interface(b.N, b.T, b.w * eq.k, sample.mu) if sample.mu.any() else None
+    M = local_rows(shared.M)
+    modes = complex_modes(M, C, K, band, zeta_max=stability.zeta_max, friction=friction)
+    unstable = np.array(modes.verdict) == "unstable"
+    if C is None:
+        partners = flutter_partners(modes.s)
+    else:
+        partners = damped_partners(modes.s, modes.right, M, unstable)
+    grown = np.flatnonzero(unstable)
+    out = {
+        **_record(modes),
+        **_composition(modes, energy_shares(shared.masses, modes.right), partners),
+        "vectors": modes.right[:, grown].astype(np.complex64), "vector_mode": grown,
+    }  # fmt: skip
+    if shared.basis is not None:
+        out["coordinates"] = (shared.basis.T @ (M @ modes.right)).astype(np.complex64)
+    return out
+
+
+def _record(modes: Modes) -> Arrays:
+    return {
+        "s": modes.s, "residual": modes.residual, "error": modes.error,
+        "condition": modes.condition, "verdict": np.array(modes.verdict, dtype=str),
+        "damping": modes.damping, "expected": modes.count.expected, "counted": modes.count.how,
+        "stability_seconds": modes.seconds,
+    }  # fmt: skip
+
+
+def _composition(modes: Modes, shares: dict[str, Array], partner: NDArray[np.intp]) -> Arrays:
+    """What a mode is made of: its flutter partner, and the layers' shares of its kinetic energy."""
+    values = np.array(list(shares.values())).reshape(len(shares), len(modes))
+    return {"partner": partner, "layers": np.array(list(shares), dtype=str), "shares": values}

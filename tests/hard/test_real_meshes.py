@@ -1,0 +1,185 @@
+"""Hard cases on real meshes, with and without damping, against independent solvers."""
+
+from functools import cache
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+
+from brake_fenicsx.macro.brake import assemble_brake
+from brake_fenicsx.macro.elasticity import affine_parts
+from brake_fenicsx.macro.layer_mass import layer_masses
+from brake_fenicsx.macro.solver import local_rows
+from brake_fenicsx.scene import read_scene
+from brake_fenicsx.stability import complex_modes
+from brake_fenicsx.stability.damping import loss_factor, rayleigh
+from brake_fenicsx.stability.interface import contact_interface
+from brake_fenicsx.stability.participation import energy_shares
+
+pytestmark = pytest.mark.hard
+
+TWO_PI = 2 * np.pi
+SCENES = Path(__file__).parents[2] / "scripts" / "scenes"
+
+
+def solved(scene, k, mu, C, band, **more):
+    """Full order of a sample, its friction as an interface."""
+    face = contact_interface(scene.N, scene.T, scene.w * k, mu) if mu else None
+    return complex_modes(scene.M, C, scene.tangent(k, mu), band, friction=face, **more)
+
+
+def undamped(kappa):
+    """lambda with omega >= 0 of each kappa."""
+    lam = np.sqrt(-np.asarray(kappa) + 0j)
+    return np.where(lam.imag < 0, -lam, lam)
+
+
+def rayleigh_of(kappa, alpha, beta):
+    """lambda^2 + lambda (alpha + beta kappa) + kappa = 0: exact for C = alpha M + beta K."""
+    c = alpha + beta * kappa
+    return -c / 2 + np.array([1, -1])[:, None] * np.sqrt(c**2 / 4 - kappa + 0j)
+
+
+def agree(m, exact, tolerance=1e-7):
+    """As many as there are, each one of them."""
+    assert len(m) == exact.size > 5
+    far = np.abs(m.s[:, None] - exact[None, :])
+    assert np.unique(far.argmin(axis=1)).size == len(m)
+    assert np.all(far.min(axis=1) <= tolerance * np.abs(m.s) + m.error)
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("beta", [None, 1e-8])
+def test_contact_face_without_mass(two_blocks, mu, beta):
+    """A third of the dofs: against the stiffness condensed on the others.
+
+    Catches infinite eigenvalues that come back as finite ones, and modes lost with them.
+    """
+    scene, band = two_blocks("guided"), (0.0, 90e3)
+    k = np.full(scene.w.size, 3e11)
+    face = np.unique(np.r_[scene.N.indices, scene.T.indices])
+    rest = np.setdiff1d(np.arange(scene.M.shape[0]), face)
+    heavy = np.ones(scene.M.shape[0])
+    heavy[face] = 0.0
+    M = (sp.diags(heavy) @ scene.M @ sp.diags(heavy)).tocsr()
+    K = scene.tangent(k, mu)
+    D = K.toarray()
+    condensed = D[np.ix_(rest, rest)] - D[np.ix_(rest, face)] @ la.solve(
+        D[np.ix_(face, face)], D[np.ix_(face, rest)]
+    )
+    kappa = la.eigvals(condensed, M[rest][:, rest].toarray())
+    C = None if beta is None else (200.0 * M + beta * K).tocsr()
+    s = undamped(kappa) if beta is None else rayleigh_of(kappa, 200.0, beta).ravel()
+    s = s[(s.imag > 0) & (s.imag <= TWO_PI * band[1])]
+    more = {"friction": contact_interface(scene.N, scene.T, scene.w * k, mu)} if mu else {}
+    agree(complex_modes(M, C, K, band, zeta_max=0.3, **more), s)
+
+
+@cache
+def loose_kappa(scene, mu):
+    """All kappa of the loose blocks; a spring on every mass moves the zeros away."""
+    a = (TWO_PI * 5e3) ** 2
+    L = la.cholesky(scene.M.toarray(), lower=True)
+    K = scene.tangent(np.full(scene.w.size, 1e11), mu).toarray()
+    A = la.solve_triangular(L, la.solve_triangular(L, K, lower=True).T, lower=True).T
+    return la.eigvals(A + a * np.eye(len(A))) - a
+
+
+@pytest.mark.parametrize("mu", [0.3, 1.0])
+@pytest.mark.parametrize("damped", ["no", "rayleigh", "loss"])
+def test_rigid_modes_with_friction(two_blocks, mu, damped):
+    """Two free blocks, one sliding on the other: six rigid modes and three of sliding.
+
+    None lost, none a growing mode; with loss factors alone nothing damps them, and each is a double
+    zero of the quadratic problem.
+    """
+    scene, band = two_blocks("loose"), (0.0, 60e3)
+    k = np.full(scene.w.size, 1e11)
+    C = {
+        "no": None,
+        "rayleigh": rayleigh(scene.M, scene.K, 5.0, 1e-9),
+        "loss": loss_factor([(1e-3, scene.K)], TWO_PI * 20e3),
+    }[damped]
+    m = solved(scene, k, mu, C, band)
+    rigid = np.abs(m.s) < 10.0
+    assert rigid.sum() == 9
+    assert set(np.array(m.verdict)[rigid]) == {"neutral"}
+    kappa = loose_kappa(scene, mu)
+    elastic = undamped(kappa[np.abs(kappa) > 1e5])
+    elastic = elastic[elastic.imag <= TWO_PI * band[1]]
+    found = m.s[~rigid]
+    assert found.size == elastic.size > 5
+    order = np.lexsort((elastic.real, np.round(elastic.imag)))
+    # Little damping moves frequencies in second order only.
+    np.testing.assert_allclose(found.imag, elastic[order].imag, rtol=1e-5)
+
+
+def linearised(M, C, K, scale, centre, number):
+    """Eigenvalues nearest to a point by ARPACK and SuperLU on the doubled pencil."""
+    one = sp.identity(M.shape[0])
+    A = sp.bmat([[None, one], [-K / scale**2, -C / scale]]).tocsc().astype(complex)
+    B = sp.block_diag([one, M]).tocsc().astype(complex)
+    v0 = np.random.default_rng(0).standard_normal(2 * M.shape[0]) + 0j
+    s, _ = spla.eigs(A, number, B, sigma=centre / scale, v0=v0, ncv=3 * number)
+    return s * scale
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.7])
+def test_damping_contrast_of_a_thousand_between_parts(two_blocks, mu):
+    """Lining with eta = 0.1 on a plate with 1e-4, all in one band."""
+    scene, band = two_blocks("guided"), (0.0, 90e3)
+    k = np.full(scene.w.size, 3e11)
+    layers = {name: {name: m.C} for name, m in scene.materials.items()}
+    parts = dict(
+        zip(layers, affine_parts(scene.mesh, scene.free, list(layers.values())), strict=True)
+    )
+    pad, plate = (local_rows(parts[name]) for name in ("pad.body", "plate.body"))
+    assert abs(pad + plate - scene.K).max() < 1e-12 * abs(scene.K).max()
+    C = loss_factor([(0.1, pad), (1e-4, plate)], TWO_PI * 60e3)
+    m = solved(scene, k, mu, C, band, zeta_max=0.3)
+    K, high = scene.tangent(k, mu), TWO_PI * band[1]
+    exact = linearised(scene.M, C, K, high, 0.5j * high, 40)
+    # Complete up to the farthest that was found.
+    reach = np.abs(exact - 0.5j * high).max()
+    assert reach > 0.7 * high
+    inside = (exact.imag > 0) & (exact.imag <= high)
+    inside &= exact.real >= -0.3 * np.abs(exact)
+    agree(m, exact[inside])
+    zeta = -m.s.real / np.abs(m.s)
+    assert zeta.max() > 0.02 and "stable" in m.verdict
+
+
+SOFT = [
+    "stages=['equilibrium','stability']", "contact.pad_disc.gap=none",
+    "contact.pad_disc.law={ linear='1e10 Pa/m' }", "parts.disc.size='24 mm'",
+    "parts.pad.size='18 mm'", "parts.pad.plate_size='18 mm'", "mesh.quality=0.01",
+    "parts.pad.shim=['1 mm','1 mm']", "parts.pad.side=top",
+    "materials.soft={ model='isotropic', E='20.7 MPa', nu=0.28, rho='7820 kg/m^3' }",
+    "parts.pad.material={ lining='lining', plate='steel', shim1='soft', shim2='steel' }",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.5])
+def test_solid_shim_ten_thousand_times_softer_than_steel(mu):
+    """A steel sheet on 1 mm of it, meshed as layers: all modes of the band as ARPACK finds them."""
+    b = assemble_brake(read_scene(SCENES / "disc_brake_demo.toml", SOFT), MPI.COMM_SELF)
+    K, M = local_rows(b.K), local_rows(b.M)
+    k = np.full(b.w.size, 1e10)
+    tangent = (K + (b.N + mu * b.T).T @ sp.diags(b.w * k) @ b.N).tocsr()
+    face = contact_interface(b.N, b.T, b.w * k, mu) if mu else None
+    m = complex_modes(M, None, tangent, (0.0, 6e3), friction=face)
+    centre = (TWO_PI * 4e3) ** 2
+    v0 = np.random.default_rng(0).standard_normal(M.shape[0])
+    kappa = spla.eigs(tangent.tocsc(), 45, M.tocsc(), sigma=centre, v0=v0, ncv=130)[0]
+    assert np.abs(kappa - centre).max() > centre, "ARPACK sees the whole of the band"
+    exact = undamped(kappa)
+    agree(m, exact[(exact.imag > 0) & (exact.imag <= TWO_PI * 6e3)])
+    density = dict.fromkeys(b.mesh.layers, 7820.0) | {"disc.body": 7200.0, "pad.lining": 2510.0}
+    share = energy_shares(layer_masses(b.mesh, b.elastic.free, density), m.right)
+    # The sheet moves by itself, as it never does on steel.
+    assert np.any(share["pad.shim2"] > 0.5)

@@ -1,0 +1,45 @@
+"""Interpolation between anchors: exact for polynomials, geometric for smooth functions."""
+
+from itertools import product
+from math import comb
+
+import numpy as np
+import pytest
+
+from brake_fenicsx.stability.anchors import Anchors
+
+
+@pytest.mark.parametrize(("dimension", "degree"), [(1, 5), (2, 4), (3, 3), (5, 2)])
+def test_polynomials_are_exact(dimension, degree):
+    """Any monomial up to the degree, from as many anchors as there are monomials."""
+    anchors = Anchors(dimension, degree)
+    assert len(anchors.points) == comb(dimension + degree, degree)
+    assert np.all(np.abs(anchors.points) <= 1)
+    x = np.random.default_rng(1).uniform(-1, 1, dimension)
+    for power in product(range(degree + 1), repeat=dimension):
+        if sum(power) <= degree:
+            values = np.prod(anchors.points**power, axis=1)
+            assert anchors.weights(x, degree) @ values == pytest.approx(np.prod(x**power), abs=1e-9)
+
+
+def test_lower_degrees_use_the_first_anchors():
+    """The centre alone is degree 0; each degree adds anchors and moves none."""
+    anchors = Anchors(3, 4)
+    assert np.all(anchors.points[0] == 0)
+    for degree in range(4):
+        lower = Anchors(3, degree)
+        n = anchors.count(degree)
+        assert n == len(lower.points)
+        np.testing.assert_array_equal(anchors.points[:n], lower.points)
+
+
+def test_error_falls_geometrically():
+    """Of 1 / (4 + x + y), by the distance of its pole."""
+    point = np.array([-0.7, -0.8])
+    errors = []
+    for degree in range(1, 8):
+        anchors = Anchors(2, degree)
+        values = 1 / (4 + anchors.points.sum(axis=1))
+        errors.append(abs(anchors.weights(point, degree) @ values - 1 / (4 + point.sum())))
+    slope = np.polyfit(np.arange(1, 8), np.log(errors), 1)[0]
+    assert slope < np.log(0.45), errors
