@@ -55,10 +55,9 @@ comm = MPI.COMM_WORLD
 # (b) FAST: perfect contact, the friction coefficient drawn from N(0.5, 0.05) cut to [0.3, 0.7];
 # (c) the classical approach: perfect contact, mu = 0.5.
 #
-# The source also varies the pad's moduli in (b). That costs minutes a sample here, since the modes
-# of changed bodies are found at full order; to have it, add
+# The source also varies the pad's moduli in (b). To have that, add
 # `--set 'samples.random."materials.lining.E_3"={ law = "uniform", spread = 0.2 }'`, likewise G_13
-# and G_23.
+# and G_23; it takes longer, since the brake's own basis does not serve other moduli.
 
 # +
 FRICTION = "{ law = 'normal', mean = 0.5, sd = 0.05, min = 0.3, max = 0.7 }"

@@ -156,7 +156,7 @@ def _say(V: Any, path: Path, note: str, vtx: bool) -> None:
     """Log what the file holds, and where the rest is; collective."""
     if V.mesh.comm.rank == 0:
         rest = VTX_TOO.format(path.with_suffix(".bp").name) if vtx else NO_VTX
-        logger.info("%s: %s", path, f"{note[:-1]}; {rest}." if note == LOSS else note)
+        logger.info("%s: %s", path.name, f"{note[:-1]}; {rest}." if note == LOSS else note)
     V.mesh.comm.barrier()
 
 

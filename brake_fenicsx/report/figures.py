@@ -104,7 +104,8 @@ PLOTS = (
     Plot(
         "sensitivity",
         "Share of the variance of the growth rate (0 where stable) that each random input explains "
-        "alone, with 95 % intervals; diamonds: together with its interactions.",
+        "alone, with 95 % intervals; diamonds: together with its interactions. Empty bars: too few "
+        "samples for an interval.",
         draw_sensitivity,
     ),
     Plot(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import os
 from collections.abc import Mapping, Sequence
 from html import escape
@@ -12,15 +11,14 @@ from typing import Any
 
 from .accuracy import ERROR_COLUMNS, SPEED_COLUMNS, error_rows, speed_rows, stage_rows
 from .figures import PLOTS, make_figures
+from .html_parts import image, pairs, table
 from .overview import approach_rows, cause_rows, family_rows, share_text
 from .page_style import CSS
 from .rundata import RunData, read_run
 from .style import APPROACH_NAME
 from .surface_figures import surface_statistics
-from .tables import Value, show
+from .tables import Value
 
-LONGEST = 60  # values of a list shown in full
-SHORT = 28  # characters that are not broken into lines
 CAPTIONS = {plot.name: plot.caption for plot in PLOTS}
 STATISTICS = (
     ("mean", "mean height over the instrument's zero [µm]", 1e6),
@@ -116,7 +114,7 @@ def _lead(run: RunData) -> str:
         "most often unstable",
     ]
     body = [[_name(row), *row[1:6], share_text(row[6:9]), row[9]] for row in rows]
-    return _table(heads, body) + (
+    return table(heads, body) + (
         "<p>Shares carry 95 % Wilson intervals: they say how well this number of samples can know "
         "the share, not how well the model knows the brake.</p>"
     )
@@ -153,7 +151,7 @@ def _squeal(run: RunData) -> str:
         "Negative damping is a mode that grows from the equilibrium: a squeal candidate. "
         "How large the vibration becomes is beyond a linear analysis.</p>"
     )
-    return note + figures + (_table(heads, rows) if rows else "")
+    return note + figures + (table(heads, rows) if rows else "")
 
 
 def _probability(run: RunData) -> str:
@@ -191,8 +189,8 @@ def _drivers(run: RunData) -> str:
         "(open: the interval holds the limit). The last four columns share out the variance of the "
         "growth rate; the rest is roughness together with all interactions.</p>"
     )
-    table = note + _table(heads, rows) if rows else ""
-    return _figures(run, "sensitivity", "drivers") + table
+    told = note + table(heads, rows) if rows else ""
+    return _figures(run, "sensitivity", "drivers") + told
 
 
 def _interval(values: Sequence[Value]) -> str:
@@ -208,7 +206,7 @@ def _percent(value: Value) -> str:
 def _shapes(run: RunData) -> str:
     folder = run.directory / "figures"
     paths = [*sorted(folder.glob("mesh*.png")), *sorted(folder.glob("mode_*.png"))]
-    return "\n".join(_image(path, _heading(path), "shape") for path in paths)
+    return "\n".join(image(path, _heading(path), "shape") for path in paths)
 
 
 def _heading(path: Path) -> str:
@@ -229,23 +227,23 @@ def _surface(run: RunData) -> str:
             spread = float(error) * factor if isinstance(error, int | float) else None
             rows.append([text, float(value) * factor, spread])
     names = ("figure4_topography", "figure5_statistics", "figure6_artificial")
-    table = _table(["quantity", "value", "standard error"], rows) if rows else ""
-    return _figures(run, *names) + table
+    numbers = table(["quantity", "value", "standard error"], rows) if rows else ""
+    return _figures(run, *names) + numbers
 
 
 def _accuracy(run: RunData) -> str:
     parts = []
     stages = stage_rows(run.summary)
     if stages:
-        parts.append(_table(["stage", "time [s]", "peak memory [MB]"], stages))
+        parts.append(table(["stage", "time [s]", "peak memory [MB]"], stages))
     speed = speed_rows(run)
     if speed:
         heads = [name.replace("_", " ").replace("seconds per", "s per") for name in SPEED_COLUMNS]
-        parts.append(_table(heads, [[_name(row), *row[1:]] for row in speed]))
+        parts.append(table(heads, [[_name(row), *row[1:]] for row in speed]))
     errors = error_rows(run)
     if errors:
         heads = [name.replace("_", " ") for name in ERROR_COLUMNS]
-        parts.append(_table(heads, [[_name(row), *row[1:]] for row in errors]))
+        parts.append(table(heads, [[_name(row), *row[1:]] for row in errors]))
         parts.append(
             "<p>Errors are relative errors of the eigenvalues as the solver estimates them; "
             "condition is that of the eigenvalue: error = backward error times condition.</p>"
@@ -254,13 +252,13 @@ def _accuracy(run: RunData) -> str:
     rest = {key: value for key, value in run.summary.items() if key not in known}
     if not parts and not rest:
         return ""
-    pairs = _pairs("quantity", rest) if rest else ""
-    return "\n".join([*parts, _figures(run, "stages", "eigenvalue_errors"), pairs])
+    facts = pairs("quantity", rest) if rest else ""
+    return "\n".join([*parts, _figures(run, "stages", "eigenvalue_errors"), facts])
 
 
 def _settings(run: RunData) -> str:
     parts = [
-        f"<h3>{escape(key.capitalize())}</h3>\n" + _pairs(key.rstrip("s"), run.summary[key])
+        f"<h3>{escape(key.capitalize())}</h3>\n" + pairs(key.rstrip("s"), run.summary[key])
         for key in ("versions", "seeds", "settings")
         if isinstance(run.summary.get(key), Mapping)
     ]
@@ -274,55 +272,7 @@ def _settings(run: RunData) -> str:
 
 def _figures(run: RunData, *names: str) -> str:
     paths = [(run.directory / "figures" / f"{name}.png", CAPTIONS[name]) for name in names]
-    return "\n".join(_image(path, caption) for path, caption in paths if path.is_file())
-
-
-def _image(path: Path, caption: str, kind: str = "plot") -> str:
-    data = base64.b64encode(path.read_bytes()).decode("ascii")
-    text = escape(caption, quote=True)
-    return (
-        f'<figure class="{kind}">\n<img alt="{text}" src="data:image/png;base64,{data}"/>\n'
-        f"<figcaption>{text}</figcaption>\n</figure>"
-    )
-
-
-def _table(heads: Sequence[str], rows: Sequence[Sequence[Value]]) -> str:
-    head = "".join(f"<th>{escape(text)}</th>" for text in heads)
-    body = "\n".join(f"<tr>{''.join(map(_cell, row))}</tr>" for row in rows)
-    return f"<table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table>\n"
-
-
-def _cell(value: Value) -> str:
-    kind = ' class="number"' if isinstance(value, int | float) else ""
-    if isinstance(value, str) and value.endswith(" %)"):
-        kind = ' class="share"'
-    elif isinstance(value, str) and len(value) <= SHORT:
-        kind = ' class="short"'
-    return f"<td{kind}>{escape(show(value))}</td>"
-
-
-def _pairs(what: str, content: Mapping[str, Any]) -> str:
-    """A nested mapping as a table of dotted names and exact values."""
-    rows = [[name, value] for name, value in _flatten(content)]
-    return _table([what, "value"], rows)
-
-
-def _flatten(content: Mapping[str, Any], above: str = "") -> list[tuple[str, str]]:
-    found: list[tuple[str, str]] = []
-    for key, value in content.items():
-        name = f"{above}.{key}" if above else str(key)
-        if isinstance(value, Mapping):
-            found += _flatten(value, name)
-        else:
-            found.append((name, _exact(value)))
-    return found
-
-
-def _exact(value: Any) -> str:
-    """A value as text, every digit; of a long list the first values and their number."""
-    if isinstance(value, list) and len(value) > LONGEST:
-        return f"{repr(value[:5])[:-1]}, ...] ({len(value)} values)"
-    return value if isinstance(value, str) else repr(value)
+    return "\n".join(image(path, caption) for path, caption in paths if path.is_file())
 
 
 def _name(row: Sequence[Value]) -> str:

@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .style import CYCLE, house_style
+from .picture import SHAPE_COLOURS, VIEWS, compose, trim
+from .style import CYCLE
 
-VIEWS = (("seen from z > 0", 1.0), ("seen from z < 0", -1.0))
-SHAPE_COLOURS = "viridis"
 PIXELS = (1500, 900)
 LIGHT: dict[str, Any] = {"ambient": 0.45, "diffuse": 0.65, "specular": 0.0}
 
@@ -70,7 +69,7 @@ def render_mode(
         surface.point_data["level"] = _levels(surface)
         picture = _warp(surface, scale)
         images = _photographs(picture, "amplitude", distance)
-        _compose(Path(path), images, title, _note(values, scale))
+        compose(Path(path), images, title, _note(values, scale))
     V.mesh.comm.barrier()
     return Path(path)
 
@@ -107,7 +106,7 @@ def render_mesh(
         legend = {
             (names or {}).get(int(j), f"part {j}"): _part_colour(int(j), found) for j in found
         }
-        _compose(Path(path), images, title, "", legend)
+        compose(Path(path), images, title, "", legend)
     V.mesh.comm.barrier()
     return Path(path)
 
@@ -222,7 +221,7 @@ def _warp(surface: Any, scale: float) -> Any:
 def _photographs(surface: Any, scalars: str, distance: float) -> list[NDArray]:
     """Both views of a surface, cut to the same frame, RGB arrays."""
     with _pyvista().vtk_verbosity("off"):  # without a display VTK warns, then draws all the same
-        return _trim([_photograph(surface, side, scalars, distance) for _, side in VIEWS])
+        return trim([_photograph(surface, side, scalars, distance) for _, side in VIEWS])
 
 
 def _photograph(surface: Any, side: float, scalars: str, distance: float) -> NDArray:
@@ -274,18 +273,6 @@ def _view(surface: Any, side: float) -> NDArray:
     return np.array([np.cos(angle), np.sin(angle), 1.1 * side])
 
 
-def _trim(images: list[NDArray], margin: int = 12) -> list[NDArray]:
-    """Cut the border that is white in all RGB pictures."""
-    ink = np.any([(image < 250).any(axis=2) for image in images], axis=0)
-    marked = np.argwhere(ink)
-    if marked.size == 0:
-        return images
-    (top, left), (bottom, right) = marked.min(axis=0), marked.max(axis=0)
-    rows = slice(max(top - margin, 0), bottom + margin)
-    columns = slice(max(left - margin, 0), right + margin)
-    return [image[rows, columns] for image in images]
-
-
 def _part_colour(part: int, found: NDArray) -> str:
     return CYCLE[int(np.searchsorted(found, part)) % len(CYCLE)]
 
@@ -293,45 +280,3 @@ def _part_colour(part: int, found: NDArray) -> str:
 def _note(values: NDArray, scale: float) -> str:
     moment = ", at the phase of largest motion" if np.iscomplexobj(values) else ""
     return f"largest displacement drawn as {100 * scale:.0f} % of the radius{moment}"
-
-
-def _compose(
-    path: Path,
-    images: list[NDArray],
-    title: str,
-    note: str,
-    legend: Mapping[str, str] | None = None,
-) -> None:
-    """Put both views side by side under one heading, with the colour bar or the legend."""
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.figure import Figure
-    from matplotlib.patches import Patch
-
-    with house_style():
-        height, width = images[0].shape[:2]
-        wide = width > 1.4 * height
-        rows, columns = (2, 1) if wide else (1, 2)
-        tall = 7.2 / columns * height / width * rows
-        figure = Figure(figsize=(7.2, tall + 1.2), layout="constrained")
-        ratios = [1.0] * rows + [0.16 * rows / tall]
-        grid = figure.add_gridspec(rows + 1, columns, height_ratios=ratios)
-        for j, (image, (view, _)) in enumerate(zip(images, VIEWS, strict=True)):
-            axis = figure.add_subplot(grid[j, 0] if wide else grid[0, j])
-            axis.imshow(image, interpolation="antialiased")
-            order = ", the lowest body to the left" if wide else ""
-            axis.set_title(view + order, loc="center", fontsize=8.5, color="#404040")
-            axis.axis("off")
-        foot = figure.add_subplot(grid[rows, :])
-        if title:
-            figure.suptitle(title, fontsize=10)
-        if legend is None:
-            colours = ScalarMappable(cmap=SHAPE_COLOURS)
-            bar = figure.colorbar(colours, cax=foot, orientation="horizontal")
-            bar.set_label(f"amplitude $|u|$ / largest [-]; {note}", fontsize=8)
-        else:
-            foot.axis("off")
-            handles = [Patch(color=colour, label=name) for name, colour in legend.items()]
-            foot.legend(handles=handles, loc="center", ncol=min(5, len(handles)))
-        figure.savefig(
-            path, dpi=200, facecolor="white", metadata={"Software": None, "Title": title}
-        )

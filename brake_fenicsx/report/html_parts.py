@@ -1,0 +1,64 @@
+"""Pictures and tables as HTML: every text escaped, pictures inside the page."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping, Sequence
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from .tables import Value, show
+
+LONGEST = 60  # values of a list shown in full
+SHORT = 28  # characters that are not broken into lines
+
+
+def image(path: Path, caption: str, kind: str = "plot") -> str:
+    """A picture, embedded, with its caption; ``kind`` is its class in the style sheet."""
+    data = base64.b64encode(path.read_bytes()).decode("ascii")
+    text = escape(caption, quote=True)
+    return (
+        f'<figure class="{kind}">\n<img alt="{text}" src="data:image/png;base64,{data}"/>\n'
+        f"<figcaption>{text}</figcaption>\n</figure>"
+    )
+
+
+def table(heads: Sequence[str], rows: Sequence[Sequence[Value]]) -> str:
+    """A table; floats are shown with four digits."""
+    head = "".join(f"<th>{escape(text)}</th>" for text in heads)
+    body = "\n".join(f"<tr>{''.join(map(_cell, row))}</tr>" for row in rows)
+    return f"<table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table>\n"
+
+
+def _cell(value: Value) -> str:
+    kind = ' class="number"' if isinstance(value, int | float) else ""
+    if isinstance(value, str) and value.endswith(" %)"):
+        kind = ' class="share"'
+    elif isinstance(value, str) and len(value) <= SHORT:
+        kind = ' class="short"'
+    return f"<td{kind}>{escape(show(value))}</td>"
+
+
+def pairs(what: str, content: Mapping[str, Any]) -> str:
+    """A nested mapping as a table of dotted names and exact values."""
+    rows = [[name, value] for name, value in _flatten(content)]
+    return table([what, "value"], rows)
+
+
+def _flatten(content: Mapping[str, Any], above: str = "") -> list[tuple[str, str]]:
+    found: list[tuple[str, str]] = []
+    for key, value in content.items():
+        name = f"{above}.{key}" if above else str(key)
+        if isinstance(value, Mapping):
+            found += _flatten(value, name)
+        else:
+            found.append((name, _exact(value)))
+    return found
+
+
+def _exact(value: Any) -> str:
+    """A value as text, every digit; of a long list the first values and their number."""
+    if isinstance(value, list) and len(value) > LONGEST:
+        return f"{repr(value[:5])[:-1]}, ...] ({len(value)} values)"
+    return value if isinstance(value, str) else repr(value)
