@@ -5,10 +5,10 @@
 
 E_3, G_13 and G_23 of the lining vary uniformly by the spread, contact stiffness over two decades
 with 30 % of the elements open, mu = 0.5. Columns: degree; anchors; directions of the bodies'
-spaces; seconds offline (once) and online (per sample); peak memory so far; largest and median error of all
-eigenvalues against full order of the sample's own bodies, relative to |lambda|; errors not covered
-by their estimates; wrong and neutral verdicts; largest relative error of the compliance. The last
-line is full order.
+spaces; seconds offline (once) and online (per sample); peak memory so far; largest and median error
+of all eigenvalues against full order of the sample's own bodies, relative to |lambda|; errors not
+covered by their estimates; wrong and neutral verdicts; largest relative error of the compliance.
+The last line is full order.
 """
 
 from __future__ import annotations
@@ -21,9 +21,10 @@ from pathlib import Path
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
+from mpi4py import MPI
+
 import numpy as np
 from bench_stability import K0, MU, compare, memory, stiffness
-from mpi4py import MPI
 
 from brake_fenicsx.macro.brake import assemble_brake
 from brake_fenicsx.macro.condensation import compliance, gathered, petsc_matrix
