@@ -64,6 +64,7 @@ class EnsembleBasis:
         band: tuple[float, float],
         degree: int = DEGREE,
         comm: MPI.Comm | None = None,
+        known: Sequence[dict[str, Array]] | None = None,
     ):
         """Offline stage.
 
@@ -80,6 +81,7 @@ class EnsembleBasis:
             band: lowest and highest frequency [Hz].
             degree: total degree of the interpolation.
             comm: processes that share the work; this process alone if None.
+            known: ``arrays`` of all bodies of the same problem, made earlier.
 
         Raises:
             InaccurateResult: a body has no positive definite stiffness somewhere in the box, or an
@@ -92,16 +94,14 @@ class EnsembleBasis:
         self.limit = CUTOFF**2 * high
         anchors = Anchors(dimension, degree)
         self.bodies: list[FixedBody | VariedBody] = []
-        for body in split_bodies(K, M, N, T, loads, list(parts)):
+        varied = VARIED_CUTOFF**2 * high
+        for i, body in enumerate(split_bodies(K, M, N, T, loads, list(parts))):
+            made = None if known is None else known[i]
             if body.parts:
-                limit = VARIED_CUTOFF**2 * high
-                self.bodies.append(
-                    VariedBody(
-                        body, coefficients, anchors, degree, self.sigma, limit, ORDER, comm
-                    )
-                )  # fmt: skip
+                box = (coefficients, anchors, degree)
+                self.bodies.append(VariedBody(body, *box, self.sigma, varied, ORDER, comm, made))
             else:
-                self.bodies.append(fixed_body(body, self.sigma, self.limit, ORDER, comm))
+                self.bodies.append(fixed_body(body, self.sigma, self.limit, ORDER, comm, made))
         self.seconds = time.perf_counter() - start
 
     def modes(self, x: Array, k: Array, mu: float | Array, tolerance: float = 1e-6) -> Modes:

@@ -40,6 +40,7 @@ from .lanczos import RealModes, lowest_modes
 from .symmetric import count_below
 
 Array = NDArray[np.float64]
+Arrays = dict[str, Array]
 
 # R_j are interpolated up to this j at most.
 INTERPOLATED = 2
@@ -78,8 +79,14 @@ class Seen:
     TT: Array
 
 
-def fixed_body(body: Body, sigma: float, limit: float, order: int, comm: MPI.Comm) -> FixedBody:
+def fixed_body(
+    body: Body, sigma: float, limit: float, order: int, comm: MPI.Comm, known: Arrays | None = None
+) -> FixedBody:
     """A body of constant stiffness, see ``VariedBody`` for the arguments."""
+    if known is not None:
+        modes = known["Lambda"], known["Phi_N"], known["Phi_T"], np.eye(known["Lambda"].size)
+        seen = Seen(*modes, [*known["NN"]], [*known["NT"]], known["TT"])
+        return FixedBody(body, known["W"], seen)
     factor = Factor(petsc_matrix((body.K + sigma * body.M).tocsr()), "brake_body_")
     found = complete_modes(factor, body.K, body.M, sigma, limit + sigma)
     rest = Deflated(factor, found.Phi, found.Lambda)
@@ -87,9 +94,9 @@ def fixed_body(body: Body, sigma: float, limit: float, order: int, comm: MPI.Com
     TT = slip_compliance(rest, body.T, comm)
     factor.destroy()
     NN, NT = ([m[i] for m in moments] for i in (0, 1))
-    shapes = np.eye(found.Lambda.size)
-    seen = Seen(found.Lambda, body.N @ found.Phi, body.T @ found.Phi, shapes, NN, NT, TT)
-    return FixedBody(body, found.Phi, seen)
+    Phi, shapes = found.Phi, np.eye(found.Lambda.size)
+    seen = Seen(found.Lambda, body.N @ Phi, body.T @ Phi, shapes, NN, NT, TT)
+    return FixedBody(body, Phi, seen)
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +116,14 @@ class FixedBody:
     def seen(self, x: Array) -> Seen:
         """The same at every point."""
         return self.always
+
+    def arrays(self) -> Arrays:
+        """All that was computed."""
+        s = self.always
+        return {
+            "W": self.W, "Lambda": s.Lambda, "Phi_N": s.Phi_N, "Phi_T": s.Phi_T,
+            "NN": np.array(s.NN), "NT": np.array(s.NT), "TT": s.TT,
+        }  # fmt: skip
 
 
 class VariedBody:
@@ -131,6 +146,7 @@ class VariedBody:
         limit: float,
         order: int,
         comm: MPI.Comm,
+        known: Arrays | None = None,
     ):
         """Solve at the anchors, which the processes share.
 
@@ -143,15 +159,35 @@ class VariedBody:
             limit: modes are kept up to this kappa [1/s^2].
             order: largest j of R_j.
             comm: processes that share the work.
+            known: ``arrays`` of the same body, made earlier.
         """
         self.body, self.anchors, self.degree = body, anchors, degree
         self.sigma, self.limit, self._coefficients = sigma, limit + sigma, coefficients
-        number = anchors.count(min(MODES_DEGREE, degree))
-        found = _shared(list(anchors.points[:number]), self._modes, comm)
-        self.W = _joined(found, body.M)
+        computed = self._computed(order, comm) if known is None else known
+        self._arrays, self.W, self.TT = computed, computed["W"], computed["TT"]
+        self._R = [computed[f"R_{j}"] for j in range(min(INTERPOLATED, degree) + 1)]
+        self._higher = [*zip(computed["higher_NN"], computed["higher_NT"], strict=True)]
+        self.doubt = [[self._split(r) for r in point] for point in computed["doubt"]]
+        self._project()
+
+    def arrays(self) -> Arrays:
+        """All that was computed."""
+        return self._arrays
+
+    def _project(self) -> None:
+        """Operators in the space W."""
+        body = self.body
         self.W_N, self.W_T = body.N @ self.W, body.T @ self.W
         self._K = self.W.T @ (body.K @ self.W)
         self._parts = {j: self.W.T @ (part @ self.W) for j, part in body.parts}
+
+    def _computed(self, order: int, comm: MPI.Comm) -> Arrays:
+        """The work at the anchors."""
+        anchors, degree = self.anchors, self.degree
+        number = anchors.count(min(MODES_DEGREE, degree))
+        found = _shared(list(anchors.points[:number]), self._modes, comm)
+        self.W = _joined(found, self.body.M)
+        self._project()
         # Towards two corners, where no anchor is: the interpolation is worst there.
         alternate = (-1.0) ** np.arange(anchors.points.shape[1])
         checks = [-CORNER * np.ones_like(alternate), CORNER * alternate]
@@ -162,12 +198,18 @@ class VariedBody:
         solved = _shared(tasks, lambda task: self._rest(*task), comm)
         # Of each R_j the values at the first anchors, one a row.
         self._R = [np.array([r[j].ravel() for r in solved[:n]]) for j, n in enumerate(needed)]
-        self._higher, self.TT = self._centre(found[0], order, comm)
-        self.doubt = [
-            [self._split(r[j].ravel() - self._interpolated(x, j)) for j in range(top + 1)]
-            + [self._followed(r[top].ravel())]
+        self._higher, TT = self._centre(found[0], order, comm)
+        doubt = [
+            [*(r[j].ravel() - self._interpolated(x, j) for j in range(top + 1)),
+             self._followed(r[top].ravel())]
             for x, r in zip(checks, solved[len(anchors.points) :], strict=True)
-        ]
+        ]  # fmt: skip
+        return {
+            "W": self.W, "TT": TT, "doubt": np.array(doubt),
+            **{f"R_{j}": R for j, R in enumerate(self._R)},
+            "higher_NN": np.array([pair[0] for pair in self._higher]),
+            "higher_NT": np.array([pair[1] for pair in self._higher]),
+        }  # fmt: skip
 
     def seen(self, x: Array) -> Seen:
         """The body at a point of [-1, 1]^d."""
@@ -258,12 +300,12 @@ class VariedBody:
             higher.append((moments[j][0] - scaled @ N.T, moments[j][1] - scaled @ T.T))
         return higher, TT
 
-    def _followed(self, last: Array) -> tuple[Array, Array]:
+    def _followed(self, last: Array) -> Array:
         """What the first R_j that is not interpolated must change like, by the one before."""
         change = last - self._R[-1][0]
         before = self._split(self._R[-1][0])[0]
         ratio = np.linalg.norm(self._higher[0][0]) / np.linalg.norm(before) if self._higher else 0.0
-        return self._split(ratio * (len(self._R) + 1) / len(self._R) * change)
+        return np.asarray(ratio * (len(self._R) + 1) / len(self._R) * change)
 
     def _split(self, flat: Array) -> tuple[Array, Array]:
         """N R N' and N R T' from rows of N and T."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -10,6 +10,7 @@ from petsc4py import PETSc
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.log import logger
 from brake_fenicsx.macro.brake import Brake
 from brake_fenicsx.macro.condensation import gathered_vector
 from brake_fenicsx.macro.elasticity import unit_loads
@@ -17,33 +18,54 @@ from brake_fenicsx.macro.material_sample import varied_stiffness
 from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene_samples import split_key
-from brake_fenicsx.stability.ensemble_basis import EnsembleBasis
+from brake_fenicsx.stability.ensemble_basis import DEGREE, VARIED_CUTOFF, EnsembleBasis
 from brake_fenicsx.stability.modes import Modes
+from brake_fenicsx.stability.reduction import CUTOFF, ORDER
+from brake_fenicsx.store import Store
 
 from .bulk import PLACES, Bulk
+from .distributions import quantile
+from .inputs import nominal_value
 
 Array = NDArray[np.float64]
 
+FILE = "cache/bodies.npz"
+
+# Probability of a constant beyond either end of the box, and how far from its centre, in half
+# widths, a sample may lie and still be taken.
+TAIL, BEYOND = 1e-3, 1.1
+
+# A cache of another accuracy is made again.
+MADE_WITH = np.array([DEGREE, ORDER, CUTOFF, VARIED_CUTOFF, TAIL])
+
 
 class Box:
-    """The box of the random material constants of all samples.
+    """The box that the random material constants of nearly all samples lie in.
 
     Moduli enter by their inverse: a body that is softer as a whole by a factor answers with that
     factor, and the interpolation has nothing left to do.
     """
 
-    def __init__(self, scene: Scene, bulk: Bulk, drawn: Sequence[Mapping[str, float]]):
-        """Span the box.
+    def __init__(self, scene: Scene, bulk: Bulk):
+        """Span the box by the laws of the constants.
 
         Args:
             scene: the scene.
             bulk: unit changes of the random materials.
-            drawn: random inputs of every sample, by name.
         """
         self.scene, self.bulk = scene, bulk
         self.names = [n for n in sorted(scene.samples.random) if split_key(n)[0] == "materials"]
-        values = np.array([[self._turned(n, d[n]) for n in self.names] for d in drawn])
-        self.low, self.high = values.min(axis=0), values.max(axis=0)
+        ends = []
+        for name in self.names:
+            law = scene.samples.random[name]
+            nominal = nominal_value(scene, name) if law.spread else None
+            values = quantile(law, [TAIL, 1 - TAIL], nominal)
+            ends.append(sorted(self._turned(name, float(v)) for v in values))
+        self.low, self.high = np.array(ends).T
+
+    def holds(self, drawn: Mapping[str, float]) -> bool:
+        """Whether a sample lies in the box or hardly beyond it."""
+        return bool(np.all(np.abs(self.place(drawn)) <= BEYOND))
 
     def place(self, drawn: Mapping[str, float]) -> Array:
         """A sample's place in [-1, 1]^d."""
@@ -83,17 +105,17 @@ class ChangingBodies:
         brake: Brake,
         matrices: tuple[PETSc.Mat, PETSc.Mat],
         bulk: Bulk,
-        drawn: Sequence[Mapping[str, float]],
+        store: Store,
         comm: MPI.Comm,
     ):
-        """Offline stage; collective.
+        """Offline stage, or what an earlier one left in the results folder; collective.
 
         Args:
             scene: the scene, with its section [stability].
             brake: its operators.
             matrices: stiffness [N/m] and mass [kg], whole on this process.
             bulk: unit changes of the random materials.
-            drawn: random inputs of every sample, by name.
+            store: the results folder.
             comm: processes that share the work.
 
         Raises:
@@ -103,17 +125,22 @@ class ChangingBodies:
         stability = scene.stability
         if stability is None:
             raise ValueError("a scene without [stability] has no modes")
-        self.box = Box(scene, bulk, drawn)
+        self.box = Box(scene, bulk)
         self.faces = sorted(scene.loads)
         mesh, free = brake.mesh, brake.elastic.free
         loads = [gathered_vector(unit_loads(mesh, free, face)) for face in self.faces]
         self._pressures = {face: scene.loads[face].pressure for face in self.faces}
         K, M = (local_rows(A) for A in matrices)
         band = (stability.band[0], stability.band[1])
+        known = _cached(store)
         self.basis = EnsembleBasis(
             K, M, brake.N, brake.T, brake.w, np.stack(loads, axis=1), list(bulk.parts.values()),
-            self.box.coefficients, len(self.box.names), band, comm=comm,
+            self.box.coefficients, len(self.box.names), band, comm=comm, known=known,
         )  # fmt: skip
+        if known is None and comm.rank == 0:
+            made = [body.arrays() for body in self.basis.bodies]
+            named = {f"{i}.{name}": a for i, one in enumerate(made) for name, a in one.items()}
+            store.save(FILE, bodies=np.array(len(made)), made_with=MADE_WITH, **named)
 
     def compliance(
         self, drawn: Mapping[str, float], pressures: Mapping[str, float], k0: Array
@@ -134,3 +161,17 @@ class ChangingBodies:
     ) -> Modes:
         """Complex modes of a sample, in coordinates of the basis."""
         return self.basis.modes(self.box.place(drawn), k, mu, tolerance)
+
+
+def _cached(store: Store) -> list[dict[str, Array]] | None:
+    """Arrays of all bodies that an earlier run left."""
+    stored = store.load(FILE)
+    if stored is None or not np.array_equal(stored["made_with"], MADE_WITH):
+        return None
+    logger.info("reduced bodies: from the cache")
+    found: list[dict[str, Array]] = [{} for _ in range(int(stored["bodies"]))]
+    for name, values in stored.items():
+        number, dot, inner = name.partition(".")
+        if dot:
+            found[int(number)][inner] = values
+    return found

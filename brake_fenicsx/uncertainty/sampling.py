@@ -91,8 +91,12 @@ def draw_sample(
         InaccurateResult: the point cannot be used and may not be replaced.
     """
     seed = sample_seed(scene.samples.seed, k)
-    law_rng, gap_rng, _ = _streams(seed)
-    inputs = random_inputs(scene, approach, k, point)
+    # Each kind of draw has its own child, so that naming one does not change the others.
+    children = np.random.SeedSequence(seed).spawn(3)
+    law_rng, gap_rng, random_rng = (np.random.default_rng(child) for child in children)
+    inputs = Inputs({}, {}, {})
+    if scene.samples.takes_random(approach):
+        inputs = draw_inputs(scene, approach, point, random_rng)
     if approach in PERFECT:
         laws = perfect_contact(scene, contact.interface.size)
     else:
@@ -103,19 +107,6 @@ def draw_sample(
         seed, laws, mu, mu * in_equilibrium[contact.interface], slope, inputs.values,
         inputs.materials, inputs.pressures, inputs.rejected,
     )  # fmt: skip
-
-
-def random_inputs(scene: Scene, approach: str, k: int, point: Array | None = None) -> Inputs:
-    """The random inputs of a sample alone, see ``draw_sample``."""
-    if not scene.samples.takes_random(approach):
-        return Inputs({}, {}, {})
-    *_, stream = _streams(sample_seed(scene.samples.seed, k))
-    return draw_inputs(scene, approach, point, stream)
-
-
-def _streams(seed: int) -> list[np.random.Generator]:
-    """For laws, gaps and random inputs: naming one kind does not change the others."""
-    return [np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(3)]
 
 
 def perfect_contact(scene: Scene, elements: int) -> EnrichedGap:

@@ -33,7 +33,7 @@ from .inputs import PERFECT, points_of
 from .outcomes import ensembles
 from .results import Results
 from .robustness import write_causes
-from .sampling import SampleInput, draw_sample, random_inputs, sample_count
+from .sampling import SampleInput, draw_sample, sample_count
 
 if TYPE_CHECKING:
     from .changing import ChangingBodies
@@ -153,25 +153,15 @@ class Study:
         from .changing import ChangingBodies
 
         try:
-            drawn = [self._random(name, k) for name, k in self.tasks if name in names]
+            matrices = (self.K, self.M)
             self.changing = ChangingBodies(
-                self.scene, self.brake, (self.K, self.M), self.bulk, [d for d in drawn if d],
-                self.comm,
-            )  # fmt: skip
+                self.scene, self.brake, matrices, self.bulk, self.store, self.comm
+            )
         except BrakeError as error:
             logger.warning("no reduced model of changing materials: %s; full order", error)
             self.by_reduction |= dict.fromkeys(names, False)
             return
         self.facts["changing_bodies"] = {"seconds": self.changing.basis.seconds}
-
-    def _random(self, approach: str, k: int) -> dict[str, float]:
-        """Random inputs of a sample; none of one that cannot be drawn."""
-        points = self.points[approach]
-        try:
-            point = None if points is None else points[k]
-            return random_inputs(self.scene, approach, k, point).values
-        except InaccurateResult:
-            return {}
 
     def _prepare_reduced(self, k0: Array) -> None:
         from .basis import compliance_of, reduced_model
@@ -226,6 +216,8 @@ class Study:
             approach = self.verified
         sample = self._draw(approach, k)
         reduced = self.by_reduction[approach] and task[0] != VERIFY
+        if sample.materials and self.changing is not None:
+            reduced &= self.changing.box.holds(sample.random)
         eq = self._equilibrium(sample, reduced)
         names = sorted(sample.random)
         out: dict[str, Any] = {

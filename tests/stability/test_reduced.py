@@ -127,9 +127,6 @@ MORE = [(seed, (seed - 204) / 19) for seed in range(204, 224)]
 def test_tolerance_is_kept_over_samples(two_blocks, samples):
     """95 % within 1e-5 and none beyond 1e-4 uncorrected; 1e-6 corrected; verdicts.
 
-    Not yet kept: of the twenty slow samples a mode close to another one, whose error is of second
-    order in what the basis leaves out, stays beyond 1e-6, as its record says.
-
     Scattered over two decades, a third open, mu from 0 to 1. Catches a correction that is none.
     """
     scene = two_blocks("guided")
@@ -150,8 +147,7 @@ def test_tolerance_is_kept_over_samples(two_blocks, samples):
     before, after = np.concatenate(before), np.concatenate(after)
     assert corrected > 0 and np.median(after) <= np.median(before)
     assert np.mean(before < 1e-5) >= 0.95 and before.max() < 1e-4, (before.max(),)
-    assert np.mean(after < 1e-6) > 0.99, (before.max(), after.max(), corrected)
-    assert after.max() < 1e-6 or len(samples) > 4, (before.max(), after.max(), corrected)
+    assert after.max() < 1e-6, (before.max(), after.max(), corrected)
 
 
 @pytest.mark.slow
