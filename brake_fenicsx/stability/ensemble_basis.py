@@ -30,8 +30,9 @@ from .varied import FixedBody, Seen, VariedBody, fixed_body
 
 Array = NDArray[np.float64]
 
-# Modes of bodies of variable stiffness are kept up to this multiple of the band: they are small.
-VARIED_CUTOFF = 2.5
+# Modes of bodies of variable stiffness are kept up to the first multiple of the band, since nothing
+# of a sample is corrected later, and known up to the second.
+VARIED_CUTOFF = (2.0, 2.2)
 
 # sigma as a share of the highest kappa of the band: moments about -sigma lose the digits that the
 # lowest modes, which have none of their own on free bodies, would cost them about zero.
@@ -94,12 +95,15 @@ class EnsembleBasis:
         self.limit = CUTOFF**2 * high
         anchors = Anchors(dimension, degree)
         self.bodies: list[FixedBody | VariedBody] = []
-        varied = VARIED_CUTOFF**2 * high
+        self._last: tuple[Array, list[Seen]] | None = None
+        kept, known_up_to = (factor**2 * high for factor in VARIED_CUTOFF)
         for i, body in enumerate(split_bodies(K, M, N, T, loads, list(parts))):
             made = None if known is None else known[i]
             if body.parts:
                 box = (coefficients, anchors, degree)
-                self.bodies.append(VariedBody(body, *box, self.sigma, varied, ORDER, comm, made))
+                self.bodies.append(
+                    VariedBody(body, *box, self.sigma, (kept, known_up_to), ORDER, comm, made)
+                )
             else:
                 self.bodies.append(fixed_body(body, self.sigma, self.limit, ORDER, comm, made))
         self.seconds = time.perf_counter() - start
@@ -117,7 +121,7 @@ class EnsembleBasis:
             The modes; ``right`` and ``left`` in coordinates that ``displacements`` understands.
         """
         start = time.perf_counter()
-        seen = [body.seen(x) for body in self.bodies]
+        seen = self._look(x)
         closed = np.flatnonzero(k > 0)
         basis = self._basis(seen, closed)
         mu = np.broadcast_to(np.asarray(mu, float), k.shape)[closed]
@@ -140,7 +144,7 @@ class EnsembleBasis:
         Returns:
             Shapes (elements, elements) twice, (elements, loads).
         """
-        seen = [body.seen(x) for body in self.bodies]
+        seen = self._look(x)
         n, D0 = self.w.size, self.w * k0
         R = [np.zeros((n, n)) for _ in range(2)]
         R.append(np.zeros((n, seen[0].NT[0].shape[1] - seen[0].NN[0].shape[1])))
@@ -193,6 +197,12 @@ class EnsembleBasis:
             else:
                 out[:, own] = shapes[dofs].T @ AW
         return out
+
+    def _look(self, x: Array) -> list[Seen]:
+        """The bodies at a point; kept: equilibrium and modes of a sample ask for the same."""
+        if self._last is None or not np.array_equal(self._last[0], x):
+            self._last = x.copy(), [body.seen(x) for body in self.bodies]
+        return self._last[1]
 
     def _places(self) -> list[slice]:
         """Places of each body's coordinates."""

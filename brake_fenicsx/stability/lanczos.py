@@ -18,8 +18,9 @@ from brake_fenicsx.macro.solver import Factor
 
 Array = NDArray[np.float64]
 
-# Convergence is looked for every so many blocks.
-CHECK = 2
+# Convergence is looked for each time the space has grown by this factor: the eigenvalues of its
+# dense matrix cost more than several blocks.
+GROWTH = 1.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +71,7 @@ def lowest_modes(
     H = np.zeros((room + block, room + block))
     W = factor.solve(M @ np.random.default_rng(seed).standard_normal((n, block)))
     new, Mnew, _ = _orthonormalise(W, M @ W)
-    size = before = 0
+    size = before = due = 0
     for step in range(1, room // block + 2):
         k = new.shape[1]
         last = slice(size, size + k)
@@ -87,8 +88,9 @@ def lowest_modes(
         H[:size, last] = h
         H[last, :size] = h.T
         new, Mnew, coupling = _orthonormalise(W, M @ W)
-        if step % CHECK and size < min(n, room):
+        if size < min(due, n, room):
             continue
+        due = int(GROWTH * size) + block
         theta, S = la.eigh(0.5 * (H[:size, :size] + H[:size, :size].T))
         theta, S = theta[::-1], S[:, ::-1]
         # K^-1 M y - theta y = new coupling s, in the norm of M; over theta it is relative.

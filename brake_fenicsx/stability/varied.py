@@ -49,8 +49,8 @@ INTERPOLATED = 2
 MODES_DEGREE = 2
 
 # Smallest mass of a direction in W beyond the modes of the centre; those of other anchors have one,
-# times (limit / Lambda)^2.
-NEW = 1e-9
+# times (limit / Lambda)^4.
+NEW = 1e-7
 
 # Coordinates of the points that show what the interpolation is worth.
 CORNER = 0.9
@@ -131,7 +131,8 @@ class VariedBody:
 
     Attributes:
         W: M-orthonormal, shape (dofs, directions).
-        limit: kept modes end here [1/s^2], as kappa'.
+        limit: modes in W end here [1/s^2], as kappa'.
+        kept: modes that samples keep end here, as kappa'; what W knows beyond counts as rest.
         TT: T R_0 T' of the centre.
         doubt: for each point that checks the interpolation its errors of R_0, R_1, ...
     """
@@ -143,7 +144,7 @@ class VariedBody:
         anchors: Anchors,
         degree: int,
         sigma: float,
-        limit: float,
+        limits: tuple[float, float],
         order: int,
         comm: MPI.Comm,
         known: Arrays | None = None,
@@ -156,13 +157,14 @@ class VariedBody:
             anchors: the anchors.
             degree: degree of the interpolation of R_0.
             sigma: shift that makes the stiffness positive definite [1/s^2].
-            limit: modes are kept up to this kappa [1/s^2].
+            limits: modes are kept up to this kappa, and in W up to that one [1/s^2].
             order: largest j of R_j.
             comm: processes that share the work.
             known: ``arrays`` of the same body, made earlier.
         """
         self.body, self.anchors, self.degree = body, anchors, degree
-        self.sigma, self.limit, self._coefficients = sigma, limit + sigma, coefficients
+        self.sigma, self._coefficients = sigma, coefficients
+        self.kept, self.limit = (limit + sigma for limit in limits)
         computed = self._computed(order, comm) if known is None else known
         self._arrays, self.W, self.TT = computed, computed["W"], computed["TT"]
         self._R = [computed[f"R_{j}"] for j in range(min(INTERPOLATED, degree) + 1)]
@@ -214,7 +216,7 @@ class VariedBody:
     def seen(self, x: Array) -> Seen:
         """The body at a point of [-1, 1]^d."""
         Lambda, Q = la.eigh(self._projected(x))
-        kept = Lambda <= self.limit
+        kept = Lambda <= self.kept
         Phi_N, Phi_T = self.W_N @ Q, self.W_T @ Q
         NN, NT = [], []
         for j in range(len(self._R) + len(self._higher)):
@@ -222,7 +224,6 @@ class VariedBody:
                 part = self._split(self._interpolated(x, j))
             else:
                 part = self._higher[j - len(self._R)]
-            # What W knows beyond the limit counts as rest.
             beyond = Phi_N[:, ~kept] / Lambda[~kept] ** (j + 1)
             NN.append(part[0] + beyond @ Phi_N[:, ~kept].T)
             NT.append(part[1] + beyond @ Phi_T[:, ~kept].T)
@@ -335,9 +336,10 @@ def complete_modes(
 def _joined(found: list[RealModes], M: sp.csr_matrix) -> Array:
     """M-orthonormal space of all modes; those of the first set come first, as they are."""
     first = found[0].Phi
-    # A low mode that W misses by a little is a pole of the rest close to zero: it counts more.
+    # A low mode that W misses by a little is a pole of the rest close to zero: R_2 sees it with
+    # (limit / Lambda)^3.
     limit = found[0].Lambda[-1]
-    rest = np.hstack([first[:, :0], *(m.Phi * (limit / m.Lambda) for m in found[1:])])
+    rest = np.hstack([first[:, :0], *(m.Phi * (limit / m.Lambda) ** 2 for m in found[1:])])
     for _ in range(2):
         rest -= first @ (first.T @ (M @ rest))
     values, vectors = la.eigh(rest.T @ (M @ rest))

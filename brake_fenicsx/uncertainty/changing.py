@@ -36,7 +36,7 @@ FILE = "cache/bodies.npz"
 TAIL, BEYOND = 1e-3, 1.1
 
 # A cache of another accuracy is made again.
-MADE_WITH = np.array([DEGREE, ORDER, CUTOFF, VARIED_CUTOFF, TAIL])
+MADE_WITH = np.array([DEGREE, ORDER, CUTOFF, *VARIED_CUTOFF, TAIL])
 
 
 class Box:

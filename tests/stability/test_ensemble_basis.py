@@ -125,7 +125,7 @@ def test_error_falls_with_the_degree(blocks):
     assert errors[2] < errors[1] / 3
     anchor = np.array([1.0, 0.0])
     s = exact(scene, changed(scene, parts, anchor), k, 0.5)
-    assert worst(made(scene, 2).modes(anchor, k, 0.5), s) < 1e-7
+    assert worst(made(scene, 2).modes(anchor, k, 0.5), s) < 3e-7
 
 
 def test_compliance_of_the_changed_bodies(blocks):
