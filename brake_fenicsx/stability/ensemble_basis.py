@@ -26,7 +26,8 @@ from .bodies import split_bodies
 from .modes import Complex, Modes
 from .reduction import CUTOFF, ORDER
 from .sample import Sample
-from .varied import FixedBody, Seen, VariedBody, fixed_body
+from .varied import VariedBody
+from .view import FixedBody, View, fixed_body
 
 Array = NDArray[np.float64]
 
@@ -46,7 +47,7 @@ class EnsembleBasis:
     """Modes and compliance of any sample of stiffnesses, contact and friction.
 
     Attributes:
-        bodies: the bodies as they are seen.
+        bodies: the bodies and how they are seen.
         sigma: shift [1/s^2].
         seconds: time of the offline stage [s].
     """
@@ -95,7 +96,7 @@ class EnsembleBasis:
         self.limit = CUTOFF**2 * high
         anchors = Anchors(dimension, degree)
         self.bodies: list[FixedBody | VariedBody] = []
-        self._last: tuple[Array, list[Seen]] | None = None
+        self._last: tuple[Array, list[View]] | None = None
         kept, known_up_to = (factor**2 * high for factor in VARIED_CUTOFF)
         for i, body in enumerate(split_bodies(K, M, N, T, loads, list(parts))):
             made = None if known is None else known[i]
@@ -121,13 +122,13 @@ class EnsembleBasis:
             The modes; ``right`` and ``left`` in coordinates that ``displacements`` understands.
         """
         start = time.perf_counter()
-        seen = self._look(x)
+        views = self._look(x)
         closed = np.flatnonzero(k > 0)
-        basis = self._basis(seen, closed)
+        basis = self._basis(views, closed)
         mu = np.broadcast_to(np.asarray(mu, float), k.shape)[closed]
         doubt = self._doubt(closed)
         found = Sample(basis, k[closed], mu, self.sigma, doubt).modes(self.band, start, tolerance)
-        turn = la.block_diag(*(s.shapes for s in seen))
+        turn = la.block_diag(*(s.shapes for s in views))
         how = "winding number of det T, on bases complete by inertia at the anchors"
         return replace(
             found, right=turn @ found.right, left=turn @ found.left,
@@ -144,11 +145,11 @@ class EnsembleBasis:
         Returns:
             Shapes (elements, elements) twice, (elements, loads).
         """
-        seen = self._look(x)
+        views = self._look(x)
         n, D0 = self.w.size, self.w * k0
         R = [np.zeros((n, n)) for _ in range(2)]
-        R.append(np.zeros((n, seen[0].NT[0].shape[1] - seen[0].NN[0].shape[1])))
-        for body, s in zip(self.bodies, seen, strict=True):
+        R.append(np.zeros((n, views[0].NT[0].shape[1] - views[0].NN[0].shape[1])))
+        for body, s in zip(self.bodies, views, strict=True):
             e = body.body.elements
             # kappa' = sigma is the body at rest.
             powers = self.sigma ** np.arange(3)
@@ -156,7 +157,7 @@ class EnsembleBasis:
             R[0][np.ix_(e, e)] += NN
             R[1][np.ix_(e, e)] += NT[:, : e.size]
             R[2][e] += NT[:, e.size :]
-        Phi_N, Phi_T, Phi_f, Lambda = self._modal(seen)
+        Phi_N, Phi_T, Phi_f, Lambda = self._modal(views)
         # g = R (q - N'D0 g) + Phi_N a,   (Lambda' - sigma) a = Phi' (q - N'D0 g).
         E = R[0] * D0
         E[np.diag_indices_from(E)] += 1.0
@@ -198,10 +199,10 @@ class EnsembleBasis:
                 out[:, own] = shapes[dofs].T @ AW
         return out
 
-    def _look(self, x: Array) -> list[Seen]:
+    def _look(self, x: Array) -> list[View]:
         """The bodies at a point; kept: equilibrium and modes of a sample ask for the same."""
         if self._last is None or not np.array_equal(self._last[0], x):
-            self._last = x.copy(), [body.seen(x) for body in self.bodies]
+            self._last = x.copy(), [body.view(x) for body in self.bodies]
         return self._last[1]
 
     def _places(self) -> list[slice]:
@@ -209,27 +210,27 @@ class EnsembleBasis:
         ends = np.cumsum([0, *(body.W.shape[1] for body in self.bodies)])
         return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
-    def _modal(self, seen: list[Seen]) -> tuple[Array, Array, Array, Array]:
+    def _modal(self, views: list[View]) -> tuple[Array, Array, Array, Array]:
         """Gaps, slips and loads of all modes, and their eigenvalues."""
-        n, modes = self.w.size, sum(s.Lambda.size for s in seen)
-        loads = seen[0].Phi_T.shape[0] - seen[0].Phi_N.shape[0]
+        n, modes = self.w.size, sum(s.Lambda.size for s in views)
+        loads = views[0].Phi_T.shape[0] - views[0].Phi_N.shape[0]
         Phi_N, Phi_T, Phi_f = (np.zeros((m, modes)) for m in (n, n, loads))
         first = 0
-        for body, s in zip(self.bodies, seen, strict=True):
+        for body, s in zip(self.bodies, views, strict=True):
             e, own = body.body.elements, slice(first, first + s.Lambda.size)
             Phi_N[e, own], Phi_T[e, own] = s.Phi_N, s.Phi_T[: e.size]
             Phi_f[:, own] = s.Phi_T[e.size :]
             first = own.stop
-        return Phi_N, Phi_T, Phi_f, np.concatenate([s.Lambda for s in seen])
+        return Phi_N, Phi_T, Phi_f, np.concatenate([s.Lambda for s in views])
 
-    def _basis(self, seen: list[Seen], closed: NDArray[np.intp]) -> Basis:
+    def _basis(self, views: list[View], closed: NDArray[np.intp]) -> Basis:
         """The bodies together, seen from some of the elements."""
-        Phi_N, Phi_T, _, Lambda = self._modal(seen)
+        Phi_N, Phi_T, _, Lambda = self._modal(views)
         Phi_N, Phi_T = Phi_N[closed], Phi_T[closed]
         NN = [np.zeros((closed.size, closed.size)) for _ in range(ORDER + 1)]
         NT = [np.zeros((closed.size, closed.size)) for _ in range(ORDER + 1)]
         TT = np.zeros((closed.size, closed.size))
-        for body, s in zip(self.bodies, seen, strict=True):
+        for body, s in zip(self.bodies, views, strict=True):
             places, inner, _ = np.intersect1d(
                 closed, body.body.elements, assume_unique=True, return_indices=True
             )

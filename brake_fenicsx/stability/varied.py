@@ -20,7 +20,6 @@ D = A^-1 - W (W'A W)^-1 W': no difference of large terms is left.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from mpi4py import MPI
 
@@ -36,11 +35,10 @@ from brake_fenicsx.macro.solver import Factor, blocks
 from .anchors import Anchors
 from .bodies import Body
 from .deflation import Deflated
-from .lanczos import RealModes, lowest_modes
-from .symmetric import count_below
+from .lanczos import RealModes
+from .view import Arrays, View, complete_modes
 
 Array = NDArray[np.float64]
-Arrays = dict[str, Array]
 
 # R_j are interpolated up to this j at most.
 INTERPOLATED = 2
@@ -54,76 +52,6 @@ NEW = 1e-7
 
 # Coordinates of the points that show what the interpolation is worth.
 CORNER = 0.9
-
-
-@dataclass(frozen=True, slots=True)
-class Seen:
-    """A body as its interface sees it, at one stiffness.
-
-    Attributes:
-        Lambda: kappa' of the kept modes [1/s^2].
-        Phi_N: their gaps, shape (elements, modes).
-        Phi_T: their slips.
-        shapes: the modes in the coordinates of W, shape (W, modes).
-        NN: N R_j N', j = 0, 1, ...
-        NT: N R_j T'.
-        TT: T R_0 T'.
-    """
-
-    Lambda: Array
-    Phi_N: Array
-    Phi_T: Array
-    shapes: Array
-    NN: list[Array]
-    NT: list[Array]
-    TT: Array
-
-
-def fixed_body(
-    body: Body, sigma: float, limit: float, order: int, comm: MPI.Comm, known: Arrays | None = None
-) -> FixedBody:
-    """A body of constant stiffness, see ``VariedBody`` for the arguments."""
-    if known is not None:
-        modes = known["Lambda"], known["Phi_N"], known["Phi_T"], np.eye(known["Lambda"].size)
-        seen = Seen(*modes, [*known["NN"]], [*known["NT"]], known["TT"])
-        return FixedBody(body, known["W"], seen)
-    factor = Factor(petsc_matrix((body.K + sigma * body.M).tocsr()), "brake_body_")
-    found = complete_modes(factor, body.K, body.M, sigma, limit + sigma)
-    rest = Deflated(factor, found.Phi, found.Lambda)
-    moments = interface_moments(rest, body.M, body.N, body.T, order, comm, between=factor)
-    TT = slip_compliance(rest, body.T, comm)
-    factor.destroy()
-    NN, NT = ([m[i] for m in moments] for i in (0, 1))
-    Phi, shapes = found.Phi, np.eye(found.Lambda.size)
-    seen = Seen(found.Lambda, body.N @ Phi, body.T @ Phi, shapes, NN, NT, TT)
-    return FixedBody(body, Phi, seen)
-
-
-@dataclass(frozen=True, slots=True)
-class FixedBody:
-    """A body of constant stiffness.
-
-    Attributes:
-        body: the body.
-        W: its modes.
-        always: what its interface sees.
-    """
-
-    body: Body
-    W: Array
-    always: Seen
-
-    def seen(self, x: Array) -> Seen:
-        """The same at every point."""
-        return self.always
-
-    def arrays(self) -> Arrays:
-        """All that was computed."""
-        s = self.always
-        return {
-            "W": self.W, "Lambda": s.Lambda, "Phi_N": s.Phi_N, "Phi_T": s.Phi_T,
-            "NN": np.array(s.NN), "NT": np.array(s.NT), "TT": s.TT,
-        }  # fmt: skip
 
 
 class VariedBody:
@@ -213,7 +141,7 @@ class VariedBody:
             "higher_NT": np.array([pair[1] for pair in self._higher]),
         }  # fmt: skip
 
-    def seen(self, x: Array) -> Seen:
+    def view(self, x: Array) -> View:
         """The body at a point of [-1, 1]^d."""
         Lambda, Q = la.eigh(self._projected(x))
         kept = Lambda <= self.kept
@@ -227,7 +155,7 @@ class VariedBody:
             beyond = Phi_N[:, ~kept] / Lambda[~kept] ** (j + 1)
             NN.append(part[0] + beyond @ Phi_N[:, ~kept].T)
             NT.append(part[1] + beyond @ Phi_T[:, ~kept].T)
-        return Seen(Lambda[kept], Phi_N[:, kept], Phi_T[:, kept], Q[:, kept], NN, NT, self.TT)
+        return View(Lambda[kept], Phi_N[:, kept], Phi_T[:, kept], Q[:, kept], NN, NT, self.TT)
 
     def _interpolated(self, x: Array, j: int) -> Array:
         """R_j at a point, flat."""
@@ -314,23 +242,6 @@ class VariedBody:
         whole = flat.reshape(-1, n)
         NN = whole[:n]
         return 0.5 * (NN + NN.T), np.ascontiguousarray(whole[n:].T)
-
-
-def complete_modes(
-    factor: Factor, K: sp.csr_matrix, M: sp.csr_matrix, sigma: float, limit: float
-) -> RealModes:
-    """All modes of K + sigma M below a limit, proven by inertia.
-
-    Raises:
-        InaccurateResult: inertia counts another number.
-    """
-    found = lowest_modes(factor, M, limit)
-    expected, _ = count_below(K, M, limit - sigma)
-    if expected != found.Lambda.size:
-        raise InaccurateResult(
-            f"a body has {expected} modes by inertia, {found.Lambda.size} were found"
-        )
-    return found
 
 
 def _joined(found: list[RealModes], M: sp.csr_matrix) -> Array:
