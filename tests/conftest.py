@@ -164,3 +164,20 @@ def two_blocks():
         return _scene(name, alone, tuple(sorted(changes.items())))
 
     return make
+
+
+@pytest.fixture
+def two_bodies(two_blocks):
+    """The guided blocks, and the unit changes of C33 and of C44 = C55 of the upper one."""
+    from brake_fenicsx.macro.condensation import gathered
+    from brake_fenicsx.macro.elasticity import affine_parts
+    from brake_fenicsx.macro.solver import local_rows
+
+    scene = two_blocks("guided")
+    if not hasattr(scene, "unit_changes"):
+        changes = [
+            {"pad.body": np.diag(np.isin(np.arange(6), places) + 0.0)} for places in (2, [3, 4])
+        ]
+        parts = affine_parts(scene.mesh, scene.free, changes)
+        scene.unit_changes, scene.bases = [local_rows(gathered(A)) for A in parts], {}
+    return scene, scene.unit_changes

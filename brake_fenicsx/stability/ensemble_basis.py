@@ -123,7 +123,8 @@ class EnsembleBasis:
         """
         start = time.perf_counter()
         views = self._look(x)
-        closed = np.flatnonzero(k > 0)
+        # Open elements show nothing; of a brake whose every element is open one is looked at.
+        closed = np.flatnonzero(k > 0) if np.any(k > 0) else np.zeros(1, dtype=np.intp)
         basis = self._basis(views, closed)
         mu = np.broadcast_to(np.asarray(mu, float), k.shape)[closed]
         doubt = self._doubt(closed)

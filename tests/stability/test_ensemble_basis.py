@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
-from brake_fenicsx.macro.condensation import compliance, gathered, petsc_matrix
-from brake_fenicsx.macro.elasticity import affine_parts
-from brake_fenicsx.macro.solver import local_rows
+from brake_fenicsx.macro.condensation import compliance, petsc_matrix
 from brake_fenicsx.stability.bodies import split_bodies
 from brake_fenicsx.stability.ensemble_basis import EnsembleBasis
 
@@ -22,24 +20,6 @@ def stiffness(n, seed):
     k = 3e11 * 10 ** rng.uniform(-1, 1, n)
     k[rng.random(n) < 0.33] = 0.0
     return k
-
-
-def unit(*places):
-    C = np.zeros((6, 6))
-    for i in places:
-        C[i, i] = 1.0
-    return C
-
-
-@pytest.fixture
-def blocks(two_blocks):
-    """The guided blocks, and the unit changes of C33 and of C44 = C55 of the upper one."""
-    scene = two_blocks("guided")
-    changes = [{"pad.body": unit(2)}, {"pad.body": unit(3, 4)}]
-    if not hasattr(scene, "unit_changes"):
-        parts = affine_parts(scene.mesh, scene.free, changes)
-        scene.unit_changes, scene.bases = [local_rows(gathered(A)) for A in parts], {}
-    return scene, scene.unit_changes
 
 
 def coefficients(x):
@@ -78,9 +58,9 @@ def worst(modes, s):
     return float((distance.min(axis=1) / np.abs(modes.s)).max())
 
 
-def test_bodies_are_taken_apart(blocks):
+def test_bodies_are_taken_apart(two_bodies):
     """Two bodies; their matrices and operators put together are those of the whole."""
-    scene, parts = blocks
+    scene, parts = two_bodies
     bodies = split_bodies(scene.K, scene.M, scene.N, scene.T, scene.f[:, None], parts)
     assert len(bodies) == 2
     assert sorted(len(b.parts) for b in bodies) == [0, 2]
@@ -96,9 +76,9 @@ def test_bodies_are_taken_apart(blocks):
 
 
 @pytest.mark.parametrize("mu", [0.0, 0.5, 1.0])
-def test_samples_of_other_moduli(blocks, mu):
+def test_samples_of_other_moduli(two_bodies, mu):
     """Moduli within 20 %, contact over two decades and a third of it open: errors within 1e-6."""
-    scene, parts = blocks
+    scene, parts = two_bodies
     basis = made(scene, 3)
     rng = np.random.default_rng(int(10 * mu))
     for seed in range(3):
@@ -115,9 +95,9 @@ def test_samples_of_other_moduli(blocks, mu):
             assert verdict == "neutral" or (verdict == "unstable") == grows
 
 
-def test_error_falls_with_the_degree(blocks):
+def test_error_falls_with_the_degree(two_bodies):
     """Interpolation of degree 1, 2, 3 at a corner; at an anchor hardly anything is left."""
-    scene, parts = blocks
+    scene, parts = two_bodies
     k, x = stiffness(scene.w.size, 1), np.array([-0.8, -0.9])
     s = exact(scene, changed(scene, parts, x), k, 0.5)
     errors = [worst(made(scene, d).modes(x, k, 0.5), s) for d in (1, 2, 3)]
@@ -128,9 +108,9 @@ def test_error_falls_with_the_degree(blocks):
     assert worst(made(scene, 2).modes(anchor, k, 0.5), s) < 3e-7
 
 
-def test_compliance_of_the_changed_bodies(blocks):
+def test_compliance_of_the_changed_bodies(two_bodies):
     """On springs k0, for braking equilibrium; the loads too."""
-    scene, parts = blocks
+    scene, parts = two_bodies
     x = np.array([0.6, -0.7])
     found = made(scene, 3).compliance(x, scene.k0)
     K = petsc_matrix(changed(scene, parts, x))
@@ -139,9 +119,9 @@ def test_compliance_of_the_changed_bodies(blocks):
         assert np.abs(ours - theirs).max() < 1e-5 * np.abs(theirs).max()
 
 
-def test_displacements_of_the_coordinates(blocks):
+def test_displacements_of_the_coordinates(two_bodies):
     """M-orthonormal where they must be; open contact leaves no static answer out."""
-    scene, parts = blocks
+    scene, parts = two_bodies
     basis, x = made(scene, 3), np.array([0.3, 0.4])
     np.testing.assert_allclose(
         basis.projected(scene.M), np.eye(len(basis.projected(scene.M))), atol=1e-8

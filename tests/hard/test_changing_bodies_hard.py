@@ -1,0 +1,83 @@
+"""Reduced model of bodies that change, stretched: wide boxes, stiff and open contact."""
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+
+from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.stability.ensemble_basis import EnsembleBasis
+
+BAND = (0.0, 60e3)
+MU = 0.5
+
+
+def coefficients(spread):
+    """Of C33 and of C44 = C55 of the lining, linear in the compliances."""
+    return lambda x: np.array([2.27e9, 1.18e9]) * (1 / (1 + spread * x) - 1)
+
+
+def basis(scene, parts, change, degree=3):
+    return EnsembleBasis(
+        scene.K, scene.M, scene.N, scene.T, scene.w, scene.f[:, None], parts, change, 2, BAND,
+        degree, scene.comm,
+    )  # fmt: skip
+
+
+def exact(scene, parts, c, k):
+    """All lambda of the band, dense, and the round-off of lambda^2 in that."""
+    K = scene.tangent(k, MU) + sum(a * A for a, A in zip(c, parts, strict=True))
+    s = np.sqrt(-la.eigvals(la.solve(scene.M.toarray(), K.toarray(), assume_a="pos")) + 0j)
+    s = np.where(s.imag < 0, -s, s)
+    return s[(s.imag > 1.0) & (s.imag <= 2 * np.pi * BAND[1])], 1e-15 * np.abs(s).max() ** 2
+
+
+def agree(modes, reference):
+    """None missed, errors covered, no wrong verdict; the largest relative error."""
+    s, round_off = reference
+    elastic = np.abs(modes.s) > 10.0
+    assert elastic.sum() == len(s)
+    distance = np.abs(modes.s[elastic, None] - s)
+    nearest = s[distance.argmin(axis=1)]
+    floor = round_off * modes.condition[elastic] / np.abs(nearest)
+    assert np.all(distance.min(axis=1) <= modes.error[elastic] + floor)
+    verdicts = np.array(modes.verdict)[elastic]
+    for verdict, grows in zip(verdicts, nearest.real > 1e-6 * np.abs(nearest), strict=True):
+        assert verdict == "neutral" or (verdict == "unstable") == grows
+    return float((distance.min(axis=1) / np.abs(nearest)).max())
+
+
+def test_constants_within_a_half(two_bodies):
+    """Compliances by a factor of three: less accurate, and the estimates say so."""
+    scene, parts = two_bodies
+    change = coefficients(0.5)
+    made, rng = basis(scene, parts, change), np.random.default_rng(9)
+    for x in (np.array([-1.0, -1.0]), *rng.uniform(-1, 1, (3, 2))):
+        k = 3e11 * 10 ** rng.uniform(-1, 1, scene.w.size)
+        assert agree(made.modes(x, k, MU), exact(scene, parts, change(x), k)) < 1e-4
+
+
+def test_penalty_of_perfect_contact(two_bodies):
+    """1e16 Pa/m: the interface is all but a constraint."""
+    scene, parts = two_bodies
+    change = coefficients(0.2)
+    made = basis(scene, parts, change)
+    for x in np.random.default_rng(9).uniform(-1, 1, (3, 2)):
+        k = np.full(scene.w.size, 1e16)
+        assert agree(made.modes(x, k, MU), exact(scene, parts, change(x), k)) < 1e-5
+
+
+def test_all_contacts_open(two_bodies):
+    """The bodies alone: nothing couples them, and the free block keeps its rigid modes."""
+    scene, parts = two_bodies
+    change = coefficients(0.2)
+    made, x, k = basis(scene, parts, change), np.array([0.4, -0.8]), np.zeros(scene.w.size)
+    modes = made.modes(x, k, MU)
+    assert agree(modes, exact(scene, parts, change(x), k)) < 1e-5
+    assert "unstable" not in modes.verdict
+
+
+def test_stiffness_that_is_not_positive(two_bodies):
+    """A corner of the box where the lining would give energy away."""
+    scene, parts = two_bodies
+    with pytest.raises(InaccurateResult, match="not positive definite"):
+        basis(scene, parts, lambda x: np.array([0.0, -2.4e9 * (x[1] > 0.5)]))
