@@ -20,6 +20,7 @@ class Anchors:
 
     Attributes:
         points: shape (anchors, d); the first is the centre.
+        degree: total degree of the polynomials.
     """
 
     def __init__(self, dimension: int, degree: int):
@@ -32,7 +33,7 @@ class Anchors:
         indices = [i for i in product(range(degree + 1), repeat=dimension) if sum(i) <= degree]
         self._indices = np.array(sorted(indices, key=lambda i: (sum(i), i)))
         self.points: Array = _leja(degree + 1)[self._indices]
-        self._degree = degree
+        self.degree = degree
         self._inverse = [
             np.linalg.inv(self._polynomials(self.points[:n])[:, :n])
             for n in (self.count(d) for d in range(degree + 1))
@@ -54,7 +55,7 @@ class Anchors:
 
     def _polynomials(self, x: Array) -> Array:
         """Products of Chebyshev polynomials, shape (points, anchors)."""
-        each = np.cos(np.arange(self._degree + 1) * np.arccos(np.clip(x, -1, 1))[..., None])
+        each = np.cos(np.arange(self.degree + 1) * np.arccos(np.clip(x, -1, 1))[..., None])
         chosen = [each[:, j, self._indices[:, j]] for j in range(x.shape[1])]
         return np.asarray(np.prod(chosen, axis=0))
 

@@ -26,7 +26,7 @@ from .bodies import split_bodies
 from .modes import Complex, Modes
 from .reduction import CUTOFF, ORDER
 from .sample import Sample
-from .varied import VariedBody
+from .varied import VariedBody, work_at
 from .view import FixedBody, View, fixed_body
 
 Array = NDArray[np.float64]
@@ -66,6 +66,7 @@ class EnsembleBasis:
         band: tuple[float, float],
         degree: int = DEGREE,
         comm: MPI.Comm | None = None,
+        progress: Callable[[int], Callable[[int], None]] = lambda total: lambda done: None,
         known: Sequence[dict[str, Array]] | None = None,
     ):
         """Offline stage.
@@ -83,6 +84,8 @@ class EnsembleBasis:
             band: lowest and highest frequency [Hz].
             degree: total degree of the interpolation.
             comm: processes that share the work; this process alone if None.
+            progress: called with this process's number of anchors; what it returns is called with
+                the number done.
             known: ``arrays`` of all bodies of the same problem, made earlier.
 
         Raises:
@@ -98,12 +101,17 @@ class EnsembleBasis:
         self.bodies: list[FixedBody | VariedBody] = []
         self._last: tuple[Array, list[View]] | None = None
         kept, known_up_to = (factor**2 * high for factor in VARIED_CUTOFF)
-        for i, body in enumerate(split_bodies(K, M, N, T, loads, list(parts))):
+        bodies = split_bodies(K, M, N, T, loads, list(parts))
+        varied = sum(bool(body.parts) for body in bodies)
+        advance = progress(-(-varied * work_at(anchors) // comm.size))
+        for i, body in enumerate(bodies):
             made = None if known is None else known[i]
             if body.parts:
                 box = (coefficients, anchors, degree)
                 self.bodies.append(
-                    VariedBody(body, *box, self.sigma, (kept, known_up_to), ORDER, comm, made)
+                    VariedBody(
+                        body, *box, self.sigma, (kept, known_up_to), ORDER, comm, advance, made
+                    )
                 )
             else:
                 self.bodies.append(fixed_body(body, self.sigma, self.limit, ORDER, comm, made))

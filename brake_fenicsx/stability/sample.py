@@ -46,6 +46,9 @@ TINY = 1e-300
 # What the error of a basis may be elsewhere, over that where it was checked.
 DOUBT = 4.0
 
+# Relative error of the modes of such a basis at the least.
+DIGITS = 1e-9
+
 # Terms of the answer of the gaps to what the pencil leaves out.
 ANSWERS = 2
 
@@ -228,8 +231,10 @@ class Sample:
                 for j, (NN, NT) in enumerate(errors)
             )
             total += DOUBT * np.abs(first)
-        size = np.abs(kappa)
-        return np.maximum(total, float(np.median(total / size)) * size) if total.any() else total
+        # Of modes that no contact moves nothing is doubted but the digits of their bodies.
+        size = np.abs(kappa) * bool(len(self.doubt))
+        shared = float(np.median(total / np.abs(kappa))) if size.any() else 0.0
+        return np.maximum(total, max(shared, DIGITS) * size)
 
     def _answer(self, r: Complex, kappa: Complex) -> Complex:
         """(I + C0 + kappa C1 + kappa^2 C2)^-1 r by a series in kappa."""

@@ -50,8 +50,8 @@ MODES_DEGREE = 2
 # times (limit / Lambda)^4.
 NEW = 1e-7
 
-# Coordinates of the points that show what the interpolation is worth.
-CORNER = 0.9
+# Points that show what the interpolation is worth, and their coordinates.
+CHECKS, CORNER = 2, 0.9
 
 
 class VariedBody:
@@ -75,6 +75,7 @@ class VariedBody:
         limits: tuple[float, float],
         order: int,
         comm: MPI.Comm,
+        progress: Callable[[int], None] = lambda n: None,
         known: Arrays | None = None,
     ):
         """Solve at the anchors, which the processes share.
@@ -88,12 +89,13 @@ class VariedBody:
             limits: modes are kept up to this kappa, and in W up to that one [1/s^2].
             order: largest j of R_j.
             comm: processes that share the work.
+            progress: called with the number of anchors done.
             known: ``arrays`` of the same body, made earlier.
         """
         self.body, self.anchors, self.degree = body, anchors, degree
         self.sigma, self._coefficients = sigma, coefficients
         self.kept, self.limit = (limit + sigma for limit in limits)
-        computed = self._computed(order, comm) if known is None else known
+        computed = self._computed(order, comm, progress) if known is None else known
         self._arrays, self.W, self.TT = computed, computed["W"], computed["TT"]
         self._R = [computed[f"R_{j}"] for j in range(min(INTERPOLATED, degree) + 1)]
         self._higher = [*zip(computed["higher_NN"], computed["higher_NT"], strict=True)]
@@ -111,11 +113,11 @@ class VariedBody:
         self._K = self.W.T @ (body.K @ self.W)
         self._parts = {j: self.W.T @ (part @ self.W) for j, part in body.parts}
 
-    def _computed(self, order: int, comm: MPI.Comm) -> Arrays:
+    def _computed(self, order: int, comm: MPI.Comm, progress: Callable[[int], None]) -> Arrays:
         """The work at the anchors."""
         anchors, degree = self.anchors, self.degree
         number = anchors.count(min(MODES_DEGREE, degree))
-        found = _shared(list(anchors.points[:number]), self._modes, comm)
+        found = _shared(list(anchors.points[:number]), self._modes, comm, progress)
         self.W = _joined(found, self.body.M)
         self._project()
         # Towards two corners, where no anchor is: the interpolation is worst there.
@@ -125,7 +127,7 @@ class VariedBody:
         needed = [anchors.count(degree - j) for j in range(top + 1)]
         tasks = [(x, sum(i < n for n in needed)) for i, x in enumerate(anchors.points)]
         tasks += [(x, top + 1) for x in checks]
-        solved = _shared(tasks, lambda task: self._rest(*task), comm)
+        solved = _shared(tasks, lambda task: self._rest(*task), comm, progress)
         # Of each R_j the values at the first anchors, one a row.
         self._R = [np.array([r[j].ravel() for r in solved[:n]]) for j, n in enumerate(needed)]
         self._higher, TT = self._centre(found[0], order, comm)
@@ -263,7 +265,15 @@ def _joined(found: list[RealModes], M: sp.csr_matrix) -> Array:
     return np.hstack([first, more])
 
 
-def _shared(tasks: list, work: Callable, comm: MPI.Comm) -> list:
+def work_at(anchors: Anchors) -> int:
+    """Anchors, and points that check them, at which a body is solved."""
+    return anchors.count(min(MODES_DEGREE, anchors.degree)) + len(anchors.points) + CHECKS
+
+
+def _shared(tasks: list, work: Callable, comm: MPI.Comm, progress: Callable[[int], None]) -> list:
     """Results of all tasks on every process; each task is done by one of them."""
-    own = {i: work(task) for i, task in enumerate(tasks) if i % comm.size == comm.rank}
+    own = {}
+    for i in range(comm.rank, len(tasks), comm.size):
+        own[i] = work(tasks[i])
+        progress(1)
     return [comm.bcast(own.get(i), root=i % comm.size) for i in range(len(tasks))]

@@ -10,7 +10,7 @@ from petsc4py import PETSc
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.log import logger
+from brake_fenicsx.log import Progress, logger
 from brake_fenicsx.macro.brake import Brake
 from brake_fenicsx.macro.condensation import gathered_vector
 from brake_fenicsx.macro.elasticity import unit_loads
@@ -135,7 +135,8 @@ class ChangingBodies:
         known = _cached(store)
         self.basis = EnsembleBasis(
             K, M, brake.N, brake.T, brake.w, np.stack(loads, axis=1), list(bulk.parts.values()),
-            self.box.coefficients, len(self.box.names), band, comm=comm, known=known,
+            self.box.coefficients, len(self.box.names), band, comm=comm,
+            progress=lambda total: Progress("anchors", total).advance, known=known,
         )  # fmt: skip
         if known is None and comm.rank == 0:
             made = [body.arrays() for body in self.basis.bodies]
