@@ -20,6 +20,7 @@ D = A^-1 - W (W'A W)^-1 W': no difference of large terms is left.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from mpi4py import MPI
 
@@ -101,6 +102,9 @@ class VariedBody:
         self._higher = [*zip(computed["higher_NN"], computed["higher_NT"], strict=True)]
         self.doubt = [[self._split(r) for r in point] for point in computed["doubt"]]
         self._project()
+        # The matrices have served: some hundred megabytes in every process.
+        none = sp.csr_matrix((0, 0))
+        self.body = replace(body, K=none, M=none, parts=())
 
     def arrays(self) -> Arrays:
         """All that was computed."""
