@@ -12,8 +12,8 @@ ladder's. With
     shared     4.4 s (n / 105e3)^1.63 for the factor; then 15 r v for the real modes and 4.5 m v for
                the interface of the reduced model; without it 0.45 m v for the compliance
     samples    0.2 s (m / 1368)^2.5 an equilibrium;
-               0.5 s (r / 150)^3 + 0.3 s (m / 1000)^2 its modes, reduced;
-               70 s (n / 40.7e3)^0.8 b / 64 its modes at full order
+               0.1 s (r / 150)^3 + 0.1 s (m / 1000)^2 its modes, reduced;
+               45 s (n / 40.7e3)^0.8 b / 64 its modes at full order
     memory     0.2 GB + 16 kB n with a factor, 150 B m^2 + 8 B n r the reduced model, 30 kB n the
                solver at full order; of one process
 
@@ -31,7 +31,7 @@ from brake_fenicsx.scene_damping import active_terms
 
 CORE = "one 2.6 GHz core"
 MODES_PER_HZ = 4.2e-3
-# Modes are denser higher up: of the reference brake 68 lie below 16 kHz, 154 real ones below 25.6.
+# Modes are denser higher up: of the reference brake 68 lie below 16 kHz, 180 real ones below 27.2.
 CUTOFF = 1.7
 REAL_MODES_PER_HZ = 6.0e-3
 PICTURES = 4  # of unstable modes, for each approach
@@ -159,8 +159,8 @@ def _mechanics(scene: Scene, c: Counts) -> list[Cost]:
         15 * r * vector + 4.5 * m * vector if c.reduced else 0.45 * m * vector
     )
     one = 0.2 * (m / 1368) ** 2.5
-    reduced = c.reduced * (0.5 * (r / 150) ** 3 + 0.3 * (m / 1e3) ** 2)
-    full = c.full * 70 * (n / 40.7e3) ** 0.8 * b / 64
+    reduced = c.reduced * (0.1 * (r / 150) ** 3 + 0.1 * (m / 1e3) ** 2)
+    full = c.full * 45 * (n / 40.7e3) ** 0.8 * b / 64
     held = 0.2 + 16e-6 * n + ((150e-9 * m**2 + 8e-9 * n * r) if c.reduced else 40e-9 * m**2)
     peak = held + (30e-6 * n if c.full else 0.0)
     pictures = PICTURES * 1.7 * len(scene.samples.approaches) if top else 0.0

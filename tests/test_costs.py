@@ -16,7 +16,7 @@ SCENES = ROOT / "scripts" / "scenes"
 
 # Sizes as the README gives them: dofs, contact elements, samples, reduced, full order.
 RUNS = {
-    "disc_brake": (Counts(152_479, 1368, 301, 300, 3), 2),
+    "disc_brake": (Counts(152_479, 1368, 300, 300, 0), 2),
     "disc_brake_demo": (Counts(40_745, 576, 21, 20, 2), 1),
 }
 FACTOR = 3.0
@@ -33,7 +33,7 @@ def measured(column):
     return table
 
 
-@pytest.mark.parametrize(("name", "column"), [("disc_brake", 1), ("disc_brake_demo", 3)])
+@pytest.mark.parametrize(("name", "column"), [("disc_brake", 1), ("disc_brake_demo", 5)])
 def test_estimate_is_within_a_factor_of_three_of_the_measured_run(name, column):
     counts, processes = RUNS[name]
     costs = estimate(read_scene(SCENES / f"{name}.toml"), counts)
