@@ -44,6 +44,9 @@ Array = NDArray[np.float64]
 # R_j are interpolated up to this j at most.
 INTERPOLATED = 2
 
+# From this j on, directions of W beyond so many times the kept kappa add less than 1e-7.
+FAR_ORDER, FAR = 3, 16.0
+
 # Total degree of the anchors whose modes are in W.
 MODES_DEGREE = 2
 
@@ -158,9 +161,10 @@ class VariedBody:
                 part = self._split(self._interpolated(x, j))
             else:
                 part = self._higher[j - len(self._R)]
-            beyond = Phi_N[:, ~kept] / Lambda[~kept] ** (j + 1)
-            NN.append(part[0] + beyond @ Phi_N[:, ~kept].T)
-            NT.append(part[1] + beyond @ Phi_T[:, ~kept].T)
+            beyond = ~kept if j < FAR_ORDER else ~kept & (Lambda < FAR * self.kept)
+            scaled = Phi_N[:, beyond] / Lambda[beyond] ** (j + 1)
+            NN.append(part[0] + scaled @ Phi_N[:, beyond].T)
+            NT.append(part[1] + scaled @ Phi_T[:, beyond].T)
         return View(Lambda[kept], Phi_N[:, kept], Phi_T[:, kept], Q[:, kept], NN, NT, self.TT)
 
     def _interpolated(self, x: Array, j: int) -> Array:
