@@ -19,6 +19,7 @@ RUNS = {
     "disc_brake": (Counts(152_479, 1368, 300, 300, 0), 2),
     "disc_brake_demo": (Counts(40_745, 576, 21, 20, 2), 1),
 }
+SHARED = ("micro", "shared", "samples")
 FACTOR = 3.0
 LEAST = 2.0  # [s] below which a stage is start-up time
 
@@ -40,12 +41,14 @@ def test_estimate_is_within_a_factor_of_three_of_the_measured_run(name, column):
     table = measured(column)
     assert len(table) == 7
     assert [c.stage for c in costs] == list(table)
+    # The estimate is for one core; laws, interface and samples are shared by the processes.
+    expected = {c.stage: c.seconds / (processes if c.stage in SHARED else 1) for c in costs}
     for c in costs:
         seconds, gigabytes = table[c.stage]
         if max(seconds, c.seconds) > LEAST:
-            assert seconds / FACTOR < c.seconds < seconds * FACTOR, c
+            assert seconds / FACTOR < expected[c.stage] < seconds * FACTOR, c
         assert gigabytes / FACTOR < c.gigabytes * processes < gigabytes * FACTOR, c
-    whole, total = sum(s for s, _ in table.values()), sum(c.seconds for c in costs)
+    whole, total = sum(s for s, _ in table.values()), sum(expected.values())
     assert whole / 2 < total < 2 * whole
 
 
