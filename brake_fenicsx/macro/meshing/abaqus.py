@@ -166,18 +166,13 @@ def _named(sets: dict[str, list[int]], name: str) -> list[int]:
 
 def _mesh(deck: _Deck) -> FileMesh:
     """The deck with nodes and cells numbered from 0."""
-    mesh, cells, node, cell = numbered(deck.nodes, deck.solids)
+    mesh, cells, node, cell = numbered(deck.nodes, deck.solids, deck.elsets, deck.nsets)
     for name, numbers in deck.elsets.items():
-        own = [cell[n] for n in numbers if n in cell]
-        if own:
-            mesh.cell_groups[name] = np.array(own)
         skins = [[node[i] for i in deck.skins[n]] for n in numbers if n in deck.skins]
         if skins:
             mesh.facet_groups[name] = np.array(skins)
     for name, places in deck.surfaces.items():
         mesh.facet_groups[name] = _surface(deck, name, places, cell, cells, mesh.shape)
-    for name, numbers in deck.nsets.items():
-        mesh.node_groups[name] = np.array([node[n] for n in numbers if n in node], dtype=np.int64)
     return mesh
 
 

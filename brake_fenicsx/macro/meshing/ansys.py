@@ -136,11 +136,4 @@ def _component(deck: _Deck, words: list[str], lines: Iterator[str]) -> None:
 
 def _mesh(deck: _Deck) -> FileMesh:
     """The deck with nodes and cells numbered from 0."""
-    mesh, _, node, cell = numbered(deck.nodes, deck.solids)
-    for name, numbers in deck.elements.items():
-        own = [cell[n] for n in numbers if n in cell]
-        if own:
-            mesh.cell_groups[name] = np.array(own)
-    for name, numbers in deck.nodesets.items():
-        mesh.node_groups[name] = np.array([node[n] for n in numbers if n in node], dtype=np.int64)
-    return mesh
+    return numbered(deck.nodes, deck.solids, deck.elements, deck.nodesets)[0]

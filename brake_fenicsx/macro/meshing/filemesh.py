@@ -55,17 +55,22 @@ class FileMesh:
 
 
 def numbered(
-    nodes: Mapping[int, Sequence[float]], solids: Mapping[int, tuple[str, Sequence[int]]]
+    nodes: Mapping[int, Sequence[float]],
+    solids: Mapping[int, tuple[str, Sequence[int]]],
+    elements: Mapping[str, Sequence[int]],
+    nodesets: Mapping[str, Sequence[int]],
 ) -> tuple[FileMesh, Ints, dict[int, int], dict[int, int]]:
-    """Nodes and cells of a deck, numbered from 0.
+    """Nodes and cells of a deck and the groups of them, numbered from 0.
 
     Args:
         nodes: number -> position.
         solids: number -> kind and numbers of the nodes.
+        elements: name of a group -> numbers of elements, others than solids among them.
+        nodesets: name of a group -> numbers of nodes.
 
     Returns:
-        The mesh without groups, its cells in the deck's order of nodes, and the new number of
-        every node and of every cell.
+        The mesh without groups of facets, its cells in the deck's order of nodes, and the new
+        number of every node and of every cell.
 
     Raises:
         SceneError: cells of several kinds, or a node that is not there.
@@ -78,7 +83,14 @@ def numbered(
     except KeyError as error:
         raise SceneError(f"node {error} of an element is not defined") from None
     points = np.array(list(nodes.values()), dtype=float)
-    return FileMesh(points, shape, cells[:, gmsh_order(shape, count)]), cells, node, cell
+    mesh = FileMesh(points, shape, cells[:, gmsh_order(shape, count)])
+    for name, numbers in elements.items():
+        own = [cell[n] for n in numbers if n in cell]
+        if own:
+            mesh.cell_groups[name] = np.array(own)
+    for name, numbers in nodesets.items():
+        mesh.node_groups[name] = np.array([node[n] for n in numbers if n in node], dtype=np.int64)
+    return mesh, cells, node, cell
 
 
 def gmsh_order(shape: str, nodes: int) -> list[int]:
