@@ -30,6 +30,7 @@ from .varied import VariedBody, work_at
 from .view import FixedBody, View, fixed_body
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 # Modes of bodies of variable stiffness are kept up to the first multiple of the band, since nothing
 # of a sample is corrected later, and known up to the second.
@@ -107,7 +108,7 @@ class EnsembleBasis:
         for i, body in enumerate(bodies):
             made = None if known is None else known[i]
             if body.parts:
-                box = (coefficients, anchors, degree)
+                box = (coefficients, anchors)
                 self.bodies.append(
                     VariedBody(
                         body, *box, self.sigma, (kept, known_up_to), ORDER, comm, advance, made
@@ -117,14 +118,13 @@ class EnsembleBasis:
                 self.bodies.append(fixed_body(body, self.sigma, self.limit, ORDER, comm, made))
         self.seconds = time.perf_counter() - start
 
-    def modes(self, x: Array, k: Array, mu: float | Array, tolerance: float = 1e-6) -> Modes:
-        """Complex modes of one sample in the band.
+    def modes(self, x: Array, k: Array, mu: float | Array) -> Modes:
+        """Complex modes of one sample in the band; nothing is corrected.
 
         Args:
             x: its stiffness, a point of the box.
             k: contact stiffness of each element [Pa/m], shape (elements,).
             mu: friction coefficient, one or one per element.
-            tolerance: relative error of lambda that is wanted; nothing is corrected.
 
         Returns:
             The modes; ``right`` and ``left`` in coordinates that ``displacements`` understands.
@@ -136,7 +136,7 @@ class EnsembleBasis:
         basis = self._basis(views, closed)
         mu = np.broadcast_to(np.asarray(mu, float), k.shape)[closed]
         doubt = self._doubt(closed)
-        found = Sample(basis, k[closed], mu, self.sigma, doubt).modes(self.band, start, tolerance)
+        found = Sample(basis, k[closed], mu, self.sigma, doubt).modes(self.band, start)
         turn = la.block_diag(*(s.shapes for s in views))
         how = "winding number of det T, on bases complete by inertia at the anchors"
         return replace(
@@ -232,7 +232,7 @@ class EnsembleBasis:
             first = own.stop
         return Phi_N, Phi_T, Phi_f, np.concatenate([s.Lambda for s in views])
 
-    def _basis(self, views: list[View], closed: NDArray[np.intp]) -> Basis:
+    def _basis(self, views: list[View], closed: Index) -> Basis:
         """The bodies together, seen from some of the elements."""
         Phi_N, Phi_T, _, Lambda = self._modal(views)
         Phi_N, Phi_T = Phi_N[closed], Phi_T[closed]
@@ -240,11 +240,7 @@ class EnsembleBasis:
         NT = [np.zeros((closed.size, closed.size)) for _ in range(ORDER + 1)]
         TT = np.zeros((closed.size, closed.size))
         for body, s in zip(self.bodies, views, strict=True):
-            places, inner, _ = np.intersect1d(
-                closed, body.body.elements, assume_unique=True, return_indices=True
-            )
-            own = np.searchsorted(body.body.elements, places)
-            there, here = np.ix_(inner, inner), np.ix_(own, own)
+            there, here = _common(closed, body.body.elements)
             for total, part in zip(NN, s.NN, strict=True):
                 total[there] += part[here]
             for total, part in zip(NT, s.NT, strict=True):
@@ -258,17 +254,13 @@ class EnsembleBasis:
             self.limit + self.sigma,
         )  # fmt: skip
 
-    def _doubt(self, closed: NDArray[np.intp]) -> list[list[tuple[Array, Array]]]:
+    def _doubt(self, closed: Index) -> list[list[tuple[Array, Array]]]:
         """Errors of the interpolation where it was checked."""
         out = []
         for body in self.bodies:
             if isinstance(body, FixedBody):
                 continue
-            places, inner, _ = np.intersect1d(
-                closed, body.body.elements, assume_unique=True, return_indices=True
-            )
-            own = np.searchsorted(body.body.elements, places)
-            there, here = np.ix_(inner, inner), np.ix_(own, own)
+            there, here = _common(closed, body.body.elements)
             for errors in body.doubt:
                 spread = []
                 for pair in errors:
@@ -278,3 +270,10 @@ class EnsembleBasis:
                     spread.append((whole[0], whole[1]))
                 out.append(spread)
         return out
+
+
+def _common(closed: Index, elements: Index) -> tuple[tuple[Index, ...], tuple[Index, ...]]:
+    """Where the elements that both name stand in matrices over the first, and over the second."""
+    places = np.intersect1d(closed, elements, assume_unique=True, return_indices=True)[1:]
+    there, here = (np.ix_(own, own) for own in places)
+    return there, here

@@ -74,7 +74,6 @@ class VariedBody:
         body: Body,
         coefficients: Callable[[Array], Array],
         anchors: Anchors,
-        degree: int,
         sigma: float,
         limits: tuple[float, float],
         order: int,
@@ -87,8 +86,7 @@ class VariedBody:
         Args:
             body: the body.
             coefficients: of the unit changes, at a point of [-1, 1]^d.
-            anchors: the anchors.
-            degree: degree of the interpolation of R_0.
+            anchors: the anchors; their degree is that of the interpolation of R_0.
             sigma: shift that makes the stiffness positive definite [1/s^2].
             limits: modes are kept up to this kappa, and in W up to that one [1/s^2].
             order: largest j of R_j.
@@ -96,12 +94,12 @@ class VariedBody:
             progress: called with the number of anchors done.
             known: ``arrays`` of the same body, made earlier.
         """
-        self.body, self.anchors, self.degree = body, anchors, degree
+        self.body, self.anchors = body, anchors
         self.sigma, self._coefficients = sigma, coefficients
         self.kept, self.limit = (limit + sigma for limit in limits)
         computed = self._computed(order, comm, progress) if known is None else known
         self._arrays, self.W, self.TT = computed, computed["W"], computed["TT"]
-        self._R = [computed[f"R_{j}"] for j in range(min(INTERPOLATED, degree) + 1)]
+        self._R = [computed[f"R_{j}"] for j in range(min(INTERPOLATED, anchors.degree) + 1)]
         self._higher = [*zip(computed["higher_NN"], computed["higher_NT"], strict=True)]
         self.doubt = [[self._split(r) for r in point] for point in computed["doubt"]]
         self._project()
@@ -122,7 +120,7 @@ class VariedBody:
 
     def _computed(self, order: int, comm: MPI.Comm, progress: Callable[[int], None]) -> Arrays:
         """The work at the anchors."""
-        anchors, degree = self.anchors, self.degree
+        anchors, degree = self.anchors, self.anchors.degree
         number = anchors.count(min(MODES_DEGREE, degree))
         found = _shared(list(anchors.points[:number]), self._modes, comm, progress)
         self.W = _joined(found, self.body.M)
@@ -169,7 +167,7 @@ class VariedBody:
 
     def _interpolated(self, x: Array, j: int) -> Array:
         """R_j at a point, flat."""
-        return np.asarray(self.anchors.weights(x, self.degree - j) @ self._R[j])
+        return np.asarray(self.anchors.weights(x, self.anchors.degree - j) @ self._R[j])
 
     def _projected(self, x: Array) -> Array:
         """W'A W."""

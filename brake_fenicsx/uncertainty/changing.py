@@ -157,11 +157,9 @@ class ChangingBodies:
         load = {**self._pressures, **pressures}
         return NN, NT, Nf @ np.array([load[face] for face in self.faces])
 
-    def modes(
-        self, drawn: Mapping[str, float], k: Array, mu: Array, tolerance: float = 1e-6
-    ) -> Modes:
+    def modes(self, drawn: Mapping[str, float], k: Array, mu: Array) -> Modes:
         """Complex modes of a sample, in coordinates of the basis."""
-        return self.basis.modes(self.box.place(drawn), k, mu, tolerance)
+        return self.basis.modes(self.box.place(drawn), k, mu)
 
 
 def _cached(store: Store) -> list[dict[str, Array]] | None:

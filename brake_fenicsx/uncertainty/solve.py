@@ -162,7 +162,7 @@ def _reduced(shared: Shared, reduced: Reduced, sample: SampleInput, eq: Equilibr
 def _changing(
     shared: Shared, changing: ChangingBodies, sample: SampleInput, eq: Equilibrium
 ) -> Arrays:
-    modes = changing.modes(sample.random, eq.k, sample.mu, shared.stability.tolerance)
+    modes = changing.modes(sample.random, eq.k, sample.mu)
     shares = energy_shares(shared.changing_grams, modes.right)
     coordinates = modes.right if shared.onto is None else shared.onto @ modes.right
     return {
