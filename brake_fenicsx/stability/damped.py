@@ -18,12 +18,12 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult, NotConverged
 
-from .completeness import Trapezium, count_zeros
+from .completeness import count_zeros
+from .damped_rows import NEAR_ZERO, damped_rows, rectangle
 from .dense import MASSLESS
 from .modes import Complex, Count, Modes
 from .quadratic import quadratic_modes
 from .shifts import covered_modes
-from .slices import widest_gap
 from .symmetric import SHIFT
 from .vectors import ROUND_OFF, norm_bound, paired
 
@@ -33,9 +33,6 @@ EPS = float(np.finfo(float).eps)
 
 # Up to this size the dense eigenvalues are as quick.
 DENSE = 300
-# Eigenvalues up to this share of the band's end may be rigid modes; vectors of rigid modes that
-# differ by less are one.
-NEAR_ZERO, SAME_SHAPE = 1e-4, 1e-4
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,14 +100,9 @@ def damped_modes(
     left = paired(s, left, pencil.slope(s, right))
     s = _quotient(pencil, s, right, left)
     residual, error, condition = _checked(pencil, s, right, left)
-    wanted = (s.imag > 0) & (s.imag >= low) & (s.imag <= high) & (s.real >= -zeta_max * np.abs(s))
-    wanted |= (s.imag == 0) & (s.real > 0) & (low <= 0)
-    rigid = (np.abs(s) <= np.minimum(error, NEAR_ZERO * high)) & (low <= 0)
-    rows = np.r_[_independent(right, np.flatnonzero(rigid)), np.flatnonzero(wanted & ~rigid)]
+    rows, s = damped_rows(s, right, error, (low, high), zeta_max)
     right, left = right[:, rows], left[:, rows]
     residual, error, condition = residual[rows], error[rows], condition[rows]
-    # What cannot be told from zero is a rigid mode: no frequency, no verdict.
-    s = np.where(np.abs(s[rows]) <= error, 0.0, s[rows])
     if np.any((residual > tolerance) & (_backward(pencil, s, right) > ROUND_OFF)):
         raise NotConverged(
             f"damped modes: relative residual {residual.max():.1e}, wanted {tolerance:.0e}"
@@ -120,22 +112,6 @@ def damped_modes(
         Count(s.size, how), used, time.perf_counter() - start,
         np.zeros(s.size, dtype=bool),
     )  # fmt: skip
-
-
-def _independent(right: Complex, among: NDArray[np.intp]) -> NDArray[np.intp]:
-    """Those of some eigenvalues at zero that have vectors of their own.
-
-    A rigid mode that nothing damps is a double zero, and round-off splits zeros into pairs of any
-    kind: their vectors tell how many modes there are.
-    """
-    if not among.size:
-        return among
-    X = right[:, among] / np.linalg.norm(right[:, among], axis=0)
-    _, R, order = la.qr(np.hstack([X.real, X.imag]), mode="economic", pivoting=True)
-    rank = int(np.sum(np.abs(np.diag(R)) > SAME_SHAPE * abs(R[0, 0])))
-    # A vector may stand in twice, by its real and its imaginary part.
-    first = list(dict.fromkeys(int(i) % among.size for i in order))[:rank]
-    return among[np.sort(first)]
 
 
 def _dense(p: Pencil, omega: float) -> tuple[Complex, Complex, Complex]:
@@ -169,16 +145,11 @@ def _counted(p: Pencil, s: Complex, high: float, zeta_max: float) -> str:
     Raises:
         InaccurateResult: the numbers differ.
     """
-    wide = 2 * zeta_max * high
-    inner = s[np.abs(s.real) < wide]
-    region = Trapezium(
-        widest_gap(s.real, -1.1 * wide, -wide), widest_gap(s.real, wide, 1.1 * wide), 0.0,
-        widest_gap(np.abs(inner.imag), high, 1.1 * high),
-    )  # fmt: skip
+    region = rectangle(s, high, zeta_max)
     M, C, K = (A.toarray() for A in (p.M, p.C, p.K))
     scale = np.abs(K).max()
     counted = count_zeros(
-        lambda z: (z**2 * M + z * C + K) / scale, region, s[np.abs(s) < 4 * (high + wide)]
+        lambda z: (z**2 * M + z * C + K) / scale, region, s[np.abs(s) < 4 * (high + region.high)]
     )
     found = int(region.holds(s).sum())
     if found != counted:

@@ -75,6 +75,7 @@ class Reduced:
         comm: MPI.Comm | None = None,
         progress: Callable[[int], None] = lambda n: None,
         known: tuple[Basis, Array] | None = None,
+        order: int = ORDER,
     ):
         """Offline stage.
 
@@ -90,6 +91,7 @@ class Reduced:
             comm: processes that share the work; this process alone if None.
             progress: called with the number of interface columns done.
             known: basis and mode shapes of an earlier offline stage of the same problem.
+            order: largest j of R_j; 0 leaves a basis for ``DampedReduced`` and equilibria alone.
 
         Raises:
             SceneError: the cutoff lies inside the band.
@@ -139,7 +141,7 @@ class Reduced:
             )
         rest = Deflated(self.factor, self.Phi, Lambda)
         # What was taken out of X is not in M X either, and grows back in two steps at the earliest.
-        moments = interface_moments(rest, rows, N, T, ORDER, comm, progress, between=self.factor)
+        moments = interface_moments(rest, rows, N, T, order, comm, progress, between=self.factor)
         times.append(time.perf_counter())
         self.seconds |= {"modes": times[2] - times[1], "interface": times[3] - times[2]}
         Phi_N, Phi_T = N @ self.Phi, T @ self.Phi

@@ -1,0 +1,165 @@
+"""Refinement of single damped modes on the full problem, with the factor of the reference at hand.
+
+A mode phi = Phi a + psi of a sample has psi = -R_0 [I' c + lambda C (Phi a + psi) + lambda^2 M psi]
+with the forces c = J z at contact, z = O phi, and its left one likewise with the transposed
+matrices. A few steps on either side, and the two-sided quotient of the full problem
+
+    lambda -> lambda - psi^H P phi / psi^H P' phi,     P = K0 + lambda C + lambda^2 M + I' J O,
+
+is wrong by the product of what is left on both sides. Phi' P phi moves the coordinates a by a step
+of Newton's with the T of the reduced model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from .contact_forces import on_parts
+from .damped_sample import DampedSample
+from .deflation import Deflated
+from .modes import Complex
+from .reduction import Reduced
+
+Array = NDArray[np.float64]
+
+# Steps on either side before the residuals are looked at, and how often at most.
+STEPS, ROUNDS = 6, 6
+
+# The coordinates lag behind what the last steps add: the bound is taken so many times.
+DOUBT = 3.0
+
+
+class Refined:
+    """The full problem of one sample."""
+
+    def __init__(
+        self,
+        sample: DampedSample,
+        reduced: Reduced,
+        C: sp.csr_matrix,
+        O: sp.csr_matrix,
+        I: sp.csr_matrix,
+    ):
+        """Keep what the steps need.
+
+        Args:
+            sample: the sample in the reduced model.
+            reduced: real modes and factor of the reference.
+            C: damping of the bodies [N s/m].
+            O: rows of the interface that are looked at.
+            I: rows that forces act along.
+        """
+        self.sample, self.reduced = sample, reduced
+        self.C, self.O, self.I = C, O, I
+
+    def right(self, s: Complex, a: Complex) -> Complex:
+        """Right vectors of some modes, shape (dofs, modes)."""
+        side = _Side(self, s, a, self.sample.gaps(s, a), left=False)
+        side.go_on()
+        return side.vector
+
+    def __call__(
+        self, s: Complex, a: Complex, b: Complex, tolerance: float
+    ) -> tuple[Complex, Array]:
+        """Some eigenvalues of the full problem, and how far off they may be.
+
+        Args:
+            s: eigenvalues of the reduced model [1/s], shape (modes,).
+            a: right vectors in the kept modes, shape (kept modes, modes).
+            b: left ones.
+            tolerance: relative error wanted.
+
+        Returns:
+            Both in 1/s; of modes that do not get there the second is what was reached.
+        """
+        right = _Side(self, s, a, self.sample.gaps(s, a), left=False)
+        left = _Side(self, s, b, self.sample.left_gaps(s, b), left=True)
+        for i in range(ROUNDS):
+            right.go_on()
+            left.go_on()
+            x, y = right.vector, left.vector.conj()
+            r, q = right.residual(), left.residual()
+            slope = 2 * s * (self.reduced.M @ x) + self.C @ x
+            slope += self.I.T @ self.sample.forces.rate(self.O @ x)
+            scale = np.einsum("im,im->m", y, slope)
+            change = -np.einsum("im,im->m", y, r) / scale
+            change = np.where(s.imag == 0, change.real, change)
+            left_over = self._product(s, right.rest.solve, r, q) / np.abs(scale)
+            bound = DOUBT * (left_over + np.abs(change))
+            s = s + change
+            # The coordinates have not been moved yet in the first round.
+            if i and np.all(bound <= tolerance * np.abs(s)):
+                break
+            right.move(s, left.a, r)
+            left.move(s, right.a, q)
+        return s, bound
+
+    def _product(
+        self, s: Complex, solve: Callable[[Array], Array], r: Complex, q: Complex
+    ) -> Array:
+        """|q^H x| of the answer x to r that the kept modes have no part in."""
+        x, y = (on_parts(solve, both) for both in (r, q))
+        z = self.sample.answer(s, self.O @ x, left=False)
+        contact = np.einsum("im,im->m", (self.I @ y).conj(), self.sample.forces(s, z))
+        return np.asarray(np.abs(np.einsum("im,im->m", y.conj(), r)) + np.abs(contact))
+
+
+class _Side:
+    """Right or left vectors of some modes; in the left ones I and O, C and C' change places."""
+
+    def __init__(self, full: Refined, s: Complex, a: Complex, z: Complex, left: bool):
+        reduced = full.reduced
+        self.sample, self.M, self.z, self.left = full.sample, reduced.M, z, left
+        self.s, self.C, self.O, self.I = s, full.C, full.O, full.I
+        if left:
+            self.s, self.C, self.O, self.I = s.conj(), full.C.T.tocsr(), full.I, full.O
+        self.Phi, self.Lambda, self.a = reduced.Phi, reduced.basis.Lambda, a
+        self.rest = Deflated(reduced.factor, self.Phi, self.Lambda)
+        self.load = self.psi = np.zeros((self.Phi.shape[0], s.size), complex)
+
+    @property
+    def vector(self) -> Complex:
+        """Phi a + psi."""
+        return np.asarray(self.Phi @ self.a + self.psi)
+
+    def go_on(self) -> None:
+        """A few steps more."""
+        for _ in range(STEPS):
+            c = self.z if self.left else self.sample.forces(self.s, self.z)
+            self.load = -(self.I.T @ c) - self.s * (self.C @ self.vector)
+            self.load -= self.s**2 * (self.M @ self.psi)
+            self.psi = on_parts(self.rest.solve, self.load)
+            self.z = self.sample.improved(self.s, self.z, self.O @ self.vector, self.left)
+
+    def residual(self) -> Complex:
+        """P phi, or that of the conjugate transposed problem."""
+        seen = self.O @ self.vector
+        force = (self.sample.forces.left if self.left else self.sample.forces)(self.s, seen)
+        # K0 psi is the last load, less what its kept modes carry.
+        carried = self.load - self.M @ (self.Phi @ (self.Phi.T @ self.load))
+        x = self.vector
+        inertia = self.s**2 * x + self.Phi @ (self.Lambda[:, None] * self.a)
+        return np.asarray(self.M @ inertia + carried + self.s * (self.C @ x) + self.I.T @ force)
+
+    def move(self, s: Complex, others: Complex, r: Complex) -> None:
+        """Newton's step of the coordinates: T a = -Phi' r, across the mode itself.
+
+        Args:
+            s: new eigenvalues, of the right vectors.
+            others: coordinates of the other side.
+            r: residual of the full problem.
+        """
+        for m, value in enumerate(s):
+            T, slope = self.sample.at(value), self.sample.at(value, derivative=True)
+            if self.left:
+                T, slope = T.conj().T, slope.conj().T
+            own, other = slope @ self.a[:, m], slope.conj().T @ others[:, m]
+            bordered = np.block([[T, own[:, None]], [other.conj()[None], np.zeros((1, 1))]])
+            step = la.solve(bordered, -np.r_[self.Phi.T @ r[:, m], 0.0])
+            self.a = self.a + step[:-1, None] * (np.arange(s.size) == m)
+        self.s = s.conj() if self.left else s
