@@ -112,6 +112,23 @@ def damping_of_sample(
     return sum(parts[1:], parts[0]).tocsr() if parts else None
 
 
+def rates_of_sample(
+    terms: Terms, contact: Contact, p: Array, mu: Array, slope: Array
+) -> tuple[Array, Array]:
+    """What friction's own terms multiply slip rates by: p mu'(V) along, mu p / V across [Pa s/m].
+
+    Args:
+        terms: those of the scene; a term it does not name is zero.
+        contact: contact elements.
+        p: pressures at equilibrium [Pa], shape (elements,).
+        mu: friction coefficients, shape (elements,).
+        slope: mu'(V) [s/m], shape (elements,).
+    """
+    along = slope * p if terms.slope else np.zeros_like(p)
+    across = mu * p / contact.speed if terms.sliding else np.zeros_like(p)
+    return along, across
+
+
 def record(scene: Scene, contact: Contact) -> dict[str, Any]:
     """What acts where, with its numbers, for log and summary; empty without damping."""
     table = scene.stability.damping if scene.stability else None

@@ -15,16 +15,20 @@ from numpy.typing import NDArray
 from brake_fenicsx.log import Progress, logger
 from brake_fenicsx.macro.brake import Brake
 from brake_fenicsx.macro.condensation import Compliance
+from brake_fenicsx.macro.contact import Contact
 from brake_fenicsx.macro.solver import Factor, local_rows
 from brake_fenicsx.scene import Stability
 from brake_fenicsx.stability.basis import Basis
+from brake_fenicsx.stability.damped_basis import DAMPED_ORDER
+from brake_fenicsx.stability.damped_reduction import DampedReduced
 from brake_fenicsx.stability.lanczos import lowest_modes
 from brake_fenicsx.stability.reduction import ORDER, Reduced
+from brake_fenicsx.stability.terms import Terms
 from brake_fenicsx.store import Store
 
 Array = NDArray[np.float64]
 
-FILE = "cache/basis.npz"
+FILE, DAMPED_FILE = "cache/basis.npz", "cache/damped.npz"
 
 # Real modes up to this multiple of the band tell modes apart where there is no reduced model.
 FAMILIES = 1.3
@@ -38,6 +42,7 @@ def reduced_model(
     k0: Array,
     store: Store,
     comm: MPI.Comm,
+    order: int = ORDER,
 ) -> tuple[Reduced, dict[str, Any]]:
     """Make the reduced model, or load it; collective.
 
@@ -49,17 +54,19 @@ def reduced_model(
         k0: reference stiffness [Pa/m], shape (elements,).
         store: the results folder.
         comm: processes that share the work.
+        order: largest order of its moments; 0 where all its samples are damped.
 
     Returns:
         The model, and its figures for the summary.
     """
-    known = _cached(store)
+    known = _cached(store, order)
     progress = Progress("interface columns", -(-len(brake.w) // comm.size))
     band = (stability.band[0], stability.band[1])
     start = time.perf_counter()
     reduced = Reduced(
-        K, M, brake.N, brake.T, brake.w, k0, band, stability.cutoff, comm, progress.advance, known
-    )
+        K, M, brake.N, brake.T, brake.w, k0, band, stability.cutoff, comm, progress.advance, known,
+        order,
+    )  # fmt: skip
     basis = reduced.basis
     if known is None and comm.rank == 0:
         arrays = {f.name: np.asarray(getattr(basis, f.name)) for f in fields(basis)}
@@ -95,10 +102,41 @@ def family_shapes(factor: Factor, M: PETSc.Mat, highest: float, comm: MPI.Comm) 
     return shapes
 
 
-def _cached(store: Store) -> tuple[Basis, Array] | None:
+def damped_model(
+    reduced: Reduced, terms: Terms, contact: Contact, store: Store, comm: MPI.Comm
+) -> DampedReduced:
+    """Add the damping of a scene to its reduced model, or load it; collective.
+
+    Args:
+        reduced: the model without.
+        terms: damping terms of the scene.
+        contact: its contact elements.
+        store: the results folder.
+        comm: processes that share the work.
+
+    Raises:
+        InaccurateResult: the bodies are damped too strongly.
+    """
+    stored = store.load(DAMPED_FILE)
+    known = None
+    if stored is not None and len(stored["G"]) == DAMPED_ORDER + 1:
+        logger.info("reduced damping: from the cache")
+        known = list(stored["G"])
+    elements, modes = reduced.basis.Phi_N.shape
+    columns = elements * (1 + terms.slope + terms.sliding) + modes * (terms.bulk is not None)
+    progress = Progress("damped columns", -(-columns // comm.size))
+    model = DampedReduced(
+        reduced, terms.bulk, contact.R, terms.slope, terms.sliding, comm, progress.advance, known
+    )
+    if known is None and comm.rank == 0:
+        store.save(DAMPED_FILE, G=np.array(model.basis.G))
+    return model
+
+
+def _cached(store: Store, order: int) -> tuple[Basis, Array] | None:
     """Basis and mode shapes that an earlier run left; None if there are none of this order."""
     stored = store.load(FILE)
-    if stored is None or len(stored["NN"]) != ORDER + 1:
+    if stored is None or len(stored["NN"]) != order + 1:
         return None
     logger.info("reduced basis: from the cache")
     values: dict[str, Any] = {f.name: stored[f.name] for f in fields(Basis)}

@@ -135,5 +135,8 @@ def _unstable(study: Study, task: Task, data: dict[str, Any]) -> tuple[NDArray, 
         drawn = dict(zip(map(str, data["random_names"]), data["random"], strict=True))
         modes = study.changing.modes(drawn, data["k"], data["mu"])
         return chosen, study.changing.basis.displacements(modes.right[:, chosen])
-    s, a = data["s"][chosen], data["coordinates"][:, chosen].astype(complex)
-    return chosen, study.reduced.expand(s, a, data["k"], data["mu"])
+    from .solve import expanded
+
+    if study.modal is None:
+        raise ValueError("prepare() comes first")
+    return chosen, expanded(study.modal, study._draw(*task), data, chosen)

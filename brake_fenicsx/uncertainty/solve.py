@@ -1,11 +1,12 @@
 """Complex modes of one sample: which solver takes it, and what is kept of its modes.
 
-Samples without damping go through a reduced model, where there is one: that of the scene's bodies,
-or that of bodies whose materials change; all others are solved at full order.
+Samples go through a reduced model, where there is one: that of the scene's bodies, with damping or
+without, or that of bodies whose materials change, without; all others are solved at full order.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -21,7 +22,13 @@ from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.macro.material_table import layer_materials, scene_materials
 from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.scene import Scene, Stability
-from brake_fenicsx.stability import Modes, Reduced, complex_modes, contact_interface
+from brake_fenicsx.stability import (
+    DampedReduced,
+    Modes,
+    Reduced,
+    complex_modes,
+    contact_interface,
+)
 from brake_fenicsx.stability.operators import tangent
 from brake_fenicsx.stability.participation import (
     damped_partners,
@@ -29,7 +36,13 @@ from brake_fenicsx.stability.participation import (
     flutter_partners,
     kinetic_grams,
 )
-from brake_fenicsx.stability.terms import Terms, damping_of_sample, damping_terms, record
+from brake_fenicsx.stability.terms import (
+    Terms,
+    damping_of_sample,
+    damping_terms,
+    rates_of_sample,
+    record,
+)
 
 from .bulk import Bulk
 
@@ -57,6 +70,7 @@ class Shared:
         reduced: the reduced model, if it serves any sample.
         grams: masses of the layers in its real modes, shape (modes, modes).
         shapes: real modes that tell families apart where there is no reduced model.
+        damped: the reduced model with damping, if it serves any sample.
         changing: the reduced model of bodies whose materials change, if there is one.
         changing_grams: masses of the layers in its coordinates.
         onto: its coordinates in those of ``basis``; None where there is no such basis.
@@ -73,6 +87,7 @@ class Shared:
     reduced: Reduced | None = None
     grams: dict[str, Array] = field(default_factory=dict)
     shapes: Array | None = None
+    damped: DampedReduced | None = None
     changing: ChangingBodies | None = None
     changing_grams: dict[str, Array] = field(default_factory=dict)
     onto: Array | None = None
@@ -84,6 +99,11 @@ class Shared:
         self.changing_grams = {name: own.projected(A) for name, A in self.masses.items()}
         if self.basis is not None:
             self.onto = own.projected(local_rows(self.M), self.basis)
+
+    @property
+    def only_damped(self) -> bool:
+        """Whether the reduced model without damping knows statics alone."""
+        return self.damped is not None and len(self.damped.reduced.basis.NN) == 1
 
     @property
     def basis(self) -> Array | None:
@@ -130,13 +150,52 @@ def modes_of_sample(
         eq: its equilibrium.
         by_reduction: whether the reduced model of the scene's own bodies may serve.
     """
-    C = sample_damping(shared, sample, eq)
-    if by_reduction and C is None:
-        if sample.materials and shared.changing is not None:
-            return _changing(shared, shared.changing, sample, eq)
-        if not sample.materials and shared.reduced is not None:
+    rates = _rates(shared, sample, eq.p)
+    if by_reduction and not sample.materials:
+        if rates is not None and shared.damped is not None:
+            return _damped(shared, shared.damped, sample, eq, rates)
+        if rates is None and shared.reduced is not None:
             return _reduced(shared, shared.reduced, sample, eq)
+    elif by_reduction and shared.changing is not None and rates is None:
+        return _changing(shared, shared.changing, sample, eq)
+    C = None if rates is None else sample_damping(shared, sample, eq)
     return _full(shared, sample, eq, C)
+
+
+def expanded(
+    shared: Shared, sample: SampleInput, data: Mapping[str, Any], chosen: NDArray[np.intp]
+) -> NDArray[np.complex128]:
+    """Displacements of some stored modes of the reduced model of the scene's bodies.
+
+    Args:
+        shared: what all samples share.
+        sample: the inputs of the stored sample.
+        data: what was stored of it.
+        chosen: numbers of the modes.
+
+    Returns:
+        Shape (dofs, chosen).
+    """
+    s, a = data["s"][chosen], data["coordinates"][:, chosen].astype(complex)
+    rates = _rates(shared, sample, data["p"])
+    if rates is not None and shared.damped is not None:
+        return shared.damped.expand(s, a, data["k"], data["mu"], *rates)
+    if shared.reduced is None:
+        raise ValueError("modes of a reduced model that is not there")
+    return shared.reduced.expand(s, a, data["k"], data["mu"])
+
+
+def _rates(shared: Shared, sample: SampleInput, p: Array) -> tuple[Array, Array] | None:
+    """Friction's own damping [Pa s/m], along and across; None where nothing damps the sample.
+
+    A damped model without the undamped one takes all samples.
+    """
+    terms, contact = shared.terms, shared.brake.contact
+    if terms is None:
+        return None
+    rates = rates_of_sample(terms, contact, p, sample.mu, sample.slope)
+    damped = terms.bulk is not None or np.any(rates)
+    return rates if damped or shared.only_damped else None
 
 
 def sample_damping(shared: Shared, sample: SampleInput, eq: Equilibrium) -> sp.csr_matrix | None:
@@ -155,6 +214,26 @@ def _reduced(shared: Shared, reduced: Reduced, sample: SampleInput, eq: Equilibr
     return {
         **_record(modes),
         **_composition(modes, energy_shares(shared.grams, modes.right), flutter_partners(modes.s)),
+        "coordinates": modes.right.astype(np.complex64),
+    }
+
+
+def _damped(
+    shared: Shared,
+    model: DampedReduced,
+    sample: SampleInput,
+    eq: Equilibrium,
+    rates: tuple[Array, Array],
+) -> Arrays:
+    settings = shared.stability
+    modes = model.modes(eq.k, sample.mu, *rates, settings.zeta_max, settings.tolerance)
+    unstable = np.array(modes.verdict) == "unstable"
+    # The kept modes are orthonormal in the mass; what is static moves next to none of it.
+    one = sp.identity(len(modes.right), format="csr")
+    partners = damped_partners(modes.s, modes.right, one, unstable)
+    return {
+        **_record(modes),
+        **_composition(modes, energy_shares(shared.grams, modes.right), partners),
         "coordinates": modes.right.astype(np.complex64),
     }
 

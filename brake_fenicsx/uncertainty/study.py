@@ -106,9 +106,13 @@ class Study:
         materials = any(split_key(name)[0] == "materials" for name in random)
         return materials and self.scene.samples.takes_random(approach)
 
-    def full_order(self, approach: str) -> bool:
-        """Whether an approach's samples are damped, so that no reduced model can serve."""
+    def damped(self, approach: str) -> bool:
+        """Whether damping acts in an approach's samples."""
         return bool(active_terms(self.scene, approach))
+
+    def full_order(self, approach: str) -> bool:
+        """Whether no reduced model can serve: damped bodies whose materials change."""
+        return self.damped(approach) and self.changes_bodies(approach)
 
     def prepare(self) -> None:
         """Factor the reference, and make or load the reduced basis."""
@@ -117,13 +121,17 @@ class Study:
         pressure = brake.pressed / float(brake.w.sum())
         k0 = np.full(len(brake.w), reference_stiffness(laws, pressure))
         self.facts["reference_stiffness_Pa_per_m"] = float(k0[0])
-        if any(r and not self.changes_bodies(name) for name, r in self.by_reduction.items()):
+        if self._of_one_body():
             self._prepare_reduced(k0)
         else:
             self.compliance = compliance(self.K, brake.N, brake.T, brake.w, brake.f, k0, self.comm)
         self._prepare_bodies()
         self._prepare_changing()
         self._prepare_modes()
+
+    def _of_one_body(self) -> list[str]:
+        """Approaches that the reduced model of the scene's own bodies serves."""
+        return [n for n, r in self.by_reduction.items() if r and not self.changes_bodies(n)]
 
     def _reference_laws(self) -> EnrichedGap:
         """Laws of the first sample that can be drawn, of rough contact if there is any."""
@@ -164,13 +172,16 @@ class Study:
         self.facts["changing_bodies"] = {"seconds": self.changing.basis.seconds}
 
     def _prepare_reduced(self, k0: Array) -> None:
+        from brake_fenicsx.stability.reduction import ORDER
+
         from .basis import compliance_of, reduced_model
 
         stability, brake = self.scene.stability, self.brake
         if stability is None:
             return
+        order = ORDER if any(not self.damped(name) for name in self._of_one_body()) else 0
         self.reduced, self.facts["reduced_basis"] = reduced_model(
-            stability, brake, self.K, self.M, k0, self.store, self.comm
+            stability, brake, self.K, self.M, k0, self.store, self.comm, order
         )
         self.compliance = compliance_of(self.reduced, brake.f)
 
@@ -184,7 +195,7 @@ class Study:
 
         full = [
             name for name, reduced in self.by_reduction.items()
-            if not reduced and (self.full_order(name) or self.changes_bodies(name))
+            if not reduced and (self.damped(name) or self.changes_bodies(name))
         ]  # fmt: skip
         if full:
             logger.info("%s: damping or materials of their own, full order", ", ".join(full))
@@ -199,9 +210,30 @@ class Study:
             self.modal.take_changing(self.changing)
         if self.modal.damping:
             self.facts["damping"] = self.modal.damping
+        self._prepare_damped(self.modal)
         for term, numbers in self.modal.damping.items():
             said = ", ".join(f"{name} = {value}" for name, value in numbers.items())
             logger.info("damping, %s: %s", term, said)
+
+    def _prepare_damped(self, modal: Shared) -> None:
+        """Damping in the reduced model; full order where it is too strong for that."""
+        names = [name for name in self._of_one_body() if self.damped(name)]
+        if not names or modal.terms is None or modal.reduced is None:
+            return
+        from .basis import damped_model
+
+        try:
+            modal.damped = damped_model(
+                modal.reduced, modal.terms, self.brake.contact, self.store, self.comm
+            )
+        except InaccurateResult as error:
+            logger.warning("%s; full order", error)
+            self.by_reduction |= dict.fromkeys(names, False)
+            return
+        self.facts["damped_basis"] = {
+            "seconds": modal.damped.seconds,
+            "converges_up_to_hz": modal.damped.basis.radius / 2 / np.pi,
+        }
 
     def run(self) -> None:
         """Run every sample that is not stored yet; long ones first."""

@@ -200,12 +200,60 @@ def test_a_damped_scene_on_all_processes(comm, tmp_path):
     assert active_terms(alone, "multi-scale") == ("rayleigh", "loss", "sliding")
     table = rows(folder / "out" / "modes.csv")
     assert {r["sample"] for r in table} == {"0", "1"}
-    # Families are followed though there is no reduced model.
     assert min(int(r["family"]) for r in table) >= 0
     run(BLOCK, SELF, tmp_path / "alone", changes)
     for k in (0, 1):
         s, t = (eigenvalues(f, sample=k) for f in (folder / "out", tmp_path / "alone"))
         np.testing.assert_allclose(s, t, rtol=1e-8)
+
+
+MANY = [
+    *COARSE, FALLING, FACTOR, "samples.n=3",
+    "stages=['surface','equilibrium','stability','uncertainty']",
+    "surface.statistics={ S_q = '3 um' }", "contact.block_plate.gap=hdf",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("terms", ["rayleigh=['20 1/s','1e-8 s'], loss=true, omega_ref='8 kHz'",
+                                   "sliding=true, slope=true"])  # fmt: skip
+def test_damped_samples_of_the_reduced_model_are_those_of_full_order(terms, comm, tmp_path):
+    """Damping of the bodies and of sliding, sample by sample; counted, within their errors."""
+    folder = comm.bcast(tmp_path if comm.rank == 0 else None, root=0)
+    damping = f"stability.damping={{ {terms} }}"
+    for method in ("reduced", "full"):
+        run(BLOCK, comm, folder / method, [*MANY, damping, f"stability.method={method}"])
+    summary = json.loads((folder / "reduced" / "summary.json").read_text())
+    assert summary["damped_basis"]["converges_up_to_hz"] > 20e3
+    # Statics of the undamped model are all that these samples take of it.
+    assert len(np.load(folder / "reduced" / "cache" / "basis.npz")["NN"]) == 1
+    for k in range(3):
+        s, t = (eigenvalues(folder / method, sample=k) for method in ("reduced", "full"))
+        np.testing.assert_allclose(s, t, rtol=2e-6)
+        assert s.size >= 5
+        data = np.load(folder / "reduced" / "samples" / f"multi-scale-{k:05d}.npz")
+        assert "winding number" in str(data["counted"])
+        assert np.all(np.abs(s - t) <= data["error"] + 1e-8 * np.abs(t))
+
+
+def test_undamped_approach_beside_a_damped_one(tmp_path):
+    """Falling friction acts in rough samples alone: both reduced models, each for its own."""
+    both = ["stability.damping.slope=true", "stability.method=reduced", "samples.n=2"]
+    names = ["samples.approaches=['multi-scale','fast']", "samples.fast={ n=4, design='random' }"]
+    random = (
+        "samples.random.\"loads.block.top.pressure\"={ law='uniform', min='2 bar', max='9 bar' }"
+    )
+    run(BLOCK, SELF, tmp_path, [*MANY, *both, *names, random])
+    assert len(np.load(tmp_path / "cache" / "basis.npz")["NN"]) > 1
+    table = rows(tmp_path / "modes.csv")
+    assert {r["approach"] for r in table} == {"multi-scale", "fast"}
+
+
+def test_damping_too_strong_for_the_reduced_model_goes_to_full_order(tmp_path):
+    """Its own decay lies within the band: said in the log, solved all the same."""
+    strong = ["stability.damping={ loss=true, omega_ref='8 kHz' }", "materials.lining.loss=0.4"]
+    run(BLOCK, SELF, tmp_path, [*MANY, *strong, "stability.method=reduced", "samples.n=2"])
+    assert "damping too strong for the reduced model" in (tmp_path / "log.txt").read_text()
+    assert {r["sample"] for r in rows(tmp_path / "modes.csv")} == {"0", "1"}
 
 
 def test_loss_follows_the_stiffness_of_a_sample(tmp_path):
