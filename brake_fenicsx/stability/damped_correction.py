@@ -79,6 +79,7 @@ class Refined:
         """
         right = _Side(self, s, a, self.sample.gaps(s, a), left=False)
         left = _Side(self, s, b, self.sample.left_gaps(s, b), left=True)
+        best, least = s, np.full(s.size, np.inf)
         for i in range(ROUNDS):
             right.go_on()
             left.go_on()
@@ -87,17 +88,22 @@ class Refined:
             slope = 2 * s * (self.reduced.M @ x) + self.C @ x
             slope += self.I.T @ self.sample.forces.rate(self.O @ x)
             scale = np.einsum("im,im->m", y, slope)
-            change = -np.einsum("im,im->m", y, r) / scale
+            with np.errstate(all="ignore"):
+                change = -np.einsum("im,im->m", y, r) / scale
+                left_over = self._product(s, right.rest.solve, r, q) / np.abs(scale)
             change = np.where(s.imag == 0, change.real, change)
-            left_over = self._product(s, right.rest.solve, r, q) / np.abs(scale)
             bound = DOUBT * (left_over + np.abs(change))
             s = s + change
+            if not np.all(np.isfinite(s)):
+                break
             # The coordinates have not been moved yet in the first round.
-            if i and np.all(bound <= tolerance * np.abs(s)):
+            better = (bound < least) & (i > 0)
+            best, least = np.where(better, s, best), np.where(better, bound, least)
+            if np.all(least <= tolerance * np.abs(s)):
                 break
             right.move(s, left.a, r)
             left.move(s, right.a, q)
-        return s, bound
+        return best, least
 
     def _product(
         self, s: Complex, solve: Callable[[Array], Array], r: Complex, q: Complex
@@ -160,6 +166,7 @@ class _Side:
                 T, slope = T.conj().T, slope.conj().T
             own, other = slope @ self.a[:, m], slope.conj().T @ others[:, m]
             bordered = np.block([[T, own[:, None]], [other.conj()[None], np.zeros((1, 1))]])
-            step = la.solve(bordered, -np.r_[self.Phi.T @ r[:, m], 0.0])
+            lu = la.lu_factor(bordered, check_finite=False)
+            step = la.lu_solve(lu, -np.r_[self.Phi.T @ r[:, m], 0.0], check_finite=False)
             self.a = self.a + step[:-1, None] * (np.arange(s.size) == m)
         self.s = s.conj() if self.left else s
