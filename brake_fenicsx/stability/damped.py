@@ -1,9 +1,9 @@
 """Full order with damping: all modes of a band of (lambda^2 M + lambda C + K) phi = 0.
 
 Small problems are solved densely, and counted by the winding number of their determinant. Large
-ones with a few hundred modes up to the band's end go to ``quadratic``. Bands with more modes below
-them are covered by complex shifts: real PETSc cannot factor there, so that SciPy does; for up to
-some ten thousand dofs.
+ones with a few hundred modes up to the band's end go to ``quadratic``, and are counted by
+``damped_count``. Bands with more modes below them are covered by complex shifts: real PETSc cannot
+factor there, so that SciPy does; for up to some ten thousand dofs.
 """
 
 from __future__ import annotations
@@ -19,9 +19,11 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import InaccurateResult, NotConverged
 
 from .completeness import count_zeros
+from .damped_count import counted
 from .damped_rows import NEAR_ZERO, damped_rows, rectangle
 from .dense import MASSLESS
 from .modes import Complex, Count, Modes
+from .problem import Problem
 from .quadratic import quadratic_modes
 from .shifts import covered_modes
 from .symmetric import SHIFT
@@ -62,40 +64,44 @@ class Pencil:
 
 
 def damped_modes(
-    pencil: Pencil, band: tuple[float, float], tolerance: float, zeta_max: float
+    problem: Problem, C: sp.csr_matrix, band: tuple[float, float], tolerance: float, zeta_max: float
 ) -> Modes:
-    """All modes of a band with alpha >= -zeta_max |lambda|, one of each conjugate pair.
+    """All modes of a band with alpha >= -zeta_max |lambda|, one of each conjugate pair; collective.
 
     Args:
-        pencil: the matrices.
+        problem: the problem without damping.
+        C: damping [N s/m].
         band: lowest and highest frequency [Hz].
         tolerance: relative residual of every mode.
         zeta_max: largest damping ratio looked for.
 
     Returns:
-        The modes; the number of those of large problems is not proven, and the record says so.
+        The modes; where their number could not be counted the record says why.
 
     Raises:
         NotConverged: a mode misses the tolerance by more than round-off explains.
-        InaccurateResult: a small problem has more or fewer modes than counted.
+        InaccurateResult: more or fewer modes than counted.
     """
     start = time.perf_counter()
     low, high = (2 * np.pi * f for f in band)
+    pencil = Pencil(problem.M.tocsc(), C.tocsc(), problem.K.tocsc())
     n = pencil.K.shape[0]
-    how = "not counted: damped problem"
     if n <= DENSE:
         s, right, left, used = *_dense(pencil, high), 1
         how = _counted(pencil, s, high, zeta_max)
     else:
-        M, C, K = (A.tocsr() for A in (pencil.M, pencil.C, pencil.K))
         try:
-            large = quadratic_modes(M, C, K, high, zeta_max)
+            large = quadratic_modes(problem.M, C, problem.K, high, zeta_max)
         except NotConverged:
             # Strongly damped bodies: real eigenvalues gather within the band.
             if n > COVERED:
                 raise
             large = None
         s, right, left, used = large or covered_modes(pencil, low, high, zeta_max)
+        how = (
+            counted(problem, C, s, high, zeta_max) if large
+            else "not counted: complex shifts, one by one"
+        )  # fmt: skip
     # Only decay is cut off: a mode that grows faster than that is news.
     slow = s.real >= -zeta_max * np.abs(s)
     chosen = np.flatnonzero(
@@ -151,7 +157,7 @@ def _counted(p: Pencil, s: Complex, high: float, zeta_max: float) -> str:
     Raises:
         InaccurateResult: the numbers differ.
     """
-    region = rectangle(s, high, zeta_max)
+    region = rectangle(s, high, 2 * zeta_max, 1.1)
     M, C, K = (A.toarray() for A in (p.M, p.C, p.K))
     scale = np.abs(K).max()
     counted = count_zeros(

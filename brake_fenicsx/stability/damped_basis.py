@@ -29,6 +29,9 @@ from .deflation import Deflated
 
 Array = NDArray[np.float64]
 
+# Smallest size that is divided by: bodies damped in proportion have no rest to speak of.
+TINY = 1e-300
+
 # Largest power of lambda; moments of inertia to R_5.
 DAMPED_ORDER = 11
 
@@ -124,6 +127,8 @@ def convergence_radius(G: Sequence[Array], rows: int, columns: int, limit: float
         columns: number of rows of I.
         limit: no mode of the reference below it is missing [1/s^2]: the radius without damping.
     """
-    sizes = [np.linalg.norm(g[:rows, :columns]) * limit ** (n / 2) for n, g in enumerate(G)]
-    growth = (sizes[-2] + sizes[-1]) / (sizes[-4] + sizes[-3])
+    # Without an interface the kept modes are all that the rest acts on.
+    parts = [g[:rows, :columns] if rows else g for g in G[-4:]]
+    sizes = [np.linalg.norm(part) * limit ** (n / 2) for n, part in enumerate(parts)]
+    growth = (sizes[2] + sizes[3]) / max(sizes[0] + sizes[1], TINY)
     return float(np.sqrt(limit / max(growth, 1.0)))

@@ -123,7 +123,7 @@ def _count(sample: DampedSample, s: Complex, high: float, zeta_max: float) -> No
     Raises:
         InaccurateResult: the numbers differ.
     """
-    region = rectangle(s, high, zeta_max)
+    region = rectangle(s, high, 2 * zeta_max, 1.1)
     found = int(region.holds(s).sum())
     counted = count_zeros(sample.at, region, s[np.abs(s) < 4 * (high + region.high)])
     if found != counted:

@@ -17,19 +17,20 @@ Complex = NDArray[np.complex128]
 NEAR_ZERO, SAME_SHAPE = 1e-4, 1e-4
 
 
-def rectangle(s: Complex, high: float, zeta_max: float) -> Trapezium:
+def rectangle(s: Complex, high: float, wide: float, margin: float) -> Trapezium:
     """Region of the plane of lambda that holds the band, its edges in gaps of the spectrum.
 
     Args:
         s: eigenvalues in the band and beyond [1/s].
         high: upper end of the band [rad/s].
-        zeta_max: largest damping ratio looked for.
+        wide: largest |Re lambda| over that.
+        margin: the edges may be moved outwards by this factor.
     """
-    wide = 2 * zeta_max * high
-    inner = s[np.abs(s.real) < wide]
+    wide *= high
+    inner = s[np.abs(s.real) < margin * wide]
     return Trapezium(
-        widest_gap(s.real, -1.1 * wide, -wide), widest_gap(s.real, wide, 1.1 * wide), 0.0,
-        widest_gap(np.abs(inner.imag), high, 1.1 * high),
+        widest_gap(s.real, -margin * wide, -wide), widest_gap(s.real, wide, margin * wide), 0.0,
+        widest_gap(np.abs(inner.imag), high, margin * high),
     )  # fmt: skip
 
 

@@ -57,7 +57,8 @@ class DampedSample:
         self._E, self._B = ([f(i) for i in powers] for f in (self.gaps_forced, self.modes_forced))
         E = self._E[0][: J.n, : J.n].copy()
         E[np.diag_indices_from(E)] += 1.0
-        self._lu = la.lu_factor(E, overwrite_a=True, check_finite=False)
+        # Without contact elements there is nothing to solve.
+        self._lu = la.lu_factor(E, overwrite_a=True, check_finite=False) if J.n else None
         self._Z: list[Array] = []
         self._Y: list[Array] = []
         for i in powers:
@@ -153,12 +154,16 @@ class DampedSample:
 
     def _solve(self, x: Array) -> Array:
         """E_0^-1 x: of the motions only the gaps act on others."""
+        if self._lu is None:
+            return x
         n, below = self.forces.n, self._E[0][self.forces.n :, : self.forces.n]
         gaps = la.lu_solve(self._lu, x[:n], check_finite=False)
         return np.vstack([gaps, x[n:] - below @ gaps])
 
     def _solve_left(self, x: Array) -> Array:
         """E_0^-T x."""
+        if self._lu is None:
+            return x
         n, below = self.forces.n, self._E[0][self.forces.n :, : self.forces.n]
         gaps = la.lu_solve(self._lu, x[:n] - below.T @ x[n:], trans=1, check_finite=False)
         return np.vstack([gaps, x[n:]])

@@ -23,7 +23,7 @@ from brake_fenicsx.errors import NotConverged, SceneError
 from brake_fenicsx.macro.solver import local_rows
 
 from .completeness import count_zeros
-from .damped import Pencil, damped_modes
+from .damped import damped_modes
 from .dense import dense_modes
 from .friction import friction_modes
 from .interface import Interface, difference_interface
@@ -78,11 +78,10 @@ def complex_modes(
     if not 0 <= band[0] < band[1]:
         raise SceneError(f"band {band[0]:g} to {band[1]:g} Hz: from at least 0 up to a higher one")
     comm = K.comm.tompi4py() if isinstance(K, PETSc.Mat) else MPI.COMM_SELF
-    if C is not None:
-        matrices = (local_rows(as_petsc(A)).tocsc() for A in (M, C, K))
-        return damped_modes(Pencil(*matrices), band, tolerance, zeta_max)
     start = time.perf_counter()
     problem = _problem(K, M, frictionless, friction, comm)
+    if C is not None:
+        return damped_modes(problem, local_rows(as_petsc(C)), band, tolerance, zeta_max)
     low, high = ((2 * np.pi * f) ** 2 for f in band)
     n = problem.K.shape[0]
     found = None

@@ -6,7 +6,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from brake_fenicsx.errors import InaccurateResult
-from brake_fenicsx.stability import complex_modes, damped
+from brake_fenicsx.stability import complex_modes, contact_interface, damped
 from brake_fenicsx.stability.damping import rayleigh
 from brake_fenicsx.stability.quadratic import quadratic_modes
 
@@ -64,7 +64,37 @@ def test_rayleigh_chain_with_a_doublet_of_every_mode():
     np.testing.assert_allclose(np.sort_complex(m.s), np.sort_complex(exact), rtol=1e-8)
     # Within a doublet the vectors are any two: their condition is finite, not one.
     assert np.all((m.condition > 0.99) & (m.condition < 100))
-    assert m.count.how.startswith("not counted")
+    assert m.count.how.startswith("winding number") and m.count.expected == 40
+
+
+@pytest.mark.parametrize("withheld", [0, 1, 2])
+def test_large_problems_are_counted(two_blocks, monkeypatch, withheld):
+    """Loss, sliding and friction of low rank; pairs that the eigensolver withholds are noticed.
+
+    Catches a count that only repeats what was found.
+    """
+    scene, k, mu = two_blocks("coarse"), None, 0.6
+    rng = np.random.default_rng(3)
+    k = 3e11 * 10 ** rng.uniform(-1, 1, scene.w.size)
+    C = (1e-7 * scene.K + 100.0 * scene.M + 20.0 * (scene.R.T @ scene.R)).tocsr()
+    friction = contact_interface(scene.N, scene.T, scene.w * k, mu)
+    real = damped.quadratic_modes
+
+    def lossy(*given):
+        s, right, left, used = real(*given)
+        order = np.argsort(np.abs(np.abs(s.imag) - 3e5))
+        keep = np.sort(order[2 * withheld :])
+        return s[keep], right[:, keep], left[:, keep], used
+
+    monkeypatch.setattr(damped, "quadratic_modes", lossy)
+    band = (0.0, 90e3)
+    if withheld:
+        with pytest.raises(InaccurateResult, match="the winding number counts"):
+            complex_modes(scene.M, C, scene.tangent(k, mu), band, friction=friction)
+        return
+    for given in (friction, None):
+        m = complex_modes(scene.M, C, scene.tangent(k, mu), band, friction=given)
+        assert m.count.how.startswith("winding number") and m.count.expected == len(m) > 10
 
 
 def test_too_many_modes_go_to_complex_shifts(monkeypatch):
