@@ -13,25 +13,48 @@ of Newton's with the T of the reduced model.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .contact_forces import on_parts
-from .damped_sample import DampedSample
+from .contact_forces import ContactForces, on_parts
 from .deflation import Deflated
 from .modes import Complex
-from .reduction import Reduced
+
+if TYPE_CHECKING:
+    from .reduction import Reduced
 
 Array = NDArray[np.float64]
 
 # Steps on either side before the residuals are looked at, and how often at most.
-STEPS, ROUNDS = 6, 6
+STEPS, ROUNDS = 6, 8
 
 # The coordinates lag behind what the last steps add: the bound is taken so many times.
 DOUBT = 3.0
+
+
+class Asked(Protocol):
+    """A sample in the reduced model, see ``DampedSample``."""
+
+    forces: ContactForces
+
+    def at(self, s: complex, derivative: bool = False) -> Complex:
+        """T or T' at lambda = s."""
+
+    def gaps(self, s: Complex, a: Complex) -> Complex:
+        """Motion z at contact of some right vectors."""
+
+    def left_gaps(self, s: Complex, b: Complex) -> Complex:
+        """Gap multipliers of some left vectors."""
+
+    def improved(self, s: Complex, z: Complex, seen: Complex, left: bool) -> Complex:
+        """Newton's step for z = O phi(z), or for its left counterpart."""
+
+    def answer(self, s: Complex, x: Complex, left: bool) -> Complex:
+        """E^-1 x, or E^-H x."""
 
 
 class Refined:
@@ -39,7 +62,7 @@ class Refined:
 
     def __init__(
         self,
-        sample: DampedSample,
+        sample: Asked,
         reduced: Reduced,
         C: sp.csr_matrix,
         O: sp.csr_matrix,
@@ -79,8 +102,8 @@ class Refined:
         """
         right = _Side(self, s, a, self.sample.gaps(s, a), left=False)
         left = _Side(self, s, b, self.sample.left_gaps(s, b), left=True)
-        best, least = s, np.full(s.size, np.inf)
-        for i in range(ROUNDS):
+        best, least, before = s, np.full(s.size, np.inf), np.full(s.size, np.inf)
+        for _ in range(ROUNDS):
             right.go_on()
             left.go_on()
             x, y = right.vector, left.vector.conj()
@@ -92,12 +115,13 @@ class Refined:
                 change = -np.einsum("im,im->m", y, r) / scale
                 left_over = self._product(s, right.rest.solve, r, q) / np.abs(scale)
             change = np.where(s.imag == 0, change.real, change)
-            bound = DOUBT * (left_over + np.abs(change))
+            # One change may be small by chance, two in a row are not.
+            bound = DOUBT * (left_over + np.sqrt(np.abs(change) * before))
+            before = np.abs(change)
             s = s + change
             if not np.all(np.isfinite(s)):
                 break
-            # The coordinates have not been moved yet in the first round.
-            better = (bound < least) & (i > 0)
+            better = bound < least
             best, least = np.where(better, s, best), np.where(better, bound, least)
             if np.all(least <= tolerance * np.abs(s)):
                 break

@@ -40,6 +40,7 @@ from .correction import Deeper
 from .deflation import Deflated
 from .lanczos import lowest_modes
 from .modes import Complex, Modes
+from .refinement import Refinement
 from .sample import Sample
 
 Array = NDArray[np.float64]
@@ -166,7 +167,9 @@ class Reduced:
         """
         start = time.perf_counter()
         deeper = Deeper(self._rest(), self.M, self.N, self.T, self.basis.limit)
-        return Sample(self.basis, k, mu).modes(self.band, start, tolerance, deeper)
+        sample = Sample(self.basis, k, mu)
+        refined = Refinement(sample, self)
+        return sample.modes(self.band, start, tolerance, deeper, refined)
 
     def expand(self, s: Complex, a: Complex, k: Array, mu: float | Array) -> Complex:
         """Displacements of some modes of a sample.

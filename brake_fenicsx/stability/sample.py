@@ -24,6 +24,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.linalg as la
@@ -34,6 +36,9 @@ from .completeness import Trapezium, lowest_real, opening
 from .correction import Deeper
 from .modes import Complex, Modes, counted_rows, undamped_rows
 from .pencil import Pencil
+
+if TYPE_CHECKING:
+    from .refinement import Refinement
 
 Array = NDArray[np.float64]
 
@@ -81,9 +86,9 @@ class Sample:
         E[np.diag_indices_from(E)] += 1.0
         self._lu = la.lu_factor(E, overwrite_a=True, check_finite=False)
         self.B = b.Phi_N.T * self.dD + b.Phi_T.T * self.mD
-        self.S = self._solve(b.Phi_N)
-        self.S1 = self._solve(self.C1 @ self.S)
-        self.S2 = self._solve(self.C1 @ self.S1 - self.C2 @ self.S)
+        self.S = self.solve(b.Phi_N)
+        self.S1 = self.solve(self.C1 @ self.S)
+        self.S2 = self.solve(self.C1 @ self.S1 - self.C2 @ self.S)
 
     def _residual_gap(self, j: int) -> Array:
         """C_j = R_j,NN dD + mu R_j,NT D."""
@@ -92,8 +97,17 @@ class Sample:
             C += self.basis.NT[j] * self.mD
         return C
 
-    def _solve(self, x: Array, trans: int = 0) -> Array:
+    def solve(self, x: Array, trans: int = 0) -> Array:
+        """(I + C_0)^-1 x, or its transpose."""
         return np.asarray(la.lu_solve(self._lu, x, trans=trans, check_finite=False))
+
+    @cached_property
+    def operators(self) -> tuple[Array, Array, Array]:
+        """K_r, M_r, Q_r of T = K_r - kappa M_r + kappa^2 Q_r."""
+        K, M, Q = self.B @ self.S, self.B @ self.S1, self.B @ self.S2
+        K[np.diag_indices_from(K)] += self.basis.Lambda
+        M[np.diag_indices_from(M)] += 1.0
+        return K, M, Q
 
     def gaps(self, a: Complex, kappa: Complex) -> Complex:
         """Gaps g = (I + C)^-1 Phi_N a, to second order in kappa, shape (elements, modes)."""
@@ -106,6 +120,7 @@ class Sample:
         start: float,
         tolerance: float = 1e-6,
         deeper: Deeper | None = None,
+        refined: Refinement | None = None,
     ) -> Modes:
         """Modes of the band with residuals and errors.
 
@@ -114,13 +129,13 @@ class Sample:
             start: when the clock was started [s].
             tolerance: relative error of lambda beyond which a mode is corrected.
             deeper: the full problem; without it no mode is corrected.
+            refined: the full problem, for what is still beyond the tolerance then.
 
         Raises:
             InaccurateResult: the count differs.
         """
         Lambda = self.basis.Lambda
-        K_r, M_r, Q_r = np.diag(Lambda) + self.B @ self.S, self.B @ self.S1, self.B @ self.S2
-        M_r[np.diag_indices_from(M_r)] += 1.0
+        K_r, M_r, Q_r = self.operators
         highest = (2 * np.pi * 1.02 * band[1]) ** 2 + self.sigma
         pencil = Pencil(K_r, M_r, Q_r)
         pairs = pencil.pairs(highest, _region(band, self.sigma))
@@ -145,7 +160,15 @@ class Sample:
         second += pencil.coupled_shift(kappa, rest) * condition
         floor = 1e-14 * Lambda[-1] * condition
         error = tail / np.abs(slope) + second + floor
-        kappa = np.where(safe, kappa + shift, kappa)
+        start_at, kappa = kappa, np.where(safe, kappa + shift, kappa)
+        left = error > 2 * tolerance * np.abs(kappa)
+        if refined is not None and left.any():
+            better, bound = refined(start_at[left], a[:, left], b[:, left], 0.1 * tolerance)
+            settled = np.abs(better - start_at[left]) <= 0.5 * apart[left]
+            settled &= bound < error[left]
+            kappa[left] = np.where(settled, better, kappa[left])
+            error[left] = np.where(settled, bound + floor[left], error[left])
+            beyond |= left
         both = _with_mates(pairs.kappa)
         kappa = np.where(pairs.kappa.imag < 0, kappa[both].conj(), kappa[both])
         order, lam, spread, real = undamped_rows(kappa - self.sigma, error[both], band)
@@ -153,7 +176,7 @@ class Sample:
             lam, pairs.right[:, order], pairs.left[:, order], residual[both][order], spread,
             condition[both][order],
             counted_rows(lam, "winding number of det T, on a basis complete by inertia", ZETA_MAX),
-            int(beyond[both][order].sum()) if deeper is not None else 0,
+            0 if deeper is None and refined is None else int(beyond[both][order].sum()),
             time.perf_counter() - start, real,
         )  # fmt: skip
 
@@ -246,7 +269,7 @@ class Sample:
     def _solves(self, x: Complex, trans: int = 0) -> Complex:
         """E^-1 x for complex columns, of imaginary parts only those that are there."""
         turned = np.flatnonzero(np.any(x.imag != 0, axis=0))
-        y = self._solve(np.hstack([x.real, x.imag[:, turned]]), trans)
+        y = self.solve(np.hstack([x.real, x.imag[:, turned]]), trans)
         out = y[:, : x.shape[1]].astype(complex)
         out[:, turned] += 1j * y[:, x.shape[1] :]
         return out

@@ -1,0 +1,92 @@
+"""Refinement of single undamped modes on the full problem: that of damped ones, with C = 0."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from .contact_forces import ContactForces, on_parts, times
+from .damped_correction import Refined
+from .modes import Complex
+from .sample import Sample
+
+if TYPE_CHECKING:
+    from .reduction import Reduced
+
+Array = NDArray[np.float64]
+
+# Terms of the answer of the gaps.
+ANSWERS = 2
+
+
+class Refinement:
+    """The full problem of one undamped sample."""
+
+    def __init__(self, sample: Sample, reduced: Reduced):
+        """Keep what the steps need.
+
+        Args:
+            sample: the sample in the reduced model.
+            reduced: real modes and factor of the reference.
+        """
+        N, T = reduced.N, reduced.T
+        none = sp.csr_matrix(reduced.M.shape)
+        self._asked = _AsDamped(sample)
+        self._full = Refined(self._asked, reduced, none, N, sp.vstack([N, T]).tocsr())
+
+    def __call__(
+        self, kappa: Complex, a: Complex, b: Complex, tolerance: float
+    ) -> tuple[Complex, Array]:
+        """Some eigenvalues of the full problem, and how far off they may be.
+
+        Args:
+            kappa: eigenvalues of the reduced model [1/s^2], shape (modes,).
+            a: right vectors in the kept modes, shape (kept modes, modes).
+            b: left ones.
+            tolerance: relative error of lambda wanted.
+
+        Returns:
+            Both in 1/s^2; of modes that do not get there the second is what was reached.
+        """
+        s, bound = self._full(np.sqrt(-kappa.astype(complex)), a, b, tolerance)
+        new = -(s**2)
+        return np.where(kappa.imag == 0, new.real, new), 2 * np.abs(s) * bound
+
+
+class _AsDamped:
+    """An undamped sample, asked as a damped one: kappa = -lambda^2."""
+
+    def __init__(self, sample: Sample):
+        n = sample.dD.size
+        self.sample = sample
+        self.forces = ContactForces(sample.dD, sample.mD, {}, 2 * n)
+
+    def at(self, s: complex, derivative: bool = False) -> Complex:
+        """T or T' at lambda = s."""
+        K, M, Q = self.sample.operators
+        return 2 * s * M + 4 * s**3 * Q if derivative else K + s**2 * M + s**4 * Q
+
+    def gaps(self, s: Complex, a: Complex) -> Complex:
+        """Gaps of some right vectors."""
+        return self.sample.gaps(a, -(s**2))
+
+    def left_gaps(self, s: Complex, b: Complex) -> Complex:
+        """Gap multipliers of some left vectors."""
+        return self.answer(s.conj(), times(self.sample.B.T, b), left=True)
+
+    def improved(self, s: Complex, z: Complex, seen: Complex, left: bool) -> Complex:
+        """Newton's step, see ``DampedSample``."""
+        return z + self.answer(s, (self.forces.left(s, seen) if left else seen) - z, left)
+
+    def answer(self, s: Complex, x: Complex, left: bool) -> Complex:
+        """E^-1 x, or E^-H x."""
+        own, kappa = self.sample, -(s**2)
+        C1, C2 = (C.T if left else C for C in (own.C1, own.C2))
+        out = first = on_parts(lambda v: own.solve(v, int(left)), x)
+        for _ in range(ANSWERS):
+            more = kappa * times(C1, out) + kappa**2 * times(C2, out)
+            out = first - on_parts(lambda v: own.solve(v, int(left)), more)
+        return out
