@@ -9,7 +9,7 @@ from brake_fenicsx.errors import BrakeError
 
 from .arnoldi import nearest_modes
 from .completeness import opening
-from .interface import Inverse, moments
+from .interface import MORE_ORDERS, Inverse, moments
 from .problem import MARGIN, Found, Problem, agree, search_region
 from .symmetric import shifted_factor, symmetric_modes
 from .vectors import RIM, matched, with_conjugates
@@ -65,6 +65,10 @@ def friction_modes(p: Problem, low: float, high: float, zeta_max: float) -> Foun
     kappa, right, left, steps = _both_sides(p, inverse, smooth, reach)
     region = search_region(kappa, low, high, zeta_max)
     proof = prove(smooth, face, seen, region, kappa, p.comm)
+    if not proof.rest < 1:
+        # Stiff contact: more of what the kept modes leave out is needed.
+        seen = moments(factor, p.M, face, p.comm, orders=MORE_ORDERS)
+        proof = prove(smooth, face, seen, region, kappa, p.comm)
     factor.destroy()
     agree(int(region.holds(kappa).sum()), proof.count, high, "the winding number")
     proven = "" if proof.rest < 1 else "; not proven, it should be below 1"

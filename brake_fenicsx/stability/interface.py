@@ -24,8 +24,9 @@ from brake_fenicsx.macro.solver import Factor, blocks
 
 Array = NDArray[np.float64]
 
-# Moments of the interface that are kept: right S^-1 (M S^-1)^j left', j = 0, 1, 2.
-ORDERS = 3
+# Moments of the interface that are kept at first: right S^-1 (M S^-1)^j left', j = 0, 1, 2; more
+# where they prove nothing.
+ORDERS, MORE_ORDERS = 3, 6
 
 # Largest rank for which friction is treated on its interface: dense matrices of this size.
 LARGEST = 4000
@@ -122,7 +123,7 @@ class Moments:
     """The interface as seen through S^-1.
 
     Attributes:
-        RL: right S^-1 (M S^-1)^j left', j = 0, 1, 2, each of shape (rank, rank).
+        RL: right S^-1 (M S^-1)^j left', j = 0, 1, 2 at least, each of shape (rank, rank).
         LL: left S^-1 (M S^-1)^2 left', shape (rank, rank).
         RR: largest eigenvalue of right S^-1 right'; 1 where the interface is bounded.
     """
@@ -133,7 +134,12 @@ class Moments:
 
 
 def moments(
-    factor: Factor, M: sp.csr_matrix, face: Interface, comm: MPI.Comm, first: float = 1.0
+    factor: Factor,
+    M: sp.csr_matrix,
+    face: Interface,
+    comm: MPI.Comm,
+    first: float = 1.0,
+    orders: int = ORDERS,
 ) -> Moments:
     """Solve for every column of the interface; the columns are shared by the processes.
 
@@ -143,20 +149,22 @@ def moments(
         face: the interface.
         comm: processes that share the columns.
         first: share of process 0, which may be late, relative to the others'.
+        orders: number of moments, 3 at least.
 
     Returns:
         The moments.
     """
     share = shared_columns(face.rank, comm, first)
-    RL, LL = np.empty((ORDERS, face.rank, share.size)), np.empty((face.rank, share.size))
+    RL, LL = np.empty((orders, face.rank, share.size)), np.empty((face.rank, share.size))
     RR = np.empty((face.rank, 0 if face.bounded else share.size))
     left, right = face.left[share].T.tocsc(), face.right[share].T.tocsc()
     for b in blocks(share.size):
         X = factor.solve(left[:, b].toarray())
-        for j in range(ORDERS):
+        for j in range(orders):
             X = X if j == 0 else factor.solve(M @ X)
             RL[j][:, b] = face.right @ X
-        LL[:, b] = face.left @ X
+            if j == 2:
+                LL[:, b] = face.left @ X
         if not face.bounded:
             RR[:, b] = face.right @ factor.solve(right[:, b].toarray())
     whole = [np.hstack(comm.allgather(part)) for part in (*RL, LL, RR)]
@@ -164,7 +172,7 @@ def moments(
     if not face.bounded:
         gap = 0.5 * (whole[-1] + whole[-1].T)
         size = float(la.eigvalsh(gap, subset_by_index=[face.rank - 1, face.rank - 1])[0])
-    return Moments(tuple(whole[:ORDERS]), 0.5 * (whole[ORDERS] + whole[ORDERS].T), size)
+    return Moments(tuple(whole[:orders]), 0.5 * (whole[orders] + whole[orders].T), size)
 
 
 class Inverse:

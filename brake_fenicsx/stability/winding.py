@@ -17,7 +17,8 @@ less its part in Phi. The turns of det G are those of its known part as long as
 
     |kappa'|^3 / (limit' - |kappa'|) / limit' |B' G^-1| |A| < 1
 
-along the edge; the largest value of the left-hand side is kept with the count.
+along the edge; the largest value of the left-hand side is kept with the count. Each further R_j
+that is known makes it smaller by |kappa'| / limit'.
 """
 
 from __future__ import annotations
@@ -107,7 +108,7 @@ class Determinant:
         """Phase of det(K - kappa M) / prod(believed - kappa), up to a constant sign."""
         z = kappa - self.sigma
         modal = self.P / (self.kappa - kappa)
-        G = self.R[0] + z * self.R[1] + z**2 * self.R[2] + modal @ self.Q.T
+        G = modal @ self.Q.T + sum(z**j * R for j, R in enumerate(self.R))
         lu, pivots = la.lu_factor(G, overwrite_a=True, check_finite=False)
         self.rest = max(self.rest, self._rest(abs(z), lu, pivots))
         self.points += 1
@@ -130,7 +131,8 @@ class Determinant:
             y = self.B.T @ la.lu_solve((lu, pivots), x, check_finite=False)
             size = float(np.linalg.norm(y, 2))
             self._x = la.lu_solve((lu, pivots), self.B @ y, trans=2, check_finite=False)
-        return z**3 / (self.limit - z) / self.limit * size * self.A
+        ratio = z / self.limit
+        return z**3 / (self.limit - z) / self.limit * ratio ** (len(self.R) - 3) * size * self.A
 
 
 def prove(
