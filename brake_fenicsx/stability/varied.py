@@ -130,7 +130,8 @@ class VariedBody:
         anchors, degree, body = self.anchors, self.anchors.degree, self.body
         number = anchors.count(min(MODES_DEGREE, degree))
         found = shared(range(number), self._modes, comm, progress)
-        self.W = joined(found, body.M, comm)
+        self.W, centre = joined(found, body.M, comm), found[0]
+        del found
         self._W_B = np.ascontiguousarray((sp.vstack([body.N, body.T]) @ self.W).T)
         self._projected = projected([body.K, *(part for _, part in body.parts)], self.W, comm)
         # Towards two corners, where no anchor is: the interpolation is worst there.
@@ -144,7 +145,7 @@ class VariedBody:
         solved = shared(tasks, lambda task: self._rest(*task), comm, progress)
         corners, solved = solved[: len(checks)], solved[len(checks) :]
         self._R = [np.array([r[j] for r in solved[:n]]) for j, n in enumerate(needed)]
-        self._higher, self.TT = self._centre(found[0], order, comm)
+        self._higher, self.TT = self._centre(centre, order, comm)
         self.doubt = np.array(
             [
                 [*(r[j] - self._interpolated(x, j) for j in range(top + 1)), self._followed(r[top])]
