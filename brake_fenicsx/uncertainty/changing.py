@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from zlib import crc32
 
 from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.log import Progress, logger
@@ -137,8 +135,7 @@ class ChangingBodies:
         self._pressures = {face: scene.loads[face].pressure for face in self.faces}
         K, M = (local_rows(A) for A in matrices)
         band = (stability.band[0], stability.band[1])
-        numbering = _numbering(M, brake.N)
-        known = _cached(store, numbering)
+        known = _cached(store)
         self.basis = EnsembleBasis(
             K, M, brake.N, brake.T, brake.w, np.stack(loads, axis=1), list(bulk.parts.values()),
             self.box.coefficients, len(self.box.names), band, comm=comm,
@@ -147,8 +144,7 @@ class ChangingBodies:
         if known is None and comm.rank == 0:
             made = [body.arrays() for body in self.basis.bodies]
             named = {f"{i}.{name}": a for i, one in enumerate(made) for name, a in one.items()}
-            marks = {"made_with": MADE_WITH, "numbering": numbering}
-            store.save(FILE, bodies=np.array(len(made)), **marks, **named)
+            store.save(FILE, bodies=np.array(len(made)), made_with=MADE_WITH, **named)
 
     def compliance(
         self, drawn: Mapping[str, float], pressures: Mapping[str, float], k0: Array
@@ -169,12 +165,10 @@ class ChangingBodies:
         return self.basis.modes(self.box.place(drawn), k, mu)
 
 
-def _cached(store: Store, numbering: Array) -> list[dict[str, Array]] | None:
-    """Arrays of all bodies that an earlier run left, of the same numbering."""
+def _cached(store: Store) -> list[dict[str, Array]] | None:
+    """Arrays of all bodies that an earlier run left."""
     stored = store.load(FILE)
     if stored is None or not np.array_equal(stored["made_with"], MADE_WITH):
-        return None
-    if not np.array_equal(stored["numbering"], numbering):
         return None
     logger.info("reduced bodies: from the cache")
     found: list[dict[str, Array]] = [{} for _ in range(int(stored["bodies"]))]
@@ -183,8 +177,3 @@ def _cached(store: Store, numbering: Array) -> list[dict[str, Array]] | None:
         if dot:
             found[int(number)][inner] = values
     return found
-
-
-def _numbering(M: sp.csr_matrix, N: sp.csr_matrix) -> Array:
-    """Marks of the order of dofs and contact elements, which the number of processes may change."""
-    return np.array([float(crc32(A.indices.tobytes())) for A in (M, N)])
