@@ -64,7 +64,7 @@ class Together:
         """
         all_of_them = self._moving.of(views)
         if closed.size < self.w.size:
-            all_of_them = [A[np.ix_(closed, closed)] for A in all_of_them]
+            all_of_them = [A[closed][:, closed] for A in all_of_them]
         *moments, TT, NN_0, NT_0, TT_0 = all_of_them
         Phi_N, Phi_T, _ = self._modal(views, 0)
         Lambda = np.concatenate([s.Lambda for s in views])
@@ -88,11 +88,18 @@ class Together:
     def doubt(self, closed: Index) -> list[list[tuple[Any, Any]]]:
         """Errors of the interpolation where it was checked: what ``Sample`` multiplies by."""
         out = []
+        at = np.full(self.w.size, -1)
+        at[closed] = np.arange(closed.size)
         for body, own in zip(self.bodies, self._own, strict=True):
+            there = at[own]
+            here = np.flatnonzero(there >= 0)
+            there = there[here]
             for errors in body.doubt:
                 n = errors.shape[1]
-                halves = [(e[:, :n], e[:, n : 2 * n]) for e in errors]
-                turn = (own, closed, self.w.size)
+                # A whole block needs no copy.
+                inner = (slice(None), slice(None)) if here.size == n else np.ix_(here, here)
+                halves = [(e[:, :n][inner], e[:, n : 2 * n][inner]) for e in errors]
+                turn = (there, closed.size)
                 out.append([(_Within(NN, *turn), _Within(NT, *turn)) for NN, NT in halves])
         return out
 
@@ -163,18 +170,16 @@ class _Sums:
 
 @dataclass(frozen=True, slots=True)
 class _Within:
-    """Products with a matrix over the elements of one body, seen from the closed ones of all."""
+    """Products with a matrix over some of the closed elements; over all others it is zero."""
 
     A: Array
-    own: slice | Index
-    closed: Index
+    own: Index
     n: int
 
     def __matmul__(self, x: Array) -> Array:
-        every, out = np.zeros((2, self.n, x.shape[1]))
-        every[self.closed] = x
-        out[self.own] = self.A @ every[self.own]
-        return np.asarray(out[self.closed])
+        out = np.zeros((self.n, x.shape[1]))
+        out[self.own] = self.A @ x[self.own]
+        return out
 
 
 def _moving(s: View) -> list[Array]:
