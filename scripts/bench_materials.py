@@ -95,7 +95,7 @@ def main() -> None:
         off = np.abs(NN - exact.NN).max() / np.abs(exact.NN).max()
         print(
             f"{degree:6d} {len(Anchors(len(CONSTANTS), degree).points):8d}"
-            f" {sum(body.W.shape[1] for body in basis.bodies):11d} {basis.seconds:10.1f}"
+            f" {sum(body.directions for body in basis.bodies):11d} {basis.seconds:10.1f}"
             f" {np.mean([m.seconds for m in found]):9.3f} {memory():15.2f} {error.max():14.1e}"
             f" {np.median(error):13.1e} {uncovered:10d} {wrong:6d} {neutral:8d} {missed:7d}"
             f" {off:11.1e}",

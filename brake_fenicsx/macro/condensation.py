@@ -50,8 +50,8 @@ def gathered_vector(f: PETSc.Vec) -> Array:
 class Solves(Protocol):
     """A symmetric inverse, known by its products."""
 
-    def solve(self, b: Array) -> Array:
-        """Product with a block, shape (dofs, columns)."""
+    def solve(self, b: Array | sp.csc_matrix) -> Array:
+        """Product with a block, sparse or not, shape (dofs, columns)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +122,7 @@ def interface_moments(
     share = shared_columns(n, comm)
     out = np.empty((order + 1, both.shape[0], share.size))
     for b in blocks(share.size):
-        X = factor.solve(columns[:, share[b]].toarray())
+        X = factor.solve(columns[:, share[b]])
         out[0][:, b] = both @ X
         for j in range(1, order + 1):
             if M is None:
@@ -158,7 +158,7 @@ def slip_compliance(factor: Solves, T: sp.csr_matrix, comm: MPI.Comm, first: flo
     share = shared_columns(T.shape[0], comm, first)
     out = np.empty((T.shape[0], share.size))
     for b in blocks(share.size):
-        out[:, b] = T @ factor.solve(columns[:, share[b]].toarray())
+        out[:, b] = T @ factor.solve(columns[:, share[b]])
     TT = np.hstack(comm.allgather(out))
     return 0.5 * (TT + TT.T)
 

@@ -84,15 +84,18 @@ class Factor:
         self._F = F
         self.seconds = time.perf_counter() - start
 
-    def solve(self, b: Array) -> Array:
+    def solve(self, b: Array | sp.csc_matrix) -> Array:
         """Solve for right-hand sides.
 
         Args:
-            b: this process's rows, shape (rows,) or (rows, columns).
+            b: this process's rows, shape (rows,) or (rows, columns); a sparse block costs about
+                half as much.
 
         Returns:
             The solutions, same shape.
         """
+        if not isinstance(b, np.ndarray):
+            return self._solve_sparse(b) if self.A.comm.size == 1 else self.solve(b.toarray())
         if b.ndim == 1:
             return self.solve(b[:, None])[:, 0]
         (rows, size), _ = self.A.getSizes()
@@ -109,6 +112,25 @@ class Factor:
             out[:, first : first + BLOCK] = X.getDenseArray()
             B.destroy()
             X.destroy()
+        return out
+
+    def _solve_sparse(self, b: sp.csc_matrix) -> Array:
+        """Solve for the columns of a sparse matrix; MUMPS passes by what stays zero."""
+        out = np.empty(b.shape, order="F")
+        for part in blocks(b.shape[1]):
+            rows = b[:, part].T.tocsr()
+            rows.sort_indices()
+            csr = (rows.indptr.astype(np.int32), rows.indices.astype(np.int32), rows.data)
+            turned = PETSc.Mat().createAIJ(rows.shape, csr=csr, comm=self.A.comm)
+            turned.assemble()
+            B = PETSc.Mat().createTranspose(turned)
+            X = PETSc.Mat().createDense((b.shape[0], part.stop - part.start), comm=self.A.comm)
+            X.setUp()
+            X.assemble()
+            self._F.matSolve(B, X)
+            out[:, part] = X.getDenseArray()
+            for m in (X, B, turned):
+                m.destroy()
         return out
 
     def destroy(self) -> None:

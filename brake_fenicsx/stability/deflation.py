@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.macro.condensation import Solves
@@ -26,6 +27,6 @@ class Deflated:
         """
         self.factor, self.Phi, self.Lambda = factor, Phi, Lambda
 
-    def solve(self, b: Array) -> Array:
+    def solve(self, b: Array | sp.csc_matrix) -> Array:
         """R_0 b for a block, shape (dofs, columns)."""
         return self.factor.solve(b) - self.Phi @ ((self.Phi.T @ b) / self.Lambda[:, None])

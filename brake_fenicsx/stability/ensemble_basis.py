@@ -16,21 +16,21 @@ from itertools import pairwise
 from mpi4py import MPI
 
 import numpy as np
-import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from .anchors import Anchors
-from .basis import Basis
-from .bodies import split_bodies
+from .bodies import Body, split_bodies
+from .congruent import Image, image_of
 from .modes import Complex, Modes
 from .reduction import CUTOFF, ORDER
 from .sample import Sample
+from .springs import on_springs
+from .together import Together
 from .varied import VariedBody, work_at
-from .view import FixedBody, View, fixed_body
+from .view import ImageBody, Seen, View, fixed_body
 
 Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 # Modes of bodies of variable stiffness are kept up to the first multiple of the band, since nothing
 # of a sample is corrected later, and known up to the second.
@@ -99,23 +99,25 @@ class EnsembleBasis:
         self.band, self.w, self.sigma = band, w, SHIFT * high
         self.limit = CUTOFF**2 * high
         anchors = Anchors(dimension, degree)
-        self.bodies: list[FixedBody | VariedBody] = []
-        self._last: tuple[Array, list[View]] | None = None
         kept, known_up_to = (factor**2 * high for factor in VARIED_CUTOFF)
         bodies = split_bodies(K, M, N, T, loads, list(parts))
-        varied = sum(bool(body.parts) for body in bodies)
+        images = _images(bodies)
+        varied = sum(
+            bool(body.parts) for body, image in zip(bodies, images, strict=True) if image is None
+        )
         advance = progress(-(-varied * work_at(anchors) // comm.size))
-        for i, body in enumerate(bodies):
-            made = None if known is None else known[i]
-            if body.parts:
-                box = (coefficients, anchors)
-                self.bodies.append(
-                    VariedBody(
-                        body, *box, self.sigma, (kept, known_up_to), ORDER, comm, advance, made
-                    )
-                )
+        self.bodies: list[Seen] = []
+        for i, (body, image) in enumerate(zip(bodies, images, strict=True)):
+            # What an earlier run saw as an image has no arrays of its own.
+            made = (None if known is None else known[i]) or None
+            if image is not None:
+                self.bodies.append(ImageBody(image[1], self.bodies[image[0]]))
+            elif body.parts:
+                box = (coefficients, anchors, self.sigma, (kept, known_up_to), ORDER)
+                self.bodies.append(VariedBody(body, *box, comm, advance, made))
             else:
                 self.bodies.append(fixed_body(body, self.sigma, self.limit, ORDER, comm, made))
+        self._together = Together(self.bodies, w, self.sigma, self.limit + self.sigma)
         self.seconds = time.perf_counter() - start
 
     def modes(self, x: Array, k: Array, mu: float | Array) -> Modes:
@@ -130,17 +132,16 @@ class EnsembleBasis:
             The modes; ``right`` and ``left`` in coordinates that ``displacements`` understands.
         """
         start = time.perf_counter()
-        views = self._look(x)
+        views, together = self._look(x), self._together
+        k = k[together.order]
+        mu = np.broadcast_to(np.asarray(mu, float), k.shape)[together.order]
         # Open elements show nothing; of a brake whose every element is open one is looked at.
         closed = np.flatnonzero(k > 0) if np.any(k > 0) else np.zeros(1, dtype=np.intp)
-        basis = self._basis(views, closed)
-        mu = np.broadcast_to(np.asarray(mu, float), k.shape)[closed]
-        doubt = self._doubt(closed)
-        found = Sample(basis, k[closed], mu, self.sigma, doubt).modes(self.band, start)
-        turn = la.block_diag(*(s.shapes for s in views))
+        basis, doubt = together.basis(views, closed), together.doubt(closed)
+        found = Sample(basis, k[closed], mu[closed], self.sigma, doubt).modes(self.band, start)
         how = "winding number of det T, on bases complete by inertia at the anchors"
         return replace(
-            found, right=turn @ found.right, left=turn @ found.left,
+            found, right=_turned(views, found.right), left=_turned(views, found.left),
             count=replace(found.count, how=how),
         )  # fmt: skip
 
@@ -149,51 +150,33 @@ class EnsembleBasis:
 
         Args:
             x: a point of the box.
-            k0: reference stiffness [Pa/m], shape (elements,).
+            k0: reference stiffness [Pa/m], shape (elements,), positive.
 
         Returns:
             Shapes (elements, elements) twice, (elements, loads).
         """
-        views = self._look(x)
-        n, D0 = self.w.size, self.w * k0
-        R = [np.zeros((n, n)) for _ in range(2)]
-        R.append(np.zeros((n, views[0].NT[0].shape[1] - views[0].NN[0].shape[1])))
-        for body, s in zip(self.bodies, views, strict=True):
-            e = body.body.elements
-            # kappa' = sigma is the body at rest.
-            powers = self.sigma ** np.arange(3)
-            NN, NT = (np.tensordot(powers, moments[:3], 1) for moments in (s.NN, s.NT))
-            R[0][np.ix_(e, e)] += NN
-            R[1][np.ix_(e, e)] += NT[:, : e.size]
-            R[2][e] += NT[:, e.size :]
-        Phi_N, Phi_T, Phi_f, Lambda = self._modal(views)
-        # g = R (q - N'D0 g) + Phi_N a,   (Lambda' - sigma) a = Phi' (q - N'D0 g).
-        E = R[0] * D0
-        E[np.diag_indices_from(E)] += 1.0
-        lu = la.lu_factor(E, overwrite_a=True, check_finite=False)
-        S = la.lu_solve(lu, Phi_N, check_finite=False)
-        small = (Phi_N.T * D0) @ S
-        small[np.diag_indices_from(small)] += Lambda - self.sigma
-        small = la.lu_factor(small, check_finite=False)
-        out = []
-        for right, modal in zip(R, (Phi_N, Phi_T, Phi_f), strict=True):
-            g = la.lu_solve(lu, right, check_finite=False)
-            a = la.lu_solve(small, modal.T - (Phi_N.T * D0) @ g, check_finite=False)
-            out.append(g + S @ a)
-        return 0.5 * (out[0] + out[0].T), out[1], out[2]
+        together = self._together
+        D0 = together.w * k0[together.order]
+        NN, NT, Nf = on_springs(together.resting(self._look(x)), D0)
+        place = together.place
+        if not np.array_equal(place, np.arange(place.size)):
+            NN, NT = (A[np.ix_(place, place)] for A in (NN, NT))
+        return NN, NT, Nf[place]
 
     def displacements(self, coordinates: Complex) -> Complex:
         """Displacements of some coordinates, shape (dofs, columns); static answers left out."""
         out = np.zeros((sum(b.body.dofs.size for b in self.bodies), coordinates.shape[1]), complex)
         for body, own in zip(self.bodies, self._places(), strict=True):
-            out[body.body.dofs] = body.W @ coordinates[own]
+            W, a, dofs = body.W, coordinates[own], body.body.dofs
+            out.real[dofs], out.imag[dofs] = W @ a.real, W @ a.imag
         return out
 
     def projected(self, A: sp.csr_matrix, shapes: Array | None = None) -> Array:
         """Shapes' A U of the displacements U of all coordinates; U'A U without other shapes.
 
         Args:
-            A: a matrix that does not couple the bodies, such as the mass, shape (dofs, dofs).
+            A: a symmetric matrix that does not couple the bodies, such as the mass, shape (dofs,
+                dofs).
             shapes: other displacements, shape (dofs, columns).
         """
         places = self._places()
@@ -201,79 +184,40 @@ class EnsembleBasis:
         out = np.zeros((size if shapes is None else shapes.shape[1], size))
         for body, own in zip(self.bodies, places, strict=True):
             dofs = body.body.dofs
-            AW = A[dofs][:, dofs] @ body.W
+            inner = A[dofs][:, dofs].tocsr()
+            inner.eliminate_zeros()
+            # A layer's mass is there on a part of the body alone.
+            rows = np.flatnonzero(np.diff(inner.indptr))
+            W = body.W[rows]
+            AW = inner[rows][:, rows] @ W
             if shapes is None:
-                out[own, own] = body.W.T @ AW
+                out[own, own] = W.T @ AW
             else:
-                out[:, own] = shapes[dofs].T @ AW
+                out[:, own] = shapes[dofs[rows]].T @ AW
         return out
 
     def _look(self, x: Array) -> list[View]:
-        """The bodies at a point; kept: equilibrium and modes of a sample ask for the same."""
-        if self._last is None or not np.array_equal(self._last[0], x):
-            self._last = x.copy(), [body.view(x) for body in self.bodies]
-        return self._last[1]
+        """The bodies at a point."""
+        return [body.view(x) for body in self.bodies]
 
     def _places(self) -> list[slice]:
         """Places of each body's coordinates."""
-        ends = np.cumsum([0, *(body.W.shape[1] for body in self.bodies)])
+        ends = np.cumsum([0, *(body.directions for body in self.bodies)])
         return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
-    def _modal(self, views: list[View]) -> tuple[Array, Array, Array, Array]:
-        """Gaps, slips and loads of all modes, and their eigenvalues."""
-        n, modes = self.w.size, sum(s.Lambda.size for s in views)
-        loads = views[0].Phi_T.shape[0] - views[0].Phi_N.shape[0]
-        Phi_N, Phi_T, Phi_f = (np.zeros((m, modes)) for m in (n, n, loads))
-        first = 0
-        for body, s in zip(self.bodies, views, strict=True):
-            e, own = body.body.elements, slice(first, first + s.Lambda.size)
-            Phi_N[e, own], Phi_T[e, own] = s.Phi_N, s.Phi_T[: e.size]
-            Phi_f[:, own] = s.Phi_T[e.size :]
-            first = own.stop
-        return Phi_N, Phi_T, Phi_f, np.concatenate([s.Lambda for s in views])
 
-    def _basis(self, views: list[View], closed: Index) -> Basis:
-        """The bodies together, seen from some of the elements."""
-        Phi_N, Phi_T, _, Lambda = self._modal(views)
-        Phi_N, Phi_T = Phi_N[closed], Phi_T[closed]
-        NN = [np.zeros((closed.size, closed.size)) for _ in range(ORDER + 1)]
-        NT = [np.zeros((closed.size, closed.size)) for _ in range(ORDER + 1)]
-        TT = np.zeros((closed.size, closed.size))
-        for body, s in zip(self.bodies, views, strict=True):
-            there, here = _common(closed, body.body.elements)
-            for total, part in zip(NN, s.NN, strict=True):
-                total[there] += part[here]
-            for total, part in zip(NT, s.NT, strict=True):
-                total[there] += part[here]
-            TT[there] += s.TT[here]
-        P_N, P_T = Phi_N / Lambda, Phi_T / Lambda
-        whole = (NN[0] + P_N @ Phi_N.T, NT[0] + P_N @ Phi_T.T, TT + P_T @ Phi_T.T)
-        w = self.w[closed]
-        return Basis(
-            Lambda, Phi_N, Phi_T, tuple(NN), tuple(NT), TT, whole, w, np.zeros_like(w),
-            self.limit + self.sigma,
-        )  # fmt: skip
-
-    def _doubt(self, closed: Index) -> list[list[tuple[Array, Array]]]:
-        """Errors of the interpolation where it was checked."""
-        out = []
-        for body in self.bodies:
-            if isinstance(body, FixedBody):
-                continue
-            there, here = _common(closed, body.body.elements)
-            for errors in body.doubt:
-                spread = []
-                for pair in errors:
-                    whole = np.zeros((2, closed.size, closed.size))
-                    for total, part in zip(whole, pair, strict=True):
-                        total[there] = part[here]
-                    spread.append((whole[0], whole[1]))
-                out.append(spread)
-        return out
+def _images(bodies: list[Body]) -> list[tuple[int, Image] | None]:
+    """For each body an earlier one that it is the image of, if there is any."""
+    out: list[tuple[int, Image] | None] = []
+    for i, body in enumerate(bodies):
+        originals = (j for j in range(i) if out[j] is None)
+        found = ((j, image_of(bodies[j], body)) for j in originals)
+        out.append(next(((j, image) for j, image in found if image is not None), None))
+    return out
 
 
-def _common(closed: Index, elements: Index) -> tuple[tuple[Index, ...], tuple[Index, ...]]:
-    """Where the elements that both name stand in matrices over the first, and over the second."""
-    places = np.intersect1d(closed, elements, assume_unique=True, return_indices=True)[1:]
-    there, here = (np.ix_(own, own) for own in places)
-    return there, here
+def _turned(views: list[View], vectors: Complex) -> Complex:
+    """Coordinates in the bodies' spaces from those in their modes."""
+    ends = np.cumsum([s.Lambda.size for s in views])[:-1]
+    parts = zip(views, np.split(vectors, ends), strict=True)
+    return np.vstack([s.shapes @ part for s, part in parts])

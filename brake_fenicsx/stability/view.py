@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 from mpi4py import MPI
 
@@ -15,6 +17,7 @@ from brake_fenicsx.macro.condensation import interface_moments, petsc_matrix, sl
 from brake_fenicsx.macro.solver import Factor
 
 from .bodies import Body
+from .congruent import Image
 from .deflation import Deflated
 from .lanczos import RealModes, lowest_modes
 from .symmetric import count_below
@@ -30,20 +33,48 @@ class View:
     Attributes:
         Lambda: kappa' of the kept modes [1/s^2].
         Phi_N: their gaps, shape (elements, modes).
-        Phi_T: their slips.
+        Phi_T: their slips, and what the loads do on them, shape (elements + loads, modes).
         shapes: the modes in the coordinates of W, shape (W, modes).
-        NN: N R_j N', j = 0, 1, ...
-        NT: N R_j T'.
-        TT: T R_0 T'.
+        moments: N R_j [N' T'] for j = 0, 1, ..., shape (elements, 2 elements + loads).
+        TT: T R_0 T', shape (elements + loads, elements + loads).
     """
 
     Lambda: Array
     Phi_N: Array
     Phi_T: Array
     shapes: Array
-    NN: list[Array]
-    NT: list[Array]
+    moments: Sequence[Array]
     TT: Array
+
+
+class Seen(Protocol):
+    """A body that can be looked at."""
+
+    @property
+    def body(self) -> Body:
+        """The body; its dofs are the rows of W, its elements those of a view."""
+
+    @property
+    def varies(self) -> bool:
+        """Whether it looks different at another point."""
+
+    @property
+    def W(self) -> Array:
+        """Displacements of its coordinates, M-orthonormal, shape (dofs, directions)."""
+
+    @property
+    def directions(self) -> int:
+        """Number of its coordinates."""
+
+    @property
+    def doubt(self) -> Array:
+        """Errors of R_0, R_1, ... where they were checked, as ``View.moments``; may be none."""
+
+    def view(self, x: Array) -> View:
+        """The body at a point of the box."""
+
+    def arrays(self) -> Arrays:
+        """All that was computed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +91,21 @@ class FixedBody:
     W: Array
     always: View
 
+    @property
+    def varies(self) -> bool:
+        """Never."""
+        return False
+
+    @property
+    def directions(self) -> int:
+        """Number of its coordinates."""
+        return int(self.W.shape[1])
+
+    @property
+    def doubt(self) -> Array:
+        """None: nothing is interpolated."""
+        return np.zeros((0, 0, 0, 0))
+
     def view(self, x: Array) -> View:
         """The same at every point."""
         return self.always
@@ -69,8 +115,54 @@ class FixedBody:
         s = self.always
         return {
             "W": self.W, "Lambda": s.Lambda, "Phi_N": s.Phi_N, "Phi_T": s.Phi_T,
-            "NN": np.array(s.NN), "NT": np.array(s.NT), "TT": s.TT,
+            "moments": np.array(s.moments), "TT": s.TT,
         }  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class ImageBody:
+    """A body that is the image of another one, and looks the same from its elements.
+
+    Attributes:
+        image: how it is one.
+        of: the other one.
+    """
+
+    image: Image
+    of: Seen
+
+    @property
+    def body(self) -> Body:
+        """The body, in the order of the other one."""
+        return self.image.body
+
+    @property
+    def varies(self) -> bool:
+        """Like the other one."""
+        return self.of.varies
+
+    @property
+    def W(self) -> Array:
+        """Those of the other one, turned."""
+        return self.image.signs[:, None] * self.of.W
+
+    @property
+    def directions(self) -> int:
+        """Like the other one."""
+        return self.of.directions
+
+    @property
+    def doubt(self) -> Array:
+        """Like the other one."""
+        return self.of.doubt
+
+    def view(self, x: Array) -> View:
+        """Like the other one."""
+        return self.of.view(x)
+
+    def arrays(self) -> Arrays:
+        """Nothing of its own."""
+        return {}
 
 
 def fixed_body(
@@ -79,29 +171,32 @@ def fixed_body(
     """A body of constant stiffness, see ``VariedBody`` for the arguments."""
     if known is not None:
         modes = known["Lambda"], known["Phi_N"], known["Phi_T"], np.eye(known["Lambda"].size)
-        view = View(*modes, [*known["NN"]], [*known["NT"]], known["TT"])
-        return FixedBody(body, known["W"], view)
+        return FixedBody(body, known["W"], View(*modes, [*known["moments"]], known["TT"]))
     factor = Factor(petsc_matrix((body.K + sigma * body.M).tocsr()), "brake_body_")
     found = complete_modes(factor, body.K, body.M, sigma, limit + sigma)
     rest = Deflated(factor, found.Phi, found.Lambda)
     moments = interface_moments(rest, body.M, body.N, body.T, order, comm, between=factor)
     TT = slip_compliance(rest, body.T, comm)
     factor.destroy()
-    NN, NT = ([m[i] for m in moments] for i in (0, 1))
     Phi, shapes = found.Phi, np.eye(found.Lambda.size)
-    view = View(found.Lambda, body.N @ Phi, body.T @ Phi, shapes, NN, NT, TT)
-    return FixedBody(body, Phi, view)
+    laid = [np.hstack(pair) for pair in moments]
+    return FixedBody(body, Phi, View(found.Lambda, body.N @ Phi, body.T @ Phi, shapes, laid, TT))
 
 
 def complete_modes(
-    factor: Factor, K: sp.csr_matrix, M: sp.csr_matrix, sigma: float, limit: float
+    factor: Factor,
+    K: sp.csr_matrix,
+    M: sp.csr_matrix,
+    sigma: float,
+    limit: float,
+    tolerance: float = 1e-9,
 ) -> RealModes:
     """All modes of K + sigma M below a limit, proven by inertia.
 
     Raises:
         InaccurateResult: inertia counts another number.
     """
-    found = lowest_modes(factor, M, limit)
+    found = lowest_modes(factor, M, limit, tolerance)
     expected, _ = count_below(K, M, limit - sigma)
     if expected != found.Lambda.size:
         raise InaccurateResult(

@@ -35,8 +35,11 @@ FILE = "cache/bodies.npz"
 # widths, a sample may lie and still be taken.
 TAIL, BEYOND = 1e-3, 1.1
 
-# A cache of another accuracy is made again.
-MADE_WITH = np.array([DEGREE, ORDER, CUTOFF, *VARIED_CUTOFF, TAIL])
+# Number of the layout of ``arrays``.
+LAYOUT = 2
+
+# A cache of another layout or accuracy is made again.
+MADE_WITH = np.array([LAYOUT, DEGREE, ORDER, CUTOFF, *VARIED_CUTOFF, TAIL])
 
 
 class Box:

@@ -36,6 +36,16 @@ def test_block_of_right_hand_sides_is_solved():
     assert np.linalg.norm(A @ x - b) < 1e-10 * np.linalg.norm(b)
 
 
+def test_sparse_right_hand_sides_are_solved_like_dense_ones():
+    """Columns of a few entries, some of none; more of them than one block holds."""
+    A, b = chain(2.0), sp.random(200, 150, 0.02, format="csc", random_state=0)
+    factor = Factor(petsc_matrix(A))
+    x = factor.solve(b)
+    assert np.linalg.norm(A @ x - b) < 1e-10 * np.linalg.norm(b.toarray())
+    # MUMPS is told again that the next block is dense.
+    np.testing.assert_allclose(factor.solve(b.toarray()), x, atol=1e-10 * np.abs(x).max())
+
+
 def test_inertia_is_counted():
     shifted = chain(2.0) - 0.5 * sp.identity(200)
     exact = 2 - 2 * np.cos(np.pi * np.arange(1, 201) / 201)

@@ -1,8 +1,11 @@
 """Samples of other materials in the reduced model, against dense full order of their own bodies."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import scipy.linalg as la
+import scipy.sparse as sp
 
 from brake_fenicsx.macro.condensation import compliance, petsc_matrix
 from brake_fenicsx.stability.bodies import split_bodies
@@ -137,3 +140,54 @@ def test_displacements_of_the_coordinates(two_bodies):
     np.testing.assert_allclose(
         basis.projected(scene.M, phi.real) @ modes.right, phi.real.T @ (scene.M @ phi), atol=1e-9
     )
+
+
+def test_images_share_the_work(twins):
+    """Two brakes, the second an image of the first, each under contact of its own."""
+    basis = EnsembleBasis(
+        twins.K, twins.M, twins.N, twins.T, twins.w, twins.f[:, None], twins.parts, coefficients,
+        2, BAND, 3, twins.comm,
+    )  # fmt: skip
+    assert [bool(body.arrays()) for body in basis.bodies] == [True, True, False, False]
+    x, k = np.array([0.5, -0.6]), stiffness(twins.w.size, 4)
+    K = changed(twins, twins.parts, x)
+    modes = basis.modes(x, k, 0.4)
+    scene = SimpleNamespace(
+        K=twins.K, M=twins.M,
+        tangent=lambda k, mu: (
+            twins.K + (twins.N + mu * twins.T).T @ sp.diags(twins.w * k) @ twins.N
+        ),
+    )  # fmt: skip
+    assert worst(modes, exact(scene, K, k, 0.4)) < 1e-6
+    k0 = np.full(twins.w.size, 1e11)
+    found = basis.compliance(x, k0)
+    ref = compliance(petsc_matrix(K), twins.N, twins.T, twins.w, twins.f, k0, twins.comm)
+    for ours, theirs in zip(found, (ref.NN, ref.NT, ref.Nf[:, None]), strict=True):
+        assert np.abs(ours - theirs).max() < 1e-5 * np.abs(theirs).max()
+    # Vectors too, by the Rayleigh quotient of full order; static answers are left out of them.
+    k = np.where(np.arange(k.size) % 18 == 3, 1e6, 0.0)
+    modes, whole = basis.modes(x, k, 0.0), scene.tangent(k, 0.0) + K - twins.K
+    phi, elastic = basis.displacements(modes.right), -(modes.s**2).real > 1e6
+    assert elastic.sum() >= 6
+    quotient = np.einsum("im,im->m", phi.conj(), whole @ phi).real
+    quotient /= np.einsum("im,im->m", phi.conj(), twins.M @ phi).real
+    np.testing.assert_allclose(quotient[elastic], -(modes.s**2).real[elastic], rtol=1e-4)
+    np.testing.assert_allclose(
+        basis.projected(twins.M), np.eye(sum(b.directions for b in basis.bodies)), atol=1e-8
+    )
+
+
+def test_what_was_made_earlier_gives_the_same_bytes(two_bodies):
+    """Arrays of the bodies, taken again."""
+    scene, parts = two_bodies
+    first = made(scene, 3)
+    again = EnsembleBasis(
+        scene.K, scene.M, scene.N, scene.T, scene.w, scene.f[:, None], parts, coefficients, 2,
+        BAND, 3, scene.comm, known=[body.arrays() for body in first.bodies],
+    )  # fmt: skip
+    x, k = np.array([0.1, -0.2]), stiffness(scene.w.size, 2)
+    np.testing.assert_array_equal(first.modes(x, k, 0.5).s, again.modes(x, k, 0.5).s)
+    for ours, theirs in zip(
+        first.compliance(x, scene.k0), again.compliance(x, scene.k0), strict=True
+    ):
+        np.testing.assert_array_equal(ours, theirs)
