@@ -189,6 +189,8 @@ def _drivers(run: RunData) -> str:
         "(open: the interval holds the limit). The last four columns share out the variance of the "
         "growth rate; the rest is roughness together with all interactions.</p>"
     )
+    if rows and all(row[4] == "-" for row in rows):
+        note += "<p>No random input is named, or there are too few samples to tell them apart.</p>"
     told = note + table(heads, rows) if rows else ""
     return _figures(run, "sensitivity", "drivers") + told
 
@@ -204,9 +206,19 @@ def _percent(value: Value) -> str:
 
 
 def _shapes(run: RunData) -> str:
+    """The mesh, then the most unstable modes of one sample of each approach."""
     folder = run.directory / "figures"
-    paths = [*sorted(folder.glob("mesh*.png")), *sorted(folder.glob("mode_*.png"))]
-    return "\n".join(image(path, _heading(path), "shape") for path in paths)
+    parts = [image(path, _heading(path), "shape") for path in sorted(folder.glob("mesh*.png"))]
+    left = set(folder.glob("mode_*.png"))
+    for row in approach_rows(run):
+        paths = sorted(folder.glob(f"mode_{row[0]}_*Hz.png"))
+        left -= {*paths}
+        text = "" if row[4] else "<p>No mode of any sample is unstable: none is drawn.</p>"
+        if paths or text:
+            drawn = [image(path, _heading(path), "shape") for path in paths]
+            parts += [f"<h3>{escape(_name(row))}</h3>", text, *drawn]
+    parts += [image(path, _heading(path), "shape") for path in sorted(left)]
+    return "\n".join(part for part in parts if part)
 
 
 def _heading(path: Path) -> str:
@@ -252,7 +264,7 @@ def _accuracy(run: RunData) -> str:
     rest = {key: value for key, value in run.summary.items() if key not in known}
     if not parts and not rest:
         return ""
-    facts = pairs("quantity", rest) if rest else ""
+    facts = pairs("quantity", rest, exact=False) if rest else ""
     return "\n".join([*parts, _figures(run, "stages", "eigenvalue_errors"), facts])
 
 
