@@ -84,6 +84,39 @@ def test_numbers_of_the_answer_stand_at_the_head(page):
     assert rows[1][6] == "-"
 
 
+def test_mode_shapes_stand_under_their_approach(drawn, tmp_path):
+    """In the order of the other sections; an approach that is stable throughout says so."""
+    directory = tmp_path / "run"
+    shutil.copytree(drawn[0], directory)
+    folder = directory / "figures"
+    for old in folder.glob("mode_*.png"):
+        old.unlink()
+    names = ("mode_multi-scale_00900Hz", "mode_multi-scale_07000Hz", "mode_classical_01000Hz")
+    for name in names:
+        shutil.copy(folder / "stages.png", folder / f"{name}.png")
+    table = (directory / "modes.csv").read_text()
+    section = shapes(directory)
+    heads = [e.text for e in section.iter(f"{X}h3")]
+    assert heads == ["Classical", "Multi-scale"]
+    captions = [e.text for e in section.iter(f"{X}figcaption")]
+    assert captions == [n.replace("_", " ") for n in (names[2], *names[:2])]
+    lines = [
+        line.replace("unstable", "stable") if line.startswith("classical") else line
+        for line in table.splitlines()
+    ]
+    (directory / "modes.csv").write_text("\n".join(lines) + "\n")
+    (folder / f"{names[2]}.png").unlink()
+    section = shapes(directory)
+    assert [e.text for e in section.iter(f"{X}h3")] == ["Classical", "Multi-scale"]
+    assert "No mode of any sample is unstable" in section.find(f"{X}p").text
+
+
+def shapes(directory):
+    """Section of the mode shapes on the page of a run."""
+    root = ElementTree.fromstring(render_page(read_run(directory)))
+    return next(s for s in root.iter(f"{X}section") if s.get("id") == "shapes")
+
+
 def test_every_image_has_a_text(page):
     root = ElementTree.parse(page).getroot()
     assert all(image.get("alt") for image in root.iter(f"{X}img"))
