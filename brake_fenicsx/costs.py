@@ -19,7 +19,7 @@ ladder's. With
                45 s (n / 40.7e3)^0.8 b / 64 its modes at full order, 1.3 times that with damping
     memory     0.2 GB + 16 kB n with a factor, 150 B m^2 + 8 B n r the reduced model; where
                materials change 34 kB n at the anchors, of which 19 kB n stay; 30 kB n the solver
-               at full order, 31 kB n more with damping; of one process
+               at full order, 19 kB n more with damping; of one process
 
 How many modes there are is not known before: b is taken as in the reference brake, 4.2 per kHz.
 Within a factor of three of what was measured; a busy machine easily doubles it.
@@ -192,7 +192,7 @@ def _mechanics(scene: Scene, c: Counts) -> list[Cost]:
         anew = AGAIN * len(own) * (n / 152e3) ** 1.22
         held, made = held + 19e-6 * n, held + 34e-6 * n
     solver = 30e-6 * n if c.full else 0.0
-    solver += 31e-6 * n if c.damped else 0.0
+    solver += 19e-6 * n if c.damped else 0.0
     peak = max(made, held + solver)
     pictures = PICTURES * 1.7 * len(scene.samples.approaches) if top else 0.0
     written = 1.0 + (pictures + anew if "report" in scene.stages else 0.0)
