@@ -109,15 +109,32 @@ def _lead(run: RunData) -> str:
         "failed",
         "modes",
         "unstable modes",
+        "neutral modes",
         "unstable samples",
         "share of unstable samples",
         "most often unstable",
     ]
-    body = [[_name(row), *row[1:6], share_text(row[6:9]), row[9]] for row in rows]
+    body = [[_name(row), *row[1:7], share_text(row[7:10]), row[10]] for row in rows]
     return table(heads, body) + (
+        "<p>Neutral: the error of the growth rate reaches across zero, so that the computation "
+        "cannot tell; or a body moves as a whole.</p>"
         "<p>Shares carry 95 % Wilson intervals: they say how well this number of samples can know "
         "the share, not how well the model knows the brake.</p>"
     )
+
+
+def _damping(run: RunData) -> str:
+    """Which damping acts, and whether the number of modes was proven."""
+    terms = run.summary.get("damping")
+    if not isinstance(terms, Mapping) or not terms:
+        return ""
+    named = ", ".join(map(str, terms))
+    samples = run.summary.get("samples")
+    facts = samples.values() if isinstance(samples, Mapping) else ()
+    how = [str(about.get("counted_by", "")) for about in facts if isinstance(about, Mapping)]
+    open_ = any(text.startswith("not counted") for text in how)
+    more = " The number of damped modes was not counted: one may be missing." if open_ else ""
+    return f"<p>Damping that acts (settings below): {escape(named)}.{more}</p>"
 
 
 def _squeal(run: RunData) -> str:
@@ -151,7 +168,7 @@ def _squeal(run: RunData) -> str:
         "Negative damping is a mode that grows from the equilibrium: a squeal candidate. "
         "How large the vibration becomes is beyond a linear analysis.</p>"
     )
-    return note + figures + (table(heads, rows) if rows else "")
+    return note + _damping(run) + figures + (table(heads, rows) if rows else "")
 
 
 def _probability(run: RunData) -> str:

@@ -79,9 +79,9 @@ def test_every_setting_seed_and_version_is_listed(page):
 def test_numbers_of_the_answer_stand_at_the_head(page):
     root = ElementTree.parse(page).getroot()
     rows = [[c.text for c in row] for row in root.find(f".//{X}header").iter(f"{X}tr")]
-    assert rows[3][:6] == ["Multi-scale", "60", "0", "1920", "96", "54"]
-    assert rows[3][6] == "90 % (80 to 95 %)"
-    assert rows[1][6] == "-"
+    assert rows[3][:7] == ["Multi-scale", "60", "0", "1920", "96", "1728", "54"]
+    assert rows[3][7] == "90 % (80 to 95 %)"
+    assert rows[1][7] == "-"
 
 
 def test_mode_shapes_stand_under_their_approach(drawn, tmp_path):
@@ -115,6 +115,20 @@ def shapes(directory):
     """Section of the mode shapes on the page of a run."""
     root = ElementTree.fromstring(render_page(read_run(directory)))
     return next(s for s in root.iter(f"{X}section") if s.get("id") == "shapes")
+
+
+def test_damping_is_named_and_an_open_count_admitted(drawn, tmp_path):
+    directory = tmp_path / "run"
+    shutil.copytree(drawn[0], directory)
+    plain = render_page(read_run(directory))
+    assert "Damping that acts" not in plain
+    run = read_run(directory)
+    terms = {"rayleigh": {"alpha_1_s": 50.0}, "sliding": {}}
+    for how, admitted in (("not counted: damped problem", True), ("winding number", False)):
+        run.summary.update(damping=terms, samples={"classical": {"counted_by": how}})
+        page = render_page(run)
+        assert "(settings below): rayleigh, sliding." in page
+        assert ("was not counted" in page) == admitted
 
 
 def test_every_image_has_a_text(page):
