@@ -39,6 +39,8 @@ def mesh_from_gmsh(model: Any, comm: MPI.Comm) -> tuple[Any, Any, Any]:
     Returns:
         The mesh, its cell tags and its facet tags.
     """
+    # On several threads PT-Scotch, which cuts the mesh, cuts it otherwise from run to run.
+    os.environ.setdefault("SCOTCH_PTHREAD_NUMBER", "1")
     try:
         gmshio: Any = import_module("dolfinx.io.gmsh")
     except ImportError:

@@ -10,24 +10,29 @@ ladder's. With
     laws       0.24 s (pixels / 128)^2.5 steps / 40, each
     brake      2.7 s (n / 105e3)^0.87
     shared     4.4 s (n / 105e3)^1.63 for the factor; then 15 r v for the real modes and 4.5 m v for
-               the interface of the reduced model; without it 0.45 m v for the compliance
+               the interface of the reduced model; without it 0.45 m v for the compliance;
+               0.53 m v for each of a solves where materials change, with d random constants
+               a = (d+1)(d+2)(d+3)/6 + (d+1)(d+2)/2 + 2
     samples    0.2 s (m / 1368)^2.5 an equilibrium;
                0.1 s (r / 150)^3 + 0.1 s (m / 1000)^2 its modes, reduced;
-               45 s (n / 40.7e3)^0.8 b / 64 its modes at full order
-    memory     0.2 GB + 16 kB n with a factor, 150 B m^2 + 8 B n r the reduced model, 30 kB n the
-               solver at full order; of one process
+               1.6 s (m / 1368)^2 the same and its bodies, where materials change;
+               45 s (n / 40.7e3)^0.8 b / 64 its modes at full order, 1.3 times that with damping
+    memory     0.2 GB + 16 kB n with a factor, 150 B m^2 + 8 B n r the reduced model; where
+               materials change 34 kB n at the anchors, of which 19 kB n stay; 30 kB n the solver
+               at full order, 19 kB n more with damping; of one process
 
 How many modes there are is not known before: b is taken as in the reference brake, 4.2 per kHz.
-Within a factor of three of what was measured; a busy machine easily doubles it. Not in it: the
-basis of samples whose materials change, and damping, which both cost more.
+Within a factor of three of what was measured; a busy machine easily doubles it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import comb
 
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene_damping import active_terms
+from brake_fenicsx.scene_samples import split_key
 
 CORE = "one 2.6 GHz core"
 MODES_PER_HZ = 4.2e-3
@@ -35,6 +40,7 @@ MODES_PER_HZ = 4.2e-3
 CUTOFF = 1.7
 REAL_MODES_PER_HZ = 6.0e-3
 PICTURES = 4  # of unstable modes, for each approach
+AGAIN = 35.0  # [s] for the equilibrium and the bodies of a sample once more, to draw them
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,8 +51,10 @@ class Counts:
         dofs: free dofs.
         elements: contact elements.
         samples: samples of all approaches.
-        reduced: samples whose modes come from the reduced model.
+        reduced: samples whose modes come from the reduced model of the scene's bodies.
         full: samples whose modes are found at full order.
+        changing: samples whose modes come from the reduced model of bodies that change.
+        damped: samples of ``full`` that are damped.
     """
 
     dofs: int = 0
@@ -54,6 +62,8 @@ class Counts:
     samples: int = 0
     reduced: int = 0
     full: int = 0
+    changing: int = 0
+    damped: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,27 +75,38 @@ class Cost:
     gigabytes: float
 
 
-def count_solves(scene: Scene, samples: dict[str, int]) -> tuple[int, int]:
-    """Samples solved by the reduced model and at full order.
+def count_solves(scene: Scene, samples: dict[str, int]) -> Counts:
+    """How the modes of the samples are found.
 
     Args:
         scene: the scene.
         samples: number of samples of each approach.
 
     Returns:
-        Both numbers; the second with the samples that are verified.
+        Numbers of samples; among those at full order the ones that are verified.
     """
+    total = sum(samples.values())
     stability = scene.stability if "stability" in scene.stages else None
     if stability is None:
-        return 0, 0
+        return Counts(samples=total)
+    damped = [name for name in samples if active_terms(scene, name)]
     chosen = [
         name
         for name, n in samples.items()
-        if stability.method == "reduced" and n > 1 and not active_terms(scene, name)
+        if stability.method == "reduced" and n > 1 and name not in damped
     ]
-    reduced = sum(samples[name] for name in chosen)
+    own = [name for name in chosen if constants(scene) and scene.samples.takes_random(name)]
+    taken, changing = (sum(samples[name] for name in names) for names in (chosen, own))
     verified = min(stability.verify, samples[chosen[0]]) if chosen else 0
-    return reduced, sum(samples.values()) - reduced + verified
+    return Counts(
+        samples=total, reduced=taken - changing, full=total - taken + verified, changing=changing,
+        damped=sum(samples[name] for name in damped),
+    )  # fmt: skip
+
+
+def constants(scene: Scene) -> int:
+    """Random material constants of a scene."""
+    return sum(split_key(name)[0] == "materials" for name in scene.samples.random)
 
 
 def estimate(scene: Scene, counts: Counts) -> list[Cost]:
@@ -160,14 +181,24 @@ def _mechanics(scene: Scene, c: Counts) -> list[Cost]:
     )
     one = 0.2 * (m / 1368) ** 2.5
     reduced = c.reduced * (0.1 * (r / 150) ** 3 + 0.1 * (m / 1e3) ** 2)
-    full = c.full * 45 * (n / 40.7e3) ** 0.8 * b / 64
+    full = (c.full + 0.3 * c.damped) * 45 * (n / 40.7e3) ** 0.8 * b / 64
     held = 0.2 + 16e-6 * n + ((150e-9 * m**2 + 8e-9 * n * r) if c.reduced else 40e-9 * m**2)
-    peak = held + (30e-6 * n if c.full else 0.0)
+    made, anew = held, 0.0
+    if c.changing:
+        d = constants(scene)
+        shared += (comb(d + 3, 3) + comb(d + 2, 2) + 2) * 0.53 * m * vector
+        reduced += c.changing * 1.6 * (m / 1368) ** 2
+        own = [a for a in scene.samples.approaches if scene.samples.takes_random(a)]
+        anew = AGAIN * len(own) * (n / 152e3) ** 1.22
+        held, made = held + 19e-6 * n, held + 34e-6 * n
+    solver = 30e-6 * n if c.full else 0.0
+    solver += 19e-6 * n if c.damped else 0.0
+    peak = max(made, held + solver)
     pictures = PICTURES * 1.7 * len(scene.samples.approaches) if top else 0.0
-    written = 1.0 + (pictures if "report" in scene.stages else 0.0)
+    written = 1.0 + (pictures + anew if "report" in scene.stages else 0.0)
     return [
         Cost("brake", 2.7 * (n / 105e3) ** 0.87, 0.2 + 4e-6 * n),
-        Cost("shared", shared, held),
+        Cost("shared", shared, made),
         Cost("samples", c.samples * one + reduced + full, peak),
         Cost("results", written, peak),
     ]

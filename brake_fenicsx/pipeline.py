@@ -12,7 +12,7 @@ import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +24,7 @@ from brake_fenicsx import __version__
 from brake_fenicsx.costs import Counts, cost_lines, count_solves, estimate
 from brake_fenicsx.errors import BrakeError, SceneError
 from brake_fenicsx.log import Progress, logger, start_log
+from brake_fenicsx.memory import give_back
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.store import Store
 
@@ -66,6 +67,7 @@ class Run:
         logger.info(
             "%s: %.1f s, %.0f MB at most", name, self.seconds[name], self.peak_memory_mb[name]
         )
+        give_back()
 
 
 def assemble(scene: str | Path, comm: MPI.Comm) -> Brake:
@@ -111,6 +113,7 @@ def run(
         directory = Path.cwd() / f"{parsed.file.stem}-results"
     this = Run(parsed, comm, Store(Path(directory)))
     this.store.check(parsed)
+    check_groups(parsed, comm.size)
     stats = check(parsed, comm)
     if comm.rank == 0:
         this.store.open(parsed, from_stage)
@@ -147,6 +150,20 @@ def check(scene: Scene, comm: MPI.Comm) -> SurfaceStatistics | None:
 
         check_brake(scene, comm)
     return stats
+
+
+def check_groups(scene: Scene, processes: int) -> None:
+    """Refuse a number of processes that does not come apart into groups.
+
+    Raises:
+        SceneError: the two numbers and the remedy.
+    """
+    size = scene.samples.processes_per_sample
+    if processes % size:
+        raise SceneError(
+            f"{scene.file}: samples.processes_per_sample = {size}: does not divide the"
+            f" {processes} process(es) of this run; start it on a multiple of {size}, or set 1"
+        )
 
 
 def read_surface(scene: Scene) -> SurfaceStatistics:
@@ -314,6 +331,10 @@ def describe(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -
         SceneError: the scene is wrong.
     """
     parsed = read_scene(scene, overrides)
+    size = parsed.samples.processes_per_sample
+    if comm.size > 1:
+        # On one process nothing is known yet of the processes of the run.
+        check_groups(parsed, comm.size)
     stats = check(parsed, comm)
     lines = [f"{parsed.file}: stages {', '.join(parsed.stages)}"]
     scan = stats.topography if stats else None
@@ -333,16 +354,25 @@ def describe(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -
         from brake_fenicsx.macro.brake import assemble_brake
         from brake_fenicsx.uncertainty.sampling import sample_count
 
-        size = assemble_brake(parsed, comm).size()
+        sizes = assemble_brake(parsed, comm).size()
         samples = {name: sample_count(parsed, name) for name in parsed.samples.approaches}
-        solves = count_solves(parsed, samples)
-        counts = Counts(size["dofs"], size["contact_elements"], sum(samples.values()), *solves)
+        counts = replace(
+            count_solves(parsed, samples),
+            dofs=sizes["dofs"], elements=sizes["contact_elements"],
+        )  # fmt: skip
         lines.append(
-            f"brake: {size['cells']} cells, {size['dofs']} free dofs,"
-            f" {size['contact_elements']} contact elements"
+            f"brake: {sizes['cells']} cells, {sizes['dofs']} free dofs,"
+            f" {sizes['contact_elements']} contact elements"
         )
-        how = f"; modes: {solves[0]} reduced, {solves[1]} at full order" if any(solves) else ""
+        ways = {
+            "reduced": counts.reduced, "reduced with materials of their own": counts.changing,
+            "at full order": counts.full,
+        }  # fmt: skip
+        said = ", ".join(f"{number} {way}" for way, number in ways.items() if number)
+        how = f"; modes: {said}" if said else ""
         lines.append(f"samples: {', '.join(f'{n} {name}' for name, n in samples.items())}{how}")
+    if size > 1:
+        lines.append(f"processes: a multiple of {size}; each {size} share a sample at full order")
     lines += cost_lines(estimate(parsed, counts), comm.size)
     if comm.rank == 0:
         print("\n".join(lines))

@@ -25,6 +25,7 @@ class ApproachCount:
         failed: samples that ended in an error.
         modes: modes in the band, all samples.
         unstable: unstable modes, all samples.
+        neutral: modes of which the computation cannot tell, all samples.
         unstable_samples: samples with at least one unstable mode.
         per_sample: unstable modes of each sample, shape (samples,), in the order of the samples.
     """
@@ -34,6 +35,7 @@ class ApproachCount:
     failed: int
     modes: int
     unstable: int
+    neutral: int
     unstable_samples: int
     per_sample: NDArray
 
@@ -152,6 +154,7 @@ def count(run: RunData, approach: str) -> ApproachCount:
         failed=failed,
         modes=unstable.size,
         unstable=int(unstable.sum()),
+        neutral=int((modes["verdict"] == "neutral").sum()),
         unstable_samples=int(np.count_nonzero(per_sample)),
         per_sample=per_sample,
     )

@@ -109,15 +109,32 @@ def _lead(run: RunData) -> str:
         "failed",
         "modes",
         "unstable modes",
+        "neutral modes",
         "unstable samples",
         "share of unstable samples",
         "most often unstable",
     ]
-    body = [[_name(row), *row[1:6], share_text(row[6:9]), row[9]] for row in rows]
+    body = [[_name(row), *row[1:7], share_text(row[7:10]), row[10]] for row in rows]
     return table(heads, body) + (
+        "<p>Neutral: the error of the growth rate reaches across zero, so that the computation "
+        "cannot tell; or a body moves as a whole.</p>"
         "<p>Shares carry 95 % Wilson intervals: they say how well this number of samples can know "
         "the share, not how well the model knows the brake.</p>"
     )
+
+
+def _damping(run: RunData) -> str:
+    """Which damping acts, and whether the number of modes was proven."""
+    terms = run.summary.get("damping")
+    if not isinstance(terms, Mapping) or not terms:
+        return ""
+    named = ", ".join(map(str, terms))
+    samples = run.summary.get("samples")
+    facts = samples.values() if isinstance(samples, Mapping) else ()
+    how = [str(about.get("counted_by", "")) for about in facts if isinstance(about, Mapping)]
+    open_ = any(text.startswith("not counted") for text in how)
+    more = " The number of damped modes was not counted: one may be missing." if open_ else ""
+    return f"<p>Damping that acts (settings below): {escape(named)}.{more}</p>"
 
 
 def _squeal(run: RunData) -> str:
@@ -151,7 +168,7 @@ def _squeal(run: RunData) -> str:
         "Negative damping is a mode that grows from the equilibrium: a squeal candidate. "
         "How large the vibration becomes is beyond a linear analysis.</p>"
     )
-    return note + figures + (table(heads, rows) if rows else "")
+    return note + _damping(run) + figures + (table(heads, rows) if rows else "")
 
 
 def _probability(run: RunData) -> str:
@@ -189,6 +206,8 @@ def _drivers(run: RunData) -> str:
         "(open: the interval holds the limit). The last four columns share out the variance of the "
         "growth rate; the rest is roughness together with all interactions.</p>"
     )
+    if rows and all(row[4] == "-" for row in rows):
+        note += "<p>No random input is named, or there are too few samples to tell them apart.</p>"
     told = note + table(heads, rows) if rows else ""
     return _figures(run, "sensitivity", "drivers") + told
 
@@ -204,9 +223,19 @@ def _percent(value: Value) -> str:
 
 
 def _shapes(run: RunData) -> str:
+    """The mesh, then the most unstable modes of one sample of each approach."""
     folder = run.directory / "figures"
-    paths = [*sorted(folder.glob("mesh*.png")), *sorted(folder.glob("mode_*.png"))]
-    return "\n".join(image(path, _heading(path), "shape") for path in paths)
+    parts = [image(path, _heading(path), "shape") for path in sorted(folder.glob("mesh*.png"))]
+    left = set(folder.glob("mode_*.png"))
+    for row in approach_rows(run):
+        paths = sorted(folder.glob(f"mode_{row[0]}_*Hz.png"))
+        left -= {*paths}
+        text = "" if row[4] else "<p>No mode of any sample is unstable: none is drawn.</p>"
+        if paths or text:
+            drawn = [image(path, _heading(path), "shape") for path in paths]
+            parts += [f"<h3>{escape(_name(row))}</h3>", text, *drawn]
+    parts += [image(path, _heading(path), "shape") for path in sorted(left)]
+    return "\n".join(part for part in parts if part)
 
 
 def _heading(path: Path) -> str:
@@ -252,7 +281,7 @@ def _accuracy(run: RunData) -> str:
     rest = {key: value for key, value in run.summary.items() if key not in known}
     if not parts and not rest:
         return ""
-    facts = pairs("quantity", rest) if rest else ""
+    facts = pairs("quantity", rest, exact=False) if rest else ""
     return "\n".join([*parts, _figures(run, "stages", "eigenvalue_errors"), facts])
 
 

@@ -40,18 +40,20 @@ def _cell(value: Value) -> str:
     return f"<td{kind}>{escape(show(value))}</td>"
 
 
-def pairs(what: str, content: Mapping[str, Any]) -> str:
-    """A nested mapping as a table of dotted names and exact values."""
-    rows = [[name, value] for name, value in _flatten(content)]
+def pairs(what: str, content: Mapping[str, Any], exact: bool = True) -> str:
+    """A nested mapping as a table of dotted names and values, with every digit or with six."""
+    rows = [[name, value] for name, value in _flatten(content, exact)]
     return table([what, "value"], rows)
 
 
-def _flatten(content: Mapping[str, Any], above: str = "") -> list[tuple[str, str]]:
+def _flatten(content: Mapping[str, Any], exact: bool, above: str = "") -> list[tuple[str, str]]:
     found: list[tuple[str, str]] = []
     for key, value in content.items():
         name = f"{above}.{key}" if above else str(key)
         if isinstance(value, Mapping):
-            found += _flatten(value, name)
+            found += _flatten(value, exact, name)
+        elif isinstance(value, float) and not exact:
+            found.append((name, f"{value:.6g}"))
         else:
             found.append((name, _exact(value)))
     return found

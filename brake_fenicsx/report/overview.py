@@ -23,6 +23,7 @@ APPROACH_COLUMNS = (
     "failed",
     "modes",
     "unstable_modes",
+    "neutral_modes",
     "unstable_samples",
     "share",
     "share_low",
@@ -84,6 +85,7 @@ def approach_rows(run: RunData, most: int = 3) -> list[list[Value]]:
                 c.failed,
                 c.modes,
                 c.unstable,
+                c.neutral,
                 c.unstable_samples,
                 *_share_cells(wilson(c.unstable_samples, c.samples)),
                 ", ".join(map(_family_text, families(run, approach)[:most])) or "none",
@@ -170,11 +172,12 @@ def summary_table(run: RunData | str | Path) -> str:
         "failed",
         "modes",
         "unstable",
+        "neutral",
         "unstable samples",
         "share",
         "most often unstable",
     )
-    rows = [[*row[:6], share_text(row[6:9]), row[9]] for row in approach_rows(run)]
+    rows = [[*row[:7], share_text(row[7:10]), row[10]] for row in approach_rows(run)]
     return text_table(heads, rows)
 
 

@@ -172,8 +172,11 @@ def draw_probability(run: RunData) -> Figure | None:
         axis.set_ylabel("probability of\ninstability [-]")
         light_grid(axis, axis="y")
         _mark_deterministic(axis, run)
-    if _single(run):
+    if axes[0, 0].get_legend_handles_labels()[0]:
         axes[0, 0].legend(loc="upper right", bbox_to_anchor=(1.0, 1.25), handletextpad=0.1)
+    elif calm := _single(run):
+        names = ", ".join(map(label, calm))
+        axes[0, 0].set_title(f"{names}: no unstable mode in the one run", loc="right", size=8)
     axes[-1, 0].set_xlabel(f"{KHZ}, bands of {width[0] * 1e3:g} Hz")
     return figure
 
@@ -282,6 +285,9 @@ def _mark_deterministic(axes: Axes, run: RunData) -> None:
     for approach in _single(run):
         colour, marker = look(approach)
         f = good_modes(run, approach, "unstable")["frequency_hz"] / 1e3
+        if not f.size:
+            # An empty line beyond the axes has no extent that a layout could work with.
+            continue
         axes.plot(
             f,
             np.full(f.size, 1.04),

@@ -48,6 +48,7 @@ def complex_modes(
     zeta_max: float = 0.1,
     frictionless: Any = None,
     friction: Interface | None = None,
+    comm: MPI.Comm | None = None,
 ) -> Modes:
     """All complex modes of a frequency band of (lambda^2 M + lambda C + K) phi = 0.
 
@@ -64,6 +65,8 @@ def complex_modes(
             None.
         friction: K - frictionless by contact elements, see ``contact_interface``; found from the
             matrices if None, which takes longer.
+        comm: processes that share the work, each with the whole matrices; those of K if None. Only
+            undamped problems with friction are shared, the others solved by each process.
 
     Returns:
         The modes, sorted by frequency, one of each conjugate pair.
@@ -77,7 +80,8 @@ def complex_modes(
         raise SceneError(f"method {method!r}: complex_modes knows 'full'; see Reduced")
     if not 0 <= band[0] < band[1]:
         raise SceneError(f"band {band[0]:g} to {band[1]:g} Hz: from at least 0 up to a higher one")
-    comm = K.comm.tompi4py() if isinstance(K, PETSc.Mat) else MPI.COMM_SELF
+    if comm is None:
+        comm = K.comm.tompi4py() if isinstance(K, PETSc.Mat) else MPI.COMM_SELF
     start = time.perf_counter()
     problem = _problem(K, M, frictionless, friction, comm)
     if C is not None:

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import BrakeError
+from brake_fenicsx.memory import give_back
 
 from .arnoldi import nearest_modes
 from .completeness import opening
@@ -89,6 +90,7 @@ def _both_sides(
         if p.comm.size == 1 or p.comm.rank == int(side):
             apply = lambda b, side=side: inverse(p.M @ b, side)  # noqa: E731
             sides.append(nearest_modes(apply, p.M.shape[0], smooth.sigma, RIM * reach, expected))
+            give_back()
     if p.comm.size > 1:
         sides = [p.comm.bcast(sides[0] if p.comm.rank == i else None, root=i) for i in (0, 1)]
     (kappa, right, steps), (other, left, more) = sides

@@ -67,7 +67,7 @@ def lowest_modes(
     n = M.shape[0]
     block = min(block, n)
     room = min(n, 128 * block)
-    V, MV = (np.empty((n, room + block), order="F") for _ in range(2))
+    V = np.empty((n, room + block), order="F")
     H = np.zeros((room + block, room + block))
     W = factor.solve(M @ np.random.default_rng(seed).standard_normal((n, block)))
     new, Mnew, _ = _orthonormalise(W, M @ W)
@@ -75,13 +75,13 @@ def lowest_modes(
     for step in range(1, room // block + 2):
         k = new.shape[1]
         last = slice(size, size + k)
-        V[:, last], MV[:, last] = new, Mnew
+        V[:, last] = new
         size += k
         W = factor.solve(Mnew)
         h = np.zeros((size, k))
         # Only the last two blocks have a share in W; all others round-off, which grows unchecked.
         for first in (before, 0):
-            c = MV[:, first:size].T @ W
+            c = V[:, first:size].T @ (M @ W)
             W -= V[:, first:size] @ c
             h[first:] += c
         before = last.start

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.macro.condensation import petsc_matrix
 from brake_fenicsx.macro.solver import Factor
+from brake_fenicsx.memory import give_back
 
 from .lanczos import lowest_modes
 
@@ -114,6 +115,7 @@ def symmetric_modes(
     if expected > MOST:
         return None
     found = lowest_modes(factor, M, limit - sigma)
+    give_back()
     Phi, kappa = _polished(K, M, factor, found.Phi)
     inside = kappa < limit
     if inside.sum() != expected:

@@ -26,9 +26,11 @@ from brake_fenicsx.stability.reduction import ORDER, Reduced
 from brake_fenicsx.stability.terms import Terms
 from brake_fenicsx.store import Store
 
+from .numbering import Numbering
+
 Array = NDArray[np.float64]
 
-FILE, DAMPED_FILE = "cache/basis.npz", "cache/damped.npz"
+FILE, SHAPES, DAMPED_FILE = "cache/basis.npz", "cache/shapes.npz", "cache/damped.npz"
 
 # Real modes up to this multiple of the band tell modes apart where there is no reduced model.
 FAMILIES = 1.3
@@ -42,6 +44,7 @@ def reduced_model(
     k0: Array,
     store: Store,
     comm: MPI.Comm,
+    numbering: Numbering,
     order: int = ORDER,
 ) -> tuple[Reduced, dict[str, Any]]:
     """Make the reduced model, or load it; collective.
@@ -54,12 +57,13 @@ def reduced_model(
         k0: reference stiffness [Pa/m], shape (elements,).
         store: the results folder.
         comm: processes that share the work.
+        numbering: order of the dofs in the folder.
         order: largest order of its moments; 0 where all its samples are damped.
 
     Returns:
         The model, and its figures for the summary.
     """
-    known = _cached(store, order)
+    known = _cached(store, numbering, order)
     progress = Progress("interface columns", -(-len(brake.w) // comm.size))
     band = (stability.band[0], stability.band[1])
     start = time.perf_counter()
@@ -70,7 +74,7 @@ def reduced_model(
     basis = reduced.basis
     if known is None and comm.rank == 0:
         arrays = {f.name: np.asarray(getattr(basis, f.name)) for f in fields(basis)}
-        store.save(FILE, Phi=reduced.Phi, **arrays)
+        store.save(FILE, shapes=numbering.kept(reduced.Phi), **arrays)
     return reduced, {
         "real_modes": len(basis.Lambda),
         "complete_up_to_hz": float(np.sqrt(basis.limit) / 2 / np.pi),
@@ -87,19 +91,36 @@ def compliance_of(reduced: Reduced, f: Array) -> Compliance:
     )
 
 
-def family_shapes(factor: Factor, M: PETSc.Mat, highest: float, comm: MPI.Comm) -> Array:
+def family_shapes(
+    factor: Factor,
+    M: PETSc.Mat,
+    highest: float,
+    store: Store,
+    comm: MPI.Comm,
+    numbering: Numbering,
+) -> Array:
     """Real modes of the reference that families are followed in, shape (dofs, modes); collective.
+
+    They are kept: an eigensolver may return them with other signs.
 
     Args:
         factor: factor of the reference, on every process.
         M: mass [kg], whole on this process.
         highest: upper end of the band [Hz].
+        store: the results folder.
         comm: processes that want them.
+        numbering: order of the dofs in the folder.
     """
     limit = (2 * np.pi * FAMILIES * highest) ** 2
-    found = lowest_modes(factor, local_rows(M), limit).Phi if comm.rank == 0 else None
-    shapes: Array = comm.bcast(found, root=0)
-    return shapes
+    shapes: Array | None = None
+    if comm.rank == 0:
+        stored = store.load(SHAPES)
+        if stored is None:
+            shapes = lowest_modes(factor, local_rows(M), limit).Phi
+            store.save(SHAPES, shapes=numbering.kept(shapes))
+        else:
+            shapes = numbering.present(stored["shapes"])
+    return np.asarray(comm.bcast(shapes, root=0))
 
 
 def damped_model(
@@ -133,14 +154,15 @@ def damped_model(
     return model
 
 
-def _cached(store: Store, order: int) -> tuple[Basis, Array] | None:
+def _cached(store: Store, numbering: Numbering, order: int) -> tuple[Basis, Array] | None:
     """Basis and mode shapes that an earlier run left; None if there are none of this order."""
     stored = store.load(FILE)
-    if stored is None or len(stored["NN"]) != order + 1:
+    # Older programs kept the shapes in an order of their own.
+    if stored is None or len(stored["NN"]) != order + 1 or "shapes" not in stored:
         return None
     logger.info("reduced basis: from the cache")
     values: dict[str, Any] = {f.name: stored[f.name] for f in fields(Basis)}
     for name in ("NN", "NT", "compliance"):
         values[name] = tuple(values[name])
     values["limit"] = float(values["limit"])
-    return Basis(**values), stored["Phi"]
+    return Basis(**values), numbering.present(stored["shapes"])

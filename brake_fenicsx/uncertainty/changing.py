@@ -100,6 +100,7 @@ class ChangingBodies:
 
     Attributes:
         basis: the reduced model of all of them.
+        mark: of the order of the dofs that it was made in.
     """
 
     def __init__(
@@ -110,6 +111,7 @@ class ChangingBodies:
         bulk: Bulk,
         store: Store,
         comm: MPI.Comm,
+        mark: str,
     ):
         """Offline stage, or what an earlier one left in the results folder; collective.
 
@@ -120,6 +122,7 @@ class ChangingBodies:
             bulk: unit changes of the random materials.
             store: the results folder.
             comm: processes that share the work.
+            mark: of the present order of the dofs; what was made in another is made again.
 
         Raises:
             SceneError, InaccurateResult: the materials are not positive definite everywhere in the
@@ -128,14 +131,14 @@ class ChangingBodies:
         stability = scene.stability
         if stability is None:
             raise ValueError("a scene without [stability] has no modes")
-        self.box = Box(scene, bulk)
+        self.box, self.mark = Box(scene, bulk), mark
         self.faces = sorted(scene.loads)
         mesh, free = brake.mesh, brake.elastic.free
         loads = [gathered_vector(unit_loads(mesh, free, face)) for face in self.faces]
         self._pressures = {face: scene.loads[face].pressure for face in self.faces}
         K, M = (local_rows(A) for A in matrices)
         band = (stability.band[0], stability.band[1])
-        known = _cached(store)
+        known = _cached(store, mark)
         self.basis = EnsembleBasis(
             K, M, brake.N, brake.T, brake.w, np.stack(loads, axis=1), list(bulk.parts.values()),
             self.box.coefficients, len(self.box.names), band, comm=comm,
@@ -144,7 +147,7 @@ class ChangingBodies:
         if known is None and comm.rank == 0:
             made = [body.arrays() for body in self.basis.bodies]
             named = {f"{i}.{name}": a for i, one in enumerate(made) for name, a in one.items()}
-            store.save(FILE, bodies=np.array(len(made)), made_with=MADE_WITH, **named)
+            store.save(FILE, bodies=np.array(len(made)), made_with=MADE_WITH, dofs=mark, **named)
 
     def compliance(
         self, drawn: Mapping[str, float], pressures: Mapping[str, float], k0: Array
@@ -165,10 +168,13 @@ class ChangingBodies:
         return self.basis.modes(self.box.place(drawn), k, mu)
 
 
-def _cached(store: Store) -> list[dict[str, Array]] | None:
+def _cached(store: Store, mark: str) -> list[dict[str, Array]] | None:
     """Arrays of all bodies that an earlier run left."""
     stored = store.load(FILE)
     if stored is None or not np.array_equal(stored["made_with"], MADE_WITH):
+        return None
+    if str(stored.get("dofs")) != mark:
+        logger.info("reduced bodies: the dofs are numbered in another way now; made again")
         return None
     logger.info("reduced bodies: from the cache")
     found: list[dict[str, Array]] = [{} for _ in range(int(stored["bodies"]))]

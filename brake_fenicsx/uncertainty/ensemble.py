@@ -1,9 +1,10 @@
-"""Many samples over MPI processes: each takes the next one, and stores it as it finishes."""
+"""Many samples over MPI processes: each, or each group, takes the next one and stores it."""
 
 from __future__ import annotations
 
 import traceback
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 from mpi4py import MPI
@@ -14,7 +15,10 @@ from brake_fenicsx.errors import BrakeError
 from brake_fenicsx.log import Progress, logger
 from brake_fenicsx.store import Store
 
+from .group import Group, split
+
 Task = tuple[str, int]
+Work = Callable[[Task, Group], dict[str, Any]]
 
 
 def sample_file(task: Task) -> str:
@@ -24,9 +28,11 @@ def sample_file(task: Task) -> str:
 
 def run_ensemble(
     tasks: Sequence[Task],
-    work: Callable[[Task], dict[str, Any]],
+    work: Work,
     store: Store,
     comm: MPI.Comm,
+    large: Sequence[Task] = (),
+    size: int = 1,
 ) -> None:
     """Run all samples that are not in the folder yet.
 
@@ -34,51 +40,79 @@ def run_ensemble(
     the program's own is a defect and stops the run, after the others' samples are safe.
 
     Args:
-        tasks: (approach, number) of every sample wanted.
-        work: computes one sample; returns arrays to store.
+        tasks: (approach, number) of every sample that one process computes by itself.
+        work: computes one sample with the processes of a group; what its first process returns is
+            stored. See ``Group`` for what it may do with it.
         store: the results folder.
         comm: processes that share the work.
+        large: samples that come first, each computed by a group of processes together.
+        size: processes of such a group; divides the number of processes.
     """
-    todo = [task for task in tasks if not store.path(sample_file(task)).exists()]
-    todo = comm.bcast(todo, root=0)
-    if comm.rank == 0 and len(todo) < len(tasks):
-        logger.info("%d of %d samples were there already", len(tasks) - len(todo), len(tasks))
-    progress = Progress("samples", len(todo))
+    there = [t for t in (*large, *tasks) if store.path(sample_file(t)).exists()]
+    done = set(comm.bcast(there, root=0))
+    wanted = [[t for t in part if t not in done] for part in (large, tasks)]
+    if comm.rank == 0 and done:
+        logger.info("%d of %d samples were there already", len(done), len(large) + len(tasks))
+    group, alone = split(comm, size), split(comm, 1)
+    progress = Progress("samples", sum(map(len, wanted)))
+    shared, rest = (_Take(part, work, store, progress) for part in wanted)
     defect = None
-    with _Counter(comm) as counter:
-        handed = 0
-        while (i := counter.next()) < len(todo):
-            task = todo[i]
-            try:
-                result = {"status": "ok", **work(task)}
-            except BrakeError as error:
-                result = {"status": str(error)}
-                logger.warning("%s %d: %s", *task, error)
-            except Exception:
-                defect = traceback.format_exc()
-                break
-            store.save(sample_file(task), **result)
-            progress.advance(min(i + 1, len(todo)) - handed)
-            handed = i + 1
+    with _Counters(comm, 2) as counters:
+        try:
+            # No process waits between the two: the groups come apart as they finish.
+            shared.run(group, lambda: counters.next(0), 0)
+            rest.run(alone, lambda: counters.next(1), len(wanted[0]))
+        except Exception:
+            defect = traceback.format_exc()
+    group.Free()
+    alone.Free()
     defects = [d for d in comm.allgather(defect) if d]
     if defects:
         raise RuntimeError(defects[0])
 
 
-class _Counter:
-    """A number shared by all processes that each call raises by one."""
+class _Take:
+    """Samples that groups take one after the other."""
 
-    def __init__(self, comm: MPI.Comm):
-        self.comm, self.local = comm, -1
+    def __init__(self, tasks: Sequence[Task], work: Work, store: Store, progress: Progress):
+        self.tasks, self.work, self.store, self.progress = tasks, work, store, progress
+
+    def run(self, group: Group, number: Callable[[], int], before: int) -> None:
+        """Take samples until there is none left; ``before`` of others were handed out first."""
+        while (i := group.bcast(number() if group.rank == 0 else None)) < len(self.tasks):
+            group.run(partial(self._one, self.tasks[i], group))
+            self.progress.advance(before + i + 1 - self.progress.done)
+
+    def _one(self, task: Task, group: Group) -> None:
+        """Compute a sample and store it, or its error."""
+        try:
+            result = group.run(lambda: self.work(task, group))
+        except BrakeError as error:
+            result = {"status": str(error)}
+            if group.rank == 0:
+                logger.warning("%s %d: %s", *task, error)
+        else:
+            result = {"status": "ok", **result}
+        if group.rank == 0:
+            self.store.save(sample_file(task), **result)
+
+
+class _Counters:
+    """Numbers shared by all processes; each call raises one of them by one."""
+
+    def __init__(self, comm: MPI.Comm, many: int):
+        self.comm, self.local = comm, [-1] * many
         self.window: Any = None
 
-    def __enter__(self) -> _Counter:
+    def __enter__(self) -> _Counters:
         if self.comm.size > 1:
-            size = MPI.INT64_T.Get_size() if self.comm.rank == 0 else 0
-            self.window = MPI.Win.Allocate(size, comm=self.comm)  # type: ignore[arg-type]
+            many = len(self.local)
+            size = many * MPI.INT64_T.Get_size() if self.comm.rank == 0 else 0
+            unit = MPI.INT64_T.Get_size()
+            self.window = MPI.Win.Allocate(size, unit, comm=self.comm)  # type: ignore[arg-type]
             if self.comm.rank == 0:
                 self.window.Lock(0)
-                self.window.Put(np.zeros(1, dtype=np.int64), 0)
+                self.window.Put(np.zeros(many, dtype=np.int64), 0)
                 self.window.Unlock(0)
             self.comm.Barrier()
         return self
@@ -88,13 +122,13 @@ class _Counter:
             self.comm.Barrier()
             self.window.Free()
 
-    def next(self) -> int:
-        """The next number."""
+    def next(self, which: int) -> int:
+        """The next number of one of them."""
         if self.window is None:
-            self.local += 1
-            return self.local
+            self.local[which] += 1
+            return self.local[which]
         one, got = np.ones(1, dtype=np.int64), np.empty(1, dtype=np.int64)
         self.window.Lock(0)
-        self.window.Fetch_and_op(one, got, 0, op=MPI.SUM)
+        self.window.Fetch_and_op(one, got, 0, which, op=MPI.SUM)
         self.window.Unlock(0)
         return int(got[0])

@@ -31,6 +31,8 @@ def write_shapes(study: Study, results: Results) -> None:
     if comm.rank == 0:
         for name in ("fields", "figures"):
             store.path(name).mkdir(exist_ok=True)
+        for old in store.path("figures").glob("mode_*.png"):
+            old.unlink()
     comm.Barrier()
     faces = contact_faces(study)
     for task in results.first():
@@ -108,35 +110,49 @@ def _write_modes(study: Study, task: Task, data: dict[str, Any]) -> None:
     """Real and imaginary part of the most unstable modes, one period of each, and its picture."""
     from brake_fenicsx.report.fields import write_fields, write_phases
     from brake_fenicsx.report.render import render_mode
+    from brake_fenicsx.report.style import label
 
     store, name, V = study.store, task[0], study.brake.elastic.free.V
-    chosen, X = _unstable(study, task, data)
+    chosen, X, note = _unstable(study, task, data)
     fields = {}
     for i, x in zip(chosen, X.T, strict=True):
         hertz, damping = abs(data["s"][i].imag) / 2 / np.pi, float(data["damping"][i])
-        label = f"mode_{hertz:05.0f}Hz"
-        fields[label] = local = study.brake.local(x)
+        fields[f"mode_{hertz:05.0f}Hz"] = local = study.brake.local(x)
         write_phases(store.path("fields", f"phase_{name}_{hertz:05.0f}Hz.xdmf"), V, local)
-        title = f"{name}, sample {task[1]}: {hertz:.0f} Hz, damping {damping:.2e}"
+        title = f"{label(name)}, sample {task[1]}: {hertz:.0f} Hz, damping {damping:.2e}{note}"
         render_mode(store.path("figures", f"mode_{name}_{hertz:05.0f}Hz.png"), V, local, title)
     write_fields(store.path("fields", f"modes_{name}.xdmf"), V, fields)
 
 
-def _unstable(study: Study, task: Task, data: dict[str, Any]) -> tuple[NDArray, NDArray]:
-    """Numbers and displacements of the most unstable modes."""
+def _unstable(study: Study, task: Task, data: dict[str, Any]) -> tuple[NDArray, NDArray, str]:
+    """Numbers and displacements of the most unstable modes, and what these leave out."""
     if "s" not in data:
-        return np.zeros(0, dtype=int), np.zeros((len(study.brake.f), 0))
+        return np.zeros(0, dtype=int), np.zeros((len(study.brake.f), 0)), ""
     unstable = np.flatnonzero(data["verdict"] == "unstable")
     chosen = unstable[np.argsort(data["damping"][unstable], kind="stable")][:MOST]
+    column = {int(m): j for j, m in enumerate(data.get("vector_mode", ()))}
+    kept = [column[int(i)] for i in chosen if int(i) in column]
     if "vectors" in data:
-        column = {int(m): j for j, m in enumerate(data["vector_mode"])}
-        return chosen, data["vectors"][:, [column[int(i)] for i in chosen]].astype(complex)
+        return chosen, study.numbering.present(data["vectors"][:, kept].astype(complex)), ""
     if study.changing is not None and study.changes_bodies(task[0]):
-        drawn = dict(zip(map(str, data["random_names"]), data["random"], strict=True))
-        modes = study.changing.modes(drawn, data["k"], data["mu"])
-        return chosen, study.changing.basis.displacements(modes.right[:, chosen])
+        return chosen, _of_bodies(study, data, chosen, kept), "; static part of the bodies left out"
     from .solve import expanded
 
     if study.modal is None:
         raise ValueError("prepare() comes first")
-    return chosen, expanded(study.modal, study._draw(*task), data, chosen)
+    return chosen, expanded(study.modal, study._draw(*task), data, chosen), ""
+
+
+def _of_bodies(
+    study: Study, data: dict[str, Any], chosen: NDArray, kept: list[int]
+) -> NDArray[np.complex128]:
+    """Displacements of modes of a sample whose materials are its own."""
+    changing = study.changing
+    if changing is None:
+        raise ValueError("prepare() comes first")
+    if str(data.get("bodies")) == changing.mark:
+        return changing.basis.displacements(data["in_bodies"][:, kept].astype(complex))
+    # An earlier program, or one on another number of processes, had other bodies.
+    drawn = dict(zip(map(str, data["random_names"]), data["random"], strict=True))
+    modes = changing.modes(drawn, data["k"], data["mu"])
+    return changing.basis.displacements(modes.right[:, chosen])

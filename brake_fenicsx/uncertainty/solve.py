@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -140,7 +141,11 @@ def share(
 
 
 def modes_of_sample(
-    shared: Shared, sample: SampleInput, eq: Equilibrium, by_reduction: bool
+    shared: Shared,
+    sample: SampleInput,
+    eq: Equilibrium,
+    by_reduction: bool,
+    comm: MPI.Comm = MPI.COMM_SELF,
 ) -> Arrays:
     """Complex modes of a sample, as arrays to store: the one place that chooses the solver.
 
@@ -149,6 +154,7 @@ def modes_of_sample(
         sample: its inputs; materials that differ from the scene's change the stiffness.
         eq: its equilibrium.
         by_reduction: whether the reduced model of the scene's own bodies may serve.
+        comm: processes that call together and may share the work; the first has the arrays.
     """
     rates = _rates(shared, sample, eq.p)
     if by_reduction and not sample.materials:
@@ -159,7 +165,7 @@ def modes_of_sample(
     elif by_reduction and shared.changing is not None and rates is None:
         return _changing(shared, shared.changing, sample, eq)
     C = None if rates is None else sample_damping(shared, sample, eq)
-    return _full(shared, sample, eq, C)
+    return _full(shared, sample, eq, C, comm)
 
 
 def expanded(
@@ -244,22 +250,39 @@ def _changing(
     modes = changing.modes(sample.random, eq.k, sample.mu)
     shares = energy_shares(shared.changing_grams, modes.right)
     coordinates = modes.right if shared.onto is None else shared.onto @ modes.right
+    grown = np.flatnonzero(np.array(modes.verdict) == "unstable")
     return {
         **_record(modes), **_composition(modes, shares, flutter_partners(modes.s)),
         "coordinates": coordinates.astype(np.complex64),
+        # For their pictures: nothing is solved again, as long as the bodies are the same.
+        "in_bodies": modes.right[:, grown].astype(np.complex64), "vector_mode": grown,
+        "bodies": changing.mark,
     }  # fmt: skip
 
 
-def _full(shared: Shared, sample: SampleInput, eq: Equilibrium, C: sp.csr_matrix | None) -> Arrays:
+def _full(
+    shared: Shared,
+    sample: SampleInput,
+    eq: Equilibrium,
+    C: sp.csr_matrix | None,
+    comm: MPI.Comm,
+) -> Arrays:
     b, stability = shared.brake, shared.stability
+    # Only undamped problems with friction are shared.
+    friction = contact_interface(b.N, b.T, b.w * eq.k, sample.mu) if sample.mu.any() else None
+    if C is not None or friction is None:
+        if comm.rank > 0:
+            return {}
+        comm = MPI.COMM_SELF
     stiffness = shared.K
     if shared.bulk is not None and sample.materials:
         stiffness = shared.bulk.stiffness(sample.materials)
     K = tangent(stiffness, b.N, b.T, b.w, eq.k, sample.mu)
     band = (stability.band[0], stability.band[1])
-    friction = contact_interface(b.N, b.T, b.w * eq.k, sample.mu) if sample.mu.any() else None
     M = local_rows(shared.M)
-    modes = complex_modes(M, C, K, band, zeta_max=stability.zeta_max, friction=friction)
+    modes = complex_modes(M, C, K, band, zeta_max=stability.zeta_max, friction=friction, comm=comm)
+    if comm.rank > 0:
+        return {}
     unstable = np.array(modes.verdict) == "unstable"
     if C is None:
         partners = flutter_partners(modes.s)

@@ -18,6 +18,7 @@ from brake_fenicsx.macro.condensation import Compliance, compliance, gathered
 from brake_fenicsx.macro.corrected import Bodies, corrected_equilibrium
 from brake_fenicsx.macro.equilibrium import Equilibrium, displacement, equilibrium
 from brake_fenicsx.macro.gap import EnrichedGap
+from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.micro import LawRecipe, make_library
 from brake_fenicsx.micro.law import Laws
 from brake_fenicsx.report.tables import CONTACT, MODES, SAMPLES, write_rows
@@ -30,6 +31,7 @@ from brake_fenicsx.surface.hdf import HeightDistribution
 from .bulk import Bulk, assemble_bulk
 from .ensemble import Task, run_ensemble
 from .inputs import PERFECT, points_of
+from .numbering import Numbering
 from .outcomes import ensembles
 from .results import Results
 from .robustness import write_causes
@@ -84,6 +86,7 @@ class Study:
         self.loads: dict[str, Array] = {}
         self.modal: Shared | None = None
         self.changing: ChangingBodies | None = None
+        self.numbering: Numbering
         self.tasks: list[Task] = [
             (name, k) for name in scene.samples.approaches for k in range(count[name])
         ]
@@ -117,6 +120,8 @@ class Study:
     def prepare(self) -> None:
         """Factor the reference, and make or load the reduced basis."""
         brake = self.brake
+        if "stability" in self.scene.stages:
+            self.numbering = Numbering(brake, local_rows(self.K), self.store, self.comm)
         laws = self._reference_laws()
         pressure = brake.pressed / float(brake.w.sum())
         k0 = np.full(len(brake.w), reference_stiffness(laws, pressure))
@@ -163,8 +168,9 @@ class Study:
         try:
             matrices = (self.K, self.M)
             self.changing = ChangingBodies(
-                self.scene, self.brake, matrices, self.bulk, self.store, self.comm
-            )
+                self.scene, self.brake, matrices, self.bulk, self.store, self.comm,
+                self.numbering.mark,
+            )  # fmt: skip
         except BrakeError as error:
             logger.warning("no reduced model of changing materials: %s; full order", error)
             self.by_reduction |= dict.fromkeys(names, False)
@@ -181,7 +187,7 @@ class Study:
             return
         order = ORDER if any(not self.damped(name) for name in self._of_one_body()) else 0
         self.reduced, self.facts["reduced_basis"] = reduced_model(
-            stability, brake, self.K, self.M, k0, self.store, self.comm, order
+            stability, brake, self.K, self.M, k0, self.store, self.comm, self.numbering, order
         )
         self.compliance = compliance_of(self.reduced, brake.f)
 
@@ -203,7 +209,9 @@ class Study:
         followed = self.changing is not None
         followed |= any(sum(task[0] == name for task in self.tasks) > 1 for name in full)
         if followed and self.reduced is None:
-            shapes = family_shapes(compliance.factor, self.M, stability.band[1], self.comm)
+            shapes = family_shapes(
+                compliance.factor, self.M, stability.band[1], self.store, self.comm, self.numbering
+            )
         self.modal = share(self.scene, self.brake, (self.K, self.M), self.bulk, self.reduced)
         self.modal.shapes = shapes
         if self.changing is not None:
@@ -239,10 +247,24 @@ class Study:
         """Run every sample that is not stored yet; long ones first."""
         long = [t for t in self.tasks if not self.by_reduction[t[0]]]
         short = [t for t in self.tasks if self.by_reduction[t[0]]]
-        run_ensemble([*long, *self.verify, *short], self.work, self.store, self.comm)
+        # An equilibrium alone is no work for several processes.
+        size = 1 if self.modal is None else self.scene.samples.processes_per_sample
+        run_ensemble(short, self.work, self.store, self.comm, [*long, *self.verify], size)
 
-    def work(self, task: Task) -> dict[str, Any]:
-        """Equilibrium and modes of one sample, as arrays to store."""
+    def work(self, task: Task, comm: MPI.Comm = MPI.COMM_SELF) -> dict[str, Any]:
+        """Equilibrium and modes of one sample, as arrays to store; process 0 of comm has them."""
+        begun = self._begun(task) if comm.rank == 0 else None
+        out, sample, eq, reduced = comm.bcast(begun)
+        if self.modal is not None:
+            from .solve import modes_of_sample
+
+            out |= modes_of_sample(self.modal, sample, eq, reduced, comm)
+            if "vectors" in out:
+                out["vectors"] = self.numbering.kept(out["vectors"])
+        return dict(out)
+
+    def _begun(self, task: Task) -> tuple[dict[str, Any], SampleInput, Equilibrium, bool]:
+        """A sample up to its equilibrium, and whether a reduced model gives its modes."""
         approach, k = task
         if approach == VERIFY:
             approach = self.verified
@@ -263,11 +285,7 @@ class Study:
         }  # fmt: skip
         if sample.random:
             out["rejected"] = sample.rejected
-        if self.modal is None:
-            return out
-        from .solve import modes_of_sample
-
-        return out | modes_of_sample(self.modal, sample, eq, reduced)
+        return out, sample, eq, reduced
 
     def _equilibrium(self, sample: SampleInput, reduced: bool = False) -> Equilibrium:
         """The full load at once, which nearly always converges; the scene's ramp if it does not."""

@@ -146,8 +146,8 @@ def test_stages_keep_their_order_and_gaps():
 
 def test_summary_names_every_approach(run):
     lines = summary_table(run).splitlines()
-    assert lines[2].split()[:6] == ["classical", "1", "0", "1", "1", "1"]
-    assert lines[3].split()[:6] == ["fast", "3", "1", "5", "3", "2"]
+    assert lines[2].split()[:7] == ["classical", "1", "0", "1", "1", "0", "1"]
+    assert lines[3].split()[:7] == ["fast", "3", "1", "5", "3", "1", "2"]
     assert summary_table(run.directory) == summary_table(run)
 
 

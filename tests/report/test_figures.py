@@ -1,6 +1,8 @@
 """Every figure from a synthetic run: it is there, it shows the data, and only where data are."""
 
 import shutil
+import warnings
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -23,6 +25,7 @@ from brake_fenicsx.report.squeal_figures import (
     draw_probability,
     draw_squeal_map,
 )
+from brake_fenicsx.report.style import save
 from brake_fenicsx.report.surface_figures import draw_artificial, draw_statistics, draw_topography
 
 NEEDS = {
@@ -212,6 +215,21 @@ def test_probability_bars_are_the_shares(run):
     assert len(bars) == 16
     assert max(bars) == pytest.approx(44 / 60)
     assert "bands of 1000 Hz" in figure.axes[1].get_xlabel()
+
+
+def test_stable_single_run_leaves_no_mark_and_no_legend(run, tmp_path):
+    """An empty line beyond the axes made the layout collapse."""
+    single = run.modes["approach"] == "classical"
+    assert single.any()
+    verdict = np.where(single, "stable", run.modes["verdict"])
+    calm = replace(run, modes={**run.modes, "verdict": verdict})
+    figure = draw_probability(calm)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        save(figure, tmp_path, "probability")
+    assert all(axis.get_legend() is None for axis in figure.axes)
+    assert "no unstable mode in the one run" in figure.axes[0].get_title("right")
+    assert figure.axes[0].get_position().width > 0.7
 
 
 def test_histogram_sums_to_one_per_approach(run):

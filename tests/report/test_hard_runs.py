@@ -21,7 +21,7 @@ def names(directory):
 def test_one_neutral_mode_without_error_estimate(tmp_path):
     write_rows(tmp_path / "modes.csv", MODES, [MODE])
     assert names(tmp_path) == {"figure9_squeal_map"}
-    assert approach_rows(read_run(tmp_path))[0][1:6] == [1, 0, 1, 0, 0]
+    assert approach_rows(read_run(tmp_path))[0][1:7] == [1, 0, 1, 0, 1, 0]
     assert "none" in summary_table(tmp_path)
     write_report(tmp_path)
 
@@ -32,14 +32,14 @@ def test_no_mode_in_the_band(tmp_path):
     drawn = names(tmp_path)
     assert "figure9_squeal_map" not in drawn
     assert "unstable_per_sample" in drawn
-    assert approach_rows(read_run(tmp_path))[0][:6] == ["fast", 5, 0, 0, 0, 0]
+    assert approach_rows(read_run(tmp_path))[0][:7] == ["fast", 5, 0, 0, 0, 0, 0]
 
 
 def test_all_samples_failed(tmp_path):
     write_rows(tmp_path / "modes.csv", MODES, [])
     write_rows(tmp_path / "samples.csv", SAMPLES, [["fast", 0, "singular", 1]])
     assert names(tmp_path) == set()
-    assert approach_rows(read_run(tmp_path))[0][:6] == ["fast", 0, 1, 0, 0, 0]
+    assert approach_rows(read_run(tmp_path))[0][:7] == ["fast", 0, 1, 0, 0, 0, 0]
     assert "FAST" in write_report(tmp_path).read_text()
 
 

@@ -79,9 +79,56 @@ def test_every_setting_seed_and_version_is_listed(page):
 def test_numbers_of_the_answer_stand_at_the_head(page):
     root = ElementTree.parse(page).getroot()
     rows = [[c.text for c in row] for row in root.find(f".//{X}header").iter(f"{X}tr")]
-    assert rows[3][:6] == ["Multi-scale", "60", "0", "1920", "96", "54"]
-    assert rows[3][6] == "90 % (80 to 95 %)"
-    assert rows[1][6] == "-"
+    assert rows[3][:7] == ["Multi-scale", "60", "0", "1920", "96", "1728", "54"]
+    assert rows[3][7] == "90 % (80 to 95 %)"
+    assert rows[1][7] == "-"
+
+
+def test_mode_shapes_stand_under_their_approach(drawn, tmp_path):
+    """In the order of the other sections; an approach that is stable throughout says so."""
+    directory = tmp_path / "run"
+    shutil.copytree(drawn[0], directory)
+    folder = directory / "figures"
+    for old in folder.glob("mode_*.png"):
+        old.unlink()
+    names = ("mode_multi-scale_00900Hz", "mode_multi-scale_07000Hz", "mode_classical_01000Hz")
+    for name in names:
+        shutil.copy(folder / "stages.png", folder / f"{name}.png")
+    table = (directory / "modes.csv").read_text()
+    section = shapes(directory)
+    heads = [e.text for e in section.iter(f"{X}h3")]
+    assert heads == ["Classical", "Multi-scale"]
+    captions = [e.text for e in section.iter(f"{X}figcaption")]
+    assert captions == [n.replace("_", " ") for n in (names[2], *names[:2])]
+    lines = [
+        line.replace("unstable", "stable") if line.startswith("classical") else line
+        for line in table.splitlines()
+    ]
+    (directory / "modes.csv").write_text("\n".join(lines) + "\n")
+    (folder / f"{names[2]}.png").unlink()
+    section = shapes(directory)
+    assert [e.text for e in section.iter(f"{X}h3")] == ["Classical", "Multi-scale"]
+    assert "No mode of any sample is unstable" in section.find(f"{X}p").text
+
+
+def shapes(directory):
+    """Section of the mode shapes on the page of a run."""
+    root = ElementTree.fromstring(render_page(read_run(directory)))
+    return next(s for s in root.iter(f"{X}section") if s.get("id") == "shapes")
+
+
+def test_damping_is_named_and_an_open_count_admitted(drawn, tmp_path):
+    directory = tmp_path / "run"
+    shutil.copytree(drawn[0], directory)
+    plain = render_page(read_run(directory))
+    assert "Damping that acts" not in plain
+    run = read_run(directory)
+    terms = {"rayleigh": {"alpha_1_s": 50.0}, "sliding": {}}
+    for how, admitted in (("not counted: damped problem", True), ("winding number", False)):
+        run.summary.update(damping=terms, samples={"classical": {"counted_by": how}})
+        page = render_page(run)
+        assert "(settings below): rayleigh, sliding." in page
+        assert ("was not counted" in page) == admitted
 
 
 def test_every_image_has_a_text(page):

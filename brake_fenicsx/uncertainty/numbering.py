@@ -1,0 +1,101 @@
+"""The order of the free dofs that a results folder keeps its vectors in.
+
+The mesh is cut for the processes of a run, and the dofs are numbered piece by piece: on another
+number of processes, or with a partitioner of another mind, the same dof has another number. What is
+kept is in the order of the folder's first run, and comes back in that of the present one.
+"""
+
+from __future__ import annotations
+
+import hashlib
+
+from mpi4py import MPI
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
+
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.macro.brake import Brake
+from brake_fenicsx.store import Store
+
+FILE = "cache/dofs.npz"
+
+# Two dofs whose keys differ by less, relative to the size of the brake, are the same.
+SAME = 1e-7
+
+
+class Numbering:
+    """From the order of the present run to that of the folder, and back.
+
+    Attributes:
+        mark: tells the present order from others.
+    """
+
+    def __init__(self, brake: Brake, K: sp.csr_matrix, store: Store, comm: MPI.Comm):
+        """Compare with the folder, or found its order; collective.
+
+        Args:
+            brake: operators of the scene.
+            K: its stiffness, whole on this process.
+            store: the results folder.
+            comm: processes of the run.
+
+        Raises:
+            SceneError: the folder belongs to another mesh.
+        """
+        keys = _keys(brake, K, comm)
+        self.mark = hashlib.sha256(np.ascontiguousarray(keys).tobytes()).hexdigest()[:16]
+        stored = store.load(FILE)
+        comm.Barrier()
+        self._order: NDArray[np.intp] | None = None
+        if stored is None:
+            if comm.rank == 0:
+                store.save(FILE, keys=keys)
+        elif not np.array_equal(stored["keys"], keys):
+            self._order = _matched(stored["keys"], keys)
+            if self._order is None:
+                raise SceneError(
+                    f"{store.directory}: its results belong to another mesh, perhaps of another"
+                    " version of gmsh; choose another folder with -o, or --from equilibrium"
+                )
+
+    def kept(self, X: NDArray) -> NDArray:
+        """Rows of this run, shape (dofs, ...), in the order of the folder."""
+        return X if self._order is None else X[self._order]
+
+    def present(self, X: NDArray) -> NDArray:
+        """Rows of the folder in the order of this run."""
+        if self._order is None:
+            return X
+        out = np.empty_like(X)
+        out[self._order] = X
+        return out
+
+
+def _keys(brake: Brake, K: sp.csr_matrix, comm: MPI.Comm) -> NDArray:
+    """What tells a free dof from all others: its place, its component, its body's centre [m]."""
+    free = brake.elastic.free
+    block, component = np.divmod(free.local, 3)
+    own = np.column_stack([free.V.tabulate_dof_coordinates()[block], component])
+    keys = np.concatenate(comm.allgather(own))
+    size = np.ptp(keys[:, :3], axis=0).max()
+    keys[:, 3] *= size
+    # Nodes of two bodies may lie in one place.
+    body = connected_components(K, directed=False)[1]
+    count = np.bincount(body)
+    centre = [np.bincount(body, x) / count for x in keys[:, :3].T]
+    return np.column_stack([keys, *(c[body] for c in centre)])
+
+
+def _matched(stored: NDArray, keys: NDArray) -> NDArray[np.intp] | None:
+    """Present number of each stored dof; None if they are not the same dofs."""
+    if stored.shape != keys.shape:
+        return None
+    distance, order = KDTree(keys).query(stored)
+    size = np.ptp(keys[:, :3], axis=0).max()
+    if not (distance.max() <= SAME * size and np.all(np.bincount(order) == 1)):
+        return None
+    return np.asarray(order, dtype=np.intp)

@@ -1,0 +1,69 @@
+"""Which displacements are drawn as the modes of a sample."""
+
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from brake_fenicsx.macro.brake import assemble_brake
+from brake_fenicsx.macro.solver import local_rows
+from brake_fenicsx.pipeline import read_surface
+from brake_fenicsx.scene import read_scene
+from brake_fenicsx.stability.modes import Modes
+from brake_fenicsx.stability.operators import tangent
+from brake_fenicsx.store import Store
+from brake_fenicsx.uncertainty.shapes import _unstable
+from brake_fenicsx.uncertainty.study import Study
+
+COMM = MPI.COMM_SELF
+BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
+COARSE = [
+    "stages=['surface','equilibrium','stability','uncertainty']",
+    "surface.statistics={ S_q = '3 um' }", "contact.block_plate.gap=hdf",
+    "parts.block.size='10 mm'", "parts.plate.size='14 mm'", "stability.band=['0 Hz','20 kHz']",
+    "samples.n=2", "contact.block_plate.friction=0.3",
+]  # fmt: skip
+OWN = "samples.random.\"materials.lining.C44\"={ law='uniform', spread=0.2 }"
+
+
+@pytest.mark.parametrize(
+    ("changes", "stored"),
+    [
+        (["stability.method=full"], "vectors"),
+        (["stability.method=reduced"], ""),
+        (["stability.method=reduced", OWN], "in_bodies"),
+    ],
+)
+def test_displacements_are_those_of_the_modes(changes, stored, tmp_path, monkeypatch):
+    """x' K x / x' M x, with the stiffness of the sample, gives the frequencies."""
+    scene = read_scene(BLOCK, [*COARSE, *changes])
+    (tmp_path / "cache").mkdir()
+    brake = assemble_brake(scene, COMM)
+    hdf = read_surface(scene).hdf
+    study = Study(scene, brake, None, hdf, Store(tmp_path), COMM)
+    study.prepare()
+    # All modes of the small scene are stable: every second one is taken for unstable.
+    grows = property(lambda self: ["unstable" if i % 2 else "stable" for i in range(len(self))])
+    monkeypatch.setattr(Modes, "verdict", grows)
+    task = ("multi-scale", 1)
+    data = study.work(task)
+    assert {"vectors", "in_bodies"} & {*data} == {stored} - {""}
+    chosen, X, note = _unstable(study, task, data)
+    assert ("left out" in note) == (stored == "in_bodies")
+    assert chosen.size == X.shape[1] == 4
+    sample = study._draw(*task)
+    K = study.K if not sample.materials else study.bulk.stiffness(sample.materials)
+    K_t = local_rows(tangent(K, brake.N, brake.T, brake.w, data["k"], data["mu"]))
+    M = local_rows(study.M)
+    for i, x in zip(chosen, X.T, strict=True):
+        omega = np.sqrt((x.conj() @ (K_t @ x)).real / (x.conj() @ (M @ x)).real)
+        assert omega == pytest.approx(abs(data["s"][i].imag), rel=0.02)
+    if stored == "in_bodies":
+        # Bodies made in another order of the dofs: solved again, with the same result.
+        again = _unstable(study, task, {**data, "bodies": "of another run"})[1]
+        for x, y in zip(X.T, again.T, strict=True):
+            assert abs(np.vdot(x, y)) == pytest.approx(
+                np.linalg.norm(x) * np.linalg.norm(y), rel=1e-6
+            )
