@@ -11,13 +11,16 @@ ladder's. With
     brake      2.7 s (n / 105e3)^0.87
     shared     4.4 s (n / 105e3)^1.63 for the factor; then 15 r v for the real modes and 4.5 m v for
                the interface of the reduced model; without it 0.45 m v for the compliance;
-               0.53 m v for each of a solves where materials change, with d random constants
-               a = (d+1)(d+2)(d+3)/6 + (d+1)(d+2)/2 + 2
+               12 (a m + r) v for damping in it;
+               0.53 m v for each solve where materials change, (d+1)(d+2)(d+3)/6 + (d+1)(d+2)/2
+               + 2 of them for d random constants
     samples    0.2 s (m / 1368)^2.5 an equilibrium;
                0.1 s (r / 150)^3 + 0.1 s (m / 1000)^2 its modes, reduced;
+               1 + 2 a^2 times that with damping, for a = 1 + 1 (sliding) + 1 (slope);
                1.6 s (m / 1368)^2 the same and its bodies, where materials change;
                45 s (n / 40.7e3)^0.8 b / 64 its modes at full order, 1.3 times that with damping
-    memory     0.2 GB + 16 kB n with a factor, 150 B m^2 + 8 B n r the reduced model; where
+    memory     0.2 GB + 16 kB n with a factor, 150 B m^2 + 8 B n r the reduced model, and with
+               damping 96 B (a m + r)(2 m + r), 3 m with sliding; where
                materials change 34 kB n at the anchors, of which 19 kB n stay; 30 kB n the solver
                at full order, 19 kB n more with damping; of one process
 
@@ -55,6 +58,7 @@ class Counts:
         full: samples whose modes are found at full order.
         changing: samples whose modes come from the reduced model of bodies that change.
         damped: samples of ``full`` that are damped.
+        damped_reduced: samples of ``reduced`` that are damped.
     """
 
     dofs: int = 0
@@ -64,6 +68,7 @@ class Counts:
     full: int = 0
     changing: int = 0
     damped: int = 0
+    damped_reduced: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,17 +95,21 @@ def count_solves(scene: Scene, samples: dict[str, int]) -> Counts:
     if stability is None:
         return Counts(samples=total)
     damped = [name for name in samples if active_terms(scene, name)]
+    own = [name for name in samples if constants(scene) and scene.samples.takes_random(name)]
     chosen = [
         name
         for name, n in samples.items()
-        if stability.method == "reduced" and n > 1 and name not in damped
+        if stability.method == "reduced" and n > 1 and not (name in damped and name in own)
     ]
-    own = [name for name in chosen if constants(scene) and scene.samples.takes_random(name)]
-    taken, changing = (sum(samples[name] for name in names) for names in (chosen, own))
-    verified = min(stability.verify, samples[chosen[0]]) if chosen else 0
+    verify = {name: min(stability.verify, samples[name]) for name in chosen[:1]}
+    at_full = {name: 0 if name in chosen else n for name, n in samples.items()}
+    at_full = {name: n + verify.get(name, 0) for name, n in at_full.items()}
+    changing = sum(samples[name] for name in chosen if name in own)
     return Counts(
-        samples=total, reduced=taken - changing, full=total - taken + verified, changing=changing,
-        damped=sum(samples[name] for name in damped),
+        samples=total, reduced=sum(samples[name] for name in chosen) - changing,
+        full=sum(at_full.values()), changing=changing,
+        damped=sum(at_full[name] for name in damped),
+        damped_reduced=sum(samples[name] for name in chosen if name in damped),
     )  # fmt: skip
 
 
@@ -183,6 +192,12 @@ def _mechanics(scene: Scene, c: Counts) -> list[Cost]:
     reduced = c.reduced * (0.1 * (r / 150) ** 3 + 0.1 * (m / 1e3) ** 2)
     full = (c.full + 0.3 * c.damped) * 45 * (n / 40.7e3) ** 0.8 * b / 64
     held = 0.2 + 16e-6 * n + ((150e-9 * m**2 + 8e-9 * n * r) if c.reduced else 40e-9 * m**2)
+    if c.damped_reduced and scene.stability and scene.stability.damping:
+        table = scene.stability.damping
+        a = 1 + bool(table.slope) + bool(table.sliding)
+        shared += 12 * (a * m + r) * vector
+        reduced *= 1 + 2 * a**2 * c.damped_reduced / c.reduced
+        held += 96e-9 * (a * m + r) * ((2 + bool(table.sliding)) * m + r)
     made, anew = held, 0.0
     if c.changing:
         d = constants(scene)
