@@ -97,7 +97,9 @@ def times(A: Array, x: Complex) -> Complex:
 
 
 def on_parts(real: Callable[[Array], Array], x: Complex) -> Complex:
-    """A real operator on the real and imaginary parts of complex columns, together."""
-    n = x.shape[1]
-    product = real(np.hstack([x.real, x.imag]))
-    return np.asarray(product[:, :n] + 1j * product[:, n:])
+    """A real operator on complex columns: of imaginary parts only those that are there."""
+    n, turned = x.shape[1], np.flatnonzero(np.any(x.imag != 0, axis=0))
+    product = real(np.hstack([x.real, x.imag[:, turned]]))
+    out = product[:, :n].astype(complex)
+    out[:, turned] += 1j * product[:, n:]
+    return out

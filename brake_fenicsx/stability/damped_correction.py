@@ -83,7 +83,8 @@ class Refined:
     def right(self, s: Complex, a: Complex) -> Complex:
         """Right vectors of some modes, shape (dofs, modes)."""
         side = _Side(self, s, a, self.sample.gaps(s, a), left=False)
-        side.go_on()
+        for _ in range(STEPS):
+            side.take(on_parts(side.rest.solve, side.next()))
         return side.vector
 
     def __call__(
@@ -104,8 +105,10 @@ class Refined:
         left = _Side(self, s, b, self.sample.left_gaps(s, b), left=True)
         best, least, before = s, np.full(s.size, np.inf), np.full(s.size, np.inf)
         for _ in range(ROUNDS):
-            right.go_on()
-            left.go_on()
+            for _ in range(STEPS):
+                answers = on_parts(right.rest.solve, np.hstack([right.next(), left.next()]))
+                right.take(answers[:, : s.size])
+                left.take(answers[:, s.size :])
             x, y = right.vector, left.vector.conj()
             r, q = right.residual(), left.residual()
             slope = 2 * s * (self.reduced.M @ x) + self.C @ x
@@ -133,7 +136,8 @@ class Refined:
         self, s: Complex, solve: Callable[[Array], Array], r: Complex, q: Complex
     ) -> Array:
         """|q^H x| of the answer x to r that the kept modes have no part in."""
-        x, y = (on_parts(solve, both) for both in (r, q))
+        both = on_parts(solve, np.hstack([r, q]))
+        x, y = both[:, : s.size], both[:, s.size :]
         z = self.sample.answer(s, self.O @ x, left=False)
         contact = np.einsum("im,im->m", (self.I @ y).conj(), self.sample.forces(s, z))
         return np.asarray(np.abs(np.einsum("im,im->m", y.conj(), r)) + np.abs(contact))
@@ -157,14 +161,17 @@ class _Side:
         """Phi a + psi."""
         return np.asarray(self.Phi @ self.a + self.psi)
 
-    def go_on(self) -> None:
-        """A few steps more."""
-        for _ in range(STEPS):
-            c = self.z if self.left else self.sample.forces(self.s, self.z)
-            self.load = -(self.I.T @ c) - self.s * (self.C @ self.vector)
-            self.load -= self.s**2 * (self.M @ self.psi)
-            self.psi = on_parts(self.rest.solve, self.load)
-            self.z = self.sample.improved(self.s, self.z, self.O @ self.vector, self.left)
+    def next(self) -> Complex:
+        """Load of the next step."""
+        c = self.z if self.left else self.sample.forces(self.s, self.z)
+        self.load = -(self.I.T @ c) - self.s * (self.C @ self.vector)
+        self.load -= self.s**2 * (self.M @ self.psi)
+        return self.load
+
+    def take(self, psi: Complex) -> None:
+        """Go on with the answer to the load."""
+        self.psi = psi
+        self.z = self.sample.improved(self.s, self.z, self.O @ self.vector, self.left)
 
     def residual(self) -> Complex:
         """P phi, or that of the conjugate transposed problem."""

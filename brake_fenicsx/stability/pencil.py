@@ -211,12 +211,13 @@ class Pencil:
         left = [la.solve(A.conj().T, v[:, i]) for A, i in zip(inner, keep, strict=True)]
         return z[keep], _unit(X @ u[:, keep]), _unit(Y @ np.stack(left, axis=1))
 
-    def coupled_shift(self, kappa: Complex, residual: Complex) -> Array:
-        """Second-order shift of each eigenvalue by what a small residual mixes in of all others.
+    def coupled_shift(self, kappa: Complex, residual: Complex, known: Complex) -> Array:
+        """Second-order shift of each eigenvalue by what a small residual mixes in of far ones.
 
         Args:
             kappa: some of the eigenvalues, shape (pairs,).
             residual: residuals of their unit right vectors, shape (size, pairs).
+            known: eigenvalues whose share is known and not looked at.
 
         Returns:
             sum_j |c_j|^2 condition_j / |k_j - kappa| over the others, c the residual in the
@@ -227,6 +228,8 @@ class Pencil:
         condition = np.linalg.norm(self.W, axis=1) * np.linalg.norm(self.V, axis=0)
         away = np.abs(self.k[:, None] - kappa)
         away[away.argmin(axis=0), np.arange(kappa.size)] = np.inf
+        if known.size:
+            away[np.abs(self.k[:, None] - known).argmin(axis=0)] = np.inf
         floor = 1e-12 * np.abs(kappa).max(initial=0.0)
         return np.asarray((condition[:, None] * c**2 / np.maximum(away, floor)).sum(axis=0))
 

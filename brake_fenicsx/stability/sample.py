@@ -54,6 +54,12 @@ DOUBT = 4.0
 # Relative error of the modes of such a basis at the least.
 DIGITS = 1e-9
 
+# Share of a shift of second order that is taken for what third order and its own error come to.
+THIRD = 0.3
+
+# No kappa is claimed to be closer than this: higher orders are not measured by the second alone.
+SURE = 4e-11
+
 # Terms of the answer of the gaps to what the pencil leaves out.
 ANSWERS = 2
 
@@ -143,27 +149,30 @@ class Sample:
         kappa, a, b = pairs.kappa[half], pairs.right[:, half], pairs.left[:, half]
         slope = np.einsum("im,im->m", b.conj(), M_r @ a - 2 * kappa * (Q_r @ a))
         slope = np.where(np.abs(slope) > TINY, slope, TINY)
-        rest, tail, residual, known = self._errors(kappa, a, b, K_r, M_r, Q_r)
+        rest, tail, residual, parts = self._errors(kappa, a, b, K_r, M_r, Q_r)
         first = np.einsum("im,im->m", b.conj(), rest)
         # Half of the tolerance for the tail: |d lambda / lambda| = |d kappa / kappa| / 2.
         beyond = tail > tolerance * np.abs(slope * kappa)
         # A basis of an earlier program may end at order 2.
         beyond &= len(self.basis.NN) > 3
         if deeper is not None and beyond.any():
-            first[beyond], tail[beyond] = self._corrected(deeper, kappa, b, known, beyond)
+            first[beyond], tail[beyond] = self._corrected(deeper, kappa, b, parts, beyond)
         condition = np.linalg.norm(a, axis=0) * np.linalg.norm(b, axis=0) / np.abs(slope)
         apart = _separation(kappa)
         shift = _keep_real(first / slope, kappa)
-        # Close to another eigenvalue a first-order correction is none.
-        safe = np.abs(shift) * condition <= 0.1 * apart
-        second = np.abs(shift) * np.where(safe, np.abs(shift) * condition / apart, 1.0)
-        second += pencil.coupled_shift(kappa, rest) * condition
-        floor = 1e-14 * Lambda[-1] * condition
+        mixed = _keep_real(_mixed(kappa, b, rest, slope), kappa)
+        # Close to another eigenvalue a correction by orders is none.
+        safe = (np.abs(shift) + np.abs(mixed)) * condition <= 0.1 * apart
+        known = THIRD * (np.abs(mixed) + THIRD * np.abs(shift) ** 2 * condition / apart)
+        far, every = (pencil.coupled_shift(kappa, rest, x) for x in (pairs.kappa, kappa[:0]))
+        second = np.where(safe, known + far * condition, np.abs(shift) + every * condition)
+        floor = 1e-14 * Lambda[-1] * condition + SURE * np.abs(kappa)
         error = tail / np.abs(slope) + second + floor
+        shift = shift + mixed
         start_at, kappa = kappa, np.where(safe, kappa + shift, kappa)
         left = error > 2 * tolerance * np.abs(kappa)
         if refined is not None and left.any():
-            better, bound = refined(start_at[left], a[:, left], b[:, left], 0.1 * tolerance)
+            better, bound = refined(start_at[left], a[:, left], b[:, left], 0.5 * tolerance)
             settled = np.abs(better - start_at[left]) <= 0.5 * apart[left]
             settled &= bound < error[left]
             kappa[left] = np.where(settled, better, kappa[left])
@@ -304,6 +313,39 @@ def _region(band: tuple[float, float], sigma: float) -> Trapezium:
 def _keep_real(shift: Complex, kappa: Complex) -> Complex:
     """A real eigenvalue of a real problem stays real."""
     return np.where(kappa.imag == 0, shift.real + 0j, shift)
+
+
+def _mixed(kappa: Complex, b: Complex, rest: Complex, slope: Complex) -> Complex:
+    """Shift of second order: what is left out mixes in of all other modes that are known.
+
+    Args:
+        kappa: eigenvalues without negative imaginary part, shape (modes,).
+        b: their left vectors.
+        rest: what T a leaves out of their right vectors.
+        slope: derivative of each eigenvalue's equation.
+    """
+    own, mates = b.conj().T @ rest, b.T @ rest
+    total = _exchange(kappa, kappa, own, own / slope[:, None])
+    # The conjugate mates of complex ones.
+    complex_ones = np.flatnonzero(kappa.imag > 0)
+    there = mates[complex_ones] / slope[complex_ones, None].conj()
+    total += _exchange(kappa, kappa[complex_ones].conj(), mates[:, complex_ones].conj(), there)
+    return np.asarray(total / slope)
+
+
+def _exchange(kappa: Complex, others: Complex, back: Complex, there: Complex) -> Complex:
+    """Sum over other modes of what goes there and back, over the distance; 0 for a mode itself.
+
+    Args:
+        kappa: eigenvalues, shape (modes,).
+        others: those of the other modes, shape (others,).
+        back: from each other mode, at its own kappa, shape (modes, others).
+        there: to each of them, shape (others, modes).
+    """
+    away = kappa[:, None] - others
+    away[away == 0] = np.inf
+    # What is left out grows with the third power of kappa.
+    return np.asarray((back * (kappa[:, None] / others) ** 3 * there.T / away).sum(axis=1))
 
 
 def _with_mates(kappa: Complex) -> NDArray[np.intp]:
