@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from .modes import Complex
@@ -91,8 +92,8 @@ class ContactForces:
             yield slice(j * n, (j + 1) * n), slice(first, first + n), rate
 
 
-def times(A: Array, x: Complex) -> Complex:
-    """A x for real A and complex columns."""
+def times(A: Array | sp.csr_matrix, x: Complex) -> Complex:
+    """A x for real A and complex columns: no complex copy of A is made."""
     return on_parts(A.__matmul__, x)
 
 

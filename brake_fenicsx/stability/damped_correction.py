@@ -20,7 +20,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .contact_forces import ContactForces, on_parts
+from .contact_forces import ContactForces, on_parts, times
 from .deflation import Deflated
 from .modes import Complex
 
@@ -111,7 +111,7 @@ class Refined:
                 left.take(answers[:, s.size :])
             x, y = right.vector, left.vector.conj()
             r, q = right.residual(), left.residual()
-            slope = 2 * s * (self.reduced.M @ x) + self.C @ x
+            slope = 2 * s * times(self.reduced.M, x) + times(self.C, x)
             slope += self.I.T @ self.sample.forces.rate(self.O @ x)
             scale = np.einsum("im,im->m", y, slope)
             with np.errstate(all="ignore"):
@@ -154,18 +154,20 @@ class _Side:
             self.s, self.C, self.O, self.I = s.conj(), full.C.T.tocsr(), full.I, full.O
         self.Phi, self.Lambda, self.a = reduced.Phi, reduced.basis.Lambda, a
         self.rest = Deflated(reduced.factor, self.Phi, self.Lambda)
-        self.load = self.psi = np.zeros((self.Phi.shape[0], s.size), complex)
+        self.modal = times(self.Phi, a)
+        self.load = self.psi = np.zeros_like(self.modal)
 
     @property
     def vector(self) -> Complex:
         """Phi a + psi."""
-        return np.asarray(self.Phi @ self.a + self.psi)
+        return np.asarray(self.modal + self.psi)
 
     def next(self) -> Complex:
         """Load of the next step."""
         c = self.z if self.left else self.sample.forces(self.s, self.z)
-        self.load = -(self.I.T @ c) - self.s * (self.C @ self.vector)
-        self.load -= self.s**2 * (self.M @ self.psi)
+        self.load = -(self.I.T @ c) - self.s**2 * times(self.M, self.psi)
+        if self.C.nnz:
+            self.load -= self.s * times(self.C, self.vector)
         return self.load
 
     def take(self, psi: Complex) -> None:
@@ -178,10 +180,10 @@ class _Side:
         seen = self.O @ self.vector
         force = (self.sample.forces.left if self.left else self.sample.forces)(self.s, seen)
         # K0 psi is the last load, less what its kept modes carry.
-        carried = self.load - self.M @ (self.Phi @ (self.Phi.T @ self.load))
-        x = self.vector
-        inertia = self.s**2 * x + self.Phi @ (self.Lambda[:, None] * self.a)
-        return np.asarray(self.M @ inertia + carried + self.s * (self.C @ x) + self.I.T @ force)
+        kept = self.Lambda[:, None] * self.a - times(self.Phi.T, self.load)
+        inertia = self.s**2 * self.vector + times(self.Phi, kept)
+        r = times(self.M, inertia) + self.load + self.I.T @ force
+        return r + self.s * times(self.C, self.vector) if self.C.nnz else r
 
     def move(self, s: Complex, others: Complex, r: Complex) -> None:
         """Newton's step of the coordinates: T a = -Phi' r, across the mode itself.
@@ -191,6 +193,7 @@ class _Side:
             others: coordinates of the other side.
             r: residual of the full problem.
         """
+        kept = times(self.Phi.T, r)
         for m, value in enumerate(s):
             T, slope = self.sample.at(value), self.sample.at(value, derivative=True)
             if self.left:
@@ -198,6 +201,6 @@ class _Side:
             own, other = slope @ self.a[:, m], slope.conj().T @ others[:, m]
             bordered = np.block([[T, own[:, None]], [other.conj()[None], np.zeros((1, 1))]])
             lu = la.lu_factor(bordered, check_finite=False)
-            step = la.lu_solve(lu, -np.r_[self.Phi.T @ r[:, m], 0.0], check_finite=False)
+            step = la.lu_solve(lu, -np.r_[kept[:, m], 0.0], check_finite=False)
             self.a = self.a + step[:-1, None] * (np.arange(s.size) == m)
-        self.s = s.conj() if self.left else s
+        self.s, self.modal = s.conj() if self.left else s, times(self.Phi, self.a)
