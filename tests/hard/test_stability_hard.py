@@ -173,3 +173,26 @@ def test_singular_mass_leaves_no_finite_mode_behind():
     M = sp.csr_matrix(np.diag([1.0, 0.0]))
     m = complex_modes(M, None, K, (0.0, 1.0))
     np.testing.assert_allclose(m.s, [1j], rtol=1e-9)
+
+
+def test_friction_that_couples_modes_far_apart(two_blocks):
+    """Perfect contact, mu = 1: projection on 80 real modes, up to twice the band, gets pairs wrong.
+
+    The reduced model of another contact stiffness has them all, with the growth of full order.
+    """
+    scene = two_blocks("coarse")
+    k, mu, top = 1e14 * np.ones_like(scene.w), 1.0, 2 * np.pi * BAND[1]
+
+    def growing(s):
+        return s[(s.imag <= top) & (s.real > 1e-6 * np.abs(s))]
+
+    exact = growing(dense(scene, k, mu))
+    Phi = la.eigh(scene.tangent(k, 0.0).toarray(), scene.M.toarray(), subset_by_index=[0, 79])[1]
+    s = np.sqrt(-la.eigvals(Phi.T @ (scene.tangent(k, mu) @ Phi)) + 0j)
+    projected = growing(np.where(s.imag < 0, -s, s))
+    off = np.abs(exact[:, None] - projected).min(axis=1) / np.abs(exact)
+    assert exact.size >= 2 and off.max() > 0.01
+    found = reduced(scene, 1e13).modes(k, mu)
+    grown = found.s[np.array(found.verdict) == "unstable"]
+    assert grown.size == exact.size
+    assert np.all(np.abs(grown[:, None] - exact).min(axis=1) < 1e-6 * np.abs(grown))
