@@ -103,7 +103,8 @@ def damped_moments(
     own = shared_columns(columns.shape[1] if damped else O.shape[0], comm)
     out = np.zeros((order + 1, I.shape[0] + Phi.shape[1], own.size))
     for b in blocks(own.size):
-        before, X = np.zeros((0, 0)), rest.solve(columns[:, own[b]].toarray())
+        before: Array = np.zeros((0, 0))
+        X: Array = rest.solve(columns[:, own[b]].toarray())
         for n in range(order + 1):
             if n:
                 load = turned @ X

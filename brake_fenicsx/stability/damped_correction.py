@@ -103,7 +103,9 @@ class Refined:
         """
         right = _Side(self, s, a, self.sample.gaps(s, a), left=False)
         left = _Side(self, s, b, self.sample.left_gaps(s, b), left=True)
-        best, least, before = s, np.full(s.size, np.inf), np.full(s.size, np.inf)
+        best: Complex = s
+        least: Array = np.full(s.size, np.inf)
+        before: Array = np.full(s.size, np.inf)
         for _ in range(ROUNDS):
             for _ in range(STEPS):
                 answers = on_parts(right.rest.solve, np.hstack([right.next(), left.next()]))
