@@ -10,10 +10,9 @@ R belong only where a force follows them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from .modes import Complex
@@ -90,17 +89,3 @@ class ContactForces:
         for j, (name, rate) in enumerate(self._rates.items(), 1):
             first = n * "NTR".index(name)
             yield slice(j * n, (j + 1) * n), slice(first, first + n), rate
-
-
-def times(A: Array | sp.csr_matrix, x: Complex) -> Complex:
-    """A x for real A and complex columns: no complex copy of A is made."""
-    return on_parts(A.__matmul__, x)
-
-
-def on_parts(real: Callable[[Array], Array], x: Complex) -> Complex:
-    """A real operator on complex columns: of imaginary parts only those that are there."""
-    n, turned = x.shape[1], np.flatnonzero(np.any(x.imag != 0, axis=0))
-    product = real(np.hstack([x.real, x.imag[:, turned]]))
-    out = product[:, :n].astype(complex)
-    out[:, turned] += 1j * product[:, n:]
-    return out

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.macro.condensation import Solves
 
+from .complex_columns import on_parts
 from .modes import Complex
 
 Array = NDArray[np.float64]
@@ -64,7 +65,7 @@ class Deeper:
         x = np.hstack([self.N.T @ v_N + self.T.T @ v_T, self.N.T @ y])
         levels, inertia = [], []
         for _ in range(DEPTH + 1):
-            x = self._solved(x)
+            x = on_parts(self.rest.solve, x)
             levels.append(x)
             x = self.M @ x
             inertia.append(x)
@@ -77,11 +78,3 @@ class Deeper:
         away = np.maximum(self.limit - size, 1e-3 * self.limit)
         bound = size ** (2 * DEPTH + 2) / away * np.sqrt(np.abs(norms[:n] * norms[n:]))
         return part, bound
-
-    def _solved(self, x: Complex) -> Complex:
-        """R_0 x, of imaginary parts only those that are there."""
-        turned = np.flatnonzero(np.any(x.imag != 0, axis=0))
-        y = self.rest.solve(np.hstack([x.real, x.imag[:, turned]]))
-        out = y[:, : x.shape[1]].astype(complex)
-        out[:, turned] += 1j * y[:, x.shape[1] :]
-        return out

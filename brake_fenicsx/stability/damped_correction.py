@@ -20,7 +20,8 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .contact_forces import ContactForces, on_parts, times
+from .complex_columns import on_parts, times
+from .contact_forces import ContactForces
 from .deflation import Deflated
 from .modes import Complex
 

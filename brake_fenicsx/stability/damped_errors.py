@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .contact_forces import times
+from .complex_columns import times
 from .damped_sample import TOP, DampedSample
 from .modes import Complex
 

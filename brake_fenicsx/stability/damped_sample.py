@@ -16,7 +16,8 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from .contact_forces import ContactForces, on_parts, times
+from .complex_columns import on_parts, times
+from .contact_forces import ContactForces
 from .damped_basis import DampedBasis
 from .modes import Complex
 

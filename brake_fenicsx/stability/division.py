@@ -18,8 +18,10 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
 
+from .complex_columns import on_parts, unit
+from .modes import Complex
+
 Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 STEPS, CONVERGED, TINY = 60, 1e-14, 1e-300
 
@@ -78,15 +80,9 @@ def quadratic_pairs(
     A = np.block([[np.zeros((size, size)), np.eye(size)], below])
     z, w, v = la.eig(A, left=True, right=True, check_finite=False)
     z = omega * z
-    left = first = la.lu_solve(lu, w[size:].real, trans=1) + 1j * la.lu_solve(
-        lu, w[size:].imag, trans=1
-    )
+    left = first = on_parts(lambda x: la.lu_solve(lu, x, trans=1), w[size:])
     for _ in range(LEFT_STEPS):
         left = first - sum(
             (z.conj() ** (j + 1) * (A.T @ left) for j, A in enumerate(L)), np.zeros_like(first)
         )
-    return z, _unit(v[:size]), _unit(left)
-
-
-def _unit(x: Complex) -> Complex:
-    return np.asarray(x / np.linalg.norm(x, axis=0))
+    return z, unit(v[:size]), unit(left)

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import InaccurateResult
 
 from .completeness import Trapezium, count_turns, count_zeros
+from .complex_columns import unit
 from .modes import Complex
 
 Array = NDArray[np.float64]
@@ -183,7 +184,7 @@ class Pencil:
         x, y, z = x[:, good], y[:, good], z[good]
         a = self.V @ x
         b = la.lu_solve(self._M, (self.W.T @ y).conj(), trans=1, check_finite=False)
-        a, b = (_unit(np.where(real, v.real, v)) for v in (a, b))
+        a, b = (unit(np.where(real, v.real, v)) for v in (a, b))
         z = self._quotient(np.where(real, z.real, z), a, b)
         return z, a, b, m[~good]
 
@@ -209,7 +210,7 @@ class Pencil:
         # v^H (MX - QX (z + Theta)) is a left vector of Theta.
         inner = [MX - QX @ (z[i] * np.eye(z.size) + Theta) for i in keep]
         left = [la.solve(A.conj().T, v[:, i]) for A, i in zip(inner, keep, strict=True)]
-        return z[keep], _unit(X @ u[:, keep]), _unit(Y @ np.stack(left, axis=1))
+        return z[keep], unit(X @ u[:, keep]), unit(Y @ np.stack(left, axis=1))
 
     def coupled_shift(self, kappa: Complex, residual: Complex, known: Complex) -> Array:
         """Second-order shift of each eigenvalue by what a small residual mixes in of far ones.
@@ -305,13 +306,9 @@ def _invariant(
 def _real_basis(vectors: Complex) -> Array:
     """Orthonormal real basis of vectors that are closed under conjugation."""
     # Imaginary parts keep their size: those of real vectors are round-off.
-    vectors = _unit(vectors)
+    vectors = unit(vectors)
     both = np.hstack([vectors.real, vectors.imag])
     return np.asarray(la.qr(both, mode="economic", pivoting=True)[0][:, : vectors.shape[1]])
-
-
-def _unit(x: Complex) -> Complex:
-    return np.asarray(x / np.linalg.norm(x, axis=0))
 
 
 def _with_conjugates(kappa: Complex, a: Complex, b: Complex) -> tuple[Complex, Complex, Complex]:

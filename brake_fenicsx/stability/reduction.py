@@ -36,6 +36,7 @@ from brake_fenicsx.macro.condensation import (
 from brake_fenicsx.macro.solver import Factor, add_interface, local_rows
 
 from .basis import Basis
+from .complex_columns import on_parts
 from .correction import Deeper
 from .deflation import Deflated
 from .lanczos import lowest_modes
@@ -189,12 +190,9 @@ class Reduced:
         force = self.N.T @ (dD[:, None] * g) + self.T.T @ ((mu * D)[:, None] * g)
         rest = self._rest()
 
-        def response(f: Complex) -> Complex:
-            return np.asarray(rest.solve(f.real) + 1j * rest.solve(f.imag))
-
-        first = total = response(force)
+        first = total = on_parts(rest.solve, force)
         for _ in range(2):
-            total = first + response(kappa * (self.M @ total))
+            total = first + on_parts(rest.solve, kappa * (self.M @ total))
         return self.Phi @ a - total
 
     def _rest(self) -> Deflated:

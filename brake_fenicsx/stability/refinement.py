@@ -8,7 +8,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .contact_forces import ContactForces, on_parts, times
+from .complex_columns import on_parts, times
+from .contact_forces import ContactForces
 from .damped_correction import Refined
 from .modes import Complex
 from .sample import Sample
@@ -34,8 +35,8 @@ class Refinement:
         """
         N, T = reduced.N, reduced.T
         none = sp.csr_matrix(reduced.M.shape)
-        self._asked = _AsDamped(sample)
-        self._full = Refined(self._asked, reduced, none, N, sp.vstack([N, T]).tocsr())
+        rows = sp.vstack([N, T]).tocsr()
+        self._full = Refined(_AsDamped(sample), reduced, none, N, rows)
 
     def __call__(
         self, kappa: Complex, a: Complex, b: Complex, tolerance: float

@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 
 from .basis import Basis
 from .completeness import Trapezium, lowest_real, opening
+from .complex_columns import on_parts, times
 from .correction import Deeper
 from .modes import Complex, Modes, counted_rows, undamped_rows
 from .pencil import Pencil
@@ -117,7 +118,7 @@ class Sample:
 
     def gaps(self, a: Complex, kappa: Complex) -> Complex:
         """Gaps g = (I + C)^-1 Phi_N a, to second order in kappa, shape (elements, modes)."""
-        S, S1, S2 = (_times(A, a) for A in (self.S, self.S1, self.S2))
+        S, S1, S2 = (times(A, a) for A in (self.S, self.S1, self.S2))
         return S - kappa * S1 + kappa**2 * S2
 
     def modes(
@@ -204,15 +205,15 @@ class Sample:
         """
         v_N, v_T, left_out, r_a, h = (x[:, which] for x in known)
         z, top = kappa[which], len(self.basis.NN) - 1
-        y = first = self._solves(_times(self.B.T, b[:, which]), 1)
+        y = first = self._solves(times(self.B.T, b[:, which]), 1)
         for _ in range(2 * ANSWERS):
-            more = _times(self.C1.T, z.conj() * y) + _times(self.C2.T, z.conj() ** 2 * y)
+            more = times(self.C1.T, z.conj() * y) + times(self.C2.T, z.conj() ** 2 * y)
             y = first - self._solves(more, 1)
         part, bound = deeper(z, y, v_N, v_T, top)
         part = part + np.einsum("im,im->m", b[:, which].conj(), r_a)
         part += np.einsum("im,im->m", y.conj(), left_out)
-        C_h = _times(self.basis.NN[3], self.dD[:, None] * h)
-        C_h += _times(self.basis.NT[3], self.mD[:, None] * h)
+        C_h = times(self.basis.NN[3], self.dD[:, None] * h)
+        C_h += times(self.basis.NT[3], self.mD[:, None] * h)
         answer = z**3 * np.einsum("im,im->m", y.conj(), C_h)
         return part - answer, bound + np.abs(answer)
 
@@ -224,18 +225,18 @@ class Sample:
         Last what a correction starts from: forces of the modes on the elements, parts of the rest.
         """
         s, top = self.basis, len(self.basis.NN) - 1
-        S1a, S2a = _times(self.S1, a), _times(self.S2, a)
-        g = _times(self.S, a) - kappa * S1a + kappa**2 * S2a
-        y = self._solves(_times(self.B.T, b), 1)
-        y -= self._solves(_times(self.C1.T, kappa.conj() * y), 1)
-        r_a = _times(K_r, a) - kappa * _times(M_r, a) + kappa**2 * _times(Q_r, a)
+        S1a, S2a = times(self.S1, a), times(self.S2, a)
+        g = times(self.S, a) - kappa * S1a + kappa**2 * S2a
+        y = self._solves(times(self.B.T, b), 1)
+        y -= self._solves(times(self.C1.T, kappa.conj() * y), 1)
+        r_a = times(K_r, a) - kappa * times(M_r, a) + kappa**2 * times(Q_r, a)
         # Of r_g only the terms beyond the expansion of ``gaps`` are left.
-        r_g = kappa**3 * (_times(self.C2, S1a - kappa * S2a) - _times(self.C1, S2a))
+        r_g = kappa**3 * (times(self.C2, S1a - kappa * S2a) - times(self.C1, S2a))
         v_N, v_T = self.dD[:, None] * g, self.mD[:, None] * g
-        left_out, last = r_g.copy(), _times(s.NN[top], v_N)
+        left_out, last = r_g.copy(), times(s.NN[top], v_N)
         for j in range(3, top + 1):
-            C_j = last if j == top else _times(s.NN[j], v_N)
-            left_out -= kappa**j * (C_j + _times(s.NT[j], v_T))
+            C_j = last if j == top else times(s.NN[j], v_N)
+            left_out -= kappa**j * (C_j + times(s.NT[j], v_T))
         h = self._answer(left_out, kappa)
         limit, size = s.limit, np.abs(kappa)
         normal = np.sqrt(np.maximum(np.einsum("im,im->m", v_N.conj(), last).real, 0.0))
@@ -249,7 +250,7 @@ class Sample:
         modal = np.sqrt((1 / s.Lambda) @ np.abs(r_a) ** 2)
         norm = modal + forces + size**3 * limit ** (top / 2 - 3) * (normal + slip)
         norm = norm / np.sqrt(s.Lambda @ np.abs(a) ** 2)
-        return r_a + _times(self.B, h), tail, norm, (v_N, v_T, left_out, r_a, h)
+        return r_a + times(self.B, h), tail, norm, (v_N, v_T, left_out, r_a, h)
 
     def _doubted(self, kappa: Complex, y: Complex, v_N: Complex, v_T: Complex) -> Array:
         """Error of each mode under the typical errors of the basis, all added up.
@@ -259,7 +260,7 @@ class Sample:
         total = np.zeros(y.shape[1])
         for errors in self.doubt:
             first = sum(
-                kappa**j * np.einsum("im,im->m", y.conj(), _times(NN, v_N) + _times(NT, v_T))
+                kappa**j * np.einsum("im,im->m", y.conj(), times(NN, v_N) + times(NT, v_T))
                 for j, (NN, NT) in enumerate(errors)
             )
             total += DOUBT * np.abs(first)
@@ -272,30 +273,17 @@ class Sample:
         """(I + C0 + kappa C1 + kappa^2 C2)^-1 r by a series in kappa."""
         h = first = self._solves(r)
         for _ in range(ANSWERS):
-            h = first - self._solves(_times(self.C1, kappa * h) + _times(self.C2, kappa**2 * h))
+            h = first - self._solves(times(self.C1, kappa * h) + times(self.C2, kappa**2 * h))
         return h
 
     def _solves(self, x: Complex, trans: int = 0) -> Complex:
         """E^-1 x for complex columns, of imaginary parts only those that are there."""
-        turned = np.flatnonzero(np.any(x.imag != 0, axis=0))
-        y = self.solve(np.hstack([x.real, x.imag[:, turned]]), trans)
-        out = y[:, : x.shape[1]].astype(complex)
-        out[:, turned] += 1j * y[:, x.shape[1] :]
-        return out
+        return on_parts(lambda v: self.solve(v, trans), x)
 
 
 def _quadratic(A: Array, x: NDArray) -> Array:
     """X' A x of each column, for symmetric semi-definite A."""
-    return np.asarray(np.maximum(np.einsum("im,im->m", x.conj(), _times(A, x)).real, 0.0))
-
-
-def _times(A: Array, x: Complex) -> Complex:
-    """A x for real A: one real product, of imaginary parts only those that are there."""
-    turned = np.flatnonzero(np.any(x.imag != 0, axis=0))
-    product = A @ np.hstack([x.real, x.imag[:, turned]])
-    out = product[:, : x.shape[1]].astype(complex)
-    out[:, turned] += 1j * product[:, x.shape[1] :]
-    return out
+    return np.asarray(np.maximum(np.einsum("im,im->m", x.conj(), times(A, x)).real, 0.0))
 
 
 def _region(band: tuple[float, float], sigma: float) -> Trapezium:

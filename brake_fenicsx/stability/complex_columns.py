@@ -1,0 +1,32 @@
+"""Real operators on complex columns, in real arithmetic and without complex copies of matrices."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from .modes import Complex
+
+Array = NDArray[np.float64]
+
+
+def on_parts(real: Callable[[Array], Array], x: Complex) -> Complex:
+    """A real operator on complex columns: of imaginary parts only those that are there."""
+    n, turned = x.shape[1], np.flatnonzero(np.any(x.imag != 0, axis=0))
+    product = real(np.hstack([x.real, x.imag[:, turned]]))
+    out = product[:, :n].astype(complex)
+    out[:, turned] += 1j * product[:, n:]
+    return out
+
+
+def times(A: Array | sp.csr_matrix, x: Complex) -> Complex:
+    """A x for real A."""
+    return on_parts(A.__matmul__, x)
+
+
+def unit(x: Complex) -> Complex:
+    """Columns of unit norm."""
+    return np.asarray(x / np.linalg.norm(x, axis=0))
