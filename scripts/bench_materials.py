@@ -31,7 +31,7 @@ from brake_fenicsx.macro.condensation import compliance, gathered, petsc_matrix
 from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability import complex_modes, contact_interface
-from brake_fenicsx.stability.anchors import Anchors
+from brake_fenicsx.stability.changing.anchors import Anchors
 from brake_fenicsx.stability.ensemble_basis import EnsembleBasis
 from brake_fenicsx.stability.operators import tangent
 from brake_fenicsx.uncertainty.bulk import assemble_bulk

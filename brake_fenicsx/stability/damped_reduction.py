@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
 
-from .damped_basis import DampedBasis, convergence_radius, damped_moments
-from .damped_correction import Refined
-from .damped_pairs import sample_modes
-from .damped_sample import DampedSample
 from .modes import Complex, Modes
+from .reduced.damped_basis import DampedBasis, convergence_radius, damped_moments
+from .reduced.damped_correction import Refined
+from .reduced.damped_pairs import sample_modes
+from .reduced.damped_sample import DampedSample
 from .reduction import Reduced
 
 Array = NDArray[np.float64]

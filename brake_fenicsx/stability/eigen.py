@@ -22,16 +22,16 @@ import numpy as np
 from brake_fenicsx.errors import NotConverged, SceneError
 from brake_fenicsx.macro.solver import local_rows
 
-from .completeness import count_zeros
-from .damped import damped_modes
-from .dense import dense_modes
-from .friction import friction_modes
+from .full.completeness import count_zeros
+from .full.damped import damped_modes
+from .full.dense import dense_modes
+from .full.friction import friction_modes
+from .full.problem import Found, Problem, agree, search_region
+from .full.slices import sliced_modes
+from .full.symmetric import count_below, shifted_factor, symmetric_modes
 from .interface import Interface, difference_interface
 from .modes import Modes, counted_rows, undamped_rows
 from .operators import as_petsc
-from .problem import Found, Problem, agree, search_region
-from .slices import sliced_modes
-from .symmetric import count_below, shifted_factor, symmetric_modes
 from .vectors import ROUND_OFF, paired, residuals, two_sided
 
 # Up to this size all eigenvalues are computed, and counted by dense determinants.

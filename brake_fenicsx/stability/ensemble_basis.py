@@ -19,16 +19,16 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .anchors import Anchors
-from .bodies import Body, split_bodies
-from .congruent import Image, image_of
+from .changing.anchors import Anchors
+from .changing.bodies import Body, split_bodies
+from .changing.congruent import Image, image_of
+from .changing.springs import on_springs
+from .changing.together import Together
+from .changing.varied import VariedBody, work_at
+from .changing.view import ImageBody, Seen, View, fixed_body
 from .modes import Complex, Modes
+from .reduced.sample import Sample
 from .reduction import CUTOFF, ORDER
-from .sample import Sample
-from .springs import on_springs
-from .together import Together
-from .varied import VariedBody, work_at
-from .view import ImageBody, Seen, View, fixed_body
 
 Array = NDArray[np.float64]
 

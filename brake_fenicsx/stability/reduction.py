@@ -35,14 +35,14 @@ from brake_fenicsx.macro.condensation import (
 )
 from brake_fenicsx.macro.solver import Factor, add_interface, local_rows
 
-from .basis import Basis
 from .complex_columns import on_parts
-from .correction import Deeper
-from .deflation import Deflated
-from .lanczos import lowest_modes
+from .full.lanczos import lowest_modes
 from .modes import Complex, Modes
-from .refinement import Refinement
-from .sample import Sample
+from .reduced.basis import Basis
+from .reduced.correction import Deeper
+from .reduced.deflation import Deflated
+from .reduced.refinement import Refinement
+from .reduced.sample import Sample
 
 Array = NDArray[np.float64]
 

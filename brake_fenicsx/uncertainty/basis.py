@@ -18,10 +18,10 @@ from brake_fenicsx.macro.condensation import Compliance
 from brake_fenicsx.macro.contact import Contact
 from brake_fenicsx.macro.solver import Factor, local_rows
 from brake_fenicsx.scene import Stability
-from brake_fenicsx.stability.basis import Basis
-from brake_fenicsx.stability.damped_basis import DAMPED_ORDER
 from brake_fenicsx.stability.damped_reduction import DampedReduced
-from brake_fenicsx.stability.lanczos import lowest_modes
+from brake_fenicsx.stability.full.lanczos import lowest_modes
+from brake_fenicsx.stability.reduced.basis import Basis
+from brake_fenicsx.stability.reduced.damped_basis import DAMPED_ORDER
 from brake_fenicsx.stability.reduction import ORDER, Reduced
 from brake_fenicsx.stability.terms import Terms
 from brake_fenicsx.store import Store

@@ -6,8 +6,9 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from brake_fenicsx.errors import BrakeError, SceneError
-from brake_fenicsx.stability import complex_modes, eigen, symmetric
+from brake_fenicsx.stability import complex_modes, eigen
 from brake_fenicsx.stability.damping import loss_factor
+from brake_fenicsx.stability.full import symmetric
 from brake_fenicsx.stability.interface import contact_interface
 
 pytestmark = pytest.mark.hard

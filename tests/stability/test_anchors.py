@@ -6,7 +6,7 @@ from math import comb
 import numpy as np
 import pytest
 
-from brake_fenicsx.stability.anchors import Anchors
+from brake_fenicsx.stability.changing.anchors import Anchors
 
 
 @pytest.mark.parametrize(("dimension", "degree"), [(1, 5), (2, 4), (3, 3), (5, 2)])

@@ -15,10 +15,10 @@ from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.stability import DampedReduced, Reduced
 from brake_fenicsx.stability.damping import sliding_damping, velocity_slope
-from brake_fenicsx.stability.deflation import Deflated
-from brake_fenicsx.stability.division import quadratic_divisor, quadratic_pairs
 from brake_fenicsx.stability.gyroscopic import gyroscopic
 from brake_fenicsx.stability.modes import THRESHOLD
+from brake_fenicsx.stability.reduced.deflation import Deflated
+from brake_fenicsx.stability.reduced.division import quadratic_divisor, quadratic_pairs
 
 BAND, K0, SPEED, ZETA = (0.0, 90e3), 3e11, 2.0, 0.2
 OMEGA = 2 * np.pi * BAND[1]

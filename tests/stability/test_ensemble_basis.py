@@ -8,7 +8,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from brake_fenicsx.macro.condensation import compliance, petsc_matrix
-from brake_fenicsx.stability.bodies import split_bodies
+from brake_fenicsx.stability.changing.bodies import split_bodies
 from brake_fenicsx.stability.ensemble_basis import EnsembleBasis
 
 BAND = (0.0, 60e3)

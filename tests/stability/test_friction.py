@@ -8,11 +8,12 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from brake_fenicsx.errors import InaccurateResult
-from brake_fenicsx.stability import complex_modes, eigen, friction, interface
-from brake_fenicsx.stability.completeness import Trapezium
+from brake_fenicsx.stability import complex_modes, eigen, interface
+from brake_fenicsx.stability.full import friction
+from brake_fenicsx.stability.full.completeness import Trapezium
+from brake_fenicsx.stability.full.symmetric import shifted_factor, symmetric_modes
+from brake_fenicsx.stability.full.winding import Determinant, prove, seen_modes
 from brake_fenicsx.stability.interface import contact_interface, difference_interface
-from brake_fenicsx.stability.symmetric import shifted_factor, symmetric_modes
-from brake_fenicsx.stability.winding import Determinant, prove, seen_modes
 
 BAND = (0.0, 90e3)
 K0 = 3e11

@@ -189,7 +189,7 @@ def test_what_is_not_available_is_named():
 @pytest.mark.parametrize("stiff", [False, True])
 def test_a_lost_mode_is_noticed(monkeypatch, stiff):
     """The inertia count is compared with what was found, by block Lanczos and in slices."""
-    from brake_fenicsx.stability import slices, symmetric
+    from brake_fenicsx.stability.full import slices, symmetric
 
     lowest, nearest = symmetric.lowest_modes, slices.nearest
 

@@ -6,9 +6,10 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from brake_fenicsx.errors import InaccurateResult
-from brake_fenicsx.stability import complex_modes, contact_interface, damped
+from brake_fenicsx.stability import complex_modes, contact_interface
 from brake_fenicsx.stability.damping import rayleigh
-from brake_fenicsx.stability.quadratic import quadratic_modes
+from brake_fenicsx.stability.full import damped
+from brake_fenicsx.stability.full.quadratic import quadratic_modes
 
 BAND = (0.0, 80e3)
 
@@ -99,7 +100,7 @@ def test_large_problems_are_counted(two_blocks, monkeypatch, withheld):
 
 def test_too_many_modes_go_to_complex_shifts(monkeypatch):
     """None tells the caller to cover the band instead."""
-    from brake_fenicsx.stability import quadratic
+    from brake_fenicsx.stability.full import quadratic
 
     monkeypatch.setattr(quadratic, "MOST", 4)
     K, _ = chain(50)

@@ -11,7 +11,7 @@ from brake_fenicsx.errors import InaccurateResult, NotConverged
 from brake_fenicsx.macro.condensation import petsc_matrix
 from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.stability import Reduced, complex_modes, reduction
-from brake_fenicsx.stability.lanczos import lowest_modes
+from brake_fenicsx.stability.full.lanczos import lowest_modes
 from brake_fenicsx.stability.modes import THRESHOLD
 
 BAND = (0.0, 90e3)

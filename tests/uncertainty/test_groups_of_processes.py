@@ -11,7 +11,7 @@ import pytest
 
 from brake_fenicsx.errors import NotConverged, SceneError
 from brake_fenicsx.pipeline import describe, run
-from brake_fenicsx.stability import friction
+from brake_fenicsx.stability.full import friction
 
 COMM = MPI.COMM_WORLD
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.macro.condensation import Solves
 
-from .complex_columns import on_parts
-from .modes import Complex
+from ..complex_columns import on_parts
+from ..modes import Complex
 
 Array = NDArray[np.float64]
 

@@ -27,10 +27,10 @@ from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.macro.condensation import interface_moments, petsc_matrix, slip_compliance
 from brake_fenicsx.macro.solver import Factor
 
+from ..full.lanczos import RealModes
+from ..reduced.deflation import Deflated
 from .anchors import Anchors
 from .bodies import Body
-from .deflation import Deflated
-from .lanczos import RealModes
 from .rest import rest_moments
 from .space import joined, projected, shared
 from .view import Arrays, View, complete_modes

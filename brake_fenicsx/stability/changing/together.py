@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .basis import Basis
+from ..reduced.basis import Basis
 from .springs import Resting
 from .view import Seen, View
 

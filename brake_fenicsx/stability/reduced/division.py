@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
 
-from .complex_columns import on_parts, unit
-from .modes import Complex
+from ..complex_columns import on_parts, unit
+from ..modes import Complex
 
 Array = NDArray[np.float64]
 

@@ -20,13 +20,13 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .complex_columns import on_parts, times
+from ..complex_columns import on_parts, times
+from ..modes import Complex
 from .contact_forces import ContactForces
 from .deflation import Deflated
-from .modes import Complex
 
 if TYPE_CHECKING:
-    from .reduction import Reduced
+    from ..reduction import Reduced
 
 Array = NDArray[np.float64]
 

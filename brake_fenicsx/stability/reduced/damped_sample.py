@@ -16,10 +16,10 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from .complex_columns import on_parts, times
+from ..complex_columns import on_parts, times
+from ..modes import Complex
 from .contact_forces import ContactForces
 from .damped_basis import DampedBasis
-from .modes import Complex
 
 Array = NDArray[np.float64]
 

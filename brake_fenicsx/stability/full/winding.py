@@ -31,8 +31,8 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from ..interface import Interface, Moments
 from .completeness import Trapezium, count_turns
-from .interface import Interface, Moments
 from .symmetric import Symmetric
 
 Array = NDArray[np.float64]

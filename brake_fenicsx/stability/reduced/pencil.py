@@ -28,9 +28,9 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
 
-from .completeness import Trapezium, count_turns, count_zeros
-from .complex_columns import unit
-from .modes import Complex
+from ..complex_columns import unit
+from ..full.completeness import Trapezium, count_turns, count_zeros
+from ..modes import Complex
 
 Array = NDArray[np.float64]
 

@@ -31,11 +31,11 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from ..complex_columns import on_parts, times
+from ..full.completeness import Trapezium, lowest_real, opening
+from ..modes import Complex, Modes, counted_rows, undamped_rows
 from .basis import Basis
-from .completeness import Trapezium, lowest_real, opening
-from .complex_columns import on_parts, times
 from .correction import Deeper
-from .modes import Complex, Modes, counted_rows, undamped_rows
 from .pencil import Pencil
 
 if TYPE_CHECKING:

@@ -8,14 +8,14 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .complex_columns import on_parts, times
+from ..complex_columns import on_parts, times
+from ..modes import Complex
 from .contact_forces import ContactForces
 from .damped_correction import Refined
-from .modes import Complex
 from .sample import Sample
 
 if TYPE_CHECKING:
-    from .reduction import Reduced
+    from ..reduction import Reduced
 
 Array = NDArray[np.float64]
 

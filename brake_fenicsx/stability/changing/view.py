@@ -16,11 +16,11 @@ from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.macro.condensation import interface_moments, petsc_matrix, slip_compliance
 from brake_fenicsx.macro.solver import Factor
 
+from ..full.lanczos import RealModes, lowest_modes
+from ..full.symmetric import count_below
+from ..reduced.deflation import Deflated
 from .bodies import Body
 from .congruent import Image
-from .deflation import Deflated
-from .lanczos import RealModes, lowest_modes
-from .symmetric import count_below
 
 Array = NDArray[np.float64]
 Arrays = dict[str, Array]

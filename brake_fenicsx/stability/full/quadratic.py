@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from brake_fenicsx.macro.condensation import petsc_matrix
 from brake_fenicsx.macro.solver import Factor
 
+from ..vectors import RIM, matched, with_conjugates
 from .arnoldi import nearest_modes
 from .symmetric import MOST, SHIFT, count_below
-from .vectors import RIM, matched, with_conjugates
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

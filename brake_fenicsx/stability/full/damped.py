@@ -18,16 +18,16 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult, NotConverged
 
+from ..modes import Complex, Count, Modes
+from ..vectors import ROUND_OFF, norm_bound, paired
 from .completeness import count_zeros
 from .damped_count import counted
 from .damped_rows import NEAR_ZERO, damped_rows, rectangle
 from .dense import MASSLESS
-from .modes import Complex, Count, Modes
 from .problem import Problem
 from .quadratic import quadratic_modes
 from .shifts import covered_modes
 from .symmetric import SHIFT
-from .vectors import ROUND_OFF, norm_bound, paired
 
 Array = NDArray[np.float64]
 

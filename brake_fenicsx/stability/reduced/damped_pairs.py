@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
 
-from .completeness import count_zeros
+from ..full.completeness import count_zeros
+from ..full.damped_rows import NEAR_ZERO, damped_rows, rectangle
+from ..modes import Complex, Count, Modes
 from .damped_errors import beyond, left_out
-from .damped_rows import NEAR_ZERO, damped_rows, rectangle
 from .damped_sample import DampedSample
 from .division import quadratic_divisor, quadratic_pairs
-from .modes import Complex, Count, Modes
 
 if TYPE_CHECKING:
     from .damped_correction import Refined

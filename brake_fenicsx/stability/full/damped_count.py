@@ -16,15 +16,15 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
 
+from ..interface import Interface
+from ..modes import Complex
+from ..reduced.damped_basis import DampedBasis, convergence_radius, damped_moments
+from ..reduced.damped_sample import TOP, DampedSample
+from ..vectors import RIM
 from .completeness import count_zeros
-from .damped_basis import DampedBasis, convergence_radius, damped_moments
 from .damped_rows import rectangle
-from .damped_sample import TOP, DampedSample
-from .interface import Interface
-from .modes import Complex
 from .problem import Problem
 from .symmetric import Symmetric, shifted_factor, symmetric_modes
-from .vectors import RIM
 
 Array = NDArray[np.float64]
 

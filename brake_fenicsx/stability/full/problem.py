@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
 
+from ..interface import Interface
 from .completeness import Trapezium, lowest_real, opening
-from .interface import Interface
 from .slices import widest_gap
 
 Complex = NDArray[np.complex128]

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from .modes import Complex
+from ..modes import Complex
 
 Array = NDArray[np.float64]
 

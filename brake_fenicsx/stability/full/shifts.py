@@ -12,7 +12,7 @@ import scipy.sparse.linalg as spla
 
 from brake_fenicsx.errors import NotConverged
 
-from .modes import Complex
+from ..modes import Complex
 
 if TYPE_CHECKING:
     from .damped import Pencil

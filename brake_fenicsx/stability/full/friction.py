@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import BrakeError
 from brake_fenicsx.memory import give_back
 
+from ..interface import MORE_ORDERS, Inverse, moments
+from ..vectors import RIM, matched, with_conjugates
 from .arnoldi import nearest_modes
 from .completeness import opening
-from .interface import MORE_ORDERS, Inverse, moments
 from .problem import MARGIN, Found, Problem, agree, search_region
 from .symmetric import shifted_factor, symmetric_modes
-from .vectors import RIM, matched, with_conjugates
 from .winding import Seen, prove, seen_modes
 
 Array = NDArray[np.float64]

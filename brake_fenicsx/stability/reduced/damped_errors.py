@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from .complex_columns import times
+from ..complex_columns import times
+from ..modes import Complex
 from .damped_sample import TOP, DampedSample
-from .modes import Complex
 
 Array = NDArray[np.float64]
 

@@ -20,9 +20,9 @@ from brake_fenicsx.errors import InaccurateResult, NotConverged
 from brake_fenicsx.macro.condensation import petsc_matrix
 from brake_fenicsx.macro.solver import Factor
 
+from ..vectors import RIM, matched, with_conjugates
 from .arnoldi import nearest_modes
 from .completeness import opening
-from .vectors import RIM, matched, with_conjugates
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]

@@ -12,7 +12,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .lanczos import RealModes
+from ..full.lanczos import RealModes
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,1 @@
+"""One sample in the reduced model: its pencil, its errors, its corrections."""
