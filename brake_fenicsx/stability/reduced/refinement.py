@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..complex_columns import on_parts, times
+from ..complex_columns import times
 from ..modes import Complex
 from .contact_forces import ContactForces
 from .damped_correction import Refined
@@ -18,9 +18,6 @@ if TYPE_CHECKING:
     from ..reduction import Reduced
 
 Array = NDArray[np.float64]
-
-# Terms of the answer of the gaps.
-ANSWERS = 2
 
 
 class Refinement:
@@ -84,10 +81,4 @@ class _AsDamped:
 
     def answer(self, s: Complex, x: Complex, left: bool) -> Complex:
         """E^-1 x, or E^-H x."""
-        own, kappa = self.sample, -(s**2)
-        C1, C2 = (C.T if left else C for C in (own.C1, own.C2))
-        out = first = on_parts(lambda v: own.solve(v, int(left)), x)
-        for _ in range(ANSWERS):
-            more = kappa * times(C1, out) + kappa**2 * times(C2, out)
-            out = first - on_parts(lambda v: own.solve(v, int(left)), more)
-        return out
+        return self.sample.answer(-(s**2), x, int(left))
