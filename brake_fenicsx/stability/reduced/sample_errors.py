@@ -41,10 +41,11 @@ class LeftOut:
 
     Attributes:
         rest: of T a, all that the basis knows; b' of it is psi' P phi, shape (kept modes, modes).
-        tail: bound of what else psi' P phi holds [1/s^2], shape (modes,).
+        tail: bound of what else psi' P phi holds [1/s^2], but for the basis' own errors.
         residual: of the full problem in the norm of K0^-1, over the mode's in that of K0.
         v_N: normal forces on the elements [N], shape (elements, modes).
         v_T: tangential ones.
+        y: gap multipliers of the left vectors.
         r_g: what is left out at the gaps, of all orders.
         h: the gaps' answer to it.
         r_a: what is left out in the kept modes.
@@ -55,6 +56,7 @@ class LeftOut:
     residual: Array
     v_N: Complex
     v_T: Complex
+    y: Complex
     r_g: Complex
     h: Complex
     r_a: Complex
@@ -89,14 +91,13 @@ def left_out(s: Sample, kappa: Complex, a: Complex, b: Complex) -> LeftOut:
     slip = np.sqrt(_quadratic(basis.TT, v_T)) / limit ** (top / 2)
     tail = np.sqrt(_quadratic(basis.NN[top], y)) * (normal + slip)
     tail *= size ** (top + 1) / np.maximum(limit - size, 1e-3 * limit)
-    tail += _doubted(s, kappa, y, v_N, v_T)
     A_NN, _, A_TT = basis.compliance
     forces = np.sqrt(_quadratic(A_NN, s.dD[:, None] * r_g))
     forces += np.sqrt(_quadratic(A_TT, s.mD[:, None] * r_g))
     modal = np.sqrt((1 / basis.Lambda) @ np.abs(r_a) ** 2)
     norm = modal + forces + size**3 * limit ** (top / 2 - 3) * (normal + slip)
     norm = norm / np.sqrt(basis.Lambda @ np.abs(a) ** 2)
-    return LeftOut(r_a + times(s.B, h), tail, norm, v_N, v_T, every, h, r_a)
+    return LeftOut(r_a + times(s.B, h), tail, norm, v_N, v_T, y, every, h, r_a)
 
 
 def corrected(
@@ -128,15 +129,21 @@ def corrected(
     return part - answer, bound + np.abs(answer)
 
 
-def _doubted(s: Sample, kappa: Complex, y: Complex, v_N: Complex, v_T: Complex) -> Array:
-    """Error of each mode under the typical errors of the basis, all added up.
+def doubted(s: Sample, kappa: Complex, known: LeftOut) -> Array:
+    """Error of psi' P phi under the typical errors of the basis, all added up [1/s^2].
 
     A mode that they happen to leave alone shares the doubt of the others.
+
+    Args:
+        s: the sample.
+        kappa: eigenvalues of all modes [1/s^2], shape (modes,).
+        known: what is known to be left out of them.
     """
-    total = np.zeros(y.shape[1])
+    total = np.zeros(kappa.size)
     for errors in s.doubt:
         first = sum(
-            kappa**j * np.einsum("im,im->m", y.conj(), times(NN, v_N) + times(NT, v_T))
+            kappa**j
+            * np.einsum("im,im->m", known.y.conj(), times(NN, known.v_N) + times(NT, known.v_T))
             for j, (NN, NT) in enumerate(errors)
         )
         total += DOUBT * np.abs(first)

@@ -9,7 +9,7 @@ the full problem, and if that is not enough refined there.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,7 +21,7 @@ from .correction import Deeper
 from .neighbours import SAFE, close_groups, seen_together, separation
 from .pencil import Pencil, with_conjugates
 from .sample import Sample
-from .sample_errors import LeftOut, corrected, left_out
+from .sample_errors import LeftOut, corrected, doubted, left_out
 
 if TYPE_CHECKING:
     from .refinement import Refinement
@@ -94,7 +94,8 @@ def undamped_modes(
     half = np.flatnonzero(pairs.kappa.imag >= 0)
     t = _trial(sample, pairs.kappa[half], pairs.right[:, half], pairs.left[:, half])
     t = _neighbours_together(sample, t)
-    first, tail = np.einsum("im,im->m", t.b.conj(), t.out.rest), t.out.tail.copy()
+    first = np.einsum("im,im->m", t.b.conj(), t.out.rest)
+    tail = t.out.tail + doubted(sample, t.kappa, t.out)
     # Half of the tolerance for the tail: |d lambda / lambda| = |d kappa / kappa| / 2.
     beyond = tail > tolerance * np.abs(t.slope * t.kappa)
     # A basis of an earlier program may end at order 2.
@@ -151,12 +152,26 @@ def _neighbours_together(sample: Sample, t: _Trial) -> _Trial:
             seen_together(sample.operators, t.kappa[g], t.a[:, g], t.b[:, g], t.out.rest[:, g])
             for g in groups
         ]
-        kept = np.setdiff1d(np.arange(t.kappa.size), np.concatenate(groups))
-        kappa = np.concatenate([t.kappa[kept], *(x[0] for x in new)])
-        a, b = (np.hstack([v[:, kept], *(x[i] for x in new)]) for i, v in ((1, t.a), (2, t.b)))
-        order = np.argsort(kappa.real, kind="stable")
-        t = _trial(sample, kappa[order], a[:, order], b[:, order])
+        others = np.setdiff1d(np.arange(t.kappa.size), np.concatenate(groups))
+        t = _joined(
+            t, others, _trial(sample, *(np.concatenate(x, axis=-1) for x in zip(*new, strict=True)))
+        )
     return t
+
+
+def _joined(t: _Trial, kept: NDArray[np.intp], new: _Trial) -> _Trial:
+    """Some modes of one and all of the other."""
+    out = (
+        np.concatenate([getattr(t.out, f.name)[..., kept], getattr(new.out, f.name)], axis=-1)
+        for f in fields(LeftOut)
+    )
+    kappa, a, b, slope = (
+        np.concatenate([x[..., kept], y], axis=-1)
+        for x, y in zip(
+            (t.kappa, t.a, t.b, t.slope), (new.kappa, new.a, new.b, new.slope), strict=True
+        )
+    )
+    return _Trial(kappa, a, b, slope, LeftOut(*out))
 
 
 def _region(band: tuple[float, float], sigma: float) -> Trapezium:
