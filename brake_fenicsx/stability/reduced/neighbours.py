@@ -24,6 +24,9 @@ Array = NDArray[np.float64]
 # A shift of more than this share of the distance from the next eigenvalue is not in proportion.
 SAFE = 0.1
 
+# Eigenvalues within this share of their size are close.
+NEAR = 5e-3
+
 # Largest number of eigenvalues taken together.
 MOST = 12
 
@@ -59,6 +62,29 @@ def close_groups(kappa: Complex, reach: Array) -> list[NDArray[np.intp]]:
     unsafe = reach > SAFE * separation(kappa)
     groups = [np.flatnonzero(label == g) for g in np.unique(label[unsafe])]
     return [g for g in groups if 1 < size[g].sum() <= MOST]
+
+
+def near_groups(values: Complex) -> list[NDArray[np.intp]]:
+    """Numbers of the eigenvalues that are close to one another, group by group.
+
+    Args:
+        values: eigenvalues, shape (modes,).
+    """
+    near = np.abs(values[:, None] - values) <= NEAR * np.abs(values)
+    count, label = connected_components(sp.csr_matrix(near | near.T), directed=False)
+    return [np.flatnonzero(label == g) for g in range(count)]
+
+
+def with_neighbours(values: Complex, chosen: NDArray[np.bool_]) -> tuple[NDArray[np.bool_], Array]:
+    """Some eigenvalues and those close to them, and how far the others are from each.
+
+    Args:
+        values: eigenvalues, shape (modes,).
+        chosen: the ones that are looked at.
+    """
+    distance = np.abs(values[:, None] - values)
+    close = chosen | (distance[chosen] <= NEAR * np.abs(values)).any(axis=0)
+    return close, np.where(close, np.inf, distance).min(axis=1, initial=np.inf)
 
 
 def seen_together(

@@ -41,7 +41,8 @@ class Refinement:
         """Some eigenvalues of the full problem, and how far off they may be.
 
         Args:
-            kappa: eigenvalues of the reduced model [1/s^2], shape (modes,).
+            kappa: eigenvalues of the reduced model without negative imaginary part [1/s^2], shape
+                (modes,); close ones together.
             a: right vectors in the kept modes, shape (kept modes, modes).
             b: left ones.
             tolerance: relative error of lambda wanted.
@@ -49,9 +50,16 @@ class Refinement:
         Returns:
             Both in 1/s^2; of modes that do not get there the second is what was reached.
         """
-        s, bound = self._full(np.sqrt(-kappa.astype(complex)), a, b, tolerance)
-        new = -(s**2)
-        return np.where(kappa.imag == 0, new.real, new), 2 * np.abs(s) * bound
+        # A conjugate is a neighbour like others.
+        pair, n = np.flatnonzero(kappa.imag > 0), kappa.size
+        s = np.sqrt(-np.r_[kappa, kappa[pair].conj()].astype(complex))
+        right, left = (np.hstack([x, x[:, pair].conj()]) for x in (a, b))
+        s, bound = self._full(s, right, left, tolerance)
+        new, error = -(s**2), 2 * np.abs(s) * bound
+        # What is real stays so, and mates stay mates: as far as they do not, nothing is known.
+        error[:n] += np.where(kappa.imag == 0, np.abs(new[:n].imag), 0.0)
+        error[pair] = np.maximum(error[pair], error[n:]) + np.abs(new[pair] - new[n:].conj())
+        return np.where(kappa.imag == 0, new[:n].real, new[:n]), error[:n]
 
 
 class _AsDamped:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..full.completeness import Trapezium, lowest_real, opening
 from ..modes import Complex, Modes, counted_rows, undamped_rows
 from .correction import Deeper
-from .neighbours import SAFE, close_groups, seen_together, separation
+from .neighbours import SAFE, close_groups, seen_together, separation, with_neighbours
 from .pencil import Pencil, with_conjugates
 from .sample import Sample
 from .sample_errors import LeftOut, corrected, doubted, left_out
@@ -115,9 +115,9 @@ def undamped_modes(
     kappa = np.where(safe, t.kappa + shift + mixed, t.kappa)
     left = error > 2 * tolerance * np.abs(kappa)
     if refined is not None and left.any():
+        left, away = with_neighbours(t.kappa, left)
         better, bound = refined(t.kappa[left], t.a[:, left], t.b[:, left], 0.5 * tolerance)
-        settled = np.abs(better - t.kappa[left]) <= 0.5 * apart[left]
-        settled &= bound < error[left]
+        settled = (np.abs(better - t.kappa[left]) <= 0.5 * away[left]) & (bound < error[left])
         kappa[left] = np.where(settled, better, kappa[left])
         error[left] = np.where(settled, bound + floor[left], error[left])
         beyond |= left
