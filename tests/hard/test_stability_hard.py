@@ -56,7 +56,7 @@ def test_all_elements_open(two_blocks):
 
 @pytest.mark.parametrize("softer", [3.0, 10.0])
 def test_contact_softer_than_the_reference_throughout(two_blocks, softer):
-    """What stands beyond the kept modes comes down into the band: most modes go to the full problem.
+    """What stands beyond the kept modes comes down into the band: most go to the full problem.
 
     One of them is closer to another than what the pencil leaves out of it.
     """
