@@ -26,6 +26,7 @@ from brake_fenicsx.errors import BrakeError, SceneError
 from brake_fenicsx.log import Progress, logger, start_log
 from brake_fenicsx.memory import give_back
 from brake_fenicsx.scene import Scene, read_scene
+from brake_fenicsx.shelf import Shelf, of_laws
 from brake_fenicsx.store import Store
 
 if TYPE_CHECKING:
@@ -42,6 +43,7 @@ class Run:
         scene: the scene.
         comm: processes of the run.
         store: its results folder.
+        shelf: what it shares with others.
         seconds: time of each stage [s].
         peak_memory_mb: peak memory after each stage, summed over the processes [MB].
         facts: sizes and figures for the summary.
@@ -50,6 +52,7 @@ class Run:
     scene: Scene
     comm: MPI.Comm
     store: Store
+    shelf: Shelf
     seconds: dict[str, float] = field(default_factory=dict)
     peak_memory_mb: dict[str, float] = field(default_factory=dict)
     facts: dict[str, Any] = field(default_factory=dict)
@@ -91,6 +94,7 @@ def run(
     directory: str | Path | None = None,
     overrides: Sequence[str] = (),
     from_stage: str | None = None,
+    cache: str | Path | None = None,
 ) -> Run:
     """Run a scene: every stage it names, continuing what an earlier run left.
 
@@ -100,6 +104,8 @@ def run(
         directory: results folder; SCENE-results in the working directory if not given.
         overrides: "key=value" replacements in the scene.
         from_stage: forget the results of this stage and of all later ones first.
+        cache: folder of laws and reduced models that runs of similar scenes share; none if not
+            given.
 
     Returns:
         The run; its results are in the folder.
@@ -111,10 +117,11 @@ def run(
     parsed = read_scene(scene, overrides)
     if directory is None:
         directory = Path.cwd() / f"{parsed.file.stem}-results"
-    this = Run(parsed, comm, Store(Path(directory)))
-    this.store.check(parsed)
+    store = Store(Path(directory))
+    store.check(parsed)
     check_groups(parsed, comm.size)
     stats = check(parsed, comm)
+    this = Run(parsed, comm, store, Shelf(store, None if cache is None else Path(cache)))
     if comm.rank == 0:
         this.store.open(parsed, from_stage)
     comm.Barrier()
@@ -223,7 +230,7 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
     if micro is None:
         raise SceneError(f"{scene.file}: micro: the section is missing")
     path = this.store.path("laws.npz")
-    with this.stage("micro"):
+    with this.stage("micro"), this.shelf.shared("laws.npz", of_laws(scene), comm):
         if not comm.bcast(path.exists(), root=0):
             recipe, number = law_recipe(scene, stats), micro.library_size
             for text in recipe.surface(micro.seed, 0).warnings:
@@ -268,7 +275,7 @@ def mechanics(this: Run, stats: SurfaceStatistics | None, library: LawLibrary | 
         )
     recipe = law_recipe(this.scene, stats) if stats else None
     hdf = stats.hdf if stats else None
-    study = Study(this.scene, brake, library, hdf, this.store, this.comm, recipe)
+    study = Study(this.scene, brake, library, hdf, this.store, this.comm, recipe, this.shelf)
     with this.stage("shared"):
         study.prepare()
         this.facts |= study.facts
