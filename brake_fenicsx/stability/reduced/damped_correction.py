@@ -12,8 +12,6 @@ product of what is left on both sides.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
@@ -23,10 +21,7 @@ from scipy.optimize import linear_sum_assignment
 from ..complex_columns import on_parts, times
 from ..modes import Complex
 from .neighbours import near_groups
-from .trial_vectors import Asked, TrialVectors
-
-if TYPE_CHECKING:
-    from ..reduction import Reduced
+from .trial_vectors import Asked, Reference, TrialVectors
 
 Array = NDArray[np.float64]
 
@@ -43,7 +38,7 @@ class Refined:
     def __init__(
         self,
         sample: Asked,
-        reduced: Reduced,
+        reduced: Reference,
         C: sp.csr_matrix,
         O: sp.csr_matrix,
         I: sp.csr_matrix,

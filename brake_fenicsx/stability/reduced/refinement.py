@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
@@ -13,9 +11,7 @@ from ..modes import Complex
 from .contact_forces import ContactForces
 from .damped_correction import Refined
 from .sample import Sample
-
-if TYPE_CHECKING:
-    from ..reduction import Reduced
+from .trial_vectors import Reference
 
 Array = NDArray[np.float64]
 
@@ -23,7 +19,7 @@ Array = NDArray[np.float64]
 class Refinement:
     """The full problem of one undamped sample."""
 
-    def __init__(self, sample: Sample, reduced: Reduced):
+    def __init__(self, sample: Sample, reduced: Reference):
         """Keep what the steps need.
 
         Args:

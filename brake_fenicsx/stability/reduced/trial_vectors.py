@@ -7,19 +7,19 @@ matrices.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from brake_fenicsx.macro.solver import Factor
+
 from ..complex_columns import times
 from ..modes import Complex
+from .basis import Basis
 from .contact_forces import ContactForces
 from .deflation import Deflated
-
-if TYPE_CHECKING:
-    from ..reduction import Reduced
 
 Array = NDArray[np.float64]
 
@@ -45,6 +45,17 @@ class Asked(Protocol):
         """E^-1 x, or E^-H x."""
 
 
+class Reference(Protocol):
+    """The real modes of the reference and its factor, see ``Reduced``."""
+
+    factor: Factor
+    basis: Basis
+    Phi: Array
+    M: sp.csr_matrix
+    N: sp.csr_matrix
+    T: sp.csr_matrix
+
+
 class TrialVectors:
     """Right or left vectors of some modes; in the left ones I and O, C and C' change places.
 
@@ -58,7 +69,7 @@ class TrialVectors:
     def __init__(
         self,
         sample: Asked,
-        reduced: Reduced,
+        reduced: Reference,
         matrices: tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix],
         s: Complex,
         a: Complex,
