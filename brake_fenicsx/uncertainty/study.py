@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
@@ -12,13 +11,12 @@ from mpi4py import MPI
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.errors import BrakeError, InaccurateResult, NotConverged
+from brake_fenicsx.errors import BrakeError, InaccurateResult
 from brake_fenicsx.log import logger
 from brake_fenicsx.macro.brake import Brake
 from brake_fenicsx.macro.braking import reference_stiffness
 from brake_fenicsx.macro.condensation import Compliance, compliance, gathered
-from brake_fenicsx.macro.corrected import Bodies, corrected_equilibrium
-from brake_fenicsx.macro.equilibrium import Equilibrium, displacement, equilibrium
+from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.micro import LawRecipe, make_library
@@ -33,6 +31,7 @@ from brake_fenicsx.surface.hdf import HeightDistribution
 
 from .bulk import Bulk, assemble_bulk
 from .ensemble import Task, run_ensemble
+from .equilibria import Equilibria
 from .inputs import PERFECT, points_of
 from .numbering import FILE as DOFS
 from .numbering import Numbering
@@ -82,14 +81,12 @@ class Study:
         self.store, self.comm = store, comm
         self.facts: dict[str, Any] = {}
         self.reduced: Any = None
-        self.compliance: Compliance | None = None
         self.K, self.M = gathered(brake.K), gathered(brake.M)
-        self.steps = max((load.steps for load in scene.loads.values()), default=1)
         approaches = scene.samples.approaches
         count = {name: sample_count(scene, name) for name in approaches}
         self.points = {name: points_of(scene, name) for name in approaches}
         self.bulk: Bulk | None = None
-        self.loads: dict[str, Array] = {}
+        self.equilibria: Equilibria | None = None
         self.modal: Shared | None = None
         self.changing: ChangingBodies | None = None
         self.numbering: Numbering
@@ -135,11 +132,14 @@ class Study:
         k0 = np.full(len(brake.w), float(f"{reference_stiffness(laws, pressure):.1e}"))
         self.facts["reference_stiffness_Pa_per_m"] = float(k0[0])
         if self._of_one_body():
-            self._prepare_reduced(k0)
+            seen = self._prepare_reduced(k0)
         else:
-            self.compliance = compliance(self.K, brake.N, brake.T, brake.w, brake.f, k0, self.comm)
-        self._prepare_bodies()
+            seen = compliance(self.K, brake.N, brake.T, brake.w, brake.f, k0, self.comm)
+        if {split_key(name)[0] for name in self.scene.samples.random} & {"materials", "loads"}:
+            self.bulk = assemble_bulk(self.scene, self.brake)
         self._prepare_changing()
+        steps = max((load.steps for load in self.scene.loads.values()), default=1)
+        self.equilibria = Equilibria(brake, seen, steps, self.bulk, self.changing)
         self._prepare_modes()
 
     def _of_one_body(self) -> list[str]:
@@ -166,15 +166,6 @@ class Study:
         with self.shelf.shared(name, [*facts, *depends], self.comm):
             yield
 
-    def _prepare_bodies(self) -> None:
-        """Unit changes of random materials and loads."""
-        sections = {split_key(name)[0] for name in self.scene.samples.random}
-        if not sections & {"materials", "loads"} or self.compliance is None:
-            return
-        self.bulk = assemble_bulk(self.scene, self.brake)
-        N, factor = self.brake.N, self.compliance.factor
-        self.loads = {face: N @ factor.solve(f) for face, f in self.bulk.loads.items()}
-
     def _prepare_changing(self) -> None:
         """Reduced model of samples whose materials change; full order where there can be none."""
         names = [n for n, r in self.by_reduction.items() if r and self.changes_bodies(n)]
@@ -198,25 +189,26 @@ class Study:
             return
         self.facts["changing_bodies"] = {"seconds": self.changing.basis.seconds}
 
-    def _prepare_reduced(self, k0: Array) -> None:
+    def _prepare_reduced(self, k0: Array) -> Compliance:
+        """Reduced model of the scene's own bodies; returns them as seen from the contact."""
         from brake_fenicsx.stability.reduction import ORDER
 
         from .basis import FILE, compliance_of, reduced_model
 
         stability, brake = self.scene.stability, self.brake
         if stability is None:
-            return
+            raise ValueError("a scene without [stability] has no modes")
         order = ORDER if any(not self.damped(name) for name in self._of_one_body()) else 0
         with self._shared(FILE, k0, order):
             self.reduced, self.facts["reduced_basis"] = reduced_model(
                 stability, brake, self.K, self.M, k0, self.store, self.comm, self.numbering, order
             )
-        self.compliance = compliance_of(self.reduced, brake.f)
+        return compliance_of(self.reduced, brake.f)
 
     def _prepare_modes(self) -> None:
         """What the samples' modes share; nothing without the stage stability."""
-        stability, compliance = self.scene.stability, self.compliance
-        if stability is None or compliance is None or "stability" not in self.scene.stages:
+        stability, seen = self.scene.stability, self._prepared.compliance
+        if stability is None or "stability" not in self.scene.stages:
             return
         from .basis import SHAPES, family_shapes
         from .solve import share
@@ -231,9 +223,9 @@ class Study:
         followed = self.changing is not None
         followed |= any(sum(task[0] == name for task in self.tasks) > 1 for name in full)
         if followed and self.reduced is None:
-            with self._shared(SHAPES, compliance.k0):
+            with self._shared(SHAPES, seen.k0):
                 shapes = family_shapes(
-                    compliance.factor, self.M, stability.band[1], self.store, self.comm,
+                    seen.factor, self.M, stability.band[1], self.store, self.comm,
                     self.numbering,
                 )  # fmt: skip
         self.modal = share(self.scene, self.brake, (self.K, self.M), self.bulk, self.reduced)
@@ -298,7 +290,7 @@ class Study:
         reduced = self.by_reduction[approach] and task[0] != VERIFY
         if sample.materials and self.changing is not None:
             reduced &= self.changing.box.holds(sample.random)
-        eq = self._equilibrium(sample, reduced)
+        eq = self._prepared.of(sample, reduced)
         names = sorted(sample.random)
         out: dict[str, Any] = {
             "seed": np.uint64(sample.seed),
@@ -313,81 +305,15 @@ class Study:
             out["rejected"] = sample.rejected
         return out, sample, eq, reduced
 
-    def _equilibrium(self, sample: SampleInput, reduced: bool = False) -> Equilibrium:
-        """The full load at once, which nearly always converges; the scene's ramp if it does not."""
-        try:
-            return self._loaded(sample, 1, reduced)
-        except NotConverged:
-            if self.steps == 1:
-                raise
-        return self._loaded(sample, self.steps, reduced)
-
-    def _loaded(self, sample: SampleInput, steps: int, reduced: bool) -> Equilibrium:
-        """Equilibrium in equal load steps, of the scene's bodies or of the sample's own."""
-        laws, mu = sample.laws, sample.mu_equilibrium
-        bulk = self.bulk
-        if bulk is None or not (sample.materials or sample.pressures):
-            return equilibrium(self, laws, mu, steps)
-        bodies = self.bodies(sample)
-        if not sample.materials:
-            return equilibrium(bodies, laws, mu, steps)
-        if reduced and self.changing is not None:
-            return equilibrium(self._changed(bodies, sample), laws, mu, steps)
-        try:
-            return corrected_equilibrium(bodies, bulk.change(sample.materials), laws, mu, steps)
-        except NotConverged:
-            logger.info("the materials of a sample are far from the scene's: factored afresh")
-        b, K, k0 = self.brake, bulk.stiffness(sample.materials), bodies.compliance.k0
-        own = compliance(K, b.N, b.T, b.w, bodies.f, k0, MPI.COMM_SELF)
-        own_bodies = replace(bodies, compliance=own)
-        eq = equilibrium(own_bodies, laws, mu, steps)
-        u = displacement(own_bodies, eq, bodies.f)
-        own.factor.destroy()
-        return replace(eq, u=u)
-
-    def _changed(self, bodies: Bodies, sample: SampleInput) -> Bodies:
-        """Bodies of a sample's own materials, by the reduced model."""
-        c, changing = bodies.compliance, self.changing
-        if changing is None:
-            raise ValueError("prepare() comes first")
-        NN, NT, Nf = changing.compliance(sample.random, sample.pressures, c.k0)
-        return replace(bodies, compliance=replace(c, NN=NN, NT=NT, Nf=Nf))
-
-    def bodies(self, sample: SampleInput) -> Bodies:
-        """The scene's bodies under the loads of a sample."""
-        b, c = self.brake, self.compliance
-        if c is None:
-            raise ValueError("prepare() comes first")
-        if self.bulk is None:
-            return Bodies(b.N, b.T, b.w, b.g0, b.f, c)
-        Nf = c.Nf
-        for face, value in sample.pressures.items():
-            Nf = Nf + (value - self.bulk.pressures[face]) * self.loads[face]
-        f = b.f + self.bulk.added_loads(sample.pressures, b.f)
-        return Bodies(b.N, b.T, b.w, b.g0, f, replace(c, Nf=Nf))
-
     def displacement(self, task: Task, data: dict[str, Any]) -> Array:
         """Displacement of a stored sample's equilibrium [m], shape (dofs,)."""
-        sample = self._draw(*task)
-        if sample.materials:
-            u = self._equilibrium(sample).u
-            if u is None:
-                raise ValueError("an equilibrium of changed bodies without displacement")
-            return u
-        zero: tuple[Any, ...] = ((0,), 0.0, (), 0.0)
-        eq = Equilibrium(data["g"], data["p"], data["k"], data["mu_equilibrium"], *zero)
-        bodies = self.bodies(sample)
-        return displacement(bodies, eq, bodies.f)
+        return self._prepared.displacement(self._draw(*task), data)
 
     @property
-    def w(self) -> Array:
-        """Areas of the contact elements [m^2]."""
-        return self.brake.w
-
-    @property
-    def g0(self) -> Array:
-        """Gaps of the undeformed bodies [m]."""
-        return self.brake.g0
+    def _prepared(self) -> Equilibria:
+        if self.equilibria is None:
+            raise ValueError("prepare() comes first")
+        return self.equilibria
 
     def _draw(self, approach: str, k: int) -> SampleInput:
         points = self.points[approach]
