@@ -11,6 +11,7 @@ for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 import argparse  # noqa: E402
 import sys  # noqa: E402
 from collections.abc import Sequence  # noqa: E402
+from typing import NoReturn  # noqa: E402
 
 from brake_fenicsx import __version__  # noqa: E402
 from brake_fenicsx.errors import BrakeError, SceneError  # noqa: E402
@@ -55,9 +56,17 @@ fields/ for ParaView, summary.json (sizes, times, seeds, versions) and log.txt; 
 lists them all. A folder that holds results of another scene is refused."""
 
 
+class Parser(argparse.ArgumentParser):
+    """Arguments whose mistakes are one line, as every other mistake is."""
+
+    def error(self, message: str) -> NoReturn:
+        """Refuse a command line."""
+        raise SceneError(f'{message}; "{self.prog} --help" lists what there is')
+
+
 def parser() -> argparse.ArgumentParser:
     """Arguments of the command line."""
-    top = argparse.ArgumentParser(
+    top = Parser(
         prog="brake-fenicsx",
         description=DESCRIPTION,
         epilog=EPILOG,
@@ -95,11 +104,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     given = words[words.index("--") + 1 :] if "--" in words else []
-    options = parser().parse_args(words[: words.index("--")] if "--" in words else words)
     from mpi4py import MPI
 
     comm = MPI.COMM_WORLD
     try:
+        options = parser().parse_args(words[: words.index("--")] if "--" in words else words)
         _run(options, given, comm)
     except BrakeError as error:
         if comm.rank == 0:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import platform
 import resource
+import shutil
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -115,27 +116,56 @@ def run(
     this.store.check(parsed)
     check_groups(parsed, comm.size)
     stats = check(parsed, comm)
-    if comm.rank == 0:
-        this.store.open(parsed, from_stage)
-    comm.Barrier()
+    new = not this.store.directory.exists()
+    open_folder(this, from_stage)
     start_log(comm.rank, this.store.path("log.txt") if comm.rank == 0 else None)
     logger.info("%s -> %s, %d process(es)", parsed.file, this.store.directory, comm.size)
-    stages = parsed.stages
-    if stats is not None:
-        surface_stage(this, stats)
-    library = micro_stage(this, stats) if "micro" in stages and stats else None
-    if "equilibrium" in stages:
-        mechanics(this, stats, library)
-    if comm.rank == 0:
-        write_summary(this)
-    comm.Barrier()
-    if "report" in stages:
+    try:
+        compute(this, stats)
+    except SceneError:
+        # What only the mesh or the laws could tell; a folder with samples is kept.
+        if new and comm.rank == 0 and not any(this.store.path("samples").iterdir()):
+            shutil.rmtree(this.store.directory)
+        raise
+    if "report" in parsed.stages:
         with this.stage("report"):
             if comm.rank == 0:
                 report(this.store.directory)
         if comm.rank == 0:
             write_summary(this)
     return this
+
+
+def compute(this: Run, stats: SurfaceStatistics | None) -> None:
+    """All stages but the report."""
+    stages = this.scene.stages
+    if stats is not None:
+        surface_stage(this, stats)
+    library = micro_stage(this, stats) if "micro" in stages and stats else None
+    if "equilibrium" in stages:
+        mechanics(this, stats, library)
+    if this.comm.rank == 0:
+        write_summary(this)
+    this.comm.Barrier()
+
+
+def open_folder(this: Run, from_stage: str | None) -> None:
+    """Make or enter the results folder; refuse one that cannot be written, on all processes.
+
+    Raises:
+        SceneError: the folder and what the system says.
+    """
+    said = None
+    if this.comm.rank == 0:
+        try:
+            this.store.open(this.scene, from_stage)
+        except OSError as error:
+            said = error.strerror or str(error)
+    said = this.comm.bcast(said, root=0)
+    if said is not None:
+        raise SceneError(
+            f"-o {this.store.directory}: cannot be written ({said}); choose another folder with -o"
+        )
 
 
 def check(scene: Scene, comm: MPI.Comm) -> SurfaceStatistics | None:
