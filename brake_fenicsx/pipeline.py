@@ -35,6 +35,13 @@ if TYPE_CHECKING:
     from brake_fenicsx.surface import SurfaceStatistics
 
 
+# Whose versions a run records, if it used them.
+LIBRARIES = (
+    "numpy", "scipy", "dolfinx", "mpi4py", "petsc4py", "slepc4py", "gmsh", "meshio", "h5py", "pint",
+    "SurfaceTopography", "pyfftw", "SALib", "matplotlib", "pyvista",
+)  # fmt: skip
+
+
 @dataclass(slots=True)
 class Run:
     """A run as it goes: what the stages hand on.
@@ -316,9 +323,11 @@ def mechanics(this: Run, stats: SurfaceStatistics | None, library: LawLibrary | 
 def write_summary(this: Run) -> None:
     """summary.json: settings, sizes, times, versions."""
     versions = {"brake_fenicsx": __version__, "python": platform.python_version()}
-    for name in ("numpy", "scipy", "dolfinx", "petsc4py", "slepc4py", "gmsh", "SurfaceTopography"):
+    for name in LIBRARIES:
         if name in sys.modules:
             versions[name] = str(getattr(sys.modules[name], "__version__", "?"))
+    versions["MPI"] = MPI.Get_library_version().split(",")[0].split("\n")[0].strip("\0 ")
+    versions["system"] = platform.platform(terse=True)
     seeds = {"samples": this.scene.samples.seed}
     if this.scene.micro is not None:
         seeds["laws"] = this.scene.micro.seed

@@ -24,7 +24,7 @@ from .meshing.rawmesh import RawMesh, facet_nodes, joined
 Builder = tuple[Any, Any]
 Result = TypeVar("Result")
 
-# Cells of one part beyond which its size is taken for a slip: a hundred times what one process can mesh.
+# Cells of one part beyond which its size is taken for a slip: gmsh would mesh for hours.
 MOST_CELLS = 1e8
 
 
