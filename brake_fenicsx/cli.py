@@ -43,7 +43,7 @@ exit status:
   0    done
   1    a computation failed; its named error is printed, finished samples are kept
   2    wrong input; one line names file, key, value and remedy, nothing was written
-  130  interrupted; started again it goes on
+  130  interrupted; started again it goes on (mpirun answers with a status of its own)
 
 "brake-fenicsx COMMAND --help" lists the options of a command."""
 
@@ -115,6 +115,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             print(f"brake-fenicsx: {' '.join(str(error).split())}", file=sys.stderr)
         return 2 if isinstance(error, SceneError) else 1
     except KeyboardInterrupt:
+        if comm.rank == 0:
+            print("brake-fenicsx: interrupted; the same command goes on from here", file=sys.stderr)
         return 130
     except BaseException:
         # One process that dies alone would leave the others waiting for ever.

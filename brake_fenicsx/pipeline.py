@@ -265,7 +265,8 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
             recipe, number = law_recipe(scene, stats), micro.library_size
             for text in recipe.surface(micro.seed, 0).warnings:
                 logger.warning("%s", text)
-            progress = Progress("laws", len(range(comm.rank, number, comm.size)))
+            what = "laws" if comm.size == 1 else "laws of the first process"
+            progress = Progress(what, len(range(comm.rank, number, comm.size)))
             own = {}
             for i in range(comm.rank, number, comm.size):
                 own[i] = recipe.law(micro.seed, i)
