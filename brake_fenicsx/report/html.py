@@ -9,6 +9,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from .accuracy import ERROR_COLUMNS, SPEED_COLUMNS, error_rows, speed_rows, stage_rows
 from .figures import PLOTS, make_figures
 from .html_parts import image, pairs, table
@@ -36,7 +38,8 @@ STATISTICS = (
     ("c1", "c1, slope below q_c [-]", 1.0),
     ("c2", "c2, slope above q_c [-]", 1.0),
     ("q_c", "q_c, crossover [rad/m]", 1.0),
-    ("C0", "C0, level of the spectrum [m⁴]", 1.0),
+    ("C0", "C0, level of the spectrum at q_c [m⁴]", 1.0),
+    ("fit_rms", "root mean square of ln(spectrum / fit) [-]", 1.0),
 )
 
 
@@ -283,9 +286,12 @@ def _surface(run: RunData) -> str:
     rows: list[list[Value]] = []
     for key, text, factor in STATISTICS:
         value, error = stats.get(key), stats.get(f"{key}_error")
-        if isinstance(value, int | float):
-            spread = float(error) * factor if isinstance(error, int | float) else None
-            rows.append([text, float(value) * factor, spread])
+        if not isinstance(value, int | float) or not np.isfinite(value):
+            continue
+        if isinstance(of_log := stats.get(f"ln_{key}_error"), int | float):
+            error = of_log * value
+        spread = float(error) * factor if isinstance(error, int | float) else np.nan
+        rows.append([text, float(value) * factor, spread if np.isfinite(spread) else None])
     names = ("figure4_topography", "figure5_statistics", "figure6_artificial")
     numbers = table(["quantity", "value", "standard error"], rows) if rows else ""
     return _figures(run, *names) + numbers

@@ -131,6 +131,16 @@ def test_damping_is_named_and_an_open_count_admitted(drawn, tmp_path):
         assert ("was not counted" in page) == admitted
 
 
+def test_every_parameter_of_the_fit_has_its_error(page):
+    """Those of q_c and C0 are stored as errors of their logarithms."""
+    rows = [[c.text for c in r] for r in ElementTree.parse(page).getroot().iter(f"{X}tr")]
+    found = {row[0].split(",")[0]: row[1:] for row in rows if len(row) == 3}
+    assert found["c1"] == ["-2.01", "0.04"]
+    assert found["q_c"] == ["3e+04", "900"]
+    assert found["C0"] == ["1.2e-18", "1.2e-19"]
+    assert found["root mean square of ln(spectrum / fit) [-]"] == ["0.2", "-"]
+
+
 def test_every_image_has_a_text(page):
     root = ElementTree.parse(page).getroot()
     assert all(image.get("alt") for image in root.iter(f"{X}img"))
