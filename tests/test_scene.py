@@ -241,5 +241,6 @@ def test_surface_only_scene_imports_no_finite_elements(tmp_path):
         " if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
+    # Without /sys the libraries of MPI write to the same stream.
+    assert done.stdout.splitlines()[-1] == "[]"
     assert (tmp_path / "out" / "surface.npz").exists()
