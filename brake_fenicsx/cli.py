@@ -89,6 +89,8 @@ def parser() -> argparse.ArgumentParser:
     afresh = f"compute it and all later stages afresh: {', '.join(STAGES)}"
     runs.add_argument("--from", dest="from_stage", choices=STAGES, metavar="STAGE", help=afresh)
     runs.add_argument("-o", dest="directory", metavar="DIR", help="results folder, ./SCENE-results")
+    runs.add_argument("--cache", metavar="DIR", help="share laws and reduced models with runs of"
+                      " scenes that differ in seed, samples, friction or loads")  # fmt: skip
     runs.add_argument("petsc", nargs="*", metavar="-- PETSC_OPTIONS", help="go to PETSc")
     text = "draw the figures of a results folder and write its page again"
     reports = commands.add_parser("report", help=text, description=text)
@@ -141,7 +143,9 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: object) -> Non
     from brake_fenicsx import pipeline
 
     if options.command == "run":
-        pipeline.run(options.scene, comm, options.directory, options.set, options.from_stage)  # type: ignore[arg-type]
+        pipeline.run(
+            options.scene, comm, options.directory, options.set, options.from_stage, options.cache,  # type: ignore[arg-type]
+        )  # fmt: skip
     elif options.command == "check":
         pipeline.describe(options.scene, comm, options.set)  # type: ignore[arg-type]
     elif getattr(comm, "rank", 0) == 0:

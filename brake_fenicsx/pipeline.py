@@ -27,6 +27,7 @@ from brake_fenicsx.errors import BrakeError, SceneError
 from brake_fenicsx.log import Progress, logger, start_log
 from brake_fenicsx.memory import give_back
 from brake_fenicsx.scene import Scene, read_scene
+from brake_fenicsx.shelf import Shelf, of_laws
 from brake_fenicsx.store import Store
 
 if TYPE_CHECKING:
@@ -50,6 +51,7 @@ class Run:
         scene: the scene.
         comm: processes of the run.
         store: its results folder.
+        shelf: what it shares with others.
         seconds: time of each stage [s].
         peak_memory_mb: peak memory after each stage, summed over the processes [MB].
         facts: sizes and figures for the summary.
@@ -58,6 +60,7 @@ class Run:
     scene: Scene
     comm: MPI.Comm
     store: Store
+    shelf: Shelf
     seconds: dict[str, float] = field(default_factory=dict)
     peak_memory_mb: dict[str, float] = field(default_factory=dict)
     facts: dict[str, Any] = field(default_factory=dict)
@@ -99,6 +102,7 @@ def run(
     directory: str | Path | None = None,
     overrides: Sequence[str] = (),
     from_stage: str | None = None,
+    cache: str | Path | None = None,
 ) -> Run:
     """Run a scene: every stage it names, continuing what an earlier run left.
 
@@ -108,6 +112,8 @@ def run(
         directory: results folder; SCENE-results in the working directory if not given.
         overrides: "key=value" replacements in the scene.
         from_stage: forget the results of this stage and of all later ones first.
+        cache: folder of laws and reduced models that runs of similar scenes share; none if not
+            given.
 
     Returns:
         The run; its results are in the folder.
@@ -119,11 +125,12 @@ def run(
     parsed = read_scene(scene, overrides)
     if directory is None:
         directory = Path.cwd() / f"{parsed.file.stem}-results"
-    this = Run(parsed, comm, Store(Path(directory)))
-    this.store.check(parsed)
+    store = Store(Path(directory))
+    store.check(parsed)
     check_groups(parsed, comm.size)
     stats = check(parsed, comm)
-    new = not this.store.directory.exists()
+    this = Run(parsed, comm, store, Shelf(store, None if cache is None else Path(cache)))
+    new = not store.directory.exists()
     open_folder(this, from_stage)
     start_log(comm.rank, this.store.path("log.txt") if comm.rank == 0 else None)
     logger.info("%s -> %s, %d process(es)", parsed.file, this.store.directory, comm.size)
@@ -260,7 +267,7 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
     if micro is None:
         raise SceneError(f"{scene.file}: micro: the section is missing")
     path = this.store.path("laws.npz")
-    with this.stage("micro"):
+    with this.stage("micro"), this.shelf.shared("laws.npz", of_laws(scene), comm):
         if not comm.bcast(path.exists(), root=0):
             recipe, number = law_recipe(scene, stats), micro.library_size
             for text in recipe.surface(micro.seed, 0).warnings:
@@ -306,7 +313,7 @@ def mechanics(this: Run, stats: SurfaceStatistics | None, library: LawLibrary | 
         )
     recipe = law_recipe(this.scene, stats) if stats else None
     hdf = stats.hdf if stats else None
-    study = Study(this.scene, brake, library, hdf, this.store, this.comm, recipe)
+    study = Study(this.scene, brake, library, hdf, this.store, this.comm, recipe, this.shelf)
     with this.stage("shared"):
         study.prepare()
         this.facts |= study.facts

@@ -28,6 +28,7 @@ from .changing.varied import VariedBody, work_at
 from .changing.view import ImageBody, Seen, View, fixed_body
 from .modes import Complex, Modes
 from .reduced.sample import Sample
+from .reduced.sample_pairs import undamped_modes
 from .reduction import CUTOFF, ORDER
 
 Array = NDArray[np.float64]
@@ -138,7 +139,9 @@ class EnsembleBasis:
         # Open elements show nothing; of a brake whose every element is open one is looked at.
         closed = np.flatnonzero(k > 0) if np.any(k > 0) else np.zeros(1, dtype=np.intp)
         basis, doubt = together.basis(views, closed), together.doubt(closed)
-        found = Sample(basis, k[closed], mu[closed], self.sigma, doubt).modes(self.band, start)
+        found = undamped_modes(
+            Sample(basis, k[closed], mu[closed], self.sigma, doubt), self.band, start
+        )
         how = "winding number of det T, on bases complete by inertia at the anchors"
         return replace(
             found, right=_turned(views, found.right), left=_turned(views, found.left),

@@ -43,6 +43,7 @@ from .reduced.correction import Deeper
 from .reduced.deflation import Deflated
 from .reduced.refinement import Refinement
 from .reduced.sample import Sample
+from .reduced.sample_pairs import undamped_modes
 
 Array = NDArray[np.float64]
 
@@ -170,7 +171,7 @@ class Reduced:
         deeper = Deeper(self._rest(), self.M, self.N, self.T, self.basis.limit)
         sample = Sample(self.basis, k, mu)
         refined = Refinement(sample, self)
-        return sample.modes(self.band, start, tolerance, deeper, refined)
+        return undamped_modes(sample, self.band, start, tolerance, deeper, refined)
 
     def expand(self, s: Complex, a: Complex, k: Array, mu: float | Array) -> Complex:
         """Displacements of some modes of a sample.

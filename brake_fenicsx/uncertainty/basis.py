@@ -63,7 +63,7 @@ def reduced_model(
     Returns:
         The model, and its figures for the summary.
     """
-    known = _cached(store, numbering, order)
+    known = _cached(store, numbering, order, k0)
     progress = Progress("interface columns", -(-len(brake.w) // comm.size))
     band = (stability.band[0], stability.band[1])
     start = time.perf_counter()
@@ -140,7 +140,10 @@ def damped_model(
     """
     stored = store.load(DAMPED_FILE)
     known = None
-    if stored is not None and len(stored["G"]) == DAMPED_ORDER + 1:
+    k0 = reduced.basis.k0
+    # Moments of another order or reference are of no use.
+    same = stored is not None and len(stored["G"]) == DAMPED_ORDER + 1
+    if stored is not None and same and np.array_equal(stored.get("k0", 0.0), k0):
         logger.info("reduced damping: from the cache")
         known = list(stored["G"])
     elements, modes = reduced.basis.Phi_N.shape
@@ -150,15 +153,19 @@ def damped_model(
         reduced, terms.bulk, contact.R, terms.slope, terms.sliding, comm, progress.advance, known
     )
     if known is None and comm.rank == 0:
-        store.save(DAMPED_FILE, G=np.array(model.basis.G))
+        store.save(DAMPED_FILE, G=np.array(model.basis.G), k0=k0)
     return model
 
 
-def _cached(store: Store, numbering: Numbering, order: int) -> tuple[Basis, Array] | None:
-    """Basis and mode shapes that an earlier run left; None if there are none of this order."""
+def _cached(
+    store: Store, numbering: Numbering, order: int, k0: Array
+) -> tuple[Basis, Array] | None:
+    """Basis and mode shapes that an earlier run left; None if there are none of this kind."""
     stored = store.load(FILE)
-    # Older programs kept the shapes in an order of their own.
+    # Older programs kept the shapes in an order of their own, and had another reference.
     if stored is None or len(stored["NN"]) != order + 1 or "shapes" not in stored:
+        return None
+    if not np.array_equal(stored["k0"], k0):
         return None
     logger.info("reduced basis: from the cache")
     values: dict[str, Any] = {f.name: stored[f.name] for f in fields(Basis)}

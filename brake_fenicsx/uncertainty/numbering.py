@@ -32,6 +32,7 @@ class Numbering:
 
     Attributes:
         mark: tells the present order from others.
+        kept_mark: tells the order of the folder from others.
     """
 
     def __init__(self, brake: Brake, K: sp.csr_matrix, store: Store, comm: MPI.Comm):
@@ -47,7 +48,7 @@ class Numbering:
             SceneError: the folder belongs to another mesh.
         """
         keys = _keys(brake, K, comm)
-        self.mark = hashlib.sha256(np.ascontiguousarray(keys).tobytes()).hexdigest()[:16]
+        self.mark = self.kept_mark = _mark(keys)
         stored = store.load(FILE)
         comm.Barrier()
         self._order: NDArray[np.intp] | None = None
@@ -55,7 +56,7 @@ class Numbering:
             if comm.rank == 0:
                 store.save(FILE, keys=keys)
         elif not np.array_equal(stored["keys"], keys):
-            self._order = _matched(stored["keys"], keys)
+            self._order, self.kept_mark = _matched(stored["keys"], keys), _mark(stored["keys"])
             if self._order is None:
                 raise SceneError(
                     f"{store.directory}: its results belong to another mesh, perhaps of another"
@@ -73,6 +74,10 @@ class Numbering:
         out = np.empty_like(X)
         out[self._order] = X
         return out
+
+
+def _mark(keys: NDArray) -> str:
+    return hashlib.sha256(np.ascontiguousarray(keys).tobytes()).hexdigest()[:16]
 
 
 def _keys(brake: Brake, K: sp.csr_matrix, comm: MPI.Comm) -> NDArray:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -25,12 +27,14 @@ from brake_fenicsx.report.tables import CONTACT, MODES, SAMPLES, write_rows
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene_damping import active_terms
 from brake_fenicsx.scene_samples import split_key
+from brake_fenicsx.shelf import Shelf, of_bodies
 from brake_fenicsx.store import Store
 from brake_fenicsx.surface.hdf import HeightDistribution
 
 from .bulk import Bulk, assemble_bulk
 from .ensemble import Task, run_ensemble
 from .inputs import PERFECT, points_of
+from .numbering import FILE as DOFS
 from .numbering import Numbering
 from .outcomes import ensembles
 from .results import Results
@@ -58,6 +62,7 @@ class Study:
         store: Store,
         comm: MPI.Comm,
         recipe: LawRecipe | None = None,
+        shelf: Shelf | None = None,
     ):
         """Collect what the samples need.
 
@@ -70,8 +75,9 @@ class Study:
             comm: processes that share the samples.
             recipe: how laws are made, where each sample makes its own; ``library`` then holds
                 those of sample 0.
+            shelf: what the folder shares with others; nothing if None.
         """
-        self.recipe = recipe
+        self.recipe, self.shelf = recipe, shelf or Shelf(store)
         self.scene, self.brake, self.library, self.hdf = scene, brake, library, hdf
         self.store, self.comm = store, comm
         self.facts: dict[str, Any] = {}
@@ -121,10 +127,12 @@ class Study:
         """Factor the reference, and make or load the reduced basis."""
         brake = self.brake
         if "stability" in self.scene.stages:
-            self.numbering = Numbering(brake, local_rows(self.K), self.store, self.comm)
+            with self.shelf.shared(DOFS, of_bodies(self.scene), self.comm):
+                self.numbering = Numbering(brake, local_rows(self.K), self.store, self.comm)
         laws = self._reference_laws()
         pressure = brake.pressed / float(brake.w.sum())
-        k0 = np.full(len(brake.w), reference_stiffness(laws, pressure))
+        # Any value serves; a round one is that of similar scenes too.
+        k0 = np.full(len(brake.w), float(f"{reference_stiffness(laws, pressure):.1e}"))
         self.facts["reference_stiffness_Pa_per_m"] = float(k0[0])
         if self._of_one_body():
             self._prepare_reduced(k0)
@@ -149,6 +157,15 @@ class Study:
                 reason = error
         raise reason
 
+    @contextmanager
+    def _shared(self, name: str, k0: Array | float, *depends: Any) -> Iterator[None]:
+        """A reduced model on springs k0, from other folders or for them."""
+        stability = self.scene.stability
+        band = None if stability is None else [*stability.band, stability.cutoff]
+        facts = [of_bodies(self.scene), self.numbering.kept_mark, np.unique(k0).tolist(), band]
+        with self.shelf.shared(name, [*facts, *depends], self.comm):
+            yield
+
     def _prepare_bodies(self) -> None:
         """Unit changes of random materials and loads."""
         sections = {split_key(name)[0] for name in self.scene.samples.random}
@@ -163,14 +180,18 @@ class Study:
         names = [n for n, r in self.by_reduction.items() if r and self.changes_bodies(n)]
         if not names or self.bulk is None:
             return
-        from .changing import ChangingBodies
+        from .changing import FILE, ChangingBodies
 
+        random, laws = self.scene.samples.random, self.scene.table["samples"]["random"]
+        moduli = [n for n in sorted(random) if split_key(n)[0] == "materials"]
+        box = [[n, laws[n], random[n].digest] for n in moduli]
         try:
             matrices = (self.K, self.M)
-            self.changing = ChangingBodies(
-                self.scene, self.brake, matrices, self.bulk, self.store, self.comm,
-                self.numbering.mark,
-            )  # fmt: skip
+            with self._shared(FILE, 0.0, box, self.numbering.mark):
+                self.changing = ChangingBodies(
+                    self.scene, self.brake, matrices, self.bulk, self.store, self.comm,
+                    self.numbering.mark,
+                )  # fmt: skip
         except BrakeError as error:
             logger.warning("no reduced model of changing materials: %s; full order", error)
             self.by_reduction |= dict.fromkeys(names, False)
@@ -180,15 +201,16 @@ class Study:
     def _prepare_reduced(self, k0: Array) -> None:
         from brake_fenicsx.stability.reduction import ORDER
 
-        from .basis import compliance_of, reduced_model
+        from .basis import FILE, compliance_of, reduced_model
 
         stability, brake = self.scene.stability, self.brake
         if stability is None:
             return
         order = ORDER if any(not self.damped(name) for name in self._of_one_body()) else 0
-        self.reduced, self.facts["reduced_basis"] = reduced_model(
-            stability, brake, self.K, self.M, k0, self.store, self.comm, self.numbering, order
-        )
+        with self._shared(FILE, k0, order):
+            self.reduced, self.facts["reduced_basis"] = reduced_model(
+                stability, brake, self.K, self.M, k0, self.store, self.comm, self.numbering, order
+            )
         self.compliance = compliance_of(self.reduced, brake.f)
 
     def _prepare_modes(self) -> None:
@@ -196,7 +218,7 @@ class Study:
         stability, compliance = self.scene.stability, self.compliance
         if stability is None or compliance is None or "stability" not in self.scene.stages:
             return
-        from .basis import family_shapes
+        from .basis import SHAPES, family_shapes
         from .solve import share
 
         full = [
@@ -209,9 +231,11 @@ class Study:
         followed = self.changing is not None
         followed |= any(sum(task[0] == name for task in self.tasks) > 1 for name in full)
         if followed and self.reduced is None:
-            shapes = family_shapes(
-                compliance.factor, self.M, stability.band[1], self.store, self.comm, self.numbering
-            )
+            with self._shared(SHAPES, compliance.k0):
+                shapes = family_shapes(
+                    compliance.factor, self.M, stability.band[1], self.store, self.comm,
+                    self.numbering,
+                )  # fmt: skip
         self.modal = share(self.scene, self.brake, (self.K, self.M), self.bulk, self.reduced)
         self.modal.shapes = shapes
         if self.changing is not None:
@@ -228,12 +252,14 @@ class Study:
         names = [name for name in self._of_one_body() if self.damped(name)]
         if not names or modal.terms is None or modal.reduced is None:
             return
-        from .basis import damped_model
+        from .basis import DAMPED_FILE, damped_model
 
         try:
-            modal.damped = damped_model(
-                modal.reduced, modal.terms, self.brake.contact, self.store, self.comm
-            )
+            acts = [str(modal.damping), self.scene.table.get("motion")]
+            with self._shared(DAMPED_FILE, modal.reduced.basis.k0, acts):
+                modal.damped = damped_model(
+                    modal.reduced, modal.terms, self.brake.contact, self.store, self.comm
+                )
         except InaccurateResult as error:
             logger.warning("%s; full order", error)
             self.by_reduction |= dict.fromkeys(names, False)

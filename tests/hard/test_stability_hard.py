@@ -54,6 +54,21 @@ def test_all_elements_open(two_blocks):
     assert "unstable" not in full.verdict
 
 
+@pytest.mark.parametrize("softer", [3.0, 10.0])
+def test_contact_softer_than_the_reference_throughout(two_blocks, softer):
+    """What stands beyond the kept modes comes down into the band: most go to the full problem.
+
+    One of them is closer to another than what the pencil leaves out of it.
+    """
+    scene = two_blocks("coarse")
+    k = np.full(scene.w.size, 1e13 / softer)
+    m = reduced(scene, 1e13).modes(k, 0.5)
+    exact = dense(scene, k, 0.5)
+    check(m, exact)
+    assert m.iterations > 0
+    assert np.all(np.abs(m.s[:, None] - exact).min(axis=1) <= 1e-6 * np.abs(m.s))
+
+
 @pytest.mark.parametrize("mu", [0.0, 1.0])
 def test_stiffness_from_a_thousandth_to_a_million(two_blocks, mu):
     """One element a million times stiffer than another, and one closed patch alone."""

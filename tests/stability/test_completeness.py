@@ -8,7 +8,7 @@ from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.stability import Reduced, complex_modes
 from brake_fenicsx.stability.full.completeness import Trapezium, count_zeros
 from brake_fenicsx.stability.full.problem import search_region
-from brake_fenicsx.stability.reduced.sample import ZETA_MAX, _region
+from brake_fenicsx.stability.reduced.sample_pairs import ZETA_MAX, _region
 
 REGION = Trapezium(low=-0.02, high=1.0, slope=0.5, rise=1e-3)
 

@@ -80,6 +80,15 @@ def test_constant_outcome_and_few_samples_have_no_index():
     assert np.isnan(indices(plan, x[:20], y[:20], good[:20]).first).all()
 
 
+@pytest.mark.filterwarnings("error")
+def test_an_outcome_of_two_samples_in_three_hundred_has_no_interval():
+    """Some resamplings see no change at all: no interval, and not a word from the libraries."""
+    plan = Plan(300, "random", 2)
+    x, _ = ishigami(plan)
+    found = indices(plan, x, np.where(np.arange(300) < 2, 1.0, 0.0), np.ones(300, dtype=bool))
+    assert np.isfinite(found.first).all() and np.isnan(found.first_half).all()
+
+
 def test_failed_samples_are_left_out_or_filled():
     """A failed sample's zero, taken for an outcome, would shift every index."""
     for plan in (Plan(3000, "fast", 3), Plan(2560, "saltelli", 1), Plan(2000, "random", 1)):

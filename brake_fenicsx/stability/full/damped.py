@@ -9,7 +9,6 @@ factor there, so that SciPy does; for up to some ten thousand dofs.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as la
@@ -26,6 +25,7 @@ from .damped_rows import NEAR_ZERO, damped_rows, rectangle
 from .dense import MASSLESS
 from .problem import Problem
 from .quadratic import quadratic_modes
+from .quadratic_pencil import Pencil
 from .shifts import covered_modes
 from .symmetric import SHIFT
 
@@ -35,32 +35,6 @@ EPS = float(np.finfo(float).eps)
 
 # Up to this size the dense eigenvalues are as quick, and up to that one complex shifts affordable.
 DENSE, COVERED = 300, 10_000
-
-
-@dataclass(frozen=True, slots=True)
-class Pencil:
-    """The matrices, SciPy sparse: M [kg], C [N s/m], K [N/m]."""
-
-    M: sp.csc_matrix
-    C: sp.csc_matrix
-    K: sp.csc_matrix
-
-    def at(self, s: complex) -> sp.csc_matrix:
-        """lambda^2 M + lambda C + K at lambda = s."""
-        return (s**2 * self.M + s * self.C + self.K).tocsc()
-
-    def times(self, s: Complex, X: Complex) -> Complex:
-        """(lambda^2 M + lambda C + K) x for each pair."""
-        return np.asarray(self.M @ (X * s**2) + self.C @ (X * s) + self.K @ X)
-
-    def slope(self, s: Complex, X: Complex) -> Complex:
-        """(2 lambda M + C) x for each pair."""
-        return np.asarray(self.M @ (X * (2 * s)) + self.C @ X)
-
-    @property
-    def transposed(self) -> Pencil:
-        """The transposed matrices, whose right vectors are the conjugate left ones."""
-        return Pencil(self.M.T.tocsc(), self.C.T.tocsc(), self.K.T.tocsc())
 
 
 def damped_modes(

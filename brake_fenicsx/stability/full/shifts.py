@@ -5,17 +5,13 @@ Real PETSc cannot factor at a complex shift; SciPy's SuperLU does, for up to som
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import scipy.sparse.linalg as spla
 
 from brake_fenicsx.errors import NotConverged
 
 from ..modes import Complex
-
-if TYPE_CHECKING:
-    from .damped import Pencil
+from .quadratic_pencil import Pencil
 
 # Eigenvalues that one shift is asked for first.
 PER_SHIFT = 40

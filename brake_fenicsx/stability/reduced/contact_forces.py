@@ -60,10 +60,15 @@ class ContactForces:
     def left(self, s: Complex, x: Complex) -> Complex:
         """J^H x at the conjugate s of lambda, shape (rows of O, modes)."""
         n = self.n
+        out = s * self.left_rate(x)
+        out[:n] += self._dD[:, None] * x[:n] + self._mD[:, None] * x[n : 2 * n]
+        return out
+
+    def left_rate(self, x: Complex) -> Complex:
+        """J_1' x."""
         out = np.zeros((self.rows, x.shape[1]), complex)
-        out[:n] = self._dD[:, None] * x[:n] + self._mD[:, None] * x[n : 2 * n]
         for seen, own, rate in self._followed():
-            out[seen] = s * (rate[:, None] * x[own])
+            out[seen] = rate[:, None] * x[own]
         return out
 
     def after(self, now: Array, before: Array | None) -> Array:

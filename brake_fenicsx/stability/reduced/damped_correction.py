@@ -1,32 +1,27 @@
-"""Refinement of single damped modes on the full problem, with the factor of the reference at hand.
+"""Refinement of some damped modes on the full problem, with the factor of the reference at hand.
 
-A mode phi = Phi a + psi of a sample has psi = -R_0 [I' c + lambda C (Phi a + psi) + lambda^2 M psi]
-with the forces c = J z at contact, z = O phi, and its left one likewise with the transposed
-matrices. A few steps on either side, and the two-sided quotient of the full problem
+After a few steps on either side the vectors X and Y of modes close to one another span a small
+problem of their own, which is quadratic like the full one,
 
-    lambda -> lambda - psi^H P phi / psi^H P' phi,     P = K0 + lambda C + lambda^2 M + I' J O,
+    Y^H P(lambda) X w = 0,     P = K0 + lambda C + lambda^2 M + I' J O,
 
-is wrong by the product of what is left on both sides. Phi' P phi moves the coordinates a by a step
-of Newton's with the T of the reduced model.
+and sets them right however close they are. What other modes have in them then moves the coordinates
+a by a step of Newton's with the T of the reduced model, across the close ones. What is left is the
+product of what is left on both sides.
 """
 
 from __future__ import annotations
-
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
 from ..complex_columns import on_parts, times
 from ..modes import Complex
-from .contact_forces import ContactForces
-from .deflation import Deflated
-
-if TYPE_CHECKING:
-    from ..reduction import Reduced
+from .neighbours import near_groups
+from .trial_vectors import Asked, Reference, TrialVectors
 
 Array = NDArray[np.float64]
 
@@ -37,34 +32,13 @@ STEPS, ROUNDS = 6, 8
 DOUBT = 3.0
 
 
-class Asked(Protocol):
-    """A sample in the reduced model, see ``DampedSample``."""
-
-    forces: ContactForces
-
-    def at(self, s: complex, derivative: bool = False) -> Complex:
-        """T or T' at lambda = s."""
-
-    def gaps(self, s: Complex, a: Complex) -> Complex:
-        """Motion z at contact of some right vectors."""
-
-    def left_gaps(self, s: Complex, b: Complex) -> Complex:
-        """Gap multipliers of some left vectors."""
-
-    def improved(self, s: Complex, z: Complex, seen: Complex, left: bool) -> Complex:
-        """Newton's step for z = O phi(z), or for its left counterpart."""
-
-    def answer(self, s: Complex, x: Complex, left: bool) -> Complex:
-        """E^-1 x, or E^-H x."""
-
-
 class Refined:
     """The full problem of one sample."""
 
     def __init__(
         self,
         sample: Asked,
-        reduced: Reduced,
+        reduced: Reference,
         C: sp.csr_matrix,
         O: sp.csr_matrix,
         I: sp.csr_matrix,
@@ -78,12 +52,14 @@ class Refined:
             O: rows of the interface that are looked at.
             I: rows that forces act along.
         """
-        self.sample, self.reduced = sample, reduced
-        self.C, self.O, self.I = C, O, I
+        self.sample, self.reduced, self._matrices = sample, reduced, (C, O, I)
+
+    def _vectors(self, s: Complex, a: Complex, left: bool) -> TrialVectors:
+        return TrialVectors(self.sample, self.reduced, self._matrices, s, a, left)
 
     def right(self, s: Complex, a: Complex) -> Complex:
         """Right vectors of some modes, shape (dofs, modes)."""
-        side = _Side(self, s, a, self.sample.gaps(s, a), left=False)
+        side = self._vectors(s, a, left=False)
         for _ in range(STEPS):
             side.take(on_parts(side.rest.solve, side.next()))
         return side.vector
@@ -94,7 +70,7 @@ class Refined:
         """Some eigenvalues of the full problem, and how far off they may be.
 
         Args:
-            s: eigenvalues of the reduced model [1/s], shape (modes,).
+            s: eigenvalues of the reduced model [1/s], shape (modes,); close ones together.
             a: right vectors in the kept modes, shape (kept modes, modes).
             b: left ones.
             tolerance: relative error wanted.
@@ -102,108 +78,135 @@ class Refined:
         Returns:
             Both in 1/s; of modes that do not get there the second is what was reached.
         """
-        right = _Side(self, s, a, self.sample.gaps(s, a), left=False)
-        left = _Side(self, s, b, self.sample.left_gaps(s, b), left=True)
+        right, left = self._vectors(s, a, left=False), self._vectors(s, b, left=True)
         best: Complex = s
         least: Array = np.full(s.size, np.inf)
-        before: Array = np.full(s.size, np.inf)
+        groups = near_groups(s)
         for _ in range(ROUNDS):
             for _ in range(STEPS):
                 answers = on_parts(right.rest.solve, np.hstack([right.next(), left.next()]))
                 right.take(answers[:, : s.size])
                 left.take(answers[:, s.size :])
-            x, y = right.vector, left.vector.conj()
-            r, q = right.residual(), left.residual()
-            slope = 2 * s * times(self.reduced.M, x) + times(self.C, x)
-            slope += self.I.T @ self.sample.forces.rate(self.O @ x)
-            scale = np.einsum("im,im->m", y, slope)
-            with np.errstate(all="ignore"):
-                change = -np.einsum("im,im->m", y, r) / scale
-                left_over = self._product(s, right.rest.solve, r, q) / np.abs(scale)
-            change = np.where(s.imag == 0, change.real, change)
-            # One change may be small by chance, two in a row are not.
-            bound = DOUBT * (left_over + np.sqrt(np.abs(change) * before))
-            before = np.abs(change)
-            s = s + change
-            if not np.all(np.isfinite(s)):
+            x, y = right.vector, left.vector
+            r, q, dr, dq = right.residual(), left.residual(), right.slope(), left.slope()
+            Mx, My = times(right.M, x), times(left.M, y)
+            new = s.copy()
+            W, V = np.zeros((2, s.size, s.size), complex)
+            for g in groups:
+                new[g], W[np.ix_(g, g)], V[np.ix_(g, g)] = _small_problem(
+                    s[g], *(y[:, g].conj().T @ v[:, g] for v in (r, dr, Mx))
+                )
+            if not (np.all(np.isfinite(new)) and np.all(np.abs(new - s) < 0.1 * np.abs(s).max())):
                 break
-            better = bound < least
+            r, dr = _residuals(new, s, (r, dr, Mx), W)
+            q, _ = _residuals(new.conj(), s.conj(), (q, dq, My), V)
+            # What round-off leaves of the small problem, and what a change of lambda adds.
+            missed, scale = (np.abs(np.einsum("im,im->m", (y @ V).conj(), v)) for v in (r, dr))
+            s = new
+            right.combine(W, s)
+            left.combine(V, s)
+            da, db, left_over = self._left_over(right, left, r, q, groups)
+            bound = (DOUBT * left_over + missed) / np.maximum(scale, 1e-300)
+            better, stuck = bound < least, bound > 0.5 * least
             best, least = np.where(better, s, best), np.where(better, bound, least)
-            if np.all(least <= tolerance * np.abs(s)):
+            # A rigid mode has no relative error to settle at.
+            if np.all(stuck | (least <= tolerance * np.abs(s))):
                 break
-            right.move(s, left.a, r)
-            left.move(s, right.a, q)
+            right.add(da)
+            left.add(db)
         return best, least
 
-    def _product(
-        self, s: Complex, solve: Callable[[Array], Array], r: Complex, q: Complex
-    ) -> Array:
-        """|q^H x| of the answer x to r that the kept modes have no part in."""
-        both = on_parts(solve, np.hstack([r, q]))
-        x, y = both[:, : s.size], both[:, s.size :]
-        z = self.sample.answer(s, self.O @ x, left=False)
-        contact = np.einsum("im,im->m", (self.I @ y).conj(), self.sample.forces(s, z))
-        return np.asarray(np.abs(np.einsum("im,im->m", y.conj(), r)) + np.abs(contact))
+    def _left_over(
+        self,
+        right: TrialVectors,
+        left: TrialVectors,
+        r: Complex,
+        q: Complex,
+        groups: list[NDArray[np.intp]],
+    ) -> tuple[Complex, Complex, Array]:
+        """Answers da and db of the kept modes to what is left, and |q^H P^-1 r| part by part.
 
-
-class _Side:
-    """Right or left vectors of some modes; in the left ones I and O, C and C' change places."""
-
-    def __init__(self, full: Refined, s: Complex, a: Complex, z: Complex, left: bool):
-        reduced = full.reduced
-        self.sample, self.M, self.z, self.left = full.sample, reduced.M, z, left
-        self.s, self.C, self.O, self.I = s, full.C, full.O, full.I
-        if left:
-            self.s, self.C, self.O, self.I = s.conj(), full.C.T.tocsr(), full.I, full.O
-        self.Phi, self.Lambda, self.a = reduced.Phi, reduced.basis.Lambda, a
-        self.rest = Deflated(reduced.factor, self.Phi, self.Lambda)
-        self.modal = times(self.Phi, a)
-        self.load = self.psi = np.zeros_like(self.modal)
-
-    @property
-    def vector(self) -> Complex:
-        """Phi a + psi."""
-        return np.asarray(self.modal + self.psi)
-
-    def next(self) -> Complex:
-        """Load of the next step."""
-        c = self.z if self.left else self.sample.forces(self.s, self.z)
-        self.load = -(self.I.T @ c) - self.s**2 * times(self.M, self.psi)
-        if self.C.nnz:
-            self.load -= self.s * times(self.C, self.vector)
-        return self.load
-
-    def take(self, psi: Complex) -> None:
-        """Go on with the answer to the load."""
-        self.psi = psi
-        self.z = self.sample.improved(self.s, self.z, self.O @ self.vector, self.left)
-
-    def residual(self) -> Complex:
-        """P phi, or that of the conjugate transposed problem."""
-        seen = self.O @ self.vector
-        force = (self.sample.forces.left if self.left else self.sample.forces)(self.s, seen)
-        # K0 psi is the last load, less what its kept modes carry.
-        kept = self.Lambda[:, None] * self.a - times(self.Phi.T, self.load)
-        inertia = self.s**2 * self.vector + times(self.Phi, kept)
-        r = times(self.M, inertia) + self.load + self.I.T @ force
-        return r + self.s * times(self.C, self.vector) if self.C.nnz else r
-
-    def move(self, s: Complex, others: Complex, r: Complex) -> None:
-        """Newton's step of the coordinates: T a = -Phi' r, across the mode itself.
-
-        Args:
-            s: new eigenvalues, of the right vectors.
-            others: coordinates of the other side.
-            r: residual of the full problem.
+        All else answers first, with its contact; the forces of that answer act on the kept modes.
         """
-        kept = times(self.Phi.T, r)
+        n, s = right.s.size, right.s
+        both = on_parts(right.rest.solve, np.hstack([r, q]))
+        x, y = both[:, :n], both[:, n:]
+        forces, seen = self.sample.forces, left.O @ y
+        force = forces(s, self.sample.answer(s, right.O @ x, left=False))
+        force_left = self.sample.answer(s.conj(), forces.left(s.conj(), seen), left=True)
+        kept_r = times(right.Phi.T, r - right.I.T @ force)
+        kept_q = times(left.Phi.T, q - left.I.T @ force_left)
+        da, db = np.zeros_like(kept_r), np.zeros_like(kept_q)
+        for g in groups:
+            da[:, g], db[:, g] = self._steps(
+                s[g], right.a[:, g], left.a[:, g], kept_r[:, g], kept_q[:, g]
+            )
+        products = (y.conj(), r), (seen.conj(), force), (kept_q.conj(), da)
+        return da, db, sum(np.abs(np.einsum("im,im->m", *pair)) for pair in products)
+
+    def _steps(
+        self, s: Complex, a: Complex, b: Complex, r: Complex, q: Complex
+    ) -> tuple[Complex, Complex]:
+        """Newton's steps of close modes: T a = -Phi' r, across all of them."""
+        da, db = np.zeros_like(a), np.zeros_like(b)
         for m, value in enumerate(s):
             T, slope = self.sample.at(value), self.sample.at(value, derivative=True)
-            if self.left:
-                T, slope = T.conj().T, slope.conj().T
-            own, other = slope @ self.a[:, m], slope.conj().T @ others[:, m]
-            bordered = np.block([[T, own[:, None]], [other.conj()[None], np.zeros((1, 1))]])
-            lu = la.lu_factor(bordered, check_finite=False)
-            step = la.lu_solve(lu, -np.r_[kept[:, m], 0.0], check_finite=False)
-            self.a = self.a + step[:-1, None] * (np.arange(s.size) == m)
-        self.s, self.modal = s.conj() if self.left else s, times(self.Phi, self.a)
+            corner = np.zeros((s.size, s.size))
+            lu = la.lu_factor(
+                np.block([[T, slope @ a], [(slope.conj().T @ b).conj().T, corner]]),
+                check_finite=False,
+            )
+            empty = np.zeros(s.size)
+            da[:, m] = -la.lu_solve(lu, np.r_[r[:, m], empty], check_finite=False)[: len(a)]
+            db[:, m] = -la.lu_solve(lu, np.r_[q[:, m], empty], 2, check_finite=False)[: len(b)]
+        return da, db
+
+
+def _small_problem(
+    s: Complex, P: Complex, slope: Complex, mass: Complex
+) -> tuple[Complex, Complex, Complex]:
+    """Y^H P(lambda) X w = 0, each eigenvalue where it came from.
+
+    Args:
+        s: eigenvalue that belongs to each vector in X [1/s], shape (modes,).
+        P: Y^H P X, each column at its own s.
+        slope: Y^H P' X.
+        mass: Y^H M X.
+
+    Returns:
+        Eigenvalues, right and left vectors of unit norm.
+    """
+    n = s.size
+    # In units of a typical eigenvalue, and of the mass: all matrices are of size one.
+    unit = float(np.abs(s).max())
+    A2, A1, A0 = mass * unit**2, (slope - 2 * mass * s) * unit, P - slope * s + mass * s**2
+    size = np.abs(A2).max()
+    A2, A1, A0 = A2 / size, A1 / size, A0 / size
+    one, zero = np.eye(n), np.zeros((n, n))
+    A = np.block([[zero, one], [-A0, -A1]])
+    B = np.block([[one, zero], [zero, A2]])
+    value, left, right = la.eig(A, B, left=True, right=True, check_finite=False)
+    value = value * unit
+    distance = np.abs(s[:, None] - value)
+    chosen = linear_sum_assignment(np.where(np.isfinite(distance), distance, 1e300))[1]
+    W, V = right[:n, chosen], left[n:, chosen]
+    return value[chosen], W / np.linalg.norm(W, axis=0), V / np.linalg.norm(V, axis=0)
+
+
+def _residuals(
+    new: Complex, old: Complex, parts: tuple[Complex, Complex, Complex], weights: Complex
+) -> tuple[Complex, Complex]:
+    """P phi and P' phi of combinations, at new eigenvalues.
+
+    Args:
+        new: eigenvalue of each combination [1/s].
+        old: eigenvalue at which each vector was looked at.
+        parts: P phi, P' phi and M phi of the vectors.
+        weights: column by column.
+    """
+    r, slope, mass = parts
+    moved = new - old[:, None]
+    return (
+        r @ weights + slope @ (moved * weights) + mass @ (moved**2 * weights),
+        slope @ weights + 2 * mass @ (moved * weights),
+    )

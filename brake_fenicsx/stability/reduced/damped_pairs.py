@@ -21,6 +21,7 @@ from ..modes import Complex, Count, Modes
 from .damped_errors import beyond, left_out
 from .damped_sample import DampedSample
 from .division import quadratic_divisor, quadratic_pairs
+from .neighbours import with_neighbours
 
 if TYPE_CHECKING:
     from .damped_correction import Refined
@@ -109,9 +110,9 @@ def _certified(
     new = np.where(alone, s + change, s)
     which = error > tolerance * np.abs(s)
     if which.any():
+        which, away = with_neighbours(s, which)
         better, left_over = refined(s[which], a[:, which], b[:, which], 0.1 * tolerance)
-        moved = np.abs(better - s[which])
-        settled = (moved <= 0.5 * nearest[which]) & (left_over < error[which])
+        settled = (np.abs(better - s[which]) <= 0.5 * away[which]) & (left_over < error[which])
         new[which] = np.where(settled, better, new[which])
         error[which] = np.where(settled, left_over, error[which])
     return new, error, conditions[chosen], residual, which

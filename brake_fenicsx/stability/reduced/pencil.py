@@ -61,6 +61,7 @@ class Pairs:
         left: left vectors, b^H T(kappa) = 0.
         expected: number of eigenvalues counted in the region.
         clustered: how many of them were followed in clusters.
+        near: which eigenvalues of the linear pencil they belong to, shape (size,).
     """
 
     kappa: Complex
@@ -68,6 +69,7 @@ class Pairs:
     left: Complex
     expected: int
     clustered: int
+    near: NDArray[np.bool_]
 
 
 class Pencil:
@@ -104,7 +106,7 @@ class Pencil:
             found = int(region.holds(kappa).sum())
             expected = self.count(region, np.concatenate([kappa, k[~near & np.isfinite(k)]]))
             if found == expected and not _twice(kappa, right):
-                return Pairs(kappa, right, left, expected, clustered)
+                return Pairs(kappa, right, left, expected, clustered, near)
             why = (
                 f"reduced model: {found} modes found in the band, the winding number of the"
                 f" determinant counts {expected}"
@@ -129,7 +131,7 @@ class Pencil:
             rights.append(x)
             lefts.append(y)
         kappa, right, left = np.concatenate(values), np.hstack(rights), np.hstack(lefts)
-        return *_with_conjugates(kappa, right, left), sum(len(g) for g in clusters)
+        return *with_conjugates(kappa, right, left)[1:], sum(len(g) for g in clusters)
 
     def _clusters(self, chosen: NDArray[np.intp], coupled: float) -> list[list[int]]:
         """Groups of eigenvalues that are coupled, closed under conjugation."""
@@ -212,13 +214,13 @@ class Pencil:
         left = [la.solve(A.conj().T, v[:, i]) for A, i in zip(inner, keep, strict=True)]
         return z[keep], unit(X @ u[:, keep]), unit(Y @ np.stack(left, axis=1))
 
-    def coupled_shift(self, kappa: Complex, residual: Complex, known: Complex) -> Array:
+    def coupled_shift(self, kappa: Complex, residual: Complex, known: NDArray[np.bool_]) -> Array:
         """Second-order shift of each eigenvalue by what a small residual mixes in of far ones.
 
         Args:
             kappa: some of the eigenvalues, shape (pairs,).
             residual: residuals of their unit right vectors, shape (size, pairs).
-            known: eigenvalues whose share is known and not looked at.
+            known: eigenvalues of the linear pencil whose share is not looked at, shape (size,).
 
         Returns:
             sum_j |c_j|^2 condition_j / |k_j - kappa| over the others, c the residual in the
@@ -229,8 +231,7 @@ class Pencil:
         condition = np.linalg.norm(self.W, axis=1) * np.linalg.norm(self.V, axis=0)
         away = np.abs(self.k[:, None] - kappa)
         away[away.argmin(axis=0), np.arange(kappa.size)] = np.inf
-        if known.size:
-            away[np.abs(self.k[:, None] - known).argmin(axis=0)] = np.inf
+        away[known] = np.inf
         floor = 1e-12 * np.abs(kappa).max(initial=0.0)
         return np.asarray((condition[:, None] * c**2 / np.maximum(away, floor)).sum(axis=0))
 
@@ -311,13 +312,25 @@ def _real_basis(vectors: Complex) -> Array:
     return np.asarray(la.qr(both, mode="economic", pivoting=True)[0][:, : vectors.shape[1]])
 
 
-def _with_conjugates(kappa: Complex, a: Complex, b: Complex) -> tuple[Complex, Complex, Complex]:
-    """In ascending order, each complex pair followed by its conjugate."""
+def with_conjugates(
+    kappa: Complex, a: Complex, b: Complex
+) -> tuple[NDArray[np.intp], Complex, Complex, Complex]:
+    """Eigenpairs in ascending order, each complex one followed by its conjugate.
+
+    Args:
+        kappa: eigenvalues without negative imaginary part, shape (pairs,).
+        a: right vectors, shape (size, pairs).
+        b: left ones.
+
+    Returns:
+        The number of each one's pair, eigenvalues, right and left vectors.
+    """
     order = np.argsort(kappa.real, kind="stable")
     repeat = np.repeat(order, 1 + (kappa[order].imag > 0))
     second = np.r_[False, repeat[1:] == repeat[:-1]]
     kappa, a, b = kappa[repeat], a[:, repeat], b[:, repeat]
     return (
+        repeat,
         np.where(second, kappa.conj(), kappa),
         np.where(second, a.conj(), a),
         np.where(second, b.conj(), b),

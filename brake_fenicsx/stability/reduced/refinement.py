@@ -2,31 +2,24 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from ..complex_columns import on_parts, times
+from ..complex_columns import times
 from ..modes import Complex
 from .contact_forces import ContactForces
 from .damped_correction import Refined
 from .sample import Sample
-
-if TYPE_CHECKING:
-    from ..reduction import Reduced
+from .trial_vectors import Reference
 
 Array = NDArray[np.float64]
-
-# Terms of the answer of the gaps.
-ANSWERS = 2
 
 
 class Refinement:
     """The full problem of one undamped sample."""
 
-    def __init__(self, sample: Sample, reduced: Reduced):
+    def __init__(self, sample: Sample, reduced: Reference):
         """Keep what the steps need.
 
         Args:
@@ -44,7 +37,8 @@ class Refinement:
         """Some eigenvalues of the full problem, and how far off they may be.
 
         Args:
-            kappa: eigenvalues of the reduced model [1/s^2], shape (modes,).
+            kappa: eigenvalues of the reduced model without negative imaginary part [1/s^2], shape
+                (modes,); close ones together.
             a: right vectors in the kept modes, shape (kept modes, modes).
             b: left ones.
             tolerance: relative error of lambda wanted.
@@ -52,9 +46,16 @@ class Refinement:
         Returns:
             Both in 1/s^2; of modes that do not get there the second is what was reached.
         """
-        s, bound = self._full(np.sqrt(-kappa.astype(complex)), a, b, tolerance)
-        new = -(s**2)
-        return np.where(kappa.imag == 0, new.real, new), 2 * np.abs(s) * bound
+        # A conjugate is a neighbour like others.
+        pair, n = np.flatnonzero(kappa.imag > 0), kappa.size
+        s = np.sqrt(-np.r_[kappa, kappa[pair].conj()].astype(complex))
+        right, left = (np.hstack([x, x[:, pair].conj()]) for x in (a, b))
+        s, bound = self._full(s, right, left, tolerance)
+        new, error = -(s**2), 2 * np.abs(s) * bound
+        # What is real stays so, and mates stay mates: as far as they do not, nothing is known.
+        error[:n] += np.where(kappa.imag == 0, np.abs(new[:n].imag), 0.0)
+        error[pair] = np.maximum(error[pair], error[n:]) + np.abs(new[pair] - new[n:].conj())
+        return np.where(kappa.imag == 0, new[:n].real, new[:n]), error[:n]
 
 
 class _AsDamped:
@@ -84,10 +85,4 @@ class _AsDamped:
 
     def answer(self, s: Complex, x: Complex, left: bool) -> Complex:
         """E^-1 x, or E^-H x."""
-        own, kappa = self.sample, -(s**2)
-        C1, C2 = (C.T if left else C for C in (own.C1, own.C2))
-        out = first = on_parts(lambda v: own.solve(v, int(left)), x)
-        for _ in range(ANSWERS):
-            more = kappa * times(C1, out) + kappa**2 * times(C2, out)
-            out = first - on_parts(lambda v: own.solve(v, int(left)), more)
-        return out
+        return self.sample.answer(-(s**2), x, int(left))

@@ -1,0 +1,115 @@
+"""Files that results folders take from one another, each under a hash of what it depends on.
+
+Laws, the order of the dofs and the reduced models depend on a part of a scene alone. Of scenes that
+differ elsewhere (seed, friction, its distribution, a load) the first makes them, the others link
+to them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+from brake_fenicsx import __version__
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.log import logger
+from brake_fenicsx.scene import Scene
+from brake_fenicsx.store import Store
+
+# What of an interface or a motion the bodies know nothing of.
+_LAWS = ("law", "gap", "friction", "friction_in_equilibrium")
+
+
+class Shelf:
+    """Files that one results folder shares with others."""
+
+    def __init__(self, store: Store, directory: Path | None = None):
+        """Look at the directory.
+
+        Args:
+            store: the results folder.
+            directory: the shelf, made if it is not there; None: nothing is shared.
+
+        Raises:
+            SceneError: it is no folder, or cannot be written to.
+        """
+        self.store, self.directory = store, directory
+        if directory is None:
+            return
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise SceneError(f"--cache {directory}: {error.strerror}; name a folder") from None
+        if not os.access(directory, os.W_OK):
+            raise SceneError(f"--cache {directory}: cannot be written to; name another folder")
+
+    @contextmanager
+    def shared(self, name: str, depends: Any, comm: MPI.Comm) -> Iterator[None]:
+        """Take a file before it is asked for, and leave it after it was made; collective.
+
+        Args:
+            name: the file's name in the results folder.
+            depends: all that its content depends on, plain values.
+            comm: processes of the run.
+        """
+        if self.directory is None:
+            yield
+            return
+        stem, suffix = os.path.splitext(os.path.basename(name))
+        there, own = self.directory / f"{stem}-{_digest(depends)}{suffix}", self.store.path(name)
+        if comm.rank == 0 and there.exists() and not own.exists():
+            logger.info("%s: from %s", name, there)
+            _link(there, own)
+        comm.Barrier()
+        yield
+        if comm.rank == 0 and own.exists() and not there.exists():
+            _link(own, there)
+
+
+def of_bodies(scene: Scene) -> dict[str, Any]:
+    """What mesh, matrices and contact elements of a scene depend on."""
+    names = ("parts", "mesh", "materials", "supports")
+    out: dict[str, Any] = {name: scene.table.get(name) for name in names}
+    out["contact"] = {
+        name: {k: v for k, v in table.items() if k not in _LAWS}
+        for name, table in scene.table.get("contact", {}).items()
+    }
+    out["loads"] = sorted(scene.loads)
+    out["motion"] = {k: v for k, v in scene.table.get("motion", {}).items() if k != "speed"}
+    if "file" in (scene.table.get("mesh") or {}):
+        out["file"] = _content(scene.path(scene.table["mesh"]["file"]))
+    versions = (getattr(sys.modules.get(name), "__version__", "") for name in ("dolfinx", "gmsh"))
+    return {**out, "versions": [__version__, *map(str, versions)]}
+
+
+def of_laws(scene: Scene) -> dict[str, Any]:
+    """What the laws of a scene depend on."""
+    surface = scene.table.get("surface") or {}
+    out = {"surface": surface, "micro": scene.table.get("micro"), "versions": [__version__]}
+    return {**out, "scan": _content(scene.path(surface["scan"]))} if "scan" in surface else out
+
+
+def _digest(content: Any) -> str:
+    return Scene.hash(content)[:16]
+
+
+def _content(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _link(source: Path, target: Path) -> None:
+    """The same file where the file system allows it, else a copy; whole or not at all."""
+    part = target.with_name(f".{target.name}.{os.getpid()}.part")
+    try:
+        os.link(source, part)
+    except OSError:
+        shutil.copyfile(source, part)
+    os.replace(part, target)

@@ -1,0 +1,102 @@
+"""What results folders share: made once, taken by scenes that differ elsewhere, never by others."""
+
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from brake_fenicsx import pipeline
+from brake_fenicsx.cli import main
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.scene import read_scene
+from brake_fenicsx.shelf import Shelf, of_bodies, of_laws
+from brake_fenicsx.store import Store
+
+COMM = MPI.COMM_WORLD
+SCENES = Path(__file__).parents[2] / "scripts" / "scenes"
+BLOCK = SCENES / "block_on_plate.toml"
+SMALL = [
+    "stages=['surface','micro','equilibrium','stability','uncertainty']",
+    f"surface.scan='{(SCENES / 'pad_scan.npz').as_posix()}'", "contact.block_plate.gap=hdf",
+    "contact.block_plate.law=library", "micro.E='1983.3 MPa'", "micro.nu=0.4054",
+    "micro.patch='2.8 mm'", "micro.pixels=32", "micro.laws=3",
+    "parts.block.size='10 mm'", "parts.plate.size='14 mm'", "samples.n=2", "samples.seed=1",
+    "stability.method=reduced",
+]  # fmt: skip
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """One for all processes."""
+    return Path(COMM.bcast(str(tmp_path), root=0))
+
+
+def facts(name, *changes):
+    return (of_bodies if name == "bodies" else of_laws)(read_scene(BLOCK, [*SMALL, *changes]))
+
+
+def test_what_bodies_and_laws_depend_on():
+    """A fact left out would hand on another brake's model; one too many makes it afresh."""
+    other_bodies = "parts.block.size='9 mm'", "materials.lining.rho='2400 kg/m^3'"
+    for change in other_bodies:
+        assert facts("bodies", change) != facts("bodies")
+    for change in ("samples.seed=7", "samples.n=5", "micro.laws=7"):
+        assert facts("bodies", change) == facts("bodies")
+    assert facts("laws", "micro.laws=7") != facts("laws")
+    for change in (*other_bodies, "samples.seed=7"):
+        assert facts("laws", change) == facts("laws")
+
+
+def test_second_run_takes_from_the_first(folder):
+    """Another seed: laws and basis are the first run's, and its modes are those of a run alone."""
+
+    def run(name, cache=None):
+        changes = [*SMALL, "samples.seed=5"] if name != "first" else SMALL
+        pipeline.run(BLOCK, COMM, folder / name, changes, cache=cache)
+
+    run("first", folder / "shelf")
+    run("second", folder / "shelf")
+    run("alone")
+    if COMM.rank == 0:
+        names = {path.name.rsplit("-", 1)[0] for path in (folder / "shelf").iterdir()}
+        assert names == {"laws", "dofs", "basis"}
+        log = (folder / "second" / "log.txt").read_text()
+        assert "laws.npz: from" in log and "reduced basis: from the cache" in log
+        assert "laws:" not in log and "from the cache" not in (folder / "first/log.txt").read_text()
+        own, taken = (
+            np.load(folder / name / "samples" / "multi-scale-00000.npz")["s"]
+            for name in ("alone", "second")
+        )
+        np.testing.assert_allclose(taken, own, rtol=1e-7)
+
+
+def test_a_shelf_that_is_no_folder(folder, capsys):
+    path = folder / "file"
+    if COMM.rank == 0:
+        path.write_text("x")
+    COMM.Barrier()
+    with pytest.raises(SceneError, match=r"--cache .*file: File exists; name a folder"):
+        Shelf(Store(folder), path)
+    assert main(["run", str(BLOCK), "-o", str(folder / "out"), "--cache", str(path)]) == 2
+    assert not (folder / "out").exists()
+    COMM.Barrier()
+
+
+def test_a_basis_of_another_reference_is_made_again(folder):
+    """A folder that an earlier program left: its springs are not those of the factor."""
+    pipeline.run(BLOCK, COMM, folder / "run", SMALL)
+    path, sample = (
+        folder / "run" / p for p in ("cache/basis.npz", "samples/multi-scale-00001.npz")
+    )
+    before = np.load(sample)["s"]
+    COMM.Barrier()
+    if COMM.rank == 0:
+        with np.load(path) as data:
+            np.savez(path, **{**data, "k0": 1.07 * data["k0"]})
+        sample.unlink()
+    COMM.Barrier()
+    pipeline.run(BLOCK, COMM, folder / "run", SMALL)
+    np.testing.assert_allclose(np.load(sample)["s"], before, rtol=1e-9)
+    assert np.unique(np.load(path)["k0"]).size == 1
