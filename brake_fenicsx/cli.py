@@ -11,6 +11,7 @@ for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 import argparse  # noqa: E402
 import sys  # noqa: E402
 from collections.abc import Sequence  # noqa: E402
+from typing import NoReturn  # noqa: E402
 
 from brake_fenicsx import __version__  # noqa: E402
 from brake_fenicsx.errors import BrakeError, SceneError  # noqa: E402
@@ -42,7 +43,7 @@ exit status:
   0    done
   1    a computation failed; its named error is printed, finished samples are kept
   2    wrong input; one line names file, key, value and remedy, nothing was written
-  130  interrupted; started again it goes on
+  130  interrupted; started again it goes on (mpirun answers with a status of its own)
 
 "brake-fenicsx COMMAND --help" lists the options of a command."""
 
@@ -55,9 +56,17 @@ fields/ for ParaView, summary.json (sizes, times, seeds, versions) and log.txt; 
 lists them all. A folder that holds results of another scene is refused."""
 
 
+class Parser(argparse.ArgumentParser):
+    """Arguments whose mistakes are one line, as every other mistake is."""
+
+    def error(self, message: str) -> NoReturn:
+        """Refuse a command line."""
+        raise SceneError(f'{message}; "{self.prog} --help" lists what there is')
+
+
 def parser() -> argparse.ArgumentParser:
     """Arguments of the command line."""
-    top = argparse.ArgumentParser(
+    top = Parser(
         prog="brake-fenicsx",
         description=DESCRIPTION,
         epilog=EPILOG,
@@ -97,17 +106,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     given = words[words.index("--") + 1 :] if "--" in words else []
-    options = parser().parse_args(words[: words.index("--")] if "--" in words else words)
     from mpi4py import MPI
 
     comm = MPI.COMM_WORLD
     try:
+        options = parser().parse_args(words[: words.index("--")] if "--" in words else words)
         _run(options, given, comm)
     except BrakeError as error:
         if comm.rank == 0:
             print(f"brake-fenicsx: {' '.join(str(error).split())}", file=sys.stderr)
         return 2 if isinstance(error, SceneError) else 1
     except KeyboardInterrupt:
+        if comm.rank == 0:
+            print("brake-fenicsx: interrupted; the same command goes on from here", file=sys.stderr)
         return 130
     except BaseException:
         # One process that dies alone would leave the others waiting for ever.

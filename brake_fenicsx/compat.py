@@ -53,7 +53,8 @@ def mesh_from_gmsh(model: Any, comm: MPI.Comm) -> tuple[Any, Any, Any]:
 
 def geometry_dofs(mesh: Any) -> np.ndarray:
     """Geometry node of each cell's vertex, shape (cells, nodes)."""
-    dofs = mesh.geometry.dofmap
+    geometry = mesh.geometry
+    dofs = geometry.dofmaps[0] if hasattr(geometry, "dofmaps") else geometry.dofmap
     return dofs if isinstance(dofs, np.ndarray) else dofs.array.reshape(-1, dofs.offsets[1])
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import platform
 import resource
+import shutil
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -33,6 +34,13 @@ if TYPE_CHECKING:
     from brake_fenicsx.macro.brake import Brake
     from brake_fenicsx.micro import LawLibrary
     from brake_fenicsx.surface import SurfaceStatistics
+
+
+# Whose versions a run records, if it used them.
+LIBRARIES = (
+    "numpy", "scipy", "dolfinx", "mpi4py", "petsc4py", "slepc4py", "gmsh", "meshio", "h5py", "pint",
+    "SurfaceTopography", "pyfftw", "SALib", "matplotlib", "pyvista",
+)  # fmt: skip
 
 
 @dataclass(slots=True)
@@ -122,27 +130,56 @@ def run(
     check_groups(parsed, comm.size)
     stats = check(parsed, comm)
     this = Run(parsed, comm, store, Shelf(store, None if cache is None else Path(cache)))
-    if comm.rank == 0:
-        this.store.open(parsed, from_stage)
-    comm.Barrier()
+    new = not store.directory.exists()
+    open_folder(this, from_stage)
     start_log(comm.rank, this.store.path("log.txt") if comm.rank == 0 else None)
     logger.info("%s -> %s, %d process(es)", parsed.file, this.store.directory, comm.size)
-    stages = parsed.stages
-    if stats is not None:
-        surface_stage(this, stats)
-    library = micro_stage(this, stats) if "micro" in stages and stats else None
-    if "equilibrium" in stages:
-        mechanics(this, stats, library)
-    if comm.rank == 0:
-        write_summary(this)
-    comm.Barrier()
-    if "report" in stages:
+    try:
+        compute(this, stats)
+    except SceneError:
+        # What only the mesh or the laws could tell; a folder with samples is kept.
+        if new and comm.rank == 0 and not any(this.store.path("samples").iterdir()):
+            shutil.rmtree(this.store.directory)
+        raise
+    if "report" in parsed.stages:
         with this.stage("report"):
             if comm.rank == 0:
                 report(this.store.directory)
         if comm.rank == 0:
             write_summary(this)
     return this
+
+
+def compute(this: Run, stats: SurfaceStatistics | None) -> None:
+    """All stages but the report."""
+    stages = this.scene.stages
+    if stats is not None:
+        surface_stage(this, stats)
+    library = micro_stage(this, stats) if "micro" in stages and stats else None
+    if "equilibrium" in stages:
+        mechanics(this, stats, library)
+    if this.comm.rank == 0:
+        write_summary(this)
+    this.comm.Barrier()
+
+
+def open_folder(this: Run, from_stage: str | None) -> None:
+    """Make or enter the results folder; refuse one that cannot be written, on all processes.
+
+    Raises:
+        SceneError: the folder and what the system says.
+    """
+    said = None
+    if this.comm.rank == 0:
+        try:
+            this.store.open(this.scene, from_stage)
+        except OSError as error:
+            said = error.strerror or str(error)
+    said = this.comm.bcast(said, root=0)
+    if said is not None:
+        raise SceneError(
+            f"-o {this.store.directory}: cannot be written ({said}); choose another folder with -o"
+        )
 
 
 def check(scene: Scene, comm: MPI.Comm) -> SurfaceStatistics | None:
@@ -235,7 +272,8 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
             recipe, number = law_recipe(scene, stats), micro.library_size
             for text in recipe.surface(micro.seed, 0).warnings:
                 logger.warning("%s", text)
-            progress = Progress("laws", len(range(comm.rank, number, comm.size)))
+            what = "laws" if comm.size == 1 else "laws of the first process"
+            progress = Progress(what, len(range(comm.rank, number, comm.size)))
             own = {}
             for i in range(comm.rank, number, comm.size):
                 own[i] = recipe.law(micro.seed, i)
@@ -293,9 +331,11 @@ def mechanics(this: Run, stats: SurfaceStatistics | None, library: LawLibrary | 
 def write_summary(this: Run) -> None:
     """summary.json: settings, sizes, times, versions."""
     versions = {"brake_fenicsx": __version__, "python": platform.python_version()}
-    for name in ("numpy", "scipy", "dolfinx", "petsc4py", "slepc4py", "gmsh", "SurfaceTopography"):
+    for name in LIBRARIES:
         if name in sys.modules:
             versions[name] = str(getattr(sys.modules[name], "__version__", "?"))
+    versions["MPI"] = MPI.Get_library_version().split(",")[0].split("\n")[0].strip("\0 ")
+    versions["system"] = platform.platform(terse=True)
     seeds = {"samples": this.scene.samples.seed}
     if this.scene.micro is not None:
         seeds["laws"] = this.scene.micro.seed

@@ -356,6 +356,10 @@ def read_scene(file: str | Path, overrides: Sequence[str] = ()) -> Scene:
         raise SceneError(f"{path}: no such file; give the path of a scene") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise SceneError(f"{path}: not a TOML file: {error}") from None
+    except OSError as error:
+        raise SceneError(
+            f"{path}: cannot be read ({error.strerror}); give the path of a scene"
+        ) from None
     for text in overrides:
         override(table, text)
     try:

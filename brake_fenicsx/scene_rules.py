@@ -61,6 +61,12 @@ def _check_stages(s: Scene) -> None:
             )
     if s.micro and isinstance(s.micro.laws, str) and not s.micro.fresh:
         raise SceneError(f'micro.laws = {s.micro.laws!r}: write a number, or "per-sample"')
+    if s.micro and s.micro.pixels < 2:
+        raise SceneError(f"micro.pixels = {s.micro.pixels}: at least 2 are needed")
+    if s.micro and not abs(s.micro.nu) < 1:
+        raise SceneError(
+            f"micro.nu = {s.micro.nu:g}: must lie between -1 and 1, E* = E / (1 - nu^2)"
+        )
     if s.stability and (len(s.stability.band) != 2 or s.stability.band[0] >= s.stability.band[1]):
         raise SceneError(f"stability.band = {list(s.stability.band)!r} Hz: write [lowest, highest]")
     if s.stability and not s.stability.zeta_max < ZETA_LIMIT:

@@ -168,6 +168,8 @@ def read_samples(table: dict[str, Any], folder: Path) -> Samples:
     random = table.get("random", {})
     rest = {k: v for k, v in table.items() if k != "random"}
     samples: Samples = read_table(Samples, rest, "samples")
+    if not samples.approaches:
+        raise SceneError(f"samples.approaches = []: name some of {', '.join(APPROACHES)}")
     for name in samples.approaches:
         if name not in APPROACHES:
             raise SceneError(f"samples.approaches: {name!r}; use {', '.join(APPROACHES)}")

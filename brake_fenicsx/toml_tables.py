@@ -114,7 +114,10 @@ def _scalar(f: Any, kinds: tuple[Any, ...], value: Any, said: str, unit: str) ->
         except ValueError as error:
             raise SceneError(f"{said}: {error}") from None
     else:
-        raise SceneError(f"{said}: not of the right kind")
+        wanted = " or ".join("a list" if typing.get_origin(k) is tuple else
+                             "a table" if hasattr(k, "__dataclass_fields__") else "text"
+                             for k in kinds if k is not types.NoneType)  # fmt: skip
+        raise SceneError(f"{said}: write {wanted}")
     sign = f.metadata.get("sign", "positive")
     if (sign == "positive" and not number > 0) or (sign == "zero" and not number >= 0):
         raise SceneError(f"{said}: must be {'positive' if sign == 'positive' else 'zero or more'}")

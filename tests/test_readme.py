@@ -57,7 +57,7 @@ def test_help_names_every_command_and_fits_a_terminal(capsys):
     assert all(f"brake-fenicsx {name} " in top for name in ("check", "run", "report"))
 
 
-def test_interruption_ends_with_130(monkeypatch, tmp_path):
+def test_interruption_ends_with_130(monkeypatch, tmp_path, capsys):
     from brake_fenicsx import pipeline
 
     def stop(*_, **__):
@@ -65,3 +65,4 @@ def test_interruption_ends_with_130(monkeypatch, tmp_path):
 
     monkeypatch.setattr(pipeline, "run", stop)
     assert main(["run", str(tmp_path / "any.toml")]) == 130
+    assert "goes on" in capsys.readouterr().err

@@ -119,14 +119,17 @@ def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
     loads = {face: load.pressure for face, load in scene.loads.items()}
     elastic = assemble_elastic(mesh, layers, supports, loads)
     motion = scene_motion(scene)
-    contact = join(
-        [
-            contact_elements(
-                mesh, elastic.free, (c.faces[0], c.faces[1]), motion, c.discretisation, c.search
-            )
-            for c in scene.contact.values()
-        ]
-    )
+    try:
+        contact = join(
+            [
+                contact_elements(
+                    mesh, elastic.free, (c.faces[0], c.faces[1]), motion, c.discretisation, c.search
+                )
+                for c in scene.contact.values()
+            ]
+        )
+    except SceneError as error:
+        raise SceneError(f"{scene.file}: {error}") from None
     pressed = sum(loads[face] * area for face, (area, _) in elastic.loads.items())
     return Brake(mesh, elastic, contact, gathered_vector(elastic.f), float(pressed))
 
@@ -155,6 +158,8 @@ def scene_motion(scene: Scene) -> Motion:
     if motion.direction is not None:
         d = motion.direction
         if len(d) != 3 or not any(d):
-            raise SceneError(f"motion.direction = {list(d)!r}: write three numbers, not all zero")
+            raise SceneError(
+                f"{scene.file}: motion.direction = {list(d)!r}: write three numbers, not all zero"
+            )
         return Translation((d[0], d[1], d[2]), to_si(motion.speed, "m/s"))
     return Rotation(motion.rotation)

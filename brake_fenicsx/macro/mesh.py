@@ -24,6 +24,9 @@ from .meshing.rawmesh import RawMesh, facet_nodes, joined
 Builder = tuple[Any, Any]
 Result = TypeVar("Result")
 
+# Cells of one part beyond which its size is taken for a slip: gmsh would mesh for hours.
+MOST_CELLS = 1e8
+
 
 @dataclass(frozen=True, slots=True)
 class Mesh:
@@ -206,6 +209,7 @@ def known_names(parts: Mapping[str, Builder], table: MeshTable) -> tuple[list[st
                 else:
                     part = builder.build(gmsh.model.occ, values)
                     own = part.volumes
+                _check_number(gmsh.model.occ, part)
             except Exception as error:
                 raise SceneError(
                     f"parts.{name}: the geometry cannot be built: {error}; change its parameters"
@@ -213,6 +217,25 @@ def known_names(parts: Mapping[str, Builder], table: MeshTable) -> tuple[list[st
             layers += [f"{name}.{layer}" for layer in own]
             faces += [f"{name}.{face}" for face in part.faces]
     return layers, faces
+
+
+def _check_number(occ: Any, part: Any) -> None:
+    """Refuse sizes that would keep gmsh busy for hours: a slip of the unit, as a rule.
+
+    The number of cells is a lower one: finer places are left out.
+
+    Raises:
+        ValueError: about how many cells it would be.
+    """
+    if hasattr(part, "slabs"):
+        area = {n: sum(occ.getMass(2, t) for t in tags) for n, tags in part.regions.items()}
+        cells = sum(s.elements * area[r] for s in part.slabs for r in s.regions) / part.size**2
+    else:
+        volume = {n: sum(occ.getMass(3, t) for t in tags) for n, tags in part.volumes.items()}
+        # A regular tetrahedron of edge h has the volume h^3 / (6 sqrt 2).
+        cells = sum(8.5 * v / part.sizes[n] ** 3 for n, v in volume.items())
+    if cells > MOST_CELLS:
+        raise ValueError(f"more than {cells:.0e} cells of the mesh size asked for")
 
 
 def check_faces(used: Mapping[str, str], known: Collection[str]) -> None:

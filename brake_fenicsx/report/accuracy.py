@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .rundata import RunData
-from .style import BLACK, label, light_grid, look, new_figure
+from .style import BLACK, label, light_grid, look, new_figure, stroke
 from .tables import Columns, Value
 
 if TYPE_CHECKING:
@@ -168,7 +168,10 @@ def _draw_excess(axes: Axes, error: NDArray, approach: str) -> None:
     chosen = np.unique(np.linspace(0, error.size - 1, 400).astype(int))
     share = 1.0 - chosen / error.size
     colour, _ = look(approach)
-    axes.step(ordered[chosen], share, where="post", color=colour, label=label(approach))
+    axes.step(
+        ordered[chosen], share, where="post", color=colour, ls=stroke(approach),
+        label=label(approach),
+    )  # fmt: skip
 
 
 def draw_stages(run: RunData) -> Figure | None:

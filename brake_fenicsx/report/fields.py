@@ -31,8 +31,9 @@ LOSS = (
     "Vertex values: the second-order field was interpolated into the first-order space of the same "
     "mesh; its mid-edge values are not in this file."
 )
+LOGGED = "vertex values; mid-edge values are not in this file"
 VTX_TOO = "all values are in {}"
-NO_VTX = "this DOLFINx has no ADIOS2, no file holds them"
+NO_VTX = "without ADIOS2 in no file"
 NO_LOSS = "Values at all nodes of the mesh, one for every dof of the field."
 
 
@@ -80,7 +81,8 @@ def write_fields(path: str | Path, V: Any, fields: Mapping[str, NDArray]) -> Pat
         path: the XDMF file; its data go beside it, into the same name with ``.h5`` (``.bp``: VTX).
         V: vector function space of Lagrange elements.
         fields: by name, all local dofs (with ghosts) of a field of ``V``, shape (n_local,); a
-            complex field becomes two, ``name_re`` and ``name_im``.
+            complex field is a mode, scaled so that its largest displacement is 1, and becomes two,
+            ``name_re`` and ``name_im``.
 
     Returns:
         The path of the XDMF file.
@@ -102,8 +104,8 @@ def write_fields(path: str | Path, V: Any, fields: Mapping[str, NDArray]) -> Pat
 def write_phases(path: str | Path, V: Any, mode: NDArray, frames: int = 24) -> Path:
     """Write one period of a complex mode as a time series: Re(mode exp(i theta)) over theta.
 
-    Growth or decay is left out: the phase alone runs. Values at the nodes, as in `write_fields`.
-    Collective over ``V.mesh.comm``.
+    Growth or decay is left out: the phase alone runs. The mode is scaled so that its largest
+    displacement is 1. Values at the nodes, as in `write_fields`. Collective over ``V.mesh.comm``.
 
     Args:
         path: the XDMF file.
@@ -116,6 +118,7 @@ def write_phases(path: str | Path, V: Any, mode: NDArray, frames: int = 24) -> P
     """
     path = Path(path)
     _check_length(V, "mode", mode)
+    mode = _unit_amplitude(V, mode)
     nodal, note = _nodal_space(V)
     with _xdmf(V.mesh.comm, path) as file:
         file.write_mesh(V.mesh)
@@ -123,7 +126,7 @@ def write_phases(path: str | Path, V: Any, mode: NDArray, frames: int = 24) -> P
             instant = np.real(mode * np.exp(1j * theta))
             file.write_function(_at_nodes(nodal, V, instant, "displacement"), float(theta))
     if V.mesh.comm.rank == 0:
-        write_tree(path, ElementTree.parse(path).getroot(), note)
+        _one_series(path, note)
     angles = 2 * np.pi * np.arange(frames) / frames
     steps = ((float(a), [np.real(mode * np.exp(1j * a))]) for a in angles)
     _say(V, path, note, _write_vtx(path, [_function(V, 0.0, "displacement")], steps))
@@ -156,7 +159,7 @@ def _say(V: Any, path: Path, note: str, vtx: bool) -> None:
     """Log what the file holds, and where the rest is; collective."""
     if V.mesh.comm.rank == 0:
         rest = VTX_TOO.format(path.with_suffix(".bp").name) if vtx else NO_VTX
-        logger.info("%s: %s", path.name, f"{note[:-1]}; {rest}." if note == LOSS else note)
+        logger.info("%s: %s", path.name, f"{LOGGED}, {rest}" if note == LOSS else note)
     V.mesh.comm.barrier()
 
 
@@ -166,10 +169,18 @@ def _parts(V: Any, fields: Mapping[str, NDArray]) -> dict[str, NDArray]:
     for name, values in fields.items():
         _check_length(V, name, values)
         if np.iscomplexobj(values):
+            values = _unit_amplitude(V, values)
             parts[f"{name}_re"], parts[f"{name}_im"] = values.real, values.imag
         else:
             parts[name] = values
     return parts
+
+
+def _unit_amplitude(V: Any, mode: NDArray) -> NDArray:
+    """A mode, which has no size of its own, with a largest displacement of 1; collective."""
+    size = np.linalg.norm(np.abs(mode).reshape(-1, V.dofmap.index_map_bs), axis=1)
+    largest = V.mesh.comm.allreduce(float(size.max(initial=0.0)), op=MPI.MAX)
+    return mode / largest if largest > 0 else mode
 
 
 def _check_length(V: Any, name: str, values: NDArray) -> None:
@@ -202,4 +213,19 @@ def _one_grid(path: Path, note: str) -> None:
         for attribute in collection.iter("Attribute"):
             mesh.append(attribute)
         domain.remove(collection)
+    write_tree(path, root, note)
+
+
+def _one_series(path: Path, note: str) -> None:
+    """Give every instant the mesh itself, so that ParaView shows no second, resting body."""
+    root = ElementTree.parse(path).getroot()
+    domain = root.find("Domain")
+    if domain is None:
+        raise OSError(f"{path}: no domain in the file just written")
+    mesh, series = domain.findall("Grid")
+    for instant in series:
+        for pointer in instant.findall("{http://www.w3.org/2001/XInclude}include"):
+            instant.remove(pointer)
+        instant[:0] = list(mesh)
+    domain.remove(mesh)
     write_tree(path, root, note)

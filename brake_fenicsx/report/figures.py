@@ -39,14 +39,15 @@ class Plot:
 PLOTS = (
     Plot(
         "figure4_topography",
-        "Levelled scan of the pad surface, and profiles through its centre.",
+        "Levelled scan of the pad surface [µm], and profiles through its centre.",
         draw_topography,
     ),
     Plot(
         "figure5_statistics",
-        "Height distribution, and radial power spectrum of the scan with its bi-fractal fit; "
-        "sub-windows and decimated scans show how far each wave number can be trusted. "
-        "Below: measured spectrum over fit.",
+        "Height distribution, and radial power spectrum C(q) of the scan with its bi-fractal fit "
+        "(2 pi times the integral of q C is the variance); sub-windows and decimated scans show "
+        "how far each wave number can be trusted. Below: measured spectrum over fit, the residual "
+        "on a logarithmic scale.",
         draw_statistics,
     ),
     Plot(
@@ -59,69 +60,78 @@ PLOTS = (
     ),
     Plot(
         "figure7_contact_maps",
-        "Real contact of one artificial surface with a rigid plane as the load grows; circles mark "
-        "where the few points of a light contact lie.",
+        "Real contact of one artificial surface with a rigid plane as the mean pressure p grows; "
+        "circles mark where the few points of a light contact lie. E* is the composite modulus.",
         draw_contact_maps,
     ),
     Plot(
         "figure8_laws",
-        "Library of pressure-gap laws: pressure against separation, linear and log, and "
-        "stiffness against pressure with the range of pressures met on the pads.",
+        "Library of pressure-gap laws, one line each: mean pressure of a patch against the "
+        "separation of rigid plane and mean plane, linear and logarithmic, and stiffness against "
+        "pressure with the pressures met on the pads. Steps at low pressure: a handful of points "
+        "touches.",
         draw_laws,
     ),
     Plot(
         "figure9_squeal_map",
-        "Complex modes of every sample. Negative damping is an unstable mode: a squeal candidate.",
+        "Frequency and damping of every complex mode of every sample; the scale is linear between "
+        "-0.0001 and 0.0001 and logarithmic beyond. Negative damping is an unstable mode: a squeal "
+        "candidate. Without damping terms an unstable mode has a mirror image that decays.",
         draw_squeal_map,
     ),
     Plot(
         "squeal_families",
-        "Unstable modes by family, with mean frequency and number of samples in which the family "
-        "is unstable.",
+        "Unstable modes by family (the same mode recognised in many samples), with mean frequency "
+        "and number of samples in which the family is unstable; one look for about one frequency.",
         draw_families,
     ),
     Plot(
         "probability_per_band",
-        "Probability that a brake of the population has at least one unstable mode in the band.",
+        "Probability that a brake of the population has at least one unstable mode in the band: "
+        "share of samples, with 95 % Wilson intervals.",
         draw_probability,
     ),
     Plot(
         "unstable_per_sample",
-        "Number of unstable modes of each sample.",
+        "How many unstable modes a sample has: share of samples with each number.",
         draw_counts,
     ),
     Plot(
         "convergence",
-        "How the answer settles as samples come in; bands are 95 % intervals.",
+        "How the answer settles as samples come in: share of samples with any unstable mode, and "
+        "mean number of unstable modes; bands are 95 % intervals.",
         draw_convergence,
     ),
     Plot(
         "drivers",
         "What goes with instability: Spearman's rank correlation of each random input with the "
-        "number of unstable modes of the sample, with 95 % intervals.",
+        "number of unstable modes of the sample, from -1 to 1, with 95 % intervals.",
         draw_drivers,
     ),
     Plot(
         "sensitivity",
         "Share of the variance of the growth rate (0 where stable) that each random input explains "
-        "alone, with 95 % intervals; diamonds: together with its interactions. Empty bars: too few "
-        "samples for an interval.",
+        "alone, with 95 % intervals, in the whole band and in the most frequent families. "
+        "Diamonds, where the design yields them: together with its interactions. Empty bars: too "
+        "few samples for an interval. Below zero: scatter of the estimate.",
         draw_sensitivity,
     ),
     Plot(
         "contact_pressure",
-        "Contact pressure at equilibrium, both pads seen along the disc axis from the same side. "
-        "Empty patches are open elements.",
+        "Contact pressure [MPa] at equilibrium, first sample of each approach, both pads seen "
+        "along the disc axis from one side. Empty patches are open elements; the mean is over the "
+        "whole face. Colours end at the 98 % quantile of the closed ones.",
         draw_contact_pressure,
     ),
     Plot(
         "eigenvalue_errors",
-        "Error estimates of the eigenvalues, as the solver or the reduced model states them.",
+        "Error estimates of the eigenvalues over |lambda|, as the solver or the reduced model "
+        "states them.",
         draw_errors,
     ),
     Plot(
         "stages",
-        "Time and memory of each stage of this run.",
+        "Time [s] of each stage of this run, and memory [MB] of all its processes by then.",
         draw_stages,
     ),
 )

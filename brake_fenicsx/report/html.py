@@ -9,6 +9,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from .accuracy import ERROR_COLUMNS, SPEED_COLUMNS, error_rows, speed_rows, stage_rows
 from .figures import PLOTS, make_figures
 from .html_parts import image, pairs, table
@@ -19,6 +21,13 @@ from .style import APPROACH_NAME
 from .surface_figures import surface_statistics
 from .tables import Value
 
+SHAPES = (
+    "<p>Unstable modes with the lowest damping (-2 alpha / |omega|), at most four of each "
+    "approach, of the first sample that has any. Colour: amplitude |u| over the largest of the "
+    "mode. Drawn deformed, at the phase of largest motion, pads and disc pulled apart; each body "
+    "seen from both sides.</p>"
+)
+FAMILIES = 12  # rows of each approach in the table of families
 CAPTIONS = {plot.name: plot.caption for plot in PLOTS}
 STATISTICS = (
     ("mean", "mean height over the instrument's zero [µm]", 1e6),
@@ -29,7 +38,8 @@ STATISTICS = (
     ("c1", "c1, slope below q_c [-]", 1.0),
     ("c2", "c2, slope above q_c [-]", 1.0),
     ("q_c", "q_c, crossover [rad/m]", 1.0),
-    ("C0", "C0, level of the spectrum [m⁴]", 1.0),
+    ("C0", "C0, level of the spectrum at q_c [m⁴]", 1.0),
+    ("fit_rms", "root mean square of ln(spectrum / fit) [-]", 1.0),
 )
 
 
@@ -151,7 +161,7 @@ def _squeal(run: RunData) -> str:
             share_text(row[5:8]),
             row[8],
         ]
-        for row in family_rows(run)[:40]
+        for row in family_rows(run, FAMILIES)
     ]
     heads = [
         "approach",
@@ -168,7 +178,9 @@ def _squeal(run: RunData) -> str:
         "Negative damping is a mode that grows from the equilibrium: a squeal candidate. "
         "How large the vibration becomes is beyond a linear analysis.</p>"
     )
-    return note + _damping(run) + figures + (table(heads, rows) if rows else "")
+    left = len(family_rows(run)) - len(rows)
+    more = f"<p>{left} rarer families: tables/families.csv.</p>" if left else ""
+    return note + _damping(run) + figures + (table(heads, rows) if rows else "") + more
 
 
 def _probability(run: RunData) -> str:
@@ -201,15 +213,35 @@ def _drivers(run: RunData) -> str:
         "loads",
         "rest",
     ]
+    limit = _limit(run)
     note = (
-        "<p>Robust: whether the probability lies above the limit of the scene, with its interval "
-        "(open: the interval holds the limit). The last four columns share out the variance of the "
-        "growth rate; the rest is roughness together with all interactions.</p>"
+        f"<p>Robust: whether the probability of instability lies above {limit} with its whole 95 % "
+        "interval (open: the interval holds that limit).</p>"
     )
+    if any(row[4] != "-" for row in rows):
+        note += (
+            "<p>Moved most by: the random input with the strongest rank correlation with being "
+            "unstable; none where all samples or no sample are.</p>"
+        )
+    if any(row[6] != "-" for row in rows):
+        note += (
+            "<p>Friction, materials, loads: their shares of the variance of the growth rate, sums "
+            "of first-order indices; the rest is interactions, and roughness where contact is "
+            "rough. A share below zero is the scatter of its estimate.</p>"
+        )
     if rows and all(row[4] == "-" for row in rows):
         note += "<p>No random input is named, or there are too few samples to tell them apart.</p>"
-    told = note + table(heads, rows) if rows else ""
+    full = [j for j in range(len(heads)) if any(row[j] != "-" for row in rows)]
+    short = [[row[j] for j in full] for row in rows]
+    told = note + table([heads[j] for j in full], short) if rows else ""
     return _figures(run, "sensitivity", "drivers") + told
+
+
+def _limit(run: RunData) -> str:
+    """The limit of the scene beyond which instability is called robust."""
+    facts = run.summary.get("robustness")
+    limit = facts.get("limit") if isinstance(facts, Mapping) else None
+    return f"{100 * limit:g} %" if isinstance(limit, int | float) else "the limit of the scene"
 
 
 def _interval(values: Sequence[Value]) -> str:
@@ -225,8 +257,10 @@ def _percent(value: Value) -> str:
 def _shapes(run: RunData) -> str:
     """The mesh, then the most unstable modes of one sample of each approach."""
     folder = run.directory / "figures"
-    parts = [image(path, _heading(path), "shape") for path in sorted(folder.glob("mesh*.png"))]
-    left = set(folder.glob("mode_*.png"))
+    meshes, modes = sorted(folder.glob("mesh*.png")), sorted(folder.glob("mode_*.png"))
+    parts = [SHAPES] if modes else []
+    parts += [image(path, _heading(path), "shape") for path in meshes]
+    left = {*modes}
     for row in approach_rows(run):
         paths = sorted(folder.glob(f"mode_{row[0]}_*Hz.png"))
         left -= {*paths}
@@ -252,9 +286,12 @@ def _surface(run: RunData) -> str:
     rows: list[list[Value]] = []
     for key, text, factor in STATISTICS:
         value, error = stats.get(key), stats.get(f"{key}_error")
-        if isinstance(value, int | float):
-            spread = float(error) * factor if isinstance(error, int | float) else None
-            rows.append([text, float(value) * factor, spread])
+        if not isinstance(value, int | float) or not np.isfinite(value):
+            continue
+        if isinstance(of_log := stats.get(f"ln_{key}_error"), int | float):
+            error = of_log * value
+        spread = float(error) * factor if isinstance(error, int | float) else np.nan
+        rows.append([text, float(value) * factor, spread if np.isfinite(spread) else None])
     names = ("figure4_topography", "figure5_statistics", "figure6_artificial")
     numbers = table(["quantity", "value", "standard error"], rows) if rows else ""
     return _figures(run, *names) + numbers
@@ -264,7 +301,9 @@ def _accuracy(run: RunData) -> str:
     parts = []
     stages = stage_rows(run.summary)
     if stages:
-        parts.append(table(["stage", "time [s]", "peak memory [MB]"], stages))
+        seconds = [float(row[1]) for row in stages if isinstance(row[1], int | float)]
+        whole: list[Value] = ["all of these", sum(seconds), None]
+        parts.append(table(["stage", "time [s]", "peak memory [MB]"], [*stages, whole]))
     speed = speed_rows(run)
     if speed:
         heads = [name.replace("_", " ").replace("seconds per", "s per") for name in SPEED_COLUMNS]

@@ -52,10 +52,8 @@ def _flatten(content: Mapping[str, Any], exact: bool, above: str = "") -> list[t
         name = f"{above}.{key}" if above else str(key)
         if isinstance(value, Mapping):
             found += _flatten(value, exact, name)
-        elif isinstance(value, float) and not exact:
-            found.append((name, f"{value:.6g}"))
         else:
-            found.append((name, _exact(value)))
+            found.append((name, _exact(value) if exact else _rounded(value)))
     return found
 
 
@@ -64,3 +62,11 @@ def _exact(value: Any) -> str:
     if isinstance(value, list) and len(value) > LONGEST:
         return f"{repr(value[:5])[:-1]}, ...] ({len(value)} values)"
     return value if isinstance(value, str) else repr(value)
+
+
+def _rounded(value: Any) -> str:
+    """A value as text, with six digits."""
+    if isinstance(value, list):
+        text = ", ".join(map(_rounded, value[:LONGEST])) or "none"
+        return f"{text}, ... ({len(value)} values)" if len(value) > LONGEST else text
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

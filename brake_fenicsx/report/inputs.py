@@ -34,6 +34,7 @@ def surface_arrays(stats: SurfaceStatistics, recipe: LawRecipe | None) -> dict[s
     numbers = {n: getattr(stats, n) for n in ("mean", "median", "S_q", "S_sk", "S_ku")}
     numbers |= {n: getattr(fit, n) for n in ("c1", "c2", "q_c", "C0")}
     numbers |= {f"{n}_error": e for n, e in zip(names, fit.errors, strict=True)}
+    numbers["fit_rms"] = fit.rms
     out: dict[str, Any] = {
         "fit_q": q, "fit_C": fit(q), "q_band": np.array(fit.band),
         "hdf_z": z, "hdf_density": stats.hdf.pdf(z), "stats": np.array(json.dumps(numbers)),

@@ -94,8 +94,13 @@ def approach_rows(run: RunData, most: int = 3) -> list[list[Value]]:
     return rows
 
 
-def family_rows(run: RunData) -> list[list[Value]]:
-    """One row per family of unstable modes, in the order of `FAMILY_COLUMNS`."""
+def family_rows(run: RunData, most: int | None = None) -> list[list[Value]]:
+    """One row per family of unstable modes, in the order of `FAMILY_COLUMNS`.
+
+    Args:
+        run: the results.
+        most: rows of each approach, the most frequent ones; all if not given.
+    """
     return [
         [
             f.approach,
@@ -107,7 +112,7 @@ def family_rows(run: RunData) -> list[list[Value]]:
             f.worst,
         ]
         for approach in run.approaches
-        for f in families(run, approach)
+        for f in families(run, approach)[:most]
     ]
 
 
@@ -146,7 +151,9 @@ def cause_rows(run: RunData, most: int = 12) -> list[list[Value]]:
         families.sort(key=lambda row: -_number(row["probability"]))
         for row in [*whole, *families[: most - 1]]:
             kilo = _number(row["frequency_hz"]) / 1e3
-            where = "whole band" if row["scope"] == "band" else f"{kilo:.2f} kHz"
+            where = "whole band"
+            if row["scope"] == "family":
+                where = f"{kilo:.2f} kHz, family {row['where']}"
             chosen = (*CAUSE_COLUMNS, *(name for name in row if name.startswith("share_")))
             rows.append([approach, where, *(row[name] for name in chosen)])
     return rows

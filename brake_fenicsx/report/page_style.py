@@ -28,7 +28,7 @@ pre { font: 0.82em/1.45 "DejaVu Sans Mono", Consolas, monospace; background: #f5
 @media print {
   body { font-size: 10pt; max-width: none; padding: 0; }
   nav { display: none; }
-  figure img { width: auto; max-width: 100%; max-height: 170mm; }
+  figure img { width: auto; max-width: 100%; max-height: 225mm; }
   figure.shape img { max-height: 112mm; }
   h2, h3 { break-after: avoid; }
   pre { background: #fff; border: 1px solid #bbb; }

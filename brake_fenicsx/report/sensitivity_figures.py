@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+HATCHES = ("", "///", "...", "xxx", "\\\\\\")  # told apart without colours
+
 NEEDED = ("approach", "scope", "where", "frequency_hz", "outcome", "input", "first", "total")
 
 
@@ -62,11 +64,13 @@ def _draw(axis: Axes, table: Columns, most: int) -> None:
     for j, (scope, where) in enumerate(groups):
         own = (table["scope"] == scope) & (table["where"].astype(str) == where)
         hertz = float(table["frequency_hz"][own][0])
-        marks.append(f"{where} Hz" if scope == "band" else f"family {where}\n{hertz:.0f} Hz")
+        family = f"{hertz / 1e3:.2f} kHz\n(family {where})"
+        marks.append(f"{where} Hz" if scope == "band" else family)
         for i, key in enumerate(inputs):
             x = j - 0.4 + (i + 0.5) * width
             name = key if j == 0 else None
-            _bar(axis, table, own & (table["input"] == key), x, width, CYCLE[i % len(CYCLE)], name)
+            look = CYCLE[i % len(CYCLE)], HATCHES[i % len(HATCHES)]
+            _bar(axis, table, own & (table["input"] == key), x, width, look, name)
     axis.axhline(0.0, color=BLACK, lw=0.7)
     axis.set_xticks(range(len(groups)), marks)
     axis.set_ylabel("share of the variance\nof the growth rate [-]")
@@ -79,12 +83,13 @@ def _bar(
     row: np.ndarray,
     x: float,
     width: float,
-    colour: str,
+    look: tuple[str, str],
     name: str | None,
 ) -> None:
     """First-order index as a bar, the total one as a diamond, both with their intervals."""
     if not row.any():
         return
+    colour, hatch = look
     for kind, shift in (("first", 0.0), ("total", 0.25 * width)):
         value, low, high = (float(table[f"{kind}{end}"][row][0]) for end in ("", "_low", "_high"))
         if not np.isfinite(value):
@@ -92,8 +97,9 @@ def _bar(
         if kind == "first":
             # Without an interval it is a guess: an empty bar.
             known = bool(np.isfinite(low))
-            axis.bar(x, value, 0.9 * width, color=colour if known else "none", edgecolor=colour,
-                     alpha=0.75, label=name)  # fmt: skip
+            axis.bar(x, value, 0.9 * width, color=colour if known else "none",
+                     edgecolor="white" if known else colour, linewidth=0.4 if known else 1.0,
+                     hatch=hatch if known else "", alpha=0.75, label=name)  # fmt: skip
         else:
             axis.plot(x + shift, value, "D", color=BLACK, ms=3)
         if np.isfinite(low):

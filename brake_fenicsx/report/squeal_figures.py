@@ -21,6 +21,7 @@ from .style import (
     light_grid,
     look,
     new_figure,
+    stroke,
 )
 
 if TYPE_CHECKING:
@@ -39,7 +40,8 @@ def draw_squeal_map(run: RunData) -> Figure | None:
     """
     if run.modes is None or run.modes["mode"].size == 0:
         return None
-    figure, axes = _panels(run, height=2.3)
+    # All panels on one page of print, at full width.
+    figure, axes = _panels(run, height=min(2.1, 6.0 / len(run.approaches)))
     for axis in axes.flat:
         axis.set_yscale("symlog", linthresh=LINEAR_DAMPING, linscale=0.6)
         axis.set_yticks([-0.1, -0.01, -0.001, 0.0, 0.001, 0.01, 0.1])
@@ -52,9 +54,9 @@ def draw_squeal_map(run: RunData) -> Figure | None:
         modes = good_modes(run, approach)
         f, damping, verdict = modes["frequency_hz"] / 1e3, modes["damping"], modes["verdict"]
         for name, colour, marker, size in (
-            ("neutral", GREY, ".", 14),
             ("stable", BLUE, "o", 12),
             ("unstable", VERMILION, "v", 20),
+            ("neutral", BLACK, "s", 14),
         ):
             own = verdict == name
             _scatter(axis, f[own], damping[own], colour, marker, size, f"{name}: {own.sum()}")
@@ -67,7 +69,7 @@ def draw_families(run: RunData, most: int = 7) -> Figure | None:
     if run.modes is None or not np.any(run.modes["verdict"] == "unstable"):
         return None
     looks = _family_looks(run, most)
-    figure, axes = _panels(run, height=1.7)
+    figure, axes = _panels(run, height=min(1.9, 7.0 / len(run.approaches)))
     damping = run.modes["damping"][run.modes["verdict"] == "unstable"]
     for axis in axes.flat:
         axis.set_yscale("symlog", linthresh=LINEAR_DAMPING, linscale=0.6)
@@ -193,11 +195,12 @@ def draw_convergence(run: RunData) -> Figure | None:
         n = np.arange(1, per_sample.size + 1)
         hits = np.cumsum(per_sample > 0)
         bounds = [wilson(int(h), int(m)) for h, m in zip(hits, n, strict=True)]
-        axes[0, 0].plot(n, hits / n, color=colour, label=label(approach))
+        line = stroke(approach)
+        axes[0, 0].plot(n, hits / n, line, color=colour, label=label(approach))
         low, high = [s.low for s in bounds], [s.high for s in bounds]
         axes[0, 0].fill_between(n, low, high, color=colour, alpha=0.2, lw=0)
         mean, error = _running_mean(per_sample)
-        axes[0, 1].plot(n, mean, color=colour, label=label(approach))
+        axes[0, 1].plot(n, mean, line, color=colour, label=label(approach))
         axes[0, 1].fill_between(n, mean - error, mean + error, color=colour, alpha=0.2, lw=0)
     axes[0, 0].set(ylabel="share of unstable samples [-]", ylim=(-0.02, 1.02))
     axes[0, 1].set(ylabel="mean unstable modes per sample [-]")
@@ -206,7 +209,8 @@ def draw_convergence(run: RunData) -> Figure | None:
         axis.set_xlabel("samples [-]")
         axis.xaxis.get_major_locator().set_params(integer=True)
         light_grid(axis)
-        axis.legend(loc="best")
+    # Shares settle at the top more often than not.
+    axes[0, 0].legend(loc="lower right")
     return figure
 
 

@@ -24,6 +24,7 @@ APPROACH_LOOK = {
     "multi-scale": (GREEN, "^"),
     "joint": (PURPLE, "D"),
 }
+APPROACH_LINE = {"classical": ":", "fast": "--", "multi-scale": "-", "joint": "-."}
 APPROACH_NAME = {
     "classical": "Classical",
     "fast": "FAST",
@@ -108,6 +109,11 @@ def look(approach: str) -> tuple[str, str]:
         return APPROACH_LOOK[approach]
     j = sum(map(ord, approach)) % 3 + 4
     return CYCLE[j], MARKERS[j]
+
+
+def stroke(approach: str) -> str:
+    """Line style of an approach, so that lines can be told apart without colours."""
+    return APPROACH_LINE.get(approach, "-")
 
 
 def label(approach: str) -> str:

@@ -229,7 +229,7 @@ def test_slip_frame_takes_out_the_normal_part_and_refuses_standstill():
     np.testing.assert_allclose(s, [[0, -1, 0]])
     assert V[0] == pytest.approx(0.2)
     for still in (Rotation(0.0), Rotation(1.0)):
-        with pytest.raises(SceneError, match="without sliding velocity"):
+        with pytest.raises(SceneError, match="does not slide along its face"):
             slip_frame(still, np.zeros((1, 3)), np.array([[0, 0, 1.0]]))
 
 

@@ -141,9 +141,10 @@ def make_surface(rng: np.random.Generator, n: int = 256) -> dict[str, np.ndarray
         "c2": -4.47,
         "c2_error": 0.03,
         "q_c": 3.0e4,
-        "q_c_error": 900.0,
+        "ln_q_c_error": 0.03,
         "C0": 1.2e-18,
-        "C0_error": 1e-19,
+        "ln_C0_error": 0.1,
+        "fit_rms": 0.2,
     }
     (hdf_z, hdf), (made_z, made_hdf) = density(z), density(made)
     return {

@@ -108,7 +108,7 @@ def test_mode_shapes_stand_under_their_approach(drawn, tmp_path):
     (folder / f"{names[2]}.png").unlink()
     section = shapes(directory)
     assert [e.text for e in section.iter(f"{X}h3")] == ["Classical", "Multi-scale"]
-    assert "No mode of any sample is unstable" in section.find(f"{X}p").text
+    assert any("No mode of any sample is unstable" in p.text for p in section.iter(f"{X}p"))
 
 
 def shapes(directory):
@@ -129,6 +129,16 @@ def test_damping_is_named_and_an_open_count_admitted(drawn, tmp_path):
         page = render_page(run)
         assert "(settings below): rayleigh, sliding." in page
         assert ("was not counted" in page) == admitted
+
+
+def test_every_parameter_of_the_fit_has_its_error(page):
+    """Those of q_c and C0 are stored as errors of their logarithms."""
+    rows = [[c.text for c in r] for r in ElementTree.parse(page).getroot().iter(f"{X}tr")]
+    found = {row[0].split(",")[0]: row[1:] for row in rows if len(row) == 3}
+    assert found["c1"] == ["-2.01", "0.04"]
+    assert found["q_c"] == ["3e+04", "900"]
+    assert found["C0"] == ["1.2e-18", "1.2e-19"]
+    assert found["root mean square of ln(spectrum / fit) [-]"] == ["0.2", "-"]
 
 
 def test_every_image_has_a_text(page):

@@ -58,8 +58,13 @@ BOUND = {"patch": 7e-8, "quadrature": 3e-9, "node": 4e-8}
 @pytest.mark.slow
 @pytest.mark.parametrize("mu", [0.0, 0.5])
 def test_the_solution_is_converged(two_blocks, mu):
-    """The numbers above come from the finer of these meshes, and the other is near them."""
-    for size, bound in ((1e-3, 3e-10), (0.7e-3, 5e-12)):
+    """The numbers above come from the finer of these meshes, and the other is near them.
+
+    Gmsh 4.8 and 4.13 make different hexahedra of one size: with friction 7e-11 m apart at 1 mm and
+    1e-11 m at 0.7 mm. What is left of the error at 0.7 mm is about 2e-10 m (it falls by 2.5 from
+    size to size), a fifteenth of the smallest bound above.
+    """
+    for size, bound in ((1e-3, 4e-10), (0.7e-3, 2e-11)):
         _, sinks = answers(*pressed(two_blocks, size, mu, cells="hexahedra",
                                     discretisation="quadrature"))  # fmt: skip
         assert sinks == pytest.approx(SINKS[mu], abs=bound)

@@ -117,18 +117,25 @@ def _swept_mesh(gmsh: Any, name: str, swept: Any, table: MeshTable) -> RawMesh:
 def _quadrilaterals(gmsh: Any) -> None:
     """Mesh the plane model with quadrilaterals only.
 
-    Gmsh's full-quad recombination may leave triangles where the mesh is coarse; then triangles of
-    twice the size are each cut into three.
+    Gmsh's full-quad recombination may leave triangles where the mesh is coarse, or (gmsh 4.15)
+    raise where a curve has an odd number of elements; then triangles of twice the size are each cut
+    into three.
     """
     mesh, option = gmsh.model.mesh, gmsh.option.setNumber
     option("Mesh.RecombineAll", 1)
+    ways = ((3, 0, 1.0), (2, 0, 1.0), (0, 1, 2.0))
     try:
-        for recombination, subdivide, factor in ((3, 0, 1.0), (2, 0, 1.0), (0, 1, 2.0)):
+        for recombination, subdivide, factor in ways:
             option("Mesh.RecombinationAlgorithm", recombination)
             option("Mesh.SubdivisionAlgorithm", subdivide)
             option("Mesh.MeshSizeFactor", factor)
             mesh.clear()
-            mesh.generate(2)
+            try:
+                mesh.generate(2)
+            except Exception:
+                if (recombination, subdivide, factor) == ways[-1]:
+                    raise
+                continue
             if mesh.getElementsByType(2)[0].size == 0:
                 return
     finally:
