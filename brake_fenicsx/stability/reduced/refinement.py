@@ -46,9 +46,11 @@ class Refinement:
         Returns:
             Both in 1/s^2; of modes that do not get there the second is what was reached.
         """
-        # A conjugate is a neighbour like others.
+        # Of +-lambda the one that swings forward: a conjugate kappa is then a neighbour like others.
         pair, n = np.flatnonzero(kappa.imag > 0), kappa.size
-        s = np.sqrt(-np.r_[kappa, kappa[pair].conj()].astype(complex))
+        s = np.sqrt(-kappa.astype(complex))
+        s = np.where(s.imag < 0, -s, s)
+        s = np.r_[s, -s[pair].conj()]
         right, left = (np.hstack([x, x[:, pair].conj()]) for x in (a, b))
         s, bound = self._full(s, right, left, tolerance)
         new, error = -(s**2), 2 * np.abs(s) * bound

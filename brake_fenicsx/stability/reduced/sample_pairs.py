@@ -60,10 +60,10 @@ class _Trial:
         norms = np.linalg.norm(self.a, axis=0) * np.linalg.norm(self.b, axis=0)
         return np.asarray(norms / np.abs(self.slope))
 
-    def shifts(self, first: Complex) -> tuple[Complex, Complex]:
-        """Shifts of first order, psi' P phi given, and of second order."""
-        mixed = _mixed(self.kappa, self.b, self.out.rest, self.slope)
-        return _keep_real(first / self.slope, self.kappa), _keep_real(mixed, self.kappa)
+    def shifts(self, first: Complex) -> tuple[Complex, Complex, Array]:
+        """Shifts of first order, psi' P phi given, of second order, and the size of its terms."""
+        mixed, size = _mixed(self.kappa, self.b, self.out.rest, self.slope)
+        return _keep_real(first / self.slope, self.kappa), _keep_real(mixed, self.kappa), size
 
 
 def undamped_modes(
@@ -103,10 +103,10 @@ def undamped_modes(
     if deeper is not None and beyond.any():
         first[beyond], tail[beyond] = corrected(sample, deeper, t.kappa, t.b, t.out, beyond)
     condition, apart = t.condition, separation(t.kappa)
-    shift, mixed = t.shifts(first)
+    shift, mixed, size = t.shifts(first)
     # Close to another eigenvalue a correction by orders is none.
     safe = (np.abs(shift) + np.abs(mixed)) * condition <= SAFE * apart
-    known = THIRD * (np.abs(mixed) + THIRD * np.abs(shift) ** 2 * condition / apart)
+    known = THIRD * (size + THIRD * np.abs(shift) ** 2 * condition / apart)
     nothing = np.zeros_like(pairs.near)
     far, every = (pencil.coupled_shift(t.kappa, t.out.rest, x) for x in (pairs.near, nothing))
     second = np.where(safe, known + far * condition, np.abs(shift) + every * condition)
@@ -144,7 +144,7 @@ def _neighbours_together(sample: Sample, t: _Trial) -> _Trial:
     """Close modes with what the pencil leaves out of them; the others as they are."""
     for _ in range(ROUNDS):
         first = np.einsum("im,im->m", t.b.conj(), t.out.rest)
-        reach = sum(np.abs(x) for x in t.shifts(first)) * t.condition
+        reach = sum(np.abs(x) for x in t.shifts(first)[:2]) * t.condition
         groups = close_groups(t.kappa, np.asarray(reach))
         if not groups:
             break
@@ -191,26 +191,33 @@ def _keep_real(shift: Complex, kappa: Complex) -> Complex:
     return np.where(kappa.imag == 0, shift.real + 0j, shift)
 
 
-def _mixed(kappa: Complex, b: Complex, rest: Complex, slope: Complex) -> Complex:
+def _mixed(kappa: Complex, b: Complex, rest: Complex, slope: Complex) -> tuple[Complex, Array]:
     """Shift of second order: what is left out mixes in of all other modes that are known.
+
+    Two modes about to merge act on a third one in opposite ways: of the sum little is left, but it
+    is only as good as its terms.
 
     Args:
         kappa: eigenvalues without negative imaginary part, shape (modes,).
         b: their left vectors.
         rest: what T a leaves out of their right vectors.
         slope: derivative of each eigenvalue's equation.
+
+    Returns:
+        The shift, and the sum of the sizes of its terms.
     """
     own, mates = b.conj().T @ rest, b.T @ rest
-    total = _exchange(kappa, kappa, own, own / slope[:, None])
+    terms = _exchange(kappa, kappa, own, own / slope[:, None])
     # The conjugate mates of complex ones.
     complex_ones = np.flatnonzero(kappa.imag > 0)
     there = mates[complex_ones] / slope[complex_ones, None].conj()
-    total += _exchange(kappa, kappa[complex_ones].conj(), mates[:, complex_ones].conj(), there)
-    return np.asarray(total / slope)
+    back = mates[:, complex_ones].conj()
+    terms = np.hstack([terms, _exchange(kappa, kappa[complex_ones].conj(), back, there)])
+    return terms.sum(axis=1) / slope, np.abs(terms).sum(axis=1) / np.abs(slope)
 
 
 def _exchange(kappa: Complex, others: Complex, back: Complex, there: Complex) -> Complex:
-    """Sum over other modes of what goes there and back, over the distance; 0 for a mode itself.
+    """What goes to each other mode and back, over the distance; 0 for a mode itself.
 
     Args:
         kappa: eigenvalues, shape (modes,).
@@ -221,4 +228,4 @@ def _exchange(kappa: Complex, others: Complex, back: Complex, there: Complex) ->
     away = kappa[:, None] - others
     away[away == 0] = np.inf
     # What is left out grows with the third power of kappa.
-    return np.asarray((back * (kappa[:, None] / others) ** 3 * there.T / away).sum(axis=1))
+    return np.asarray(back * (kappa[:, None] / others) ** 3 * there.T / away)
