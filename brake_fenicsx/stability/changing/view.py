@@ -19,8 +19,9 @@ from brake_fenicsx.macro.solver import Factor
 from ..full.lanczos import RealModes, lowest_modes
 from ..full.symmetric import count_below
 from ..reduced.deflation import Deflated
-from .bodies import Body
+from .bodies import Body, looked_at, places_of
 from .congruent import Image
+from .expansion import Expansion, Moment
 
 Array = NDArray[np.float64]
 Arrays = dict[str, Array]
@@ -70,8 +71,15 @@ class Seen(Protocol):
     def doubt(self) -> Array:
         """Errors of R_0, R_1, ... where they were checked, as ``View.moments``; may be none."""
 
+    @property
+    def every_doubt(self) -> Array:
+        """The same of all rows and columns."""
+
     def view(self, x: Array) -> View:
         """The body at a point of the box."""
+
+    def expansion(self, x: Array) -> Expansion:
+        """The same, as damped samples take it."""
 
     def arrays(self) -> Arrays:
         """All that was computed."""
@@ -85,11 +93,15 @@ class FixedBody:
         body: the body.
         W: its modes.
         always: what its interface sees.
+        Phi: all rows of its interface on the modes, shape (modes, columns).
+        moments: R_j, rows that are looked at on all columns, shape (orders, rows, columns).
     """
 
     body: Body
     W: Array
     always: View
+    Phi: Array
+    moments: Array
 
     @property
     def varies(self) -> bool:
@@ -106,17 +118,32 @@ class FixedBody:
         """None: nothing is interpolated."""
         return np.zeros((0, 0, 0, 0))
 
+    @property
+    def every_doubt(self) -> Array:
+        """None."""
+        return self.doubt
+
     def view(self, x: Array) -> View:
         """The same at every point."""
         return self.always
+
+    def expansion(self, x: Array) -> Expansion:
+        """The same at every point."""
+        s, one = self.always, np.ones((1, 1))
+        moments = [Moment(j, one, R[None]) for j, R in enumerate(self.moments)]
+        kept, n = s.Lambda.size, len(s.Phi_N)
+        return Expansion(n, s.Lambda, self.Phi, s.shapes, kept, None, moments, s.TT)
 
     def arrays(self) -> Arrays:
         """All that was computed."""
         s = self.always
         return {
-            "W": self.W, "Lambda": s.Lambda, "Phi_N": s.Phi_N, "Phi_T": s.Phi_T,
-            "moments": np.array(s.moments), "TT": s.TT,
-        }  # fmt: skip
+            "W": self.W,
+            "Lambda": s.Lambda,
+            "Phi": self.Phi,
+            "moments": self.moments,
+            "TT": s.TT,
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,9 +183,18 @@ class ImageBody:
         """Like the other one."""
         return self.of.doubt
 
+    @property
+    def every_doubt(self) -> Array:
+        """Like the other one."""
+        return self.of.every_doubt
+
     def view(self, x: Array) -> View:
         """Like the other one."""
         return self.of.view(x)
+
+    def expansion(self, x: Array) -> Expansion:
+        """Like the other one."""
+        return self.of.expansion(x)
 
     def arrays(self) -> Arrays:
         """Nothing of its own."""
@@ -166,21 +202,39 @@ class ImageBody:
 
 
 def fixed_body(
-    body: Body, sigma: float, limit: float, order: int, comm: MPI.Comm, known: Arrays | None = None
+    body: Body,
+    sigma: float,
+    limit: float,
+    order: int,
+    comm: MPI.Comm,
+    known: Arrays | None = None,
+    names: str = "N",
 ) -> FixedBody:
     """A body of constant stiffness, see ``VariedBody`` for the arguments."""
-    if known is not None:
-        modes = known["Lambda"], known["Phi_N"], known["Phi_T"], np.eye(known["Lambda"].size)
-        return FixedBody(body, known["W"], View(*modes, [*known["moments"]], known["TT"]))
+    seen, n = looked_at(body, names), body.N.shape[0]
+    if known is None:
+        known = _solved(body, seen, sigma, limit, order, comm)
+    Lambda, Phi, moments = known["Lambda"], known["Phi"], known["moments"]
+    columns = places_of(names, "NT", n, body.T.shape[0] - n)
+    plain = Phi[:, columns]
+    rows = [R[:n, columns] for R in moments]
+    always = View(Lambda, plain[:, :n].T, plain[:, n:].T, np.eye(Lambda.size), rows, known["TT"])
+    return FixedBody(seen, known["W"], always, Phi, moments)
+
+
+def _solved(
+    body: Body, seen: Body, sigma: float, limit: float, order: int, comm: MPI.Comm
+) -> Arrays:
+    """Modes and moments of a body of constant stiffness."""
     factor = Factor(petsc_matrix((body.K + sigma * body.M).tocsr()), "brake_body_")
     found = complete_modes(factor, body.K, body.M, sigma, limit + sigma)
     rest = Deflated(factor, found.Phi, found.Lambda)
-    moments = interface_moments(rest, body.M, body.N, body.T, order, comm, between=factor)
+    pairs = interface_moments(rest, body.M, seen.N, seen.T, order, comm, between=factor)
     TT = slip_compliance(rest, body.T, comm)
     factor.destroy()
-    Phi, shapes = found.Phi, np.eye(found.Lambda.size)
-    laid = [np.hstack(pair) for pair in moments]
-    return FixedBody(body, Phi, View(found.Lambda, body.N @ Phi, body.T @ Phi, shapes, laid, TT))
+    Phi = np.ascontiguousarray((sp.vstack([seen.N, seen.T]) @ found.Phi).T)
+    moments = np.array([np.hstack(pair) for pair in pairs])
+    return {"W": found.Phi, "Lambda": found.Lambda, "Phi": Phi, "moments": moments, "TT": TT}
 
 
 def complete_modes(

@@ -40,7 +40,7 @@ def sample_modes(
     zeta_max: float,
     start: float,
     tolerance: float,
-    refined: Refined,
+    refined: Refined | None,
 ) -> Modes:
     """Modes of the band, each with its residual and error.
 
@@ -50,7 +50,7 @@ def sample_modes(
         zeta_max: decaying modes up to this damping ratio are looked for.
         start: when the clock was started [s].
         tolerance: relative error of lambda beyond which a mode is refined.
-        refined: the full problem.
+        refined: the full problem; without it no mode is refined.
 
     Raises:
         InaccurateResult: the count differs.
@@ -78,7 +78,7 @@ def _certified(
     every: tuple[Complex, Complex, Complex],
     chosen: NDArray[np.intp],
     tolerance: float,
-    refined: Refined,
+    refined: Refined | None,
 ) -> tuple[Complex, Array, Array, Array, NDArray[np.bool_]]:
     """Better eigenvalues, errors, conditions, residuals, and which modes were refined."""
     values, right, left = every
@@ -107,8 +107,8 @@ def _certified(
     alone = np.abs(change) * conditions[chosen] <= 0.1 * nearest
     error = bound / np.abs(slopes[chosen]) + second + np.where(alone, 0.0, np.abs(change))
     new = np.where(alone, s + change, s)
-    which = error > tolerance * np.abs(s)
-    if which.any():
+    which = (error > tolerance * np.abs(s)) & (refined is not None)
+    if refined is not None and which.any():
         better, left_over = refined(s[which], a[:, which], b[:, which], 0.1 * tolerance)
         moved = np.abs(better - s[which])
         settled = (moved <= 0.5 * nearest[which]) & (left_over < error[which])
