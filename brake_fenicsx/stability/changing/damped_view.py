@@ -67,7 +67,7 @@ def damped_view(
     k, kappa = body.kept, body.Lambda - sigma
     C = np.diag(how.alpha + how.beta * kappa)
     if body.difference is not None:
-        C = C + body.difference
+        C = C + body.difference / how.reach
     O, I = body.Phi[:, rows], body.Phi[:, columns]
     G = np.zeros((DAMPED_ORDER + 1, rows.size + k, columns.size + k))
     _add_rest(G, body, how, sigma, (rows, columns))

@@ -44,7 +44,7 @@ class Expansion:
         Phi: all rows of its interface on them, shape (directions, columns).
         Q: the directions in the coordinates of W.
         kept: number of the first ones that are modes of a sample.
-        difference: Q'W' DeltaC W Q [1/s]; None where nothing differs.
+        difference: Q'W' DeltaC W Q for t = 1 [1/s^2]; None where nothing differs.
         moments: the rest.
         TT: T R_0 T' with the loads, of the centre.
     """
