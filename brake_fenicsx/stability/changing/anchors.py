@@ -62,7 +62,7 @@ class Anchors:
             degree: total degree, at most that of the anchors.
         """
         n = self.count(degree)
-        others = np.cos(np.arange(self.degree + 1) * np.arccos(np.clip(x, -1, 1))[:, None])
+        others = special.eval_chebyt(np.arange(self.degree + 1), x[:, None])
         index = self._indices[:n]
         value = np.prod([others[i, index[:, i]] for i in range(x.size)], axis=0) * np.ones(n)
         powers = np.zeros((degree + 1, n))
@@ -74,7 +74,8 @@ class Anchors:
 
     def _polynomials(self, x: Array) -> Array:
         """Products of Chebyshev polynomials, shape (points, anchors)."""
-        each = np.cos(np.arange(self.degree + 1) * np.arccos(np.clip(x, -1, 1))[..., None])
+        # Samples a little beyond the box are taken: polynomials go on there.
+        each = special.eval_chebyt(np.arange(self.degree + 1), x[..., None])
         chosen = [each[:, j, self._indices[:, j]] for j in range(x.shape[1])]
         return np.asarray(np.prod(chosen, axis=0))
 
