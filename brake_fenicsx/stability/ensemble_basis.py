@@ -28,7 +28,7 @@ from .changing.proportion import Box, Damping, Proportion, proportion
 from .changing.springs import on_springs
 from .changing.together import Together
 from .changing.varied import VariedBody
-from .changing.view import ImageBody, Seen, View, fixed_body
+from .changing.view import ImageBody, Seen, View, damped_body, fixed_body
 from .modes import Complex, Modes
 from .reduced.damped_pairs import sample_modes
 from .reduced.damped_sample import DampedSample
@@ -119,8 +119,8 @@ class EnsembleBasis:
             self.damping[i] = self.damping[i if image is None else image[0]]
         plain = Anchors(dimension, degree), coefficients
         boxes = [
-            Box(plain, body, how, len(parts))
-            for body, how in zip(bodies, self.damping, strict=True)
+            Box(plain, body, how if image is None else Proportion(), len(parts), high)
+            for body, how, image in zip(bodies, self.damping, images, strict=True)
         ]
         self.bodies: list[Seen] = []
         work = [b.work for b, image in zip(boxes, images, strict=True) if image is None]
@@ -137,7 +137,10 @@ class EnsembleBasis:
                 )
             else:
                 shift = (self.sigma, self.limit, ORDER)
-                self.bodies.append(fixed_body(box.body, *shift, comm, made, self.names))
+                body = fixed_body(box.body, *shift, comm, made, self.names)
+                if box.series:
+                    body = damped_body(body, box.body, self.sigma, self.names, comm, made)
+                self.bodies.append(body)
         self._together = Together(self.bodies, w, self.sigma, self.limit + self.sigma)
         self.seconds = time.perf_counter() - start
 

@@ -69,9 +69,16 @@ def damped_view(
     if body.difference is not None:
         C = C + body.difference / how.reach
     O, I = body.Phi[:, rows], body.Phi[:, columns]
-    G = np.zeros((DAMPED_ORDER + 1, rows.size + k, columns.size + k))
-    _add_rest(G, body, how, sigma, (rows, columns))
-    _add_directions(G, kappa[k:], C[k:, k:], (O[k:], C[k:, :k]), (I[k:], C[k:, :k]), rows.size)
+    if body.series is not None:
+        C, whole = body.series
+        first, last = (n * len(blocks) + np.arange(k) for blocks in (names, acting))
+        acted = np.concatenate([here + n * i for i in range(len(acting))])
+        inner = np.ix_(np.r_[rows, first], np.r_[acted, last])
+        G = np.array([A[inner] for A in whole])
+    else:
+        G = np.zeros((DAMPED_ORDER + 1, rows.size + k, columns.size + k))
+        _add_rest(G, body, how, sigma, (rows, columns))
+        _add_directions(G, kappa[k:], C[k:, k:], (O[k:], C[k:, :k]), (I[k:], C[k:, :k]), rows.size)
     Lambda, seen, forced = body.Lambda[:k], O[:k].T, I[:k].T
     answers = _answers(body, G[0], names, forced, here)
     return DampedView(Lambda, C[:k, :k], seen, forced, G, answers)

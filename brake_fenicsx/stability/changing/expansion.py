@@ -47,6 +47,8 @@ class Expansion:
         difference: Q'W' DeltaC W Q for t = 1 [1/s^2]; None where nothing differs.
         moments: the rest.
         TT: T R_0 T' with the loads, of the centre.
+        series: damping of the modes and G_n of ``DampedBasis`` over all elements, of a body whose
+            ``moments`` do not tell; None of all others.
     """
 
     elements: int
@@ -57,3 +59,4 @@ class Expansion:
     difference: Array | None
     moments: Sequence[Moment]
     TT: Array
+    series: tuple[Array, Array] | None = None

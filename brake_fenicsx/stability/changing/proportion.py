@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
 
+from ..full.symmetric import count_below
 from .anchors import Anchors
 from .bodies import Body
 from .varied import work_at
@@ -36,6 +37,9 @@ REACH = 0.5
 
 # Degrees more for a body that only its damping changes.
 DEEPER = 3
+
+# Modes below this share of the highest kappa are those of a body that nothing clamps.
+RIGID = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +139,7 @@ class Box:
         anchors: points of its own box; None for a body that looks the same everywhere.
         coefficients: of its unit changes at a point of that box.
         stretched: whether the last coordinate is the share t of DeltaC.
+        series: whether its damping is taken by ``damped_body`` instead.
     """
 
     def __init__(
@@ -143,6 +148,7 @@ class Box:
         body: Body,
         how: Proportion,
         number: int,
+        high: float,
     ):
         """Choose the box.
 
@@ -151,28 +157,26 @@ class Box:
             body: the body.
             how: its damping.
             number: of all unit changes of the materials.
+            high: highest kappa of the band [1/s^2].
 
         Raises:
-            InaccurateResult: a body that changes, or that nothing clamps, turns.
+            InaccurateResult: a body turns that is of variable stiffness or not clamped.
         """
-        self.body, self.stretched = body, how.difference is not None
-        self.anchors: Anchors | None
-        self.anchors, self.coefficients = plain
-        if how.difference is None:
-            self.anchors = self.anchors if body.parts else None
+        differs, varies = how.difference is not None, bool(body.parts)
+        self.series = differs and not varies and not count_below(body.K, body.M, RIGID * high)[0]
+        self.body, self.stretched = body, differs and not self.series
+        self.anchors: Anchors | None = plain[0] if varies else None
+        self.coefficients = plain[1]
+        if not self.stretched:
             return
         if how.skew:
             raise InaccurateResult(
                 "a part that turns must be clamped and of constant stiffness"
                 " for the reduced model of changing materials"
             )
-        degree, dimension = self.anchors.degree, self.anchors.points.shape[1]
-        if body.parts:
-            self.anchors = Anchors(dimension + 1, degree)
-            self.coefficients = how.beside(self.coefficients)
-        else:
-            self.anchors = Anchors(1, degree + DEEPER)
-            self.coefficients = how.beside(lambda x: np.zeros(number))
+        degree, dimension = plain[0].degree, plain[0].points.shape[1]
+        self.anchors = Anchors(dimension + 1, degree) if varies else Anchors(1, degree + DEEPER)
+        self.coefficients = how.beside(plain[1] if varies else lambda x: np.zeros(number))
         self.body = replace(body, parts=(*body.parts, (number, how.difference)))
 
     @property

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from mpi4py import MPI
@@ -18,6 +18,7 @@ from brake_fenicsx.macro.solver import Factor
 
 from ..full.lanczos import RealModes, lowest_modes
 from ..full.symmetric import count_below
+from ..reduced.damped_basis import damped_moments
 from ..reduced.deflation import Deflated
 from .bodies import Body, looked_at, places_of
 from .congruent import Image
@@ -95,6 +96,7 @@ class FixedBody:
         always: what its interface sees.
         Phi: all rows of its interface on the modes, shape (modes, columns).
         moments: R_j, rows that are looked at on all columns, shape (orders, rows, columns).
+        series: see ``Expansion``.
     """
 
     body: Body
@@ -102,6 +104,7 @@ class FixedBody:
     always: View
     Phi: Array
     moments: Array
+    series: tuple[Array, Array] | None = None
 
     @property
     def varies(self) -> bool:
@@ -132,7 +135,7 @@ class FixedBody:
         s, one = self.always, np.ones((1, 1))
         moments = [Moment(j, one, R[None]) for j, R in enumerate(self.moments)]
         kept, n = s.Lambda.size, len(s.Phi_N)
-        return Expansion(n, s.Lambda, self.Phi, s.shapes, kept, None, moments, s.TT)
+        return Expansion(n, s.Lambda, self.Phi, s.shapes, kept, None, moments, s.TT, self.series)
 
     def arrays(self) -> Arrays:
         """All that was computed."""
@@ -220,6 +223,37 @@ def fixed_body(
     rows = [R[:n, columns] for R in moments]
     always = View(Lambda, plain[:, :n].T, plain[:, n:].T, np.eye(Lambda.size), rows, known["TT"])
     return FixedBody(seen, known["W"], always, Phi, moments)
+
+
+def damped_body(
+    fixed: FixedBody,
+    body: Body,
+    sigma: float,
+    names: str,
+    comm: MPI.Comm,
+    known: Arrays | None = None,
+) -> FixedBody:
+    """A clamped body of constant stiffness under any damping, such as a disc that turns.
+
+    Args:
+        fixed: the body without damping.
+        body: its matrices.
+        sigma: shift of its eigenvalues [1/s^2].
+        names: blocks of rows that forces follow.
+        comm: processes that share the work.
+        known: ``arrays`` of the same body, made earlier.
+    """
+    if known is not None:
+        return replace(fixed, series=(known["C"], known["G"]))
+    n, Phi = body.N.shape[0], fixed.W
+    rows = {"N": body.N, "T": body.T[:n], "R": body.R}
+    O = sp.vstack([rows[name] for name in names]).tocsr()
+    I = sp.vstack([rows[name] for name in "NT" + "R" * ("R" in names)]).tocsr()
+    factor = Factor(petsc_matrix(body.K), "brake_body_")
+    modes = Phi, fixed.always.Lambda - sigma
+    G = damped_moments(factor, modes, body.M, body.C, O, I, comm)
+    factor.destroy()
+    return replace(fixed, series=(np.asarray(Phi.T @ (body.C @ Phi)), np.array(G)))
 
 
 def _solved(
