@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from .changing.anchors import Anchors
 from .changing.bodies import Body, split_bodies
 from .changing.congruent import Image, image_of
-from .changing.damped_together import check_reach, damped_basis, doubted, standing
+from .changing.damped_together import Standing, check_reach, damped_basis, doubted, standing
 from .changing.damped_view import damped_view
 from .changing.proportion import Box, Damping, Proportion, proportion
 from .changing.springs import on_springs
@@ -30,12 +30,14 @@ from .changing.together import Together
 from .changing.varied import VariedBody
 from .changing.view import ImageBody, Seen, View, damped_body, fixed_body
 from .modes import Complex, Modes
+from .reduced.damped_basis import DampedBasis
 from .reduced.damped_pairs import sample_modes
 from .reduced.damped_sample import DampedSample
 from .reduced.sample import Sample
 from .reduction import CUTOFF, ORDER
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 # Modes of bodies of variable stiffness are kept up to the first multiple of the band, since nothing
 # of a sample is corrected later, and known up to the second.
@@ -44,6 +46,9 @@ VARIED_CUTOFF = (2.0, 2.2)
 # sigma as a share of the highest kappa of the band: moments about -sigma lose the digits that the
 # lowest modes, which have none of their own on free bodies, would cost them about zero.
 SHIFT = 0.05
+
+# So many contact elements show how far the series in lambda reaches.
+SOME = 200
 
 # Total degree of the interpolation between the anchors.
 DEGREE = 3
@@ -142,6 +147,9 @@ class EnsembleBasis:
                     body = damped_body(body, box.body, self.sigma, self.names, comm, made)
                 self.bodies.append(body)
         self._together = Together(self.bodies, w, self.sigma, self.limit + self.sigma)
+        if damping is not None:
+            some = np.unique(np.linspace(0, w.size - 1, min(SOME, w.size)).astype(int))
+            check_reach(self._damped(np.zeros(dimension), some)[0], band)
         self.seconds = time.perf_counter() - start
 
     def modes(self, x: Array, k: Array, mu: float | Array) -> Modes:
@@ -191,22 +199,16 @@ class EnsembleBasis:
                 end.
         """
         start = time.perf_counter()
-        bodies = [body.expansion(x) for body in self.bodies]
         mu = np.broadcast_to(np.asarray(mu, float), k.shape)
-        closed = np.flatnonzero((k > 0) | (along != 0) | (across != 0))
-        at = standing([body.body.elements for body in self.bodies], closed, k.size)
-        views = [
-            damped_view(b, how, self.sigma, self.names, s.here)
-            for b, how, s in zip(bodies, self.damping, at, strict=True)
-        ]
-        basis = damped_basis(views, at, self.w[closed], self.names, self.sigma, self.limit)
+        moved = (k > 0) | (along != 0) | (across != 0)
+        closed = np.flatnonzero(moved) if np.any(moved) else np.zeros(1, dtype=np.intp)
+        basis, at, shapes = self._damped(x, closed)
         check_reach(basis, self.band)
         sample = DampedSample(basis, k[closed], mu[closed], along[closed], across[closed])
         found = sample_modes(sample, self.band, zeta_max, start, np.inf, None)
         doubts = [body.every_doubt for body in self.bodies]
         known = (found.s, found.right, found.left, found.condition)
         error = doubted(sample, known, list(zip(doubts, self.damping, at, strict=True)))
-        shapes = [b.Q[:, : b.kept] for b in bodies]
         return replace(
             found, right=_turned(shapes, found.right), left=_turned(shapes, found.left),
             error=found.error + error, seconds=time.perf_counter() - start,
@@ -266,6 +268,17 @@ class EnsembleBasis:
             else:
                 out[:, own] = shapes[dofs[rows]].T @ AW
         return out
+
+    def _damped(self, x: Array, closed: Index) -> tuple[DampedBasis, list[Standing], list[Array]]:
+        """Damped basis of a sample, where its closed elements stand, and the bodies' modes."""
+        bodies = [body.expansion(x) for body in self.bodies]
+        at = standing([body.body.elements for body in self.bodies], closed, self.w.size)
+        views = [
+            damped_view(b, how, self.sigma, self.names, s.here)
+            for b, how, s in zip(bodies, self.damping, at, strict=True)
+        ]
+        basis = damped_basis(views, at, self.w[closed], self.names, self.sigma, self.limit)
+        return basis, at, [b.Q[:, : b.kept] for b in bodies]
 
     def _look(self, x: Array) -> list[View]:
         """The bodies at a point."""

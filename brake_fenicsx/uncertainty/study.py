@@ -38,6 +38,8 @@ from .robustness import write_causes
 from .sampling import SampleInput, draw_sample, sample_count
 
 if TYPE_CHECKING:
+    from brake_fenicsx.stability.terms import Terms
+
     from .changing import ChangingBodies
     from .solve import Shared
 
@@ -86,6 +88,7 @@ class Study:
         self.loads: dict[str, Array] = {}
         self.modal: Shared | None = None
         self.changing: ChangingBodies | None = None
+        self.terms: Terms | None = None
         self.numbering: Numbering
         self.tasks: list[Task] = [
             (name, k) for name in scene.samples.approaches for k in range(count[name])
@@ -94,7 +97,6 @@ class Study:
         # One sample alone does not pay for a basis: it is solved at full order.
         self.by_reduction = {
             name: stability is not None and stability.method == "reduced" and count[name] > 1
-            and not self.full_order(name)
             for name in approaches
         }  # fmt: skip
         self.verified = next((name for name, reduced in self.by_reduction.items() if reduced), "")
@@ -113,14 +115,13 @@ class Study:
         """Whether damping acts in an approach's samples."""
         return bool(active_terms(self.scene, approach))
 
-    def full_order(self, approach: str) -> bool:
-        """Whether no reduced model can serve: damped bodies whose materials change."""
-        return self.damped(approach) and self.changes_bodies(approach)
-
     def prepare(self) -> None:
         """Factor the reference, and make or load the reduced basis."""
         brake = self.brake
         if "stability" in self.scene.stages:
+            from brake_fenicsx.stability.terms import damping_terms
+
+            self.terms = damping_terms(self.scene, brake)
             self.numbering = Numbering(brake, local_rows(self.K), self.store, self.comm)
         laws = self._reference_laws()
         pressure = brake.pressed / float(brake.w.sum())
@@ -161,7 +162,17 @@ class Study:
     def _prepare_changing(self) -> None:
         """Reduced model of samples whose materials change; full order where there can be none."""
         names = [n for n, r in self.by_reduction.items() if r and self.changes_bodies(n)]
-        if not names or self.bulk is None:
+        damped = [n for n in names if self.damped(n)]
+        if damped:
+            self._try_changing(damped, self.terms)
+        # Damping that no model takes leaves the samples without it theirs.
+        free = [n for n in names if n not in damped]
+        if free and self.changing is None:
+            self._try_changing(free, None)
+
+    def _try_changing(self, names: list[str], terms: Terms | None) -> None:
+        """Reduced model of the samples of some approaches, or full order for them."""
+        if self.bulk is None:
             return
         from .changing import ChangingBodies
 
@@ -169,7 +180,7 @@ class Study:
             matrices = (self.K, self.M)
             self.changing = ChangingBodies(
                 self.scene, self.brake, matrices, self.bulk, self.store, self.comm,
-                self.numbering.mark,
+                self.numbering.mark, terms,
             )  # fmt: skip
         except BrakeError as error:
             logger.warning("no reduced model of changing materials: %s; full order", error)
@@ -212,7 +223,8 @@ class Study:
             shapes = family_shapes(
                 compliance.factor, self.M, stability.band[1], self.store, self.comm, self.numbering
             )
-        self.modal = share(self.scene, self.brake, (self.K, self.M), self.bulk, self.reduced)
+        whole = (self.K, self.M)
+        self.modal = share(self.scene, self.brake, whole, self.bulk, self.reduced, self.terms)
         self.modal.shapes = shapes
         if self.changing is not None:
             self.modal.take_changing(self.changing)
