@@ -139,14 +139,11 @@ class FixedBody:
 
     def arrays(self) -> Arrays:
         """All that was computed."""
-        s = self.always
+        s, series = self.always, self.series
         return {
-            "W": self.W,
-            "Lambda": s.Lambda,
-            "Phi": self.Phi,
-            "moments": self.moments,
-            "TT": s.TT,
-        }
+            "W": self.W, "Lambda": s.Lambda, "Phi": self.Phi, "moments": self.moments, "TT": s.TT,
+            **({} if series is None else {"C": series[0], "G": series[1]}),
+        }  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
