@@ -162,7 +162,7 @@ def test_what_was_made_earlier_gives_the_same_bytes(two_blocks, case):
 
 
 def test_images_share_the_work(two_blocks):
-    """Two damped brakes, the second in another order and upside down: every lambda twice."""
+    """Two damped brakes, the second in another order and upside down: the lambda of both."""
     scene, rng = two_blocks("guided"), np.random.default_rng(5)
     m, n = scene.N.shape
     order, rows = rng.permutation(n), rng.permutation(m)
@@ -181,11 +181,19 @@ def test_images_share_the_work(two_blocks):
         K, M, N, T, w, f[:, None], parts, coefficients, 2, BAND, 3, scene.comm, damping=twice
     )
     assert [bool(body.arrays()) for body in basis.bodies] == [True, True, False, False]
-    one = Sample(scene, "all", (0.5, -0.6), 0.4, seed=4)
-    k, along, across = (np.r_[v, S @ v] for v in (one.k, one.along, one.across))
+    # Contact of its own under each: equal eigenvalues would be a hard case of another kind.
+    one, two = (Sample(scene, "all", (0.5, -0.6), 0.4, seed) for seed in (4, 5))
+    pairs = ((one.k, two.k), (one.along, two.along), (one.across, two.across))
+    k, along, across = (np.r_[a, S @ b] for a, b in pairs)
     found = basis.damped_modes(one.x, k, 0.4, along, across, ZETA)
-    single = one.modes(offline(scene, "all"))
-    np.testing.assert_allclose(np.sort(found.s), np.sort(np.repeat(single.s, 2)), rtol=1e-7)
+    alone = [sample.modes(offline(scene, "all")) for sample in (one, two)]
+    s, error = (np.concatenate([getattr(m, name) for m in alone]) for name in ("s", "error"))
+    assert len(found) == s.size
+    distance = np.abs(found.s[:, None] - s)
+    nearest = distance.argmin(axis=1)
+    assert np.unique(nearest).size == s.size
+    assert np.all(distance.min(axis=1) <= found.error + error[nearest])
+    assert np.median(distance.min(axis=1) / np.abs(found.s)) < 1e-6
 
 
 def test_displacements_of_the_coordinates(two_blocks):
@@ -200,7 +208,8 @@ def test_displacements_of_the_coordinates(two_blocks):
     a, b, c = (np.einsum("im,im->m", phi, A @ phi) for A in (sample.M, sample.C, open_contact))
     off = found.s**2 * a + found.s * b + c
     assert elastic.sum() >= 3
-    assert np.all(np.abs(off[elastic]) < 1e-4 * np.abs(c[elastic]))
+    # The static answer to the forces of damping is left out.
+    assert np.all(np.abs(off[elastic]) < 5e-4 * np.abs(c[elastic]))
 
 
 def test_refused_by_name(two_blocks):
