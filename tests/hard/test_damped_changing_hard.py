@@ -100,13 +100,16 @@ def test_constants_within_a_half_and_damped(two_blocks, dense):
 
 @pytest.mark.parametrize("shear", [0.0, 0.05])
 def test_nothing_held_but_by_contact(two_blocks, dense, shear):
-    """Both bodies free, damped in proportion or not; six rigid modes are no rows of any growth."""
+    """Both bodies free, damped in proportion or not: nine zeros, each once.
+
+    Six of the whole, and three of the pad sliding and turning on the plate.
+    """
     scene = two_blocks("loose")
     made = offline(scene, 0.05, 0.002, shear)
     found, exact = both(scene, dense, made, (0.5, -0.8), scattered(scene, 5), 0.3)
-    exact.agrees(found)
-    rigid = np.abs(found.s) <= 1e-4 * HIGH
-    assert set(np.array(found.verdict)[rigid]) <= {"neutral"}
+    assert exact.agrees(found) < 1e-5
+    assert np.sum(found.s == 0) == 9
+    assert set(np.array(found.verdict)[found.s == 0]) == {"neutral"}
 
 
 def test_all_contacts_open_and_damped(two_blocks, dense):
@@ -136,14 +139,14 @@ def test_contact_all_but_rigid_and_damped(two_blocks, dense, stiff):
 def test_two_modes_about_to_merge_in_changed_bodies(two_blocks, dense):
     """The mu at which two modes of a sample are most alike."""
     scene = two_blocks("coarse")
-    made, k, x = offline(scene, 2e-4, 2e-4), np.full(scene.w.size, K0), np.array([-0.5, 0.7])
+    made, k, x = offline(scene, 2e-4, 2e-4), np.full(scene.w.size, 3 * K0), np.array([-0.5, 0.7])
     none = 0.0 * k
     mu = max(
-        np.linspace(0.4, 1.6, 61),
+        np.linspace(1.5, 1.7, 11),
         key=lambda mu: made[0].damped_modes(x, k, mu, none, none, ZETA).condition.max(),
     )
     found, exact = both(scene, dense, made, x, k, mu)
-    assert found.condition.max() > 8
+    assert found.condition.max() > 50
     exact.agrees(found)
 
 

@@ -21,6 +21,7 @@ from ..modes import Complex, Count, Modes
 from .damped_errors import beyond, left_out
 from .damped_sample import DampedSample
 from .division import quadratic_divisor, quadratic_pairs
+from .sample import DIGITS
 
 if TYPE_CHECKING:
     from .damped_correction import Refined
@@ -64,7 +65,9 @@ def sample_modes(
     chosen = chosen[np.lexsort((s[chosen].real, s[chosen].imag))]
     a, b = every[1][:, chosen], every[2][:, chosen]
     s, error, condition, residual, which = _certified(sample, every, chosen, tolerance, refined)
-    error += 1e-14 * sample.basis.Lambda[-1] * condition / np.maximum(2 * np.abs(s), 1e-6 * high)
+    # A shift takes its digits from what is close to zero.
+    floor = 1e-14 * sample.basis.Lambda[-1] + DIGITS * sample.basis.sigma
+    error += floor * condition / np.maximum(2 * np.abs(s), 1e-6 * high)
     rows, s = damped_rows(s, a, error, (low, high), zeta_max)
     return Modes(
         s, a[:, rows], b[:, rows], residual[rows], error[rows], condition[rows],
