@@ -201,7 +201,9 @@ class EnsembleBasis:
         start = time.perf_counter()
         mu = np.broadcast_to(np.asarray(mu, float), k.shape)
         moved = (k > 0) | (along != 0) | (across != 0)
-        closed = np.flatnonzero(moved) if np.any(moved) else np.zeros(1, dtype=np.intp)
+        # Those of a changing body side by side.
+        order = self._together.order
+        closed = order[moved[order]] if np.any(moved) else order[:1]
         basis, at, shapes = self._damped(x, closed)
         check_reach(basis, self.band)
         sample = DampedSample(basis, k[closed], mu[closed], along[closed], across[closed])
@@ -273,11 +275,13 @@ class EnsembleBasis:
         """Damped basis of a sample, where its closed elements stand, and the bodies' modes."""
         bodies = [body.expansion(x) for body in self.bodies]
         at = standing([body.body.elements for body in self.bodies], closed, self.w.size)
-        views = [
+        # One after the other: each is as large as the whole may be.
+        views = (
             damped_view(b, how, self.sigma, self.names, s.here)
             for b, how, s in zip(bodies, self.damping, at, strict=True)
-        ]
-        basis = damped_basis(views, at, self.w[closed], self.names, self.sigma, self.limit)
+        )
+        kept = [b.kept for b in bodies]
+        basis = damped_basis(views, kept, at, self.w[closed], self.names, self.sigma, self.limit)
         return basis, at, [b.Q[:, : b.kept] for b in bodies]
 
     def _look(self, x: Array) -> list[View]:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg as la
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
@@ -15,7 +14,7 @@ from ..modes import Complex
 from ..reduced.damped_basis import DAMPED_ORDER, DampedBasis, convergence_radius
 from ..reduced.damped_sample import DampedSample
 from ..reduced.sample import DIGITS, DOUBT
-from .bodies import places_of
+from .bodies import compact, places_of
 from .damped_view import DampedView
 from .proportion import Proportion
 
@@ -49,8 +48,12 @@ def standing(elements: Sequence[Index], closed: Index, count: int) -> list[Stand
     """
     at = np.full(count, -1)
     at[closed] = np.arange(closed.size)
-    here = [np.flatnonzero(at[own] >= 0) for own in elements]
-    return [Standing(h, at[own[h]]) for own, h in zip(elements, here, strict=True)]
+    out = []
+    for own in elements:
+        here = np.flatnonzero(at[own] >= 0)
+        here = here[np.argsort(at[own[here]])]
+        out.append(Standing(here, at[own[here]]))
+    return out
 
 
 def check_reach(basis: DampedBasis, band: tuple[float, float]) -> None:
@@ -67,7 +70,8 @@ def check_reach(basis: DampedBasis, band: tuple[float, float]) -> None:
 
 
 def damped_basis(
-    views: Sequence[DampedView],
+    views: Iterable[DampedView],
+    modes: Sequence[int],
     standing: Sequence[Standing],
     w: Array,
     names: str,
@@ -77,7 +81,8 @@ def damped_basis(
     """Add up the bodies of a sample.
 
     Args:
-        views: the bodies from their closed elements.
+        views: the bodies from their closed elements, looked at one after the other.
+        modes: numbers of their modes.
         standing: where these stand.
         w: areas of all closed elements [m^2].
         names: blocks of rows that forces follow.
@@ -86,26 +91,54 @@ def damped_basis(
     """
     m, acting = w.size, "NT" + "R" * ("R" in names)
     rows, columns = m * len(names), m * len(acting)
-    ends = np.cumsum([0, *(v.Lambda.size for v in views)])
-    modes = int(ends[-1])
-    G = np.zeros((DAMPED_ORDER + 1, rows + modes, columns + modes))
-    seen, forced = np.zeros((rows, modes)), np.zeros((columns, modes))
+    ends = np.cumsum([0, *modes])
+    size = int(ends[-1])
+    G = np.zeros((DAMPED_ORDER + 1, rows + size, columns + size))
+    seen, forced = np.zeros((rows, size)), np.zeros((columns, size))
+    Lambda, C = np.zeros(size), np.zeros((size, size))
     answers = {name: np.zeros((m, m)) for name in acting}
     for v, s, first in zip(views, standing, ends, strict=False):
         own = np.arange(first, first + v.Lambda.size)
         O, I = _places(s, len(names), m), _places(s, len(acting), m)
+        Lambda[own], C[np.ix_(own, own)] = v.Lambda, v.C
         seen[np.ix_(O, own)], forced[np.ix_(I, own)] = v.seen, v.forced
-        at = np.ix_(np.r_[O, rows + own], np.r_[I, columns + own])
-        for total, part in zip(G, v.G, strict=True):
-            total[at] += part
+        _add(G, v.G, _stretches(s, len(names), m, own), _stretches(s, len(acting), m, own))
         for name in acting:
             answers[name][np.ix_(s.there, s.there)] += v.answers[name]
-    Lambda = np.concatenate([v.Lambda for v in views])
-    C = la.block_diag(*(v.C for v in views))
     return DampedBasis(
         Lambda, C, seen, forced, tuple(G), names, answers, w, np.zeros(m), limit,
         convergence_radius([*G], rows, columns, limit), sigma,
     )  # fmt: skip
+
+
+def _stretches(s: Standing, blocks: int, m: int, own: Index) -> list[tuple[slice, slice | Index]]:
+    """Places of a body's rows and modes, stretch by stretch: in its own matrices, in those of all.
+
+    Elements that stand side by side need no copy.
+    """
+    n = s.here.size
+    out: list[tuple[slice, slice | Index]] = [
+        (slice(n * i, n * (i + 1)), compact(s.there + m * i)) for i in range(blocks)
+    ]
+    return [*out, (slice(n * blocks, None), compact(own + m * blocks))]
+
+
+def _add(
+    G: Array,
+    part: Array,
+    rows: list[tuple[slice, slice | Index]],
+    columns: list[tuple[slice, slice | Index]],
+) -> None:
+    """Add a body's matrices to those of all."""
+    for own, place in rows:
+        for inner, other in columns:
+            if isinstance(place, slice) and isinstance(other, slice):
+                G[:, place, other] += part[:, own, inner]
+                continue
+            every = [np.arange(G.shape[1 + i])[p] for i, p in enumerate((place, other))]
+            at = np.ix_(*every)
+            for total, matrix in zip(G, part[:, own, inner], strict=True):
+                total[at] += matrix
 
 
 def _places(s: Standing, blocks: int, m: int) -> Index:

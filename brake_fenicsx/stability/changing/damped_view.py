@@ -95,7 +95,12 @@ def _add_rest(
         weights = own @ moment.weights
         some = np.flatnonzero(np.any(weights != 0, axis=1))
         count, *shape = moment.matrices.shape
-        if rows.size == shape[0] and count > 1:
+        if count == 1:
+            A = moment.matrices[0][inner]
+            for i in some:
+                G[i, : rows.size, : columns.size] += weights[i, 0] * A
+            continue
+        if rows.size == shape[0]:
             flat = moment.matrices.reshape(count, -1)
             total = (weights[some] @ flat).reshape(-1, *shape)[:, :, columns]
         else:
