@@ -210,14 +210,15 @@ def modes_again(shared: Shared, sample: SampleInput, data: Mapping[str, Any]) ->
 def _rates(shared: Shared, sample: SampleInput, p: Array) -> tuple[Array, Array] | None:
     """Friction's own damping [Pa s/m], along and across; None where nothing damps the sample.
 
-    A damped model without the undamped one takes all samples.
+    A damped model without the undamped one takes all samples of the scene's own bodies.
     """
     terms, contact = shared.terms, shared.brake.contact
     if terms is None:
         return None
     rates = rates_of_sample(terms, contact, p, sample.mu, sample.slope)
     damped = terms.bulk is not None or np.any(rates)
-    return rates if damped or shared.only_damped else None
+    own = not sample.materials
+    return rates if damped or (shared.only_damped and own) else None
 
 
 def sample_damping(shared: Shared, sample: SampleInput, eq: Equilibrium) -> sp.csr_matrix | None:

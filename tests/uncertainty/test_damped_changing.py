@@ -71,21 +71,27 @@ def test_taken_from_the_cache(tmp_path):
 
 def test_too_strong_a_damping_goes_to_full_order_by_name(tmp_path):
     """Said in the log; solved all the same."""
-    strong = ["stability.damping={ loss=true, omega_ref='8 kHz' }", "materials.lining.loss=0.41"]
-    strong.append("stability.band=['0 Hz','20 kHz']")
+    strong = ["stability.damping={ loss=true, omega_ref='1 kHz' }", "materials.lining.loss=0.35"]
+    strong.append("stability.band=['0 Hz','3 kHz']")
     run(BLOCK, SELF, tmp_path, [*GIVEN, *strong, "stability.method=reduced"])
     log = (tmp_path / "log.txt").read_text()
     assert "no reduced model of changing materials: damping too strong" in log
     assert len(stored(tmp_path)) == 2 and "counted" in stored(tmp_path)[0]
 
 
-def test_undamped_samples_beside_damped_ones(tmp_path):
-    """Falling friction is none of fast: one set of bodies serves both."""
-    both = ["samples.approaches=['multi-scale','fast']", "samples.fast={ n=3, design='random' }"]
+@pytest.mark.parametrize("rough", ["joint", "multi-scale"])
+def test_undamped_samples_beside_damped_ones(rough, tmp_path):
+    """Falling friction is none of fast: one set of bodies serves joint too.
+
+    Beside multi-scale, which has the scene's own bodies, fast took these for damped.
+    """
+    both = [f"samples.approaches=['{rough}','fast']"]
+    both += [f"samples.{name}={{ n=2, design='random' }}" for name in ("joint", "fast")]
     changes = [*GIVEN, "stability.damping.slope=true", "stability.method=reduced", *both]
     run(BLOCK, SELF, tmp_path, changes)
-    damped, free = stored(tmp_path)[0], stored(tmp_path, "fast")[0]
+    damped, free = stored(tmp_path, rough)[0], stored(tmp_path, "fast")[0]
     assert "det T(lambda)" in str(damped["counted"])
+    assert ("anchors" in str(damped["counted"])) == (rough == "joint")
     assert "det T," in str(free["counted"]) and "anchors" in str(free["counted"])
     pairs = free["s"][np.abs(free["s"].real) > 1.0]
     assert np.all([np.abs(free["s"] + s.conjugate()).min() < 1e-6 * abs(s) for s in pairs])
