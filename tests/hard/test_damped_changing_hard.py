@@ -112,6 +112,25 @@ def test_nothing_held_but_by_contact(two_blocks, dense, shear):
     assert set(np.array(found.verdict)[found.s == 0]) == {"neutral"}
 
 
+def test_free_body_that_only_its_damping_changes(two_blocks, dense):
+    """The plate: nothing clamps it, its stiffness is constant, and its shear alone loses energy."""
+    scene = two_blocks("loose")
+    parts, change = stiffnesses(scene)[:2], coefficients(0.2)
+    shear = np.diag([0.0, 0, 0, 1, 1, 1]) * scene.materials["plate.body"].C[3, 3]
+    (A,) = affine_parts(scene.mesh, scene.free, [{"plate.body": shear}])
+    C = (0.02 / (2 * np.pi * 30e3) * local_rows(gathered(A))).tocsr()
+    given = Damping(C, 0.0, np.zeros(2), scene.R, False, False)
+    basis = EnsembleBasis(
+        scene.K, scene.M, scene.N, scene.T, scene.w, scene.f[:, None], parts, change, 2, BAND, 3,
+        scene.comm, damping=given,
+    )  # fmt: skip
+    anchored = [body.anchors.points.shape[1] for body in basis.bodies if body.varies]
+    assert sorted(anchored) == [1, 2]
+    k = scattered(scene, 7)
+    found, exact = both(scene, dense, (basis, given, change), (-0.7, 0.4), k, 0.3)
+    assert exact.agrees(found) < 1e-5
+
+
 def test_all_contacts_open_and_damped(two_blocks, dense):
     """The bodies alone; the pad's way along z is a zero, once."""
     scene = two_blocks("coarse")
