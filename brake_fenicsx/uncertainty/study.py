@@ -163,23 +163,20 @@ class Study:
         """Reduced model of samples whose materials change; full order where there can be none."""
         names = [n for n, r in self.by_reduction.items() if r and self.changes_bodies(n)]
         damped = [n for n in names if self.damped(n)]
-        if damped:
-            self._try_changing(damped, self.terms)
+        self._try_changing(damped, self.terms)
         # Damping that no model takes leaves the samples without it theirs.
-        free = [n for n in names if n not in damped]
-        if free and self.changing is None:
-            self._try_changing(free, None)
+        if self.changing is None:
+            self._try_changing([n for n in names if n not in damped], None)
 
     def _try_changing(self, names: list[str], terms: Terms | None) -> None:
         """Reduced model of the samples of some approaches, or full order for them."""
-        if self.bulk is None:
+        if not names or self.bulk is None:
             return
         from .changing import ChangingBodies
 
         try:
-            matrices = (self.K, self.M)
             self.changing = ChangingBodies(
-                self.scene, self.brake, matrices, self.bulk, self.store, self.comm,
+                self.scene, self.brake, (self.K, self.M), self.bulk, self.store, self.comm,
                 self.numbering.mark, terms,
             )  # fmt: skip
         except BrakeError as error:
@@ -210,16 +207,13 @@ class Study:
         from .basis import family_shapes
         from .solve import share
 
-        full = [
-            name for name, reduced in self.by_reduction.items()
-            if not reduced and (self.damped(name) or self.changes_bodies(name))
-        ]  # fmt: skip
+        special = [n for n in self.by_reduction if self.damped(n) or self.changes_bodies(n)]
+        full = [n for n in special if not self.by_reduction[n]]
         if full:
             logger.info("%s: damping or materials of their own, full order", ", ".join(full))
         shapes = None
-        followed = self.changing is not None
-        followed |= any(sum(task[0] == name for task in self.tasks) > 1 for name in full)
-        if followed and self.reduced is None:
+        many = any(sum(task[0] == name for task in self.tasks) > 1 for name in full)
+        if (many or self.changing is not None) and self.reduced is None:
             shapes = family_shapes(
                 compliance.factor, self.M, stability.band[1], self.store, self.comm, self.numbering
             )
