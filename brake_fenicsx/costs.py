@@ -13,11 +13,13 @@ ladder's. With
                the interface of the reduced model; without it 0.45 m v for the compliance;
                12 (a m + r) v for damping in it;
                0.53 m v for each solve where materials change, (d+1)(d+2)(d+3)/6 + (d+1)(d+2)/2
-               + 2 of them for d random constants
+               + 2 of them for d random constants, one constant more with loss factors; a times
+               that where friction damps them
     samples    0.2 s (m / 1368)^2.5 an equilibrium;
                0.1 s (r / 150)^3 + 0.1 s (m / 1000)^2 its modes, reduced;
                1 + 2 a^2 times that with damping, for a = 1 + 1 (sliding) + 1 (slope);
-               1.6 s (m / 1368)^2 the same and its bodies, where materials change;
+               1.6 s (m / 1368)^2 the same and its bodies, where materials change,
+               1 + 2 a times that with damping;
                45 s (n / 40.7e3)^0.8 b / 64 its modes at full order, 1.3 times that with damping
     memory     0.2 GB + 16 kB n with a factor, 150 B m^2 + 8 B n r the reduced model, and with
                damping 96 B (a m + r)(2 m + r), 3 m with sliding; where
@@ -59,6 +61,7 @@ class Counts:
         changing: samples whose modes come from the reduced model of bodies that change.
         damped: samples of ``full`` that are damped.
         damped_reduced: samples of ``reduced`` that are damped.
+        damped_changing: samples of ``changing`` that are damped.
     """
 
     dofs: int = 0
@@ -69,6 +72,7 @@ class Counts:
     changing: int = 0
     damped: int = 0
     damped_reduced: int = 0
+    damped_changing: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,11 +100,7 @@ def count_solves(scene: Scene, samples: dict[str, int]) -> Counts:
         return Counts(samples=total)
     damped = [name for name in samples if active_terms(scene, name)]
     own = [name for name in samples if constants(scene) and scene.samples.takes_random(name)]
-    chosen = [
-        name
-        for name, n in samples.items()
-        if stability.method == "reduced" and n > 1 and not (name in damped and name in own)
-    ]
+    chosen = [name for name, n in samples.items() if stability.method == "reduced" and n > 1]
     verify = {name: min(stability.verify, samples[name]) for name in chosen[:1]}
     at_full = {name: 0 if name in chosen else n for name, n in samples.items()}
     at_full = {name: n + verify.get(name, 0) for name, n in at_full.items()}
@@ -109,7 +109,8 @@ def count_solves(scene: Scene, samples: dict[str, int]) -> Counts:
         samples=total, reduced=sum(samples[name] for name in chosen) - changing,
         full=sum(at_full.values()), changing=changing,
         damped=sum(at_full[name] for name in damped),
-        damped_reduced=sum(samples[name] for name in chosen if name in damped),
+        damped_reduced=sum(samples[n] for n in chosen if n in damped and n not in own),
+        damped_changing=sum(samples[n] for n in chosen if n in damped and n in own),
     )  # fmt: skip
 
 
@@ -192,17 +193,20 @@ def _mechanics(scene: Scene, c: Counts) -> list[Cost]:
     reduced = c.reduced * (0.1 * (r / 150) ** 3 + 0.1 * (m / 1e3) ** 2)
     full = (c.full + 0.3 * c.damped) * 45 * (n / 40.7e3) ** 0.8 * b / 64
     held = 0.2 + 16e-6 * n + ((150e-9 * m**2 + 8e-9 * n * r) if c.reduced else 40e-9 * m**2)
-    if c.damped_reduced and scene.stability and scene.stability.damping:
-        table = scene.stability.damping
-        a = 1 + bool(table.slope) + bool(table.sliding)
+    table = scene.stability.damping if scene.stability else None
+    a = 1 + (bool(table.slope) + bool(table.sliding) if table else 0)
+    series = 96e-9 * (a * m + r) * ((2 + bool(table and table.sliding)) * m + r)
+    if c.damped_reduced:
         shared += 12 * (a * m + r) * vector
         reduced *= 1 + 2 * a**2 * c.damped_reduced / c.reduced
-        held += 96e-9 * (a * m + r) * ((2 + bool(table.sliding)) * m + r)
+        held += series
     made, anew = held, 0.0
     if c.changing:
-        d = constants(scene)
-        shared += (comb(d + 3, 3) + comb(d + 2, 2) + 2) * 0.53 * m * vector
-        reduced += c.changing * 1.6 * (m / 1368) ** 2
+        d = constants(scene) + (bool(table and table.loss) if c.damped_changing else 0)
+        rows = a if c.damped_changing else 1
+        shared += (comb(d + 3, 3) + comb(d + 2, 2) + 2) * 0.53 * rows * m * vector
+        reduced += (c.changing + 2 * a * c.damped_changing) * 1.6 * (m / 1368) ** 2
+        held += series if c.damped_changing else 0.0
         own = [a for a in scene.samples.approaches if scene.samples.takes_random(a)]
         anew = AGAIN * len(own) * (n / 152e3) ** 1.22
         held, made = held + 19e-6 * n, held + 34e-6 * n

@@ -118,6 +118,32 @@ def test_damped_samples_cost_more():
     assert damped.gigabytes - free.gigabytes == pytest.approx(0.78, rel=0.05)
 
 
+def test_damped_samples_of_changing_materials():
+    """Through the reduced model too; scripts/bench_damping.py --spread 0.2: 22 179 dofs, 5 kHz.
+
+    32 s once and 0.2 s a sample with loss factors, 73 s and 0.37 s with sliding damping.
+    """
+    sizes = 22_179, 316
+    for terms, once, each in (
+        ("loss=true, omega_ref='4 kHz'", 32, 0.2), ("sliding=true", 73, 0.37)
+    ):  # fmt: skip
+        scene = read_scene(
+            SCENES / "disc_brake_study.toml",
+            [f"stability.damping={{ {terms} }}", "materials.lining.loss=0.05",
+             "stability.band=['0 Hz','5 kHz']"],
+        )  # fmt: skip
+        found = count_solves(scene, {"fast": 300, "joint": 100})
+        assert (found.changing, found.damped_changing, found.reduced) == (400, 400, 0)
+        assert found.full == found.damped == scene.stability.verify
+        few, many = (
+            {c.stage: c for c in estimate(scene, Counts(*sizes, n, changing=n, damped_changing=n))}
+            for n in (1, 101)
+        )
+        assert once / FACTOR < few["shared"].seconds < once * FACTOR
+        per = (many["samples"].seconds - few["samples"].seconds) / 100
+        assert each / FACTOR < per < each * FACTOR
+
+
 def costs_of(scene, counts):
     """Cost of the stage samples."""
     return {c.stage: c for c in estimate(scene, counts)}["samples"]

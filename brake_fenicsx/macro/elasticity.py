@@ -229,19 +229,25 @@ def affine_parts(
     keep = PETSc.IS().createGeneral(_owned_globals(free), comm=mesh.domain.comm)
     parts = []
     for changes in directions:
-        A = None
+        total = None
         for layer, change in changes.items():
             cells = compat.meshtags(mesh.domain, 3, mesh.cell_tags.find(mesh.layers[layer]), 1)
             rule = QUADRATURE[mesh.shape]
             dx = ufl.Measure("dx", domain=mesh.domain, subdomain_data=cells, metadata=rule)(1)
             form = fem.form(stiffness_form(u, v, fem.Constant(mesh.domain, change), dx))
-            A = fem_petsc.create_matrix(form) if A is None else A
-            fem_petsc.assemble_matrix(A, form)
-        if A is None:
+            # The pattern is that of the layer's own cells: each has a matrix of its own.
+            A = fem_petsc.assemble_matrix(form)
+            A.assemble()
+            part = A.createSubMatrix(keep, keep)
+            A.destroy()
+            if total is None:
+                total = part
+                continue
+            total.axpy(1.0, part, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+            part.destroy()
+        if total is None:
             raise SceneError("a change of no layer")
-        A.assemble()
-        parts.append(A.createSubMatrix(keep, keep))
-        A.destroy()
+        parts.append(total)
     return parts
 
 

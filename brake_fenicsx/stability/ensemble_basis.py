@@ -22,16 +22,23 @@ from numpy.typing import NDArray
 from .changing.anchors import Anchors
 from .changing.bodies import Body, split_bodies
 from .changing.congruent import Image, image_of
+from .changing.damped_together import Standing, check_reach, damped_basis, doubted, standing
+from .changing.damped_view import damped_view
+from .changing.proportion import Box, Damping, Proportion, proportion
 from .changing.springs import on_springs
 from .changing.together import Together
-from .changing.varied import VariedBody, work_at
-from .changing.view import ImageBody, Seen, View, fixed_body
+from .changing.varied import VariedBody
+from .changing.view import ImageBody, Seen, View, damped_body, fixed_body
 from .modes import Complex, Modes
+from .reduced.damped_basis import DampedBasis
+from .reduced.damped_pairs import sample_modes
+from .reduced.damped_sample import DampedSample
 from .reduced.sample import Sample
 from .reduced.sample_pairs import undamped_modes
 from .reduction import CUTOFF, ORDER
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 # Modes of bodies of variable stiffness are kept up to the first multiple of the band, since nothing
 # of a sample is corrected later, and known up to the second.
@@ -40,6 +47,9 @@ VARIED_CUTOFF = (2.0, 2.2)
 # sigma as a share of the highest kappa of the band: moments about -sigma lose the digits that the
 # lowest modes, which have none of their own on free bodies, would cost them about zero.
 SHIFT = 0.05
+
+# So many contact elements show how far the series in lambda reaches.
+SOME = 200
 
 # Total degree of the interpolation between the anchors.
 DEGREE = 3
@@ -70,6 +80,7 @@ class EnsembleBasis:
         comm: MPI.Comm | None = None,
         progress: Callable[[int], Callable[[int], None]] = lambda total: lambda done: None,
         known: Sequence[dict[str, Array]] | None = None,
+        damping: Damping | None = None,
     ):
         """Offline stage.
 
@@ -89,36 +100,57 @@ class EnsembleBasis:
             progress: called with this process's number of anchors; what it returns is called with
                 the number done.
             known: ``arrays`` of all bodies of the same problem, made earlier.
+            damping: of the samples; None without.
 
         Raises:
-            InaccurateResult: a body has no positive definite stiffness somewhere in the box, or an
-                inertia count finds a missing mode.
+            InaccurateResult: a body has no positive definite stiffness somewhere in the box, an
+                inertia count finds a missing mode, or a body is damped as no model of it can take.
         """
         start = time.perf_counter()
         comm = MPI.COMM_SELF if comm is None else comm
         high = (2 * np.pi * band[1]) ** 2
         self.band, self.w, self.sigma = band, w, SHIFT * high
         self.limit = CUTOFF**2 * high
-        anchors = Anchors(dimension, degree)
         kept, known_up_to = (factor**2 * high for factor in VARIED_CUTOFF)
-        bodies = split_bodies(K, M, N, T, loads, list(parts))
+        self.names = "N" if damping is None else damping.names
+        across = damping.R if damping is not None and damping.across else None
+        C = None if damping is None else damping.C
+        bodies = split_bodies(K, M, N, T, loads, list(parts), C, across)
         images = _images(bodies)
-        varied = sum(
-            bool(body.parts) for body, image in zip(bodies, images, strict=True) if image is None
-        )
-        advance = progress(-(-varied * work_at(anchors) // comm.size))
+        self.damping = [
+            proportion(body, damping, 2 * np.pi * band[1]) if image is None else Proportion()
+            for body, image in zip(bodies, images, strict=True)
+        ]
+        for i, image in enumerate(images):
+            self.damping[i] = self.damping[i if image is None else image[0]]
+        plain = Anchors(dimension, degree), coefficients
+        boxes = [
+            Box(plain, body, how if image is None else Proportion(), len(parts), high)
+            for body, how, image in zip(bodies, self.damping, images, strict=True)
+        ]
         self.bodies: list[Seen] = []
-        for i, (body, image) in enumerate(zip(bodies, images, strict=True)):
+        work = [b.work for b, image in zip(boxes, images, strict=True) if image is None]
+        advance = progress(-(-sum(work) // comm.size))
+        for i, (box, image) in enumerate(zip(boxes, images, strict=True)):
             # What an earlier run saw as an image has no arrays of its own.
             made = (None if known is None else known[i]) or None
             if image is not None:
                 self.bodies.append(ImageBody(image[1], self.bodies[image[0]]))
-            elif body.parts:
-                box = (coefficients, anchors, self.sigma, (kept, known_up_to), ORDER)
-                self.bodies.append(VariedBody(body, *box, comm, advance, made))
+            elif box.anchors is not None:
+                given = (box.coefficients, box.anchors, self.sigma, (kept, known_up_to), ORDER)
+                self.bodies.append(
+                    VariedBody(box.body, *given, comm, advance, made, self.names, box.stretched)
+                )
             else:
-                self.bodies.append(fixed_body(body, self.sigma, self.limit, ORDER, comm, made))
+                shift = (self.sigma, self.limit, ORDER)
+                body = fixed_body(box.body, *shift, comm, made, self.names)
+                if box.series:
+                    body = damped_body(body, box.body, self.sigma, self.names, comm, made)
+                self.bodies.append(body)
         self._together = Together(self.bodies, w, self.sigma, self.limit + self.sigma)
+        if damping is not None:
+            some = np.unique(np.linspace(0, w.size - 1, min(SOME, w.size)).astype(int))
+            check_reach(self._damped(np.zeros(dimension), some)[0], band)
         self.seconds = time.perf_counter() - start
 
     def modes(self, x: Array, k: Array, mu: float | Array) -> Modes:
@@ -142,10 +174,53 @@ class EnsembleBasis:
         found = undamped_modes(
             Sample(basis, k[closed], mu[closed], self.sigma, doubt), self.band, start
         )
+        shapes = [v.shapes for v in views]
         how = "winding number of det T, on bases complete by inertia at the anchors"
         return replace(
-            found, right=_turned(views, found.right), left=_turned(views, found.left),
+            found, right=_turned(shapes, found.right), left=_turned(shapes, found.left),
             count=replace(found.count, how=how),
+        )  # fmt: skip
+
+    def damped_modes(
+        self, x: Array, k: Array, mu: float | Array, along: Array, across: Array, zeta_max: float
+    ) -> Modes:
+        """Damped complex modes of one sample in the band; nothing is corrected.
+
+        Args:
+            x: its stiffness, a point of the box.
+            k: contact stiffness of each element [Pa/m], shape (elements,).
+            mu: friction coefficient, one or one per element.
+            along: p mu'(V) of each element [Pa s/m].
+            across: mu p / V of each element [Pa s/m].
+            zeta_max: decaying modes up to this damping ratio are looked for.
+
+        Returns:
+            As ``modes``.
+
+        Raises:
+            InaccurateResult: the count differs, or the series in lambda does not reach the band's
+                end.
+        """
+        start = time.perf_counter()
+        mu = np.broadcast_to(np.asarray(mu, float), k.shape)
+        moved = (k > 0) | (along != 0) | (across != 0)
+        # Those of a changing body side by side.
+        order = self._together.order
+        closed = order[moved[order]] if np.any(moved) else order[:1]
+        basis, at, shapes = self._damped(x, closed)
+        check_reach(basis, self.band)
+        sample = DampedSample(basis, k[closed], mu[closed], along[closed], across[closed])
+        found = sample_modes(sample, self.band, zeta_max, start, np.inf, None)
+        doubts = [body.every_doubt for body in self.bodies]
+        known = (found.s, found.right, found.left, found.condition)
+        error = doubted(sample, known, list(zip(doubts, self.damping, at, strict=True)))
+        return replace(
+            found, right=_turned(shapes, found.right), left=_turned(shapes, found.left),
+            error=found.error + error, seconds=time.perf_counter() - start,
+            count=replace(
+                found.count,
+                how="winding number of det T(lambda), on bases complete by inertia at the anchors",
+            ),
         )  # fmt: skip
 
     def compliance(self, x: Array, k0: Array) -> tuple[Array, Array, Array]:
@@ -199,6 +274,19 @@ class EnsembleBasis:
                 out[:, own] = shapes[dofs[rows]].T @ AW
         return out
 
+    def _damped(self, x: Array, closed: Index) -> tuple[DampedBasis, list[Standing], list[Array]]:
+        """Damped basis of a sample, where its closed elements stand, and the bodies' modes."""
+        bodies = [body.expansion(x) for body in self.bodies]
+        at = standing([body.body.elements for body in self.bodies], closed, self.w.size)
+        # One after the other: each is as large as the whole may be.
+        views = (
+            damped_view(b, how, self.sigma, self.names, s.here)
+            for b, how, s in zip(bodies, self.damping, at, strict=True)
+        )
+        kept = [b.kept for b in bodies]
+        basis = damped_basis(views, kept, at, self.w[closed], self.names, self.sigma, self.limit)
+        return basis, at, [b.Q[:, : b.kept] for b in bodies]
+
     def _look(self, x: Array) -> list[View]:
         """The bodies at a point."""
         return [body.view(x) for body in self.bodies]
@@ -219,8 +307,8 @@ def _images(bodies: list[Body]) -> list[tuple[int, Image] | None]:
     return out
 
 
-def _turned(views: list[View], vectors: Complex) -> Complex:
-    """Coordinates in the bodies' spaces from those in their modes."""
-    ends = np.cumsum([s.Lambda.size for s in views])[:-1]
-    parts = zip(views, np.split(vectors, ends), strict=True)
-    return np.vstack([s.shapes @ part for s, part in parts])
+def _turned(shapes: list[Array], vectors: Complex) -> Complex:
+    """Coordinates in the bodies' spaces from those in their modes, the columns of ``shapes``."""
+    ends = np.cumsum([Q.shape[1] for Q in shapes])[:-1]
+    parts = zip(shapes, np.split(vectors, ends), strict=True)
+    return np.vstack([Q @ part for Q, part in parts])

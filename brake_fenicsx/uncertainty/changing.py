@@ -16,11 +16,14 @@ from brake_fenicsx.macro.condensation import gathered_vector
 from brake_fenicsx.macro.elasticity import unit_loads
 from brake_fenicsx.macro.material_sample import varied_stiffness
 from brake_fenicsx.macro.solver import local_rows
-from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene import Scene, Stability
 from brake_fenicsx.scene_samples import split_key
+from brake_fenicsx.stability.changing.proportion import Damping
 from brake_fenicsx.stability.ensemble_basis import DEGREE, VARIED_CUTOFF, EnsembleBasis
 from brake_fenicsx.stability.modes import Modes
+from brake_fenicsx.stability.reduced.damped_basis import DAMPED_ORDER
 from brake_fenicsx.stability.reduction import CUTOFF, ORDER
+from brake_fenicsx.stability.terms import Terms
 from brake_fenicsx.store import Store
 
 from .bulk import PLACES, Bulk
@@ -36,10 +39,10 @@ FILE = "cache/bodies.npz"
 TAIL, BEYOND = 1e-3, 1.1
 
 # Number of the layout of ``arrays``.
-LAYOUT = 2
+LAYOUT = 3
 
 # A cache of another layout or accuracy is made again.
-MADE_WITH = np.array([LAYOUT, DEGREE, ORDER, CUTOFF, *VARIED_CUTOFF, TAIL])
+MADE_WITH = np.array([LAYOUT, DEGREE, ORDER, CUTOFF, *VARIED_CUTOFF, TAIL, DAMPED_ORDER])
 
 
 class Box:
@@ -100,6 +103,7 @@ class ChangingBodies:
 
     Attributes:
         basis: the reduced model of all of them.
+        damped: whether it knows the damping of the samples.
         mark: of the order of the dofs that it was made in.
     """
 
@@ -112,6 +116,7 @@ class ChangingBodies:
         store: Store,
         comm: MPI.Comm,
         mark: str,
+        terms: Terms | None = None,
     ):
         """Offline stage, or what an earlier one left in the results folder; collective.
 
@@ -123,31 +128,35 @@ class ChangingBodies:
             store: the results folder.
             comm: processes that share the work.
             mark: of the present order of the dofs; what was made in another is made again.
+            terms: damping of its samples; None where nothing damps them.
 
         Raises:
             SceneError, InaccurateResult: the materials are not positive definite everywhere in the
-                box of the samples.
+                box of the samples, or the bodies are damped as no model of them can take.
         """
         stability = scene.stability
         if stability is None:
             raise ValueError("a scene without [stability] has no modes")
-        self.box, self.mark = Box(scene, bulk), mark
+        self.box, self.mark, self.damped = Box(scene, bulk), mark, terms is not None
+        damping = None if terms is None else _damping(stability, terms, brake, bulk)
         self.faces = sorted(scene.loads)
         mesh, free = brake.mesh, brake.elastic.free
         loads = [gathered_vector(unit_loads(mesh, free, face)) for face in self.faces]
         self._pressures = {face: scene.loads[face].pressure for face in self.faces}
         K, M = (local_rows(A) for A in matrices)
         band = (stability.band[0], stability.band[1])
-        known = _cached(store, mark)
+        names = "" if damping is None else f"{damping.names}, damped"
+        known = _cached(store, mark, names)
         self.basis = EnsembleBasis(
             K, M, brake.N, brake.T, brake.w, np.stack(loads, axis=1), list(bulk.parts.values()),
             self.box.coefficients, len(self.box.names), band, comm=comm,
-            progress=lambda total: Progress("anchors", total).advance, known=known,
+            progress=lambda total: Progress("anchors", total).advance, known=known, damping=damping,
         )  # fmt: skip
         if known is None and comm.rank == 0:
             made = [body.arrays() for body in self.basis.bodies]
             named = {f"{i}.{name}": a for i, one in enumerate(made) for name, a in one.items()}
-            store.save(FILE, bodies=np.array(len(made)), made_with=MADE_WITH, dofs=mark, **named)
+            marks = {"made_with": MADE_WITH, "dofs": mark, "damping": names}
+            store.save(FILE, bodies=np.array(len(made)), **marks, **named)
 
     def compliance(
         self, drawn: Mapping[str, float], pressures: Mapping[str, float], k0: Array
@@ -163,15 +172,43 @@ class ChangingBodies:
         load = {**self._pressures, **pressures}
         return NN, NT, Nf @ np.array([load[face] for face in self.faces])
 
-    def modes(self, drawn: Mapping[str, float], k: Array, mu: Array) -> Modes:
-        """Complex modes of a sample, in coordinates of the basis."""
-        return self.basis.modes(self.box.place(drawn), k, mu)
+    def modes(
+        self,
+        drawn: Mapping[str, float],
+        k: Array,
+        mu: Array,
+        rates: tuple[Array, Array] | None = None,
+        zeta_max: float = 0.0,
+    ) -> Modes:
+        """Complex modes of a sample, in coordinates of the basis.
+
+        Args:
+            drawn: its random inputs.
+            k: its contact stiffness [Pa/m].
+            mu: its friction coefficients.
+            rates: friction's own damping, see ``rates_of_sample``; None where nothing damps it.
+            zeta_max: decaying modes up to this damping ratio are looked for where it is damped.
+        """
+        place = self.box.place(drawn)
+        if rates is None:
+            return self.basis.modes(place, k, mu)
+        return self.basis.damped_modes(place, k, mu, *rates, zeta_max)
 
 
-def _cached(store: Store, mark: str) -> list[dict[str, Array]] | None:
+def _damping(stability: Stability, terms: Terms, brake: Brake, bulk: Bulk) -> Damping:
+    """Damping terms as the bodies take them."""
+    table = stability.damping
+    alpha = table.rayleigh[0] if table is not None and table.rayleigh is not None else 0.0
+    follows = np.array([terms.follows.get(material, 0.0) for material, _ in bulk.parts])
+    return Damping(terms.bulk, alpha, follows, brake.contact.R, terms.slope, terms.sliding)
+
+
+def _cached(store: Store, mark: str, damping: str) -> list[dict[str, Array]] | None:
     """Arrays of all bodies that an earlier run left."""
     stored = store.load(FILE)
     if stored is None or not np.array_equal(stored["made_with"], MADE_WITH):
+        return None
+    if str(stored.get("damping")) != damping:
         return None
     if str(stored.get("dofs")) != mark:
         logger.info("reduced bodies: the dofs are numbered in another way now; made again")

@@ -135,7 +135,11 @@ def _unstable(study: Study, task: Task, data: dict[str, Any]) -> tuple[NDArray, 
     if "vectors" in data:
         return chosen, study.numbering.present(data["vectors"][:, kept].astype(complex)), ""
     if study.changing is not None and study.changes_bodies(task[0]):
-        return chosen, _of_bodies(study, data, chosen, kept), "; static part of the bodies left out"
+        return (
+            chosen,
+            _of_bodies(study, task, data, chosen, kept),
+            "; static part of the bodies left out",
+        )
     from .solve import expanded
 
     if study.modal is None:
@@ -144,15 +148,16 @@ def _unstable(study: Study, task: Task, data: dict[str, Any]) -> tuple[NDArray, 
 
 
 def _of_bodies(
-    study: Study, data: dict[str, Any], chosen: NDArray, kept: list[int]
+    study: Study, task: Task, data: dict[str, Any], chosen: NDArray, kept: list[int]
 ) -> NDArray[np.complex128]:
     """Displacements of modes of a sample whose materials are its own."""
     changing = study.changing
-    if changing is None:
+    if changing is None or study.modal is None:
         raise ValueError("prepare() comes first")
     if str(data.get("bodies")) == changing.mark:
         return changing.basis.displacements(data["in_bodies"][:, kept].astype(complex))
     # An earlier program, or one on another number of processes, had other bodies.
-    drawn = dict(zip(map(str, data["random_names"]), data["random"], strict=True))
-    modes = changing.modes(drawn, data["k"], data["mu"])
+    from .solve import modes_again
+
+    modes = modes_again(study.modal, study._draw(*task), data)
     return changing.basis.displacements(modes.right[:, chosen])

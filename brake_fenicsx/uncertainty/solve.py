@@ -1,7 +1,7 @@
 """Complex modes of one sample: which solver takes it, and what is kept of its modes.
 
-Samples go through a reduced model, where there is one: that of the scene's bodies, with damping or
-without, or that of bodies whose materials change, without; all others are solved at full order.
+Samples go through a reduced model, where there is one: that of the scene's bodies, or that of
+bodies whose materials change, either with damping or without; all others are solved at full order.
 """
 
 from __future__ import annotations
@@ -40,7 +40,6 @@ from brake_fenicsx.stability.participation import (
 from brake_fenicsx.stability.terms import (
     Terms,
     damping_of_sample,
-    damping_terms,
     rates_of_sample,
     record,
 )
@@ -118,6 +117,7 @@ def share(
     whole: tuple[PETSc.Mat, PETSc.Mat],
     bulk: Bulk | None,
     reduced: Reduced | None,
+    terms: Terms | None,
 ) -> Shared:
     """Assemble what the samples' modes share; collective.
 
@@ -127,13 +127,14 @@ def share(
         whole: stiffness [N/m] and mass [kg], whole on this process.
         bulk: unit changes of random materials and loads, if there are any.
         reduced: the reduced model, if it serves any sample.
+        terms: damping terms of the scene; None without damping.
     """
     if scene.stability is None:
         raise ValueError("a scene without [stability] has no modes")
     layers = layer_materials(scene, scene_materials(scene), brake.mesh.layers)
     density = {name: m.rho for name, m in layers.items()}
     masses = layer_masses(brake.mesh, brake.elastic.free, density)
-    terms, damping = damping_terms(scene, brake), record(scene, brake.contact)
+    damping = record(scene, brake.contact)
     shared = Shared(brake, *whole, scene.stability, masses, terms, damping, bulk, reduced)
     if reduced is not None:
         shared.grams = kinetic_grams(masses, reduced.Phi)
@@ -162,8 +163,9 @@ def modes_of_sample(
             return _damped(shared, shared.damped, sample, eq, rates)
         if rates is None and shared.reduced is not None:
             return _reduced(shared, shared.reduced, sample, eq)
-    elif by_reduction and shared.changing is not None and rates is None:
-        return _changing(shared, shared.changing, sample, eq)
+    elif by_reduction and shared.changing is not None:
+        if rates is None or shared.changing.damped:
+            return _changing(shared, shared.changing, sample, eq, rates)
     C = None if rates is None else sample_damping(shared, sample, eq)
     return _full(shared, sample, eq, C, comm)
 
@@ -191,17 +193,32 @@ def expanded(
     return shared.reduced.expand(s, a, data["k"], data["mu"])
 
 
+def modes_again(shared: Shared, sample: SampleInput, data: Mapping[str, Any]) -> Modes:
+    """Modes of a stored sample whose materials change, in coordinates of the present bodies.
+
+    Args:
+        shared: what all samples share.
+        sample: the inputs of the stored sample.
+        data: what was stored of it.
+    """
+    if shared.changing is None:
+        raise ValueError("modes of a reduced model that is not there")
+    rates, zeta = _rates(shared, sample, data["p"]), shared.stability.zeta_max
+    return shared.changing.modes(sample.random, data["k"], data["mu"], rates, zeta)
+
+
 def _rates(shared: Shared, sample: SampleInput, p: Array) -> tuple[Array, Array] | None:
     """Friction's own damping [Pa s/m], along and across; None where nothing damps the sample.
 
-    A damped model without the undamped one takes all samples.
+    A damped model without the undamped one takes all samples of the scene's own bodies.
     """
     terms, contact = shared.terms, shared.brake.contact
     if terms is None:
         return None
     rates = rates_of_sample(terms, contact, p, sample.mu, sample.slope)
     damped = terms.bulk is not None or np.any(rates)
-    return rates if damped or shared.only_damped else None
+    own = not sample.materials
+    return rates if damped or (shared.only_damped and own) else None
 
 
 def sample_damping(shared: Shared, sample: SampleInput, eq: Equilibrium) -> sp.csr_matrix | None:
@@ -245,14 +262,25 @@ def _damped(
 
 
 def _changing(
-    shared: Shared, changing: ChangingBodies, sample: SampleInput, eq: Equilibrium
+    shared: Shared,
+    changing: ChangingBodies,
+    sample: SampleInput,
+    eq: Equilibrium,
+    rates: tuple[Array, Array] | None,
 ) -> Arrays:
-    modes = changing.modes(sample.random, eq.k, sample.mu)
+    modes = changing.modes(sample.random, eq.k, sample.mu, rates, shared.stability.zeta_max)
     shares = energy_shares(shared.changing_grams, modes.right)
     coordinates = modes.right if shared.onto is None else shared.onto @ modes.right
-    grown = np.flatnonzero(np.array(modes.verdict) == "unstable")
+    unstable = np.array(modes.verdict) == "unstable"
+    if rates is None:
+        partners = flutter_partners(modes.s)
+    else:
+        # Spaces of the bodies are orthonormal in the mass.
+        one = sp.identity(len(modes.right), format="csr")
+        partners = damped_partners(modes.s, modes.right, one, unstable)
+    grown = np.flatnonzero(unstable)
     return {
-        **_record(modes), **_composition(modes, shares, flutter_partners(modes.s)),
+        **_record(modes), **_composition(modes, shares, partners),
         "coordinates": coordinates.astype(np.complex64),
         # For their pictures: nothing is solved again, as long as the bodies are the same.
         "in_bodies": modes.right[:, grown].astype(np.complex64), "vector_mode": grown,

@@ -41,6 +41,8 @@ from .robustness import write_causes
 from .sampling import SampleInput, draw_sample, sample_count
 
 if TYPE_CHECKING:
+    from brake_fenicsx.stability.terms import Terms
+
     from .changing import ChangingBodies
     from .solve import Shared
 
@@ -89,6 +91,7 @@ class Study:
         self.equilibria: Equilibria | None = None
         self.modal: Shared | None = None
         self.changing: ChangingBodies | None = None
+        self.terms: Terms | None = None
         self.numbering: Numbering
         self.tasks: list[Task] = [
             (name, k) for name in scene.samples.approaches for k in range(count[name])
@@ -97,7 +100,6 @@ class Study:
         # One sample alone does not pay for a basis: it is solved at full order.
         self.by_reduction = {
             name: stability is not None and stability.method == "reduced" and count[name] > 1
-            and not self.full_order(name)
             for name in approaches
         }  # fmt: skip
         self.verified = next((name for name, reduced in self.by_reduction.items() if reduced), "")
@@ -116,14 +118,13 @@ class Study:
         """Whether damping acts in an approach's samples."""
         return bool(active_terms(self.scene, approach))
 
-    def full_order(self, approach: str) -> bool:
-        """Whether no reduced model can serve: damped bodies whose materials change."""
-        return self.damped(approach) and self.changes_bodies(approach)
-
     def prepare(self) -> None:
         """Factor the reference, and make or load the reduced basis."""
         brake = self.brake
         if "stability" in self.scene.stages:
+            from brake_fenicsx.stability.terms import damping_terms
+
+            self.terms = damping_terms(self.scene, brake)
             with self.shelf.shared(DOFS, of_bodies(self.scene), self.comm):
                 self.numbering = Numbering(brake, local_rows(self.K), self.store, self.comm)
         laws = self._reference_laws()
@@ -157,6 +158,11 @@ class Study:
                 reason = error
         raise reason
 
+    def _acting(self) -> list[Any]:
+        """What the damping of the bodies depends on beside themselves."""
+        stability = self.scene.table.get("stability", {})
+        return [stability.get("damping"), self.scene.table.get("motion")]
+
     @contextmanager
     def _shared(self, name: str, k0: Array | float, *depends: Any) -> Iterator[None]:
         """A reduced model on springs k0, from other folders or for them."""
@@ -169,6 +175,14 @@ class Study:
     def _prepare_changing(self) -> None:
         """Reduced model of samples whose materials change; full order where there can be none."""
         names = [n for n, r in self.by_reduction.items() if r and self.changes_bodies(n)]
+        damped = [n for n in names if self.damped(n)]
+        self._try_changing(damped, self.terms)
+        # Damping that no model takes leaves the samples without it theirs.
+        if self.changing is None:
+            self._try_changing([n for n in names if n not in damped], None)
+
+    def _try_changing(self, names: list[str], terms: Terms | None) -> None:
+        """Reduced model of the samples of some approaches, or full order for them."""
         if not names or self.bulk is None:
             return
         from .changing import FILE, ChangingBodies
@@ -176,12 +190,12 @@ class Study:
         random, laws = self.scene.samples.random, self.scene.table["samples"]["random"]
         moduli = [n for n in sorted(random) if split_key(n)[0] == "materials"]
         box = [[n, laws[n], random[n].digest] for n in moduli]
+        acts = None if terms is None else self._acting()
         try:
-            matrices = (self.K, self.M)
-            with self._shared(FILE, 0.0, box, self.numbering.mark):
+            with self._shared(FILE, 0.0, box, acts, self.numbering.mark):
                 self.changing = ChangingBodies(
-                    self.scene, self.brake, matrices, self.bulk, self.store, self.comm,
-                    self.numbering.mark,
+                    self.scene, self.brake, (self.K, self.M), self.bulk, self.store, self.comm,
+                    self.numbering.mark, terms,
                 )  # fmt: skip
         except BrakeError as error:
             logger.warning("no reduced model of changing materials: %s; full order", error)
@@ -213,22 +227,20 @@ class Study:
         from .basis import SHAPES, family_shapes
         from .solve import share
 
-        full = [
-            name for name, reduced in self.by_reduction.items()
-            if not reduced and (self.damped(name) or self.changes_bodies(name))
-        ]  # fmt: skip
+        special = [n for n in self.by_reduction if self.damped(n) or self.changes_bodies(n)]
+        full = [n for n in special if not self.by_reduction[n]]
         if full:
             logger.info("%s: damping or materials of their own, full order", ", ".join(full))
         shapes = None
-        followed = self.changing is not None
-        followed |= any(sum(task[0] == name for task in self.tasks) > 1 for name in full)
-        if followed and self.reduced is None:
+        many = any(sum(task[0] == name for task in self.tasks) > 1 for name in full)
+        if (many or self.changing is not None) and self.reduced is None:
             with self._shared(SHAPES, seen.k0):
                 shapes = family_shapes(
                     seen.factor, self.M, stability.band[1], self.store, self.comm,
                     self.numbering,
                 )  # fmt: skip
-        self.modal = share(self.scene, self.brake, (self.K, self.M), self.bulk, self.reduced)
+        whole = (self.K, self.M)
+        self.modal = share(self.scene, self.brake, whole, self.bulk, self.reduced, self.terms)
         self.modal.shapes = shapes
         if self.changing is not None:
             self.modal.take_changing(self.changing)
@@ -247,8 +259,7 @@ class Study:
         from .basis import DAMPED_FILE, damped_model
 
         try:
-            acts = [str(modal.damping), self.scene.table.get("motion")]
-            with self._shared(DAMPED_FILE, modal.reduced.basis.k0, acts):
+            with self._shared(DAMPED_FILE, modal.reduced.basis.k0, self._acting()):
                 modal.damped = damped_model(
                     modal.reduced, modal.terms, self.brake.contact, self.store, self.comm
                 )

@@ -43,3 +43,28 @@ def test_error_falls_geometrically():
         errors.append(abs(anchors.weights(point, degree) @ values - 1 / (4 + point.sum())))
     slope = np.polyfit(np.arange(1, 8), np.log(errors), 1)[0]
     assert slope < np.log(0.45), errors
+
+
+def test_polynomials_go_on_beyond_the_box():
+    """Samples a little beyond are taken: held at the edge they would have another body's rest."""
+    anchors = Anchors(2, 3)
+    p = lambda x, y: 1 + 2 * x - y + x * y**2 - 3 * x**3  # noqa: E731
+    at = p(*anchors.points.T)
+    for x in (np.array([1.1, -1.1]), np.array([-1.05, 0.3])):
+        assert anchors.weights(x, 3) @ at == pytest.approx(p(*x), rel=1e-12)
+
+
+def test_powers_of_the_last_coordinate():
+    """At a complex one, far from the box: what damping asks for."""
+    anchors = Anchors(3, 3)
+    p = lambda x, y, t: 1 - y + x * t + y * t**2 - 2 * t**3  # noqa: E731
+    at, t = p(*anchors.points.T), 0.3 + 2j
+    powers = anchors.series(np.array([0.4, -0.9]), 3)
+    assert sum(t**n * (w @ at) for n, w in enumerate(powers)) == pytest.approx(p(0.4, -0.9, t))
+    np.testing.assert_allclose(
+        powers[0], anchors.weights(np.array([0.4, -0.9, 0.0]), 3), atol=1e-12
+    )
+    # Lower degrees, and a box of that coordinate alone.
+    alone = Anchors(1, 5).series(np.zeros(0), 4)
+    values = Anchors(1, 5).points[: alone.shape[1], 0] ** 3
+    np.testing.assert_allclose(alone @ values, [0, 0, 0, 1, 0], atol=1e-10)

@@ -11,6 +11,7 @@ from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
 Array = NDArray[np.float64]
 
@@ -53,9 +54,28 @@ class Anchors:
         n = self.count(degree)
         return np.asarray(self._polynomials(x[None])[0, :n] @ self._inverse[degree])
 
+    def series(self, x: Array, degree: int) -> Array:
+        """Weights of each power of the last coordinate, shape (degree + 1, count(degree)).
+
+        Args:
+            x: the other coordinates of a point, shape (d - 1,).
+            degree: total degree, at most that of the anchors.
+        """
+        n = self.count(degree)
+        others = special.eval_chebyt(np.arange(self.degree + 1), x[:, None])
+        index = self._indices[:n]
+        value = np.prod([others[i, index[:, i]] for i in range(x.size)], axis=0) * np.ones(n)
+        powers = np.zeros((degree + 1, n))
+        for k in range(degree + 1):
+            chosen = index[:, -1] == k
+            series = special.chebyt(k).coef[::-1]
+            powers[: series.size, chosen] = series[:, None] * value[chosen]
+        return np.asarray(powers @ self._inverse[degree])
+
     def _polynomials(self, x: Array) -> Array:
         """Products of Chebyshev polynomials, shape (points, anchors)."""
-        each = np.cos(np.arange(self.degree + 1) * np.arccos(np.clip(x, -1, 1))[..., None])
+        # Samples a little beyond the box are taken: polynomials go on there.
+        each = special.eval_chebyt(np.arange(self.degree + 1), x[..., None])
         chosen = [each[:, j, self._indices[:, j]] for j in range(x.shape[1])]
         return np.asarray(np.prod(chosen, axis=0))
 

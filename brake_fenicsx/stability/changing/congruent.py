@@ -59,26 +59,31 @@ def image_of(original: Body, other: Body) -> Image | None:
         return None
     turn, scale = sp.diags(signs), sp.diags(1 / np.sqrt(original.K.diagonal()))
     rows = np.r_[elements, np.arange(elements.size, T.shape[0])]
-    N, T = N[elements] @ turn, T[rows] @ turn
+    N, T, R = N[elements] @ turn, T[rows] @ turn, other.R[:, dofs]
+    R = R[elements] @ turn if R.shape[0] else R
     # The whole body may be upside down: only its gaps tell.
     upright = 1.0 if original.N.multiply(N).sum() >= 0 else -1.0
     square = [(original.K, K), (original.M, other.M[dofs][:, dofs])]
     parts = zip(original.parts, other.parts, strict=True)
     square += [(a, b[dofs][:, dofs]) for (_, a), (_, b) in parts]
     pairs = [(scale @ a @ scale, scale @ turn @ b @ turn @ scale) for a, b in square]
-    pairs += [(original.N, upright * N), (original.T, upright * T)]
+    damped = scale @ original.C @ scale, scale @ turn @ other.C[dofs][:, dofs] @ turn @ scale
+    rows_of = [(original.N, N), (original.T, T), (original.R, R)]
+    pairs += [damped, *((a, upright * b) for a, b in rows_of)]
     if not all(_largest(a - b) <= ROUND_OFF * _largest(a) for a, b in pairs):
         return None
     none = sp.csr_matrix((0, 0))
     body = replace(
-        other, dofs=other.dofs[dofs], elements=other.elements[elements], K=none, M=none, parts=()
-    )
+        other, dofs=other.dofs[dofs], elements=other.elements[elements], K=none, M=none, parts=(),
+        C=none, R=none,
+    )  # fmt: skip
     return Image(body, upright * signs)
 
 
 def _counts(body: Body) -> tuple[object, ...]:
     """What two bodies must have in common before anything is compared."""
-    return (*body.N.shape, *body.T.shape, *(number for number, _ in body.parts))
+    numbers = (number for number, _ in body.parts)
+    return (*body.N.shape, *body.T.shape, *body.R.shape, *numbers)
 
 
 def _marks(body: Body) -> Array:

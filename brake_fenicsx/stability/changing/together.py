@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..reduced.basis import Basis
+from .bodies import compact
 from .springs import Resting
 from .view import Seen, View
 
@@ -51,7 +52,7 @@ class Together:
         self.place: Index = np.argsort(self.order)
         self.bodies, self.sigma, self.limit = bodies, sigma, limit
         self.w: Array = w[self.order]
-        self._own = [_compact(self.place[body.body.elements]) for body in bodies]
+        self._own = [compact(self.place[body.body.elements]) for body in bodies]
         self._moving = _Sums(bodies, self._own, w.size, _moving)
         self._resting = _Sums(bodies, self._own, w.size, partial(_resting, sigma=sigma))
 
@@ -209,13 +210,6 @@ def _at_rest(s: View, sigma: float, columns: slice) -> Array:
     Phi = np.vstack([s.Phi_N, s.Phi_T])[columns, firm]
     R += (s.Phi_N[:, firm] / (s.Lambda[firm] - sigma)) @ Phi.T
     return R
-
-
-def _compact(places: Index) -> slice | Index:
-    """Places as a slice where they stand side by side."""
-    if places.size and np.array_equal(places, np.arange(places[0], places[0] + places.size)):
-        return slice(int(places[0]), int(places[0]) + places.size)
-    return places
 
 
 def _block(places: slice | Index) -> tuple[Any, ...]:

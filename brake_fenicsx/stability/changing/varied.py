@@ -8,7 +8,10 @@ body at some anchors theta_a, the resolvent on the interface B = [N; T] is
 kappa' = kappa + sigma. The first term is exact for every theta (A is linear in the coefficients);
 the rest is small and smooth in theta, because W is the same for all: R_j is computed at anchors,
 see ``rest``, and interpolated with a degree that falls by one from j to j + 1; the last ones are
-those of the centre. Rows N alone are kept: N R_j [N' T'].
+those of the centre. Rows that forces follow alone are kept, N R_j [N' T'] without damping.
+
+Where damping is not in proportion, its share t of the stiffness is one more coordinate of the box,
+see ``proportion``; at t = 0 the body is the undamped one.
 """
 
 from __future__ import annotations
@@ -30,7 +33,8 @@ from brake_fenicsx.macro.solver import Factor
 from ..full.lanczos import RealModes
 from ..reduced.deflation import Deflated
 from .anchors import Anchors
-from .bodies import Body
+from .bodies import Body, looked_at, places_of
+from .expansion import Expansion, Moment
 from .rest import rest_moments
 from .space import joined, projected, shared
 from .view import Arrays, View, complete_modes
@@ -49,8 +53,9 @@ MODES_DEGREE = 2
 # Relative residual of those modes but the centre's: far below what NEW leaves out.
 FILLING = 1e-6
 
-# Points that show what the interpolation is worth, and their coordinates.
-CHECKS, CORNER = 2, 0.9
+# Points that show what the interpolation is worth, and their coordinates. Polynomials in t go on to
+# 2i, where x (x^2 - 1), what three anchors leave, is as large as at 2.3.
+CHECKS, CORNER, CORNER_T = 2, 0.9, 2.3
 
 
 class VariedBody:
@@ -60,9 +65,9 @@ class VariedBody:
         W: M-orthonormal, shape (dofs, directions).
         limit: modes in W end here [1/s^2], as kappa'.
         kept: modes that samples keep end here, as kappa'; what W knows beyond counts as rest.
-        TT: T R_0 T' of the centre.
-        doubt: errors of R_0, R_1, ... at each point that checks the interpolation, shape
-            (checks, orders, elements, 2 elements + loads).
+        TT: T R_0 T' of the centre, loads included.
+        every_doubt: errors of R_0, R_1, ... at each point that checks the interpolation, shape
+            (checks, orders, rows that are looked at, all columns).
     """
 
     varies = True
@@ -78,6 +83,8 @@ class VariedBody:
         comm: MPI.Comm,
         progress: Callable[[int], None] = lambda n: None,
         known: Arrays | None = None,
+        names: str = "N",
+        stretched: bool = False,
     ):
         """Solve at the anchors, which the processes share.
 
@@ -91,8 +98,13 @@ class VariedBody:
             comm: processes that share the work.
             progress: called with the number of anchors done.
             known: ``arrays`` of the same body, made earlier.
+            names: blocks of rows that forces follow, see ``looked_at``.
+            stretched: whether the last coordinate is the share t of the damping.
         """
-        self.body, self.anchors = body, anchors
+        self.body, self.anchors, self.names = looked_at(body, names), anchors, names
+        self._stretched, self._slips = stretched, body.T
+        self._n, self._loads = body.N.shape[0], body.T.shape[0] - body.N.shape[0]
+        self._columns = places_of(names, "NT", self._n, self._loads)
         self.sigma, self._coefficients = sigma, coefficients
         self.kept, self.limit = (limit + sigma for limit in limits)
         self._numbers = [number for number, _ in body.parts]
@@ -102,8 +114,9 @@ class VariedBody:
         else:
             self._take(known)
         # The matrices have served: some hundred megabytes in every process.
-        none = sp.csr_matrix((0, 0))
-        self.body = replace(body, K=none, M=none, parts=())
+        none = self._slips = sp.csr_matrix((0, 0))
+        self.body = replace(body, K=none, M=none, parts=(), C=none, R=none)
+        self.doubt = self.every_doubt[:, :, : self._n, self._columns]
 
     @property
     def directions(self) -> int:
@@ -113,14 +126,14 @@ class VariedBody:
     def arrays(self) -> Arrays:
         """All that was computed."""
         return {
-            "W": self.W, "TT": self.TT, "doubt": self.doubt, "higher": self._higher,
+            "W": self.W, "TT": self.TT, "doubt": self.every_doubt, "higher": self._higher,
             "W_B": self._W_B, "projected": self._projected,
             **{f"R_{j}": R for j, R in enumerate(self._R)},
         }  # fmt: skip
 
     def _take(self, known: Arrays) -> None:
         """The reverse of ``arrays``."""
-        self.W, self.TT, self.doubt, self._higher, self._W_B, self._projected = (
+        self.W, self.TT, self.every_doubt, self._higher, self._W_B, self._projected = (
             known[name] for name in ("W", "TT", "doubt", "higher", "W_B", "projected")
         )
         self._R = [known[f"R_{j}"] for j in range(min(INTERPOLATED, self.anchors.degree) + 1)]
@@ -136,7 +149,10 @@ class VariedBody:
         self._projected = projected([body.K, *(part for _, part in body.parts)], self.W, comm)
         # Towards two corners, where no anchor is: the interpolation is worst there.
         alternate = (-1.0) ** np.arange(anchors.points.shape[1])
-        checks = [-CORNER * np.ones_like(alternate), CORNER * alternate]
+        corner = np.full(alternate.size, CORNER)
+        if self._stretched:
+            corner[-1] = CORNER_T
+        checks = [-corner, corner * alternate]
         top = min(INTERPOLATED, degree)
         needed = [anchors.count(degree - j) for j in range(top + 1)]
         tasks = [(x, sum(i < n for n in needed)) for i, x in enumerate(anchors.points)]
@@ -146,9 +162,12 @@ class VariedBody:
         corners, solved = solved[: len(checks)], solved[len(checks) :]
         self._R = [np.array([r[j] for r in solved[:n]]) for j, n in enumerate(needed)]
         self._higher, self.TT = self._centre(centre, order, comm)
-        self.doubt = np.array(
+        self.every_doubt = np.array(
             [
-                [*(r[j] - self._interpolated(x, j) for j in range(top + 1)), self._followed(r[top])]
+                [
+                    *(r[j] - self._interpolated(x, j, len(r[j])) for j in range(top + 1)),
+                    self._followed(r[top]),
+                ]
                 for x, r in zip(checks, corners, strict=True)
             ]
         )
@@ -156,13 +175,36 @@ class VariedBody:
     def view(self, x: Array) -> View:
         """The body at a point of [-1, 1]^d; the last one is kept, others may ask for the same."""
         if self._last is None or not np.array_equal(self._last[0], x):
-            self._last = x.copy(), self._view(x)
+            self._last = x.copy(), self._view(self._place(x))
         return self._last[1]
+
+    def expansion(self, x: Array) -> Expansion:
+        """The body at a point of [-1, 1]^d, as damped samples take it."""
+        x = self._place(x)
+        Lambda, Q = la.eigh(self._stiffness(x), driver="evd", check_finite=False)
+        kept, top = int(np.searchsorted(Lambda, self.kept, side="right")), len(self._R)
+        moments = []
+        for j, R in enumerate(self._R):
+            degree = self.anchors.degree - j
+            weights = self.anchors.weights(x, degree)[None]
+            if self._stretched:
+                weights = self.anchors.series(x[:-1], degree)
+            moments.append(Moment(j, weights, R))
+        one = np.ones((1, 1))
+        moments += [Moment(top + j, one, R[None]) for j, R in enumerate(self._higher)]
+        difference = Q.T @ self._difference(x) @ Q if self._stretched else None
+        Phi = Q.T @ self._W_B
+        return Expansion(self._n, Lambda, Phi, Q, kept, difference, moments, self.TT)
+
+    def _place(self, x: Array) -> Array:
+        """The undamped body's place among the anchors."""
+        size = self.anchors.points.shape[1]
+        return np.r_[x[: size - 1], 0.0] if self._stretched else x
 
     def _view(self, x: Array) -> View:
         # Divide and conquer: the default driver takes four times as long for some of these.
         Lambda, Q = la.eigh(self._stiffness(x), driver="evd", check_finite=False)
-        Phi, n = Q.T @ self._W_B, self.body.N.shape[0]
+        Phi, n = (Q.T @ self._W_B)[:, self._columns], self._n
         kept, far = np.searchsorted(Lambda, [self.kept, FAR * self.kept], side="right")
         moments = []
         for j in range(len(self._R) + len(self._higher)):
@@ -170,16 +212,27 @@ class VariedBody:
             scaled = Phi[beyond, :n] / Lambda[beyond, None] ** (j + 1)
             total = scaled.T @ Phi[beyond]
             known = j - len(self._R)
-            total += self._interpolated(x, j) if known < 0 else self._higher[known]
+            rest = self._interpolated(x, j, n) if known < 0 else self._higher[known][:n]
+            total += rest[:, self._columns]
             moments.append(total)
         Phi = Phi[:kept]
         return View(Lambda[:kept], Phi[:, :n].T, Phi[:, n:].T, Q[:, :kept], moments, self.TT)
 
-    def _interpolated(self, x: Array, j: int) -> Array:
-        """N R_j [N' T'] at a point."""
+    def _interpolated(self, x: Array, j: int, rows: int) -> Array:
+        """The first rows of R_j at a point."""
         R = self._R[j]
-        values = self.anchors.weights(x, self.anchors.degree - j) @ R.reshape(len(R), -1)
-        return np.asarray(values.reshape(R.shape[1:]))
+        # They stand side by side: a part of each matrix, without a copy.
+        flat = R.reshape(len(R), -1)[:, : rows * R.shape[2]]
+        weights = self.anchors.weights(x, self.anchors.degree - j)
+        return np.asarray((weights @ flat).reshape(rows, -1))
+
+    def _difference(self, x: Array) -> Array:
+        """W' DeltaC W, what t multiplies."""
+        end = np.r_[x[:-1], 1.0]
+        c = (self._coefficients(end) - self._coefficients(x))[self._numbers]
+        size = self.directions
+        D = c @ self._projected[1:].reshape(c.size, -1)
+        return np.asarray(D.reshape(size, size))
 
     def _stiffness(self, x: Array) -> Array:
         """W'A W."""
@@ -220,7 +273,7 @@ class VariedBody:
         factor = self._factor(centre)
         rest = Deflated(factor, found.Phi, found.Lambda)
         moments = interface_moments(rest, b.M, b.N, b.T, order, comm, between=factor)
-        TT = slip_compliance(rest, b.T, comm)
+        TT = slip_compliance(rest, self._slips, comm)
         factor.destroy()
         # The other directions of W: at the centre their values lie beyond the limit.
         Lambda, Q = la.eigh(self._stiffness(centre), driver="evd")

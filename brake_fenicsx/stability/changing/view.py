@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from mpi4py import MPI
@@ -18,9 +18,11 @@ from brake_fenicsx.macro.solver import Factor
 
 from ..full.lanczos import RealModes, lowest_modes
 from ..full.symmetric import count_below
+from ..reduced.damped_basis import damped_moments
 from ..reduced.deflation import Deflated
-from .bodies import Body
+from .bodies import Body, looked_at, places_of
 from .congruent import Image
+from .expansion import Expansion, Moment
 
 Array = NDArray[np.float64]
 Arrays = dict[str, Array]
@@ -70,8 +72,15 @@ class Seen(Protocol):
     def doubt(self) -> Array:
         """Errors of R_0, R_1, ... where they were checked, as ``View.moments``; may be none."""
 
+    @property
+    def every_doubt(self) -> Array:
+        """The same of all rows and columns."""
+
     def view(self, x: Array) -> View:
         """The body at a point of the box."""
+
+    def expansion(self, x: Array) -> Expansion:
+        """The same, as damped samples take it."""
 
     def arrays(self) -> Arrays:
         """All that was computed."""
@@ -85,11 +94,17 @@ class FixedBody:
         body: the body.
         W: its modes.
         always: what its interface sees.
+        Phi: all rows of its interface on the modes, shape (modes, columns).
+        moments: R_j, rows that are looked at on all columns, shape (orders, rows, columns).
+        series: see ``Expansion``.
     """
 
     body: Body
     W: Array
     always: View
+    Phi: Array
+    moments: Array
+    series: tuple[Array, Array] | None = None
 
     @property
     def varies(self) -> bool:
@@ -106,16 +121,28 @@ class FixedBody:
         """None: nothing is interpolated."""
         return np.zeros((0, 0, 0, 0))
 
+    @property
+    def every_doubt(self) -> Array:
+        """None."""
+        return self.doubt
+
     def view(self, x: Array) -> View:
         """The same at every point."""
         return self.always
 
+    def expansion(self, x: Array) -> Expansion:
+        """The same at every point."""
+        s, one = self.always, np.ones((1, 1))
+        moments = [Moment(j, one, R[None]) for j, R in enumerate(self.moments)]
+        kept, n = s.Lambda.size, len(s.Phi_N)
+        return Expansion(n, s.Lambda, self.Phi, s.shapes, kept, None, moments, s.TT, self.series)
+
     def arrays(self) -> Arrays:
         """All that was computed."""
-        s = self.always
+        s, series = self.always, self.series
         return {
-            "W": self.W, "Lambda": s.Lambda, "Phi_N": s.Phi_N, "Phi_T": s.Phi_T,
-            "moments": np.array(s.moments), "TT": s.TT,
+            "W": self.W, "Lambda": s.Lambda, "Phi": self.Phi, "moments": self.moments, "TT": s.TT,
+            **({} if series is None else {"C": series[0], "G": series[1]}),
         }  # fmt: skip
 
 
@@ -156,9 +183,18 @@ class ImageBody:
         """Like the other one."""
         return self.of.doubt
 
+    @property
+    def every_doubt(self) -> Array:
+        """Like the other one."""
+        return self.of.every_doubt
+
     def view(self, x: Array) -> View:
         """Like the other one."""
         return self.of.view(x)
+
+    def expansion(self, x: Array) -> Expansion:
+        """Like the other one."""
+        return self.of.expansion(x)
 
     def arrays(self) -> Arrays:
         """Nothing of its own."""
@@ -166,21 +202,70 @@ class ImageBody:
 
 
 def fixed_body(
-    body: Body, sigma: float, limit: float, order: int, comm: MPI.Comm, known: Arrays | None = None
+    body: Body,
+    sigma: float,
+    limit: float,
+    order: int,
+    comm: MPI.Comm,
+    known: Arrays | None = None,
+    names: str = "N",
 ) -> FixedBody:
     """A body of constant stiffness, see ``VariedBody`` for the arguments."""
+    seen, n = looked_at(body, names), body.N.shape[0]
+    if known is None:
+        known = _solved(body, seen, sigma, limit, order, comm)
+    Lambda, Phi, moments = known["Lambda"], known["Phi"], known["moments"]
+    columns = places_of(names, "NT", n, body.T.shape[0] - n)
+    plain = Phi[:, columns]
+    rows = [R[:n, columns] for R in moments]
+    always = View(Lambda, plain[:, :n].T, plain[:, n:].T, np.eye(Lambda.size), rows, known["TT"])
+    return FixedBody(seen, known["W"], always, Phi, moments)
+
+
+def damped_body(
+    fixed: FixedBody,
+    body: Body,
+    sigma: float,
+    names: str,
+    comm: MPI.Comm,
+    known: Arrays | None = None,
+) -> FixedBody:
+    """A clamped body of constant stiffness under any damping, such as a disc that turns.
+
+    Args:
+        fixed: the body without damping.
+        body: its matrices.
+        sigma: shift of its eigenvalues [1/s^2].
+        names: blocks of rows that forces follow.
+        comm: processes that share the work.
+        known: ``arrays`` of the same body, made earlier.
+    """
     if known is not None:
-        modes = known["Lambda"], known["Phi_N"], known["Phi_T"], np.eye(known["Lambda"].size)
-        return FixedBody(body, known["W"], View(*modes, [*known["moments"]], known["TT"]))
+        return replace(fixed, series=(known["C"], known["G"]))
+    n, Phi = body.N.shape[0], fixed.W
+    rows = {"N": body.N, "T": body.T[:n], "R": body.R}
+    O = sp.vstack([rows[name] for name in names]).tocsr()
+    I = sp.vstack([rows[name] for name in "NT" + "R" * ("R" in names)]).tocsr()
+    factor = Factor(petsc_matrix(body.K), "brake_body_")
+    modes = Phi, fixed.always.Lambda - sigma
+    G = damped_moments(factor, modes, body.M, body.C, O, I, comm)
+    factor.destroy()
+    return replace(fixed, series=(np.asarray(Phi.T @ (body.C @ Phi)), np.array(G)))
+
+
+def _solved(
+    body: Body, seen: Body, sigma: float, limit: float, order: int, comm: MPI.Comm
+) -> Arrays:
+    """Modes and moments of a body of constant stiffness."""
     factor = Factor(petsc_matrix((body.K + sigma * body.M).tocsr()), "brake_body_")
     found = complete_modes(factor, body.K, body.M, sigma, limit + sigma)
     rest = Deflated(factor, found.Phi, found.Lambda)
-    moments = interface_moments(rest, body.M, body.N, body.T, order, comm, between=factor)
+    pairs = interface_moments(rest, body.M, seen.N, seen.T, order, comm, between=factor)
     TT = slip_compliance(rest, body.T, comm)
     factor.destroy()
-    Phi, shapes = found.Phi, np.eye(found.Lambda.size)
-    laid = [np.hstack(pair) for pair in moments]
-    return FixedBody(body, Phi, View(found.Lambda, body.N @ Phi, body.T @ Phi, shapes, laid, TT))
+    Phi = np.ascontiguousarray((sp.vstack([seen.N, seen.T]) @ found.Phi).T)
+    moments = np.array([np.hstack(pair) for pair in pairs])
+    return {"W": found.Phi, "Lambda": found.Lambda, "Phi": Phi, "moments": moments, "TT": TT}
 
 
 def complete_modes(

@@ -52,6 +52,8 @@ class DampedBasis:
         k0: reference stiffness [Pa/m].
         limit: no mode of the reference below it is missing [1/s^2].
         radius: the series in lambda converges up to about this |lambda| [1/s].
+        sigma: shift of a reference that would not be positive definite without [1/s^2]: Lambda and
+            ``answers`` are those of K0 + sigma M.
     """
 
     Lambda: Array
@@ -65,6 +67,7 @@ class DampedBasis:
     k0: Array
     limit: float
     radius: float
+    sigma: float = 0.0
 
 
 def damped_moments(

@@ -22,6 +22,7 @@ from .damped_errors import beyond, left_out
 from .damped_sample import DampedSample
 from .division import quadratic_divisor, quadratic_pairs
 from .neighbours import with_neighbours
+from .sample_errors import DIGITS
 
 if TYPE_CHECKING:
     from .damped_correction import Refined
@@ -41,7 +42,7 @@ def sample_modes(
     zeta_max: float,
     start: float,
     tolerance: float,
-    refined: Refined,
+    refined: Refined | None,
 ) -> Modes:
     """Modes of the band, each with its residual and error.
 
@@ -51,7 +52,7 @@ def sample_modes(
         zeta_max: decaying modes up to this damping ratio are looked for.
         start: when the clock was started [s].
         tolerance: relative error of lambda beyond which a mode is refined.
-        refined: the full problem.
+        refined: the full problem; without it no mode is refined.
 
     Raises:
         InaccurateResult: the count differs.
@@ -65,7 +66,9 @@ def sample_modes(
     chosen = chosen[np.lexsort((s[chosen].real, s[chosen].imag))]
     a, b = every[1][:, chosen], every[2][:, chosen]
     s, error, condition, residual, which = _certified(sample, every, chosen, tolerance, refined)
-    error += 1e-14 * sample.basis.Lambda[-1] * condition / np.maximum(2 * np.abs(s), 1e-6 * high)
+    # A shift takes its digits from what is close to zero.
+    floor = 1e-14 * sample.basis.Lambda[-1] + DIGITS * sample.basis.sigma
+    error += floor * condition / np.maximum(2 * np.abs(s), 1e-6 * high)
     rows, s = damped_rows(s, a, error, (low, high), zeta_max)
     return Modes(
         s, a[:, rows], b[:, rows], residual[rows], error[rows], condition[rows],
@@ -79,7 +82,7 @@ def _certified(
     every: tuple[Complex, Complex, Complex],
     chosen: NDArray[np.intp],
     tolerance: float,
-    refined: Refined,
+    refined: Refined | None,
 ) -> tuple[Complex, Array, Array, Array, NDArray[np.bool_]]:
     """Better eigenvalues, errors, conditions, residuals, and which modes were refined."""
     values, right, left = every
@@ -108,8 +111,8 @@ def _certified(
     alone = np.abs(change) * conditions[chosen] <= 0.1 * nearest
     error = bound / np.abs(slopes[chosen]) + second + np.where(alone, 0.0, np.abs(change))
     new = np.where(alone, s + change, s)
-    which = error > tolerance * np.abs(s)
-    if which.any():
+    which = (error > tolerance * np.abs(s)) & (refined is not None)
+    if refined is not None and which.any():
         which, away = with_neighbours(s, which)
         better, left_over = refined(s[which], a[:, which], b[:, which], 0.1 * tolerance)
         settled = (np.abs(better - s[which]) <= 0.5 * away[which]) & (left_over < error[which])

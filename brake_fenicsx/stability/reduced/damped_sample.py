@@ -101,7 +101,7 @@ class DampedSample:
         """Coefficient of lambda^i in Lambda + lambda C + lambda^2 - lambda^2 G_FF."""
         b, J = self.basis, self.forces
         if i < 2:
-            return np.diag(b.Lambda) if i == 0 else b.C
+            return np.diag(b.Lambda - b.sigma) if i == 0 else b.C
         out = -b.G[i - 2][J.rows :, J.columns :]
         return out + np.eye(b.Lambda.size) if i == 2 else out
 

@@ -46,7 +46,7 @@ class Refinement:
         Returns:
             Both in 1/s^2; of modes that do not get there the second is what was reached.
         """
-        # Of +-lambda the one that swings forward: a conjugate kappa is then a neighbour like others.
+        # Of +-lambda the one that swings forward: a conjugate kappa is a neighbour like others.
         pair, n = np.flatnonzero(kappa.imag > 0), kappa.size
         s = np.sqrt(-kappa.astype(complex))
         s = np.where(s.imag < 0, -s, s)

@@ -1,0 +1,98 @@
+"""A study of random materials with damping: its reduced model, cache and processes."""
+
+import json
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from brake_fenicsx.pipeline import run
+
+SELF = MPI.COMM_SELF
+BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
+GIVEN = [
+    "stages=['surface','equilibrium','stability','uncertainty']",
+    "surface.statistics={ S_q = '3 um' }", "contact.block_plate.gap=hdf",
+    "contact.block_plate.friction={ static=0.6, kinetic=0.4, decay='2 m/s' }",
+    "parts.block.size='10 mm'", "parts.plate.size='14 mm'", "materials.lining.loss=0.02",
+    "materials.iron.loss=0.001", "stability.band=['0 Hz','15 kHz']", "stability.verify=0",
+    "stability.zeta_max=0.3", "samples.n=2",
+    "samples.random.\"materials.lining.C44\"={ law='uniform', spread=0.2 }",
+]  # fmt: skip
+TERMS = {
+    "bodies": "rayleigh=['20 1/s','1e-8 s'], loss=true, omega_ref='8 kHz'",
+    "contact": "sliding=true, slope=true",
+}
+
+
+def stored(folder, approach="multi-scale"):
+    files = sorted((folder / "samples").glob(f"{approach}-*.npz"))
+    return [dict(np.load(file)) for file in files]
+
+
+@pytest.mark.parametrize("terms", TERMS)
+def test_samples_are_those_of_full_order(terms, comm, tmp_path):
+    """Every mode within its error; nothing is said to be solved at full order."""
+    folder = comm.bcast(tmp_path if comm.rank == 0 else None, root=0)
+    damping = f"stability.damping={{ {TERMS[terms]} }}"
+    for method in ("reduced", "full"):
+        run(BLOCK, comm, folder / method, [*GIVEN, damping, f"stability.method={method}"])
+    summary = json.loads((folder / "reduced" / "summary.json").read_text())
+    assert summary["changing_bodies"]["seconds"] > 0
+    assert "full order" not in (folder / "reduced" / "log.txt").read_text()
+    both = zip(stored(folder / "reduced"), stored(folder / "full"), strict=True)
+    for found, exact in both:
+        assert found["s"].size == exact["s"].size >= 5
+        assert "on bases complete by inertia at the anchors" in str(found["counted"])
+        distance = np.abs(found["s"] - exact["s"])
+        # The equilibrium is that of the reduced bodies too, whose error no mode's estimate holds.
+        assert np.all(distance <= found["error"] + exact["error"] + 1e-5 * np.abs(exact["s"]))
+        np.testing.assert_allclose(found["shares"], exact["shares"], atol=0.01)
+        wrong = {str(v) for v in found["verdict"][found["verdict"] != exact["verdict"]]}
+        assert wrong <= {"neutral"}
+
+
+def test_taken_from_the_cache(tmp_path):
+    """The same bytes; of another set of terms nothing is taken."""
+    changes = [*GIVEN, f"stability.damping={{ {TERMS['contact']} }}", "stability.method=reduced"]
+    run(BLOCK, SELF, tmp_path, changes)
+    first = stored(tmp_path)
+    for file in (tmp_path / "samples").iterdir():
+        file.unlink()
+    run(BLOCK, SELF, tmp_path, changes)
+    assert "reduced bodies: from the cache" in (tmp_path / "log.txt").read_text()
+    for one, other in zip(first, stored(tmp_path), strict=True):
+        np.testing.assert_array_equal(one["s"], other["s"])
+    kept = dict(np.load(tmp_path / "cache" / "bodies.npz"))
+    assert str(kept["damping"]) == "NTR, damped"
+
+
+@pytest.mark.slow
+def test_too_strong_a_damping_goes_to_full_order_by_name(tmp_path):
+    """Said in the log; solved all the same."""
+    strong = ["stability.damping={ loss=true, omega_ref='8 kHz' }", "materials.lining.loss=0.41"]
+    strong.append("stability.band=['0 Hz','20 kHz']")
+    run(BLOCK, SELF, tmp_path, [*GIVEN, *strong, "stability.method=reduced"])
+    log = (tmp_path / "log.txt").read_text()
+    assert "no reduced model of changing materials: damping too strong" in log
+    assert len(stored(tmp_path)) == 2 and "counted" in stored(tmp_path)[0]
+
+
+@pytest.mark.parametrize("rough", ["joint", "multi-scale"])
+def test_undamped_samples_beside_damped_ones(rough, tmp_path):
+    """Falling friction is none of fast: one set of bodies serves joint too.
+
+    Beside multi-scale, which has the scene's own bodies, fast took these for damped.
+    """
+    both = [f"samples.approaches=['{rough}','fast']"]
+    both += [f"samples.{name}={{ n=2, design='random' }}" for name in ("joint", "fast")]
+    changes = [*GIVEN, "stability.damping.slope=true", "stability.method=reduced", *both]
+    run(BLOCK, SELF, tmp_path, changes)
+    damped, free = stored(tmp_path, rough)[0], stored(tmp_path, "fast")[0]
+    assert "det T(lambda)" in str(damped["counted"])
+    assert ("anchors" in str(damped["counted"])) == (rough == "joint")
+    assert "det T," in str(free["counted"]) and "anchors" in str(free["counted"])
+    pairs = free["s"][np.abs(free["s"].real) > 1.0]
+    assert np.all([np.abs(free["s"] + s.conjugate()).min() < 1e-6 * abs(s) for s in pairs])
