@@ -212,3 +212,17 @@ def test_friction_that_couples_modes_far_apart(two_blocks):
     grown = found.s[np.array(found.verdict) == "unstable"]
     assert grown.size == exact.size
     assert np.all(np.abs(grown[:, None] - exact).min(axis=1) < 1e-6 * np.abs(grown))
+
+
+@pytest.mark.parametrize(
+    "seed, friction",
+    [(3, 0.19406891), (6, 0.95082855), (7, 0.39173589), (9, 0.0739212), (11, 0.51088252),
+     (13, 0.30531311), (13, 0.30532311)],
+)  # fmt: skip
+def test_pairs_within_a_millionth_of_their_merging(two_blocks, seed, friction):
+    """Condition up to 700: no stated error is too small, and no verdict wrong."""
+    scene = two_blocks("guided")
+    rng = np.random.default_rng(seed)
+    k = 3e11 * 10 ** rng.uniform(-1, 1, scene.w.size)
+    k[rng.random(scene.w.size) < 0.3] = 0.0
+    check(reduced(scene, 3e11).modes(k, friction), dense(scene, k, friction))

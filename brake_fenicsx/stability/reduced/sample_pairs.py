@@ -34,7 +34,7 @@ ZETA_MAX = 0.4
 # Smallest derivative of the determinant's factor that is divided by: a double eigenvalue has none.
 TINY = 1e-300
 
-# Share of a shift of second order that is taken for what third order and its own error come to.
+# Share of what a shift of first order does to the next that is taken for third order.
 THIRD = 0.3
 
 # No kappa is claimed to be closer than this: higher orders are not measured by the second alone.
@@ -106,7 +106,9 @@ def undamped_modes(
     shift, mixed, size = t.shifts(first)
     # Close to another eigenvalue a correction by orders is none.
     safe = (np.abs(shift) + np.abs(mixed)) * condition <= SAFE * apart
-    known = THIRD * (size + THIRD * np.abs(shift) ** 2 * condition / apart)
+    # The second order is taken off, and yet counted in full: a mode about to merge with another
+    # adds what no order tells.
+    known = size + THIRD**2 * np.abs(shift) ** 2 * condition / apart
     nothing = np.zeros_like(pairs.near)
     far, every = (pencil.coupled_shift(t.kappa, t.out.rest, x) for x in (pairs.near, nothing))
     second = np.where(safe, known + far * condition, np.abs(shift) + every * condition)
@@ -193,9 +195,6 @@ def _keep_real(shift: Complex, kappa: Complex) -> Complex:
 
 def _mixed(kappa: Complex, b: Complex, rest: Complex, slope: Complex) -> tuple[Complex, Array]:
     """Shift of second order: what is left out mixes in of all other modes that are known.
-
-    Two modes about to merge act on a third one in opposite ways: of the sum little is left, but it
-    is only as good as its terms.
 
     Args:
         kappa: eigenvalues without negative imaginary part, shape (modes,).
