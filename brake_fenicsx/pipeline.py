@@ -27,6 +27,7 @@ from brake_fenicsx.errors import BrakeError, SceneError
 from brake_fenicsx.log import Progress, logger, start_log
 from brake_fenicsx.memory import give_back
 from brake_fenicsx.scene import Scene, read_scene
+from brake_fenicsx.scene_in_effect import in_effect
 from brake_fenicsx.shelf import Shelf, of_laws
 from brake_fenicsx.store import Store
 
@@ -350,6 +351,7 @@ def write_summary(this: Run) -> None:
             "seeds": seeds,
             "versions": versions,
             "settings": this.scene.table,
+            "in_effect": in_effect(this.scene),
         },
     )
 

@@ -1,5 +1,6 @@
 """The scene: units at the border, and one clear line for every mistake."""
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +11,7 @@ import pytest
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import read_scene
+from brake_fenicsx.scene_in_effect import in_effect
 from brake_fenicsx.units import to_si
 
 SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
@@ -244,3 +246,14 @@ def test_surface_only_scene_imports_no_finite_elements(tmp_path):
     # Without /sys the libraries of MPI write to the same stream.
     assert done.stdout.splitlines()[-1] == "[]"
     assert (tmp_path / "out" / "surface.npz").exists()
+
+
+def test_settings_in_effect_hold_defaults_in_si_units():
+    scene = read_scene(SCENES / "disc_brake_study.toml", ["stability.band=['0 Hz', '9 kHz']"])
+    found = in_effect(scene)
+    assert found["stability"]["band"] == [0.0, 9000.0]
+    assert found["stability"]["tolerance"] == 1e-6 and "damping" not in found["stability"]
+    assert found["micro"]["steps"] == 40 and "steps" not in scene.table["micro"]
+    assert found["parts"]["disc"]["parameters"]["radius"] == pytest.approx(0.144)
+    assert found["samples"]["random"]["materials.lining.E_3"] == {"law": "uniform", "spread": 0.2}
+    assert "table" not in found and json.loads(json.dumps(found)) == found

@@ -316,7 +316,7 @@ def _accuracy(run: RunData) -> str:
             "<p>Errors are relative errors of the eigenvalues as the solver estimates them; "
             "condition is that of the eigenvalue: error = backward error times condition.</p>"
         )
-    known = {"settings", "versions", "seeds", "seconds", "peak_memory_mb", "name"}
+    known = {"settings", "in_effect", "versions", "seeds", "seconds", "peak_memory_mb", "name"}
     rest = {key: value for key, value in run.summary.items() if key not in known}
     if not parts and not rest:
         return ""
@@ -331,6 +331,11 @@ def _settings(run: RunData) -> str:
         if isinstance(run.summary.get(key), Mapping)
     ]
     if run.scene is not None:
+        if isinstance(run.summary.get("in_effect"), Mapping):
+            parts.append(
+                "<h3>In effect</h3>\n<p>All of it in SI units, with the defaults of keys that the"
+                " scene leaves out.</p>\n" + pairs("setting", run.summary["in_effect"])
+            )
         parts.append(
             "<h3>Scene file</h3>\n<p>The settings above hold it with the changes that --set made."
             f"</p>\n<pre>{escape(run.scene)}</pre>"

@@ -187,6 +187,7 @@ def make_maps(rng: np.random.Generator, n: int = 512) -> dict[str, np.ndarray]:
 
 
 SUMMARY = {
+    "in_effect": {"stability": {"band": [0.0, 16000.0], "tolerance": 1e-06}},
     "settings": {
         "stability": {"band": [0.0, 16000.0], "method": "reduced"},
         "samples": {"n": 60, "seed": 1},

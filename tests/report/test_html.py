@@ -50,6 +50,11 @@ def test_page_needs_no_network_and_no_script(page):
     assert all(source.startswith("data:image/png;base64,") for source in sources)
 
 
+def test_settings_in_effect_stand_beside_those_of_the_scene(page):
+    text = page.read_text()
+    assert "<h3>In effect</h3>" in text and "stability.tolerance" in text
+
+
 def test_images_are_the_files_of_the_run(page):
     inside = {
         base64.b64decode(source)
