@@ -230,9 +230,9 @@ def test_two_processes_give_the_modes_of_one(many, tmp_path):
 def test_failing_sample_is_kept_and_stops_nothing(tmp_path, monkeypatch):
     """One sample that cannot converge must not take the others with it."""
     from brake_fenicsx.errors import NotConverged
-    from brake_fenicsx.uncertainty import study
+    from brake_fenicsx.uncertainty import equilibria
 
-    solve = study.equilibrium
+    solve = equilibria.equilibrium
     calls = iter(range(100))
 
     def sometimes(*args, **kwargs):
@@ -241,7 +241,7 @@ def test_failing_sample_is_kept_and_stops_nothing(tmp_path, monkeypatch):
             raise NotConverged("made to fail")
         return solve(*args, **kwargs)
 
-    monkeypatch.setattr(study, "equilibrium", sometimes)
+    monkeypatch.setattr(equilibria, "equilibrium", sometimes)
     run(BLOCK, MPI.COMM_SELF, tmp_path / "out", [*MANY, "samples.n=3"])
     status = [s["status"] for s in rows(tmp_path / "out" / "samples.csv")]
     assert status == ["ok", "made to fail", "ok"]
@@ -251,9 +251,9 @@ def test_failing_sample_is_kept_and_stops_nothing(tmp_path, monkeypatch):
 def test_the_ramp_is_gone_through_where_the_full_load_does_not_converge(tmp_path, monkeypatch):
     """The scene's two load steps, only for the sample that needs them, with the same result."""
     from brake_fenicsx.errors import NotConverged
-    from brake_fenicsx.uncertainty import study
+    from brake_fenicsx.uncertainty import equilibria
 
-    solve, steps = study.equilibrium, []
+    solve, steps = equilibria.equilibrium, []
 
     def sometimes(ops, laws, mu, n=1):
         steps.append(n)
@@ -261,7 +261,7 @@ def test_the_ramp_is_gone_through_where_the_full_load_does_not_converge(tmp_path
             raise NotConverged("made to fail")
         return solve(ops, laws, mu, n)
 
-    monkeypatch.setattr(study, "equilibrium", sometimes)
+    monkeypatch.setattr(equilibria, "equilibrium", sometimes)
     run(BLOCK, MPI.COMM_SELF, tmp_path / "ramp", [*MANY, "samples.n=3"])
     assert steps == [1, 1, 2, 1]
     monkeypatch.undo()

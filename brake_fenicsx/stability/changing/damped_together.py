@@ -96,7 +96,7 @@ def damped_basis(
     G = np.zeros((DAMPED_ORDER + 1, rows + size, columns + size))
     seen, forced = np.zeros((rows, size)), np.zeros((columns, size))
     Lambda, C = np.zeros(size), np.zeros((size, size))
-    answers = {name: np.zeros((m, m)) for name in acting}
+    answers: dict[str, Array] = {name: np.zeros((m, m)) for name in acting}
     for v, s, first in zip(views, standing, ends, strict=False):
         own = np.arange(first, first + v.Lambda.size)
         O, I = _places(s, len(names), m), _places(s, len(acting), m)
@@ -165,7 +165,7 @@ def doubted(
     names, m, sigma = sample.basis.names, sample.forces.n, sample.basis.sigma
     acting = "NT" + "R" * ("R" in names)
     c, y = sample.forces(s, sample.gaps(s, a)), sample.left_gaps(s, b)
-    total = np.zeros(s.size)
+    total: Array = np.zeros(s.size)
     for doubt, how, at in bodies:
         if not doubt.size or not at.here.size:
             continue
