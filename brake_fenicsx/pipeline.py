@@ -268,7 +268,7 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
     if micro is None:
         raise SceneError(f"{scene.file}: micro: the section is missing")
     path = this.store.path("laws.npz")
-    with this.stage("micro"), this.shelf.shared("laws.npz", of_laws(scene), comm):
+    with this.stage("micro"), this.shelf.shared("laws.npz", lambda: of_laws(scene), comm):
         if not comm.bcast(path.exists(), root=0):
             recipe, number = law_recipe(scene, stats), micro.library_size
             for text in recipe.surface(micro.seed, 0).warnings:

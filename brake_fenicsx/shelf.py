@@ -11,7 +11,7 @@ import hashlib
 import os
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -52,25 +52,31 @@ class Shelf:
             raise SceneError(f"--cache {directory}: cannot be written to; name another folder")
 
     @contextmanager
-    def shared(self, name: str, depends: Any, comm: MPI.Comm) -> Iterator[None]:
+    def shared(self, name: str, depends: Callable[[], Any], comm: MPI.Comm) -> Iterator[None]:
         """Take a file before it is asked for, and leave it after it was made; collective.
 
         Args:
             name: the file's name in the results folder.
-            depends: all that its content depends on, plain values.
+            depends: gives all that its content depends on, plain values; called by process 0, and
+                only where there is a shelf.
             comm: processes of the run.
         """
         if self.directory is None:
             yield
             return
+        if comm.rank > 0:
+            comm.Barrier()
+            yield
+            return
         stem, suffix = os.path.splitext(os.path.basename(name))
-        there, own = self.directory / f"{stem}-{_digest(depends)}{suffix}", self.store.path(name)
-        if comm.rank == 0 and there.exists() and not own.exists():
+        there = self.directory / f"{stem}-{_digest(depends())}{suffix}"
+        own = self.store.path(name)
+        if there.exists() and not own.exists():
             logger.info("%s: from %s", name, there)
             _link(there, own)
         comm.Barrier()
         yield
-        if comm.rank == 0 and own.exists() and not there.exists():
+        if own.exists() and not there.exists():
             _link(own, there)
 
 

@@ -217,11 +217,14 @@ def twins(two_bodies):
 
 
 class Dense:
-    """lambda^2 M + lambda C + K with dense matrices: all of a band, each as sharp as it gets."""
+    """lambda^2 M + lambda C + K with dense matrices: all of a band, each as sharp as it gets.
 
-    def __init__(self, M, C, K, high, zeta):
+    Modes below ``rigid`` times the band's end are none of it.
+    """
+
+    def __init__(self, M, C, K, high, zeta, rigid=1e-4):
         self.M, self.C, self.K = (A.toarray() for A in (M, C, K))
-        self.high, self.zeta = high, zeta
+        self.high, self.zeta, self.rigid = high, zeta, rigid
 
     def eigenvalues(self):
         """All of the band but rigid modes [1/s], to some 1e-9, by the linearised problem."""
@@ -230,7 +233,7 @@ class Dense:
         n, M = len(self.M), la.cho_factor(self.M)
         low = [-la.cho_solve(M, A) / self.high**j for A, j in ((self.K, 2), (self.C, 1))]
         s = self.high * la.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], low]))
-        inside = (s.imag > 1e-4 * self.high) & (s.imag <= self.high)
+        inside = (s.imag > self.rigid * self.high) & (s.imag <= self.high)
         return s[inside & (s.real >= -self.zeta * np.abs(s))]
 
     def sharp(self, s):
@@ -249,7 +252,7 @@ class Dense:
 
     def agrees(self, modes):
         """None missed, none twice, errors covered, no wrong verdict; the largest relative error."""
-        elastic = np.abs(modes.s) > 1e-4 * self.high
+        elastic = np.abs(modes.s) > self.rigid * self.high
         s, error = modes.s[elastic], modes.error[elastic]
         exact = np.array([self.sharp(value) for value in s])
         assert s.size == self.eigenvalues().size > 0

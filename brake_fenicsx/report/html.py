@@ -330,12 +330,12 @@ def _settings(run: RunData) -> str:
         for key in ("versions", "seeds", "settings")
         if isinstance(run.summary.get(key), Mapping)
     ]
+    if isinstance(run.summary.get("in_effect"), Mapping):
+        parts.append(
+            "<h3>In effect</h3>\n<p>All of it in SI units, with the defaults of keys that the"
+            " scene leaves out.</p>\n" + pairs("setting", run.summary["in_effect"])
+        )
     if run.scene is not None:
-        if isinstance(run.summary.get("in_effect"), Mapping):
-            parts.append(
-                "<h3>In effect</h3>\n<p>All of it in SI units, with the defaults of keys that the"
-                " scene leaves out.</p>\n" + pairs("setting", run.summary["in_effect"])
-            )
         parts.append(
             "<h3>Scene file</h3>\n<p>The settings above hold it with the changes that --set made."
             f"</p>\n<pre>{escape(run.scene)}</pre>"

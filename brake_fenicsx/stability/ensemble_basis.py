@@ -174,12 +174,7 @@ class EnsembleBasis:
         found = undamped_modes(
             Sample(basis, k[closed], mu[closed], self.sigma, doubt), self.band, start
         )
-        shapes = [v.shapes for v in views]
-        how = "winding number of det T, on bases complete by inertia at the anchors"
-        return replace(
-            found, right=_turned(shapes, found.right), left=_turned(shapes, found.left),
-            count=replace(found.count, how=how),
-        )  # fmt: skip
+        return _in_spaces(found, [v.shapes for v in views], "det T")
 
     def damped_modes(
         self, x: Array, k: Array, mu: float | Array, along: Array, across: Array, zeta_max: float
@@ -214,14 +209,8 @@ class EnsembleBasis:
         doubts = [body.every_doubt for body in self.bodies]
         known = (found.s, found.right, found.left, found.condition)
         error = doubted(sample, known, list(zip(doubts, self.damping, at, strict=True)))
-        return replace(
-            found, right=_turned(shapes, found.right), left=_turned(shapes, found.left),
-            error=found.error + error, seconds=time.perf_counter() - start,
-            count=replace(
-                found.count,
-                how="winding number of det T(lambda), on bases complete by inertia at the anchors",
-            ),
-        )  # fmt: skip
+        found = replace(found, error=found.error + error, seconds=time.perf_counter() - start)
+        return _in_spaces(found, shapes, "det T(lambda)")
 
     def compliance(self, x: Array, k0: Array) -> tuple[Array, Array, Array]:
         """N K0^-1 N', N K0^-1 T' and N K0^-1 f of the bodies on springs k0, K0 = K + N'W k0 N.
@@ -305,6 +294,15 @@ def _images(bodies: list[Body]) -> list[tuple[int, Image] | None]:
         found = ((j, image_of(bodies[j], body)) for j in originals)
         out.append(next(((j, image) for j, image in found if image is not None), None))
     return out
+
+
+def _in_spaces(found: Modes, shapes: list[Array], function: str) -> Modes:
+    """Modes with vectors in the bodies' spaces in place of their modes, the columns of shapes."""
+    how = f"winding number of {function}, on bases complete by inertia at the anchors"
+    return replace(
+        found, right=_turned(shapes, found.right), left=_turned(shapes, found.left),
+        count=replace(found.count, how=how),
+    )  # fmt: skip
 
 
 def _turned(shapes: list[Array], vectors: Complex) -> Complex:

@@ -125,7 +125,7 @@ class Study:
             from brake_fenicsx.stability.terms import damping_terms
 
             self.terms = damping_terms(self.scene, brake)
-            with self.shelf.shared(DOFS, of_bodies(self.scene), self.comm):
+            with self.shelf.shared(DOFS, lambda: of_bodies(self.scene), self.comm):
                 self.numbering = Numbering(brake, local_rows(self.K), self.store, self.comm)
         laws = self._reference_laws()
         pressure = brake.pressed / float(brake.w.sum())
@@ -168,8 +168,8 @@ class Study:
         """A reduced model on springs k0, from other folders or for them."""
         stability = self.scene.stability
         band = None if stability is None else [*stability.band, stability.cutoff]
-        facts = [of_bodies(self.scene), self.numbering.kept_mark, np.unique(k0).tolist(), band]
-        with self.shelf.shared(name, [*facts, *depends], self.comm):
+        here = [self.numbering.kept_mark, np.unique(k0).tolist(), band, *depends]
+        with self.shelf.shared(name, lambda: [of_bodies(self.scene), *here], self.comm):
             yield
 
     def _prepare_changing(self) -> None:

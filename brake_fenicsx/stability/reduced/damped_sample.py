@@ -16,7 +16,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from ..complex_columns import on_parts, times
+from ..complex_columns import on_parts, series_answer, times
 from ..modes import Complex
 from .contact_forces import ContactForces
 from .damped_basis import DampedBasis
@@ -148,10 +148,7 @@ class DampedSample:
         """E^-1 x, or E^-H x, to some powers of lambda."""
         solve = self._solve_left if left else self._solve
         E1, E2 = (E.T if left else E for E in self._E[1:3])
-        out = first = on_parts(solve, x)
-        for _ in range(ANSWERS):
-            out = first - on_parts(solve, s * times(E1, out) + s**2 * times(E2, out))
-        return out
+        return series_answer(lambda v: on_parts(solve, v), E1, E2, s, x, ANSWERS)
 
     def _solve(self, x: Array) -> Array:
         """E_0^-1 x: of the motions only the gaps act on others."""

@@ -18,7 +18,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from ..complex_columns import on_parts, times
+from ..complex_columns import on_parts, series_answer, times
 from ..modes import Complex
 from .basis import Basis
 
@@ -106,7 +106,4 @@ class Sample:
             terms: of the series, beyond the first.
         """
         C1, C2 = (C.T if trans else C for C in (self.C1, self.C2))
-        out = first = self.solves(x, trans)
-        for _ in range(terms):
-            out = first - self.solves(kappa * times(C1, out) + kappa**2 * times(C2, out), trans)
-        return out
+        return series_answer(lambda v: self.solves(v, trans), C1, C2, kappa, x, terms)

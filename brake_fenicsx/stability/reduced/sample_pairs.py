@@ -60,6 +60,11 @@ class _Trial:
         norms = np.linalg.norm(self.a, axis=0) * np.linalg.norm(self.b, axis=0)
         return np.asarray(norms / np.abs(self.slope))
 
+    @property
+    def first(self) -> Complex:
+        """Psi' P phi, as far as the basis knows it."""
+        return np.asarray(np.einsum("im,im->m", self.b.conj(), self.out.rest))
+
     def shifts(self, first: Complex) -> tuple[Complex, Complex, Array]:
         """Shifts of first order, psi' P phi given, of second order, and the size of its terms."""
         mixed, size = _mixed(self.kappa, self.b, self.out.rest, self.slope)
@@ -94,7 +99,7 @@ def undamped_modes(
     half = np.flatnonzero(pairs.kappa.imag >= 0)
     t = _trial(sample, pairs.kappa[half], pairs.right[:, half], pairs.left[:, half])
     t = _neighbours_together(sample, t)
-    first = np.einsum("im,im->m", t.b.conj(), t.out.rest)
+    first = t.first
     tail = t.out.tail + doubted(sample, t.kappa, t.out)
     # Half of the tolerance for the tail: |d lambda / lambda| = |d kappa / kappa| / 2.
     beyond = tail > tolerance * np.abs(t.slope * t.kappa)
@@ -145,8 +150,7 @@ def _trial(sample: Sample, kappa: Complex, a: Complex, b: Complex) -> _Trial:
 def _neighbours_together(sample: Sample, t: _Trial) -> _Trial:
     """Close modes with what the pencil leaves out of them; the others as they are."""
     for _ in range(ROUNDS):
-        first = np.einsum("im,im->m", t.b.conj(), t.out.rest)
-        reach = sum(np.abs(x) for x in t.shifts(first)[:2]) * t.condition
+        reach = sum(np.abs(x) for x in t.shifts(t.first)[:2]) * t.condition
         groups = close_groups(t.kappa, np.asarray(reach))
         if not groups:
             break
