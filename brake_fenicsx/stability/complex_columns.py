@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from .modes import Complex
 
 Array = NDArray[np.float64]
+
+
+class Operator(Protocol):
+    """What multiplies real columns: a dense or sparse matrix, or ``reduced.rough.Rough``."""
+
+    def __matmul__(self, x: Array, /) -> Array:
+        """Product with columns, shape (columns of the matrix, n)."""
 
 
 def on_parts(real: Callable[[Array], Array], x: Complex) -> Complex:
@@ -22,13 +29,18 @@ def on_parts(real: Callable[[Array], Array], x: Complex) -> Complex:
     return out
 
 
-def times(A: Array | sp.csr_matrix, x: Complex) -> Complex:
+def times(A: Operator, x: Complex) -> Complex:
     """A x for real A."""
     return on_parts(A.__matmul__, x)
 
 
 def series_answer(
-    solve: Callable[[Complex], Complex], C1: Array, C2: Array, z: Complex, x: Complex, terms: int
+    solve: Callable[[Complex], Complex],
+    C1: Operator,
+    C2: Operator,
+    z: Complex,
+    x: Complex,
+    terms: int,
 ) -> Complex:
     """(C0 + z C1 + z^2 C2)^-1 x by a series in z.
 

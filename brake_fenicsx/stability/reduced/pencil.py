@@ -7,9 +7,8 @@ and W = V^-1, so that W M^-1 K V = diag(k), the quadratic one reads
 
 Eigenvalues whose coupling through q is small against their distances are followed one by one by a
 fixed-point iteration for all of them together. Where it is not (a pair on the point of merging, a
-complex pair that is really two reals, or the other way round), the whole cluster is followed as one
-real invariant pair (X, Theta), K X - M X Theta + Q X Theta^2 = 0, whose space is well conditioned
-whatever becomes of the single vectors; Theta is taken apart at the very end.
+complex pair that is really two reals, or the other way round), the whole cluster is followed, see
+``clusters``.
 
 The zeros of det T in a region are those of det(K - z M) plus the turns of
 
@@ -31,18 +30,13 @@ from brake_fenicsx.errors import InaccurateResult
 from ..complex_columns import unit
 from ..full.completeness import Trapezium, count_turns, count_zeros
 from ..modes import Complex
+from .clusters import CONVERGED, STEPS, cluster_pairs, coupled_groups
 
 Array = NDArray[np.float64]
 
 # Coupling relative to the distance from which on two eigenvalues are followed together: first, and,
 # where one does not settle or the count does not agree, again.
 COUPLED = (0.3, 0.1, 0.03)
-
-# Fixed-point steps of single eigenvalues, and of a cluster.
-STEPS, CLUSTER_STEPS = 40, 60
-
-# Change of the vectors at which an iteration has converged.
-CONVERGED = 1e-12
 
 # Norm of the product up to which the logarithm of the determinant is taken from its traces.
 SMALL = 0.3
@@ -118,7 +112,7 @@ class Pencil:
     ) -> tuple[Complex, Complex, Complex, int]:
         """Eigenpairs that belong to some of the linear pencil; how many of them in clusters."""
         chosen = np.flatnonzero(near)
-        groups = self._clusters(chosen, coupled)
+        groups = coupled_groups(self.k, self.q, chosen, coupled)
         single = np.array([g[0] for g in groups if len(g) == 1 and self.k[g[0]].imag >= 0], int)
         kappa, right, left, failed = self._singles(single)
         values, rights, lefts = [kappa], [right], [left]
@@ -126,42 +120,13 @@ class Pencil:
         again = [np.union1d(g, [m]) for g, m in zip(again, failed, strict=True)]
         clusters = [g for g in groups if len(g) > 1] + again
         for group in clusters:
-            z, x, y = self._cluster(np.asarray(group))
+            W = la.lu_solve(self._M, self.W[group].conj().T, trans=1, check_finite=False)
+            z, x, y = cluster_pairs((self.K, self.M, self.Q), self.k[group], self.V[:, group], W)
             values.append(z)
             rights.append(x)
             lefts.append(y)
         kappa, right, left = np.concatenate(values), np.hstack(rights), np.hstack(lefts)
         return *with_conjugates(kappa, right, left)[1:], sum(len(g) for g in clusters)
-
-    def _clusters(self, chosen: NDArray[np.intp], coupled: float) -> list[list[int]]:
-        """Groups of eigenvalues that are coupled, closed under conjugation."""
-        k = self.k[chosen]
-        size = np.maximum(np.abs(k), np.abs(k)[:, None]) ** 2
-        q = np.abs(self.q[np.ix_(chosen, chosen)])
-        diagonal = np.diag(self.q)[chosen]
-        # An uneven shift of two values counts like their coupling.
-        shift = size * np.maximum(np.sqrt(q * q.T), 0.5 * np.abs(diagonal[:, None] - diagonal))
-        linked = shift > coupled * np.abs(k[:, None] - k)
-        np.fill_diagonal(linked, False)
-        groups: list[list[int]] = []
-        left = set(range(k.size))
-        while left:
-            group: set[int] = set()
-            edge = {left.pop()}
-            while edge:
-                m = edge.pop()
-                group.add(m)
-                edge |= {int(i) for i in np.flatnonzero(linked[m])} - group
-                if len(group) + len(edge) > 1:
-                    edge |= {self._mate(k, i) for i in group | edge} - group
-            left -= group
-            groups.append(sorted(int(chosen[m]) for m in group))
-        return groups
-
-    @staticmethod
-    def _mate(k: Complex, m: int) -> int:
-        """Position of the conjugate."""
-        return m if k[m].imag == 0 else int(np.argmin(np.abs(k - k[m].conj())))
 
     def _singles(self, m: NDArray[np.intp]) -> tuple[Complex, Complex, Complex, NDArray[np.intp]]:
         """Eigenpairs far enough from all others, and the numbers of those that did not converge."""
@@ -194,25 +159,6 @@ class Pencil:
         """One Newton step for z of b^H T(z) a = 0, for each pair."""
         Ka, Ma, Qa = (np.einsum("im,im->m", b.conj(), A @ a) for A in (self.K, self.M, self.Q))
         return np.asarray(z - (Ka - z * Ma + z**2 * Qa) / (2 * z * Qa - Ma))
-
-    def _cluster(self, group: NDArray[np.intp]) -> tuple[Complex, Complex, Complex]:
-        """Eigenpairs of a cluster, conjugates left out."""
-        K, M, Q = self.K, self.M, self.Q
-        centre = float(self.k[group].real.mean())
-        X = _real_basis(self.V[:, group])
-        W = la.lu_solve(self._M, self.W[group].conj().T, trans=1, check_finite=False)
-        Y = _real_basis(W)
-        # Off the eigenvalues by a hair: a shift on one of them is no harm, an exact zero is.
-        lu = la.lu_factor(K - centre * (1 + 1e-11) * M + centre**2 * Q, check_finite=False)
-        X, Theta = _invariant(K, M, Q, X, Y, lu, 0)
-        Y, _ = _invariant(K.T, M.T, Q.T, Y, X, lu, 1)
-        z, v, u = la.eig(Theta, left=True, right=True)
-        MX, QX = Y.T @ M @ X, Y.T @ Q @ X
-        keep = np.flatnonzero(z.imag >= 0)
-        # v^H (MX - QX (z + Theta)) is a left vector of Theta.
-        inner = [MX - QX @ (z[i] * np.eye(z.size) + Theta) for i in keep]
-        left = [la.solve(A.conj().T, v[:, i]) for A, i in zip(inner, keep, strict=True)]
-        return z[keep], unit(X @ u[:, keep]), unit(Y @ np.stack(left, axis=1))
 
     def coupled_shift(self, kappa: Complex, residual: Complex, known: NDArray[np.bool_]) -> Array:
         """Second-order shift of each eigenvalue by what a small residual mixes in of far ones.
@@ -265,51 +211,6 @@ class Pencil:
             return product
 
         return count_turns(phase, region, believed)
-
-
-def _invariant(
-    K: Array, M: Array, Q: Array, X: Array, Y: Array, lu: tuple[Array, Array], trans: int
-) -> tuple[Array, Array]:
-    """Real invariant pair K X - M X Theta + Q X Theta^2 = 0 near a space X, tested with Y.
-
-    Raises:
-        InaccurateResult: the iteration does not converge.
-    """
-    size = np.inf
-    for _ in range(CLUSTER_STEPS):
-        KX, MX, QX = K @ X, M @ X, Q @ X
-        inner = la.lu_factor(Y.T @ MX)
-        Theta = la.lu_solve(inner, Y.T @ KX)
-        start = np.abs(Theta).max()
-        for _ in range(STEPS):
-            last, Theta = Theta, la.lu_solve(inner, Y.T @ KX + (Y.T @ QX) @ Theta @ Theta)
-            change, most = np.abs(Theta - last).max(), np.abs(Theta).max()
-            if not (change > 1e-15 * most and most < 10 * start):
-                break
-        if not (change < 1e-6 * most and most < 10 * start):
-            break
-        step = la.lu_solve(lu, KX - MX @ Theta + QX @ Theta @ Theta, trans=trans)
-        # What of the step lies in X itself changes nothing.
-        step -= X @ (X.T @ step)
-        last_size, size = size, float(np.linalg.norm(step))
-        if not size < 1e3:
-            break
-        # Round-off of an ill-conditioned shift may leave a little more.
-        if size <= CONVERGED or (size <= 1e4 * CONVERGED and size > 0.5 * last_size):
-            return X, Theta
-        X = la.qr(X - step, mode="economic")[0]
-    raise InaccurateResult(
-        f"reduced model: a cluster of {X.shape[1]} modes near"
-        f" {np.sqrt(abs(np.trace(Theta)) / X.shape[1]) / 2 / np.pi:.0f} Hz does not settle"
-    )
-
-
-def _real_basis(vectors: Complex) -> Array:
-    """Orthonormal real basis of vectors that are closed under conjugation."""
-    # Imaginary parts keep their size: those of real vectors are round-off.
-    vectors = unit(vectors)
-    both = np.hstack([vectors.real, vectors.imag])
-    return np.asarray(la.qr(both, mode="economic", pivoting=True)[0][:, : vectors.shape[1]])
 
 
 def with_conjugates(

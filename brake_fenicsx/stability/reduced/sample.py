@@ -21,11 +21,18 @@ from numpy.typing import NDArray
 from ..complex_columns import on_parts, series_answer, times
 from ..modes import Complex
 from .basis import Basis
+from .rough import RoughFactor
 
 Array = NDArray[np.float64]
 
 # Terms of the answer of the gaps.
 ANSWERS = 2
+
+# Error of a rough solve up to which it serves, looked at on so many columns.
+ENOUGH, LOOK = 1e-5, 4
+
+# Rows of a product that stay in the cache.
+ROWS = 64
 
 
 class Sample:
@@ -36,6 +43,9 @@ class Sample:
         sigma: shift of the basis, whose eigenvalues are kappa + sigma [1/s^2].
         doubt: sets of typical errors of the basis, (N R_j N', N R_j T') for j = 0, 1, ...
         dD, mD: change of normal stiffness, tangential stiffness of each element [N/m].
+        C: C1 and C2.
+        S: gaps of the modes, S - kappa S1 + kappa^2 S2, shape (elements, modes).
+        sources: (I + C0) S1 and (I + C0) S2, whose rounding is an error of the pencil.
         B: Phi' F.
     """
 
@@ -59,29 +69,48 @@ class Sample:
         b = self.basis = basis
         self.sigma, self.doubt = sigma, doubt
         self.dD, self.mD = b.w * (k - b.k0), mu * b.w * k
-        self.C1, self.C2 = (self._residual_gap(j) for j in (1, 2))
-        E = self._residual_gap(0)
-        E[np.diag_indices_from(E)] += 1.0
-        self._lu = la.lu_factor(E, overwrite_a=True, check_finite=False)
+        E = self._static_gap()
+        # By rows, as LAPACK wants the transpose: it need not be copied.
+        self._lu = la.lu_factor(E.T, overwrite_a=True, check_finite=False)
         self.B = b.Phi_N.T * self.dD + b.Phi_T.T * self.mD
         self.S = self.solve(b.Phi_N)
-        self.S1 = self.solve(self.C1 @ self.S)
-        self.S2 = self.solve(self.C1 @ self.S1 - self.C2 @ self.S)
+        factor, look = RoughFactor(self._lu), slice(LOOK)
+        error = np.abs(factor.solve(b.Phi_N[:, look], 1) - self.S[:, look]).max(initial=0.0)
+        good = error <= ENOUGH * np.abs(self.S[:, look]).max(initial=0.0)
+        self._rough_factor = factor if good else None
+        C1, C2 = self.C = tuple(
+            b.rough.NN[j].columns(self.dD, b.rough.NT[j], self.mD) for j in (1, 2)
+        )
+        C1S = C1 @ self.S
+        self.S1 = self._rough_solve(C1S)
+        self.sources = C1S, C1 @ self.S1 - C2 @ self.S
+        self.S2 = self._rough_solve(self.sources[1])
 
-    def _residual_gap(self, j: int) -> Array:
-        """C_j = R_j,NN dD + mu R_j,NT D."""
-        C = self.basis.NN[j] * self.dD
-        if self.mD.any():
-            C += self.basis.NT[j] * self.mD
-        return C
+    def _static_gap(self) -> Array:
+        """I + C_0 = I + R_0,NN dD + mu R_0,NT D."""
+        NN, NT, slips = self.basis.NN[0], self.basis.NT[0], self.mD.any()
+        E = np.empty_like(NN)
+        for i in range(0, len(E), ROWS):
+            rows = slice(i, i + ROWS)
+            np.multiply(NN[rows], self.dD, out=E[rows])
+            if slips:
+                E[rows] += NT[rows] * self.mD
+        E[np.diag_indices_from(E)] += 1.0
+        return E
 
     def solve(self, x: Array, trans: int = 0) -> Array:
         """(I + C_0)^-1 x, or its transpose."""
-        return np.asarray(la.lu_solve(self._lu, x, trans=trans, check_finite=False))
+        return np.asarray(la.lu_solve(self._lu, x, trans=1 - trans, check_finite=False))
 
     def solves(self, x: Complex, trans: int = 0) -> Complex:
-        """The same for complex columns."""
-        return on_parts(lambda v: self.solve(v, trans), x)
+        """The same for complex columns, rough."""
+        return on_parts(lambda v: self._rough_solve(v, trans), x)
+
+    def _rough_solve(self, x: Array, trans: int = 0) -> Array:
+        """A solve in single precision where that has the digits."""
+        if self._rough_factor is None:
+            return self.solve(x, trans)
+        return self._rough_factor.solve(x, 1 - trans)
 
     @cached_property
     def operators(self) -> tuple[Array, Array, Array]:
@@ -97,7 +126,7 @@ class Sample:
         return S - kappa * S1 + kappa**2 * S2
 
     def answer(self, kappa: Complex, x: Complex, trans: int = 0, terms: int = ANSWERS) -> Complex:
-        """(I + C0 + kappa C1 + kappa^2 C2)^-1 x by a series in kappa, or its transpose.
+        """(I + C0 + kappa C1 + kappa^2 C2)^-1 x by a series in kappa, or its transpose; rough.
 
         Args:
             kappa: of each column [1/s^2], shape (modes,).
@@ -105,5 +134,5 @@ class Sample:
             trans: whether the operator is transposed.
             terms: of the series, beyond the first.
         """
-        C1, C2 = (C.T if trans else C for C in (self.C1, self.C2))
+        C1, C2 = (C.T if trans else C for C in self.C)
         return series_answer(lambda v: self.solves(v, trans), C1, C2, kappa, x, terms)

@@ -24,7 +24,8 @@ from numpy.typing import NDArray
 from ..complex_columns import times
 from ..modes import Complex
 from .correction import Deeper
-from .sample import ANSWERS, Sample
+from .rough import ROUNDING
+from .sample import ANSWERS, ENOUGH, Sample
 
 Array = NDArray[np.float64]
 
@@ -42,6 +43,7 @@ class LeftOut:
     Attributes:
         rest: of T a, all that the basis knows; b' of it is psi' P phi, shape (kept modes, modes).
         tail: bound of what else psi' P phi holds [1/s^2], but for the basis' own errors.
+        rounding: what single precision may have added to it [1/s^2].
         residual: of the full problem in the norm of K0^-1, over the mode's in that of K0.
         v_N: normal forces on the elements [N], shape (elements, modes).
         v_T: tangential ones.
@@ -53,6 +55,7 @@ class LeftOut:
 
     rest: Complex
     tail: Array
+    rounding: Array
     residual: Array
     v_N: Complex
     v_T: Complex
@@ -73,31 +76,34 @@ def left_out(s: Sample, kappa: Complex, a: Complex, b: Complex) -> LeftOut:
     """
     K_r, M_r, Q_r = s.operators
     basis, top = s.basis, len(s.basis.NN) - 1
+    rough, (C1, C2) = basis.rough, s.C
     S1a, S2a = times(s.S1, a), times(s.S2, a)
     g = times(s.S, a) - kappa * S1a + kappa**2 * S2a
     y = s.solves(times(s.B.T, b), 1)
-    y -= s.solves(times(s.C1.T, kappa.conj() * y), 1)
+    y -= s.solves(times(C1.T, kappa.conj() * y), 1)
     r_a = times(K_r, a) - kappa * times(M_r, a) + kappa**2 * times(Q_r, a)
     # Of r_g only the terms beyond the expansion of ``gaps`` are left.
-    r_g = kappa**3 * (times(s.C2, S1a - kappa * S2a) - times(s.C1, S2a))
+    r_g: Complex = kappa**3 * (times(C2, S1a - kappa * S2a) - times(C1, S2a))
     v_N, v_T = s.dD[:, None] * g, s.mD[:, None] * g
-    every, last = r_g.copy(), times(basis.NN[top], v_N)
+    every, last = r_g.copy(), times(rough.NN[top], v_N)
     for j in range(3, top + 1):
-        C_j = last if j == top else times(basis.NN[j], v_N)
-        every -= kappa**j * (C_j + times(basis.NT[j], v_T))
+        C_j = last if j == top else times(rough.NN[j], v_N)
+        every -= kappa**j * (C_j + times(rough.NT[j], v_T))
     h = s.answer(kappa, every)
     limit, size = basis.limit, np.abs(kappa)
-    normal = np.sqrt(np.maximum(np.einsum("im,im->m", v_N.conj(), last).real, 0.0))
-    slip = np.sqrt(_quadratic(basis.TT, v_T)) / limit ** (top / 2)
-    tail = np.sqrt(_quadratic(basis.NN[top], y)) * (normal + slip)
+    normal = rough.NN[top].norm(v_N, last)
+    slip = rough.TT.norm(v_T) / limit ** (top / 2)
+    tail = rough.NN[top].norm(y) * (normal + slip)
     tail *= size ** (top + 1) / np.maximum(limit - size, 1e-3 * limit)
-    A_NN, _, A_TT = basis.compliance
-    forces = np.sqrt(_quadratic(A_NN, s.dD[:, None] * r_g))
-    forces += np.sqrt(_quadratic(A_TT, s.mD[:, None] * r_g))
+    A_NN, A_TT = rough.compliance
+    forces = A_NN.norm(s.dD[:, None] * r_g) + A_TT.norm(s.mD[:, None] * r_g)
     modal = np.sqrt((1 / basis.Lambda) @ np.abs(r_a) ** 2)
     norm = modal + forces + size**3 * limit ** (top / 2 - 3) * (normal + slip)
     norm = norm / np.sqrt(basis.Lambda @ np.abs(a) ** 2)
-    return LeftOut(r_a + times(s.B, h), tail, norm, v_N, v_T, y, every, h, r_a)
+    first, second = (np.abs(times(x, a)) for x in s.sources)
+    rounded = ENOUGH * np.abs(every) + ROUNDING * (size * first + size**2 * second)
+    rounding = np.einsum("im,im->m", np.abs(y), rounded)
+    return LeftOut(r_a + times(s.B, h), tail, rounding, norm, v_N, v_T, y, every, h, r_a)
 
 
 def corrected(
@@ -123,8 +129,8 @@ def corrected(
     part, bound = deeper(z, y, v_N, v_T, top)
     part = part + np.einsum("im,im->m", b[:, which].conj(), r_a)
     part += np.einsum("im,im->m", y.conj(), r_g)
-    C_h = times(s.basis.NN[3], s.dD[:, None] * h)
-    C_h += times(s.basis.NT[3], s.mD[:, None] * h)
+    C_h = times(s.basis.rough.NN[3], s.dD[:, None] * h)
+    C_h += times(s.basis.rough.NT[3], s.mD[:, None] * h)
     answer = z**3 * np.einsum("im,im->m", y.conj(), C_h)
     return part - answer, bound + np.abs(answer)
 
@@ -151,8 +157,3 @@ def doubted(s: Sample, kappa: Complex, known: LeftOut) -> Array:
     size = np.abs(kappa) * bool(len(s.doubt))
     shared = float(np.median(total / np.abs(kappa))) if size.any() else 0.0
     return np.maximum(total, max(shared, DIGITS) * size)
-
-
-def _quadratic(A: Array, x: NDArray) -> Array:
-    """X' A x of each column, for symmetric semi-definite A."""
-    return np.asarray(np.maximum(np.einsum("im,im->m", x.conj(), times(A, x)).real, 0.0))

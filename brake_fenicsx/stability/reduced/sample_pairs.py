@@ -118,7 +118,7 @@ def undamped_modes(
     far, every = (pencil.coupled_shift(t.kappa, t.out.rest, x) for x in (pairs.near, nothing))
     second = np.where(safe, known + far * condition, np.abs(shift) + every * condition)
     floor = 1e-14 * sample.basis.Lambda[-1] * condition + SURE * np.abs(t.kappa)
-    error = tail / np.abs(t.slope) + second + floor
+    error = (tail + t.out.rounding) / np.abs(t.slope) + second + floor
     kappa = np.where(safe, t.kappa + shift + mixed, t.kappa)
     left = error > 2 * tolerance * np.abs(kappa)
     if refined is not None and left.any():
