@@ -40,6 +40,8 @@ def coupled_groups(
     Returns:
         Numbers of the eigenvalues of each group; a complex one without coupling is a group alone.
     """
+    if not chosen.size:
+        return []
     k, q = k[chosen], q[np.ix_(chosen, chosen)]
     size = np.maximum(np.abs(k), np.abs(k)[:, None]) ** 2
     diagonal = np.diag(q)
