@@ -135,6 +135,8 @@ def run(
     open_folder(this, from_stage)
     start_log(comm.rank, this.store.path("log.txt") if comm.rank == 0 else None)
     logger.info("%s -> %s, %d process(es)", parsed.file, this.store.directory, comm.size)
+    for text in remarks(parsed, comm):
+        logger.info("%s", text)
     try:
         compute(this, stats)
     except SceneError:
@@ -195,6 +197,15 @@ def check(scene: Scene, comm: MPI.Comm) -> SurfaceStatistics | None:
 
         check_brake(scene, comm)
     return stats
+
+
+def remarks(scene: Scene, comm: MPI.Comm) -> list[str]:
+    """What is right and still may surprise: a line each, on the first process."""
+    if comm.rank or "equilibrium" not in scene.stages:
+        return []
+    from brake_fenicsx.macro.parts import cut_loads
+
+    return cut_loads(scene)
 
 
 def check_groups(scene: Scene, processes: int) -> None:
@@ -413,6 +424,7 @@ def describe(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -
             f"brake: {sizes['cells']} cells, {sizes['dofs']} free dofs,"
             f" {sizes['contact_elements']} contact elements"
         )
+        lines += remarks(parsed, comm)
         ways = {
             "reduced": counts.reduced, "reduced with materials of their own": counts.changing,
             "at full order": counts.full,

@@ -70,6 +70,10 @@ def test_coarse_brake_is_unstable_with_friction(brake):
         assert all(float(m["damping"]) < 0 < float(m["real_1_s"]) for m in unstable)
 
 
+def test_log_says_once_that_the_piston_is_cut_off(brake):
+    assert (brake / "log.txt").read_text().count("cuts the piston off") == 1
+
+
 def test_coarse_brake_is_stable_without_friction(tmp_path):
     stages = "stages=['surface','micro','equilibrium','stability','uncertainty']"
     no_friction = ["contact.pad_disc.friction=0.0", "samples.classical.friction=0.0"]
