@@ -14,6 +14,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -338,6 +339,36 @@ def mechanics(this: Run, stats: SurfaceStatistics | None, library: LawLibrary | 
             from brake_fenicsx.uncertainty.shapes import write_shapes
 
             write_shapes(study, results)
+            draw_mesh(this, brake)
+
+
+def draw_mesh(this: Run, brake: Brake) -> None:
+    """Picture of the mesh, a colour for each layer; collective."""
+    from brake_fenicsx.report.render import render_mesh
+
+    tags = brake.mesh.cell_tags
+    layer = np.zeros(tags.indices.max(initial=-1) + 1, dtype=int)
+    layer[tags.indices] = tags.values
+    names = {tag: name for name, tag in brake.mesh.layers.items()}
+    title = "Mesh: {cells} cells, {dofs} free dofs".format(**this.facts)
+    path = this.store.path("figures") / "mesh.png"
+    render_mesh(path, brake.elastic.free.V, layer, names, title)
+
+
+def version_of(name: str) -> str:
+    """Version of a library that was imported."""
+    if name == "gmsh":
+        from brake_fenicsx.macro.meshing.gmsh_mesh import gmsh_session
+
+        # Its module knows the version of its interface alone.
+        with gmsh_session() as gmsh:
+            return str(gmsh.option.getString("General.Version"))
+    if hasattr(sys.modules[name], "__version__"):
+        return str(sys.modules[name].__version__)
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "?"
 
 
 def write_summary(this: Run) -> None:
@@ -345,7 +376,7 @@ def write_summary(this: Run) -> None:
     versions = {"brake_fenicsx": __version__, "python": platform.python_version()}
     for name in LIBRARIES:
         if name in sys.modules:
-            versions[name] = str(getattr(sys.modules[name], "__version__", "?"))
+            versions[name] = version_of(name)
     versions["MPI"] = MPI.Get_library_version().split(",")[0].split("\n")[0].strip("\0 ")
     versions["system"] = platform.platform(terse=True)
     seeds = {"samples": this.scene.samples.seed}

@@ -14,7 +14,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from brake_fenicsx.pipeline import assemble, run
+from brake_fenicsx.pipeline import LIBRARIES, assemble, run, version_of
 
 SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
 BLOCK = SCENES / "block_on_plate.toml"
@@ -177,6 +177,16 @@ def test_unnamed_stage_is_not_imported(stages, absent, tmp_path):
     words[2] = code + f"print([m for m in {absent!r} if m in sys.modules])"
     done = subprocess.run(words, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_version_of_every_library_is_known():
+    """SALib has no __version__; gmsh's module names that of its interface, 4.8.0 for 4.8.4."""
+    import gmsh
+    import SALib  # noqa: F401
+
+    assert version_of("SALib")[0].isdigit()
+    assert version_of("gmsh").split(".")[:2] == gmsh.__version__.split(".")[:2]
+    assert all(version_of(name) != "?" for name in LIBRARIES if name in sys.modules)
 
 
 def test_assemble_gives_the_public_operators():

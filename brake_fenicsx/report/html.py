@@ -29,6 +29,10 @@ SHAPES = (
 )
 FAMILIES = 12  # rows of each approach in the table of families
 CAPTIONS = {plot.name: plot.caption for plot in PLOTS}
+SPEED_HEADS = {
+    "seconds_per_equilibrium": "equilibrium [s per sample]",
+    "seconds_per_stability": "modes [s per sample]",
+}
 STATISTICS = (
     ("mean", "mean height over the instrument's zero [µm]", 1e6),
     ("median", "median height over the instrument's zero [µm]", 1e6),
@@ -179,7 +183,8 @@ def _squeal(run: RunData) -> str:
         "How large the vibration becomes is beyond a linear analysis.</p>"
     )
     left = len(family_rows(run)) - len(rows)
-    more = f"<p>{left} rarer families: tables/families.csv.</p>" if left else ""
+    rarer = "family" if left == 1 else "families"
+    more = f"<p>{left} rarer {rarer}: tables/families.csv.</p>" if left else ""
     return note + _damping(run) + figures + (table(heads, rows) if rows else "") + more
 
 
@@ -251,7 +256,8 @@ def _interval(values: Sequence[Value]) -> str:
 
 
 def _percent(value: Value) -> str:
-    return f"{100 * value:.0f} %" if isinstance(value, float) else "-"
+    # No "-0 %".
+    return f"{round(100 * value) + 0} %" if isinstance(value, float) else "-"
 
 
 def _shapes(run: RunData) -> str:
@@ -306,7 +312,7 @@ def _accuracy(run: RunData) -> str:
         parts.append(table(["stage", "time [s]", "peak memory [MB]"], [*stages, whole]))
     speed = speed_rows(run)
     if speed:
-        heads = [name.replace("_", " ").replace("seconds per", "s per") for name in SPEED_COLUMNS]
+        heads = [SPEED_HEADS.get(name, name.replace("_", " ")) for name in SPEED_COLUMNS]
         parts.append(table(heads, [[_name(row), *row[1:]] for row in speed]))
     errors = error_rows(run)
     if errors:
@@ -320,7 +326,7 @@ def _accuracy(run: RunData) -> str:
     rest = {key: value for key, value in run.summary.items() if key not in known}
     if not parts and not rest:
         return ""
-    facts = pairs("quantity", rest, exact=False) if rest else ""
+    facts = pairs("quantity", rest, digits=6) if rest else ""
     return "\n".join([*parts, _figures(run, "stages", "eigenvalue_errors"), facts])
 
 
@@ -333,7 +339,7 @@ def _settings(run: RunData) -> str:
     if isinstance(run.summary.get("in_effect"), Mapping):
         parts.append(
             "<h3>In effect</h3>\n<p>All of it in SI units, with the defaults of keys that the"
-            " scene leaves out.</p>\n" + pairs("setting", run.summary["in_effect"])
+            " scene leaves out.</p>\n" + pairs("setting", run.summary["in_effect"], digits=12)
         )
     if run.scene is not None:
         parts.append(
