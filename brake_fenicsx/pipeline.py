@@ -28,6 +28,7 @@ from brake_fenicsx.errors import BrakeError, SceneError
 from brake_fenicsx.log import Progress, logger, start_log
 from brake_fenicsx.memory import give_back
 from brake_fenicsx.scene import Scene, read_scene
+from brake_fenicsx.scene_damping import active_terms
 from brake_fenicsx.scene_in_effect import in_effect
 from brake_fenicsx.shelf import Shelf, of_laws
 from brake_fenicsx.store import Store
@@ -445,7 +446,8 @@ def describe(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -
         from brake_fenicsx.macro.brake import assemble_brake
         from brake_fenicsx.uncertainty.sampling import sample_count
 
-        sizes = assemble_brake(parsed, comm).size()
+        brake = assemble_brake(parsed, comm)
+        sizes, mean = brake.size(), 1e3 * float(np.sqrt(brake.w.mean()))
         samples = {name: sample_count(parsed, name) for name in parsed.samples.approaches}
         counts = replace(
             count_solves(parsed, samples),
@@ -453,7 +455,7 @@ def describe(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -
         )  # fmt: skip
         lines.append(
             f"brake: {sizes['cells']} cells, {sizes['dofs']} free dofs,"
-            f" {sizes['contact_elements']} contact elements"
+            f" {sizes['contact_elements']} contact elements of {mean:.3f} mm squared in the mean"
         )
         lines += remarks(parsed, comm)
         ways = {
@@ -463,6 +465,8 @@ def describe(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -
         said = ", ".join(f"{number} {way}" for way, number in ways.items() if number)
         how = f"; modes: {said}" if said else ""
         lines.append(f"samples: {', '.join(f'{n} {name}' for name, n in samples.items())}{how}")
+        if damped := {term: None for name in samples for term in active_terms(parsed, name)}:
+            lines.append(f"damping: {', '.join(damped)}")
     if size > 1:
         lines.append(f"processes: a multiple of {size}; each {size} share a sample at full order")
     lines += cost_lines(estimate(parsed, counts), comm.size)

@@ -29,6 +29,10 @@ SHAPES = (
 )
 FAMILIES = 12  # rows of each approach in the table of families
 CAPTIONS = {plot.name: plot.caption for plot in PLOTS}
+LAST_START = (
+    "<p>Of the last start of the run: what an earlier one had finished took no time here. Seconds "
+    "per sample, below, are medians of all of them.</p>"
+)
 SPEED_HEADS = {
     "seconds_per_equilibrium": "equilibrium [s per sample]",
     "seconds_per_stability": "modes [s per sample]",
@@ -310,6 +314,7 @@ def _accuracy(run: RunData) -> str:
         seconds = [float(row[1]) for row in stages if isinstance(row[1], int | float)]
         whole: list[Value] = ["all of these", sum(seconds), None]
         parts.append(table(["stage", "time [s]", "peak memory [MB]"], [*stages, whole]))
+        parts.append(LAST_START)
     speed = speed_rows(run)
     if speed:
         heads = [SPEED_HEADS.get(name, name.replace("_", " ")) for name in SPEED_COLUMNS]
