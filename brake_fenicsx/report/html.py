@@ -33,6 +33,10 @@ LAST_START = (
     "<p>Of the last start of the run: what an earlier one had finished took no time here. Seconds "
     "per sample, below, are medians of all of them.</p>"
 )
+BY_NUMBERS = (
+    "<p>No scan: the surface is known by its numbers, which the figures show in the place of one. "
+    "There is nothing to fit, and no residual.</p>"
+)
 SPEED_HEADS = {
     "seconds_per_equilibrium": "equilibrium [s per sample]",
     "seconds_per_stability": "modes [s per sample]",
@@ -293,9 +297,12 @@ def _surface(run: RunData) -> str:
     if run.surface is None:
         return ""
     stats = surface_statistics(run.surface)
+    by_numbers = "heights" not in run.surface
     rows: list[list[Value]] = []
     for key, text, factor in STATISTICS:
         value, error = stats.get(key), stats.get(f"{key}_error")
+        if by_numbers and key in ("mean", "median", "fit_rms"):
+            continue
         if not isinstance(value, int | float) or not np.isfinite(value):
             continue
         if isinstance(of_log := stats.get(f"ln_{key}_error"), int | float):
@@ -304,7 +311,7 @@ def _surface(run: RunData) -> str:
         rows.append([text, float(value) * factor, spread if np.isfinite(spread) else None])
     names = ("figure4_topography", "figure5_statistics", "figure6_artificial")
     numbers = table(["quantity", "value", "standard error"], rows) if rows else ""
-    return _figures(run, *names) + numbers
+    return (BY_NUMBERS if by_numbers else "") + _figures(run, *names) + numbers
 
 
 def _accuracy(run: RunData) -> str:
