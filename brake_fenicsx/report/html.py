@@ -272,8 +272,8 @@ def _shapes(run: RunData) -> str:
     """The mesh, then the most unstable modes of one sample of each approach."""
     folder = run.directory / "figures"
     meshes, modes = sorted(folder.glob("mesh*.png")), sorted(folder.glob("mode_*.png"))
-    parts = [SHAPES] if modes else []
-    parts += [image(path, _heading(path), "shape") for path in meshes]
+    parts = [image(path, _heading(path), "shape") for path in meshes]
+    parts += [SHAPES] if modes else []
     left = {*modes}
     for row in approach_rows(run):
         paths = sorted(folder.glob(f"mode_{row[0]}_*Hz.png"))
