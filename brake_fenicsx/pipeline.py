@@ -123,7 +123,7 @@ def run(
 
     Raises:
         SceneError: the scene is wrong; nothing was written.
-        BrakeError: a stage failed.
+        BrakeError: a stage failed, or every sample.
     """
     parsed = read_scene(scene, overrides)
     if directory is None:
@@ -152,7 +152,23 @@ def run(
                 report(this.store.directory)
         if comm.rank == 0:
             write_summary(this)
+    refuse_if_all_failed(this)
     return this
+
+
+def refuse_if_all_failed(this: Run) -> None:
+    """A run without a single good sample is no result, whatever page it has; collective.
+
+    Raises:
+        BrakeError: how many failed, and where their errors are.
+    """
+    good = sum(about["good"] for about in this.facts.get("samples", {}).values())
+    failed = this.comm.bcast(0 if good else this.facts.get("failed_samples", 0), root=0)
+    if failed:
+        raise BrakeError(
+            f"no sample of {failed} is good; {this.store.path('samples.csv')} names the error of"
+            " each, and --from uncertainty tries them again"
+        )
 
 
 def compute(this: Run, stats: SurfaceStatistics | None) -> None:

@@ -262,6 +262,23 @@ def test_failing_sample_is_kept_and_stops_nothing(tmp_path, monkeypatch):
     assert {m["sample"] for m in rows(tmp_path / "out" / "modes.csv")} == {"0", "2"}
 
 
+def test_a_run_of_failed_samples_alone_is_an_error(tmp_path, monkeypatch, capsys):
+    """With status 0 a script would take the empty tables for a brake without squeal."""
+    from brake_fenicsx.cli import main
+    from brake_fenicsx.errors import NotConverged
+    from brake_fenicsx.uncertainty import equilibria
+
+    def never(*args, **kwargs):
+        raise NotConverged("made to fail")
+
+    monkeypatch.setattr(equilibria, "equilibrium", never)
+    out = tmp_path / "out"
+    assert main(["run", str(BLOCK), "-o", str(out), "--set", "stages=['equilibrium']"]) == 1
+    assert "no sample of 1 is good" in capsys.readouterr().err
+    assert [s["status"] for s in rows(out / "samples.csv")] == ["made to fail"]
+    assert (out / "summary.json").exists()
+
+
 def test_the_ramp_is_gone_through_where_the_full_load_does_not_converge(tmp_path, monkeypatch):
     """The scene's two load steps, only for the sample that needs them, with the same result."""
     from brake_fenicsx.errors import NotConverged
