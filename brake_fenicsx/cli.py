@@ -41,7 +41,7 @@ variations:
 
 exit status:
   0    done
-  1    a computation failed; its named error is printed, finished samples are kept
+  1    a computation or every sample failed; a named error is printed, finished samples are kept
   2    wrong input; one line names file, key, value and remedy, nothing was written
   130  interrupted; started again it goes on (mpirun answers with a status of its own)
 

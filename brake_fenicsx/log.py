@@ -17,8 +17,13 @@ def start_log(rank: int, file: Path | None = None) -> None:
         rank: rank of this process in the run's communicator.
         file: path of the log file, appended to; none if not given.
     """
-    # The form compiler logs its command lines at INFO on the root logger.
-    logging.getLogger().setLevel(logging.WARNING)
+    # The form compiler logs its command lines at INFO on the root logger, and distutils lowers the
+    # root's level again at the first form; a handler that is there keeps its own.
+    root = logging.getLogger()
+    if not root.handlers:
+        warnings = logging.StreamHandler(sys.stderr)
+        warnings.setLevel(logging.WARNING)
+        root.addHandler(warnings)
     logger.handlers.clear()
     logger.propagate = False
     logger.setLevel(logging.INFO)

@@ -14,6 +14,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +28,7 @@ from brake_fenicsx.errors import BrakeError, SceneError
 from brake_fenicsx.log import Progress, logger, start_log
 from brake_fenicsx.memory import give_back
 from brake_fenicsx.scene import Scene, read_scene
+from brake_fenicsx.scene_damping import active_terms
 from brake_fenicsx.scene_in_effect import in_effect
 from brake_fenicsx.shelf import Shelf, of_laws
 from brake_fenicsx.store import Store
@@ -121,7 +123,7 @@ def run(
 
     Raises:
         SceneError: the scene is wrong; nothing was written.
-        BrakeError: a stage failed.
+        BrakeError: a stage failed, or every sample.
     """
     parsed = read_scene(scene, overrides)
     if directory is None:
@@ -135,6 +137,8 @@ def run(
     open_folder(this, from_stage)
     start_log(comm.rank, this.store.path("log.txt") if comm.rank == 0 else None)
     logger.info("%s -> %s, %d process(es)", parsed.file, this.store.directory, comm.size)
+    for text in remarks(parsed, comm):
+        logger.info("%s", text)
     try:
         compute(this, stats)
     except SceneError:
@@ -148,7 +152,23 @@ def run(
                 report(this.store.directory)
         if comm.rank == 0:
             write_summary(this)
+    refuse_if_all_failed(this)
     return this
+
+
+def refuse_if_all_failed(this: Run) -> None:
+    """A run without a single good sample is no result, whatever page it has; collective.
+
+    Raises:
+        BrakeError: how many failed, and where their errors are.
+    """
+    good = sum(about["good"] for about in this.facts.get("samples", {}).values())
+    failed = this.comm.bcast(0 if good else this.facts.get("failed_samples", 0), root=0)
+    if failed:
+        raise BrakeError(
+            f"no sample of {failed} is good; {this.store.path('samples.csv')} names the error of"
+            " each, and --from uncertainty tries them again"
+        )
 
 
 def compute(this: Run, stats: SurfaceStatistics | None) -> None:
@@ -195,6 +215,15 @@ def check(scene: Scene, comm: MPI.Comm) -> SurfaceStatistics | None:
 
         check_brake(scene, comm)
     return stats
+
+
+def remarks(scene: Scene, comm: MPI.Comm) -> list[str]:
+    """What is right and still may surprise: a line each, on the first process."""
+    if comm.rank or "equilibrium" not in scene.stages:
+        return []
+    from brake_fenicsx.macro.parts import cut_loads
+
+    return cut_loads(scene)
 
 
 def check_groups(scene: Scene, processes: int) -> None:
@@ -327,6 +356,36 @@ def mechanics(this: Run, stats: SurfaceStatistics | None, library: LawLibrary | 
             from brake_fenicsx.uncertainty.shapes import write_shapes
 
             write_shapes(study, results)
+            draw_mesh(this, brake)
+
+
+def draw_mesh(this: Run, brake: Brake) -> None:
+    """Picture of the mesh, a colour for each layer; collective."""
+    from brake_fenicsx.report.render import render_mesh
+
+    tags = brake.mesh.cell_tags
+    layer = np.zeros(tags.indices.max(initial=-1) + 1, dtype=int)
+    layer[tags.indices] = tags.values
+    names = {tag: name for name, tag in brake.mesh.layers.items()}
+    title = "Mesh: {cells} cells, {dofs} free dofs".format(**this.facts)
+    path = this.store.path("figures") / "mesh.png"
+    render_mesh(path, brake.elastic.free.V, layer, names, title)
+
+
+def version_of(name: str) -> str:
+    """Version of a library that was imported."""
+    if name == "gmsh":
+        from brake_fenicsx.macro.meshing.gmsh_mesh import gmsh_session
+
+        # Its module knows the version of its interface alone.
+        with gmsh_session() as gmsh:
+            return str(gmsh.option.getString("General.Version"))
+    if hasattr(sys.modules[name], "__version__"):
+        return str(sys.modules[name].__version__)
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "?"
 
 
 def write_summary(this: Run) -> None:
@@ -334,7 +393,7 @@ def write_summary(this: Run) -> None:
     versions = {"brake_fenicsx": __version__, "python": platform.python_version()}
     for name in LIBRARIES:
         if name in sys.modules:
-            versions[name] = str(getattr(sys.modules[name], "__version__", "?"))
+            versions[name] = version_of(name)
     versions["MPI"] = MPI.Get_library_version().split(",")[0].split("\n")[0].strip("\0 ")
     versions["system"] = platform.platform(terse=True)
     seeds = {"samples": this.scene.samples.seed}
@@ -403,7 +462,8 @@ def describe(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -
         from brake_fenicsx.macro.brake import assemble_brake
         from brake_fenicsx.uncertainty.sampling import sample_count
 
-        sizes = assemble_brake(parsed, comm).size()
+        brake = assemble_brake(parsed, comm)
+        sizes, mean = brake.size(), 1e3 * float(np.sqrt(brake.w.mean()))
         samples = {name: sample_count(parsed, name) for name in parsed.samples.approaches}
         counts = replace(
             count_solves(parsed, samples),
@@ -411,8 +471,9 @@ def describe(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -
         )  # fmt: skip
         lines.append(
             f"brake: {sizes['cells']} cells, {sizes['dofs']} free dofs,"
-            f" {sizes['contact_elements']} contact elements"
+            f" {sizes['contact_elements']} contact elements of {mean:.3f} mm squared in the mean"
         )
+        lines += remarks(parsed, comm)
         ways = {
             "reduced": counts.reduced, "reduced with materials of their own": counts.changing,
             "at full order": counts.full,
@@ -420,6 +481,8 @@ def describe(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -
         said = ", ".join(f"{number} {way}" for way, number in ways.items() if number)
         how = f"; modes: {said}" if said else ""
         lines.append(f"samples: {', '.join(f'{n} {name}' for name, n in samples.items())}{how}")
+        if damped := {term: None for name in samples for term in active_terms(parsed, name)}:
+            lines.append(f"damping: {', '.join(damped)}")
     if size > 1:
         lines.append(f"processes: a multiple of {size}; each {size} share a sample at full order")
     lines += cost_lines(estimate(parsed, counts), comm.size)

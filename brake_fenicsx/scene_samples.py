@@ -52,8 +52,8 @@ class Design:
     Attributes:
         n: samples; those of [samples] if not given. FAST and Saltelli's design use the largest
             number not above it that their structure allows.
-        design: see ``uncertainty.designs``; [samples] says it if not given ("fast":
-            RBD-FAST, which needs fewer samples than FAST).
+        design: see [studies.md](studies.md); that of [samples] if not given (of "fast": RBD-FAST,
+            which needs fewer samples than FAST).
         curves: independent search curves of FAST for each input: intervals come from their spread.
     """
 
@@ -100,7 +100,7 @@ class Samples:
     Attributes:
         n: samples of each approach that is random.
         seed: seed of all of them.
-        design: points of the random inputs, see ``uncertainty.designs``.
+        design: points of the random inputs ([studies.md](studies.md)).
         curves: independent search curves of FAST for each input.
         approaches: of "multi-scale", "classical", "fast", "joint".
         classical: perfect contact.

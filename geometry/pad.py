@@ -42,7 +42,8 @@ class Pad:
         shim_layers: number of equal layers of a shim of one thickness.
         ear_length: tangential length of an ear [m]; 0: no ears.
         ear_width: radial width of an ear [m].
-        piston_diameter: diameter of the loaded circle on the outermost layer [m].
+        piston_diameter: diameter of the loaded circle on the outermost layer [m]; what reaches
+            beyond the outline of lining and plate is cut off.
         chamfer: tangential length of the chamfers at both ends of the lining [m]; 0: none.
         chamfer_depth: their depth at the ends [m]; as long as deep if not given.
         slot: width of a radial slot in the middle of the lining [m]; 0: none.
@@ -97,6 +98,21 @@ def layers(pad: Pad) -> list[tuple[str, float]]:
     if any(not h > 0 for h in shims):
         raise ValueError(f"shim {list(shims)} m: every layer needs a thickness")
     return [("lining", pad.lining), ("plate", pad.plate), *zip(names, shims, strict=True)]
+
+
+def cut_faces(occ: Any, pad: Pad) -> dict[str, tuple[float, float]]:
+    """Faces that the outline cuts off.
+
+    Args:
+        occ: gmsh's OpenCASCADE kernel.
+        pad: its parameters.
+
+    Returns:
+        Face -> area that is left and area of the whole [m^2], of one pad; empty where the piston's
+        circle lies on the pad.
+    """
+    left, whole = pad_shape.piston_area(occ, pad), np.pi / 4 * pad.piston_diameter**2
+    return {"piston": (left, whole)} if left < (1 - 1e-6) * whole else {}
 
 
 def _size(pad: Pad, layer: str) -> float:

@@ -131,6 +131,12 @@ def piston(occ: Any, pad: Pad, z: float) -> tuple[int, int]:
     return 2, occ.addDisk(x, y, z, pad.piston_diameter / 2, pad.piston_diameter / 2)
 
 
+def piston_area(occ: Any, pad: Pad) -> float:
+    """Area of the piston's circle that lies on the outline [m^2]."""
+    on_pad, _ = occ.intersect([piston(occ, pad, 0.0)], [(2, outline(occ, pad, 0.0))])
+    return float(sum(occ.getMass(2, tag) for _, tag in on_pad))
+
+
 def slot_face(occ: Any, pad: Pad) -> tuple[int, int]:
     """Strip of the slot in the plane z = 0, along the radius at mid pad."""
     reach = 1.2 * pad.r_outer

@@ -109,8 +109,9 @@ def meanings(cls: Any) -> dict[str, str]:
     text = inspect.getdoc(cls) or ""
     _, _, block = text.partition("Attributes:\n")
     found = re.findall(r"^    (\w+): (.*(?:\n {8}.*)*)", block, re.M)
-    # The unit stands beside the meaning; docstrings name SI's.
-    return {name: re.sub(r" \[\w+\]", "", _plain(words)).rstrip(".") for name, words in found}
+    # The unit stands beside the meaning; docstrings name SI's. Sections of a scene stay.
+    units = re.compile(rf" \[({'|'.join(filter(None, DIMENSIONS))})\]")
+    return {name: units.sub("", _plain(words)).rstrip(".") for name, words in found}
 
 
 def value_text(f: Field, hint: Any) -> str:

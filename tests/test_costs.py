@@ -155,6 +155,29 @@ def test_check_says_it_all_and_writes_nothing(tmp_path, monkeypatch, capsys):
     text = capsys.readouterr().out
     dofs = re.search(r"(\d+) cells, (\d+) free dofs, (\d+) contact elements", text)
     assert int(dofs[2]) > 3 * int(dofs[1])
+    assert re.search(r"contact elements of \d\.\d{3} mm squared in the mean", text)
+    assert "damping" not in text
     for words in ("1 at full order", "memory: about", "time: about", "2.6 GHz core", "estimates"):
         assert words in text
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "diameter, told",
+    [("54 mm", "90.7 % of its area is left (2078 of 2290 mm^2); 0.5 MPa on one is 1039 N"),
+     ("40 mm", "")],
+)  # fmt: skip
+def test_check_says_what_is_left_of_a_piston(diameter, told, capsys):
+    """A circle that the plate cuts off presses with less than pressure times circle."""
+    changes = ["stages=['equilibrium']", "contact.pad_disc.law={ linear = '1e12 Pa/m' }",
+               "contact.pad_disc.gap=none", "parts.disc.size=30 mm", "parts.pad.size=16 mm",
+               "parts.pad.plate_size=20 mm", f"parts.pad.piston_diameter={diameter}"]  # fmt: skip
+    describe(SCENES / "disc_brake.toml", MPI.COMM_SELF, changes)
+    lines = [x for x in capsys.readouterr().out.splitlines() if 'loads."pad.piston"' in x]
+    assert len(lines) == bool(told)
+    assert all(told in x for x in lines)
+
+
+def test_check_names_the_damping(capsys):
+    describe(SCENES / "block_on_plate.toml", MPI.COMM_SELF, ["stability.damping.sliding=true"])
+    assert "\ndamping: sliding\n" in capsys.readouterr().out

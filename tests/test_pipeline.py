@@ -14,7 +14,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from brake_fenicsx.pipeline import assemble, run
+from brake_fenicsx.pipeline import LIBRARIES, assemble, run, version_of
 
 SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
 BLOCK = SCENES / "block_on_plate.toml"
@@ -68,6 +68,10 @@ def test_coarse_brake_is_unstable_with_friction(brake):
         unstable = [m for m in own if m["verdict"] == "unstable"]
         assert unstable
         assert all(float(m["damping"]) < 0 < float(m["real_1_s"]) for m in unstable)
+
+
+def test_log_says_once_that_the_piston_is_cut_off(brake):
+    assert (brake / "log.txt").read_text().count("cuts the piston off") == 1
 
 
 def test_coarse_brake_is_stable_without_friction(tmp_path):
@@ -175,6 +179,16 @@ def test_unnamed_stage_is_not_imported(stages, absent, tmp_path):
     assert done.stdout.strip() == "[]"
 
 
+def test_version_of_every_library_is_known():
+    """SALib has no __version__; gmsh's module names that of its interface, 4.8.0 for 4.8.4."""
+    import gmsh
+    import SALib  # noqa: F401
+
+    assert version_of("SALib")[0].isdigit()
+    assert version_of("gmsh").split(".")[:2] == gmsh.__version__.split(".")[:2]
+    assert all(version_of(name) != "?" for name in LIBRARIES if name in sys.modules)
+
+
 def test_assemble_gives_the_public_operators():
     ops = assemble(BLOCK, MPI.COMM_SELF)
     elements, dofs = ops.N.shape
@@ -246,6 +260,23 @@ def test_failing_sample_is_kept_and_stops_nothing(tmp_path, monkeypatch):
     status = [s["status"] for s in rows(tmp_path / "out" / "samples.csv")]
     assert status == ["ok", "made to fail", "ok"]
     assert {m["sample"] for m in rows(tmp_path / "out" / "modes.csv")} == {"0", "2"}
+
+
+def test_a_run_of_failed_samples_alone_is_an_error(tmp_path, monkeypatch, capsys):
+    """With status 0 a script would take the empty tables for a brake without squeal."""
+    from brake_fenicsx.cli import main
+    from brake_fenicsx.errors import NotConverged
+    from brake_fenicsx.uncertainty import equilibria
+
+    def never(*args, **kwargs):
+        raise NotConverged("made to fail")
+
+    monkeypatch.setattr(equilibria, "equilibrium", never)
+    out = tmp_path / "out"
+    assert main(["run", str(BLOCK), "-o", str(out), "--set", "stages=['equilibrium']"]) == 1
+    assert "no sample of 1 is good" in capsys.readouterr().err
+    assert [s["status"] for s in rows(out / "samples.csv")] == ["made to fail"]
+    assert (out / "summary.json").exists()
 
 
 def test_the_ramp_is_gone_through_where_the_full_load_does_not_converge(tmp_path, monkeypatch):

@@ -57,6 +57,18 @@ def test_help_names_every_command_and_fits_a_terminal(capsys):
     assert all(f"brake-fenicsx {name} " in top for name in ("check", "run", "report"))
 
 
+def test_every_option_written_in_a_page_is_one_of_its_command():
+    pages = [README, *(p.read_text() for p in (ROOT / "docs").glob("*.md"))]
+    commands = parser()._subparsers._group_actions[0].choices
+    seen = set()
+    for page in pages:
+        for name, words in re.findall(r"brake-fenicsx (check|run|report)\b([^#`|\n]*)", page):
+            for option in re.findall(r"(?<=\s)--?[a-z]+", words.split(" -- ")[0]):
+                assert option in commands[name]._option_string_actions, (name, option)
+                seen.add(option)
+    assert {"--set", "-o", "--from", "--cache"} <= seen
+
+
 def test_interruption_ends_with_130(monkeypatch, tmp_path, capsys):
     from brake_fenicsx import pipeline
 

@@ -20,6 +20,7 @@ from .mesh import (
     on_rank_0,
     raw_mesh,
 )
+from .meshing.gmsh_mesh import gmsh_session
 from .meshing.groups import mesh_of_file
 from .meshing.rawmesh import RawMesh, joined
 
@@ -100,3 +101,30 @@ def check_mesh(scene: Scene, faces: Mapping[str, str], comm: MPI.Comm) -> list[s
         return on_rank_0(checked, comm, lambda layers: layers)
     except SceneError as error:
         raise SceneError(f"{scene.file}: {error}") from None
+
+
+def cut_loads(scene: Scene) -> list[str]:
+    """Loads on a face that is smaller than its parameters say, a line each.
+
+    Args:
+        scene: the scene, checked; of parts with a builder the geometry is built, not meshed.
+
+    Returns:
+        Key, share that is left, and the force; nothing where every face is whole.
+    """
+    lines = []
+    with gmsh_session() as gmsh:
+        for name, (builder, values) in scene_parts(scene).items():
+            if not hasattr(builder, "cut_faces"):
+                continue
+            gmsh.model.add(name)
+            for face, (left, whole) in builder.cut_faces(gmsh.model.occ, values).items():
+                load = scene.loads.get(f"{name}.{face}")
+                if load is not None:
+                    lines.append(
+                        f'loads."{name}.{face}": the outline of {name} cuts the {face} off:'
+                        f" {100 * left / whole:.1f} % of its area is left ({1e6 * left:.0f} of"
+                        f" {1e6 * whole:.0f} mm^2); {1e-6 * load.pressure:g} MPa on one is"
+                        f" {load.pressure * left:.0f} N, not {load.pressure * whole:.0f} N"
+                    )
+    return lines

@@ -33,7 +33,7 @@ LOSS = (
 )
 LOGGED = "vertex values; mid-edge values are not in this file"
 VTX_TOO = "all values are in {}"
-NO_VTX = "without ADIOS2 in no file"
+NO_VTX = "nor, without ADIOS2, in any other"
 NO_LOSS = "Values at all nodes of the mesh, one for every dof of the field."
 
 

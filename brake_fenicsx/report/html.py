@@ -29,6 +29,18 @@ SHAPES = (
 )
 FAMILIES = 12  # rows of each approach in the table of families
 CAPTIONS = {plot.name: plot.caption for plot in PLOTS}
+LAST_START = (
+    "<p>Of the last start of the run: what an earlier one had finished took no time here. Seconds "
+    "per sample, below, are medians of all of them.</p>"
+)
+BY_NUMBERS = (
+    "<p>No scan: the surface is known by its numbers, which the figures show in the place of one. "
+    "There is nothing to fit, and no residual.</p>"
+)
+SPEED_HEADS = {
+    "seconds_per_equilibrium": "equilibrium [s per sample]",
+    "seconds_per_stability": "modes [s per sample]",
+}
 STATISTICS = (
     ("mean", "mean height over the instrument's zero [µm]", 1e6),
     ("median", "median height over the instrument's zero [µm]", 1e6),
@@ -179,7 +191,8 @@ def _squeal(run: RunData) -> str:
         "How large the vibration becomes is beyond a linear analysis.</p>"
     )
     left = len(family_rows(run)) - len(rows)
-    more = f"<p>{left} rarer families: tables/families.csv.</p>" if left else ""
+    rarer = "family" if left == 1 else "families"
+    more = f"<p>{left} rarer {rarer}: tables/families.csv.</p>" if left else ""
     return note + _damping(run) + figures + (table(heads, rows) if rows else "") + more
 
 
@@ -251,15 +264,16 @@ def _interval(values: Sequence[Value]) -> str:
 
 
 def _percent(value: Value) -> str:
-    return f"{100 * value:.0f} %" if isinstance(value, float) else "-"
+    # No "-0 %".
+    return f"{round(100 * value) + 0} %" if isinstance(value, float) else "-"
 
 
 def _shapes(run: RunData) -> str:
     """The mesh, then the most unstable modes of one sample of each approach."""
     folder = run.directory / "figures"
     meshes, modes = sorted(folder.glob("mesh*.png")), sorted(folder.glob("mode_*.png"))
-    parts = [SHAPES] if modes else []
-    parts += [image(path, _heading(path), "shape") for path in meshes]
+    parts = [image(path, _heading(path), "shape") for path in meshes]
+    parts += [SHAPES] if modes else []
     left = {*modes}
     for row in approach_rows(run):
         paths = sorted(folder.glob(f"mode_{row[0]}_*Hz.png"))
@@ -283,9 +297,12 @@ def _surface(run: RunData) -> str:
     if run.surface is None:
         return ""
     stats = surface_statistics(run.surface)
+    by_numbers = "heights" not in run.surface
     rows: list[list[Value]] = []
     for key, text, factor in STATISTICS:
         value, error = stats.get(key), stats.get(f"{key}_error")
+        if by_numbers and key in ("mean", "median", "fit_rms"):
+            continue
         if not isinstance(value, int | float) or not np.isfinite(value):
             continue
         if isinstance(of_log := stats.get(f"ln_{key}_error"), int | float):
@@ -294,7 +311,7 @@ def _surface(run: RunData) -> str:
         rows.append([text, float(value) * factor, spread if np.isfinite(spread) else None])
     names = ("figure4_topography", "figure5_statistics", "figure6_artificial")
     numbers = table(["quantity", "value", "standard error"], rows) if rows else ""
-    return _figures(run, *names) + numbers
+    return (BY_NUMBERS if by_numbers else "") + _figures(run, *names) + numbers
 
 
 def _accuracy(run: RunData) -> str:
@@ -304,9 +321,10 @@ def _accuracy(run: RunData) -> str:
         seconds = [float(row[1]) for row in stages if isinstance(row[1], int | float)]
         whole: list[Value] = ["all of these", sum(seconds), None]
         parts.append(table(["stage", "time [s]", "peak memory [MB]"], [*stages, whole]))
+        parts.append(LAST_START)
     speed = speed_rows(run)
     if speed:
-        heads = [name.replace("_", " ").replace("seconds per", "s per") for name in SPEED_COLUMNS]
+        heads = [SPEED_HEADS.get(name, name.replace("_", " ")) for name in SPEED_COLUMNS]
         parts.append(table(heads, [[_name(row), *row[1:]] for row in speed]))
     errors = error_rows(run)
     if errors:
@@ -320,7 +338,7 @@ def _accuracy(run: RunData) -> str:
     rest = {key: value for key, value in run.summary.items() if key not in known}
     if not parts and not rest:
         return ""
-    facts = pairs("quantity", rest, exact=False) if rest else ""
+    facts = pairs("quantity", rest, digits=6) if rest else ""
     return "\n".join([*parts, _figures(run, "stages", "eigenvalue_errors"), facts])
 
 
@@ -333,7 +351,7 @@ def _settings(run: RunData) -> str:
     if isinstance(run.summary.get("in_effect"), Mapping):
         parts.append(
             "<h3>In effect</h3>\n<p>All of it in SI units, with the defaults of keys that the"
-            " scene leaves out.</p>\n" + pairs("setting", run.summary["in_effect"])
+            " scene leaves out.</p>\n" + pairs("setting", run.summary["in_effect"], digits=12)
         )
     if run.scene is not None:
         parts.append(

@@ -15,11 +15,15 @@ SHORT = 28  # characters that are not broken into lines
 
 
 def image(path: Path, caption: str, kind: str = "plot") -> str:
-    """A picture, embedded, with its caption; ``kind`` is its class in the style sheet."""
+    """A picture, embedded, with its caption; ``kind`` is its class in the style sheet.
+
+    What is wider than the screen scrolls in a box of its own, not the page.
+    """
     data = base64.b64encode(path.read_bytes()).decode("ascii")
     text = escape(caption, quote=True)
     return (
-        f'<figure class="{kind}">\n<img alt="{text}" src="data:image/png;base64,{data}"/>\n'
+        f'<figure class="{kind}">\n<div class="wide" tabindex="0">'
+        f'<img alt="{text}" src="data:image/png;base64,{data}"/></div>\n'
         f"<figcaption>{text}</figcaption>\n</figure>"
     )
 
@@ -28,7 +32,10 @@ def table(heads: Sequence[str], rows: Sequence[Sequence[Value]]) -> str:
     """A table; floats are shown with four digits."""
     head = "".join(f"<th>{escape(text)}</th>" for text in heads)
     body = "\n".join(f"<tr>{''.join(map(_cell, row))}</tr>" for row in rows)
-    return f"<table>\n<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n</tbody>\n</table>\n"
+    return (
+        f'<div class="wide" tabindex="0">\n<table>\n<thead><tr>{head}</tr></thead>\n'
+        f"<tbody>\n{body}\n</tbody>\n</table>\n</div>\n"
+    )
 
 
 def _cell(value: Value) -> str:
@@ -40,20 +47,22 @@ def _cell(value: Value) -> str:
     return f"<td{kind}>{escape(show(value))}</td>"
 
 
-def pairs(what: str, content: Mapping[str, Any], exact: bool = True) -> str:
-    """A nested mapping as a table of dotted names and values, with every digit or with six."""
-    rows = [[name, value] for name, value in _flatten(content, exact)]
+def pairs(what: str, content: Mapping[str, Any], digits: int | None = None) -> str:
+    """A nested mapping as a table of dotted names and values, with every digit if none is given."""
+    rows = [[name, value] for name, value in _flatten(content, digits)]
     return table([what, "value"], rows)
 
 
-def _flatten(content: Mapping[str, Any], exact: bool, above: str = "") -> list[tuple[str, str]]:
+def _flatten(
+    content: Mapping[str, Any], digits: int | None, above: str = ""
+) -> list[tuple[str, str]]:
     found: list[tuple[str, str]] = []
     for key, value in content.items():
         name = f"{above}.{key}" if above else str(key)
         if isinstance(value, Mapping):
-            found += _flatten(value, exact, name)
+            found += _flatten(value, digits, name)
         else:
-            found.append((name, _exact(value) if exact else _rounded(value)))
+            found.append((name, _exact(value) if digits is None else _rounded(value, digits)))
     return found
 
 
@@ -64,9 +73,9 @@ def _exact(value: Any) -> str:
     return value if isinstance(value, str) else repr(value)
 
 
-def _rounded(value: Any) -> str:
-    """A value as text, with six digits."""
+def _rounded(value: Any, digits: int) -> str:
+    """A value as text; of a long list the first values and their number."""
     if isinstance(value, list):
-        text = ", ".join(map(_rounded, value[:LONGEST])) or "none"
+        text = ", ".join(_rounded(v, digits) for v in value[:LONGEST]) or "none"
         return f"{text}, ... ({len(value)} values)" if len(value) > LONGEST else text
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
+    return f"{value:.{digits}g}" if isinstance(value, float) else str(value)

@@ -1,4 +1,7 @@
-"""Style sheet of the HTML page: system fonts only, black on white in print."""
+"""Style sheet of the HTML page: system fonts only, black on white, also on a dark screen.
+
+On a narrow screen figures and tables keep the width at which they can be read and scroll alone.
+"""
 
 CSS = """\
 :root { color-scheme: light; }
@@ -13,6 +16,7 @@ nav a { color: #00517f; }
 figure { margin: 1.2em 0; break-inside: avoid; }
 figure img { display: block; width: 100%; max-width: 960px; height: auto; }
 figcaption { font-size: 0.9em; color: #444; margin-top: 0.3em; }
+.wide { overflow-x: auto; }
 table { border-collapse: collapse; font-size: 0.87em; margin: 1em 0; break-inside: auto; }
 th, td { padding: 0.25em 0.8em 0.25em 0; text-align: left; vertical-align: top;
   border-bottom: 1px solid #ddd; overflow-wrap: break-word; }
@@ -24,11 +28,21 @@ td.number { font-variant-numeric: tabular-nums; white-space: nowrap; }
 tr { break-inside: avoid; }
 pre { font: 0.82em/1.45 "DejaVu Sans Mono", Consolas, monospace; background: #f5f5f5;
   padding: 0.8em 1em; white-space: pre-wrap; overflow-wrap: anywhere; }
+@media screen and (max-width: 720px) {
+  body { padding: 0 14px 32px; }
+  h1 { overflow-wrap: anywhere; }
+  figure img { width: 660px; max-width: none; }
+  figure.shape img { width: 560px; }
+  table { width: max-content; max-width: 820px; }
+}
 @page { size: A4; margin: 16mm 14mm; }
 @media print {
   body { font-size: 10pt; max-width: none; padding: 0; }
+  .wide { overflow: visible; }
+  table { font-size: 8pt; }
+  th, td { padding-right: 0.6em; }
   nav { display: none; }
-  figure img { width: auto; max-width: 100%; max-height: 225mm; }
+  figure img { width: auto; max-width: 100%; max-height: 122mm; }
   figure.shape img { max-height: 112mm; }
   h2, h3 { break-after: avoid; }
   pre { background: #fff; border: 1px solid #bbb; }

@@ -87,7 +87,7 @@ def read_run(directory: str | Path | RunData) -> RunData:
         samples=_table(root / "samples.csv", SAMPLES),
         contact=_table(root / "contact.csv", CONTACT),
         laws=_arrays(root / "laws.npz", ("d", "p", "k")),
-        surface=_arrays(root / "surface.npz", ("heights", "size")),
+        surface=_surface(root / "surface.npz"),
         maps=_arrays(root / "contact_maps.npz", ("size", "p_over_E", "pressures")),
         faces=_arrays(root / "contact_faces.npz", ("corners", "facet")),
         summary=_json(root / "summary.json"),
@@ -102,6 +102,13 @@ def read_run(directory: str | Path | RunData) -> RunData:
 
 def _table(path: Path, required: Sequence[str]) -> Columns | None:
     return read_columns(path, required) if path.is_file() else None
+
+
+def _surface(path: Path) -> Arrays | None:
+    """A scan, or what numbers alone say of a surface: then there is no height."""
+    surface = _arrays(path, ())
+    by_numbers = surface is not None and "q" not in surface and "hdf_z" in surface
+    return surface if by_numbers else _arrays(path, ("heights", "size"))
 
 
 def _arrays(path: Path, required: Sequence[str]) -> Arrays | None:

@@ -209,8 +209,7 @@ def draw_convergence(run: RunData) -> Figure | None:
         axis.set_xlabel("samples [-]")
         axis.xaxis.get_major_locator().set_params(integer=True)
         light_grid(axis)
-    # Shares settle at the top more often than not.
-    axes[0, 0].legend(loc="lower right")
+    axes[0, 0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncol=3)
     return figure
 
 

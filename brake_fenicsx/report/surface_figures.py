@@ -40,7 +40,7 @@ def surface_statistics(surface: Arrays) -> dict[str, Any]:
 
 def draw_topography(run: RunData) -> Figure | None:
     """Figure 4: the levelled scan with its missing points, and two profiles through its centre."""
-    if run.surface is None:
+    if run.surface is None or "heights" not in run.surface:
         return None
     z, size = run.surface["heights"] * UM, run.surface["size"] * MM
     figure, axes = new_figure(1, 2, height=3.3, gridspec_kw={"width_ratios": [1.25, 1]})
@@ -71,10 +71,7 @@ def draw_statistics(run: RunData) -> Figure | None:
     surface = run.surface
     figure, axes = new_figure(1, 2, height=3.7, gridspec_kw={"width_ratios": [1, 1.25]})
     _draw_heights(axes[0, 0], surface)
-    if "q" not in surface:
-        axes[0, 1].set_visible(False)
-        return figure
-    if "fit_q" in surface:
+    if "q" in surface and "fit_q" in surface:
         axes[0, 1].remove()
         right = axes[0, 0].get_gridspec()[0, 1].subgridspec(2, 1, height_ratios=[3, 1])
         top = figure.add_subplot(right[0])
@@ -85,7 +82,10 @@ def draw_statistics(run: RunData) -> Figure | None:
     else:
         top = axes[0, 1]
         top.set_xlabel(Q_LABEL)
-    _draw_psd(top, surface)
+    if "q" in surface or "fit_q" in surface:
+        _draw_psd(top, surface)
+    else:
+        top.set_visible(False)
     return figure
 
 
@@ -94,13 +94,15 @@ def draw_artificial(run: RunData) -> Figure | None:
     if run.surface is None or "artificial" not in run.surface:
         return None
     s = run.surface
-    scan, made = s["heights"] * UM, s["artificial"] * UM
+    shown = [("artificial surface", s["artificial"] * UM, s["artificial_size"])]
+    if "heights" in s:
+        shown = [("scan", s["heights"] * UM, s["size"]), *shown]
     figure, axes = new_figure(2, 2, height=6.2, gridspec_kw={"height_ratios": [1.15, 1]})
-    limits = _height_limits(np.concatenate([scan.ravel(), made.ravel()]))
-    side = float(max(s["size"].max(), s["artificial_size"].max())) * MM
-    for j, (name, z, size) in enumerate(
-        [("scan", scan, s["size"]), ("artificial surface", made, s["artificial_size"])]
-    ):
+    for axis in axes[0, len(shown) :]:
+        axis.set_visible(False)
+    limits = _height_limits(np.concatenate([z.ravel() for _, z, _ in shown]))
+    side = float(max(size.max() for _, _, size in shown)) * MM
+    for j, (name, z, size) in enumerate(shown):
         image = _map(axes[0, j], z, size * MM, limits)
         axes[0, j].set(xlim=(0, side), ylim=(0, side))
         spread = f"$S_q$ = {np.nanstd(z):.1f} µm"
@@ -109,10 +111,10 @@ def draw_artificial(run: RunData) -> Figure | None:
     _compare(axes[1, 0], s, "hdf_z", "hdf_density", UM, 1 / UM)
     axes[1, 0].set(xlabel="height [µm]", ylabel="density [1/µm]")
     axes[1, 0].set_ylim(bottom=0)
-    panel(axes[1, 0], "c", "height distribution")
+    panel(axes[1, 0], "cb"["heights" not in s], "height distribution")
     _compare(axes[1, 1], s, "q", "C", 1.0, 1.0)
     axes[1, 1].set(xscale="log", yscale="log", xlabel=Q_LABEL, ylabel=PSD_LABEL)
-    panel(axes[1, 1], "d", "radial PSD")
+    panel(axes[1, 1], "dc"["heights" not in s], "radial PSD")
     for axis in axes[1]:
         light_grid(axis)
         axis.legend(loc="best")
@@ -149,23 +151,26 @@ def _height_limits(z: NDArray) -> tuple[float, float]:
 
 
 def _draw_heights(axes: Axes, surface: Arrays) -> None:
-    z = surface["heights"][np.isfinite(surface["heights"])] * UM
+    z = surface.get("heights", np.zeros(0)) * UM
+    z = z[np.isfinite(z)]
     if z.size:
         axes.hist(z, bins=64, density=True, color="#c9dcea", label="heights of the scan")
     if "hdf_z" in surface:
         heights, density = surface["hdf_z"] * UM, surface["hdf_density"] / UM
-        axes.plot(heights, density, color=BLUE, label="kernel density")
+        text = "kernel density" if z.size else "as given"
+        axes.plot(heights, density, color=BLUE, label=text)
     if z.size and z.std() > 0:
         low, high = axes.get_xlim()
         x = np.linspace(low, high, 200)
         normal = np.exp(-0.5 * ((x - z.mean()) / z.std()) ** 2) / (z.std() * np.sqrt(2 * np.pi))
         axes.plot(x, normal, color=GREY, ls="--", label="normal")
-    text = _moments(surface_statistics(surface))
+    known = surface_statistics(surface)
+    measured = () if z.size else ("mean", "median")
+    text = _moments({key: value for key, value in known.items() if key not in measured})
     axes.text(0.03, 0.97, text, transform=axes.transAxes, va="top", fontsize=7.5)
     axes.set(xlabel="height over the mean plane $z$ [µm]", ylabel="density $P(z)$ [1/µm]")
     axes.set_ylim(0, 1.45 * axes.get_ylim()[1])
-    if z.size:
-        axes.legend(loc="upper right", fontsize=7.5)
+    axes.legend(loc="upper right", fontsize=7.5)
     panel(axes, "a", "height distribution")
 
 
@@ -187,14 +192,19 @@ def _moments(stats: dict[str, Any]) -> str:
 def _draw_psd(axes: Axes, surface: Arrays) -> None:
     _draw_band(axes, surface)
     _draw_subsets(axes, surface)
-    positive = surface["C"] > 0
-    axes.loglog(
-        surface["q"][positive], surface["C"][positive], color=BLUE, lw=1.6, label="whole scan"
-    )
+    if "q" in surface:
+        positive = surface["C"] > 0
+        axes.loglog(
+            surface["q"][positive], surface["C"][positive], color=BLUE, lw=1.6, label="whole scan"
+        )
     stats = surface_statistics(surface)
     if "fit_q" in surface:
         axes.loglog(
-            surface["fit_q"], surface["fit_C"], color=BLACK, ls="--", label=_fit_text(stats)
+            surface["fit_q"],
+            surface["fit_C"],
+            color=BLACK,
+            ls="--",
+            label=_fit_text(stats, "bi-fractal fit" if "q" in surface else "as given"),
         )
     q_c = stats.get("q_c")
     if isinstance(q_c, int | float) and q_c > 0:
@@ -208,20 +218,22 @@ def _draw_psd(axes: Axes, surface: Arrays) -> None:
     panel(axes, "b", "radial power spectrum")
 
 
-def _fit_text(stats: dict[str, Any]) -> str:
+def _fit_text(stats: dict[str, Any], what: str) -> str:
     parts = []
     for key, text in (("c1", "$c_1$"), ("c2", "$c_2$")):
         value, error = stats.get(key), stats.get(f"{key}_error")
         if isinstance(value, int | float):
-            spread = f" ± {error:.2f}" if isinstance(error, int | float) else ""
+            known = isinstance(error, int | float) and np.isfinite(error)
+            spread = f" ± {error:.2f}" if known else ""
             parts.append(f"{text} = ${value:.2f}${spread}")
-    return "bi-fractal fit" + (": " + ",\n".join(parts) if parts else "")
+    return what + (": " + ",\n".join(parts) if parts else "")
 
 
 def _draw_band(axes: Axes, surface: Arrays) -> None:
     if "q_band" in surface:
         low, high = surface["q_band"]
-        axes.axvspan(low, high, color="#eef4ea", lw=0, zorder=0, label="reliable band")
+        text = "reliable band" if "q" in surface else "band"
+        axes.axvspan(low, high, color="#eef4ea", lw=0, zorder=0, label=text)
 
 
 def _draw_subsets(axes: Axes, surface: Arrays) -> None:
@@ -262,9 +274,12 @@ def _draw_residual(axes: Axes, surface: Arrays) -> None:
 
 
 def _compare(axes: Axes, s: Arrays, x: str, y: str, x_unit: float, y_unit: float) -> None:
-    """The same curve of the scan and of the artificial surface."""
+    """The same curve of the scan, or as given, and of the artificial surface."""
+    first = ("", "scan", BLUE, "-")
+    if "heights" not in s:
+        first = ("" if x in s else "fit_", "as given", BLUE, "-")
     for prefix, text, colour, line in (
-        ("", "scan", BLUE, "-"),
+        first,
         ("artificial_", "artificial", ORANGE, "--"),
     ):
         if prefix + x in s:

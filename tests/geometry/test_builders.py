@@ -210,6 +210,35 @@ def test_pad(shape, cells):
     assert set(one.layers) == {"p.lining", "p.plate", "p.shim"}
 
 
+def lens(d, a, b):
+    """Area common to circles of radii a and b whose centres are d apart."""
+    x = (d**2 + a**2 - b**2) / (2 * d)
+    y = d - x
+    return sum(r**2 * np.arccos(t / r) - t * np.sqrt(r**2 - t**2) for r, t in ((a, x), (b, y)))
+
+
+@pytest.mark.parametrize("side", ["top", "both"])
+def test_piston_that_the_outline_cuts_off(side):
+    """Of a circle of 54 mm on a sector 44 mm wide: what lies between two arcs, closed form."""
+    with gmsh_session() as gmsh:
+        gmsh.model.add("p")
+        found = pad.cut_faces(gmsh.model.occ, pad.Pad(side=side, shim=1e-3))
+    (left, whole), a = found["piston"], 27e-3
+    assert whole == pytest.approx(np.pi * a**2)
+    assert left == pytest.approx(lens(118e-3, a, 140e-3) - lens(118e-3, a, 96e-3), rel=1e-6)
+    m = mesh("pad", order=2, side="top", size=7e-3, plate_size=4e-3)
+    assert area(m, "piston") == pytest.approx(left, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    "values", [{"piston_diameter": 43.9e-3}, {"r_inner": 90e-3, "r_outer": 146e-3}]
+)
+def test_piston_inside_the_outline_is_whole(values):
+    with gmsh_session() as gmsh:
+        gmsh.model.add("p")
+        assert pad.cut_faces(gmsh.model.occ, pad.Pad(**values)) == {}
+
+
 @pytest.mark.parametrize("cells", ["tetrahedra", "hexahedra"])
 def test_two_pads_are_mirror_images_to_the_last_bit(cells):
     """Nodes and cells of the lower pad are those of the upper one; catches a second mesh."""

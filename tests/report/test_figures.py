@@ -144,6 +144,39 @@ def test_statistics_without_spectrum_show_heights_only(run_directory, tmp_path):
     assert draw_artificial(run) is None
 
 
+@pytest.mark.parametrize("stages", [["surface"], ["surface", "micro"]])
+def test_surface_known_by_its_numbers_alone(stages, tmp_path):
+    """Its report ended in an error once: there are no heights to draw, and no residual."""
+    from brake_fenicsx.pipeline import law_recipe, read_surface
+    from brake_fenicsx.report import html
+    from brake_fenicsx.report.inputs import surface_arrays
+    from brake_fenicsx.scene import read_scene
+
+    scene = tmp_path / "numbers.toml"
+    scene.write_text(
+        f"stages = {stages!r}\n[surface.statistics]\nS_q = '3 um'\nS_ku = 4\n"
+        "[micro]\npixels = 64\nE = '2 GPa'\n"
+    )
+    read = read_scene(scene)
+    stats = read_surface(read)
+    np.savez(tmp_path / "surface.npz", **surface_arrays(stats, law_recipe(read, stats)))
+    run = read_run(tmp_path)
+    assert draw_topography(run) is None
+    heights, spectrum = draw_statistics(run).axes
+    assert [line.get_label() for line in heights.lines] == ["as given"]
+    (z, density) = heights.lines[0].get_data()
+    assert np.sqrt(np.sum(z**2 * density) * (z[1] - z[0])) == pytest.approx(3.0, rel=1e-2)
+    assert "as given" in spectrum.get_legend().get_texts()[-1].get_text()
+    figure = draw_artificial(run)
+    assert (figure is None) == ("micro" not in stages)
+    if figure:
+        shown = [axis for axis in figure.axes[:4] if axis.get_visible()]
+        assert [axis.get_title()[:3] for axis in shown] == ["(a)", "(b)", "(c)"]
+    page = html.write_report(tmp_path).read_text()
+    assert "No scan: the surface is known by its numbers" in page
+    assert "instrument" not in page
+
+
 def test_artificial_surface_stands_at_the_scale_of_the_scan(run):
     figure = draw_artificial(run)
     left, right = figure.axes[:2]

@@ -7,7 +7,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from brake_fenicsx.report.html import render_page, write_report
+from brake_fenicsx.report.html import _percent, render_page, write_report
 from brake_fenicsx.report.rundata import RunData, read_run
 
 X = "{http://www.w3.org/1999/xhtml}"
@@ -69,6 +69,7 @@ def test_every_setting_seed_and_version_is_listed(page):
     rows = [[c.text for c in row] for row in root.iter(f"{X}tr")]
     for row in (
         ["stability.band", "[0.0, 16000.0]"],
+        ["stability.band", "0, 16000"],
         ["samples.seed", "1"],
         ["laws", "2"],
         ["dolfinx", "0.5.2"],
@@ -149,6 +150,23 @@ def test_every_parameter_of_the_fit_has_its_error(page):
 def test_every_image_has_a_text(page):
     root = ElementTree.parse(page).getroot()
     assert all(image.get("alt") for image in root.iter(f"{X}img"))
+
+
+def test_what_is_wider_than_a_phone_scrolls_in_a_box(page):
+    """A table or figure outside one makes the whole page scroll sideways."""
+    root = ElementTree.parse(page).getroot()
+    wide = [e for e in root.iter(f"{X}div") if e.get("class") == "wide"]
+    held = {id(child) for box in wide for child in box}
+    shown = [*root.iter(f"{X}table"), *root.iter(f"{X}img")]
+    assert len(shown) > 10
+    assert all(id(e) in held for e in shown)
+    assert ".wide { overflow-x: auto; }" in root.find(f".//{X}style").text
+
+
+def test_shares_have_no_negative_zero():
+    assert [_percent(v) for v in (-0.001, 0.0, -0.24, 1.0, None)] == [
+        "0 %", "0 %", "-24 %", "100 %", "-",
+    ]  # fmt: skip
 
 
 def test_a_run_of_the_surface_alone_has_no_other_sections(run_directory, tmp_path):

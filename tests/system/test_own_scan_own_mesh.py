@@ -80,6 +80,7 @@ def test_samples_were_added_and_the_brake_is_pressed(followed):
     # 2 bar on both back plates of 80 x 45 mm.
     assert force == pytest.approx(2 * 2e5 * 80e-3 * 45e-3, rel=1e-6)
     assert (folder / "my_brake-results" / "report.html").stat().st_size > 500_000
+    assert (folder / "my_brake-results" / "figures" / "mesh.png").is_file()
 
 
 def test_every_element_lies_on_a_facet_of_its_own(followed):

@@ -1,0 +1,29 @@
+"""What the terminal shows beside the log of the program."""
+
+import subprocess
+import sys
+
+CODE = """
+import logging
+from brake_fenicsx.log import logger, start_log
+
+start_log({rank})
+# As distutils does when the first form is compiled.
+root = logging.getLogger()
+root.setLevel(logging.INFO)
+logging.info("x86_64-linux-gnu-gcc")
+logging.warning("of a library")
+logger.info("stage ...")
+"""
+
+
+def shown(rank):
+    code = CODE.format(rank=rank)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return (done.stdout + done.stderr).splitlines()
+
+
+def test_lines_of_the_compiler_are_not_shown_and_warnings_are():
+    """28 of them stood in the log of the first run on a new machine."""
+    assert shown(0) == ["of a library", "stage ..."]
+    assert shown(1) == ["of a library"]
