@@ -226,6 +226,24 @@ def test_damping_contrast_of_a_thousand(n):
     assert set(m.verdict) == {"stable"}
 
 
+@pytest.mark.parametrize("above", [1.032, 1.036, 1.049])
+def test_damped_mode_just_beyond_the_band(above):
+    """Modes close above the band's end, the last at the rim of the search: the count knows it.
+
+    With that one unseen, the counted region reached over it: one mode more than found.
+    """
+    n, edge, zeta = 400, 1e3, 0.01
+    beyond = np.r_[1.007, 1.014, 1.021, 1.028, above] * edge
+    omega = np.r_[np.linspace(50.0, 0.97 * edge, 20), beyond,
+                  np.linspace(1.4 * edge, 9 * edge, n - 25)]  # fmt: skip
+    K = sp.diags(omega**2).tocsr()
+    m = complex_modes(one(n), 2 * zeta / edge * K, K, (0.0, edge / TWO_PI))
+    damping = zeta * omega[:20] / edge
+    exact = omega[:20] * (-damping + 1j * np.sqrt(1 - damping**2))
+    assert "winding number" in m.count.how and len(m) == 20
+    np.testing.assert_allclose(m.s, exact, rtol=1e-9)
+
+
 @pytest.mark.parametrize("excess", [-1e-8, 0.0, 1e-8])
 def test_exceptional_point_in_a_large_problem(excess):
     """A pair at the onset of flutter among 400 modes: neutral or right, condition large."""

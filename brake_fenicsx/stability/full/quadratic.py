@@ -32,7 +32,7 @@ Complex = NDArray[np.complex128]
 def quadratic_modes(
     M: sp.csr_matrix, C: sp.csr_matrix, K: sp.csr_matrix, high: float, zeta_max: float
 ) -> tuple[Complex, Complex, Complex, int] | None:
-    """All modes with |lambda| up to the band's end, conjugates included.
+    """All modes with |lambda| up to the far corners of the region that is counted, and conjugates.
 
     Args:
         M: mass [kg].
@@ -54,7 +54,8 @@ def quadratic_modes(
     if count > MOST // 2:
         return None
     s = np.sqrt(SHIFT) * high
-    reach = high / np.sqrt(1 - zeta_max**2) + s
+    # The edges of that region may lie beyond the band by RIM.
+    reach = RIM * high / np.sqrt(1 - zeta_max**2) + s
     sides = []
     for A in ((M, C, K), (M.T.tocsr(), C.T.tocsr(), K.T.tocsr())):
         apply, lu = _operator(*A, s, high)
