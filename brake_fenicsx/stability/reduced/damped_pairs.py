@@ -21,7 +21,7 @@ from ..modes import Complex, Count, Modes
 from .damped_errors import beyond, left_out
 from .damped_sample import DampedSample
 from .division import quadratic_divisor, quadratic_pairs
-from .neighbours import with_neighbours
+from .neighbours import widened, with_neighbours
 from .sample_errors import DIGITS
 
 if TYPE_CHECKING:
@@ -110,6 +110,7 @@ def _certified(
     # Close to another eigenvalue a change of first order is none.
     alone = np.abs(change) * conditions[chosen] <= 0.1 * nearest
     error = bound / np.abs(slopes[chosen]) + second + np.where(alone, 0.0, np.abs(change))
+    error = widened(error, nearest)
     new = np.where(alone, s + change, s)
     which = (error > tolerance * np.abs(s)) & (refined is not None)
     if refined is not None and which.any():

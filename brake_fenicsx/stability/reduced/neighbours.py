@@ -46,6 +46,21 @@ def separation(kappa: Complex) -> Array:
     return np.asarray(np.maximum(nearest, 1e-12 * np.abs(kappa).max()))
 
 
+def widened(error: Array, apart: Array) -> Array:
+    """Errors of first order, as large as they become where two modes are about to merge.
+
+    Two eigenvalues d apart, the roots of x (x + d) = 0, are those of x (x + d) = -e d where one of
+    them is off by e to first order: x = -d/2 + (d^2/4 - e d)^(1/2), real or complex.
+
+    Args:
+        error: to first order, shape (modes,).
+        apart: distance of each eigenvalue from its nearest neighbour.
+    """
+    x = error / apart
+    met = 0.5 - np.sqrt(np.maximum(0.25 - x, 0.0))
+    return np.asarray(np.maximum(error, apart * np.where(x < 0.25, met, np.sqrt(x))))
+
+
 def close_groups(kappa: Complex, reach: Array) -> list[NDArray[np.intp]]:
     """Modes whose shifts are not small against the distance from others.
 

@@ -57,7 +57,9 @@ class Refinement:
         # What is real stays so, and mates stay mates: as far as they do not, nothing is known.
         error[:n] += np.where(kappa.imag == 0, np.abs(new[:n].imag), 0.0)
         error[pair] = np.maximum(error[pair], error[n:]) + np.abs(new[pair] - new[n:].conj())
-        return np.where(kappa.imag == 0, new[:n].real, new[:n]), error[:n]
+        # About to merge, the two of a pair may have changed places.
+        turned = new[:n].real + 1j * np.abs(new[:n].imag)
+        return np.where(kappa.imag == 0, new[:n].real, turned), error[:n]
 
 
 class _AsDamped:

@@ -12,7 +12,7 @@ from ..modes import Complex
 Array = NDArray[np.float64]
 
 # Error of a product, over that of the absolute values; of a sum of several products as well.
-ROUNDING = 2e-7
+ROUNDING = 5e-7
 
 
 class RoughFactor:
@@ -70,7 +70,7 @@ class Rough:
         product = times(self, x) if Ax is None else Ax
         square = np.einsum("im,im->m", x.conj(), product).real
         # |A_ij| <= sqrt(A_ii A_jj).
-        most = np.sqrt(self._scale * np.maximum(np.diag(self._A), 0.0)) @ np.abs(x)
+        most = np.sqrt(self._scale * np.maximum(np.diag(self._A).astype(float), 0.0)) @ np.abs(x)
         return np.asarray(np.sqrt(np.maximum(square, 0.0) + ROUNDING * most**2))
 
 

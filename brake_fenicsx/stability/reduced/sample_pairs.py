@@ -18,7 +18,14 @@ from numpy.typing import NDArray
 from ..full.completeness import Trapezium, lowest_real, opening
 from ..modes import Complex, Modes, counted_rows, undamped_rows
 from .correction import Deeper
-from .neighbours import SAFE, close_groups, seen_together, separation, with_neighbours
+from .neighbours import (
+    SAFE,
+    close_groups,
+    seen_together,
+    separation,
+    widened,
+    with_neighbours,
+)
 from .pencil import Pencil, with_conjugates
 from .sample import Sample
 from .sample_errors import LeftOut, corrected, doubted, left_out
@@ -118,7 +125,7 @@ def undamped_modes(
     far, every = (pencil.coupled_shift(t.kappa, t.out.rest, x) for x in (pairs.near, nothing))
     second = np.where(safe, known + far * condition, np.abs(shift) + every * condition)
     floor = 1e-14 * sample.basis.Lambda[-1] * condition + SURE * np.abs(t.kappa)
-    error = (tail + t.out.rounding) / np.abs(t.slope) + second + floor
+    error = widened((tail + t.out.rounding) / np.abs(t.slope) + second + floor, apart)
     kappa = np.where(safe, t.kappa + shift + mixed, t.kappa)
     left = error > 2 * tolerance * np.abs(kappa)
     if refined is not None and left.any():
