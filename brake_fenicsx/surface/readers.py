@@ -181,7 +181,8 @@ def _read_instrument(
             raise SurfaceError(f"{file}: the file names no lateral size; give it as 'size'")
         settings["physical_sizes"] = tuple(size)
     topo = reader.topography(channel_index=index, **settings)
-    heights = np.asarray(np.ma.filled(topo.heights().astype(float), np.nan))  # type: ignore[no-untyped-call]
+    raw = topo.heights().astype(float)  # A masked array where points are missing.
+    heights = np.asarray(raw.filled(np.nan) if hasattr(raw, "filled") else raw)
     length = METRES.get(topo.unit or "")
     if length is None and (size is None or unit is None):
         raise SurfaceError(
