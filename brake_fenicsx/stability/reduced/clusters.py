@@ -22,6 +22,10 @@ Array = NDArray[np.float64]
 # Fixed-point steps of small problems, and of a cluster.
 STEPS, CLUSTER_STEPS = 40, 60
 
+# How far the shift of a cluster is off its midst: a shift on an eigenvalue is no harm, an exact
+# zero is; on a pair that is all but one, what is large along its vectors hides what is beside them.
+OFF = (1e-11, 1e-4)
+
 # Change of the vectors at which an iteration has converged.
 CONVERGED = 1e-12
 
@@ -76,12 +80,17 @@ def cluster_pairs(
         InaccurateResult: the iteration does not converge.
     """
     K, M, Q = matrices
-    centre = float(k.real.mean())
-    X, Y = _real_basis(right), _real_basis(left)
-    # Off the eigenvalues by a hair: a shift on one of them is no harm, an exact zero is.
-    lu = la.lu_factor(K - centre * (1 + 1e-11) * M + centre**2 * Q, check_finite=False)
-    X, Theta = _invariant(K, M, Q, X, Y, lu, 0)
-    Y, _ = _invariant(K.T, M.T, Q.T, Y, X, lu, 1)
+    start = _real_basis(right), _real_basis(left)
+    for i, off in enumerate(OFF):
+        centre = float(k.real.mean()) * (1 + off)
+        lu = la.lu_factor(K - centre * M + centre**2 * Q, check_finite=False)
+        try:
+            X, Theta = _invariant(K, M, Q, *start, lu, 0)
+            Y, _ = _invariant(K.T, M.T, Q.T, start[1], X, lu, 1)
+            break
+        except InaccurateResult:
+            if i + 1 == len(OFF):
+                raise
     z, v, u = la.eig(Theta, left=True, right=True)
     MX, QX = Y.T @ M @ X, Y.T @ Q @ X
     keep = np.flatnonzero(z.imag >= 0)

@@ -57,8 +57,9 @@ def widened(error: Array, apart: Array) -> Array:
         apart: distance of each eigenvalue from its nearest neighbour.
     """
     x = error / apart
-    met = 0.5 - np.sqrt(np.maximum(0.25 - x, 0.0))
-    return np.asarray(np.maximum(error, apart * np.where(x < 0.25, met, np.sqrt(x))))
+    near = error / (0.5 + np.sqrt(np.maximum(0.25 - x, 0.0)))
+    met = np.sqrt(error) * np.sqrt(np.minimum(apart, 4 * error))
+    return np.asarray(np.maximum(error, np.where(x < 0.25, near, met)))
 
 
 def close_groups(kappa: Complex, reach: Array) -> list[NDArray[np.intp]]:
