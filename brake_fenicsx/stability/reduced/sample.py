@@ -21,15 +21,16 @@ from numpy.typing import NDArray
 from ..complex_columns import on_parts, series_answer, times
 from ..modes import Complex
 from .basis import Basis
-from .rough import RoughFactor
+from .rough import ROUNDING, RoughFactor
 
 Array = NDArray[np.float64]
 
 # Terms of the answer of the gaps.
 ANSWERS = 2
 
-# Error of a rough solve up to which it serves, looked at on so many columns.
-ENOUGH, LOOK = 1e-5, 4
+# Error of a rough solve up to which it serves, looked at on so many columns, and how much larger
+# it may be on others.
+ENOUGH, LOOK, SAFE = 1e-5, 4, 4.0
 
 # Rows of a product that stay in the cache.
 ROWS = 64
@@ -46,6 +47,7 @@ class Sample:
         C: C1 and C2.
         S: gaps of the modes, S - kappa S1 + kappa^2 S2, shape (elements, modes).
         sources: (I + C0) S1 and (I + C0) S2, whose rounding is an error of the pencil.
+        rounding: relative error of what is computed in single precision.
         B: Phi' F.
     """
 
@@ -74,10 +76,12 @@ class Sample:
         self._lu = la.lu_factor(E.T, overwrite_a=True, check_finite=False)
         self.B = b.Phi_N.T * self.dD + b.Phi_T.T * self.mD
         self.S = self.solve(b.Phi_N)
-        factor, look = RoughFactor(self._lu), slice(LOOK)
-        error = np.abs(factor.solve(b.Phi_N[:, look], 1) - self.S[:, look]).max(initial=0.0)
-        good = error <= ENOUGH * np.abs(self.S[:, look]).max(initial=0.0)
+        factor, (x, known) = RoughFactor(self._lu), (A[:, :LOOK] for A in (b.Phi_N, self.S))
+        size = np.abs(known).max(initial=0.0) or 1.0
+        error = np.abs(factor.solve(x, 1) - known).max(initial=0.0) / size
+        good = error <= ENOUGH
         self._rough_factor = factor if good else None
+        self.rounding = ROUNDING + (SAFE * error if good else 0.0)
         C1, C2 = self.C = tuple(
             b.rough.NN[j].columns(self.dD, b.rough.NT[j], self.mD) for j in (1, 2)
         )

@@ -24,8 +24,7 @@ from numpy.typing import NDArray
 from ..complex_columns import times
 from ..modes import Complex
 from .correction import Deeper
-from .rough import ROUNDING
-from .sample import ANSWERS, ENOUGH, Sample
+from .sample import ANSWERS, Sample
 
 Array = NDArray[np.float64]
 
@@ -101,7 +100,7 @@ def left_out(s: Sample, kappa: Complex, a: Complex, b: Complex) -> LeftOut:
     norm = modal + forces + size**3 * limit ** (top / 2 - 3) * (normal + slip)
     norm = norm / np.sqrt(basis.Lambda @ np.abs(a) ** 2)
     first, second = (np.abs(times(x, a)) for x in s.sources)
-    rounded = ENOUGH * np.abs(every) + ROUNDING * (size * first + size**2 * second)
+    rounded = s.rounding * (np.abs(every) + size * first + size**2 * second)
     rounding = np.einsum("im,im->m", np.abs(y), rounded)
     return LeftOut(r_a + times(s.B, h), tail, rounding, norm, v_N, v_T, y, every, h, r_a)
 
