@@ -108,13 +108,14 @@ def draw_artificial(run: RunData) -> Figure | None:
         spread = f"$S_q$ = {np.nanstd(z):.1f} µm"
         panel(axes[0, j], "ab"[j], f"{name},\n{z.shape[0]} x {z.shape[1]}, {spread}")
     figure.colorbar(image, ax=list(axes[0]), label="height [µm]", shrink=0.9)
+    letters = "abcd"[len(shown) :]
     _compare(axes[1, 0], s, "hdf_z", "hdf_density", UM, 1 / UM)
     axes[1, 0].set(xlabel="height [µm]", ylabel="density [1/µm]")
     axes[1, 0].set_ylim(bottom=0)
-    panel(axes[1, 0], "cb"["heights" not in s], "height distribution")
+    panel(axes[1, 0], letters[0], "height distribution")
     _compare(axes[1, 1], s, "q", "C", 1.0, 1.0)
     axes[1, 1].set(xscale="log", yscale="log", xlabel=Q_LABEL, ylabel=PSD_LABEL)
-    panel(axes[1, 1], "dc"["heights" not in s], "radial PSD")
+    panel(axes[1, 1], letters[1], "radial PSD")
     for axis in axes[1]:
         light_grid(axis)
         axis.legend(loc="best")
