@@ -59,7 +59,7 @@ def scattered(scene, seed):
     return K0 * 10 ** np.random.default_rng(seed).uniform(-1, 1, scene.w.size)
 
 
-@pytest.mark.parametrize("losses", [(0.1, 1e-4), (1e-4, 0.1)])
+@pytest.mark.parametrize("losses", [(0.1, 1e-4), pytest.param((1e-4, 0.1), marks=pytest.mark.slow)])
 def test_contrast_of_a_thousand_between_changing_bodies(two_blocks, dense, losses):
     """The body that changes loses a thousand times as much as the other, or as little."""
     scene = two_blocks("coarse")
@@ -89,6 +89,7 @@ def test_places_beyond_the_box(two_blocks, dense):
         assert exact.agrees(found) < 1e-5
 
 
+@pytest.mark.slow
 def test_constants_within_a_half_and_damped(two_blocks, dense):
     """Compliances by a factor of three."""
     scene = two_blocks("coarse")
@@ -98,7 +99,7 @@ def test_constants_within_a_half_and_damped(two_blocks, dense):
         assert exact.agrees(found) < 1e-4
 
 
-@pytest.mark.parametrize("shear", [0.0, 0.05])
+@pytest.mark.parametrize("shear", [0.0, pytest.param(0.05, marks=pytest.mark.slow)])
 def test_nothing_held_but_by_contact(two_blocks, dense, shear):
     """Both bodies free, damped in proportion or not: nine zeros, each once.
 
@@ -112,6 +113,7 @@ def test_nothing_held_but_by_contact(two_blocks, dense, shear):
     assert set(np.array(found.verdict)[found.s == 0]) == {"neutral"}
 
 
+@pytest.mark.slow
 def test_free_body_that_only_its_damping_changes(two_blocks, dense):
     """The plate: nothing clamps it, its stiffness is constant, and its shear alone loses energy."""
     scene = two_blocks("loose")
@@ -141,7 +143,7 @@ def test_all_contacts_open_and_damped(two_blocks, dense):
     assert "unstable" not in found.verdict
 
 
-@pytest.mark.parametrize("stiff", [1e3, 1e6])
+@pytest.mark.parametrize("stiff", [pytest.param(1e3, marks=pytest.mark.slow), 1e6])
 def test_contact_all_but_rigid_and_damped(two_blocks, dense, stiff):
     """A penalty; at 1e6 the dense spectrum has few digits left: the answer is that of 1e5."""
     scene = two_blocks("coarse")

@@ -91,7 +91,9 @@ def sample_of(dense):
     return partial(Sample, dense)
 
 
-@pytest.mark.parametrize("mu, seed", [(0.0, 1), (0.4, 2), (1.0, 3)])
+@pytest.mark.parametrize(
+    "mu, seed", [(0.0, 1), pytest.param(0.4, 2, marks=pytest.mark.slow), (1.0, 3)]
+)
 @pytest.mark.parametrize("case", CASES)
 def test_every_damped_mode_of_a_random_interface(two_blocks, sample_of, case, mu, seed):
     """None missed, none invented, errors covered and within the tolerance, verdicts of full order.
