@@ -328,7 +328,6 @@ def mechanics(this: Run, stats: SurfaceStatistics | None, library: LawLibrary | 
         brake = assemble_brake(this.scene, this.comm)
         this.facts |= brake.size()
         this.facts |= {
-            "mean_patch_mm": 1e3 * float(np.sqrt(brake.w.mean())),
             "contact_area_mm2": 1e6 * float(brake.w.sum()),
             "uncovered_area_mm2": 1e6 * brake.contact.uncovered,
             "pressed_N": brake.pressed,
@@ -462,8 +461,7 @@ def describe(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -
         from brake_fenicsx.macro.brake import assemble_brake
         from brake_fenicsx.uncertainty.sampling import sample_count
 
-        brake = assemble_brake(parsed, comm)
-        sizes, mean = brake.size(), 1e3 * float(np.sqrt(brake.w.mean()))
+        sizes = assemble_brake(parsed, comm).size()
         samples = {name: sample_count(parsed, name) for name in parsed.samples.approaches}
         counts = replace(
             count_solves(parsed, samples),
@@ -471,7 +469,8 @@ def describe(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -
         )  # fmt: skip
         lines.append(
             f"brake: {sizes['cells']} cells, {sizes['dofs']} free dofs,"
-            f" {sizes['contact_elements']} contact elements of {mean:.3f} mm squared in the mean"
+            f" {sizes['contact_elements']} contact elements"
+            f" of {sizes['mean_patch_mm']:.3f} mm squared in the mean"
         )
         lines += remarks(parsed, comm)
         ways = {

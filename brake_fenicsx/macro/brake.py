@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -87,11 +88,16 @@ class Brake:
         """Centres of the contact elements [m]."""
         return self.contact.points
 
-    def size(self) -> dict[str, int]:
-        """Cells, free dofs and contact elements."""
+    def size(self) -> dict[str, Any]:
+        """Cells, free dofs and contact elements, and the side of a mean one [mm]."""
         domain = self.mesh.domain
         cells = int(domain.topology.index_map(domain.topology.dim).size_global)
-        return {"cells": cells, "dofs": self.elastic.free.size, "contact_elements": len(self.w)}
+        return {
+            "cells": cells,
+            "dofs": self.elastic.free.size,
+            "contact_elements": len(self.w),
+            "mean_patch_mm": 1e3 * float(np.sqrt(self.w.mean())),
+        }
 
     def local(self, u: NDArray) -> NDArray:
         """Values on all local dofs of this process of a whole free vector, zero where held."""

@@ -39,21 +39,24 @@ class Rough:
         self._A = np.empty(A.shape, np.float32)
         np.multiply(A, 1.0 / self._scale, out=self._A, casting="same_kind")
 
+    @classmethod
+    def _of(cls, A: NDArray[np.float32], scale: float) -> Rough:
+        """A matrix that is rounded already, over its scale."""
+        out = object.__new__(cls)
+        out._A, out._scale = A, scale
+        return out
+
     @property
     def T(self) -> Rough:
         """The transpose."""
-        out = object.__new__(Rough)
-        out._A, out._scale = self._A.T, self._scale
-        return out
+        return self._of(self._A.T, self._scale)
 
     def columns(self, weights: Array, other: Rough, of_other: Array) -> Rough:
         """This matrix with weighted columns, and another one with others; both of one shape."""
         parts = [(self, weights), (other, of_other)]
-        out = object.__new__(Rough)
-        out._scale = sum(A._scale * float(np.abs(w).max(initial=0.0)) for A, w in parts) or 1.0
-        first, second = (A._A * (A._scale / out._scale * w).astype(np.float32) for A, w in parts)
-        out._A = np.add(first, second, out=first)
-        return out
+        scale = sum(A._scale * float(np.abs(w).max(initial=0.0)) for A, w in parts) or 1.0
+        first, second = (A._A * (A._scale / scale * w).astype(np.float32) for A, w in parts)
+        return self._of(np.add(first, second, out=first), scale)
 
     def __matmul__(self, x: Array) -> Array:
         """Product with columns, each scaled for itself."""
