@@ -125,7 +125,7 @@ class DampedReduced:
         """
         start = time.perf_counter()
         sample = self._sample(k, mu, along, across)
-        refined = Refined(sample, self.reduced, self.C, self.O, self.I)
+        refined = Refined(sample, self.reduced.reference, self.C, self.O, self.I)
         return sample_modes(sample, self.reduced.band, zeta_max, start, tolerance, refined)
 
     def expand(
@@ -145,7 +145,7 @@ class DampedReduced:
             Shape (dofs, chosen).
         """
         sample = self._sample(k, mu, along, across)
-        return Refined(sample, self.reduced, self.C, self.O, self.I).right(s, a)
+        return Refined(sample, self.reduced.reference, self.C, self.O, self.I).right(s, a)
 
     def _sample(self, k: Array, mu: float | Array, along: Array, across: Array) -> DampedSample:
         mu = np.broadcast_to(np.asarray(mu, float), k.shape)

@@ -9,7 +9,8 @@ then enter exactly, as in ``sample``.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from itertools import pairwise
 
@@ -19,11 +20,14 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from brake_fenicsx.macro.solver import Factor
+
 from .changing.anchors import Anchors
 from .changing.bodies import Body, split_bodies
 from .changing.congruent import Image, image_of
 from .changing.damped_together import Standing, check_reach, damped_basis, doubted, standing
 from .changing.damped_view import damped_view
+from .changing.own_bodies import OwnBodies, Whole
 from .changing.proportion import Box, Damping, Proportion, proportion
 from .changing.springs import on_springs
 from .changing.together import Together
@@ -31,10 +35,13 @@ from .changing.varied import VariedBody
 from .changing.view import ImageBody, Seen, View, damped_body, fixed_body
 from .modes import Complex, Modes
 from .reduced.damped_basis import DampedBasis
+from .reduced.damped_correction import Refined
 from .reduced.damped_pairs import sample_modes
 from .reduced.damped_sample import DampedSample
+from .reduced.refinement import Refinement
 from .reduced.sample import Sample
 from .reduced.sample_pairs import undamped_modes
+from .reduced.trial_vectors import Reference
 from .reduction import CUTOFF, ORDER
 
 Array = NDArray[np.float64]
@@ -147,19 +154,30 @@ class EnsembleBasis:
                 if box.series:
                     body = damped_body(body, box.body, self.sigma, self.names, comm, made)
                 self.bodies.append(body)
+        self._constant: dict[int, Factor] = {}
         self._together = Together(self.bodies, w, self.sigma, self.limit + self.sigma)
         if damping is not None:
             some = np.unique(np.linspace(0, w.size - 1, min(SOME, w.size)).astype(int))
             check_reach(self._damped(np.zeros(dimension), some)[0], band)
         self.seconds = time.perf_counter() - start
 
-    def modes(self, x: Array, k: Array, mu: float | Array) -> Modes:
-        """Complex modes of one sample in the band; nothing is corrected.
+    def modes(
+        self,
+        x: Array,
+        k: Array,
+        mu: float | Array,
+        tolerance: float = 1e-6,
+        whole: Callable[[], Whole] | None = None,
+    ) -> Modes:
+        """Complex modes of one sample in the band.
 
         Args:
             x: its stiffness, a point of the box.
             k: contact stiffness of each element [Pa/m], shape (elements,).
             mu: friction coefficient, one or one per element.
+            tolerance: relative error of lambda; modes estimated beyond it are refined on the full
+                problem, and ``iterations`` says how many.
+            whole: the sample at full order; nothing is refined without.
 
         Returns:
             The modes; ``right`` and ``left`` in coordinates that ``displacements`` understands.
@@ -171,15 +189,33 @@ class EnsembleBasis:
         # Open elements show nothing; of a brake whose every element is open one is looked at.
         closed = np.flatnonzero(k > 0) if np.any(k > 0) else np.zeros(1, dtype=np.intp)
         basis, doubt = together.basis(views, closed), together.doubt(closed)
+        sample = Sample(basis, k[closed], mu[closed], self.sigma, doubt)
+        shapes, rows = [v.shapes for v in views], together.order[closed]
+
+        def refined(
+            kappa: Complex, a: Complex, b: Complex, tolerance: float | Array
+        ) -> tuple[Complex, Array]:
+            with self._own_bodies(whole, shapes, basis.Lambda) as (w, reference):
+                steps = Refinement(sample, reference, w.N[rows], w.T[rows])
+                return steps(kappa, a, b, tolerance)
+
         found = undamped_modes(
-            Sample(basis, k[closed], mu[closed], self.sigma, doubt), self.band, start
+            sample, self.band, start, tolerance, refined=None if whole is None else refined
         )
-        return _in_spaces(found, [v.shapes for v in views], "det T")
+        return _in_spaces(found, shapes, "det T")
 
     def damped_modes(
-        self, x: Array, k: Array, mu: float | Array, along: Array, across: Array, zeta_max: float
+        self,
+        x: Array,
+        k: Array,
+        mu: float | Array,
+        along: Array,
+        across: Array,
+        zeta_max: float,
+        tolerance: float = 1e-6,
+        whole: Callable[[], Whole] | None = None,
     ) -> Modes:
-        """Damped complex modes of one sample in the band; nothing is corrected.
+        """Damped complex modes of one sample in the band.
 
         Args:
             x: its stiffness, a point of the box.
@@ -188,6 +224,8 @@ class EnsembleBasis:
             along: p mu'(V) of each element [Pa s/m].
             across: mu p / V of each element [Pa s/m].
             zeta_max: decaying modes up to this damping ratio are looked for.
+            tolerance: as in ``modes``.
+            whole: as in ``modes``.
 
         Returns:
             As ``modes``.
@@ -205,11 +243,28 @@ class EnsembleBasis:
         basis, at, shapes = self._damped(x, closed)
         check_reach(basis, self.band)
         sample = DampedSample(basis, k[closed], mu[closed], along[closed], across[closed])
-        found = sample_modes(sample, self.band, zeta_max, start, np.inf, None)
         doubts = [body.every_doubt for body in self.bodies]
-        known = (found.s, found.right, found.left, found.condition)
-        error = doubted(sample, known, list(zip(doubts, self.damping, at, strict=True)))
-        found = replace(found, error=found.error + error, seconds=time.perf_counter() - start)
+
+        def refined(
+            s: Complex, a: Complex, b: Complex, tolerance: float | Array
+        ) -> tuple[Complex, Array]:
+            with self._own_bodies(whole, shapes, basis.Lambda) as (w, reference):
+                C = sp.csr_matrix(w.M.shape) if w.C is None else w.C
+                rows = {"N": w.N[closed], "T": w.T[closed], "R": w.R[closed]}
+                O, I = (
+                    sp.vstack([rows[name] for name in names]).tocsr()
+                    for names in (basis.names, "NT" + "R" * ("R" in basis.names))
+                )
+                return Refined(sample, reference, C, O, I)(s, a, b, tolerance)
+
+        def doubt(s: Complex, a: Complex, b: Complex, condition: Array) -> Array:
+            bodies = list(zip(doubts, self.damping, at, strict=True))
+            return doubted(sample, (s, a, b, condition), bodies)
+
+        found = sample_modes(
+            sample, self.band, zeta_max, start, tolerance,
+            None if whole is None else refined, doubt,
+        )  # fmt: skip
         return _in_spaces(found, shapes, "det T(lambda)")
 
     def compliance(self, x: Array, k0: Array) -> tuple[Array, Array, Array]:
@@ -275,6 +330,20 @@ class EnsembleBasis:
         kept = [b.kept for b in bodies]
         basis = damped_basis(views, kept, at, self.w[closed], self.names, self.sigma, self.limit)
         return basis, at, [b.Q[:, : b.kept] for b in bodies]
+
+    @contextmanager
+    def _own_bodies(
+        self, whole: Callable[[], Whole] | None, shapes: list[Array], Lambda: Array
+    ) -> Iterator[tuple[Whole, Reference]]:
+        """A sample at full order, and its bodies factored for a while."""
+        if whole is None:
+            raise ValueError("a sample is refined on its full problem alone")
+        w = whole()
+        own = OwnBodies(self.bodies, shapes, Lambda, w, self.sigma, self._constant)
+        try:
+            yield w, own.reference
+        finally:
+            own.destroy()
 
     def _look(self, x: Array) -> list[View]:
         """The bodies at a point."""

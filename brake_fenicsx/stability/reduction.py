@@ -44,6 +44,7 @@ from .reduced.deflation import Deflated
 from .reduced.refinement import Refinement
 from .reduced.sample import Sample
 from .reduced.sample_pairs import undamped_modes
+from .reduced.trial_vectors import Reference
 
 Array = NDArray[np.float64]
 
@@ -168,9 +169,9 @@ class Reduced:
             problem in the norm of K0^-1, relative to the mode's norm in K0.
         """
         start = time.perf_counter()
-        deeper = Deeper(self._rest(), self.M, self.N, self.T, self.basis.limit)
+        deeper = Deeper(self.reference.rest, self.M, self.N, self.T, self.basis.limit)
         sample = Sample(self.basis, k, mu)
-        refined = Refinement(sample, self)
+        refined = Refinement(sample, self.reference, self.N, self.T)
         return undamped_modes(sample, self.band, start, tolerance, deeper, refined)
 
     def expand(self, s: Complex, a: Complex, k: Array, mu: float | Array) -> Complex:
@@ -189,16 +190,17 @@ class Reduced:
         g = Sample(self.basis, k, mu).gaps(a, kappa)
         D, dD = self.basis.w * k, self.basis.w * (k - self.basis.k0)
         force = self.N.T @ (dD[:, None] * g) + self.T.T @ ((mu * D)[:, None] * g)
-        rest = self._rest()
-
+        rest = self.reference.rest
         first = total = on_parts(rest.solve, force)
         for _ in range(2):
             total = first + on_parts(rest.solve, kappa * (self.M @ total))
         return self.Phi @ a - total
 
-    def _rest(self) -> Deflated:
-        """The static response without the kept modes."""
-        return Deflated(self.factor, self.Phi, self.basis.Lambda)
+    @property
+    def reference(self) -> Reference:
+        """The brake on the springs k0, and its kept modes."""
+        Lambda = self.basis.Lambda
+        return Reference(Deflated(self.factor, self.Phi, Lambda), self.M, self.Phi, Lambda)
 
 
 def _inertia(K: PETSc.Mat, M: PETSc.Mat, N: sp.csr_matrix, D: Array, limit: float) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -18,6 +19,7 @@ from brake_fenicsx.macro.material_sample import varied_stiffness
 from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.scene import Scene, Stability
 from brake_fenicsx.scene_samples import split_key
+from brake_fenicsx.stability.changing.own_bodies import Whole
 from brake_fenicsx.stability.changing.proportion import Damping
 from brake_fenicsx.stability.ensemble_basis import DEGREE, VARIED_CUTOFF, EnsembleBasis
 from brake_fenicsx.stability.modes import Modes
@@ -138,17 +140,18 @@ class ChangingBodies:
         if stability is None:
             raise ValueError("a scene without [stability] has no modes")
         self.box, self.mark, self.damped = Box(scene, bulk), mark, terms is not None
+        self._bulk, self._contact, self._terms = bulk, brake.contact, terms
         damping = None if terms is None else _damping(stability, terms, brake, bulk)
         self.faces = sorted(scene.loads)
         mesh, free = brake.mesh, brake.elastic.free
         loads = [gathered_vector(unit_loads(mesh, free, face)) for face in self.faces]
         self._pressures = {face: scene.loads[face].pressure for face in self.faces}
-        K, M = (local_rows(A) for A in matrices)
+        K, self._M = (local_rows(A) for A in matrices)
         band = (stability.band[0], stability.band[1])
         names = "" if damping is None else f"{damping.names}, damped"
         known = _cached(store, mark, names)
         self.basis = EnsembleBasis(
-            K, M, brake.N, brake.T, brake.w, np.stack(loads, axis=1), list(bulk.parts.values()),
+            K, self._M, brake.N, brake.T, brake.w, np.stack(loads, axis=1), list(bulk.parts.values()),
             self.box.coefficients, len(self.box.names), band, comm=comm,
             progress=lambda total: Progress("anchors", total).advance, known=known, damping=damping,
         )  # fmt: skip
@@ -179,6 +182,7 @@ class ChangingBodies:
         mu: Array,
         rates: tuple[Array, Array] | None = None,
         zeta_max: float = 0.0,
+        tolerance: float = 1e-6,
     ) -> Modes:
         """Complex modes of a sample, in coordinates of the basis.
 
@@ -188,11 +192,26 @@ class ChangingBodies:
             mu: its friction coefficients.
             rates: friction's own damping, see ``rates_of_sample``; None where nothing damps it.
             zeta_max: decaying modes up to this damping ratio are looked for where it is damped.
+            tolerance: relative error of lambda beyond which a mode is refined on the full problem.
         """
         place = self.box.place(drawn)
+        whole = partial(self._whole, place)
         if rates is None:
-            return self.basis.modes(place, k, mu)
-        return self.basis.damped_modes(place, k, mu, *rates, zeta_max)
+            return self.basis.modes(place, k, mu, tolerance, whole)
+        return self.basis.damped_modes(place, k, mu, *rates, zeta_max, tolerance, whole)
+
+    def _whole(self, place: Array) -> Whole:
+        """A sample at full order."""
+        c, contact = self.box.coefficients(place), self._contact
+        K, C = self._bulk.K, None if self._terms is None else self._terms.bulk
+        for (material, _), change, part in zip(
+            self._bulk.parts, c, self._bulk.parts.values(), strict=True
+        ):
+            K = K + change * part
+            follows = 0.0 if self._terms is None else self._terms.follows.get(material, 0.0)
+            if follows and C is not None:
+                C = C + follows * change * part
+        return Whole(K, self._M, contact.N, contact.T, contact.R, C)
 
 
 def _damping(stability: Stability, terms: Terms, brake: Brake, bulk: Bulk) -> Damping:

@@ -203,8 +203,10 @@ def modes_again(shared: Shared, sample: SampleInput, data: Mapping[str, Any]) ->
     """
     if shared.changing is None:
         raise ValueError("modes of a reduced model that is not there")
-    rates, zeta = _rates(shared, sample, data["p"]), shared.stability.zeta_max
-    return shared.changing.modes(sample.random, data["k"], data["mu"], rates, zeta)
+    rates, settings = _rates(shared, sample, data["p"]), shared.stability
+    return shared.changing.modes(
+        sample.random, data["k"], data["mu"], rates, settings.zeta_max, settings.tolerance
+    )
 
 
 def _rates(shared: Shared, sample: SampleInput, p: Array) -> tuple[Array, Array] | None:
@@ -268,7 +270,10 @@ def _changing(
     eq: Equilibrium,
     rates: tuple[Array, Array] | None,
 ) -> Arrays:
-    modes = changing.modes(sample.random, eq.k, sample.mu, rates, shared.stability.zeta_max)
+    settings = shared.stability
+    modes = changing.modes(
+        sample.random, eq.k, sample.mu, rates, settings.zeta_max, settings.tolerance
+    )
     shares = energy_shares(shared.changing_grams, modes.right)
     coordinates = modes.right if shared.onto is None else shared.onto @ modes.right
     unstable = np.array(modes.verdict) == "unstable"

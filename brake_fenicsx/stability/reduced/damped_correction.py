@@ -38,7 +38,7 @@ class Refined:
     def __init__(
         self,
         sample: Asked,
-        reduced: Reference,
+        reference: Reference,
         C: sp.csr_matrix,
         O: sp.csr_matrix,
         I: sp.csr_matrix,
@@ -47,15 +47,15 @@ class Refined:
 
         Args:
             sample: the sample in the reduced model.
-            reduced: real modes and factor of the reference.
+            reference: the full problem without the sample's contact.
             C: damping of the bodies [N s/m].
             O: rows of the interface that are looked at.
             I: rows that forces act along.
         """
-        self.sample, self.reduced, self._matrices = sample, reduced, (C, O, I)
+        self.sample, self.reference, self._matrices = sample, reference, (C, O, I)
 
     def _vectors(self, s: Complex, a: Complex, left: bool) -> TrialVectors:
-        return TrialVectors(self.sample, self.reduced, self._matrices, s, a, left)
+        return TrialVectors(self.sample, self.reference, self._matrices, s, a, left)
 
     def right(self, s: Complex, a: Complex) -> Complex:
         """Right vectors of some modes, shape (dofs, modes)."""
@@ -65,7 +65,7 @@ class Refined:
         return side.vector
 
     def __call__(
-        self, s: Complex, a: Complex, b: Complex, tolerance: float
+        self, s: Complex, a: Complex, b: Complex, tolerance: float | Array
     ) -> tuple[Complex, Array]:
         """Some eigenvalues of the full problem, and how far off they may be.
 
@@ -73,7 +73,7 @@ class Refined:
             s: eigenvalues of the reduced model [1/s], shape (modes,); close ones together.
             a: right vectors in the kept modes, shape (kept modes, modes).
             b: left ones.
-            tolerance: relative error wanted.
+            tolerance: relative error wanted, one or one per mode.
 
         Returns:
             Both in 1/s; of modes that do not get there the second is what was reached.

@@ -8,7 +8,7 @@ tolerance are refined on the full problem.
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +24,14 @@ from .division import quadratic_divisor, quadratic_pairs
 from .neighbours import widened, with_neighbours
 from .sample_errors import DIGITS
 
-if TYPE_CHECKING:
-    from .damped_correction import Refined
-
 Array = NDArray[np.float64]
+
+# Better eigenvalues and what they may still be off, of eigenvalues, right and left vectors and a
+# tolerance; see ``Refined``.
+Refine = Callable[[Complex, Complex, Complex, float | Array], tuple[Complex, Array]]
+
+# Errors of eigenvalues with right and left vectors of unit norm and conditions.
+Doubted = Callable[[Complex, Complex, Complex, Array], Array]
 
 # The bound takes the bodies for symmetric, and their terms for those of a geometric series.
 DOUBT = 2.0
@@ -42,7 +46,8 @@ def sample_modes(
     zeta_max: float,
     start: float,
     tolerance: float,
-    refined: Refined | None,
+    refined: Refine | None,
+    doubted: Doubted | None = None,
 ) -> Modes:
     """Modes of the band, each with its residual and error.
 
@@ -52,7 +57,8 @@ def sample_modes(
         zeta_max: decaying modes up to this damping ratio are looked for.
         start: when the clock was started [s].
         tolerance: relative error of lambda beyond which a mode is refined.
-        refined: the full problem; without it no mode is refined.
+        refined: steps on the full problem; without them no mode is refined.
+        doubted: errors of lambda [1/s] that the basis adds.
 
     Raises:
         InaccurateResult: the count differs.
@@ -65,7 +71,9 @@ def sample_modes(
     chosen = np.flatnonzero(near | (np.abs(s) <= NEAR_ZERO * high))
     chosen = chosen[np.lexsort((s[chosen].real, s[chosen].imag))]
     a, b = every[1][:, chosen], every[2][:, chosen]
-    s, error, condition, residual, which = _certified(sample, every, chosen, tolerance, refined)
+    s, error, condition, residual, which = _certified(
+        sample, every, chosen, tolerance, refined, doubted
+    )
     # A shift takes its digits from what is close to zero.
     floor = 1e-14 * sample.basis.Lambda[-1] + DIGITS * sample.basis.sigma
     error += floor * condition / np.maximum(2 * np.abs(s), 1e-6 * high)
@@ -82,7 +90,8 @@ def _certified(
     every: tuple[Complex, Complex, Complex],
     chosen: NDArray[np.intp],
     tolerance: float,
-    refined: Refined | None,
+    refined: Refine | None,
+    doubted: Doubted | None,
 ) -> tuple[Complex, Array, Array, Array, NDArray[np.bool_]]:
     """Better eigenvalues, errors, conditions, residuals, and which modes were refined."""
     values, right, left = every
@@ -110,6 +119,8 @@ def _certified(
     # Close to another eigenvalue a change of first order is none.
     alone = np.abs(change) * conditions[chosen] <= 0.1 * nearest
     error = bound / np.abs(slopes[chosen]) + second + np.where(alone, 0.0, np.abs(change))
+    if doubted is not None:
+        error += doubted(s, a, b, conditions[chosen])
     error = widened(error, nearest)
     new = np.where(alone, s + change, s)
     which = (error > tolerance * np.abs(s)) & (refined is not None)

@@ -36,6 +36,7 @@ class DampedSample:
     Attributes:
         basis: offline result.
         forces: forces at contact.
+        sigma: share of the mass in the bodies' stiffness [1/s^2].
         T: coefficients of T, shape (modes, modes).
     """
 
@@ -50,6 +51,7 @@ class DampedSample:
             across: mu p / V of each element [Pa s/m]; of no effect where it has no R.
         """
         b = self.basis = basis
+        self.sigma = b.sigma
         every = {"T": b.w * along, "R": b.w * across}
         rates = {name: every[name] for name in b.names[1:]}
         columns = b.forced.shape[0]

@@ -19,20 +19,21 @@ Array = NDArray[np.float64]
 class Refinement:
     """The full problem of one undamped sample."""
 
-    def __init__(self, sample: Sample, reduced: Reference):
+    def __init__(self, sample: Sample, reference: Reference, N: sp.csr_matrix, T: sp.csr_matrix):
         """Keep what the steps need.
 
         Args:
             sample: the sample in the reduced model.
-            reduced: real modes and factor of the reference.
+            reference: the full problem without the sample's contact.
+            N: gap operator, shape (elements, dofs).
+            T: slip operator.
         """
-        N, T = reduced.N, reduced.T
-        none = sp.csr_matrix(reduced.M.shape)
+        none = sp.csr_matrix(reference.M.shape)
         rows = sp.vstack([N, T]).tocsr()
-        self._full = Refined(_AsDamped(sample), reduced, none, N, rows)
+        self._full = Refined(_AsDamped(sample), reference, none, N, rows)
 
     def __call__(
-        self, kappa: Complex, a: Complex, b: Complex, tolerance: float
+        self, kappa: Complex, a: Complex, b: Complex, tolerance: float | Array
     ) -> tuple[Complex, Array]:
         """Some eigenvalues of the full problem, and how far off they may be.
 
@@ -41,7 +42,7 @@ class Refinement:
                 (modes,); close ones together.
             a: right vectors in the kept modes, shape (kept modes, modes).
             b: left ones.
-            tolerance: relative error of lambda wanted.
+            tolerance: half the relative error of kappa wanted, one or one per mode.
 
         Returns:
             Both in 1/s^2; of modes that do not get there the second is what was reached.
@@ -52,7 +53,8 @@ class Refinement:
         s = np.where(s.imag < 0, -s, s)
         s = np.r_[s, -s[pair].conj()]
         right, left = (np.hstack([x, x[:, pair].conj()]) for x in (a, b))
-        s, bound = self._full(s, right, left, tolerance)
+        wanted = np.broadcast_to(tolerance, (n,))
+        s, bound = self._full(s, right, left, np.r_[wanted, wanted[pair]])
         new, error = -(s**2), 2 * np.abs(s) * bound
         # What is real stays so, and mates stay mates: as far as they do not, nothing is known.
         error[:n] += np.where(kappa.imag == 0, np.abs(new[:n].imag), 0.0)
@@ -63,7 +65,9 @@ class Refinement:
 
 
 class _AsDamped:
-    """An undamped sample, asked as a damped one: kappa = -lambda^2."""
+    """An undamped sample, asked as a damped one: its kappa, shift and all, is -lambda^2."""
+
+    sigma = 0.0
 
     def __init__(self, sample: Sample):
         n = sample.dD.size

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 from ..full.completeness import Trapezium, lowest_real, opening
 from ..modes import Complex, Modes, counted_rows, undamped_rows
 from .correction import Deeper
+from .damped_pairs import Refine
 from .neighbours import (
     SAFE,
     close_groups,
@@ -29,9 +29,6 @@ from .neighbours import (
 from .pencil import Pencil, with_conjugates
 from .sample import Sample
 from .sample_errors import LeftOut, corrected, doubted, left_out
-
-if TYPE_CHECKING:
-    from .refinement import Refinement
 
 Array = NDArray[np.float64]
 
@@ -46,6 +43,9 @@ THIRD = 0.3
 
 # No kappa is claimed to be closer than this: higher orders are not measured by the second alone.
 SURE = 4e-11
+
+# Modes below this share of the shift may be those of a body that nothing holds.
+RIGID = 1e-4
 
 # How often close modes are set right together.
 ROUNDS = 3
@@ -84,7 +84,7 @@ def undamped_modes(
     start: float,
     tolerance: float = 1e-6,
     deeper: Deeper | None = None,
-    refined: Refinement | None = None,
+    refined: Refine | None = None,
 ) -> Modes:
     """Modes of the band with residuals and errors.
 
@@ -94,7 +94,7 @@ def undamped_modes(
         start: when the clock was started [s].
         tolerance: relative error of lambda beyond which a mode is corrected.
         deeper: the full problem; without it no mode is corrected.
-        refined: the full problem, for what is still beyond the tolerance then.
+        refined: steps on the full problem, for what is still beyond the tolerance then.
 
     Raises:
         InaccurateResult: the count differs.
@@ -127,10 +127,14 @@ def undamped_modes(
     floor = 1e-14 * sample.basis.Lambda[-1] * condition + SURE * np.abs(t.kappa)
     error = widened((tail + t.out.rounding) / np.abs(t.slope) + second + floor, apart)
     kappa = np.where(safe, t.kappa + shift + mixed, t.kappa)
-    left = error > 2 * tolerance * np.abs(kappa)
+    # |d lambda / lambda| <= tolerance; of rigid modes nothing is asked.
+    wanted = 2 * tolerance * np.maximum(np.abs(kappa - sigma), RIGID * sigma)
+    left = error > wanted
     if refined is not None and left.any():
         left, away = with_neighbours(t.kappa, left)
-        better, bound = refined(t.kappa[left], t.a[:, left], t.b[:, left], 0.5 * tolerance)
+        better, bound = refined(
+            t.kappa[left], t.a[:, left], t.b[:, left], 0.25 * (wanted / np.abs(kappa))[left]
+        )
         settled = (np.abs(better - t.kappa[left]) <= 0.5 * away[left]) & (bound < error[left])
         kappa[left] = np.where(settled, better, kappa[left])
         error[left] = np.where(settled, bound + floor[left], error[left])

@@ -2,24 +2,27 @@
 
 A mode phi = Phi a + psi of a sample has psi = -R_0 [I' c + lambda C (Phi a + psi) + lambda^2 M psi]
 with the forces c = J z at contact, z = O phi, and its left one likewise with the transposed
-matrices.
+matrices. Where Phi spans what modes of a sample's own stiffness hardly differ from,
+
+    K0 Phi = M Phi Lambda + E,   Phi'E = 0,
+
+the load is E a more.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from brake_fenicsx.macro.solver import Factor
+from brake_fenicsx.macro.condensation import Solves
 
 from ..complex_columns import times
 from ..modes import Complex
-from .basis import Basis
 from .contact_forces import ContactForces
-from .deflation import Deflated
 
 Array = NDArray[np.float64]
 
@@ -28,6 +31,7 @@ class Asked(Protocol):
     """A sample in the reduced model, see ``DampedSample``."""
 
     forces: ContactForces
+    sigma: float
 
     def at(self, s: complex, derivative: bool = False) -> Complex:
         """T or T' at lambda = s."""
@@ -45,15 +49,23 @@ class Asked(Protocol):
         """E^-1 x, or E^-H x."""
 
 
-class Reference(Protocol):
-    """The real modes of the reference and its factor, see ``Reduced``."""
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """The full problem without contact, or on springs k0, and the modes that are kept of it.
 
-    factor: Factor
-    basis: Basis
-    Phi: Array
+    Attributes:
+        rest: what the kept modes leave of K0^-1.
+        M: mass [kg].
+        Phi: kept modes, shape (dofs, modes).
+        Lambda: their eigenvalues [1/s^2].
+        defect: E, shape (dofs, modes); None where Phi are modes of K0.
+    """
+
+    rest: Solves
     M: sp.csr_matrix
-    N: sp.csr_matrix
-    T: sp.csr_matrix
+    Phi: Array
+    Lambda: Array
+    defect: Array | None = None
 
 
 class TrialVectors:
@@ -69,7 +81,7 @@ class TrialVectors:
     def __init__(
         self,
         sample: Asked,
-        reduced: Reference,
+        reference: Reference,
         matrices: tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix],
         s: Complex,
         a: Complex,
@@ -79,21 +91,21 @@ class TrialVectors:
 
         Args:
             sample: the sample in the reduced model.
-            reduced: real modes and factor of the reference.
+            reference: the full problem without the sample's contact.
             matrices: damping C of the bodies [N s/m], rows O of the interface that are looked at,
                 rows I that forces act along.
             s: eigenvalues of right vectors [1/s], shape (modes,).
             a: coordinates in the kept modes, shape (kept modes, modes).
             left: whether the vectors are left ones.
         """
-        self.sample, self.M, self.left, self.a = sample, reduced.M, left, a
+        self.sample, self.M, self.left, self.a = sample, reference.M, left, a
         self.C, self.O, self.I = matrices
         self.s = s
         if left:
             self.s, self.C, self.O, self.I = s.conj(), self.C.T.tocsr(), self.I, self.O
         self.z = sample.left_gaps(s, a) if left else sample.gaps(s, a)
-        self.Phi, self.Lambda = reduced.Phi, reduced.basis.Lambda
-        self.rest = Deflated(reduced.factor, self.Phi, self.Lambda)
+        self.Phi, self.Lambda, self.rest = reference.Phi, reference.Lambda, reference.rest
+        self._sigma, self._defect = sample.sigma, reference.defect
         self.modal = times(self.Phi, a)
         self.load = self.psi = np.zeros_like(self.modal)
 
@@ -102,10 +114,17 @@ class TrialVectors:
         """Phi a + psi."""
         return np.asarray(self.modal + self.psi)
 
+    @property
+    def _inertia(self) -> Complex:
+        """What the mass is multiplied by, beside its share sigma in K0."""
+        return np.asarray(self.s**2 - self._sigma)
+
     def next(self) -> Complex:
         """Load of the next step, which ``rest`` answers."""
         c = self.z if self.left else self.sample.forces(self.s, self.z)
-        self.load = -(self.I.T @ c) - self.s**2 * times(self.M, self.psi)
+        self.load = -(self.I.T @ c) - self._inertia * times(self.M, self.psi)
+        if self._defect is not None:
+            self.load -= times(self._defect, self.a)
         if self.C.nnz:
             self.load -= self.s * times(self.C, self.vector)
         return self.load
@@ -121,8 +140,10 @@ class TrialVectors:
         force = (self.sample.forces.left if self.left else self.sample.forces)(self.s, seen)
         # K0 psi is the last load, less what its kept modes carry.
         kept = self.Lambda[:, None] * self.a - times(self.Phi.T, self.load)
-        inertia = self.s**2 * self.vector + times(self.Phi, kept)
+        inertia = self._inertia * self.vector + times(self.Phi, kept)
         r = times(self.M, inertia) + self.load + self.I.T @ force
+        if self._defect is not None:
+            r += times(self._defect, self.a)
         return r + self.s * times(self.C, self.vector) if self.C.nnz else r
 
     def slope(self) -> Complex:
