@@ -140,18 +140,18 @@ class ChangingBodies:
         if stability is None:
             raise ValueError("a scene without [stability] has no modes")
         self.box, self.mark, self.damped = Box(scene, bulk), mark, terms is not None
-        self._bulk, self._contact, self._terms = bulk, brake.contact, terms
         damping = None if terms is None else _damping(stability, terms, brake, bulk)
         self.faces = sorted(scene.loads)
         mesh, free = brake.mesh, brake.elastic.free
         loads = [gathered_vector(unit_loads(mesh, free, face)) for face in self.faces]
         self._pressures = {face: scene.loads[face].pressure for face in self.faces}
-        K, self._M = (local_rows(A) for A in matrices)
+        K, M = (local_rows(A) for A in matrices)
+        self._M, self._bulk, self._contact, self._terms = M, bulk, brake.contact, terms
         band = (stability.band[0], stability.band[1])
         names = "" if damping is None else f"{damping.names}, damped"
         known = _cached(store, mark, names)
         self.basis = EnsembleBasis(
-            K, self._M, brake.N, brake.T, brake.w, np.stack(loads, axis=1), list(bulk.parts.values()),
+            K, M, brake.N, brake.T, brake.w, np.stack(loads, axis=1), list(bulk.parts.values()),
             self.box.coefficients, len(self.box.names), band, comm=comm,
             progress=lambda total: Progress("anchors", total).advance, known=known, damping=damping,
         )  # fmt: skip
