@@ -59,7 +59,7 @@ SHIFT = 0.05
 SOME = 200
 
 # Total degree of the interpolation between the anchors.
-DEGREE = 3
+DEGREE = 4
 
 
 class EnsembleBasis:

@@ -7,7 +7,7 @@ body at some anchors theta_a, the resolvent on the interface B = [N; T] is
 
 kappa' = kappa + sigma. The first term is exact for every theta (A is linear in the coefficients);
 the rest is small and smooth in theta, because W is the same for all: R_j is computed at anchors,
-see ``rest``, and interpolated with a degree that falls by one from j to j + 1; the last ones are
+see ``rest``, and interpolated with a degree that falls from j to j + 1; the last ones are
 those of the centre. Rows that forces follow alone are kept, N R_j [N' T'] without damping.
 
 Where damping is not in proportion, its share t of the stiffness is one more coordinate of the box,
@@ -41,8 +41,8 @@ from .view import Arrays, View, complete_modes
 
 Array = NDArray[np.float64]
 
-# R_j are interpolated up to this j at most.
-INTERPOLATED = 2
+# R_0 is interpolated with the degree of the anchors, R_1 and R_2 with these at most, the others not.
+LATER_DEGREES = 2, 1
 
 # From this j on, directions of W beyond so many times the kept kappa add less than 1e-7.
 FAR_ORDER, FAR = 3, 16.0
@@ -136,12 +136,12 @@ class VariedBody:
         self.W, self.TT, self.every_doubt, self._higher, self._W_B, self._projected = (
             known[name] for name in ("W", "TT", "doubt", "higher", "W_B", "projected")
         )
-        self._R = [known[f"R_{j}"] for j in range(min(INTERPOLATED, self.anchors.degree) + 1)]
+        self._R = [known[f"R_{j}"] for j in range(len(_degrees(self.anchors)))]
 
     def _solve(self, order: int, comm: MPI.Comm, progress: Callable[[int], None]) -> None:
         """The work at the anchors."""
-        anchors, degree, body = self.anchors, self.anchors.degree, self.body
-        number = anchors.count(min(MODES_DEGREE, degree))
+        anchors, body = self.anchors, self.body
+        number = anchors.count(min(MODES_DEGREE, anchors.degree))
         found = shared(range(number), self._modes, comm, progress)
         self.W, centre = joined(found, body.M, comm), found[0]
         del found
@@ -153,8 +153,8 @@ class VariedBody:
         if self._stretched:
             corner[-1] = CORNER_T
         checks = [-corner, corner * alternate]
-        top = min(INTERPOLATED, degree)
-        needed = [anchors.count(degree - j) for j in range(top + 1)]
+        needed = [anchors.count(degree) for degree in _degrees(anchors)]
+        top = len(needed) - 1
         tasks = [(x, sum(i < n for n in needed)) for i, x in enumerate(anchors.points)]
         # The longest first.
         tasks = [*((x, top + 1) for x in checks), *tasks]
@@ -184,8 +184,7 @@ class VariedBody:
         Lambda, Q = la.eigh(self._stiffness(x), driver="evd", check_finite=False)
         kept, top = int(np.searchsorted(Lambda, self.kept, side="right")), len(self._R)
         moments = []
-        for j, R in enumerate(self._R):
-            degree = self.anchors.degree - j
+        for j, (degree, R) in enumerate(zip(_degrees(self.anchors), self._R, strict=True)):
             weights = self.anchors.weights(x, degree)[None]
             if self._stretched:
                 weights = self.anchors.series(x[:-1], degree)
@@ -223,7 +222,7 @@ class VariedBody:
         R = self._R[j]
         # They stand side by side: a part of each matrix, without a copy.
         flat = R.reshape(len(R), -1)[:, : rows * R.shape[2]]
-        weights = self.anchors.weights(x, self.anchors.degree - j)
+        weights = self.anchors.weights(x, _degrees(self.anchors)[j])
         return np.asarray((weights @ flat).reshape(rows, -1))
 
     def _difference(self, x: Array) -> Array:
@@ -292,6 +291,11 @@ class VariedBody:
             return np.zeros_like(last)
         ratio = np.linalg.norm(self._higher[0][:, :n]) / np.linalg.norm(before[:, :n])
         return np.asarray(ratio * (len(self._R) + 1) / len(self._R) * (last - before))
+
+
+def _degrees(anchors: Anchors) -> list[int]:
+    """Degree of each R_j that is interpolated."""
+    return [anchors.degree, *(d for d in LATER_DEGREES if d <= anchors.degree)]
 
 
 def work_at(anchors: Anchors) -> int:
