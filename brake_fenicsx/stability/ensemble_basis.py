@@ -20,14 +20,12 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from brake_fenicsx.macro.solver import Factor
-
 from .changing.anchors import Anchors
 from .changing.bodies import Body, split_bodies
 from .changing.congruent import Image, image_of
 from .changing.damped_together import Standing, check_reach, damped_basis, doubted, standing
 from .changing.damped_view import damped_view
-from .changing.own_bodies import OwnBodies, Whole
+from .changing.own_bodies import Factored, OwnBodies, Whole
 from .changing.proportion import Box, Damping, Proportion, proportion
 from .changing.springs import on_springs
 from .changing.together import Together
@@ -154,7 +152,7 @@ class EnsembleBasis:
                 if box.series:
                     body = damped_body(body, box.body, self.sigma, self.names, comm, made)
                 self.bodies.append(body)
-        self._constant: dict[int, Factor] = {}
+        self._constant: dict[int, Factored] = {}
         self._together = Together(self.bodies, w, self.sigma, self.limit + self.sigma)
         if damping is not None:
             some = np.unique(np.linspace(0, w.size - 1, min(SOME, w.size)).astype(int))

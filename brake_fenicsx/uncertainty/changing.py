@@ -202,15 +202,12 @@ class ChangingBodies:
 
     def _whole(self, place: Array) -> Whole:
         """A sample at full order."""
-        c, contact = self.box.coefficients(place), self._contact
-        K, C = self._bulk.K, None if self._terms is None else self._terms.bulk
-        for (material, _), change, part in zip(
-            self._bulk.parts, c, self._bulk.parts.values(), strict=True
-        ):
-            K = K + change * part
-            follows = 0.0 if self._terms is None else self._terms.follows.get(material, 0.0)
-            if follows and C is not None:
-                C = C + follows * change * part
+        c, contact, bulk = self.box.coefficients(place), self._contact, self._bulk
+        changes = [x * part for x, part in zip(c, bulk.parts.values(), strict=True)]
+        K, C = bulk.K + sum(changes), None
+        if self._terms is not None and self._terms.bulk is not None:
+            follows = [self._terms.follows.get(material, 0.0) for material, _ in bulk.parts]
+            C = self._terms.bulk + sum(x * A for x, A in zip(follows, changes, strict=True))
         return Whole(K, self._M, contact.N, contact.T, contact.R, C)
 
 

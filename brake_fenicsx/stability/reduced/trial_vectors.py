@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.macro.condensation import Solves
 
-from ..complex_columns import times
+from ..complex_columns import Operator, times
 from ..modes import Complex
 from .contact_forces import ContactForces
 
@@ -49,6 +49,14 @@ class Asked(Protocol):
         """E^-1 x, or E^-H x."""
 
 
+class Columns(Operator, Protocol):
+    """A matrix, or what multiplies like one."""
+
+    @property
+    def T(self) -> Operator:
+        """The transposed matrix."""
+
+
 @dataclass(frozen=True, slots=True)
 class Reference:
     """The full problem without contact, or on springs k0, and the modes that are kept of it.
@@ -63,9 +71,9 @@ class Reference:
 
     rest: Solves
     M: sp.csr_matrix
-    Phi: Array
+    Phi: Columns
     Lambda: Array
-    defect: Array | None = None
+    defect: Operator | None = None
 
 
 class TrialVectors:
@@ -106,7 +114,7 @@ class TrialVectors:
         self.z = sample.left_gaps(s, a) if left else sample.gaps(s, a)
         self.Phi, self.Lambda, self.rest = reference.Phi, reference.Lambda, reference.rest
         self._sigma, self._defect = sample.sigma, reference.defect
-        self.modal = times(self.Phi, a)
+        self.modal, self._missed = times(self.Phi, a), self._defective(a)
         self.load = self.psi = np.zeros_like(self.modal)
 
     @property
@@ -123,8 +131,8 @@ class TrialVectors:
         """Load of the next step, which ``rest`` answers."""
         c = self.z if self.left else self.sample.forces(self.s, self.z)
         self.load = -(self.I.T @ c) - self._inertia * times(self.M, self.psi)
-        if self._defect is not None:
-            self.load -= times(self._defect, self.a)
+        if self._missed is not None:
+            self.load -= self._missed
         if self.C.nnz:
             self.load -= self.s * times(self.C, self.vector)
         return self.load
@@ -142,8 +150,8 @@ class TrialVectors:
         kept = self.Lambda[:, None] * self.a - times(self.Phi.T, self.load)
         inertia = self._inertia * self.vector + times(self.Phi, kept)
         r = times(self.M, inertia) + self.load + self.I.T @ force
-        if self._defect is not None:
-            r += times(self._defect, self.a)
+        if self._missed is not None:
+            r += self._missed
         return r + self.s * times(self.C, self.vector) if self.C.nnz else r
 
     def slope(self) -> Complex:
@@ -170,8 +178,14 @@ class TrialVectors:
         self.a, self.psi, self.z, self.load, self.modal = (
             x @ weights for x in (self.a, self.psi, self.z, self.load, self.modal)
         )
+        if self._missed is not None:
+            self._missed = self._missed @ weights
 
     def add(self, da: Complex) -> None:
         """Change the coordinates."""
         self.a = self.a + da
-        self.modal = times(self.Phi, self.a)
+        self.modal, self._missed = times(self.Phi, self.a), self._defective(self.a)
+
+    def _defective(self, a: Complex) -> Complex | None:
+        """E a."""
+        return None if self._defect is None else times(self._defect, a)
