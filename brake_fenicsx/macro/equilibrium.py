@@ -46,6 +46,8 @@ class Equilibrium:
         history: residuals of the last load step, one per iteration.
         seconds: time [s].
         u: displacement on all free dofs [m], where it was asked for.
+        doubt: changes of k [Pa/m] under typical errors of the bodies' compliance, shape (errors,
+            elements); None where that is exact.
     """
 
     g: Array
@@ -57,6 +59,7 @@ class Equilibrium:
     history: tuple[float, ...]
     seconds: float
     u: Array | None = None
+    doubt: Array | None = None
 
 
 def equilibrium(
@@ -144,6 +147,11 @@ class Jacobian:
                 "equilibrium: no element is in contact on the way; raise the load steps"
             ) from error
 
+    def rough(self, b: Array) -> Array:
+        """Solutions for columns in single precision."""
+        lu = la.lu_factor(self._matrix(np.float32), overwrite_a=True, check_finite=False)
+        return np.asarray(la.lu_solve(lu, b.astype(np.float32), check_finite=False).astype(float))
+
     def _refined(self, b: Array) -> Array | None:
         """Solution by refinement; None where single precision is not enough of a start."""
         lu = la.lu_factor(self._matrix(np.float32), overwrite_a=True, check_finite=False)
@@ -199,6 +207,18 @@ class Condensed:
             rhs = rhs + c.NT @ (wf * a)
         J = Jacobian(c.NN, c.NT, -self.w * (k0 - k), None if wf is None else wf * k)
         return J.solve(np.asarray(rhs, float))
+
+    def moved(self, k: Array, free: Array) -> Array:
+        """Changes of the gaps where those of the bodies without contact change, rough.
+
+        Args:
+            k: stiffness at equilibrium [Pa/m].
+            free: changes of the gaps under the same forces [m], shape (elements, columns).
+        """
+        c = self.compliance
+        t = friction_traction(self.w, self.mu) * k if np.any(self.mu) else None
+        J = Jacobian(c.NN, c.NT, self.w * (k - c.k0), t)
+        return J.rough(free - c.NN @ ((self.w * c.k0)[:, None] * free))
 
     def norm(self, pressure: Array) -> float:
         """Norm of the forces of some pressures, weighted with the compliance."""

@@ -27,6 +27,7 @@ from .changing.damped_together import Standing, check_reach, damped_basis, doubt
 from .changing.damped_view import damped_view
 from .changing.own_bodies import Factored, OwnBodies, Whole
 from .changing.proportion import Box, Damping, Proportion, proportion
+from .changing.shifts import damped_shifts, undamped_shifts, with_errors
 from .changing.springs import on_springs
 from .changing.together import Together
 from .changing.varied import VariedBody
@@ -38,6 +39,7 @@ from .reduced.damped_pairs import sample_modes
 from .reduced.damped_sample import DampedSample
 from .reduced.refinement import Refinement
 from .reduced.sample import Sample
+from .reduced.sample_errors import DOUBT
 from .reduced.sample_pairs import undamped_modes
 from .reduced.trial_vectors import Reference
 from .reduction import CUTOFF, ORDER
@@ -166,6 +168,7 @@ class EnsembleBasis:
         mu: float | Array,
         tolerance: float = 1e-6,
         whole: Callable[[], Whole] | None = None,
+        k_doubt: Array | None = None,
     ) -> Modes:
         """Complex modes of one sample in the band.
 
@@ -176,6 +179,7 @@ class EnsembleBasis:
             tolerance: relative error of lambda; modes estimated beyond it are refined on the full
                 problem, and ``iterations`` says how many.
             whole: the sample at full order; nothing is refined without.
+            k_doubt: errors of k [Pa/m] that are part of each mode's, shape (errors, elements).
 
         Returns:
             The modes; ``right`` and ``left`` in coordinates that ``displacements`` understands.
@@ -200,6 +204,9 @@ class EnsembleBasis:
         found = undamped_modes(
             sample, self.band, start, tolerance, refined=None if whole is None else refined
         )
+        if k_doubt is not None:
+            changes = k_doubt[:, together.order[closed]]
+            found = with_errors(found, undamped_shifts(sample, found, changes))
         return _in_spaces(found, shapes, "det T")
 
     def damped_modes(
@@ -212,6 +219,7 @@ class EnsembleBasis:
         zeta_max: float,
         tolerance: float = 1e-6,
         whole: Callable[[], Whole] | None = None,
+        k_doubt: Array | None = None,
     ) -> Modes:
         """Damped complex modes of one sample in the band.
 
@@ -224,6 +232,7 @@ class EnsembleBasis:
             zeta_max: decaying modes up to this damping ratio are looked for.
             tolerance: as in ``modes``.
             whole: as in ``modes``.
+            k_doubt: as in ``modes``.
 
         Returns:
             As ``modes``.
@@ -263,6 +272,8 @@ class EnsembleBasis:
             sample, self.band, zeta_max, start, tolerance,
             None if whole is None else refined, doubt,
         )  # fmt: skip
+        if k_doubt is not None:
+            found = with_errors(found, damped_shifts(sample, found, k_doubt[:, closed]))
         return _in_spaces(found, shapes, "det T(lambda)")
 
     def compliance(self, x: Array, k0: Array) -> tuple[Array, Array, Array]:
@@ -282,6 +293,28 @@ class EnsembleBasis:
         if not np.array_equal(place, np.arange(place.size)):
             NN, NT = (A[np.ix_(place, place)] for A in (NN, NT))
         return NN, NT, Nf[place]
+
+    def compliance_doubt(self, normal: Array, along: Array, loads: Array) -> Array:
+        """Typical errors of the gaps of the bodies under given forces.
+
+        Args:
+            normal: forces on the gaps of the elements [N], shape (elements,).
+            along: forces on their slips.
+            loads: multiples of the unit loads.
+
+        Returns:
+            In m, one for each body and point that checks its interpolation, shape (errors,
+            elements).
+        """
+        out = []
+        for body in self.bodies:
+            own = body.body.elements
+            force = np.r_[normal[own], along[own], loads]
+            for errors in body.doubt:
+                gaps = np.zeros_like(normal)
+                gaps[own] = DOUBT * (errors[0] @ force)
+                out.append(gaps)
+        return np.array(out).reshape(-1, normal.size)
 
     def displacements(self, coordinates: Complex) -> Complex:
         """Displacements of some coordinates, shape (dofs, columns); static answers left out."""

@@ -172,8 +172,24 @@ class ChangingBodies:
             k0: reference stiffness [Pa/m].
         """
         NN, NT, Nf = self.basis.compliance(self.box.place(drawn), k0)
+        return NN, NT, Nf @ self._loads(pressures)
+
+    def compliance_doubt(
+        self, pressures: Mapping[str, float], normal: Array, along: Array
+    ) -> Array:
+        """Typical errors of the gaps of the bodies [m], shape (errors, elements).
+
+        Args:
+            pressures: random pressures of a sample [Pa], by face.
+            normal: forces on the gaps of the elements [N], shape (elements,).
+            along: forces on their slips.
+        """
+        return self.basis.compliance_doubt(normal, along, self._loads(pressures))
+
+    def _loads(self, pressures: Mapping[str, float]) -> Array:
+        """Pressures on all faces [Pa]."""
         load = {**self._pressures, **pressures}
-        return NN, NT, Nf @ np.array([load[face] for face in self.faces])
+        return np.array([load[face] for face in self.faces])
 
     def modes(
         self,
@@ -183,6 +199,7 @@ class ChangingBodies:
         rates: tuple[Array, Array] | None = None,
         zeta_max: float = 0.0,
         tolerance: float = 1e-6,
+        k_doubt: Array | None = None,
     ) -> Modes:
         """Complex modes of a sample, in coordinates of the basis.
 
@@ -193,12 +210,13 @@ class ChangingBodies:
             rates: friction's own damping, see ``rates_of_sample``; None where nothing damps it.
             zeta_max: decaying modes up to this damping ratio are looked for where it is damped.
             tolerance: relative error of lambda beyond which a mode is refined on the full problem.
+            k_doubt: errors of k [Pa/m], shape (errors, elements).
         """
         place = self.box.place(drawn)
         whole = partial(self._whole, place)
         if rates is None:
-            return self.basis.modes(place, k, mu, tolerance, whole)
-        return self.basis.damped_modes(place, k, mu, *rates, zeta_max, tolerance, whole)
+            return self.basis.modes(place, k, mu, tolerance, whole, k_doubt)
+        return self.basis.damped_modes(place, k, mu, *rates, zeta_max, tolerance, whole, k_doubt)
 
     def _whole(self, place: Array) -> Whole:
         """A sample at full order."""

@@ -15,7 +15,8 @@ from brake_fenicsx.log import logger
 from brake_fenicsx.macro.brake import Brake
 from brake_fenicsx.macro.condensation import Compliance, compliance
 from brake_fenicsx.macro.corrected import Bodies, corrected_equilibrium
-from brake_fenicsx.macro.equilibrium import Equilibrium, displacement, equilibrium
+from brake_fenicsx.macro.equilibrium import Condensed, Equilibrium, displacement, equilibrium
+from brake_fenicsx.macro.friction import friction_traction
 
 from .bulk import Bulk
 
@@ -94,7 +95,15 @@ class Equilibria:
             c = bodies.compliance
             NN, NT, Nf = self.changing.compliance(sample.random, sample.pressures, c.k0)
             bodies = replace(bodies, compliance=replace(c, NN=NN, NT=NT, Nf=Nf))
-            return equilibrium(bodies, laws, mu, steps)
+            eq = equilibrium(bodies, laws, mu, steps)
+            force = bodies.w * eq.p
+            along = friction_traction(force, mu)
+            free = self.changing.compliance_doubt(sample.pressures, force, along).T
+            g = (
+                Condensed(bodies.compliance, bodies.w, bodies.g0, mu).moved(eq.k, free)
+                + eq.g[:, None]
+            )
+            return replace(eq, doubt=np.array([laws.stiffness(x) for x in g.T]) - eq.k)
         try:
             change = self.bulk.change(sample.materials)
             return corrected_equilibrium(bodies, change, laws, mu, steps)

@@ -272,7 +272,7 @@ def _changing(
 ) -> Arrays:
     settings = shared.stability
     modes = changing.modes(
-        sample.random, eq.k, sample.mu, rates, settings.zeta_max, settings.tolerance
+        sample.random, eq.k, sample.mu, rates, settings.zeta_max, settings.tolerance, eq.doubt
     )
     shares = energy_shares(shared.changing_grams, modes.right)
     coordinates = modes.right if shared.onto is None else shared.onto @ modes.right

@@ -37,6 +37,7 @@ class DampedSample:
         basis: offline result.
         forces: forces at contact.
         sigma: share of the mass in the bodies' stiffness [1/s^2].
+        mu: friction coefficients, shape (elements,).
         T: coefficients of T, shape (modes, modes).
     """
 
@@ -51,7 +52,7 @@ class DampedSample:
             across: mu p / V of each element [Pa s/m]; of no effect where it has no R.
         """
         b = self.basis = basis
-        self.sigma = b.sigma
+        self.sigma, self.mu = b.sigma, mu
         every = {"T": b.w * along, "R": b.w * across}
         rates = {name: every[name] for name in b.names[1:]}
         columns = b.forced.shape[0]
