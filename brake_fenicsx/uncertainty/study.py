@@ -185,14 +185,14 @@ class Study:
         """Reduced model of the samples of some approaches, or full order for them."""
         if not names or self.bulk is None:
             return
-        from .changing import FILE, ChangingBodies
+        from .changing import FILE, MADE_WITH, ChangingBodies
 
         random, laws = self.scene.samples.random, self.scene.table["samples"]["random"]
         moduli = [n for n in sorted(random) if split_key(n)[0] == "materials"]
         box = [[n, laws[n], random[n].digest] for n in moduli]
         acts = None if terms is None else self._acting()
         try:
-            with self._shared(FILE, 0.0, box, acts, self.numbering.mark):
+            with self._shared(FILE, 0.0, box, acts, self.numbering.mark, MADE_WITH.tolist()):
                 self.changing = ChangingBodies(
                     self.scene, self.brake, (self.K, self.M), self.bulk, self.store, self.comm,
                     self.numbering.mark, terms,
