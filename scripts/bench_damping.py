@@ -18,6 +18,7 @@ from __future__ import annotations
 import argparse
 import os
 import time
+from functools import partial
 from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -34,6 +35,7 @@ from brake_fenicsx.macro.condensation import gathered, petsc_matrix
 from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability import DampedReduced, Reduced, complex_modes
+from brake_fenicsx.stability.changing.own_bodies import Whole
 from brake_fenicsx.stability.changing.proportion import Damping
 from brake_fenicsx.stability.damping import sliding_damping, velocity_slope
 from brake_fenicsx.stability.ensemble_basis import EnsembleBasis
@@ -162,6 +164,7 @@ class Changing:
         b, bulk = self.b, None if terms is None else terms.bulk
         damping = Damping(bulk, alpha, self._follows(terms), b.contact.R, along, across)
         parts = [*self.bulk.parts.values()]
+        self._terms = terms
         self.model = EnsembleBasis(
             local_rows(gathered(b.K)), local_rows(gathered(b.M)), b.N, b.T, b.w, b.f[:, None],
             parts, self.box.coefficients, len(CONSTANTS), self.band, damping=damping,
@@ -170,17 +173,27 @@ class Changing:
 
     def modes(self, seed, k, along, across):
         """Modes of a sample."""
-        return self.model.damped_modes(self.places[seed], k, MU, along, across, ZETA)
+        whole = partial(self._whole, seed)
+        place = self.places[seed]
+        return self.model.damped_modes(place, k, MU, along, across, ZETA, whole=whole)
+
+    def _whole(self, seed):
+        """A sample at full order, for what is refined."""
+        K, C = self._bodies(seed, self._terms)
+        return Whole(K, local_rows(gathered(self.b.M)), self.b.N, self.b.T, self.b.contact.R, C)
 
     def matrices(self, seed, terms):
         """Stiffness and damping of its bodies."""
+        K, C = self._bodies(seed, terms)
+        return petsc_matrix(K), C
+
+    def _bodies(self, seed, terms):
         c = self.box.coefficients(self.places[seed])
         parts = list(self.bulk.parts.values())
         K = (self.bulk.K + sum(a * A for a, A in zip(c, parts, strict=True))).tocsr()
         C = sp.csr_matrix(K.shape) if terms is None else terms.bulk
         follows = self._follows(terms)
-        C = C + sum(f * a * A for f, a, A in zip(follows, c, parts, strict=True))
-        return petsc_matrix(K), C
+        return K, C + sum(f * a * A for f, a, A in zip(follows, c, parts, strict=True))
 
     def _follows(self, terms):
         """Shares of the unit changes that the damping takes."""
