@@ -191,7 +191,8 @@ class EnsembleBasis:
         # Open elements show nothing; of a brake whose every element is open one is looked at.
         closed = np.flatnonzero(k > 0) if np.any(k > 0) else np.zeros(1, dtype=np.intp)
         basis, doubt = together.basis(views, closed), together.doubt(closed)
-        sample = Sample(basis, k[closed], mu[closed], self.sigma, doubt)
+        poles = self._pole_doubt([v.Lambda for v in views])
+        sample = Sample(basis, k[closed], mu[closed], self.sigma, doubt, poles)
         shapes, rows = [v.shapes for v in views], together.order[closed]
 
         def refined(
@@ -247,7 +248,7 @@ class EnsembleBasis:
         # Those of a changing body side by side.
         order = self._together.order
         closed = order[moved[order]] if np.any(moved) else order[:1]
-        basis, at, shapes = self._damped(x, closed)
+        basis, at, shapes, poles = self._damped(x, closed)
         check_reach(basis, self.band)
         sample = DampedSample(basis, k[closed], mu[closed], along[closed], across[closed])
         doubts = [body.every_doubt for body in self.bodies]
@@ -266,7 +267,7 @@ class EnsembleBasis:
 
         def doubt(s: Complex, a: Complex, b: Complex, condition: Array) -> Array:
             bodies = list(zip(doubts, self.damping, at, strict=True))
-            return doubted(sample, (s, a, b, condition), bodies)
+            return doubted(sample, (s, a, b, condition), bodies, poles)
 
         found = sample_modes(
             sample, self.band, zeta_max, start, tolerance,
@@ -349,8 +350,10 @@ class EnsembleBasis:
                 out[:, own] = shapes[dofs[rows]].T @ AW
         return out
 
-    def _damped(self, x: Array, closed: Index) -> tuple[DampedBasis, list[Standing], list[Array]]:
-        """Damped basis of a sample, where its closed elements stand, and the bodies' modes."""
+    def _damped(
+        self, x: Array, closed: Index
+    ) -> tuple[DampedBasis, list[Standing], list[Array], Array]:
+        """Damped basis of a sample, where its closed elements stand, the bodies' modes, doubts."""
         bodies = [body.expansion(x) for body in self.bodies]
         at = standing([body.body.elements for body in self.bodies], closed, self.w.size)
         # One after the other: each is as large as the whole may be.
@@ -360,7 +363,13 @@ class EnsembleBasis:
         )
         kept = [b.kept for b in bodies]
         basis = damped_basis(views, kept, at, self.w[closed], self.names, self.sigma, self.limit)
-        return basis, at, [b.Q[:, : b.kept] for b in bodies]
+        poles = self._pole_doubt([b.Lambda[: b.kept] for b in bodies])
+        return basis, at, [b.Q[:, : b.kept] for b in bodies], poles
+
+    def _pole_doubt(self, Lambda: list[Array]) -> Array:
+        """Typical errors of the bodies' own eigenvalues [1/s^2]."""
+        pairs = zip(self.bodies, Lambda, strict=True)
+        return np.concatenate([body.pole_doubt(values) for body, values in pairs])
 
     @contextmanager
     def _own_bodies(

@@ -5,6 +5,7 @@ import pytest
 import scipy.linalg as la
 
 from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.stability.changing.own_bodies import Whole
 from brake_fenicsx.stability.ensemble_basis import EnsembleBasis
 
 BAND = (0.0, 60e3)
@@ -81,3 +82,41 @@ def test_stiffness_that_is_not_positive(two_bodies):
     scene, parts = two_bodies
     with pytest.raises(InaccurateResult, match="not positive definite"):
         basis(scene, parts, lambda x: np.array([0.0, -2.4e9 * (x[1] > 0.5)]))
+
+
+@pytest.mark.parametrize("contact", ["scattered", "rigid", "open", "one element"])
+def test_refined_from_a_poor_basis(two_bodies, contact):
+    """Degree one in a box of a factor of three, at its worst corner: 1e-8 where it is asked for.
+
+    Contact over two decades, all but a constraint, open (rigid modes), and in one element alone.
+    """
+    scene, parts = two_bodies
+    change, x = coefficients(0.5), np.array([-1.0, -1.0])
+    if not hasattr(scene, "poor"):
+        scene.poor = basis(scene, parts, change, 1)
+    n = scene.w.size
+    k = {
+        "scattered": 3e11 * 10 ** np.random.default_rng(2).uniform(-1, 1, n),
+        "rigid": np.full(n, 1e15),
+        "open": np.zeros(n),
+        "one element": np.where(np.arange(n) == 4, 3e11, 0.0),
+    }[contact]
+    K = (scene.K + sum(a * A for a, A in zip(change(x), parts, strict=True))).tocsr()
+    whole = Whole(K, scene.M, scene.N, scene.T, scene.N[:0])
+    reference = exact(scene, parts, change(x), k)
+    assert agree(scene.poor.modes(x, k, MU), reference) > 1e-6
+    modes = scene.poor.modes(x, k, MU, 1e-8, lambda: whole)
+    # A penalty takes digits from the dense spectrum.
+    assert agree(modes, reference) < (1e-6 if contact == "rigid" else 1e-8)
+    elastic = np.abs(modes.s) > 10.0
+    assert np.all(modes.error[elastic] <= 1e-8 * np.abs(modes.s[elastic]))
+
+
+def test_sample_whose_own_bodies_have_no_factor(two_bodies):
+    """A sample whose own stiffness is not positive: refused by name, never a mode of another."""
+    scene, parts = two_bodies
+    made, k = basis(scene, parts, coefficients(0.2), 1), np.full(scene.w.size, 3e11)
+    K = (scene.K - 2.4e9 * parts[1]).tocsr()
+    wrong = Whole(K, scene.M, scene.N, scene.T, scene.N[:0])
+    with pytest.raises(InaccurateResult, match="not positive definite"):
+        made.modes(np.array([0.3, 0.3]), k, MU, 1e-9, lambda: wrong)

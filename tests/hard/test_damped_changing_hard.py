@@ -10,6 +10,7 @@ from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.macro.condensation import gathered
 from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.solver import local_rows
+from brake_fenicsx.stability.changing.own_bodies import Whole
 from brake_fenicsx.stability.changing.proportion import Damping
 from brake_fenicsx.stability.ensemble_basis import EnsembleBasis
 
@@ -45,14 +46,15 @@ def offline(scene, pad, plate, shear=0.0, spread=0.2):
     return basis, given, coefficients(spread)
 
 
-def both(scene, dense, made, x, k, mu):
-    """Modes of a sample, and its dense problem."""
+def both(scene, dense, made, x, k, mu, tolerance=np.inf):
+    """Modes of a sample, refined beyond a tolerance, and its dense problem."""
     (basis, d, change), none = made, np.zeros_like(k)
     c, parts = change(np.array(x)), stiffnesses(scene)[:2]
-    K = scene.tangent(k, mu) + sum(a * A for a, A in zip(c, parts, strict=True))
+    moved = sum(a * A for a, A in zip(c, parts, strict=True))
     C = d.C + sum(f * a * A for f, a, A in zip(d.follows, c, parts, strict=True))
-    found = basis.damped_modes(np.array(x), k, mu, none, none, ZETA)
-    return found, dense(scene.M, C, K, HIGH, ZETA)
+    whole = Whole((scene.K + moved).tocsr(), scene.M, scene.N, scene.T, scene.R, C.tocsr())
+    found = basis.damped_modes(np.array(x), k, mu, none, none, ZETA, tolerance, lambda: whole)
+    return found, dense(scene.M, C, scene.tangent(k, mu) + moved, HIGH, ZETA)
 
 
 def scattered(scene, seed):
@@ -170,6 +172,22 @@ def test_two_modes_about_to_merge_in_changed_bodies(two_blocks, dense):
     # How near the grid of mu comes to it depends on the mesh: 42 with that of gmsh 4.13.
     assert found.condition.max() > 20
     exact.agrees(found)
+
+
+@pytest.mark.parametrize(
+    "scene, losses",
+    [("coarse", (1e-4, 1e-4, 0.1)), ("loose", (0.05, 0.002, 0.05)), ("coarse", (0.1, 1e-4))],
+)
+def test_refined_from_a_poor_basis(two_blocks, dense, scene, losses):
+    """Beyond the corner of the box, damping far from any proportion, bodies that nothing holds."""
+    scene = two_blocks(scene)
+    made, k = offline(scene, *losses), scattered(scene, 8)
+    found, exact = both(scene, dense, made, (-1.1, -1.1), k, 0.4)
+    before = exact.agrees(found)
+    found, exact = both(scene, dense, made, (-1.1, -1.1), k, 0.4, 1e-8)
+    assert exact.agrees(found) < min(1e-8, 0.3 * before)
+    elastic = np.abs(found.s) > 1e-6 * HIGH
+    assert np.median(found.error[elastic] / np.abs(found.s[elastic])) < 1e-8
 
 
 def test_damping_beyond_the_series(two_blocks):

@@ -13,7 +13,7 @@ from brake_fenicsx.errors import InaccurateResult
 from ..modes import Complex
 from ..reduced.damped_basis import DAMPED_ORDER, DampedBasis, convergence_radius
 from ..reduced.damped_sample import DampedSample
-from ..reduced.sample_errors import DIGITS, DOUBT
+from ..reduced.sample_errors import DIGITS, DOUBT, doubted_poles
 from .bodies import compact, places_of
 from .damped_view import DampedView
 from .proportion import Proportion
@@ -150,6 +150,7 @@ def doubted(
     sample: DampedSample,
     modes: tuple[Complex, Complex, Complex, Array],
     bodies: Sequence[tuple[Array, Proportion, Standing]],
+    pole_doubt: Array,
 ) -> Array:
     """Errors of lambda under those of the bodies' interpolation where it was checked [1/s].
 
@@ -160,6 +161,7 @@ def doubted(
         modes: eigenvalues, right and left vectors of unit norm, conditions.
         bodies: of each the errors of R_0, R_1, ... at some points, on all its rows and columns, its
             damping, and where its elements stand.
+        pole_doubt: typical errors of the eigenvalues of all kept modes [1/s^2].
     """
     s, a, b, condition = modes
     names, m, sigma = sample.basis.names, sample.forces.n, sample.basis.sigma
@@ -187,4 +189,5 @@ def doubted(
     size = np.where(s == 0, np.inf, np.abs(s))
     shared = float(np.median(total / size**2)) if s.size else 0.0
     total = np.maximum(total, max(shared, DIGITS) * np.abs(s) ** 2)
+    total += doubted_poles(pole_doubt, a, b)
     return np.asarray(condition * total / (2 * size))

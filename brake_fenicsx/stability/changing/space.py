@@ -12,6 +12,8 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from brake_fenicsx.macro.solver import Factor
+
 from ..full.lanczos import RealModes
 
 Array = NDArray[np.float64]
@@ -64,6 +66,26 @@ def projected(matrices: Sequence[sp.csr_matrix], W: Array, comm: MPI.Comm) -> Ar
         return np.asarray(0.5 * (P + P.T))
 
     return np.array(shared(matrices, one, comm))
+
+
+def ritz_errors(
+    factor: Factor, A: sp.csr_matrix, M: sp.csr_matrix, modes: tuple[Array, Array], limit: float
+) -> Array:
+    """How much too large the eigenvalues of a stiffness are in a space [1/s^2].
+
+    E' (A - Lambda M)^-1 E for the residuals E, to second order.
+
+    Args:
+        factor: factor of A.
+        A: the stiffness.
+        M: mass [kg].
+        modes: eigenvectors in the space, shape (dofs, modes), and their eigenvalues [1/s^2].
+        limit: what the space does not hold has larger eigenvalues.
+    """
+    Phi, Lambda = modes
+    E = A @ Phi - M @ (Phi * Lambda)
+    static = np.einsum("im,im->m", E, factor.solve(E))
+    return np.asarray(static / np.maximum(1 - Lambda / limit, 0.1))
 
 
 def shared(

@@ -36,7 +36,7 @@ from .anchors import Anchors
 from .bodies import Body, looked_at, places_of
 from .expansion import Expansion, Moment
 from .rest import rest_moments
-from .space import joined, projected, shared
+from .space import joined, projected, ritz_errors, shared
 from .view import Arrays, View, complete_modes
 
 Array = NDArray[np.float64]
@@ -58,6 +58,10 @@ FILLING = 1e-6
 CHECKS, CORNER, CORNER_T = 2, 0.9, 2.3
 
 
+# An eigenvalue's error is looked up at so many times its size, since eigenvalues move.
+NEARBY = 1.2
+
+
 class VariedBody:
     """A body whose stiffness changes from sample to sample.
 
@@ -68,6 +72,7 @@ class VariedBody:
         TT: T R_0 T' of the centre, loads included.
         every_doubt: errors of R_0, R_1, ... at each point that checks the interpolation, shape
             (checks, orders, rows that are looked at, all columns).
+        poles: eigenvalues at those points, ascending, and the largest relative error up to each.
     """
 
     varies = True
@@ -127,14 +132,14 @@ class VariedBody:
         """All that was computed."""
         return {
             "W": self.W, "TT": self.TT, "doubt": self.every_doubt, "higher": self._higher,
-            "W_B": self._W_B, "projected": self._projected,
+            "W_B": self._W_B, "projected": self._projected, "poles": self.poles,
             **{f"R_{j}": R for j, R in enumerate(self._R)},
         }  # fmt: skip
 
     def _take(self, known: Arrays) -> None:
         """The reverse of ``arrays``."""
-        self.W, self.TT, self.every_doubt, self._higher, self._W_B, self._projected = (
-            known[name] for name in ("W", "TT", "doubt", "higher", "W_B", "projected")
+        self.W, self.TT, self.every_doubt, self._higher, self._W_B, self._projected, self.poles = (
+            known[name] for name in ("W", "TT", "doubt", "higher", "W_B", "projected", "poles")
         )
         self._R = [known[f"R_{j}"] for j in range(len(_degrees(self.anchors)))]
 
@@ -155,11 +160,16 @@ class VariedBody:
         checks = [-corner, corner * alternate]
         needed = [anchors.count(degree) for degree in _degrees(anchors)]
         top = len(needed) - 1
-        tasks = [(x, sum(i < n for n in needed)) for i, x in enumerate(anchors.points)]
+        counts = [sum(i < n for n in needed) for i in range(len(anchors.points))]
         # The longest first.
-        tasks = [*((x, top + 1) for x in checks), *tasks]
-        solved = shared(tasks, lambda task: self._rest(*task), comm, progress)
+        tasks = [(x, top + 1, True) for x in checks]
+        tasks += [(x, n, False) for x, n in zip(anchors.points, counts, strict=True)]
+        answers = shared(tasks, lambda task: self._rest(*task), comm, progress)
+        solved = [R for R, _ in answers]
         corners, solved = solved[: len(checks)], solved[len(checks) :]
+        Lambda, error = np.hstack([poles for _, poles in answers[: len(checks)]])
+        up = np.argsort(Lambda)
+        self.poles = np.array([Lambda[up], np.maximum.accumulate((error / Lambda)[up])])
         self._R = [np.array([r[j] for r in solved[:n]]) for j, n in enumerate(needed)]
         self._higher, self.TT = self._centre(centre, order, comm)
         self.every_doubt = np.array(
@@ -259,12 +269,23 @@ class VariedBody:
         factor.destroy()
         return found
 
-    def _rest(self, x: Array, count: int) -> list[Array]:
-        """The first R_j at a point."""
-        factor = self._factor(x)
-        R = rest_moments(factor, self.body, self.W, self._W_B, self._stiffness(x), count)
+    def _rest(self, x: Array, count: int, poles: bool) -> tuple[list[Array], Array]:
+        """The first R_j at a point; eigenvalues and their errors where they are asked for."""
+        factor, A = self._factor(x), self._stiffness(x)
+        R = rest_moments(factor, self.body, self.W, self._W_B, A, count)
+        found = np.zeros((2, 0))
+        if poles:
+            Lambda, Q = la.eigh(A, driver="evd", check_finite=False)
+            kept = Lambda <= self.kept
+            modes = self.W @ Q[:, kept], Lambda[kept]
+            K = self.body.K + self.body.change(self._coefficients(x)) + self.sigma * self.body.M
+            found = np.array([Lambda[kept], ritz_errors(factor, K, self.body.M, modes, self.limit)])
         factor.destroy()
-        return R
+        return R, found
+
+    def pole_doubt(self, Lambda: Array) -> Array:
+        """Typical errors of its eigenvalues in W [1/s^2], where they were checked."""
+        return np.asarray(Lambda * np.interp(NEARBY * Lambda, *self.poles))
 
     def _centre(self, found: RealModes, order: int, comm: MPI.Comm) -> tuple[Array, Array]:
         """What follows the interpolated R_j at the centre, T R_0 T' there."""

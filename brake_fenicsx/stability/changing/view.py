@@ -76,6 +76,9 @@ class Seen(Protocol):
     def every_doubt(self) -> Array:
         """The same of all rows and columns."""
 
+    def pole_doubt(self, Lambda: Array) -> Array:
+        """Typical errors of its eigenvalues in W [1/s^2], where they were checked."""
+
     def view(self, x: Array) -> View:
         """The body at a point of the box."""
 
@@ -125,6 +128,10 @@ class FixedBody:
     def every_doubt(self) -> Array:
         """None."""
         return self.doubt
+
+    def pole_doubt(self, Lambda: Array) -> Array:
+        """None: they are those of the body itself."""
+        return np.zeros_like(Lambda)
 
     def view(self, x: Array) -> View:
         """The same at every point."""
@@ -187,6 +194,10 @@ class ImageBody:
     def every_doubt(self) -> Array:
         """Like the other one."""
         return self.of.every_doubt
+
+    def pole_doubt(self, Lambda: Array) -> Array:
+        """Like the other one."""
+        return self.of.pole_doubt(Lambda)
 
     def view(self, x: Array) -> View:
         """Like the other one."""

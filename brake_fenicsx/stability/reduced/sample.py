@@ -43,6 +43,7 @@ class Sample:
         basis: offline result.
         sigma: shift of the basis, whose eigenvalues are kappa + sigma [1/s^2].
         doubt: sets of typical errors of the basis, (N R_j N', N R_j T') for j = 0, 1, ...
+        pole_doubt: typical errors of its eigenvalues [1/s^2]; none of a basis of its own modes.
         dD, mD: change of normal stiffness, tangential stiffness of each element [N/m].
         C: C1 and C2.
         S: gaps of the modes, S - kappa S1 + kappa^2 S2, shape (elements, modes).
@@ -58,6 +59,7 @@ class Sample:
         mu: float | Array,
         sigma: float = 0.0,
         doubt: Sequence[Sequence[tuple[Array, Array]]] = (),
+        pole_doubt: Array | float = 0.0,
     ):
         """Factor the interface problem and expand it in kappa.
 
@@ -67,9 +69,10 @@ class Sample:
             mu: friction coefficient, one or one per element.
             sigma: shift of the basis.
             doubt: typical errors of the basis.
+            pole_doubt: typical errors of its eigenvalues [1/s^2], one or one per mode.
         """
         b = self.basis = basis
-        self.sigma, self.doubt = sigma, doubt
+        self.sigma, self.doubt, self.pole_doubt = sigma, doubt, pole_doubt
         self.dD, self.mD = b.w * (k - b.k0), mu * b.w * k
         E = self._static_gap()
         # By rows, as LAPACK wants the transpose: it need not be copied.

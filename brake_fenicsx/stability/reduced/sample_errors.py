@@ -156,3 +156,15 @@ def doubted(s: Sample, kappa: Complex, known: LeftOut) -> Array:
     size = np.abs(kappa) * bool(len(s.doubt))
     shared = float(np.median(total / np.abs(kappa))) if size.any() else 0.0
     return np.maximum(total, max(shared, DIGITS) * size)
+
+
+def doubted_poles(doubt: Array | float, a: Complex, b: Complex) -> Array:
+    """Error of psi' P phi under typical errors of the eigenvalues of the basis [1/s^2].
+
+    Args:
+        doubt: those errors [1/s^2], one or one per kept mode.
+        a: right vectors, shape (kept modes, modes).
+        b: left ones.
+    """
+    each = np.broadcast_to(doubt, (len(a),))
+    return np.asarray(DOUBT * (each @ (np.abs(a) * np.abs(b))))

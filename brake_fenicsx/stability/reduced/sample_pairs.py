@@ -28,7 +28,7 @@ from .neighbours import (
 )
 from .pencil import Pencil, with_conjugates
 from .sample import Sample
-from .sample_errors import LeftOut, corrected, doubted, left_out
+from .sample_errors import LeftOut, corrected, doubted, doubted_poles, left_out
 
 Array = NDArray[np.float64]
 
@@ -107,7 +107,7 @@ def undamped_modes(
     t = _trial(sample, pairs.kappa[half], pairs.right[:, half], pairs.left[:, half])
     t = _neighbours_together(sample, t)
     first = t.first
-    tail = t.out.tail + doubted(sample, t.kappa, t.out)
+    tail = t.out.tail + doubted(sample, t.kappa, t.out) + doubted_poles(sample.pole_doubt, t.a, t.b)
     # Half of the tolerance for the tail: |d lambda / lambda| = |d kappa / kappa| / 2.
     beyond = tail > tolerance * np.abs(t.slope * t.kappa)
     # A basis of an earlier program may end at order 2.
