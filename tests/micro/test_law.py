@@ -80,6 +80,7 @@ def test_bulk_compliance_can_be_kept(law):
     np.testing.assert_allclose(1 / k_raw[use] - 1 / k[use], c, rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_bulk_free_law_is_the_periodic_law_on_average():
     """Mean over surfaces within 0.05 S_q up to p / E* = 0.1; one surface may be 0.25 away."""
     miss = []

@@ -77,7 +77,14 @@ def test_the_region_counted_holds_every_mode_of_the_band(zeta):
             assert np.all(_region(band, sigma).holds(kappa + sigma))
 
 
-@pytest.mark.parametrize("mu, low, note", [(2.0, 0.0, False), (4.0, 0.0, True), (4.0, 30e3, False)])
+@pytest.mark.parametrize(
+    "mu, low, note",
+    [
+        pytest.param(2.0, 0.0, False, marks=pytest.mark.slow),
+        (4.0, 0.0, True),
+        pytest.param(4.0, 30e3, False, marks=pytest.mark.slow),
+    ],
+)
 def test_rows_and_count_agree_however_strong_the_flutter(two_blocks, mu, low, note):
     """Damping ratios of 0.35 and 0.67, and a band that starts above zero: as many as there are.
 

@@ -138,7 +138,10 @@ def frequencies(comm, parts, materials, highest, table=None):
     return complex_modes(solved.M, None, solved.K, (0.0, highest))
 
 
-@pytest.mark.parametrize("cells, bound", [("tetrahedra", 7e-3), ("hexahedra", 1.5e-3)])
+@pytest.mark.parametrize(
+    "cells, bound",
+    [("tetrahedra", 7e-3), pytest.param("hexahedra", 1.5e-3, marks=pytest.mark.slow)],
+)
 def test_free_disc(comm, cells, bound):
     """Six rigid modes and all others below 5 kHz, doublets twice, on a mesh of 12 mm, from above.
 
@@ -159,7 +162,10 @@ def test_free_disc(comm, cells, bound):
     assert np.all((error > -1e-5) & (error < bound)), error
 
 
-@pytest.mark.parametrize("cells, bound", [("tetrahedra", 1e-2), ("hexahedra", 5.5e-3)])
+@pytest.mark.parametrize(
+    "cells, bound",
+    [pytest.param("tetrahedra", 1e-2, marks=pytest.mark.slow), ("hexahedra", 5.5e-3)],
+)
 def test_free_pad(comm, cells, bound):
     """Lining and plate as one body: the first eight modes on a mesh of 6 mm, from above.
 

@@ -11,6 +11,9 @@ import pytest
 
 from brake_fenicsx.report.rundata import read_run
 
+# Four runs: minutes.
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 PAGE = ROOT / "docs" / "own_scan_own_mesh.md"
 BLOCK = re.compile(r"^```(sh|toml|python)\n(.*?)^```$", re.M | re.S)

@@ -11,6 +11,8 @@ import pytest
 from brake_fenicsx.report.rundata import read_run
 from brake_fenicsx.report.style import label
 
+pytestmark = pytest.mark.slow
+
 SCRIPT = Path(__file__).parents[2] / "scripts" / "paper_figures.py"
 COARSE = [
     "parts.disc.size=30 mm",

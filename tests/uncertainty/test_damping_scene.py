@@ -248,6 +248,7 @@ def test_undamped_approach_beside_a_damped_one(tmp_path):
     assert {r["approach"] for r in table} == {"multi-scale", "fast"}
 
 
+@pytest.mark.slow
 def test_damping_too_strong_for_the_reduced_model_goes_to_full_order(tmp_path):
     """Its own decay lies within the band: said in the log, solved all the same."""
     strong = ["stability.damping={ loss=true, omega_ref='8 kHz' }", "materials.lining.loss=0.4"]

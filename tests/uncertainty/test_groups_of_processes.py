@@ -46,7 +46,10 @@ def agree(one, two):
         assert abs(s[0] - s[1]) <= float(a["error_estimate"]) + float(b["error_estimate"])
 
 
-@pytest.mark.parametrize("changes", [[], [DAMPED], ["contact.block_plate.friction=0.0"]])
+@pytest.mark.parametrize(
+    "changes",
+    [[], pytest.param([DAMPED], marks=pytest.mark.slow), ["contact.block_plate.friction=0.0"]],
+)
 def test_table_is_that_of_samples_of_one_process_each(folder, changes):
     """With friction (shared), with damping and without friction (by the first process)."""
     alone, together = folder / "alone", folder / "together"
