@@ -9,10 +9,7 @@ then enter exactly, as in ``sample``.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import replace
-from itertools import pairwise
+from collections.abc import Callable, Sequence
 
 from mpi4py import MPI
 
@@ -23,10 +20,12 @@ from numpy.typing import NDArray
 from .changing.anchors import Anchors
 from .changing.bodies import Body, split_bodies
 from .changing.congruent import Image, image_of
+from .changing.coordinates import Coordinates, in_spaces
 from .changing.damped_together import Standing, check_reach, damped_basis, doubted, standing
 from .changing.damped_view import damped_view
-from .changing.own_bodies import Factored, OwnBodies, Whole
+from .changing.own_bodies import Whole
 from .changing.proportion import Box, Damping, Proportion, proportion
+from .changing.refiner import Refiner
 from .changing.shifts import damped_shifts, undamped_shifts, with_errors
 from .changing.springs import on_springs
 from .changing.together import Together
@@ -34,14 +33,11 @@ from .changing.varied import VariedBody
 from .changing.view import ImageBody, Seen, View, damped_body, fixed_body
 from .modes import Complex, Modes
 from .reduced.damped_basis import DampedBasis
-from .reduced.damped_correction import Refined
 from .reduced.damped_pairs import sample_modes
 from .reduced.damped_sample import DampedSample
-from .reduced.refinement import Refinement
 from .reduced.sample import Sample
 from .reduced.sample_errors import DOUBT
 from .reduced.sample_pairs import undamped_modes
-from .reduced.trial_vectors import Reference
 from .reduction import CUTOFF, ORDER
 
 Array = NDArray[np.float64]
@@ -67,6 +63,7 @@ class EnsembleBasis:
 
     Attributes:
         bodies: the bodies and how they are seen.
+        coordinates: those of the samples' vectors.
         sigma: shift [1/s^2].
         seconds: time of the offline stage [s].
     """
@@ -154,7 +151,8 @@ class EnsembleBasis:
                 if box.series:
                     body = damped_body(body, box.body, self.sigma, self.names, comm, made)
                 self.bodies.append(body)
-        self._constant: dict[int, Factored] = {}
+        self.coordinates = Coordinates(self.bodies)
+        self._refiner = Refiner(self.bodies, self.sigma)
         self._together = Together(self.bodies, w, self.sigma, self.limit + self.sigma)
         if damping is not None:
             some = np.unique(np.linspace(0, w.size - 1, min(SOME, w.size)).astype(int))
@@ -182,7 +180,7 @@ class EnsembleBasis:
             k_doubt: errors of k [Pa/m] that are part of each mode's, shape (errors, elements).
 
         Returns:
-            The modes; ``right`` and ``left`` in coordinates that ``displacements`` understands.
+            The modes; ``right`` and ``left`` in ``coordinates``.
         """
         start = time.perf_counter()
         views, together = self._look(x), self._together
@@ -195,20 +193,12 @@ class EnsembleBasis:
         sample = Sample(basis, k[closed], mu[closed], self.sigma, doubt, poles)
         shapes, rows = [v.shapes for v in views], together.order[closed]
 
-        def refined(
-            kappa: Complex, a: Complex, b: Complex, tolerance: float | Array
-        ) -> tuple[Complex, Array]:
-            with self._own_bodies(whole, shapes, basis.Lambda) as (w, reference):
-                steps = Refinement(sample, reference, w.N[rows], w.T[rows])
-                return steps(kappa, a, b, tolerance)
-
-        found = undamped_modes(
-            sample, self.band, start, tolerance, refined=None if whole is None else refined
-        )
+        steps = None if whole is None else self._refiner.undamped(sample, shapes, rows, whole)
+        found = undamped_modes(sample, self.band, start, tolerance, refined=steps)
         if k_doubt is not None:
-            changes = k_doubt[:, together.order[closed]]
+            changes = k_doubt[:, rows]
             found = with_errors(found, undamped_shifts(sample, found, changes))
-        return _in_spaces(found, shapes, "det T")
+        return in_spaces(found, shapes, "det T")
 
     def damped_modes(
         self,
@@ -253,29 +243,15 @@ class EnsembleBasis:
         sample = DampedSample(basis, k[closed], mu[closed], along[closed], across[closed])
         doubts = [body.every_doubt for body in self.bodies]
 
-        def refined(
-            s: Complex, a: Complex, b: Complex, tolerance: float | Array
-        ) -> tuple[Complex, Array]:
-            with self._own_bodies(whole, shapes, basis.Lambda) as (w, reference):
-                C = sp.csr_matrix(w.M.shape) if w.C is None else w.C
-                rows = {"N": w.N[closed], "T": w.T[closed], "R": w.R[closed]}
-                O, I = (
-                    sp.vstack([rows[name] for name in names]).tocsr()
-                    for names in (basis.names, "NT" + "R" * ("R" in basis.names))
-                )
-                return Refined(sample, reference, C, O, I)(s, a, b, tolerance)
-
         def doubt(s: Complex, a: Complex, b: Complex, condition: Array) -> Array:
             bodies = list(zip(doubts, self.damping, at, strict=True))
             return doubted(sample, (s, a, b, condition), bodies, poles)
 
-        found = sample_modes(
-            sample, self.band, zeta_max, start, tolerance,
-            None if whole is None else refined, doubt,
-        )  # fmt: skip
+        steps = None if whole is None else self._refiner.damped(sample, shapes, closed, whole)
+        found = sample_modes(sample, self.band, zeta_max, start, tolerance, steps, doubt)
         if k_doubt is not None:
             found = with_errors(found, damped_shifts(sample, found, k_doubt[:, closed]))
-        return _in_spaces(found, shapes, "det T(lambda)")
+        return in_spaces(found, shapes, "det T(lambda)")
 
     def compliance(self, x: Array, k0: Array) -> tuple[Array, Array, Array]:
         """N K0^-1 N', N K0^-1 T' and N K0^-1 f of the bodies on springs k0, K0 = K + N'W k0 N.
@@ -317,39 +293,6 @@ class EnsembleBasis:
                 out.append(gaps)
         return np.array(out).reshape(-1, normal.size)
 
-    def displacements(self, coordinates: Complex) -> Complex:
-        """Displacements of some coordinates, shape (dofs, columns); static answers left out."""
-        out = np.zeros((sum(b.body.dofs.size for b in self.bodies), coordinates.shape[1]), complex)
-        for body, own in zip(self.bodies, self._places(), strict=True):
-            W, a, dofs = body.W, coordinates[own], body.body.dofs
-            out.real[dofs], out.imag[dofs] = W @ a.real, W @ a.imag
-        return out
-
-    def projected(self, A: sp.csr_matrix, shapes: Array | None = None) -> Array:
-        """Shapes' A U of the displacements U of all coordinates; U'A U without other shapes.
-
-        Args:
-            A: a symmetric matrix that does not couple the bodies, such as the mass, shape (dofs,
-                dofs).
-            shapes: other displacements, shape (dofs, columns).
-        """
-        places = self._places()
-        size = places[-1].stop
-        out = np.zeros((size if shapes is None else shapes.shape[1], size))
-        for body, own in zip(self.bodies, places, strict=True):
-            dofs = body.body.dofs
-            inner = A[dofs][:, dofs].tocsr()
-            inner.eliminate_zeros()
-            # A layer's mass is there on a part of the body alone.
-            rows = np.flatnonzero(np.diff(inner.indptr))
-            W = body.W[rows]
-            AW = inner[rows][:, rows] @ W
-            if shapes is None:
-                out[own, own] = W.T @ AW
-            else:
-                out[:, own] = shapes[dofs[rows]].T @ AW
-        return out
-
     def _damped(
         self, x: Array, closed: Index
     ) -> tuple[DampedBasis, list[Standing], list[Array], Array]:
@@ -371,28 +314,9 @@ class EnsembleBasis:
         pairs = zip(self.bodies, Lambda, strict=True)
         return np.concatenate([body.pole_doubt(values) for body, values in pairs])
 
-    @contextmanager
-    def _own_bodies(
-        self, whole: Callable[[], Whole] | None, shapes: list[Array], Lambda: Array
-    ) -> Iterator[tuple[Whole, Reference]]:
-        """A sample at full order, and its bodies factored for a while."""
-        if whole is None:
-            raise ValueError("a sample is refined on its full problem alone")
-        w = whole()
-        own = OwnBodies(self.bodies, shapes, Lambda, w, self.sigma, self._constant)
-        try:
-            yield w, own.reference
-        finally:
-            own.destroy()
-
     def _look(self, x: Array) -> list[View]:
         """The bodies at a point."""
         return [body.view(x) for body in self.bodies]
-
-    def _places(self) -> list[slice]:
-        """Places of each body's coordinates."""
-        ends = np.cumsum([0, *(body.directions for body in self.bodies)])
-        return [slice(int(a), int(b)) for a, b in pairwise(ends)]
 
 
 def _images(bodies: list[Body]) -> list[tuple[int, Image] | None]:
@@ -403,19 +327,3 @@ def _images(bodies: list[Body]) -> list[tuple[int, Image] | None]:
         found = ((j, image_of(bodies[j], body)) for j in originals)
         out.append(next(((j, image) for j, image in found if image is not None), None))
     return out
-
-
-def _in_spaces(found: Modes, shapes: list[Array], function: str) -> Modes:
-    """Modes with vectors in the bodies' spaces in place of their modes, the columns of shapes."""
-    how = f"winding number of {function}, on bases complete by inertia at the anchors"
-    return replace(
-        found, right=_turned(shapes, found.right), left=_turned(shapes, found.left),
-        count=replace(found.count, how=how),
-    )  # fmt: skip
-
-
-def _turned(shapes: list[Array], vectors: Complex) -> Complex:
-    """Coordinates in the bodies' spaces from those in their modes, the columns of ``shapes``."""
-    ends = np.cumsum([Q.shape[1] for Q in shapes])[:-1]
-    parts = zip(shapes, np.split(vectors, ends), strict=True)
-    return np.vstack([Q @ part for Q, part in parts])

@@ -155,9 +155,9 @@ def _of_bodies(
     if changing is None or study.modal is None:
         raise ValueError("prepare() comes first")
     if str(data.get("bodies")) == changing.mark:
-        return changing.basis.displacements(data["in_bodies"][:, kept].astype(complex))
+        return changing.basis.coordinates.displacements(data["in_bodies"][:, kept].astype(complex))
     # An earlier program, or one on another number of processes, had other bodies.
     from .solve import modes_again
 
     modes = modes_again(study.modal, study._draw(*task), data)
-    return changing.basis.displacements(modes.right[:, chosen])
+    return changing.basis.coordinates.displacements(modes.right[:, chosen])

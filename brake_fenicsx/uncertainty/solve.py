@@ -96,9 +96,11 @@ class Shared:
         """Use a reduced model of bodies whose materials change."""
         self.changing = changing
         own = changing.basis
-        self.changing_grams = {name: own.projected(A) for name, A in self.masses.items()}
+        self.changing_grams = {
+            name: own.coordinates.projected(A) for name, A in self.masses.items()
+        }
         if self.basis is not None:
-            self.onto = own.projected(local_rows(self.M), self.basis)
+            self.onto = own.coordinates.projected(local_rows(self.M), self.basis)
 
     @property
     def only_damped(self) -> bool:

@@ -203,7 +203,7 @@ def test_displacements_of_the_coordinates(two_blocks):
     none, basis = np.zeros(scene.w.size), offline(scene, "layers")
     found = basis.damped_modes(sample.x, none, 0.0, none, none, ZETA)
     open_contact = sample.K - (scene.tangent(sample.k, 0.0) - scene.K)
-    phi, elastic = basis.displacements(found.right), np.abs(found.s) > 1e-4 * HIGH
+    phi, elastic = basis.coordinates.displacements(found.right), np.abs(found.s) > 1e-4 * HIGH
     # All matrices are symmetric: left vectors are right ones, and the quotient is stationary.
     a, b, c = (np.einsum("im,im->m", phi, A @ phi) for A in (sample.M, sample.C, open_contact))
     off = found.s**2 * a + found.s * b + c

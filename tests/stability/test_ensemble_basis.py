@@ -127,10 +127,12 @@ def test_displacements_of_the_coordinates(two_bodies):
     scene, parts = two_bodies
     basis, x = made(scene, 3), np.array([0.3, 0.4])
     np.testing.assert_allclose(
-        basis.projected(scene.M), np.eye(len(basis.projected(scene.M))), atol=1e-8
+        basis.coordinates.projected(scene.M),
+        np.eye(len(basis.coordinates.projected(scene.M))),
+        atol=1e-8,
     )
     modes = basis.modes(x, np.where(np.arange(scene.w.size) == 3, 1e6, 0.0), 0.0)
-    phi, K = basis.displacements(modes.right), changed(scene, parts, x)
+    phi, K = basis.coordinates.displacements(modes.right), changed(scene, parts, x)
     elastic = -(modes.s**2).real > 1e6
     assert elastic.sum() >= 3
     quotient = np.einsum("im,im->m", phi.conj(), K @ phi).real
@@ -138,7 +140,9 @@ def test_displacements_of_the_coordinates(two_bodies):
     # kappa = -lambda^2, by the Rayleigh quotient of the bodies alone.
     np.testing.assert_allclose(quotient[elastic], -(modes.s**2).real[elastic], rtol=1e-4)
     np.testing.assert_allclose(
-        basis.projected(scene.M, phi.real) @ modes.right, phi.real.T @ (scene.M @ phi), atol=1e-9
+        basis.coordinates.projected(scene.M, phi.real) @ modes.right,
+        phi.real.T @ (scene.M @ phi),
+        atol=1e-9,
     )
 
 
@@ -167,13 +171,15 @@ def test_images_share_the_work(twins):
     # Vectors too, by the Rayleigh quotient of full order; static answers are left out of them.
     k = np.where(np.arange(k.size) % 18 == 3, 1e6, 0.0)
     modes, whole = basis.modes(x, k, 0.0), scene.tangent(k, 0.0) + K - twins.K
-    phi, elastic = basis.displacements(modes.right), -(modes.s**2).real > 1e6
+    phi, elastic = basis.coordinates.displacements(modes.right), -(modes.s**2).real > 1e6
     assert elastic.sum() >= 6
     quotient = np.einsum("im,im->m", phi.conj(), whole @ phi).real
     quotient /= np.einsum("im,im->m", phi.conj(), twins.M @ phi).real
     np.testing.assert_allclose(quotient[elastic], -(modes.s**2).real[elastic], rtol=1e-4)
     np.testing.assert_allclose(
-        basis.projected(twins.M), np.eye(sum(b.directions for b in basis.bodies)), atol=1e-8
+        basis.coordinates.projected(twins.M),
+        np.eye(sum(b.directions for b in basis.bodies)),
+        atol=1e-8,
     )
 
 
