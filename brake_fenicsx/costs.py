@@ -13,8 +13,8 @@ ladder's. With
                the interface of the reduced model; without it 0.45 m v for the compliance;
                12 (a m + r) v for damping in it;
                0.53 m v for each solve where materials change, C(d+3, 3) + C(d+2, 2) + 2 of them
-               for d random constants, one constant more with loss factors, and a third of that
-               for each other of C(d+4, 4) anchors; a times that where friction damps them
+               for d random constants, one constant more with loss factors, and two thirds of
+               that for each other of C(d+4, 4) anchors; a times that where friction damps them
     samples    0.2 s (m / 1368)^2.5 an equilibrium;
                0.1 s (r / 150)^3 + 0.1 s (m / 1000)^2 its modes, reduced;
                1 + 2 a^2 times that with damping, for a = 1 + 1 (sliding) + 1 (slope);
@@ -204,7 +204,7 @@ def _mechanics(scene: Scene, c: Counts) -> list[Cost]:
     if c.changing:
         d = constants(scene) + (bool(table and table.loss) if c.damped_changing else 0)
         rows = a if c.damped_changing else 1
-        solves = comb(d + 3, 3) + comb(d + 2, 2) + 2 + comb(d + 3, 4) / 3
+        solves = comb(d + 3, 3) + comb(d + 2, 2) + 2 + 2 / 3 * comb(d + 3, 4)
         shared += solves * 0.53 * rows * m * vector
         reduced += (c.changing + 2 * a * c.damped_changing) * 1.6 * (m / 1368) ** 2
         held += series if c.damped_changing else 0.0

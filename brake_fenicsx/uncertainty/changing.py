@@ -41,7 +41,7 @@ FILE = "cache/bodies.npz"
 TAIL, BEYOND = 1e-3, 1.1
 
 # Number of the layout of ``arrays``.
-LAYOUT = 5
+LAYOUT = 6
 
 # A cache of another layout or accuracy is made again.
 MADE_WITH = np.array([LAYOUT, DEGREE, ORDER, CUTOFF, *VARIED_CUTOFF, TAIL, DAMPED_ORDER])

@@ -42,7 +42,7 @@ from .view import Arrays, View, complete_modes
 Array = NDArray[np.float64]
 
 # R_0 is interpolated with the degree of the anchors, R_1 and R_2 with these at most.
-LATER_DEGREES = 2, 1
+LATER_DEGREES = 3, 2
 
 # From this j on, directions of W beyond so many times the kept kappa add less than 1e-7.
 FAR_ORDER, FAR = 3, 16.0
