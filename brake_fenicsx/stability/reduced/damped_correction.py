@@ -79,9 +79,10 @@ class Refined:
             Both in 1/s; of modes that do not get there the second is what was reached.
         """
         right, left = self._vectors(s, a, left=False), self._vectors(s, b, left=True)
-        best: Complex = s
+        best: Complex = s.astype(complex)
         least: Array = np.full(s.size, np.inf)
-        groups = near_groups(s)
+        wanted = np.broadcast_to(tolerance, s.shape)
+        groups, going = near_groups(s), np.arange(s.size)
         for _ in range(ROUNDS):
             for _ in range(STEPS):
                 answers = on_parts(right.rest.solve, np.hstack([right.next(), left.next()]))
@@ -107,13 +108,22 @@ class Refined:
             left.combine(V, s)
             da, db, left_over = self._left_over(right, left, r, q, groups)
             bound = (DOUBT * left_over + missed) / np.maximum(scale, 1e-300)
-            better, stuck = bound < least, bound > 0.5 * least
-            best, least = np.where(better, s, best), np.where(better, bound, least)
+            better, stuck = bound < least[going], bound > 0.5 * least[going]
+            best[going] = np.where(better, s, best[going])
+            least[going] = np.where(better, bound, least[going])
             # A rigid mode has no relative error to settle at.
-            if np.all(stuck | (least <= tolerance * np.abs(s))):
+            settled = stuck | (least[going] <= wanted[going] * np.abs(s))
+            if np.all(settled):
                 break
             right.add(da)
             left.add(db)
+            # Close ones go on together.
+            groups = [g for g in groups if not np.all(settled[g])]
+            chosen = np.sort(np.concatenate(groups))
+            groups = [np.searchsorted(chosen, g) for g in groups]
+            s, going = s[chosen], going[chosen]
+            right.keep(chosen)
+            left.keep(chosen)
         return best, least
 
     def _left_over(

@@ -25,6 +25,7 @@ from ..modes import Complex
 from .contact_forces import ContactForces
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 
 class Asked(Protocol):
@@ -180,6 +181,15 @@ class TrialVectors:
         )
         if self._missed is not None:
             self._missed = self._missed @ weights
+
+    def keep(self, chosen: Index) -> None:
+        """Go on with some of the vectors."""
+        self.s = self.s[chosen]
+        self.a, self.psi, self.z, self.load, self.modal = (
+            x[:, chosen] for x in (self.a, self.psi, self.z, self.load, self.modal)
+        )
+        if self._missed is not None:
+            self._missed = self._missed[:, chosen]
 
     def add(self, da: Complex) -> None:
         """Change the coordinates."""
