@@ -252,7 +252,7 @@ def test_settings_in_effect_hold_defaults_in_si_units():
     scene = read_scene(SCENES / "disc_brake_study.toml", ["stability.band=['0 Hz', '9 kHz']"])
     found = in_effect(scene)
     assert found["stability"]["band"] == [0.0, 9000.0]
-    assert found["stability"]["tolerance"] == 1e-6 and "damping" not in found["stability"]
+    assert found["stability"]["zeta_max"] == 0.1 and "damping" not in found["stability"]
     assert found["micro"]["steps"] == 40 and "steps" not in scene.table["micro"]
     assert found["parts"]["disc"]["parameters"]["radius"] == pytest.approx(0.144)
     assert found["samples"]["random"]["materials.lining.E_3"] == {"law": "uniform", "spread": 0.2}
