@@ -162,7 +162,7 @@ class Changing:
     def offline(self, terms, alpha, along, across):
         """Make the model; its seconds."""
         b, bulk = self.b, None if terms is None else terms.bulk
-        damping = Damping(bulk, alpha, self._follows(terms), b.contact.R, along, across)
+        damping = Damping(bulk, alpha, self.box.follows(terms), b.contact.R, along, across)
         parts = [*self.bulk.parts.values()]
         self._terms = terms
         self.model = EnsembleBasis(
@@ -179,26 +179,13 @@ class Changing:
 
     def _whole(self, seed):
         """A sample at full order, for what is refined."""
-        K, C = self._bodies(seed, self._terms)
+        K, C = self.box.bodies(self.places[seed], self._terms)
         return Whole(K, local_rows(gathered(self.b.M)), self.b.N, self.b.T, self.b.contact.R, C)
 
     def matrices(self, seed, terms):
         """Stiffness and damping of its bodies."""
-        K, C = self._bodies(seed, terms)
-        return petsc_matrix(K), C
-
-    def _bodies(self, seed, terms):
-        c = self.box.coefficients(self.places[seed])
-        parts = list(self.bulk.parts.values())
-        K = (self.bulk.K + sum(a * A for a, A in zip(c, parts, strict=True))).tocsr()
-        C = sp.csr_matrix(K.shape) if terms is None else terms.bulk
-        follows = self._follows(terms)
-        return K, C + sum(f * a * A for f, a, A in zip(follows, c, parts, strict=True))
-
-    def _follows(self, terms):
-        """Shares of the unit changes that the damping takes."""
-        follows = {} if terms is None else terms.follows
-        return np.array([follows.get(material, 0.0) for material, _ in self.bulk.parts])
+        K, C = self.box.bodies(self.places[seed], terms)
+        return petsc_matrix(K), sp.csr_matrix(K.shape) if C is None else C
 
 
 if __name__ == "__main__":

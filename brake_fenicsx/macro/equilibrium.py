@@ -205,8 +205,7 @@ class Condensed:
         wf = friction_traction(self.w, self.mu) if np.any(self.mu) else None
         if wf is not None:
             rhs = rhs + c.NT @ (wf * a)
-        J = Jacobian(c.NN, c.NT, -self.w * (k0 - k), None if wf is None else wf * k)
-        return J.solve(np.asarray(rhs, float))
+        return self._jacobian(k).solve(np.asarray(rhs, float))
 
     def moved(self, k: Array, free: Array) -> Array:
         """Changes of the gaps where those of the bodies without contact change, rough.
@@ -216,9 +215,13 @@ class Condensed:
             free: changes of the gaps under the same forces [m], shape (elements, columns).
         """
         c = self.compliance
+        return self._jacobian(k).rough(free - c.NN @ ((self.w * c.k0)[:, None] * free))
+
+    def _jacobian(self, k: Array) -> Jacobian:
+        """Derivative of the gaps' equation where contact has the stiffness k."""
+        c = self.compliance
         t = friction_traction(self.w, self.mu) * k if np.any(self.mu) else None
-        J = Jacobian(c.NN, c.NT, self.w * (k - c.k0), t)
-        return J.rough(free - c.NN @ ((self.w * c.k0)[:, None] * free))
+        return Jacobian(c.NN, c.NT, self.w * (k - c.k0), t)
 
     def norm(self, pressure: Array) -> float:
         """Norm of the forces of some pressures, weighted with the compliance."""

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import InaccurateResult
 
 from .modes import Complex, Modes
+from .reduced.contact_forces import interface_rows
 from .reduced.damped_basis import DampedBasis, convergence_radius, damped_moments
 from .reduced.damped_correction import Refined
 from .reduced.damped_pairs import sample_modes
@@ -71,10 +72,8 @@ class DampedReduced:
         comm = MPI.COMM_SELF if comm is None else comm
         own, Phi, Lambda = reduced.basis, reduced.Phi, reduced.basis.Lambda
         self.reduced, self.C = reduced, sp.csr_matrix(reduced.M.shape) if C is None else C
-        rows = {"N": reduced.N, "T": reduced.T, "R": R}
         names = "N" + "T" * along + "R" * across
-        self.O = sp.vstack([rows[name] for name in names]).tocsr()
-        self.I = sp.vstack([rows[name] for name in ("N", "T", "R")[: 2 + across]]).tocsr()
+        self.O, self.I = interface_rows(names, reduced.N, reduced.T, R)
         G = known or damped_moments(
             reduced.factor, (Phi, Lambda), reduced.M, C, self.O, self.I, comm, progress
         )

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from mpi4py import MPI
 
@@ -26,7 +27,7 @@ from .changing.damped_view import damped_view
 from .changing.own_bodies import Whole
 from .changing.proportion import Box, Damping, Proportion, proportion
 from .changing.refiner import Refiner
-from .changing.shifts import damped_shifts, undamped_shifts, with_errors
+from .changing.shifts import damped_shifts, undamped_shifts
 from .changing.springs import on_springs
 from .changing.together import Together
 from .changing.varied import VariedBody
@@ -196,8 +197,8 @@ class EnsembleBasis:
         steps = None if whole is None else self._refiner.undamped(sample, shapes, rows, whole)
         found = undamped_modes(sample, self.band, start, tolerance, refined=steps)
         if k_doubt is not None:
-            changes = k_doubt[:, rows]
-            found = with_errors(found, undamped_shifts(sample, found, changes))
+            shifts = undamped_shifts(sample, found, k_doubt[:, rows])
+            found = replace(found, error=found.error + shifts)
         return in_spaces(found, shapes, "det T")
 
     def damped_modes(
@@ -250,7 +251,8 @@ class EnsembleBasis:
         steps = None if whole is None else self._refiner.damped(sample, shapes, closed, whole)
         found = sample_modes(sample, self.band, zeta_max, start, tolerance, steps, doubt)
         if k_doubt is not None:
-            found = with_errors(found, damped_shifts(sample, found, k_doubt[:, closed]))
+            shifts = damped_shifts(sample, found, k_doubt[:, closed])
+            found = replace(found, error=found.error + shifts)
         return in_spaces(found, shapes, "det T(lambda)")
 
     def compliance(self, x: Array, k0: Array) -> tuple[Array, Array, Array]:

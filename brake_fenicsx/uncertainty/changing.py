@@ -9,6 +9,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.log import Progress, logger
@@ -94,6 +95,21 @@ class Box:
         }
         return np.array([change[material][PLACES[c]] for material, c in self.bulk.parts])
 
+    def follows(self, terms: Terms | None) -> Array:
+        """Share [s] of each unit change of ``bulk.parts`` that the damping takes."""
+        shares = {} if terms is None else terms.follows
+        return np.array([shares.get(material, 0.0) for material, _ in self.bulk.parts])
+
+    def bodies(self, x: Array, terms: Terms | None) -> tuple[sp.csr_matrix, sp.csr_matrix | None]:
+        """Stiffness [N/m] of the bodies at a place, and their damping [N s/m] if they have any."""
+        pairs = zip(self.coefficients(x), self.bulk.parts.values(), strict=True)
+        changes = [c * part for c, part in pairs]
+        K = (self.bulk.K + sum(changes)).tocsr()
+        if terms is None or terms.bulk is None:
+            return K, None
+        shares = zip(self.follows(terms), changes, strict=True)
+        return K, terms.bulk + sum(share * A for share, A in shares)
+
     @staticmethod
     def _turned(name: str, value: float) -> float:
         """The inverse of a modulus, anything else itself; its own inverse."""
@@ -140,13 +156,13 @@ class ChangingBodies:
         if stability is None:
             raise ValueError("a scene without [stability] has no modes")
         self.box, self.mark, self.damped = Box(scene, bulk), mark, terms is not None
-        damping = None if terms is None else _damping(stability, terms, brake, bulk)
+        damping = None if terms is None else _damping(stability, terms, brake, self.box)
         self.faces = sorted(scene.loads)
         mesh, free = brake.mesh, brake.elastic.free
         loads = [gathered_vector(unit_loads(mesh, free, face)) for face in self.faces]
         self._pressures = {face: scene.loads[face].pressure for face in self.faces}
         K, M = (local_rows(A) for A in matrices)
-        self._M, self._bulk, self._contact, self._terms = M, bulk, brake.contact, terms
+        self._M, self._contact, self._terms = M, brake.contact, terms
         band = (stability.band[0], stability.band[1])
         names = "" if damping is None else f"{damping.names}, damped"
         known = _cached(store, mark, names)
@@ -220,20 +236,15 @@ class ChangingBodies:
 
     def _whole(self, place: Array) -> Whole:
         """A sample at full order."""
-        c, contact, bulk = self.box.coefficients(place), self._contact, self._bulk
-        changes = [x * part for x, part in zip(c, bulk.parts.values(), strict=True)]
-        K, C = bulk.K + sum(changes), None
-        if self._terms is not None and self._terms.bulk is not None:
-            follows = [self._terms.follows.get(material, 0.0) for material, _ in bulk.parts]
-            C = self._terms.bulk + sum(x * A for x, A in zip(follows, changes, strict=True))
+        (K, C), contact = self.box.bodies(place, self._terms), self._contact
         return Whole(K, self._M, contact.N, contact.T, contact.R, C)
 
 
-def _damping(stability: Stability, terms: Terms, brake: Brake, bulk: Bulk) -> Damping:
+def _damping(stability: Stability, terms: Terms, brake: Brake, box: Box) -> Damping:
     """Damping terms as the bodies take them."""
     table = stability.damping
     alpha = table.rayleigh[0] if table is not None and table.rayleigh is not None else 0.0
-    follows = np.array([terms.follows.get(material, 0.0) for material, _ in bulk.parts])
+    follows = box.follows(terms)
     return Damping(terms.bulk, alpha, follows, brake.contact.R, terms.slope, terms.sliding)
 
 

@@ -96,14 +96,7 @@ class Equilibria:
             NN, NT, Nf = self.changing.compliance(sample.random, sample.pressures, c.k0)
             bodies = replace(bodies, compliance=replace(c, NN=NN, NT=NT, Nf=Nf))
             eq = equilibrium(bodies, laws, mu, steps)
-            force = bodies.w * eq.p
-            along = friction_traction(force, mu)
-            free = self.changing.compliance_doubt(sample.pressures, force, along).T
-            g = (
-                Condensed(bodies.compliance, bodies.w, bodies.g0, mu).moved(eq.k, free)
-                + eq.g[:, None]
-            )
-            return replace(eq, doubt=np.array([laws.stiffness(x) for x in g.T]) - eq.k)
+            return replace(eq, doubt=_doubt(self.changing, sample, bodies, eq))
         try:
             change = self.bulk.change(sample.materials)
             return corrected_equilibrium(bodies, change, laws, mu, steps)
@@ -126,3 +119,12 @@ class Equilibria:
                 Nf = Nf + (value - self.bulk.pressures[face]) * self._gaps[face]
             c, f = replace(c, Nf=Nf), f + self.bulk.added_loads(sample.pressures, f)
         return Bodies(b.N, b.T, b.w, b.g0, f, c)
+
+
+def _doubt(changing: ChangingBodies, sample: SampleInput, bodies: Bodies, eq: Equilibrium) -> Array:
+    """Changes of k [Pa/m] under the typical errors of interpolated bodies, see ``Equilibrium``."""
+    force = bodies.w * eq.p
+    along = friction_traction(force, eq.mu)
+    free = changing.compliance_doubt(sample.pressures, force, along).T
+    moved = Condensed(bodies.compliance, bodies.w, bodies.g0, eq.mu).moved(eq.k, free)
+    return np.array([sample.laws.stiffness(eq.g + g) for g in moved.T]) - eq.k

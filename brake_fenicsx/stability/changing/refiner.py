@@ -10,6 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..modes import Complex
+from ..reduced.contact_forces import interface_rows
 from ..reduced.damped_correction import Refined
 from ..reduced.damped_pairs import Refine
 from ..reduced.damped_sample import DampedSample
@@ -67,12 +68,8 @@ class Refiner:
         ) -> tuple[Complex, Array]:
             with self._factored(whole, shapes, sample.basis.Lambda) as (full, reference):
                 C = sp.csr_matrix(full.M.shape) if full.C is None else full.C
-                seen = {"N": full.N[rows], "T": full.T[rows], "R": full.R[rows]}
-                names = sample.basis.names
-                O, I = (
-                    sp.vstack([seen[name] for name in blocks]).tocsr()
-                    for blocks in (names, "NT" + "R" * ("R" in names))
-                )
+                seen = (A[rows] for A in (full.N, full.T, full.R))
+                O, I = interface_rows(sample.basis.names, *seen)
                 return Refined(sample, reference, C, O, I)(s, a, b, tolerance)
 
         return steps

@@ -6,8 +6,6 @@ Of what the kept modes leave out of psi the static answer is enough: it is an er
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -32,10 +30,7 @@ def undamped_shifts(sample: Sample, modes: Modes, changes: Array) -> Array:
     y = sample.answer(kappa.conj(), times(sample.B.T, modes.left), 1)
     normal = times(b.Phi_N, modes.left) - times(b.NN[0].T, y)
     along = times(b.Phi_T, modes.left) - times(b.NT[0].T, y)
-    # mu w k of elements that are closed.
-    stiffness = sample.dD + b.w * b.k0
-    mu = np.divide(sample.mD, stiffness, out=np.zeros_like(g.real[:, 0]), where=stiffness > 0)
-    return _sizes(modes, (normal + mu[:, None] * along, g), b.w * changes)
+    return _sizes(modes, (normal, along, g), sample.mu, b.w * changes)
 
 
 def damped_shifts(sample: DampedSample, modes: Modes, changes: Array) -> Array:
@@ -44,17 +39,15 @@ def damped_shifts(sample: DampedSample, modes: Modes, changes: Array) -> Array:
     y = sample.left_gaps(modes.s, modes.left)
     left = times(b.forced, modes.left) - times(b.G[0][: J.rows, : J.columns].T, y)
     g = sample.gaps(modes.s, modes.right)[:n]
-    return _sizes(modes, (left[:n] + sample.mu[:, None] * left[n : 2 * n], g), b.w * changes)
+    return _sizes(modes, (left[:n], left[n : 2 * n], g), sample.mu, b.w * changes)
 
 
-def with_errors(modes: Modes, errors: Array) -> Modes:
-    """Modes with errors more."""
-    return replace(modes, error=modes.error + errors)
-
-
-def _sizes(modes: Modes, sides: tuple[Complex, Complex], changes: Array) -> Array:
-    """Sums of |shifts| of vectors of unit norm, of which left and right sides are given."""
-    left, right = sides
+def _sizes(
+    modes: Modes, seen: tuple[Complex, Complex, Complex], mu: float | Array, changes: Array
+) -> Array:
+    """Sums of |shifts|, of left vectors the gaps and slips given, of right ones the gaps."""
+    normal, along, right = seen
+    left = normal + np.broadcast_to(mu, len(along))[:, None] * along
     first = np.abs(changes @ (left.conj() * right)).sum(axis=0)
     # Rigid modes have no relative error.
     size = np.where(modes.s == 0, np.inf, 2 * np.abs(modes.s))

@@ -18,6 +18,7 @@ from brake_fenicsx.macro.solver import Factor
 
 from ..full.lanczos import RealModes, lowest_modes
 from ..full.symmetric import count_below
+from ..reduced.contact_forces import interface_rows
 from ..reduced.damped_basis import damped_moments
 from ..reduced.deflation import Deflated
 from .bodies import Body, looked_at, places_of
@@ -254,9 +255,7 @@ def damped_body(
     if known is not None:
         return replace(fixed, series=(known["C"], known["G"]))
     n, Phi = body.N.shape[0], fixed.W
-    rows = {"N": body.N, "T": body.T[:n], "R": body.R}
-    O = sp.vstack([rows[name] for name in names]).tocsr()
-    I = sp.vstack([rows[name] for name in "NT" + "R" * ("R" in names)]).tocsr()
+    O, I = interface_rows(names, body.N, body.T[:n], body.R)
     factor = Factor(petsc_matrix(body.K), "brake_body_")
     modes = Phi, fixed.always.Lambda - sigma
     G = damped_moments(factor, modes, body.M, body.C, O, I, comm)

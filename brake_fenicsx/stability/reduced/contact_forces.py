@@ -13,11 +13,31 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from ..modes import Complex
 
 Array = NDArray[np.float64]
+
+
+def interface_rows(
+    names: str, N: sp.csr_matrix, T: sp.csr_matrix, R: sp.csr_matrix
+) -> tuple[sp.csr_matrix, sp.csr_matrix]:
+    """O and I over some dofs.
+
+    Args:
+        names: blocks of O: "N", then "T" and "R" where a force follows their rates.
+        N: gap operator, shape (elements, dofs).
+        T: slip operator along the sliding direction.
+        R: across it.
+    """
+    rows = {"N": N, "T": T, "R": R}
+    seen, forced = (
+        sp.vstack([rows[name] for name in blocks]).tocsr()
+        for blocks in (names, "NT" + "R" * ("R" in names))
+    )
+    return seen, forced
 
 
 class ContactForces:

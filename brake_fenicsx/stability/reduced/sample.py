@@ -44,6 +44,7 @@ class Sample:
         sigma: shift of the basis, whose eigenvalues are kappa + sigma [1/s^2].
         doubt: sets of typical errors of the basis, (N R_j N', N R_j T') for j = 0, 1, ...
         pole_doubt: typical errors of its eigenvalues [1/s^2]; none of a basis of its own modes.
+        mu: friction coefficient, one or one per element.
         dD, mD: change of normal stiffness, tangential stiffness of each element [N/m].
         C: C1 and C2.
         S: gaps of the modes, S - kappa S1 + kappa^2 S2, shape (elements, modes).
@@ -72,7 +73,7 @@ class Sample:
             pole_doubt: typical errors of its eigenvalues [1/s^2], one or one per mode.
         """
         b = self.basis = basis
-        self.sigma, self.doubt, self.pole_doubt = sigma, doubt, pole_doubt
+        self.sigma, self.mu, self.doubt, self.pole_doubt = sigma, mu, doubt, pole_doubt
         self.dD, self.mD = b.w * (k - b.k0), mu * b.w * k
         E = self._static_gap()
         # By rows, as LAPACK wants the transpose: it need not be copied.
