@@ -82,7 +82,8 @@ class Refined:
         best: Complex = s.astype(complex)
         least: Array = np.full(s.size, np.inf)
         wanted = np.broadcast_to(tolerance, s.shape)
-        groups, going = near_groups(s), np.arange(s.size)
+        groups = near_groups(s)
+        going: NDArray[np.intp] = np.arange(s.size)
         for _ in range(ROUNDS):
             for _ in range(STEPS):
                 answers = on_parts(right.rest.solve, np.hstack([right.next(), left.next()]))
