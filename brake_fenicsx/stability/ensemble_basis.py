@@ -19,19 +19,18 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from .changing.anchors import Anchors
-from .changing.bodies import Body, split_bodies
-from .changing.congruent import Image, image_of
+from .changing.bodies import split_bodies
 from .changing.coordinates import Coordinates, in_spaces
 from .changing.damped_together import Standing, check_reach, damped_basis, doubted, standing
 from .changing.damped_view import damped_view
+from .changing.offline import Reach, see_bodies
 from .changing.own_bodies import Whole
-from .changing.proportion import Box, Damping, Proportion, proportion
+from .changing.proportion import Damping
 from .changing.refiner import Refiner
 from .changing.shifts import damped_shifts, undamped_shifts
 from .changing.springs import on_springs
 from .changing.together import Together
-from .changing.varied import VariedBody
-from .changing.view import ImageBody, Seen, View, damped_body, fixed_body
+from .changing.view import View
 from .modes import Complex, Modes
 from .reduced.damped_basis import DampedBasis
 from .reduced.damped_pairs import sample_modes
@@ -39,18 +38,9 @@ from .reduced.damped_sample import DampedSample
 from .reduced.sample import Sample
 from .reduced.sample_errors import DOUBT
 from .reduced.sample_pairs import undamped_modes
-from .reduction import CUTOFF, ORDER
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
-
-# Modes of bodies of variable stiffness are kept up to the first multiple of the band, since nothing
-# of a sample is corrected later, and known up to the second.
-VARIED_CUTOFF = (2.0, 2.2)
-
-# sigma as a share of the highest kappa of the band: moments about -sigma lose the digits that the
-# lowest modes, which have none of their own on free bodies, would cost them about zero.
-SHIFT = 0.05
 
 # So many contact elements show how far the series in lambda reaches.
 SOME = 200
@@ -113,45 +103,14 @@ class EnsembleBasis:
         """
         start = time.perf_counter()
         comm = MPI.COMM_SELF if comm is None else comm
-        high = (2 * np.pi * band[1]) ** 2
-        self.band, self.w, self.sigma = band, w, SHIFT * high
-        self.limit = CUTOFF**2 * high
-        kept, known_up_to = (factor**2 * high for factor in VARIED_CUTOFF)
+        reach = Reach(2 * np.pi * band[1])
+        self.band, self.w, self.sigma, self.limit = band, w, reach.sigma, reach.limit
         self.names = "N" if damping is None else damping.names
         across = damping.R if damping is not None and damping.across else None
         C = None if damping is None else damping.C
         bodies = split_bodies(K, M, N, T, loads, list(parts), C, across)
-        images = _images(bodies)
-        self.damping = [
-            proportion(body, damping, 2 * np.pi * band[1]) if image is None else Proportion()
-            for body, image in zip(bodies, images, strict=True)
-        ]
-        for i, image in enumerate(images):
-            self.damping[i] = self.damping[i if image is None else image[0]]
-        plain = Anchors(dimension, degree), coefficients
-        boxes = [
-            Box(plain, body, how if image is None else Proportion(), len(parts), high)
-            for body, how, image in zip(bodies, self.damping, images, strict=True)
-        ]
-        self.bodies: list[Seen] = []
-        work = [b.work for b, image in zip(boxes, images, strict=True) if image is None]
-        advance = progress(-(-sum(work) // comm.size))
-        for i, (box, image) in enumerate(zip(boxes, images, strict=True)):
-            # What an earlier run saw as an image has no arrays of its own.
-            made = (None if known is None else known[i]) or None
-            if image is not None:
-                self.bodies.append(ImageBody(image[1], self.bodies[image[0]]))
-            elif box.anchors is not None:
-                given = (box.coefficients, box.anchors, self.sigma, (kept, known_up_to), ORDER)
-                self.bodies.append(
-                    VariedBody(box.body, *given, comm, advance, made, self.names, box.stretched)
-                )
-            else:
-                shift = (self.sigma, self.limit, ORDER)
-                body = fixed_body(box.body, *shift, comm, made, self.names)
-                if box.series:
-                    body = damped_body(body, box.body, self.sigma, self.names, comm, made)
-                self.bodies.append(body)
+        box = Anchors(dimension, degree), coefficients, len(parts)
+        self.bodies, self.damping = see_bodies(bodies, damping, box, reach, comm, progress, known)
         self.coordinates = Coordinates(self.bodies)
         self._refiner = Refiner(self.bodies, self.sigma)
         self._together = Together(self.bodies, w, self.sigma, self.limit + self.sigma)
@@ -319,13 +278,3 @@ class EnsembleBasis:
     def _look(self, x: Array) -> list[View]:
         """The bodies at a point."""
         return [body.view(x) for body in self.bodies]
-
-
-def _images(bodies: list[Body]) -> list[tuple[int, Image] | None]:
-    """For each body an earlier one that it is the image of, if there is any."""
-    out: list[tuple[int, Image] | None] = []
-    for i, body in enumerate(bodies):
-        originals = (j for j in range(i) if out[j] is None)
-        found = ((j, image_of(bodies[j], body)) for j in originals)
-        out.append(next(((j, image) for j, image in found if image is not None), None))
-    return out

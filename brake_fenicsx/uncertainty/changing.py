@@ -20,9 +20,11 @@ from brake_fenicsx.macro.material_sample import varied_stiffness
 from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.scene import Scene, Stability
 from brake_fenicsx.scene_samples import split_key
+from brake_fenicsx.stability.changing.interpolated import LATER_DEGREES
+from brake_fenicsx.stability.changing.offline import VARIED_CUTOFF
 from brake_fenicsx.stability.changing.own_bodies import Whole
 from brake_fenicsx.stability.changing.proportion import Damping
-from brake_fenicsx.stability.ensemble_basis import DEGREE, VARIED_CUTOFF, EnsembleBasis
+from brake_fenicsx.stability.ensemble_basis import DEGREE, EnsembleBasis
 from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.reduced.damped_basis import DAMPED_ORDER
 from brake_fenicsx.stability.reduction import CUTOFF, ORDER
@@ -45,7 +47,9 @@ TAIL, BEYOND = 1e-3, 1.1
 LAYOUT = 6
 
 # A cache of another layout or accuracy is made again.
-MADE_WITH = np.array([LAYOUT, DEGREE, ORDER, CUTOFF, *VARIED_CUTOFF, TAIL, DAMPED_ORDER])
+MADE_WITH = np.array(
+    [LAYOUT, DEGREE, *LATER_DEGREES, ORDER, CUTOFF, *VARIED_CUTOFF, TAIL, DAMPED_ORDER]
+)
 
 
 class Box:

@@ -133,8 +133,8 @@ def _unstable(study: Study, task: Task, data: dict[str, Any]) -> tuple[NDArray, 
     column = {int(m): j for j, m in enumerate(data.get("vector_mode", ()))}
     kept = [column[int(i)] for i in chosen if int(i) in column]
     if "vectors" in data:
-        return chosen, study.numbering.present(data["vectors"][:, kept].astype(complex)), ""
-    if study.changing is not None and study.changes_bodies(task[0]):
+        return chosen, study.models.numbering.present(data["vectors"][:, kept].astype(complex)), ""
+    if study.models.changing is not None and study.models.changes_bodies(task[0]):
         return (
             chosen,
             _of_bodies(study, task, data, chosen, kept),
@@ -142,22 +142,22 @@ def _unstable(study: Study, task: Task, data: dict[str, Any]) -> tuple[NDArray, 
         )
     from .solve import expanded
 
-    if study.modal is None:
+    if study.models.modal is None:
         raise ValueError("prepare() comes first")
-    return chosen, expanded(study.modal, study._draw(*task), data, chosen), ""
+    return chosen, expanded(study.models.modal, study._draw(*task), data, chosen), ""
 
 
 def _of_bodies(
     study: Study, task: Task, data: dict[str, Any], chosen: NDArray, kept: list[int]
 ) -> NDArray[np.complex128]:
     """Displacements of modes of a sample whose materials are its own."""
-    changing = study.changing
-    if changing is None or study.modal is None:
+    changing = study.models.changing
+    if changing is None or study.models.modal is None:
         raise ValueError("prepare() comes first")
     if str(data.get("bodies")) == changing.mark:
         return changing.basis.coordinates.displacements(data["in_bodies"][:, kept].astype(complex))
     # An earlier program, or one on another number of processes, had other bodies.
     from .solve import modes_again
 
-    modes = modes_again(study.modal, study._draw(*task), data)
+    modes = modes_again(study.models.modal, study._draw(*task), data)
     return changing.basis.coordinates.displacements(modes.right[:, chosen])

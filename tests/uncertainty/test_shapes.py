@@ -54,9 +54,9 @@ def test_displacements_are_those_of_the_modes(changes, stored, tmp_path, monkeyp
     assert ("left out" in note) == (stored == "in_bodies")
     assert chosen.size == X.shape[1] == 4
     sample = study._draw(*task)
-    K = study.K if not sample.materials else study.bulk.stiffness(sample.materials)
+    K = study.models.K if not sample.materials else study.models.bulk.stiffness(sample.materials)
     K_t = local_rows(tangent(K, brake.N, brake.T, brake.w, data["k"], data["mu"]))
-    M = local_rows(study.M)
+    M = local_rows(study.models.M)
     for i, x in zip(chosen, X.T, strict=True):
         omega = np.sqrt((x.conj() @ (K_t @ x)).real / (x.conj() @ (M @ x)).real)
         assert omega == pytest.approx(abs(data["s"][i].imag), rel=0.02)

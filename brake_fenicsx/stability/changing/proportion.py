@@ -23,8 +23,8 @@ from brake_fenicsx.errors import InaccurateResult
 
 from ..full.symmetric import count_below
 from .anchors import Anchors
+from .at_anchors import work_at
 from .bodies import Body
-from .varied import work_at
 
 Array = NDArray[np.float64]
 

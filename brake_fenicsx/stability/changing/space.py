@@ -12,15 +12,39 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.macro.solver import Factor
 
-from ..full.lanczos import RealModes
+from ..full.lanczos import RealModes, lowest_modes
+from ..full.symmetric import count_below
 
 Array = NDArray[np.float64]
 
 # Smallest mass of a direction beyond the modes of the first set; those of others have one, times
 # (limit / Lambda)^4.
 NEW = 1e-7
+
+
+def complete_modes(
+    factor: Factor,
+    K: sp.csr_matrix,
+    M: sp.csr_matrix,
+    sigma: float,
+    limit: float,
+    tolerance: float = 1e-9,
+) -> RealModes:
+    """All modes of K + sigma M below a limit, proven by inertia.
+
+    Raises:
+        InaccurateResult: inertia counts another number.
+    """
+    found = lowest_modes(factor, M, limit, tolerance)
+    expected, _ = count_below(K, M, limit - sigma)
+    if expected != found.Lambda.size:
+        raise InaccurateResult(
+            f"a body has {expected} modes by inertia, {found.Lambda.size} were found"
+        )
+    return found
 
 
 def joined(found: Sequence[RealModes], M: sp.csr_matrix, comm: MPI.Comm) -> Array:
