@@ -14,12 +14,28 @@ import numpy as np
 import pytest
 
 
+def pytest_collection_modifyitems(config, items):
+    """Of what one process does alone, files are dealt out to the processes, to be run at the end.
+
+    Two of them would do the same work twice.
+    """
+    comm = MPI.COMM_WORLD
+    alone = [item for item in items if item.get_closest_marker("alone")]
+    if comm.size == 1 or not alone:
+        return
+    files = sorted({item.path for item in alone})
+    own = [item for item in alone if files.index(item.path) % comm.size == comm.rank]
+    config.hook.pytest_deselected(items=[item for item in alone if item not in own])
+    items[:] = [item for item in items if item not in alone] + own
+
+
 @pytest.fixture(autouse=True)
-def _collect_together():
+def _collect_together(request):
     """PETSc objects are destroyed by all processes together, between tests and nowhere else."""
     yield
     gc.collect()
-    MPI.COMM_WORLD.Barrier()
+    if request.node.get_closest_marker("alone") is None:
+        MPI.COMM_WORLD.Barrier()
 
 
 @pytest.fixture(autouse=True)

@@ -20,6 +20,8 @@ from brake_fenicsx.stability import complex_modes
 from brake_fenicsx.stability.damping import loss_factor, rayleigh
 from brake_fenicsx.stability.interface import contact_interface
 from brake_fenicsx.stability.participation import energy_shares
+from dense_reference import all_kappa, undamped
+from tables import turns
 
 pytestmark = pytest.mark.hard
 
@@ -31,12 +33,6 @@ def solved(scene, k, mu, C, band, **more):
     """Full order of a sample, its friction as an interface."""
     face = contact_interface(scene.N, scene.T, scene.w * k, mu) if mu else None
     return complex_modes(scene.M, C, scene.tangent(k, mu), band, friction=face, **more)
-
-
-def undamped(kappa):
-    """lambda with omega >= 0 of each kappa."""
-    lam = np.sqrt(-np.asarray(kappa) + 0j)
-    return np.where(lam.imag < 0, -lam, lam)
 
 
 def rayleigh_of(kappa, alpha, beta):
@@ -53,8 +49,7 @@ def agree(m, exact, tolerance=1e-7):
     assert np.all(far.min(axis=1) <= tolerance * np.abs(m.s) + m.error)
 
 
-@pytest.mark.parametrize("mu", [0.0, 0.5, 1.0])
-@pytest.mark.parametrize("beta", [None, 1e-8])
+@pytest.mark.parametrize("mu, beta", turns([(0.0,), (0.5,), (1.0,)], [(None,), (1e-8,)]))
 def test_contact_face_without_mass(two_blocks, mu, beta):
     """A third of the dofs: against the stiffness condensed on the others.
 
@@ -72,7 +67,7 @@ def test_contact_face_without_mass(two_blocks, mu, beta):
     condensed = D[np.ix_(rest, rest)] - D[np.ix_(rest, face)] @ la.solve(
         D[np.ix_(face, face)], D[np.ix_(face, rest)]
     )
-    kappa = la.eigvals(condensed, M[rest][:, rest].toarray())
+    kappa = all_kappa(condensed, M[rest][:, rest])
     C = None if beta is None else (200.0 * M + beta * K).tocsr()
     s = undamped(kappa) if beta is None else rayleigh_of(kappa, 200.0, beta).ravel()
     s = s[(s.imag > 0) & (s.imag <= TWO_PI * band[1])]
@@ -84,13 +79,11 @@ def test_contact_face_without_mass(two_blocks, mu, beta):
 def loose_kappa(scene, mu):
     """All kappa of the loose blocks; a spring on every mass moves the zeros away."""
     a = (TWO_PI * 5e3) ** 2
-    L = la.cholesky(scene.M.toarray(), lower=True)
-    K = scene.tangent(np.full(scene.w.size, 1e11), mu).toarray()
-    A = la.solve_triangular(L, la.solve_triangular(L, K, lower=True).T, lower=True).T
-    return la.eigvals(A + a * np.eye(len(A))) - a
+    K = scene.tangent(np.full(scene.w.size, 1e11), mu)
+    return all_kappa(K + a * scene.M, scene.M) - a
 
 
-@pytest.mark.parametrize("mu", [0.3, 1.0])
+@pytest.mark.parametrize("mu", [pytest.param(0.3, marks=pytest.mark.slow), 1.0])
 @pytest.mark.parametrize("damped", ["no", "rayleigh", "loss"])
 def test_rigid_modes_with_friction(two_blocks, mu, damped):
     """Two free blocks, one sliding on the other: six rigid modes and three of sliding.
@@ -164,7 +157,7 @@ SOFT = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("mu", [0.0, 0.5])
+@pytest.mark.parametrize("mu", [pytest.param(0.0, marks=pytest.mark.slow), 0.5])
 def test_solid_shim_ten_thousand_times_softer_than_steel(mu):
     """A steel sheet on 1 mm of it, meshed as layers: all modes of the band as ARPACK finds them."""
     b = assemble_brake(read_scene(SCENES / "disc_brake_demo.toml", SOFT), MPI.COMM_SELF)

@@ -9,6 +9,7 @@ import scipy.sparse as sp
 
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.stability import Reduced, complex_modes
+from dense_reference import all_lambda
 
 pytestmark = pytest.mark.hard
 
@@ -16,11 +17,7 @@ BAND = (0.0, 90e3)
 
 
 def dense(scene, k, mu):
-    L = la.cholesky(scene.M.toarray(), lower=True)
-    A = la.solve_triangular(L, scene.tangent(k, mu).toarray(), lower=True)
-    kappa = la.eigvals(la.solve_triangular(L, A.T, lower=True).T)
-    lam = np.sqrt(-kappa + 0j)
-    return np.where(lam.imag < 0, -lam, lam)
+    return all_lambda(scene.tangent(k, mu), scene.M)
 
 
 def reduced(scene, k0, cutoff=None, band=BAND):

@@ -8,6 +8,8 @@ import pytest
 
 from brake_fenicsx.stability.changing.anchors import Anchors
 
+pytestmark = pytest.mark.alone
+
 
 @pytest.mark.parametrize(("dimension", "degree"), [(1, 5), (2, 4), (3, 3), (5, 2)])
 def test_polynomials_are_exact(dimension, degree):

@@ -14,6 +14,7 @@ from brake_fenicsx.stability.changing.proportion import Damping
 from brake_fenicsx.stability.damping import sliding_damping, velocity_slope
 from brake_fenicsx.stability.ensemble_basis import EnsembleBasis
 from brake_fenicsx.stability.gyroscopic import gyroscopic
+from tables import turns
 
 BAND, K0, SPEED, ZETA = (0.0, 60e3), 3e11, 2.0, 0.3
 HIGH = 2 * np.pi * BAND[1]
@@ -100,10 +101,10 @@ class Sample:
         return basis.damped_modes(self.x, self.k, self.mu, self.along, self.across, ZETA)
 
 
-@pytest.mark.parametrize(
-    "mu, x", [(0.0, (0.3, -0.5)), (0.5, (-1.0, -1.0)), (1.0, (0.7, 0.9))], ids=str
-)
-@pytest.mark.parametrize("case", CASES)
+PLACES = (0.0, (0.3, -0.5)), (0.5, (-1.0, -1.0)), (1.0, (0.7, 0.9))
+
+
+@pytest.mark.parametrize("case, mu, x", turns(zip(CASES), PLACES), ids=str)
 def test_every_damped_mode_of_changed_bodies(two_blocks, dense, case, mu, x):
     """None missed, errors covered and within 1e-6, verdicts of full order.
 

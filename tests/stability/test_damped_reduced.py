@@ -19,6 +19,7 @@ from brake_fenicsx.stability.gyroscopic import gyroscopic
 from brake_fenicsx.stability.modes import THRESHOLD
 from brake_fenicsx.stability.reduced.deflation import Deflated
 from brake_fenicsx.stability.reduced.division import quadratic_divisor, quadratic_pairs
+from tables import turns
 
 BAND, K0, SPEED, ZETA = (0.0, 90e3), 3e11, 2.0, 0.2
 OMEGA = 2 * np.pi * BAND[1]
@@ -91,10 +92,7 @@ def sample_of(dense):
     return partial(Sample, dense)
 
 
-@pytest.mark.parametrize(
-    "mu, seed", [(0.0, 1), pytest.param(0.4, 2, marks=pytest.mark.slow), (1.0, 3)]
-)
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case, mu, seed", turns(zip(CASES), [(0.0, 1), (0.4, 2), (1.0, 3)]))
 def test_every_damped_mode_of_a_random_interface(two_blocks, sample_of, case, mu, seed):
     """None missed, none invented, errors covered and within the tolerance, verdicts of full order.
 

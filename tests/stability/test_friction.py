@@ -14,6 +14,7 @@ from brake_fenicsx.stability.full.completeness import Trapezium
 from brake_fenicsx.stability.full.symmetric import shifted_factor, symmetric_modes
 from brake_fenicsx.stability.full.winding import Determinant, prove, seen_modes
 from brake_fenicsx.stability.interface import contact_interface, difference_interface
+from dense_reference import agrees, all_kappa, all_lambda
 
 BAND = (0.0, 90e3)
 K0 = 3e11
@@ -27,43 +28,20 @@ def stiffness(n, seed):
     return k
 
 
-def dense(K, M):
-    """All lambda with omega >= 0 [1/s]."""
-    L = la.cholesky(M.toarray(), lower=True)
-    A = la.solve_triangular(L, K.toarray(), lower=True)
-    kappa = la.eigvals(la.solve_triangular(L, A.T, lower=True).T)
-    lam = np.sqrt(-kappa + 0j)
-    return np.where(lam.imag < 0, -lam, lam)
-
-
-def check(modes, exact, band=BAND):
-    """None missed, none invented, errors covered, verdicts not wrong."""
-    edge = 2 * np.pi * band[1]
-    assert len(modes) == np.sum((exact.imag > 0) & (exact.imag <= edge)) == modes.count.expected
-    distance = np.abs(modes.s[:, None] - exact)
-    nearest = exact[distance.argmin(axis=1)]
-    # The dense reference itself has round-off of the largest kappa.
-    floor = 1e-15 * np.abs(exact).max() ** 2 * modes.condition / np.abs(modes.s)
-    assert np.all(distance.min(axis=1) <= modes.error + floor)
-    grows = nearest.real > 1e-6 * np.abs(nearest)
-    for verdict, unstable in zip(modes.verdict, grows, strict=True):
-        assert verdict == "neutral" or (verdict == "unstable") == unstable
-
-
 @pytest.mark.parametrize("mu", [0.3, 1.0])
 def test_all_modes_of_two_blocks(two_blocks, mu):
     """Springs over two decades, a third open; proven, whichever way friction is given."""
     scene = two_blocks("guided")
     k = stiffness(scene.w.size, 1)
     K = scene.tangent(k, mu)
-    exact = dense(K, scene.M)
+    exact = all_lambda(K, scene.M)
     assert np.any(exact.real > 1e-3 * np.abs(exact)) or mu < 1
     face = contact_interface(scene.N, scene.T, scene.w * k, mu)
     smooth = scene.tangent(k, 0.0)
     for given in (dict(friction=face, frictionless=smooth), dict(friction=face),
                   dict(frictionless=smooth), dict()):  # fmt: skip
         modes = complex_modes(scene.M, None, K, BAND, **given)
-        check(modes, exact)
+        agrees(modes, exact, BAND)
         if given:
             assert modes.count.how.startswith("inertia without friction, winding number")
             assert "not proven" not in modes.count.how, modes.count.how
@@ -82,7 +60,7 @@ def test_friction_of_every_element_its_own(two_blocks):
     assert face.rank == np.sum((k > 0) & (mu > 0))
     assert abs(K - smooth - face.left.T @ face.right).max() < 1e-12 * abs(K).max()
     modes = complex_modes(scene.M, None, K, BAND, frictionless=smooth, friction=face)
-    check(modes, dense(K, scene.M))
+    agrees(modes, all_lambda(K, scene.M), BAND)
 
 
 def test_left_vectors_are_left_vectors(two_blocks):
@@ -135,7 +113,7 @@ def test_count_needs_no_eigensolver(two_blocks):
     scene = two_blocks("guided")
     k = stiffness(scene.w.size, 1)
     modes, face, seen, high = prepared(scene, k, 1.0)
-    kappa = la.eigvals(scene.tangent(k, 1.0).toarray(), scene.M.toarray())
+    kappa = all_kappa(scene.tangent(k, 1.0), scene.M)
     region = Trapezium(-0.02 * high, 1.013 * high, 0.2, 1e-3 * high)
     inside = int(region.holds(kappa).sum())
     near = kappa[np.abs(kappa) < 1.5 * high]

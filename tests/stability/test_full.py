@@ -12,6 +12,8 @@ from brake_fenicsx.stability import complex_modes
 from brake_fenicsx.stability import modes as module
 from brake_fenicsx.stability.modes import Count, Modes, follow, undamped_rows
 
+pytestmark = pytest.mark.alone
+
 WIDE = (0.0, 1.0)
 
 

@@ -6,6 +6,8 @@ import scipy.linalg as la
 
 from brake_fenicsx.stability.reduced.neighbours import close_groups, seen_together, separation
 
+pytestmark = pytest.mark.alone
+
 # A pair that merges at friction 0.1, and modes far from it [1/s^2].
 FAR = (0.2e8, 0.5e8, 1.9e8, 3.1e8)
 MIDST, HALF = 1e8, 0.5e3

@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-import scipy.linalg as la
 import scipy.sparse as sp
 
 from brake_fenicsx.macro.condensation import compliance, petsc_matrix
 from brake_fenicsx.stability.changing.own_bodies import Whole
 from brake_fenicsx.stability.ensemble_basis import EnsembleBasis
+from dense_reference import agrees, all_lambda
 
 BAND, SPREAD = (0.0, 60e3), 0.2
 
@@ -42,32 +42,9 @@ def at(scene, parts, x):
 
 
 def exact(whole, w, k, mu):
-    """All lambda of the band, dense, and the round-off of lambda^2 in that."""
+    """All lambda, dense."""
     N, T = whole.N.toarray(), whole.T.toarray()
-    K = whole.K.toarray() + (N + mu * T).T @ ((w * k)[:, None] * N)
-    L = la.cholesky(whole.M.toarray(), lower=True)
-    A = la.solve_triangular(L, la.solve_triangular(L, K, lower=True).T, lower=True).T
-    s = np.sqrt(-la.eigvals(A) + 0j)
-    s = np.where(s.imag < 0, -s, s)
-    return s[(s.imag > 1.0) & (s.imag <= 2 * np.pi * BAND[1])], 1e-15 * np.abs(s).max() ** 2
-
-
-def worst(modes, reference):
-    """None missed, errors covered, no wrong verdict; largest relative error and estimate."""
-    s, round_off = reference
-    elastic = np.abs(modes.s) > 10.0
-    found, error = modes.s[elastic], modes.error[elastic]
-    assert len(found) == len(s)
-    distance = np.abs(found[:, None] - s)
-    nearest = s[distance.argmin(axis=1)]
-    floor = round_off * modes.condition[elastic] / np.abs(nearest)
-    off = distance.min(axis=1)
-    assert np.all(off <= error + floor)
-    for verdict, grows in zip(
-        np.array(modes.verdict)[elastic], nearest.real > 1e-6 * np.abs(nearest), strict=True
-    ):
-        assert verdict == "neutral" or (verdict == "unstable") == grows
-    return float((off / np.abs(nearest)).max()), float((error / np.abs(nearest)).max())
+    return all_lambda(whole.K.toarray() + (N + mu * T).T @ ((w * k)[:, None] * N), whole.M)
 
 
 @pytest.mark.parametrize("mu", [0.0, 0.5, 1.0])
@@ -83,11 +60,11 @@ def test_modes_beyond_the_tolerance_are_refined(two_bodies, mu):
         x, k = rng.uniform(-1, 1, 2), stiffness(scene.w.size, seed)
         whole = at(scene, parts, x)
         reference = exact(whole, scene.w, k, mu)
-        off, estimate = worst(basis.modes(x, k, mu), reference)
+        off, estimate = agrees(basis.modes(x, k, mu), reference, BAND)
         assert off > 3e-6
         for tolerance in (1e-6, 1e-9):
             modes = basis.modes(x, k, mu, tolerance, lambda whole=whole: whole)
-            off, estimate = worst(modes, reference)
+            off, estimate = agrees(modes, reference, BAND)
             assert off < tolerance and estimate <= tolerance
             assert modes.iterations == len(modes)
 
@@ -113,9 +90,9 @@ def test_images_are_solved_by_the_factor_of_the_first(twins):
     x, k = np.array([0.5, -0.6]), stiffness(twins.w.size, 4)
     whole = at(twins, twins.parts, x)
     reference = exact(whole, twins.w, k, 0.4)
-    assert worst(basis.modes(x, k, 0.4), reference)[0] > 1e-6
+    assert agrees(basis.modes(x, k, 0.4), reference, BAND)[0] > 1e-6
     modes = basis.modes(x, k, 0.4, 1e-8, lambda: whole)
-    assert worst(modes, reference)[1] <= 1e-8
+    assert agrees(modes, reference, BAND)[1] <= 1e-8
 
 
 def test_refined_modes_near_their_merging(two_bodies):
@@ -128,7 +105,7 @@ def test_refined_modes_near_their_merging(two_bodies):
     worst_mu = max(mus, key=lambda mu: basis.modes(x, k, mu).condition.max())
     modes = basis.modes(x, k, worst_mu, 1e-8, lambda: whole)
     assert modes.condition.max() > 5
-    off, estimate = worst(modes, exact(whole, scene.w, k, worst_mu))
+    off, estimate = agrees(modes, exact(whole, scene.w, k, worst_mu), BAND)
     assert off < 1e-7 and estimate < 1e-6
 
 

@@ -13,6 +13,7 @@ from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.stability import Reduced, complex_modes, reduction
 from brake_fenicsx.stability.full.lanczos import lowest_modes
 from brake_fenicsx.stability.modes import THRESHOLD
+from dense_reference import all_kappa, standard, undamped
 
 BAND = (0.0, 90e3)
 K0 = 3e11
@@ -35,21 +36,15 @@ def stiffness(n, seed, centre=K0, decades=2.0, is_open=0.3):
 
 def dense_vectors(scene, k, mu):
     """kappa with left and right vectors of the whole problem, M-orthogonal coordinates undone."""
+    kappa, left, right = la.eig(standard(scene.tangent(k, mu), scene.M), left=True, right=True)
     L = la.cholesky(scene.M.toarray(), lower=True)
-    A = la.solve_triangular(L, scene.tangent(k, mu).toarray(), lower=True)
-    A = la.solve_triangular(L, A.T, lower=True).T
-    kappa, left, right = la.eig(A, left=True, right=True)
     return kappa, *(la.solve_triangular(L, V, lower=True, trans=1) for V in (left, right))
 
 
 def dense(scene, k, mu):
     """All lambda with omega >= 0 [1/s], and the round-off they carry before their condition."""
-    L = la.cholesky(scene.M.toarray(), lower=True)
-    A = la.solve_triangular(L, scene.tangent(k, mu).toarray(), lower=True)
-    A = la.solve_triangular(L, A.T, lower=True).T
-    kappa = la.eigvalsh(0.5 * (A + A.T)) if mu == 0 else la.eigvals(A)
-    lam = np.sqrt(-kappa + 0j)
-    return np.where(lam.imag < 0, -lam, lam), 1e-15 * np.abs(kappa).max()
+    kappa = all_kappa(scene.tangent(k, mu), scene.M, symmetric=mu == 0)
+    return undamped(kappa), 1e-15 * np.abs(kappa).max()
 
 
 def within(lam, highest):

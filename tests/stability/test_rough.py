@@ -6,6 +6,8 @@ import scipy.linalg as la
 
 from brake_fenicsx.stability.reduced.rough import ROUNDING, Rough, RoughFactor
 
+pytestmark = pytest.mark.alone
+
 
 def spread(rng, *shape, decades=12):
     """Numbers of both signs over some decades."""

@@ -6,11 +6,14 @@ from pathlib import Path
 from mpi4py import MPI
 
 import numpy as np
+import pytest
 
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.stability.ensemble_basis import EnsembleBasis
 from brake_fenicsx.store import Store
 from brake_fenicsx.uncertainty.changing import FILE, MADE_WITH
+
+pytestmark = pytest.mark.alone
 
 COMM = MPI.COMM_SELF
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"

@@ -20,6 +20,8 @@ from brake_fenicsx.stability.gyroscopic import gyroscopic
 from brake_fenicsx.stability.operators import tangent
 from brake_fenicsx.stability.terms import damping_terms
 
+pytestmark = pytest.mark.alone
+
 SELF = MPI.COMM_SELF
 SCENES = Path(__file__).parents[2] / "scripts" / "scenes"
 BLOCK = SCENES / "block_on_plate.toml"

@@ -19,6 +19,8 @@ from brake_fenicsx.uncertainty.robustness import (
     write_causes,
 )
 
+pytestmark = pytest.mark.alone
+
 MU, E3 = "contact.pad_disc.friction", "materials.lining.E_3"
 SAMPLES = Samples(approaches=("joint",), random={MU: Distribution("normal", 0.5, 0.05)})
 

@@ -17,6 +17,8 @@ from brake_fenicsx.store import Store
 from brake_fenicsx.uncertainty.shapes import _unstable
 from brake_fenicsx.uncertainty.study import Study
 
+pytestmark = pytest.mark.alone
+
 COMM = MPI.COMM_SELF
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 COARSE = [

@@ -16,6 +16,8 @@ import pytest
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.store import Store
 
+pytestmark = pytest.mark.alone
+
 COMM = MPI.COMM_SELF
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 STAGES = "['surface','equilibrium','stability','uncertainty']"
