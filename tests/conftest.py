@@ -15,18 +15,20 @@ import pytest
 
 
 def pytest_collection_modifyitems(config, items):
-    """Of what one process does alone, files are dealt out to the processes, to be run at the end.
+    """Tests of one process alone are dealt out to all, to be run at the end.
 
-    Two of them would do the same work twice.
+    Each of the processes would do the same work otherwise.
     """
     comm = MPI.COMM_WORLD
-    alone = [item for item in items if item.get_closest_marker("alone")]
-    if comm.size == 1 or not alone:
-        return
-    files = sorted({item.path for item in alone})
-    own = [item for item in alone if files.index(item.path) % comm.size == comm.rank]
+    alone = [item for item in items if _alone(item)]
+    own = alone[comm.rank :: comm.size]
     config.hook.pytest_deselected(items=[item for item in alone if item not in own])
-    items[:] = [item for item in items if item not in alone] + own
+    items[:] = [item for item in items if not _alone(item)] + own
+
+
+def _alone(item):
+    """Whether a test is none of all processes together."""
+    return item.get_closest_marker("alone") and not {"comm", "two_blocks"} & {*item.fixturenames}
 
 
 @pytest.fixture(autouse=True)
@@ -34,7 +36,7 @@ def _collect_together(request):
     """PETSc objects are destroyed by all processes together, between tests and nowhere else."""
     yield
     gc.collect()
-    if request.node.get_closest_marker("alone") is None:
+    if not _alone(request.node):
         MPI.COMM_WORLD.Barrier()
 
 

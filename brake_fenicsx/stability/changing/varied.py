@@ -45,6 +45,7 @@ class VariedBody:
     Attributes:
         body: the body; its matrices have served and are gone.
         W: M-orthonormal, shape (dofs, directions).
+        anchors: where it was solved.
         every_doubt: errors of R_0, R_1, ... at each point that checks the interpolation, shape
             (checks, orders, rows that are looked at, all columns).
         doubt: of the rows and columns that undamped samples look at.
@@ -65,7 +66,7 @@ class VariedBody:
         # Some hundred megabytes in every process.
         none = sp.csr_matrix((0, 0))
         self._arrays, self._kept, self._stretched = arrays, varied.kept, varied.stretched
-        self._anchors, self._n = varied.anchors, elements
+        self.anchors, self._n = varied.anchors, elements
         self._columns = places_of(names, "NT", elements, loads)
         self._stiffness = varied.stiffness(arrays["projected"])
         number = len(degrees(varied.anchors))
@@ -108,7 +109,7 @@ class VariedBody:
 
     def _place(self, x: Array) -> Array:
         """The undamped body's place among the anchors."""
-        size = self._anchors.points.shape[1]
+        size = self.anchors.points.shape[1]
         return np.r_[x[: size - 1], 0.0] if self._stretched else x
 
     def _directions(self, x: Array) -> tuple[Array, Array]:
