@@ -46,7 +46,7 @@ class Equilibrium:
         history: residuals of the last load step, one per iteration.
         seconds: time [s].
         u: displacement on all free dofs [m], where it was asked for.
-        doubt: changes of k [Pa/m] under typical errors of the bodies' compliance, shape (errors,
+        doubt: changes of g [m] under typical errors of the bodies' compliance, shape (errors,
             elements); None where that is exact.
     """
 

@@ -27,7 +27,7 @@ from .changing.offline import Reach, see_bodies
 from .changing.own_bodies import Whole
 from .changing.proportion import Damping
 from .changing.refiner import Refiner
-from .changing.shifts import damped_shifts, undamped_shifts
+from .changing.shifts import Changes, damped_shifts, undamped_shifts
 from .changing.springs import on_springs
 from .changing.together import Together
 from .changing.view import View
@@ -126,7 +126,7 @@ class EnsembleBasis:
         mu: float | Array,
         tolerance: float = 1e-6,
         whole: Callable[[], Whole] | None = None,
-        k_doubt: Array | None = None,
+        doubt: Changes | None = None,
     ) -> Modes:
         """Complex modes of one sample in the band.
 
@@ -137,7 +137,7 @@ class EnsembleBasis:
             tolerance: relative error of lambda; modes estimated beyond it are refined on the full
                 problem, and ``iterations`` says how many.
             whole: the sample at full order; nothing is refined without.
-            k_doubt: errors of k [Pa/m] that are part of each mode's, shape (errors, elements).
+            doubt: errors of what acts at its contact, which are part of each mode's.
 
         Returns:
             The modes; ``right`` and ``left`` in ``coordinates``.
@@ -148,15 +148,15 @@ class EnsembleBasis:
         mu = np.broadcast_to(np.asarray(mu, float), k.shape)[together.order]
         # Open elements show nothing; of a brake whose every element is open one is looked at.
         closed = np.flatnonzero(k > 0) if np.any(k > 0) else np.zeros(1, dtype=np.intp)
-        basis, doubt = together.basis(views, closed), together.doubt(closed)
+        basis, rest = together.basis(views, closed), together.doubt(closed)
         poles = self._pole_doubt([v.Lambda for v in views])
-        sample = Sample(basis, k[closed], mu[closed], self.sigma, doubt, poles)
+        sample = Sample(basis, k[closed], mu[closed], self.sigma, rest, poles)
         shapes, rows = [v.shapes for v in views], together.order[closed]
 
         steps = None if whole is None else self._refiner.undamped(sample, shapes, rows, whole)
         found = undamped_modes(sample, self.band, start, tolerance, refined=steps)
-        if k_doubt is not None:
-            shifts = undamped_shifts(sample, found, k_doubt[:, rows])
+        if doubt is not None:
+            shifts = undamped_shifts(sample, found, doubt, rows)
             found = replace(found, error=found.error + shifts)
         return in_spaces(found, shapes, "det T")
 
@@ -170,7 +170,7 @@ class EnsembleBasis:
         zeta_max: float,
         tolerance: float = 1e-6,
         whole: Callable[[], Whole] | None = None,
-        k_doubt: Array | None = None,
+        doubt: Changes | None = None,
     ) -> Modes:
         """Damped complex modes of one sample in the band.
 
@@ -183,7 +183,7 @@ class EnsembleBasis:
             zeta_max: decaying modes up to this damping ratio are looked for.
             tolerance: as in ``modes``.
             whole: as in ``modes``.
-            k_doubt: as in ``modes``.
+            doubt: as in ``modes``.
 
         Returns:
             As ``modes``.
@@ -203,14 +203,14 @@ class EnsembleBasis:
         sample = DampedSample(basis, k[closed], mu[closed], along[closed], across[closed])
         doubts = [body.every_doubt for body in self.bodies]
 
-        def doubt(s: Complex, a: Complex, b: Complex, condition: Array) -> Array:
+        def inner(s: Complex, a: Complex, b: Complex, condition: Array) -> Array:
             bodies = list(zip(doubts, self.damping, at, strict=True))
             return doubted(sample, (s, a, b, condition), bodies, poles)
 
         steps = None if whole is None else self._refiner.damped(sample, shapes, closed, whole)
-        found = sample_modes(sample, self.band, zeta_max, start, tolerance, steps, doubt)
-        if k_doubt is not None:
-            shifts = damped_shifts(sample, found, k_doubt[:, closed])
+        found = sample_modes(sample, self.band, zeta_max, start, tolerance, steps, inner)
+        if doubt is not None:
+            shifts = damped_shifts(sample, found, doubt, closed)
             found = replace(found, error=found.error + shifts)
         return in_spaces(found, shapes, "det T(lambda)")
 

@@ -24,6 +24,7 @@ from brake_fenicsx.stability.changing.interpolated import LATER_DEGREES
 from brake_fenicsx.stability.changing.offline import VARIED_CUTOFF
 from brake_fenicsx.stability.changing.own_bodies import Whole
 from brake_fenicsx.stability.changing.proportion import Damping
+from brake_fenicsx.stability.changing.shifts import Changes
 from brake_fenicsx.stability.ensemble_basis import DEGREE, EnsembleBasis
 from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.reduced.damped_basis import DAMPED_ORDER
@@ -219,7 +220,7 @@ class ChangingBodies:
         rates: tuple[Array, Array] | None = None,
         zeta_max: float = 0.0,
         tolerance: float = 1e-6,
-        k_doubt: Array | None = None,
+        doubt: Changes | None = None,
     ) -> Modes:
         """Complex modes of a sample, in coordinates of the basis.
 
@@ -230,13 +231,13 @@ class ChangingBodies:
             rates: friction's own damping, see ``rates_of_sample``; None where nothing damps it.
             zeta_max: decaying modes up to this damping ratio are looked for where it is damped.
             tolerance: relative error of lambda beyond which a mode is refined on the full problem.
-            k_doubt: errors of k [Pa/m], shape (errors, elements).
+            doubt: errors of what acts at its contact.
         """
         place = self.box.place(drawn)
         whole = partial(self._whole, place)
         if rates is None:
-            return self.basis.modes(place, k, mu, tolerance, whole, k_doubt)
-        return self.basis.damped_modes(place, k, mu, *rates, zeta_max, tolerance, whole, k_doubt)
+            return self.basis.modes(place, k, mu, tolerance, whole, doubt)
+        return self.basis.damped_modes(place, k, mu, *rates, zeta_max, tolerance, whole, doubt)
 
     def _whole(self, place: Array) -> Whole:
         """A sample at full order."""

@@ -122,9 +122,8 @@ class Equilibria:
 
 
 def _doubt(changing: ChangingBodies, sample: SampleInput, bodies: Bodies, eq: Equilibrium) -> Array:
-    """Changes of k [Pa/m] under the typical errors of interpolated bodies, see ``Equilibrium``."""
+    """Changes of the gaps [m] under the typical errors of interpolated bodies."""
     force = bodies.w * eq.p
     along = friction_traction(force, eq.mu)
     free = changing.compliance_doubt(sample.pressures, force, along).T
-    moved = Condensed(bodies.compliance, bodies.w, bodies.g0, eq.mu).moved(eq.k, free)
-    return np.array([sample.laws.stiffness(eq.g + g) for g in moved.T]) - eq.k
+    return Condensed(bodies.compliance, bodies.w, bodies.g0, eq.mu).moved(eq.k, free).T

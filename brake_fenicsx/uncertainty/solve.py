@@ -30,6 +30,7 @@ from brake_fenicsx.stability import (
     complex_modes,
     contact_interface,
 )
+from brake_fenicsx.stability.changing.shifts import Changes
 from brake_fenicsx.stability.operators import tangent
 from brake_fenicsx.stability.participation import (
     damped_partners,
@@ -274,8 +275,9 @@ def _changing(
 ) -> Arrays:
     settings = shared.stability
     modes = changing.modes(
-        sample.random, eq.k, sample.mu, rates, settings.zeta_max, settings.tolerance, eq.doubt
-    )
+        sample.random, eq.k, sample.mu, rates, settings.zeta_max, settings.tolerance,
+        _doubt(shared, sample, eq, rates is not None),
+    )  # fmt: skip
     shares = energy_shares(shared.changing_grams, modes.right)
     coordinates = modes.right if shared.onto is None else shared.onto @ modes.right
     unstable = np.array(modes.verdict) == "unstable"
@@ -293,6 +295,19 @@ def _changing(
         "in_bodies": modes.right[:, grown].astype(np.complex64), "vector_mode": grown,
         "bodies": changing.mark,
     }  # fmt: skip
+
+
+def _doubt(shared: Shared, sample: SampleInput, eq: Equilibrium, damped: bool) -> Changes | None:
+    """What the doubt of an equilibrium changes at contact."""
+    if eq.doubt is None:
+        return None
+    laws, gaps = sample.laws, eq.g + eq.doubt
+    k = np.array([laws.stiffness(g) for g in gaps]) - eq.k
+    if not damped or shared.terms is None:
+        return Changes(k)
+    p = np.array([laws.pressure(g) for g in gaps]) - eq.p
+    terms, contact = shared.terms, shared.brake.contact
+    return Changes(k, *rates_of_sample(terms, contact, p, sample.mu, sample.slope))
 
 
 def _full(

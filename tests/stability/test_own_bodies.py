@@ -6,6 +6,7 @@ import scipy.sparse as sp
 
 from brake_fenicsx.macro.condensation import compliance, petsc_matrix
 from brake_fenicsx.stability.changing.own_bodies import Whole
+from brake_fenicsx.stability.changing.shifts import Changes
 from brake_fenicsx.stability.ensemble_basis import EnsembleBasis
 from dense_reference import agrees, all_lambda
 
@@ -139,31 +140,38 @@ def test_errors_of_k_shift_modes_as_they_are_told(two_bodies, mu):
     basis, x, k = made(scene, parts, 3), np.array([0.3, -0.6]), stiffness(scene.w.size, 2)
     change = 1e-5 * k * np.random.default_rng(1).standard_normal(k.size)
     before, after = basis.modes(x, k, mu), basis.modes(x, k + change, mu)
-    doubted = basis.modes(x, k, mu, k_doubt=np.array([change, 0 * change]))
+    doubted = basis.modes(x, k, mu, doubt=Changes(np.array([change, 0 * change])))
     added = doubted.error - before.error
     moved = np.abs(after.s - before.s)
     elastic = np.abs(before.s) > 10.0
     np.testing.assert_allclose(added[elastic], moved[elastic], rtol=0.1, atol=1e-3 * moved.max())
 
 
-def test_errors_of_k_shift_damped_modes_too(two_blocks):
-    """The same with a rate across at contact and damping of the bodies."""
+@pytest.mark.parametrize("what", ["k", "along", "across", "all"])
+def test_errors_of_rates_shift_damped_modes_too(two_blocks, what):
+    """The same of k and of the rates at contact, alone and together, with damped bodies."""
     from brake_fenicsx.stability.changing.proportion import Damping
 
     scene = two_blocks("coarse")
     C = (1e-7 * scene.K).tocsr()
-    given = Damping(C, 0.0, np.array([1e-7]), scene.R, False, True)
+    given = Damping(C, 0.0, np.array([1e-7]), scene.R, True, True)
     part = sp.csr_matrix(0.01 * scene.K)
     basis = EnsembleBasis(
         scene.K, scene.M, scene.N, scene.T, scene.w, scene.f[:, None], [part], lambda x: x, 1,
         BAND, 1, scene.comm, damping=given,
     )  # fmt: skip
-    k, x, none = stiffness(scene.w.size, 3), np.array([0.4]), 0.0 * scene.w
-    across = np.where(k > 0, 1e5, 0.0)
-    change = 1e-5 * k * np.random.default_rng(2).standard_normal(k.size)
-    before = basis.damped_modes(x, k, 0.5, none, across, 0.3)
-    after = basis.damped_modes(x, k + change, 0.5, none, across, 0.3)
-    doubted = basis.damped_modes(x, k, 0.5, none, across, 0.3, k_doubt=change[None])
+    k, x, rng = stiffness(scene.w.size, 3), np.array([0.4]), np.random.default_rng(2)
+    acts = {"k": k, "along": -2e4 * (k > 0), "across": 1e5 * (k > 0)}
+    change = {
+        name: 1e-5 * (what in (name, "all")) * value * rng.standard_normal(k.size)
+        for name, value in acts.items()
+    }
+
+    def modes(k, along, across, **more):
+        return basis.damped_modes(x, k, 0.5, along, across, 0.3, **more)
+
+    before, after = modes(**acts), modes(**{name: acts[name] + change[name] for name in acts})
+    doubted = modes(**acts, doubt=Changes(**{name: c[None] for name, c in change.items()}))
     added, moved = doubted.error - before.error, np.abs(after.s - before.s)
     elastic = np.abs(before.s) > 10.0
     np.testing.assert_allclose(added[elastic], moved[elastic], rtol=0.1, atol=1e-3 * moved.max())
