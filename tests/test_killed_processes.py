@@ -140,7 +140,7 @@ def test_killed_at_random_moments(study, all_of_them, whole, tmp_path):
     assert hit >= 3
 
 
-@pytest.mark.parametrize("study", ["reduced", "full"])
+@pytest.mark.parametrize("study", ["reduced", pytest.param("full", marks=pytest.mark.slow)])
 def test_run_goes_on_with_another_number_of_processes(study, whole, tmp_path):
     """What the samples share was made for another numbering of the dofs; families are the same."""
     unbroken, _ = whole(study)

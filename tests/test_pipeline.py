@@ -206,7 +206,7 @@ def many(tmp_path_factory):
     return out
 
 
-@pytest.mark.parametrize("samples", [1, 5])
+@pytest.mark.parametrize("samples", [1, pytest.param(5, marks=pytest.mark.slow)])
 def test_killed_run_goes_on_to_the_same_bytes(samples, many, tmp_path):
     """SIGKILL after some samples; the second start must not compute or number anything afresh."""
     out = tmp_path / "out"

@@ -185,6 +185,7 @@ def test_free_pad(comm, cells, bound):
     assert np.all((error > -1e-4) & (error < bound)), error
 
 
+@pytest.mark.slow
 def test_references_are_converged():
     """Higher degrees lower the frequencies by far less than the bounds above."""
     a, b = disc_reference(5000.0), disc_reference(5000.0, (10, 8))
