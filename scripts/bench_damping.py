@@ -42,7 +42,7 @@ from brake_fenicsx.stability.ensemble_basis import EnsembleBasis
 from brake_fenicsx.stability.operators import tangent
 from brake_fenicsx.stability.terms import damping_terms
 from brake_fenicsx.uncertainty.bulk import assemble_bulk
-from brake_fenicsx.uncertainty.changing import Box
+from brake_fenicsx.uncertainty.material_box import MaterialBox
 
 SCENES = Path(__file__).parent / "scenes"
 BULK = {
@@ -156,7 +156,7 @@ class Changing:
     def __init__(self, scene, b, band, count):
         """Place the samples in the box of the materials."""
         self.b, self.band, self.bulk = b, band, assemble_bulk(scene, b)
-        self.box = Box(scene, self.bulk)
+        self.box = MaterialBox(scene, self.bulk)
         self.places = np.random.default_rng(0).uniform(-1, 1, (count, len(CONSTANTS)))
 
     def offline(self, terms, alpha, along, across):

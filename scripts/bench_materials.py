@@ -40,7 +40,7 @@ from brake_fenicsx.stability.changing.own_bodies import Whole
 from brake_fenicsx.stability.ensemble_basis import EnsembleBasis
 from brake_fenicsx.stability.operators import tangent
 from brake_fenicsx.uncertainty.bulk import assemble_bulk
-from brake_fenicsx.uncertainty.changing import Box
+from brake_fenicsx.uncertainty.material_box import MaterialBox
 
 SCENES = Path(__file__).parent / "scenes"
 CONSTANTS = ("E_3", "G_13", "G_23")
@@ -63,7 +63,7 @@ def main() -> None:
     scene = read_scene(given.scene, [*changes, penalty])
     b = assemble_brake(scene, MPI.COMM_SELF)
     bulk, band, k0 = assemble_bulk(scene, b), (0.0, given.band), np.full(b.w.size, K0)
-    box = Box(scene, bulk)
+    box = MaterialBox(scene, bulk)
     K, M = local_rows(gathered(b.K)), local_rows(gathered(b.M))
     rng = np.random.default_rng(0)
     places = rng.uniform(-1, 1, (given.samples, len(CONSTANTS)))

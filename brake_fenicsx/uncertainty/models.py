@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from brake_fenicsx.stability.terms import Terms
 
     from .changing import ChangingBodies
-    from .solve import Shared
+    from .shared import Shared
 
 Array = NDArray[np.float64]
 
@@ -186,7 +186,7 @@ class Models:
     def _prepare_modes(self, stability: Stability, seen: Compliance) -> None:
         """What the samples' modes share."""
         from .basis import SHAPES, family_shapes
-        from .solve import share
+        from .shared import share
 
         special = [n for n in self.by_reduction if self.damped(n) or self.changes_bodies(n)]
         full = [n for n in special if not self.by_reduction[n]]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import InaccurateResult
 
 from ..modes import Complex
+from ..reduced.contact_forces import acting_blocks
 from ..reduced.damped_basis import DAMPED_ORDER, DampedBasis, convergence_radius
 from ..reduced.damped_sample import DampedSample
 from ..reduced.sample_errors import DIGITS, DOUBT, doubted_poles
@@ -89,7 +90,7 @@ def damped_basis(
         sigma: shift [1/s^2].
         limit: no mode of a body below it is missing [1/s^2].
     """
-    m, acting = w.size, "NT" + "R" * ("R" in names)
+    m, acting = w.size, acting_blocks(names)
     rows, columns = m * len(names), m * len(acting)
     ends = np.cumsum([0, *modes])
     size = int(ends[-1])
@@ -165,7 +166,7 @@ def doubted(
     """
     s, a, b, condition = modes
     names, m, sigma = sample.basis.names, sample.forces.n, sample.basis.sigma
-    acting = "NT" + "R" * ("R" in names)
+    acting = acting_blocks(names)
     c, y = sample.forces(s, sample.gaps(s, a)), sample.left_gaps(s, b)
     total: Array = np.zeros(s.size)
     for doubt, how, at in bodies:

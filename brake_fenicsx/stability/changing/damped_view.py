@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..reduced.contact_forces import acting_blocks
 from ..reduced.damped_basis import DAMPED_ORDER
 from .bodies import places_of
 from .expansion import Expansion
@@ -61,7 +62,7 @@ def damped_view(
     """
     n = body.elements
     rows = np.concatenate([here + n * i for i in range(len(names))])
-    acting = "NT" + "R" * ("R" in names)
+    acting = acting_blocks(names)
     every = np.arange(body.Phi.shape[1])
     columns = np.concatenate([every[places_of(names, name, n)][here] for name in acting])
     k, kappa = body.kept, body.Lambda - sigma
@@ -162,7 +163,7 @@ def _add_directions(
 def _answers(body: Expansion, G: Array, names: str, forced: Array, here: Index) -> dict[str, Array]:
     """Rows of A^-1 on themselves, modes included."""
     m, out = here.size, {}
-    for name in "NT" + "R" * ("R" in names):
+    for name in acting_blocks(names):
         at = "NTR".index(name) * m
         P = forced[at : at + m]
         if name in names:

@@ -21,6 +21,11 @@ from ..modes import Complex
 Array = NDArray[np.float64]
 
 
+def acting_blocks(names: str) -> str:
+    """Blocks of I for those of O: normal forces and friction act in any case."""
+    return "NT" + "R" * ("R" in names)
+
+
 def interface_rows(
     names: str, N: sp.csr_matrix, T: sp.csr_matrix, R: sp.csr_matrix
 ) -> tuple[sp.csr_matrix, sp.csr_matrix]:
@@ -35,7 +40,7 @@ def interface_rows(
     rows = {"N": N, "T": T, "R": R}
     seen, forced = (
         sp.vstack([rows[name] for name in blocks]).tocsr()
-        for blocks in (names, "NT" + "R" * ("R" in names))
+        for blocks in (names, acting_blocks(names))
     )
     return seen, forced
 
