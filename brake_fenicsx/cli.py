@@ -147,7 +147,9 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: object) -> Non
             options.scene, comm, options.directory, options.set, options.from_stage, options.cache,  # type: ignore[arg-type]
         )  # fmt: skip
     elif options.command == "check":
-        pipeline.describe(options.scene, comm, options.set)  # type: ignore[arg-type]
+        from brake_fenicsx.description import describe
+
+        describe(options.scene, comm, options.set)  # type: ignore[arg-type]
     elif getattr(comm, "rank", 0) == 0:
         from pathlib import Path
 

@@ -6,15 +6,12 @@ sample -> tables, figures, fields.
 
 from __future__ import annotations
 
-import platform
 import resource
 import shutil
-import sys
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
-from importlib.metadata import PackageNotFoundError, version
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,28 +19,20 @@ from mpi4py import MPI
 
 import numpy as np
 
-from brake_fenicsx import __version__
-from brake_fenicsx.costs import Counts, cost_lines, count_solves, estimate
+from brake_fenicsx.checks import check, check_groups, remarks
 from brake_fenicsx.errors import BrakeError, SceneError
 from brake_fenicsx.log import Progress, logger, start_log
 from brake_fenicsx.memory import give_back
 from brake_fenicsx.scene import Scene, read_scene
-from brake_fenicsx.scene_damping import active_terms
 from brake_fenicsx.scene_in_effect import in_effect
 from brake_fenicsx.shelf import Shelf, of_laws
 from brake_fenicsx.store import Store
+from brake_fenicsx.versions import versions
 
 if TYPE_CHECKING:
     from brake_fenicsx.macro.brake import Brake
     from brake_fenicsx.micro import LawLibrary
     from brake_fenicsx.surface import SurfaceStatistics
-
-
-# Whose versions a run records, if it used them.
-LIBRARIES = (
-    "numpy", "scipy", "dolfinx", "mpi4py", "petsc4py", "slepc4py", "gmsh", "meshio", "h5py", "pint",
-    "SurfaceTopography", "pyfftw", "SALib", "matplotlib", "pyvista",
-)  # fmt: skip
 
 
 @dataclass(slots=True)
@@ -203,61 +192,6 @@ def open_folder(this: Run, from_stage: str | None) -> None:
         )
 
 
-def check(scene: Scene, comm: MPI.Comm) -> SurfaceStatistics | None:
-    """Everything that can be refused before anything is written.
-
-    Returns:
-        Statistics of the surface; None where the scene names none.
-    """
-    stats = read_surface(scene) if "surface" in scene.stages else None
-    if "equilibrium" in scene.stages:
-        from brake_fenicsx.macro.brake import check_brake
-
-        check_brake(scene, comm)
-    return stats
-
-
-def remarks(scene: Scene, comm: MPI.Comm) -> list[str]:
-    """What is right and still may surprise: a line each, on the first process."""
-    if comm.rank or "equilibrium" not in scene.stages:
-        return []
-    from brake_fenicsx.macro.parts import cut_loads
-
-    return cut_loads(scene)
-
-
-def check_groups(scene: Scene, processes: int) -> None:
-    """Refuse a number of processes that does not come apart into groups.
-
-    Raises:
-        SceneError: the two numbers and the remedy.
-    """
-    size = scene.samples.processes_per_sample
-    if processes % size:
-        raise SceneError(
-            f"{scene.file}: samples.processes_per_sample = {size}: does not divide the"
-            f" {processes} process(es) of this run; start it on a multiple of {size}, or set 1"
-        )
-
-
-def read_surface(scene: Scene) -> SurfaceStatistics:
-    """Scan to statistics: height distribution, power spectrum, bi-fractal fit."""
-    from brake_fenicsx.surface import characterise, given_statistics, read_topography
-
-    table = scene.surface
-    if table is None:
-        raise SceneError(f"{scene.file}: surface: the section is missing")
-    if table.statistics is not None:
-        t = table.statistics
-        return given_statistics(t.S_q, t.S_sk, t.S_ku, t.c1, t.c2, t.q_c)
-    size = None if table.size is None else (table.size[0], table.size[-1])
-    try:
-        scan = read_topography(scene.path(str(table.scan)), size, table.height_unit)
-        return characterise(scan, table.level, cutoff=table.cutoff)
-    except BrakeError as error:
-        raise SceneError(f"{scene.file}: surface.scan = {table.scan!r}: {error}") from None
-
-
 def surface_stage(this: Run, stats: SurfaceStatistics) -> None:
     """Write what is known of the surface."""
     with this.stage("surface"):
@@ -371,30 +305,8 @@ def draw_mesh(this: Run, brake: Brake) -> None:
     render_mesh(path, brake.elastic.free.V, layer, names, title)
 
 
-def version_of(name: str) -> str:
-    """Version of a library that was imported."""
-    if name == "gmsh":
-        from brake_fenicsx.macro.meshing.gmsh_mesh import gmsh_session
-
-        # Its module knows the version of its interface alone.
-        with gmsh_session() as gmsh:
-            return str(gmsh.option.getString("General.Version"))
-    if hasattr(sys.modules[name], "__version__"):
-        return str(sys.modules[name].__version__)
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return "?"
-
-
 def write_summary(this: Run) -> None:
     """summary.json: settings, sizes, times, versions."""
-    versions = {"brake_fenicsx": __version__, "python": platform.python_version()}
-    for name in LIBRARIES:
-        if name in sys.modules:
-            versions[name] = version_of(name)
-    versions["MPI"] = MPI.Get_library_version().split(",")[0].split("\n")[0].strip("\0 ")
-    versions["system"] = platform.platform(terse=True)
     seeds = {"samples": this.scene.samples.seed}
     if this.scene.micro is not None:
         seeds["laws"] = this.scene.micro.seed
@@ -407,7 +319,7 @@ def write_summary(this: Run) -> None:
             "seconds": {name: round(value, 3) for name, value in this.seconds.items()},
             "peak_memory_mb": {name: round(v) for name, v in this.peak_memory_mb.items()},
             "seeds": seeds,
-            "versions": versions,
+            "versions": versions(),
             "settings": this.scene.table,
             "in_effect": in_effect(this.scene),
         },
@@ -429,61 +341,3 @@ def report(directory: Path) -> None:
     write_report(data, redraw=False)
     if data.modes is not None:
         logger.info("%s", summary_table(data))
-
-
-def describe(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -> None:
-    """Check a scene and print what a run of it will build; nothing is written.
-
-    Raises:
-        SceneError: the scene is wrong.
-    """
-    parsed = read_scene(scene, overrides)
-    size = parsed.samples.processes_per_sample
-    if comm.size > 1:
-        # On one process nothing is known yet of the processes of the run.
-        check_groups(parsed, comm.size)
-    stats = check(parsed, comm)
-    lines = [f"{parsed.file}: stages {', '.join(parsed.stages)}"]
-    scan = stats.topography if stats else None
-    if scan is not None:
-        nx, ny = scan.shape
-        lx, ly = (1e3 * v for v in scan.size)
-        lines.append(f"scan: {nx} x {ny} points, {lx:.4g} x {ly:.4g} mm, {scan.source}")
-    if parsed.micro and "micro" in parsed.stages:
-        m = parsed.micro
-        each = " for each sample" if m.fresh else ""
-        lines.append(
-            f"laws: {m.library_size}{each} of {m.pixels} x {m.pixels} points on"
-            f" {1e3 * m.patch:g} mm squared"
-        )
-    counts = Counts()
-    if "equilibrium" in parsed.stages:
-        from brake_fenicsx.macro.brake import assemble_brake
-        from brake_fenicsx.uncertainty.sampling import sample_count
-
-        sizes = assemble_brake(parsed, comm).size()
-        samples = {name: sample_count(parsed, name) for name in parsed.samples.approaches}
-        counts = replace(
-            count_solves(parsed, samples),
-            dofs=sizes["dofs"], elements=sizes["contact_elements"],
-        )  # fmt: skip
-        lines.append(
-            f"brake: {sizes['cells']} cells, {sizes['dofs']} free dofs,"
-            f" {sizes['contact_elements']} contact elements"
-            f" of {sizes['mean_patch_mm']:.3f} mm squared in the mean"
-        )
-        lines += remarks(parsed, comm)
-        ways = {
-            "reduced": counts.reduced, "reduced with materials of their own": counts.changing,
-            "at full order": counts.full,
-        }  # fmt: skip
-        said = ", ".join(f"{number} {way}" for way, number in ways.items() if number)
-        how = f"; modes: {said}" if said else ""
-        lines.append(f"samples: {', '.join(f'{n} {name}' for name, n in samples.items())}{how}")
-        if damped := {term: None for name in samples for term in active_terms(parsed, name)}:
-            lines.append(f"damping: {', '.join(damped)}")
-    if size > 1:
-        lines.append(f"processes: a multiple of {size}; each {size} share a sample at full order")
-    lines += cost_lines(estimate(parsed, counts), comm.size)
-    if comm.rank == 0:
-        print("\n".join(lines))

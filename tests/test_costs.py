@@ -8,7 +8,7 @@ from mpi4py import MPI
 import pytest
 
 from brake_fenicsx.costs import Counts, count_solves, estimate
-from brake_fenicsx.pipeline import describe
+from brake_fenicsx.description import describe
 from brake_fenicsx.scene import read_scene
 
 ROOT = Path(__file__).parents[1]

@@ -14,7 +14,8 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from brake_fenicsx.pipeline import LIBRARIES, assemble, run, version_of
+from brake_fenicsx.pipeline import assemble, run
+from brake_fenicsx.versions import LIBRARIES, version_of
 
 SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
 BLOCK = SCENES / "block_on_plate.toml"

@@ -9,8 +9,9 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
+from brake_fenicsx.description import describe
 from brake_fenicsx.errors import NotConverged, SceneError
-from brake_fenicsx.pipeline import describe, run
+from brake_fenicsx.pipeline import run
 from brake_fenicsx.stability.full import friction
 
 COMM = MPI.COMM_WORLD

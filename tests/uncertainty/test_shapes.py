@@ -7,9 +7,9 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
+from brake_fenicsx.checks import read_surface
 from brake_fenicsx.macro.brake import assemble_brake
 from brake_fenicsx.macro.solver import local_rows
-from brake_fenicsx.pipeline import read_surface
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.operators import tangent

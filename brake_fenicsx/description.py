@@ -1,0 +1,72 @@
+"""What a run of a scene will build, and what it will cost, for the command ``check``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from mpi4py import MPI
+
+from brake_fenicsx.checks import check, check_groups, remarks
+from brake_fenicsx.costs import Counts, cost_lines, count_solves, estimate
+from brake_fenicsx.scene import read_scene
+from brake_fenicsx.scene_damping import active_terms
+
+
+def describe(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -> None:
+    """Check a scene and print what a run of it will build; nothing is written.
+
+    Raises:
+        SceneError: the scene is wrong.
+    """
+    parsed = read_scene(scene, overrides)
+    size = parsed.samples.processes_per_sample
+    if comm.size > 1:
+        # On one process nothing is known yet of the processes of the run.
+        check_groups(parsed, comm.size)
+    stats = check(parsed, comm)
+    lines = [f"{parsed.file}: stages {', '.join(parsed.stages)}"]
+    scan = stats.topography if stats else None
+    if scan is not None:
+        nx, ny = scan.shape
+        lx, ly = (1e3 * v for v in scan.size)
+        lines.append(f"scan: {nx} x {ny} points, {lx:.4g} x {ly:.4g} mm, {scan.source}")
+    if parsed.micro and "micro" in parsed.stages:
+        m = parsed.micro
+        each = " for each sample" if m.fresh else ""
+        lines.append(
+            f"laws: {m.library_size}{each} of {m.pixels} x {m.pixels} points on"
+            f" {1e3 * m.patch:g} mm squared"
+        )
+    counts = Counts()
+    if "equilibrium" in parsed.stages:
+        from brake_fenicsx.macro.brake import assemble_brake
+        from brake_fenicsx.uncertainty.sampling import sample_count
+
+        sizes = assemble_brake(parsed, comm).size()
+        samples = {name: sample_count(parsed, name) for name in parsed.samples.approaches}
+        counts = replace(
+            count_solves(parsed, samples),
+            dofs=sizes["dofs"], elements=sizes["contact_elements"],
+        )  # fmt: skip
+        lines.append(
+            f"brake: {sizes['cells']} cells, {sizes['dofs']} free dofs,"
+            f" {sizes['contact_elements']} contact elements"
+            f" of {sizes['mean_patch_mm']:.3f} mm squared in the mean"
+        )
+        lines += remarks(parsed, comm)
+        ways = {
+            "reduced": counts.reduced, "reduced with materials of their own": counts.changing,
+            "at full order": counts.full,
+        }  # fmt: skip
+        said = ", ".join(f"{number} {way}" for way, number in ways.items() if number)
+        how = f"; modes: {said}" if said else ""
+        lines.append(f"samples: {', '.join(f'{n} {name}' for name, n in samples.items())}{how}")
+        if damped := {term: None for name in samples for term in active_terms(parsed, name)}:
+            lines.append(f"damping: {', '.join(damped)}")
+    if size > 1:
+        lines.append(f"processes: a multiple of {size}; each {size} share a sample at full order")
+    lines += cost_lines(estimate(parsed, counts), comm.size)
+    if comm.rank == 0:
+        print("\n".join(lines))

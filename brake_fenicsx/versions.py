@@ -1,0 +1,42 @@
+"""Versions of what a run was made with."""
+
+from __future__ import annotations
+
+import platform
+import sys
+from importlib.metadata import PackageNotFoundError, version
+
+from mpi4py import MPI
+
+from brake_fenicsx import __version__
+
+# Whose versions a run records, if it used them.
+LIBRARIES = (
+    "numpy", "scipy", "dolfinx", "mpi4py", "petsc4py", "slepc4py", "gmsh", "meshio", "h5py", "pint",
+    "SurfaceTopography", "pyfftw", "SALib", "matplotlib", "pyvista",
+)  # fmt: skip
+
+
+def versions() -> dict[str, str]:
+    """Of the program, the libraries that were imported, MPI and the system."""
+    found = {"brake_fenicsx": __version__, "python": platform.python_version()}
+    found |= {name: version_of(name) for name in LIBRARIES if name in sys.modules}
+    found["MPI"] = MPI.Get_library_version().split(",")[0].split("\n")[0].strip("\0 ")
+    found["system"] = platform.platform(terse=True)
+    return found
+
+
+def version_of(name: str) -> str:
+    """Version of a library that was imported."""
+    if name == "gmsh":
+        from brake_fenicsx.macro.meshing.gmsh_mesh import gmsh_session
+
+        # Its module knows the version of its interface alone.
+        with gmsh_session() as gmsh:
+            return str(gmsh.option.getString("General.Version"))
+    if hasattr(sys.modules[name], "__version__"):
+        return str(sys.modules[name].__version__)
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "?"
