@@ -20,6 +20,8 @@ def pytest_collection_modifyitems(config, items):
     Each of the processes would do the same work otherwise.
     """
     comm = MPI.COMM_WORLD
+    if comm.size == 1:
+        return
     alone = [item for item in items if _alone(item)]
     own = alone[comm.rank :: comm.size]
     config.hook.pytest_deselected(items=[item for item in alone if item not in own])
