@@ -5,7 +5,7 @@ The scenes import DOLFINx only when a test asks for them.
 
 import gc
 import logging
-from functools import cache, cached_property
+from functools import cache
 from types import SimpleNamespace
 
 from mpi4py import MPI
@@ -236,57 +236,9 @@ def twins(two_bodies):
     return both
 
 
-class Dense:
-    """lambda^2 M + lambda C + K with dense matrices: all of a band, each as sharp as it gets.
-
-    Modes below ``rigid`` times the band's end are none of it.
-    """
-
-    def __init__(self, M, C, K, high, zeta, rigid=1e-4):
-        self.M, self.C, self.K = (A.toarray() for A in (M, C, K))
-        self.high, self.zeta, self.rigid = high, zeta, rigid
-
-    @cached_property
-    def eigenvalues(self):
-        """All of the band but rigid modes [1/s], to some 1e-9, by the linearised problem."""
-        import scipy.linalg as la
-
-        n, M = len(self.M), la.cho_factor(self.M)
-        low = [-la.cho_solve(M, A) / self.high**j for A, j in ((self.K, 2), (self.C, 1))]
-        s = self.high * la.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], low]))
-        inside = (s.imag > self.rigid * self.high) & (s.imag <= self.high)
-        return s[inside & (s.real >= -self.zeta * np.abs(s))]
-
-    def sharp(self, s):
-        """The eigenvalue next to a value, by Newton's method on both sides."""
-        import scipy.linalg as la
-
-        x = y = np.random.default_rng(0).standard_normal(len(self.M)) + 0j
-        lu = la.lu_factor(s**2 * self.M + s * self.C + self.K)
-        for _ in range(5):
-            slope = 2 * s * self.M + self.C
-            x, y = la.lu_solve(lu, slope @ x), la.lu_solve(lu, slope.conj().T @ y, trans=2)
-            x, y = x / la.norm(x), y / la.norm(y)
-            P = s**2 * self.M + s * self.C + self.K
-            s = s - (y.conj() @ P @ x) / (y.conj() @ slope @ x)
-        return s
-
-    def agrees(self, modes):
-        """None missed, none twice, errors covered, no wrong verdict; the largest relative error."""
-        elastic = np.abs(modes.s) > self.rigid * self.high
-        s, error = modes.s[elastic], modes.error[elastic]
-        exact = np.array([self.sharp(value) for value in s])
-        assert s.size == self.eigenvalues.size > 0
-        assert np.unique(np.round(exact, 3)).size == s.size
-        distance = np.abs(s - exact)
-        assert np.all(distance <= error + 1e-12 * np.abs(exact))
-        grows = exact.real > 1e-6 * np.abs(exact)
-        for verdict, unstable in zip(np.array(modes.verdict)[elastic], grows, strict=True):
-            assert verdict == "neutral" or (verdict == "unstable") == unstable
-        return float((distance / np.abs(exact)).max())
-
-
 @pytest.fixture
 def dense():
     """``dense(M, C, K, high, zeta)``: see ``Dense``."""
+    from dense_reference import Dense
+
     return Dense
