@@ -8,16 +8,16 @@ import scipy.linalg as la
 
 def all_kappa(K, M, symmetric=False):
     """All eigenvalues of a pencil [1/s^2], M positive definite; QZ takes ten times as long."""
-    A = standard(K, M)
+    A, _ = standard(K, M)
     return la.eigvalsh(0.5 * (A + A.T)) if symmetric else la.eigvals(A)
 
 
 def standard(K, M):
-    """L^-1 K L^-T with M = L L'."""
+    """L^-1 K L^-T and L with M = L L'."""
     K, M = (A if isinstance(A, np.ndarray) else A.toarray() for A in (K, M))
     L = la.cholesky(M, lower=True)
     half = la.solve_triangular(L, K, lower=True)
-    return la.solve_triangular(L, half.T, lower=True).T
+    return la.solve_triangular(L, half.T, lower=True).T, L
 
 
 def undamped(kappa):
@@ -31,6 +31,20 @@ def all_lambda(K, M):
     return undamped(all_kappa(K, M))
 
 
+def all_damped(M, C, K, scale):
+    """All lambda of lambda^2 M + lambda C + K [1/s], to some 1e-9, by the linearised problem.
+
+    Args:
+        M: mass, positive definite.
+        C: damping.
+        K: stiffness.
+        scale: of lambda [1/s]: both halves of the vectors weigh the same.
+    """
+    n, factor = len(M), la.cho_factor(M)
+    low = [-la.cho_solve(factor, A) / scale**j for A, j in ((K, 2), (C, 1))]
+    return scale * la.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], low]))
+
+
 def agrees(modes, exact, band, rigid=10.0):
     """None missed, errors covered, no wrong verdict; largest relative error and estimate.
 
@@ -42,10 +56,10 @@ def agrees(modes, exact, band, rigid=10.0):
     """
     elastic = np.abs(modes.s) > rigid
     s, error, condition = modes.s[elastic], modes.error[elastic], modes.condition[elastic]
-    inside = (exact.imag > rigid) & (exact.imag <= 2 * np.pi * band[1])
-    assert s.size == inside.sum() and len(modes) == modes.count.expected
-    distance = np.abs(s[:, None] - exact)
-    nearest = exact[distance.argmin(axis=1)]
+    inside = exact[(exact.imag > rigid) & (exact.imag <= 2 * np.pi * band[1])]
+    assert s.size == inside.size and len(modes) == modes.count.expected
+    distance = np.abs(s[:, None] - inside)
+    nearest = inside[distance.argmin(axis=1)]
     off, size = distance.min(axis=1), np.abs(nearest)
     assert np.all(off <= error + 1e-15 * np.abs(exact).max() ** 2 * condition / size)
     grows = nearest.real > 1e-6 * size
@@ -66,10 +80,8 @@ class Dense:
 
     @cached_property
     def eigenvalues(self):
-        """All of the band but rigid modes [1/s], to some 1e-9, by the linearised problem."""
-        n, M = len(self.M), la.cho_factor(self.M)
-        low = [-la.cho_solve(M, A) / self.high**j for A, j in ((self.K, 2), (self.C, 1))]
-        s = self.high * la.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], low]))
+        """All of the band but rigid modes [1/s]."""
+        s = all_damped(self.M, self.C, self.K, self.high)
         inside = (s.imag > self.rigid * self.high) & (s.imag <= self.high)
         return s[inside & (s.real >= -self.zeta * np.abs(s))]
 

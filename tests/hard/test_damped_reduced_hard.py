@@ -4,12 +4,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-import scipy.linalg as la
 
 from brake_fenicsx.macro.condensation import gathered
 from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.stability import DampedReduced, Reduced
+from dense_reference import all_damped
 
 BAND, K0, ZETA = (0.0, 90e3), 3e11, 0.3
 OMEGA = 2 * np.pi * BAND[1]
@@ -38,11 +38,7 @@ def solve(scene, C, k, mu, tolerance=1e-6, band=BAND):
 
 def dense(scene, C, k, mu):
     """Eigenvalues of the linearised problem [1/s]; to some 1e-8."""
-    M = la.cho_factor(scene.M.toarray())
-    K = scene.tangent(k, mu).toarray()
-    low = [-la.cho_solve(M, A) / OMEGA**j for A, j in ((K, 2), (C.toarray(), 1))]
-    zero = np.zeros_like(K)
-    s = OMEGA * la.eigvals(np.block([[zero, np.eye(len(K))], low]))
+    s = all_damped(scene.M.toarray(), C.toarray(), scene.tangent(k, mu).toarray(), OMEGA)
     return s[s.imag >= 0]
 
 

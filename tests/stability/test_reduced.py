@@ -36,8 +36,8 @@ def stiffness(n, seed, centre=K0, decades=2.0, is_open=0.3):
 
 def dense_vectors(scene, k, mu):
     """kappa with left and right vectors of the whole problem, M-orthogonal coordinates undone."""
-    kappa, left, right = la.eig(standard(scene.tangent(k, mu), scene.M), left=True, right=True)
-    L = la.cholesky(scene.M.toarray(), lower=True)
+    A, L = standard(scene.tangent(k, mu), scene.M)
+    kappa, left, right = la.eig(A, left=True, right=True)
     return kappa, *(la.solve_triangular(L, V, lower=True, trans=1) for V in (left, right))
 
 

@@ -63,10 +63,13 @@ class Varied:
     limit: float
     stretched: bool
 
+    def elastic(self, x: Array) -> sp.csr_matrix:
+        """K(x) [N/m]."""
+        return (self.body.K + self.body.change(self.coefficients(x))).tocsr()
+
     def at(self, x: Array) -> sp.csr_matrix:
         """A = K(x) + sigma M [N/m]."""
-        change = self.body.change(self.coefficients(x))
-        return (self.body.K + change + self.sigma * self.body.M).tocsr()
+        return (self.elastic(x) + self.sigma * self.body.M).tocsr()
 
     def factor(self, x: Array) -> Factor:
         """Its factor."""
@@ -92,9 +95,10 @@ class Varied:
         """Modes at an anchor; those of the centre are deflated, the others only fill W."""
         x = self.anchors.points[number]
         factor = self.factor(x)
-        K = (self.body.K + self.body.change(self.coefficients(x))).tocsr()
         tolerance = FILLING if number else 1e-9
-        found = complete_modes(factor, K, self.body.M, self.sigma, self.limit, tolerance)
+        found = complete_modes(
+            factor, self.elastic(x), self.body.M, self.sigma, self.limit, tolerance
+        )
         factor.destroy()
         return found
 

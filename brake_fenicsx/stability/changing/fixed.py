@@ -97,7 +97,17 @@ def fixed_body(
     known: Arrays | None = None,
     names: str = "N",
 ) -> FixedBody:
-    """A body of constant stiffness, see ``VariedBody`` for the arguments."""
+    """A body of constant stiffness.
+
+    Args:
+        body: the body.
+        sigma: shift that makes its stiffness positive definite [1/s^2].
+        limit: its modes up to this kappa are kept [1/s^2].
+        order: largest j of R_j.
+        comm: processes that share the work.
+        known: ``arrays`` of the same body, made earlier.
+        names: blocks of rows that forces follow, see ``looked_at``.
+    """
     seen, n = looked_at(body, names), body.N.shape[0]
     if known is None:
         known = _solved(body, seen, sigma, limit, order, comm)
