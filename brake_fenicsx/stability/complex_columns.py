@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 
 
 class Operator(Protocol):
-    """What multiplies real columns: a dense or sparse matrix, or ``reduced.rough.Rough``."""
+    """What multiplies real columns: a dense or sparse matrix."""
 
     def __matmul__(self, x: Array, /) -> Array:
         """Product with columns, shape (columns of the matrix, n)."""

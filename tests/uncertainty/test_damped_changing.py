@@ -49,9 +49,7 @@ def test_samples_are_those_of_full_order(terms, comm, tmp_path):
         assert found["s"].size == exact["s"].size >= 5
         assert "on bases complete by inertia at the anchors" in str(found["counted"])
         distance = np.abs(found["s"] - exact["s"])
-        # What is interpolated is doubted by its typical errors; far below the tolerance that may be
-        # a little short.
-        assert np.all(distance <= found["error"] + exact["error"] + 1e-8 * np.abs(exact["s"]))
+        assert np.all(distance <= found["error"] + exact["error"])
         np.testing.assert_allclose(found["shares"], exact["shares"], atol=0.01)
         wrong = {str(v) for v in found["verdict"][found["verdict"] != exact["verdict"]]}
         assert wrong <= {"neutral"}

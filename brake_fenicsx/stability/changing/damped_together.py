@@ -14,7 +14,7 @@ from ..modes import Complex
 from ..reduced.contact_forces import acting_blocks
 from ..reduced.damped_basis import DAMPED_ORDER, DampedBasis, convergence_radius
 from ..reduced.damped_sample import DampedSample
-from ..reduced.sample_errors import DIGITS, DOUBT, doubted_poles
+from ..reduced.sample_errors import DOUBT, INTERPOLATED, doubted_poles
 from .bodies import compact, places_of
 from .damped_view import DampedView
 from .proportion import Proportion
@@ -189,6 +189,6 @@ def doubted(
     # |d lambda| = condition |d T| / 2 |lambda| for vectors of unit norm; rigid modes have none.
     size = np.where(s == 0, np.inf, np.abs(s))
     shared = float(np.median(total / size**2)) if s.size else 0.0
-    total = np.maximum(total, max(shared, DIGITS) * np.abs(s) ** 2)
+    total = np.maximum(total, max(shared, INTERPOLATED) * np.abs(s) ** 2)
     total += doubted_poles(pole_doubt, a, b)
     return np.asarray(condition * total / (2 * size))

@@ -21,16 +21,14 @@ from numpy.typing import NDArray
 from ..complex_columns import on_parts, series_answer, times
 from ..modes import Complex
 from .basis import Basis
-from .rough import ROUNDING, RoughFactor
 
 Array = NDArray[np.float64]
 
 # Terms of the answer of the gaps.
 ANSWERS = 2
 
-# Error of a rough solve up to which it serves, looked at on so many columns, and how much larger
-# it may be on others.
-ENOUGH, LOOK, SAFE = 1e-5, 4, 4.0
+# Round-off of a product or a solve, relative to the absolute values that enter it.
+ROUNDING = 1e-13
 
 # Rows of a product that stay in the cache.
 ROWS = 64
@@ -49,7 +47,7 @@ class Sample:
         C: C1 and C2.
         S: gaps of the modes, S - kappa S1 + kappa^2 S2, shape (elements, modes).
         sources: (I + C0) S1 and (I + C0) S2, whose rounding is an error of the pencil.
-        rounding: relative error of what is computed in single precision.
+        rounding: relative error of products and solves.
         B: Phi' F.
     """
 
@@ -80,19 +78,12 @@ class Sample:
         self._lu = la.lu_factor(E.T, overwrite_a=True, check_finite=False)
         self.B = b.Phi_N.T * self.dD + b.Phi_T.T * self.mD
         self.S = self.solve(b.Phi_N)
-        factor, (x, known) = RoughFactor(self._lu), (A[:, :LOOK] for A in (b.Phi_N, self.S))
-        size = np.abs(known).max(initial=0.0) or 1.0
-        error = np.abs(factor.solve(x, 1) - known).max(initial=0.0) / size
-        good = error <= ENOUGH
-        self._rough_factor = factor if good else None
-        self.rounding = ROUNDING + (SAFE * error if good else 0.0)
-        C1, C2 = self.C = tuple(
-            b.rough.NN[j].columns(self.dD, b.rough.NT[j], self.mD) for j in (1, 2)
-        )
+        self.rounding = ROUNDING
+        C1, C2 = self.C = tuple(b.NN[j] * self.dD + b.NT[j] * self.mD for j in (1, 2))
         C1S = C1 @ self.S
-        self.S1 = self._rough_solve(C1S)
+        self.S1 = self.solve(C1S)
         self.sources = C1S, C1 @ self.S1 - C2 @ self.S
-        self.S2 = self._rough_solve(self.sources[1])
+        self.S2 = self.solve(self.sources[1])
 
     def _static_gap(self) -> Array:
         """I + C_0 = I + R_0,NN dD + mu R_0,NT D."""
@@ -111,14 +102,8 @@ class Sample:
         return np.asarray(la.lu_solve(self._lu, x, trans=1 - trans, check_finite=False))
 
     def solves(self, x: Complex, trans: int = 0) -> Complex:
-        """The same for complex columns, rough."""
-        return on_parts(lambda v: self._rough_solve(v, trans), x)
-
-    def _rough_solve(self, x: Array, trans: int = 0) -> Array:
-        """A solve in single precision where that has the digits."""
-        if self._rough_factor is None:
-            return self.solve(x, trans)
-        return self._rough_factor.solve(x, 1 - trans)
+        """The same for complex columns."""
+        return on_parts(lambda v: self.solve(v, trans), x)
 
     @cached_property
     def operators(self) -> tuple[Array, Array, Array]:
@@ -134,7 +119,7 @@ class Sample:
         return S - kappa * S1 + kappa**2 * S2
 
     def answer(self, kappa: Complex, x: Complex, trans: int = 0, terms: int = ANSWERS) -> Complex:
-        """(I + C0 + kappa C1 + kappa^2 C2)^-1 x by a series in kappa, or its transpose; rough.
+        """(I + C0 + kappa C1 + kappa^2 C2)^-1 x by a series in kappa, or its transpose.
 
         Args:
             kappa: of each column [1/s^2], shape (modes,).
