@@ -1,0 +1,150 @@
+"""Contact and friction of one sample, linearised at its equilibrium: J(lambda) = J_0 + lambda J_1.
+
+A motion with the gaps g, the slips v_T along and v_R across the sliding direction meets the forces
+
+    w k g on the gaps,   mu w k g + lambda w p mu'(V) v_T along,   lambda (w mu p / V) v_R across
+
+of each contact element, along the rows I = [N; T] or [N; T; R]; see ``damping`` for their signs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from brake_fenicsx.errors import SceneError
+
+from ..modes import Complex
+from .moments import Rows
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class ContactLinearisation:
+    """What acts in the contact elements of one sample, each of shape (elements,).
+
+    Attributes:
+        k: contact stiffness [Pa/m], zero where the element is open.
+        mu: friction coefficient [-].
+        along: p mu'(V) [Pa s/m]; zero without falling friction.
+        across: mu p / V [Pa s/m]; zero without sliding damping.
+    """
+
+    k: Array
+    mu: Array
+    along: Array
+    across: Array
+
+    @classmethod
+    def of(
+        cls, k: ArrayLike, mu: ArrayLike, along: ArrayLike = 0.0, across: ArrayLike = 0.0
+    ) -> ContactLinearisation:
+        """Check and complete the numbers of one sample.
+
+        Args:
+            k: contact stiffness of each element [Pa/m], shape (elements,).
+            mu: friction coefficient, one or one per element.
+            along: p mu'(V) [Pa s/m], likewise.
+            across: mu p / V [Pa s/m], likewise.
+
+        Raises:
+            SceneError: a stiffness is negative, or a number is not finite or has the wrong shape.
+        """
+        k = np.asarray(k, dtype=float)
+        named = {"k": k, "mu": mu, "along": along, "across": across}
+        out = {}
+        for name, value in named.items():
+            given = np.asarray(value, dtype=float)
+            if k.ndim != 1 or given.shape not in ((), k.shape):
+                raise SceneError(
+                    f"{name}: shape {given.shape}, one value for each contact element is needed"
+                )
+            if not np.all(np.isfinite(given)):
+                raise SceneError(f"{name}: a value is not finite")
+            out[name] = np.broadcast_to(given, k.shape)
+        if k.size and k.min() < 0:
+            raise SceneError(f"k = {k.min():.3g} Pa/m: contact stiffness must not be negative")
+        return cls(**out)
+
+    @property
+    def closed(self) -> NDArray[np.intp]:
+        """Elements in which anything acts."""
+        return np.flatnonzero((self.k > 0) | (self.along != 0) | (self.across != 0))
+
+
+@dataclass(frozen=True, slots=True)
+class ContactForces:
+    """J(z) of some elements in units of the band's end, z = lambda - shift.
+
+    Attributes:
+        normal: w k, shape (elements,).
+        friction: mu w k.
+        rates: for each followed row beside "N", its place among the acting rows and its factor.
+        shift: lambda_0; 0 where nothing depends on a rate.
+    """
+
+    normal: Array
+    friction: Array
+    rates: list[tuple[int, Array]]
+    shift: float
+
+    @classmethod
+    def of(
+        cls,
+        contact: ContactLinearisation,
+        w: Array,
+        elements: NDArray[np.intp],
+        rows: Rows,
+        omega: float,
+    ) -> ContactForces:
+        """Scale the forces of some elements.
+
+        Args:
+            contact: all elements of the sample.
+            w: their areas [m^2].
+            elements: the chosen ones.
+            rows: blocks of contact rows.
+            omega: end of the band [rad/s].
+        """
+        w, k = w[elements], contact.k[elements]
+        normal = w * k / omega**2
+        factor = {"T": contact.along, "R": contact.across}
+        rates = [
+            (rows.acting.index(name), w * factor[name][elements] / omega)
+            for name in rows.followed[1:]
+        ]
+        return cls(normal, contact.mu[elements] * normal, rates, rows.shift)
+
+    def after(self, A: Array) -> Array:
+        """Coefficients of A(z) J(z).
+
+        Args:
+            A: coefficients, shape (count, rows, acting rows).
+
+        Returns:
+            Shape (count, rows, followed rows), one coefficient more where forces follow rates.
+        """
+        count, size, n = A.shape[0], A.shape[1], self.normal.size
+        out = np.zeros((count + bool(self.rates), size, n * (1 + len(self.rates))))
+        np.multiply(A[:, :, :n], self.normal, out=out[:count, :, :n])
+        if self.friction.any():
+            out[:count, :, :n] += A[:, :, n : 2 * n] * self.friction
+        for j, (place, rate) in enumerate(self.rates, 1):
+            acting, followed = A[:, :, place * n : (place + 1) * n], slice(j * n, (j + 1) * n)
+            out[:count, :, followed] = acting * (self.shift * rate)
+            out[1:, :, followed] += acting * rate
+        return out
+
+    def __call__(self, z: Complex, y: Complex) -> Complex:
+        """J(z_j) y_j of each column, shape (acting rows, columns)."""
+        n = self.normal.size
+        blocks = [self.normal[:, None] * y[:n], self.friction[:, None] * y[:n]]
+        if any(place == 2 for place, _ in self.rates):
+            blocks.append(np.zeros_like(blocks[0]))
+        for j, (place, rate) in enumerate(self.rates, 1):
+            slip_rate = (self.shift + z) * y[j * n : (j + 1) * n]
+            blocks[place] = blocks[place] + rate[:, None] * slip_rate
+        return np.vstack(blocks)

@@ -1,0 +1,420 @@
+"""Reduced model of a brake: undamped or damped, of constant materials or over a box of them.
+
+Offline, each substructure gives its kept modes and the interpolated moments of what they leave out
+(``component``). A sample then needs dense matrices alone: contact and friction enter exactly
+(``sample``), every eigenvalue has an estimated error (``errors``), and no mode is missed, because
+an inertia count proves the kept modes complete and no pole of what is left out lies in the band.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from math import ceil, log10
+
+from mpi4py import MPI
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+
+from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
+
+from ..complex_columns import on_parts, times
+from ..full.damped_rows import damped_rows
+from ..modes import Complex, Count, Modes, undamped_rows
+from .component import Accuracy, AtPoint, Component, kept_modes
+from .contact import ContactLinearisation
+from .errors import ROUND_OFF, distances, stated_error
+from .moments import SIGMA, Complement, Rows
+from .parameters import CONSTANT, Parameters
+from .polynomials import Zeros, applied
+from .sample import Placed, Sample
+from .static import static_compliance
+from .substructure import MirrorImage, Substructure, mirror_image, split_substructures
+
+Array = NDArray[np.float64]
+
+# Kept modes reach up to this multiple of the band's end, and the poles of what they leave out lie
+# beyond this multiple of its square, wherever in the box.
+CUTOFF, POLES = 2.0, 3.3
+
+# Relative error that interpolation of degree 4 and 5 moments in kappa reach, and how much one
+# degree and one moment more gain: measured on blocks and brakes in perfect contact.
+REACHED, GAIN = 1e-5, 12.0
+
+# Zeros are corrected up to this multiple of the band's end; the last known moments must have
+# fallen to this share of the first ones, or the series does not reach the band's end.
+SEARCHED, FALLEN = 1.25, 0.2
+
+# Steps that refine displacements, and the change at which they stop.
+STEPS, SETTLED = 40, 1e-8
+
+COUNTED = "companion matrix of T(z), on modes of the bodies complete by inertia"
+
+
+class ReducedModel:
+    """Complex modes and static compliance of any sample of a brake, dense and fast.
+
+    Attributes:
+        bodies: the reduced bodies and their mirror images.
+        band: lowest and highest frequency [Hz].
+        rows: blocks of contact rows, and whether anything depends on a rate.
+        parameters: those that the materials depend on.
+        seconds: time of the offline stage [s].
+    """
+
+    def __init__(
+        self,
+        bodies: list[Placed],
+        w: Array,
+        band: tuple[float, float],
+        rows: Rows,
+        parameters: Parameters,
+        seconds: float,
+    ):
+        """Keep what the offline stage made; see ``offline``."""
+        self.bodies, self.band, self.rows, self.parameters = bodies, band, rows, parameters
+        self.seconds, self._w, self._omega = seconds, w, 2 * np.pi * band[1]
+
+    @classmethod
+    def offline(
+        cls,
+        substructures: Sequence[Substructure],
+        w: ArrayLike,
+        band: tuple[float, float],
+        parameters: Parameters = CONSTANT,
+        followed: str = "N",
+        tolerance: float = 1e-5,
+        cutoff: float | None = None,
+        comm: MPI.Comm | None = None,
+        progress: Callable[[float], None] = lambda columns: None,
+        known: Sequence[dict[str, Array]] | None = None,
+    ) -> ReducedModel:
+        """Reduce the bodies of a brake; collective.
+
+        Args:
+            substructures: the bodies, see ``split_substructures``.
+            w: areas of all contact elements [m^2], shape (elements,).
+            band: lowest and highest frequency [Hz].
+            parameters: box of the materials; constant ones by default.
+            followed: motions whose rates or values contact forces follow: "N", with "T" (falling
+                friction) and "R" (sliding damping) where they act.
+            tolerance: wanted relative error of lambda; more moments and higher degrees below 1e-5.
+            cutoff: kept modes reach up to this frequency [Hz]; chosen from the softening of the box
+                if None.
+            comm: processes that share the work; this process alone if None.
+            progress: called with the number of solves that were done, columns times moments.
+            known: ``arrays`` of an earlier offline stage of the same problem.
+
+        Raises:
+            SceneError: a band, cutoff or tolerance that is none.
+            InaccurateResult: a body is not positive definite somewhere in the box, an inertia count
+                finds a mode missing, or damping is too strong for the series.
+        """
+        start, comm = time.perf_counter(), MPI.COMM_SELF if comm is None else comm
+        if not 0 <= band[0] < band[1]:
+            raise SceneError(
+                f"band {band[0]:g} to {band[1]:g} Hz: from at least 0 up to a higher one"
+            )
+        if cutoff is not None and not cutoff > band[1]:
+            raise SceneError(f"cutoff {cutoff:g} Hz must lie above the band's {band[1]:g} Hz")
+        damped = followed != "N" or any(body.C is not None for body in substructures)
+        rows, omega = Rows(followed, damped), 2 * np.pi * band[1]
+        reach = max(CUTOFF, np.sqrt(POLES / parameters.softening))
+        accuracy = Accuracy(
+            reach if cutoff is None else cutoff / band[1], _degrees(tolerance, damped)
+        )
+        originals, images = _images(substructures)
+        centre = parameters.coefficients(np.zeros(parameters.dimension))
+        if known is None:
+            modes = _shared_modes(originals, centre, omega, accuracy.cutoff, comm)
+        else:
+            modes = [(one["W"], one["kappa"]) for one in known]
+        made: list[dict[str, Array] | None] = [None] * len(originals) if known is None else [*known]
+        components = [
+            Component(body, pair, kept, rows, parameters, accuracy, omega, comm, progress)
+            for body, pair, kept in zip(originals, modes, made, strict=True)
+        ]
+        bodies = _placed(components, images)
+        model = cls(bodies, np.asarray(w, float), band, rows, parameters, 0.0)
+        model._check_convergence()
+        model.seconds = time.perf_counter() - start
+        return model
+
+    def arrays(self) -> list[dict[str, Array]]:
+        """What the offline stage made of each original body, for ``known``."""
+        return [component.arrays() for component in self._originals]
+
+    def at(self, p: ArrayLike) -> list[AtPoint]:
+        """The bodies at a point of the box [-1, 1]^d; mirror images share theirs."""
+        x = np.asarray(p, float)
+        seen = {id(c): c.at(x) for c in self._originals}
+        return [seen[id(body.component)] for body in self.bodies]
+
+    def modes(self, p: ArrayLike, contact: ContactLinearisation, zeta_max: float = 0.1) -> Modes:
+        """Complex modes of one sample in the band.
+
+        Args:
+            p: its materials, a point of the box, shape (d,); empty for constant ones.
+            contact: what acts in its contact elements.
+            zeta_max: where something is damped, decaying modes are returned up to this damping
+                ratio.
+
+        Returns:
+            The modes; ``right`` and ``left`` in the coordinates of the kept modes of all bodies.
+            ``residual`` is the stated error over condition and |lambda|.
+
+        Raises:
+            SceneError: a number of contact elements other than the model's.
+        """
+        start = time.perf_counter()
+        sample = self._sample(p, contact)
+        found = sample.zeros()
+        chosen = self._near(found.z)
+        wanted = Zeros(found.z[chosen], found.right[:, chosen], found.left[:, chosen])
+        q = sample.quotient(wanted)
+        size = np.maximum(np.abs(q.slope), 1e-300)
+        first = q.truncated + sample.interpolation_errors(wanted.z, q) + ROUND_OFF / size
+        error = stated_error(first, np.abs(q.step), distances(found.z, chosen))
+        z = wanted.z + q.step
+        return self._rows(z, wanted, size, error, zeta_max, start)
+
+    def static(self, p: ArrayLike, k0: Array) -> tuple[Array, Array, Array]:
+        """N K0^-1 N', N K0^-1 T' and N K0^-1 F' of the bodies on springs, K0 = K + N'W k0 N.
+
+        Args:
+            p: a point of the box.
+            k0: stiffness of the springs [Pa/m], shape (elements,), positive.
+
+        Returns:
+            Shapes (elements, elements) twice and (elements, loads) [m/N].
+        """
+        return static_compliance(self.bodies, self.at(p), self._w * k0, self.rows, self._omega)
+
+    def displacements(
+        self, p: ArrayLike, contact: ContactLinearisation, s: Complex, a: Complex
+    ) -> Complex:
+        """Displacements of some modes of a sample, with all that the kept modes leave out.
+
+        Args:
+            p: a point of the box.
+            contact: what acts in the contact elements of the sample.
+            s: eigenvalues lambda [1/s], shape (chosen,).
+            a: their coordinates, columns of ``right``, shape (kept modes, chosen).
+
+        Returns:
+            Shape (dofs, chosen).
+        """
+        x, sample = np.asarray(p, float), self._sample(p, contact)
+        scaled = s / self._omega
+        z = scaled - self.rows.shift if self.rows.damped else SIGMA - scaled**2
+        y = applied(sample._Y, z, a)
+        for _ in range(STEPS):
+            rest = applied(sample.source, z, a) - applied(sample.E, z, y)
+            y = y + sample._solve(rest)
+            if np.linalg.norm(rest) <= SETTLED * max(np.linalg.norm(y), 1e-300):
+                break
+        force = sample.forces(z, y)
+        count, g = sample._count, len(self.rows.acting)
+        dofs = sum(b.dofs.size for b in self.bodies)
+        out = np.zeros((dofs, s.size), complex)
+        inverse: dict[int, tuple[Complement, list[sp.csr_matrix]]] = {}
+        for body, at in zip(self.bodies, sample.closed, strict=True):
+            comp = body.component
+            if id(comp) not in inverse:
+                P = comp.polynomial(x)
+                inverse[id(comp)] = Complement(P[0], comp.body.M, comp.W), P
+            complement, P = inverse[id(comp)]
+            I = sp.vstack([comp.body.interface[name] for name in self.rows.acting]).tocsr()
+            acting, there = at.rows(g, body.elements.size, count)
+            kept = times(comp.W, a[body.modes])
+            load = times(I[acting].T.tocsr(), force[there])
+            v = np.zeros_like(kept)
+            for _ in range(STEPS):
+                rhs = -load - np.sum([z**n * times(A, kept) for n, A in enumerate(P)], axis=0)
+                rhs -= np.sum([z**n * times(A, v) for n, A in enumerate(P) if n], axis=0)
+                new = on_parts(complement.solve, rhs)
+                change, v = np.linalg.norm(new - v), new
+                if change <= SETTLED * np.linalg.norm(kept):
+                    break
+            out[body.dofs] = body.signs[:, None] * (kept + v)
+        for complement, _ in inverse.values():
+            complement.factor.destroy()
+        return out
+
+    def coordinates(self, A: sp.csr_matrix, u: NDArray | None = None) -> NDArray:
+        """U'A u of the kept modes U of all bodies, or U'A U.
+
+        Args:
+            A: symmetric matrix that does not couple the bodies, such as the mass of a layer, shape
+                (dofs, dofs).
+            u: displacements, shape (dofs, columns); U itself if None.
+        """
+        size = int(self.bodies[-1].modes.stop)
+        if u is not None:
+            out = np.zeros((size, u.shape[1]), u.dtype)
+            Au = A @ u
+            for body in self.bodies:
+                part = Au[body.dofs]
+                out[body.modes] = body.component.W.T @ (body.signs[:, None] * part)
+            return out
+        grams = np.zeros((size, size))
+        for body in self.bodies:
+            inner = A[body.dofs][:, body.dofs].tocsr()
+            if inner.nnz:
+                U = body.signs[:, None] * body.component.W
+                grams[body.modes, body.modes] = U.T @ (inner @ U)
+        return grams
+
+    @property
+    def _originals(self) -> list[Component]:
+        """Reduced bodies, each once."""
+        return list({id(b.component): b.component for b in self.bodies}.values())
+
+    def _sample(self, p: ArrayLike, contact: ContactLinearisation) -> Sample:
+        if contact.k.shape != self._w.shape:
+            raise SceneError(
+                f"k: {contact.k.size} values for {self._w.size} contact elements of the model"
+            )
+        return Sample(self.bodies, self.at(p), contact, self._w, self.rows, self._omega)
+
+    def _near(self, z: Complex) -> NDArray[np.intp]:
+        """Zeros in the band and a little beyond."""
+        if not self.rows.damped:
+            return np.flatnonzero(np.abs(z - SIGMA) <= SEARCHED**2)
+        s = z + self.rows.shift
+        return np.flatnonzero((np.abs(s) <= SEARCHED) & (s.imag >= 0))
+
+    def _rows(
+        self, z: Complex, found: Zeros, slope: Array, error: Array, zeta_max: float, start: float
+    ) -> Modes:
+        """Rows of the band from corrected zeros."""
+        omega = self._omega
+        right, left = found.right, found.left.conj()
+        if self.rows.damped:
+            s = omega * (z + self.rows.shift)
+            # A real zero is simple in its neighbourhood and stays real.
+            s = np.where(found.z.imag == 0, s.real, s)
+            condition = np.maximum(2 * np.abs(s) / omega / slope, 1.0)
+            spread = omega * error
+            order, lam = damped_rows(s, right, spread, (2 * np.pi * self.band[0], omega), zeta_max)
+            sort = np.lexsort((lam.real, lam.imag))
+            order, lam = order[sort], lam[sort]
+            spread, real = spread[order], np.zeros(order.size, dtype=bool)
+        else:
+            kappa = omega**2 * (z - SIGMA)
+            kappa = np.where(found.z.imag == 0, kappa.real, kappa)
+            condition = np.maximum(1 / slope, 1.0)
+            order, lam, spread, real = undamped_rows(kappa, omega**2 * error, self.band)
+        condition = condition[order]
+        size = np.maximum(np.abs(lam), 1e-300)
+        return Modes(
+            lam, right[:, order], left[:, order], spread / condition / size, spread, condition,
+            Count(lam.size, COUNTED), 0, time.perf_counter() - start, real,
+        )  # fmt: skip
+
+    def _check_convergence(self) -> None:
+        """Whether the moments fall fast enough up to the band's end.
+
+        Raises:
+            InaccurateResult: they do not: the bodies are damped too strongly.
+        """
+        for component in self._originals:
+            D = component.at(np.zeros(self.parameters.dimension)).D
+            size = [float(np.linalg.norm(A)) for A in D]
+            step = 2 if self.rows.damped else 1
+            if size[0] > 0 and len(size) > 2 * step:
+                fall = (size[-1] / size[-1 - step]) if size[-1 - step] > 0 else 0.0
+                if fall > 1.0:
+                    raise InaccurateResult(
+                        "damping too strong for the reduced model: its series in lambda does not"
+                        " reach the end of the band"
+                    )
+
+
+def reduced_brake(
+    K: sp.csr_matrix,
+    M: sp.csr_matrix,
+    N: sp.csr_matrix,
+    T: sp.csr_matrix,
+    w: ArrayLike,
+    band: tuple[float, float],
+    tolerance: float = 1e-5,
+    comm: MPI.Comm | None = None,
+) -> ReducedModel:
+    """Reduced model of an undamped brake of constant materials from its matrices.
+
+    Args:
+        K: elastic stiffness without contact [N/m], shape (dofs, dofs).
+        M: mass [kg].
+        N: gap operator, shape (elements, dofs).
+        T: slip operator.
+        w: areas of the contact elements [m^2].
+        band: lowest and highest frequency [Hz].
+        tolerance: wanted relative error of lambda.
+        comm: processes that share the work.
+    """
+    bodies = split_substructures(K, M, {"N": N, "T": T})
+    return ReducedModel.offline(bodies, w, band, tolerance=tolerance, comm=comm)
+
+
+def _degrees(tolerance: float, damped: bool) -> tuple[int, ...]:
+    """Degree of the interpolation of each moment; two powers of lambda for each of kappa."""
+    if not 0 < tolerance < 1:
+        raise SceneError(f"tolerance = {tolerance:g}: a relative error between 0 and 1 is needed")
+    top = int(np.clip(4 + ceil(log10(REACHED / tolerance) / log10(GAIN) - 1e-9), 2, 8))
+    step = 2 if damped else 1
+    return tuple(max(1, top - n // step) for n in range(step * (top + 1) + 1 - damped))
+
+
+def _images(
+    substructures: Sequence[Substructure],
+) -> tuple[list[Substructure], list[tuple[int, MirrorImage | None, Substructure]]]:
+    """Bodies that are reduced, and for each body its original and how it mirrors that."""
+    originals: list[Substructure] = []
+    out: list[tuple[int, MirrorImage | None, Substructure]] = []
+    for body in substructures:
+        for i, first in enumerate(originals):
+            image = mirror_image(first, body)
+            if image is not None:
+                out.append((i, image, body))
+                break
+        else:
+            out.append((len(originals), None, body))
+            originals.append(body)
+    return originals, out
+
+
+def _placed(
+    components: list[Component], images: list[tuple[int, MirrorImage | None, Substructure]]
+) -> list[Placed]:
+    """The bodies of the brake, their kept modes one after the other."""
+    out, first = [], 0
+    for i, image, body in images:
+        modes = slice(first, first + components[i].W.shape[1])
+        first = modes.stop
+        signs = np.ones(body.dofs.size) if image is None else image.signs
+        own = body if image is None else image.body
+        out.append(Placed(components[i], own.elements, own.dofs, signs, modes))
+    return out
+
+
+def _shared_modes(
+    bodies: list[Substructure], centre: Array, omega: float, cutoff: float, comm: MPI.Comm
+) -> list[tuple[Array, Array]]:
+    """Kept modes of all bodies, each body by one process; collective."""
+    found: list[object] = []
+    for i, body in enumerate(bodies):
+        own: object = None
+        if comm.rank == i % comm.size:
+            try:
+                own = kept_modes(body, centre, omega, cutoff)
+            except BrakeError as error:
+                own = error
+        found.append(own)
+    shared = [comm.bcast(one, root=i % comm.size) for i, one in enumerate(found)]
+    for one in shared:
+        if isinstance(one, BrakeError):
+            raise one
+    return shared

@@ -1,0 +1,198 @@
+r"""Moments of what the kept modes of a substructure leave out: residual flexibility and beyond.
+
+Without contact a substructure is a matrix polynomial P(z) = P_0 + z P_1 + z^2 P_2 about a real
+shift, in units in which the end of the band is 1:
+
+    no rates    z = kappa + sigma,      P = [K + sigma M, -M],                  kappa = -lambda^2
+    rates       z = lambda - lambda_0,  P = [K + lambda_0 C + sigma M, C + 2 lambda_0 M, M]
+
+with sigma = lambda_0^2. With u = W a + v, W the kept modes and v M-orthogonal to them, let S(z) be
+the inverse of P(z) on these v. All that the interface and the kept modes know of v is
+
+    D(z) = [O; W'P(z)] S(z) [I', P(z) W, F'] = sum z^n D_n,
+
+O the rows of the motions that contact forces follow, I those that they act along, F loads. D_0
+holds the residual flexibility (MacNeal 1971, Rubin 1975); the higher moments are those that
+second-order Arnoldi methods match (Bai and Su, SIAM J. Matrix Anal. Appl. 26, 2005), here computed
+exactly about one point. Where the modes are those of the body itself and it is not damped, P(z) W
+lies in the span of M W and couples with nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.macro.condensation import petsc_matrix, shared_columns
+from brake_fenicsx.macro.solver import Factor, blocks
+
+from .substructure import Substructure
+
+Array = NDArray[np.float64]
+
+# sigma in units of the band's end: positive, so that free bodies have a factor, and small.
+SIGMA = 0.05
+
+# A damping matrix is symmetric up to this share of its largest entry.
+SYMMETRIC = 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """Blocks of contact rows: those whose motion forces follow, and those forces act along.
+
+    Attributes:
+        followed: "N", then "T" and "R" where forces follow the slip rates along and across.
+        damped: whether anything depends on a rate, so that z = lambda - lambda_0.
+    """
+
+    followed: str
+    damped: bool
+
+    @property
+    def acting(self) -> str:
+        """Normal forces and friction act in any case."""
+        return "NT" + "R" * ("R" in self.followed)
+
+    @property
+    def shift(self) -> float:
+        """lambda_0; 0 where z is in kappa."""
+        return float(np.sqrt(SIGMA)) if self.damped else 0.0
+
+
+def shifted_polynomial(
+    K: sp.csr_matrix, C: sp.csr_matrix | None, M: sp.csr_matrix, omega: float, rows: Rows
+) -> list[sp.csr_matrix]:
+    """P_0, P_1 and, with rates, P_2 of a body, in units of the band's end.
+
+    Args:
+        K: stiffness [N/m].
+        C: damping [N s/m]; None where the body has none.
+        M: mass [kg].
+        omega: end of the band [rad/s].
+        rows: whether anything depends on a rate.
+    """
+    K = K / omega**2
+    if not rows.damped:
+        return [(K + SIGMA * M).tocsr(), -M]
+    s = rows.shift
+    C = sp.csr_matrix(K.shape) if C is None else C / omega
+    return [(K + s * C + SIGMA * M).tocsr(), (C + 2 * s * M).tocsr(), M]
+
+
+class Complement:
+    """Inverse of P_0 on the displacements that are M-orthogonal to the kept modes.
+
+    Everything large is taken off the right-hand sides before a solve, never off a solution.
+    """
+
+    def __init__(self, P0: sp.csr_matrix, M: sp.csr_matrix, W: Array):
+        """Factor P_0.
+
+        Args:
+            P0: P_0 or its transpose, shape (n, n).
+            M: mass [kg].
+            W: M-orthonormal kept modes, shape (n, m).
+
+        Raises:
+            InaccurateResult: a symmetric P_0 is not positive definite.
+        """
+        size = abs(P0).max()
+        symmetric = abs(P0 - P0.T).max() <= SYMMETRIC * size
+        self.factor = Factor(petsc_matrix(P0), "brake_residual_", symmetric=symmetric)
+        if symmetric and self.factor.negative_pivots:
+            self.factor.destroy()
+            raise InaccurateResult(
+                "the stiffness of a body is not positive definite somewhere in the box of the"
+                " random materials: narrow their distributions"
+            )
+        self._W, self._MW = W, M @ W
+        self._Y = self.factor.solve(self._MW) if W.shape[1] else np.zeros_like(W)
+        self._small = np.linalg.inv(self._MW.T @ self._Y) if W.shape[1] else np.zeros((0, 0))
+
+    def clear(self, b: Array) -> Array:
+        """Right-hand sides without their share of the kept modes, shape (n, columns)."""
+        return np.asarray(b - self._MW @ (self._W.T @ b))
+
+    def solve(self, b: Array | sp.csc_matrix) -> Array:
+        """S_0 b, for a block of right-hand sides."""
+        dense = b if isinstance(b, np.ndarray) else b.toarray()
+        x = self.factor.solve(self.clear(dense))
+        return np.asarray(x - self._Y @ (self._small @ (self._MW.T @ x)))
+
+
+def coupled(body: Substructure) -> bool:
+    """Whether kept modes of the centre of the box couple with what they leave out."""
+    return body.C is not None or bool(body.changes)
+
+
+def moments(
+    body: Substructure,
+    P: Sequence[sp.csr_matrix],
+    W: Array,
+    rows: Rows,
+    count: int,
+    comm: MPI.Comm,
+    progress: Callable[[float], None] = lambda columns: None,
+) -> Array:
+    """D_0 ... of a body, its rows shared by the processes of a communicator; collective.
+
+    Args:
+        body: the body.
+        P: its matrix polynomial at a point of the box.
+        W: M-orthonormal kept modes, shape (n, m).
+        rows: blocks of its contact rows.
+        count: number of moments.
+        comm: processes that share the work.
+        progress: called with the number of solves that were done, columns times moments.
+
+    Returns:
+        Shape (count, followed rows + kept modes, acting rows + kept modes + loads); the rows and
+        columns of the kept modes are there only where the body is ``coupled``.
+
+    Raises:
+        InaccurateResult: P_0 has no factor.
+    """
+    # X(z) = S(z)' L(z)' column by column; D(z) = X(z)' R(z).
+    complement = Complement(P[0].T.tocsr(), body.M, W)
+    O = sp.vstack([body.interface[name] for name in rows.followed]).T.tocsc()
+    I = sp.vstack([body.interface[name] for name in rows.acting]).T.tocsc()
+    m = W.shape[1] if coupled(body) else 0
+    left = [complement.clear(A.T @ W[:, :m]) for A in P]
+    right = [complement.clear(A @ W[:, :m]) for A in P]
+    transposed = [A.T.tocsr() for A in P]
+    columns = O.shape[1] + m
+    share = shared_columns(columns, comm)
+    width = I.shape[1] + m + body.loads.shape[1]
+    out = np.empty((count, share.size, width))
+    for b in blocks(share.size):
+        chosen = share[b]
+        contact, modal = chosen[chosen < O.shape[1]], chosen[chosen >= O.shape[1]] - O.shape[1]
+        X: list[Array] = []
+        for n in range(count):
+            rhs = np.zeros((P[0].shape[0], chosen.size))
+            if n == 0:
+                rhs[:, : contact.size] = O[:, contact].toarray()
+            if n < len(P):
+                rhs[:, contact.size :] = left[n][:, modal]
+            for i in range(1, min(n, len(P) - 1) + 1):
+                rhs -= transposed[i] @ X[-i]
+            X = [*X[-2:], complement.solve(rhs)]
+            at = out[n, b]
+            at[:, : I.shape[1]] = (I.T @ X[-1]).T
+            at[:, I.shape[1] + m :] = X[-1].T @ body.loads
+            if m:
+                part = X[-1].T @ right[0]
+                for i in range(1, min(n, len(P) - 1) + 1):
+                    part += X[-1 - i].T @ right[i]
+                at[:, I.shape[1] : I.shape[1] + m] = part
+        progress(chosen.size * count)
+    complement.factor.destroy()
+    return np.concatenate(comm.allgather(out), axis=1)

@@ -1,0 +1,267 @@
+"""Eigenvalues of one sample in the reduced model.
+
+With the kept coordinates a of all bodies and the motions y that contact forces follow, eliminating
+what the kept modes leave out gives, exactly,
+
+    own(z) a + forced(z) y = 0,       own = W'P W - D_XX,      forced = (W'I' - D_XI) J,
+    E(z) y = source(z) a,             E = 1 + D_OI J,          source = O W - D_OX,
+
+and T(z) = own + forced E^-1 source. T is expanded in powers of z up to ``TOP``; its zeros come from
+a companion matrix, and one step of the two-sided Rayleigh quotient with all moments corrects each:
+b'T(z)a is evaluated with y and the left motions eta solved for, which makes its error of second
+order (Schwetlick and Schreiber, Linear Algebra Appl. 436, 2012; Guettel and Tisseur, Acta Numerica
+26, 2017, doi:10.1017/S0962492917000034).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+
+from ..complex_columns import on_parts, times
+from ..modes import Complex
+from .component import AtPoint, Component
+from .contact import ContactForces, ContactLinearisation
+from .moments import SIGMA, Rows
+from .polynomials import Zeros, applied, zeros
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+# Highest power of z in T: two powers of lambda for each of kappa.
+TOP = {False: 2, True: 4}
+
+# Steps of y <- y + E_0^-1 (source a - E y), and of the like for eta: each gains a factor of 3 to 5.
+RIGHT_STEPS, LEFT_STEPS = 2, 3
+
+
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """A reduced body in the brake: itself, or a mirror image of it.
+
+    Attributes:
+        component: the reduced body.
+        elements: its contact elements among all.
+        dofs: its free dofs among all.
+        signs: displacement over that of the reduced body, shape (dofs,).
+        modes: places of its kept modes among all.
+    """
+
+    component: Component
+    elements: Index
+    dofs: Index
+    signs: Array
+    modes: slice
+
+
+@dataclass(frozen=True, slots=True)
+class Closed:
+    """Closed contact elements of a body.
+
+    Attributes:
+        here: places among the body's own elements.
+        there: places among all closed elements.
+    """
+
+    here: Index
+    there: Index
+
+    def rows(self, blocks: int, own: int, every: int) -> tuple[Index, Index]:
+        """Places in rows of several blocks: of the body, and of all closed elements.
+
+        Args:
+            blocks: number of blocks.
+            own: number of elements of the body.
+            every: number of closed elements.
+        """
+        steps = np.arange(blocks)[:, None]
+        return (self.here + own * steps).ravel(), (self.there + every * steps).ravel()
+
+
+@dataclass(frozen=True, slots=True)
+class Quotient:
+    """What the two-sided quotient finds of some zeros of T, in z.
+
+    Attributes:
+        step: correction of each zero.
+        slope: b' T'(z) a.
+        truncated: what the moments beyond the last add, over the slope: the last known terms, which
+            fall by |z| over the distance of the nearest pole.
+        right: [J y; a], the loads that act on what is left out.
+        left: [eta; b], its motions that are seen.
+    """
+
+    step: Complex
+    slope: Complex
+    truncated: Array
+    right: Complex
+    left: Complex
+
+
+class Sample:
+    """The reduced problem of one sample.
+
+    Attributes:
+        bodies: the bodies and where their closed elements are.
+        forces: J of the closed elements.
+        T: coefficients of T(z).
+    """
+
+    def __init__(
+        self,
+        bodies: Sequence[Placed],
+        views: Sequence[AtPoint],
+        contact: ContactLinearisation,
+        w: Array,
+        rows: Rows,
+        omega: float,
+    ):
+        """Assemble the bodies and eliminate the motions of the contact elements.
+
+        Args:
+            bodies: the bodies of the brake.
+            views: each of them at the sample's point of the box.
+            contact: what acts in its contact elements.
+            w: areas of all elements [m^2].
+            rows: blocks of contact rows.
+            omega: end of the band [rad/s].
+        """
+        closed = contact.closed
+        if not closed.size:
+            # One open element: its force is zero, and the matrices are not empty.
+            closed = np.zeros(1, dtype=np.intp)
+        self.bodies, self.views, self._rows = bodies, views, rows
+        at = np.full(w.size, -1)
+        at[closed] = np.arange(closed.size)
+        self.closed = []
+        for body in bodies:
+            here = np.flatnonzero(at[body.elements] >= 0)
+            self.closed.append(Closed(here, at[body.elements[here]]))
+        self.forces = ContactForces.of(contact, w, closed, rows, omega)
+        self._count = closed.size
+        self._assemble(contact, w, omega)
+        top = TOP[rows.damped]
+        self._lu = la.lu_factor(self.E[0], check_finite=False)
+        Y: list[Array] = []
+        for n in range(top + 1):
+            rhs = self.source[n].copy() if n < len(self.source) else np.zeros_like(self.source[0])
+            for k in range(1, min(n, len(self.E) - 1) + 1):
+                rhs -= self.E[k] @ Y[n - k]
+            Y.append(la.lu_solve(self._lu, rhs, check_finite=False))
+        self._Y = np.array(Y)
+        size = self.own.shape[1]
+        self.T = np.zeros((top + 1, size, size))
+        self.T[: len(self.own)] = self.own[: top + 1]
+        for n in range(top + 1):
+            for k in range(min(n, len(self.forced) - 1) + 1):
+                self.T[n] += self.forced[k] @ Y[n - k]
+
+    def _assemble(self, contact: ContactLinearisation, w: Array, omega: float) -> None:
+        """E, source, forced and own of all bodies together."""
+        rows, c = self._rows, self._count
+        f, g = len(rows.followed), len(rows.acting)
+        any_coupled = any(b.component.coupled for b in self.bodies)
+        count, extra = len(self.views[0].D), int(rows.followed != "N")
+        size = self.bodies[-1].modes.stop
+        self.E = np.zeros((count + extra, f * c, f * c))
+        self.source = np.zeros((count if any_coupled else 1, f * c, size))
+        self.forced = np.zeros(((count if any_coupled else 1) + extra, size, f * c))
+        length = max(len(self.views[0].modal), count if any_coupled else 0)
+        self.own = np.zeros((length, size, size))
+        for body, view, at in zip(self.bodies, self.views, self.closed, strict=True):
+            comp, modes = body.component, body.modes
+            m = body.elements.size
+            own, place = at.rows(f, m, c)
+            acting, _ = at.rows(g, m, c)
+            elements = body.elements[at.here]
+            J = ContactForces.of(contact, w, elements, rows, omega)
+            D = view.D
+            self.own[: len(view.modal), modes, modes] += view.modal
+            self.source[0][place, modes] += comp.followed[own]
+            lead = comp.acting[acting].T[None]
+            if comp.coupled:
+                first, second = f * m, g * m
+                X = slice(second, second + comp.W.shape[1])
+                self.own[:count, modes, modes] -= D[:, first:, X]
+                self.source[:, place, modes] -= D[:, own, X]
+                lead = np.concatenate([lead, np.zeros((count - 1, *lead.shape[1:]))])
+                lead = lead - D[:, first:][:, :, acting]
+            if at.here.size:
+                through = J.after(lead)
+                self.forced[: len(through), modes, place] += through
+                for n, part in enumerate(J.after(D[np.ix_(np.arange(count), own, acting)])):
+                    self.E[n][np.ix_(place, place)] += part
+        self.E[0][np.diag_indices(f * c)] += 1.0
+
+    def zeros(self) -> Zeros:
+        """All zeros of T with their vectors."""
+        return zeros(self.T)
+
+    def quotient(self, found: Zeros) -> Quotient:
+        """One step of the two-sided quotient with all moments, for some zeros."""
+        z, a, b = found.z, found.right, found.left
+        source, forced = applied(self.source, z, a), applied(self.forced, z, b, transpose=True)
+        y = applied(self._Y, z, a)
+        for _ in range(RIGHT_STEPS):
+            y = y + self._solve(source - applied(self.E, z, y))
+        eta = self._solve(forced, 1)
+        for _ in range(LEFT_STEPS):
+            eta = eta + self._solve(forced - applied(self.E, z, eta, transpose=True), 1)
+        value, slope, last = np.zeros_like(z), np.zeros_like(z), np.zeros(z.shape)
+        tail = len(self.E) - (2 if self._rows.damped else 1)
+        for n in range(len(self.E)):
+            term = -_paired(eta, times(self.E[n], y))
+            if n < len(self.source):
+                term += _paired(eta, times(self.source[n], a))
+            if n < len(self.forced):
+                term += _paired(b, times(self.forced[n], y))
+            if n >= tail:
+                last = np.maximum(last, np.abs(term * z**n))
+            if n < len(self.own):
+                term += _paired(b, times(self.own[n], a))
+                if n >= max(tail, len(self.views[0].modal)):
+                    last = np.maximum(last, np.abs(term * z**n))
+            value += term * z**n
+            if n:
+                slope += n * term * z ** (n - 1)
+        slope = np.where(np.abs(slope) > 1e-300, slope, 1e-300)
+        reach = min(body.component.reach for body in self.bodies)
+        damped = self._rows.damped
+        pole = np.hypot(reach, self._rows.shift) if damped else reach**2 + SIGMA
+        fall = np.minimum(np.abs(z) / pole, 0.9)
+        truncated = last * fall / (1 - fall) / np.abs(slope)
+        right = np.vstack([self.forces(z, y), a])
+        return Quotient(-value / slope, slope, truncated, right, np.vstack([eta, b]))
+
+    def interpolation_errors(self, z: Complex, q: Quotient) -> Array:
+        """Estimated errors of z that the interpolation of the moments makes, all bodies added."""
+        c, f, g = self._count, len(self._rows.followed), len(self._rows.acting)
+        total = np.zeros(z.size)
+        for body, view, at in zip(self.bodies, self.views, self.closed, strict=True):
+            m, modes = body.elements.size, np.arange(body.modes.start, body.modes.stop)
+            own, place = at.rows(f, m, c)
+            acting, there = at.rows(g, m, c)
+            rows = np.r_[own, f * m + np.arange(modes.size)]
+            columns = np.r_[acting, g * m + np.arange(modes.size)]
+            left, right = q.left[np.r_[place, f * c + modes]], q.right[np.r_[there, g * c + modes]]
+            largest = np.zeros(z.size)
+            for error in view.errors:
+                size = np.zeros(z.size)
+                for n, E in enumerate(error):
+                    size += np.abs(_paired(left, times(E[np.ix_(rows, columns)], right)) * z**n)
+                largest = np.maximum(largest, size)
+            total += largest
+        return np.asarray(total / np.abs(q.slope))
+
+    def _solve(self, x: Complex, trans: int = 0) -> Complex:
+        """E_0^-1 x, or its transpose."""
+        return on_parts(lambda v: la.lu_solve(self._lu, v, trans=trans, check_finite=False), x)
+
+
+def _paired(left: Complex, right: Complex) -> Complex:
+    """Products of columns, not conjugated."""
+    return np.asarray(np.einsum("im,im->m", left, right))

@@ -1,0 +1,228 @@
+"""Substructures of a brake: bodies that nothing but contact couples.
+
+Without contact the stiffness, mass and damping of a brake are block diagonal. Each block is a
+substructure with a free interface (Craig and Chang 1976, Rubin 1975), whose stiffness and damping
+are affine in some coefficients,
+
+    K = K_0 + sum c_j K_j,     C = C_0 + sum c_j s_j K_j,
+
+where s_j is the share [s] of a change of stiffness that the damping takes (stiffness-proportional
+damping and loss factors). A pad on the other side of the disc is often the mirror image of the
+first one; then one of the two is reduced.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+# Coordinates, relative to the size of a body, and matrix entries, relative to the largest, of two
+# mirror images differ by round-off.
+SAME_PLACE, SAME_ENTRY = 1e-6, 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Substructure:
+    """One body of a brake, without contact.
+
+    Attributes:
+        dofs: its places among all free dofs, shape (n,).
+        elements: its contact elements among all, shape (m,).
+        K: elastic stiffness [N/m], shape (n, n).
+        M: mass [kg].
+        C: damping [N s/m]; None where it has none.
+        interface: the rows "N" (gap), "T" (slip along the sliding direction) and "R" (slip across
+            it) of its contact elements, each of shape (m, n).
+        loads: unit loads [N], shape (n, loads).
+        changes: unit changes of the stiffness that act on it: number among all -> matrix.
+        shares: share [s] of each of these changes that the damping takes.
+        points: coordinates [m] and direction (0, 1, 2) of its dofs, shape (n, 4); None if unknown.
+    """
+
+    dofs: Index
+    elements: Index
+    K: sp.csr_matrix
+    M: sp.csr_matrix
+    C: sp.csr_matrix | None
+    interface: dict[str, sp.csr_matrix]
+    loads: Array
+    changes: dict[int, sp.csr_matrix] = field(default_factory=dict)
+    shares: dict[int, float] = field(default_factory=dict)
+    points: Array | None = None
+
+    def stiffness(self, c: Array) -> sp.csr_matrix:
+        """K [N/m] under coefficients of all unit changes, shape (changes,)."""
+        return sum((c[j] * A for j, A in self.changes.items()), self.K).tocsr()
+
+    def damping(self, c: Array) -> sp.csr_matrix | None:
+        """C [N s/m] under these coefficients; None where the body has none."""
+        if self.C is None:
+            return None
+        return sum((c[j] * self.shares[j] * A for j, A in self.changes.items()), self.C).tocsr()
+
+
+def split_substructures(
+    K: sp.csr_matrix,
+    M: sp.csr_matrix,
+    interface: dict[str, sp.csr_matrix],
+    loads: Array | None = None,
+    changes: Sequence[sp.csr_matrix] = (),
+    C: sp.csr_matrix | None = None,
+    shares: Sequence[float] | None = None,
+    points: Array | None = None,
+) -> list[Substructure]:
+    """Take a brake apart into the bodies that only contact couples.
+
+    Args:
+        K: elastic stiffness without contact [N/m], shape (dofs, dofs).
+        M: mass [kg].
+        interface: gap operator "N", slip operators "T" and "R", shape (elements, dofs).
+        loads: unit loads [N], shape (dofs, loads); none if None.
+        changes: unit changes of the stiffness.
+        C: damping of the bodies [N s/m]; None where they have none.
+        shares: share [s] of each unit change that the damping takes; zero if None.
+        points: coordinates [m] and direction of every dof, shape (dofs, 4); mirror images are
+            found by them.
+
+    Returns:
+        The bodies, in the order of their first dofs.
+    """
+    pattern = abs(K) if C is None else abs(K) + abs(C)
+    count, label = connected_components(pattern, directed=False)
+    M = M.copy()
+    # The three components of a displacement share no mass: two thirds of the pattern are zeros.
+    M.eliminate_zeros()
+    loads = np.zeros((K.shape[0], 0)) if loads is None else loads
+    follows = np.zeros(len(changes)) if shares is None else np.asarray(shares, float)
+    columns = {name: A.tocsc() for name, A in interface.items()}
+
+    def block(A: sp.csr_matrix, dofs: Index) -> sp.csr_matrix:
+        return A[dofs][:, dofs].tocsr()
+
+    found = []
+    for i in range(count):
+        dofs = np.flatnonzero(label == i)
+        rows = {name: A[:, dofs].tocsr() for name, A in columns.items()}
+        touched = np.sum([np.diff(A.indptr) for A in rows.values()], axis=0)
+        elements = np.flatnonzero(touched)
+        own = {j: block(A.tocsr(), dofs) for j, A in enumerate(changes)}
+        own = {j: A for j, A in own.items() if A.nnz and abs(A).max() > 0}
+        damping = None if C is None else block(C.tocsr(), dofs)
+        if damping is not None:
+            damping.eliminate_zeros()
+            damped = damping.nnz or any(follows[j] for j in own)
+            damping = damping if damped else None
+        found.append(
+            Substructure(
+                dofs, elements, block(K, dofs), block(M, dofs), damping,
+                {name: A[elements] for name, A in rows.items()}, loads[dofs], own,
+                {j: float(follows[j]) for j in own}, None if points is None else points[dofs],
+            )
+        )  # fmt: skip
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class MirrorImage:
+    """A body whose displacements are those of another one, reordered and with other signs.
+
+    Attributes:
+        body: the image; its dofs, elements and rows in the order of the original.
+        signs: displacement of the image over that of the original, 1 or -1, shape (n,).
+    """
+
+    body: Substructure
+    signs: Array
+
+
+def mirror_image(original: Substructure, other: Substructure) -> MirrorImage | None:
+    """A second body as the mirror image of a first one; None where it is none.
+
+    Reflections of the coordinate axes, and products of them, are tried about the centres of the
+    two bodies; only a body all of whose matrices agree to round-off is an image.
+
+    Args:
+        original: the first body.
+        other: the second one.
+    """
+    sizes = [
+        (b.K.shape, b.elements.size, b.loads.shape, sorted(b.changes)) for b in (original, other)
+    ]
+    first, second = original.points, other.points
+    if sizes[0] != sizes[1] or first is None or second is None:
+        return None
+    places = [x[:, :3] - x[:, :3].mean(axis=0) for x in (first, second)]
+    size = float(np.ptp(places[0], axis=0).max()) or 1.0
+    direction = first[:, 3].astype(int)
+    tree = KDTree(np.column_stack([places[1], size * second[:, 3]]))
+    for turn in product((1.0, -1.0), repeat=3):
+        wanted = np.column_stack([places[0] * turn, size * direction])
+        distance, dofs = tree.query(wanted)
+        if distance.max() > SAME_PLACE * size or np.unique(dofs).size < dofs.size:
+            continue
+        image = _reordered(original, other, dofs, np.array(turn)[direction])
+        if image is not None:
+            return image
+    return None
+
+
+def _reordered(
+    original: Substructure, other: Substructure, dofs: Index, signs: Array
+) -> MirrorImage | None:
+    """The other body in the order of the original, if its matrices are the same ones."""
+    turn = sp.diags(signs)
+
+    def same(A: sp.spmatrix, B: sp.spmatrix) -> bool:
+        return bool(abs(A - B).max() <= SAME_ENTRY * max(abs(A).max(), abs(B).max(), 1e-300))
+
+    def square(A: sp.csr_matrix) -> sp.csr_matrix:
+        return (turn @ A[dofs][:, dofs] @ turn).tocsr()
+
+    if (original.C is None) != (other.C is None) or original.shares != other.shares:
+        return None
+    pairs = [(original.K, other.K), (original.M, other.M)]
+    pairs += [(A, other.changes[j]) for j, A in original.changes.items()]
+    if original.C is not None and other.C is not None:
+        pairs.append((original.C, other.C))
+    if not all(same(A, square(B)) for A, B in pairs):
+        return None
+    rows = {name: (A[:, dofs] @ turn).tocsr() for name, A in other.interface.items()}
+    elements = _matching_rows(original.interface, rows)
+    loads = other.loads[dofs] * signs[:, None]
+    if elements is None or not np.allclose(loads, original.loads, rtol=1e-9, atol=1e-300):
+        return None
+    rows = {name: A[elements] for name, A in rows.items()}
+    if not all(same(A, rows[name]) for name, A in original.interface.items()):
+        return None
+    moved = replace(
+        original, dofs=other.dofs[dofs], elements=other.elements[elements], loads=loads,
+        points=None,
+    )  # fmt: skip
+    return MirrorImage(moved, signs)
+
+
+def _matching_rows(
+    first: dict[str, sp.csr_matrix], second: dict[str, sp.csr_matrix]
+) -> Index | None:
+    """For each contact element of the first body the one of the second with the same rows."""
+    n = next(iter(first.values())).shape[1]
+    weights = np.random.default_rng(0).random((n, len(first)))
+    marks = [
+        sum(rows[name] @ weights[:, i] for i, name in enumerate(first)) for rows in (first, second)
+    ]
+    order = [np.argsort(mark, kind="stable") for mark in marks]
+    if not np.allclose(marks[0][order[0]], marks[1][order[1]], rtol=1e-6, atol=1e-12):
+        return None
+    found = np.empty_like(order[0])
+    found[order[0]] = order[1]
+    return found
