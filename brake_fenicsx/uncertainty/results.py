@@ -31,7 +31,7 @@ class Results:
         self.tasks, self.verify, self.verified = list(tasks), list(verify), verified
         self.stored: dict[Task, dict[str, Any]] = {}
         for task in [*self.tasks, *self.verify]:
-            found = store.load(sample_file(task))
+            found = store.load_sample(sample_file(task))
             if found is not None:
                 self.stored[task] = found
 
