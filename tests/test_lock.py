@@ -149,9 +149,9 @@ def test_samples_of_another_scene_and_damaged_ones_are_named(tmp_path):
 
     run_ensemble(TASKS, never, store, MPI.COMM_SELF)
     store.digest = "another"
-    with pytest.raises(SceneError, match="00000.npz: does not belong to the scene"):
+    with pytest.raises(SceneError, match=r"00000.npz: does not belong to the scene"):
         run_ensemble(TASKS, never, store, MPI.COMM_SELF)
     store.digest, path = "this", store.path(sample_file(TASKS[2]))
     path.write_bytes(path.read_bytes()[:100])
-    with pytest.raises(SceneError, match="00002.npz: damaged"):
+    with pytest.raises(SceneError, match=r"00002.npz: damaged"):
         run_ensemble(TASKS, never, store, MPI.COMM_SELF)

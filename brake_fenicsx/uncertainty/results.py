@@ -62,7 +62,8 @@ class Results:
                 zip(map(str, data.get("random_names", ())), data.get("random", ()), strict=True)
             )
             seed = int(data["seed"]) if "seed" in data else None
-            mu = float(np.mean(data["mu"])) if "mu" in data else None
+            # The mean of equal numbers is off by round-off.
+            mu = float(f"{np.mean(data['mu']):.12g}") if "mu" in data else None
             values = [float(drawn[n]) if n in drawn else None for n in names]
             rejected = int(data["rejected"]) if "rejected" in data else None
             yield [
