@@ -48,7 +48,7 @@ def finishing() -> Iterator[None]:
     try:
         yield
     finally:
-        _State.finishing = False
+        _State.asked = _State.finishing = False
 
 
 def _on_signal(*_: Any) -> None:
