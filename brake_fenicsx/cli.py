@@ -17,7 +17,7 @@ from collections.abc import Sequence  # noqa: E402
 from typing import Any, NoReturn  # noqa: E402
 
 from brake_fenicsx.errors import BrakeError, SceneError  # noqa: E402
-from brake_fenicsx.termination import STATUS, Terminated, watch  # noqa: E402
+from brake_fenicsx.termination import STATUS, Terminated, watching  # noqa: E402
 
 STAGES = ("surface", "micro", "equilibrium", "stability", "uncertainty", "report")
 
@@ -152,12 +152,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         Exit status: 0 done, 1 a computation failed, 2 wrong input, 130 interrupted, 141 the output
         is read no more, 143 ended by SIGTERM.
     """
-    words = list(sys.argv[1:] if arguments is None else arguments)
+    with watching():
+        return _main(list(sys.argv[1:] if arguments is None else arguments))
+
+
+def _main(words: list[str]) -> int:
+    """Run the command line; what went wrong is one line and a status."""
     given = words[words.index("--") + 1 :] if "--" in words else []
     comm: Any = None
     verbose = False
     try:
-        watch()
         options = parser().parse_args(words[: words.index("--")] if "--" in words else words)
         verbose = options.verbose
         from mpi4py import MPI

@@ -6,6 +6,7 @@ import logging
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 logger = logging.getLogger("brake_fenicsx")
 
@@ -18,7 +19,7 @@ def start_log(rank: int, file: Path | None = None, level: str | None = None) -> 
         file: path of the log file, appended to; none if not given.
         level: from which level on the terminal shows it; as before if not given.
     """
-    shown = next((h.level for h in logger.handlers if isinstance(h, _Terminal)), logging.INFO)
+    before = next((h for h in logger.handlers if isinstance(h, _Terminal)), None)
     # A record that cannot be written, as on a full disc, is no reason for a traceback.
     logging.raiseExceptions = False
     # The form compiler logs its command lines at INFO on the root logger, and distutils lowers the
@@ -35,7 +36,7 @@ def start_log(rank: int, file: Path | None = None, level: str | None = None) -> 
         logger.addHandler(logging.NullHandler())
         return
     terminal = _Terminal(sys.stderr)
-    terminal.setLevel(shown if level is None else level)
+    terminal.setLevel(level or (before.level if before else logging.INFO))
     terminal.setFormatter(logging.Formatter("%(message)s"))
     logger.addHandler(terminal)
     if file is not None:
@@ -43,10 +44,22 @@ def start_log(rank: int, file: Path | None = None, level: str | None = None) -> 
         handler.setLevel(min(terminal.level, logging.INFO))
         handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
         logger.addHandler(handler)
+        # What was said before there was a file.
+        for record in before.said if before else ():
+            handler.handle(record)
 
 
 class _Terminal(logging.StreamHandler):
-    """The handler whose level the command line sets."""
+    """The handler whose level the command line sets; keeps what it said."""
+
+    def __init__(self, stream: Any) -> None:
+        super().__init__(stream)
+        self.said: list[logging.LogRecord] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Show a record."""
+        self.said.append(record)
+        super().emit(record)
 
 
 class Progress:

@@ -30,10 +30,15 @@ class _State:
     asked = finishing = False
 
 
-def watch() -> None:
-    """From now on SIGTERM is ours."""
+@contextmanager
+def watching() -> Iterator[None]:
+    """A block in which SIGTERM is ours."""
     _State.asked = _State.finishing = False
-    signal.signal(signal.SIGTERM, _on_signal)
+    before = signal.signal(signal.SIGTERM, _on_signal)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def asked() -> bool:

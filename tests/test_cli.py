@@ -20,6 +20,7 @@ from brake_fenicsx.pipeline import Run
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.shelf import Shelf
 from brake_fenicsx.store import Store
+from brake_fenicsx.surface import read_topography
 from brake_fenicsx.termination import Terminated
 from brake_fenicsx.uncertainty.ensemble import run_ensemble, sample_file
 
@@ -70,6 +71,22 @@ def test_quiet_verbose_and_json(tmp_path, capsys):
     # -v shows where an error arose.
     assert main(["check", str(tmp_path / "none.toml"), "-v"]) == 2
     assert "Traceback" in capsys.readouterr().err
+
+
+def test_missing_points_are_said_once_and_stand_in_the_log(tmp_path, capsys):
+    """So do warnings of what was read before the folder was opened."""
+    scan = read_topography(BLOCK.parent / "pad_scan.npz")
+    scan.heights[:4, :5] = 900e-6
+    np.savez(tmp_path / "scan.npz", heights=scan.heights, size=scan.size)
+    lost = np.isnan(scan.heights).sum()
+    (tmp_path / "s.toml").write_text('stages = ["surface"]\n[surface]\nscan = "scan.npz"\n')
+    out = tmp_path / "out"
+    assert main(["run", str(tmp_path / "s.toml"), "-o", str(out)]) == 0
+    for said in (capsys.readouterr().err, (out / "log.txt").read_text()):
+        assert said.count(f"{lost} points missing") == 1
+        assert said.count("20 points at exactly 900 um") == 1
+    assert main(["check", str(tmp_path / "s.toml")]) == 0
+    assert capsys.readouterr().out.count(f"{lost} points missing") == 1
 
 
 def test_check_as_json(capsys):
@@ -201,11 +218,7 @@ def test_sigterm_finishes_the_sample_and_nothing_new(tmp_path, monkeypatch, caps
         run_ensemble([("fast", k) for k in range(6)], work, store, MPI.COMM_SELF)
 
     monkeypatch.setattr(pipeline, "run", run)
-    before = signal.getsignal(signal.SIGTERM)
-    try:
-        status, said = one_line(capsys, "run", BLOCK)
-    finally:
-        signal.signal(signal.SIGTERM, before)
+    status, said = one_line(capsys, "run", BLOCK)
     assert status == 143 and "finished samples are stored" in said
     assert [k for _, k in begun] == [0, 1, 2]
     assert store.load_sample(sample_file(("fast", 2))) is not None
