@@ -65,8 +65,6 @@ class Store:
         if folder.is_symlink() and not folder.exists():
             raise SceneError(f"-o {folder}: a link to {os.readlink(folder)}, which is not there;"
                              f" make it, or {remedy}")  # fmt: skip
-        if folder.exists() and not folder.is_dir():
-            raise SceneError(f"-o {folder}: a file, not a folder; {remedy}")
         mark = self.path("scene.sha256")
         if mark.exists():
             if mark.read_text() != self.digest:

@@ -206,7 +206,9 @@ def _read_instrument(
             f"{file}: no reader knows this format; export it as text: {ACCEPTED}"
         ) from None
     except Exception as error:
-        raise SurfaceError(f"{file}: the reader fails ({error}); export it as text") from error
+        raise SurfaceError(
+            f"{file}: the reader fails ({error}); export it as text: {ACCEPTED}"
+        ) from error
     channels = reader.channels
     index = reader.default_channel.index if channel is None else channel
     if not 0 <= index < len(channels):
