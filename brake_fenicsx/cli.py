@@ -16,7 +16,7 @@ import traceback  # noqa: E402
 from collections.abc import Sequence  # noqa: E402
 from typing import Any, NoReturn  # noqa: E402
 
-from brake_fenicsx.errors import BrakeError, SceneError  # noqa: E402
+from brake_fenicsx.errors import BrakeError, SceneError, StorageError  # noqa: E402
 from brake_fenicsx.termination import STATUS, Terminated, watching  # noqa: E402
 
 STAGES = ("surface", "micro", "equilibrium", "stability", "uncertainty", "report")
@@ -42,6 +42,7 @@ variations:
   mpirun -n 8 brake-fenicsx run brake.toml
       as root, as in a container, Open MPI asks for OMPI_ALLOW_RUN_AS_ROOT=1 and
       OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 in the environment
+  eval "$(brake-fenicsx --completion bash)"    completes command lines in this shell
   brake-fenicsx run brake.toml -- -brake_compliance_mat_mumps_icntl_4 2
 
 exit status:
@@ -162,15 +163,18 @@ def _main(words: list[str]) -> int:
     comm: Any = None
     verbose = False
     try:
-        options = parser().parse_args(words[: words.index("--")] if "--" in words else words)
-        verbose = options.verbose
         from mpi4py import MPI
 
         comm = MPI.COMM_WORLD
+        options = parser().parse_args(words[: words.index("--")] if "--" in words else words)
+        verbose = options.verbose
         _run(options, given, comm)
         sys.stdout.flush()
     except BrakeError as error:
-        return _end(comm, verbose, str(error), 2 if isinstance(error, SceneError) else 1)
+        status = _end(comm, verbose, str(error), 2 if isinstance(error, SceneError) else 1)
+        if isinstance(error, StorageError) and comm.size > 1 and comm.rank == 0:
+            comm.Abort(status)  # it may be the only one that writes, and the others wait
+        return status
     except KeyboardInterrupt:
         return _end(comm, verbose, "interrupted; the same command goes on from here", 130)
     except Terminated as error:

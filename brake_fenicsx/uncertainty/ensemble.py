@@ -59,7 +59,9 @@ def run_ensemble(
     waited = False
     while wanted:
         _run_unclaimed(tasks, wanted, work, store, comm, large, size)
-        if (wanted := _missing(wanted, store, comm)) and store.lock is not None:
+        if store.lock is None:
+            return
+        if wanted := _missing(wanted, store, comm):
             if not waited:
                 logger.info("%d samples are being computed by another run; waiting", len(wanted))
             waited = True
@@ -125,16 +127,13 @@ class _Take:
     def _one(self, task: Task, group: Group) -> bool:
         """Compute a sample and store it, or its error; False if another run has it."""
         lock, name = self.store.lock, f"{task[0]}-{task[1]:05d}"
-        mine = lock is None or group.rank > 0 or lock.claim(name) is None
-        # The other run may have finished it since.
-        if (
-            lock is not None
-            and mine
-            and group.rank == 0
-            and self.store.has_sample(sample_file(task))
-        ):
-            lock.release(name)
-            mine = False
+        mine = True
+        if lock is not None and group.rank == 0:
+            mine = lock.claim(name) is None
+            # The other run may have finished it since.
+            if mine and self.store.has_sample(sample_file(task)):
+                lock.release(name)
+                mine = False
         if not group.bcast(mine):
             return False
         try:
