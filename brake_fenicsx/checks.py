@@ -62,7 +62,9 @@ def read_surface(scene: Scene) -> SurfaceStatistics:
         return given_statistics(t.S_q, t.S_sk, t.S_ku, t.c1, t.c2, t.q_c)
     size = None if table.size is None else (table.size[0], table.size[-1])
     try:
-        scan = read_topography(scene.path(str(table.scan)), size, table.height_unit)
+        scan = read_topography(
+            scene.path(str(table.scan)), size, table.height_unit, rows=table.rows
+        )
         return characterise(scan, table.level, cutoff=table.cutoff)
     except BrakeError as error:
         raise SceneError(f"{scene.file}: surface.scan = {table.scan!r}: {error}") from None

@@ -7,14 +7,17 @@ import os
 # One BLAS thread per process, before any library is loaded.
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
+# PETSc would answer a closed pipe and SIGTERM with its own banner and MPI_Abort.
+os.environ["PETSC_OPTIONS"] = f"-no_signal_handler {os.environ.get('PETSC_OPTIONS', '')}"
 
 import argparse  # noqa: E402
 import sys  # noqa: E402
+import traceback  # noqa: E402
 from collections.abc import Sequence  # noqa: E402
-from typing import NoReturn  # noqa: E402
+from typing import Any, NoReturn  # noqa: E402
 
-from brake_fenicsx import __version__  # noqa: E402
-from brake_fenicsx.errors import BrakeError, SceneError  # noqa: E402
+from brake_fenicsx.errors import BrakeError, SceneError, StorageError  # noqa: E402
+from brake_fenicsx.termination import STATUS, Terminated, watching  # noqa: E402
 
 STAGES = ("surface", "micro", "equilibrium", "stability", "uncertainty", "report")
 
@@ -37,13 +40,18 @@ variations:
   brake-fenicsx run brake.toml --set contact.pad_disc.friction=0.4 -o other
   brake-fenicsx run brake.toml --from report
   mpirun -n 8 brake-fenicsx run brake.toml
+      as root, as in a container, Open MPI asks for OMPI_ALLOW_RUN_AS_ROOT=1 and
+      OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 in the environment
+  eval "$(brake-fenicsx --completion bash)"    completes command lines in this shell
   brake-fenicsx run brake.toml -- -brake_compliance_mat_mumps_icntl_4 2
 
 exit status:
   0    done
   1    a computation or every sample failed; a named error is printed, finished samples are kept
   2    wrong input; one line names file, key, value and remedy, nothing was written
-  130  interrupted; started again it goes on (mpirun answers with a status of its own)
+  130  interrupted (Ctrl-C); started again it goes on (mpirun answers with a status of its own)
+  141  whoever read the output stopped reading, as "| head" does
+  143  ended by SIGTERM; the sample at hand was stored, started again it goes on
 
 "brake-fenicsx COMMAND --help" lists the options of a command."""
 
@@ -53,7 +61,8 @@ Nothing is written. Memory and time are estimates from measured runs, for one co
 AFTER_RUN = """\
 The results folder holds report.html, figures/ (PNG, SVG), tables (modes.csv, samples.csv, ...),
 fields/ for ParaView, summary.json (sizes, times, seeds, versions) and log.txt; docs/results.md
-lists them all. A folder that holds results of another scene is refused."""
+lists them all. A folder that holds results of another scene is refused. Runs of one scene that are
+started together in one folder share its samples."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -72,7 +81,9 @@ def parser() -> argparse.ArgumentParser:
         epilog=EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    top.add_argument("--version", action="version", version=__version__)
+    top.add_argument("--version", action=_Version, help="versions of the program, DOLFINx, ...")
+    top.add_argument("--completion", action=_Completion, choices=("bash", "zsh", "tcsh"),
+                     help="print what makes this shell complete command lines")  # fmt: skip
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     raw = argparse.RawDescriptionHelpFormatter
     text = "read a scene; say what it will build and about how long it will take"
@@ -86,6 +97,8 @@ def parser() -> argparse.ArgumentParser:
         command.add_argument("--set", action="append", default=[], metavar="KEY=VALUE",
                              help="replace a key of the scene: any of docs/scene.md, as often as"
                              " wanted; the value is TOML, or a bare word")  # fmt: skip
+        command.add_argument("--json", action="store_true",
+                             help="print the outcome as JSON, for other programs")  # fmt: skip
     afresh = f"compute it and all later stages afresh: {', '.join(STAGES)}"
     runs.add_argument("--from", dest="from_stage", choices=STAGES, metavar="STAGE", help=afresh)
     runs.add_argument("-o", dest="directory", metavar="DIR", help="results folder, ./SCENE-results")
@@ -95,47 +108,114 @@ def parser() -> argparse.ArgumentParser:
     text = "draw the figures of a results folder and write its page again"
     reports = commands.add_parser("report", help=text, description=text)
     reports.add_argument("directory", metavar="DIR", help="results folder of a run")
+    for command in (checks, runs, reports):
+        command.add_argument(
+            "-q", dest="quiet", action="store_true", help="warnings and errors alone"
+        )
+        command.add_argument("-v", dest="verbose", action="store_true",
+                             help="say more; show where in the program an error arose")  # fmt: skip
     return top
+
+
+class _Version(argparse.Action):
+    """Versions of the program and of the solvers it would use."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str, help: str):
+        super().__init__(option_strings, dest, nargs=0, help=help)
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
+        from brake_fenicsx.versions import solver_versions
+
+        print("\n".join(f"{name} {number}" for name, number in solver_versions().items()))
+        parser.exit()
+
+
+class _Completion(argparse.Action):
+    """Completion of a shell, made by shtab."""
+
+    def __call__(self, parser: argparse.ArgumentParser, _: Any, shell: Any, *__: Any) -> NoReturn:
+        try:
+            import shtab
+        except ImportError:
+            raise SceneError("--completion needs shtab: pip install shtab") from None
+        for command in parser._subparsers._group_actions[0].choices.values():  # type: ignore
+            for action in command._actions:
+                if action.dest in ("scene", "directory", "cache"):
+                    action.complete = shtab.FILE if action.dest == "scene" else shtab.DIRECTORY
+        print(shtab.complete(parser, shell))
+        parser.exit()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line.
 
     Returns:
-        Exit status: 0 done, 1 a computation failed, 2 wrong input, 130 interrupted.
+        Exit status: 0 done, 1 a computation failed, 2 wrong input, 130 interrupted, 141 the output
+        is read no more, 143 ended by SIGTERM.
     """
-    words = list(sys.argv[1:] if arguments is None else arguments)
+    with watching():
+        return _main(list(sys.argv[1:] if arguments is None else arguments))
+
+
+def _main(words: list[str]) -> int:
+    """Run the command line; what went wrong is one line and a status."""
     given = words[words.index("--") + 1 :] if "--" in words else []
-    from mpi4py import MPI
-
-    comm = MPI.COMM_WORLD
+    comm: Any = None
+    verbose = False
     try:
-        options = parser().parse_args(words[: words.index("--")] if "--" in words else words)
-        _run(options, given, comm)
-    except BrakeError as error:
-        if comm.rank == 0:
-            print(f"brake-fenicsx: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2 if isinstance(error, SceneError) else 1
-    except KeyboardInterrupt:
-        if comm.rank == 0:
-            print("brake-fenicsx: interrupted; the same command goes on from here", file=sys.stderr)
-        return 130
-    except BaseException:
-        # One process that dies alone would leave the others waiting for ever.
-        if comm.size > 1:
-            import traceback
+        from mpi4py import MPI
 
+        comm = MPI.COMM_WORLD
+        options = parser().parse_args(words[: words.index("--")] if "--" in words else words)
+        verbose = options.verbose
+        _run(options, given, comm)
+        sys.stdout.flush()
+    except BrakeError as error:
+        status = _end(comm, verbose, str(error), 2 if isinstance(error, SceneError) else 1)
+        if isinstance(error, StorageError) and comm.size > 1 and comm.rank == 0:
+            comm.Abort(status)  # it may be the only one that writes, and the others wait
+        return status
+    except KeyboardInterrupt:
+        return _end(comm, verbose, "interrupted; the same command goes on from here", 130)
+    except Terminated as error:
+        said = "terminated; finished samples are stored, the same command goes on from here"
+        status = _end(comm, verbose, said, STATUS)
+        if comm is not None and comm.size > 1 and not error.together:
+            comm.Abort(status)
+        return status
+    except BrokenPipeError:
+        # Python would write what is left once more at its end, and fail again.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
+    except BaseException as error:
+        # One process that dies alone would leave the others waiting for ever.
+        alone = comm is None or comm.size == 1
+        if isinstance(error, OSError) and error.strerror:
+            said = f"{error.filename or 'the output'}: {error.strerror}"
+            status = _end(comm if alone else None, verbose, said, 1)
+            return status if alone else comm.Abort(status)
+        if not alone and not isinstance(error, SystemExit):
             traceback.print_exc()
             comm.Abort(1)
         raise
     return 0
 
 
-def _run(options: argparse.Namespace, petsc: Sequence[str], comm: object) -> None:
+def _end(comm: Any, verbose: bool, said: str, status: int) -> int:
+    """Say on the first process how it ended."""
+    if comm is None or comm.rank == 0:
+        if verbose:
+            traceback.print_exc()
+        print(f"brake-fenicsx: {' '.join(said.split())}", file=sys.stderr)
+    return status
+
+
+def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
     """Do what was asked."""
     from brake_fenicsx.log import start_log
 
-    start_log(getattr(comm, "rank", 0))
+    level = "WARNING" if options.quiet else "DEBUG" if options.verbose else "INFO"
+    start_log(comm.rank, level=level)
     if petsc:
         import petsc4py
 
@@ -143,17 +223,25 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: object) -> Non
     from brake_fenicsx import pipeline
 
     if options.command == "run":
-        pipeline.run(
-            options.scene, comm, options.directory, options.set, options.from_stage, options.cache,  # type: ignore[arg-type]
-        )  # fmt: skip
+        done = pipeline.run(
+            options.scene, comm, options.directory, options.set, options.from_stage, options.cache
+        )
+        if options.json and comm.rank == 0:
+            _print_json(done.outcome())
     elif options.command == "check":
         from brake_fenicsx.description import describe
 
-        describe(options.scene, comm, options.set)  # type: ignore[arg-type]
-    elif getattr(comm, "rank", 0) == 0:
+        describe(options.scene, comm, options.set, options.json)
+    elif comm.rank == 0:
         from pathlib import Path
 
         pipeline.report(Path(options.directory))
+
+
+def _print_json(content: Any) -> None:
+    import json
+
+    print(json.dumps(content, indent=1))
 
 
 if __name__ == "__main__":

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
@@ -14,8 +16,16 @@ from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene_damping import active_terms
 
 
-def describe(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -> None:
+def describe(
+    scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = (), as_json: bool = False
+) -> None:
     """Check a scene and print what a run of it will build; nothing is written.
+
+    Args:
+        scene: path of the scene.
+        comm: processes of the run.
+        overrides: "key=value" replacements in the scene.
+        as_json: print the counts and costs as JSON in place of lines.
 
     Raises:
         SceneError: the scene is wrong.
@@ -32,6 +42,8 @@ def describe(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -
         nx, ny = scan.shape
         lx, ly = (1e3 * v for v in scan.size)
         lines.append(f"scan: {nx} x {ny} points, {lx:.4g} x {ly:.4g} mm, {scan.source}")
+        if stats and stats.missing + stats.outliers:
+            lines[-1] += f"; {stats.missing} points missing, {stats.outliers} outliers masked"
     if parsed.micro and "micro" in parsed.stages:
         m = parsed.micro
         each = " for each sample" if m.fresh else ""
@@ -40,6 +52,8 @@ def describe(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -
             f" {1e3 * m.patch:g} mm squared"
         )
     counts = Counts()
+    sizes: dict[str, Any] = {}
+    samples: dict[str, int] = {}
     if "equilibrium" in parsed.stages:
         from brake_fenicsx.macro.brake import assemble_brake
         from brake_fenicsx.uncertainty.sampling import sample_count
@@ -67,6 +81,15 @@ def describe(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -
             lines.append(f"damping: {', '.join(damped)}")
     if size > 1:
         lines.append(f"processes: a multiple of {size}; each {size} share a sample at full order")
-    lines += cost_lines(estimate(parsed, counts), comm.size)
-    if comm.rank == 0:
+    costs = estimate(parsed, counts)
+    lines += cost_lines(costs, comm.size)
+    if comm.rank == 0 and as_json:
+        content = {
+            "scene": str(parsed.file), "stages": parsed.stages, **sizes, "samples": samples,
+            "remarks": remarks(parsed, comm),
+            "seconds": {cost.stage: round(cost.seconds, 3) for cost in costs},
+            "gigabytes_per_process": max((round(c.gigabytes, 3) for c in costs), default=0.0),
+        }  # fmt: skip
+        print(json.dumps(content, indent=1))
+    elif comm.rank == 0:
         print("\n".join(lines))

@@ -13,6 +13,10 @@ class SurfaceError(SceneError):
     """A scan or a surface cannot be used (no valid point, flat where roughness is needed, ...)."""
 
 
+class StorageError(BrakeError, OSError):
+    """A result cannot be written: the disc is full, or no longer there."""
+
+
 class NotConverged(BrakeError, RuntimeError):
     """An iteration did not reach its tolerance; the last iterate is not returned."""
 

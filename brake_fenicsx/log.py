@@ -6,17 +6,22 @@ import logging
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 logger = logging.getLogger("brake_fenicsx")
 
 
-def start_log(rank: int, file: Path | None = None) -> None:
+def start_log(rank: int, file: Path | None = None, level: str | None = None) -> None:
     """Send the package's log to the terminal and to a file on rank 0, and nowhere on the others.
 
     Args:
         rank: rank of this process in the run's communicator.
         file: path of the log file, appended to; none if not given.
+        level: from which level on the terminal shows it; as before if not given.
     """
+    before = next((h for h in logger.handlers if isinstance(h, _Terminal)), None)
+    # A record that cannot be written, as on a full disc, is no reason for a traceback.
+    logging.raiseExceptions = False
     # The form compiler logs its command lines at INFO on the root logger, and distutils lowers the
     # root's level again at the first form; a handler that is there keeps its own.
     root = logging.getLogger()
@@ -26,37 +31,68 @@ def start_log(rank: int, file: Path | None = None) -> None:
         root.addHandler(warnings)
     logger.handlers.clear()
     logger.propagate = False
-    logger.setLevel(logging.INFO)
+    logger.setLevel(logging.DEBUG)
     if rank != 0:
         logger.addHandler(logging.NullHandler())
         return
-    terminal = logging.StreamHandler(sys.stderr)
+    terminal = _Terminal(sys.stderr)
+    terminal.setLevel(level or (before.level if before else logging.INFO))
     terminal.setFormatter(logging.Formatter("%(message)s"))
     logger.addHandler(terminal)
     if file is not None:
         handler = logging.FileHandler(file)
+        handler.setLevel(min(terminal.level, logging.INFO))
         handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
         logger.addHandler(handler)
+        # What was said before there was a file.
+        for record in before.said if before else ():
+            handler.handle(record)
+
+
+class _Terminal(logging.StreamHandler):
+    """The handler whose level the command line sets; keeps what it said."""
+
+    def __init__(self, stream: Any) -> None:
+        super().__init__(stream)
+        self.said: list[logging.LogRecord] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Show a record."""
+        self.said.append(record)
+        super().emit(record)
 
 
 class Progress:
     """A log line every five seconds at most, with the time to go."""
 
-    def __init__(self, what: str, total: int):
+    def __init__(self, what: str, total: int, slow: int = 0):
+        """Begin.
+
+        Args:
+            what: name of the pieces.
+            total: how many there are.
+            slow: how many of them, the first ones, say nothing of how long the others take.
+        """
         self.what, self.total, self.done = what, total, 0
+        self.slow = slow if slow < total else 0
         self.last = self.said = time.perf_counter()
         self.each: float | None = None
 
     def advance(self, n: int = 1) -> None:
         """Count ``n`` finished pieces and say so when there is something new to say."""
-        self.done += n
+        before, self.done = self.done, self.done + n
         now = time.perf_counter()
         each = (now - self.last) / max(n, 1)
-        # Pieces differ in length: the latest count more.
-        self.each = each if self.each is None else 0.8 * self.each + 0.2 * min(each, 4 * self.each)
         self.last = now
+        if before >= self.slow:
+            # Pieces differ in length: the latest count more.
+            old = each if self.each is None else self.each
+            self.each = 0.8 * old + 0.2 * min(each, 4 * old)
         if self.done < self.total and now - self.said < 5.0:
             return
         self.said = now
-        to_go = self.each * (self.total - self.done)
-        logger.info("%s: %d of %d, %.0f s to go", self.what, self.done, self.total, to_go)
+        if self.each is None:
+            to_go = f"the {self.slow} at full order first"
+        else:
+            to_go = f"{self.each * (self.total - self.done):.0f} s to go"
+        logger.info("%s: %d of %d, %s", self.what, self.done, self.total, to_go)

@@ -21,18 +21,21 @@ import numpy as np
 
 from brake_fenicsx.checks import check, check_groups, remarks
 from brake_fenicsx.errors import BrakeError, SceneError
+from brake_fenicsx.lock import Lock
 from brake_fenicsx.log import Progress, logger, start_log
 from brake_fenicsx.memory import give_back
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene_in_effect import in_effect
 from brake_fenicsx.shelf import Shelf, of_laws
-from brake_fenicsx.store import Store
+from brake_fenicsx.store import RUNNING, Store
 from brake_fenicsx.versions import versions
 
 if TYPE_CHECKING:
     from brake_fenicsx.macro.brake import Brake
     from brake_fenicsx.micro import LawLibrary
     from brake_fenicsx.surface import SurfaceStatistics
+
+FOLDER = "folder"  # all of a results folder, as a piece of work
 
 
 @dataclass(slots=True)
@@ -71,6 +74,32 @@ class Run:
             "%s: %.1f s, %.0f MB at most", name, self.seconds[name], self.peak_memory_mb[name]
         )
         give_back()
+
+    @property
+    def page(self) -> Path | None:
+        """The page of results; None without the stage report."""
+        return self.store.path("report.html") if "report" in self.scene.stages else None
+
+    def outcome(self) -> dict[str, Any]:
+        """How the run ended, for other programs."""
+        good = {name: about["good"] for name, about in self.facts.get("samples", {}).items()}
+        return {
+            "directory": str(self.store.directory.resolve()),
+            "page": None if self.page is None else str(self.page.resolve()),
+            "good_samples": good,
+            "failed_samples": self.facts.get("failed_samples", 0),
+            "seconds": {name: round(value, 3) for name, value in self.seconds.items()},
+        }
+
+    def ending(self) -> str:
+        """How the run ended, and where to look."""
+        outcome = self.outcome()
+        said = "done"
+        if failed := outcome["failed_samples"]:
+            of = failed + sum(outcome["good_samples"].values())
+            said += f", {failed} of {of} samples failed: see {self.store.path('samples.csv')}"
+        look = f"results are in {self.store.directory}"
+        return f"{said}; {look if self.page is None else f'open {self.page}'}"
 
 
 def assemble(scene: str | Path, comm: MPI.Comm) -> Brake:
@@ -123,26 +152,38 @@ def run(
     stats = check(parsed, comm)
     this = Run(parsed, comm, store, Shelf(store, None if cache is None else Path(cache)))
     new = not store.directory.exists()
-    open_folder(this, from_stage)
-    start_log(comm.rank, this.store.path("log.txt") if comm.rank == 0 else None)
-    logger.info("%s -> %s, %d process(es)", parsed.file, this.store.directory, comm.size)
-    for text in remarks(parsed, comm):
-        logger.info("%s", text)
+    try:
+        open_folder(this, from_stage)
+        start_log(comm.rank, this.store.path("log.txt") if comm.rank == 0 else None)
+        logger.info("%s -> %s, %d process(es)", parsed.file, this.store.directory, comm.size)
+        for text in remarks(parsed, comm):
+            logger.info("%s", text)
+        _finish(this, stats, new)
+    finally:
+        if comm.rank == 0 and store.lock is not None:
+            store.lock.leave()
+    refuse_if_all_failed(this)
+    logger.info("%s", this.ending())
+    return this
+
+
+def _finish(this: Run, stats: SurfaceStatistics | None, new: bool) -> None:
+    """All stages, in a folder that was opened and is ours until the samples begin."""
+    store, comm = this.store, this.comm
     try:
         compute(this, stats)
     except SceneError:
         # What only the mesh or the laws could tell; a folder with samples is kept.
-        if new and comm.rank == 0 and not any(this.store.path("samples").iterdir()):
-            shutil.rmtree(this.store.directory)
+        mine = new and comm.rank == 0 and store.lock is not None and not store.lock.others()
+        if mine and not any(store.path("samples").iterdir()):
+            shutil.rmtree(store.directory)
         raise
-    if "report" in parsed.stages:
+    if "report" in this.scene.stages:
         with this.stage("report"):
             if comm.rank == 0:
-                report(this.store.directory)
+                report(store.directory)
         if comm.rank == 0:
             write_summary(this)
-    refuse_if_all_failed(this)
-    return this
 
 
 def refuse_if_all_failed(this: Run) -> None:
@@ -174,28 +215,81 @@ def compute(this: Run, stats: SurfaceStatistics | None) -> None:
 
 
 def open_folder(this: Run, from_stage: str | None) -> None:
-    """Make or enter the results folder; refuse one that cannot be written, on all processes.
+    """Make or enter the results folder and have it alone; collective.
 
     Raises:
-        SceneError: the folder and what the system says.
+        SceneError: it cannot be written, belongs to another scene, or ``from_stage`` would take
+            results away from another run.
+    """
+    store = this.store
+    with _together(this.comm, f"-o {store.directory}"):
+        if this.comm.rank == 0:
+            store.lock = Lock(store.path(RUNNING))
+    name = this.comm.bcast(store.lock.name if store.lock else None, root=0)
+    store.lock = store.lock or Lock(store.path(RUNNING), name)
+    have_alone(this)
+    with _together(this.comm, f"-o {store.directory}"):
+        if this.comm.rank == 0:
+            # Another run may have been quicker with another scene.
+            store.check(this.scene)
+            if from_stage is not None and (others := store.lock.others()):
+                raise SceneError(
+                    f"--from {from_stage}: another run is at work in {store.directory}:"
+                    f" {store.lock.described(others[0])}; wait for its end, or end it"
+                )
+            store.open(this.scene, from_stage)
+
+
+@contextmanager
+def _together(comm: MPI.Comm, where: str) -> Iterator[None]:
+    """What goes wrong on the first process, raised on all; collective.
+
+    Raises:
+        SceneError: the folder, and what the system says, or what the first process says.
     """
     said = None
-    if this.comm.rank == 0:
-        try:
-            this.store.open(this.scene, from_stage)
-        except OSError as error:
-            said = error.strerror or str(error)
-    said = this.comm.bcast(said, root=0)
+    try:
+        yield
+    except SceneError as error:
+        said = str(error)
+    except OSError as error:
+        why = error.strerror or str(error)
+        said = f"{where}: cannot be written ({why}); choose another folder with -o"
+    said = comm.bcast(said, root=0)
     if said is not None:
-        raise SceneError(
-            f"-o {this.store.directory}: cannot be written ({said}); choose another folder with -o"
-        )
+        raise SceneError(said)
+
+
+def have_alone(this: Run) -> None:
+    """Wait until no other run changes what the samples share, or the tables; collective."""
+    lock, told = this.store.lock, False
+    while lock is not None:
+        owner = None
+        with _together(this.comm, f"-o {this.store.directory}"):
+            if this.comm.rank == 0 and (owner := lock.claim(FOLDER)) is not None:
+                this.store.check(this.scene)
+        if (owner := this.comm.bcast(owner, root=0)) is None:
+            return
+        if not told:
+            logger.info("waiting for another run in this folder: %s", lock.described(owner))
+        told = True
+        time.sleep(0.5)
+
+
+def share(this: Run) -> None:
+    """Let other runs of the same scene into the folder, to take samples of it too; collective."""
+    this.comm.Barrier()
+    if this.comm.rank == 0 and this.store.lock is not None:
+        this.store.lock.release(FOLDER)
 
 
 def surface_stage(this: Run, stats: SurfaceStatistics) -> None:
     """Write what is known of the surface."""
     with this.stage("surface"):
         fit = stats.bifractal
+        if stats.missing + stats.outliers:
+            found = stats.missing, stats.outliers
+            logger.info("scan: %d points missing, %d outliers masked", *found)
         logger.info(
             "S_q %.2f um, S_sk %.3f, S_ku %.3f; slopes %.2f and %.2f, corner %.1f /mm",
             stats.S_q * 1e6, stats.S_sk, stats.S_ku, fit.c1, fit.c2, fit.q_c / 1e3,
@@ -280,8 +374,10 @@ def mechanics(this: Run, stats: SurfaceStatistics | None, library: LawLibrary | 
     with this.stage("shared"):
         study.prepare()
         this.facts |= study.facts
+    share(this)
     with this.stage("samples"):
         study.run()
+    have_alone(this)
     with this.stage("results"):
         results = study.write()
         this.facts |= {**results.facts(), **study.facts}
@@ -340,4 +436,6 @@ def report(directory: Path) -> None:
     write_tables(data)
     write_report(data, redraw=False)
     if data.modes is not None:
-        logger.info("%s", summary_table(data))
+        # Line by line: the time stamp of the file would shift the heading alone.
+        for line in summary_table(data).splitlines():
+            logger.info("%s", line)

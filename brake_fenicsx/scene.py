@@ -63,6 +63,7 @@ class Surface:
         level: what is subtracted from the heights: nothing, a plane, or a second-order surface.
         size: lengths of the scan's sides, where the file does not say them.
         height_unit: unit of the heights, where the file does not say it ("um").
+        rows: what changes from one row of a table of heights to the next; "y" as in an image.
         statistics: numbers in place of a scan.
         cutoff: shortest wavelength the instrument resolves; two pixels if not given.
         low: the spectrum below the scan's lowest wave number: extended, or held flat.
@@ -73,6 +74,7 @@ class Surface:
     size: tuple[float, ...] | None = key("m", default=None)
     height_unit: str | None = key(default=None)
     statistics: Statistics | None = None
+    rows: str = key(default="x", choices=("x", "y"))
     cutoff: float | None = key("m", default=None)
     low: str = key(default="extend", choices=("extend", "flat"))
 

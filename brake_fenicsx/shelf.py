@@ -77,7 +77,11 @@ class Shelf:
         comm.Barrier()
         yield
         if own.exists() and not there.exists():
-            _link(own, there)
+            try:
+                _link(own, there)
+            except OSError as error:
+                why = error.strerror or error
+                logger.warning("%s: cannot be written (%s); the run goes on without", there, why)
 
 
 def of_bodies(scene: Scene) -> dict[str, Any]:
@@ -115,7 +119,10 @@ def _link(source: Path, target: Path) -> None:
     """The same file where the file system allows it, else a copy; whole or not at all."""
     part = target.with_name(f".{target.name}.{os.getpid()}.part")
     try:
-        os.link(source, part)
-    except OSError:
-        shutil.copyfile(source, part)
-    os.replace(part, target)
+        try:
+            os.link(source, part)
+        except OSError:
+            shutil.copyfile(source, part)
+        os.replace(part, target)
+    finally:
+        part.unlink(missing_ok=True)

@@ -1,6 +1,7 @@
 """The results folder: every file appears whole or not at all, and a killed run finds its own.
 
 scene.toml            the scene as run, with the hash of what its results depend on
+running/              the runs at work in the folder, and what each of them works on (lock.py)
 surface.npz laws.npz  stages surface and micro
 cache/                what all samples share (interface compliance, reduced basis)
 samples/              one file per finished sample
@@ -11,16 +12,20 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Mapping
+import zipfile
+import zlib
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from brake_fenicsx.errors import SceneError
+from brake_fenicsx.errors import SceneError, StorageError
+from brake_fenicsx.lock import Lock
 from brake_fenicsx.scene import Scene
 
 # What to forget when a stage is run afresh; later stages lose theirs too.
+RUNNING = "running"
 _FILES = {
     "surface": ("surface.npz",),
     "micro": ("laws.npz", "contact_maps.npz"),
@@ -32,27 +37,44 @@ _FILES = {
 
 
 class Store:
-    """One results folder."""
+    """One results folder.
+
+    Attributes:
+        directory: the folder.
+        digest: hash of the scene whose results the folder holds; set by ``check``.
+        lock: what this run and others work on in the folder; None where nobody else can be there.
+    """
 
     def __init__(self, directory: Path):
-        self.directory = directory
+        self.directory, self.digest = directory, ""
+        self.lock: Lock | None = None
 
     def path(self, *names: str) -> Path:
         """A path in the folder."""
         return self.directory.joinpath(*names)
 
     def check(self, scene: Scene) -> None:
-        """Refuse a folder that holds results of another scene.
+        """Refuse a folder that holds results of another scene, or something else.
 
         Raises:
-            SceneError: the folder's scene differs in more than stages and number of samples.
+            SceneError: the folder's scene differs in more than stages and number of samples; the
+                folder is none, or holds files that are no results.
         """
+        self.digest = result_digest(scene)
+        folder, remedy = self.directory, "choose another folder with -o"
+        if folder.is_symlink() and not folder.exists():
+            raise SceneError(f"-o {folder}: a link to {os.readlink(folder)}, which is not there;"
+                             f" make it, or {remedy}")  # fmt: skip
         mark = self.path("scene.sha256")
-        if mark.exists() and mark.read_text() != result_digest(scene):
-            raise SceneError(
-                f"{self.directory}: holds results of another scene; choose another folder with -o,"
-                " or remove it"
-            )
+        if mark.exists():
+            if mark.read_text() != self.digest:
+                raise SceneError(
+                    f"{folder}: holds results of another scene; {remedy}, or remove it"
+                )
+        else:
+            found = sorted(p.name for p in folder.glob("[!.]*") if p.name != RUNNING)
+            if found:
+                raise SceneError(f"-o {folder}: holds {found[0]!r} and no results; {remedy}")
 
     def open(self, scene: Scene, from_stage: str | None = None) -> None:
         """Make the folder, or enter it; forget what ``from_stage`` and later stages left."""
@@ -65,28 +87,76 @@ class Store:
                     shutil.rmtree(target)
                 else:
                     target.unlink(missing_ok=True)
+        _write(self.path("scene.sha256"), self.digest)
         for name in ("cache", "samples"):
             self.path(name).mkdir(exist_ok=True)
         _write(self.path("scene.toml"), scene.file.read_text())
-        _write(self.path("scene.sha256"), result_digest(scene))
 
     def save(self, name: str, **arrays: Any) -> None:
         """Write arrays under a name relative to the folder."""
         path = self.path(name)
         part = path.with_name(f".{path.name}.{os.getpid()}.part")
-        with part.open("wb") as file:
-            np.savez(file, **arrays)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(part, path)
+        try:
+            with part.open("wb") as file:
+                # A full disc is noticed here; a zip file would raise once more at its end.
+                size = sum(np.asarray(a).nbytes + 1024 for a in arrays.values()) + 1024
+                os.posix_fallocate(file.fileno(), 0, size)
+                np.savez(file, **arrays)
+                file.truncate()
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(part, path)
+        except OSError as error:
+            raise _not_written(path, error) from None
+        finally:
+            part.unlink(missing_ok=True)
 
-    def load(self, name: str) -> dict[str, np.ndarray] | None:
-        """Arrays under a name; None where there are none."""
+    def load(self, name: str, keys: Sequence[str] | None = None) -> dict[str, np.ndarray] | None:
+        """Arrays under a name, all or those of some keys; None where there is no such file.
+
+        Raises:
+            SceneError: the file is damaged.
+        """
         path = self.path(name)
         if not path.exists():
             return None
-        with np.load(path, allow_pickle=False) as data:
-            return {key: data[key] for key in data.files}
+        try:
+            with np.load(path, allow_pickle=False) as data:
+                return {key: data[key] for key in data.files if keys is None or key in keys}
+        except (ValueError, EOFError, zipfile.BadZipFile, zlib.error):
+            raise SceneError(
+                f"{path}: damaged or cut short; remove this file, and the same command makes it"
+                " again"
+            ) from None
+
+    def save_sample(self, name: str, **arrays: Any) -> None:
+        """Write the arrays of a sample with the hash of its scene."""
+        self.save(name, scene=np.array(self.digest), **arrays)
+
+    def has_sample(self, name: str) -> bool:
+        """Whether a sample is stored; its arrays are not read.
+
+        Raises:
+            SceneError: the file is damaged, or belongs to another scene.
+        """
+        return self._sample(name, ["scene"]) is not None
+
+    def load_sample(self, name: str) -> dict[str, np.ndarray] | None:
+        """Arrays of a sample; None where it is not computed yet.
+
+        Raises:
+            SceneError: the file is damaged, or belongs to another scene.
+        """
+        return self._sample(name)
+
+    def _sample(self, name: str, keys: Sequence[str] | None = None) -> dict[str, np.ndarray] | None:
+        data = self.load(name, keys)
+        if data is not None and str(data.pop("scene", "")) != self.digest:
+            raise SceneError(
+                f"{self.path(name)}: does not belong to the scene of this folder; remove this file,"
+                " and the same command computes the sample"
+            )
+        return data
 
     def save_json(self, name: str, content: Mapping[str, Any]) -> None:
         """Write a JSON file."""
@@ -113,8 +183,20 @@ def result_digest(scene: Scene) -> str:
 
 def _write(path: Path, text: str) -> None:
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    part.write_text(text)
-    os.replace(part, path)
+    try:
+        part.write_text(text)
+        os.replace(part, path)
+    except OSError as error:
+        raise _not_written(path, error) from None
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _not_written(path: Path, error: OSError) -> StorageError:
+    return StorageError(
+        f"{path}: cannot be written ({error.strerror or error}); the same command goes on from here"
+        " once it can"
+    )
 
 
 def _plain(value: Any) -> Any:

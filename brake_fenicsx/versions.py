@@ -26,6 +26,25 @@ def versions() -> dict[str, str]:
     return found
 
 
+def solver_versions() -> dict[str, str]:
+    """Of the program and of what solves the equations, which is imported for that."""
+    from slepc4py import SLEPc
+
+    import dolfinx
+
+    def numbers(version: tuple[int, ...]) -> str:
+        return ".".join(map(str, version))
+
+    from petsc4py import PETSc
+
+    return {
+        "brake-fenicsx": __version__,
+        "DOLFINx": str(dolfinx.__version__),
+        "PETSc": numbers(PETSc.Sys.getVersion()),
+        "SLEPc": numbers(SLEPc.Sys.getVersion()),
+    }
+
+
 def version_of(name: str) -> str:
     """Version of a library that was imported."""
     if name == "gmsh":
@@ -34,9 +53,8 @@ def version_of(name: str) -> str:
         # Its module knows the version of its interface alone.
         with gmsh_session() as gmsh:
             return str(gmsh.option.getString("General.Version"))
-    if hasattr(sys.modules[name], "__version__"):
-        return str(sys.modules[name].__version__)
+    # Some packages ask git, which then answers for the checkout that holds their .venv.
     try:
         return version(name)
     except PackageNotFoundError:
-        return "?"
+        return str(getattr(sys.modules[name], "__version__", "?"))

@@ -1,14 +1,15 @@
 #!/usr/bin/env python3
-"""Stand-ins for a user's own files, in the working folder: see docs/own_scan_own_mesh.md.
+"""Stand-ins for a user's own files: see docs/own_scan_own_mesh.md.
 
 my_scan.txt    heights [um], one row of the map per line, no header: as many instruments export
 my_brake.inp   Abaqus deck of a disc and two pads [mm], element sets for parts and faces
 
-Run as: scripts/example_inputs.py
+Run as: scripts/example_inputs.py [FOLDER]
 """
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -66,6 +67,8 @@ def write_mesh(path: Path) -> None:
 
 
 if __name__ == "__main__":
-    write_scan(Path("my_scan.txt"))
-    write_mesh(Path("my_brake.inp"))
-    print("wrote my_scan.txt and my_brake.inp")
+    folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
+    folder.mkdir(parents=True, exist_ok=True)
+    write_scan(folder / "my_scan.txt")
+    write_mesh(folder / "my_brake.inp")
+    print(f"wrote my_scan.txt and my_brake.inp into {folder}")

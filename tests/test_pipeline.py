@@ -1,6 +1,7 @@
 """The chain from scene to tables: what is built, what is not, resumption, processes."""
 
 import csv
+import importlib.metadata
 import json
 import os
 import signal
@@ -184,7 +185,10 @@ def test_version_of_every_library_is_known():
     """SALib has no __version__; gmsh's module names that of its interface, 4.8.0 for 4.8.4."""
     import gmsh
     import SALib  # noqa: F401
+    import SurfaceTopography  # noqa: F401
 
+    # Its __version__ is that of the checkout in which .venv lies.
+    assert version_of("SurfaceTopography") == importlib.metadata.version("SurfaceTopography")
     assert version_of("SALib")[0].isdigit()
     assert version_of("gmsh").split(".")[:2] == gmsh.__version__.split(".")[:2]
     assert all(version_of(name) != "?" for name in LIBRARIES if name in sys.modules)

@@ -32,6 +32,8 @@ class Material:
 
     def __post_init__(self) -> None:
         """Refuse a stiffness without positive energy and a density that is not positive."""
+        if not (np.isfinite(self.C).all() and np.isfinite(self.rho)):
+            raise SceneError("a stiffness or the density is not finite; give numbers")
         if not np.allclose(self.C, self.C.T, rtol=1e-9, atol=0.0):
             raise SceneError("the stiffness matrix is not symmetric, or not a number")
         lowest = np.linalg.eigvalsh(self.C)[0]

@@ -1,4 +1,4 @@
-"""Read a scan: own npz, HDF5 and TrueMap readers; everything else through SurfaceTopography.
+"""Read a scan: own readers of npz, HDF5, TrueMap and tables; the rest through SurfaceTopography.
 
 What a file says of its size and unit is checked for plausibility; what looks wrong is logged with
 the remedy (``size``, ``height_unit``), never corrected silently. Known traps: NMS files come out
@@ -16,6 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SurfaceError
+from brake_fenicsx.surface.missing import missing_points, pile_at_an_end
+from brake_fenicsx.surface.table import ACCEPTED, ENDINGS, delimiter_of, read_npy, read_table
 from brake_fenicsx.surface.topography import Topography, make_topography
 
 logger = logging.getLogger("brake_fenicsx")
@@ -32,16 +34,19 @@ def read_topography(
     size: tuple[float, float] | None = None,
     height_unit: str | float | None = None,
     channel: int | None = None,
+    rows: str = "x",
 ) -> Topography:
     """Read the scan of a surface.
 
     Args:
-        path: ``.npz`` or ``.h5`` with ``heights`` and ``size``, ``.tmd``, or any format that
-            SurfaceTopography reads (Keyence, Olympus, Sensofar, Zygo, Wyko, SUR, X3P, text, ...).
+        path: ``.npz`` or ``.h5`` with ``heights`` and ``size``, ``.tmd``, ``.npy``, text (see
+            ``table``), or any format that SurfaceTopography reads (Keyence, Olympus, Sensofar,
+            Zygo, Wyko, SUR, X3P, ...).
         size: lengths of the scan [m]; replaces what the file says.
         height_unit: unit of the numbers in the file, a name (``"um"``) or its length [m];
             replaces what the file says.
         channel: which channel of the file, the file's default if not given.
+        rows: what changes from one row of a table to the next: "x", or "y" as in an image.
 
     Raises:
         SurfaceError: no such file, unknown format, no valid point, or no size.
@@ -52,11 +57,18 @@ def read_topography(
     if height_unit is not None:
         height_unit = _metres(height_unit, str(file))
     own = {".npz": _read_npz, ".h5": _read_hdf5, ".hdf5": _read_hdf5, ".tmd": _read_truemap}
-    read = own.get(file.suffix.lower())
+    read, table = own.get(file.suffix.lower()), None
     if read is not None:
         heights, found = read(file, height_unit)
+    elif (table := _read_numbers(file, height_unit)) is not None:
+        heights, found = table
     else:
         heights, found = _read_instrument(file, height_unit, size, channel)
+    if rows == "y":
+        if table is None and file.suffix.lower() not in ENDINGS:
+            raise SurfaceError(f"{file}: rows = 'y' has no meaning: the file itself says it")
+        heights = heights.T
+        found = None if found is None else np.asarray(found)[::-1]
     lengths = found if size is None else size
     if lengths is None:
         raise SurfaceError(f"{file}: the file names no lateral size; give it as 'size'")
@@ -82,6 +94,11 @@ def implausible(topo: Topography) -> tuple[str, ...]:
         found.append(f"heights span {high - low:.3g} m, more than the scan; give 'height_unit'")
     elif 0.0 < high - low < 1e-7 * topo.size.min():
         found.append(f"heights span {high - low:.3g} m only; give 'height_unit'")
+    if (pile := pile_at_an_end(topo.heights)) is not None:
+        found.append(
+            f"{pile[0]} points at exactly {1e6 * pile[1]:.6g} um, an end of the heights: missing"
+            " points or a detector at its limit; export the scan with its missing points marked"
+        )
     share = float(topo.valid.mean())
     if share < 0.7:
         found.append(f"only {share:.0%} of the points are valid")
@@ -155,6 +172,26 @@ def _read_truemap(file: Path, unit: float | None) -> Read:
     return heights * (1e-3 if unit is None else unit), lengths
 
 
+def _read_numbers(file: Path, unit: float | None) -> Read | None:
+    """Heights [m] of .npy, of text that is not separated by blanks, and of columns x, y, z.
+
+    Returns:
+        None for a matrix in text with blanks, whose header may say its size, and for other files.
+    """
+    ending = file.suffix.lower()
+    if ending == ".npy":
+        heights = read_npy(file)
+    elif ending in ENDINGS and b"\0" not in file.read_bytes():
+        heights, kind = read_table(file)
+        if kind == "matrix" and delimiter_of(file) is None:
+            return None
+    else:
+        return None
+    if unit is None:
+        raise SurfaceError(f"{file}: a table of numbers; give its unit as 'height_unit'")
+    return heights * unit, None
+
+
 def _read_instrument(
     file: Path, unit: float | None, size: tuple[float, float] | None, channel: int | None
 ) -> Read:
@@ -165,9 +202,13 @@ def _read_instrument(
     try:
         reader = SurfaceTopography.open_topography(str(file))
     except CannotDetectFileFormat:
-        raise SurfaceError(f"{file}: no reader knows this format; export it as text") from None
+        raise SurfaceError(
+            f"{file}: no reader knows this format; export it as text: {ACCEPTED}"
+        ) from None
     except Exception as error:
-        raise SurfaceError(f"{file}: the reader fails ({error}); export it as text") from error
+        raise SurfaceError(
+            f"{file}: the reader fails ({error}); export it as text: {ACCEPTED}"
+        ) from error
     channels = reader.channels
     index = reader.default_channel.index if channel is None else channel
     if not 0 <= index < len(channels):
@@ -183,6 +224,7 @@ def _read_instrument(
     topo = reader.topography(channel_index=index, **settings)
     raw = topo.heights().astype(float)  # A masked array where points are missing.
     heights = np.asarray(raw.filled(np.nan) if hasattr(raw, "filled") else raw)
+    heights[missing_points(file, heights / (info.height_scale_factor or 1.0))] = np.nan
     length = METRES.get(topo.unit or "")
     if length is None and (size is None or unit is None):
         raise SurfaceError(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,8 +24,6 @@ from brake_fenicsx.surface.psd import (
     sub_psds,
 )
 from brake_fenicsx.surface.topography import Array, Topography, form, outliers
-
-logger = logging.getLogger("brake_fenicsx")
 
 # The paper's scan: 256 pixels over 1.8 mm; the band of statistics that come without a scan.
 PAPER_BAND = (2.0 * np.pi / 1.8e-3, np.pi * 256 / 1.8e-3)
@@ -114,8 +111,6 @@ def characterise(
     if S_q <= 1e-12 * max(float(np.nanmax(np.abs(topo.heights))), 1e-300):
         raise SurfaceError(f"{topo.source}: the scan is flat; a rough surface is needed here")
     missing = int(topo.heights.size - topo.valid.sum())
-    if missing + marked:
-        logger.info("%s: %d points missing, %d outliers masked", topo.source, missing, marked)
     psd = radial_psd(levelled, cutoff)
     others = sub_psds(levelled, cutoff)
     strength, direction = anisotropy(levelled, psd.band)

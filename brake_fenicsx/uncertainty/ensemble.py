@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 import traceback
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -14,8 +15,11 @@ import numpy as np
 from brake_fenicsx.errors import BrakeError
 from brake_fenicsx.log import Progress, logger
 from brake_fenicsx.store import Store
+from brake_fenicsx.termination import Terminated, asked, finishing
 
 from .group import Group, split
+
+_NO_MORE = 2**40
 
 Task = tuple[str, int]
 Work = Callable[[Task, Group], dict[str, Any]]
@@ -48,27 +52,64 @@ def run_ensemble(
         large: samples that come first, each computed by a group of processes together.
         size: processes of such a group; divides the number of processes.
     """
-    there = [t for t in (*large, *tasks) if store.path(sample_file(t)).exists()]
-    done = set(comm.bcast(there, root=0))
-    wanted = [[t for t in part if t not in done] for part in (large, tasks)]
+    wanted = _missing([*large, *tasks], store, comm)
+    done = len(large) + len(tasks) - len(wanted)
     if comm.rank == 0 and done:
-        logger.info("%d of %d samples were there already", len(done), len(large) + len(tasks))
+        logger.info("%d of %d samples were there already", done, len(large) + len(tasks))
+    waited = False
+    while wanted:
+        _run_unclaimed(tasks, wanted, work, store, comm, large, size)
+        if store.lock is None:
+            return
+        if wanted := _missing(wanted, store, comm):
+            if not waited:
+                logger.info("%d samples are being computed by another run; waiting", len(wanted))
+            waited = True
+            time.sleep(1.0)
+
+
+def _missing(tasks: Sequence[Task], store: Store, comm: MPI.Comm) -> list[Task]:
+    """Samples that are not stored; collective."""
+    found: Any = None
+    if comm.rank == 0:
+        try:
+            found = [t for t in tasks if not store.has_sample(sample_file(t))]
+        except BrakeError as error:
+            found = error
+    found = comm.bcast(found, root=0)
+    if isinstance(found, BrakeError):
+        raise found
+    return list(found)
+
+
+def _run_unclaimed(
+    tasks: Sequence[Task], wanted: Sequence[Task], work: Work, store: Store, comm: MPI.Comm,
+    large: Sequence[Task], size: int,
+) -> None:  # fmt: skip
+    """Compute those of the wanted samples that no other run is computing."""
+    open_ = set(wanted)
+    parts = [[t for t in part if t in open_] for part in (large, tasks)]
     group, alone = split(comm, size), split(comm, 1)
-    progress = Progress("samples", sum(map(len, wanted)))
-    shared, rest = (_Take(part, work, store, progress) for part in wanted)
-    defect = None
-    with _Counters(comm, 2) as counters:
+    progress = Progress("samples", len(wanted), len(parts[0]))
+    shared, rest = (_Take(part, work, store, progress) for part in parts)
+    defect: Any = None
+    with _Counters(comm, 2) as counters, finishing():
         try:
             # No process waits between the two: the groups come apart as they finish.
             shared.run(group, lambda: counters.next(0), 0)
-            rest.run(alone, lambda: counters.next(1), len(wanted[0]))
+            rest.run(alone, lambda: counters.next(1), len(parts[0]))
+        except BrakeError as error:
+            defect = error
         except Exception:
-            defect = traceback.format_exc()
+            defect = RuntimeError(traceback.format_exc())
+        stopped = comm.allreduce(asked(), MPI.LOR)
     group.Free()
     alone.Free()
-    defects = [d for d in comm.allgather(defect) if d]
+    defects = [d for d in comm.allgather(defect) if d is not None]
     if defects:
-        raise RuntimeError(defects[0])
+        raise defects[0]
+    if stopped:
+        raise Terminated(together=True)
 
 
 class _Take:
@@ -80,11 +121,21 @@ class _Take:
     def run(self, group: Group, number: Callable[[], int], before: int) -> None:
         """Take samples until there is none left; ``before`` of others were handed out first."""
         while (i := group.bcast(number() if group.rank == 0 else None)) < len(self.tasks):
-            group.run(partial(self._one, self.tasks[i], group))
-            self.progress.advance(before + i + 1 - self.progress.done)
+            if group.run(partial(self._one, self.tasks[i], group)):
+                self.progress.advance(before + i + 1 - self.progress.done)
 
-    def _one(self, task: Task, group: Group) -> None:
-        """Compute a sample and store it, or its error."""
+    def _one(self, task: Task, group: Group) -> bool:
+        """Compute a sample and store it, or its error; False if another run has it."""
+        lock, name = self.store.lock, f"{task[0]}-{task[1]:05d}"
+        mine = True
+        if lock is not None and group.rank == 0:
+            mine = lock.claim(name) is None
+            # The other run may have finished it since.
+            if mine and self.store.has_sample(sample_file(task)):
+                lock.release(name)
+                mine = False
+        if not group.bcast(mine):
+            return False
         try:
             result = group.run(lambda: self.work(task, group))
         except BrakeError as error:
@@ -94,7 +145,10 @@ class _Take:
         else:
             result = {"status": "ok", **result}
         if group.rank == 0:
-            self.store.save(sample_file(task), **result)
+            self.store.save_sample(sample_file(task), **result)
+            if lock is not None:
+                lock.release(name)
+        return True
 
 
 class _Counters:
@@ -123,12 +177,13 @@ class _Counters:
             self.window.Free()
 
     def next(self, which: int) -> int:
-        """The next number of one of them."""
+        """The next number of one of them; beyond all samples once the run is to end."""
+        step = _NO_MORE if asked() else 1
         if self.window is None:
-            self.local[which] += 1
+            self.local[which] += step
             return self.local[which]
-        one, got = np.ones(1, dtype=np.int64), np.empty(1, dtype=np.int64)
+        one, got = np.full(1, step, dtype=np.int64), np.empty(1, dtype=np.int64)
         self.window.Lock(0)
         self.window.Fetch_and_op(one, got, 0, which, op=MPI.SUM)
         self.window.Unlock(0)
-        return int(got[0])
+        return int(got[0]) + step - 1

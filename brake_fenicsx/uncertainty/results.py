@@ -31,7 +31,7 @@ class Results:
         self.tasks, self.verify, self.verified = list(tasks), list(verify), verified
         self.stored: dict[Task, dict[str, Any]] = {}
         for task in [*self.tasks, *self.verify]:
-            found = store.load(sample_file(task))
+            found = store.load_sample(sample_file(task))
             if found is not None:
                 self.stored[task] = found
 
@@ -62,7 +62,8 @@ class Results:
                 zip(map(str, data.get("random_names", ())), data.get("random", ()), strict=True)
             )
             seed = int(data["seed"]) if "seed" in data else None
-            mu = float(np.mean(data["mu"])) if "mu" in data else None
+            # The mean of equal numbers is off by round-off.
+            mu = float(f"{np.mean(data['mu']):.12g}") if "mu" in data else None
             values = [float(drawn[n]) if n in drawn else None for n in names]
             rejected = int(data["rejected"]) if "rejected" in data else None
             yield [

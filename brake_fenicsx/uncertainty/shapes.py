@@ -39,6 +39,9 @@ def write_shapes(study: Study, results: Results) -> None:
         _write_equilibrium(study, task, results.stored[task], faces)
     for task in _unstable_samples(results):
         _write_modes(study, task, results.stored[task])
+    from brake_fenicsx.report.fields import say_once
+
+    say_once(study.brake.elastic.free.V, store.path("fields"))
 
 
 def contact_faces(study: Study) -> dict[str, NDArray]:

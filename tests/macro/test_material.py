@@ -115,6 +115,12 @@ def test_stiffness_of_nan_or_without_symmetry_is_refused():
         Material(C, 2510.0)
 
 
+def test_an_infinite_modulus_is_named():
+    """Its eigenvalues would end in an error of LAPACK."""
+    with pytest.raises(SceneError, match="not finite"):
+        Material(isotropic(np.inf, 0.3), 7200.0)
+
+
 @pytest.mark.parametrize("rho", [0.0, -1.0, np.nan])
 def test_density_must_be_positive(rho):
     with pytest.raises(SceneError, match="density"):

@@ -1,14 +1,17 @@
 """A user's own mesh: formats, groups, units, orientation, bodies that share nodes."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 from mpi4py import MPI
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.mesh import check_cells, distribute
+from brake_fenicsx.macro.meshing.abaqus import read_abaqus
 from brake_fenicsx.macro.meshing.groups import mesh_of_file
 from brake_fenicsx.macro.meshing.quality import orientation
 from brake_fenicsx.scene_mesh import MeshTable
@@ -141,6 +144,142 @@ def test_surfaces_and_sets_of_abaqus(tmp_path):
     np.testing.assert_allclose(centres["b.left"], [[0, third, third]], atol=1e-9)
     np.testing.assert_allclose(centres["b.skin"], [[third, 0, third]], atol=1e-9)
     np.testing.assert_allclose(centres["b.far"], [[third, 2 * third, 2 * third]], atol=1e-9)
+
+
+PART = """\
+*Part, name={name}
+*Node
+{nodes}
+*Element, type=C3D8R
+ 1, 1, 2, 3, 4, 5, 6, 7, 8
+*Nset, nset=Set-1, generate
+ 5, 8, 1
+*Elset, elset=Whole
+ 1,
+*Surface, type=ELEMENT, name=Low
+Whole, S1
+*End Part
+"""
+# As Abaqus/CAE writes them: parts, instances that are moved and turned, sets of the assembly.
+ASSEMBLY = """\
+*Assembly, name=Assembly
+*Instance, name=Long-1, part=Long
+*End Instance
+*Instance, name=Long-2, part=LONG
+ 30., 0., 0.
+ 30., 0., 0., 30., 0., 7., 90.
+*End Instance
+*Instance, name=Cube-1, part=Cube
+ 0., 50., 3.
+ 1., 50., 3., 1., 52., 5., 40.
+*End Instance
+*Node
+ 1, 900., 900., 900.
+*Nset, nset=Reference
+ 1,
+*Nset, nset=Set-1, instance=Cube-1, generate
+ 1, 4
+*Nset, nset=Corner, instance=Long-2
+ 1
+*Nset, nset=Corner, instance=Cube-1
+ Set-1
+*Elset, elset=_Tops, internal, instance=Long-1
+ 1
+*Elset, elset=_Tops, internal, instance=Long-2
+ Whole,
+*Surface, type=ELEMENT, name=Tops
+_Tops, S2
+*Surface, type=ELEMENT, name=Side
+Cube-1.Whole, S3
+Long-1.1, S3
+*Surface, type=NODE, name=Marked
+Long-2.Set-1, 1.
+Long-1.3, 1.
+*End Assembly
+"""
+
+
+def box(x, y, z):
+    return np.array([[0, 0, 0], [x, 0, 0], [x, y, 0], [0, y, 0],
+                     [0, 0, z], [x, 0, z], [x, y, z], [0, y, z]], dtype=float)  # fmt: skip
+
+
+def turned_about(points, a, b, degrees):
+    return a + Rotation.from_rotvec(np.radians(degrees) * (b - a) / np.linalg.norm(b - a)).apply(
+        points - a
+    )
+
+
+def test_parts_and_instances_of_abaqus(tmp_path):
+    """Moved, then turned about an axis of the assembly; against the places worked out here."""
+    parts = {"Long": box(20, 5, 4), "Cube": box(6, 6, 6)}
+    for name, points in parts.items():
+        rows = "\n".join(f" {i}, " + ", ".join(map(str, p)) for i, p in enumerate(points, 1))
+        (tmp_path / f"{name}.inp").write_text(PART.format(name=name, nodes=rows))
+    file = tmp_path / "job.inp"
+    file.write_text("*Include, input=Long.inp\n*Include, input=Cube.inp\n" + ASSEMBLY)
+    mesh = read_abaqus(file)
+
+    a, b = np.array([30.0, 0, 0]), np.array([30.0, 0, 7])
+    c, d = np.array([1.0, 50, 3]), np.array([1.0, 52, 5])
+    direct = {
+        "Long-1": parts["Long"],
+        "Long-2": turned_about(parts["Long"] + a, a, b, 90),
+        "Cube-1": turned_about(parts["Cube"] + [0, 50, 3], c, d, 40),
+    }
+    for name, points in direct.items():
+        (cell,) = mesh.cell_groups[name]
+        found = mesh.points[mesh.cells[cell]]
+        np.testing.assert_allclose(found, points, atol=1e-12)
+
+    def same(nodes, expected):
+        found = mesh.points[np.unique(nodes)]
+        np.testing.assert_allclose(
+            found[np.lexsort(found.round(6).T)], expected[np.lexsort(expected.round(6).T)],
+            atol=1e-12,
+        )  # fmt: skip
+
+    one, two, cube = direct.values()
+    # A set of the assembly hides those of its name in the parts; of these each keeps its own.
+    same(mesh.node_groups["Set-1"], cube[:4])
+    same(mesh.node_groups["Long-2.Set-1"], two[4:])
+    same(mesh.node_groups["Corner"], np.vstack([two[:1], cube[4:]]))
+    same(mesh.node_groups["Marked"], np.vstack([two[4:], one[2:3]]))
+    same(mesh.node_groups["Reference"], np.full((1, 3), 900.0))
+    same(mesh.facet_groups["Tops"], np.vstack([one[4:], two[4:]]))
+    same(mesh.facet_groups["Side"], np.vstack([cube[[0, 1, 4, 5]], one[[0, 1, 4, 5]]]))
+    same(mesh.facet_groups["Low"], np.vstack([one[:4], two[:4], cube[:4]]))
+    same(mesh.facet_groups["Cube-1.Low"], cube[:4])
+    assert sorted(mesh.cell_groups["Whole"]) == [0, 1, 2]
+
+
+def test_the_assembly_is_the_mesh_built_directly(tmp_path, meshes):
+    """Two parts written at the origin and put in their places by two instances."""
+    mesh = meshes.boxes("hexahedra")
+    meshes.write_abaqus(mesh, tmp_path / "flat.inp")
+    angle, shift = 25.0, np.array([3.0, -2.0, 1.0])
+    back = Rotation.from_euler("z", -angle, degrees=True)
+    decks = []
+    for k in range(2):
+        # Where the instance stood before it was turned about z, then moved there.
+        moved = replace(mesh, points=back.apply(mesh.points) - 1e-3 * shift)
+        meshes.write_abaqus(moved, tmp_path / "part.inp")
+        decks.append(f"*PART, NAME=P{k}\n" + (tmp_path / "part.inp").read_text() + "*END PART\n")
+    place = "{}, {}, {}\n0,0,0,0,0,1,{}\n*END INSTANCE\n".format(*shift, angle)
+    groups = {f"I{0 if 'pad' in n else 1}.{n}": target for n, target in GROUPS.items()}
+    assembly = "*ASSEMBLY, NAME=A\n" + "".join(
+        f"*INSTANCE, NAME=I{k}, PART=P{k}\n{place}" for k in (0, 1)
+    )
+    (tmp_path / "cae.inp").write_text("".join(decks) + assembly + "*END ASSEMBLY\n")
+    flat, cae = read(tmp_path / "flat.inp"), read(tmp_path / "cae.inp", groups=groups)
+    assert flat.layers.keys() == cae.layers.keys()
+    for name in flat.layers:
+        centres = [
+            m.points[m.cells[m.cell_tag == m.layers[name]]].mean(axis=1) for m in (flat, cae)
+        ]
+        np.testing.assert_allclose(*centres, atol=1e-12)
+    for name in flat.faces:
+        assert area(cae, name) == pytest.approx(area(flat, name), rel=1e-9)
 
 
 @pytest.mark.parametrize("cells, order", KINDS)
@@ -277,7 +416,13 @@ def test_files_that_are_none(tmp_path):
         ("a.inp", "nothing", "no tetrahedra"),
         ("b.inp", "*NODE\n1,0,0,0\n*ELEMENT,TYPE=C3D4\n1,1,2,3,4\n", "node 2 .*not defined"),
         ("c.inp", "*NODE\n1,0,0,0\n*ELEMENT,TYPE=C3D6\n1,1,1,1,1,1,1\n", "wedge"),
-        ("d.inp", "*PART,NAME=a\n*PART,NAME=b\n", r"several \*PART"),
+        ("d.inp", "*PART,NAME=a\n*NODE\n1,0,0,0\n", r"ends within \*PART,NAME=a"),
+        ("e.inp", "*NODE\n1,0,0,0\n*ELEMENT,TYPE=C3D4\n1,1,1", r"ends within \*ELEMENT.*amid"),
+        ("f.inp", "*NODE\n1,0,0,0\n*ELEMENT,TYPE=C3D4\n1,1,1\n", "has not 4 nodes; is the file"),
+        ("g.inp", "*NODE\n1,0,0,0\n2,0,\n*STEP\n", r"\*NODE: node 2 has not 3 coordinates"),
+        ("h.inp", "*INSTANCE, NAME=I-1, PART=P\n*END INSTANCE\n", "part 'P' is not defined"),
+        ("i.inp", "*NODE\n1,0,0,0\n*NGEN\n1,3\n", r"\*NGEN: nodes and elements must be"),
+        ("j.inp", "*INCLUDE, INPUT=none.inp\n", "none.inp: cannot be read"),
     ):
         file = tmp_path / name
         file.write_text(content)

@@ -1,5 +1,6 @@
 """What ParaView gets: values at the vertices, both parts of a mode, on one and on two processes."""
 
+import logging
 import os
 import shutil
 import subprocess
@@ -114,13 +115,21 @@ def test_a_curved_mesh_loses_nothing(tmp_path):
 
 
 def test_the_file_says_what_was_left_out(tmp_path, space, caplog):
-    import logging
-
-    with caplog.at_level(logging.INFO, logger="brake_fenicsx"):
+    with caplog.at_level(logging.DEBUG, logger="brake_fenicsx"):
         logging.getLogger("brake_fenicsx").propagate = True
         path = write_fields(tmp_path / "m.xdmf", space, {"u": values_on(space).real})
     assert "interpolated into the first-order space" in path.read_text().splitlines()[1]
     assert "mid-edge values are not in this file" in caplog.text
+
+
+def test_the_log_says_once_what_was_left_out(tmp_path, space, caplog):
+    from brake_fenicsx.report.fields import say_once
+
+    with caplog.at_level(logging.INFO, logger="brake_fenicsx"):
+        for name in ("a.xdmf", "b.xdmf"):
+            write_fields(tmp_path / name, space, {"u": values_on(space).real})
+        say_once(space, tmp_path)
+    assert [r.message.count("mid-edge values") for r in caplog.records] == [1]
 
 
 def test_phases_turn_the_mode_once(tmp_path, space):
@@ -208,7 +217,7 @@ def test_vtx_gets_every_dof_where_there_is_adios2(tmp_path, space, monkeypatch, 
     monkeypatch.setattr(io, "VTXWriter", Recorder, raising=False)
     values = values_on(space)
     logging.getLogger("brake_fenicsx").propagate = True
-    with caplog.at_level(logging.INFO, logger="brake_fenicsx"):
+    with caplog.at_level(logging.DEBUG, logger="brake_fenicsx"):
         write_fields(tmp_path / "m.xdmf", space, {"mode": values})
     assert "all values are in m.bp" in caplog.text
     made = Recorder.made
@@ -239,7 +248,7 @@ def test_the_log_says_where_there_is_no_adios2(tmp_path, space, monkeypatch, cap
 
     monkeypatch.delattr(io, "VTXWriter", raising=False)
     logging.getLogger("brake_fenicsx").propagate = True
-    with caplog.at_level(logging.INFO, logger="brake_fenicsx"):
+    with caplog.at_level(logging.DEBUG, logger="brake_fenicsx"):
         write_fields(tmp_path / "m.xdmf", space, {"u": values_on(space).real.copy()})
     assert "nor, without ADIOS2, in any other" in caplog.text
     assert not (tmp_path / "m.bp").exists()

@@ -1,6 +1,5 @@
 """docs/own_scan_own_mesh.md as a reader follows it: its files are written, its commands run."""
 
-import os
 import re
 import subprocess
 import sys
@@ -21,29 +20,33 @@ BLOCK = re.compile(r"^```(sh|toml|python)\n(.*?)^```$", re.M | re.S)
 
 @pytest.fixture(scope="module")
 def followed(tmp_path_factory):
-    """Folder in which the page was followed, and what each command printed."""
-    folder = tmp_path_factory.mktemp("own")
-    places = [Path(sys.executable).parent, ROOT / "scripts"]
-    environment = os.environ | {
-        "PATH": os.pathsep.join([*map(str, places), os.environ["PATH"]]),
-        "OMPI_ALLOW_RUN_AS_ROOT": "1",
-        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-        "OMPI_MCA_rmaps_base_oversubscribe": "1",
-        "OPENBLAS_NUM_THREADS": "1",
-    }
-    printed = {}
+    """Folder in which the page was followed, and what each command printed.
+
+    In a reader's shell: nothing is set but what a login sets. The checkout is one of links, so that
+    the study does not lie in the real one.
+    """
+    checkout = tmp_path_factory.mktemp("checkout")
+    for path in ROOT.iterdir():
+        if path.name != ".venv":
+            (checkout / path.name).symlink_to(path)
+    (checkout / ".venv").symlink_to(sys.prefix)
+    environment = {"HOME": str(checkout), "PATH": "/usr/local/bin:/usr/bin:/bin", "LANG": "C.UTF-8"}
+    printed, state, study = {}, "", checkout / "my_study"
     for kind, text in BLOCK.findall(PAGE.read_text()):
         if kind != "sh":
             name = re.match(r"# (\S+)\n", text)[1]
-            (folder / name).write_text(text)
+            (study / name).write_text(text)
             continue
         for line in text.splitlines():
             done = subprocess.run(
-                ["bash", "-c", line], cwd=folder, env=environment, capture_output=True, text=True
-            )
+                ["bash", "-c", state + line], cwd=checkout, env=environment, capture_output=True,
+                text=True,
+            )  # fmt: skip
             assert done.returncode == 0, f"{line}\n{done.stdout}{done.stderr}"
             printed[line] = done.stdout + done.stderr
-    return folder, printed
+            if line.startswith((". ", "cd ")):
+                state += line + "\n"
+    return study, printed
 
 
 def test_the_scan_is_read_as_the_page_says(followed):

@@ -10,6 +10,7 @@ import pytest
 from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.store import Store
 from brake_fenicsx.uncertainty.ensemble import run_ensemble, sample_file
+from brake_fenicsx.uncertainty.results import Results
 
 COMM = MPI.COMM_WORLD
 TASKS = [("multi-scale", k) for k in range(12)]
@@ -55,6 +56,16 @@ def test_failing_sample_is_kept_with_its_error(store):
     run_ensemble(TASKS, work, store, COMM)
     assert str(value(store, TASKS[7])["status"]) == "stalls"
     assert {str(value(store, t)["status"]) for t in TASKS if t[1] != 7} == {"ok"}
+
+
+def test_friction_is_printed_without_the_round_off_of_a_mean(store):
+    task = TASKS[0]
+    if COMM.rank == 0:
+        store.save(
+            sample_file(task), status="ok", mu=np.array([0.09999999999999996]), random_names=[]
+        )
+    COMM.Barrier()
+    assert next(Results(store, [task]).samples())[4] == 0.1
 
 
 def test_defect_of_the_program_is_raised_on_all_processes(store):

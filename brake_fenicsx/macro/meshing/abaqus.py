@@ -11,9 +11,11 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
 
+from .abaqus_scope import Rows, Scope, find, placement
 from .filemesh import SOLIDS, FileMesh, numbered
 
 Ints = NDArray[np.int64]
+Options = dict[str, str]
 
 # Start of an element type -> kind of cell; shells and membranes only mark faces.
 _KINDS = {
@@ -25,100 +27,171 @@ _NODES = {"wedge": 6, "wedge15": 15, "hexahedron27": 27} | {k: n for k, (_, n) i
 _SKINS = {"S3": 3, "S4": 4, "S6": 6, "S8": 8, "M3D3": 3, "M3D4": 4, "M3D6": 6, "M3D8": 8,
           "CPS3": 3, "CPS4": 4, "CPS6": 6, "CPS8": 8,
           "SFM3D3": 3, "SFM3D4": 4, "SFM3D6": 6, "SFM3D8": 8, "STRI3": 3, "STRI65": 6}  # fmt: skip
-# Corners of faces S1, S2, ...
-_FACES = {
-    "tetrahedron": ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)),
-    "hexahedron": (
-        (0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0),
-    ),
-}  # fmt: skip
+_DATA = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE")
+# Blocks with an end of their own.
+_CLOSED = ("PART", "INSTANCE", "ASSEMBLY")
+# What makes or moves nodes and elements, and would be missing in the mesh.
+_MAKERS = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM")
 
 
 @dataclass(slots=True)
 class _Deck:
-    """What has been read so far, by the file's own numbers."""
+    """What has been read so far.
 
-    nodes: dict[int, list[float]] = field(default_factory=dict)
-    solids: dict[int, tuple[str, list[int]]] = field(default_factory=dict)
-    skins: dict[int, list[int]] = field(default_factory=dict)
-    nsets: dict[str, list[int]] = field(default_factory=dict)
-    elsets: dict[str, list[int]] = field(default_factory=dict)
-    surfaces: dict[str, list[tuple[str, str]]] = field(default_factory=dict)
-    parts: int = 0
+    Attributes:
+        whole: the assembly, or all of a deck without parts.
+        parts: name -> part.
+        open: part or instance being read.
+        place: rotation and shift of the instance being read.
+        surfaces: of the scope being read, name -> rows; sets they name may follow.
+    """
+
+    whole: Scope = field(default_factory=Scope)
+    parts: dict[str, Scope] = field(default_factory=dict)
+    open: Scope | None = None
+    place: Rows = field(default_factory=list)
+    surfaces: dict[str, Rows] = field(default_factory=dict)
+
+    @property
+    def scope(self) -> Scope:
+        """Where nodes, elements and sets go now."""
+        return self.whole if self.open is None else self.open
 
 
 def read_abaqus(path: Path) -> FileMesh:
-    """Read an .inp file: *NODE, *ELEMENT, *NSET, *ELSET, *SURFACE and *INCLUDE.
+    """Read an .inp file: parts, instances, nodes, elements, sets, surfaces and included files.
 
     Args:
         path: the file.
 
     Returns:
-        Cells, with element sets as cell groups, surfaces and sets of shells as facet groups, and
-        node sets as node groups.
+        Cells, with element sets and instances as cell groups, surfaces and sets of shells as facet
+        groups, and node sets as node groups. A set of an instance is "INSTANCE.SET", and "SET" is
+        that of all instances that have one.
 
     Raises:
-        SceneError: the file is no flat mesh of one kind of solid elements.
+        SceneError: the mesh is not of one kind of solid elements, or the file ends within a block.
     """
     deck = _Deck()
-    for keyword, options, rows in _blocks(path):
-        _take(deck, keyword, options, rows)
-    return _mesh(deck)
+    within: list[str] = []
+    for keyword, options, rows, said in _blocks(path):
+        if keyword in _CLOSED:
+            within.append(said)
+        elif keyword.startswith("END ") and keyword[4:] in _CLOSED and within:
+            within.pop()
+        try:
+            _take(deck, keyword, options, rows)
+        except (SceneError, ValueError, IndexError) as error:
+            raise SceneError(f"{said}: {error}") from None
+    if within:
+        raise SceneError(f"the file ends within {within[-1]}; is it whole?")
+    _close(deck)
+    if not deck.whole.offsets:
+        for part in deck.parts.values():
+            deck.whole.take(part, np.eye(3), np.zeros(3))
+    deck.whole.share()
+    return _mesh(deck.whole)
 
 
-def _blocks(path: Path) -> Iterator[tuple[str, dict[str, str], list[list[str]]]]:
-    """Keyword, options and data rows of every block of a file, included files in their place."""
-    keyword = ""
-    options: dict[str, str] = {}
-    rows: list[list[str]] = []
+def _blocks(path: Path) -> Iterator[tuple[str, Options, Rows, str]]:
+    """Keyword, options, data rows and first line of every block, included files in their place."""
+    keyword = said = ""
+    options: Options = {}
+    rows: Rows = []
     try:
-        lines = path.read_text(errors="replace").splitlines()
+        text = path.read_text(errors="replace")
     except OSError as error:
         raise SceneError(f"{path}: cannot be read: {error.strerror}") from None
-    for line in [*lines, "*END"]:
+    lines = iter([*text.splitlines(), "*END"])
+    for line in lines:
         if line.startswith("**") or not line.strip():
             continue
         if not line.startswith("*"):
             rows.append([word.strip() for word in line.strip().rstrip(",").split(",")])
             continue
+        while line.rstrip().endswith(","):
+            line = line.rstrip() + next(lines)
         if keyword:
-            yield keyword, options, rows
+            last = line == "*END" and not text.endswith(("\n", "\r"))
+            if last and keyword in _DATA:
+                raise SceneError(
+                    f"the file ends within {said}, amid a line; is it whole? If so, end its last"
+                    " line"
+                )
+            yield keyword, options, rows, said
         first, *words = line[1:].split(",")
-        keyword, rows = first.strip().upper(), []
+        keyword, rows, said = " ".join(first.split()).upper(), [], line.strip()
         pairs = (word.partition("=") for word in words)
-        options = {name.strip().upper(): value.strip() for name, _, value in pairs}
+        options = {name.strip().upper(): value.strip().strip('"') for name, _, value in pairs}
         if keyword == "INCLUDE":
             yield from _blocks(path.parent / options.get("INPUT", ""))
             keyword = ""
 
 
-def _take(deck: _Deck, keyword: str, options: dict[str, str], rows: list[list[str]]) -> None:
+def _take(deck: _Deck, keyword: str, options: Options, rows: Rows) -> None:
     """Add one block to the deck."""
+    scope = deck.scope
+    if keyword in _MAKERS or (keyword == "NODE" and options.get("SYSTEM", "R").upper() != "R"):
+        raise SceneError("nodes and elements must be written one by one in Cartesian axes")
     if keyword == "PART":
-        deck.parts += 1
-        if deck.parts > 1:
-            raise SceneError("the file has several *PART; export it without parts and assemblies")
+        _close(deck)
+        deck.open = deck.parts[options["NAME"]] = Scope(options["NAME"])
+    elif keyword == "INSTANCE":
+        _close(deck)
+        deck.open, deck.place = _instance(deck, options), rows
+    elif keyword in ("END PART", "END INSTANCE", "END ASSEMBLY"):
+        _close(deck)
+        if keyword == "END INSTANCE" and deck.open is not None:
+            deck.whole.take(deck.open, *placement(deck.place))
+        deck.open = None
     elif keyword == "NODE":
         for row in rows:
-            deck.nodes[int(row[0])] = [float(v) for v in row[1:4]]
+            if len(row) < 4:
+                raise SceneError(f"node {row[0]} has not 3 coordinates; is the file whole?")
+            scope.nodes[int(row[0])] = [float(v) for v in row[1:4]]
         if "NSET" in options:
-            deck.nsets.setdefault(options["NSET"], []).extend(int(row[0]) for row in rows)
+            scope.add(scope.nsets, options["NSET"], [int(row[0]) for row in rows])
     elif keyword == "ELEMENT":
-        _elements(deck, options, rows)
+        _elements(scope, options, rows)
     elif keyword in ("NSET", "ELSET"):
-        sets = deck.nsets if keyword == "NSET" else deck.elsets
-        if keyword not in options:
-            raise SceneError(f"a *{keyword} has no name; write *{keyword}, {keyword}=NAME")
-        sets.setdefault(options[keyword], []).extend(_members(sets, rows, "GENERATE" in options))
+        _set(scope, keyword, options, rows)
     elif keyword == "SURFACE" and "NAME" in options:
         if options.get("TYPE", "ELEMENT").upper() == "NODE":
-            numbers = _members(deck.nsets, [row[:1] for row in rows], False)
-            deck.nsets.setdefault(options["NAME"], []).extend(numbers)
+            numbers = [n for row in rows for n in scope.members(scope.nsets, row[:1], "")]
+            scope.add(scope.nsets, options["NAME"], numbers)
+        elif "COMBINE" in options:
+            raise SceneError("combined surfaces are not read; write their faces")
         else:
-            deck.surfaces[options["NAME"]] = [(r[0], r[1] if len(r) > 1 else "") for r in rows]
+            deck.surfaces[options["NAME"]] = rows
 
 
-def _elements(deck: _Deck, options: dict[str, str], rows: list[list[str]]) -> None:
+def _instance(deck: _Deck, options: Options) -> Scope:
+    """A copy of the part of an instance, or nothing yet where the instance has its own mesh."""
+    name, wanted = options["NAME"], options.get("PART", "")
+    key = find(deck.parts, wanted)
+    if key is None:
+        if wanted:
+            known = ", ".join(deck.parts) or "none"
+            raise SceneError(f"part {wanted!r} is not defined before; there are: {known}")
+        return Scope(name)
+    part = deck.parts[key]
+    # Sets may be added to within the instance.
+    nsets, elsets = ({n: [*m] for n, m in sets.items()} for sets in (part.nsets, part.elsets))
+    return Scope(
+        name, dict(part.nodes), dict(part.solids), dict(part.skins), nsets, elsets,
+        dict(part.surfaces),
+    )  # fmt: skip
+
+
+def _close(deck: _Deck) -> None:
+    """Surfaces of what was read, whose sets are all there now."""
+    scope = deck.scope
+    for name, rows in deck.surfaces.items():
+        scope.surfaces[name] = scope.facets(name, rows)
+    deck.surfaces = {}
+
+
+def _elements(scope: Scope, options: Options, rows: Rows) -> None:
     """Solids, and shells that mark faces; other elements are no part of the mesh."""
     name = options.get("TYPE", "").upper()
     kind = _KINDS.get(name.rstrip("HIMRTSEF"))
@@ -128,66 +201,46 @@ def _elements(deck: _Deck, options: dict[str, str], rows: list[list[str]]) -> No
         return
     words = [int(word) for row in rows for word in row if word]
     if len(words) % (count + 1):
-        raise SceneError(f"*ELEMENT, TYPE={name}: a row has not {count} nodes")
+        raise SceneError(f"a row has not {count} nodes; is the file whole?")
     table = np.array(words, dtype=np.int64).reshape(-1, count + 1)
     for number, *nodes in table.tolist():
         if kind:
-            deck.solids[number] = (kind, nodes)
+            scope.solids[number] = (kind, nodes)
         else:
-            deck.skins[number] = nodes[: 3 if count in (3, 6) else 4]
+            scope.skins[number] = nodes[: 3 if count in (3, 6) else 4]
     if "ELSET" in options:
-        deck.elsets.setdefault(options["ELSET"], []).extend(map(int, table[:, 0]))
+        scope.add(scope.elsets, options["ELSET"], table[:, 0].tolist())
 
 
-def _members(sets: dict[str, list[int]], rows: list[list[str]], generate: bool) -> list[int]:
-    """Numbers of a set: listed, generated, or those of other sets."""
+def _set(scope: Scope, keyword: str, options: Options, rows: Rows) -> None:
+    """A set of nodes or elements: listed, generated, or made of other sets."""
+    sets = scope.nsets if keyword == "NSET" else scope.elsets
+    if keyword not in options:
+        raise SceneError(f"a *{keyword} has no name; write *{keyword}, {keyword}=NAME")
     found: list[int] = []
+    instance = options.get("INSTANCE", "")
     for row in rows:
-        if generate:
+        if "GENERATE" in options:
             first, last, *step = (int(word) for word in row)
-            found += range(first, last + 1, step[0] if step else 1)
-            continue
-        for word in row:
-            if word.lstrip("-").isdigit():
-                found.append(int(word))
-            elif word:
-                found += _named(sets, word)
-    return found
+            by = scope.offset(instance)
+            found += range(first + by, last + by + 1, step[0] if step else 1)
+        else:
+            found += scope.members(sets, row, instance)
+    if keyword == "NSET" and "ELSET" in options:
+        for number in scope.named(scope.elsets, options["ELSET"], instance):
+            if number in scope.solids:
+                found += scope.solids[number][1]
+    scope.add(sets, options[keyword], found)
 
 
-def _named(sets: dict[str, list[int]], name: str) -> list[int]:
-    """A set by its name, which is not sensitive to case and may carry its instance's name."""
-    inner = name.rpartition(".")[2].strip('"').upper()
-    for key, numbers in sets.items():
-        if key.strip('"').upper() == inner:
-            return numbers
-    raise SceneError(f"set {name!r} is used before it is defined")
-
-
-def _mesh(deck: _Deck) -> FileMesh:
-    """The deck with nodes and cells numbered from 0."""
-    mesh, cells, node, cell = numbered(deck.nodes, deck.solids, deck.elsets, deck.nsets)
-    for name, numbers in deck.elsets.items():
-        skins = [[node[i] for i in deck.skins[n]] for n in numbers if n in deck.skins]
+def _mesh(scope: Scope) -> FileMesh:
+    """The assembly with nodes and cells numbered from 0."""
+    mesh, _, node, _ = numbered(scope.nodes, scope.solids, scope.elsets, scope.nsets)
+    for name, numbers in scope.elsets.items():
+        skins = [[node[i] for i in scope.skins[n]] for n in numbers if n in scope.skins]
         if skins:
             mesh.facet_groups[name] = np.array(skins)
-    for name, places in deck.surfaces.items():
-        mesh.facet_groups[name] = _surface(deck, name, places, cell, cells, mesh.shape)
+    for name, facets in scope.surfaces.items():
+        if facets:
+            mesh.facet_groups[name] = np.array([[node[i] for i in facet] for facet in facets])
     return mesh
-
-
-def _surface(
-    deck: _Deck, name: str, places: list[tuple[str, str]], cell: dict[int, int], cells: Ints,
-    shape: str,
-) -> Ints:  # fmt: skip
-    """Corner nodes of a surface's facets."""
-    faces = _FACES[shape]
-    found = []
-    for member, side in places:
-        numbers = [int(member)] if member.isdigit() else _named(deck.elsets, member)
-        index = int(side[1:]) if side[:1].upper() == "S" and side[1:].isdigit() else 0
-        if not 1 <= index <= len(faces):
-            raise SceneError(f"surface {name!r}: face {side!r}; write S1 to S{len(faces)}")
-        own = cells[[cell[n] for n in numbers if n in cell]]
-        found.append(own[:, np.array(faces[index - 1])])
-    return np.concatenate(found)

@@ -39,6 +39,8 @@ def gmsh_session() -> Iterator[Any]:
     gmsh.initialize()
     try:
         gmsh.option.setNumber("General.Terminal", 0)
+        # Before long work it would ask on the terminal, and wait.
+        gmsh.option.setNumber("General.ExpertMode", 1)
         yield gmsh
     finally:
         gmsh.finalize()

@@ -1,0 +1,156 @@
+"""Several runs in one results folder: who is at work there, and who has which piece of work.
+
+Every run keeps a file ``running/HOST-PROCESS-START.run`` in the folder and touches it twice a
+minute. A piece of work (the folder as a whole, or one sample) belongs to the run whose name stands
+in the claim file of that piece; creating this file is atomic (O_EXCL). A claim is stale if the file
+of its run is gone, if its process on this machine has ended, or if, on another machine, its file
+was not touched for ``SILENCE`` seconds. A stale claim is named in
+the log and taken over. A claim taken over by mistake costs time, never correctness: both runs write
+the same bytes, and every file is replaced whole.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import threading
+import time
+from contextlib import suppress
+from pathlib import Path
+
+from brake_fenicsx.log import logger
+
+BEAT, SILENCE = 30.0, 600.0  # [s]
+_CLAIM, _RUN = ".claim", ".run"
+_UNKNOWN = "unknown-0-0"
+
+
+class Lock:
+    """Work in one folder, as one run of several processes sees it.
+
+    Attributes:
+        name: name of this run, HOST-PROCESS-START.
+    """
+
+    def __init__(self, folder: Path, name: str | None = None):
+        """Enter the folder, or act for a run that has entered it.
+
+        Args:
+            folder: where the files of runs and claims are; made if it is not there.
+            name: name of the run that another of its processes has entered; enters if None.
+        """
+        self.folder, self._ended = folder, threading.Event()
+        self.name = name or f"{socket.gethostname()}-{os.getpid()}-{_start(os.getpid())}"
+        if name is None:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._file(self.name).write_text(time.strftime("%Y-%m-%d %H:%M:%S"))
+            threading.Thread(target=self._beat, daemon=True).start()
+
+    def leave(self) -> None:
+        """Give back all claims of this run and remove its file."""
+        self._ended.set()
+        for claim in self.folder.glob(f"*{_CLAIM}"):
+            if _read(claim) == self.name:
+                claim.unlink(missing_ok=True)
+        for path in self.folder.glob(f"*{_RUN}"):
+            if not self.alive(path.name.removesuffix(_RUN)):
+                path.unlink(missing_ok=True)
+        self._file(self.name).unlink(missing_ok=True)
+        with suppress(OSError):  # Another run is in the folder.
+            self.folder.rmdir()
+
+    def claim(self, work: str) -> str | None:
+        """Take a piece of work, from a run that has ended too.
+
+        Returns:
+            None if this run has it now, else the name of the run that has it.
+        """
+        path = self._claim(work)
+        for _ in range(2):
+            try:
+                with path.open("x") as file:
+                    file.write(self.name)
+                return None
+            except FileExistsError:
+                owner = _read(path)
+            if owner == self.name:
+                return None
+            if owner is None:
+                continue
+            if self.alive(owner):
+                return owner
+            logger.info("%s: the lock of %s is stale: taken over", work, self.described(owner))
+            # Of two runs that see a stale claim one moves it away, and no other than the stale one.
+            aside = path.with_suffix(f".{self.name}")
+            with suppress(FileNotFoundError):
+                os.rename(path, aside)
+                if _read(aside) != owner:
+                    with suppress(FileExistsError):
+                        os.link(aside, path)
+                aside.unlink()
+        return owner or _UNKNOWN
+
+    def release(self, work: str) -> None:
+        """Give a piece of work back."""
+        self._claim(work).unlink(missing_ok=True)
+
+    def others(self) -> list[str]:
+        """Names of the other runs at work in the folder."""
+        names = (p.name.removesuffix(_RUN) for p in self.folder.glob(f"*{_RUN}"))
+        return sorted(n for n in names if n != self.name and self.alive(n))
+
+    def described(self, name: str) -> str:
+        """Process, machine and start of a run, and the file that stands for it."""
+        host, process, _ = name.rsplit("-", 2)
+        since = _read(self._file(name)) or "at an unknown time"
+        return f"process {process} on {host}, started {since} ({self._file(name)})"
+
+    def alive(self, name: str) -> bool:
+        """Whether a run still works, as far as can be seen from here."""
+        host, process, start = name.rsplit("-", 2)
+        touched = self._touched(name)
+        if touched is None:
+            return False
+        if host == socket.gethostname():
+            return _start(int(process)) == start
+        # Both times are those of the file system: clocks of two machines may differ.
+        return (self._touched(self.name) or time.time()) - touched < SILENCE
+
+    def _touched(self, name: str) -> float | None:
+        """When the file of a run was touched last; None if there is no such file."""
+        try:
+            return self._file(name).stat().st_mtime
+        except FileNotFoundError:
+            return None
+
+    def _file(self, name: str) -> Path:
+        return self.folder / f"{name}{_RUN}"
+
+    def _claim(self, work: str) -> Path:
+        return self.folder / f"{work}{_CLAIM}"
+
+    def _beat(self) -> None:
+        while not self._ended.wait(BEAT):
+            with suppress(OSError):
+                os.utime(self._file(self.name))
+
+
+def _read(path: Path) -> str | None:
+    """Name in a claim file; None if it is gone, or is being written at this moment."""
+    for _ in range(10):
+        try:
+            if text := path.read_text():
+                return text
+        except FileNotFoundError:
+            return None
+        time.sleep(0.01)
+    return _UNKNOWN
+
+
+def _start(process: int) -> str:
+    """When a process of this machine started [clock ticks since the boot]; "" if it has ended."""
+    try:
+        words = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return ""
+    return "" if words[0] in "ZX" else words[19]

@@ -1,0 +1,138 @@
+"""Heights in tables: text with any delimiter and header, columns x y z, and .npy.
+
+The delimiter is found: semicolon, tab, comma or blanks. Lines above the numbers are a header. A
+cell that is empty or says nan, bad, inf or *** is a missing point. Decimal commas are refused.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import SurfaceError
+
+Array = NDArray[np.float64]
+
+ACCEPTED = (
+    "text is accepted as a matrix of heights or as columns x, y, z on a regular grid, separated by"
+    " blanks, tab, comma or semicolon, with decimal points, below any header lines"
+)
+ENDINGS = (".txt", ".csv", ".tsv", ".dat", ".asc", ".xyz")
+_MISSING = re.compile(r"|[+-]?nan|[+-]?inf(inite)?|bad|\*+|-+|n/?a|---", re.I)
+_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
+# Steps between neighbouring coordinates of a grid differ by less than this, relative to the mean.
+_EVEN = 0.2
+
+
+def delimiter_of(file: Path) -> str | None:
+    """Delimiter of a text file's last line; None: blanks."""
+    with file.open("rb") as stream:
+        stream.seek(max(0, file.stat().st_size - 65536))
+        tail = stream.read().decode("utf-8-sig", "replace").strip().splitlines()
+    if not tail:
+        return None
+    line = tail[-1]
+    if ";" in line or "\t" in line.strip():
+        return ";" if ";" in line else "\t"
+    # Commas within numbers that blanks separate are decimal ones.
+    return "," if "," in line and not all(map(_COMMA.fullmatch, line.split())) else None
+
+
+def read_table(file: Path) -> tuple[Array, str]:
+    """Heights of a text file in its own numbers.
+
+    Args:
+        file: the file.
+
+    Returns:
+        Heights, shape (rows, columns), of columns x, y, z shape (nx, ny), nan where missing; and
+        "matrix" or "xyz".
+
+    Raises:
+        SurfaceError: decimal commas, rows of different lengths, or cells that are no numbers.
+    """
+    delimiter = delimiter_of(file)
+    lines = file.read_text("utf-8-sig", "replace").splitlines()
+    numbered = [(i, line) for i, line in enumerate(lines, 1) if line.strip()]
+    rows = [(i, _cells(line, delimiter)) for i, line in numbered]
+    width = len(rows[-1][1]) if rows else 0
+    # All that is no row of numbers, down to the first that is, is the header.
+    start = next((k for k, (_, r) in enumerate(rows) if len(r) == width and _numbers(r)), None)
+    for number, row in rows[-1:] if start is None else rows[start : start + 1]:
+        comma = next((c for c in row if _COMMA.fullmatch(c)), None)
+        mixed = delimiter == "," and re.search(r"\d,\d.*,\s", lines[number - 1])
+        if comma is not None or mixed:
+            raise SurfaceError(
+                f"{file}: line {number}: decimal commas, as in {comma or lines[number - 1][:20]};"
+                " export the numbers with decimal points"
+            )
+    if start is None:
+        raise SurfaceError(f"{file}: no table of numbers; {ACCEPTED}")
+    values = np.array([_row(file, number, row, width) for number, row in rows[start:]])
+    if values.shape[1] > 1 and np.isnan(values[:, -1]).all():
+        values = values[:, :-1]  # every line ends with its delimiter
+    if values.shape[1] == 3 and len(values) > 3:
+        return _grid(file, values), "xyz"
+    return values, "matrix"
+
+
+def read_npy(file: Path) -> Array:
+    """Heights of a .npy file in its own numbers, shape (rows, columns)."""
+    try:
+        values = np.load(file, allow_pickle=False)
+        return np.asarray(values, dtype=float)
+    except (ValueError, OSError, EOFError) as error:
+        raise SurfaceError(f"{file}: not a readable npy file of numbers ({error})") from error
+
+
+def _cells(line: str, delimiter: str | None) -> list[str]:
+    return [cell.strip().strip('"') for cell in line.strip(" \r\n").split(delimiter)]
+
+
+def _numbers(row: Sequence[str]) -> bool:
+    """Whether a row holds numbers, missing ones among them."""
+    found = False
+    for cell in row:
+        try:
+            float(cell)
+            found = True
+        except ValueError:
+            if not _MISSING.fullmatch(cell):
+                return False
+    return found
+
+
+def _row(file: Path, number: int, row: Sequence[str], width: int) -> list[float]:
+    if len(row) != width:
+        raise SurfaceError(f"{file}: line {number}: {len(row)} numbers, the last line has {width}")
+    try:
+        return [float(cell) for cell in row]
+    except ValueError:
+        pass
+    for cell in row:
+        if not _MISSING.fullmatch(cell) and not _numbers([cell]):
+            raise SurfaceError(f"{file}: line {number}: {cell!r} is no number; {ACCEPTED}")
+    return [np.nan if _MISSING.fullmatch(cell) else float(cell) for cell in row]
+
+
+def _grid(file: Path, values: Array) -> Array:
+    """Heights of columns x, y, z on their grid; points that are not listed are missing."""
+    places = []
+    for name, column in zip("xy", values[:, :2].T, strict=True):
+        unique, place = np.unique(column, return_inverse=True)
+        steps = np.diff(unique)
+        if unique.size < 2 or steps.max() > (1 + _EVEN) * steps.mean():
+            raise SurfaceError(
+                f"{file}: three columns, and {unique.size} different {name} in the first two that"
+                f" lie on no regular grid; {ACCEPTED}"
+            )
+        places.append(place)
+    heights = np.full((places[0].max() + 1, places[1].max() + 1), np.nan)
+    if heights.size > 10 * len(values):
+        raise SurfaceError(f"{file}: columns x, y, z that fill no grid; {ACCEPTED}")
+    heights[places[0], places[1]] = values[:, 2]
+    return heights

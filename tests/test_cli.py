@@ -1,0 +1,282 @@
+"""The command line as a user meets it: endings, mistakes, full discs, signals, other programs."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from brake_fenicsx import pipeline
+from brake_fenicsx.cli import main
+from brake_fenicsx.log import Progress, logger, start_log
+from brake_fenicsx.pipeline import Run
+from brake_fenicsx.scene import read_scene
+from brake_fenicsx.shelf import Shelf
+from brake_fenicsx.store import Store
+from brake_fenicsx.surface import read_topography
+from brake_fenicsx.termination import Terminated
+from brake_fenicsx.uncertainty.ensemble import run_ensemble, sample_file
+
+pytestmark = pytest.mark.alone
+
+BLOCK = Path(__file__).parents[1] / "scripts" / "scenes" / "block_on_plate.toml"
+SURFACE = ["--set", "stages=['surface']", "--set", "surface.statistics={ S_q = '3 um' }"]
+# A program that ends itself, or is ended, after some seconds at most.
+PROGRAM = [sys.executable, "-m", "brake_fenicsx"]
+
+
+def one_line(capsys, *words):
+    """What is said of a mistake, and the exit status."""
+    status = main([*map(str, words)])
+    said = capsys.readouterr().err.splitlines()
+    errors = [line for line in said if line.startswith("brake-fenicsx: ")]
+    assert len(errors) == 1 and not any("Traceback" in line for line in said)
+    return status, errors[0]
+
+
+def test_a_run_ends_with_its_ending(tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["run", str(BLOCK), "-o", str(out), *SURFACE]) == 0
+    assert capsys.readouterr().err.splitlines()[-1] == f"done; results are in {out}"
+    assert (out / "log.txt").read_text().splitlines()[-1].endswith(f"results are in {out}")
+
+
+def test_the_ending_counts_failed_samples_and_names_the_page(tmp_path):
+    scene = read_scene(BLOCK)
+    store = Store(tmp_path)
+    run = Run(scene, MPI.COMM_SELF, store, Shelf(store))
+    run.facts = {"samples": {"fast": {"good": 17}}, "failed_samples": 3}
+    assert run.ending() == (
+        f"done, 3 of 20 samples failed: see {tmp_path}/samples.csv; open {tmp_path}/report.html"
+    )
+
+
+def test_quiet_verbose_and_json(tmp_path, capsys):
+    out = tmp_path / "out"
+    words = ["run", str(BLOCK), "-o", str(out), *SURFACE]
+    assert main([*words, "-q", "--json"]) == 0
+    said = capsys.readouterr()
+    assert said.err == ""
+    outcome = json.loads(said.out)
+    assert outcome["directory"] == str(out) and outcome["page"] is None
+    assert outcome["failed_samples"] == 0 and "surface" in outcome["seconds"]
+    assert "done" in (out / "log.txt").read_text()
+    # -v shows where an error arose.
+    assert main(["check", str(tmp_path / "none.toml"), "-v"]) == 2
+    assert "Traceback" in capsys.readouterr().err
+
+
+def test_missing_points_are_said_once_and_stand_in_the_log(tmp_path, capsys):
+    """So do warnings of what was read before the folder was opened."""
+    scan = read_topography(BLOCK.parent / "pad_scan.npz")
+    scan.heights[:4, :5] = 900e-6
+    np.savez(tmp_path / "scan.npz", heights=scan.heights, size=scan.size)
+    lost = np.isnan(scan.heights).sum()
+    (tmp_path / "s.toml").write_text('stages = ["surface"]\n[surface]\nscan = "scan.npz"\n')
+    out = tmp_path / "out"
+    assert main(["run", str(tmp_path / "s.toml"), "-o", str(out)]) == 0
+    for said in (capsys.readouterr().err, (out / "log.txt").read_text()):
+        assert said.count(f"{lost} points missing") == 1
+        assert said.count("20 points at exactly 900 um") == 1
+    assert main(["check", str(tmp_path / "s.toml")]) == 0
+    assert capsys.readouterr().out.count(f"{lost} points missing") == 1
+
+
+def test_check_as_json(capsys):
+    assert main(["check", str(BLOCK), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["samples"] == {"multi-scale": 1} and found["dofs"] > 1000
+    assert found["gigabytes_per_process"] > 0 and "samples" in found["seconds"]
+
+
+def test_versions_of_the_solvers(capsys):
+    import dolfinx
+
+    with pytest.raises(SystemExit) as stop:
+        main(["--version"])
+    assert stop.value.code == 0
+    said = dict(line.split() for line in capsys.readouterr().out.splitlines())
+    assert said["DOLFINx"] == dolfinx.__version__
+    assert {"brake-fenicsx", "PETSc", "SLEPc"} < {*said}
+
+
+def test_completion_of_a_shell(capsys):
+    with pytest.raises(SystemExit):
+        main(["--completion", "bash"])
+    script = capsys.readouterr().out
+    done = subprocess.run(
+        ["bash", "-c", script + '\nCOMP_WORDS=(brake-fenicsx run --f); COMP_CWORD=2\n'
+         '_shtab_brake_fenicsx; echo "${COMPREPLY[@]}"'],
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.stdout.split() == ["--from"]
+
+
+def test_a_folder_of_something_else_is_refused(tmp_path, capsys):
+    photos = tmp_path / "photos"
+    photos.mkdir()
+    (photos / "cat.png").touch()
+    nowhere, file = tmp_path / "link", tmp_path / "file"
+    nowhere.symlink_to(tmp_path / "gone")
+    file.touch()
+    for out, what in ((photos, "cat.png"), (nowhere, "a link to"), (file, "cannot be written")):
+        status, said = one_line(capsys, "run", BLOCK, "-o", out, *SURFACE)
+        assert status == 2 and what in said and str(out) in said
+    assert os.listdir(photos) == ["cat.png"] and not (tmp_path / "gone").exists()
+
+
+# No file may become larger than this, as on a full disc; MPI has files of its own.
+FULL = """
+import resource, sys
+from mpi4py import MPI
+from brake_fenicsx.cli import main
+resource.setrlimit(resource.RLIMIT_FSIZE, (4000, 4000))
+sys.exit(main())
+"""
+
+
+def test_a_full_disc_is_one_line(tmp_path):
+    words = [sys.executable, "-c", FULL, "run", str(BLOCK), "-o", str(tmp_path / "out"), *SURFACE]
+    done = subprocess.run(words, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr and "Exception ignored" not in done.stderr
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith("brake-fenicsx: ") and "surface.npz: cannot be written" in last
+    assert not list((tmp_path / "out").glob(".*.part"))
+
+
+def test_a_full_disc_ends_the_samples_by_its_name(tmp_path):
+    """Raised by one process while the others compute; the same on all."""
+    from brake_fenicsx.errors import StorageError
+
+    store = Store(tmp_path)
+    with pytest.raises(StorageError, match="cannot be written"):
+        run_ensemble([("fast", 1)], lambda *_: {}, store, MPI.COMM_SELF)
+
+
+def test_a_cache_that_cannot_be_written_does_not_stop_the_run(tmp_path, monkeypatch, caplog):
+    from brake_fenicsx import shelf
+
+    def full(source, target):
+        raise OSError(28, "No space left on device")
+
+    store = Store(tmp_path)
+    monkeypatch.setattr(shelf.os, "link", full)
+    monkeypatch.setattr(shelf.shutil, "copyfile", full)
+    cache = Shelf(store, tmp_path / "cache")
+    with cache.shared("laws.npz", lambda: 1, MPI.COMM_SELF):
+        store.save("laws.npz", x=1)
+    assert "No space left" in caplog.text and "goes on without" in caplog.text
+    assert not list((tmp_path / "cache").iterdir())
+
+
+def test_output_that_nobody_reads(tmp_path):
+    """As of "check | head -1", where the reader is gone before the last line."""
+    read, write = os.pipe()
+    os.close(read)
+    done = subprocess.run([*PROGRAM, "check", BLOCK], stdout=write, stderr=subprocess.PIPE)
+    os.close(write)
+    assert (done.returncode, done.stderr) == (141, b"")
+    with open("/dev/full", "w") as full:
+        done = subprocess.run([*PROGRAM, "check", BLOCK], stdout=full, stderr=subprocess.PIPE)
+    assert done.returncode == 1
+    assert done.stderr.decode() == "brake-fenicsx: the output: No space left on device\n"
+
+
+def test_ctrl_c_while_libraries_are_loaded(tmp_path):
+    """An interruption by the very import of mpi4py."""
+    (tmp_path / "mpi4py.py").write_text("raise KeyboardInterrupt")
+    environment = os.environ | {"PYTHONPATH": str(tmp_path)}
+    done = subprocess.run(
+        [*PROGRAM, "check", BLOCK], env=environment, capture_output=True, text=True
+    )
+    assert (done.returncode, done.stderr) == (
+        130, "brake-fenicsx: interrupted; the same command goes on from here\n",
+    )  # fmt: skip
+
+
+def test_sigterm_finishes_the_sample_and_nothing_new(tmp_path, monkeypatch, capsys):
+    """SLURM sends it before a job's time is over."""
+    store = Store(tmp_path)
+    store.path("samples").mkdir()
+    begun = []
+
+    def work(task, _):
+        begun.append(task)
+        if task[1] == 2:
+            os.kill(os.getpid(), signal.SIGTERM)
+        return {"x": np.array(task[1])}
+
+    def run(*_):
+        run_ensemble([("fast", k) for k in range(6)], work, store, MPI.COMM_SELF)
+
+    monkeypatch.setattr(pipeline, "run", run)
+    status, said = one_line(capsys, "run", BLOCK)
+    assert status == 143 and "finished samples are stored" in said
+    assert [k for _, k in begun] == [0, 1, 2]
+    assert store.load_sample(sample_file(("fast", 2))) is not None
+
+
+def test_sigterm_elsewhere_ends_at_once(tmp_path):
+    """While the program waits for another run in its folder."""
+    out = tmp_path / "out"
+    out.joinpath("running").mkdir(parents=True)
+    (out / "running" / "another-machine-7-7.run").touch()
+    (out / "running" / "folder.claim").write_text("another-machine-7-7")
+    words = [*PROGRAM, "run", str(BLOCK), "-o", str(out), *SURFACE]
+    going = subprocess.Popen(words, stderr=subprocess.PIPE, text=True)
+    assert "waiting for another run" in going.stderr.readline()
+    going.send_signal(signal.SIGTERM)
+    assert going.communicate()[1].startswith("brake-fenicsx: terminated")
+    assert going.returncode == 143
+    assert len(list((out / "running").iterdir())) == 2
+
+
+def test_termination_is_none_of_the_errors_that_samples_survive():
+    assert not issubclass(Terminated, Exception)
+
+
+def test_gmsh_never_asks():
+    """Its question about many elements would wait on the terminal for ever."""
+    from brake_fenicsx.macro.meshing.gmsh_mesh import gmsh_session
+
+    with gmsh_session() as gmsh:
+        assert gmsh.option.getNumber("General.ExpertMode") == 1
+
+
+def test_time_to_go_is_that_of_the_samples_left(caplog, monkeypatch):
+    """One sample at full order, 500 s long, says nothing of those by a reduced model."""
+    now = iter([0.0, 500.0, 506.0, 512.0])
+    monkeypatch.setattr(time, "perf_counter", lambda: next(now))
+    progress = Progress("samples", 22, 1)
+    with caplog.at_level("INFO", logger="brake_fenicsx"):
+        for _ in range(3):
+            progress.advance()
+    assert caplog.messages[0] == "samples: 1 of 22, the 1 at full order first"
+    assert caplog.messages[1] == "samples: 2 of 22, 120 s to go"
+
+
+def test_table_of_the_log_stands_under_its_heading(tmp_path, monkeypatch):
+    from types import SimpleNamespace
+
+    from brake_fenicsx.report import figures, html, inputs, overview, rundata
+
+    for module, name in ((inputs, "contact_maps"), (figures, "make_figures"),
+                         (overview, "write_tables"), (html, "write_report")):  # fmt: skip
+        monkeypatch.setattr(module, name, lambda *_, **__: None)
+    monkeypatch.setattr(rundata, "read_run", lambda _: SimpleNamespace(modes=1))
+    monkeypatch.setattr(overview, "summary_table", lambda _: "a  b\n1  2")
+    start_log(0, tmp_path / "log.txt")
+    pipeline.report(tmp_path)
+    for handler in logger.handlers:
+        handler.close()
+    ends = [line[-4:] for line in (tmp_path / "log.txt").read_text().splitlines()]
+    starts = {len(line) for line in (tmp_path / "log.txt").read_text().splitlines()}
+    assert ends == ["a  b", "1  2"] and len(starts) == 1
