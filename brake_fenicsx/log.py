@@ -35,7 +35,7 @@ def start_log(rank: int, file: Path | None = None, level: str | None = None) -> 
     if rank != 0:
         logger.addHandler(logging.NullHandler())
         return
-    terminal = _Terminal(sys.stderr)
+    terminal = _Terminal(sys.stderr, keeps=file is None)
     terminal.setLevel(level or (before.level if before else logging.INFO))
     terminal.setFormatter(logging.Formatter("%(message)s"))
     logger.addHandler(terminal)
@@ -50,15 +50,17 @@ def start_log(rank: int, file: Path | None = None, level: str | None = None) -> 
 
 
 class _Terminal(logging.StreamHandler):
-    """The handler whose level the command line sets; keeps what it said."""
+    """The handler whose level the command line sets; keeps what it said until there is a file."""
 
-    def __init__(self, stream: Any) -> None:
+    def __init__(self, stream: Any, keeps: bool) -> None:
         super().__init__(stream)
+        self.keeps = keeps
         self.said: list[logging.LogRecord] = []
 
     def emit(self, record: logging.LogRecord) -> None:
         """Show a record."""
-        self.said.append(record)
+        if self.keeps:
+            self.said.append(record)
         super().emit(record)
 
 
