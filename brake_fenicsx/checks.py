@@ -36,20 +36,6 @@ def remarks(scene: Scene, comm: MPI.Comm) -> list[str]:
     return cut_loads(scene)
 
 
-def check_groups(scene: Scene, processes: int) -> None:
-    """Refuse a number of processes that does not come apart into groups.
-
-    Raises:
-        SceneError: the two numbers and the remedy.
-    """
-    size = scene.samples.processes_per_sample
-    if processes % size:
-        raise SceneError(
-            f"{scene.file}: samples.processes_per_sample = {size}: does not divide the"
-            f" {processes} process(es) of this run; start it on a multiple of {size}, or set 1"
-        )
-
-
 def read_surface(scene: Scene) -> SurfaceStatistics:
     """Scan to statistics: height distribution, power spectrum, bi-fractal fit."""
     from brake_fenicsx.surface import characterise, given_statistics, read_topography

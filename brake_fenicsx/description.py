@@ -10,7 +10,7 @@ from typing import Any
 
 from mpi4py import MPI
 
-from brake_fenicsx.checks import check, check_groups, remarks
+from brake_fenicsx.checks import check, remarks
 from brake_fenicsx.costs import Counts, cost_lines, count_solves, estimate
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene_damping import active_terms
@@ -31,10 +31,6 @@ def describe(
         SceneError: the scene is wrong.
     """
     parsed = read_scene(scene, overrides)
-    size = parsed.samples.processes_per_sample
-    if comm.size > 1:
-        # On one process nothing is known yet of the processes of the run.
-        check_groups(parsed, comm.size)
     stats = check(parsed, comm)
     lines = [f"{parsed.file}: stages {', '.join(parsed.stages)}"]
     scan = stats.topography if stats else None
@@ -79,8 +75,6 @@ def describe(
         lines.append(f"samples: {', '.join(f'{n} {name}' for name, n in samples.items())}{how}")
         if damped := {term: None for name in samples for term in active_terms(parsed, name)}:
             lines.append(f"damping: {', '.join(damped)}")
-    if size > 1:
-        lines.append(f"processes: a multiple of {size}; each {size} share a sample at full order")
     costs = estimate(parsed, counts)
     lines += cost_lines(costs, comm.size)
     if comm.rank == 0 and as_json:

@@ -19,7 +19,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from brake_fenicsx.checks import check, check_groups, remarks
+from brake_fenicsx.checks import check, remarks
 from brake_fenicsx.errors import BrakeError, SceneError
 from brake_fenicsx.lock import Lock
 from brake_fenicsx.log import Progress, logger, start_log
@@ -148,7 +148,6 @@ def run(
         directory = Path.cwd() / f"{parsed.file.stem}-results"
     store = Store(Path(directory))
     store.check(parsed)
-    check_groups(parsed, comm.size)
     stats = check(parsed, comm)
     this = Run(parsed, comm, store, Shelf(store, None if cache is None else Path(cache)))
     new = not store.directory.exists()

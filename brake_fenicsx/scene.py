@@ -287,8 +287,10 @@ class Stability:
     Attributes:
         band: lowest and highest frequency.
         method: every sample at full order, or by one reduced model shared by all.
-        cutoff: real modes of the reduced model go up to here; 1.7 times the band if not given.
-        tolerance: relative eigenvalue error beyond which a reduced mode is corrected.
+        cutoff: real modes of the bodies are kept up to here; twice the band if not given.
+        tolerance: relative error of the eigenvalues that the reduced model is made for.
+        on_tolerance: what becomes of a sample with a mode whose estimated error is larger: a count
+            in the log and in samples.csv ("warn"), or its modes at full order ("full order").
         zeta_max: modes that decay with a larger damping ratio are not looked for; below 0.7.
         verify: samples of the reduced model that are solved at full order as well.
         damping: terms of the damping; none where the section is left out.
@@ -297,7 +299,8 @@ class Stability:
     band: tuple[float, ...] = key("Hz", sign="zero")
     method: str = key(default="full", choices=("full", "reduced"))
     cutoff: float | None = key("Hz", default=None)
-    tolerance: float = key(default=1e-6)
+    tolerance: float = key(default=1e-5)
+    on_tolerance: str = key(default="warn", choices=("warn", "full order"))
     zeta_max: float = key(default=0.1)
     verify: int = key(default=0, sign="zero")
     damping: Damping | None = None

@@ -107,8 +107,6 @@ class Samples:
         fast: number and design of its samples.
         joint: number and design of its samples.
         limit: share of samples beyond which an unstable family is called robust.
-        processes_per_sample: processes that solve a sample at full order together; divides the
-            number of processes of the run.
         random: law of each random input.
     """
 
@@ -121,7 +119,6 @@ class Samples:
     fast: Design = field(default_factory=Design)
     joint: Design = field(default_factory=Design)
     limit: float = key(default=0.5)
-    processes_per_sample: int = key(default=1)
     random: dict[str, Distribution] = field(default_factory=dict)
 
     def takes_random(self, approach: str) -> bool:

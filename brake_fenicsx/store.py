@@ -165,7 +165,7 @@ class Store:
 
 def result_digest(scene: Scene) -> str:
     """Hash of all that the results of a sample depend on."""
-    left_out = ("n", "approaches", "limit", "processes_per_sample")
+    left_out = ("n", "approaches", "limit")
     samples = {k: v for k, v in scene.table.get("samples", {}).items() if k not in left_out}
     table = {k: v for k, v in scene.table.items() if k not in ("stages", "samples")}
     content = {**table, "samples": samples, "base": str(scene.file.resolve().parent)}

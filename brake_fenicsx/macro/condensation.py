@@ -54,19 +54,39 @@ class Solves(Protocol):
         """Product with a block, sparse or not, shape (dofs, columns)."""
 
 
+class DeferredFactor:
+    """Factor of K0 = K + N'W k0 N that is made at its first solve."""
+
+    def __init__(self, K: PETSc.Mat, N: sp.csr_matrix, w: Array, k0: Array):
+        """Keep what ``reference_factor`` takes."""
+        self._given = K, N, w, k0
+        self._factor: Factor | None = None
+
+    def solve(self, b: Array | sp.csc_matrix) -> Array:
+        """Product of K0^-1 with a block."""
+        if self._factor is None:
+            self._factor = reference_factor(*self._given)
+        return self._factor.solve(b)
+
+    def destroy(self) -> None:
+        """Free the factor, if there is one."""
+        if self._factor is not None:
+            self._factor.destroy()
+
+
 @dataclass(frozen=True, slots=True)
 class Compliance:
     """K0^-1 seen from the contact elements.
 
     Attributes:
-        factor: factor of K0, on every process.
+        factor: factor of K0, on every process; it may be made at its first solve.
         k0: reference stiffness of each element [Pa/m], shape (elements,).
         NN: N K0^-1 N' [m/N], shape (elements, elements).
         NT: N K0^-1 T' [m/N], shape (elements, elements).
         Nf: N K0^-1 f [m] of the full loads, shape (elements,).
     """
 
-    factor: Factor
+    factor: Factor | DeferredFactor
     k0: Array
     NN: Array
     NT: Array

@@ -46,8 +46,6 @@ class Equilibrium:
         history: residuals of the last load step, one per iteration.
         seconds: time [s].
         u: displacement on all free dofs [m], where it was asked for.
-        doubt: changes of g [m] under typical errors of the bodies' compliance, shape (errors,
-            elements); None where that is exact.
     """
 
     g: Array
@@ -59,7 +57,6 @@ class Equilibrium:
     history: tuple[float, ...]
     seconds: float
     u: Array | None = None
-    doubt: Array | None = None
 
 
 def equilibrium(
@@ -147,11 +144,6 @@ class Jacobian:
                 "equilibrium: no element is in contact on the way; raise the load steps"
             ) from error
 
-    def rough(self, b: Array) -> Array:
-        """Solutions for columns in single precision."""
-        lu = la.lu_factor(self._matrix(np.float32), overwrite_a=True, check_finite=False)
-        return np.asarray(la.lu_solve(lu, b.astype(np.float32), check_finite=False).astype(float))
-
     def _refined(self, b: Array) -> Array | None:
         """Solution by refinement; None where single precision is not enough of a start."""
         lu = la.lu_factor(self._matrix(np.float32), overwrite_a=True, check_finite=False)
@@ -206,16 +198,6 @@ class Condensed:
         if wf is not None:
             rhs = rhs + c.NT @ (wf * a)
         return self._jacobian(k).solve(np.asarray(rhs, float))
-
-    def moved(self, k: Array, free: Array) -> Array:
-        """Changes of the gaps where those of the bodies without contact change, rough.
-
-        Args:
-            k: stiffness at equilibrium [Pa/m].
-            free: changes of the gaps under the same forces [m], shape (elements, columns).
-        """
-        c = self.compliance
-        return self._jacobian(k).rough(free - c.NN @ ((self.w * c.k0)[:, None] * free))
 
     def _jacobian(self, k: Array) -> Jacobian:
         """Derivative of the gaps' equation where contact has the stiffness k."""

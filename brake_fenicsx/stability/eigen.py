@@ -22,6 +22,7 @@ import numpy as np
 from brake_fenicsx.errors import NotConverged, SceneError
 from brake_fenicsx.macro.solver import local_rows
 
+from .damped_count import counted
 from .full.completeness import count_zeros
 from .full.damped import damped_modes
 from .full.dense import dense_modes
@@ -77,7 +78,7 @@ def complex_modes(
         InaccurateResult: the modes found are not as many as were counted.
     """
     if method != "full":
-        raise SceneError(f"method {method!r}: complex_modes knows 'full'; see Reduced")
+        raise SceneError(f"method {method!r}: complex_modes knows 'full'; see ReducedModel")
     if not 0 <= band[0] < band[1]:
         raise SceneError(f"band {band[0]:g} to {band[1]:g} Hz: from at least 0 up to a higher one")
     if comm is None:
@@ -85,7 +86,7 @@ def complex_modes(
     start = time.perf_counter()
     problem = _problem(K, M, frictionless, friction, comm)
     if C is not None:
-        return damped_modes(problem, local_rows(as_petsc(C)), band, tolerance, zeta_max)
+        return damped_modes(problem, local_rows(as_petsc(C)), band, tolerance, zeta_max, counted)
     low, high = ((2 * np.pi * f) ** 2 for f in band)
     n = problem.K.shape[0]
     found = None

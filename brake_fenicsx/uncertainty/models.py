@@ -1,43 +1,60 @@
-"""Who gives the modes of a study's samples: the reduced models they have in common, or full order.
+"""Who gives the modes of a study's samples: the reduced model, or full order.
 
-What no reduced model takes, because it stands alone, is damped too strongly or has materials out of
-reach, is solved at full order; ``Models.by_reduction`` says which approach goes where.
+This is the one place that chooses. One reduced model serves all approaches whose samples something
+damps, and one all others; a sample alone, an approach that asks for full order, and what no reduced
+model takes (too strong damping, materials that are not positive definite everywhere in their box)
+go to full order; ``Models.by_reduction`` says which approach goes where.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from brake_fenicsx.errors import BrakeError, InaccurateResult
-from brake_fenicsx.log import logger
+from brake_fenicsx.errors import BrakeError
+from brake_fenicsx.log import Progress, logger
 from brake_fenicsx.macro.brake import Brake
-from brake_fenicsx.macro.condensation import Compliance, compliance, gathered
+from brake_fenicsx.macro.condensation import (
+    Compliance,
+    DeferredFactor,
+    Solves,
+    compliance,
+    gathered,
+    gathered_vector,
+)
+from brake_fenicsx.macro.elasticity import unit_loads
+from brake_fenicsx.macro.layer_mass import layer_masses
+from brake_fenicsx.macro.material_table import layer_materials, scene_materials
 from brake_fenicsx.macro.solver import local_rows
-from brake_fenicsx.scene import Scene, Stability
+from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene_damping import active_terms
 from brake_fenicsx.scene_samples import split_key
 from brake_fenicsx.shelf import Shelf, of_bodies
 from brake_fenicsx.store import Store
 
-from .bulk import Bulk, assemble_bulk
 from .numbering import FILE as DOFS
-from .numbering import Numbering
+from .numbering import Numbering, dof_points
+from .random_materials import RandomMaterials, assemble_random
 
 if TYPE_CHECKING:
-    from brake_fenicsx.stability import Reduced
+    from brake_fenicsx.stability.substructures import Parameters, ReducedModel
     from brake_fenicsx.stability.terms import Terms
 
-    from .changing import ChangingBodies
-    from .shared import Shared
-
 Array = NDArray[np.float64]
+
+SHAPES = "cache/shapes.npz"
+
+# Real modes up to this multiple of the band tell modes apart where there is no reduced model.
+FAMILIES = 1.3
+
+# Number of the layout of a kept reduced model; one of another layout is made again.
+LAYOUT = 1
 
 
 class Models:
@@ -48,10 +65,14 @@ class Models:
         numbering: order of the dofs that vectors are stored in; only with modes.
         K: elastic stiffness [N/m], whole on this process.
         M: mass [kg], likewise.
-        compliance: the bodies seen from their contact elements.
-        bulk: unit changes of random materials and loads, if there are any.
-        changing: the reduced model of bodies whose materials change, if there is one.
-        modal: what the samples' modes share; None without the stage stability.
+        compliance: the bodies seen from their contact elements, under the scene's loads.
+        pressures: face -> its pressure in the scene [Pa].
+        unit_gaps: face -> gaps under a pressure of 1 Pa on it [m/Pa], shape (elements,).
+        materials: unit changes of random materials and loads, if there are any.
+        reduced: damped or not -> the reduced model, where one serves any sample.
+        terms: damping terms of the scene; None without damping.
+        masses: mass of each layer [kg], shape (dofs, dofs); only with modes.
+        grams: the same of the kept modes of the reduced models, shape (kept modes, kept modes).
         facts: for the summary.
     """
 
@@ -74,20 +95,23 @@ class Models:
             comm: processes that share the work.
             shelf: what the folder shares with others.
         """
-        self._scene, self._brake, self._counts = scene, brake, counts
+        self._scene, self.brake, self._counts = scene, brake, counts
+        self.pressures = {face: load.pressure for face, load in scene.loads.items()}
         self._store, self._comm, self._shelf = store, comm, shelf
         self.K, self.M = gathered(brake.K), gathered(brake.M)
         self.facts: dict[str, Any] = {}
-        self.bulk: Bulk | None = None
-        self.changing: ChangingBodies | None = None
-        self.modal: Shared | None = None
+        self.materials: RandomMaterials | None = None
+        self.reduced: dict[bool, ReducedModel] = {}
+        self.terms: Terms | None = None
+        self.masses: dict[str, sp.csr_matrix] = {}
+        self.grams: dict[str, Array] = {}
+        self._shapes: Array | None = None
         self.compliance: Compliance
+        self.unit_gaps: dict[str, Array] = {}
         self.numbering: Numbering
-        self._reduced: Reduced | None = None
-        self._terms: Terms | None = None
-        self._stability = scene.stability if "stability" in scene.stages else None
-        # One sample alone does not pay for a basis: it is solved at full order.
-        reduced = self._stability is not None and self._stability.method == "reduced"
+        self.stability = scene.stability if "stability" in scene.stages else None
+        # One sample alone does not pay for a reduced model: it is solved at full order.
+        reduced = self.stability is not None and self.stability.method == "reduced"
         self.by_reduction = {name: reduced and count > 1 for name, count in counts.items()}
 
     def changes_bodies(self, approach: str) -> bool:
@@ -100,135 +124,203 @@ class Models:
         """Whether damping acts in an approach's samples."""
         return bool(active_terms(self._scene, approach))
 
+    def place(self, drawn: Mapping[str, float]) -> Array:
+        """A sample's point in the box of the reduced models."""
+        return np.zeros(0) if self.materials is None else self.materials.box.place(drawn)
+
+    def takes(self, approach: str, drawn: Mapping[str, float]) -> bool:
+        """Whether the reduced model takes a sample: its materials lie in the box."""
+        if not self.by_reduction[approach]:
+            return False
+        return self.materials is None or self.materials.box.holds(drawn)
+
+    def coordinates(self, u: NDArray) -> NDArray | None:
+        """Displacements in the coordinates that families are followed in; None without any.
+
+        Args:
+            u: shape (dofs, columns).
+        """
+        M = local_rows(self.M)
+        for model in self.reduced.values():
+            return model.coordinates(M, u)
+        return None if self._shapes is None else self._shapes.T @ (M @ u)
+
     def prepare(self, k0: Array) -> None:
-        """Factor the bodies on springs k0 [Pa/m], and make or load what is reduced; collective."""
-        brake, stability = self._brake, self._stability
-        if stability is not None:
-            from brake_fenicsx.stability.terms import damping_terms
+        """Make or load what the samples share, on springs k0 [Pa/m]; collective."""
+        brake, scene = self.brake, self._scene
+        if {split_key(name)[0] for name in scene.samples.random} & {"materials", "loads"}:
+            self.materials = assemble_random(scene, brake)
+        if self.stability is not None:
+            self._prepare_modes(k0)
+        if not self.reduced:
+            self.compliance = compliance(self.K, brake.N, brake.T, brake.w, brake.f, k0, self._comm)
+            loads = {} if self.materials is None else self.materials.loads
+            factor = self.compliance.factor
+            self.unit_gaps = {face: brake.N @ factor.solve(f) for face, f in loads.items()}
+        many = any(self._counts[n] > 1 for n, r in self.by_reduction.items() if not r)
+        if self.stability is not None and many and not self.reduced:
+            with self._shelf.shared(
+                SHAPES, lambda: self._depends(np.unique(k0).tolist()), self._comm
+            ):
+                self._shapes = self._family_shapes(self.compliance.factor)
 
-            self._terms = damping_terms(self._scene, brake)
-            with self._shelf.shared(DOFS, lambda: of_bodies(self._scene), self._comm):
-                self.numbering = Numbering(brake, local_rows(self.K), self._store, self._comm)
-        if stability is not None and self._of_one_body():
-            seen = self._prepare_reduced(stability, k0)
-        else:
-            seen = compliance(self.K, brake.N, brake.T, brake.w, brake.f, k0, self._comm)
-        self.compliance = seen
-        if {split_key(name)[0] for name in self._scene.samples.random} & {"materials", "loads"}:
-            self.bulk = assemble_bulk(self._scene, brake)
-        self._prepare_changing()
-        if stability is not None:
-            self._prepare_modes(stability, seen)
+    def _prepare_modes(self, k0: Array) -> None:
+        """Damping, reduced models and what is known of the layers."""
+        from brake_fenicsx.stability.terms import damping_terms, record
 
-    def _of_one_body(self) -> list[str]:
-        """Approaches that the reduced model of the scene's own bodies serves."""
-        return [n for n, r in self.by_reduction.items() if r and not self.changes_bodies(n)]
-
-    def _acting(self) -> list[Any]:
-        """What the damping of the bodies depends on beside themselves."""
-        stability = self._scene.table.get("stability", {})
-        return [stability.get("damping"), self._scene.table.get("motion")]
-
-    @contextmanager
-    def _shared(self, name: str, k0: Array | float, *depends: Any) -> Iterator[None]:
-        """A reduced model on springs k0, from other folders or for them."""
-        stability = self._stability
-        band = None if stability is None else [*stability.band, stability.cutoff]
-        here = [self.numbering.kept_mark, np.unique(k0).tolist(), band, *depends]
-        with self._shelf.shared(name, lambda: [of_bodies(self._scene), *here], self._comm):
-            yield
-
-    def _prepare_changing(self) -> None:
-        """Reduced model of samples whose materials change; full order where there can be none."""
-        names = [n for n, r in self.by_reduction.items() if r and self.changes_bodies(n)]
-        damped = [n for n in names if self.damped(n)]
-        self._try_changing(damped, self._terms)
-        # Damping that no model takes leaves the samples without it theirs.
-        if self.changing is None:
-            self._try_changing([n for n in names if n not in damped], None)
-
-    def _try_changing(self, names: list[str], terms: Terms | None) -> None:
-        """Reduced model of the samples of some approaches, or full order for them."""
-        if not names or self.bulk is None:
-            return
-        from .changing import FILE, MADE_WITH, ChangingBodies
-
-        random, laws = self._scene.samples.random, self._scene.table["samples"]["random"]
-        moduli = [n for n in sorted(random) if split_key(n)[0] == "materials"]
-        box = [[n, laws[n], random[n].digest] for n in moduli]
-        acts = None if terms is None else self._acting()
-        try:
-            with self._shared(FILE, 0.0, box, acts, self.numbering.mark, MADE_WITH.tolist()):
-                self.changing = ChangingBodies(
-                    self._scene, self._brake, (self.K, self.M), self.bulk, self._store, self._comm,
-                    self.numbering.mark, terms,
-                )  # fmt: skip
-        except BrakeError as error:
-            logger.warning("no reduced model of changing materials: %s; full order", error)
-            self.by_reduction |= dict.fromkeys(names, False)
-            return
-        self.facts["changing_bodies"] = {"seconds": self.changing.basis.seconds}
-
-    def _prepare_reduced(self, stability: Stability, k0: Array) -> Compliance:
-        """Reduced model of the scene's own bodies; returns them as seen from the contact."""
-        from brake_fenicsx.stability.reduction import ORDER
-
-        from .basis import FILE, compliance_of, reduced_model
-
-        brake = self._brake
-        order = ORDER if any(not self.damped(name) for name in self._of_one_body()) else 0
-        with self._shared(FILE, k0, order):
-            self._reduced, self.facts["reduced_basis"] = reduced_model(
-                stability, brake, self.K, self.M, k0, self._store, self._comm, self.numbering, order
-            )
-        return compliance_of(self._reduced, brake.f)
-
-    def _prepare_modes(self, stability: Stability, seen: Compliance) -> None:
-        """What the samples' modes share."""
-        from .basis import SHAPES, family_shapes
-        from .shared import share
-
-        special = [n for n in self.by_reduction if self.damped(n) or self.changes_bodies(n)]
-        full = [n for n in special if not self.by_reduction[n]]
-        if full:
-            logger.info("%s: damping or materials of their own, full order", ", ".join(full))
-        shapes = None
-        many = any(self._counts[name] > 1 for name in full)
-        if (many or self.changing is not None) and self._reduced is None:
-            with self._shared(SHAPES, seen.k0):
-                shapes = family_shapes(
-                    seen.factor, self.M, stability.band[1], self._store, self._comm,
-                    self.numbering,
-                )  # fmt: skip
-        whole = (self.K, self.M)
-        self.modal = share(self._scene, self._brake, whole, self.bulk, self._reduced, self._terms)
-        self.modal.shapes = shapes
-        if self.changing is not None:
-            self.modal.take_changing(self.changing)
-        if self.modal.damping:
-            self.facts["damping"] = self.modal.damping
-        self._prepare_damped(self.modal)
-        for term, numbers in self.modal.damping.items():
+        scene, brake = self._scene, self.brake
+        self.terms = damping_terms(scene, brake)
+        with self._shelf.shared(DOFS, lambda: of_bodies(scene), self._comm):
+            self.numbering = Numbering(brake, local_rows(self.K), self._store, self._comm)
+        layers = layer_materials(scene, scene_materials(scene), brake.mesh.layers)
+        density = {name: m.rho for name, m in layers.items()}
+        self.masses = layer_masses(brake.mesh, brake.elastic.free, density)
+        for damped in (False, True):
+            names = [n for n, r in self.by_reduction.items() if r and self.damped(n) == damped]
+            if names:
+                self._reduce(damped, names)
+        full = [n for n, r in self.by_reduction.items() if not r]
+        special = [n for n in full if self.damped(n) or self.changes_bodies(n)]
+        if special:
+            logger.info("%s: damping or materials of their own, full order", ", ".join(special))
+        if self.reduced:
+            self._from_reduced(next(iter(self.reduced.values())), k0)
+        acting = record(scene, brake.contact)
+        if acting:
+            self.facts["damping"] = acting
+        for term, numbers in acting.items():
             said = ", ".join(f"{name} = {value}" for name, value in numbers.items())
             logger.info("damping, %s: %s", term, said)
 
-    def _prepare_damped(self, modal: Shared) -> None:
-        """Damping in the reduced model; full order where it is too strong for that."""
-        names = [name for name in self._of_one_body() if self.damped(name)]
-        if not names or modal.terms is None or modal.reduced is None:
-            return
-        from .basis import DAMPED_FILE, damped_model
-
+    def _reduce(self, damped: bool, names: list[str]) -> None:
+        """Reduced model of some approaches, or full order for them."""
+        file = f"cache/{'damped' if damped else 'undamped'}.npz"
+        changing = any(self.changes_bodies(n) for n in self.by_reduction)
         try:
-            with self._shared(DAMPED_FILE, modal.reduced.basis.k0, self._acting()):
-                modal.damped = damped_model(
-                    modal.reduced, modal.terms, self._brake.contact, self._store, self._comm
-                )
-        except InaccurateResult as error:
-            logger.warning("%s; full order", error)
+            with self._shelf.shared(file, lambda: self._depends(self._acting(damped)), self._comm):
+                model = self._reduced_model(damped, changing, file)
+        except BrakeError as error:
+            logger.warning("no reduced model: %s; full order", error)
             self.by_reduction |= dict.fromkeys(names, False)
             return
-        self.facts["damped_basis"] = {
-            "seconds": modal.damped.seconds,
-            "converges_up_to_hz": modal.damped.basis.radius / 2 / np.pi,
+        self.reduced[damped] = model
+        self.facts["damped_model" if damped else "reduced_model"] = {
+            "kept_modes": model.bodies[-1].modes.stop,
+            "bodies": len(model.bodies),
+            "complete_up_to_hz": model.complete_up_to,
+            "seconds": model.seconds,
         }
+
+    def _reduced_model(self, damped: bool, changing: bool, file: str) -> ReducedModel:
+        from brake_fenicsx.stability.substructures import ReducedModel, split_substructures
+
+        stability, brake = self.stability, self.brake
+        if stability is None:
+            raise ValueError("a scene without [stability] has no modes")
+        terms = self.terms if damped else None
+        followed, C = "N", None
+        if terms is not None:
+            followed, C = "N" + "T" * terms.slope + "R" * terms.sliding, terms.bulk
+        changes, shares = self._changes(terms) if changing else ([], None)
+        interface = {"N": brake.N, "T": brake.T, "R": brake.R}
+        mesh, free = brake.mesh, brake.elastic.free
+        loads = [
+            gathered_vector(unit_loads(mesh, free, face)) for face in sorted(self._scene.loads)
+        ]
+        bodies = split_substructures(
+            local_rows(self.K), local_rows(self.M), interface,
+            np.stack(loads, axis=1) if loads else None, changes, C, shares,
+            dof_points(brake, self._comm),
+        )  # fmt: skip
+        known = self._known(file)
+        model = ReducedModel.offline(
+            bodies, brake.w, (stability.band[0], stability.band[1]), self._parameters(changing),
+            followed, stability.tolerance, stability.cutoff, self._comm,
+            lambda total: Progress("solves of the reduced model", total).advance, known,
+        )  # fmt: skip
+        if known is None and self._comm.rank == 0:
+            made = {
+                f"{i}.{name}": a for i, one in enumerate(model.arrays()) for name, a in one.items()
+            }
+            marks = {"layout": np.array(LAYOUT), "dofs": self.numbering.mark}
+            self._store.save(file, **marks, **made)
+        return model
+
+    def _parameters(self, changing: bool) -> Parameters:
+        from brake_fenicsx.stability.substructures import CONSTANT, Parameters
+
+        if not changing or self.materials is None:
+            return CONSTANT
+        materials = self.materials
+        return Parameters(len(materials.box.names), materials.coefficients, materials.softening())
+
+    def _changes(self, terms: Terms | None) -> tuple[list[sp.csr_matrix], list[float]]:
+        """Unit changes of the stiffness, and the share of each that the damping takes."""
+        if self.materials is None:
+            return [], []
+        follows = {} if terms is None else terms.follows
+        changes = self.materials.changes
+        return [*changes.values()], [follows.get(material, 0.0) for material, _ in changes]
+
+    def _acting(self, damped: bool) -> list[Any]:
+        """What a reduced model depends on beside the bodies."""
+        scene, stability = self._scene, self._scene.table.get("stability", {})
+        random, laws = scene.samples.random, scene.table.get("samples", {}).get("random", {})
+        moduli = [n for n in sorted(random) if split_key(n)[0] == "materials"]
+        box = [[n, laws[n], random[n].digest] for n in moduli]
+        acts = [stability.get("damping"), scene.table.get("motion")] if damped else None
+        settings = self.stability
+        accuracy = None if settings is None else [settings.tolerance, settings.cutoff]
+        return [LAYOUT, box, acts, accuracy, self.numbering.mark]
+
+    def _depends(self, more: list[Any]) -> list[Any]:
+        """What files that folders share depend on."""
+        band = None if self.stability is None else [*self.stability.band]
+        return [of_bodies(self._scene), self.numbering.kept_mark, band, *more]
+
+    def _known(self, file: str) -> list[dict[str, Array]] | None:
+        """Arrays of all bodies that an earlier run left."""
+        stored = self._store.load(file)
+        if stored is None or int(stored.get("layout", 0)) != LAYOUT:
+            return None
+        if str(stored["dofs"]) != self.numbering.mark:
+            logger.info("reduced model: the dofs are numbered in another way now; made again")
+            return None
+        logger.info("reduced model: from the cache")
+        found: dict[int, dict[str, Array]] = {}
+        for name, values in stored.items():
+            number, dot, inner = name.partition(".")
+            if dot:
+                found.setdefault(int(number), {})[inner] = values
+        return [found[i] for i in sorted(found)]
+
+    def _from_reduced(self, model: ReducedModel, k0: Array) -> None:
+        """Compliance, unit loads and layers' masses as the reduced model knows them."""
+        brake = self.brake
+        NN, NT, gaps = model.static(self.place({}), k0)
+        faces = sorted(self._scene.loads)
+        pressures = np.array([self.pressures[face] for face in faces])
+        factor = DeferredFactor(self.K, brake.N, brake.w, k0)
+        self.compliance = Compliance(factor, k0, NN, NT, gaps @ pressures)
+        self.unit_gaps = dict(zip(faces, gaps.T, strict=True))
+        self.grams = {name: model.coordinates(A) for name, A in self.masses.items()}
+
+    def _family_shapes(self, factor: Solves) -> Array:
+        """Real modes of the reference that families are followed in, shape (dofs, modes).
+
+        They are kept: an eigensolver may return them with other signs.
+        """
+        from brake_fenicsx.stability.full.lanczos import lowest_modes
+
+        if self.stability is None:
+            raise ValueError("a scene without [stability] has no modes")
+        limit = (2 * np.pi * FAMILIES * self.stability.band[1]) ** 2
+        shapes: Array | None = None
+        if self._comm.rank == 0:
+            stored = self._store.load(SHAPES)
+            if stored is None:
+                shapes = lowest_modes(factor, local_rows(self.M), limit).Phi
+                self._store.save(SHAPES, shapes=self.numbering.kept(shapes))
+            else:
+                shapes = self.numbering.present(stored["shapes"])
+        return np.asarray(self._comm.bcast(shapes, root=0))

@@ -76,16 +76,21 @@ class Numbering:
         return out
 
 
+def dof_points(brake: Brake, comm: MPI.Comm) -> NDArray:
+    """Coordinates [m] and direction (0, 1, 2) of every free dof, shape (dofs, 4); collective."""
+    free = brake.elastic.free
+    block, component = np.divmod(free.local, 3)
+    own = np.column_stack([free.V.tabulate_dof_coordinates()[block], component])
+    return np.concatenate(comm.allgather(own))
+
+
 def _mark(keys: NDArray) -> str:
     return hashlib.sha256(np.ascontiguousarray(keys).tobytes()).hexdigest()[:16]
 
 
 def _keys(brake: Brake, K: sp.csr_matrix, comm: MPI.Comm) -> NDArray:
     """What tells a free dof from all others: its place, its component, its body's centre [m]."""
-    free = brake.elastic.free
-    block, component = np.divmod(free.local, 3)
-    own = np.column_stack([free.V.tabulate_dof_coordinates()[block], component])
-    keys = np.concatenate(comm.allgather(own))
+    keys = dof_points(brake, comm)
     size = np.ptp(keys[:, :3], axis=0).max()
     keys[:, 3] *= size
     # Nodes of two bodies may lie in one place.

@@ -116,51 +116,27 @@ def _write_modes(study: Study, task: Task, data: dict[str, Any]) -> None:
     from brake_fenicsx.report.style import label
 
     store, name, V = study.store, task[0], study.brake.elastic.free.V
-    chosen, X, note = _unstable(study, task, data)
+    chosen, X = _unstable(study, task, data)
     fields = {}
     for i, x in zip(chosen, X.T, strict=True):
         hertz, damping = abs(data["s"][i].imag) / 2 / np.pi, float(data["damping"][i])
         fields[f"mode_{hertz:05.0f}Hz"] = local = study.brake.local(x)
         write_phases(store.path("fields", f"phase_{name}_{hertz:05.0f}Hz.xdmf"), V, local)
-        title = f"{label(name)}, sample {task[1]}: {hertz:.0f} Hz, damping {damping:.2e}{note}"
+        title = f"{label(name)}, sample {task[1]}: {hertz:.0f} Hz, damping {damping:.2e}"
         render_mode(store.path("figures", f"mode_{name}_{hertz:05.0f}Hz.png"), V, local, title)
     write_fields(store.path("fields", f"modes_{name}.xdmf"), V, fields)
 
 
-def _unstable(study: Study, task: Task, data: dict[str, Any]) -> tuple[NDArray, NDArray, str]:
-    """Numbers and displacements of the most unstable modes, and what these leave out."""
+def _unstable(study: Study, task: Task, data: dict[str, Any]) -> tuple[NDArray, NDArray]:
+    """Numbers and displacements of the most unstable modes."""
     if "s" not in data:
-        return np.zeros(0, dtype=int), np.zeros((len(study.brake.f), 0)), ""
+        return np.zeros(0, dtype=int), np.zeros((len(study.brake.f), 0))
     unstable = np.flatnonzero(data["verdict"] == "unstable")
     chosen = unstable[np.argsort(data["damping"][unstable], kind="stable")][:MOST]
     column = {int(m): j for j, m in enumerate(data.get("vector_mode", ()))}
     kept = [column[int(i)] for i in chosen if int(i) in column]
     if "vectors" in data:
-        return chosen, study.models.numbering.present(data["vectors"][:, kept].astype(complex)), ""
-    if study.models.changing is not None and study.models.changes_bodies(task[0]):
-        return (
-            chosen,
-            _of_bodies(study, task, data, chosen, kept),
-            "; static part of the bodies left out",
-        )
+        return chosen, study.models.numbering.present(data["vectors"][:, kept].astype(complex))
     from .solve import expanded
 
-    if study.models.modal is None:
-        raise ValueError("prepare() comes first")
-    return chosen, expanded(study.models.modal, study._draw(*task), data, chosen), ""
-
-
-def _of_bodies(
-    study: Study, task: Task, data: dict[str, Any], chosen: NDArray, kept: list[int]
-) -> NDArray[np.complex128]:
-    """Displacements of modes of a sample whose materials are its own."""
-    changing = study.models.changing
-    if changing is None or study.models.modal is None:
-        raise ValueError("prepare() comes first")
-    if str(data.get("bodies")) == changing.mark:
-        return changing.basis.coordinates.displacements(data["in_bodies"][:, kept].astype(complex))
-    # An earlier program, or one on another number of processes, had other bodies.
-    from .solve import modes_again
-
-    modes = modes_again(study.models.modal, study._draw(*task), data)
-    return changing.basis.coordinates.displacements(modes.right[:, chosen])
+    return chosen, expanded(study.models, task[0], study._draw(*task), data, chosen)

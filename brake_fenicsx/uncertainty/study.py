@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.macro.brake import Brake
 from brake_fenicsx.macro.braking import reference_stiffness
-from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.micro import LawRecipe, make_library
 from brake_fenicsx.micro.law import Laws
@@ -89,7 +88,7 @@ class Study:
         models.prepare(np.full(len(brake.w), k0))
         self.facts |= {"reference_stiffness_Pa_per_m": k0, **models.facts}
         steps = max((load.steps for load in self.scene.loads.values()), default=1)
-        self.equilibria = Equilibria(brake, models.compliance, steps, models.bulk, models.changing)
+        self.equilibria = Equilibria(models, steps)
 
     def _reference_laws(self) -> EnrichedGap:
         """Laws of the first sample that can be drawn, of rough contact if there is any."""
@@ -108,31 +107,16 @@ class Study:
         long = [t for t in self.tasks if not reduced[t[0]]]
         short = [t for t in self.tasks if reduced[t[0]]]
         # An equilibrium alone is no work for several processes.
-        size = 1 if self.models.modal is None else self.scene.samples.processes_per_sample
-        run_ensemble(short, self.work, self.store, self.comm, [*long, *self.verify], size)
+        run_ensemble(short, self.work, self.store, self.comm, [*long, *self.verify])
 
-    def work(self, task: Task, comm: MPI.Comm = MPI.COMM_SELF) -> dict[str, Any]:
-        """Equilibrium and modes of one sample, as arrays to store; process 0 of comm has them."""
-        begun = self._begun(task) if comm.rank == 0 else None
-        out, sample, eq, reduced = comm.bcast(begun)
-        if self.models.modal is not None:
-            from .solve import modes_of_sample
-
-            out |= modes_of_sample(self.models.modal, sample, eq, reduced, comm)
-            if "vectors" in out:
-                out["vectors"] = self.models.numbering.kept(out["vectors"])
-        return dict(out)
-
-    def _begun(self, task: Task) -> tuple[dict[str, Any], SampleInput, Equilibrium, bool]:
-        """A sample up to its equilibrium, and whether a reduced model gives its modes."""
+    def work(self, task: Task) -> dict[str, Any]:
+        """Equilibrium and modes of one sample, as arrays to store."""
         (approach, k), models = task, self.models
         if approach == VERIFY:
             approach = self.verified
         sample = self._draw(approach, k)
-        reduced = models.by_reduction[approach] and task[0] != VERIFY
-        if sample.materials and models.changing is not None:
-            reduced &= models.changing.box.holds(sample.random)
-        eq = self._prepared.of(sample, reduced)
+        reduced = task[0] != VERIFY and models.takes(approach, sample.random)
+        eq = self._prepared.of(approach, sample, reduced)
         names = sorted(sample.random)
         out: dict[str, Any] = {
             "seed": np.uint64(sample.seed),
@@ -145,11 +129,17 @@ class Study:
         }  # fmt: skip
         if sample.random:
             out["rejected"] = sample.rejected
-        return out, sample, eq, reduced
+        if models.stability is not None:
+            from .solve import modes_of_sample
+
+            out |= modes_of_sample(models, approach, sample, eq, reduced)
+            if "vectors" in out:
+                out["vectors"] = models.numbering.kept(out["vectors"])
+        return out
 
     def displacement(self, task: Task, data: dict[str, Any]) -> Array:
         """Displacement of a stored sample's equilibrium [m], shape (dofs,)."""
-        return self._prepared.displacement(self._draw(*task), data)
+        return self._prepared.displacement(task[0], self._draw(*task), data)
 
     @property
     def _prepared(self) -> Equilibria:

@@ -1,14 +1,15 @@
 """Full order with damping: all modes of a band of (lambda^2 M + lambda C + K) phi = 0.
 
 Small problems are solved densely, and counted by the winding number of their determinant. Large
-ones with a few hundred modes up to the band's end go to ``quadratic``, and are counted by
-``damped_count``. Bands with more modes below them are covered by complex shifts: real PETSc cannot
-factor there, so that SciPy does; for up to some ten thousand dofs.
+ones with a few hundred modes up to the band's end go to ``quadratic``, and are counted by the
+function that is given. Bands with more modes below them are covered by complex shifts: real PETSc
+cannot factor there, so that SciPy does; for up to some ten thousand dofs.
 """
 
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 import numpy as np
 import scipy.linalg as la
@@ -20,7 +21,6 @@ from brake_fenicsx.errors import InaccurateResult, NotConverged
 from ..modes import Complex, Count, Modes
 from ..vectors import ROUND_OFF, norm_bound, paired
 from .completeness import count_zeros
-from .damped_count import counted
 from .damped_rows import NEAR_ZERO, damped_rows, rectangle
 from .dense import MASSLESS
 from .problem import Problem
@@ -38,7 +38,12 @@ DENSE, COVERED = 300, 10_000
 
 
 def damped_modes(
-    problem: Problem, C: sp.csr_matrix, band: tuple[float, float], tolerance: float, zeta_max: float
+    problem: Problem,
+    C: sp.csr_matrix,
+    band: tuple[float, float],
+    tolerance: float,
+    zeta_max: float,
+    counted: Callable[[Problem, sp.csr_matrix, Complex, float, float], str],
 ) -> Modes:
     """All modes of a band with alpha >= -zeta_max |lambda|, one of each conjugate pair; collective.
 
@@ -48,6 +53,7 @@ def damped_modes(
         band: lowest and highest frequency [Hz].
         tolerance: relative residual of every mode.
         zeta_max: largest damping ratio looked for.
+        counted: counts the modes of a large problem, see ``damped_count``.
 
     Returns:
         The modes; where their number could not be counted the record says why.

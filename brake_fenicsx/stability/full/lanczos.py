@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import NotConverged
-from brake_fenicsx.macro.solver import Factor
+from brake_fenicsx.macro.condensation import Solves
 
 Array = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ class RealModes:
 
 
 def lowest_modes(
-    factor: Factor,
+    factor: Solves,
     M: sp.csr_matrix,
     cutoff: float,
     tolerance: float = 1e-9,

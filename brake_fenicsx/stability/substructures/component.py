@@ -89,7 +89,7 @@ class Component:
         accuracy: Accuracy,
         omega: float,
         comm: MPI.Comm,
-        progress: Callable[[float], None],
+        progress: Callable[[int], None],
     ):
         """Compute the moments at the anchors, or take those of an earlier offline stage.
 
@@ -190,7 +190,7 @@ class Component:
         return np.array([K + s * C + SIGMA * one, C + 2 * s * one, one])
 
     def _moments(
-        self, own: Array, count: int, comm: MPI.Comm, progress: Callable[[float], None]
+        self, own: Array, count: int, comm: MPI.Comm, progress: Callable[[int], None]
     ) -> Array:
         x = np.zeros(self._parameters.dimension)
         x[self._own] = own

@@ -28,13 +28,13 @@ class ContactLinearisation:
 
     Attributes:
         k: contact stiffness [Pa/m], zero where the element is open.
-        mu: friction coefficient [-].
+        friction: tangential force per gap, mu k [Pa/m].
         along: p mu'(V) [Pa s/m]; zero without falling friction.
         across: mu p / V [Pa s/m]; zero without sliding damping.
     """
 
     k: Array
-    mu: Array
+    friction: Array
     along: Array
     across: Array
 
@@ -67,12 +67,15 @@ class ContactLinearisation:
             out[name] = np.broadcast_to(given, k.shape)
         if k.size and k.min() < 0:
             raise SceneError(f"k = {k.min():.3g} Pa/m: contact stiffness must not be negative")
-        return cls(**out)
+        friction = out["mu"] * out["k"]
+        return cls(out["k"], friction, out["along"], out["across"])
 
     @property
     def closed(self) -> NDArray[np.intp]:
         """Elements in which anything acts."""
-        return np.flatnonzero((self.k > 0) | (self.along != 0) | (self.across != 0))
+        return np.flatnonzero(
+            (self.k > 0) | (self.friction != 0) | (self.along != 0) | (self.across != 0)
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,14 +112,14 @@ class ContactForces:
             rows: blocks of contact rows.
             omega: end of the band [rad/s].
         """
-        w, k = w[elements], contact.k[elements]
-        normal = w * k / omega**2
+        w = w[elements]
+        normal, friction = (w * A[elements] / omega**2 for A in (contact.k, contact.friction))
         factor = {"T": contact.along, "R": contact.across}
         rates = [
             (rows.acting.index(name), w * factor[name][elements] / omega)
             for name in rows.followed[1:]
         ]
-        return cls(normal, contact.mu[elements] * normal, rates, rows.shift)
+        return cls(normal, friction, rates, rows.shift)
 
     def after(self, A: Array) -> Array:
         """Coefficients of A(z) J(z).

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from math import ceil, log10
+from math import ceil, comb, log10
+from typing import Any
 
 from mpi4py import MPI
 
@@ -19,6 +20,8 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
+from brake_fenicsx.macro.condensation import gathered
+from brake_fenicsx.macro.solver import local_rows
 
 from ..complex_columns import on_parts, times
 from ..full.damped_rows import damped_rows
@@ -26,12 +29,18 @@ from ..modes import Complex, Count, Modes, undamped_rows
 from .component import Accuracy, AtPoint, Component, kept_modes
 from .contact import ContactLinearisation
 from .errors import ROUND_OFF, distances, stated_error
-from .moments import SIGMA, Complement, Rows
+from .moments import SIGMA, Complement, Rows, coupled
 from .parameters import CONSTANT, Parameters
 from .polynomials import Zeros, applied
 from .sample import Placed, Sample
 from .static import static_compliance
-from .substructure import MirrorImage, Substructure, mirror_image, split_substructures
+from .substructure import (
+    MirrorImage,
+    Substructure,
+    mirror_image,
+    split_substructures,
+    turned_across,
+)
 
 Array = NDArray[np.float64]
 
@@ -76,6 +85,7 @@ class ReducedModel:
         """Keep what the offline stage made; see ``offline``."""
         self.bodies, self.band, self.rows, self.parameters = bodies, band, rows, parameters
         self.seconds, self._w, self._omega = seconds, w, 2 * np.pi * band[1]
+        self._latest: tuple[Array, dict[int, AtPoint]] | None = None
 
     @classmethod
     def offline(
@@ -88,7 +98,7 @@ class ReducedModel:
         tolerance: float = 1e-5,
         cutoff: float | None = None,
         comm: MPI.Comm | None = None,
-        progress: Callable[[float], None] = lambda columns: None,
+        progress: Callable[[int], Callable[[int], None]] = lambda total: lambda done: None,
         known: Sequence[dict[str, Array]] | None = None,
     ) -> ReducedModel:
         """Reduce the bodies of a brake; collective.
@@ -104,7 +114,8 @@ class ReducedModel:
             cutoff: kept modes reach up to this frequency [Hz]; chosen from the softening of the box
                 if None.
             comm: processes that share the work; this process alone if None.
-            progress: called with the number of solves that were done, columns times moments.
+            progress: called with the number of solves of this process; what it returns is called
+                with the number of those that were done since.
             known: ``arrays`` of an earlier offline stage of the same problem.
 
         Raises:
@@ -131,9 +142,10 @@ class ReducedModel:
             modes = _shared_modes(originals, centre, omega, accuracy.cutoff, comm)
         else:
             modes = [(one["W"], one["kappa"]) for one in known]
+        advance = progress(_solves(originals, modes, rows, parameters, accuracy, comm.size))
         made: list[dict[str, Array] | None] = [None] * len(originals) if known is None else [*known]
         components = [
-            Component(body, pair, kept, rows, parameters, accuracy, omega, comm, progress)
+            Component(body, pair, kept, rows, parameters, accuracy, omega, comm, advance)
             for body, pair, kept in zip(originals, modes, made, strict=True)
         ]
         bodies = _placed(components, images)
@@ -149,7 +161,10 @@ class ReducedModel:
     def at(self, p: ArrayLike) -> list[AtPoint]:
         """The bodies at a point of the box [-1, 1]^d; mirror images share theirs."""
         x = np.asarray(p, float)
-        seen = {id(c): c.at(x) for c in self._originals}
+        if self._latest is None or not np.array_equal(self._latest[0], x):
+            # Equilibrium and modes of a sample, and all samples of constant materials, share it.
+            self._latest = x, {id(c): c.at(x) for c in self._originals}
+        seen = self._latest[1]
         return [seen[id(body.component)] for body in self.bodies]
 
     def modes(self, p: ArrayLike, contact: ContactLinearisation, zeta_max: float = 0.1) -> Modes:
@@ -170,15 +185,23 @@ class ReducedModel:
         """
         start = time.perf_counter()
         sample = self._sample(p, contact)
-        found = sample.zeros()
-        chosen = self._near(found.z)
-        wanted = Zeros(found.z[chosen], found.right[:, chosen], found.left[:, chosen])
-        q = sample.quotient(wanted)
-        size = np.maximum(np.abs(q.slope), 1e-300)
-        first = q.truncated + sample.interpolation_errors(wanted.z, q) + ROUND_OFF / size
-        error = stated_error(first, np.abs(q.step), distances(found.z, chosen))
-        z = wanted.z + q.step
-        return self._rows(z, wanted, size, error, zeta_max, start)
+        found = sample.zeros(*self._searched)
+        q = sample.quotient(found)
+        size = np.abs(q.slope)
+        first = q.truncated + sample.interpolation_errors(found.z, q) + ROUND_OFF / size
+        error = stated_error(first, np.abs(q.step), distances(found.every, found.chosen))
+        return self._rows(found.z + q.step, found, size, error, zeta_max, start)
+
+    def zeros(self, p: ArrayLike, contact: ContactLinearisation) -> Complex:
+        """Eigenvalues lambda [1/s] near the band, conjugates included, shape (zeros,)."""
+        sample = self._sample(p, contact)
+        found = sample.zeros(*self._searched)
+        z = found.z + sample.quotient(found).step
+        if self.rows.damped:
+            z = np.r_[z, z[z.imag > 0].conj()] + self.rows.shift
+        else:
+            z = np.sqrt(SIGMA - z + 0j)
+        return np.asarray(self._omega * z)
 
     def static(self, p: ArrayLike, k0: Array) -> tuple[Array, Array, Array]:
         """N K0^-1 N', N K0^-1 T' and N K0^-1 F' of the bodies on springs, K0 = K + N'W k0 N.
@@ -213,7 +236,7 @@ class ReducedModel:
         for _ in range(STEPS):
             rest = applied(sample.source, z, a) - applied(sample.E, z, y)
             y = y + sample._solve(rest)
-            if np.linalg.norm(rest) <= SETTLED * max(np.linalg.norm(y), 1e-300):
+            if np.linalg.norm(rest) <= SETTLED * np.linalg.norm(y):
                 break
         force = sample.forces(z, y)
         count, g = sample._count, len(self.rows.acting)
@@ -268,6 +291,11 @@ class ReducedModel:
         return grams
 
     @property
+    def complete_up_to(self) -> float:
+        """Frequency below which no mode of a body is missing anywhere in the box [Hz]."""
+        return float(min(body.component.reach for body in self.bodies) * self.band[1])
+
+    @property
     def _originals(self) -> list[Component]:
         """Reduced bodies, each once."""
         return list({id(b.component): b.component for b in self.bodies}.values())
@@ -279,12 +307,17 @@ class ReducedModel:
             )
         return Sample(self.bodies, self.at(p), contact, self._w, self.rows, self._omega)
 
-    def _near(self, z: Complex) -> NDArray[np.intp]:
-        """Zeros in the band and a little beyond."""
+    @property
+    def _searched(self) -> tuple[float, Callable[[Complex], NDArray[np.intp]]]:
+        """Reach of the search in z, and which zeros lie in the band or a little beyond."""
         if not self.rows.damped:
-            return np.flatnonzero(np.abs(z - SIGMA) <= SEARCHED**2)
-        s = z + self.rows.shift
-        return np.flatnonzero((np.abs(s) <= SEARCHED) & (s.imag >= 0))
+            limit = SEARCHED**2
+            return limit + SIGMA, lambda z: np.flatnonzero(np.abs(z - SIGMA) <= limit)
+        shift = self.rows.shift
+        # One of each conjugate pair.
+        return SEARCHED + shift, lambda z: np.flatnonzero(
+            (np.abs(z + shift) <= SEARCHED) & (z.imag >= 0)
+        )
 
     def _rows(
         self, z: Complex, found: Zeros, slope: Array, error: Array, zeta_max: float, start: float
@@ -333,30 +366,107 @@ class ReducedModel:
                     )
 
 
-def reduced_brake(
-    K: sp.csr_matrix,
-    M: sp.csr_matrix,
-    N: sp.csr_matrix,
-    T: sp.csr_matrix,
-    w: ArrayLike,
-    band: tuple[float, float],
-    tolerance: float = 1e-5,
-    comm: MPI.Comm | None = None,
-) -> ReducedModel:
-    """Reduced model of an undamped brake of constant materials from its matrices.
+class Reduced:
+    """Reduced model of an undamped brake of constant materials, from its matrices.
 
-    Args:
-        K: elastic stiffness without contact [N/m], shape (dofs, dofs).
-        M: mass [kg].
-        N: gap operator, shape (elements, dofs).
-        T: slip operator.
-        w: areas of the contact elements [m^2].
-        band: lowest and highest frequency [Hz].
-        tolerance: wanted relative error of lambda.
-        comm: processes that share the work.
+    Attributes:
+        model: the model.
     """
-    bodies = split_substructures(K, M, {"N": N, "T": T})
-    return ReducedModel.offline(bodies, w, band, tolerance=tolerance, comm=comm)
+
+    def __init__(
+        self,
+        K: Any,
+        M: Any,
+        N: sp.csr_matrix,
+        T: sp.csr_matrix,
+        w: ArrayLike,
+        k0: ArrayLike,
+        band: tuple[float, float],
+        tolerance: float = 1e-5,
+        comm: MPI.Comm | None = None,
+    ):
+        """Offline stage.
+
+        Args:
+            K: elastic stiffness without contact [N/m], SciPy sparse or PETSc, shape (dofs, dofs).
+            M: mass [kg], likewise.
+            N: gap operator, shape (elements, dofs).
+            T: slip operator, likewise.
+            w: areas of the contact elements [m^2], shape (elements,).
+            k0: typical contact stiffness [Pa/m], positive; the model is as good for any other.
+            band: lowest and highest frequency [Hz].
+            tolerance: wanted relative error of lambda.
+            comm: processes that share the work; this process alone if None.
+
+        Raises:
+            SceneError: matrices of the wrong kind or shape, or a stiffness that is not positive.
+        """
+        _checked(K, M, N, T, np.asarray(w, float), np.asarray(k0, float))
+        own, mass = (A.tocsr() if sp.issparse(A) else local_rows(gathered(A)) for A in (K, M))
+        bodies = split_substructures(own, mass, {"N": N.tocsr(), "T": T.tocsr()})
+        self.model = ReducedModel.offline(bodies, w, band, tolerance=tolerance, comm=comm)
+
+    def modes(self, k: ArrayLike, mu: ArrayLike) -> Modes:
+        """Complex modes of one sample in the band, see ``ReducedModel.modes``.
+
+        Args:
+            k: contact stiffness of each element [Pa/m], shape (elements,).
+            mu: friction coefficient, one or one per element.
+        """
+        return self.model.modes([], ContactLinearisation.of(k, mu))
+
+    def expand(self, s: Complex, a: Complex, k: ArrayLike, mu: ArrayLike) -> Complex:
+        """Displacements of some modes of a sample, shape (dofs, chosen).
+
+        Args:
+            s: eigenvalues lambda [1/s], shape (chosen,).
+            a: their columns of ``right``.
+            k: contact stiffness of the sample [Pa/m].
+            mu: its friction coefficient.
+        """
+        return self.model.displacements([], ContactLinearisation.of(k, mu), s, a)
+
+
+def _checked(K: Any, M: Any, N: Any, T: Any, w: Array, k0: Array) -> None:
+    """Refuse what does not fit.
+
+    Raises:
+        SceneError: what it is, in one line.
+    """
+    for name, A in (("K", K), ("M", M)):
+        if not (sp.issparse(A) or hasattr(A, "getValuesCSR")):
+            raise SceneError(f"{name}: a {type(A).__name__}; give a SciPy sparse or a PETSc matrix")
+    dofs = (K.shape if sp.issparse(K) else K.getSize())[0]
+    for name, A in (("N", N), ("T", T)):
+        if not sp.issparse(A) or A.shape != (w.size, dofs):
+            raise SceneError(
+                f"{name}: a sparse matrix of shape ({w.size}, {dofs}) is needed, one row for each"
+                " contact element and one column for each dof"
+            )
+    if k0.shape not in ((), w.shape):
+        raise SceneError(f"k0: shape {k0.shape}; give one value, or one for each contact element")
+    for name, value in (("k0", k0), ("w", w)):
+        if not (np.all(np.isfinite(value)) and np.all(value > 0)):
+            raise SceneError(f"{name} = {np.min(value):.3g}: positive finite values are needed")
+
+
+def _solves(
+    bodies: Sequence[Substructure],
+    modes: Sequence[tuple[Array, Array]],
+    rows: Rows,
+    parameters: Parameters,
+    accuracy: Accuracy,
+    processes: int,
+) -> int:
+    """Solves of this process that the offline stage takes."""
+    total = 0
+    for body, (W, _) in zip(bodies, modes, strict=True):
+        own = parameters.acting_on(list(body.changes)).size
+        columns = body.elements.size * len(rows.followed) + W.shape[1] * coupled(body)
+        points = sum(comb(degree * bool(own) + own, own) for degree in accuracy.degrees)
+        checks = 2 * len(accuracy.degrees) * bool(own)
+        total += ceil(columns / processes) * (points + checks)
+    return total
 
 
 def _degrees(tolerance: float, damped: bool) -> tuple[int, ...]:
@@ -383,6 +493,9 @@ def _images(
         else:
             out.append((len(originals), None, body))
             originals.append(body)
+    other = [image.body.elements for _, image, _ in out if image is not None and image.across]
+    if other:
+        originals = [turned_across(body, np.concatenate(other)) for body in originals]
     return originals, out
 
 

@@ -140,7 +140,7 @@ def moments(
     rows: Rows,
     count: int,
     comm: MPI.Comm,
-    progress: Callable[[float], None] = lambda columns: None,
+    progress: Callable[[int], None] = lambda columns: None,
 ) -> Array:
     """D_0 ... of a body, its rows shared by the processes of a communicator; collective.
 

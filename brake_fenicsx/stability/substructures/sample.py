@@ -15,7 +15,7 @@ order (Schwetlick and Schreiber, Linear Algebra Appl. 436, 2012; Guettel and Tis
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -133,7 +133,7 @@ class Sample:
         closed = contact.closed
         if not closed.size:
             # One open element: its force is zero, and the matrices are not empty.
-            closed = np.zeros(1, dtype=np.intp)
+            closed = np.arange(min(1, w.size))
         self.bodies, self.views, self._rows = bodies, views, rows
         at = np.full(w.size, -1)
         at[closed] = np.arange(closed.size)
@@ -197,9 +197,9 @@ class Sample:
                     self.E[n][np.ix_(place, place)] += part
         self.E[0][np.diag_indices(f * c)] += 1.0
 
-    def zeros(self) -> Zeros:
-        """All zeros of T with their vectors."""
-        return zeros(self.T)
+    def zeros(self, reach: float, near: Callable[[Complex], Index]) -> Zeros:
+        """Zeros of T, none missing up to a modulus; vectors of those that ``near`` chooses."""
+        return zeros(self.T, 2 if self._rows.damped else 1, reach, near)
 
     def quotient(self, found: Zeros) -> Quotient:
         """One step of the two-sided quotient with all moments, for some zeros."""

@@ -139,10 +139,12 @@ class MirrorImage:
     Attributes:
         body: the image; its dofs, elements and rows in the order of the original.
         signs: displacement of the image over that of the original, 1 or -1, shape (n,).
+        across: whether the slips across the sliding direction ("R") have the other sign too.
     """
 
     body: Substructure
     signs: Array
+    across: bool
 
 
 def mirror_image(original: Substructure, other: Substructure) -> MirrorImage | None:
@@ -176,6 +178,19 @@ def mirror_image(original: Substructure, other: Substructure) -> MirrorImage | N
     return None
 
 
+def turned_across(body: Substructure, elements: Index) -> Substructure:
+    """A body with the other direction across the sliding one in some contact elements.
+
+    A force across follows a slip across, so that the direction may be either of the two, as long as
+    both bodies of an element have the same.
+    """
+    if "R" not in body.interface:
+        return body
+    signs = np.where(np.isin(body.elements, elements), -1.0, 1.0)
+    rows = {**body.interface, "R": (sp.diags(signs) @ body.interface["R"]).tocsr()}
+    return replace(body, interface=rows)
+
+
 def _reordered(
     original: Substructure, other: Substructure, dofs: Index, signs: Array
 ) -> MirrorImage | None:
@@ -199,27 +214,27 @@ def _reordered(
     rows = {name: (A[:, dofs] @ turn).tocsr() for name, A in other.interface.items()}
     elements = _matching_rows(original.interface, rows)
     loads = other.loads[dofs] * signs[:, None]
-    if elements is None or not np.allclose(loads, original.loads, rtol=1e-9, atol=1e-300):
+    if elements is None or not same(sp.csr_matrix(loads), sp.csr_matrix(original.loads)):
         return None
     rows = {name: A[elements] for name, A in rows.items()}
+    across = "R" in rows and not same(original.interface["R"], rows["R"])
+    if across:
+        rows["R"] = -rows["R"]
     if not all(same(A, rows[name]) for name, A in original.interface.items()):
         return None
     moved = replace(
         original, dofs=other.dofs[dofs], elements=other.elements[elements], loads=loads,
         points=None,
     )  # fmt: skip
-    return MirrorImage(moved, signs)
+    return MirrorImage(moved, signs, across)
 
 
 def _matching_rows(
     first: dict[str, sp.csr_matrix], second: dict[str, sp.csr_matrix]
 ) -> Index | None:
     """For each contact element of the first body the one of the second with the same rows."""
-    n = next(iter(first.values())).shape[1]
-    weights = np.random.default_rng(0).random((n, len(first)))
-    marks = [
-        sum(rows[name] @ weights[:, i] for i, name in enumerate(first)) for rows in (first, second)
-    ]
+    weights = np.random.default_rng(0).random((first["N"].shape[1], 2))
+    marks = [rows["N"] @ weights[:, 0] + rows["T"] @ weights[:, 1] for rows in (first, second)]
     order = [np.argsort(mark, kind="stable") for mark in marks]
     if not np.allclose(marks[0][order[0]], marks[1][order[1]], rtol=1e-6, atol=1e-12):
         return None

@@ -1,1 +1,0 @@
-"""Bodies whose stiffness changes from sample to sample, seen from their contact elements."""

@@ -1,0 +1,65 @@
+"""How many modes a large damped problem has in its band, counted without its eigensolver.
+
+The whole brake without friction, its contact springs included, is one substructure whose modes an
+inertia count proves complete; damping couples them with what they leave out, and friction, of low
+rank, enters as the forces of a contact. The zeros of its T(z) are the eigenvalues.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from brake_fenicsx.errors import InaccurateResult
+
+from .full.damped_rows import rectangle
+from .full.problem import Problem
+from .modes import Complex
+from .substructures.contact import ContactLinearisation
+from .substructures.model import ReducedModel
+from .substructures.substructure import Substructure
+from .vectors import RIM
+
+# The count needs the number of zeros, not their digits.
+TOLERANCE = 1e-3
+
+
+def counted(p: Problem, C: sp.csr_matrix, s: Complex, high: float, zeta_max: float) -> str:
+    """Compare the modes found with the zeros of T around the band.
+
+    Args:
+        p: the problem without damping.
+        C: damping [N s/m].
+        s: eigenvalues found, with conjugates, up to a little beyond the region [1/s].
+        high: upper end of the band [rad/s].
+        zeta_max: the region holds the modes of the band up to this damping ratio.
+
+    Returns:
+        How they were counted, or why not.
+
+    Raises:
+        InaccurateResult: the numbers differ.
+    """
+    if not (p.symmetric or p.face is not None):
+        return "not counted: friction is not of low rank here; give frictionless="
+    dofs = np.arange(C.shape[0])
+    none = sp.csr_matrix((0, dofs.size))
+    left, right = (none, none) if p.face is None else (p.face.left, p.face.right)
+    elements = np.arange(right.shape[0])
+    body = Substructure(
+        dofs, elements, p.smooth, p.M, C, {"N": right, "T": left}, np.zeros((dofs.size, 0))
+    )
+    one = np.ones(elements.size)
+    # Friction left' right with springs of 1 N/m, and nothing along the gaps.
+    contact = ContactLinearisation(0 * one, one, 0 * one, 0 * one)
+    try:
+        model = ReducedModel.offline([body], one, (0.0, high / 2 / np.pi), tolerance=TOLERANCE)
+    except InaccurateResult as error:
+        return f"not counted: {error}; give frictionless= with a stable stiffness at mu = 0"
+    zeros = model.zeros([], contact)
+    wide = zeta_max / np.sqrt(1 - zeta_max**2)
+    region = rectangle(np.r_[s, zeros], high, wide, RIM)
+    found, expected = int(region.holds(s).sum()), int(region.holds(zeros).sum())
+    if found != expected:
+        raise InaccurateResult(f"damped modes: {found} found, the reduced problem has {expected}")
+    return "zeros of T(z) of the frictionless modes, complete by inertia"

@@ -1,1 +1,0 @@
-"""One sample in the reduced model: its pencil, its errors, its corrections."""

@@ -1,0 +1,218 @@
+"""Bodies and loads that change from sample to sample: random materials and random pressures.
+
+The stiffness is linear in the C_ij of every material, and the loads in every pressure: matrices
+and vectors of unit changes are assembled once, and a sample's are sums of them. The material
+constants of nearly all samples lie in a box that their distributions span; the reduced model is
+interpolated over it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import product
+
+from petsc4py import PETSc
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.macro.brake import Brake
+from brake_fenicsx.macro.condensation import gathered, gathered_vector, petsc_matrix
+from brake_fenicsx.macro.elasticity import affine_parts, unit_loads
+from brake_fenicsx.macro.material import rotate_about_z
+from brake_fenicsx.macro.material_sample import constants, varied_stiffness
+from brake_fenicsx.macro.material_table import STIFFNESSES, layer_material, stiffness
+from brake_fenicsx.macro.solver import local_rows
+from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene_samples import split_key
+
+from .distributions import quantile
+from .inputs import nominal_value
+
+Array = NDArray[np.float64]
+
+# Voigt places of the nine orthotropic stiffnesses.
+PLACES = {name: (int(name[1]) - 1, int(name[2]) - 1) for name in STIFFNESSES["orthotropic"]}
+
+# Probability of a constant beyond either end of the box, and how far from its centre, in half
+# widths, a sample may lie and still be taken.
+TAIL, BEYOND = 1e-3, 1.1
+
+
+class Box:
+    """The box that the random material constants of nearly all samples lie in.
+
+    Moduli enter by their inverse: a body that is softer as a whole by a factor has that factor as
+    its flexibility, and the interpolation has nothing left to do.
+    """
+
+    def __init__(self, scene: Scene):
+        """Span the box by the distributions of the constants."""
+        self._scene = scene
+        self.names = [n for n in sorted(scene.samples.random) if split_key(n)[0] == "materials"]
+        ends = []
+        for name in self.names:
+            law = scene.samples.random[name]
+            nominal = nominal_value(scene, name) if law.spread else None
+            values = quantile(law, [TAIL, 1 - TAIL], nominal)
+            ends.append(sorted(_inverted(name, float(v)) for v in values))
+        self.low, self.high = np.array(ends).reshape(-1, 2).T
+
+    def place(self, drawn: Mapping[str, float]) -> Array:
+        """A sample's place in [-1, 1]^d; constants that are not drawn have the scene's value."""
+        values = [
+            _inverted(n, drawn[n] if n in drawn else nominal_value(self._scene, n))
+            for n in self.names
+        ]
+        width = np.where(self.high > self.low, self.high - self.low, 1.0)
+        return np.asarray((2 * np.array(values) - self.low - self.high) / width)
+
+    def holds(self, drawn: Mapping[str, float]) -> bool:
+        """Whether a sample lies in the box or hardly beyond it."""
+        return bool(np.all(np.abs(self.place(drawn)) <= BEYOND))
+
+    def materials(self, x: Array) -> dict[str, Array]:
+        """Stiffness of the random materials at a place [Pa], each of shape (6, 6)."""
+        values = 0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * x
+        groups: dict[str, dict[str, float]] = {}
+        for name, value in zip(self.names, values, strict=True):
+            _, material, constant = split_key(name)
+            groups.setdefault(material, {})[constant] = _inverted(name, value)
+        return {m: varied_stiffness(self._scene.materials[m], c) for m, c in groups.items()}
+
+
+def _inverted(name: str, value: float) -> float:
+    """The inverse of a modulus, any other constant itself; the map is its own inverse."""
+    return 1 / value if split_key(name)[2][0] in "EGC" and value > 0 else value
+
+
+@dataclass(frozen=True, slots=True)
+class RandomMaterials:
+    """What changes in the bodies and in their loads, by unit changes.
+
+    Attributes:
+        K: stiffness of the scene [N/m], shape (dofs, dofs).
+        box: the box of the random constants.
+        nominal: random material -> its stiffness in the scene [Pa], shape (6, 6).
+        changes: (material, C_ij) -> stiffness of a unit change [N/m per Pa].
+        pressures: face -> its pressure in the scene [Pa].
+        loads: face -> loads of 1 Pa [N/Pa], shape (dofs,).
+    """
+
+    K: sp.csr_matrix
+    box: Box
+    nominal: dict[str, Array]
+    changes: dict[tuple[str, str], sp.csr_matrix]
+    pressures: dict[str, float]
+    loads: dict[str, Array]
+
+    def coefficients(self, x: Array) -> Array:
+        """Coefficients of the unit changes [Pa] at a place of the box, shape (changes,)."""
+        return self._coefficients(self.box.materials(x))
+
+    def stiffness(self, materials: Mapping[str, Array]) -> PETSc.Mat:
+        """Stiffness of a sample [N/m], of this process alone.
+
+        Args:
+            materials: random material -> its stiffness in its own axes [Pa], shape (6, 6).
+        """
+        return petsc_matrix(self.K + self.change(materials))
+
+    def change(self, materials: Mapping[str, Array]) -> sp.csr_matrix:
+        """What some materials add to the stiffness of the scene [N/m]."""
+        total = sp.csr_matrix(self.K.shape)
+        given = {**self.nominal, **materials}
+        for c, part in zip(self._coefficients(given), self.changes.values(), strict=True):
+            if c:
+                total = total + c * part
+        return total
+
+    def added_loads(self, pressures: Mapping[str, float], like: Array) -> Array:
+        """Loads of a sample beyond those of the scene [N], shape (dofs,)."""
+        f = np.zeros_like(like)
+        for face, pressure in pressures.items():
+            f += (pressure - self.pressures[face]) * self.loads[face]
+        return f
+
+    def softening(self) -> float:
+        """Least r with K(x) >= r K(0) throughout the box, as quadratic forms: of the C(x).
+
+        Raises:
+            InaccurateResult: a material is not positive definite at a corner of the box.
+        """
+        dimension = len(self.box.names)
+        centre, least = self.box.materials(np.zeros(dimension)), 1.0
+        for corner in product((-1.0, 1.0), repeat=dimension):
+            for name, C in self.box.materials(np.array(corner)).items():
+                least = min(least, float(la.eigvalsh(C, centre[name])[0]))
+        if not least > 0:
+            raise InaccurateResult(
+                "a random material is not positive definite everywhere in the box of its samples"
+            )
+        return least
+
+    def _coefficients(self, materials: Mapping[str, Array]) -> Array:
+        return np.array(
+            [(materials[m] - self.nominal[m])[PLACES[constant]] for m, constant in self.changes]
+        )
+
+
+def assemble_random(scene: Scene, brake: Brake) -> RandomMaterials:
+    """Assemble the unit changes of the scene's random materials and loads; collective.
+
+    Args:
+        scene: the scene.
+        brake: its operators.
+    """
+    by_material: dict[str, list[str]] = {}
+    faces = []
+    for section, table, last in map(split_key, scene.samples.random):
+        if section == "materials":
+            by_material.setdefault(table, []).append(last)
+        elif section == "loads":
+            faces.append(table)
+    keys, directions = [], []
+    for material, names in by_material.items():
+        for constant in _moved(scene, material, names):
+            keys.append((material, constant))
+            directions.append(_unit_change(scene, brake, material, constant))
+    mesh, free = brake.mesh, brake.elastic.free
+    assembled = affine_parts(mesh, free, directions)
+    parts = [local_rows(gathered(A)) for A in assembled]
+    return RandomMaterials(
+        local_rows(gathered(brake.K)) if parts else sp.csr_matrix((0, 0)),
+        Box(scene),
+        {name: stiffness(scene.materials[name]) for name in by_material},
+        dict(zip(keys, parts, strict=True)),
+        {face: scene.loads[face].pressure for face in faces},
+        {face: gathered_vector(unit_loads(mesh, free, face)) for face in faces},
+    )
+
+
+def _moved(scene: Scene, material: str, names: list[str]) -> list[str]:
+    """Which C_ij the random constants of a material move."""
+    table = scene.materials[material]
+    C, usual = stiffness(table), constants(table)
+    moved = np.zeros((6, 6), dtype=bool)
+    for name in names:
+        change = varied_stiffness(table, {name: usual[name] * 1.001 or 1e-3}) - C
+        moved |= np.abs(change) > 1e-9 * np.abs(C).max()
+    return [constant for constant, place in PLACES.items() if moved[place]]
+
+
+def _unit_change(scene: Scene, brake: Brake, material: str, constant: str) -> dict[str, Array]:
+    """Change of every layer's stiffness under one of a material's C_ij, in x, y, z axes."""
+    unit = np.zeros((6, 6))
+    i, j = PLACES[constant]
+    unit[i, j] = unit[j, i] = 1.0
+    changes = {}
+    for layer in brake.mesh.layers:
+        name, _, inner = layer.partition(".")
+        if layer_material(scene.parts[name].material, inner) == material:
+            angle = scene.parts[name].axis + scene.materials[material].axis
+            changes[layer] = rotate_about_z(unit, angle)
+    return changes
