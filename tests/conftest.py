@@ -6,7 +6,6 @@ The scenes import DOLFINx only when a test asks for them.
 import gc
 import logging
 from functools import cache
-from types import SimpleNamespace
 
 from mpi4py import MPI
 
@@ -191,49 +190,6 @@ def two_blocks():
         return _scene(name, alone, tuple(sorted(changes.items())))
 
     return make
-
-
-@pytest.fixture
-def two_bodies(two_blocks):
-    """The guided blocks, and the unit changes of C33 and of C44 = C55 of the upper one."""
-    from brake_fenicsx.macro.condensation import gathered
-    from brake_fenicsx.macro.elasticity import affine_parts
-    from brake_fenicsx.macro.solver import local_rows
-
-    scene = two_blocks("guided")
-    if not hasattr(scene, "unit_changes"):
-        changes = [
-            {"pad.body": np.diag(np.isin(np.arange(6), places) + 0.0)} for places in (2, [3, 4])
-        ]
-        parts = affine_parts(scene.mesh, scene.free, changes)
-        scene.unit_changes, scene.bases = [local_rows(gathered(A)) for A in parts], {}
-    return scene, scene.unit_changes
-
-
-@pytest.fixture
-def twins(two_bodies):
-    """Two brakes of ``two_bodies`` side by side; of the second, all is in another order and turned.
-
-    Has K, M, N, T, w, f, parts; ``dofs`` and ``elements``: places of those of the second brake;
-    ``signs``: of its displacements.
-    """
-    import scipy.sparse as sp
-
-    scene, parts = two_bodies
-    rng = np.random.default_rng(5)
-    m, n = scene.N.shape
-    order, rows = rng.permutation(n), rng.permutation(m)
-    # The pad is turned by signs of its own; the body as a whole may be upside down.
-    turn = np.where(rng.random(n) < 0.4, -1.0, 1.0)
-    P = sp.csr_matrix((turn, (order, np.arange(n))), shape=(n, n))
-    R = sp.csr_matrix((np.ones(m), (rows, np.arange(m))), shape=(m, m))
-    both = SimpleNamespace(dofs=n + order, elements=m + rows, signs=turn, comm=scene.comm)
-    both.K, both.M, *both.parts = (
-        sp.block_diag([A, P @ A @ P.T]).tocsr() for A in (scene.K, scene.M, *parts)
-    )
-    both.N, both.T = (sp.block_diag([A, R @ A @ P.T]).tocsr() for A in (scene.N, scene.T))
-    both.w, both.f = np.r_[scene.w, R @ scene.w], np.r_[scene.f, P @ scene.f]
-    return both
 
 
 @pytest.fixture

@@ -45,6 +45,24 @@ def all_damped(M, C, K, scale):
     return scale * la.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], low]))
 
 
+def covered(modes, elastic, nearest, floor=0.0):
+    """Errors covered and no verdict wrong; the largest relative error.
+
+    Args:
+        modes: what was found.
+        elastic: which of them are compared.
+        nearest: the exact eigenvalue of each of these.
+        floor: round-off of the exact ones.
+    """
+    s, error = modes.s[elastic], modes.error[elastic]
+    off, size = np.abs(s - nearest), np.abs(nearest)
+    assert np.all(off <= error + floor), f"largest ratio {(off / (error + floor)).max():.2g}"
+    grows = nearest.real > 1e-6 * size
+    for verdict, unstable in zip(np.array(modes.verdict)[elastic], grows, strict=True):
+        assert verdict == "neutral" or (verdict == "unstable") == unstable
+    return float((off / size).max(initial=0.0))
+
+
 def agrees(modes, exact, band, rigid=10.0):
     """None missed, errors covered, no wrong verdict; largest relative error and estimate.
 
@@ -55,17 +73,14 @@ def agrees(modes, exact, band, rigid=10.0):
         rigid: modes below it [1/s] are not compared.
     """
     elastic = np.abs(modes.s) > rigid
-    s, error, condition = modes.s[elastic], modes.error[elastic], modes.condition[elastic]
+    s, condition = modes.s[elastic], modes.condition[elastic]
     inside = exact[(exact.imag > rigid) & (exact.imag <= 2 * np.pi * band[1])]
     assert s.size == inside.size and len(modes) == modes.count.expected
-    distance = np.abs(s[:, None] - inside)
-    nearest = inside[distance.argmin(axis=1)]
-    off, size = distance.min(axis=1), np.abs(nearest)
-    assert np.all(off <= error + 1e-15 * np.abs(exact).max() ** 2 * condition / size)
-    grows = nearest.real > 1e-6 * size
-    for verdict, unstable in zip(np.array(modes.verdict)[elastic], grows, strict=True):
-        assert verdict == "neutral" or (verdict == "unstable") == unstable
-    return float((off / size).max()), float((error / size).max())
+    nearest = inside[np.abs(s[:, None] - inside).argmin(axis=1)]
+    size = np.abs(nearest)
+    floor = 1e-15 * np.abs(exact).max() ** 2 * condition / size
+    off = covered(modes, elastic, nearest, floor)
+    return off, float((modes.error[elastic] / size).max(initial=0.0))
 
 
 class Dense:
@@ -100,13 +115,8 @@ class Dense:
     def agrees(self, modes):
         """None missed, none twice, errors covered, no wrong verdict; the largest relative error."""
         elastic = np.abs(modes.s) > self.rigid * self.high
-        s, error = modes.s[elastic], modes.error[elastic]
+        s = modes.s[elastic]
         exact = np.array([self.sharp(value) for value in s])
         assert s.size == self.eigenvalues.size > 0
         assert np.unique(np.round(exact, 3)).size == s.size
-        distance = np.abs(s - exact)
-        assert np.all(distance <= error + 1e-12 * np.abs(exact))
-        grows = exact.real > 1e-6 * np.abs(exact)
-        for verdict, unstable in zip(np.array(modes.verdict)[elastic], grows, strict=True):
-            assert verdict == "neutral" or (verdict == "unstable") == unstable
-        return float((distance / np.abs(exact)).max())
+        return covered(modes, elastic, exact, 1e-12 * np.abs(exact))

@@ -38,7 +38,7 @@ def energy_shares(parts: Mapping[str, Any], phi: Complex) -> dict[str, Array]:
     Args:
         parts: name -> mass [kg] or stiffness [N/m] of the part on all dofs, symmetric and positive
             semi-definite: SciPy sparse, dense, or the diagonal of a lumped one, shape (dofs,).
-        phi: displacements of the modes, shape (dofs, modes), as ``Reduced.expand`` gives them.
+        phi: displacements of the modes, shape (dofs, modes), or coordinates with matrices of these.
 
     Returns:
         For each part the shares [-], shape (modes,); they sum to one.
@@ -117,8 +117,3 @@ def damped_partners(
             partner[i] = j
             partner[j] = i if partner[j] < 0 else partner[j]
     return partner
-
-
-def kinetic_grams(masses: Mapping[str, Any], Phi: Array) -> dict[str, Array]:
-    """Masses of the parts in the kept real modes: Phi' M_p Phi, shape (modes, modes)."""
-    return {name: np.asarray(Phi.T @ (A @ Phi)) for name, A in masses.items()}

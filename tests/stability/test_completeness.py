@@ -7,7 +7,6 @@ from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.stability import Reduced, complex_modes
 from brake_fenicsx.stability.full.completeness import Trapezium, count_zeros
 from brake_fenicsx.stability.full.problem import search_region
-from brake_fenicsx.stability.reduced.sample_pairs import ZETA_MAX, _region
 from dense_reference import all_lambda
 
 REGION = Trapezium(low=-0.02, high=1.0, slope=0.5, rise=1e-3)
@@ -60,7 +59,7 @@ def test_zero_on_the_border_is_refused():
         count_zeros(lambda z: A - z * np.eye(2), REGION, np.zeros(0), most=400)
 
 
-@pytest.mark.parametrize("zeta", [0.05, 0.1, ZETA_MAX])
+@pytest.mark.parametrize("zeta", [0.05, 0.1, 0.4])
 def test_the_region_counted_holds_every_mode_of_the_band(zeta):
     """In lambda the band is a sector; a region of |Im kappa| <= 2 zeta Re kappa is too narrow.
 
@@ -72,20 +71,17 @@ def test_the_region_counted_holds_every_mode_of_the_band(zeta):
     kappa = -((omega * (-ratio / np.sqrt(1 - ratio**2) + 1j)) ** 2)
     low, high = ((2 * np.pi * f) ** 2 for f in band)
     assert np.all(search_region(kappa, low, high, zeta).holds(kappa))
-    if zeta == ZETA_MAX:
-        for sigma in (0.0, 0.1 * high):
-            assert np.all(_region(band, sigma).holds(kappa + sigma))
 
 
 @pytest.mark.parametrize(
-    "mu, low, note",
+    "mu, low",
     [
-        pytest.param(2.0, 0.0, False, marks=pytest.mark.slow),
-        (4.0, 0.0, True),
-        pytest.param(4.0, 30e3, False, marks=pytest.mark.slow),
+        pytest.param(2.0, 0.0, marks=pytest.mark.slow),
+        (4.0, 0.0),
+        pytest.param(4.0, 30e3, marks=pytest.mark.slow),
     ],
 )
-def test_rows_and_count_agree_however_strong_the_flutter(two_blocks, mu, low, note):
+def test_rows_and_count_agree_however_strong_the_flutter(two_blocks, mu, low):
     """Damping ratios of 0.35 and 0.67, and a band that starts above zero: as many as there are.
 
     The count said 20 where there are 22 rows, and refused every band that does not start at zero.
@@ -97,7 +93,6 @@ def test_rows_and_count_agree_however_strong_the_flutter(two_blocks, mu, low, no
     inside = (s.imag >= 2 * np.pi * low) & (s.imag <= 2 * np.pi * band[1]) & (s.imag > 0)
     m = Reduced(scene.K, scene.M, scene.N, scene.T, scene.w, 3e11, band).modes(k, mu)
     assert len(m) == m.count.expected == inside.sum()
-    assert ("beyond the damping ratio 0.4" in m.count.how) == note
     m = complex_modes(scene.M, None, K, band, frictionless=scene.tangent(k, 0.0), zeta_max=0.4)
     assert "winding" in m.count.how and np.sum(np.abs(m.s.real) <= 0.4 * np.abs(m.s)) == np.sum(
         inside & (np.abs(s.real) <= 0.4 * np.abs(s))

@@ -474,8 +474,10 @@ def _degrees(tolerance: float, damped: bool) -> tuple[int, ...]:
     if not 0 < tolerance < 1:
         raise SceneError(f"tolerance = {tolerance:g}: a relative error between 0 and 1 is needed")
     top = int(np.clip(4 + ceil(log10(REACHED / tolerance) / log10(GAIN) - 1e-9), 2, 8))
-    step = 2 if damped else 1
-    return tuple(max(1, top - n // step) for n in range(step * (top + 1) + 1 - damped))
+    if damped:
+        return tuple(max(1, top - n // 2) for n in range(2 * top + 3))
+    # In kappa the second moment weighs as much as the first.
+    return tuple(max(1, top - max(0, n - 1)) for n in range(top + 2))
 
 
 def _images(

@@ -198,7 +198,7 @@ def _reordered(
     turn = sp.diags(signs)
 
     def same(A: sp.spmatrix, B: sp.spmatrix) -> bool:
-        return bool(abs(A - B).max() <= SAME_ENTRY * max(abs(A).max(), abs(B).max(), 1e-300))
+        return _largest(A - B) <= SAME_ENTRY * max(_largest(A), _largest(B))
 
     def square(A: sp.csr_matrix) -> sp.csr_matrix:
         return (turn @ A[dofs][:, dofs] @ turn).tocsr()
@@ -241,3 +241,8 @@ def _matching_rows(
     found = np.empty_like(order[0])
     found[order[0]] = order[1]
     return found
+
+
+def _largest(A: sp.spmatrix) -> float:
+    """Largest modulus of an entry."""
+    return float(np.abs(A.tocsr().data).max(initial=0.0))

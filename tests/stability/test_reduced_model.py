@@ -1,0 +1,394 @@
+"""The reduced model against dense full order: every kind of brake, every mode of the band."""
+
+from types import SimpleNamespace
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+import scipy.sparse as sp
+
+from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
+from brake_fenicsx.macro.condensation import compliance, petsc_matrix
+from brake_fenicsx.stability import (
+    ContactLinearisation,
+    Parameters,
+    Reduced,
+    ReducedModel,
+    complex_modes,
+)
+from brake_fenicsx.stability.substructures import component
+from brake_fenicsx.stability.substructures.parameters import Interpolation
+from brake_fenicsx.stability.substructures.polynomials import zeros
+from brake_fenicsx.stability.substructures.substructure import mirror_image
+from dense_reference import agrees, all_lambda
+from reduced_samples import (
+    BAND,
+    CASES,
+    K0,
+    Sample,
+    coefficients,
+    offline,
+    scattered,
+    substructures,
+    unit_changes,
+)
+from tables import turns
+
+KINDS = [case for case in CASES if case not in ("dashpot", "little", "contrast")]
+POINTS = (0.0, (0.3, -0.5)), (0.5, (-1.0, -1.0)), (1.0, (0.7, 0.9))
+
+
+@pytest.mark.alone
+@pytest.mark.parametrize("case, mu, seed", turns(zip(KINDS), [(0.0, 1), (0.4, 2), (1.0, 3)]))
+def test_every_mode_of_constant_materials(two_blocks, case, mu, seed):
+    """Two decades of contact stiffness, 30 % open: none missed, errors covered, verdicts right.
+
+    Catches a term with a wrong sign or at the wrong place, a left vector of the wrong problem
+    ("turning"), a pair of +-alpha of which one is lost.
+    """
+    scene = two_blocks("coarse")
+    sample = Sample(scene, case, mu=mu, seed=seed)
+    assert sample.agrees(sample.modes(offline(scene, case))) < 2e-6
+
+
+@pytest.mark.alone
+@pytest.mark.parametrize("case, mu, x", turns(zip(KINDS), POINTS), ids=str)
+def test_every_mode_of_changing_materials(two_blocks, case, mu, x):
+    """Two points inside, and the corner without an anchor; damping follows the stiffness."""
+    scene = two_blocks("coarse")
+    sample = Sample(scene, case, x, mu, seed=int(10 * mu))
+    assert sample.agrees(sample.modes(offline(scene, case, changing=True))) < 1e-5
+
+
+@pytest.mark.alone
+@pytest.mark.parametrize("case", ["undamped", pytest.param("all", marks=pytest.mark.slow)])
+def test_free_bodies(two_blocks, case):
+    """Nothing is held, one of the two bodies turns: rigid modes are there and never unstable."""
+    scene = two_blocks("loose")
+    sample = Sample(scene, case, mu=0.3, seed=5)
+    found = sample.modes(offline(scene, case))
+    assert sample.agrees(found) < 1e-5
+    rigid = np.abs(found.s) <= 10.0
+    assert np.sum(rigid) >= 6
+    assert "unstable" not in np.array(found.verdict)[rigid]
+
+
+@pytest.mark.alone
+def test_some_of_these_flutter(two_blocks):
+    """The verdicts above have something to say: unstable pairs exist, and come as +-alpha."""
+    scene = two_blocks("coarse")
+    number = 0
+    for seed in range(6):
+        found = Sample(scene, mu=1.0, seed=seed).modes(offline(scene))
+        for s in found.s[np.array(found.verdict) == "unstable"]:
+            number += 1
+            assert np.abs(found.s + s.conj()).min() <= 1e-9 * abs(s)
+    assert number
+
+
+@pytest.mark.alone
+def test_tolerance_buys_accuracy(two_blocks):
+    """More moments and higher degrees: true errors fall, and so do the estimates."""
+    scene = two_blocks("coarse")
+    sample = Sample(scene, x=(-1.0, -1.0), mu=0.5, seed=1)
+    found = [sample.modes(offline(scene, changing=True, tolerance=t)) for t in (1e-2, 1e-5, 1e-7)]
+    true = [sample.agrees(modes) for modes in found]
+    stated = [float((m.error / np.abs(m.s)).max()) for m in found]
+    assert true[1] < true[0] / 20 and true[2] < true[1] / 5
+    assert stated[1] < stated[0] / 10 and stated[2] < stated[1] / 5
+    assert stated[1] < 1e-4
+
+
+@pytest.mark.alone
+def test_static_compliance(two_blocks):
+    """On springs, for braking equilibrium; a free pad and the loads too."""
+    scene = two_blocks("guided")
+    for model, x in ((offline(scene), ()), (offline(scene, "loss", changing=True), (0.6, -0.7))):
+        found = model.static(x, scene.k0)
+        K = scene.K
+        if x:
+            c = coefficients()(x)
+            K = K + sum(a * A for a, A in zip(c, unit_changes(scene), strict=True))
+        ref = compliance(
+            petsc_matrix(K.tocsr()), scene.N, scene.T, scene.w, scene.f, scene.k0, scene.comm
+        )
+        for ours, theirs in zip(found, (ref.NN, ref.NT, ref.Nf[:, None]), strict=True):
+            assert np.abs(ours - theirs).max() < 1e-6 * np.abs(theirs).max()
+
+
+@pytest.mark.alone
+@pytest.mark.parametrize("case, x", [("undamped", ()), ("all", (0.4, -0.6))])
+def test_displacements_solve_the_full_problem(two_blocks, case, x):
+    """(lambda^2 M + lambda C + K) phi is what the error of lambda leaves, in the K0^-1 norm."""
+    scene = two_blocks("coarse")
+    sample = Sample(scene, case, x, 0.4, seed=3)
+    model = offline(scene, case, changing=bool(x))
+    found = sample.modes(model)
+    elastic = np.flatnonzero(np.abs(found.s) > 1e3)
+    s = found.s[elastic]
+    phi = model.displacements(x, sample.contact, s, found.right[:, elastic])
+    K0_ = (scene.tangent(np.full(scene.w.size, K0), 0.0)).toarray()
+    r = sample.M @ phi * s**2 + sample.C @ phi * s + sample.K @ phi
+    norm = np.sqrt(np.einsum("im,im->m", r.conj(), la.solve(K0_, r)).real)
+    size = np.sqrt(np.einsum("im,im->m", phi.conj(), K0_ @ phi).real)
+    assert np.all(norm < 1e-4 * size)
+    full = complex_modes(sample.M, sample.C if case == "all" else None, sample.K, BAND)
+    gram = model.coordinates(scene.M, phi)
+    np.testing.assert_allclose(gram, found.right[:, elastic], atol=1e-6)
+    assert len(full) == len(found)
+
+
+@pytest.mark.alone
+def test_left_vectors_and_conditions_are_those_of_full_order(two_blocks):
+    """The condition of each mode against full order, to the share of energy that is left out."""
+    scene = two_blocks("coarse")
+    sample = Sample(scene, mu=0.8, seed=2)
+    found = sample.modes(offline(scene))
+    full = complex_modes(sample.M, None, sample.K, BAND)
+    np.testing.assert_allclose(found.condition, full.condition, rtol=0.05)
+
+
+@pytest.mark.alone
+@pytest.mark.parametrize("changing", [False, True])
+def test_what_was_made_earlier_gives_the_same_bytes(two_blocks, changing):
+    """The arrays of the bodies, taken again."""
+    scene = two_blocks("coarse")
+    first = offline(scene, "loss", changing)
+    box = Parameters(2, coefficients(), 1 / 1.2) if changing else first.parameters
+    again = ReducedModel.offline(
+        substructures(scene, "loss", changing), scene.w, BAND, box, known=first.arrays()
+    )
+    sample = Sample(scene, "loss", (0.1, -0.2) if changing else (), seed=2)
+    a, b = sample.modes(first), sample.modes(again)
+    np.testing.assert_array_equal(a.s, b.s)
+    np.testing.assert_array_equal(a.error, b.error)
+
+
+def test_one_process_and_all_give_the_same_modes(two_blocks):
+    """Eigenvalues and stated errors to round-off, however many processes share the solves."""
+    found = []
+    for alone in (True, False):
+        scene = two_blocks("coarse", alone=alone)
+        model = offline(scene, "loss", changing=True)
+        found.append(Sample(two_blocks("coarse", alone=True), "loss", (0.2, 0.1)).modes(model))
+    a, b = found
+    assert len(a) == len(b)
+    assert np.all(np.abs(a.s - b.s) <= 1e-8 * np.abs(a.s))
+
+
+def test_a_hidden_mode_of_a_body_is_noticed(two_blocks, monkeypatch):
+    """One real mode withheld: inertia knows, on all processes together."""
+    scene, real = two_blocks("guided"), component.lowest_modes
+
+    def hide(*args, **kwargs):
+        found = real(*args, **kwargs)
+        return type(found)(found.Phi[:, 1:], found.Lambda[1:], found.residual, found.blocks)
+
+    monkeypatch.setattr(component, "lowest_modes", hide)
+    with pytest.raises(InaccurateResult, match="inertia"):
+        Reduced(scene.K, scene.M, scene.N, scene.T, scene.w, K0, BAND, comm=scene.comm)
+
+
+def test_a_failure_of_one_process_is_raised_on_all(two_blocks, monkeypatch):
+    """Each body's modes are found by one process: catches the others waiting for ever."""
+    scene = two_blocks("guided")
+
+    def fail(*args, **kwargs):
+        raise NotConverged("block Lanczos: said by the test")
+
+    monkeypatch.setattr(component, "lowest_modes", fail)
+    with pytest.raises(NotConverged, match="said by the test"):
+        Reduced(scene.K, scene.M, scene.N, scene.T, scene.w, K0, BAND, comm=scene.comm)
+
+
+@pytest.mark.alone
+def test_bodies_are_taken_apart(two_blocks):
+    """Their matrices and operators put together are those of the whole."""
+    scene = two_blocks("guided")
+    bodies = substructures(scene, "loss", changing=True)
+    assert [sorted(b.changes) for b in bodies] in ([[0, 1], []], [[], [0, 1]])
+    places = np.concatenate([b.dofs for b in bodies])
+    np.testing.assert_array_equal(np.sort(places), np.arange(scene.K.shape[0]))
+    u = np.random.default_rng(0).standard_normal(places.size)
+    gap, energy = np.zeros(scene.w.size), 0.0
+    for b in bodies:
+        gap[b.elements] += b.interface["N"] @ u[b.dofs]
+        energy += u[b.dofs] @ (b.K @ u[b.dofs])
+    np.testing.assert_allclose(gap, scene.N @ u, rtol=1e-12, atol=1e-12)
+    assert energy == pytest.approx(u @ (scene.K @ u), rel=1e-12)
+
+
+def mirrored(scene):
+    """Two brakes, the second the first one's mirror image in z, its dofs in another order.
+
+    The slip across the sliding direction has the other sign there, as on both sides of a disc.
+    """
+    rng = np.random.default_rng(5)
+    n, m = scene.K.shape[0], scene.w.size
+    order = rng.permutation(n)
+    free = scene.free
+    block, direction = np.divmod(free.local, 3)
+    x = np.column_stack([free.V.tabulate_dof_coordinates()[block], direction])
+    other = x[order] * [1, 1, -1, 1] + [0, 0, 0.1, 0]
+    P = sp.csr_matrix((np.where(x[:, 3] == 2, -1.0, 1.0)[order], (np.arange(n), order)), (n, n))
+    both = SimpleNamespace(w=np.r_[scene.w, scene.w], points=np.vstack([x, other]))
+    both.K, both.M = (sp.block_diag([A, P @ A @ P.T]).tocsr() for A in (scene.K, scene.M))
+    both.interface = {
+        name: sp.block_diag([A, sign * A @ P.T]).tocsr()
+        for name, A, sign in (("N", scene.N, 1), ("T", scene.T, 1), ("R", scene.R, -1))
+    }
+    assert both.K.shape == (2 * n, 2 * n) and both.interface["N"].shape == (2 * m, 2 * n)
+    return both
+
+
+@pytest.mark.alone
+@pytest.mark.parametrize("rows", ["N", "NR"])
+def test_mirror_images_share_the_work(two_blocks, rows):
+    """Half of the bodies are reduced, and the modes are those of all four reduced."""
+    from brake_fenicsx.stability import split_substructures
+
+    scene = two_blocks("coarse", alone=True)
+    twin = mirrored(scene)
+    made = [
+        ReducedModel.offline(
+            split_substructures(twin.K, twin.M, twin.interface, points=points),
+            twin.w, BAND, followed=rows,
+        )
+        for points in (twin.points, None)
+    ]  # fmt: skip
+    assert [len(model.arrays()) for model in made] == [2, 4]
+    k = np.r_[scattered(scene, 4), scattered(scene, 6)]
+    contact = ContactLinearisation.of(k, 0.4, 0.0, 2e5 * (k > 0) * ("R" in rows))
+    a, b = (model.modes([], contact) for model in made)
+    np.testing.assert_allclose(a.s, b.s, rtol=1e-9)
+    phi = [m.displacements([], contact, a.s[-1:], x.right[:, -1:]) for m, x in zip(made, (a, b))]
+    # One vector, up to its phase.
+    likeness = np.abs(np.vdot(*phi)) / np.linalg.norm(phi[0]) / np.linalg.norm(phi[1])
+    assert likeness == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.alone
+def test_what_differs_by_little_is_no_image(two_blocks):
+    """One entry by a millionth of the largest; unlike blocks neither."""
+    from brake_fenicsx.stability import split_substructures
+
+    scene = two_blocks("coarse", alone=True)
+    twin = mirrored(scene)
+    bodies = split_substructures(twin.K, twin.M, twin.interface, points=twin.points)
+    images = [(i, j) for i in range(4) for j in range(i) if mirror_image(bodies[j], bodies[i])]
+    assert len(images) == 2
+    i, j = images[0]
+    bodies[i].K[0, 0] += 1e-6 * abs(bodies[i].K).max()
+    assert mirror_image(bodies[j], bodies[i]) is None
+
+
+@pytest.mark.alone
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (dict(k0=0.0), r"k0 = 0: positive finite"),
+        (dict(k0=-1.0), r"k0 = -1: positive finite"),
+        (dict(K="dense"), r"K: a ndarray; give a SciPy sparse or a PETSc matrix"),
+        (dict(N="short"), r"N: a sparse matrix of shape \(\d+, \d+\) is needed"),
+        (dict(w="list"), None),
+        (dict(k=[1.0]), r"k: 1 values for \d+ contact elements"),
+        (dict(k="negative"), r"k = -1 Pa/m: contact stiffness must not be negative"),
+        (dict(k="nan"), r"k: a value is not finite"),
+        (dict(mu=[0.1, 0.2]), r"mu: shape \(2,\), one value for each contact element"),
+        (dict(band=(5e3, 1e3)), r"band 5000 to 1000 Hz"),
+        (dict(tolerance=0.0), r"tolerance = 0: a relative error between 0 and 1"),
+    ],
+)  # fmt: skip
+def test_arguments_that_do_not_fit_are_one_line(two_blocks, change, said):
+    """Of the scripted interface: no NumPy error, no answer."""
+    scene = two_blocks("coarse", alone=True)
+    n = scene.w.size
+    given = {"K": scene.K, "N": scene.N, "w": scene.w, "k0": K0, "band": BAND, "tolerance": 1e-5}
+    k, mu = np.full(n, K0), 0.5
+    named = {"dense": scene.K.toarray(), "short": scene.N[:-1], "list": list(scene.w),
+             "negative": np.r_[-1.0, k[1:]], "nan": np.r_[np.nan, k[1:]]}  # fmt: skip
+    change = {key: named.get(v, v) if isinstance(v, str) else v for key, v in change.items()}
+    k, mu = change.pop("k", k), change.pop("mu", mu)
+    given |= change
+
+    def run():
+        made = Reduced(
+            given["K"], scene.M, given["N"], scene.T, given["w"], given["k0"], given["band"],
+            given["tolerance"],
+        )  # fmt: skip
+        return made.modes(k, mu)
+
+    if said is None:
+        assert len(run())
+        return
+    with pytest.raises(SceneError, match=said):
+        run()
+
+
+@pytest.mark.alone
+@pytest.mark.parametrize(("dimension", "degree"), [(0, 4), (1, 5), (2, 4), (3, 3), (5, 2)])
+def test_interpolation_is_exact_for_polynomials(dimension, degree):
+    """Any polynomial up to the degree, also a little beyond the box, from the first anchors."""
+    rng = np.random.default_rng(dimension)
+    box = Interpolation(dimension, degree)
+    for lower in range(degree + 1):
+        powers = rng.multinomial(lower, np.ones(dimension) / dimension) if dimension else []
+        x = 1.1 * rng.uniform(-1, 1, dimension)
+        weights = box.weights(x, lower)
+        assert not np.any(weights[box.count(lower) :])
+        value = weights @ np.prod(box.points ** np.array(powers), axis=1)
+        assert value == pytest.approx(np.prod(x ** np.array(powers)), abs=1e-10)
+
+
+@pytest.mark.alone
+@pytest.mark.parametrize("degree", [1, 2])
+def test_zeros_of_a_matrix_polynomial(degree):
+    """By division and without it: the small zeros of the full linearisation, and both vectors."""
+    rng = np.random.default_rng(0)
+    n, top = 12, 2 * degree
+    T = np.array([rng.standard_normal((n, n)) * 0.05**j for j in range(top + 1)])
+    T[0] += 4 * np.eye(n)
+    T[degree] += np.eye(n)
+    T[degree + 1 :] *= 1e-2
+
+    def near(z):
+        return np.flatnonzero(np.abs(z) < 3.0)
+
+    A = np.eye(n * top, k=n)
+    A[-n:] = -la.solve(T[-1], np.hstack([*T[:-1]]))
+    exact = la.eigvals(A)
+    wanted = exact[np.abs(exact) < 3.0]
+    for reach in (3.0, 1e9):
+        found = zeros(T, degree, reach, near)
+        assert found.z.size == wanted.size > 0
+        assert np.abs(found.z[:, None] - wanted).min(axis=1).max() < 1e-8
+        for z, a, b in zip(found.z, found.right.T, found.left.T, strict=True):
+            value = sum(z**j * C for j, C in enumerate(T))
+            assert la.norm(value @ a) < 1e-7 and la.norm(b @ value) < 1e-6
+
+
+@pytest.mark.alone
+def test_band_that_starts_above_zero(two_blocks):
+    """As many rows as full order has there, and the count says so."""
+    scene, mu = two_blocks("guided"), 0.7
+    band = (30e3, 90e3)
+    k = scattered(scene, 1)
+    s = all_lambda(scene.tangent(k, mu), scene.M)
+    inside = s[(s.imag >= 2 * np.pi * band[0]) & (s.imag <= 2 * np.pi * band[1])]
+    found = Reduced(scene.K, scene.M, scene.N, scene.T, scene.w, K0, band).modes(k, mu)
+    assert len(found) == found.count.expected == inside.size
+    assert found.frequency.min() >= band[0]
+
+
+@pytest.mark.alone
+def test_petsc_matrices_and_a_communicator(two_blocks):
+    """PETSc matrices, distributed or not, are taken as they are."""
+    scene = two_blocks("coarse", alone=True)
+    made = Reduced(
+        scene.elastic.K, scene.elastic.M, scene.N, scene.T, scene.w, K0, BAND, comm=MPI.COMM_SELF
+    )
+    k = scattered(scene, 2)
+    exact = all_lambda(scene.tangent(k, 0.5), scene.M)
+    assert agrees(made.modes(k, 0.5), exact, BAND)[0] < 2e-6
