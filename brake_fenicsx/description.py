@@ -13,7 +13,7 @@ from mpi4py import MPI
 from brake_fenicsx.checks import check, remarks
 from brake_fenicsx.costs import Counts, cost_lines, count_solves, estimate
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.scene_damping import active_terms
+from brake_fenicsx.scene.damping import active_terms
 
 
 def describe(

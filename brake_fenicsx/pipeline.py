@@ -25,7 +25,7 @@ from brake_fenicsx.lock import Lock
 from brake_fenicsx.log import Progress, logger, start_log
 from brake_fenicsx.memory import give_back
 from brake_fenicsx.scene import Scene, read_scene
-from brake_fenicsx.scene_in_effect import in_effect
+from brake_fenicsx.scene.in_effect import in_effect
 from brake_fenicsx.shelf import Shelf, of_laws
 from brake_fenicsx.store import RUNNING, Store
 from brake_fenicsx.versions import versions

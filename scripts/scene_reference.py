@@ -21,7 +21,7 @@ from typing import Any
 import pint
 
 from brake_fenicsx.scene import BUILDERS, STAGES, Axis, Scene
-from brake_fenicsx.units import DIMENSIONS
+from brake_fenicsx.scene.units import DIMENSIONS
 
 OUT = Path(__file__).parents[1] / "docs" / "scene.md"
 

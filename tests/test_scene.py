@@ -11,8 +11,8 @@ import pytest
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.scene_in_effect import in_effect
-from brake_fenicsx.units import to_si
+from brake_fenicsx.scene.in_effect import in_effect
+from brake_fenicsx.scene.units import to_si
 
 SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
 BLOCK = SCENES / "block_on_plate.toml"

@@ -14,7 +14,7 @@ from brake_fenicsx.macro.brake import assemble_brake
 from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.scene_damping import active_terms
+from brake_fenicsx.scene.damping import active_terms
 from brake_fenicsx.stability import complex_modes
 from brake_fenicsx.stability.gyroscopic import gyroscopic
 from brake_fenicsx.stability.operators import tangent

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene_damping import check_damping
-from brake_fenicsx.scene_samples import ENGINEERING, split_key
-from brake_fenicsx.units import to_si
+from brake_fenicsx.scene.damping import check_damping
+from brake_fenicsx.scene.samples import ENGINEERING, split_key
+from brake_fenicsx.scene.units import to_si
 
 if TYPE_CHECKING:
     from brake_fenicsx.scene import Contact, MaterialTable, Scene

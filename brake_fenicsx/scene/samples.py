@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.toml_tables import key, read_table
-from brake_fenicsx.units import to_si
+from brake_fenicsx.scene.tables import key, read_table
+from brake_fenicsx.scene.units import to_si
 
 APPROACHES = ("multi-scale", "classical", "fast", "joint")
 DESIGNS = ("random", "latin-hypercube", "sobol", "fast", "rbd-fast", "saltelli")

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.toml_tables import key
-from brake_fenicsx.units import to_si
+from brake_fenicsx.scene.tables import key
+from brake_fenicsx.scene.units import to_si
 
 if TYPE_CHECKING:
     from brake_fenicsx.scene import Scene

@@ -11,7 +11,7 @@ from dataclasses import MISSING, field, fields
 from typing import Any
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.units import to_si
+from brake_fenicsx.scene.units import to_si
 
 
 def key(unit: str = "", default: Any = MISSING, **metadata: Any) -> Any:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.toml_tables import key, read_table
+from brake_fenicsx.scene.tables import key, read_table
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,42 @@
+"""The scene: reading, checking, and what it comes to in SI units."""
+
+from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.scene.read import read_scene
+from brake_fenicsx.scene.samples import Classical, Design, Distribution, Samples
+from brake_fenicsx.scene.sections import (
+    BUILDERS,
+    STAGES,
+    Axis,
+    Contact,
+    Friction,
+    Law,
+    MaterialTable,
+    Micro,
+    Part,
+    Scene,
+    Stability,
+    Statistics,
+    Surface,
+)
+
+__all__ = [
+    "BUILDERS",
+    "STAGES",
+    "Axis",
+    "Classical",
+    "Contact",
+    "Design",
+    "Distribution",
+    "Friction",
+    "Law",
+    "MaterialTable",
+    "MeshTable",
+    "Micro",
+    "Part",
+    "Samples",
+    "Scene",
+    "Stability",
+    "Statistics",
+    "Surface",
+    "read_scene",
+]
