@@ -110,6 +110,50 @@ MISTAKES = [
     ("micro={ pixels=1 }", "micro.pixels = 1", "at least 2"),
     ("micro={ nu=1.5 }", "micro.nu = 1.5", "between -1 and 1"),
     ("motion.direction=[0, 0, 0]", "motion.direction", "not all zero"),
+    # A value in the place of a table, and the other way round.
+    ("parts=[]", "parts = []", "write a table"),
+    ("parts.block=[]", "parts.block = []", "write a table"),
+    ("loads=x", "loads = 'x'", "write a table"),
+    ("contact=nan", "contact = nan", "write a table"),
+    ("materials.iron=-1", "materials.iron = -1", "write a table"),
+    ("supports=3", "supports = 3", "write a table"),
+    ("samples.random=[1]", "samples.random = [1]", "write a table"),
+    ("samples.classical=1", "samples.classical = 1", "write a table"),
+    ("mesh.groups=x", "mesh.groups = 'x'", "write a table"),
+    ("stages={}", "stages = {}", "write a list"),
+    ("stages=[['report']]", "stages = [['report']]", "use one of"),
+    ("parts.block.builder=[]", "parts.block.builder = []", "use one of"),
+    ("parts.block.material=3", "parts.block.material = 3", "text or table"),
+    ("parts.block.material.body=3", "--set", "parts.block.material is 'lining', no table"),
+    ("contact.block_plate.law=[]", "contact.block_plate.law = []", '"library" or table'),
+    ("contact.block_plate.law=libary", "contact.block_plate.law = 'libary'", '"library" or table'),
+    ("contact.block_plate.friction=true", "friction = True", "number or table"),
+    ("contact.block_plate.faces=[1, 2]", "faces = [1, 2]", "write text"),
+    ('supports."block.top"=[["x"]]', 'supports."block.top" = [[', '"clamped" or a list'),
+    ("materials.iron.E={}", "materials.iron.E = {}", "modulus"),
+    ("micro={ laws='many' }", "micro.laws = 'many'", 'whole number or "per-sample"'),
+    ("stability.damping.gyroscopic=disc", "gyroscopic = 'disc'", "true or false or list of text"),
+    ("mesh.order=true", "mesh.order = True", "use one of 1, 2"),
+    # A comma is a decimal point to some readers and a separator to others.
+    ('loads."block.top".pressure=2,5 bar', "'2,5 bar'", "write the decimal point"),
+    ("stability.band=['0 Hz', '6,5 kHz']", "'6,5 kHz'", "write the decimal point"),
+    ("motion.speed='1,5 m/s'", "'1,5 m/s'", "write the decimal point"),
+    ("stability.damping.rayleigh=['1,5 1/s', 0]", "'1,5 1/s'", "write the decimal point"),
+    ("stability.damping={ loss=true, omega_ref='1,5 kHz' }", "'1,5 kHz'", "write a frequency"),
+    (
+        "samples.random.'loads.\"block.top\".pressure'={ law='uniform', min='1,5 bar' }",
+        "min = '1,5 bar'",
+        "write the decimal point",
+    ),
+    # Neither infinite nor no number.
+    ("materials.iron.E=inf GPa", "materials.iron.E = 'inf GPa'", "finite"),
+    ("materials.iron.rho=1e400 kg/m^3", "materials.iron.rho", "finite"),
+    ("contact.block_plate.friction=inf", "friction = inf", "finite"),
+    ("contact.block_plate.friction=nan", "friction = nan", "finite"),
+    ("materials.iron.nu=nan", "materials.iron.nu = nan", "finite"),
+    ("motion.direction=[inf, 0, 0]", "motion.direction = [inf, 0, 0]", "finite"),
+    (f"stability.zeta_max=1{400 * '0'}", "stability.zeta_max", "finite"),
+    ("motion.speed=nan m/s", "motion.speed = 'nan m/s'", "finite"),
     # Meshing would go on for days.
     ("parts.block.size=1 um", "parts.block", "cells of the mesh size asked for"),
 ]
@@ -169,6 +213,21 @@ def test_folder_or_noise_in_place_of_a_scene(tmp_path, capsys):
         assert main(["check", str(path)]) == 2
         error = capsys.readouterr().err
         assert error.count("\n") == 1 and str(path) in error
+
+
+def test_encodings_of_a_scene(tmp_path):
+    """A byte order mark is no part of the text; another encoding is named."""
+    text = BLOCK.read_text().replace("# The smallest", "# For the caf\u00e9: the smallest")
+    (marked := tmp_path / "marked.toml").write_text(text, encoding="utf-8-sig")
+    assert read_scene(marked).table == read_scene(BLOCK).table
+    (other := tmp_path / "latin.toml").write_text(text, encoding="latin-1")
+    with pytest.raises(SceneError, match=r"latin.toml: line 1: not UTF-8 text; save .* as UTF-8"):
+        read_scene(other)
+
+
+def test_a_tilde_is_the_home_folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert read_scene(BLOCK).path("~/scan.npz") == tmp_path / "scan.npz"
 
 
 @pytest.mark.parametrize("words", [[], ["frobnicate"], ["run"], ["run", "a", "--from", "lunch"]])

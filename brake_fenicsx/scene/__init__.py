@@ -6,7 +6,6 @@ from brake_fenicsx.scene.samples import Classical, Design, Distribution, Samples
 from brake_fenicsx.scene.sections import (
     BUILDERS,
     STAGES,
-    Axis,
     Contact,
     Friction,
     Law,
@@ -22,7 +21,6 @@ from brake_fenicsx.scene.sections import (
 __all__ = [
     "BUILDERS",
     "STAGES",
-    "Axis",
     "Classical",
     "Contact",
     "Design",

@@ -15,7 +15,7 @@ from brake_fenicsx.scene.tables import key
 from brake_fenicsx.scene.units import to_si
 
 if TYPE_CHECKING:
-    from brake_fenicsx.scene import Scene
+    from brake_fenicsx.scene.sections import Scene
 
 # Approaches whose friction is one number, whatever the scene's contact says.
 ONE_FRICTION = frozenset({"classical", "fast"})

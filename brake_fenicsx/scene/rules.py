@@ -6,12 +6,13 @@ from typing import TYPE_CHECKING
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.damping import check_damping
-from brake_fenicsx.scene.samples import ENGINEERING, split_key
+from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.scene.samples import APPROACHES, ENGINEERING, split_key
+from brake_fenicsx.scene.sections import BUILDERS, STAGES
 from brake_fenicsx.scene.units import to_si
 
 if TYPE_CHECKING:
-    from brake_fenicsx.scene import Contact, MaterialTable, Scene
-
+    from brake_fenicsx.scene.sections import Contact, MaterialTable, Scene
 
 # Stages that build on another one.
 PREDECESSORS = (
@@ -31,6 +32,7 @@ def check_consistent(s: Scene) -> None:
         SceneError: the key, its value and the remedy.
     """
     _check_stages(s)
+    _check_mesh(s.mesh)
     _check_parts(s)
     for name, contact in s.contact.items():
         _check_contact(s, f"contact.{name}", contact)
@@ -43,6 +45,8 @@ def check_consistent(s: Scene) -> None:
 
 def _check_stages(s: Scene) -> None:
     """Every stage has its section and the stages it builds on."""
+    if not s.stages:
+        raise SceneError(f"stages = []: nothing to do; name some of {', '.join(STAGES)}")
     sections = {"surface": "surface", "micro": "micro", "equilibrium": "contact"}
     sections["stability"] = "stability"
     for stage, section in sections.items():
@@ -59,8 +63,6 @@ def _check_stages(s: Scene) -> None:
             raise SceneError(
                 f"surface.scan = {scan!r}: no such file; paths start at the scene's folder"
             )
-    if s.micro and isinstance(s.micro.laws, str) and not s.micro.fresh:
-        raise SceneError(f'micro.laws = {s.micro.laws!r}: write a number, or "per-sample"')
     if s.micro and s.micro.pixels < 2:
         raise SceneError(f"micro.pixels = {s.micro.pixels}: at least 2 are needed")
     if s.micro and not abs(s.micro.nu) < 1:
@@ -75,9 +77,23 @@ def _check_stages(s: Scene) -> None:
         )
 
 
+def _check_mesh(mesh: MeshTable) -> None:
+    """What is said of a mesh file needs one."""
+    for name in ("unit", "groups", "split") if mesh.file is None else ():
+        if getattr(mesh, name):
+            raise SceneError(f"mesh.{name}: needs mesh.file, the file that it is about")
+    if len(mesh.extent) != 2 or not mesh.extent[0] < mesh.extent[1]:
+        raise SceneError(f"mesh.extent = {list(mesh.extent)!r} m: write [smallest, largest]")
+
+
 def _check_parts(s: Scene) -> None:
-    """Every part's material is there."""
+    """Every part has cells, and its material is there."""
     for name, part in s.parts.items():
+        if part.builder is None and s.mesh.file is None:
+            raise SceneError(
+                f"parts.{name}.builder: missing; use one of {', '.join(BUILDERS)}, or name a"
+                " mesh.file"
+            )
         used = [part.material] if isinstance(part.material, str) else part.material.values()
         for material in used:
             if material not in s.materials:
@@ -93,11 +109,6 @@ def _check_contact(s: Scene, where: str, contact: Contact) -> None:
             f"{where}.faces = {list(contact.faces)!r}: write two faces, the pad's first"
         )
     if isinstance(contact.law, str):
-        if contact.law != "library":
-            raise SceneError(
-                f'{where}.law = {contact.law!r}: write "library", {{ linear = "2e13 Pa/m" }}'
-                " or { p0 = .., u0 = .. }"
-            )
         if "micro" not in s.stages and {"multi-scale", "joint"} & {*s.samples.approaches}:
             raise SceneError(f'{where}.law = "library": needs the stages surface and micro')
     elif contact.law.linear is None and (contact.law.p0 is None or contact.law.u0 is None):
@@ -137,6 +148,8 @@ def _check_constant(where: str, material: MaterialTable, constant: str) -> None:
 
 def _check_approaches(s: Scene) -> None:
     """Approaches that live from random inputs have some; no material is named in two ways."""
+    if not s.samples.approaches:
+        raise SceneError(f"samples.approaches = []: name some of {', '.join(APPROACHES)}")
     for name in ("fast", "joint"):
         if name in s.samples.approaches and not s.samples.random:
             raise SceneError(

@@ -8,17 +8,23 @@ unit ("unit"), the allowed sign ("sign": positive if absent, "zero", "any") and 
 from __future__ import annotations
 
 import hashlib
+import importlib
 import json
-from dataclasses import dataclass
+import os
+from dataclasses import dataclass, field, fields
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal, Union
+
+from pydantic import BeforeValidator, Discriminator, Tag, WithJsonSchema
 
 from brake_fenicsx.scene.damping import Damping
 from brake_fenicsx.scene.mesh import MeshTable
 from brake_fenicsx.scene.samples import Samples
-from brake_fenicsx.scene.tables import key
+from brake_fenicsx.scene.tables import KeyMistake, key, table_type
 from brake_fenicsx.scene.units import to_si
 
+DIRECTIONS = ("x", "y", "z")
 STAGES = ("surface", "micro", "equilibrium", "stability", "uncertainty", "report")
 BUILDERS = {
     "disc": "Disc", "pad": "Pad", "block": "Block", "hertz_sphere": "Sphere", "hertz_base": "Base",
@@ -95,7 +101,7 @@ class Micro:
     patch: float = key("m", default=2.825e-3)
     pixels: int = key(default=128)
     boundary: str = key(default="free", choices=("free", "periodic"))
-    laws: int | str = key(default=100)
+    laws: int | Literal["per-sample"] = key(default=100)
     laws_per_sample: int = key(default=20)
     E: float = key("Pa", default=1983.3e6)
     nu: float = key(default=0.4054, sign="any")
@@ -125,7 +131,6 @@ class Part:
         parameters: the builder's parameters.
         material: one for the part, or one for each layer.
         axis: angle of the part's axis 1 from x about z [rad]; a material's own axis adds to it.
-            A pad's lies along the tangent at mid pad if the scene does not say otherwise.
     """
 
     builder: str | None
@@ -135,14 +140,76 @@ class Part:
 
 
 @dataclass(frozen=True, slots=True)
-class Axis:
-    """Direction of a part's axis 1.
+class PartKeys:
+    """[parts.NAME]: keys of every part.
 
     Attributes:
-        axis: angle from x about z; of a pad the tangent at mid pad if not given, of another part 0.
+        builder: shape to build; without it the cells come from the file in `[mesh]`.
+        material: one `[materials]` name, or one for each layer:
+            `{ lining = "..", plate = ".." }`.
+        axis: direction of the part's axis 1: angle from x about z; of a pad the tangent at mid pad
+            if not given, of another part 0.
     """
 
+    material: str | dict[str, str]
+    builder: str | None = key(default=None, choices=tuple(BUILDERS))
     axis: float | None = key("rad", default=None, sign="any")
+
+
+def builder_class(name: str) -> Any:
+    """Dataclass of a builder's parameters."""
+    return getattr(importlib.import_module(f"brake_fenicsx.geometry.{name}"), BUILDERS[name])
+
+
+def _part(
+    cls: Any, material: Any, builder: str | None = None, axis: Any = None, **own: Any
+) -> Part:
+    """A part from what its table holds."""
+    parameters = cls(**own) if cls else None
+    return Part(
+        builder, parameters, material, getattr(parameters, "axis", 0.0) if axis is None else axis
+    )
+
+
+def _checked_builder(table: Any) -> Any:
+    """Refuse what says no builder's name, and parameters without one."""
+    if not isinstance(table, dict):
+        raise ValueError("write a table")
+    builder = table.get("builder")
+    if "builder" in table and builder not in list(BUILDERS):
+        raise KeyMistake(f"use one of {', '.join(BUILDERS)}", "builder")
+    own = set(table) - {f.name for f in fields(PartKeys)}
+    if builder is None and own:
+        raise KeyMistake("has no meaning without a builder", min(own))
+    return {**table, "shim": 0} if table.get("shim") is False else table
+
+
+def _parts_type() -> Any:
+    """Type of [parts]: one for each builder, and one for cells of the mesh file."""
+    kinds: dict[str | None, Any] = {None: table_type(partial(_part, None), PartKeys, builder=None)}
+    for name in BUILDERS:
+        cls = builder_class(name)
+        kinds[name] = table_type(partial(_part, cls), PartKeys, cls, builder=Literal[name])
+    tagged = [Annotated[kind, Tag(f"({name})")] for name, kind in kinds.items()]
+    choose = Discriminator(lambda table: f"({table.get('builder')})")
+    union: Any = Union[tuple(tagged)]  # noqa: UP007
+    return dict[str, Annotated[union, choose, BeforeValidator(_checked_builder)]]
+
+
+def _held(value: Any) -> Any:
+    """Directions held by a support."""
+    if value == "clamped":
+        return DIRECTIONS
+    if isinstance(value, list) and value and all(v in DIRECTIONS for v in value):
+        return value
+    raise ValueError('write "clamped" or a list of "x", "y", "z"')
+
+
+def _supports_type() -> Any:
+    """Type of [supports]: the directions that each holds."""
+    some = {"type": "array", "items": {"enum": [*DIRECTIONS]}, "minItems": 1}
+    schema = WithJsonSchema({"anyOf": [{"const": "clamped"}, some]})
+    return dict[str, Annotated[tuple[str, ...], BeforeValidator(_held), schema]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,7 +299,7 @@ class Contact:
     """
 
     faces: tuple[str, ...]
-    law: str | Law = "library"
+    law: Literal["library"] | Law = "library"
     discretisation: str = key(default="patch", choices=("patch", "quadrature", "node"))
     gap: str = key(default="none", choices=("none", "hdf"))
     friction: float | Friction = key(default=0.0, sign="zero")  # noqa: RUF009
@@ -307,29 +374,31 @@ class Scene:
     """A checked scene.
 
     Attributes:
+        stages: stages to run, in order.
         file: the TOML file.
         table: its content with the overrides of the command line.
-        stages: stages to run, in order.
     """
 
-    file: Path
-    table: dict[str, Any]
-    stages: tuple[str, ...]
-    surface: Surface | None
-    micro: Micro | None
-    mesh: MeshTable
-    parts: dict[str, Part]
-    materials: dict[str, MaterialTable]
-    contact: dict[str, Contact]
-    supports: dict[str, tuple[str, ...]]
-    loads: dict[str, Load]
-    motion: Motion | None
-    stability: Stability | None
-    samples: Samples
+    stages: tuple[str, ...] = key(default=(), choices=STAGES)
+    surface: Surface | None = None
+    micro: Micro | None = None
+    mesh: MeshTable = field(default_factory=MeshTable)
+    parts: dict[str, Part] = field(default_factory=dict, metadata={"type": _parts_type})
+    materials: dict[str, MaterialTable] = field(default_factory=dict)
+    contact: dict[str, Contact] = field(default_factory=dict)
+    supports: dict[str, tuple[str, ...]] = field(
+        default_factory=dict, metadata={"type": _supports_type}
+    )
+    loads: dict[str, Load] = field(default_factory=dict)
+    motion: Motion | None = None
+    stability: Stability | None = None
+    samples: Samples = field(default_factory=Samples)
+    file: Path = key(default=Path(), internal=True)  # noqa: RUF009
+    table: dict[str, Any] = field(default_factory=dict, metadata={"internal": True})
 
     def path(self, name: str) -> Path:
         """A file named in the scene, relative to the scene's folder."""
-        return self.file.parent / name
+        return self.file.parent / os.path.expanduser(name)
 
     @staticmethod
     def hash(content: Any) -> str:

@@ -1,21 +1,55 @@
-"""TOML tables to dataclasses: known keys, units, signs, choices, nothing missing."""
+"""TOML tables to dataclasses by pydantic: known keys, units, signs, choices, nothing missing.
+
+Fields of a dataclass and their metadata are the one source of what is read here, of the JSON Schema
+(``scene.schema``) and of docs/scene.md.
+"""
 
 from __future__ import annotations
 
 import difflib
-import tomllib
+import inspect
+import re
 import types
 import typing
-from collections.abc import Mapping
-from dataclasses import MISSING, field, fields
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import MISSING, Field, field, fields, is_dataclass
+from functools import cache, partial
+from typing import Annotated, Any, Literal
+
+import annotated_types
+import pydantic
+import typing_extensions
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene.units import to_si
+from brake_fenicsx.scene.units import DIMENSIONS, to_si
+
+# A number, then a unit; no comma, which is a decimal point to some and nothing to others.
+QUANTITY = {"anyOf": [{"type": "string", "pattern": r"^[^,]*\d[^,]*$"}, {"const": 0}]}
+ANY_UNIT = {"anyOf": [QUANTITY, {"type": "number"}]}
+SIGNS = {"positive": annotated_types.Gt(0), "zero": annotated_types.Ge(0), "any": None}
+TEXTS = {
+    "missing": "missing; it has no default", "dict_type": "write a table",
+    "string_type": "write text", "bool_type": "write true or false",
+    "int_type": "write a whole number", "tuple_type": "write a list",
+    "greater_than": "must be positive", "greater_than_equal": "must be zero or more",
+}  # fmt: skip
+
+
+class KeyMistake(ValueError):
+    """A mistake below the value at hand: its text, and the keys that lead there."""
+
+    def __init__(self, text: str, *keys: str):
+        super().__init__(text)
+        self.keys = keys
 
 
 def key(unit: str = "", default: Any = MISSING, **metadata: Any) -> Any:
-    """A field of a scene: unit, default, sign, choices; units of a list whose values differ."""
+    """A field of a scene: unit, default, and of these as needed.
+
+    ``sign`` ("positive" if absent, "zero", "any"), ``choices``, ``units`` of a list whose values
+    differ, ``band`` of usual values, ``internal`` for what no scene writes, ``type`` that gives
+    pydantic's type where the hint does not say it.
+    """
     metadata["unit"] = unit
     return (
         field(metadata=metadata)
@@ -24,101 +58,208 @@ def key(unit: str = "", default: Any = MISSING, **metadata: Any) -> Any:
     )
 
 
-def override(table: dict[str, Any], text: str) -> None:
-    """Replace one key of a scene: "section.key=value", the value TOML or a bare string."""
-    name, sign, value = text.partition("=")
-    if not sign:
-        raise SceneError(f"--set {text}: write key=value")
+def read_table(cls: Any, table: Any) -> Any:
+    """Fill a dataclass from a table.
+
+    Raises:
+        SceneError: the key, its value and the remedy.
+    """
     try:
-        parsed = tomllib.loads(f"x = {value}")["x"]
-    except tomllib.TOMLDecodeError:
-        parsed = value.strip()
-    *path, last = _key_parts(name.strip())
-    for step in path:
-        table = table.setdefault(step, {})
-    table[last] = parsed
+        return _adapter(cls).validate_python(table)
+    except pydantic.ValidationError as error:
+        raise SceneError(_line(error.errors()[0], table)) from None
 
 
-def _key_parts(name: str) -> list[str]:
-    """The parts of a dotted key, quoted parts kept whole."""
-    try:
-        nested = tomllib.loads(f"{name} = 0")
-    except tomllib.TOMLDecodeError:
-        raise SceneError(f"--set {name}: not a dotted key") from None
-    parts = []
-    while isinstance(nested, dict):
-        ((part, nested),) = nested.items()
-        parts.append(part)
-    return parts
+def json_schema(cls: Any) -> dict[str, Any]:
+    """JSON Schema of the tables that fill a dataclass."""
+    return _adapter(cls).json_schema()
 
 
-def check_keys(table: Mapping[str, Any], known: set[str], where: str) -> None:
-    """Refuse unknown keys, with the nearest known one."""
-    for name in table:
-        if name not in known:
-            near = difflib.get_close_matches(name, known, 1)
-            hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(sorted(known))}"
-            raise SceneError(
-                f"{where + '.' if where else ''}{name} = {table[name]!r}: unknown key; {hint}"
-            )
+def dotted(*keys: str) -> str:
+    """Keys as they are written in a scene, quoted where they must be."""
+    return ".".join(k if re.fullmatch(r"[\w-]+", k, re.ASCII) else f'"{k}"' for k in keys)
 
 
-def read_table(cls: Any, table: Any, where: str) -> Any:
-    """Fill a dataclass from a table: known keys, units, signs, choices, nothing missing."""
-    if not isinstance(table, dict):
-        raise SceneError(f"{where} = {table!r}: write a table")
-    check_keys(table, {f.name for f in fields(cls)}, where)
+def shown(value: Any) -> str:
+    """A value as a message shows it."""
+    text = repr(value)
+    return text if len(text) <= 100 else f"{text[:97]}..."
+
+
+@cache
+def meanings(cls: Any) -> dict[str, str]:
+    """Meaning of each key, from the section Attributes of the docstring, without units."""
+    _, _, block = (inspect.getdoc(cls) or "").partition("Attributes:\n")
+    found = re.findall(r"^    (\w+): (.*(?:\n {8}.*)*)", block, re.M)
+    # The unit stands beside the meaning; docstrings name SI's. Sections of a scene stay.
+    units = re.compile(rf" \[({'|'.join(re.escape(u) for u in DIMENSIONS if u)})\]")
+    plain = {name: re.sub(r"\s+", " ", text).strip() for name, text in found}
+    return {
+        name: units.sub("", text.replace("``", "`")).rstrip(".") for name, text in plain.items()
+    }
+
+
+def kinds_of(hint: Any) -> tuple[Any, ...]:
+    """What a key may hold: the members of a union without None."""
+    kinds = (
+        typing.get_args(hint)
+        if typing.get_origin(hint) in (types.UnionType, typing.Union)
+        else (hint,)
+    )
+    return tuple(kind for kind in kinds if kind is not types.NoneType)
+
+
+def kind_text(kind: Any, unit: str = "") -> str:
+    """What one writes for a kind."""
+    origin = typing.get_origin(kind)
+    if origin is tuple:
+        return f"list of {kind_text(kinds_of(typing.get_args(kind)[0])[0], unit)}"
+    if origin is Literal:
+        return " or ".join(f'"{word}"' for word in typing.get_args(kind))
+    if origin is dict or is_dataclass(kind):
+        return "table"
+    words = {str: "text", bool: "true or false", int: "whole number"}
+    return words.get(kind) or (DIMENSIONS[unit] if unit else "number")
+
+
+def keys_of(cls: Any) -> Iterable[tuple[Field, Any]]:
+    """Keys of a dataclass that a scene may write, each with its type."""
     hints = typing.get_type_hints(cls)
-    values = {}
-    for f in fields(cls):
-        if f.name in table:
-            values[f.name] = _value(f, hints[f.name], table[f.name], f"{where}.{f.name}")
-        elif f.default is MISSING and f.default_factory is MISSING:
-            raise SceneError(f"{where}.{f.name}: missing; it has no default")
-    return cls(**values)
+    return [(f, hints[f.name]) for f in fields(cls) if not f.metadata.get("internal")]
 
 
-def _value(f: Any, hint: Any, value: Any, where: str) -> Any:
-    kinds = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
-    said = f"{where} = {value!r}"
-    for kind in kinds:
-        if hasattr(kind, "__dataclass_fields__") and isinstance(value, dict):
-            return read_table(kind, value, where)
-    choices = f.metadata.get("choices")
-    if choices and value not in choices:
-        raise SceneError(f"{said}: use one of {', '.join(map(str, choices))}")
-    sequence = next((k for k in kinds if typing.get_origin(k) is tuple), None)
-    if sequence is not None and isinstance(value, list):
-        inner = typing.get_args(sequence)[0]
-        units = f.metadata.get("units", (f.metadata.get("unit", ""),) * len(value))
-        if len(units) != len(value):
-            raise SceneError(f"{said}: write {len(units)} values, [{', '.join(units)}]")
-        return tuple(_scalar(f, (inner,), v, said, u) for v, u in zip(value, units, strict=True))
-    return _scalar(f, kinds, value, said, f.metadata.get("unit", ""))
+def table_type(make: Callable[..., Any], *sources: Any, **more: Any) -> Any:
+    """Type of a table with the keys of some dataclasses: what pydantic reads.
+
+    Args:
+        make: gets what the table holds by name.
+        sources: the dataclasses.
+        more: types of single keys, which the table then must have; None: which it may not.
+    """
+    held = {}
+    for cls in sources:
+        for f, hint in keys_of(cls):
+            kind = more[f.name] if f.name in more else value_type(hint, f.metadata)
+            if kind is None:
+                continue
+            about = pydantic.Field(description=meanings(cls).get(f.name))
+            needed = f.default is MISSING and f.default_factory is MISSING
+            needed = needed or f.name in more
+            wrapper = typing_extensions.Required if needed else typing_extensions.NotRequired
+            held[f.name] = wrapper[Annotated[kind, about]]
+    named: Any = typing_extensions.TypedDict
+    table = named(sources[-1].__name__, held)
+    table.__pydantic_config__ = pydantic.ConfigDict(extra="forbid")
+    return Annotated[
+        table,
+        pydantic.BeforeValidator(partial(_known, names=tuple(held))),
+        pydantic.AfterValidator(lambda values: make(**values)),
+    ]
 
 
-def _scalar(f: Any, kinds: tuple[Any, ...], value: Any, said: str, unit: str) -> Any:
-    if bool in kinds:
-        if not isinstance(value, bool):
-            raise SceneError(f"{said}: write true or false")
-        return value
-    if str in kinds and isinstance(value, str):
-        return value
-    if int in kinds and float not in kinds:
-        if not isinstance(value, int) or isinstance(value, bool):
-            raise SceneError(f"{said}: write a whole number")
-        number: float = value
-    elif float in kinds:
-        try:
-            number = to_si(value, unit)
-        except ValueError as error:
-            raise SceneError(f"{said}: {error}") from None
-    else:
-        wanted = " or ".join("a list" if typing.get_origin(k) is tuple else
-                             "a table" if hasattr(k, "__dataclass_fields__") else "text"
-                             for k in kinds if k is not types.NoneType)  # fmt: skip
-        raise SceneError(f"{said}: write {wanted}")
-    sign = f.metadata.get("sign", "positive")
-    if (sign == "positive" and not number > 0) or (sign == "zero" and not number >= 0):
-        raise SceneError(f"{said}: must be {'positive' if sign == 'positive' else 'zero or more'}")
-    return number
+def value_type(hint: Any, about: Mapping[str, Any]) -> Any:
+    """Type of a key's value as pydantic reads it, from the hint and the metadata of its field."""
+    if "type" in about:
+        return about["type"]()
+    kinds = kinds_of(hint)
+    unit = about.get("unit", "")
+    if len(kinds) > 1:
+        wanted = " or ".join(kind_text(kind, unit) for kind in kinds)
+        tagged = [
+            Annotated[value_type(k, about), pydantic.Tag(f"({i})")] for i, k in enumerate(kinds)
+        ]
+        return Annotated[
+            typing.Union[tuple(tagged)],  # noqa: UP007
+            pydantic.Discriminator(
+                lambda value: _member(value, kinds, unit), "shape", f"write {wanted}"
+            ),
+        ]
+    (kind,) = kinds
+    origin, inner = typing.get_origin(kind), typing.get_args(kind)
+    if isinstance(kind, type) and is_dataclass(kind):
+        return _table(kind)
+    if origin is dict:
+        return dict[str, value_type(inner[1], about)]  # type: ignore[misc]
+    if origin is tuple and "units" in about:
+        units = about["units"]
+        same: Any = tuple(value_type(inner[0], {**about, "unit": u}) for u in units)
+        return Annotated[tuple[same], pydantic.BeforeValidator(partial(_as_many, units=units))]
+    if origin is tuple:
+        return tuple[value_type(inner[0], about), ...]  # type: ignore[misc]
+    choices = inner if origin is Literal else about.get("choices")
+    if choices:
+        return Annotated[
+            Literal[choices], pydantic.BeforeValidator(partial(_one_of, choices=choices))
+        ]
+    sign = SIGNS[about.get("sign", "positive")]
+    if kind is float:
+        number: Any = Annotated[float, pydantic.BeforeValidator(partial(to_si, unit=unit)), sign]
+        said = {"": None, "*": ANY_UNIT}.get(unit, QUANTITY)
+        return Annotated[number, pydantic.WithJsonSchema(said)] if said else number
+    strict: Any = Annotated[kind, pydantic.Strict()]
+    return Annotated[strict, sign] if kind is int else strict
+
+
+@cache
+def _adapter(cls: Any) -> pydantic.TypeAdapter[Any]:
+    return pydantic.TypeAdapter(_table(cls))
+
+
+@cache
+def _table(cls: Any) -> Any:
+    return table_type(cls, cls)
+
+
+def _known(table: Any, names: tuple[str, ...]) -> Any:
+    """Refuse unknown keys, with the nearest known one."""
+    for name in table if isinstance(table, dict) else ():
+        if name not in names:
+            near = difflib.get_close_matches(name, names, 1)
+            hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(sorted(names))}"
+            raise KeyMistake(f"unknown key; {hint}", name)
+    return table
+
+
+def _one_of(value: Any, choices: tuple[Any, ...]) -> Any:
+    if not any(value == c and type(value) is type(c) for c in choices):
+        raise ValueError(f"use one of {', '.join(map(str, choices))}")
+    return value
+
+
+def _as_many(value: Any, units: tuple[str, ...]) -> Any:
+    if isinstance(value, list) and len(value) != len(units):
+        raise ValueError(f"write {len(units)} values, [{', '.join(units)}]")
+    return value
+
+
+def _member(value: Any, kinds: tuple[Any, ...], unit: str) -> str | None:
+    """Which member of a union a value is meant to be, by its shape alone."""
+    for i, kind in enumerate(kinds):
+        origin = typing.get_origin(kind)
+        if origin is Literal:
+            fits = isinstance(value, str) and value in typing.get_args(kind)
+        elif origin is tuple:
+            fits = isinstance(value, list)
+        elif origin is dict or is_dataclass(kind):
+            fits = isinstance(value, dict)
+        else:
+            number = (int, float, str) if unit else (int, float)
+            fits = isinstance(value, number if kind is float else kind)
+            fits = fits and isinstance(value, bool) == (kind is bool)
+        if fits:
+            return f"({i})"
+    return None
+
+
+def _line(error: Any, table: Any) -> str:
+    """Key, value and remedy of a mistake that pydantic found."""
+    cause = error.get("ctx", {}).get("error")
+    # Members of a union and places in a list are no keys.
+    keys = [k for k in error["loc"] if isinstance(k, str) and not re.fullmatch(r"\(.*\)", k)]
+    keys += getattr(cause, "keys", ())
+    text = str(cause) if cause else TEXTS.get(error["type"], error["msg"])
+    for name in keys:
+        if not isinstance(table, dict) or name not in table:
+            return f"{dotted(*keys)}: {text}"
+        table = table[name]
+    return f"{dotted(*keys)} = {shown(table)}: {text}"
