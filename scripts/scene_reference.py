@@ -12,15 +12,12 @@ import sys
 import typing
 from collections.abc import Iterator
 from dataclasses import MISSING, Field, dataclass, is_dataclass
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
-import pint
-
 from brake_fenicsx.scene import BUILDERS, STAGES, Scene
 from brake_fenicsx.scene.sections import PartKeys, builder_class
-from brake_fenicsx.scene.tables import keys_of, kind_text, kinds_of, meanings
+from brake_fenicsx.scene.tables import keys_of, kind_text, kinds_of, meanings, written_default
 from brake_fenicsx.scene.units import DIMENSIONS
 
 OUT = Path(__file__).parents[1] / "docs" / "scene.md"
@@ -36,7 +33,9 @@ of the right dimension will do, and the one named below is an example. Numbers a
 their row says "zero or more" or "any sign". A key without default has **required** there; one whose
 default is a dash may be left out. `brake-fenicsx check SCENE.toml` refuses unknown keys, wrong
 units and what does not fit together; `--set section.key=value` replaces any key from the command
-line.
+line. `brake-fenicsx schema > scene.json` writes a JSON Schema of all of it, by which an editor
+completes and checks keys as they are typed: for Even Better TOML write `#:schema ./scene.json` as
+the scene's first line. Paths start at the scene's folder; `~` is the home folder.
 """
 
 STAGES_TEXT = """\
@@ -105,12 +104,8 @@ def default_text(f: Field) -> str:
     """The default as one would write it in a scene."""
     if f.default is MISSING and f.default_factory is MISSING:
         return "**required**"
-    value = f.default if f.default is not MISSING else f.default_factory()
-    if value is None or value in ((), {}) or is_dataclass(value):
-        return "-"
-    if isinstance(value, float) and not isfinite(value):
-        return "-"
-    return f"`{_toml(_with_unit(value, f.metadata.get('unit', '')))}`"
+    value = written_default(f)
+    return "-" if value is None else f"`{_toml(value)}`"
 
 
 def reference() -> str:
@@ -143,18 +138,6 @@ def _title(section: Section) -> tuple[str, str]:
     name = section.name.replace("samples.random.NAME", 'samples.random."KEY"')
     name = name.replace("loads.NAME", 'loads."PART.FACE"')
     return name, f"{note[:1].upper()}{note[1:]}\n\n"
-
-
-def _with_unit(value: Any, unit: str) -> Any:
-    """A number in SI units as a quantity of the unit that the page names."""
-    if isinstance(value, tuple):
-        return tuple(_with_unit(v, unit) for v in value)
-    if not unit or isinstance(value, str | bool):
-        return value
-    usual = DIMENSIONS[unit].partition("[")[2].rstrip("]")
-    registry = pint.get_application_registry()
-    number = registry.Quantity(value, unit).to(registry.Unit(usual)).magnitude
-    return f"{number:.10g} {usual}"
 
 
 def _toml(value: Any) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import difflib
 import inspect
+import math
 import re
 import types
 import typing
@@ -18,10 +19,11 @@ from typing import Annotated, Any, Literal
 
 import annotated_types
 import pydantic
+import pydantic.json_schema
 import typing_extensions
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene.units import DIMENSIONS, to_si
+from brake_fenicsx.scene.units import DIMENSIONS, to_si, with_unit
 
 # A number, then a unit; no comma, which is a decimal point to some and nothing to others.
 QUANTITY = {"anyOf": [{"type": "string", "pattern": r"^[^,]*\d[^,]*$"}, {"const": 0}]}
@@ -72,7 +74,8 @@ def read_table(cls: Any, table: Any) -> Any:
 
 def json_schema(cls: Any) -> dict[str, Any]:
     """JSON Schema of the tables that fill a dataclass."""
-    return _adapter(cls).json_schema()
+    dialect = pydantic.json_schema.GenerateJsonSchema.schema_dialect
+    return {"$schema": dialect, **_adapter(cls).json_schema()}
 
 
 def dotted(*keys: str) -> str:
@@ -142,9 +145,9 @@ def table_type(make: Callable[..., Any], *sources: Any, **more: Any) -> Any:
             kind = more[f.name] if f.name in more else value_type(hint, f.metadata)
             if kind is None:
                 continue
-            about = pydantic.Field(description=meanings(cls).get(f.name))
-            needed = f.default is MISSING and f.default_factory is MISSING
-            needed = needed or f.name in more
+            told, default = meanings(cls).get(f.name), partial(_add_default, f=f)
+            about = pydantic.Field(description=told, json_schema_extra=default)
+            needed = f.default is f.default_factory is MISSING or f.name in more
             wrapper = typing_extensions.Required if needed else typing_extensions.NotRequired
             held[f.name] = wrapper[Annotated[kind, about]]
     named: Any = typing_extensions.TypedDict
@@ -193,11 +196,26 @@ def value_type(hint: Any, about: Mapping[str, Any]) -> Any:
         ]
     sign = SIGNS[about.get("sign", "positive")]
     if kind is float:
-        number: Any = Annotated[float, pydantic.BeforeValidator(partial(to_si, unit=unit)), sign]
+        number: Any = Annotated[float, sign, pydantic.BeforeValidator(partial(to_si, unit=unit))]
         said = {"": None, "*": ANY_UNIT}.get(unit, QUANTITY)
         return Annotated[number, pydantic.WithJsonSchema(said)] if said else number
     strict: Any = Annotated[kind, pydantic.Strict()]
     return Annotated[strict, sign] if kind is int else strict
+
+
+def written_default(f: Field) -> Any:
+    """The default of a key as a scene would write it; None where there is none."""
+    value = f.default_factory() if f.default_factory is not MISSING else f.default
+    nothing = value in (None, MISSING, (), {}) or is_dataclass(value)
+    if nothing or (isinstance(value, float) and not math.isfinite(value)):
+        return None
+    return with_unit(value, f.metadata.get("unit", ""))
+
+
+def _add_default(schema: dict[str, Any], f: Field) -> None:
+    value = written_default(f)
+    if value is not None:
+        schema["default"] = list(value) if isinstance(value, tuple) else value
 
 
 @cache

@@ -71,6 +71,17 @@ def _quantity(value: str, unit: str) -> float:
         raise ValueError(f"not a quantity, write {DIMENSIONS[unit]}") from None
 
 
+def with_unit(value: Any, unit: str) -> Any:
+    """Numbers in SI units as quantities of the unit that ``DIMENSIONS`` names."""
+    if isinstance(value, tuple):
+        return tuple(with_unit(v, unit) for v in value)
+    if unit in ("", "*") or isinstance(value, str | bool):
+        return value
+    usual = DIMENSIONS[unit].partition("[")[2].rstrip("]")
+    number = _registry().Quantity(value, unit).to(_registry().Unit(usual)).magnitude
+    return f"{number:.10g} {usual}"
+
+
 def _turns(quantity: Any, unit: str) -> float:
     """2 pi between a frequency and an angular speed, which have the same dimension."""
     text = str(quantity.units)
