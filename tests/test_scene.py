@@ -50,7 +50,7 @@ def test_shipped_scenes_are_read(name):
 def test_reference_scene_has_the_sizes_of_the_study():
     scene = read_scene(SCENES / "disc_brake.toml")
     assert (scene.micro.laws, scene.micro.pixels, scene.samples.n) == (100, 128, 300)
-    assert scene.micro.patch == pytest.approx(2.825e-3)
+    assert scene.micro.patch == "mesh"
     assert scene.stability.band == pytest.approx((0.0, 16e3))
     assert scene.samples.classical.penalty == pytest.approx(2e13)
 
@@ -154,6 +154,23 @@ MISTAKES = [
     ("motion.direction=[inf, 0, 0]", "motion.direction = [inf, 0, 0]", "finite"),
     (f"stability.zeta_max=1{400 * '0'}", "stability.zeta_max", "finite"),
     ("motion.speed=nan m/s", "motion.speed = 'nan m/s'", "finite"),
+    # Longer or shorter than any brake: refused before gmsh is asked.
+    ("parts.block.length=40 m", "parts.block.length = 40 m", "mesh.extent"),
+    ("parts.block.size=5 parsec", "parts.block.size", "mesh.extent"),
+    (
+        "parts.block={ builder='block', length='9 um', width='9 um', height='9 um', size='4 um',"
+        " material='lining' }",
+        "parts.block.length",
+        "mesh.extent",
+    ),
+    # One sample, whatever is asked for.
+    ("samples.n=300", "samples.n", "the stage uncertainty"),
+    ("samples.design=sobol", "samples.design", "the stage uncertainty"),
+    (
+        "samples.random.'materials.iron.E'={ law='uniform', spread=0.1 }",
+        "samples.random",
+        "the stage uncertainty",
+    ),
     # Meshing would go on for days.
     ("parts.block.size=1 um", "parts.block", "cells of the mesh size asked for"),
 ]
@@ -188,7 +205,8 @@ CONTRADICTIONS = [
     (["contact.block_plate.friction={ static=0.5, kinetic=0.5, decay='1 m/s' }"], "slope=true",
      "depends on the speed"),
     (["contact.block_plate.friction={ static=0.6, kinetic=0.5, decay='1 m/s' }",
-      "samples.approaches=['classical']"], "slope=true", "name multi-scale"),
+      "samples.classical.friction=0.5", "samples.approaches=['classical']"], "slope=true",
+     "name multi-scale"),
     (["motion={ axis='z', speed='0 rad/s' }"], "gyroscopic=true", "needs a rotation"),
     (["motion={ axis='z', speed='3 rad/s' }"], "gyroscopic=['disc']", "no part 'disc'"),
 ]  # fmt: skip
@@ -255,7 +273,7 @@ def rough() -> np.ndarray:
     q = np.hypot(np.fft.fftfreq(n)[:, None], np.fft.fftfreq(n)[None, :])
     q[0, 0] = np.inf
     white = np.fft.fft2(np.random.default_rng(0).standard_normal((n, n)))
-    return 1e-6 * np.fft.ifft2(white / q**2).real
+    return 1e-8 * np.fft.ifft2(white / q**2).real
 
 
 def _surface_scene(folder: Path, heights: np.ndarray) -> Path:
@@ -272,6 +290,30 @@ def test_scan_without_valid_point(tmp_path, capsys, monkeypatch):
     assert main(["run", str(path)]) == 2
     assert "surface.scan" in capsys.readouterr().err
     assert list(work.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "named", "ratio"),
+    [
+        ("surface.statistics={ S_q='3 um' }", "surface.scan", "leave one out"),
+        ("surface.size=['1.8 m', '1.4 m']", "correct surface.size", " times the longer side of"),
+        ("surface.height_unit=mm", "correct surface.height_unit", " times the longer side of"),
+    ],
+)
+def test_a_surface_that_contradicts_itself(change, named, ratio, tmp_path, capsys):
+    """Heights of a thousand times the sides, sides of metres, two surfaces in one."""
+    heights = 1e6 * rough()
+    np.savetxt(tmp_path / "scan.txt", heights)
+    path = tmp_path / "surface.toml"
+    path.write_text(
+        'stages = ["surface"]\n[surface]\nscan = "scan.txt"\nsize = ["1 mm", "1 mm"]\n'
+        'height_unit = "um"\n'
+    )
+    assert main(["check", str(path)]) == 0
+    capsys.readouterr()
+    assert main(["check", str(path), "--set", change]) == 2
+    error = capsys.readouterr().err.splitlines()
+    assert len(error) <= 2 and named in error[-1] and ratio in error[-1]
 
 
 def test_missing_scan(tmp_path, capsys):

@@ -50,7 +50,8 @@ def test_there_are_scenes_in_both_places():
         "samples.n=2.5", "samples.n=0", "stability.tolerance='1'", "parts.block.builder='cube'",
         "contact.block_plate.friction=-0.1", "stages=['statbility']", "materials.iron.E='1,5 GPa'",
         "stability.damping.loss=1", "parts.block.material=3", "supports.'block.top'='held'",
-        "micro={ laws='many' }", "surface={ level='flat' }", "mesh.order=3", "materials.iron.rho=7200",
+        "micro={ laws='many' }", "surface={ level='flat' }", "mesh.order=3",
+        "materials.iron.rho=7200",
     ],
 )  # fmt: skip
 def test_what_the_schema_refuses_the_reader_refuses(change, validator):

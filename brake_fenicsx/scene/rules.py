@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.damping import check_damping
+from brake_fenicsx.scene.friction import rubs
 from brake_fenicsx.scene.mesh import MeshTable
 from brake_fenicsx.scene.samples import APPROACHES, ENGINEERING, split_key
-from brake_fenicsx.scene.sections import BUILDERS, STAGES
+from brake_fenicsx.scene.sections import BUILDERS, STAGES, part_lengths
 from brake_fenicsx.scene.units import to_si
 
 if TYPE_CHECKING:
@@ -20,6 +22,9 @@ PREDECESSORS = (
     ("stability", "equilibrium"),
     ("uncertainty", "equilibrium"),
 )
+
+# Keys of [samples] that are about many of them.
+MANY = ("n", "random", "design", "curves", "fast", "joint", "limit")
 
 # Beyond 1/sqrt(2) the squares of damped frequencies are no longer positive.
 ZETA_LIMIT = 0.7
@@ -59,10 +64,16 @@ def _check_stages(s: Scene) -> None:
         scan = s.surface.scan
         if not scan and not s.surface.statistics:
             raise SceneError("surface: name a scan or statistics")
-        if scan and not s.path(scan).is_file():
+        if scan and s.surface.statistics:
+            raise SceneError(
+                f"surface.scan = {scan!r}: surface.statistics are there in its place; leave one out"
+            )
+        if scan and not os.path.isfile(s.path(scan)):
             raise SceneError(
                 f"surface.scan = {scan!r}: no such file; paths start at the scene's folder"
             )
+    if s.micro and s.micro.patch == "mesh" and "equilibrium" not in s.stages:
+        raise SceneError('micro.patch = "mesh": needs the stage equilibrium; write a length')
     if s.micro and s.micro.pixels < 2:
         raise SceneError(f"micro.pixels = {s.micro.pixels}: at least 2 are needed")
     if s.micro and not abs(s.micro.nu) < 1:
@@ -94,12 +105,24 @@ def _check_parts(s: Scene) -> None:
                 f"parts.{name}.builder: missing; use one of {', '.join(BUILDERS)}, or name a"
                 " mesh.file"
             )
+        if part.parameters is not None:
+            _check_extent(f"parts.{name}", part_lengths(part.parameters), s.mesh.extent)
         used = [part.material] if isinstance(part.material, str) else part.material.values()
         for material in used:
             if material not in s.materials:
                 raise SceneError(
                     f"parts.{name}.material = {material!r}: there is no [materials.{material}]"
                 )
+
+
+def _check_extent(where: str, lengths: dict[str, float], extent: tuple[float, ...]) -> None:
+    """A part is neither longer nor shorter than a mesh file may be."""
+    longest = max(lengths, key=lengths.__getitem__)
+    if not extent[0] <= lengths[longest] <= extent[1]:
+        raise SceneError(
+            f"{where}.{longest} = {lengths[longest]:.3g} m: the longest length of the part, not"
+            f" between {extent[0]:g} m and {extent[1]:g} m; correct the unit, or widen mesh.extent"
+        )
 
 
 def _check_contact(s: Scene, where: str, contact: Contact) -> None:
@@ -157,6 +180,12 @@ def _check_approaches(s: Scene) -> None:
             )
         if name in s.samples.approaches and "uncertainty" not in s.stages:
             raise SceneError(f"samples.approaches: {name!r} needs the stage uncertainty")
+    for name in MANY if "equilibrium" in s.stages and "uncertainty" not in s.stages else ():
+        if s.table.get("samples", {}).get(name, 1) not in (1, {}):
+            raise SceneError(
+                f"samples.{name}: without the stage uncertainty there is one sample; add it to"
+                f" stages, or leave samples.{name} out"
+            )
     ways: dict[str, set[bool]] = {}
     for section, table, last in map(split_key, s.samples.random):
         if section == "materials":
@@ -171,8 +200,7 @@ def _check_approaches(s: Scene) -> None:
 
 def _check_motion(s: Scene) -> None:
     """Friction has a direction, and the speed the right unit."""
-    perfect = bool({"classical", "fast"} & {*s.samples.approaches})
-    sliding = any(c.friction for c in s.contact.values()) or perfect
+    sliding = any(rubs(s, approach) for approach in s.samples.approaches)
     if "equilibrium" in s.stages and sliding and s.motion is None:
         raise SceneError("motion: friction needs a section [motion]")
     if s.motion:

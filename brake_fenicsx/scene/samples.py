@@ -39,11 +39,11 @@ class Classical:
 
     Attributes:
         penalty: contact stiffness.
-        friction: coefficient.
+        friction: coefficient; that of each interface if not given.
     """
 
-    penalty: float = key("Pa/m", default=2e13)
-    friction: float = key(default=0.5, sign="zero")
+    penalty: float = key("Pa/m", default=2e13, band=(1e9, 1e17))
+    friction: float | None = key(default=None, sign="zero", band=(0.0, 1.5))
 
 
 @dataclass(frozen=True, slots=True)

@@ -31,6 +31,10 @@ BUILDERS = {
     "hertz_cylinder": "Cylinder", "hertz_slab": "Plate",
 }  # fmt: skip
 
+# Bands of usual values: rubber to diamond [Pa]; friction.
+MODULI = (1e6, 2e12)
+FRICTION = (0.0, 1.5)
+
 
 @dataclass(frozen=True, slots=True)
 class Statistics:
@@ -45,7 +49,7 @@ class Statistics:
         q_c: wave number of the crossover.
     """
 
-    S_q: float = key("m")
+    S_q: float = key("m", band=(1e-9, 1e-3))
     S_sk: float = key(default=0.0, sign="any")
     S_ku: float = key(default=3.0)
     c1: float = key(default=-2.0, sign="any")
@@ -83,7 +87,7 @@ class Micro:
     """[micro]: artificial patches and their contact.
 
     Attributes:
-        patch: side of the square patch.
+        patch: side of the square patch; "mesh": that of the mean contact element.
         pixels: points along a side.
         boundary: half-space without neighbours, or periodic.
         laws: number of laws in the library; "per-sample": each sample makes its own afresh.
@@ -98,12 +102,12 @@ class Micro:
         seed: seed of the artificial surfaces.
     """
 
-    patch: float = key("m", default=2.825e-3)
+    patch: Literal["mesh"] | float = key("m", default=2.825e-3, band=(1e-5, 0.05))
     pixels: int = key(default=128)
     boundary: str = key(default="free", choices=("free", "periodic"))
     laws: int | Literal["per-sample"] = key(default=100)
     laws_per_sample: int = key(default=20)
-    E: float = key("Pa", default=1983.3e6)
+    E: float = key("Pa", default=1983.3e6, band=MODULI)
     nu: float = key(default=0.4054, sign="any")
     tolerance: float = key(default=1e-6)
     max_pressure: float = key(default=0.1)
@@ -159,6 +163,17 @@ class PartKeys:
 def builder_class(name: str) -> Any:
     """Dataclass of a builder's parameters."""
     return getattr(importlib.import_module(f"brake_fenicsx.geometry.{name}"), BUILDERS[name])
+
+
+def part_lengths(parameters: Any) -> dict[str, float]:
+    """Lengths among a builder's parameters [m], without sign; of a list the longest."""
+    lengths = (f.name for f in fields(parameters) if f.metadata.get("unit") == "m")
+    held = {name: getattr(parameters, name) for name in lengths}
+    return {
+        name: max(map(abs, value)) if isinstance(value, tuple) else abs(value)
+        for name, value in held.items()
+        if value not in (None, ())
+    }
 
 
 def _part(
@@ -236,21 +251,21 @@ class MaterialTable:
     """
 
     model: str = key(choices=("isotropic", "transversely-isotropic", "orthotropic"))
-    rho: float = key("kg/m^3")
-    E: float | tuple[float, ...] | None = key("Pa", default=None)
+    rho: float = key("kg/m^3", band=(100.0, 25e3))
+    E: float | tuple[float, ...] | None = key("Pa", default=None, band=MODULI)
     nu: float | tuple[float, ...] | None = key(default=None, sign="any")
-    G: float | tuple[float, ...] | None = key("Pa", default=None)
-    C11: float | None = key("Pa", default=None)
-    C22: float | None = key("Pa", default=None)
-    C33: float | None = key("Pa", default=None)
+    G: float | tuple[float, ...] | None = key("Pa", default=None, band=MODULI)
+    C11: float | None = key("Pa", default=None, band=MODULI)
+    C22: float | None = key("Pa", default=None, band=MODULI)
+    C33: float | None = key("Pa", default=None, band=MODULI)
     C12: float | None = key("Pa", default=None, sign="any")
     C13: float | None = key("Pa", default=None, sign="any")
     C23: float | None = key("Pa", default=None, sign="any")
-    C44: float | None = key("Pa", default=None)
-    C55: float | None = key("Pa", default=None)
-    C66: float | None = key("Pa", default=None)
+    C44: float | None = key("Pa", default=None, band=MODULI)
+    C55: float | None = key("Pa", default=None, band=MODULI)
+    C66: float | None = key("Pa", default=None, band=MODULI)
     axis: float = key("rad", default=0.0, sign="any")
-    loss: float = key(default=0.0, sign="zero")
+    loss: float = key(default=0.0, sign="zero", band=(0.0, 1.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -263,9 +278,9 @@ class Law:
         u0: its decay length.
     """
 
-    linear: float | None = key("Pa/m", default=None)
+    linear: float | None = key("Pa/m", default=None, band=(1e9, 1e17))
     p0: float | None = key("Pa", default=None)
-    u0: float | None = key("m", default=None)
+    u0: float | None = key("m", default=None, band=(1e-9, 1e-3))
 
 
 @dataclass(frozen=True, slots=True)
@@ -278,8 +293,8 @@ class Friction:
         decay: speed over which it falls.
     """
 
-    static: float = key(sign="zero")
-    kinetic: float = key(sign="zero")
+    static: float = key(sign="zero", band=FRICTION)
+    kinetic: float = key(sign="zero", band=FRICTION)
     decay: float = key("m/s")
 
 
@@ -302,7 +317,7 @@ class Contact:
     law: Literal["library"] | Law = "library"
     discretisation: str = key(default="patch", choices=("patch", "quadrature", "node"))
     gap: str = key(default="none", choices=("none", "hdf"))
-    friction: float | Friction = key(default=0.0, sign="zero")  # noqa: RUF009
+    friction: float | Friction = key(default=0.0, sign="zero", band=FRICTION)  # noqa: RUF009
     friction_in_equilibrium: bool = True
     search: float | None = key("m", default=None)
 
@@ -316,7 +331,7 @@ class Load:
         steps: equal load steps, taken only if the full load at once does not converge.
     """
 
-    pressure: float = key("Pa")
+    pressure: float = key("Pa", band=(1e3, 1e8))
     steps: int = key(default=1)
 
 
@@ -358,7 +373,7 @@ class Stability:
         damping: terms of the damping; none where the section is left out.
     """
 
-    band: tuple[float, ...] = key("Hz", sign="zero")
+    band: tuple[float, ...] = key("Hz", sign="zero", band=(0.0, 1e5))
     method: str = key(default="full", choices=("full", "reduced"))
     cutoff: float | None = key("Hz", default=None)
     tolerance: float = key(default=1e-5)

@@ -251,7 +251,7 @@ def _as_many(value: Any, units: tuple[str, ...]) -> Any:
 
 
 def _member(value: Any, kinds: tuple[Any, ...], unit: str) -> str | None:
-    """Which member of a union a value is meant to be, by its shape alone."""
+    """Which member of a union a value is meant to be, by its shape alone: the first that fits."""
     for i, kind in enumerate(kinds):
         origin = typing.get_origin(kind)
         if origin is Literal:

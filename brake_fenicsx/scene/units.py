@@ -52,6 +52,7 @@ def to_si(value: Any, unit: str) -> float:
     return number
 
 
+@cache
 def _quantity(value: str, unit: str) -> float:
     """A number with a unit in SI."""
     import pint
