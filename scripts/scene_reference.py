@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from brake_fenicsx.scene import BUILDERS, STAGES, Scene
-from brake_fenicsx.scene.sections import PartKeys, builder_class
+from brake_fenicsx.scene.parts import PartKeys, builder_class
 from brake_fenicsx.scene.tables import keys_of, kind_text, kinds_of, meanings, written_default
 from brake_fenicsx.scene.units import DIMENSIONS
 

@@ -99,7 +99,7 @@ def damaged(table, rng):
         if how == "delete":
             del holder[last]
         elif how == "rename" and isinstance(holder, dict):
-            holder[rng.choice((f"{last}s", last[1:], "no.such", "", "a b"))] = holder.pop(last)
+            holder[rng.choice((f"{last}s", last[1:], "no.such", "", "a\nb"))] = holder.pop(last)
         elif how == "extreme" and isinstance(old, str):
             number, _, unit = old.partition(" ")
             holder[last] = (

@@ -6,8 +6,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from typing import Any
 
+from brake_fenicsx.scene.parts import part_lengths
 from brake_fenicsx.scene.samples import split_key
-from brake_fenicsx.scene.sections import MODULI, Contact, Load, MaterialTable, Scene, part_lengths
+from brake_fenicsx.scene.sections import MODULI, Contact, Load, MaterialTable, Scene
 from brake_fenicsx.scene.tables import dotted
 from brake_fenicsx.scene.units import with_unit
 

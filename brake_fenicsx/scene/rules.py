@@ -9,8 +9,9 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.damping import check_damping
 from brake_fenicsx.scene.friction import rubs
 from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.scene.parts import BUILDERS, part_lengths
 from brake_fenicsx.scene.samples import APPROACHES, ENGINEERING, split_key
-from brake_fenicsx.scene.sections import BUILDERS, STAGES, part_lengths
+from brake_fenicsx.scene.sections import STAGES
 from brake_fenicsx.scene.units import to_si
 
 if TYPE_CHECKING:

@@ -1,13 +1,14 @@
 """TOML tables to dataclasses by pydantic: known keys, units, signs, choices, nothing missing.
 
 Fields of a dataclass and their metadata are the one source of what is read here, of the JSON Schema
-(``scene.schema``) and of docs/scene.md.
+(``json_schema``) and of docs/scene.md.
 """
 
 from __future__ import annotations
 
 import difflib
 import inspect
+import json
 import math
 import re
 import types
@@ -52,12 +53,7 @@ def key(unit: str = "", default: Any = MISSING, **metadata: Any) -> Any:
     differ, ``band`` of usual values, ``internal`` for what no scene writes, ``type`` that gives
     pydantic's type where the hint does not say it.
     """
-    metadata["unit"] = unit
-    return (
-        field(metadata=metadata)
-        if default is MISSING
-        else field(default=default, metadata=metadata)
-    )
+    return field(default=default, metadata={"unit": unit, **metadata})
 
 
 def read_table(cls: Any, table: Any) -> Any:
@@ -80,7 +76,7 @@ def json_schema(cls: Any) -> dict[str, Any]:
 
 def dotted(*keys: str) -> str:
     """Keys as they are written in a scene, quoted where they must be."""
-    return ".".join(k if re.fullmatch(r"[\w-]+", k, re.ASCII) else f'"{k}"' for k in keys)
+    return ".".join(k if re.fullmatch(r"[\w-]+", k, re.ASCII) else json.dumps(k) for k in keys)
 
 
 def shown(value: Any) -> str:
@@ -96,20 +92,16 @@ def meanings(cls: Any) -> dict[str, str]:
     found = re.findall(r"^    (\w+): (.*(?:\n {8}.*)*)", block, re.M)
     # The unit stands beside the meaning; docstrings name SI's. Sections of a scene stay.
     units = re.compile(rf" \[({'|'.join(re.escape(u) for u in DIMENSIONS if u)})\]")
-    plain = {name: re.sub(r"\s+", " ", text).strip() for name, text in found}
-    return {
-        name: units.sub("", text.replace("``", "`")).rstrip(".") for name, text in plain.items()
-    }
+    plain = {name: " ".join(text.replace("``", "`").split()) for name, text in found}
+    return {name: units.sub("", text).rstrip(".") for name, text in plain.items()}
 
 
 def kinds_of(hint: Any) -> tuple[Any, ...]:
     """What a key may hold: the members of a union without None."""
-    kinds = (
-        typing.get_args(hint)
-        if typing.get_origin(hint) in (types.UnionType, typing.Union)
-        else (hint,)
+    union = typing.get_origin(hint) in (types.UnionType, typing.Union)
+    return tuple(
+        k for k in (typing.get_args(hint) if union else (hint,)) if k is not types.NoneType
     )
-    return tuple(kind for kind in kinds if kind is not types.NoneType)
 
 
 def kind_text(kind: Any, unit: str = "") -> str:
