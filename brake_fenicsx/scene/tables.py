@@ -16,20 +16,31 @@ import typing
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import MISSING, Field, field, fields, is_dataclass
 from functools import cache, partial
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NotRequired, Required
 
-import annotated_types
-import pydantic
-import pydantic.json_schema
-import typing_extensions
+from annotated_types import Ge, Gt
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Strict,
+    Tag,
+    TypeAdapter,
+    ValidationError,
+    WithJsonSchema,
+)  # fmt: skip
+from pydantic import Field as Key
+from typing_extensions import TypedDict
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.units import DIMENSIONS, to_si, with_unit
 
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
 # A number, then a unit; no comma, which is a decimal point to some and nothing to others.
 QUANTITY = {"anyOf": [{"type": "string", "pattern": r"^[^,]*\d[^,]*$"}, {"const": 0}]}
 ANY_UNIT = {"anyOf": [QUANTITY, {"type": "number"}]}
-SIGNS = {"positive": annotated_types.Gt(0), "zero": annotated_types.Ge(0), "any": None}
+SIGNS = {"positive": Gt(0), "zero": Ge(0), "any": None}
 TEXTS = {
     "missing": "missing; it has no default", "dict_type": "write a table",
     "string_type": "write text", "bool_type": "write true or false",
@@ -64,14 +75,13 @@ def read_table(cls: Any, table: Any) -> Any:
     """
     try:
         return _adapter(cls).validate_python(table)
-    except pydantic.ValidationError as error:
+    except ValidationError as error:
         raise SceneError(_line(error.errors()[0], table)) from None
 
 
 def json_schema(cls: Any) -> dict[str, Any]:
     """JSON Schema of the tables that fill a dataclass."""
-    dialect = pydantic.json_schema.GenerateJsonSchema.schema_dialect
-    return {"$schema": dialect, **_adapter(cls).json_schema()}
+    return {"$schema": DIALECT, **_adapter(cls).json_schema()}
 
 
 def dotted(*keys: str) -> str:
@@ -138,18 +148,15 @@ def table_type(make: Callable[..., Any], *sources: Any, **more: Any) -> Any:
             if kind is None:
                 continue
             told, default = meanings(cls).get(f.name), partial(_add_default, f=f)
-            about = pydantic.Field(description=told, json_schema_extra=default)
+            about = Key(description=told, json_schema_extra=default)
             needed = f.default is f.default_factory is MISSING or f.name in more
-            wrapper = typing_extensions.Required if needed else typing_extensions.NotRequired
+            wrapper = Required if needed else NotRequired
             held[f.name] = wrapper[Annotated[kind, about]]
-    named: Any = typing_extensions.TypedDict
+    named: Any = TypedDict
     table = named(sources[-1].__name__, held)
-    table.__pydantic_config__ = pydantic.ConfigDict(extra="forbid")
-    return Annotated[
-        table,
-        pydantic.BeforeValidator(partial(_known, names=tuple(held))),
-        pydantic.AfterValidator(lambda values: make(**values)),
-    ]
+    table.__pydantic_config__ = ConfigDict(extra="forbid")
+    known = BeforeValidator(partial(_known, names=tuple(held)))
+    return Annotated[table, known, AfterValidator(lambda values: make(**values))]
 
 
 def value_type(hint: Any, about: Mapping[str, Any]) -> Any:
@@ -160,15 +167,9 @@ def value_type(hint: Any, about: Mapping[str, Any]) -> Any:
     unit = about.get("unit", "")
     if len(kinds) > 1:
         wanted = " or ".join(kind_text(kind, unit) for kind in kinds)
-        tagged = [
-            Annotated[value_type(k, about), pydantic.Tag(f"({i})")] for i, k in enumerate(kinds)
-        ]
-        return Annotated[
-            typing.Union[tuple(tagged)],  # noqa: UP007
-            pydantic.Discriminator(
-                lambda value: _member(value, kinds, unit), "shape", f"write {wanted}"
-            ),
-        ]
+        tagged = [Annotated[value_type(k, about), Tag(f"({i})")] for i, k in enumerate(kinds)]
+        chosen = Discriminator(lambda v: _member(v, kinds, unit), "shape", f"write {wanted}")
+        return Annotated[typing.Union[tuple(tagged)], chosen]  # noqa: UP007
     (kind,) = kinds
     origin, inner = typing.get_origin(kind), typing.get_args(kind)
     if isinstance(kind, type) and is_dataclass(kind):
@@ -178,20 +179,18 @@ def value_type(hint: Any, about: Mapping[str, Any]) -> Any:
     if origin is tuple and "units" in about:
         units = about["units"]
         same: Any = tuple(value_type(inner[0], {**about, "unit": u}) for u in units)
-        return Annotated[tuple[same], pydantic.BeforeValidator(partial(_as_many, units=units))]
+        return Annotated[tuple[same], BeforeValidator(partial(_as_many, units=units))]
     if origin is tuple:
         return tuple[value_type(inner[0], about), ...]  # type: ignore[misc]
     choices = inner if origin is Literal else about.get("choices")
     if choices:
-        return Annotated[
-            Literal[choices], pydantic.BeforeValidator(partial(_one_of, choices=choices))
-        ]
+        return Annotated[Literal[choices], BeforeValidator(partial(_one_of, choices=choices))]
     sign = SIGNS[about.get("sign", "positive")]
     if kind is float:
-        number: Any = Annotated[float, sign, pydantic.BeforeValidator(partial(to_si, unit=unit))]
+        number: Any = Annotated[float, sign, BeforeValidator(partial(to_si, unit=unit))]
         said = {"": None, "*": ANY_UNIT}.get(unit, QUANTITY)
-        return Annotated[number, pydantic.WithJsonSchema(said)] if said else number
-    strict: Any = Annotated[kind, pydantic.Strict()]
+        return Annotated[number, WithJsonSchema(said)] if said else number
+    strict: Any = Annotated[kind, Strict()]
     return Annotated[strict, sign] if kind is int else strict
 
 
@@ -211,8 +210,8 @@ def _add_default(schema: dict[str, Any], f: Field) -> None:
 
 
 @cache
-def _adapter(cls: Any) -> pydantic.TypeAdapter[Any]:
-    return pydantic.TypeAdapter(_table(cls))
+def _adapter(cls: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(_table(cls))
 
 
 @cache
