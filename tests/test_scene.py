@@ -13,6 +13,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.in_effect import in_effect
 from brake_fenicsx.scene.units import to_si
+from brake_fenicsx.store import result_digest
 
 SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
 BLOCK = SCENES / "block_on_plate.toml"
@@ -332,6 +333,16 @@ def test_results_of_another_scene_are_not_overwritten(tmp_path):
     run(path, MPI.COMM_SELF, tmp_path / "out")
     with pytest.raises(SceneError, match="another scene"):
         run(path, MPI.COMM_SELF, tmp_path / "out", ["surface.level=none"])
+
+
+def test_another_threshold_is_no_other_scene():
+    """What counts as squeal changes no result of a sample."""
+    usual, other, band = (
+        read_scene(BLOCK, changes)
+        for changes in ([], ["stability.threshold=0.01"], ["stability.band=['0 Hz', '9 kHz']"])
+    )
+    assert (usual.stability.threshold, other.stability.threshold) == (0.0, 0.01)
+    assert result_digest(other) == result_digest(usual) != result_digest(band)
 
 
 def test_surface_only_scene_imports_no_finite_elements(tmp_path):
