@@ -25,6 +25,7 @@ from brake_fenicsx.scene.units import to_si
 
 DIRECTIONS = ("x", "y", "z")
 STAGES = ("surface", "micro", "equilibrium", "stability", "uncertainty", "report")
+LAWS = '"library", { linear = "2e13 Pa/m" } or { p0 = .., u0 = .. }'
 
 # Bands of usual values: rubber to diamond [Pa]; friction.
 MODULI = (1e6, 2e12)
@@ -224,7 +225,7 @@ class Contact:
     """
 
     faces: tuple[str, ...]
-    law: Literal["library"] | Law = "library"
+    law: Literal["library"] | Law = key(default="library", write=LAWS)  # noqa: RUF009
     discretisation: str = key(default="patch", choices=("patch", "quadrature", "node"))
     gap: str = key(default="none", choices=("none", "hdf"))
     friction: float | Friction = key(default=0.0, sign="zero", band=FRICTION)  # noqa: RUF009

@@ -61,8 +61,8 @@ def key(unit: str = "", default: Any = MISSING, **metadata: Any) -> Any:
     """A field of a scene: unit, default, and of these as needed.
 
     ``sign`` ("positive" if absent, "zero", "any"), ``choices``, ``units`` of a list whose values
-    differ, ``band`` of usual values, ``internal`` for what no scene writes, ``type`` that gives
-    pydantic's type where the hint does not say it.
+    differ, ``band`` of usual values, ``internal`` for what no scene writes, ``write`` for what to
+    write in place of another type, ``type`` that gives pydantic's type where the hint does not.
     """
     return field(default=default, metadata={"unit": unit, **metadata})
 
@@ -166,7 +166,7 @@ def value_type(hint: Any, about: Mapping[str, Any]) -> Any:
     kinds = kinds_of(hint)
     unit = about.get("unit", "")
     if len(kinds) > 1:
-        wanted = " or ".join(kind_text(kind, unit) for kind in kinds)
+        wanted = about.get("write") or " or ".join(kind_text(kind, unit) for kind in kinds)
         tagged = [Annotated[value_type(k, about), Tag(f"({i})")] for i, k in enumerate(kinds)]
         chosen = Discriminator(lambda v: _member(v, kinds, unit), "shape", f"write {wanted}")
         return Annotated[typing.Union[tuple(tagged)], chosen]  # noqa: UP007
@@ -223,16 +223,20 @@ def _known(table: Any, names: tuple[str, ...]) -> Any:
     """Refuse unknown keys, with the nearest known one."""
     for name in table if isinstance(table, dict) else ():
         if name not in names:
-            near = difflib.get_close_matches(name, names, 1)
-            hint = f"did you mean {near[0]!r}?" if near else f"known: {', '.join(sorted(names))}"
-            raise KeyMistake(f"unknown key; {hint}", name)
+            hint = _near(name, names) or f"; known: {', '.join(sorted(names))}"
+            raise KeyMistake(f"unknown key{hint}", name)
     return table
 
 
 def _one_of(value: Any, choices: tuple[Any, ...]) -> Any:
     if not any(value == c and type(value) is type(c) for c in choices):
-        raise ValueError(f"use one of {', '.join(map(str, choices))}")
+        raise ValueError(f"use one of {', '.join(map(str, choices))}{_near(value, choices)}")
     return value
+
+
+def _near(word: Any, words: tuple[Any, ...]) -> str:
+    near = difflib.get_close_matches(str(word), map(str, words), 1)
+    return f"; did you mean {near[0]!r}?" if near else ""
 
 
 def _as_many(value: Any, units: tuple[str, ...]) -> Any:
@@ -255,6 +259,8 @@ def _member(value: Any, kinds: tuple[Any, ...], unit: str) -> str | None:
             number = (int, float, str) if unit else (int, float)
             fits = isinstance(value, number if kind is float else kind)
             fits = fits and isinstance(value, bool) == (kind is bool)
+            # Beside a word, another word is no quantity.
+            fits = fits and not (i and unit and isinstance(value, str) and value.isalpha())
         if fits:
             return f"({i})"
     return None
