@@ -8,12 +8,12 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from brake_fenicsx.stability.changing.bodies import split_bodies
+from brake_fenicsx.stability.changing.congruent import image_of
 
 from brake_fenicsx.macro.brake import assemble_brake
 from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.stability.changing.bodies import split_bodies
-from brake_fenicsx.stability.changing.congruent import image_of
 
 DEMO = Path(__file__).parents[2] / "scripts" / "scenes" / "disc_brake_demo.toml"
 
