@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from mpi4py import MPI
 
-from brake_fenicsx.errors import BrakeError, SceneError
+import numpy as np
+
+from brake_fenicsx.errors import BrakeError, SceneError, SurfaceError
 from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.plausible import unusual
 
 if TYPE_CHECKING:
     from brake_fenicsx.surface import SurfaceStatistics
+    from brake_fenicsx.surface.topography import Topography
+
+PATCH_FACTOR = 2.0  # in area, between contact elements and the patches of their laws
+LONGEST_SCAN = 0.5  # m
 
 
 def check(scene: Scene, comm: MPI.Comm) -> SurfaceStatistics | None:
@@ -36,6 +44,34 @@ def remarks(scene: Scene, comm: MPI.Comm) -> list[str]:
     return cut_loads(scene)
 
 
+def warnings(scene: Scene, mean_patch: float | None = None) -> list[str]:
+    """What is allowed and most probably not meant: a line each.
+
+    Args:
+        scene: the scene.
+        mean_patch: side of the mean contact element [m], once it is known.
+    """
+    lines = unusual(scene)
+    if mean_patch is not None and scene.micro and "micro" in scene.stages:
+        patch = mean_patch if scene.micro.patch == "mesh" else float(scene.micro.patch)
+        area = (mean_patch / patch) ** 2
+        if not 1 / PATCH_FACTOR <= area <= PATCH_FACTOR:
+            lines.append(
+                f"micro.patch = {1e3 * patch:g} mm: contact elements have {area:.3g} times the area"
+                f" of the laws' patch ({1e3 * mean_patch:.3g} mm squared in the mean); write"
+                ' micro.patch = "mesh"'
+            )
+    return lines
+
+
+def with_patch(scene: Scene, mean_patch: float) -> Scene:
+    """A scene whose laws have a patch in metres, where it names that of the mesh [m]."""
+    if scene.micro is None or scene.micro.patch != "mesh":
+        return scene
+    # Few digits: sums over contact elements differ in the last ones with the number of processes.
+    return replace(scene, micro=replace(scene.micro, patch=float(f"{mean_patch:.6g}")))
+
+
 def read_surface(scene: Scene) -> SurfaceStatistics:
     """Scan to statistics: height distribution, power spectrum, bi-fractal fit."""
     from brake_fenicsx.surface import characterise, given_statistics, read_topography
@@ -51,6 +87,23 @@ def read_surface(scene: Scene) -> SurfaceStatistics:
         scan = read_topography(
             scene.path(str(table.scan)), size, table.height_unit, rows=table.rows
         )
+        _check_scan(scan)
         return characterise(scan, table.level, cutoff=table.cutoff)
     except BrakeError as error:
         raise SceneError(f"{scene.file}: surface.scan = {table.scan!r}: {error}") from None
+
+
+def _check_scan(scan: Topography) -> None:
+    """Refuse a scan whose heights and sides do not go together.
+
+    Raises:
+        SurfaceError: the two lengths, their ratio and the remedy.
+    """
+    low, high = np.nanpercentile(scan.heights, [0.5, 99.5])
+    side = float(scan.size.max())
+    if side > LONGEST_SCAN or high - low > side:
+        wrong = "size" if side > LONGEST_SCAN else "height_unit"
+        raise SurfaceError(
+            f"heights span {high - low:.3g} m, {(high - low) / side:.2g} times the longer side of"
+            f" {side:.3g} m: not plausible; correct surface.{wrong}"
+        )

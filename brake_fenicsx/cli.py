@@ -34,6 +34,7 @@ first steps:
   brake-fenicsx run brake.toml            results in ./brake-results; open its report.html
   brake-fenicsx run brake.toml            once more: goes on where it was interrupted
   brake-fenicsx report brake-results      figures and page again, without computing
+  brake-fenicsx schema > scene.json       keys of a scene, for editors (docs/scene.md)
 
 variations:
   brake-fenicsx run brake.toml --set samples.n=20 -o trial
@@ -105,10 +106,12 @@ def parser() -> argparse.ArgumentParser:
     runs.add_argument("--cache", metavar="DIR", help="share laws and reduced models with runs of"
                       " scenes that differ in seed, samples, friction or loads")  # fmt: skip
     runs.add_argument("petsc", nargs="*", metavar="-- PETSC_OPTIONS", help="go to PETSc")
+    text = "print the JSON Schema of a scene, by which editors complete and check its keys"
+    schemas = commands.add_parser("schema", help=text, description=text)
     text = "draw the figures of a results folder and write its page again"
     reports = commands.add_parser("report", help=text, description=text)
     reports.add_argument("directory", metavar="DIR", help="results folder of a run")
-    for command in (checks, runs, reports):
+    for command in (checks, runs, schemas, reports):
         command.add_argument(
             "-q", dest="quiet", action="store_true", help="warnings and errors alone"
         )
@@ -232,6 +235,11 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
         from brake_fenicsx.description import describe
 
         describe(options.scene, comm, options.set, options.json)
+    elif comm.rank == 0 and options.command == "schema":
+        from brake_fenicsx.scene import Scene
+        from brake_fenicsx.scene.tables import json_schema
+
+        _print_json(json_schema(Scene))
     elif comm.rank == 0:
         from pathlib import Path
 

@@ -36,8 +36,8 @@ from dataclasses import dataclass
 from math import comb
 
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene_damping import active_terms
-from brake_fenicsx.scene_samples import split_key
+from brake_fenicsx.scene.damping import active_terms
+from brake_fenicsx.scene.samples import split_key
 
 CORE = "one 2.6 GHz core"
 MODES_PER_HZ = 4.2e-3

@@ -10,10 +10,11 @@ from typing import Any
 
 from mpi4py import MPI
 
-from brake_fenicsx.checks import check, remarks
+from brake_fenicsx.checks import check, remarks, warnings, with_patch
 from brake_fenicsx.costs import Counts, cost_lines, count_solves, estimate
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.scene_damping import active_terms
+from brake_fenicsx.scene.damping import active_terms
+from brake_fenicsx.scene.friction import friction_texts, listed
 
 
 def describe(
@@ -40,14 +41,7 @@ def describe(
         lines.append(f"scan: {nx} x {ny} points, {lx:.4g} x {ly:.4g} mm, {scan.source}")
         if stats and stats.missing + stats.outliers:
             lines[-1] += f"; {stats.missing} points missing, {stats.outliers} outliers masked"
-    if parsed.micro and "micro" in parsed.stages:
-        m = parsed.micro
-        each = " for each sample" if m.fresh else ""
-        lines.append(
-            f"laws: {m.library_size}{each} of {m.pixels} x {m.pixels} points on"
-            f" {1e3 * m.patch:g} mm squared"
-        )
-    counts = Counts()
+    counts, mean_patch = Counts(), None
     sizes: dict[str, Any] = {}
     samples: dict[str, int] = {}
     if "equilibrium" in parsed.stages:
@@ -55,6 +49,8 @@ def describe(
         from brake_fenicsx.uncertainty.sampling import sample_count
 
         sizes = assemble_brake(parsed, comm).size()
+        mean_patch = 1e-3 * sizes["mean_patch_mm"]
+        parsed = with_patch(parsed, mean_patch)
         samples = {name: sample_count(parsed, name) for name in parsed.samples.approaches}
         counts = replace(
             count_solves(parsed, samples),
@@ -75,12 +71,24 @@ def describe(
         lines.append(f"samples: {', '.join(f'{n} {name}' for name, n in samples.items())}{how}")
         if damped := {term: None for name in samples for term in active_terms(parsed, name)}:
             lines.append(f"damping: {', '.join(damped)}")
+        lines.append(f"friction: {listed(friction_texts(parsed))}")
+    if parsed.micro and "micro" in parsed.stages:
+        m = parsed.micro
+        each, patch = " for each sample" if m.fresh else "", float(m.patch)
+        factor = "" if mean_patch is None else (
+            f"; contact elements have {(mean_patch / patch) ** 2:.3g} times that area in the mean"
+        )  # fmt: skip
+        lines.append(
+            f"laws: {m.library_size}{each} of {m.pixels} x {m.pixels} points on"
+            f" {1e3 * patch:.4g} mm squared{factor}"
+        )
     costs = estimate(parsed, counts)
-    lines += cost_lines(costs, comm.size)
+    noted = warnings(parsed, mean_patch)
+    lines += cost_lines(costs, comm.size) + [f"warning: {text}" for text in noted]
     if comm.rank == 0 and as_json:
         content = {
             "scene": str(parsed.file), "stages": parsed.stages, **sizes, "samples": samples,
-            "remarks": remarks(parsed, comm),
+            "remarks": remarks(parsed, comm), "warnings": noted,
             "seconds": {cost.stage: round(cost.seconds, 3) for cost in costs},
             "gigabytes_per_process": max((round(c.gigabytes, 3) for c in costs), default=0.0),
         }  # fmt: skip

@@ -19,13 +19,14 @@ from mpi4py import MPI
 
 import numpy as np
 
-from brake_fenicsx.checks import check, remarks
+from brake_fenicsx.checks import check, remarks, warnings, with_patch
 from brake_fenicsx.errors import BrakeError, SceneError
 from brake_fenicsx.lock import Lock
 from brake_fenicsx.log import Progress, logger, start_log
 from brake_fenicsx.memory import give_back
 from brake_fenicsx.scene import Scene, read_scene
-from brake_fenicsx.scene_in_effect import in_effect
+from brake_fenicsx.scene.friction import friction_texts, listed
+from brake_fenicsx.scene.in_effect import in_effect
 from brake_fenicsx.shelf import Shelf, of_laws
 from brake_fenicsx.store import RUNNING, Store
 from brake_fenicsx.versions import versions
@@ -157,6 +158,7 @@ def run(
         logger.info("%s -> %s, %d process(es)", parsed.file, this.store.directory, comm.size)
         for text in remarks(parsed, comm):
             logger.info("%s", text)
+        note_warnings(this, warnings(parsed))
         _finish(this, stats, new)
     finally:
         if comm.rank == 0 and store.lock is not None:
@@ -203,11 +205,13 @@ def refuse_if_all_failed(this: Run) -> None:
 def compute(this: Run, stats: SurfaceStatistics | None) -> None:
     """All stages but the report."""
     stages = this.scene.stages
+    # First, since laws may be made for the mean contact element.
+    brake = brake_stage(this) if "equilibrium" in stages else None
     if stats is not None:
         surface_stage(this, stats)
     library = micro_stage(this, stats) if "micro" in stages and stats else None
-    if "equilibrium" in stages:
-        mechanics(this, stats, library)
+    if brake is not None:
+        mechanics(this, stats, library, brake)
     if this.comm.rank == 0:
         write_summary(this)
     this.comm.Barrier()
@@ -310,7 +314,7 @@ def law_recipe(scene: Scene, stats: SurfaceStatistics) -> Any:
     low = scene.surface.low if scene.surface else "extend"
     return LawRecipe(
         stats.bifractal, stats.hdf, E_star, (micro.pixels, micro.pixels),
-        (micro.patch, micro.patch), low, micro.max_pressure * E_star, None, micro.steps,
+        (float(micro.patch),) * 2, low, micro.max_pressure * E_star, None, micro.steps,
         micro.boundary, micro.bulk_compliance, micro.tolerance,
     )  # fmt: skip
 
@@ -346,10 +350,9 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
         return load_laws(path)
 
 
-def mechanics(this: Run, stats: SurfaceStatistics | None, library: LawLibrary | None) -> None:
-    """Brake, shared reduction, and every sample's equilibrium and modes."""
+def brake_stage(this: Run) -> Brake:
+    """Operators of the brake; the side of the mean contact element where laws are to have it."""
     from brake_fenicsx.macro.brake import assemble_brake
-    from brake_fenicsx.uncertainty.study import Study
 
     with this.stage("brake"):
         brake = assemble_brake(this.scene, this.comm)
@@ -367,6 +370,29 @@ def mechanics(this: Run, stats: SurfaceStatistics | None, library: LawLibrary | 
             " of %(mean_patch_mm).3f mm squared in the mean; worst cell %(worst_cell_quality).3f",
             this.facts,
         )
+    mean_patch = 1e-3 * float(this.facts["mean_patch_mm"])
+    this.scene = with_patch(this.scene, mean_patch)
+    note_warnings(this, warnings(this.scene, mean_patch))
+    this.facts["friction"] = friction_texts(this.scene)
+    logger.info("friction: %s", listed(this.facts["friction"]))
+    return brake
+
+
+def note_warnings(this: Run, lines: list[str]) -> None:
+    """Log what is most probably not meant, each once, and keep it for the page."""
+    known = this.facts.setdefault("warnings", [])
+    for text in lines:
+        if text not in known:
+            logger.warning("%s", text)
+            known.append(text)
+
+
+def mechanics(
+    this: Run, stats: SurfaceStatistics | None, library: LawLibrary | None, brake: Brake
+) -> None:
+    """Shared reduction, and every sample's equilibrium and modes."""
+    from brake_fenicsx.uncertainty.study import Study
+
     recipe = law_recipe(this.scene, stats) if stats else None
     hdf = stats.hdf if stats else None
     study = Study(this.scene, brake, library, hdf, this.store, this.comm, recipe, this.shelf)

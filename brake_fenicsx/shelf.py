@@ -104,6 +104,7 @@ def of_laws(scene: Scene) -> dict[str, Any]:
     """What the laws of a scene depend on."""
     surface = scene.table.get("surface") or {}
     out = {"surface": surface, "micro": scene.table.get("micro"), "versions": [__version__]}
+    out["patch"] = scene.micro.patch if scene.micro else None  # that of the mesh as a length
     return {**out, "scan": _content(scene.path(surface["scan"]))} if "scan" in surface else out
 
 

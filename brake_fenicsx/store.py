@@ -168,6 +168,9 @@ def result_digest(scene: Scene) -> str:
     left_out = ("n", "approaches", "limit")
     samples = {k: v for k, v in scene.table.get("samples", {}).items() if k not in left_out}
     table = {k: v for k, v in scene.table.items() if k not in ("stages", "samples")}
+    # What counts as squeal changes no result of a sample.
+    if "stability" in table:
+        table["stability"] = {k: v for k, v in table["stability"].items() if k != "threshold"}
     content = {**table, "samples": samples, "base": str(scene.file.resolve().parent)}
     s = scene.samples
     # The points of a design hang together; fast and joint take the inputs from multi-scale.

@@ -43,7 +43,7 @@ def brake(sizes: dict[str, float], cells: str = "tetrahedra", order: int = 1) ->
     from brake_fenicsx.macro.brake import assemble_brake
     from brake_fenicsx.scene import read_scene
 
-    changes = ["stages=['equilibrium']", "contact.pad_disc.gap=none",
+    changes = ["stages=['equilibrium']", "samples.n=1", "contact.pad_disc.gap=none",
                f"contact.pad_disc.law={{ p0 = '{LAW[0]} Pa', u0 = '{LAW[1]} m' }}",
                f"mesh.cells={cells}", f"mesh.order={order}"]  # fmt: skip
     changes += [f"parts.{name}='{size} mm'" for name, size in sizes.items()]

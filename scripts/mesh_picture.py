@@ -18,7 +18,7 @@ from brake_fenicsx.geometry import disc, pad
 from dolfinx import plot
 
 from brake_fenicsx.macro.mesh import build_mesh
-from brake_fenicsx.scene_mesh import MeshTable
+from brake_fenicsx.scene.mesh import MeshTable
 
 OUT = Path(__file__).parents[1] / "docs" / "meshes.png"
 COLOURS = {"body": "#b8bec6", "lining": "#c9743c", "plate": "#5b7fa6", "shim": "#3f8f6b"}

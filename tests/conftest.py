@@ -84,7 +84,7 @@ class TwoBlocks:
         from brake_fenicsx.macro.material import Material, isotropic, transversely_isotropic
         from brake_fenicsx.macro.mesh import build_mesh
         from brake_fenicsx.macro.solver import local_rows
-        from brake_fenicsx.scene_mesh import MeshTable
+        from brake_fenicsx.scene.mesh import MeshTable
 
         self.comm = comm
         self.parts = {"pad": (block, block.Block(**pad)), "plate": (block, block.Block(**plate))}

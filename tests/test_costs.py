@@ -61,7 +61,7 @@ def test_estimate_of_one_equilibrium_and_what_it_shares(
     dofs, elements, condensed, factor, compliance
 ):
     """README, table of one equilibrium: another set of runs than the one of the stages."""
-    changes = ["stages=['surface','micro','equilibrium']"]
+    changes = ["stages=['surface','micro','equilibrium']", "samples.n=1"]
     scene = read_scene(SCENES / "disc_brake.toml", changes)
     cost = {c.stage: c for c in estimate(scene, Counts(dofs, elements, 1))}
     assert condensed / FACTOR < cost["samples"].seconds < condensed * FACTOR
@@ -69,7 +69,8 @@ def test_estimate_of_one_equilibrium_and_what_it_shares(
 
 
 def test_stages_that_are_not_named_cost_nothing():
-    scene = read_scene(SCENES / "disc_brake_demo.toml", ["stages=['surface','micro']"])
+    changes = ["stages=['surface','micro']", "micro.patch='2.825 mm'"]
+    scene = read_scene(SCENES / "disc_brake_demo.toml", changes)
     assert [c.stage for c in estimate(scene, Counts())] == ["surface", "micro"]
 
 
@@ -171,7 +172,8 @@ def test_check_says_what_is_left_of_a_piston(diameter, told, capsys):
     """A circle that the plate cuts off presses with less than pressure times circle."""
     changes = ["stages=['equilibrium']", "contact.pad_disc.law={ linear = '1e12 Pa/m' }",
                "contact.pad_disc.gap=none", "parts.disc.size=30 mm", "parts.pad.size=16 mm",
-               "parts.pad.plate_size=20 mm", f"parts.pad.piston_diameter={diameter}"]  # fmt: skip
+               "parts.pad.plate_size=20 mm", f"parts.pad.piston_diameter={diameter}",
+               "samples.n=1"]  # fmt: skip
     describe(SCENES / "disc_brake.toml", MPI.COMM_SELF, changes)
     lines = [x for x in capsys.readouterr().out.splitlines() if 'loads."pad.piston"' in x]
     assert len(lines) == bool(told)

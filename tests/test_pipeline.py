@@ -307,13 +307,6 @@ def test_the_ramp_is_gone_through_where_the_full_load_does_not_converge(tmp_path
         assert float(one["frequency_hz"]) == pytest.approx(float(two["frequency_hz"]), rel=1e-9)
 
 
-def test_one_sample_without_the_stage_uncertainty(tmp_path):
-    """An ensemble is run only where the scene names it."""
-    stages = "stages=['surface','equilibrium']"
-    run(BLOCK, MPI.COMM_SELF, tmp_path / "out", [*MANY, stages])
-    assert len(rows(tmp_path / "out" / "samples.csv")) == 1
-
-
 def test_friction_may_be_random(tmp_path):
     law = "{ law = 'normal', mean = 0.5, sd = 0.05, min = 0.3, max = 0.7 }"
     name = "contact.block_plate.friction"

@@ -11,8 +11,9 @@ import pytest
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.scene_in_effect import in_effect
-from brake_fenicsx.units import to_si
+from brake_fenicsx.scene.in_effect import in_effect
+from brake_fenicsx.scene.units import to_si
+from brake_fenicsx.store import result_digest
 
 SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
 BLOCK = SCENES / "block_on_plate.toml"
@@ -50,7 +51,7 @@ def test_shipped_scenes_are_read(name):
 def test_reference_scene_has_the_sizes_of_the_study():
     scene = read_scene(SCENES / "disc_brake.toml")
     assert (scene.micro.laws, scene.micro.pixels, scene.samples.n) == (100, 128, 300)
-    assert scene.micro.patch == pytest.approx(2.825e-3)
+    assert scene.micro.patch == "mesh"
     assert scene.stability.band == pytest.approx((0.0, 16e3))
     assert scene.samples.classical.penalty == pytest.approx(2e13)
 
@@ -110,6 +111,69 @@ MISTAKES = [
     ("micro={ pixels=1 }", "micro.pixels = 1", "at least 2"),
     ("micro={ nu=1.5 }", "micro.nu = 1.5", "between -1 and 1"),
     ("motion.direction=[0, 0, 0]", "motion.direction", "not all zero"),
+    # A value in the place of a table, and the other way round.
+    ("parts=[]", "parts = []", "write a table"),
+    ("parts.block=[]", "parts.block = []", "write a table"),
+    ("loads=x", "loads = 'x'", "write a table"),
+    ("contact=nan", "contact = nan", "write a table"),
+    ("materials.iron=-1", "materials.iron = -1", "write a table"),
+    ("supports=3", "supports = 3", "write a table"),
+    ("samples.random=[1]", "samples.random = [1]", "write a table"),
+    ("samples.classical=1", "samples.classical = 1", "write a table"),
+    ("mesh.groups=x", "mesh.groups = 'x'", "write a table"),
+    ("stages={}", "stages = {}", "write a list"),
+    ("stages=[['report']]", "stages = [['report']]", "use one of"),
+    ("parts.block.builder=[]", "parts.block.builder = []", "use one of"),
+    ("parts.block.material=3", "parts.block.material = 3", "text or table"),
+    ("parts.block.material.body=3", "--set", "parts.block.material is 'lining', no table"),
+    ("contact.block_plate.law=[]", "contact.block_plate.law = []", '"library", { linear = '),
+    ("contact.block_plate.law=libary", "contact.block_plate.law = 'libary'", '"library", { linear'),
+    ("contact.block_plate.friction=true", "friction = True", "number or table"),
+    ("contact.block_plate.faces=[1, 2]", "faces = [1, 2]", "write text"),
+    ('supports."block.top"=[["x"]]', 'supports."block.top" = [[', '"clamped" or a list'),
+    ("materials.iron.E={}", "materials.iron.E = {}", "modulus"),
+    ("micro={ patch='msh' }", "micro.patch = 'msh'", 'write "mesh" or length'),
+    ("stages=['equilbrium']", "stages = ['equilbrium']", "did you mean 'equilibrium'?"),
+    ("micro={ laws='many' }", "micro.laws = 'many'", 'whole number or "per-sample"'),
+    ("stability.damping.gyroscopic=disc", "gyroscopic = 'disc'", "true or false or list of text"),
+    ("mesh.order=true", "mesh.order = True", "use one of 1, 2"),
+    # A comma is a decimal point to some readers and a separator to others.
+    ('loads."block.top".pressure=2,5 bar', "'2,5 bar'", "write the decimal point"),
+    ("stability.band=['0 Hz', '6,5 kHz']", "'6,5 kHz'", "write the decimal point"),
+    ("motion.speed='1,5 m/s'", "'1,5 m/s'", "write the decimal point"),
+    ("stability.damping.rayleigh=['1,5 1/s', 0]", "'1,5 1/s'", "write the decimal point"),
+    ("stability.damping={ loss=true, omega_ref='1,5 kHz' }", "'1,5 kHz'", "write a frequency"),
+    (
+        "samples.random.'loads.\"block.top\".pressure'={ law='uniform', min='1,5 bar' }",
+        "min = '1,5 bar'",
+        "write the decimal point",
+    ),
+    # Neither infinite nor no number.
+    ("materials.iron.E=inf GPa", "materials.iron.E = 'inf GPa'", "finite"),
+    ("materials.iron.rho=1e400 kg/m^3", "materials.iron.rho", "finite"),
+    ("contact.block_plate.friction=inf", "friction = inf", "finite"),
+    ("contact.block_plate.friction=nan", "friction = nan", "finite"),
+    ("materials.iron.nu=nan", "materials.iron.nu = nan", "finite"),
+    ("motion.direction=[inf, 0, 0]", "motion.direction = [inf, 0, 0]", "finite"),
+    (f"stability.zeta_max=1{400 * '0'}", "stability.zeta_max", "finite"),
+    ("motion.speed=nan m/s", "motion.speed = 'nan m/s'", "finite"),
+    # Longer or shorter than any brake: refused before gmsh is asked.
+    ("parts.block.length=40 m", "parts.block.length = 40 m", "mesh.extent"),
+    ("parts.block.size=5 parsec", "parts.block.size", "mesh.extent"),
+    (
+        "parts.block={ builder='block', length='9 um', width='9 um', height='9 um', size='4 um',"
+        " material='lining' }",
+        "parts.block.length",
+        "mesh.extent",
+    ),
+    # One sample, whatever is asked for.
+    ("samples.n=300", "samples.n", "the stage uncertainty"),
+    ("samples.design=sobol", "samples.design", "the stage uncertainty"),
+    (
+        "samples.random.'materials.iron.E'={ law='uniform', spread=0.1 }",
+        "samples.random",
+        "the stage uncertainty",
+    ),
     # Meshing would go on for days.
     ("parts.block.size=1 um", "parts.block", "cells of the mesh size asked for"),
 ]
@@ -144,7 +208,8 @@ CONTRADICTIONS = [
     (["contact.block_plate.friction={ static=0.5, kinetic=0.5, decay='1 m/s' }"], "slope=true",
      "depends on the speed"),
     (["contact.block_plate.friction={ static=0.6, kinetic=0.5, decay='1 m/s' }",
-      "samples.approaches=['classical']"], "slope=true", "name multi-scale"),
+      "samples.classical.friction=0.5", "samples.approaches=['classical']"], "slope=true",
+     "name multi-scale"),
     (["motion={ axis='z', speed='0 rad/s' }"], "gyroscopic=true", "needs a rotation"),
     (["motion={ axis='z', speed='3 rad/s' }"], "gyroscopic=['disc']", "no part 'disc'"),
 ]  # fmt: skip
@@ -169,6 +234,21 @@ def test_folder_or_noise_in_place_of_a_scene(tmp_path, capsys):
         assert main(["check", str(path)]) == 2
         error = capsys.readouterr().err
         assert error.count("\n") == 1 and str(path) in error
+
+
+def test_encodings_of_a_scene(tmp_path):
+    """A byte order mark is no part of the text; another encoding is named."""
+    text = BLOCK.read_text().replace("# The smallest", "# For the caf\u00e9: the smallest")
+    (marked := tmp_path / "marked.toml").write_text(text, encoding="utf-8-sig")
+    assert read_scene(marked).table == read_scene(BLOCK).table
+    (other := tmp_path / "latin.toml").write_text(text, encoding="latin-1")
+    with pytest.raises(SceneError, match=r"latin.toml: line 1: not UTF-8 text; save .* as UTF-8"):
+        read_scene(other)
+
+
+def test_a_tilde_is_the_home_folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert read_scene(BLOCK).path("~/scan.npz") == tmp_path / "scan.npz"
 
 
 @pytest.mark.parametrize("words", [[], ["frobnicate"], ["run"], ["run", "a", "--from", "lunch"]])
@@ -196,7 +276,7 @@ def rough() -> np.ndarray:
     q = np.hypot(np.fft.fftfreq(n)[:, None], np.fft.fftfreq(n)[None, :])
     q[0, 0] = np.inf
     white = np.fft.fft2(np.random.default_rng(0).standard_normal((n, n)))
-    return 1e-6 * np.fft.ifft2(white / q**2).real
+    return 1e-8 * np.fft.ifft2(white / q**2).real
 
 
 def _surface_scene(folder: Path, heights: np.ndarray) -> Path:
@@ -215,6 +295,30 @@ def test_scan_without_valid_point(tmp_path, capsys, monkeypatch):
     assert list(work.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    ("change", "named", "ratio"),
+    [
+        ("surface.statistics={ S_q='3 um' }", "surface.scan", "leave one out"),
+        ("surface.size=['1.8 m', '1.4 m']", "correct surface.size", " times the longer side of"),
+        ("surface.height_unit=mm", "correct surface.height_unit", " times the longer side of"),
+    ],
+)
+def test_a_surface_that_contradicts_itself(change, named, ratio, tmp_path, capsys):
+    """Heights of a thousand times the sides, sides of metres, two surfaces in one."""
+    heights = 1e6 * rough()
+    np.savetxt(tmp_path / "scan.txt", heights)
+    path = tmp_path / "surface.toml"
+    path.write_text(
+        'stages = ["surface"]\n[surface]\nscan = "scan.txt"\nsize = ["1 mm", "1 mm"]\n'
+        'height_unit = "um"\n'
+    )
+    assert main(["check", str(path)]) == 0
+    capsys.readouterr()
+    assert main(["check", str(path), "--set", change]) == 2
+    error = capsys.readouterr().err.splitlines()
+    assert len(error) <= 2 and named in error[-1] and ratio in error[-1]
+
+
 def test_missing_scan(tmp_path, capsys):
     path = _surface_scene(tmp_path, np.zeros((4, 4)))
     (tmp_path / "scan.npz").unlink()
@@ -231,6 +335,16 @@ def test_results_of_another_scene_are_not_overwritten(tmp_path):
     run(path, MPI.COMM_SELF, tmp_path / "out")
     with pytest.raises(SceneError, match="another scene"):
         run(path, MPI.COMM_SELF, tmp_path / "out", ["surface.level=none"])
+
+
+def test_another_threshold_is_no_other_scene():
+    """What counts as squeal changes no result of a sample."""
+    usual, other, band = (
+        read_scene(BLOCK, changes)
+        for changes in ([], ["stability.threshold=0.01"], ["stability.band=['0 Hz', '9 kHz']"])
+    )
+    assert (usual.stability.threshold, other.stability.threshold) == (0.0, 0.01)
+    assert result_digest(other) == result_digest(usual) != result_digest(band)
 
 
 def test_surface_only_scene_imports_no_finite_elements(tmp_path):

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from brake_fenicsx.toml_tables import key
-from brake_fenicsx.units import to_si
+from brake_fenicsx.scene.tables import key
+from brake_fenicsx.scene.units import to_si
 
 ROOT = Path(__file__).parents[1]
 
@@ -44,7 +44,7 @@ def test_printed_defaults_are_read_back_to_the_same_number(reference):
     from brake_fenicsx.geometry.pad import Pad
 
     from brake_fenicsx.scene import Micro, Statistics
-    from brake_fenicsx.scene_samples import Classical
+    from brake_fenicsx.scene.samples import Classical
 
     seen = 0
     for cls in (Pad, Micro, Statistics, Classical):

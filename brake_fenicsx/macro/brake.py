@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.units import to_si
+from brake_fenicsx.scene.units import to_si
 
 from .condensation import Compliance, gathered_vector
 from .contact import Contact, contact_elements, join

@@ -15,7 +15,7 @@ import numpy as np
 
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene_mesh import MeshTable
+from brake_fenicsx.scene.mesh import MeshTable
 
 from .meshing.gmsh_mesh import discrete_model, gmsh_session, mesh_part, swept_part
 from .meshing.quality import Quality, orientation, quality

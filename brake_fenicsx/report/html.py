@@ -110,7 +110,7 @@ def render_page(run: RunData) -> str:
         '<meta charset="utf-8"/>\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1"/>\n'
         f"<title>{name}</title>\n<style>\n{CSS}</style>\n</head>\n<body>\n"
-        f"<header>\n<h1>{name}</h1>\n{_lead(run)}\n</header>\n<nav>\n{links}\n</nav>\n"
+        f"<header>\n<h1>{name}</h1>\n{_noted(run)}{_lead(run)}\n</header>\n<nav>\n{links}\n</nav>\n"
         f"<main>\n{body}\n</main>\n</body>\n</html>\n"
     )
 
@@ -143,6 +143,16 @@ def _lead(run: RunData) -> str:
         "<p>Shares carry 95 % Wilson intervals: they say how well this number of samples can know "
         "the share, not how well the model knows the brake.</p>"
     )
+
+
+def _noted(run: RunData) -> str:
+    """Warnings of the run, and the friction of each approach."""
+    warnings, friction = run.summary.get("warnings"), run.summary.get("friction")
+    lines = [f"Warning: {text}." for text in warnings] if isinstance(warnings, list) else []
+    if isinstance(friction, Mapping):
+        said = (f"{APPROACH_NAME.get(name, name)} {text}" for name, text in friction.items())
+        lines.append(f"Friction coefficient: {', '.join(said)}.")
+    return "".join(f"<p>{escape(text)}</p>\n" for text in lines)
 
 
 def _damping(run: RunData) -> str:
@@ -335,6 +345,7 @@ def _accuracy(run: RunData) -> str:
             "condition is that of the eigenvalue: error = backward error times condition.</p>"
         )
     known = {"settings", "in_effect", "versions", "seeds", "seconds", "peak_memory_mb", "name"}
+    known |= {"warnings", "friction"}
     rest = {key: value for key, value in run.summary.items() if key not in known}
     if not parts and not rest:
         return ""

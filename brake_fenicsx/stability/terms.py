@@ -26,7 +26,7 @@ from brake_fenicsx.macro.material import Material
 from brake_fenicsx.macro.material_table import layer_materials, scene_materials
 from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene_damping import Damping, active_terms, turning_parts
+from brake_fenicsx.scene.damping import Damping, active_terms, turning_parts
 
 from .damping import loss_factor, rayleigh, sliding_damping, velocity_slope
 from .gyroscopic import gyroscopic

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.stats import qmc
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene_samples import Plan
+from brake_fenicsx.scene.samples import Plan
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene_samples import split_key
+from brake_fenicsx.scene.samples import split_key
 
 from .designs import RIGID, design_points, design_size
 from .distributions import quantile

@@ -33,8 +33,8 @@ from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.macro.material_table import layer_materials, scene_materials
 from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene_damping import active_terms
-from brake_fenicsx.scene_samples import split_key
+from brake_fenicsx.scene.damping import active_terms
+from brake_fenicsx.scene.samples import split_key
 from brake_fenicsx.shelf import Shelf, of_bodies
 from brake_fenicsx.store import Store
 

@@ -28,7 +28,7 @@ from brake_fenicsx.macro.material_sample import constants, varied_stiffness
 from brake_fenicsx.macro.material_table import STIFFNESSES, layer_material, stiffness
 from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene_samples import split_key
+from brake_fenicsx.scene.samples import split_key
 
 from .distributions import quantile
 from .inputs import nominal_value

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.report.counts import wilson
 from brake_fenicsx.report.tables import write_rows
-from brake_fenicsx.scene_samples import Plan, Samples
+from brake_fenicsx.scene.samples import Plan, Samples
 
 from .designs import RIGID
 from .outcomes import Ensemble, Outcome

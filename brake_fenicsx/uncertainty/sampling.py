@@ -22,6 +22,7 @@ from brake_fenicsx.micro.law import Laws
 from brake_fenicsx.micro.scaled import scaled_laws
 from brake_fenicsx.scene import Contact as ContactTable
 from brake_fenicsx.scene import Friction, Law, Scene
+from brake_fenicsx.scene.friction import friction_of
 from brake_fenicsx.surface.hdf import HeightDistribution
 
 from .inputs import PERFECT, Inputs, draw_inputs, law_factor, scaled_interfaces, size_of
@@ -76,8 +77,8 @@ def draw_sample(
     Args:
         scene: the scene.
         approach: "multi-scale" and "joint" take the contact as the scene writes it; "classical"
-            and "fast" perfect contact: a stiff linear penalty, no critical gap, the classical
-            friction where it is not random.
+            and "fast" perfect contact: a stiff linear penalty, no critical gap; the scene's
+            friction, or the classical one's own, where it is not random.
         k: number of the sample.
         contact: contact elements; only their interfaces and sliding speeds are used.
         library: the laws, where the scene asks for them.
@@ -101,7 +102,7 @@ def draw_sample(
         laws = perfect_contact(scene, contact.interface.size)
     else:
         laws = _rough(scene, contact.interface, library, hdf, inputs, (law_rng, gap_rng))
-    mu, slope = _friction(scene, contact, approach in PERFECT, inputs.values)
+    mu, slope = _friction(scene, contact, approach, inputs.values)
     in_equilibrium = np.array([t.friction_in_equilibrium for t in scene.contact.values()])
     return SampleInput(
         seed, laws, mu, mu * in_equilibrium[contact.interface], slope, inputs.values,
@@ -117,14 +118,13 @@ def perfect_contact(scene: Scene, elements: int) -> EnrichedGap:
 
 
 def _friction(
-    scene: Scene, contact: Contact, perfect: bool, values: Mapping[str, float]
+    scene: Scene, contact: Contact, approach: str, values: Mapping[str, float]
 ) -> tuple[Array, Array]:
     """Friction coefficient of each element and its slope mu'(V), shape (elements,)."""
     mu, slope = np.zeros((2, contact.interface.size))
-    for i, (name, table) in enumerate(scene.contact.items()):
+    for i, name in enumerate(scene.contact):
         own = contact.interface == i
-        usual = scene.samples.classical.friction if perfect else table.friction
-        value = values.get(f"contact.{name}.friction", usual)
+        value = values.get(f"contact.{name}.friction", friction_of(scene, approach, name))
         mu[own], slope[own] = coefficient(value, contact.speed[own])
     return mu, slope
 

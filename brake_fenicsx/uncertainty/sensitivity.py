@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from brake_fenicsx.scene_samples import Plan
+from brake_fenicsx.scene.samples import Plan
 
 from .designs import HARMONICS, RIGID, library_seed, unit_problem
 

@@ -9,7 +9,7 @@ from brake_fenicsx.macro.mesh import check_cells, raw_mesh
 from brake_fenicsx.macro.meshing.filemesh import FileMesh, completed, gmsh_order
 from brake_fenicsx.macro.meshing.quality import orientation, quality
 from brake_fenicsx.macro.meshing.rawmesh import exterior_facets, facet_keys, facet_nodes
-from brake_fenicsx.scene_mesh import MeshTable
+from brake_fenicsx.scene.mesh import MeshTable
 
 pytestmark = pytest.mark.hard
 

@@ -13,7 +13,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.material import Material, isotropic
 from brake_fenicsx.macro.mesh import build_mesh, raw_mesh
-from brake_fenicsx.scene_mesh import MeshTable
+from brake_fenicsx.scene.mesh import MeshTable
 
 STEEL = Material(isotropic(2e11, 0.3), 7800.0)
 

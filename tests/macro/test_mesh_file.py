@@ -14,7 +14,7 @@ from brake_fenicsx.macro.mesh import check_cells, distribute
 from brake_fenicsx.macro.meshing.abaqus import read_abaqus
 from brake_fenicsx.macro.meshing.groups import mesh_of_file
 from brake_fenicsx.macro.meshing.quality import orientation
-from brake_fenicsx.scene_mesh import MeshTable
+from brake_fenicsx.scene.mesh import MeshTable
 
 pytestmark = pytest.mark.alone
 

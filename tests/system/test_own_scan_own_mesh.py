@@ -108,5 +108,6 @@ def test_every_element_lies_on_a_facet_of_its_own(followed):
 
 def test_another_friction_is_another_folder(followed):
     folder, printed = followed
-    assert np.unique(read_run(folder / "trial").samples["mu"]) == pytest.approx([0.3, 0.5])
+    # The classical approach has it too.
+    assert read_run(folder / "trial").samples["mu"] == pytest.approx(0.3)
     assert "dofs" in printed["python my_brake.py"]

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.alone
 
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 CHANGES = [
-    "stages=['surface','equilibrium','stability']",
+    "stages=['surface','equilibrium','stability','uncertainty']",
     "surface.statistics={ S_q = '3 um' }",
     "contact.block_plate.gap=hdf",
     "samples.n=4",

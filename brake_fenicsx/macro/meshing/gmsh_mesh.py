@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.scene_mesh import MeshTable
+from brake_fenicsx.scene.mesh import MeshTable
 
 from .quality import quality
 from .rawmesh import RawMesh, with_mirror_image

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene_mesh import MeshTable
-from brake_fenicsx.units import to_si
+from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.scene.units import to_si
 
 from .filemesh import FileMesh, completed
 from .meshfile import read_mesh_file

@@ -1,4 +1,4 @@
-"""A scene: one TOML file to checked, frozen settings in SI units.
+"""The sections of a scene: frozen settings in SI units.
 
 Every key is a field of a dataclass here, or of a builder in ``geometry``; its metadata says the
 unit ("unit"), the allowed sign ("sign": positive if absent, "zero", "any") and the choices
@@ -8,29 +8,28 @@ unit ("unit"), the allowed sign ("sign": positive if absent, "zero", "any") and 
 from __future__ import annotations
 
 import hashlib
-import importlib
 import json
-import tomllib
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+import os
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
 
-from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene_damping import Damping
-from brake_fenicsx.scene_mesh import MeshTable, read_mesh
-from brake_fenicsx.scene_rules import check_consistent
-from brake_fenicsx.scene_samples import Classical, Design, Distribution, Samples, read_samples
-from brake_fenicsx.toml_tables import check_keys, key, override, read_table
-from brake_fenicsx.units import to_si
+from pydantic import BeforeValidator, WithJsonSchema
 
-__all__ = ["Classical", "Design", "Distribution", "Samples", "Scene", "read_scene"]
+from brake_fenicsx.scene.damping import Damping
+from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.scene.parts import Part, parts_type
+from brake_fenicsx.scene.samples import Samples
+from brake_fenicsx.scene.tables import key
+from brake_fenicsx.scene.units import to_si
 
+DIRECTIONS = ("x", "y", "z")
 STAGES = ("surface", "micro", "equilibrium", "stability", "uncertainty", "report")
-BUILDERS = {
-    "disc": "Disc", "pad": "Pad", "block": "Block", "hertz_sphere": "Sphere", "hertz_base": "Base",
-    "hertz_cylinder": "Cylinder", "hertz_slab": "Plate",
-}  # fmt: skip
+LAWS = '"library", { linear = "2e13 Pa/m" } or { p0 = .., u0 = .. }'
+
+# Bands of usual values: rubber to diamond [Pa]; friction.
+MODULI = (1e6, 2e12)
+FRICTION = (0.0, 1.5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +45,7 @@ class Statistics:
         q_c: wave number of the crossover.
     """
 
-    S_q: float = key("m")
+    S_q: float = key("m", band=(1e-9, 1e-3))
     S_sk: float = key(default=0.0, sign="any")
     S_ku: float = key(default=3.0)
     c1: float = key(default=-2.0, sign="any")
@@ -84,7 +83,7 @@ class Micro:
     """[micro]: artificial patches and their contact.
 
     Attributes:
-        patch: side of the square patch.
+        patch: side of the square patch; "mesh": that of the mean contact element.
         pixels: points along a side.
         boundary: half-space without neighbours, or periodic.
         laws: number of laws in the library; "per-sample": each sample makes its own afresh.
@@ -99,12 +98,12 @@ class Micro:
         seed: seed of the artificial surfaces.
     """
 
-    patch: float = key("m", default=2.825e-3)
+    patch: Literal["mesh"] | float = key("m", default=2.825e-3, band=(1e-5, 0.05))
     pixels: int = key(default=128)
     boundary: str = key(default="free", choices=("free", "periodic"))
-    laws: int | str = key(default=100)
+    laws: int | Literal["per-sample"] = key(default=100)
     laws_per_sample: int = key(default=20)
-    E: float = key("Pa", default=1983.3e6)
+    E: float = key("Pa", default=1983.3e6, band=MODULI)
     nu: float = key(default=0.4054, sign="any")
     tolerance: float = key(default=1e-6)
     max_pressure: float = key(default=0.1)
@@ -123,33 +122,20 @@ class Micro:
         return self.laws_per_sample if isinstance(self.laws, str) else self.laws
 
 
-@dataclass(frozen=True, slots=True)
-class Part:
-    """[parts.NAME]: a builder with its parameters, or none if it comes from the mesh file.
-
-    Attributes:
-        builder: name of the builder; None: cells of the file in [mesh].
-        parameters: the builder's parameters.
-        material: one for the part, or one for each layer.
-        axis: angle of the part's axis 1 from x about z [rad]; a material's own axis adds to it.
-            A pad's lies along the tangent at mid pad if the scene does not say otherwise.
-    """
-
-    builder: str | None
-    parameters: Any
-    material: str | dict[str, str]
-    axis: float = 0.0
+def _held(value: Any) -> Any:
+    """Directions held by a support."""
+    if value == "clamped":
+        return DIRECTIONS
+    if isinstance(value, list) and value and all(v in DIRECTIONS for v in value):
+        return value
+    raise ValueError('write "clamped" or a list of "x", "y", "z"')
 
 
-@dataclass(frozen=True, slots=True)
-class Axis:
-    """Direction of a part's axis 1.
-
-    Attributes:
-        axis: angle from x about z; of a pad the tangent at mid pad if not given, of another part 0.
-    """
-
-    axis: float | None = key("rad", default=None, sign="any")
+def _supports_type() -> Any:
+    """Type of [supports]: the directions that each holds."""
+    some = {"type": "array", "items": {"enum": [*DIRECTIONS]}, "minItems": 1}
+    schema = WithJsonSchema({"anyOf": [{"const": "clamped"}, some]})
+    return dict[str, Annotated[tuple[str, ...], BeforeValidator(_held), schema]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,21 +162,21 @@ class MaterialTable:
     """
 
     model: str = key(choices=("isotropic", "transversely-isotropic", "orthotropic"))
-    rho: float = key("kg/m^3")
-    E: float | tuple[float, ...] | None = key("Pa", default=None)
+    rho: float = key("kg/m^3", band=(100.0, 25e3))
+    E: float | tuple[float, ...] | None = key("Pa", default=None, band=MODULI)
     nu: float | tuple[float, ...] | None = key(default=None, sign="any")
-    G: float | tuple[float, ...] | None = key("Pa", default=None)
-    C11: float | None = key("Pa", default=None)
-    C22: float | None = key("Pa", default=None)
-    C33: float | None = key("Pa", default=None)
+    G: float | tuple[float, ...] | None = key("Pa", default=None, band=MODULI)
+    C11: float | None = key("Pa", default=None, band=MODULI)
+    C22: float | None = key("Pa", default=None, band=MODULI)
+    C33: float | None = key("Pa", default=None, band=MODULI)
     C12: float | None = key("Pa", default=None, sign="any")
     C13: float | None = key("Pa", default=None, sign="any")
     C23: float | None = key("Pa", default=None, sign="any")
-    C44: float | None = key("Pa", default=None)
-    C55: float | None = key("Pa", default=None)
-    C66: float | None = key("Pa", default=None)
+    C44: float | None = key("Pa", default=None, band=MODULI)
+    C55: float | None = key("Pa", default=None, band=MODULI)
+    C66: float | None = key("Pa", default=None, band=MODULI)
     axis: float = key("rad", default=0.0, sign="any")
-    loss: float = key(default=0.0, sign="zero")
+    loss: float = key(default=0.0, sign="zero", band=(0.0, 1.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,9 +189,9 @@ class Law:
         u0: its decay length.
     """
 
-    linear: float | None = key("Pa/m", default=None)
+    linear: float | None = key("Pa/m", default=None, band=(1e9, 1e17))
     p0: float | None = key("Pa", default=None)
-    u0: float | None = key("m", default=None)
+    u0: float | None = key("m", default=None, band=(1e-9, 1e-3))
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,8 +204,8 @@ class Friction:
         decay: speed over which it falls.
     """
 
-    static: float = key(sign="zero")
-    kinetic: float = key(sign="zero")
+    static: float = key(sign="zero", band=FRICTION)
+    kinetic: float = key(sign="zero", band=FRICTION)
     decay: float = key("m/s")
 
 
@@ -239,10 +225,10 @@ class Contact:
     """
 
     faces: tuple[str, ...]
-    law: str | Law = "library"
+    law: Literal["library"] | Law = key(default="library", write=LAWS)  # noqa: RUF009
     discretisation: str = key(default="patch", choices=("patch", "quadrature", "node"))
     gap: str = key(default="none", choices=("none", "hdf"))
-    friction: float | Friction = key(default=0.0, sign="zero")  # noqa: RUF009
+    friction: float | Friction = key(default=0.0, sign="zero", band=FRICTION)  # noqa: RUF009
     friction_in_equilibrium: bool = True
     search: float | None = key("m", default=None)
 
@@ -256,7 +242,7 @@ class Load:
         steps: equal load steps, taken only if the full load at once does not converge.
     """
 
-    pressure: float = key("Pa")
+    pressure: float = key("Pa", band=(1e3, 1e8))
     steps: int = key(default=1)
 
 
@@ -293,16 +279,19 @@ class Stability:
             in the log and in samples.csv ("warn"), or its modes at full order ("full order").
         zeta_max: modes that decay with a larger damping ratio are not looked for; below 0.7.
         verify: samples of the reduced model that are solved at full order as well.
+        threshold: a mode counts as squeal where its damping ratio lies below minus this; 0: every
+            unstable mode.
         damping: terms of the damping; none where the section is left out.
     """
 
-    band: tuple[float, ...] = key("Hz", sign="zero")
+    band: tuple[float, ...] = key("Hz", sign="zero", band=(0.0, 1e5))
     method: str = key(default="full", choices=("full", "reduced"))
     cutoff: float | None = key("Hz", default=None)
     tolerance: float = key(default=1e-5)
     on_tolerance: str = key(default="warn", choices=("warn", "full order"))
     zeta_max: float = key(default=0.1)
     verify: int = key(default=0, sign="zero")
+    threshold: float = key(default=0.0, sign="zero")
     damping: Damping | None = None
 
 
@@ -311,135 +300,33 @@ class Scene:
     """A checked scene.
 
     Attributes:
+        stages: stages to run, in order.
         file: the TOML file.
         table: its content with the overrides of the command line.
-        stages: stages to run, in order.
     """
 
-    file: Path
-    table: dict[str, Any]
-    stages: tuple[str, ...]
-    surface: Surface | None
-    micro: Micro | None
-    mesh: MeshTable
-    parts: dict[str, Part]
-    materials: dict[str, MaterialTable]
-    contact: dict[str, Contact]
-    supports: dict[str, tuple[str, ...]]
-    loads: dict[str, Load]
-    motion: Motion | None
-    stability: Stability | None
-    samples: Samples
+    stages: tuple[str, ...] = key(default=(), choices=STAGES)
+    surface: Surface | None = None
+    micro: Micro | None = None
+    mesh: MeshTable = field(default_factory=MeshTable)
+    parts: dict[str, Part] = field(default_factory=dict, metadata={"type": parts_type})
+    materials: dict[str, MaterialTable] = field(default_factory=dict)
+    contact: dict[str, Contact] = field(default_factory=dict)
+    supports: dict[str, tuple[str, ...]] = field(
+        default_factory=dict, metadata={"type": _supports_type}
+    )
+    loads: dict[str, Load] = field(default_factory=dict)
+    motion: Motion | None = None
+    stability: Stability | None = None
+    samples: Samples = field(default_factory=Samples)
+    file: Path = key(default=Path(), internal=True)  # noqa: RUF009
+    table: dict[str, Any] = field(default_factory=dict, metadata={"internal": True})
 
     def path(self, name: str) -> Path:
         """A file named in the scene, relative to the scene's folder."""
-        return self.file.parent / name
+        return self.file.parent / os.path.expanduser(name)
 
     @staticmethod
     def hash(content: Any) -> str:
         """Hash of some content of a scene."""
         return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
-
-
-def read_scene(file: str | Path, overrides: Sequence[str] = ()) -> Scene:
-    """Read and check a scene.
-
-    Args:
-        file: path of the TOML file.
-        overrides: "section.key=value" of the command line; the value is TOML, or a bare string.
-
-    Returns:
-        The scene, in SI units.
-
-    Raises:
-        SceneError: one line naming file, key, value and remedy.
-    """
-    path = Path(file)
-    try:
-        table = tomllib.loads(path.read_text())
-    except FileNotFoundError:
-        raise SceneError(f"{path}: no such file; give the path of a scene") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise SceneError(f"{path}: not a TOML file: {error}") from None
-    except OSError as error:
-        raise SceneError(
-            f"{path}: cannot be read ({error.strerror}); give the path of a scene"
-        ) from None
-    for text in overrides:
-        override(table, text)
-    try:
-        return _scene(path, table)
-    except SceneError as error:
-        raise SceneError(f"{path}: {error}") from None
-
-
-def _scene(path: Path, table: dict[str, Any]) -> Scene:
-    known = {f.name for f in fields(Scene)} - {"file", "table"}
-    check_keys(table, known, "")
-    stages = tuple(table.get("stages", ()))
-    for stage in stages:
-        if stage not in STAGES:
-            raise SceneError(f"stages: unknown stage {stage!r}; use {', '.join(STAGES)}")
-    stages = tuple(s for s in STAGES if s in stages)
-    if not stages:
-        raise SceneError(f"stages = []: nothing to do; name some of {', '.join(STAGES)}")
-    one = {
-        name: read_table(cls, table[name], name) if name in table else None
-        for name, cls in (
-            ("surface", Surface), ("micro", Micro), ("motion", Motion), ("stability", Stability)
-        )
-    }  # fmt: skip
-    samples = read_samples(table.get("samples", {}), path.parent)
-    mesh = read_mesh(table.get("mesh", {}))
-    scene = Scene(
-        path, table, stages, one["surface"], one["micro"],
-        mesh,
-        {n: _part(t, f"parts.{n}", mesh) for n, t in table.get("parts", {}).items()},
-        _each(MaterialTable, table, "materials"),
-        _each(Contact, table, "contact"),
-        {n: _support(t, f"supports.{n}") for n, t in table.get("supports", {}).items()},
-        _each(Load, table, "loads"),
-        one["motion"], one["stability"], samples,
-    )  # fmt: skip
-    check_consistent(scene)
-    return scene
-
-
-def _each(cls: Any, table: dict[str, Any], section: str) -> dict[str, Any]:
-    """Read a section of named tables."""
-    return {n: read_table(cls, t, f"{section}.{n}") for n, t in table.get(section, {}).items()}
-
-
-def _part(table: dict[str, Any], where: str, mesh: MeshTable) -> Part:
-    builder = table.get("builder")
-    if builder is None and mesh.file is None:
-        raise SceneError(
-            f"{where}.builder: missing; use one of {', '.join(BUILDERS)}, or name a mesh.file"
-        )
-    if builder is not None and builder not in BUILDERS:
-        raise SceneError(f"{where}.builder = {builder!r}: use one of {', '.join(BUILDERS)}")
-    if "material" not in table:
-        raise SceneError(f"{where}: no material; write material = NAME, or one NAME for each layer")
-    material = table["material"]
-    rest = {k: v for k, v in table.items() if k not in ("builder", "material", "axis")}
-    turn = {k: v for k, v in table.items() if k == "axis"}
-    if builder is None:
-        if rest:
-            raise SceneError(f"{where}.{next(iter(rest))}: has no meaning without a builder")
-        return Part(None, None, material, read_table(Axis, turn, where).axis or 0.0)
-    if rest.get("shim") is False:
-        rest["shim"] = 0
-    module = importlib.import_module(f"brake_fenicsx.geometry.{builder}")
-    parameters = read_table(getattr(module, BUILDERS[builder]), rest, where)
-    axis = read_table(Axis, turn, where).axis
-    if axis is None:
-        axis = getattr(parameters, "axis", 0.0)
-    return Part(builder, parameters, material, axis)
-
-
-def _support(value: Any, where: str) -> tuple[str, ...]:
-    if value == "clamped":
-        return ("x", "y", "z")
-    if isinstance(value, list) and value and set(value) <= {"x", "y", "z"}:
-        return tuple(value)
-    raise SceneError(f'{where} = {value!r}: write "clamped" or a list of "x", "y", "z"')

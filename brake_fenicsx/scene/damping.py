@@ -11,14 +11,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.toml_tables import key
-from brake_fenicsx.units import to_si
+from brake_fenicsx.scene.friction import one_friction, rubs
+from brake_fenicsx.scene.tables import key
+from brake_fenicsx.scene.units import to_si
 
 if TYPE_CHECKING:
-    from brake_fenicsx.scene import Scene
-
-# Approaches whose friction is one number, whatever the scene's contact says.
-ONE_FRICTION = frozenset({"classical", "fast"})
+    from brake_fenicsx.scene.sections import Scene
 
 WHERE = "stability.damping"
 
@@ -79,9 +77,9 @@ def active_terms(scene: Scene, approach: str) -> tuple[str, ...]:
         return ()
     named = [n for n in ("rayleigh", "loss", "sliding", "slope", "gyroscopic") if getattr(table, n)]
     left_out = set()
-    if approach in ONE_FRICTION:
+    if one_friction(scene, approach):
         left_out.add("slope")
-    if not _rubs(scene, approach):
+    if not rubs(scene, approach):
         left_out.add("sliding")
     return tuple(n for n in named if n not in left_out)
 
@@ -127,7 +125,7 @@ def _check_loss(scene: Scene, table: Damping) -> None:
 def _check_friction(scene: Scene, table: Damping) -> None:
     """Terms of friction need friction, and its slope one that depends on the speed."""
     approaches = scene.samples.approaches
-    if table.sliding and not any(_rubs(scene, a) for a in approaches):
+    if table.sliding and not any(rubs(scene, a) for a in approaches):
         raise SceneError(f"{WHERE}.sliding: there is no friction; write contact.NAME.friction")
     if not table.slope:
         return
@@ -137,10 +135,10 @@ def _check_friction(scene: Scene, table: Damping) -> None:
             f"{WHERE}.slope: no friction depends on the speed; write"
             " contact.NAME.friction = { static = .., kinetic = .., decay = .. }"
         )
-    if ONE_FRICTION.issuperset(approaches):
+    if all(one_friction(scene, a) for a in approaches):
         raise SceneError(
-            f"{WHERE}.slope: friction is one number in the approaches"
-            f" {', '.join(approaches)}; name multi-scale or joint"
+            f"{WHERE}.slope: samples.classical.friction is one number in the approaches"
+            f" {', '.join(approaches)}; leave it out, or name multi-scale or joint"
         )
 
 
@@ -158,18 +156,6 @@ def _check_turning(scene: Scene) -> None:
             raise SceneError(
                 f"{WHERE}.gyroscopic: there is no part {name!r}; there are {', '.join(scene.parts)}"
             )
-
-
-def _rubs(scene: Scene, approach: str) -> bool:
-    """Whether some element of an approach's samples has friction."""
-    if any(name.endswith(".friction") for name in scene.samples.random) and (
-        scene.samples.takes_random(approach)
-    ):
-        return True
-    if approach in ONE_FRICTION:
-        return scene.samples.classical.friction > 0
-    frictions = [c.friction for c in scene.contact.values()]
-    return any(f if isinstance(f, float | int) else f.static or f.kinetic for f in frictions)
 
 
 def _used_materials(scene: Scene) -> set[str]:

@@ -2,11 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Annotated, Any
 
-from brake_fenicsx.errors import SceneError
-from brake_fenicsx.toml_tables import key, read_table
+from pydantic import AfterValidator, StrictStr
+
+from brake_fenicsx.scene.tables import key
+
+
+def _dotted(name: str) -> str:
+    """A name "part.name"."""
+    if name.count(".") != 1 or not all(name.split(".")):
+        raise ValueError('write "part.name"')
+    return name
+
+
+def _names_type() -> Any:
+    """Type of a table of names to names."""
+    return dict[str, Annotated[StrictStr, AfterValidator(_dotted)]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,34 +52,6 @@ class MeshTable:
     quality: float = key(default=0.01)
     file: str | None = key(default=None)
     unit: str | None = key(default=None)
-    groups: dict[str, str] = field(default_factory=dict)
-    split: dict[str, str] = field(default_factory=dict)
+    groups: dict[str, str] = field(default_factory=dict, metadata={"type": _names_type})
+    split: dict[str, str] = field(default_factory=dict, metadata={"type": _names_type})
     extent: tuple[float, ...] = key("m", default=(5e-3, 3.0))
-
-
-def read_mesh(table: dict[str, Any]) -> MeshTable:
-    """Read the section [mesh].
-
-    Raises:
-        SceneError: the key, its value and the remedy.
-    """
-    names = {k: _names(table.get(k, {}), f"mesh.{k}") for k in ("groups", "split")}
-    rest = {k: v for k, v in table.items() if k not in names}
-    mesh = replace(read_table(MeshTable, rest, "mesh"), **names)
-    if mesh.file is None:
-        for name in ("unit", "groups", "split"):
-            if getattr(mesh, name):
-                raise SceneError(f"mesh.{name}: needs mesh.file, the file that it is about")
-    if len(mesh.extent) != 2 or not mesh.extent[0] < mesh.extent[1]:
-        raise SceneError(f"mesh.extent = {list(mesh.extent)!r} m: write [smallest, largest]")
-    return mesh
-
-
-def _names(table: Any, where: str) -> dict[str, str]:
-    """A table of names to names."""
-    if not isinstance(table, dict):
-        raise SceneError(f"{where} = {table!r}: write a table")
-    for name, value in table.items():
-        if not isinstance(value, str) or value.count(".") != 1 or not all(value.split(".")):
-            raise SceneError(f'{where}."{name}" = {value!r}: write "part.name"')
-    return dict(table)

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene_damping import check_damping
-from brake_fenicsx.scene_samples import ENGINEERING, split_key
-from brake_fenicsx.units import to_si
+from brake_fenicsx.scene.damping import check_damping
+from brake_fenicsx.scene.friction import rubs
+from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.scene.parts import BUILDERS, part_lengths
+from brake_fenicsx.scene.samples import APPROACHES, ENGINEERING, split_key
+from brake_fenicsx.scene.sections import STAGES
+from brake_fenicsx.scene.units import to_si
 
 if TYPE_CHECKING:
-    from brake_fenicsx.scene import Contact, MaterialTable, Scene
-
+    from brake_fenicsx.scene.sections import Contact, MaterialTable, Scene
 
 # Stages that build on another one.
 PREDECESSORS = (
@@ -19,6 +23,9 @@ PREDECESSORS = (
     ("stability", "equilibrium"),
     ("uncertainty", "equilibrium"),
 )
+
+# Keys of [samples] that are about many of them.
+MANY = ("n", "random", "design", "curves", "fast", "joint", "limit")
 
 # Beyond 1/sqrt(2) the squares of damped frequencies are no longer positive.
 ZETA_LIMIT = 0.7
@@ -31,6 +38,7 @@ def check_consistent(s: Scene) -> None:
         SceneError: the key, its value and the remedy.
     """
     _check_stages(s)
+    _check_mesh(s.mesh)
     _check_parts(s)
     for name, contact in s.contact.items():
         _check_contact(s, f"contact.{name}", contact)
@@ -43,6 +51,8 @@ def check_consistent(s: Scene) -> None:
 
 def _check_stages(s: Scene) -> None:
     """Every stage has its section and the stages it builds on."""
+    if not s.stages:
+        raise SceneError(f"stages = []: nothing to do; name some of {', '.join(STAGES)}")
     sections = {"surface": "surface", "micro": "micro", "equilibrium": "contact"}
     sections["stability"] = "stability"
     for stage, section in sections.items():
@@ -55,12 +65,16 @@ def _check_stages(s: Scene) -> None:
         scan = s.surface.scan
         if not scan and not s.surface.statistics:
             raise SceneError("surface: name a scan or statistics")
-        if scan and not s.path(scan).is_file():
+        if scan and s.surface.statistics:
+            raise SceneError(
+                f"surface.scan = {scan!r}: surface.statistics are there in its place; leave one out"
+            )
+        if scan and not os.path.isfile(s.path(scan)):
             raise SceneError(
                 f"surface.scan = {scan!r}: no such file; paths start at the scene's folder"
             )
-    if s.micro and isinstance(s.micro.laws, str) and not s.micro.fresh:
-        raise SceneError(f'micro.laws = {s.micro.laws!r}: write a number, or "per-sample"')
+    if s.micro and s.micro.patch == "mesh" and "equilibrium" not in s.stages:
+        raise SceneError('micro.patch = "mesh": needs the stage equilibrium; write a length')
     if s.micro and s.micro.pixels < 2:
         raise SceneError(f"micro.pixels = {s.micro.pixels}: at least 2 are needed")
     if s.micro and not abs(s.micro.nu) < 1:
@@ -75,15 +89,41 @@ def _check_stages(s: Scene) -> None:
         )
 
 
+def _check_mesh(mesh: MeshTable) -> None:
+    """What is said of a mesh file needs one."""
+    for name in ("unit", "groups", "split") if mesh.file is None else ():
+        if getattr(mesh, name):
+            raise SceneError(f"mesh.{name}: needs mesh.file, the file that it is about")
+    if len(mesh.extent) != 2 or not mesh.extent[0] < mesh.extent[1]:
+        raise SceneError(f"mesh.extent = {list(mesh.extent)!r} m: write [smallest, largest]")
+
+
 def _check_parts(s: Scene) -> None:
-    """Every part's material is there."""
+    """Every part has cells, and its material is there."""
     for name, part in s.parts.items():
+        if part.builder is None and s.mesh.file is None:
+            raise SceneError(
+                f"parts.{name}.builder: missing; use one of {', '.join(BUILDERS)}, or name a"
+                " mesh.file"
+            )
+        if part.parameters is not None:
+            _check_extent(f"parts.{name}", part_lengths(part.parameters), s.mesh.extent)
         used = [part.material] if isinstance(part.material, str) else part.material.values()
         for material in used:
             if material not in s.materials:
                 raise SceneError(
                     f"parts.{name}.material = {material!r}: there is no [materials.{material}]"
                 )
+
+
+def _check_extent(where: str, lengths: dict[str, float], extent: tuple[float, ...]) -> None:
+    """A part is neither longer nor shorter than a mesh file may be."""
+    longest = max(lengths, key=lengths.__getitem__)
+    if not extent[0] <= lengths[longest] <= extent[1]:
+        raise SceneError(
+            f"{where}.{longest} = {lengths[longest]:.3g} m: the longest length of the part, not"
+            f" between {extent[0]:g} m and {extent[1]:g} m; correct the unit, or widen mesh.extent"
+        )
 
 
 def _check_contact(s: Scene, where: str, contact: Contact) -> None:
@@ -93,11 +133,6 @@ def _check_contact(s: Scene, where: str, contact: Contact) -> None:
             f"{where}.faces = {list(contact.faces)!r}: write two faces, the pad's first"
         )
     if isinstance(contact.law, str):
-        if contact.law != "library":
-            raise SceneError(
-                f'{where}.law = {contact.law!r}: write "library", {{ linear = "2e13 Pa/m" }}'
-                " or { p0 = .., u0 = .. }"
-            )
         if "micro" not in s.stages and {"multi-scale", "joint"} & {*s.samples.approaches}:
             raise SceneError(f'{where}.law = "library": needs the stages surface and micro')
     elif contact.law.linear is None and (contact.law.p0 is None or contact.law.u0 is None):
@@ -137,6 +172,8 @@ def _check_constant(where: str, material: MaterialTable, constant: str) -> None:
 
 def _check_approaches(s: Scene) -> None:
     """Approaches that live from random inputs have some; no material is named in two ways."""
+    if not s.samples.approaches:
+        raise SceneError(f"samples.approaches = []: name some of {', '.join(APPROACHES)}")
     for name in ("fast", "joint"):
         if name in s.samples.approaches and not s.samples.random:
             raise SceneError(
@@ -144,6 +181,12 @@ def _check_approaches(s: Scene) -> None:
             )
         if name in s.samples.approaches and "uncertainty" not in s.stages:
             raise SceneError(f"samples.approaches: {name!r} needs the stage uncertainty")
+    for name in MANY if "equilibrium" in s.stages and "uncertainty" not in s.stages else ():
+        if s.table.get("samples", {}).get(name, 1) not in (1, {}):
+            raise SceneError(
+                f"samples.{name}: without the stage uncertainty there is one sample; add it to"
+                f" stages, or leave samples.{name} out"
+            )
     ways: dict[str, set[bool]] = {}
     for section, table, last in map(split_key, s.samples.random):
         if section == "materials":
@@ -158,8 +201,7 @@ def _check_approaches(s: Scene) -> None:
 
 def _check_motion(s: Scene) -> None:
     """Friction has a direction, and the speed the right unit."""
-    perfect = bool({"classical", "fast"} & {*s.samples.approaches})
-    sliding = any(c.friction for c in s.contact.values()) or perfect
+    sliding = any(rubs(s, approach) for approach in s.samples.approaches)
     if "equilibrium" in s.stages and sliding and s.motion is None:
         raise SceneError("motion: friction needs a section [motion]")
     if s.motion:

@@ -17,13 +17,14 @@ import hashlib
 import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import BeforeValidator
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.toml_tables import key, read_table
-from brake_fenicsx.units import to_si
+from brake_fenicsx.scene.tables import KeyMistake, key, value_type
+from brake_fenicsx.scene.units import to_si
 
 APPROACHES = ("multi-scale", "classical", "fast", "joint")
 DESIGNS = ("random", "latin-hypercube", "sobol", "fast", "rbd-fast", "saltelli")
@@ -38,11 +39,11 @@ class Classical:
 
     Attributes:
         penalty: contact stiffness.
-        friction: coefficient.
+        friction: coefficient; that of each interface if not given.
     """
 
-    penalty: float = key("Pa/m", default=2e13)
-    friction: float = key(default=0.5, sign="zero")
+    penalty: float = key("Pa/m", default=2e13, band=(1e9, 1e17))
+    friction: float | None = key(default=None, sign="zero", band=(0.0, 1.5))
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +65,7 @@ class Design:
 
 @dataclass(frozen=True, slots=True)
 class Distribution:
-    """[samples.random]: law of one random input, by its dotted key; numbers carry its unit.
+    """[samples.random]: distribution of the input with that dotted key; min = "2 bar" has its unit.
 
     Attributes:
         law: "normal", "lognormal", "uniform", or "measured" values.
@@ -81,12 +82,12 @@ class Distribution:
     """
 
     law: str = key(choices=LAWS)
-    mean: float | None = key(default=None, sign="any")
-    sd: float | None = key(default=None)
-    min: float = key(default=-INFINITY, sign="any")
-    max: float = key(default=INFINITY, sign="any")
+    mean: float | None = key("*", default=None, sign="any")
+    sd: float | None = key("*", default=None)
+    min: float = key("*", default=-INFINITY, sign="any")
+    max: float = key("*", default=INFINITY, sign="any")
     spread: float | None = key(default=None)
-    values: tuple[float, ...] = key(default=(), sign="any")
+    values: tuple[float, ...] = key("*", default=(), sign="any")
     file: str | None = key(default=None)
     array: str | None = key(default=None)
     unit: str | None = key(default=None)
@@ -114,12 +115,14 @@ class Samples:
     seed: int = key(default=1, sign="zero")
     design: str = key(default="random", choices=DESIGNS)
     curves: int = key(default=3)
-    approaches: tuple[str, ...] = key(default=("multi-scale",))
+    approaches: tuple[str, ...] = key(default=("multi-scale",), choices=APPROACHES)
     classical: Classical = field(default_factory=Classical)
     fast: Design = field(default_factory=Design)
     joint: Design = field(default_factory=Design)
     limit: float = key(default=0.5)
-    random: dict[str, Distribution] = field(default_factory=dict)
+    random: dict[str, Distribution] = field(
+        default_factory=dict, metadata={"type": lambda: _random_type()}
+    )
 
     def takes_random(self, approach: str) -> bool:
         """Whether an approach samples [samples.random].
@@ -152,28 +155,6 @@ class Plan:
         return self.design in ("random", "sobol")
 
 
-def read_samples(table: dict[str, Any], folder: Path) -> Samples:
-    """Read [samples].
-
-    Args:
-        table: its content.
-        folder: the scene's folder, where files of measured values are looked for.
-
-    Raises:
-        SceneError: the key, its value and the remedy.
-    """
-    random = table.get("random", {})
-    rest = {k: v for k, v in table.items() if k != "random"}
-    samples: Samples = read_table(Samples, rest, "samples")
-    if not samples.approaches:
-        raise SceneError(f"samples.approaches = []: name some of {', '.join(APPROACHES)}")
-    for name in samples.approaches:
-        if name not in APPROACHES:
-            raise SceneError(f"samples.approaches: {name!r}; use {', '.join(APPROACHES)}")
-    drawn = {n: _distribution(t, n, folder) for n, t in random.items()}
-    return replace(samples, random=drawn)
-
-
 def split_key(name: str) -> tuple[str, str, str]:
     """Section, table and key of "section.table.key"; the table's name may hold dots itself."""
     section, _, rest = name.partition(".")
@@ -185,7 +166,7 @@ def unit_of(name: str) -> str:
     """SI unit of a scalar of the scene that may be random.
 
     Raises:
-        SceneError: no such scalar may be random.
+        KeyMistake: no such scalar may be random.
     """
     section, _, last = split_key(name)
     if (section, last) == ("contact", "friction"):
@@ -196,45 +177,62 @@ def unit_of(name: str) -> str:
         return ""
     if section == "materials" and re.fullmatch(r"E|E_\d|G_\d\d|C\d\d", last):
         return "Pa"
-    where = f'samples.random."{name}"'
     if section == "parts":
-        raise SceneError(
-            f"{where}: a length changes the mesh, which all samples share; run the scene once for"
-            f" each length, with --set {name}=VALUE"
-        )
-    raise SceneError(
-        f"{where}: cannot be random; contact.NAME.friction, loads.FACE.pressure and"
-        " materials.NAME.CONSTANT can"
-    )
+        raise KeyMistake(
+            "a length changes the mesh, which all samples share; run the scene once for each"
+            f" length, with --set {name}=VALUE", name,
+        )  # fmt: skip
+    raise KeyMistake(
+        "cannot be random; contact.NAME.friction, loads.FACE.pressure and materials.NAME.CONSTANT"
+        " can", name,
+    )  # fmt: skip
 
 
-def _distribution(table: Any, name: str, folder: Path) -> Distribution:
-    """Read one law; its numbers carry the unit of the scalar."""
-    where, unit = f'samples.random."{name}"', unit_of(name)
-    if not isinstance(table, dict):
-        raise SceneError(f"{where} = {table!r}: write a table")
-    table = dict(table)
-    for word in ("mean", "sd", "min", "max", "values"):
-        if word in table and unit:
-            table[word] = _converted(table[word], unit, f"{where}.{word}")
-    if "digest" in table:
-        raise SceneError(f"{where}.digest: unknown key")
-    d: Distribution = read_table(Distribution, table, where)
+def _in_si_units(random: Any) -> Any:
+    """Numbers of [samples.random] in the unit of the scalar that each replaces."""
+    if not isinstance(random, dict):
+        return random
+    out = {}
+    for name, law in random.items():
+        unit, out[name] = unit_of(name), law
+        if isinstance(law, dict) and unit:
+            out[name] = {k: _converted(v, unit, name, k) for k, v in law.items()}
+    return out
+
+
+def _converted(value: Any, unit: str, *where: str) -> Any:
+    if where[-1] not in ("mean", "sd", "min", "max", "values"):
+        return value
+    if isinstance(value, list):
+        return [_converted(v, unit, *where) for v in value]
+    try:
+        return to_si(value, unit)
+    except ValueError as error:
+        raise KeyMistake(str(error), *where) from None
+
+
+def _random_type() -> Any:
+    return Annotated[value_type(dict[str, Distribution], {}), BeforeValidator(_in_si_units)]
+
+
+def complete(d: Distribution, name: str, folder: Path) -> Distribution:
+    """A law of a random input with the values of its file, checked.
+
+    Args:
+        d: the law as the scene writes it, in SI units.
+        name: dotted key of the input.
+        folder: the scene's folder, where files of measured values are looked for.
+
+    Raises:
+        SceneError: the key, its value and the remedy.
+    """
+    where = f'samples.random."{name}"'
     if d.file is not None:
-        values = _measured(d, unit, folder, where)
+        values = _measured(d, unit_of(name), folder, where)
         digest = hashlib.sha256(np.array(values).tobytes()).hexdigest()
         d = replace(d, values=values, digest=digest)
     _check(d, where)
     return d
-
-
-def _converted(value: Any, unit: str, where: str) -> Any:
-    if isinstance(value, list):
-        return [_converted(v, unit, where) for v in value]
-    try:
-        return to_si(value, unit)
-    except ValueError as error:
-        raise SceneError(f"{where} = {value!r}: {error}") from None
 
 
 def _check(d: Distribution, where: str) -> None:
@@ -270,7 +268,10 @@ def _measured(d: Distribution, unit: str, folder: Path, where: str) -> tuple[flo
     if unit:
         if d.unit is None:
             raise SceneError(f"{where}.unit: missing; say the unit of the numbers in {d.file}")
-        factor = _converted(f"1 {d.unit}", unit, f"{where}.unit")
+        try:
+            factor = to_si(f"1 {d.unit}", unit)
+        except ValueError as error:
+            raise SceneError(f"{where}.unit = {d.unit!r}: {error}") from None
     try:
         if path.suffix == ".npz":
             with np.load(path, allow_pickle=False) as data:

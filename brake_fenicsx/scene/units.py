@@ -12,7 +12,7 @@ DIMENSIONS = {
     "Pa/m": "contact stiffness [Pa/m]", "Hz": "frequency [Hz]",
     "rad/s": "angular speed [rad/s]", "m/s": "speed [m/s]", "1/m": "wave number [1/mm]",
     "1/s": "rate [1/s]", "s": "time [us]",
-    "": "a number",
+    "": "a number", "*": "number with the unit of that key [2 bar]",
 }  # fmt: skip
 
 
@@ -38,23 +38,49 @@ def to_si(value: Any, unit: str) -> float:
     """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ValueError(f"write {DIMENSIONS[unit]}")
-    if unit == "":
+    if unit in ("", "*"):
         if isinstance(value, str):
             raise ValueError("write a plain number")
-        return float(value)
-    if not isinstance(value, str):
-        if value == 0:
-            return 0.0
+    elif not isinstance(value, str) and value != 0:
         raise ValueError(f"the unit is missing, write {DIMENSIONS[unit]} as a string")
+    try:
+        number = _quantity(value, unit) if isinstance(value, str) else float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise ValueError("must be a finite number")
+    return number
+
+
+@cache
+def _quantity(value: str, unit: str) -> float:
+    """A number with a unit in SI."""
     import pint
 
+    if "," in value:
+        raise ValueError(
+            'a comma in a quantity; write the decimal point, "2.5 bar", and no other separator'
+        )
     try:
         quantity = _registry().Quantity(value)
         return _turns(quantity, unit) * float(quantity.to(_registry().Unit(unit)).magnitude)
     except pint.DimensionalityError:
         raise ValueError(f"wrong unit, write {DIMENSIONS[unit]}") from None
+    except OverflowError:
+        raise
     except Exception:
         raise ValueError(f"not a quantity, write {DIMENSIONS[unit]}") from None
+
+
+def with_unit(value: Any, unit: str) -> Any:
+    """Numbers in SI units as quantities of the unit that ``DIMENSIONS`` names."""
+    if isinstance(value, tuple):
+        return tuple(with_unit(v, unit) for v in value)
+    if unit in ("", "*") or isinstance(value, str | bool):
+        return value
+    usual = DIMENSIONS[unit].partition("[")[2].rstrip("]")
+    number = _registry().Quantity(value, unit).to(_registry().Unit(usual)).magnitude
+    return f"{number:.10g} {usual}"
 
 
 def _turns(quantity: Any, unit: str) -> float:

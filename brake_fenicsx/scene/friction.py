@@ -1,0 +1,57 @@
+"""Friction of each approach: that of the scene, or the classical one's own number."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from brake_fenicsx.scene.sections import Friction, Scene
+
+# Approaches of perfect contact.
+PERFECT = frozenset({"classical", "fast"})
+
+
+def one_friction(scene: Scene, approach: str) -> bool:
+    """Whether friction of an approach is samples.classical.friction, whatever the contact says."""
+    return approach in PERFECT and scene.samples.classical.friction is not None
+
+
+def friction_of(scene: Scene, approach: str, interface: str) -> float | Friction:
+    """Friction of an interface in the samples of an approach, where it is not random."""
+    own = scene.samples.classical.friction
+    return own if approach in PERFECT and own is not None else scene.contact[interface].friction
+
+
+def rubs(scene: Scene, approach: str) -> bool:
+    """Whether some element of an approach's samples has friction."""
+    if any(name.endswith(".friction") for name in scene.samples.random) and (
+        scene.samples.takes_random(approach)
+    ):
+        return True
+    found = (friction_of(scene, approach, name) for name in scene.contact)
+    return any(f if isinstance(f, float | int) else f.static or f.kinetic for f in found)
+
+
+def friction_texts(scene: Scene) -> dict[str, str]:
+    """Friction coefficient of each approach as text, by interface where they differ."""
+    texts = {}
+    for approach in scene.samples.approaches:
+        said = {name: _text(scene, approach, name) for name in scene.contact}
+        same = len(set(said.values())) == 1
+        texts[approach] = ", ".join(
+            dict.fromkeys(text if same else f"{text} ({name})" for name, text in said.items())
+        )
+    return texts
+
+
+def listed(texts: dict[str, str]) -> str:
+    """Friction of each approach in one line."""
+    return ", ".join(f"{approach} {text or 'none'}" for approach, text in texts.items())
+
+
+def _text(scene: Scene, approach: str, interface: str) -> str:
+    law = scene.samples.random.get(f"contact.{interface}.friction")
+    if law is not None and scene.samples.takes_random(approach):
+        return "random"
+    f = friction_of(scene, approach, interface)
+    return f"{f:g}" if isinstance(f, float | int) else f"{f.static:g} to {f.kinetic:g}"

@@ -1,0 +1,102 @@
+"""[parts] of a scene: a builder with its parameters, or cells of the mesh file."""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass, fields
+from functools import partial
+from typing import Annotated, Any, Literal, Union
+
+from pydantic import BeforeValidator, Discriminator, Tag
+
+from brake_fenicsx.scene.tables import KeyMistake, key, table_type
+
+BUILDERS = {
+    "disc": "Disc", "pad": "Pad", "block": "Block", "hertz_sphere": "Sphere", "hertz_base": "Base",
+    "hertz_cylinder": "Cylinder", "hertz_slab": "Plate",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """[parts.NAME]: a builder with its parameters, or none if it comes from the mesh file.
+
+    Attributes:
+        builder: name of the builder; None: cells of the file in [mesh].
+        parameters: the builder's parameters.
+        material: one for the part, or one for each layer.
+        axis: angle of the part's axis 1 from x about z [rad]; a material's own axis adds to it.
+    """
+
+    builder: str | None
+    parameters: Any
+    material: str | dict[str, str]
+    axis: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class PartKeys:
+    """[parts.NAME]: keys of every part.
+
+    Attributes:
+        builder: shape to build; without it the cells come from the file in `[mesh]`.
+        material: one `[materials]` name, or one for each layer:
+            `{ lining = "..", plate = ".." }`.
+        axis: direction of the part's axis 1: angle from x about z; of a pad the tangent at mid pad
+            if not given, of another part 0.
+    """
+
+    material: str | dict[str, str]
+    builder: str | None = key(default=None, choices=tuple(BUILDERS))
+    axis: float | None = key("rad", default=None, sign="any")
+
+
+def builder_class(name: str) -> Any:
+    """Dataclass of a builder's parameters."""
+    return getattr(importlib.import_module(f"brake_fenicsx.geometry.{name}"), BUILDERS[name])
+
+
+def part_lengths(parameters: Any) -> dict[str, float]:
+    """Lengths among a builder's parameters [m], without sign; of a list the longest."""
+    lengths = (f.name for f in fields(parameters) if f.metadata.get("unit") == "m")
+    held = {name: getattr(parameters, name) for name in lengths}
+    return {
+        name: max(map(abs, value)) if isinstance(value, tuple) else abs(value)
+        for name, value in held.items()
+        if value not in (None, ())
+    }
+
+
+def _part(
+    cls: Any, material: Any, builder: str | None = None, axis: Any = None, **own: Any
+) -> Part:
+    """A part from what its table holds."""
+    parameters = cls(**own) if cls else None
+    return Part(
+        builder, parameters, material, getattr(parameters, "axis", 0.0) if axis is None else axis
+    )
+
+
+def _checked_builder(table: Any) -> Any:
+    """Refuse what says no builder's name, and parameters without one."""
+    if not isinstance(table, dict):
+        raise ValueError("write a table")
+    builder = table.get("builder")
+    if "builder" in table and builder not in list(BUILDERS):
+        raise KeyMistake(f"use one of {', '.join(BUILDERS)}", "builder")
+    own = set(table) - {f.name for f in fields(PartKeys)}
+    if builder is None and own:
+        raise KeyMistake("has no meaning without a builder", min(own))
+    return {**table, "shim": 0} if table.get("shim") is False else table
+
+
+def parts_type() -> Any:
+    """Type of [parts]: one for each builder, and one for cells of the mesh file."""
+    kinds: dict[str | None, Any] = {None: table_type(partial(_part, None), PartKeys, builder=None)}
+    for name in BUILDERS:
+        cls = builder_class(name)
+        kinds[name] = table_type(partial(_part, cls), PartKeys, cls, builder=Literal[name])
+    tagged = [Annotated[kind, Tag(f"({name})")] for name, kind in kinds.items()]
+    choose = Discriminator(lambda table: f"({table.get('builder')})")
+    union: Any = Union[tuple(tagged)]  # noqa: UP007
+    return dict[str, Annotated[union, choose, BeforeValidator(_checked_builder)]]

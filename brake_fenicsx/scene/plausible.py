@@ -1,0 +1,74 @@
+"""Values that are allowed and yet unusual: mostly a slip of the unit, a line each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+from brake_fenicsx.scene.parts import part_lengths
+from brake_fenicsx.scene.samples import split_key
+from brake_fenicsx.scene.sections import MODULI, Contact, Load, MaterialTable, Scene
+from brake_fenicsx.scene.tables import dotted
+from brake_fenicsx.scene.units import with_unit
+
+METAL_DENSITY, METAL_MODULUS = 4000.0, 5e9  # kg/m^3, Pa: above the one, below the other is no metal
+LENGTHS = (10e-3, 1.0)  # m: longest length of a part
+
+
+def unusual(scene: Scene) -> list[str]:
+    """Numbers of a scene outside the band of usual ones: key, value, band."""
+    band: Mapping[str, Any]
+    lines = [line for keys, about, v in _numbers(scene) for line in _outside(keys, about, v)]
+    for name, law in scene.samples.random.items():
+        section, _, last = split_key(name)
+        cls = {"contact": Contact, "loads": Load, "materials": MaterialTable}[section]
+        about = {f.name: f.metadata for f in fields(cls)}
+        own = about.get(last) or about[last.partition("_")[0]]
+        for word in ("mean", "min", "max", "values"):
+            lines += _outside(("samples", "random", name, word), own, getattr(law, word))
+    for name, table in scene.materials.items():
+        modulus = min(v for v in (*_flat(table.E), *_flat(table.C11), METAL_MODULUS))
+        if table.rho > METAL_DENSITY and MODULI[0] <= modulus < METAL_MODULUS:
+            lines.append(
+                f"{dotted('materials', name)}: rho = {table.rho:g} kg/m^3 is that of a metal, a"
+                f" modulus of {with_unit(modulus, 'Pa')} is not, whose are"
+                f" {with_unit(METAL_MODULUS, 'Pa')} at least; correct the unit if it is wrong"
+            )
+    for name, part in scene.parts.items():
+        if part.parameters is not None:
+            longest = max(part_lengths(part.parameters).items(), key=lambda item: item[1])
+            band = {"unit": "m", "band": LENGTHS}
+            lines += _outside(("parts", name, longest[0]), band, longest[1])
+    return lines
+
+
+def _outside(keys: tuple[str, ...], about: Mapping[str, Any], value: Any) -> Iterator[str]:
+    low, high = about.get("band", (-float("inf"), float("inf")))
+    for v in _flat(value):
+        if abs(v) < float("inf") and not low <= v <= high:
+            said = [with_unit(float(x), about["unit"]) for x in (v, low, high)]
+            yield (
+                f"{dotted(*keys)} = {said[0]}: unusual, not between {said[1]} and {said[2]};"
+                " correct the unit if it is wrong"
+            )
+
+
+def _flat(value: Any) -> Iterator[float]:
+    for v in value if isinstance(value, tuple) else (value,):
+        if isinstance(v, float | int) and not isinstance(v, bool):
+            yield v
+
+
+def _numbers(value: Any, keys: tuple[str, ...] = ()) -> Iterator[tuple[Any, Any, Any]]:
+    """Keys, metadata and value of all numbers that have a band."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from _numbers(inner, (*keys, str(name)))
+    elif is_dataclass(value):
+        for f in fields(value):
+            inner = getattr(value, f.name)
+            if "band" in f.metadata:
+                yield (*keys, f.name), f.metadata, inner
+            if not f.metadata.get("internal"):
+                yield from _numbers(inner, (*keys, f.name))

@@ -1,0 +1,99 @@
+"""A scene: one TOML file to checked, frozen settings in SI units."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.scene.rules import check_consistent
+from brake_fenicsx.scene.samples import complete
+from brake_fenicsx.scene.sections import STAGES, Scene
+from brake_fenicsx.scene.tables import dotted, read_table, shown
+
+
+def read_scene(file: str | Path, overrides: Sequence[str] = ()) -> Scene:
+    """Read and check a scene.
+
+    Args:
+        file: path of the TOML file.
+        overrides: "section.key=value" of the command line; the value is TOML, or a bare string.
+
+    Returns:
+        The scene, in SI units.
+
+    Raises:
+        SceneError: one line naming file, key, value and remedy.
+    """
+    path = Path(file)
+    table = _toml(path)
+    try:
+        for text in overrides:
+            _override(table, text)
+        return _scene(path, table)
+    except SceneError as error:
+        raise SceneError(f"{path}: {error}") from None
+
+
+def _toml(path: Path) -> dict[str, Any]:
+    """Content of a TOML file; a byte order mark in front of it is left out."""
+    try:
+        return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
+    except FileNotFoundError:
+        raise SceneError(f"{path}: no such file; give the path of a scene") from None
+    except OSError as error:
+        raise SceneError(
+            f"{path}: cannot be read ({error.strerror}); give the path of a scene"
+        ) from None
+    except UnicodeDecodeError as error:
+        line = error.object.count(b"\n", 0, error.start) + 1
+        raise SceneError(f"{path}: line {line}: not UTF-8 text; save the scene as UTF-8") from None
+    except (ValueError, RecursionError) as error:
+        raise SceneError(f"{path}: not a TOML file: {error}") from None
+
+
+def _override(table: dict[str, Any], text: str) -> None:
+    """Replace one key of a scene: "section.key=value", the value TOML or a bare string."""
+    name, sign, value = text.partition("=")
+    if not sign:
+        raise SceneError(f"--set {text}: write key=value")
+    try:
+        parsed = tomllib.loads(f"x = {value}")["x"]
+    except (ValueError, RecursionError):
+        parsed = value.strip()
+    *path, last = _key_parts(name.strip())
+    for i, step in enumerate(path):
+        table = table.setdefault(step, {})
+        if not isinstance(table, dict):
+            raise SceneError(f"--set {text}: {dotted(*path[: i + 1])} is {shown(table)}, no table")
+    table[last] = parsed
+
+
+def _key_parts(name: str) -> list[str]:
+    """The parts of a dotted key, quoted parts kept whole."""
+    parts = []
+    try:
+        nested = tomllib.loads(f"{name} = 0")
+        while isinstance(nested, dict):
+            ((part, nested),) = nested.items()
+            parts.append(part)
+    except (ValueError, RecursionError):
+        raise SceneError(f"--set {name}: not a dotted key") from None
+    return parts
+
+
+def _scene(path: Path, table: dict[str, Any]) -> Scene:
+    scene: Scene = read_table(Scene, table)
+    random = {n: complete(d, n, path.parent) for n, d in scene.samples.random.items()}
+    scene = replace(
+        scene,
+        file=path,
+        table=table,
+        stages=tuple(s for s in STAGES if s in scene.stages),
+        samples=replace(scene.samples, random=random),
+    )
+    check_consistent(scene)
+    return scene

@@ -1,0 +1,280 @@
+"""TOML tables to dataclasses by pydantic: known keys, units, signs, choices, nothing missing.
+
+Fields of a dataclass and their metadata are the one source of what is read here, of the JSON Schema
+(``json_schema``) and of docs/scene.md.
+"""
+
+from __future__ import annotations
+
+import difflib
+import inspect
+import json
+import math
+import re
+import types
+import typing
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import MISSING, Field, field, fields, is_dataclass
+from functools import cache, partial
+from typing import Annotated, Any, Literal, NotRequired, Required
+
+from annotated_types import Ge, Gt
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Strict,
+    Tag,
+    TypeAdapter,
+    ValidationError,
+    WithJsonSchema,
+)  # fmt: skip
+from pydantic import Field as Key
+from typing_extensions import TypedDict
+
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.scene.units import DIMENSIONS, to_si, with_unit
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+# A number, then a unit; no comma, which is a decimal point to some and nothing to others.
+QUANTITY = {"anyOf": [{"type": "string", "pattern": r"^[^,]*\d[^,]*$"}, {"const": 0}]}
+ANY_UNIT = {"anyOf": [QUANTITY, {"type": "number"}]}
+SIGNS = {"positive": Gt(0), "zero": Ge(0), "any": None}
+TEXTS = {
+    "missing": "missing; it has no default", "dict_type": "write a table",
+    "string_type": "write text", "bool_type": "write true or false",
+    "int_type": "write a whole number", "tuple_type": "write a list",
+    "greater_than": "must be positive", "greater_than_equal": "must be zero or more",
+}  # fmt: skip
+
+
+class KeyMistake(ValueError):
+    """A mistake below the value at hand: its text, and the keys that lead there."""
+
+    def __init__(self, text: str, *keys: str):
+        super().__init__(text)
+        self.keys = keys
+
+
+def key(unit: str = "", default: Any = MISSING, **metadata: Any) -> Any:
+    """A field of a scene: unit, default, and of these as needed.
+
+    ``sign`` ("positive" if absent, "zero", "any"), ``choices``, ``units`` of a list whose values
+    differ, ``band`` of usual values, ``internal`` for what no scene writes, ``write`` for what to
+    write in place of another type, ``type`` that gives pydantic's type where the hint does not.
+    """
+    return field(default=default, metadata={"unit": unit, **metadata})
+
+
+def read_table(cls: Any, table: Any) -> Any:
+    """Fill a dataclass from a table.
+
+    Raises:
+        SceneError: the key, its value and the remedy.
+    """
+    try:
+        return _adapter(cls).validate_python(table)
+    except ValidationError as error:
+        raise SceneError(_line(error.errors()[0], table)) from None
+
+
+def json_schema(cls: Any) -> dict[str, Any]:
+    """JSON Schema of the tables that fill a dataclass."""
+    return {"$schema": DIALECT, **_adapter(cls).json_schema()}
+
+
+def dotted(*keys: str) -> str:
+    """Keys as they are written in a scene, quoted where they must be."""
+    return ".".join(k if re.fullmatch(r"[\w-]+", k, re.ASCII) else json.dumps(k) for k in keys)
+
+
+def shown(value: Any) -> str:
+    """A value as a message shows it."""
+    text = repr(value)
+    return text if len(text) <= 100 else f"{text[:97]}..."
+
+
+@cache
+def meanings(cls: Any) -> dict[str, str]:
+    """Meaning of each key, from the section Attributes of the docstring, without units."""
+    _, _, block = (inspect.getdoc(cls) or "").partition("Attributes:\n")
+    found = re.findall(r"^    (\w+): (.*(?:\n {8}.*)*)", block, re.M)
+    # The unit stands beside the meaning; docstrings name SI's. Sections of a scene stay.
+    units = re.compile(rf" \[({'|'.join(re.escape(u) for u in DIMENSIONS if u)})\]")
+    plain = {name: " ".join(text.replace("``", "`").split()) for name, text in found}
+    return {name: units.sub("", text).rstrip(".") for name, text in plain.items()}
+
+
+def kinds_of(hint: Any) -> tuple[Any, ...]:
+    """What a key may hold: the members of a union without None."""
+    union = typing.get_origin(hint) in (types.UnionType, typing.Union)
+    return tuple(
+        k for k in (typing.get_args(hint) if union else (hint,)) if k is not types.NoneType
+    )
+
+
+def kind_text(kind: Any, unit: str = "") -> str:
+    """What one writes for a kind."""
+    origin = typing.get_origin(kind)
+    if origin is tuple:
+        return f"list of {kind_text(kinds_of(typing.get_args(kind)[0])[0], unit)}"
+    if origin is Literal:
+        return " or ".join(f'"{word}"' for word in typing.get_args(kind))
+    if origin is dict or is_dataclass(kind):
+        return "table"
+    words = {str: "text", bool: "true or false", int: "whole number"}
+    return words.get(kind) or (DIMENSIONS[unit] if unit else "number")
+
+
+def keys_of(cls: Any) -> Iterable[tuple[Field, Any]]:
+    """Keys of a dataclass that a scene may write, each with its type."""
+    hints = typing.get_type_hints(cls)
+    return [(f, hints[f.name]) for f in fields(cls) if not f.metadata.get("internal")]
+
+
+def table_type(make: Callable[..., Any], *sources: Any, **more: Any) -> Any:
+    """Type of a table with the keys of some dataclasses: what pydantic reads.
+
+    Args:
+        make: gets what the table holds by name.
+        sources: the dataclasses.
+        more: types of single keys, which the table then must have; None: which it may not.
+    """
+    held = {}
+    for cls in sources:
+        for f, hint in keys_of(cls):
+            kind = more[f.name] if f.name in more else value_type(hint, f.metadata)
+            if kind is None:
+                continue
+            told, default = meanings(cls).get(f.name), partial(_add_default, f=f)
+            about = Key(description=told, json_schema_extra=default)
+            needed = f.default is f.default_factory is MISSING or f.name in more
+            wrapper = Required if needed else NotRequired
+            held[f.name] = wrapper[Annotated[kind, about]]
+    named: Any = TypedDict
+    table = named(sources[-1].__name__, held)
+    table.__pydantic_config__ = ConfigDict(extra="forbid")
+    known = BeforeValidator(partial(_known, names=tuple(held)))
+    return Annotated[table, known, AfterValidator(lambda values: make(**values))]
+
+
+def value_type(hint: Any, about: Mapping[str, Any]) -> Any:
+    """Type of a key's value as pydantic reads it, from the hint and the metadata of its field."""
+    if "type" in about:
+        return about["type"]()
+    kinds = kinds_of(hint)
+    unit = about.get("unit", "")
+    if len(kinds) > 1:
+        wanted = about.get("write") or " or ".join(kind_text(kind, unit) for kind in kinds)
+        tagged = [Annotated[value_type(k, about), Tag(f"({i})")] for i, k in enumerate(kinds)]
+        chosen = Discriminator(lambda v: _member(v, kinds, unit), "shape", f"write {wanted}")
+        return Annotated[typing.Union[tuple(tagged)], chosen]  # noqa: UP007
+    (kind,) = kinds
+    origin, inner = typing.get_origin(kind), typing.get_args(kind)
+    if isinstance(kind, type) and is_dataclass(kind):
+        return _table(kind)
+    if origin is dict:
+        return dict[str, value_type(inner[1], about)]  # type: ignore[misc]
+    if origin is tuple and "units" in about:
+        units = about["units"]
+        same: Any = tuple(value_type(inner[0], {**about, "unit": u}) for u in units)
+        return Annotated[tuple[same], BeforeValidator(partial(_as_many, units=units))]
+    if origin is tuple:
+        return tuple[value_type(inner[0], about), ...]  # type: ignore[misc]
+    choices = inner if origin is Literal else about.get("choices")
+    if choices:
+        return Annotated[Literal[choices], BeforeValidator(partial(_one_of, choices=choices))]
+    sign = SIGNS[about.get("sign", "positive")]
+    if kind is float:
+        number: Any = Annotated[float, sign, BeforeValidator(partial(to_si, unit=unit))]
+        said = {"": None, "*": ANY_UNIT}.get(unit, QUANTITY)
+        return Annotated[number, WithJsonSchema(said)] if said else number
+    strict: Any = Annotated[kind, Strict()]
+    return Annotated[strict, sign] if kind is int else strict
+
+
+def written_default(f: Field) -> Any:
+    """The default of a key as a scene would write it; None where there is none."""
+    value = f.default_factory() if f.default_factory is not MISSING else f.default
+    nothing = value in (None, MISSING, (), {}) or is_dataclass(value)
+    if nothing or (isinstance(value, float) and not math.isfinite(value)):
+        return None
+    return with_unit(value, f.metadata.get("unit", ""))
+
+
+def _add_default(schema: dict[str, Any], f: Field) -> None:
+    value = written_default(f)
+    if value is not None:
+        schema["default"] = list(value) if isinstance(value, tuple) else value
+
+
+@cache
+def _adapter(cls: Any) -> TypeAdapter[Any]:
+    return TypeAdapter(_table(cls))
+
+
+@cache
+def _table(cls: Any) -> Any:
+    return table_type(cls, cls)
+
+
+def _known(table: Any, names: tuple[str, ...]) -> Any:
+    """Refuse unknown keys, with the nearest known one."""
+    for name in table if isinstance(table, dict) else ():
+        if name not in names:
+            hint = _near(name, names) or f"; known: {', '.join(sorted(names))}"
+            raise KeyMistake(f"unknown key{hint}", name)
+    return table
+
+
+def _one_of(value: Any, choices: tuple[Any, ...]) -> Any:
+    if not any(value == c and type(value) is type(c) for c in choices):
+        raise ValueError(f"use one of {', '.join(map(str, choices))}{_near(value, choices)}")
+    return value
+
+
+def _near(word: Any, words: tuple[Any, ...]) -> str:
+    near = difflib.get_close_matches(str(word), map(str, words), 1)
+    return f"; did you mean {near[0]!r}?" if near else ""
+
+
+def _as_many(value: Any, units: tuple[str, ...]) -> Any:
+    if isinstance(value, list) and len(value) != len(units):
+        raise ValueError(f"write {len(units)} values, [{', '.join(units)}]")
+    return value
+
+
+def _member(value: Any, kinds: tuple[Any, ...], unit: str) -> str | None:
+    """Which member of a union a value is meant to be, by its shape alone: the first that fits."""
+    for i, kind in enumerate(kinds):
+        origin = typing.get_origin(kind)
+        if origin is Literal:
+            fits = isinstance(value, str) and value in typing.get_args(kind)
+        elif origin is tuple:
+            fits = isinstance(value, list)
+        elif origin is dict or is_dataclass(kind):
+            fits = isinstance(value, dict)
+        else:
+            number = (int, float, str) if unit else (int, float)
+            fits = isinstance(value, number if kind is float else kind)
+            fits = fits and isinstance(value, bool) == (kind is bool)
+            # Beside a word, another word is no quantity.
+            fits = fits and not (i and unit and isinstance(value, str) and value.isalpha())
+        if fits:
+            return f"({i})"
+    return None
+
+
+def _line(error: Any, table: Any) -> str:
+    """Key, value and remedy of a mistake that pydantic found."""
+    cause = error.get("ctx", {}).get("error")
+    # Members of a union and places in a list are no keys.
+    keys = [k for k in error["loc"] if isinstance(k, str) and not re.fullmatch(r"\(.*\)", k)]
+    keys += getattr(cause, "keys", ())
+    text = str(cause) if cause else TEXTS.get(error["type"], error["msg"])
+    for name in keys:
+        if not isinstance(table, dict) or name not in table:
+            return f"{dotted(*keys)}: {text}"
+        table = table[name]
+    return f"{dotted(*keys)} = {shown(table)}: {text}"

@@ -1,0 +1,132 @@
+"""What is allowed and most probably not meant: said by check, in the log and on the page."""
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from brake_fenicsx.checks import warnings, with_patch
+from brake_fenicsx.description import describe
+from brake_fenicsx.micro import load_laws
+from brake_fenicsx.pipeline import run
+from brake_fenicsx.report.html import render_page
+from brake_fenicsx.report.rundata import read_run
+from brake_fenicsx.scene import read_scene
+from brake_fenicsx.scene.friction import friction_texts
+from brake_fenicsx.scene.plausible import unusual
+from brake_fenicsx.shelf import of_laws
+from brake_fenicsx.uncertainty.sampling import draw_sample
+
+SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
+BLOCK = SCENES / "block_on_plate.toml"
+ROUGH = [
+    "stages=['surface','micro','equilibrium']", "surface.statistics={ S_q='3 um' }",
+    "contact.block_plate.law=library", "parts.block.size='10 mm'", "parts.plate.size='14 mm'",
+    "samples.approaches=['multi-scale','classical']", "contact.block_plate.friction=0.1",
+]  # fmt: skip
+SMALL = "micro={ patch='%s', pixels=16, laws=1, steps=8 }"
+
+
+@pytest.mark.parametrize(
+    ("change", "key", "band"),
+    [
+        ("contact.block_plate.friction=5", "contact.block_plate.friction = 5", "0.0 and 1.5"),
+        ("samples.classical.friction=2", "samples.classical.friction = 2", "0 and 1.5"),
+        ("materials.iron.E=125 MPa", "materials.iron: rho = 7200", "5000 MPa"),
+        ("materials.iron.E=125 mPa", "materials.iron.E = 1.25e-07 MPa", "1 MPa and 2000000 MPa"),
+        ("materials.iron.rho=7.2 kg/m^3", "materials.iron.rho = 7.2", "100 kg/m^3 and 25000"),
+        ('loads."block.top".pressure=5 GPa', 'loads."block.top".pressure = 5000', "100 MPa"),
+        ("stability.band=['0 Hz','12 MHz']", "stability.band = 12000000 Hz", "100000 Hz"),
+        ("parts.block={ builder='block', length='2 m', material='iron' }", "parts.block.length",
+         "10 mm and 1000 mm"),
+        ("micro.patch=80 mm", "micro.patch = 80 mm", "0.01 mm and 50 mm"),
+        ("contact.block_plate.law={ p0='10 MPa', u0='10 mm' }", "law.u0 = 10 mm", "1 mm"),
+    ],
+)  # fmt: skip
+def test_values_outside_their_band_are_named(change, key, band):
+    """A slip of the unit, which no sign or dimension shows."""
+    (line,) = unusual(read_scene(BLOCK, [change]))
+    assert key in line and band in line and "correct the unit" in line
+
+
+def test_random_inputs_have_the_band_of_their_key():
+    stages = "stages=['equilibrium','stability','uncertainty']"
+    law = "{ law='normal', mean='5 GPa', sd='1 bar', min='2 bar' }"
+    scene = read_scene(BLOCK, [stages, f"samples.random.'loads.\"block.top\".pressure'={law}"])
+    (line,) = unusual(scene)
+    assert "mean = 5000 MPa" in line and "100 MPa" in line
+
+
+@pytest.mark.parametrize("path", SCENES.glob("*.toml"), ids=lambda path: path.stem)
+def test_shipped_scenes_are_usual(path):
+    assert unusual(read_scene(path)) == []
+
+
+def test_patch_of_the_laws_is_compared_with_the_contact_elements(capsys):
+    """Laws of 2.825 mm patches on elements of 11.8 mm: 17 times the area."""
+    for patch, factor in (("2.825 mm", "17.4"), ("20 mm", "0.348"), ("9 mm", ""), ("mesh", "")):
+        scene = read_scene(BLOCK, [*ROUGH, SMALL % patch])
+        lines = warnings(scene, 11.79e-3)
+        assert len(lines) == bool(factor)
+        assert all(f"{factor} times the area" in line for line in lines)
+    describe(BLOCK, MPI.COMM_SELF, [*ROUGH, SMALL % "1 mm"])
+    said = capsys.readouterr().out
+    assert "on 1 mm squared; contact elements have" in said
+    assert "warning: micro.patch = 1 mm: contact elements have" in said
+    assert "friction: multi-scale 0.1, classical 0.1" in said
+    describe(BLOCK, MPI.COMM_SELF, [*ROUGH, SMALL % "mesh"])
+    said = capsys.readouterr().out
+    assert "contact elements have 1 times that area" in said and "warning" not in said
+
+
+def test_laws_of_the_mesh_and_warnings_of_a_run(tmp_path):
+    """The patch is the mean element's; what is unusual stands in log, summary and page."""
+    for patch in ("mesh", "1 mm"):
+        run(BLOCK, MPI.COMM_SELF, tmp_path / patch, [*ROUGH, SMALL % patch])
+        folder = read_run(tmp_path / patch)
+        facts, page = folder.summary, render_page(folder)
+        side = load_laws(tmp_path / patch / "laws.npz").settings["size"][0]
+        log = (tmp_path / patch / "log.txt").read_text()
+        assert facts["friction"] == {"multi-scale": "0.1", "classical": "0.1"}
+        assert "friction: multi-scale 0.1, classical 0.1" in log
+        assert "Friction coefficient: " in page
+        told = "micro.patch = 1 mm: contact elements have"
+        if patch == "mesh":
+            assert side == pytest.approx(1e-3 * facts["mean_patch_mm"], rel=1e-5)
+            assert facts["warnings"] == [] and "Warning" not in page
+        else:
+            assert side == pytest.approx(1e-3)
+            assert told in facts["warnings"][0] and told in log and f"Warning: {told}" in page
+
+
+def test_laws_of_another_mesh_are_others():
+    """In the cache that runs share."""
+    scene = read_scene(BLOCK, [*ROUGH, SMALL % "mesh"])
+    one, other, again = (of_laws(with_patch(scene, side)) for side in (5e-3, 6e-3, 5e-3 + 1e-17))
+    assert one == again != other
+    assert json.dumps(one)
+
+
+@pytest.mark.parametrize(
+    ("changes", "mu"),
+    [([], 0.1), (["samples.classical.friction=0.4"], 0.4), (["samples.classical.friction=0"], 0.0)],
+)
+def test_perfect_contact_has_the_friction_of_the_scene_unless_its_own_is_written(changes, mu):
+    scene = read_scene(BLOCK, [*ROUGH, SMALL % "1 mm", *changes])
+    contact = SimpleNamespace(interface=np.zeros(3, dtype=int), speed=np.ones(3))
+    sample = draw_sample(scene, "classical", 0, contact, None, None)
+    np.testing.assert_array_equal(sample.mu, mu)
+    assert friction_texts(scene) == {"multi-scale": "0.1", "classical": f"{mu:g}"}
+
+
+def test_friction_that_depends_on_the_speed_is_inherited_too():
+    law = "contact.block_plate.friction={ static=0.6, kinetic=0.4, decay='1 m/s' }"
+    scene = read_scene(BLOCK, [*ROUGH, SMALL % "1 mm", law])
+    contact = SimpleNamespace(interface=np.zeros(2, dtype=int), speed=np.array([0.0, 1e3]))
+    sample = draw_sample(scene, "classical", 0, contact, None, None)
+    np.testing.assert_allclose(sample.mu, [0.6, 0.4])
+    assert friction_texts(scene)["classical"] == "0.6 to 0.4"
