@@ -76,6 +76,8 @@ def agrees(modes, exact, band, rigid=10.0):
     s, condition = modes.s[elastic], modes.condition[elastic]
     inside = exact[(exact.imag > rigid) & (exact.imag <= 2 * np.pi * band[1])]
     assert s.size == inside.size and len(modes) == modes.count.expected
+    if not s.size:
+        return 0.0, 0.0
     nearest = inside[np.abs(s[:, None] - inside).argmin(axis=1)]
     size = np.abs(nearest)
     floor = 1e-15 * np.abs(exact).max() ** 2 * condition / size

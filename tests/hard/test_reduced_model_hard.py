@@ -17,7 +17,7 @@ pytestmark = [pytest.mark.hard, pytest.mark.alone]
 
 @pytest.mark.parametrize("case", ["undamped", "rayleigh"])
 def test_all_contacts_open(two_blocks, case):
-    """The bodies alone: the pad's rigid motions are neutral, not stable, and nothing is unstable."""
+    """The bodies alone: the pad's rigid motions are neutral, not stable; nothing is unstable."""
     scene = two_blocks("coarse")
     sample = Sample(scene, case, k=np.zeros(scene.w.size))
     found = sample.modes(offline(scene, case))

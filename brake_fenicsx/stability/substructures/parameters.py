@@ -38,13 +38,11 @@ class Parameters:
 
     def acting_on(self, changes: list[int]) -> NDArray[np.intp]:
         """Numbers of the parameters that move some of the unit changes."""
-        centre = np.zeros(self.dimension)
-        base = self.coefficients(centre)
+        base = self.coefficients(np.zeros(self.dimension))
         moved = []
         for i in range(self.dimension):
-            point = centre.copy()
-            point[i] = 0.5
-            step = np.abs(self.coefficients(point) - base)
+            ends = [np.eye(self.dimension)[i] * side for side in (1.0, -1.0)]
+            step = np.max([np.abs(self.coefficients(x) - base) for x in ends], axis=0)
             largest = step.max(initial=0.0)
             if largest > 0 and np.any(step[changes] > MOVES * largest):
                 moved.append(i)

@@ -63,6 +63,9 @@ def zeros(T: Array, degree: int, reach: float, near: Callable[[Complex], Index])
         reach: no zero up to this modulus may be missing.
         near: chooses the zeros whose vectors are wanted, all of them within reach.
     """
+    if not T.shape[1]:
+        none = np.zeros((0, 0), complex)
+        return Zeros(none.ravel(), np.zeros(0, dtype=np.intp), none, none)
     divisor = _divided(T, degree, reach) if len(T) - 1 > degree else None
     if divisor is None:
         return _companion(T, near)

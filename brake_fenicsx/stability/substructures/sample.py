@@ -35,6 +35,9 @@ Index = NDArray[np.intp]
 # Highest power of z in T: two powers of lambda for each of kappa.
 TOP = {False: 2, True: 4}
 
+# Last known terms that tell what is truncated.
+TAIL = {False: 2, True: 4}
+
 # Steps of y <- y + E_0^-1 (source a - E y), and of the like for eta: each gains a factor of 3 to 5.
 RIGHT_STEPS, LEFT_STEPS = 2, 3
 
@@ -211,28 +214,26 @@ class Sample:
         eta = self._solve(forced, 1)
         for _ in range(LEFT_STEPS):
             eta = eta + self._solve(forced - applied(self.E, z, eta, transpose=True), 1)
+        damped, terms = self._rows.damped, len(self.E)
+        reach = min(body.component.reach for body in self.bodies)
+        pole = np.hypot(reach, self._rows.shift) if damped else reach**2 + SIGMA
+        fall = np.minimum(np.abs(z) / pole, 0.9)
         value, slope, last = np.zeros_like(z), np.zeros_like(z), np.zeros(z.shape)
-        tail = len(self.E) - (2 if self._rows.damped else 1)
-        for n in range(len(self.E)):
+        for n in range(terms):
             term = -_paired(eta, times(self.E[n], y))
             if n < len(self.source):
                 term += _paired(eta, times(self.source[n], a))
             if n < len(self.forced):
                 term += _paired(b, times(self.forced[n], y))
-            if n >= tail:
-                last = np.maximum(last, np.abs(term * z**n))
             if n < len(self.own):
                 term += _paired(b, times(self.own[n], a))
-                if n >= max(tail, len(self.views[0].modal)):
-                    last = np.maximum(last, np.abs(term * z**n))
+            if n >= terms - TAIL[damped]:
+                # One term alone may be nought by chance.
+                last = np.maximum(last, np.abs(term * z**n) * fall ** (terms - 1 - n))
             value += term * z**n
             if n:
                 slope += n * term * z ** (n - 1)
         slope = np.where(np.abs(slope) > 1e-300, slope, 1e-300)
-        reach = min(body.component.reach for body in self.bodies)
-        damped = self._rows.damped
-        pole = np.hypot(reach, self._rows.shift) if damped else reach**2 + SIGMA
-        fall = np.minimum(np.abs(z) / pole, 0.9)
         truncated = last * fall / (1 - fall) / np.abs(slope)
         right = np.vstack([self.forces(z, y), a])
         return Quotient(-value / slope, slope, truncated, right, np.vstack([eta, b]))
