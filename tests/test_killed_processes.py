@@ -22,7 +22,6 @@ ROUGH = [
 STUDIES = {
     "reduced": ["stability.method=reduced", "stability.verify=2", "samples.n=60"],
     "full": ["stability.method=full", "samples.n=6"],
-    "groups": ["stability.method=full", "samples.processes_per_sample=2", "samples.n=12"],
 }
 TABLES = ("modes", "samples", "contact", "robustness", "convergence")
 
@@ -121,7 +120,7 @@ def test_one_process_killed_amid_the_samples(whole, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("all_of_them", [True, False])
-@pytest.mark.parametrize("study", ["reduced", "groups"])
+@pytest.mark.parametrize("study", ["reduced", "full"])
 def test_killed_at_random_moments(study, all_of_them, whole, tmp_path):
     """Again and again, also while a file is written or the processes are in a common call."""
     unbroken, seconds = whole(study)

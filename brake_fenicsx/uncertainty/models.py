@@ -43,7 +43,11 @@ from .numbering import Numbering, dof_points
 from .random_materials import RandomMaterials, assemble_random
 
 if TYPE_CHECKING:
-    from brake_fenicsx.stability.substructures import Parameters, ReducedModel
+    from brake_fenicsx.stability.substructures import (
+        ContactLinearisation,
+        Parameters,
+        ReducedModel,
+    )
     from brake_fenicsx.stability.terms import Terms
 
 Array = NDArray[np.float64]
@@ -140,10 +144,22 @@ class Models:
         Args:
             u: shape (dofs, columns).
         """
-        M = local_rows(self.M)
         for model in self.reduced.values():
-            return model.coordinates(M, u)
-        return None if self._shapes is None else self._shapes.T @ (M @ u)
+            return model.coordinates(self._ordered(local_rows(self.M)), u[self._order])
+        return None if self._shapes is None else self._shapes.T @ (local_rows(self.M) @ u)
+
+    def displacements(
+        self, damped: bool, place: Array, contact: ContactLinearisation, s: NDArray, a: NDArray
+    ) -> NDArray:
+        """Displacements of some modes of the reduced model, shape (dofs, chosen)."""
+        found = self.reduced[damped].displacements(place, contact, s, a)
+        out = np.empty_like(found)
+        out[self._order] = found
+        return out
+
+    def _ordered(self, A: sp.csr_matrix) -> sp.csr_matrix:
+        """A matrix in the order of the dofs that the folder keeps, whatever cut the mesh."""
+        return A[self._order][:, self._order]
 
     def prepare(self, k0: Array) -> None:
         """Make or load what the samples share, on springs k0 [Pa/m]; collective."""
@@ -172,6 +188,7 @@ class Models:
         self.terms = damping_terms(scene, brake)
         with self._shelf.shared(DOFS, lambda: of_bodies(scene), self._comm):
             self.numbering = Numbering(brake, local_rows(self.K), self._store, self._comm)
+        self._order = self.numbering.kept(np.arange(brake.f.size))
         layers = layer_materials(scene, scene_materials(scene), brake.mesh.layers)
         density = {name: m.rho for name, m in layers.items()}
         self.masses = layer_masses(brake.mesh, brake.elastic.free, density)
@@ -222,15 +239,17 @@ class Models:
         if terms is not None:
             followed, C = "N" + "T" * terms.slope + "R" * terms.sliding, terms.bulk
         changes, shares = self._changes(terms) if changing else ([], None)
-        interface = {"N": brake.N, "T": brake.T, "R": brake.R}
+        order = self._order
+        interface = {"N": brake.N[:, order], "T": brake.T[:, order], "R": brake.R[:, order]}
         mesh, free = brake.mesh, brake.elastic.free
         loads = [
             gathered_vector(unit_loads(mesh, free, face)) for face in sorted(self._scene.loads)
         ]
         bodies = split_substructures(
-            local_rows(self.K), local_rows(self.M), interface,
-            np.stack(loads, axis=1) if loads else None, changes, C, shares,
-            dof_points(brake, self._comm),
+            self._ordered(local_rows(self.K)), self._ordered(local_rows(self.M)), interface,
+            np.stack(loads, axis=1)[order] if loads else None,
+            [self._ordered(A) for A in changes], None if C is None else self._ordered(C), shares,
+            dof_points(brake, self._comm)[order],
         )  # fmt: skip
         known = self._known(file)
         model = ReducedModel.offline(
@@ -242,7 +261,7 @@ class Models:
             made = {
                 f"{i}.{name}": a for i, one in enumerate(model.arrays()) for name, a in one.items()
             }
-            marks = {"layout": np.array(LAYOUT), "dofs": self.numbering.mark}
+            marks = {"layout": np.array(LAYOUT), "dofs": self.numbering.kept_mark}
             self._store.save(file, **marks, **made)
         return model
 
@@ -271,7 +290,7 @@ class Models:
         acts = [stability.get("damping"), scene.table.get("motion")] if damped else None
         settings = self.stability
         accuracy = None if settings is None else [settings.tolerance, settings.cutoff]
-        return [LAYOUT, box, acts, accuracy, self.numbering.mark]
+        return [LAYOUT, box, acts, accuracy]
 
     def _depends(self, more: list[Any]) -> list[Any]:
         """What files that folders share depend on."""
@@ -283,8 +302,7 @@ class Models:
         stored = self._store.load(file)
         if stored is None or int(stored.get("layout", 0)) != LAYOUT:
             return None
-        if str(stored["dofs"]) != self.numbering.mark:
-            logger.info("reduced model: the dofs are numbered in another way now; made again")
+        if str(stored["dofs"]) != self.numbering.kept_mark:
             return None
         logger.info("reduced model: from the cache")
         found: dict[int, dict[str, Array]] = {}
@@ -303,7 +321,7 @@ class Models:
         factor = DeferredFactor(self.K, brake.N, brake.w, k0)
         self.compliance = Compliance(factor, k0, NN, NT, gaps @ pressures)
         self.unit_gaps = dict(zip(faces, gaps.T, strict=True))
-        self.grams = {name: model.coordinates(A) for name, A in self.masses.items()}
+        self.grams = {name: model.coordinates(self._ordered(A)) for name, A in self.masses.items()}
 
     def _family_shapes(self, factor: Solves) -> Array:
         """Real modes of the reference that families are followed in, shape (dofs, modes).

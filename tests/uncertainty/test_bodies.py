@@ -16,8 +16,8 @@ from brake_fenicsx.macro.equilibrium import equilibrium
 from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.uncertainty.bulk import assemble_bulk
 from brake_fenicsx.uncertainty.inputs import draw_inputs
+from brake_fenicsx.uncertainty.random_materials import assemble_random
 from brake_fenicsx.uncertainty.sampling import draw_sample
 
 pytestmark = pytest.mark.alone
@@ -62,10 +62,10 @@ def written(scene, inputs, *changes):
 
 def test_stiffness_of_a_sample_is_that_of_the_scene_written_with_its_constants(scene, brake):
     """Axes turned by 30 degrees: unit changes in x, y, z instead would be wrong there."""
-    bulk = assemble_bulk(scene, brake)
-    assert {c for _, c in bulk.parts} == {"C33", "C44", "C55"}
+    random_materials = assemble_random(scene, brake)
+    assert {c for _, c in random_materials.changes} == {"C33", "C44", "C55"}
     inputs = draw_inputs(scene, "multi-scale", None, np.random.default_rng(4))
-    K = local_rows(bulk.stiffness(inputs.materials))
+    K = local_rows(random_materials.stiffness(inputs.materials))
     expected = local_rows(assemble_brake(written(scene, inputs), COMM).K)
     assert abs(K - expected).max() < 1e-12 * abs(expected).max()
 
@@ -74,11 +74,11 @@ def test_engineering_constants_move_what_they_must(brake):
     s = read_scene(
         BLOCK, [*COARSE, random("materials.lining.E_3", "{ law='uniform', spread=0.2 }")]
     )
-    bulk = assemble_bulk(s, brake)
-    assert {c for _, c in bulk.parts} == {"C11", "C22", "C33", "C12", "C13", "C23"}
+    random_materials = assemble_random(s, brake)
+    assert {c for _, c in random_materials.changes} == {"C11", "C22", "C33", "C12", "C13", "C23"}
     inputs = draw_inputs(s, "multi-scale", None, np.random.default_rng(4))
-    change = inputs.materials["lining"] - bulk.materials["lining"]
-    assert abs(change[0, 0]) > 1e-4 * bulk.materials["lining"][0, 0]
+    change = inputs.materials["lining"] - random_materials.nominal["lining"]
+    assert abs(change[0, 0]) > 1e-4 * random_materials.nominal["lining"][0, 0]
 
 
 @pytest.fixture(scope="module")
@@ -90,11 +90,11 @@ def bodies(brake):
 
 def test_corrected_equilibrium_is_that_of_the_changed_bodies(scene, brake, bodies):
     """A correction left out after the first would be off by the square of the change."""
-    bulk = assemble_bulk(scene, brake)
+    random_materials = assemble_random(scene, brake)
     sample = draw_sample(scene, "multi-scale", 0, brake.contact, None, heights())
-    change = bulk.change(sample.materials)
+    change = random_materials.change(sample.materials)
     found = corrected_equilibrium(bodies, change, sample.laws, sample.mu)
-    K = bulk.stiffness(sample.materials)
+    K = random_materials.stiffness(sample.materials)
     own = compliance(K, brake.N, brake.T, brake.w, brake.f, bodies.compliance.k0, COMM)
     whole = Bodies(brake.N, brake.T, brake.w, brake.g0, brake.f, own)
     direct = equilibrium(whole, sample.laws, sample.mu)
@@ -106,11 +106,11 @@ def test_corrected_equilibrium_is_that_of_the_changed_bodies(scene, brake, bodie
 
 def test_material_far_from_the_scene_is_refused_by_the_corrections(scene, brake, bodies):
     """Three times as stiff: the corrections diverge, and must say so."""
-    bulk = assemble_bulk(scene, brake)
+    random_materials = assemble_random(scene, brake)
     sample = draw_sample(scene, "multi-scale", 0, brake.contact, None, heights())
-    stiff = {"lining": bulk.materials["lining"] * np.where(np.eye(6), 4.0, 1.0)}
+    stiff = {"lining": random_materials.nominal["lining"] * np.where(np.eye(6), 4.0, 1.0)}
     with pytest.raises(NotConverged, match="too far"):
-        corrected_equilibrium(bodies, bulk.change(stiff), sample.laws, sample.mu)
+        corrected_equilibrium(bodies, random_materials.change(stiff), sample.laws, sample.mu)
 
 
 def heights():
@@ -159,7 +159,7 @@ def test_random_load_and_material_give_the_modes_of_the_scene_written_so(tmp_pat
 
 
 def test_materials_and_load_in_the_reduced_model(tmp_path):
-    """Engineering constants and pressure: equilibrium and modes of all samples to 1e-6."""
+    """Engineering constants and pressure: equilibrium and modes of all samples to 1e-5."""
     constants = [
         random(f"materials.lining.{name}", "{ law='uniform', spread=0.2 }")
         for name in ("E_3", "G_13")
@@ -170,13 +170,14 @@ def test_materials_and_load_in_the_reduced_model(tmp_path):
     for k in range(6):
         both = (eigenvalues(tmp_path / n, "multi-scale", k) for n in "ab")
         # The equilibrium, through the compliance, has an interpolation error of its own.
-        assert same_modes(*both, more=1e-7).max() < 1e-6
+        assert same_modes(*both, more=1e-6).max() < 1e-5
     a, b = (rows(tmp_path / n / "modes.csv") for n in "ab")
-    assert [r["verdict"] for r in a] == [r["verdict"] for r in b]
+    for found, exact in zip(a, b, strict=True):
+        assert found["verdict"] in (exact["verdict"], "neutral")
     shares = [[float(r[c]) for r in t for c in r if c.startswith("share_")] for t in (a, b)]
     assert np.abs(np.subtract(*shares)).max() < 0.1
     one = np.load(tmp_path / "a" / "samples" / "multi-scale-00000.npz")
-    assert "anchors" in str(one["counted"])
+    assert "companion matrix" in str(one["counted"])
 
 
 def test_materials_that_no_box_can_hold_go_to_full_order(tmp_path):
@@ -185,7 +186,7 @@ def test_materials_that_no_box_can_hold_go_to_full_order(tmp_path):
     odd = [random(f"materials.lining.{n}", "{ law='uniform', min=0.0, max=0.95 }") for n in names]
     run(BLOCK, COMM, tmp_path / "a", [*COARSE, *odd, "samples.n=12"])
     one = np.load(tmp_path / "a" / "samples" / "multi-scale-00000.npz")
-    assert "anchors" not in str(one["counted"])
+    assert "companion matrix" not in str(one["counted"])
     assert "full order" in (tmp_path / "a" / "log.txt").read_text()
 
 
@@ -212,16 +213,31 @@ def test_friction_alone_goes_through_the_reduced_path_also_in_perfect_contact(tm
     assert len({s["contact.block_plate.friction"] for s in samples[3:]}) == 3
 
 
-def test_tolerance_of_the_scene_decides_what_is_corrected(tmp_path):
-    """Perfect contact, far from the reference: errors beyond the tolerance are taken away."""
+def test_tolerance_of_the_scene_decides_how_accurate_the_model_is(tmp_path):
+    """More moments in perfect contact: smaller stated errors."""
     fast = ["samples.approaches=['multi-scale','fast']", "samples.fast.design=rbd-fast"]
     worst = []
-    for name, tolerance in (("loose", 1.0), ("tight", 1e-6)):
+    for name, tolerance in (("loose", 1e-2), ("tight", 1e-6)):
         given = [*COARSE, MU, *fast, "samples.n=2", f"stability.tolerance={tolerance}"]
         run(BLOCK, COMM, tmp_path / name, given)
         both = [eigenvalues(tmp_path / name, "fast", k) for k in range(2)]
         worst.append(max(np.max(e / np.abs(s)) for s, e in both))
-    assert worst[0] > 5e-6 and worst[1] < 0.2 * worst[0]
+    assert worst[1] < 0.05 * worst[0]
+
+
+@pytest.mark.parametrize("choice", ["warn", "full order"])
+def test_what_becomes_of_a_sample_beyond_the_tolerance(tmp_path, choice):
+    """Counted and said, or solved at full order: the scene's choice."""
+    given = [*COARSE, C44, "samples.n=2", "stability.tolerance=1e-8", "stability.verify=0"]
+    run(BLOCK, COMM, tmp_path, [*given, f"stability.on_tolerance={choice}"])
+    log = (tmp_path / "log.txt").read_text()
+    for k in range(2):
+        one = np.load(tmp_path / "samples" / f"multi-scale-{k:05d}.npz")
+        missed = int(one["tolerance_missed"])
+        assert (missed > 0) == (choice == "warn")
+        assert ("companion matrix" in str(one["counted"])) == (choice == "warn")
+    assert ("tolerance not reached" in log) == (choice == "warn")
+    assert ("beyond the tolerance 1e-08: full order" in log) == (choice == "full order")
 
 
 NO_MODES = "stages=['surface','equilibrium','uncertainty']"

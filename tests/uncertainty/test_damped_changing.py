@@ -42,14 +42,15 @@ def test_samples_are_those_of_full_order(terms, comm, tmp_path):
     for method in ("reduced", "full"):
         run(BLOCK, comm, folder / method, [*GIVEN, damping, f"stability.method={method}"])
     summary = json.loads((folder / "reduced" / "summary.json").read_text())
-    assert summary["changing_bodies"]["seconds"] > 0
+    assert summary["damped_model"]["seconds"] > 0
     assert "full order" not in (folder / "reduced" / "log.txt").read_text()
     both = zip(stored(folder / "reduced"), stored(folder / "full"), strict=True)
     for found, exact in both:
         assert found["s"].size == exact["s"].size >= 5
-        assert "on bases complete by inertia at the anchors" in str(found["counted"])
+        assert "companion matrix" in str(found["counted"])
         distance = np.abs(found["s"] - exact["s"])
-        assert np.all(distance <= found["error"] + exact["error"])
+        # The equilibria differ by the interpolation of the compliance.
+        assert np.all(distance <= found["error"] + exact["error"] + 1e-6 * np.abs(exact["s"]))
         np.testing.assert_allclose(found["shares"], exact["shares"], atol=0.01)
         wrong = {str(v) for v in found["verdict"][found["verdict"] != exact["verdict"]]}
         assert wrong <= {"neutral"}
@@ -63,11 +64,9 @@ def test_taken_from_the_cache(tmp_path):
     for file in (tmp_path / "samples").iterdir():
         file.unlink()
     run(BLOCK, SELF, tmp_path, changes)
-    assert "reduced bodies: from the cache" in (tmp_path / "log.txt").read_text()
+    assert "reduced model: from the cache" in (tmp_path / "log.txt").read_text()
     for one, other in zip(first, stored(tmp_path), strict=True):
         np.testing.assert_array_equal(one["s"], other["s"])
-    kept = dict(np.load(tmp_path / "cache" / "bodies.npz"))
-    assert str(kept["damping"]) == "NTR, damped"
 
 
 @pytest.mark.slow
@@ -77,7 +76,7 @@ def test_too_strong_a_damping_goes_to_full_order_by_name(tmp_path):
     strong.append("stability.band=['0 Hz','20 kHz']")
     run(BLOCK, SELF, tmp_path, [*GIVEN, *strong, "stability.method=reduced"])
     log = (tmp_path / "log.txt").read_text()
-    assert "no reduced model of changing materials: damping too strong" in log
+    assert "no reduced model: damping too strong" in log
     assert len(stored(tmp_path)) == 2 and "counted" in stored(tmp_path)[0]
 
 
@@ -89,11 +88,10 @@ def test_undamped_samples_beside_damped_ones(rough, tmp_path):
     """
     both = [f"samples.approaches=['{rough}','fast']"]
     both += [f"samples.{name}={{ n=2, design='random' }}" for name in ("joint", "fast")]
-    changes = [*GIVEN, "stability.damping.slope=true", "stability.method=reduced", *both]
+    changes = [*GIVEN, "stability.damping.slope=true", "stability.method=reduced", *both,
+               "samples.classical.friction=0.5"]  # fmt: skip
     run(BLOCK, SELF, tmp_path, changes)
     damped, free = stored(tmp_path, rough)[0], stored(tmp_path, "fast")[0]
-    assert "det T(lambda)" in str(damped["counted"])
-    assert ("anchors" in str(damped["counted"])) == (rough == "joint")
-    assert "det T," in str(free["counted"]) and "anchors" in str(free["counted"])
+    assert "companion" in str(damped["counted"]) and "companion" in str(free["counted"])
     pairs = free["s"][np.abs(free["s"].real) > 1.0]
     assert np.all([np.abs(free["s"] + s.conjugate()).min() < 1e-6 * abs(s) for s in pairs])

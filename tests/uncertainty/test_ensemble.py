@@ -32,7 +32,7 @@ def value(store, task):
 
 def test_every_sample_is_done_exactly_once(store):
     done = []
-    run_ensemble(TASKS, lambda t, _: done.append(t) or {"x": np.array(t[1] ** 2)}, store, COMM)
+    run_ensemble(TASKS, lambda t: done.append(t) or {"x": np.array(t[1] ** 2)}, store, COMM)
     everyone = [t for part in COMM.allgather(done) for t in part]
     assert sorted(everyone) == TASKS
     assert [int(value(store, t)["x"]) for t in TASKS] == [k**2 for k in range(12)]
@@ -42,13 +42,13 @@ def test_finished_samples_are_not_done_again(store):
     if COMM.rank == 0:
         store.save(sample_file(TASKS[4]), status="ok", x=np.array(-1))
     COMM.Barrier()
-    run_ensemble(TASKS, lambda t, _: {"x": np.array(t[1])}, store, COMM)
+    run_ensemble(TASKS, lambda t: {"x": np.array(t[1])}, store, COMM)
     assert int(value(store, TASKS[4])["x"]) == -1
     assert int(value(store, TASKS[5])["x"]) == 5
 
 
 def test_failing_sample_is_kept_with_its_error(store):
-    def work(task, _):
+    def work(task):
         if task[1] == 7:
             raise NotConverged("stalls")
         return {}
@@ -69,7 +69,7 @@ def test_friction_is_printed_without_the_round_off_of_a_mean(store):
 
 
 def test_defect_of_the_program_is_raised_on_all_processes(store):
-    def work(task, _):
+    def work(task):
         if task[1] == 3:
             raise ZeroDivisionError("a defect")
         return {}
@@ -79,62 +79,23 @@ def test_defect_of_the_program_is_raised_on_all_processes(store):
     assert value(store, TASKS[3]) is None
 
 
-def test_large_samples_are_taken_by_groups_the_others_by_each_process(store):
-    """Every process of a group works on its sample, the first one stores; then each by itself."""
+def test_large_samples_come_first(store):
+    """They take longest: none is begun while others wait for the end of the run."""
     done = []
-
-    def work(task, group):
-        done.append((task, group.size, group.rank))
-        return {"sum": group.allreduce(group.rank + 1)}
-
-    large = [("classical", k) for k in range(5)]
-    run_ensemble(TASKS, work, store, COMM, large, COMM.size)
+    large = [("classical", k) for k in range(3)]
+    run_ensemble(TASKS, lambda t: done.append(t) or {}, store, COMM, large)
     everyone = sorted(t for part in COMM.allgather(done) for t in part)
-    n = COMM.size
-    assert everyone == sorted(
-        [(t, n, i) for t in large for i in range(n)] + [(t, 1, 0) for t in TASKS]
-    )
-    # Nobody begins a small sample before the last large one was handed out.
-    own = [size for _, size, _ in done]
+    assert everyone == sorted([*large, *TASKS])
+    own = [t in large for t in done]
     assert own == sorted(own, reverse=True)
-    assert {int(value(store, t)["sum"]) for t in large} == {n * (n + 1) // 2}
-    assert {int(value(store, t)["sum"]) for t in TASKS} == {1}
-
-
-def test_sample_that_fails_on_one_process_of_a_group_is_stored_once_and_stops_nothing(store):
-    saved = []
-    save, store.save = store.save, lambda name, **data: saved.append(name) or save(name, **data)
-
-    def work(task, group):
-        if task[1] == 7 and group.rank == group.size - 1:
-            raise NotConverged("stalls")
-        return {"sum": group.allreduce(1)}
-
-    run_ensemble([], work, store, COMM, TASKS, COMM.size)
-    assert str(value(store, TASKS[7])["status"]) == "stalls"
-    assert {int(value(store, t)["sum"]) for t in TASKS if t[1] != 7} == {COMM.size}
-    assert sorted(saved) == ([sample_file(t) for t in TASKS] if COMM.rank == 0 else [])
-
-
-def test_defect_on_one_process_of_a_group_ends_the_run_on_all(store):
-    def work(task, group):
-        if task[1] == 3 and group.rank == group.size - 1:
-            raise ZeroDivisionError("a defect")
-        return {"sum": group.allreduce(1)}
-
-    with pytest.raises(RuntimeError, match="a defect"):
-        run_ensemble(TASKS, work, store, COMM, [("classical", 3)], COMM.size)
-    assert value(store, ("classical", 3)) is None
 
 
 def test_results_that_cannot_be_stored_end_the_run_on_all(store):
-    """A full disc: the first process fails alone, after the group's work is done."""
+    """A full disc."""
 
     def full(name, **_):
         raise OSError("no space left")
 
     store.save = full
     with pytest.raises(RuntimeError, match="no space left"):
-        run_ensemble(
-            [], lambda _, group: {"sum": group.allreduce(1)}, store, COMM, TASKS, COMM.size
-        )
+        run_ensemble(TASKS, lambda _: {}, store, COMM)

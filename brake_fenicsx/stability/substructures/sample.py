@@ -135,7 +135,7 @@ class Sample:
         """
         closed = contact.closed
         if not closed.size:
-            # One open element: its force is zero, and the matrices are not empty.
+            # One open element in place of none: its force is zero. There may be no element at all.
             closed = np.arange(min(1, w.size))
         self.bodies, self.views, self._rows = bodies, views, rows
         at = np.full(w.size, -1)
@@ -148,13 +148,13 @@ class Sample:
         self._count = closed.size
         self._assemble(contact, w, omega)
         top = TOP[rows.damped]
-        self._lu = la.lu_factor(self.E[0], check_finite=False)
+        self._lu = la.lu_factor(self.E[0], check_finite=False) if closed.size else None
         Y: list[Array] = []
         for n in range(top + 1):
             rhs = self.source[n].copy() if n < len(self.source) else np.zeros_like(self.source[0])
             for k in range(1, min(n, len(self.E) - 1) + 1):
                 rhs -= self.E[k] @ Y[n - k]
-            Y.append(la.lu_solve(self._lu, rhs, check_finite=False))
+            Y.append(self._static(rhs))
         self._Y = np.array(Y)
         size = self.own.shape[1]
         self.T = np.zeros((top + 1, size, size))
@@ -260,7 +260,13 @@ class Sample:
 
     def _solve(self, x: Complex, trans: int = 0) -> Complex:
         """E_0^-1 x, or its transpose."""
-        return on_parts(lambda v: la.lu_solve(self._lu, v, trans=trans, check_finite=False), x)
+        return on_parts(lambda v: self._static(v, trans), x)
+
+    def _static(self, x: Array, trans: int = 0) -> Array:
+        """The same of real columns."""
+        if self._lu is None:
+            return x
+        return np.asarray(la.lu_solve(self._lu, x, trans=trans, check_finite=False))
 
 
 def _paired(left: Complex, right: Complex) -> Complex:
