@@ -14,22 +14,15 @@ import pytest
 
 
 def pytest_collection_modifyitems(config, items):
-    """Tests of one process alone are dealt out to all, to be run at the end.
-
-    Each of the processes would do the same work otherwise.
-    """
-    comm = MPI.COMM_WORLD
-    if comm.size == 1:
-        return
-    alone = [item for item in items if _alone(item)]
-    own = alone[comm.rank :: comm.size]
-    config.hook.pytest_deselected(items=[item for item in alone if item not in own])
-    items[:] = [item for item in items if not _alone(item)] + own
+    """On several processes only tests that they do together; the others run on one process."""
+    if MPI.COMM_WORLD.size > 1:
+        config.hook.pytest_deselected(items=[item for item in items if _alone(item)])
+        items[:] = [item for item in items if not _alone(item)]
 
 
 def _alone(item):
     """Whether a test is none of all processes together."""
-    return item.get_closest_marker("alone") and not {"comm", "two_blocks"} & {*item.fixturenames}
+    return item.get_closest_marker("alone") and "comm" not in item.fixturenames
 
 
 @pytest.fixture(autouse=True)
@@ -183,10 +176,14 @@ def _scene(name, alone, key):
 
 
 @pytest.fixture
-def two_blocks():
-    """``two_blocks(name, alone=False, **changes)``: one of the scenes above, made once per run."""
+def two_blocks(request):
+    """``two_blocks(name, alone=..., **changes)``: one of the scenes above, made once per run.
 
-    def make(name, alone=False, **changes):
+    ``alone``: on this process, as in tests that are marked so, in place of all together.
+    """
+    marked = bool(_alone(request.node))
+
+    def make(name, alone=marked, **changes):
         return _scene(name, alone, tuple(sorted(changes.items())))
 
     return make

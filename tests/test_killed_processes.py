@@ -12,6 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from processes import parallel
+
 BLOCK = Path(__file__).parents[1] / "scripts" / "scenes" / "block_on_plate.toml"
 ROUGH = [
     "stages=['surface','equilibrium','stability','uncertainty']",
@@ -35,16 +37,11 @@ class Job:
             pytest.skip("no mpirun")
         code = "import sys; from brake_fenicsx.cli import main; sys.exit(main(sys.argv[1:]))"
         sets = [word for change in (*ROUGH, *STUDIES[study]) for word in ("--set", change)]
-        # Containers run as root, and Open MPI wants to be told that this is meant.
-        environment = os.environ | {
-            "OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-            "OPENBLAS_NUM_THREADS": "1",
-        }  # fmt: skip
         self.out, self.start = out, time.perf_counter()
         self.mpirun = subprocess.Popen(
             [mpirun, "-n", str(processes), "--oversubscribe", sys.executable, "-c", code,
              "run", str(BLOCK), "-o", str(out), *sets],
-            stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=environment,
+            stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, **parallel(),
         )  # fmt: skip
 
     def finish(self):

@@ -3,7 +3,6 @@
 import csv
 import importlib.metadata
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -17,6 +16,7 @@ import pytest
 
 from brake_fenicsx.pipeline import assemble, run
 from brake_fenicsx.versions import LIBRARIES, version_of
+from processes import parallel
 
 SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
 BLOCK = SCENES / "block_on_plate.toml"
@@ -231,12 +231,8 @@ def test_killed_run_goes_on_to_the_same_bytes(samples, many, tmp_path):
 
 def test_two_processes_give_the_modes_of_one(many, tmp_path):
     """Relative 1e-8, or the certified error where that is larger."""
-    environment = os.environ | {
-        "OMPI_ALLOW_RUN_AS_ROOT": "1",
-        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
-    }
     out = tmp_path / "out"
-    done = subprocess.run(command(BLOCK, out, MANY, 2), capture_output=True, env=environment)
+    done = subprocess.run(command(BLOCK, out, MANY, 2), capture_output=True, **parallel())
     assert done.returncode == 0, done.stderr.decode()
     one, two = rows(many / "modes.csv"), rows(out / "modes.csv")
     assert len(one) == len(two) > 50

@@ -1,7 +1,6 @@
 """What ParaView gets: values at the vertices, both parts of a mode, on one and on two processes."""
 
 import logging
-import os
 import shutil
 import subprocess
 import sys
@@ -24,6 +23,7 @@ from brake_fenicsx.report.contact_fields import (  # noqa: E402
 )
 from brake_fenicsx.report.fields import write_fields, write_phases  # noqa: E402
 from brake_fenicsx.report.render import render_mesh, render_mode  # noqa: E402
+from processes import parallel  # noqa: E402
 
 
 def vector_space(comm, n=3, cell=None):
@@ -322,13 +322,8 @@ def test_two_processes_write_the_same_field(tmp_path):
     mpirun = shutil.which("mpirun")
     if mpirun is None:
         pytest.skip("no mpirun")
-    environment = dict(
-        os.environ,
-        OMPI_ALLOW_RUN_AS_ROOT="1",
-        OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1",
-        OMP_NUM_THREADS="1",
-        PYTHONPATH=str(Path(__file__).parent),
-    )
+    given = parallel()
+    given["env"]["PYTHONPATH"] = str(Path(__file__).parent)
     code = (
         "import sys; from mpi4py import MPI; import test_fields as t;"
         "V = t.vector_space(MPI.COMM_WORLD); v = t.values_on(V);"
@@ -336,7 +331,7 @@ def test_two_processes_write_the_same_field(tmp_path):
     )
     paths = [str(tmp_path / "m.xdmf"), str(tmp_path / "m.png")]
     command = [mpirun, "-n", "2", "--oversubscribe", sys.executable, "-c", code, *paths]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True)
+    done = subprocess.run(command, capture_output=True, text=True, **given)
     assert done.returncode == 0, done.stderr
     grid = read(paths[0])
     exact = field(grid.points.T.astype(float)).T

@@ -1,0 +1,16 @@
+"""Programs that tests start: their environment says nothing of the tests' own MPI."""
+
+import os
+import subprocess
+
+
+def parallel():
+    """Keyword arguments of ``subprocess`` under which mpirun starts, also as root.
+
+    What the test process inherited of another mpirun, and the pipe that a worker of the tests has
+    for its standard input, would end it without a word.
+    """
+    own = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_", "PMIX_", "ORTE_"))}
+    own |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+    own |= {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+    return {"env": own, "stdin": subprocess.DEVNULL}
