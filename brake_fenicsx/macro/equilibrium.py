@@ -67,12 +67,12 @@ def equilibrium(
     tolerance: float = 1e-10,
     max_iterations: int = 60,
 ) -> Equilibrium:
-    """Braking equilibrium under the ramped loads, Eq. (9).
+    """Balance of virtual work of contact and solids under the ramped loads, Eq. (11).
 
     Args:
         ops: anything with ``.w`` [m^2], ``.g0`` [m] and ``.compliance`` (Compliance).
         laws: law and critical gap of every element.
-        mu: friction coefficient, one or one per element; 0 solves without friction, as Eq. (9)
+        mu: friction coefficient, one or one per element; 0 solves without friction, as section 2
             of the source does.
         steps: equal load steps.
         tolerance: relative residual of the last step.
