@@ -14,10 +14,13 @@ import pytest
 
 
 def pytest_collection_modifyitems(config, items):
-    """Tests of one process alone are dealt out to all, to be run at the end.
+    """Tests in tests/hard are hard. Tests of one process alone are dealt out to all, at the end.
 
     Each of the processes would do the same work otherwise.
     """
+    for item in items:
+        if item.path.parent.name == "hard":
+            item.add_marker("hard")
     comm = MPI.COMM_WORLD
     if comm.size == 1:
         return
