@@ -279,7 +279,7 @@ def test_a_run_of_failed_samples_alone_is_an_error(tmp_path, monkeypatch, capsys
     monkeypatch.setattr(equilibria, "equilibrium", never)
     out = tmp_path / "out"
     assert main(["run", str(BLOCK), "-o", str(out), "--set", "stages=['equilibrium']"]) == 1
-    assert "no sample of 1 is good" in capsys.readouterr().err
+    assert "all samples failed (1 of 1)" in capsys.readouterr().err
     assert [s["status"] for s in rows(out / "samples.csv")] == ["made to fail"]
     assert (out / "summary.json").exists()
 

@@ -100,9 +100,7 @@ def contact_elements(
     else:
         parts = facet_integrals(pad, disc, reach, discretisation == "quadrature", mesh.domain.comm)
     if not parts.w.size or parts.w.sum() <= 0:
-        raise SceneError(
-            f"contact: {faces[0]!r} and {faces[1]!r} lie nowhere opposite to each other"
-        )
+        raise SceneError(f"contact: {faces[0]!r} and {faces[1]!r} face each other nowhere")
     return _elements(parts, free.size, motion)
 
 

@@ -141,7 +141,7 @@ class Jacobian:
                 return x if x is not None else la.solve(self._matrix(float), b, overwrite_a=True)
         except (la.LinAlgError, ValueError) as error:
             raise NotConverged(
-                "equilibrium: no element is in contact on the way; raise the load steps"
+                "equilibrium: all contact elements open during the iteration; raise the load steps"
             ) from error
 
     def _refined(self, b: Array) -> Array | None:

@@ -31,9 +31,9 @@ LOSS = (
     "Vertex values: the second-order field was interpolated into the first-order space of the same "
     "mesh; its mid-edge values are not in this file."
 )
-LOGGED = "vertex values; mid-edge values are not in this file"
-VTX_TOO = "all values are in {}"
-NO_VTX = "nor, without ADIOS2, in any other"
+LOGGED = "values at vertices; mid-edge values are not exported to XDMF"
+VTX_TOO = "{} holds the full quadratic field"
+NO_VTX = "VTX files of the full quadratic field need a DOLFINx with ADIOS2"
 NO_LOSS = "Values at all nodes of the mesh, one for every dof of the field."
 
 
