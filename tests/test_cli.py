@@ -208,7 +208,7 @@ def test_sigterm_finishes_the_sample_and_nothing_new(tmp_path, monkeypatch, caps
     store.path("samples").mkdir()
     begun = []
 
-    def work(task, _):
+    def work(task):
         begun.append(task)
         if task[1] == 2:
             os.kill(os.getpid(), signal.SIGTERM)
