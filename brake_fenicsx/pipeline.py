@@ -370,7 +370,8 @@ def brake_stage(this: Run) -> Brake:
             this.facts["smallest_dihedral_deg"] = float(np.degrees(brake.mesh.worst.dihedral))
         logger.info(
             "%(cells)d cells, %(dofs)d free dofs, %(contact_elements)d contact elements"
-            " of %(mean_patch_mm).3f mm squared in the mean; worst cell %(worst_cell_quality).3f",
+            " with a mean side of %(mean_patch_mm).3f mm; worst quality of a cell"
+            " %(worst_cell_quality).3f",
             this.facts,
         )
     mean_patch = 1e-3 * float(this.facts["mean_patch_mm"])
