@@ -1,3 +1,3 @@
 """From a scan of the pad surface to the squealing modes of a disc brake."""
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

@@ -58,7 +58,7 @@ def warnings(scene: Scene, mean_patch: float | None = None) -> list[str]:
         if not 1 / PATCH_FACTOR <= area <= PATCH_FACTOR:
             lines.append(
                 f"micro.patch = {1e3 * patch:g} mm: contact elements have {area:.3g} times the area"
-                f" of the laws' patch ({1e3 * mean_patch:.3g} mm squared in the mean); write"
+                f" of the laws' patch (their mean side is {1e3 * mean_patch:.3g} mm); write"
                 ' micro.patch = "mesh"'
             )
     return lines

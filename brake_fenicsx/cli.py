@@ -22,18 +22,19 @@ from brake_fenicsx.termination import STATUS, Terminated, watching  # noqa: E402
 STAGES = ("surface", "micro", "equilibrium", "stability", "uncertainty", "report")
 
 DESCRIPTION = """\
-Which vibration modes of a disc brake will squeal, how sure that is, and what drives them: from a
-measured scan of the pad's surface to the complex modes of hundreds of random samples.
+Predicts which vibration modes of a disc brake will squeal, with what probability, and which inputs
+cause it: from a measured scan of the pad surface to the complex modes of hundreds of random brakes.
 
 Everything is written in one scene file: parts, materials, contact, loads, and the stages to run.
-scripts/scenes/ holds examples, docs/scene.md every key, docs/own_scan_own_mesh.md a first study."""
+scripts/scenes/ holds examples; docs/scene.md lists every key, docs/cli.md every command;
+docs/own_scan_own_mesh.md is a first study."""
 
 EPILOG = """\
 first steps:
-  brake-fenicsx check brake.toml          what it builds: dofs, laws, samples; memory, time
+  brake-fenicsx check brake.toml          sizes, memory and time of a run; refuses mistakes
   brake-fenicsx run brake.toml            results in ./brake-results; open its report.html
-  brake-fenicsx run brake.toml            once more: goes on where it was interrupted
-  brake-fenicsx report brake-results      figures and page again, without computing
+  brake-fenicsx run brake.toml            the same again: resumes an interrupted run
+  brake-fenicsx report brake-results      draws figures and page again, without computing
   brake-fenicsx schema > scene.json       keys of a scene, for editors (docs/scene.md)
 
 variations:
@@ -48,11 +49,11 @@ variations:
 
 exit status:
   0    done
-  1    a computation or every sample failed; a named error is printed, finished samples are kept
+  1    a computation failed, or every sample; the error is named, finished samples are kept
   2    wrong input; one line names file, key, value and remedy, nothing was written
-  130  interrupted (Ctrl-C); started again it goes on (mpirun answers with a status of its own)
-  141  whoever read the output stopped reading, as "| head" does
-  143  ended by SIGTERM; the sample at hand was stored, started again it goes on
+  130  interrupted (Ctrl-C); the same command resumes it (mpirun answers with its own status)
+  141  the reader of the output closed it, as "| head" does
+  143  ended by SIGTERM; the sample in progress was stored, the same command resumes the run
 
 "brake-fenicsx COMMAND --help" lists the options of a command."""
 
@@ -87,36 +88,36 @@ def parser() -> argparse.ArgumentParser:
                      help="print what makes this shell complete command lines")  # fmt: skip
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     raw = argparse.RawDescriptionHelpFormatter
-    text = "read a scene; say what it will build and about how long it will take"
+    text = "read a scene; report what a run builds, and estimate its memory and time"
     checks = commands.add_parser("check", help=text, description=text, epilog=AFTER_CHECK,
                                  formatter_class=raw)  # fmt: skip
-    text = "run a scene, or go on with it"
+    text = "run a scene, or resume its run"
     runs = commands.add_parser("run", help=text, description=text, epilog=AFTER_RUN,
                                formatter_class=raw)  # fmt: skip
     for command in (checks, runs):
         command.add_argument("scene", metavar="SCENE.toml", help="the scene file")
         command.add_argument("--set", action="append", default=[], metavar="KEY=VALUE",
-                             help="replace a key of the scene: any of docs/scene.md, as often as"
-                             " wanted; the value is TOML, or a bare word")  # fmt: skip
+                             help="replace a key of the scene (docs/scene.md), as often as"
+                             " needed; the value is TOML, or a bare word")  # fmt: skip
         command.add_argument("--json", action="store_true",
                              help="print the outcome as JSON, for other programs")  # fmt: skip
-    afresh = f"compute it and all later stages afresh: {', '.join(STAGES)}"
-    runs.add_argument("--from", dest="from_stage", choices=STAGES, metavar="STAGE", help=afresh)
+    again = f"recompute this stage and all later ones: {', '.join(STAGES)}"
+    runs.add_argument("--from", dest="from_stage", choices=STAGES, metavar="STAGE", help=again)
     runs.add_argument("-o", dest="directory", metavar="DIR", help="results folder, ./SCENE-results")
     runs.add_argument("--cache", metavar="DIR", help="share laws and reduced models with runs of"
                       " scenes that differ in seed, samples, friction or loads")  # fmt: skip
     runs.add_argument("petsc", nargs="*", metavar="-- PETSC_OPTIONS", help="go to PETSc")
     text = "print the JSON Schema of a scene, by which editors complete and check its keys"
     schemas = commands.add_parser("schema", help=text, description=text)
-    text = "draw the figures of a results folder and write its page again"
+    text = "draw figures and page of a results folder again"
     reports = commands.add_parser("report", help=text, description=text)
     reports.add_argument("directory", metavar="DIR", help="results folder of a run")
     for command in (checks, runs, schemas, reports):
         command.add_argument(
-            "-q", dest="quiet", action="store_true", help="warnings and errors alone"
+            "-q", dest="quiet", action="store_true", help="show only warnings and errors"
         )
         command.add_argument("-v", dest="verbose", action="store_true",
-                             help="say more; show where in the program an error arose")  # fmt: skip
+                             help="show more messages, and the traceback of an error")  # fmt: skip
     return top
 
 
@@ -179,9 +180,9 @@ def _main(words: list[str]) -> int:
             comm.Abort(status)  # it may be the only one that writes, and the others wait
         return status
     except KeyboardInterrupt:
-        return _end(comm, verbose, "interrupted; the same command goes on from here", 130)
+        return _end(comm, verbose, "interrupted; the same command resumes the run", 130)
     except Terminated as error:
-        said = "terminated; finished samples are stored, the same command goes on from here"
+        said = "terminated; finished samples are stored, the same command resumes the run"
         status = _end(comm, verbose, said, STATUS)
         if comm is not None and comm.size > 1 and not error.together:
             comm.Abort(status)

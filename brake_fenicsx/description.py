@@ -59,7 +59,7 @@ def describe(
         lines.append(
             f"brake: {sizes['cells']} cells, {sizes['dofs']} free dofs,"
             f" {sizes['contact_elements']} contact elements"
-            f" of {sizes['mean_patch_mm']:.3f} mm squared in the mean"
+            f" with a mean side of {sizes['mean_patch_mm']:.3f} mm"
         )
         lines += remarks(parsed, comm)
         ways = {
@@ -76,11 +76,11 @@ def describe(
         m = parsed.micro
         each, patch = " for each sample" if m.fresh else "", float(m.patch)
         factor = "" if mean_patch is None else (
-            f"; contact elements have {(mean_patch / patch) ** 2:.3g} times that area in the mean"
+            f"; contact elements have {(mean_patch / patch) ** 2:.3g} times their area on average"
         )  # fmt: skip
         lines.append(
-            f"laws: {m.library_size}{each} of {m.pixels} x {m.pixels} points on"
-            f" {1e3 * patch:.4g} mm squared{factor}"
+            f"laws: {m.library_size}{each} of {m.pixels} x {m.pixels} points, patches with"
+            f" a side of {1e3 * patch:.4g} mm{factor}"
         )
     costs = estimate(parsed, counts)
     noted = warnings(parsed, mean_patch)

@@ -64,7 +64,7 @@ class Run:
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Log and time a stage."""
-        logger.info("%s ...", name)
+        logger.info("stage '%s' ...", name)
         start = time.perf_counter()
         yield
         self.comm.Barrier()
@@ -72,7 +72,10 @@ class Run:
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
         self.peak_memory_mb[name] = self.comm.allreduce(peak)
         logger.info(
-            "%s: %.1f s, %.0f MB at most", name, self.seconds[name], self.peak_memory_mb[name]
+            "stage '%s' finished in %.1f s (peak memory %.0f MB)",
+            name,
+            self.seconds[name],
+            self.peak_memory_mb[name],
         )
         give_back()
 
@@ -197,8 +200,8 @@ def refuse_if_all_failed(this: Run) -> None:
     failed = this.comm.bcast(0 if good else this.facts.get("failed_samples", 0), root=0)
     if failed:
         raise BrakeError(
-            f"no sample of {failed} is good; {this.store.path('samples.csv')} names the error of"
-            " each, and --from uncertainty tries them again"
+            f"all samples failed ({failed} of {failed}); {this.store.path('samples.csv')} names the"
+            " error of each, and --from uncertainty computes them again"
         )
 
 
@@ -237,7 +240,7 @@ def open_folder(this: Run, from_stage: str | None) -> None:
             store.check(this.scene)
             if from_stage is not None and (others := store.lock.others()):
                 raise SceneError(
-                    f"--from {from_stage}: another run is at work in {store.directory}:"
+                    f"--from {from_stage}: another run is working in {store.directory}:"
                     f" {store.lock.described(others[0])}; wait for its end, or end it"
                 )
             store.open(this.scene, from_stage)
@@ -367,7 +370,8 @@ def brake_stage(this: Run) -> Brake:
             this.facts["smallest_dihedral_deg"] = float(np.degrees(brake.mesh.worst.dihedral))
         logger.info(
             "%(cells)d cells, %(dofs)d free dofs, %(contact_elements)d contact elements"
-            " of %(mean_patch_mm).3f mm squared in the mean; worst cell %(worst_cell_quality).3f",
+            " with a mean side of %(mean_patch_mm).3f mm; worst quality of a cell"
+            " %(worst_cell_quality).3f",
             this.facts,
         )
     mean_patch = 1e-3 * float(this.facts["mean_patch_mm"])

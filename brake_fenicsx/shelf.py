@@ -81,7 +81,9 @@ class Shelf:
                 _link(own, there)
             except OSError as error:
                 why = error.strerror or error
-                logger.warning("%s: cannot be written (%s); the run goes on without", there, why)
+                logger.warning(
+                    "%s: cannot be written (%s); the run continues without it", there, why
+                )
 
 
 def of_bodies(scene: Scene) -> dict[str, Any]:

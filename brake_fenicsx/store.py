@@ -197,7 +197,7 @@ def _write(path: Path, text: str) -> None:
 
 def _not_written(path: Path, error: OSError) -> StorageError:
     return StorageError(
-        f"{path}: cannot be written ({error.strerror or error}); the same command goes on from here"
+        f"{path}: cannot be written ({error.strerror or error}); the same command resumes the run"
         " once it can"
     )
 

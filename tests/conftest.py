@@ -14,7 +14,10 @@ import pytest
 
 
 def pytest_collection_modifyitems(config, items):
-    """On several processes only tests that they do together; the others run on one process."""
+    """Tests in tests/hard are hard. Several processes run only tests that they do together."""
+    for item in items:
+        if item.path.parent.name == "hard":
+            item.add_marker("hard")
     if MPI.COMM_WORLD.size > 1:
         config.hook.pytest_deselected(items=[item for item in items if _alone(item)])
         items[:] = [item for item in items if not _alone(item)]

@@ -173,7 +173,7 @@ def test_a_cache_that_cannot_be_written_does_not_stop_the_run(tmp_path, monkeypa
     cache = Shelf(store, tmp_path / "cache")
     with cache.shared("laws.npz", lambda: 1, MPI.COMM_SELF):
         store.save("laws.npz", x=1)
-    assert "No space left" in caplog.text and "goes on without" in caplog.text
+    assert "No space left" in caplog.text and "continues without it" in caplog.text
     assert not list((tmp_path / "cache").iterdir())
 
 
@@ -198,7 +198,7 @@ def test_ctrl_c_while_libraries_are_loaded(tmp_path):
         [*PROGRAM, "check", BLOCK], env=environment, capture_output=True, text=True
     )
     assert (done.returncode, done.stderr) == (
-        130, "brake-fenicsx: interrupted; the same command goes on from here\n",
+        130, "brake-fenicsx: interrupted; the same command resumes the run\n",
     )  # fmt: skip
 
 
@@ -208,7 +208,7 @@ def test_sigterm_finishes_the_sample_and_nothing_new(tmp_path, monkeypatch, caps
     store.path("samples").mkdir()
     begun = []
 
-    def work(task, _):
+    def work(task):
         begun.append(task)
         if task[1] == 2:
             os.kill(os.getpid(), signal.SIGTERM)

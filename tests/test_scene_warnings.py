@@ -75,12 +75,12 @@ def test_patch_of_the_laws_is_compared_with_the_contact_elements(capsys):
         assert all(f"{factor} times the area" in line for line in lines)
     describe(BLOCK, MPI.COMM_SELF, [*ROUGH, SMALL % "1 mm"])
     said = capsys.readouterr().out
-    assert "on 1 mm squared; contact elements have" in said
+    assert "with a side of 1 mm; contact elements have" in said
     assert "warning: micro.patch = 1 mm: contact elements have" in said
     assert "friction: multi-scale 0.1, classical 0.1" in said
     describe(BLOCK, MPI.COMM_SELF, [*ROUGH, SMALL % "mesh"])
     said = capsys.readouterr().out
-    assert "contact elements have 1 times that area" in said and "warning" not in said
+    assert "contact elements have 1 times their area" in said and "warning" not in said
 
 
 def test_laws_of_the_mesh_and_warnings_of_a_run(tmp_path):

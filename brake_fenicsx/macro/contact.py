@@ -66,7 +66,7 @@ class Contact:
     uncovered: float
 
     def gap(self, u: Array) -> Array:
-        """Normal gap of a displacement, g = g0 + N u [m], Eq. (7)."""
+        """Normal gap of a displacement, g = g0 + N u [m], Eq. (8)."""
         return np.asarray(self.g0 + self.N @ u)
 
 
@@ -78,7 +78,7 @@ def contact_elements(
     discretisation: str = "patch",
     reach: float | None = None,
 ) -> Contact:
-    """Contact elements of the first face against the second, the sum over elements of Eq. (15).
+    """Contact elements of two faces; virtual work of contact is the sum of w p N v, Eq. (12).
 
     Args:
         mesh: the tagged mesh.
@@ -100,9 +100,7 @@ def contact_elements(
     else:
         parts = facet_integrals(pad, disc, reach, discretisation == "quadrature", mesh.domain.comm)
     if not parts.w.size or parts.w.sum() <= 0:
-        raise SceneError(
-            f"contact: {faces[0]!r} and {faces[1]!r} lie nowhere opposite to each other"
-        )
+        raise SceneError(f"contact: {faces[0]!r} and {faces[1]!r} face each other nowhere")
     return _elements(parts, free.size, motion)
 
 

@@ -36,7 +36,7 @@ def epsilon(u: Any) -> Any:
 
 
 def sigma(u: Any, C: Any) -> Any:
-    """Cauchy stress C : epsilon(u) as a Voigt vector [Pa], Eq. (3).
+    """Hooke's law: Cauchy stress C : epsilon(u) as a Voigt vector [Pa], Eq. (3).
 
     Args:
         u: displacement [m].
@@ -46,17 +46,17 @@ def sigma(u: Any, C: Any) -> Any:
 
 
 def stiffness_form(u: Any, v: Any, C: Any, dx: Any) -> Any:
-    """Virtual work of the stresses, the static side of the momentum balance, Eq. (4)."""
+    """Virtual work of the solids: the part of the stresses, Eq. (13)."""
     return ufl.inner(sigma(u, C), epsilon(v)) * dx
 
 
 def mass_form(u: Any, v: Any, rho: Any, dx: Any) -> Any:
-    """Virtual work of inertia, the rho u'' of the momentum balance, Eq. (1)."""
+    """Virtual work of inertia, rho u''; it enters with the complex modes alone."""
     return rho * ufl.inner(u, v) * dx
 
 
 def pressure_form(v: Any, n: Any, pressure: Any, ds: Any) -> Any:
-    """Virtual work of a pressure pushing on a boundary face, Eq. (6)."""
+    """Virtual work of the solids: the part of a pressure on a boundary face, Eq. (13)."""
     return -pressure * ufl.inner(n, v) * ds
 
 
@@ -117,7 +117,7 @@ class Elastic:
 
 
 def free_dofs(mesh: Mesh, V: Any, supports: Mapping[str, list[str]]) -> FreeDofs:
-    """Number the dofs that no support holds, Eq. (5).
+    """Number the dofs that no support holds.
 
     Args:
         mesh: the tagged mesh.

@@ -67,12 +67,12 @@ def equilibrium(
     tolerance: float = 1e-10,
     max_iterations: int = 60,
 ) -> Equilibrium:
-    """Braking equilibrium under the ramped loads, Eq. (9).
+    """Balance of virtual work of contact and solids under the ramped loads, Eq. (11).
 
     Args:
         ops: anything with ``.w`` [m^2], ``.g0`` [m] and ``.compliance`` (Compliance).
         laws: law and critical gap of every element.
-        mu: friction coefficient, one or one per element; 0 solves without friction, as Eq. (9)
+        mu: friction coefficient, one or one per element; 0 solves without friction, as section 2
             of the source does.
         steps: equal load steps.
         tolerance: relative residual of the last step.
@@ -141,7 +141,7 @@ class Jacobian:
                 return x if x is not None else la.solve(self._matrix(float), b, overwrite_a=True)
         except (la.LinAlgError, ValueError) as error:
             raise NotConverged(
-                "equilibrium: no element is in contact on the way; raise the load steps"
+                "equilibrium: all contact elements open during the iteration; raise the load steps"
             ) from error
 
     def _refined(self, b: Array) -> Array | None:

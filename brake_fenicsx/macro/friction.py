@@ -49,7 +49,7 @@ Motion = Rotation | Translation
 
 
 def slip_frame(motion: Motion, points: Array, normal: Array) -> tuple[Array, Array, Array]:
-    """Direction s of the disc's velocity relative to the pad and the transverse one, Eq. (8).
+    """Direction s of the disc's velocity relative to the pad and the transverse one.
 
     Args:
         motion: how the disc moves.
@@ -93,7 +93,7 @@ def velocity_friction(V: Array, static: float, kinetic: float, decay: float) -> 
 
 
 def friction_traction(p: Array, mu: float | Array) -> Array:
-    """Coulomb's traction on the pad along s, mu p [Pa], Eq. (10).
+    """Coulomb's traction on the pad along s, mu p [Pa].
 
     Args:
         p: contact pressures [Pa], shape (elements,).

@@ -7,7 +7,7 @@ proud) touches at a larger gap. The law already holds the heights inside a patch
 adds the scatter of the patch's mean plane with the variance of the same heights. Where heights are
 correlated over less than a patch that counts them twice: an upper bound of the scatter.
 
-No Macaulay bracket stands around a rough law: it acts up to first touch, at delta > 0.
+Rough laws are not clipped at delta = 0: their summits carry load from first touch, at delta > 0.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ class EnrichedGap:
     g_cr: Array
 
     def delta(self, g: Array) -> Array:
-        """Separation that the law sees, g - g_cr [m], Eq. (13)."""
+        """Separation that the law sees, g - g_cr [m]."""
         return g - self.g_cr
 
     def pressure(self, g: Array) -> Array:
-        """Contact pressure P_i(g_i - g_cr_i) [Pa], Eq. (12)."""
+        """A law of its own for each contact element: pressure P_i(g_i - g_cr_i) [Pa], Eq. (15)."""
         return self.laws.pressure(self.index, self.delta(g))
 
     def stiffness(self, g: Array) -> Array:
@@ -51,7 +51,7 @@ class EnrichedGap:
         return self.laws.stiffness(self.index, self.delta(g))
 
     def energy(self, g: Array) -> Array:
-        """Contact potential per area, the integral of p [J/m^2], Eq. (14)."""
+        """Contact potential with critical gaps, per area: the integral of p [J/m^2], Eq. (14)."""
         return self.laws.energy(self.index, self.delta(g))
 
     def first_touch(self) -> Array:
@@ -60,7 +60,7 @@ class EnrichedGap:
 
 
 def draw_critical_gaps(hdf: HeightDistribution, n: int, rng: np.random.Generator) -> Array:
-    """Critical gaps with the distribution of the heights and zero mean [m], Eq. (11).
+    """Critical gaps [m] for the distribution of the shifted gap: zero-mean heights, Eq. (16).
 
     Args:
         hdf: height distribution of the scan, zero mean.
@@ -74,7 +74,7 @@ def draw_critical_gaps(hdf: HeightDistribution, n: int, rng: np.random.Generator
 
 
 def separation_density(delta: Array, g: float, hdf: HeightDistribution) -> Array:
-    """Density P of the separations delta over the elements at a mean gap [1/m], Eq. (16).
+    """Distribution of the shifted gap over the elements at a mean gap [1/m], Eq. (16).
 
     Args:
         delta: separations [m].

@@ -138,8 +138,9 @@ class Newton:
             if history[-1] < tolerance and s == 1.0:
                 return (g, t), history
         raise NotConverged(
-            f"equilibrium: Newton's iteration stands at residual {history[-1]:.2e} after"
-            f" {len(history) - 1} iterations, wanted {tolerance:.0e}; raise the load steps"
+            f"equilibrium: not converged after {len(history) - 1} iterations (residual"
+            f" {history[-1]:.2e}, {tolerance:.0e} needed); check friction, which may tip or lock a"
+            " part if it is large, then supports and loads, then raise the load steps"
         )
 
     def _line_search(self, g: Array, t: Array, dg: Array, dt: Array) -> float:

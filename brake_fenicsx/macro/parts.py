@@ -122,9 +122,9 @@ def cut_loads(scene: Scene) -> list[str]:
                 load = scene.loads.get(f"{name}.{face}")
                 if load is not None:
                     lines.append(
-                        f'loads."{name}.{face}": the outline of {name} cuts the {face} off:'
-                        f" {100 * left / whole:.1f} % of its area is left ({1e6 * left:.0f} of"
-                        f" {1e6 * whole:.0f} mm^2); {1e-6 * load.pressure:g} MPa on one is"
-                        f" {load.pressure * left:.0f} N, not {load.pressure * whole:.0f} N"
+                        f'loads."{name}.{face}": {100 * left / whole:.1f} % of the {face} lies'
+                        f" within the outline of {name} ({1e6 * left:.0f} of {1e6 * whole:.0f}"
+                        f" mm^2); {1e-6 * load.pressure:g} MPa gives {load.pressure * left:.0f} N"
+                        f" each, not {load.pressure * whole:.0f} N"
                     )
     return lines

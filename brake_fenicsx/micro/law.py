@@ -22,7 +22,7 @@ Index = NDArray[np.intp]
 
 
 class Law(Protocol):
-    """Pressure between a pad patch and the disc, as a function of their separation."""
+    """Penalty law: pressure between pad and disc as a function of the separation, Eq. (10)."""
 
     @property
     def first_touch(self) -> float:

@@ -31,9 +31,9 @@ LOSS = (
     "Vertex values: the second-order field was interpolated into the first-order space of the same "
     "mesh; its mid-edge values are not in this file."
 )
-LOGGED = "vertex values; mid-edge values are not in this file"
-VTX_TOO = "all values are in {}"
-NO_VTX = "nor, without ADIOS2, in any other"
+LOGGED = "values at vertices; mid-edge values are not exported to XDMF"
+VTX_TOO = "{} holds the full quadratic field"
+NO_VTX = "VTX files of the full quadratic field need a DOLFINx with ADIOS2"
 NO_LOSS = "Values at all nodes of the mesh, one for every dof of the field."
 
 
@@ -159,7 +159,7 @@ def _say(V: Any, path: Path, note: str, vtx: bool) -> None:
     """Log what the file holds, and where the rest is; collective."""
     if V.mesh.comm.rank == 0:
         rest = VTX_TOO.format(path.with_suffix(".bp").name) if vtx else NO_VTX
-        logger.debug("%s: %s", path.name, f"{LOGGED}, {rest}" if note == LOSS else note)
+        logger.debug("%s: %s", path.name, f"{LOGGED}; {rest}" if note == LOSS else note)
     V.mesh.comm.barrier()
 
 
@@ -167,7 +167,7 @@ def say_once(V: Any, folder: Path) -> None:
     """Log what the files of a folder lack, if they lack anything."""
     if _nodal_space(V)[1] == LOSS:
         rest = VTX_TOO.format("*.bp") if any(folder.glob("*.bp")) else NO_VTX
-        logger.info("%s/*.xdmf: %s, %s", folder.name, LOGGED, rest)
+        logger.info("%s/*.xdmf: %s; %s", folder.name, LOGGED, rest)
 
 
 def _parts(V: Any, fields: Mapping[str, NDArray]) -> dict[str, NDArray]:

@@ -45,31 +45,31 @@ PLOTS = (
     Plot(
         "figure5_statistics",
         "Height distribution, and radial power spectrum C(q) of the scan with its bi-fractal fit "
-        "(2 pi times the integral of q C is the variance); sub-windows and decimated scans show "
-        "how far each wave number can be trusted. Below: measured spectrum over fit, the residual "
-        "on a logarithmic scale.",
+        "(2 pi times the integral of q C is the variance). Where sub-windows and decimated scans "
+        "agree with the whole scan, its spectrum is reliable. Below: ratio of measured spectrum "
+        "and fit, on a logarithmic scale.",
         draw_statistics,
     ),
     Plot(
         "figure6_artificial",
         "Scan and one artificial surface at the same length and height scale, with the height "
-        "distribution and the spectrum that the artificial surface reached. Where the patch is "
-        "longer than the scan its spectrum goes further down, and the level is set so that the "
-        "variance of the heights stays that of the scan.",
+        "distribution and spectrum of the artificial surface. A patch longer than the scan has "
+        "longer waves too; the level of its spectrum is chosen so that the variance of the heights "
+        "is that of the scan.",
         draw_artificial,
     ),
     Plot(
         "figure7_contact_maps",
-        "Real contact of one artificial surface with a rigid plane as the mean pressure p grows; "
-        "circles mark where the few points of a light contact lie. E* is the composite modulus.",
+        "Real contact of one artificial surface with a rigid plane at growing mean pressure p; "
+        "circles mark the few points of a light contact. E* is the composite modulus.",
         draw_contact_maps,
     ),
     Plot(
         "figure8_laws",
         "Library of pressure-gap laws, one line each: mean pressure of a patch against the "
         "separation of rigid plane and mean plane, linear and logarithmic, and stiffness against "
-        "pressure with the pressures met on the pads. Steps at low pressure: a handful of points "
-        "touches.",
+        "pressure, with the range of pressures on the pads. Steps at low pressure occur because "
+        "only a few points touch.",
         draw_laws,
     ),
     Plot(
@@ -82,7 +82,7 @@ PLOTS = (
     Plot(
         "squeal_families",
         "Unstable modes by family (the same mode recognised in many samples), with mean frequency "
-        "and number of samples in which the family is unstable; one look for about one frequency.",
+        "and number of samples in which it is unstable; the same colour marks the same frequency.",
         draw_families,
     ),
     Plot(
@@ -98,40 +98,40 @@ PLOTS = (
     ),
     Plot(
         "convergence",
-        "How the answer settles as samples come in: share of samples with any unstable mode, and "
-        "mean number of unstable modes; bands are 95 % intervals.",
+        "Convergence with the number of samples: share of samples with an unstable mode, and "
+        "mean number of unstable modes, with 95 % intervals.",
         draw_convergence,
     ),
     Plot(
         "drivers",
-        "What goes with instability: Spearman's rank correlation of each random input with the "
-        "number of unstable modes of the sample, from -1 to 1, with 95 % intervals.",
+        "Inputs correlated with instability: Spearman's rank correlation of each random "
+        "input with the number of unstable modes of the sample, from -1 to 1, with 95 % intervals.",
         draw_drivers,
     ),
     Plot(
         "sensitivity",
         "Share of the variance of the growth rate (0 where stable) that each random input explains "
         "alone, with 95 % intervals, in the whole band and in the most frequent families. "
-        "Diamonds, where the design yields them: together with its interactions. Empty bars: too "
-        "few samples for an interval. Below zero: scatter of the estimate.",
+        "Diamonds: total share with interactions, where the design provides it. Empty bars: too "
+        "few samples for an interval. Negative shares are sampling error of the estimate.",
         draw_sensitivity,
     ),
     Plot(
         "contact_pressure",
         "Contact pressure [MPa] at equilibrium, first sample of each approach, both pads seen "
-        "along the disc axis from one side. Empty patches are open elements; the mean is over the "
-        "whole face. Colours end at the 98 % quantile of the closed ones.",
+        "along the disc axis from one side. Empty patches are open elements; the mean refers to "
+        "the whole face. The colour scale ends at the 98 % quantile of closed elements.",
         draw_contact_pressure,
     ),
     Plot(
         "eigenvalue_errors",
-        "Error estimates of the eigenvalues over |lambda|, as the solver or the reduced model "
-        "states them.",
+        "Error estimates of the eigenvalues relative to |lambda|, by the solver or the reduced "
+        "model.",
         draw_errors,
     ),
     Plot(
         "stages",
-        "Time [s] of each stage of this run, and memory [MB] of all its processes by then.",
+        "Time [s] of each stage, and peak memory [MB] of all processes up to its end.",
         draw_stages,
     ),
 )

@@ -23,19 +23,18 @@ from .tables import Value
 
 SHAPES = (
     "<p>Unstable modes with the lowest damping (-2 alpha / |omega|), at most four of each "
-    "approach, of the first sample that has any. Colour: amplitude |u| over the largest of the "
-    "mode. Drawn deformed, at the phase of largest motion, pads and disc pulled apart; each body "
-    "seen from both sides.</p>"
+    "approach, of the first sample that has any. Colour: displacement relative to its maximum. "
+    "Exploded view of the deformed bodies at the phase of largest motion, from both sides.</p>"
 )
 FAMILIES = 12  # rows of each approach in the table of families
 CAPTIONS = {plot.name: plot.caption for plot in PLOTS}
 LAST_START = (
-    "<p>Of the last start of the run: what an earlier one had finished took no time here. Seconds "
-    "per sample, below, are medians of all of them.</p>"
+    "<p>Times of the last run only; stages reused from earlier runs count as zero. Times per "
+    "sample are medians over all samples.</p>"
 )
 BY_NUMBERS = (
-    "<p>No scan: the surface is known by its numbers, which the figures show in the place of one. "
-    "There is nothing to fit, and no residual.</p>"
+    "<p>The scene gives statistics in place of a scan; the figures show these, and there is no "
+    "fit.</p>"
 )
 SPEED_HEADS = {
     "seconds_per_equilibrium": "equilibrium [s per sample]",
@@ -90,12 +89,12 @@ def render_page(run: RunData) -> str:
     sections = [
         ("squeal", "Squeal map", _squeal(run)),
         ("probability", "Probability per band", _probability(run)),
-        ("drivers", "What drives it", _drivers(run)),
+        ("drivers", "Which inputs cause it", _drivers(run)),
         ("pressure", "Contact pressure on the pads", _figures(run, "contact_pressure")),
         ("shapes", "Mesh and mode shapes", _shapes(run)),
         ("laws", "Contact laws", _figures(run, "figure8_laws", "figure7_contact_maps")),
         ("surface", "Surface", _surface(run)),
-        ("accuracy", "Speed against error of this run", _accuracy(run)),
+        ("accuracy", "Accuracy and computing time", _accuracy(run)),
         ("settings", "Settings, seeds and versions", _settings(run)),
     ]
     shown = [section for section in sections if section[2]]
@@ -138,10 +137,10 @@ def _lead(run: RunData) -> str:
     ]
     body = [[_name(row), *row[1:7], share_text(row[7:10]), row[10]] for row in rows]
     return table(heads, body) + (
-        "<p>Neutral: the error of the growth rate reaches across zero, so that the computation "
-        "cannot tell; or a body moves as a whole.</p>"
-        "<p>Shares carry 95 % Wilson intervals: they say how well this number of samples can know "
-        "the share, not how well the model knows the brake.</p>"
+        "<p>Neutral: the sign of the growth rate is uncertain within its numerical error, or the "
+        "mode is a rigid-body motion.</p>"
+        "<p>Shares have 95 % Wilson intervals, which describe the sampling error and not the error "
+        "of the model.</p>"
     )
 
 
@@ -166,7 +165,7 @@ def _damping(run: RunData) -> str:
     how = [str(about.get("counted_by", "")) for about in facts if isinstance(about, Mapping)]
     open_ = any(text.startswith("not counted") for text in how)
     more = " The number of damped modes was not counted: one may be missing." if open_ else ""
-    return f"<p>Damping that acts (settings below): {escape(named)}.{more}</p>"
+    return f"<p>Active damping terms (settings below): {escape(named)}.{more}</p>"
 
 
 def _squeal(run: RunData) -> str:
@@ -197,8 +196,8 @@ def _squeal(run: RunData) -> str:
     note = (
         "<p>An eigenvalue is alpha + i omega; drawn is -2 alpha / |omega|, twice the "
         "damping ratio. "
-        "Negative damping is a mode that grows from the equilibrium: a squeal candidate. "
-        "How large the vibration becomes is beyond a linear analysis.</p>"
+        "A mode with negative damping grows from the equilibrium: a squeal candidate. "
+        "A linear analysis does not predict the amplitude.</p>"
     )
     left = len(family_rows(run)) - len(rows)
     rarer = "family" if left == 1 else "families"
@@ -211,7 +210,7 @@ def _probability(run: RunData) -> str:
 
 
 def _drivers(run: RunData) -> str:
-    """Who moves the growth rate, and how sure the probabilities of the most frequent places are."""
+    """Which inputs move the growth rate, and the probabilities of the most frequent families."""
     rows = [
         [
             _name(row),
@@ -228,8 +227,8 @@ def _drivers(run: RunData) -> str:
         "approach",
         "where",
         "probability of instability",
-        "robust",
-        "moved most by",
+        "likely unstable",
+        "strongest input",
         "rank correlation",
         "friction",
         "materials",
@@ -238,22 +237,24 @@ def _drivers(run: RunData) -> str:
     ]
     limit = _limit(run)
     note = (
-        f"<p>Robust: whether the probability of instability lies above {limit} with its whole 95 % "
-        "interval (open: the interval holds that limit).</p>"
+        f"<p>Likely unstable: yes if the 95 % interval of the probability lies above {limit}, "
+        "open if it contains that limit.</p>"
     )
     if any(row[4] != "-" for row in rows):
         note += (
-            "<p>Moved most by: the random input with the strongest rank correlation with being "
-            "unstable; none where all samples or no sample are.</p>"
+            "<p>Strongest input: the random input with the strongest rank correlation with "
+            "instability; none where all samples or no sample are unstable.</p>"
         )
     if any(row[6] != "-" for row in rows):
         note += (
-            "<p>Friction, materials, loads: their shares of the variance of the growth rate, sums "
-            "of first-order indices; the rest is interactions, and roughness where contact is "
-            "rough. A share below zero is the scatter of its estimate.</p>"
+            "<p>Friction, materials, loads: their shares of the variance of the growth rate (sums "
+            "of first-order indices). The rest is interactions, and roughness where contact is "
+            "rough. Negative shares are sampling error.</p>"
         )
     if rows and all(row[4] == "-" for row in rows):
-        note += "<p>No random input is named, or there are too few samples to tell them apart.</p>"
+        note += (
+            "<p>The scene has no random input, or too few samples to separate their effects.</p>"
+        )
     full = [j for j in range(len(heads)) if any(row[j] != "-" for row in rows)]
     short = [[row[j] for j in full] for row in rows]
     told = note + table([heads[j] for j in full], short) if rows else ""
@@ -288,7 +289,7 @@ def _shapes(run: RunData) -> str:
     for row in approach_rows(run):
         paths = sorted(folder.glob(f"mode_{row[0]}_*Hz.png"))
         left -= {*paths}
-        text = "" if row[4] else "<p>No mode of any sample is unstable: none is drawn.</p>"
+        text = "" if row[4] else "<p>No mode of any sample is unstable; none is drawn.</p>"
         if paths or text:
             drawn = [image(path, _heading(path), "shape") for path in paths]
             parts += [f"<h3>{escape(_name(row))}</h3>", text, *drawn]
@@ -329,7 +330,7 @@ def _accuracy(run: RunData) -> str:
     stages = stage_rows(run.summary)
     if stages:
         seconds = [float(row[1]) for row in stages if isinstance(row[1], int | float)]
-        whole: list[Value] = ["all of these", sum(seconds), None]
+        whole: list[Value] = ["sum", sum(seconds), None]
         parts.append(table(["stage", "time [s]", "peak memory [MB]"], [*stages, whole]))
         parts.append(LAST_START)
     speed = speed_rows(run)
@@ -341,8 +342,8 @@ def _accuracy(run: RunData) -> str:
         heads = [name.replace("_", " ") for name in ERROR_COLUMNS]
         parts.append(table(heads, [[_name(row), *row[1:]] for row in errors]))
         parts.append(
-            "<p>Errors are relative errors of the eigenvalues as the solver estimates them; "
-            "condition is that of the eigenvalue: error = backward error times condition.</p>"
+            "<p>Errors are relative error estimates of the eigenvalues; the condition number of an "
+            "eigenvalue relates them to the backward error: error = backward error x condition.</p>"
         )
     known = {"settings", "in_effect", "versions", "seeds", "seconds", "peak_memory_mb", "name"}
     known |= {"warnings", "friction"}
@@ -361,13 +362,13 @@ def _settings(run: RunData) -> str:
     ]
     if isinstance(run.summary.get("in_effect"), Mapping):
         parts.append(
-            "<h3>In effect</h3>\n<p>All of it in SI units, with the defaults of keys that the"
-            " scene leaves out.</p>\n" + pairs("setting", run.summary["in_effect"], digits=12)
+            "<h3>In effect</h3>\n<p>All settings in SI units, including defaults.</p>\n"
+            + pairs("setting", run.summary["in_effect"], digits=12)
         )
     if run.scene is not None:
         parts.append(
-            "<h3>Scene file</h3>\n<p>The settings above hold it with the changes that --set made."
-            f"</p>\n<pre>{escape(run.scene)}</pre>"
+            "<h3>Scene file</h3>\n<p>As written; the settings above include changes by --set.</p>\n"
+            f"<pre>{escape(run.scene)}</pre>"
         )
     return "\n".join(parts)
 

@@ -50,7 +50,7 @@ def compose(
         for j, (image, (view, _)) in enumerate(zip(images, VIEWS, strict=True)):
             axis = figure.add_subplot(grid[j, 0] if wide else grid[0, j])
             axis.imshow(image, interpolation="antialiased")
-            order = ", the lowest body to the left" if wide else ""
+            order = ", bottom body on the left" if wide else ""
             axis.set_title(view + order, loc="center", fontsize=8.5, color="#404040")
             axis.axis("off")
         foot = figure.add_subplot(grid[rows, :])
@@ -59,7 +59,7 @@ def compose(
         if legend is None:
             colours = ScalarMappable(cmap=SHAPE_COLOURS)
             bar = figure.colorbar(colours, cax=foot, orientation="horizontal")
-            bar.set_label(f"amplitude $|u|$ / largest [-]; {note}", fontsize=8)
+            bar.set_label(f"displacement relative to its maximum [-]; {note}", fontsize=8)
         else:
             foot.axis("off")
             handles = [Patch(color=colour, label=name) for name, colour in legend.items()]

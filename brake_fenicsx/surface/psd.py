@@ -66,7 +66,7 @@ class BiFractal:
     rms: float = np.nan
 
     def __call__(self, q: Array, low: str = "extend") -> Array:
-        """Density [m^4] at wave numbers q > 0 [rad/m], Eq. (17).
+        """Bi-fractal spectrum: density [m^4] at wave numbers q > 0 [rad/m], Eq. (17).
 
         Args:
             q: wave numbers [rad/m]; the density at q = 0 is zero (the mean plane).

@@ -62,6 +62,7 @@ def test_flat_surface_under_load(boundary):
 
 
 def test_law_of_a_flat_surface_is_refused():
+    """A flat surface has no pressure-gap law: named error."""
     flat = make_topography(np.zeros((16, 16)), (1.0, 1.0))
     with pytest.raises(SurfaceError, match="flat"):
         contact_law(flat, 1.0)
@@ -100,6 +101,7 @@ def test_two_equal_maxima():
 @pytest.mark.parametrize("start", ["one", "wrong", "all", "nan"])
 @pytest.mark.parametrize("solver", ["auto", "active-set", "pcg"])
 def test_warm_start_from_a_bad_contact_set(start, solver):
+    """A wrong, full or undefined first guess ends in the solution of a cold start."""
     topo = rough()
     h = topo.heights
     cold = solve_contact(h, SIZE, 1.0, separation=40e-6, solver="pcg", tol=1e-12)
@@ -148,6 +150,7 @@ def test_tiny_and_huge_heights(height):
 @pytest.mark.parametrize("shape", [(3, 3), (2, 5), (127, 129)])
 @pytest.mark.parametrize("boundary", ["free", "periodic"])
 def test_odd_grids(shape, boundary):
+    """Grids of few or odd numbers of pixels: the load is met, and the law is monotone."""
     h = np.random.default_rng(4).standard_normal(shape) * 1e-3
     size = (shape[0] * 1e-2, shape[1] * 1e-2)
     load = 1e-3 * size[0] * size[1]
@@ -170,6 +173,7 @@ def test_anisotropic_pixels():
 
 
 def test_steep_surface_is_said_to_be_beyond_small_strain(caplog):
+    """Slopes above one are solved, with a warning that small strain does not hold."""
     steep = np.random.default_rng(0).standard_normal((16, 16)) * 5.0
     topo = make_topography(steep, (16.0, 16.0), source="steep")
     with caplog.at_level(logging.WARNING, logger="brake_fenicsx"):
@@ -180,6 +184,7 @@ def test_steep_surface_is_said_to_be_beyond_small_strain(caplog):
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
 def test_missing_heights_are_named(bad):
+    """Heights that are nan or infinite: named error with their number."""
     h = rough().heights.copy()
     h[5, 7] = bad
     with pytest.raises(SurfaceError, match="1 points"):
@@ -187,5 +192,6 @@ def test_missing_heights_are_named(bad):
 
 
 def test_line_is_not_a_patch():
+    """A profile in place of a surface: named error."""
     with pytest.raises(SurfaceError, match="two dimensions"):
         solve_contact(np.zeros(5), SIZE, 1.0, separation=0.0)

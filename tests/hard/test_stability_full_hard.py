@@ -267,6 +267,7 @@ def test_exceptional_point_in_a_large_problem(excess):
 
 @pytest.mark.parametrize("band", [(2.0, 1.0), (1.0, 1.0), (-1.0, 1.0), (np.nan, 1.0)])
 def test_a_band_that_is_none(band):
+    """A reversed, empty or negative band: named error."""
     with pytest.raises(SceneError, match="band"):
         complex_modes(one(3), None, sp.diags([1.0, 2.0, 3.0]).tocsr(), band)
     assert eigen.DENSE > 3

@@ -42,6 +42,7 @@ def test_third_of_the_points_missing():
 
 
 def test_one_block_missing():
+    """A hole of 30 x 30 points: the spectrum keeps its slope."""
     topo = scan()
     holes = topo.heights.copy()
     holes[40:70, 50:80] = np.nan
@@ -50,6 +51,7 @@ def test_one_block_missing():
 
 
 def test_single_valid_point():
+    """One valid point only: named error."""
     h = np.full((20, 20), np.nan)
     h[3, 4] = 1.0
     with pytest.raises(SurfaceError, match="valid points"):
@@ -57,6 +59,7 @@ def test_single_valid_point():
 
 
 def test_spikes_do_not_change_the_moments():
+    """Twelve spikes of a millimetre: all are masked, and the moments stay."""
     topo = scan()
     spiked = topo.heights.copy()
     rng = np.random.default_rng(2)
@@ -76,6 +79,7 @@ def test_spectrum_below_the_reach_of_the_instrument():
 
 @pytest.mark.parametrize("unit", [1e-9, 1.0, 1e6])
 def test_units_only_scale(unit):
+    """Heights and lengths in any unit: the same shape of the spectrum."""
     topo = scan(64)
     usual = characterise(topo)
     other = characterise(make_topography(topo.heights * unit, tuple(topo.size * unit)))
@@ -86,6 +90,7 @@ def test_units_only_scale(unit):
 
 
 def test_tiny_and_odd_patches_can_be_made():
+    """Artificial surfaces from 2 x 2 pixels on, of odd sizes too."""
     for shape in ((2, 2), (3, 3), (127, 129), (2, 64)):
         topo = synthesise(PAPER.bifractal, PAPER.hdf, shape, (1e-3, 1e-3), np.random.default_rng(0))
         assert np.isfinite(topo.heights).all() and topo.heights.std() > 0.0
@@ -117,11 +122,13 @@ def test_steep_and_rising_spectra(c1, c2):
     ],
 )
 def test_impossible_numbers_are_named(numbers):
+    """Statistics that no surface can have: named error."""
     with pytest.raises(SurfaceError):
         given_statistics(**numbers)
 
 
 def test_heights_of_statistics_without_a_scan():
+    """Statistics without a scan have no heights: named error."""
     with pytest.raises(SurfaceError, match="numbers"):
         _ = PAPER.heights
 
@@ -130,5 +137,6 @@ def test_heights_of_statistics_without_a_scan():
     "setting", [{"level": "cubic"}, {"outlier_rule": "sigma"}, {"distribution": "normal"}]
 )
 def test_unknown_settings_are_named(setting):
+    """A misspelt setting: named error with the choices."""
     with pytest.raises(SurfaceError, match="choose"):
         characterise(scan(32), **setting)

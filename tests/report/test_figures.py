@@ -174,7 +174,7 @@ def test_surface_known_by_its_numbers_alone(stages, tmp_path):
         shown = [axis for axis in figure.axes[:4] if axis.get_visible()]
         assert [axis.get_title()[:3] for axis in shown] == ["(a)", "(b)", "(c)"]
     page = html.write_report(tmp_path).read_text()
-    assert "No scan: the surface is known by its numbers" in page
+    assert "The scene gives statistics in place of a scan" in page
     assert "instrument" not in page
 
 

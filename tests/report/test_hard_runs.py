@@ -19,6 +19,7 @@ def names(directory):
 
 
 def test_one_neutral_mode_without_error_estimate(tmp_path):
+    """One mode, neutral and without error estimate: figures, table and page."""
     write_rows(tmp_path / "modes.csv", MODES, [MODE])
     assert names(tmp_path) == {"figure9_squeal_map"}
     assert approach_rows(read_run(tmp_path))[0][1:7] == [1, 0, 1, 0, 1, 0]
@@ -27,6 +28,7 @@ def test_one_neutral_mode_without_error_estimate(tmp_path):
 
 
 def test_no_mode_in_the_band(tmp_path):
+    """No mode at all: tables and the counts, and no squeal map."""
     write_rows(tmp_path / "modes.csv", MODES, [])
     write_rows(tmp_path / "samples.csv", SAMPLES, [["fast", k, "ok", k] for k in range(5)])
     drawn = names(tmp_path)
@@ -36,6 +38,7 @@ def test_no_mode_in_the_band(tmp_path):
 
 
 def test_all_samples_failed(tmp_path):
+    """Failed samples only: a page that says so."""
     write_rows(tmp_path / "modes.csv", MODES, [])
     write_rows(tmp_path / "samples.csv", SAMPLES, [["fast", 0, "singular", 1]])
     assert names(tmp_path) == set()
@@ -44,12 +47,14 @@ def test_all_samples_failed(tmp_path):
 
 
 def test_all_contact_open_and_a_single_element(tmp_path):
+    """One contact element, open: its figure is drawn."""
     row = ["classical", 0, 0, 0.1, 0.0, 0.01, 8e-6, 1e-5, 0.0, 0.0, 0.0, -1]
     write_rows(tmp_path / "contact.csv", CONTACT, [row])
     assert names(tmp_path) == {"contact_pressure"}
 
 
 def test_a_single_linear_law(tmp_path):
+    """One linear law: its figure is drawn."""
     d = np.linspace(0.0, -1e-6, 5)[None]
     p = -2e13 * d
     np.savez(tmp_path / "laws.npz", d=d, p=p, k=np.full(d.shape, 2e13), seed=[0])
@@ -57,6 +62,7 @@ def test_a_single_linear_law(tmp_path):
 
 
 def test_maps_without_any_contact(tmp_path):
+    """Contact maps without a touching point: their figure is drawn."""
     empty = np.zeros((1, 8, 8))
     np.savez(tmp_path / "contact_maps.npz", size=[1e-3, 1e-3], p_over_E=[0.0], pressures=empty)
     assert names(tmp_path) == {"figure7_contact_maps"}
@@ -66,11 +72,13 @@ def test_maps_without_any_contact(tmp_path):
     "heights", [np.zeros((4, 4)), np.full((4, 4), np.nan)], ids=["flat", "lost"]
 )
 def test_a_scan_without_roughness_or_without_points(tmp_path, heights):
+    """A flat scan, or one without points: its figures are drawn."""
     np.savez(tmp_path / "surface.npz", heights=heights, size=[1e-3, 1e-3])
     assert names(tmp_path) == {"figure4_topography", "figure5_statistics"}
 
 
 def test_text_that_looks_like_markup_stays_text(tmp_path):
+    """Names that look like markup stay text on the page."""
     write_rows(tmp_path / "modes.csv", MODES, [["<i>a</i> & $x_$", *MODE[1:]]])
     page = write_report(tmp_path).read_text()
     assert "<i>" not in page
@@ -78,6 +86,7 @@ def test_text_that_looks_like_markup_stays_text(tmp_path):
 
 
 def test_a_missing_array_or_column_is_named(tmp_path):
+    """A result file without an array or column: named error."""
     np.savez(tmp_path / "laws.npz", d=[[0.0]], p=[[0.0]])
     with pytest.raises(SceneError, match=r"laws\.npz: array k is missing"):
         make_figures(tmp_path)

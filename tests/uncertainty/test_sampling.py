@@ -55,7 +55,7 @@ def test_naming_another_random_input_leaves_the_gaps_alone():
 
 
 def test_critical_gaps_follow_the_heights():
-    """Eq. (11): distribution of the heights, zero mean; bounds are four standard errors."""
+    """Eq. (16): distribution of the heights, zero mean; bounds are four standard errors."""
     g = np.concatenate([sample(k).laws.g_cr for k in range(10)])
     n = g.size
     assert abs(g.mean()) < 4 * 33.1e-6 / np.sqrt(n)

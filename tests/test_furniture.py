@@ -1,0 +1,35 @@
+"""Version, changelog and citation agree."""
+
+import re
+import tomllib
+from importlib.metadata import metadata
+from pathlib import Path
+
+from brake_fenicsx import __version__
+
+ROOT = Path(__file__).parents[1]
+
+
+def test_the_version_stands_in_one_place():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())
+    assert "version" in project["project"]["dynamic"]
+    assert (
+        project["tool"]["setuptools"]["dynamic"]["version"]["attr"] == "brake_fenicsx.__version__"
+    )
+    assert metadata("brake_fenicsx")["Version"] == __version__, "run scripts/setup"
+    assert metadata("brake_fenicsx")["Author"] == "brake_fenicsx developers"
+
+
+def test_the_changelog_begins_with_this_version():
+    versions = re.findall(
+        r"^## \[([\d.]+)\] - \d{4}-\d\d-\d\d$", (ROOT / "CHANGELOG.md").read_text(), re.M
+    )
+    assert versions[0] == __version__
+    assert versions == sorted(versions, reverse=True)
+
+
+def test_the_citation_names_this_version_and_the_paper():
+    text = (ROOT / "CITATION.cff").read_text()
+    assert f"\nversion: {__version__}\n" in text
+    assert "doi: 10.3390/lubricants11080344" in text
+    assert re.search(r"^title: .*brake_fenicsx", text, re.M)
