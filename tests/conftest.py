@@ -161,6 +161,12 @@ SCENES = {
         plate=dict(length=20e-3, width=14e-3, height=5e-3, z=-5e-3, size=4.3e-3),
         supports={},
     ),
+    # Nothing held and few cells: its dense spectrum takes a second.
+    "free": dict(
+        pad=dict(length=12e-3, width=8e-3, height=6e-3, z=0.0, size=6e-3),
+        plate=dict(length=20e-3, width=14e-3, height=6e-3, z=-6e-3, size=14e-3),
+        supports={},
+    ),
     # The pad reaches beyond the plate on all sides.
     "overhang": dict(
         pad=dict(length=20e-3, width=14e-3, height=5e-3, z=0.0, size=4e-3),

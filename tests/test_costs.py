@@ -120,7 +120,7 @@ def test_damped_samples_cost_more():
 
 
 def test_damped_samples_of_changing_materials():
-    """Through the reduced model too; scripts/bench_damping.py --spread 0.2: 22 179 dofs, 5 kHz.
+    """Through the reduced model too; scripts/bench_reduction.py --spread 0.2: 22 179 dofs, 5 kHz.
 
     32 s once and 0.2 s a sample with loss factors, 73 s and 0.37 s with sliding damping.
     """

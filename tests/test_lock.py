@@ -120,7 +120,7 @@ def test_two_runs_share_the_samples_of_a_scene(lock, elsewhere, monkeypatch):
     store.path("samples").mkdir()
     done = []
 
-    def work(task, _):
+    def work(task):
         done.append(task)
         return {"x": np.array(task[1])}
 

@@ -124,11 +124,10 @@ def test_losses_a_thousand_times_apart(two_blocks, case):
         assert sample.agrees(sample.modes(offline(scene, case, changing=True))) < 1e-5
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("case", ["layers", "all"])
+@pytest.mark.parametrize("case", ["layers", pytest.param("all", marks=pytest.mark.slow)])
 def test_nothing_held_but_by_contact(two_blocks, case):
     """Both bodies free, damped out of proportion, one of them turning: rigid modes are neutral."""
-    scene = two_blocks("loose")
+    scene = two_blocks("free")
     sample = Sample(scene, case, (0.5, -0.8), 0.3, seed=5)
     found = sample.modes(offline(scene, case, changing=True))
     assert sample.agrees(found) < 1e-5
@@ -211,12 +210,11 @@ def test_next_to_the_merging_of_two_modes(two_blocks, seed):
     scene = two_blocks("coarse")
     k, model, condition, number = scattered(scene, seed, shut=0.0), offline(scene), [], 0
 
-    def unstable(mu):
-        s = all_lambda(scene.tangent(k, mu), scene.M)
-        s = s[(s.imag > 10) & (s.imag <= HIGH)]
+    def growing(mu):
+        s = Sample(scene, mu=mu, k=k).modes(model).s
         return int(np.sum(s.real > 1e-6 * np.abs(s)))
 
-    for onset in onsets(unstable, 3.0):
+    for onset in onsets(growing, 3.0):
         number += 1
         for side in (-1e-2, -1e-4, -1e-6, -1e-9, 1e-9, 1e-6, 1e-4, 1e-2):
             sample = Sample(scene, mu=onset * (1 + side), k=k)
@@ -236,7 +234,7 @@ def test_merging_modes_of_damped_and_changed_bodies(two_blocks):
         sample = Sample(scene, "little", x, mu, k=k)
         return sample, sample.modes(model)
 
-    mu = max(np.linspace(1.0, 2.0, 41), key=lambda mu: found(mu)[1].condition.max())
+    mu = max(np.linspace(1.0, 2.0, 21), key=lambda mu: found(mu)[1].condition.max())
     for near in (mu, mu * (1 + 1e-6), mu * (1 + 1e-3)):
         sample, modes = found(near)
         assert modes.condition.max() > 5
@@ -284,7 +282,7 @@ def test_merging_of_two_real_modes_of_a_large_random_system():
 
 def test_free_blocks_at_full_order_have_their_rigid_modes(two_blocks):
     """An unsupported pair of blocks has twelve, none of them a divergence."""
-    scene = two_blocks("loose")
+    scene = two_blocks("free")
     found = complex_modes(scene.M, None, scene.K, (0.0, 60e3))
     kappa = la.eigvalsh(scene.K.toarray(), scene.M.toarray())
     assert found.count.expected == np.sum(kappa < HIGH**2)

@@ -63,10 +63,10 @@ def test_every_mode_of_changing_materials(two_blocks, case, mu, x):
 
 
 @pytest.mark.alone
-@pytest.mark.parametrize("case", ["undamped", pytest.param("all", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("case", ["undamped", "all"])
 def test_free_bodies(two_blocks, case):
     """Nothing is held, one of the two bodies turns: rigid modes are there and never unstable."""
-    scene = two_blocks("loose")
+    scene = two_blocks("free")
     sample = Sample(scene, case, mu=0.3, seed=5)
     found = sample.modes(offline(scene, case))
     assert sample.agrees(found) < 1e-5

@@ -38,6 +38,11 @@ def stated_error(first: Array, step: Array, gap: Array) -> Array:
     return np.asarray(SAFETY * np.where(first + step < CLOSE * gap, simple, close))
 
 
+def corrected(z: Complex, step: Complex, gap: Array) -> Complex:
+    """Zeros after their step; none is taken beyond the next zero, where its slope means nothing."""
+    return np.asarray(np.where(np.abs(step) < gap, z + step, z))
+
+
 def distances(z: Complex, chosen: NDArray[np.intp]) -> Array:
     """Distance of some zeros to the next of all zeros."""
     apart = np.abs(z[chosen][:, None] - z[None, :])

@@ -28,7 +28,7 @@ from ..full.damped_rows import damped_rows
 from ..modes import Complex, Count, Modes, undamped_rows
 from .component import Accuracy, AtPoint, Component, kept_modes
 from .contact import ContactLinearisation
-from .errors import ROUND_OFF, distances, stated_error
+from .errors import ROUND_OFF, corrected, distances, stated_error
 from .moments import SIGMA, Complement, Rows, coupled
 from .parameters import CONSTANT, Parameters
 from .polynomials import Zeros, applied
@@ -189,14 +189,15 @@ class ReducedModel:
         q = sample.quotient(found)
         size = np.abs(q.slope)
         first = q.truncated + sample.interpolation_errors(found.z, q) + ROUND_OFF / size
-        error = stated_error(first, np.abs(q.step), distances(found.every, found.chosen))
-        return self._rows(found.z + q.step, found, size, error, zeta_max, start)
+        gap = distances(found.every, found.chosen)
+        error = stated_error(first, np.abs(q.step), gap)
+        return self._rows(corrected(found.z, q.step, gap), found, size, error, zeta_max, start)
 
     def zeros(self, p: ArrayLike, contact: ContactLinearisation) -> Complex:
         """Eigenvalues lambda [1/s] near the band, conjugates included, shape (zeros,)."""
         sample = self._sample(p, contact)
         found = sample.zeros(*self._searched)
-        z = found.z + sample.quotient(found).step
+        z = corrected(found.z, sample.quotient(found).step, distances(found.every, found.chosen))
         if self.rows.damped:
             z = np.r_[z, z[z.imag > 0].conj()] + self.rows.shift
         else:
