@@ -44,9 +44,9 @@ from .substructure import (
 
 Array = NDArray[np.float64]
 
-# Kept modes reach up to this multiple of the band's end, and the poles of what they leave out lie
-# beyond this multiple of its square, wherever in the box.
-CUTOFF, POLES = 2.0, 3.3
+# The poles of what the kept modes leave out lie beyond this multiple of the square of the band's
+# end, wherever in the box.
+POLES = 3.3
 
 # Relative error that interpolation of degree 4 and 5 moments in kappa reach, and how much one
 # degree and one moment more gain: measured on blocks and brakes in perfect contact.
@@ -132,10 +132,8 @@ class ReducedModel:
             raise SceneError(f"cutoff {cutoff:g} Hz must lie above the band's {band[1]:g} Hz")
         damped = followed != "N" or any(body.C is not None for body in substructures)
         rows, omega = Rows(followed, damped), 2 * np.pi * band[1]
-        reach = max(CUTOFF, np.sqrt(POLES / parameters.softening))
-        accuracy = Accuracy(
-            reach if cutoff is None else cutoff / band[1], _degrees(tolerance, damped)
-        )
+        reach = np.sqrt(POLES / parameters.softening) if cutoff is None else cutoff / band[1]
+        accuracy = Accuracy(float(reach), _degrees(tolerance, damped))
         originals, images = _images(substructures)
         centre = parameters.coefficients(np.zeros(parameters.dimension))
         if known is None:

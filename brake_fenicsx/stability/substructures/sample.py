@@ -38,8 +38,9 @@ TOP = {False: 2, True: 4}
 # Last known terms that tell what is truncated.
 TAIL = {False: 2, True: 4}
 
-# Steps of y <- y + E_0^-1 (source a - E y), and of the like for eta: each gains a factor of 3 to 5.
-RIGHT_STEPS, LEFT_STEPS = 2, 3
+# Steps of y <- y + E_0^-1 (source a - E y), and of the like for eta: the error of the quotient is
+# the product of theirs, and more steps change no digit that its truncation leaves.
+RIGHT_STEPS, LEFT_STEPS = 1, 1
 
 
 @dataclass(frozen=True, slots=True)
