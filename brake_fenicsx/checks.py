@@ -11,6 +11,7 @@ import numpy as np
 
 from brake_fenicsx.errors import BrakeError, SceneError, SurfaceError
 from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.friction import rubs
 from brake_fenicsx.scene.plausible import unusual
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ def warnings(scene: Scene, mean_patch: float | None = None) -> list[str]:
         scene: the scene.
         mean_patch: side of the mean contact element [m], once it is known.
     """
-    lines = unusual(scene)
+    lines = [*unusual(scene), *_undamped(scene)]
     if mean_patch is not None and scene.micro and "micro" in scene.stages:
         patch = mean_patch if scene.micro.patch == "mesh" else float(scene.micro.patch)
         area = (mean_patch / patch) ** 2
@@ -62,6 +63,21 @@ def warnings(scene: Scene, mean_patch: float | None = None) -> list[str]:
                 ' micro.patch = "mesh"'
             )
     return lines
+
+
+def _undamped(scene: Scene) -> list[str]:
+    """Friction, modes, and nothing that takes energy from them."""
+    damping = scene.stability.damping if scene.stability else None
+    damps = damping and (any(damping.rayleigh or ()) or damping.loss or damping.sliding)
+    rubbing = any(rubs(scene, approach) for approach in scene.samples.approaches)
+    if "stability" not in scene.stages or scene.stability is None or damps or not rubbing:
+        return []
+    counted = scene.stability.threshold
+    return [
+        "no damping is named in the scene: modes grow that a real brake damps; write"
+        " [stability.damping]"
+        + ("" if counted else ", or stability.threshold, below which a mode counts as squeal")
+    ]
 
 
 def with_patch(scene: Scene, mean_patch: float) -> Scene:
