@@ -101,7 +101,7 @@ def approach_rows(run: RunData, most: int = 3) -> list[list[Value]]:
                 c.squeal,
                 c.squeal_samples,
                 *_share_cells(wilson(c.squeal_samples, c.samples)),
-                ", ".join(map(_family_text, families(run, approach)[:most])) or "none",
+                "; ".join(map(_family_text, families(run, approach)[:most])) or "none",
             ]
         )
     return rows

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,6 +34,7 @@ def write_shapes(study: Study, results: Results) -> None:
     """
     store, comm = study.store, study.comm
     if comm.rank == 0:
+        shutil.rmtree(store.path("fields"), ignore_errors=True)
         for name in ("fields", "figures"):
             store.path(name).mkdir(exist_ok=True)
         for old in store.path("figures").glob("mode_*.png"):
