@@ -67,16 +67,18 @@ def warnings(scene: Scene, mean_patch: float | None = None) -> list[str]:
 
 def _undamped(scene: Scene) -> list[str]:
     """Friction, modes, and nothing that takes energy from them."""
-    damping = scene.stability.damping if scene.stability else None
-    damps = damping and (any(damping.rayleigh or ()) or damping.loss or damping.sliding)
-    rubbing = any(rubs(scene, approach) for approach in scene.samples.approaches)
-    if "stability" not in scene.stages or scene.stability is None or damps or not rubbing:
+    stability = scene.stability
+    if stability is None or "stability" not in scene.stages:
         return []
-    counted = scene.stability.threshold
+    damping = stability.damping
+    if damping and (damping.rayleigh or damping.loss or damping.sliding):
+        return []
+    if not any(rubs(scene, approach) for approach in scene.samples.approaches):
+        return []
+    or_else = "" if stability.threshold else ", or a stability.threshold for what counts as squeal"
     return [
-        "no damping is named in the scene: modes grow that a real brake damps; write"
-        " [stability.damping]"
-        + ("" if counted else ", or stability.threshold, below which a mode counts as squeal")
+        "no damping is named in the scene, and modes that hardly grow are unstable too; write"
+        f" [stability.damping]{or_else}"
     ]
 
 
