@@ -11,6 +11,7 @@ import numpy as np
 
 from brake_fenicsx.errors import BrakeError, SceneError, SurfaceError
 from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.friction import rubs
 from brake_fenicsx.scene.plausible import unusual
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ def warnings(scene: Scene, mean_patch: float | None = None) -> list[str]:
         scene: the scene.
         mean_patch: side of the mean contact element [m], once it is known.
     """
-    lines = unusual(scene)
+    lines = [*unusual(scene), *_undamped(scene)]
     if mean_patch is not None and scene.micro and "micro" in scene.stages:
         patch = mean_patch if scene.micro.patch == "mesh" else float(scene.micro.patch)
         area = (mean_patch / patch) ** 2
@@ -62,6 +63,23 @@ def warnings(scene: Scene, mean_patch: float | None = None) -> list[str]:
                 ' micro.patch = "mesh"'
             )
     return lines
+
+
+def _undamped(scene: Scene) -> list[str]:
+    """Friction, modes, and nothing that takes energy from them."""
+    stability = scene.stability
+    if stability is None or "stability" not in scene.stages:
+        return []
+    damping = stability.damping
+    if damping and (damping.rayleigh or damping.loss or damping.sliding):
+        return []
+    if not any(rubs(scene, approach) for approach in scene.samples.approaches):
+        return []
+    or_else = "" if stability.threshold else ", or a stability.threshold for what counts as squeal"
+    return [
+        "no damping is named in the scene, and modes that hardly grow are unstable too; write"
+        f" [stability.damping]{or_else}"
+    ]
 
 
 def with_patch(scene: Scene, mean_patch: float) -> Scene:

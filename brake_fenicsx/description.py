@@ -14,7 +14,7 @@ from brake_fenicsx.checks import check, remarks, warnings, with_patch
 from brake_fenicsx.costs import Counts, cost_lines, count_solves, estimate
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.damping import active_terms
-from brake_fenicsx.scene.friction import friction_texts, listed
+from brake_fenicsx.scene.friction import listed
 
 
 def describe(
@@ -68,10 +68,11 @@ def describe(
         }  # fmt: skip
         said = ", ".join(f"{number} {way}" for way, number in ways.items() if number)
         how = f"; modes: {said}" if said else ""
-        lines.append(f"samples: {', '.join(f'{n} {name}' for name, n in samples.items())}{how}")
+        named = ", ".join(f"{n} {parsed.spoken(name)}" for name, n in samples.items())
+        lines.append(f"samples: {named}{how}")
         if damped := {term: None for name in samples for term in active_terms(parsed, name)}:
             lines.append(f"damping: {', '.join(damped)}")
-        lines.append(f"friction: {listed(friction_texts(parsed))}")
+        lines.append(f"friction: {listed(parsed)}")
     if parsed.micro and "micro" in parsed.stages:
         m = parsed.micro
         each, patch = " for each sample" if m.fresh else "", float(m.patch)

@@ -378,7 +378,7 @@ def brake_stage(this: Run) -> Brake:
     this.scene = with_patch(this.scene, mean_patch)
     note_warnings(this, warnings(this.scene, mean_patch))
     this.facts["friction"] = friction_texts(this.scene)
-    logger.info("friction: %s", listed(this.facts["friction"]))
+    logger.info("friction: %s", listed(this.scene))
     return brake
 
 
@@ -389,6 +389,16 @@ def note_warnings(this: Run, lines: list[str]) -> None:
         if text not in known:
             logger.warning("%s", text)
             known.append(text)
+
+
+def note_open_points(this: Run) -> None:
+    """Log what the modes of the samples leave open; the page says it from the summary."""
+    from brake_fenicsx.report.overview import open_points
+    from brake_fenicsx.report.rundata import RunData
+
+    summary = {**this.facts, "in_effect": in_effect(this.scene)}
+    if text := open_points(RunData(this.store.directory, summary=summary)):
+        logger.warning("%s", text)
 
 
 def mechanics(
@@ -410,6 +420,7 @@ def mechanics(
     with this.stage("results"):
         results = study.write()
         this.facts |= {**results.facts(), **study.facts}
+        note_open_points(this)
         if "report" in this.scene.stages:
             from brake_fenicsx.uncertainty.shapes import write_shapes
 

@@ -16,7 +16,7 @@ from brake_fenicsx.pipeline import run
 from brake_fenicsx.report.html import render_page
 from brake_fenicsx.report.rundata import read_run
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.scene.friction import friction_texts
+from brake_fenicsx.scene.friction import friction_texts, listed
 from brake_fenicsx.scene.plausible import unusual
 from brake_fenicsx.shelf import of_laws
 from brake_fenicsx.uncertainty.sampling import draw_sample
@@ -28,6 +28,7 @@ ROUGH = [
     "contact.block_plate.law=library", "parts.block.size='10 mm'", "parts.plate.size='14 mm'",
     "samples.approaches=['multi-scale','classical']", "contact.block_plate.friction=0.1",
 ]  # fmt: skip
+FALLING = "contact.block_plate.friction={ static=0.6, kinetic=0.4, decay='1 m/s' }"
 SMALL = "micro={ patch='%s', pixels=16, laws=1, steps=8 }"
 
 
@@ -124,9 +125,30 @@ def test_perfect_contact_has_the_friction_of_the_scene_unless_its_own_is_written
 
 
 def test_friction_that_depends_on_the_speed_is_inherited_too():
-    law = "contact.block_plate.friction={ static=0.6, kinetic=0.4, decay='1 m/s' }"
-    scene = read_scene(BLOCK, [*ROUGH, SMALL % "1 mm", law])
+    scene = read_scene(BLOCK, [*ROUGH, SMALL % "1 mm", FALLING])
     contact = SimpleNamespace(interface=np.zeros(2, dtype=int), speed=np.array([0.0, 1e3]))
     sample = draw_sample(scene, "classical", 0, contact, None, None)
     np.testing.assert_allclose(sample.mu, [0.6, 0.4])
     assert friction_texts(scene)["classical"] == "0.6 to 0.4"
+
+
+@pytest.mark.parametrize(
+    ("changes", "warned"),
+    [
+        ([], True),
+        (["stability.threshold=0.01"], True),
+        ([FALLING, "stability.damping={ slope=true }"], True),
+        (["stability.damping={ rayleigh=['50 1/s','0 s'] }"], False),
+        (["stability.damping={ sliding=true }"], False),
+        (["contact.block_plate.friction=0"], False),
+        (["stages=['equilibrium']"], False),
+    ],
+)
+def test_a_scene_with_friction_and_without_damping_is_warned_of(changes, warned):
+    said = [line for line in warnings(read_scene(BLOCK, changes)) if "no damping" in line]
+    assert len(said) == warned
+
+
+def test_contact_without_roughness_is_not_called_multi_scale():
+    assert listed(read_scene(BLOCK)) == "smooth contact 0.5"
+    assert listed(read_scene(BLOCK, [*ROUGH, SMALL % "1 mm"])).startswith("multi-scale 0.1")

@@ -135,7 +135,7 @@ def draw_errors(run: RunData) -> Figure | None:
             drawn = True
             f, error = run.modes["frequency_hz"][own] / 1e3, every[own]
             _draw_bands(axes[0, 0], f, error, approach)
-            _draw_excess(axes[0, 1], error, approach)
+            _draw_excess(axes[0, 1], error, approach, label(run, approach))
     if not drawn:
         return None
     unit = "relative error estimate of the eigenvalue [-]"
@@ -159,19 +159,16 @@ def _draw_bands(axes: Axes, f: NDArray, error: NDArray, approach: str, bands: in
     middle = 0.5 * (edges[1:] + edges[:-1])[full]
     axes.plot(middle, [error[place == j].max() for j in full], color=colour, lw=1.2)
     medians = [np.median(error[place == j]) for j in full]
-    axes.plot(middle, medians, marker, color=colour, ms=3.5, label=label(approach))
+    axes.plot(middle, medians, marker, color=colour, ms=3.5)
 
 
-def _draw_excess(axes: Axes, error: NDArray, approach: str) -> None:
+def _draw_excess(axes: Axes, error: NDArray, approach: str, name: str) -> None:
     """Share of modes with a larger error, at up to 400 of the values."""
     ordered = np.sort(error)
     chosen = np.unique(np.linspace(0, error.size - 1, 400).astype(int))
     share = 1.0 - chosen / error.size
     colour, _ = look(approach)
-    axes.step(
-        ordered[chosen], share, where="post", color=colour, ls=stroke(approach),
-        label=label(approach),
-    )  # fmt: skip
+    axes.step(ordered[chosen], share, where="post", color=colour, ls=stroke(approach), label=name)
 
 
 def draw_stages(run: RunData) -> Figure | None:

@@ -41,7 +41,8 @@ def draw_contact_pressure(run: RunData) -> Figure | None:
             own_table = {k: v[chosen] for k, v in contact.items()}
             corners, shown = _facets(own_table, run.faces) or _all_squares(own_table)
             image = _draw_patches(axis, corners, shown, top)
-            axis.set_title(_headline(name, int(sample), side, contact, chosen), fontsize=8.5)
+            place = f"{label(run, name)}, sample {sample}, {side}"
+            axis.set_title(_headline(place, contact, chosen), fontsize=8.5)
             axis.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
         beyond = "max" if np.any(p > top) else "neither"
         figure.colorbar(image, ax=list(row), label="pressure [MPa]", extend=beyond, shrink=0.9)
@@ -54,13 +55,10 @@ def _sides(z: NDArray) -> list[tuple[str, NDArray]]:
     return [("contact face", np.full(z.shape, True))]
 
 
-def _headline(name: str, sample: int, side: str, contact: Columns, own: NDArray) -> str:
+def _headline(place: str, contact: Columns, own: NDArray) -> str:
     closed = int(np.sum(contact["p"][own] > 0))
     mean = np.sum(contact["p"][own] * contact["area"][own]) / np.sum(contact["area"][own])
-    return (
-        f"{label(name)}, sample {sample}, {side}:\n"
-        f"{closed} of {own.sum()} elements closed, mean {mean / 1e6:.3g} MPa"
-    )
+    return f"{place}:\n{closed} of {own.sum()} elements closed, mean {mean / 1e6:.3g} MPa"
 
 
 def _facets(contact: Columns, faces: Arrays | None) -> tuple[NDArray, NDArray] | None:

@@ -1,8 +1,13 @@
-"""How many modes are unstable, how often, where: counts with Wilson intervals from the tables."""
+"""How many modes squeal, how often, how strongly, where: counts with Wilson intervals.
+
+A mode squeals where it is unstable and its damping lies below minus the threshold of the scene.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +31,9 @@ class ApproachCount:
         modes: modes in the band, all samples.
         unstable: unstable modes, all samples.
         neutral: modes of which the computation cannot tell, all samples.
-        unstable_samples: samples with at least one unstable mode.
-        per_sample: unstable modes of each sample, shape (samples,), in the order of the samples.
+        squeal: modes that squeal, all samples.
+        squeal_samples: samples with at least one mode that squeals.
+        per_sample: squeal modes of each sample, shape (samples,), in the order of the samples.
     """
 
     approach: str
@@ -36,7 +42,8 @@ class ApproachCount:
     modes: int
     unstable: int
     neutral: int
-    unstable_samples: int
+    squeal: int
+    squeal_samples: int
     per_sample: NDArray
 
 
@@ -57,14 +64,15 @@ class Share:
 
 @dataclass(frozen=True, slots=True)
 class FamilyCount:
-    """One family of unstable modes: the same mode recognised in many samples.
+    """One family of squeal modes: the same mode recognised in many samples.
 
     Attributes:
         approach: its approach.
         family: number of the family; -1 for modes of no family, gathered by frequency.
-        frequency: mean frequency of its unstable modes [Hz].
+        frequency: mean frequency of its squeal modes [Hz].
         spread: standard deviation of that frequency [Hz].
-        share: share of samples in which it is unstable.
+        share: share of samples in which it squeals.
+        median: median over those samples of the lowest damping in each [-].
         worst: lowest damping (most unstable) [-].
     """
 
@@ -73,18 +81,25 @@ class FamilyCount:
     frequency: float
     spread: float
     share: Share
+    median: float
     worst: float
+
+    @property
+    def severity(self) -> float:
+        """Share of samples that squeal, times their median damping without its sign."""
+        return self.share.value * abs(self.median)
 
 
 @dataclass(frozen=True, slots=True)
 class ModeKey:
-    """One mode of the tables: approach, sample, mode, frequency [Hz] and damping [-]."""
+    """One mode of the tables: approach, sample, mode, frequency [Hz], damping [-], its family."""
 
     approach: str
     sample: int
     mode: int
     frequency: float
     damping: float
+    family: FamilyCount
 
 
 def wilson(hits: int, n: int, z: float = Z_95) -> Share:
@@ -109,13 +124,18 @@ def wilson(hits: int, n: int, z: float = Z_95) -> Share:
     return Share(hits, n, low, high)
 
 
-def good_modes(run: RunData, approach: str, verdict: str | None = None) -> Columns:
+def squeals(modes: Mapping[str, Any], threshold: float) -> NDArray[np.bool_]:
+    """Which modes count as squeal: unstable, and the damping below minus the threshold."""
+    return (modes["verdict"] == "unstable") & (modes["damping"] < -threshold)
+
+
+def good_modes(run: RunData, approach: str, squeal: bool = False) -> Columns:
     """Modes of one approach over its samples that ended well.
 
     Args:
         run: the results.
         approach: name of the approach.
-        verdict: only modes of this verdict, all if not given.
+        squeal: only modes that squeal.
 
     Returns:
         The columns of ``modes.csv``, arrays of shape (n,).
@@ -128,13 +148,13 @@ def good_modes(run: RunData, approach: str, verdict: str | None = None) -> Colum
     chosen = run.modes["approach"] == approach
     if run.samples is not None:
         chosen &= np.isin(run.modes["sample"], _samples(run, approach)[0])
-    if verdict is not None:
-        chosen &= run.modes["verdict"] == verdict
+    if squeal:
+        chosen &= squeals(run.modes, run.threshold)
     return {name: values[chosen] for name, values in run.modes.items()}
 
 
 def count(run: RunData, approach: str) -> ApproachCount:
-    """Count samples, modes and unstable modes of one approach.
+    """Count samples, modes, and modes that are unstable or squeal, of one approach.
 
     Args:
         run: the results.
@@ -145,17 +165,18 @@ def count(run: RunData, approach: str) -> ApproachCount:
     """
     good, failed = _samples(run, approach)
     modes = good_modes(run, approach)
-    unstable = modes["verdict"] == "unstable"
+    squeal = squeals(modes, run.threshold)
     per_sample = np.zeros(good.size, dtype=int)
-    np.add.at(per_sample, np.searchsorted(good, modes["sample"][unstable]), 1)
+    np.add.at(per_sample, np.searchsorted(good, modes["sample"][squeal]), 1)
     return ApproachCount(
         approach=approach,
         samples=good.size,
         failed=failed,
-        modes=unstable.size,
-        unstable=int(unstable.sum()),
+        modes=squeal.size,
+        unstable=int((modes["verdict"] == "unstable").sum()),
         neutral=int((modes["verdict"] == "neutral").sum()),
-        unstable_samples=int(np.count_nonzero(per_sample)),
+        squeal=int(squeal.sum()),
+        squeal_samples=int(np.count_nonzero(per_sample)),
         per_sample=per_sample,
     )
 
@@ -171,7 +192,7 @@ def band_edges(run: RunData, most: int = 20) -> NDArray:
 
 
 def probability_per_band(run: RunData, approach: str, edges: NDArray) -> list[Share]:
-    """Share of samples with an unstable mode in each band.
+    """Share of samples with a squeal mode in each band.
 
     Args:
         run: the results.
@@ -182,14 +203,14 @@ def probability_per_band(run: RunData, approach: str, edges: NDArray) -> list[Sh
         One share per band.
     """
     good, _ = _samples(run, approach)
-    modes = good_modes(run, approach, "unstable")
+    modes = good_modes(run, approach, squeal=True)
     frequency, sample = modes["frequency_hz"], modes["sample"]
     band = np.clip(np.searchsorted(edges, frequency, side="right") - 1, 0, len(edges) - 2)
     return [wilson(np.unique(sample[band == j]).size, good.size) for j in range(len(edges) - 1)]
 
 
 def families(run: RunData, approach: str, width: float = WIDTH) -> list[FamilyCount]:
-    """Families of unstable modes of one approach, the most frequent first.
+    """Families of squeal modes of one approach, the most severe first.
 
     Args:
         run: the results.
@@ -197,27 +218,29 @@ def families(run: RunData, approach: str, width: float = WIDTH) -> list[FamilyCo
         width: modes of no family (number below zero) are gathered in bands of this width [Hz].
 
     Returns:
-        One record per family with at least one unstable mode.
+        One record per family with at least one mode that squeals.
     """
     good, _ = _samples(run, approach)
-    table = good_modes(run, approach, "unstable")
+    table = good_modes(run, approach, squeal=True)
     family = table["family"].astype(int)
     key = np.where(family >= 0, family, -1 - (table["frequency_hz"] // width).astype(int))
     found = []
     for number in np.unique(key):
         own = key == number
         f = table["frequency_hz"][own]
-        share = wilson(np.unique(table["sample"][own]).size, good.size)
-        worst = float(table["damping"][own].min())
+        samples, place = np.unique(table["sample"][own], return_inverse=True)
+        lowest = np.zeros(samples.size)
+        np.minimum.at(lowest, place, table["damping"][own])
         record = FamilyCount(
-            approach, max(int(number), -1), float(f.mean()), float(f.std()), share, worst
-        )
+            approach, max(int(number), -1), float(f.mean()), float(f.std()),
+            wilson(samples.size, good.size), float(np.median(lowest)), float(lowest.min()),
+        )  # fmt: skip
         found.append(record)
-    return sorted(found, key=lambda r: (-r.share.hits, r.frequency))
+    return sorted(found, key=lambda r: (-r.severity, r.frequency))
 
 
 def representative_modes(run: RunData, approach: str, most: int = 4) -> list[ModeKey]:
-    """Which unstable modes to draw: of each frequent family the one of median damping.
+    """Which modes to draw: of each of the most severe families the squeal mode of median damping.
 
     Args:
         run: the results.
@@ -225,9 +248,9 @@ def representative_modes(run: RunData, approach: str, most: int = 4) -> list[Mod
         most: number of families.
 
     Returns:
-        At most ``most`` modes, the most frequent family first.
+        At most ``most`` modes, the most severe family first.
     """
-    modes = good_modes(run, approach, "unstable")
+    modes = good_modes(run, approach, squeal=True)
     chosen = []
     for record in families(run, approach)[:most]:
         if record.family >= 0:
@@ -237,7 +260,7 @@ def representative_modes(run: RunData, approach: str, most: int = 4) -> list[Mod
         row = own[np.argsort(modes["damping"][own], kind="stable")[own.size // 2]]
         numbers = int(modes["sample"][row]), int(modes["mode"][row])
         frequency, damping = float(modes["frequency_hz"][row]), float(modes["damping"][row])
-        chosen.append(ModeKey(approach, *numbers, frequency, damping))
+        chosen.append(ModeKey(approach, *numbers, frequency, damping, record))
     return chosen
 
 

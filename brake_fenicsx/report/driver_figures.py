@@ -1,4 +1,4 @@
-"""What goes with instability: rank correlation of the random inputs with the unstable modes."""
+"""What goes with squeal: rank correlation of the random inputs with the number of squeal modes."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ from .tables import SAMPLES
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+NO_INPUT = (*SAMPLES, "rejected", "tolerance_missed")  # columns of samples.csv
 FEWEST = 10  # samples below which a correlation says nothing
 
 
 @dataclass(frozen=True, slots=True)
 class Driver:
-    """Spearman correlation of one input with the number of unstable modes, 95 % interval."""
+    """Spearman correlation of one input with the number of squeal modes, 95 % interval."""
 
     name: str
     rho: float
@@ -48,7 +49,7 @@ def drivers(run: RunData, approach: str) -> list[Driver]:
     order = np.argsort(run.samples["sample"][good], kind="stable")
     found = []
     for name, column in run.samples.items():
-        if name in (*SAMPLES, "rejected") or not np.issubdtype(column.dtype, np.number):
+        if name in NO_INPUT or not np.issubdtype(column.dtype, np.number):
             continue
         values = column[good][order].astype(float)
         if np.all(np.isfinite(values)) and np.ptp(values) > 0:
@@ -83,9 +84,10 @@ def draw_drivers(run: RunData, most: int = 12) -> Figure | None:
         axis.axvline(0.0, color=BLACK, lw=0.7)
         axis.set_yticks(y, [d.name for d in found])
         axis.set(xlim=(-1, 1), ylim=(-0.6, len(found) - 0.4))
-        axis.set_title(f"{label(approach)}: {count(run, approach).samples} samples")
+        axis.set_title(f"{label(run, approach)}: {count(run, approach).samples} samples")
         light_grid(axis, axis="x")
-    axes[-1, 0].set_xlabel("rank correlation with the number of unstable modes [-]")
+    what = f"the number of squeal modes ({run.criterion})"
+    axes[-1, 0].set_xlabel(f"rank correlation with {what} [-]")
     return figure
 
 

@@ -75,43 +75,45 @@ PLOTS = (
     Plot(
         "figure9_squeal_map",
         "Frequency and damping of every complex mode of every sample; the scale is linear between "
-        "-0.0001 and 0.0001 and logarithmic beyond. Negative damping is an unstable mode: a squeal "
-        "candidate. Without damping terms an unstable mode has a mirror image that decays.",
+        "-0.0001 and 0.0001 and logarithmic beyond. Negative damping is an unstable mode, "
+        "grey where it lies above the threshold of squeal. Without damping terms an unstable mode "
+        "has a mirror image that decays.",
         draw_squeal_map,
     ),
     Plot(
         "squeal_families",
-        "Unstable modes by family (the same mode recognised in many samples), with mean frequency "
-        "and number of samples in which it is unstable; the same colour marks the same frequency.",
+        "Squeal modes by family (the same mode recognised in many samples), the most severe first: "
+        "mean frequency, number of samples in which the family squeals, median damping there; the "
+        "same colour marks the same frequency.",
         draw_families,
     ),
     Plot(
         "probability_per_band",
-        "Probability that a brake of the population has at least one unstable mode in the band: "
+        "Probability that a brake of the population has at least one squeal mode in the band: "
         "share of samples, with 95 % Wilson intervals.",
         draw_probability,
     ),
     Plot(
         "unstable_per_sample",
-        "How many unstable modes a sample has: share of samples with each number.",
+        "How many squeal modes a sample has: share of samples with each number.",
         draw_counts,
     ),
     Plot(
         "convergence",
-        "Convergence with the number of samples: share of samples with an unstable mode, and "
-        "mean number of unstable modes, with 95 % intervals.",
+        "Convergence with the number of samples: share of samples with a squeal mode, and mean "
+        "number of squeal modes, with 95 % intervals.",
         draw_convergence,
     ),
     Plot(
         "drivers",
-        "Inputs correlated with instability: Spearman's rank correlation of each random "
-        "input with the number of unstable modes of the sample, from -1 to 1, with 95 % intervals.",
+        "Inputs correlated with squeal: Spearman's rank correlation of each random input with the "
+        "number of squeal modes of the sample, from -1 to 1, with 95 % intervals.",
         draw_drivers,
     ),
     Plot(
         "sensitivity",
-        "Share of the variance of the growth rate (0 where stable) that each random input explains "
-        "alone, with 95 % intervals, in the whole band and in the most frequent families. "
+        "Share of the variance of the growth rate (0 where none squeals) that each random input "
+        "explains alone, with 95 % intervals, in the whole band and in the most severe families. "
         "Diamonds: total share with interactions, where the design provides it. Empty bars: too "
         "few samples for an interval. Negative shares are sampling error of the estimate.",
         draw_sensitivity,

@@ -12,22 +12,26 @@ from typing import Any
 import numpy as np
 
 from .accuracy import ERROR_COLUMNS, SPEED_COLUMNS, error_rows, speed_rows, stage_rows
+from .counts import representative_modes
 from .figures import PLOTS, make_figures
 from .html_parts import image, pairs, table
-from .overview import approach_rows, cause_rows, family_rows, share_text
+from .overview import approach_rows, cause_rows, family_rows, open_points, share_text
 from .page_style import CSS
 from .rundata import RunData, read_run
-from .style import APPROACH_NAME
 from .surface_figures import surface_statistics
 from .tables import Value
 
 SHAPES = (
-    "<p>Unstable modes with the lowest damping (-2 alpha / |omega|), at most four of each "
-    "approach, of the first sample that has any. Colour: displacement relative to its maximum. "
-    "Exploded view of the deformed bodies at the phase of largest motion, from both sides.</p>"
+    "<p>The most severe families of each approach, at most four: of each the squeal mode of median "
+    "damping (-2 alpha / |omega|). Colour: displacement relative to its maximum. Exploded view of "
+    "the deformed bodies at the phase of largest motion, from both sides.</p>"
 )
 FAMILIES = 12  # rows of each approach in the table of families
 CAPTIONS = {plot.name: plot.caption for plot in PLOTS}
+JUDGED = {  # figures of what squeals
+    "figure9_squeal_map", "squeal_families", "probability_per_band", "unstable_per_sample",
+    "convergence", "drivers", "sensitivity",
+}  # fmt: skip
 LAST_START = (
     "<p>Times of the last run only; stages reused from earlier runs count as zero. Times per "
     "sample are medians over all samples.</p>"
@@ -131,12 +135,17 @@ def _lead(run: RunData) -> str:
         "modes",
         "unstable modes",
         "neutral modes",
-        "unstable samples",
-        "share of unstable samples",
-        "most often unstable",
+        f"squeal modes ({run.criterion})",
+        "squeal samples",
+        "share of squeal samples",
+        "most severe (squeal samples, median damping)",
     ]
-    body = [[_name(row), *row[1:7], share_text(row[7:10]), row[10]] for row in rows]
+    body = [[_name(run, row), *row[1:6], *row[7:9], share_text(row[9:12]), row[12]] for row in rows]
     return table(heads, body) + (
+        f"<p>A mode counts as squeal where it is unstable with {run.criterion} "
+        "(-2 alpha / |omega|; stability.threshold of the scene). Families are ranked by severity: "
+        "the share of samples in which the family squeals, times the median of its damping "
+        "there.</p>"
         "<p>Neutral: the sign of the growth rate is uncertain within its numerical error, or the "
         "mode is a rigid-body motion.</p>"
         "<p>Shares have 95 % Wilson intervals, which describe the sampling error and not the error "
@@ -145,27 +154,24 @@ def _lead(run: RunData) -> str:
 
 
 def _noted(run: RunData) -> str:
-    """Warnings of the run, and the friction of each approach."""
+    """Warnings of the run, what it leaves open, and the friction of each approach."""
     warnings, friction = run.summary.get("warnings"), run.summary.get("friction")
     lines = [f"Warning: {text}." for text in warnings] if isinstance(warnings, list) else []
+    if text := open_points(run):
+        lines.append(f"Warning: {text}.")
     if isinstance(friction, Mapping):
-        said = (f"{APPROACH_NAME.get(name, name)} {text}" for name, text in friction.items())
+        said = (f"{run.label(name)} {text}" for name, text in friction.items())
         lines.append(f"Friction coefficient: {', '.join(said)}.")
     return "".join(f"<p>{escape(text)}</p>\n" for text in lines)
 
 
 def _damping(run: RunData) -> str:
-    """Which damping acts, and whether the number of modes was proven."""
+    """Which damping acts."""
     terms = run.summary.get("damping")
     if not isinstance(terms, Mapping) or not terms:
         return ""
     named = ", ".join(map(str, terms))
-    samples = run.summary.get("samples")
-    facts = samples.values() if isinstance(samples, Mapping) else ()
-    how = [str(about.get("counted_by", "")) for about in facts if isinstance(about, Mapping)]
-    open_ = any(text.startswith("not counted") for text in how)
-    more = " The number of damped modes was not counted: one may be missing." if open_ else ""
-    return f"<p>Active damping terms (settings below): {escape(named)}.{more}</p>"
+    return f"<p>Active damping terms (settings below): {escape(named)}.</p>"
 
 
 def _squeal(run: RunData) -> str:
@@ -174,13 +180,13 @@ def _squeal(run: RunData) -> str:
         return ""
     rows = [
         [
-            _name(row),
+            _name(run, row),
             "by frequency" if row[1] == -1 else row[1],
             _kilo(row[2]),
             _kilo(row[3]),
-            row[4],
-            share_text(row[5:8]),
-            row[8],
+            row[5],
+            share_text(row[6:9]),
+            *row[9:11],
         ]
         for row in family_rows(run, FAMILIES)
     ]
@@ -189,19 +195,20 @@ def _squeal(run: RunData) -> str:
         "family",
         "frequency [kHz]",
         "spread [kHz]",
-        "unstable samples",
+        f"squeal samples ({run.criterion})",
         "share",
+        "median damping [-]",
         "lowest damping [-]",
     ]
     note = (
         "<p>An eigenvalue is alpha + i omega; drawn is -2 alpha / |omega|, twice the "
         "damping ratio. "
-        "A mode with negative damping grows from the equilibrium: a squeal candidate. "
-        "A linear analysis does not predict the amplitude.</p>"
+        "A mode with negative damping grows from the equilibrium: a squeal candidate, which counts "
+        f"as squeal with {run.criterion}. A linear analysis does not predict the amplitude.</p>"
     )
     left = len(family_rows(run)) - len(rows)
-    rarer = "family" if left == 1 else "families"
-    more = f"<p>{left} rarer {rarer}: tables/families.csv.</p>" if left else ""
+    rest = "family" if left == 1 else "families"
+    more = f"<p>{left} less severe {rest}: tables/families.csv.</p>" if left else ""
     return note + _damping(run) + figures + (table(heads, rows) if rows else "") + more
 
 
@@ -210,24 +217,25 @@ def _probability(run: RunData) -> str:
 
 
 def _drivers(run: RunData) -> str:
-    """Which inputs move the growth rate, and the probabilities of the most frequent families."""
+    """Which inputs move the growth rate, and the probabilities of the most severe families."""
     rows = [
         [
-            _name(row),
+            _name(run, row),
             row[1],
             share_text(row[2:5]),
-            row[5],
-            row[6] or "-",
-            _interval(row[7:10]),
-            *(_percent(v) for v in row[10:]),
+            *row[5:7],
+            row[7] or "-",
+            _interval(row[8:11]),
+            *(_percent(v) for v in row[11:]),
         ]
         for row in cause_rows(run)
     ]
     heads = [
         "approach",
         "where",
-        "probability of instability",
-        "likely unstable",
+        f"probability of squeal ({run.criterion})",
+        "median damping [-]",
+        "likely to squeal",
         "strongest input",
         "rank correlation",
         "friction",
@@ -237,32 +245,32 @@ def _drivers(run: RunData) -> str:
     ]
     limit = _limit(run)
     note = (
-        f"<p>Likely unstable: yes if the 95 % interval of the probability lies above {limit}, "
+        f"<p>Likely to squeal: yes if the 95 % interval of the probability lies above {limit}, "
         "open if it contains that limit.</p>"
     )
-    if any(row[4] != "-" for row in rows):
+    if any(row[5] != "-" for row in rows):
         note += (
             "<p>Strongest input: the random input with the strongest rank correlation with "
-            "instability; none where all samples or no sample are unstable.</p>"
+            "squeal; none where all samples or no sample squeal.</p>"
         )
-    if any(row[6] != "-" for row in rows):
+    if any(row[7] != "-" for row in rows):
         note += (
             "<p>Friction, materials, loads: their shares of the variance of the growth rate (sums "
             "of first-order indices). The rest is interactions, and roughness where contact is "
             "rough. Negative shares are sampling error.</p>"
         )
-    if rows and all(row[4] == "-" for row in rows):
+    if rows and all(row[5] == "-" for row in rows):
         note += (
             "<p>The scene has no random input, or too few samples to separate their effects.</p>"
         )
-    full = [j for j in range(len(heads)) if any(row[j] != "-" for row in rows)]
+    full = [j for j in range(len(heads)) if any(row[j] not in ("-", None) for row in rows)]
     short = [[row[j] for j in full] for row in rows]
     told = note + table([heads[j] for j in full], short) if rows else ""
     return _figures(run, "sensitivity", "drivers") + told
 
 
 def _limit(run: RunData) -> str:
-    """The limit of the scene beyond which instability is called robust."""
+    """The limit of the scene beyond which a family is called likely to squeal."""
     facts = run.summary.get("robustness")
     limit = facts.get("limit") if isinstance(facts, Mapping) else None
     return f"{100 * limit:g} %" if isinstance(limit, int | float) else "the limit of the scene"
@@ -280,19 +288,24 @@ def _percent(value: Value) -> str:
 
 
 def _shapes(run: RunData) -> str:
-    """The mesh, then the most unstable modes of one sample of each approach."""
+    """The mesh, then the most severe modes of each approach."""
     folder = run.directory / "figures"
     meshes, modes = sorted(folder.glob("mesh*.png")), sorted(folder.glob("mode_*.png"))
     parts = [image(path, _heading(path), "shape") for path in meshes]
     parts += [SHAPES] if modes else []
     left = {*modes}
     for row in approach_rows(run):
-        paths = sorted(folder.glob(f"mode_{row[0]}_*Hz.png"))
+        chosen = representative_modes(run, str(row[0]))
+        rank = {f"{mode.frequency:05.0f}Hz": j for j, mode in enumerate(chosen)}
+        paths = sorted(
+            sorted(folder.glob(f"mode_{row[0]}_*Hz.png")),
+            key=lambda path: rank.get(path.stem.rpartition("_")[2], len(rank)),
+        )
         left -= {*paths}
-        text = "" if row[4] else "<p>No mode of any sample is unstable; none is drawn.</p>"
+        text = "" if row[7] else "<p>No mode of any sample squeals; none is drawn.</p>"
         if paths or text:
             drawn = [image(path, _heading(path), "shape") for path in paths]
-            parts += [f"<h3>{escape(_name(row))}</h3>", text, *drawn]
+            parts += [f"<h3>{escape(_name(run, row))}</h3>", text, *drawn]
     parts += [image(path, _heading(path), "shape") for path in sorted(left)]
     return "\n".join(part for part in parts if part)
 
@@ -336,11 +349,11 @@ def _accuracy(run: RunData) -> str:
     speed = speed_rows(run)
     if speed:
         heads = [SPEED_HEADS.get(name, name.replace("_", " ")) for name in SPEED_COLUMNS]
-        parts.append(table(heads, [[_name(row), *row[1:]] for row in speed]))
+        parts.append(table(heads, [[_name(run, row), *row[1:]] for row in speed]))
     errors = error_rows(run)
     if errors:
         heads = [name.replace("_", " ") for name in ERROR_COLUMNS]
-        parts.append(table(heads, [[_name(row), *row[1:]] for row in errors]))
+        parts.append(table(heads, [[_name(run, row), *row[1:]] for row in errors]))
         parts.append(
             "<p>Errors are relative error estimates of the eigenvalues; the condition number of an "
             "eigenvalue relates them to the backward error: error = backward error x condition.</p>"
@@ -374,13 +387,16 @@ def _settings(run: RunData) -> str:
 
 
 def _figures(run: RunData, *names: str) -> str:
-    paths = [(run.directory / "figures" / f"{name}.png", CAPTIONS[name]) for name in names]
-    return "\n".join(image(path, caption) for path, caption in paths if path.is_file())
+    said = {name: f" Squeal: {run.criterion}." if name in JUDGED else "" for name in names}
+    paths = {name: run.directory / "figures" / f"{name}.png" for name in names}
+    return "\n".join(
+        image(path, CAPTIONS[name] + said[name]) for name, path in paths.items() if path.is_file()
+    )
 
 
-def _name(row: Sequence[Value]) -> str:
+def _name(run: RunData, row: Sequence[Value]) -> str:
     """Name of the approach at the head of a row."""
-    return APPROACH_NAME.get(str(row[0]), str(row[0]))
+    return run.label(str(row[0]))
 
 
 def _kilo(value: Value) -> str:

@@ -1,8 +1,12 @@
-"""The answer in tables: per approach, per family of modes, per frequency band."""
+"""The answer in tables: per approach, per family of modes, per frequency band.
+
+Families are ranked by severity: the share of samples in which the family squeals, times the median
+of its damping there. Both numbers stand in the tables.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from .accuracy import (
@@ -15,7 +19,7 @@ from .accuracy import (
 )
 from .counts import FamilyCount, Share, band_edges, count, families, probability_per_band, wilson
 from .rundata import RunData, read_run
-from .tables import Value, read_rows, text_table, write_rows
+from .tables import Value, read_columns, read_rows, text_table, write_rows
 
 APPROACH_COLUMNS = (
     "approach",
@@ -24,28 +28,34 @@ APPROACH_COLUMNS = (
     "modes",
     "unstable_modes",
     "neutral_modes",
-    "unstable_samples",
+    "threshold",
+    "squeal_modes",
+    "squeal_samples",
     "share",
     "share_low",
     "share_high",
-    "most_frequent",
+    "most_severe",
 )
 FAMILY_COLUMNS = (
     "approach",
     "family",
     "frequency_hz",
     "spread_hz",
-    "unstable_samples",
+    "threshold",
+    "squeal_samples",
     "share",
     "share_low",
     "share_high",
+    "median_damping",
     "worst_damping",
+    "severity",
 )
 BAND_COLUMNS = (
     "approach",
     "from_hz",
     "to_hz",
-    "unstable_samples",
+    "threshold",
+    "squeal_samples",
     "samples",
     "share",
     "share_low",
@@ -56,6 +66,7 @@ CAUSE_COLUMNS = (
     "probability",
     "low",
     "high",
+    "median_damping",
     "above_limit",
     "mover",
     "mover_rho",
@@ -86,20 +97,22 @@ def approach_rows(run: RunData, most: int = 3) -> list[list[Value]]:
                 c.modes,
                 c.unstable,
                 c.neutral,
-                c.unstable_samples,
-                *_share_cells(wilson(c.unstable_samples, c.samples)),
-                ", ".join(map(_family_text, families(run, approach)[:most])) or "none",
+                run.threshold,
+                c.squeal,
+                c.squeal_samples,
+                *_share_cells(wilson(c.squeal_samples, c.samples)),
+                "; ".join(map(_family_text, families(run, approach)[:most])) or "none",
             ]
         )
     return rows
 
 
 def family_rows(run: RunData, most: int | None = None) -> list[list[Value]]:
-    """One row per family of unstable modes, in the order of `FAMILY_COLUMNS`.
+    """One row per family of squeal modes, the most severe first, in the order of `FAMILY_COLUMNS`.
 
     Args:
         run: the results.
-        most: rows of each approach, the most frequent ones; all if not given.
+        most: rows of each approach, the most severe ones; all if not given.
     """
     return [
         [
@@ -107,9 +120,12 @@ def family_rows(run: RunData, most: int | None = None) -> list[list[Value]]:
             f.family,
             f.frequency,
             f.spread,
+            run.threshold,
             f.share.hits,
             *_share_cells(f.share),
+            f.median,
             f.worst,
+            f.severity,
         ]
         for approach in run.approaches
         for f in families(run, approach)[:most]
@@ -123,32 +139,37 @@ def band_rows(run: RunData) -> list[list[Value]]:
     for approach in run.approaches:
         for j, s in enumerate(probability_per_band(run, approach, edges)):
             band = float(edges[j]), float(edges[j + 1])
-            rows.append([approach, *band, s.hits, s.n, *_share_cells(s)])
+            rows.append([approach, *band, run.threshold, s.hits, s.n, *_share_cells(s)])
     return rows
 
 
 def cause_rows(run: RunData, most: int = 12) -> list[list[Value]]:
-    """What robustness.csv says of the whole band and of the families, the most probable first.
+    """What robustness.csv says of the whole band and of the families, the most severe first.
 
     Args:
         run: the results.
         most: rows of each approach.
 
     Returns:
-        Approach, where, probability with its interval, whether it is above the limit, the input
-        that moves it most, its rank correlation with interval, shares of the variance of growth by
-        friction, materials, loads and the rest.
+        Approach, where, probability with its interval, median damping of the samples that squeal,
+        whether the probability is above the limit, the input that moves it most, its rank
+        correlation with interval, shares of the variance of growth by friction, materials, loads
+        and the rest.
+
+    Raises:
+        SceneError: a column is missing.
     """
     path = run.directory / "robustness.csv"
     if not path.is_file():
         return []
+    read_columns(path, (*CAUSE_COLUMNS, "squeal_samples", "severity"))
     found = [row for row in read_rows(path) if row["scope"] in ("band", "family")]
     rows: list[list[Value]] = []
     for approach in run.approaches:
         own = [row for row in found if row["approach"] == approach]
         whole = [row for row in own if row["scope"] == "band"][:1]
-        families = [row for row in own if row["scope"] == "family" and row["unstable"]]
-        families.sort(key=lambda row: -_number(row["probability"]))
+        families = [row for row in own if row["scope"] == "family" and row["squeal_samples"]]
+        families.sort(key=lambda row: -_number(row["severity"]))
         for row in [*whole, *families[: most - 1]]:
             kilo = _number(row["frequency_hz"]) / 1e3
             where = "whole band"
@@ -170,9 +191,10 @@ def summary_table(run: RunData | str | Path) -> str:
         run: the results, or the run directory.
 
     Returns:
-        A table with one line per approach.
+        What counts as squeal, and a table with one line per approach.
     """
     run = read_run(run)
+    said = f"squeal: unstable modes with {run.criterion} (stability.threshold)"
     heads = (
         "approach",
         "samples",
@@ -180,12 +202,41 @@ def summary_table(run: RunData | str | Path) -> str:
         "modes",
         "unstable",
         "neutral",
-        "unstable samples",
+        "squeal modes",
+        "squeal samples",
         "share",
-        "most often unstable",
+        "most severe (squeal samples, median damping)",
     )
-    rows = [[*row[:7], share_text(row[7:10]), row[10]] for row in approach_rows(run)]
-    return text_table(heads, rows)
+    rows = [
+        [run.label(str(row[0])), *row[1:6], *row[7:9], share_text(row[9:12]), row[12]]
+        for row in approach_rows(run)
+    ]
+    return f"{said}\n{text_table(heads, rows)}"
+
+
+def open_points(run: RunData) -> str:
+    """What the computation itself leaves open, in one line; empty where it leaves nothing.
+
+    Args:
+        run: the results; ``samples`` of its summary is read, see ``uncertainty.results``.
+    """
+    facts = run.summary.get("samples")
+    found = []
+    for name, about in facts.items() if isinstance(facts, Mapping) else ():
+        said = []
+        if missed := about.get("tolerance_missed"):
+            said.append(
+                f"{missed} of {about['modes']} modes have an error estimate above"
+                " stability.tolerance"
+            )
+        if unproven := about.get("not_complete"):
+            said.append(
+                f"in {unproven} of {about['good']} samples the number of modes is not proven, one"
+                " may be missing"
+            )
+        if said:
+            found.append(f"{run.label(name)}: {', '.join(said)}")
+    return "; ".join(found) + " (samples.csv)" if found else ""
 
 
 def share_text(interval: Sequence[Value]) -> str:
@@ -227,5 +278,5 @@ def _share_cells(share: Share) -> list[Value]:
 
 
 def _family_text(f: FamilyCount) -> str:
-    often = f" ({f.share.hits}/{f.share.n})" if f.share.n > 1 else ""
-    return f"{f.frequency / 1e3:.2f} kHz{often}"
+    often = f"{f.share.hits}/{f.share.n}, " if f.share.n > 1 else ""
+    return f"{f.frequency / 1e3:.2f} kHz ({often}{f.median:.2g})"

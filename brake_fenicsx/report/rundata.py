@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import SceneError
+from .style import APPROACH_NAME, SMOOTH
 from .tables import CONTACT, MODES, SAMPLES, Columns, read_columns
 
 Arrays = dict[str, NDArray]
@@ -55,6 +56,24 @@ class RunData:
             if table is not None:
                 names.update(map(str, table["approach"]))
         return sort_approaches(names)
+
+    @property
+    def threshold(self) -> float:
+        """An unstable mode counts as squeal where its damping lies below minus this."""
+        return float(self.summary.get("in_effect", {}).get("stability", {}).get("threshold", 0.0))
+
+    @property
+    def criterion(self) -> str:
+        """What the damping of an unstable mode must be to count as squeal."""
+        return f"damping below {-self.threshold if self.threshold else 0:g}"
+
+    def label(self, approach: str) -> str:
+        """Name of an approach as a person reads it: "multi-scale" names roughness that is there."""
+        contacts = self.summary.get("in_effect", {}).get("contact", {}).values()
+        rough = any(c.get("law") == "library" or c.get("gap") == "hdf" for c in contacts)
+        if approach == "multi-scale" and contacts and not rough:
+            return SMOOTH
+        return APPROACH_NAME.get(approach, approach)
 
 
 def sort_approaches(names: set[str]) -> list[str]:

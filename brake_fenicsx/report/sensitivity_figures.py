@@ -20,7 +20,7 @@ NEEDED = ("approach", "scope", "where", "frequency_hz", "outcome", "input", "fir
 
 
 def draw_sensitivity(run: RunData, most: int = 6) -> Figure | None:
-    """Bars of the indices of growth: the whole band, then the most frequent families.
+    """Bars of the indices of growth: the whole band, then the most severe families.
 
     Args:
         run: the results; ``sensitivity.csv`` of its folder is read.
@@ -45,7 +45,7 @@ def draw_sensitivity(run: RunData, most: int = 6) -> Figure | None:
         own = table["approach"] == name
         _draw(axis, {key: values[own] for key, values in table.items()}, most)
         samples = f", {table['samples'][own][0]} samples" if "samples" in table else ""
-        axis.set_title(f"{label(name)}: {table['method'][own][0]}{samples}")
+        axis.set_title(f"{label(run, name)}: {table['method'][own][0]}{samples}")
     axes[0, 0].legend(fontsize=7.5, ncols=2, loc="lower left", bbox_to_anchor=(0.0, 1.1))
     return figure
 

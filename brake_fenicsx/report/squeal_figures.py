@@ -7,7 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from .counts import band_edges, count, families, good_modes, probability_per_band, wilson
+from .counts import (
+    band_edges,
+    count,
+    families,
+    good_modes,
+    probability_per_band,
+    squeals,
+    wilson,
+)
 from .rundata import RunData
 from .style import (
     BLACK,
@@ -34,9 +42,10 @@ LINEAR_DAMPING = 1e-4  # the squeal map's damping axis is logarithmic beyond
 
 
 def draw_squeal_map(run: RunData) -> Figure | None:
-    """Figure 9: frequency against damping, one panel per approach, unstable half shaded.
+    """Figure 9: frequency against damping, one panel per approach, where squeal lies shaded.
 
-    The damping axis is linear about zero and logarithmic beyond: flutter spans three decades.
+    Unstable modes that do not count as squeal are grey, above a line at the threshold. The damping
+    axis is linear about zero and logarithmic beyond: flutter spans three decades.
     """
     if run.modes is None or run.modes["mode"].size == 0:
         return None
@@ -45,7 +54,6 @@ def draw_squeal_map(run: RunData) -> Figure | None:
     for axis in axes.flat:
         axis.set_yscale("symlog", linthresh=LINEAR_DAMPING, linscale=0.6)
         axis.set_yticks([-0.1, -0.01, -0.001, 0.0, 0.001, 0.01, 0.1])
-        axis.axhspan(-1e3, 0.0, color="#fbeee6", lw=0, zorder=0)
         axis.grid(axis="y", color="0.9", linewidth=0.6)
     low, high = axes[0, 0].get_ylim()
     # Room above the points for the legend; the panels share the axis.
@@ -53,42 +61,42 @@ def draw_squeal_map(run: RunData) -> Figure | None:
     for axis, approach in zip(axes.flat, run.approaches, strict=True):
         modes = good_modes(run, approach)
         f, damping, verdict = modes["frequency_hz"] / 1e3, modes["damping"], modes["verdict"]
-        for name, colour, marker, size in (
-            ("stable", BLUE, "o", 12),
-            ("unstable", VERMILION, "v", 20),
-            ("neutral", BLACK, "s", 14),
+        squeal = squeals(modes, run.threshold)
+        for name, own, colour, marker, size in (
+            ("stable", verdict == "stable", BLUE, "o", 12),
+            ("unstable, no squeal", (verdict == "unstable") & ~squeal, GREY, "v", 20),
+            ("squeal", squeal, VERMILION, "v", 20),
+            ("neutral", verdict == "neutral", BLACK, "s", 14),
         ):
-            own = verdict == name
             _scatter(axis, f[own], damping[own], colour, marker, size, f"{name}: {own.sum()}")
-        axis.legend(loc="upper left", ncol=3, bbox_to_anchor=(0, 1.02), handletextpad=0.1)
+        axis.legend(loc="upper left", ncol=4, bbox_to_anchor=(0, 1.02), handletextpad=0.1)
     return figure
 
 
 def draw_families(run: RunData, most: int = 7) -> Figure | None:
-    """Unstable modes by family: families of about one frequency share a look in all panels."""
-    if run.modes is None or not np.any(run.modes["verdict"] == "unstable"):
+    """Squeal modes by family: families of about one frequency share a look in all panels."""
+    if run.modes is None or not np.any(own := squeals(run.modes, run.threshold)):
         return None
     looks = _family_looks(run, most)
     figure, axes = _panels(run, height=min(1.9, 7.0 / len(run.approaches)))
-    damping = run.modes["damping"][run.modes["verdict"] == "unstable"]
+    damping = run.modes["damping"][own]
     for axis in axes.flat:
         axis.set_yscale("symlog", linthresh=LINEAR_DAMPING, linscale=0.6)
         axis.set_yticks([-0.1, -0.01, -0.001, 0.0])
-        axis.axhspan(-1e3, 0.0, color="#fbeee6", lw=0, zorder=0)
         axis.grid(axis="y", color="0.9", linewidth=0.6)
     axes[0, 0].set_ylim(min(3 * float(damping.min()), -3e-3), 0.0)
     for axis, approach in zip(axes.flat, run.approaches, strict=True):
-        modes = good_modes(run, approach, "unstable")
+        modes = good_modes(run, approach, squeal=True)
         f, damping, family = modes["frequency_hz"] / 1e3, modes["damping"], modes["family"]
         rest = np.full(f.size, True)
-        for record in sorted(families(run, approach), key=lambda r: r.frequency):
+        for record in families(run, approach):
             if record.family < 0 or (approach, record.family) not in looks:
                 continue
             own = family == record.family
             rest &= ~own
             colour, marker = looks[approach, record.family]
-            often = "" if record.share.n == 1 else f": {record.share.hits} of {record.share.n}"
-            text = f"{record.frequency / 1e3:.2f} kHz{often}"
+            often = "" if record.share.n == 1 else f"{record.share.hits} of {record.share.n}, "
+            text = f"{record.frequency / 1e3:.2f} kHz: {often}{record.median:.2g}"
             _scatter(axis, f[own], damping[own], colour, marker, 20, text)
         _scatter(axis, f[rest], damping[rest], GREY, ".", 20, f"others: {rest.sum()} modes")
         if f.size:
@@ -97,13 +105,12 @@ def draw_families(run: RunData, most: int = 7) -> Figure | None:
 
 
 def _family_looks(run: RunData, most: int) -> dict[tuple[str, int], tuple[str, str]]:
-    """Colour and marker per family: the most frequent ones, matched by frequency to within 3 %."""
+    """Colour and marker per family: the most severe ones, matched by frequency to within 3 %."""
     every = [r for a in run.approaches for r in families(run, a) if r.family >= 0]
     heads: list[float] = []
     looks: dict[tuple[str, int], tuple[str, str]] = {}
     taken: set[tuple[str, int]] = set()
-    # One run alone has no share: its modes come after families that recur.
-    for record in sorted(every, key=lambda r: (r.share.n == 1, -r.share.value, r.frequency)):
+    for record in sorted(every, key=lambda r: (-r.severity, r.frequency)):
         near = [
             j for j, f in enumerate(heads)
             if abs(record.frequency - f) < 0.03 * f and (record.approach, j) not in taken
@@ -118,7 +125,7 @@ def _family_looks(run: RunData, most: int) -> dict[tuple[str, int], tuple[str, s
 
 
 def draw_counts(run: RunData) -> Figure | None:
-    """Histogram of the number of unstable modes per sample."""
+    """Histogram of the number of squeal modes per sample."""
     shown = _sampled(run)
     if not shown:
         return None
@@ -132,7 +139,7 @@ def draw_counts(run: RunData) -> Figure | None:
         share = np.bincount(record.per_sample, minlength=top + 1) / record.samples
         x = np.arange(top + 1) + (j - (len(records) - 1) / 2) * width
         mean = record.per_sample.mean()
-        text = f"{label(record.approach)}: {record.samples} samples, mean {mean:.2f}"
+        text = f"{label(run, record.approach)}: {record.samples} samples, mean {mean:.2f}"
         axis.bar(
             x,
             share,
@@ -144,7 +151,7 @@ def draw_counts(run: RunData) -> Figure | None:
             label=text,
         )
     _mark_single(axis, run)
-    axis.set(xlabel="unstable modes per sample [-]", ylabel="share of samples [-]")
+    axis.set(xlabel=f"squeal modes ({run.criterion}) per sample [-]", ylabel="share of samples [-]")
     axis.xaxis.get_major_locator().set_params(integer=True)
     light_grid(axis, axis="y")
     axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncol=2)
@@ -152,7 +159,7 @@ def draw_counts(run: RunData) -> Figure | None:
 
 
 def draw_probability(run: RunData) -> Figure | None:
-    """Probability of at least one unstable mode per frequency band, with Wilson intervals."""
+    """Probability of at least one squeal mode per frequency band, with Wilson intervals."""
     shown = _sampled(run)
     if run.modes is None or not shown:
         return None
@@ -169,22 +176,22 @@ def draw_probability(run: RunData) -> Figure | None:
         axis.bar(centre, value, 0.94 * width, color=colour, alpha=0.75)
         axis.errorbar(centre, value, reach, fmt="none", ecolor=BLACK, elinewidth=1, capsize=2)
         n = shares[0].n
-        axis.set_title(f"{label(approach)}: {n} samples; bars: 95 % Wilson interval")
+        axis.set_title(f"{label(run, approach)}: {n} samples; bars: 95 % Wilson interval")
         axis.set(ylim=(0, 1.08), xlim=(0, edges[-1] / 1e3))
-        axis.set_ylabel("probability of\ninstability [-]")
+        axis.set_ylabel("probability of\nsqueal [-]")
         light_grid(axis, axis="y")
         _mark_deterministic(axis, run)
     if axes[0, 0].get_legend_handles_labels()[0]:
         axes[0, 0].legend(loc="upper right", bbox_to_anchor=(1.0, 1.25), handletextpad=0.1)
     elif calm := _single(run):
-        names = ", ".join(map(label, calm))
-        axes[0, 0].set_title(f"{names}: no unstable mode in the one run", loc="right", size=8)
-    axes[-1, 0].set_xlabel(f"{KHZ}, bands of {width[0] * 1e3:g} Hz")
+        names = ", ".join(label(run, name) for name in calm)
+        axes[0, 0].set_title(f"{names}: no squeal mode in the one run", loc="right", size=8)
+    axes[-1, 0].set_xlabel(f"{KHZ}, bands of {width[0] * 1e3:g} Hz; squeal: {run.criterion}")
     return figure
 
 
 def draw_convergence(run: RunData) -> Figure | None:
-    """Share of unstable samples and mean number of unstable modes as the samples come in."""
+    """Share of samples that squeal and mean number of squeal modes as the samples come in."""
     shown = [a for a in _sampled(run) if count(run, a).samples >= 3]
     if not shown:
         return None
@@ -196,17 +203,17 @@ def draw_convergence(run: RunData) -> Figure | None:
         hits = np.cumsum(per_sample > 0)
         bounds = [wilson(int(h), int(m)) for h, m in zip(hits, n, strict=True)]
         line = stroke(approach)
-        axes[0, 0].plot(n, hits / n, line, color=colour, label=label(approach))
+        axes[0, 0].plot(n, hits / n, line, color=colour, label=label(run, approach))
         low, high = [s.low for s in bounds], [s.high for s in bounds]
         axes[0, 0].fill_between(n, low, high, color=colour, alpha=0.2, lw=0)
         mean, error = _running_mean(per_sample)
-        axes[0, 1].plot(n, mean, line, color=colour, label=label(approach))
+        axes[0, 1].plot(n, mean, line, color=colour, label=label(run, approach))
         axes[0, 1].fill_between(n, mean - error, mean + error, color=colour, alpha=0.2, lw=0)
-    axes[0, 0].set(ylabel="share of unstable samples [-]", ylim=(-0.02, 1.02))
-    axes[0, 1].set(ylabel="mean unstable modes per sample [-]")
+    axes[0, 0].set(ylabel="share of samples that squeal [-]", ylim=(-0.02, 1.02))
+    axes[0, 1].set(ylabel="mean squeal modes per sample [-]")
     axes[0, 1].set_ylim(bottom=0)
     for axis in axes.flat:
-        axis.set_xlabel("samples [-]")
+        axis.set_xlabel(f"samples [-]; squeal: {run.criterion}")
         axis.xaxis.get_major_locator().set_params(integer=True)
         light_grid(axis)
     axes[0, 0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncol=3)
@@ -214,7 +221,7 @@ def draw_convergence(run: RunData) -> Figure | None:
 
 
 def _panels(run: RunData, height: float = 1.9) -> tuple[Figure, NDArray]:
-    """One panel per approach over shared axes, the unstable half shaded, counts in the title."""
+    """One panel per approach over shared axes, squeal shaded, counts in the title."""
     modes = run.modes or {}
     damping = modes["damping"]
     n = len(run.approaches)
@@ -223,11 +230,12 @@ def _panels(run: RunData, height: float = 1.9) -> tuple[Figure, NDArray]:
     reach = max(high - low, 1e-6)
     low, high = low - 0.08 * reach, high + 0.3 * reach
     for axis, approach in zip(axes.flat, run.approaches, strict=True):
-        axis.axhspan(low, 0.0, color="#fbeee6", lw=0, zorder=0)
+        axis.axhspan(-1e3, -run.threshold, color="#fbeee6", lw=0, zorder=0)
         axis.axhline(0.0, color=BLACK, lw=0.6, zorder=1)
-        axis.text(
-            0.995, 0.03, "unstable", transform=axis.transAxes, ha="right", color=VERMILION, size=8
-        )
+        if run.threshold:
+            axis.axhline(-run.threshold, color=VERMILION, lw=0.8, ls="--", zorder=1)
+        text = f"squeal: {run.criterion}"
+        axis.text(0.995, 0.03, text, transform=axis.transAxes, ha="right", color=VERMILION, size=8)
         axis.set(ylim=(low, high), ylabel=DAMPING_LABEL.replace("damping ", "damping\n"))
         axis.set_title(_headline(run, approach))
     top = float(modes["frequency_hz"].max()) / 1e3
@@ -238,11 +246,11 @@ def _panels(run: RunData, height: float = 1.9) -> tuple[Figure, NDArray]:
 def _headline(run: RunData, approach: str) -> str:
     record = count(run, approach)
     failed = f" ({record.failed} more failed)" if record.failed else ""
-    modes = f"{record.unstable} of {record.modes} modes unstable"
+    modes = f"{record.squeal} of {record.modes} modes squeal"
     if record.samples == 1:
-        return f"{label(approach)}: 1 run{failed}, {modes}"
-    share = f"{record.unstable_samples} of {record.samples} samples unstable{failed}"
-    return f"{label(approach)}: {share}, {modes}"
+        return f"{label(run, approach)}: 1 run{failed}, {modes}"
+    share = f"{record.squeal_samples} of {record.samples} samples squeal{failed}"
+    return f"{label(run, approach)}: {share}, {modes}"
 
 
 def _scatter(
@@ -275,19 +283,19 @@ def _single(run: RunData) -> list[str]:
 
 
 def _mark_single(axes: Axes, run: RunData) -> None:
-    """A dashed line at the number of unstable modes of each approach of one run."""
+    """A dashed line at the number of squeal modes of each approach of one run."""
     for approach in _single(run):
         colour, _ = look(approach)
         number = int(count(run, approach).per_sample[0])
-        text = f"{label(approach)}: one run, {number}"
+        text = f"{label(run, approach)}: one run, {number}"
         axes.axvline(number, color=colour, ls="--", lw=1.4, label=text)
 
 
 def _mark_deterministic(axes: Axes, run: RunData) -> None:
-    """Markers on top where an approach of one run is unstable."""
+    """Markers on top where an approach of one run squeals."""
     for approach in _single(run):
         colour, marker = look(approach)
-        f = good_modes(run, approach, "unstable")["frequency_hz"] / 1e3
+        f = good_modes(run, approach, squeal=True)["frequency_hz"] / 1e3
         if not f.size:
             # An empty line beyond the axes has no extent that a layout could work with.
             continue
@@ -297,7 +305,7 @@ def _mark_deterministic(axes: Axes, run: RunData) -> None:
             marker,
             color=colour,
             ms=4,
-            label=f"{label(approach)}: unstable modes of its one run",
+            label=f"{label(run, approach)}: squeal modes of its one run",
             clip_on=False,
         )
 

@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from .rundata import RunData
+
 # Okabe and Ito: told apart with any colour vision, and by their grey value in print.
 BLACK, GREY = "#000000", "#8a8a8a"
 BLUE, SKY, GREEN = "#0072B2", "#56B4E9", "#009E73"
@@ -31,6 +33,7 @@ APPROACH_NAME = {
     "multi-scale": "Multi-scale",
     "joint": "Joint",
 }
+SMOOTH = "Smooth contact"  # the approach "multi-scale" of a scene without roughness
 HEIGHTS, PRESSURE = "cividis", "viridis"
 DAMPING_LABEL = r"damping $-2\,\alpha/|\omega|$ [-]"
 WIDTH = 7.2  # [in] of a full page
@@ -116,9 +119,9 @@ def stroke(approach: str) -> str:
     return APPROACH_LINE.get(approach, "-")
 
 
-def label(approach: str) -> str:
+def label(run: RunData, approach: str) -> str:
     """Name of an approach as a figure shows it."""
-    return APPROACH_NAME.get(approach, approach.replace("$", r"\$"))
+    return run.label(approach).replace("$", r"\$")
 
 
 def panel(axes: Axes, letter: str, title: str) -> None:

@@ -50,7 +50,7 @@ CONTACT = (
     "law",
 )
 TEXT = frozenset(
-    {"approach", "status", "verdict", "stage", "quantity", "most_frequent", "counted_by"}
+    {"approach", "status", "verdict", "stage", "quantity", "most_severe", "counted_by", "complete"}
 )
 
 _INTEGER = re.compile(r"[+-]?\d+")

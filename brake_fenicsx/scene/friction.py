@@ -44,9 +44,10 @@ def friction_texts(scene: Scene) -> dict[str, str]:
     return texts
 
 
-def listed(texts: dict[str, str]) -> str:
+def listed(scene: Scene) -> str:
     """Friction of each approach in one line."""
-    return ", ".join(f"{approach} {text or 'none'}" for approach, text in texts.items())
+    texts = friction_texts(scene)
+    return ", ".join(f"{scene.spoken(name)} {text or 'none'}" for name, text in texts.items())
 
 
 def _text(scene: Scene, approach: str, interface: str) -> str:

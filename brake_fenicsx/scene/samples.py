@@ -107,7 +107,7 @@ class Samples:
         classical: perfect contact.
         fast: number and design of its samples.
         joint: number and design of its samples.
-        limit: share of samples beyond which an unstable family is called robust.
+        limit: share of samples beyond which a family is called likely to squeal.
         random: law of each random input.
     """
 

@@ -280,8 +280,8 @@ class Stability:
             in the log and in samples.csv ("warn"), or its modes at full order ("full order").
         zeta_max: modes that decay with a larger damping ratio are not looked for; below 0.7.
         verify: samples of the reduced model that are solved at full order as well.
-        threshold: a mode counts as squeal where its damping ratio lies below minus this; 0: every
-            unstable mode.
+        threshold: an unstable mode counts as squeal where its damping -2 alpha / |omega| lies below
+            minus this; 0: every unstable mode.
         damping: terms of the damping; none where the section is left out.
     """
 
@@ -326,6 +326,11 @@ class Scene:
     def path(self, name: str) -> Path:
         """A file named in the scene, relative to the scene's folder."""
         return self.file.parent / os.path.expanduser(name)
+
+    def spoken(self, approach: str) -> str:
+        """Name of an approach to a person: "multi-scale" is said of rough contact alone."""
+        rough = any(c.law == "library" or c.gap == "hdf" for c in self.contact.values())
+        return approach if rough or approach != "multi-scale" else "smooth contact"
 
     @staticmethod
     def hash(content: Any) -> str:

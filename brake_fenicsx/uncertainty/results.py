@@ -41,11 +41,20 @@ class Results:
 
     def sample_columns(self, first: Sequence[str]) -> list[str]:
         """Columns of samples.csv: the fixed ones, friction, and one per random input."""
-        return [*first, "mu", *self._inputs(), *self._rejected()]
+        return [*first, "mu", *self._inputs(), *self._rejected(), *self._proofs()]
 
     def _rejected(self) -> list[str]:
         """The column of rejected draws, where materials are random and some may be."""
         return ["rejected"] if any(n.startswith("materials.") for n in self._inputs()) else []
+
+    def _proofs(self) -> list[str]:
+        """Columns of what modes leave open, where there are modes.
+
+        tolerance_missed: modes whose estimated error exceeds stability.tolerance; complete: whether
+        it is proven that no mode is missing.
+        """
+        found = any("counted" in self.stored[t] for t in self.good())
+        return ["tolerance_missed", "complete"] if found else []
 
     def _inputs(self) -> list[str]:
         names = {str(n) for t in self.good() for n in self.stored[t]["random_names"]}
@@ -66,8 +75,13 @@ class Results:
             mu = float(f"{np.mean(data['mu']):.12g}") if "mu" in data else None
             values = [float(drawn[n]) if n in drawn else None for n in names]
             rejected = int(data["rejected"]) if "rejected" in data else None
+            left: dict[str, Any] = {"tolerance_missed": None, "complete": None}
+            if "counted" in data:
+                proven = "yes" if _complete(data) else "no"
+                left = {"tolerance_missed": int(data["tolerance_missed"]), "complete": proven}
             yield [
-                *task, str(data["status"]), seed, mu, *values, *(rejected for _ in self._rejected())
+                *task, str(data["status"]), seed, mu, *values,
+                *(rejected for _ in self._rejected()), *(left[name] for name in self._proofs()),
             ]  # fmt: skip
 
     def mode_columns(self, first: Sequence[str]) -> list[str]:
@@ -137,6 +151,8 @@ class Results:
                 about |= {
                     "modes": int(sum(d["s"].size for d in own)),
                     "counted_by": str(own[0]["counted"]),
+                    "not_complete": sum(not _complete(d) for d in own),
+                    "tolerance_missed": int(sum(d["tolerance_missed"] for d in own)),
                     "unstable": int(sum((d["verdict"] == "unstable").sum() for d in own)),
                     "neutral": int(sum((d["verdict"] == "neutral").sum() for d in own)),
                     "seconds_per_stability": _median(own, "stability_seconds"),
@@ -170,6 +186,12 @@ class Results:
             "largest_relative_error": float(error.max()) if error.size else None,
             "median_relative_error": float(np.median(error)) if error.size else None,
         }  # fmt: skip
+
+
+def _complete(data: dict[str, Any]) -> bool:
+    """Whether it is proven that a sample misses no mode."""
+    how = str(data["counted"])
+    return not how.startswith("not counted") and "not proven" not in how
 
 
 def _median(rows: Sequence[dict[str, Any]], name: str) -> float:

@@ -1,8 +1,8 @@
-"""Tables of a study: which input moves what, what is unstable how often, how both settle.
+"""Tables of a study: which input moves what, what squeals how often, how both settle.
 
 sensitivity.csv   first-order and total indices of every outcome for every random input
-robustness.csv    probability of instability of every band and family, who moves it, and the shares
-                  of the variance of its growth
+robustness.csv    probability of squeal of every band and family, its median damping and severity
+                  (the product of both), who moves it, and the shares of the variance of its growth
 convergence.csv   the probabilities after so many samples
 
 Shares of the variance are sums of first-order indices: friction, materials, loads; what is left is
@@ -29,17 +29,18 @@ from .sensitivity import Indices, indices, rank_correlation
 
 Array = NDArray[np.float64]
 
-WHERE = ("approach", "scope", "where", "frequency_hz")
+WHERE = ("approach", "threshold", "scope", "where", "frequency_hz")
 SENSITIVITY = (
     *WHERE, "outcome", "input", "first", "first_low", "first_high", "total", "total_low",
     "total_high", "method", "samples", "filled",
 )  # fmt: skip
 SHARES = {"friction": "contact.", "materials": "materials.", "loads": "loads."}
 ROBUSTNESS = (
-    *WHERE, "samples", "unstable", "probability", "low", "high", "above_limit", "mover",
-    "mover_rho", "mover_low", "mover_high", *(f"share_{name}" for name in SHARES), "share_rest",
+    *WHERE, "samples", "squeal_samples", "probability", "low", "high", "median_damping", "severity",
+    "above_limit", "mover", "mover_rho", "mover_low", "mover_high",
+    *(f"share_{name}" for name in SHARES), "share_rest",
 )  # fmt: skip
-CONVERGENCE = ("approach", "scope", "where", "samples", "probability", "low", "high")
+CONVERGENCE = (*WHERE, "samples", "probability", "low", "high")
 
 
 def write_causes(folder: Path, samples: Samples, found: Sequence[Ensemble]) -> dict[str, Any]:
@@ -61,7 +62,7 @@ def write_causes(folder: Path, samples: Samples, found: Sequence[Ensemble]) -> d
 
 
 def _place(e: Ensemble, o: Outcome) -> list[Any]:
-    return [e.approach, o.scope, o.where, o.frequency]
+    return [e.approach, e.threshold, o.scope, o.where, o.frequency]
 
 
 def _plan(samples: Samples, e: Ensemble) -> Plan:
@@ -77,7 +78,7 @@ def sensitivity_rows(samples: Samples, found: Sequence[Ensemble]) -> Iterator[li
     """
     for e in found:
         for o in e.outcomes:
-            for name, y in (("growth", o.growth), ("unstable", o.unstable)):
+            for name, y in (("growth", o.growth), ("squeal", o.squeal)):
                 if not e.names or np.ptp(y[e.good]) == 0:
                     continue
                 x = indices(_plan(samples, e), e.x, y, e.good)
@@ -99,7 +100,7 @@ def robustness_rows(samples: Samples, found: Sequence[Ensemble]) -> Iterator[lis
 
     ``above_limit`` says whether the probability lies above ``samples.limit``: yes or no where its
     whole interval does, else open. ``mover`` is the input with the strongest rank correlation with
-    the verdict; a negative one means that larger values make stable.
+    squeal; a negative one means that larger values make stable.
 
     Args:
         samples: the scene's [samples].
@@ -107,14 +108,15 @@ def robustness_rows(samples: Samples, found: Sequence[Ensemble]) -> Iterator[lis
     """
     for e in found:
         for o in e.outcomes:
-            hits = o.unstable[e.good]
+            hits = o.squeal[e.good]
             share = wilson(int(hits.sum()), hits.size)
             above = (
                 "yes" if share.low > samples.limit else "no" if share.high < samples.limit
                 else "open"
             )  # fmt: skip
             yield [
-                *_place(e, o), share.n, share.hits, share.value, share.low, share.high, above,
+                *_place(e, o), share.n, share.hits, share.value, share.low, share.high,
+                o.median_damping, o.severity(share.n), above,
                 *_mover(e, hits), *_shares(indices(_plan(samples, e), e.x, o.growth, e.good), e),
             ]  # fmt: skip
 
@@ -146,10 +148,10 @@ def convergence_rows(samples: Samples, found: Sequence[Ensemble]) -> Iterator[li
         rigid = bool(e.names) and _plan(samples, e).design in RIGID
         for o in e.outcomes:
             for n in [e.good.size] if rigid else _beginnings(e.good.size):
-                hits = o.unstable[:n][e.good[:n]]
+                hits = o.squeal[:n][e.good[:n]]
                 share = wilson(int(hits.sum()), hits.size)
                 value = share.value if share.n else None
-                yield [e.approach, o.scope, o.where, share.n, value, share.low, share.high]
+                yield [*_place(e, o), share.n, value, share.low, share.high]
 
 
 def _beginnings(n: int) -> list[int]:
@@ -170,10 +172,11 @@ def robust_facts(samples: Samples, found: Sequence[Ensemble]) -> dict[str, Any]:
     }
     for e in found:
         rows = [o for o in e.outcomes if o.scope == "family"]
-        above = [o.where for o in rows if o.unstable[e.good].mean() > samples.limit]
-        whole = e.outcomes[0].unstable[e.good]
+        above = [o.where for o in rows if o.squeal[e.good].mean() > samples.limit]
+        whole = e.outcomes[0].squeal[e.good]
         share = wilson(int(whole.sum()), whole.size)
         facts[e.approach] = {
+            "threshold": e.threshold,
             "probability_of_any": share.value, "interval": [share.low, share.high],
             "families_above_limit": above,
         }  # fmt: skip

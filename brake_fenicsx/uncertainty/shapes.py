@@ -1,11 +1,17 @@
-"""What is seen of a study: fields for ParaView, pictures of unstable modes, the contact faces."""
+"""What is seen of a study: fields for ParaView, pictures of squeal modes, the contact faces."""
 
 from __future__ import annotations
 
+import shutil
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from brake_fenicsx.report.counts import ModeKey, representative_modes
+from brake_fenicsx.report.rundata import RunData
+from brake_fenicsx.report.tables import read_columns
+from brake_fenicsx.scene.in_effect import in_effect
 
 from .ensemble import Task
 from .results import Results
@@ -13,15 +19,14 @@ from .results import Results
 if TYPE_CHECKING:
     from .study import Study
 
-# Unstable modes drawn for each approach, the most unstable first.
-MOST = 4
+MOST = 4  # modes drawn for each approach, of the most severe families
 
 
 def write_shapes(study: Study, results: Results) -> None:
     """Write fields/*.xdmf, figures/mode_*.png and contact_faces.npz; collective.
 
-    Equilibrium and contact are those of the first sample of each approach, modes those of its first
-    sample that has an unstable one.
+    Equilibrium and contact are those of the first sample of each approach; modes are of its most
+    severe families, of each the squeal mode of median damping.
 
     Args:
         study: the study.
@@ -29,6 +34,7 @@ def write_shapes(study: Study, results: Results) -> None:
     """
     store, comm = study.store, study.comm
     if comm.rank == 0:
+        shutil.rmtree(store.path("fields"), ignore_errors=True)
         for name in ("fields", "figures"):
             store.path(name).mkdir(exist_ok=True)
         for old in store.path("figures").glob("mode_*.png"):
@@ -37,8 +43,9 @@ def write_shapes(study: Study, results: Results) -> None:
     faces = contact_faces(study)
     for task in results.first():
         _write_equilibrium(study, task, results.stored[task], faces)
-    for task in _unstable_samples(results):
-        _write_modes(study, task, results.stored[task])
+    run, drawn = _severe(study)
+    for chosen in drawn:
+        _write_modes(study, results, run, chosen)
     from brake_fenicsx.report.fields import say_once
 
     say_once(study.brake.elastic.free.V, store.path("fields"))
@@ -100,43 +107,60 @@ def _write_equilibrium(
         write_facets(folder / f"pressure_{name}.xdmf", corners[held], means)
 
 
-def _unstable_samples(results: Results) -> list[Task]:
-    """The first good sample of each approach that has an unstable mode."""
-    chosen: dict[str, Task] = {}
-    for task in results.good():
-        if np.any(results.stored[task].get("verdict", np.zeros(0, str)) == "unstable"):
-            chosen.setdefault(task[0], task)
-    return list(chosen.values())
+def _severe(study: Study) -> tuple[RunData, list[list[ModeKey]]]:
+    """Tables of the study, and the modes drawn of each approach that squeals; collective."""
+    found: tuple[RunData, list[list[ModeKey]]] | None = None
+    if study.comm.rank == 0:
+        folder = study.store.directory
+        run = RunData(
+            folder,
+            modes=read_columns(folder / "modes.csv") if "stability" in study.scene.stages else None,
+            samples=read_columns(folder / "samples.csv"),
+            summary={"in_effect": in_effect(study.scene)},
+        )
+        keys = (representative_modes(run, name, MOST) for name in run.approaches)
+        found = run, [chosen for chosen in keys if chosen]
+    return study.comm.bcast(found, root=0)
 
 
-def _write_modes(study: Study, task: Task, data: dict[str, Any]) -> None:
-    """Real and imaginary part of the most unstable modes, one period of each, and its picture."""
+def _write_modes(study: Study, results: Results, run: RunData, chosen: list[ModeKey]) -> None:
+    """Real and imaginary part of some modes of an approach, one period of each, and its picture."""
     from brake_fenicsx.report.fields import write_fields, write_phases
     from brake_fenicsx.report.render import render_mode
     from brake_fenicsx.report.style import label
 
-    store, name, V = study.store, task[0], study.brake.elastic.free.V
-    chosen, X = _unstable(study, task, data)
+    store, name, V = study.store, chosen[0].approach, study.brake.elastic.free.V
     fields = {}
-    for i, x in zip(chosen, X.T, strict=True):
-        hertz, damping = abs(data["s"][i].imag) / 2 / np.pi, float(data["damping"][i])
-        fields[f"mode_{hertz:05.0f}Hz"] = local = study.brake.local(x)
-        write_phases(store.path("fields", f"phase_{name}_{hertz:05.0f}Hz.xdmf"), V, local)
-        title = f"{label(name)}, sample {task[1]}: {hertz:.0f} Hz, damping {damping:.2e}"
-        render_mode(store.path("figures", f"mode_{name}_{hertz:05.0f}Hz.png"), V, local, title)
+    for mode in chosen:
+        task = (name, mode.sample)
+        x = displacements(study, task, results.stored[task], np.array([mode.mode]))[:, 0]
+        hertz, share = f"{mode.frequency:05.0f}Hz", mode.family.share
+        fields[f"mode_{hertz}"] = local = study.brake.local(x)
+        write_phases(store.path("fields", f"phase_{name}_{hertz}.xdmf"), V, local)
+        often = f"; family squeals in {share.hits} of {share.n} samples" if share.n > 1 else ""
+        title = (
+            f"{label(run, name)}, sample {mode.sample}: {mode.frequency:.0f} Hz,"
+            f" damping {mode.damping:.2e}{often}"
+        )
+        render_mode(store.path("figures", f"mode_{name}_{hertz}.png"), V, local, title)
     write_fields(store.path("fields", f"modes_{name}.xdmf"), V, fields)
 
 
-def _unstable(study: Study, task: Task, data: dict[str, Any]) -> tuple[NDArray, NDArray]:
-    """Numbers and displacements of the most unstable modes."""
-    if "s" not in data:
-        return np.zeros(0, dtype=int), np.zeros((len(study.brake.f), 0))
-    unstable = np.flatnonzero(data["verdict"] == "unstable")
-    chosen = unstable[np.argsort(data["damping"][unstable], kind="stable")][:MOST]
-    column = {int(m): j for j, m in enumerate(data.get("vector_mode", ()))}
-    kept = [column[int(i)] for i in chosen if int(i) in column]
+def displacements(
+    study: Study, task: Task, data: dict[str, Any], chosen: NDArray[np.intp]
+) -> NDArray[np.complex128]:
+    """Displacements of some unstable modes of a stored sample, shape (dofs, chosen).
+
+    Args:
+        study: the study.
+        task: the sample.
+        data: what was stored of it.
+        chosen: numbers of the modes.
+    """
     if "vectors" in data:
-        return chosen, study.models.numbering.present(data["vectors"][:, kept].astype(complex))
+        column = {int(m): j for j, m in enumerate(data["vector_mode"])}
+        kept = data["vectors"][:, [column[int(i)] for i in chosen]]
+        return study.models.numbering.present(kept.astype(complex))
     from .solve import expanded
 
-    return chosen, expanded(study.models, task[0], study._draw(*task), data, chosen)
+    return expanded(study.models, task[0], study._draw(*task), data, chosen)

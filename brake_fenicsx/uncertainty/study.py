@@ -187,6 +187,6 @@ class Study:
             write_rows(path("contact.csv"), CONTACT, results.contact(self.brake.contact))
             stability = self.scene.stability
             if stability is not None and {"stability", "uncertainty"} <= {*self.scene.stages}:
-                found = ensembles(results, stability.band)
+                found = ensembles(results, stability.band, stability.threshold)
                 self.facts["robustness"] = write_causes(path(), self.scene.samples, found)
         return results

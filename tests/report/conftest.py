@@ -50,7 +50,8 @@ def sensitivity_rows() -> list[list]:
         for name, first in (("contact.pad_disc.friction", 0.7), ("materials.lining.E_3", 0.15)):
             index = [first, first - 0.1, first + 0.1]
             total = index if scope == "band" else [None] * 3
-            rows.append(["fast", scope, where, f, "growth", name, *index, *total, "FAST", 40, 1])
+            place = ["fast", 0.0, scope, where, f, "growth", name]
+            rows.append([*place, *index, *total, "FAST", 40, 1])
     return rows
 
 

@@ -16,7 +16,13 @@ from brake_fenicsx.report.counts import (
     wilson,
 )
 from brake_fenicsx.report.driver_figures import draw_drivers, drivers
-from brake_fenicsx.report.overview import approach_rows, family_rows, summary_table, write_tables
+from brake_fenicsx.report.overview import (
+    approach_rows,
+    family_rows,
+    open_points,
+    summary_table,
+    write_tables,
+)
 from brake_fenicsx.report.rundata import RunData, read_run
 from brake_fenicsx.report.tables import MODES, SAMPLES, read_columns, read_rows, write_rows
 
@@ -47,7 +53,7 @@ def run(tmp_path):
 
 def test_failed_samples_do_not_count(run):
     c = count(run, "fast")
-    assert (c.samples, c.failed, c.modes, c.unstable, c.unstable_samples) == (3, 1, 5, 3, 2)
+    assert (c.samples, c.failed, c.modes, c.unstable, c.squeal_samples) == (3, 1, 5, 3, 2)
     assert c.per_sample.tolist() == [2, 1, 0]
 
 
@@ -101,10 +107,10 @@ def test_tables_carry_the_numbers_of_the_run(run):
     assert (fast["samples"], fast["failed"], fast["unstable_modes"]) == (3, 1, 3)
     assert fast["share"] == 2 / 3
     assert classical["share"] is None
-    assert fast["most_frequent"] == "0.96 kHz (2/3), 1.05 kHz (1/3)"
+    assert fast["most_severe"] == "0.96 kHz (2/3, -0.02); 1.05 kHz (1/3, -0.02)"
     assert read_columns(written["families"])["frequency_hz"].tolist() == [4000.0, 960.0, 1050.0]
     bands = read_rows(written["probability_per_band"])
-    assert sum(row["unstable_samples"] for row in bands if row["approach"] == "fast") == 3
+    assert sum(row["squeal_samples"] for row in bands if row["approach"] == "fast") == 3
     assert [list(row) for row in approach_rows(run)] == [
         list(row.values()) for row in read_rows(written["approaches"])
     ]
@@ -146,8 +152,9 @@ def test_stages_keep_their_order_and_gaps():
 
 def test_summary_names_every_approach(run):
     lines = summary_table(run).splitlines()
-    assert lines[2].split()[:7] == ["classical", "1", "0", "1", "1", "0", "1"]
-    assert lines[3].split()[:7] == ["fast", "3", "1", "5", "3", "1", "2"]
+    assert lines[0] == "squeal: unstable modes with damping below 0 (stability.threshold)"
+    assert lines[3].split()[:8] == ["Classical", "1", "0", "1", "1", "0", "1", "1"]
+    assert lines[4].split()[:8] == ["FAST", "3", "1", "5", "3", "1", "3", "2"]
     assert summary_table(run.directory) == summary_table(run)
 
 
@@ -158,6 +165,72 @@ def test_representative_modes_are_of_median_damping(run):
     (lone,) = representative_modes(run, "classical")
     assert (lone.sample, lone.mode, lone.frequency) == (0, 0, 4000.0)
     assert len(representative_modes(run, "fast", most=1)) == 1
+
+
+def beyond(run, threshold):
+    return replace(run, summary={"in_effect": {"stability": {"threshold": threshold}}})
+
+
+def test_a_threshold_leaves_weak_modes_out_of_every_count(run):
+    """Damping just at the threshold is not below it."""
+    strict = beyond(run, 0.02)
+    c = count(strict, "fast")
+    assert (c.unstable, c.squeal, c.squeal_samples) == (3, 1, 1)
+    assert c.per_sample.tolist() == [0, 1, 0]
+    (only,) = families(strict, "fast")
+    assert (only.family, only.share.hits, only.median) == (0, 1, -0.03)
+    bands = probability_per_band(strict, "fast", np.array([0.0, 1000.0, 2000.0]))
+    assert [s.hits for s in bands] == [1, 0]
+    assert [m.sample for m in representative_modes(strict, "fast")] == [1]
+    (row,) = [r for r in approach_rows(strict) if r[0] == "fast"]
+    assert "damping below -0.02" in summary_table(strict)
+    assert row[6:9] == [0.02, 1, 1]
+    assert families(beyond(run, 0.06), "classical") == []
+
+
+def test_what_squeals_seldom_and_strongly_ranks_before_what_hardly_grows(tmp_path):
+    """1.5 kHz in half of the samples at -0.075 before 14 kHz in all of them at -8e-6."""
+    modes = [mode("fast", k, 0, 14e3, -8e-6, 1) for k in range(4)]
+    modes += [mode("fast", k, 1, 1500.0, -0.07 - 0.01 * k, 2) for k in range(2)]
+    write_rows(tmp_path / "modes.csv", MODES, modes)
+    run = read_run(tmp_path)
+    first, second = families(run, "fast")
+    assert (first.frequency, first.share.hits, first.median) == (1500.0, 2, pytest.approx(-0.075))
+    assert first.severity == pytest.approx(0.5 * 0.075)
+    assert second.severity == pytest.approx(8e-6)
+    assert approach_rows(run)[0][-1] == "1.50 kHz (2/4, -0.075); 14.00 kHz (4/4, -8e-06)"
+    assert [m.frequency for m in representative_modes(run, "fast")] == [1500.0, 14e3]
+    written = {path.stem: path for path in write_tables(run)}
+    table = read_rows(written["families"])
+    assert [row["family"] for row in table] == [2, 1]
+    assert table[0]["share"] == 0.5
+    for name in ("approaches", "families", "probability_per_band"):
+        assert {row["threshold"] for row in read_rows(written[name])} == {0.0}
+
+
+def test_what_is_left_open_is_one_line(run):
+    """Nothing where nothing is."""
+    about = {"good": 3, "modes": 60, "tolerance_missed": 0, "not_complete": 0}
+    assert open_points(replace(run, summary={"samples": {"fast": about}})) == ""
+    facts = {"fast": about | {"tolerance_missed": 7}, "joint": about | {"not_complete": 2}}
+    line = open_points(replace(run, summary={"samples": facts}))
+    assert "FAST: 7 of 60 modes have an error estimate above stability.tolerance" in line
+    assert "Joint: in 2 of 3 samples the number of modes is not proven" in line
+
+
+@pytest.mark.parametrize(
+    ("law", "gap", "name"),
+    [
+        ({"linear": 1e13}, "none", "Smooth contact"),
+        ("library", "none", "Multi-scale"),
+        ({"linear": 1e13}, "hdf", "Multi-scale"),
+    ],
+)
+def test_contact_without_roughness_is_not_called_multi_scale(run, law, gap, name):
+    scene = {"contact": {"block_plate": {"law": law, "gap": gap}}}
+    smooth = replace(run, summary={"in_effect": scene})
+    assert smooth.label("multi-scale") == name
+    assert smooth.label("joint") == "Joint"
 
 
 def driven_run(tmp_path, n=40):

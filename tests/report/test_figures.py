@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
+import matplotlib.colors
 import matplotlib.image
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from matplotlib.collections import LineCollection, PathCollection, PolyCollectio
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.report.accuracy import draw_errors, draw_stages
 from brake_fenicsx.report.contact_figures import draw_contact_pressure
-from brake_fenicsx.report.counts import count
+from brake_fenicsx.report.counts import count, families
 from brake_fenicsx.report.figures import PLOTS, make_figures
 from brake_fenicsx.report.micro_figures import draw_contact_maps, draw_laws
 from brake_fenicsx.report.rundata import read_run
@@ -25,7 +26,7 @@ from brake_fenicsx.report.squeal_figures import (
     draw_probability,
     draw_squeal_map,
 )
-from brake_fenicsx.report.style import save
+from brake_fenicsx.report.style import GREY, save
 from brake_fenicsx.report.surface_figures import draw_artificial, draw_statistics, draw_topography
 
 NEEDS = {
@@ -220,19 +221,60 @@ def test_squeal_map_shows_every_mode_of_every_good_sample(run):
     assert len(figure.axes) == 3
     for axis, approach in zip(figure.axes, run.approaches, strict=True):
         c = count(run, approach)
-        shown = {name: points(axis, name) for name in ("neutral", "stable", "unstable")}
+        shown = {name: points(axis, name) for name in ("neutral", "stable", "squeal")}
         assert sum(map(len, shown.values())) == c.modes
-        assert len(shown["unstable"]) == c.unstable > 0
-        assert np.all(shown["unstable"][:, 1] < 0)
+        assert len(shown["squeal"]) == c.unstable > 0
+        assert np.all(shown["squeal"][:, 1] < 0)
         assert "-2" in axis.get_ylabel() and r"\alpha/|\omega|" in axis.get_ylabel()
-        assert f"{c.unstable} of {c.modes} modes unstable" in (
+        assert f"{c.squeal} of {c.modes} modes squeal" in (
             axis.get_title(loc="left") + axis.get_title()
         )
     assert figure.axes[-1].get_xlabel() == "frequency [kHz]"
     assert len({axis.get_ylim() for axis in figure.axes}) == 1
     mine = (run.modes["approach"] == "classical") & (run.modes["verdict"] == "unstable")
     expected = np.column_stack([run.modes["frequency_hz"][mine] / 1e3, run.modes["damping"][mine]])
-    assert np.allclose(points(figure.axes[0], "unstable"), expected)
+    assert np.allclose(points(figure.axes[0], "squeal"), expected)
+
+
+def test_what_does_not_squeal_is_grey_above_the_line(run):
+    """A line at the threshold, named; below it the modes of the tables."""
+    threshold = 6e-3
+    strict = replace(run, summary={"in_effect": {"stability": {"threshold": threshold}}})
+    lines, left_out = [], 0
+    for axis, approach in zip(draw_squeal_map(strict).axes, run.approaches, strict=True):
+        c = count(strict, approach)
+        weak, squeal = points(axis, "unstable, no squeal"), points(axis, "squeal")
+        assert len(weak) == c.unstable - c.squeal
+        left_out += len(weak)
+        assert len(squeal) == c.squeal
+        assert np.all(squeal[:, 1] < -threshold) and np.all(weak[:, 1] >= -threshold)
+        assert {
+            matplotlib.colors.to_hex(g.get_facecolor()[0])
+            for g in axis.collections
+            if g.get_label().startswith("unstable, no squeal")
+        } <= {GREY}
+        lines += [line for line in axis.lines if line.get_ydata()[0] == -threshold]
+        assert "squeal: damping below -0.006" in {t.get_text() for t in axis.texts}
+    assert len(lines) == len(run.approaches) and left_out > 0
+    for draw in (draw_families, draw_probability, draw_counts, draw_convergence):
+        figure = draw(strict)
+        words = [t.get_text() for a in figure.axes for t in a.texts] + [
+            a.get_xlabel() for a in figure.axes
+        ]
+        assert any("damping below -0.006" in text for text in words), draw.__name__
+
+
+def test_legend_of_families_is_ranked(run):
+    """By share times median damping, with both numbers."""
+    figure = draw_families(run)
+    axis = figure.axes[run.approaches.index("multi-scale")]
+    texts = [t.get_text() for t in axis.get_legend().get_texts()]
+    ranked = families(run, "multi-scale")
+    assert texts == [
+        f"{r.frequency / 1e3:.2f} kHz: {r.share.hits} of {r.share.n}, {r.median:.2g}"
+        for r in ranked
+    ]
+    assert [r.severity for r in ranked] == sorted((r.severity for r in ranked), reverse=True)
 
 
 def test_families_share_the_unstable_modes_among_them(run):
@@ -262,7 +304,7 @@ def test_stable_single_run_leaves_no_mark_and_no_legend(run, tmp_path):
         warnings.simplefilter("error")
         save(figure, tmp_path, "probability")
     assert all(axis.get_legend() is None for axis in figure.axes)
-    assert "no unstable mode in the one run" in figure.axes[0].get_title("right")
+    assert "no squeal mode in the one run" in figure.axes[0].get_title("right")
     assert figure.axes[0].get_position().width > 0.7
 
 
@@ -277,7 +319,7 @@ def test_convergence_ends_at_the_final_share(run):
     figure = draw_convergence(run)
     ends = [line.get_ydata()[-1] for line in figure.axes[0].lines]
     final = [count(run, a) for a in ("fast", "multi-scale")]
-    assert ends == [c.unstable_samples / c.samples for c in final]
+    assert ends == [c.squeal_samples / c.samples for c in final]
 
 
 def test_pressure_is_drawn_on_both_pads_of_each_approach(run):

@@ -7,8 +7,11 @@ from xml.etree import ElementTree
 
 import pytest
 
+from brake_fenicsx.errors import SceneError
 from brake_fenicsx.report.html import _percent, render_page, write_report
 from brake_fenicsx.report.rundata import RunData, read_run
+from brake_fenicsx.report.tables import write_rows
+from brake_fenicsx.uncertainty.robustness import ROBUSTNESS
 
 X = "{http://www.w3.org/1999/xhtml}"
 
@@ -85,9 +88,10 @@ def test_every_setting_seed_and_version_is_listed(page):
 def test_numbers_of_the_answer_stand_at_the_head(page):
     root = ElementTree.parse(page).getroot()
     rows = [[c.text for c in row] for row in root.find(f".//{X}header").iter(f"{X}tr")]
-    assert rows[3][:7] == ["Multi-scale", "60", "0", "1920", "96", "1728", "54"]
-    assert rows[3][7] == "90 % (80 to 95 %)"
-    assert rows[1][7] == "-"
+    assert rows[3][:8] == ["Multi-scale", "60", "0", "1920", "96", "1728", "96", "54"]
+    assert rows[3][8] == "90 % (80 to 95 %)"
+    assert rows[1][8] == "-"
+    assert rows[0][6] == "squeal modes (damping below 0)"
 
 
 def test_mode_shapes_stand_under_their_approach(drawn, tmp_path):
@@ -114,13 +118,44 @@ def test_mode_shapes_stand_under_their_approach(drawn, tmp_path):
     (folder / f"{names[2]}.png").unlink()
     section = shapes(directory)
     assert [e.text for e in section.iter(f"{X}h3")] == ["Classical", "Multi-scale"]
-    assert any("No mode of any sample is unstable" in p.text for p in section.iter(f"{X}p"))
+    assert any("No mode of any sample squeals" in p.text for p in section.iter(f"{X}p"))
 
 
 def shapes(directory):
     """Section of the mode shapes on the page of a run."""
     root = ElementTree.fromstring(render_page(read_run(directory)))
     return next(s for s in root.iter(f"{X}section") if s.get("id") == "shapes")
+
+
+def test_every_table_and_caption_of_squeal_names_the_threshold(drawn):
+    """Also where the tables of causes do."""
+    run = read_run(drawn[0])
+    run.summary["in_effect"]["stability"]["threshold"] = 0.006
+    place = ["fast", 0.006, "family", "0", 1900.0, 40, 9, 0.2, 0.1, 0.4, -0.01, 2e-3]
+    write_rows(
+        run.directory / "robustness.csv", ROBUSTNESS,
+        [[*place, "no", *[None] * (len(ROBUSTNESS) - len(place) - 1)]],
+    )  # fmt: skip
+    try:
+        root = ElementTree.fromstring(render_page(run))
+    finally:
+        (run.directory / "robustness.csv").unlink()
+    said = "damping below -0.006"
+    assert any(said in (p.text or "") for p in root.find(f".//{X}header").iter(f"{X}p"))
+    for key, tables in (("squeal", 1), ("probability", 0), ("drivers", 1)):
+        section = next(s for s in root.iter(f"{X}section") if s.get("id") == key)
+        captions = [e.text for e in section.iter(f"{X}figcaption")]
+        assert captions and all(said in text for text in captions)
+        heads = [[h.text for h in t.iter(f"{X}th")] for t in section.iter(f"{X}table")]
+        assert len(heads) == tables
+        assert all(any(said in text for text in row) for row in heads)
+
+
+def test_a_table_of_causes_of_an_older_version_is_named(drawn, tmp_path):
+    write_rows(tmp_path / "robustness.csv", ("approach", "scope", "where"), [])
+    shutil.copy(drawn[0] / "modes.csv", tmp_path)
+    with pytest.raises(SceneError, match=r"robustness\.csv: column .*severity is missing"):
+        render_page(read_run(tmp_path))
 
 
 def test_damping_is_named_and_an_open_count_admitted(drawn, tmp_path):
@@ -130,11 +165,12 @@ def test_damping_is_named_and_an_open_count_admitted(drawn, tmp_path):
     assert "Damping that acts" not in plain
     run = read_run(directory)
     terms = {"rayleigh": {"alpha_1_s": 50.0}, "sliding": {}}
-    for how, admitted in (("not counted: damped problem", True), ("winding number", False)):
-        run.summary.update(damping=terms, samples={"classical": {"counted_by": how}})
+    for number in (1, 0):
+        about = {"good": 1, "modes": 9, "tolerance_missed": 0, "not_complete": number}
+        run.summary.update(damping=terms, samples={"classical": about})
         page = render_page(run)
         assert "(settings below): rayleigh, sliding." in page
-        assert ("was not counted" in page) == admitted
+        assert ("<p>Warning: Classical: in 1 of 1 samples the number" in page) == bool(number)
 
 
 def test_every_parameter_of_the_fit_has_its_error(page):

@@ -54,7 +54,7 @@ def test_figure_9_holds_the_three_systems(done):
     run = read_run(folder)
     assert run.approaches == ["classical", "fast", "multi-scale"]
     text = (folder / "figures" / "figure9_squeal_map.svg").read_text()
-    assert all(f"{label(name)}:" in text for name in run.approaches)
+    assert all(f"{label(run, name)}:" in text for name in run.approaches)
 
 
 def test_the_scan_has_the_printed_statistics(done):

@@ -27,8 +27,11 @@ SAMPLES = Samples(approaches=("joint",), random={MU: Distribution("normal", 0.5,
 
 def ensemble(x, growth, good=None):
     good = np.ones(len(x), dtype=bool) if good is None else good
-    whole = Outcome("band", "0-16000", 8000.0, growth)
-    return Ensemble("joint", (MU, E3), x, good, (whole, Outcome("family", "3", 1900.0, growth)))
+    found = (
+        Outcome(scope, where, hertz, growth, -1e-4 * growth)
+        for scope, where, hertz in (("band", "0-16000", 8000.0), ("family", "3", 1900.0))
+    )
+    return Ensemble("joint", (MU, E3), x, good, tuple(found))
 
 
 def table(columns, rows):
@@ -80,8 +83,9 @@ def test_failed_samples_count_for_nothing():
     good = np.arange(100) % 4 > 0
     growth = np.where(good, 5.0, 0.0)
     row = table(ROBUSTNESS, robustness_rows(SAMPLES, [ensemble(x, growth, good)]))[0]
-    assert (row["samples"], row["unstable"], row["probability"]) == (75, 75, 1.0)
+    assert (row["samples"], row["squeal_samples"], row["probability"]) == (75, 75, 1.0)
     assert row["above_limit"] == "yes"
+    assert row["median_damping"] == row["severity"] * -1 == pytest.approx(-5e-4)
 
 
 def test_probability_settles_with_the_samples():
@@ -96,7 +100,14 @@ def test_probability_settles_with_the_samples():
 
 def stored(pitch, real, verdict):
     s = np.array(real) + 2j * np.pi * np.array(pitch)
-    return {"s": s, "verdict": np.array(verdict), "random_names": np.array([MU]), "random": [0.5]}
+    damping = -2 * s.real / np.abs(s)
+    return {
+        "s": s,
+        "damping": damping,
+        "verdict": np.array(verdict),
+        "random_names": np.array([MU]),
+        "random": [0.5],
+    }
 
 
 @pytest.fixture
@@ -128,9 +139,30 @@ def test_outcomes_of_bands_and_families(results):
     assert ("family", "2") not in growth
 
 
+def test_a_threshold_takes_weak_modes_out_of_the_outcomes(results):
+    """Damping -9.5e-4 and -1.4e-4: one of the two is left."""
+    (e,) = ensembles(results, (0.0, 16e3), 2e-4)
+    growth = {(o.scope, o.where): o.growth[:2].tolist() for o in e.outcomes}
+    assert growth["band", "0-16000"] == [3.0, 0.0]
+    assert ("family", "4") not in growth
+    rows = table(ROBUSTNESS, robustness_rows(SAMPLES, [e]))
+    assert {row["threshold"] for row in rows} == {2e-4}
+    assert (rows[0]["probability"], rows[0]["squeal_samples"]) == (0.5, 1)
+
+
+def test_families_are_ranked_by_share_times_damping(results):
+    """Each in one of two samples; the one that grows more slowly is damped less still."""
+    (e,) = ensembles(results, (0.0, 16e3))
+    found = [o for o in e.outcomes if o.scope == "family"]
+    assert [o.where for o in found] == ["0", "4"]
+    first = table(ROBUSTNESS, robustness_rows(SAMPLES, [e]))[len(e.outcomes) - 2]
+    assert first["median_damping"] == pytest.approx(-6.0 / (2e3 * np.pi))
+    assert first["severity"] == pytest.approx(0.5 * 6.0 / (2e3 * np.pi))
+
+
 def test_tables_are_written_and_the_summary_says_how_stable_modes_count(results, tmp_path):
     facts = write_causes(tmp_path, SAMPLES, ensembles(results, (0.0, 16e3)))
     assert facts["stable_modes"] == "count as growth 0 in every index"
     assert facts["joint"]["probability_of_any"] == 1.0
     for name in ("sensitivity", "robustness", "convergence"):
-        assert (tmp_path / f"{name}.csv").read_text().startswith("approach,scope,where")
+        assert (tmp_path / f"{name}.csv").read_text().startswith("approach,threshold,scope,where")

@@ -1,6 +1,7 @@
 """Which displacements are drawn as the modes of a sample."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 from mpi4py import MPI
 
@@ -10,11 +11,12 @@ import pytest
 from brake_fenicsx.checks import read_surface
 from brake_fenicsx.macro.brake import assemble_brake
 from brake_fenicsx.macro.solver import local_rows
+from brake_fenicsx.report.tables import MODES, SAMPLES, write_rows
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.operators import tangent
 from brake_fenicsx.store import Store
-from brake_fenicsx.uncertainty.shapes import _unstable
+from brake_fenicsx.uncertainty.shapes import _severe, displacements
 from brake_fenicsx.uncertainty.study import Study
 
 pytestmark = pytest.mark.alone
@@ -52,7 +54,8 @@ def test_displacements_are_those_of_the_modes(changes, stored, tmp_path, monkeyp
     task = ("multi-scale", 1)
     data = study.work(task)
     assert {"vectors"} & {*data} == {stored} - {""}
-    chosen, X = _unstable(study, task, data)
+    chosen = np.flatnonzero(data["verdict"] == "unstable")[:4]
+    X = displacements(study, task, data, chosen)
     assert chosen.size == X.shape[1] == 4
     sample = study._draw(*task)
     K = (
@@ -65,3 +68,22 @@ def test_displacements_are_those_of_the_modes(changes, stored, tmp_path, monkeyp
     for i, x in zip(chosen, X.T, strict=True):
         omega = np.sqrt((x.conj() @ (K_t @ x)).real / (x.conj() @ (M @ x)).real)
         assert omega == pytest.approx(abs(data["s"][i].imag), rel=1e-5)
+
+
+@pytest.mark.parametrize(("threshold", "drawn"), [(0, [(1, 3), (0, 0)]), (0.01, [(1, 3)])])
+def test_the_most_severe_families_are_drawn_whatever_their_sample(threshold, drawn, tmp_path):
+    """The first sample that has an unstable mode has only the one that hardly grows."""
+    real, rest = -1.0, (1e-12, 1e-6, 2.0, "unstable")
+    modes = [
+        ["multi-scale", 0, 0, 14e3, real, -8e-6, *rest, 1],
+        ["multi-scale", 1, 2, 14e3, real, -8e-6, *rest, 1],
+        ["multi-scale", 1, 3, 1500.0, real, -0.075, *rest, 2],
+    ]
+    write_rows(tmp_path / "modes.csv", MODES, modes)
+    write_rows(tmp_path / "samples.csv", SAMPLES, [["multi-scale", k, "ok", k] for k in (0, 1)])
+    scene = read_scene(BLOCK, [f"stability.threshold={threshold}"])
+    run, ((*chosen,),) = _severe(SimpleNamespace(comm=COMM, store=Store(tmp_path), scene=scene))
+    assert run.threshold == threshold
+    # The one of median damping: of two equal ones any.
+    found = [(m.sample, m.mode) for m in chosen]
+    assert found[0] == drawn[0] and len(found) == len(drawn)

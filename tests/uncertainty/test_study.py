@@ -70,7 +70,7 @@ def test_four_approaches_in_one_scene(tmp_path):
     for approach, n in counts.items():
         whole = next(r for r in robust if (r["approach"], r["where"]) == (approach, "0-20000"))
         assert int(whole["samples"]) == n
-        assert int(whole["unstable"]) == sum(a == approach for a, _ in unstable)
+        assert int(whole["squeal_samples"]) == sum(a == approach for a, _ in unstable)
 
 
 def test_laws_made_afresh_are_each_samples_own(tmp_path):

@@ -1,0 +1,50 @@
+"""Rows and figures of stored samples."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from brake_fenicsx.report.tables import SAMPLES, read_rows, write_rows
+from brake_fenicsx.uncertainty.results import Results
+
+pytestmark = pytest.mark.alone
+
+
+def sample(how, missed):
+    mode = {"s": np.array([1j, 2j]), "verdict": np.array(["stable", "neutral"]), "counted": how}
+    seconds = {f"{name}_seconds": 1.0 for name in ("stability", "equilibrium")}
+    return {
+        "status": "ok", "seed": 1, "mu": np.ones(2), "random_names": [], "random": [],
+        "tolerance_missed": missed, "equilibrium_iterations": 3, **mode, **seconds,
+    }  # fmt: skip
+
+
+def results(*samples):
+    """Of one approach, its stored samples."""
+    tasks = [("fast", k) for k in range(len(samples))]
+    files = iter(samples)
+    return Results(SimpleNamespace(load_sample=lambda name: next(files)), tasks)
+
+
+def test_open_points_of_a_sample_reach_its_row_and_the_summary(tmp_path):
+    """What is not counted or not proven is not complete; a failed sample says nothing."""
+    found = results(
+        sample("inertia of K - kappa M", 0),
+        sample("not counted: friction is not of low rank", 3),
+        sample("winding number (rest 1.2; not proven, it should be below 1)", 1),
+        {"status": "no equilibrium"},
+    )
+    write_rows(tmp_path / "samples.csv", found.sample_columns(SAMPLES), found.samples())
+    rows = read_rows(tmp_path / "samples.csv")
+    assert [row["complete"] for row in rows] == ["yes", "no", "no", ""]
+    assert [row["tolerance_missed"] for row in rows] == [0, 3, 1, None]
+    about = found.facts()["samples"]["fast"]
+    assert (about["not_complete"], about["tolerance_missed"], about["neutral"]) == (2, 4, 3)
+
+
+def test_samples_without_modes_have_no_such_columns():
+    data = sample("", 0)
+    for name in ("s", "counted", "tolerance_missed"):
+        del data[name]
+    assert results(data).sample_columns(SAMPLES) == [*SAMPLES, "mu"]
