@@ -273,8 +273,8 @@ class Stability:
     Attributes:
         band: lowest and highest frequency.
         method: every sample at full order, or by one reduced model shared by all.
-        cutoff: real modes of the bodies are kept up to here; 1.8 times the band if not given, more where
-            materials change.
+        cutoff: real modes of the bodies are kept up to here; 1.8 times the band if not given, more
+            where materials change.
         tolerance: relative error of the eigenvalues that the reduced model is made for.
         on_tolerance: what becomes of a sample with a mode whose estimated error is larger: a count
             in the log and in samples.csv ("warn"), or its modes at full order ("full order").
