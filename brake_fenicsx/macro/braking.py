@@ -11,13 +11,13 @@ from mpi4py import MPI
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from brake_fenicsx.errors import SceneError
+from brake_fenicsx.errors import NotConverged, SceneError
 from brake_fenicsx.micro.analytic import OneLaw
 from brake_fenicsx.micro.joined import join_laws
 from brake_fenicsx.micro.law import Law, Laws
 
 from .condensation import Compliance, compliance
-from .equilibrium import Equilibrium, displacement
+from .equilibrium import Equilibrium, displacement, limit_of_friction
 from .equilibrium import equilibrium as solve
 from .gap import EnrichedGap
 from .sparse import sparse_equilibrium
@@ -63,6 +63,15 @@ def equilibrium(
         Separated, NotConverged: there is no equilibrium, or it was not found.
     """
     n = len(ops.w)
+    for name, value in (("g_cr", g_cr), ("mu", mu)):
+        given = np.asarray(value, dtype=float)
+        if given.shape not in ((), (n,)):
+            raise SceneError(
+                f"{name}: shape {given.shape}; give one value, or one for each of the {n} contact"
+                " elements"
+            )
+        if not np.all(np.isfinite(given)):
+            raise SceneError(f"{name}: a value is not finite")
     gaps = np.broadcast_to(np.asarray(g_cr, dtype=float), (n,))
     enriched = EnrichedGap(*_library(laws, index, n), gaps)
     if solver == "sparse":
@@ -72,7 +81,10 @@ def equilibrium(
         raise SceneError(f'solver = {solver!r}: use "condensed" or "sparse"')
     if ops.compliance is None:
         ops = with_compliance(ops, enriched, comm)
-    eq = solve(ops, enriched, mu, steps)
+    try:
+        eq = solve(ops, enriched, mu, steps)
+    except NotConverged as error:
+        raise limit_of_friction(ops, enriched, mu, steps, error) from None
     return replace(eq, u=displacement(ops, eq, ops.f))
 
 

@@ -18,6 +18,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from brake_fenicsx.errors import SceneError
+
 from .solver import Factor, add_interface, blocks, local_rows
 
 Array = NDArray[np.float64]
@@ -205,7 +207,12 @@ def compliance(
 
     Returns:
         The compliance and the factor behind it.
+
+    Raises:
+        SceneError: k0 is not positive everywhere.
     """
+    if k0.shape != w.shape or not (np.all(np.isfinite(k0)) and np.all(k0 > 0)):
+        raise SceneError("k0: positive finite values are needed, one for each contact element")
     factor = reference_factor(K, N, w, k0)
     ((NN, NT),) = interface_moments(factor, None, N, T, 0, comm)
     return Compliance(factor, k0, NN, NT, np.asarray(N @ factor.solve(f)))

@@ -26,6 +26,9 @@ from .newton import Newton, State
 
 Array = NDArray[np.float64]
 
+# Halvings of the friction coefficient that find its limit, to one part in a hundred.
+BISECTIONS = 7
+
 # Steps of iterative refinement before double precision takes over.
 REFINEMENTS = 12
 
@@ -89,6 +92,43 @@ def equilibrium(
     system = Condensed(ops.compliance, ops.w, ops.g0, mu)
     found = Newton(system, laws, max_iterations).ramp(steps, tolerance)
     return record(laws, mu, found, start)
+
+
+def limit_of_friction(
+    ops: Any, laws: EnrichedGap, mu: float | Array, steps: int, error: NotConverged
+) -> NotConverged:
+    """The error of a failed equilibrium, with the friction up to which there is one.
+
+    Args:
+        ops: as in ``equilibrium``.
+        laws: law and critical gap of every element.
+        mu: friction coefficient at which none was found, one or one per element.
+        steps: equal load steps.
+        error: how the equilibrium failed.
+
+    Returns:
+        The same error where friction is not the cause.
+    """
+
+    def found(share: float) -> bool:
+        try:
+            equilibrium(ops, laws, share * np.asarray(mu), steps)
+        except NotConverged:
+            return False
+        return True
+
+    largest = float(np.max(np.abs(mu)))
+    if largest == 0.0 or not found(0.0):
+        return error
+    low, high = 0.0, 1.0
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if found(middle) else (low, middle)
+    return NotConverged(
+        f"equilibrium: none was found at a friction coefficient of {largest:.3g}, but up to"
+        f" {low * largest:.3g} there is one: more friction tips or locks a part; lower the"
+        " friction, or change supports or loads"
+    )
 
 
 def record(

@@ -139,8 +139,8 @@ class Newton:
                 return (g, t), history
         raise NotConverged(
             f"equilibrium: not converged after {len(history) - 1} iterations (residual"
-            f" {history[-1]:.2e}, {tolerance:.0e} needed); check friction, which may tip or lock a"
-            " part if it is large, then supports and loads, then raise the load steps"
+            f" {history[-1]:.2e}, {tolerance:.0e} needed); check supports and loads, then raise the"
+            " load steps"
         )
 
     def _line_search(self, g: Array, t: Array, dg: Array, dt: Array) -> float:

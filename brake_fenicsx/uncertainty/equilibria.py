@@ -14,7 +14,12 @@ from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.log import logger
 from brake_fenicsx.macro.condensation import compliance
 from brake_fenicsx.macro.corrected import Bodies, corrected_equilibrium
-from brake_fenicsx.macro.equilibrium import Equilibrium, displacement, equilibrium
+from brake_fenicsx.macro.equilibrium import (
+    Equilibrium,
+    displacement,
+    equilibrium,
+    limit_of_friction,
+)
 
 from .models import Models
 
@@ -47,12 +52,13 @@ class Equilibria:
         Raises:
             NotConverged: neither the full load at once nor the scene's ramp converges.
         """
-        try:
-            return self._loaded(approach, sample, 1, reduced)
-        except NotConverged:
-            if self.steps == 1:
-                raise
-        return self._loaded(approach, sample, self.steps, reduced)
+        for steps in sorted({1, self.steps}):
+            try:
+                return self._loaded(approach, sample, steps, reduced)
+            except NotConverged as error:
+                failed = error
+        mu = sample.mu_equilibrium
+        raise limit_of_friction(self._bodies(sample), sample.laws, mu, self.steps, failed)
 
     def displacement(self, approach: str, sample: SampleInput, data: dict[str, Any]) -> Array:
         """Displacement of a stored equilibrium [m], shape (dofs,).

@@ -1,5 +1,6 @@
 """The public equilibrium: one law, a list, a library; its displacement solves the full system."""
 
+import re
 from pathlib import Path
 
 from mpi4py import MPI
@@ -8,8 +9,9 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from brake_fenicsx.errors import SceneError
+from brake_fenicsx.errors import NotConverged, SceneError
 from brake_fenicsx.macro import equilibrium
+from brake_fenicsx.macro.condensation import compliance
 from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.micro import exponential_law, linear_law
 from brake_fenicsx.pipeline import assemble
@@ -73,3 +75,34 @@ def test_contact_stiffness_is_the_slope_of_the_law(ops):
     slope = (law.pressure(eq.g - h) - law.pressure(eq.g + h)) / (2 * h)
     assert eq.k == pytest.approx(slope, rel=1e-6)
     assert sp.issparse(ops.N)
+
+
+@pytest.mark.parametrize("mu", [1.2, 8.0])
+def test_friction_that_tips_the_part_is_named_with_its_limit(ops, mu):
+    """Load steps do not help: the message says up to which friction there is an equilibrium."""
+    law = exponential_law(10e6, 10e-6)
+    with pytest.raises(NotConverged, match=r"tips or locks a part") as raised:
+        equilibrium(ops, law, 0.0, mu)
+    limit = float(re.search(r"up to ([0-9.]+) there is one", str(raised.value))[1])
+    assert 0.5 < limit < 1.1
+    assert equilibrium(ops, law, 0.0, 0.98 * limit).residual < 1e-10
+    with pytest.raises(NotConverged):
+        equilibrium(ops, law, 0.0, 1.1 * limit)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (dict(g_cr=[0.0, 1e-6]), r"g_cr: shape \(2,\); give one value, or one for each of the"),
+        (dict(g_cr=np.nan), "g_cr: a value is not finite"),
+        (dict(mu=np.inf), "mu: a value is not finite"),
+    ],
+)
+def test_arguments_that_do_not_fit_are_one_line(ops, given, said):
+    with pytest.raises(SceneError, match=said):
+        equilibrium(ops, linear_law(1e12), **{"g_cr": 0.0, "mu": 0.3, **given})
+
+
+def test_reference_stiffness_must_be_positive(ops):
+    with pytest.raises(SceneError, match="k0: positive finite values"):
+        compliance(ops.K, ops.N, ops.T, ops.w, ops.f, np.zeros(len(ops.w)), MPI.COMM_SELF)
