@@ -3,10 +3,10 @@
 from brake_fenicsx.stability.eigen import complex_modes
 from brake_fenicsx.stability.interface import contact_interface
 from brake_fenicsx.stability.modes import Modes
+from brake_fenicsx.stability.reduced import Reduced
 from brake_fenicsx.stability.substructures import (
     ContactLinearisation,
     Parameters,
-    Reduced,
     ReducedModel,
     Substructure,
     split_substructures,

@@ -1,11 +1,11 @@
 """Reduced model of a brake from its substructures: component mode synthesis with exact contact."""
 
 from .contact import ContactLinearisation
-from .model import Reduced, ReducedModel
+from .model import ReducedModel
 from .parameters import CONSTANT, Parameters
 from .substructure import Substructure, split_substructures
 
 __all__ = [
-    "CONSTANT", "ContactLinearisation", "Parameters", "Reduced", "ReducedModel", "Substructure",
+    "CONSTANT", "ContactLinearisation", "Parameters", "ReducedModel", "Substructure",
     "split_substructures",
 ]  # fmt: skip
