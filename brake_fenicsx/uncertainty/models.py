@@ -176,7 +176,7 @@ class Models:
         many = any(self._counts[n] > 1 for n, r in self.by_reduction.items() if not r)
         if self.stability is not None and many and not self.reduced:
             with self._shelf.shared(
-                SHAPES, lambda: self._depends(np.unique(k0).tolist()), self._comm
+                SHAPES, lambda: self._depends([float(k) for k in np.unique(k0)]), self._comm
             ):
                 self._shapes = self._family_shapes(self.compliance.factor)
 

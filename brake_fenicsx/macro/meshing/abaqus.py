@@ -209,7 +209,7 @@ def _elements(scope: Scope, options: Options, rows: Rows) -> None:
         else:
             scope.skins[number] = nodes[: 3 if count in (3, 6) else 4]
     if "ELSET" in options:
-        scope.add(scope.elsets, options["ELSET"], table[:, 0].tolist())
+        scope.add(scope.elsets, options["ELSET"], [int(n) for n in table[:, 0]])
 
 
 def _set(scope: Scope, keyword: str, options: Options, rows: Rows) -> None:

@@ -133,7 +133,7 @@ class Scope:
         by = self.offsets[other.name] = _FAR * (1 + len(self.offsets))
         if other.nodes:
             x = np.array(list(other.nodes.values())) @ turn.T + shift
-            self.nodes |= {n + by: p for n, p in zip(other.nodes, x.tolist(), strict=True)}
+            self.nodes |= {n + by: [*map(float, p)] for n, p in zip(other.nodes, x, strict=True)}
         self.solids |= {n + by: (k, [i + by for i in c]) for n, (k, c) in other.solids.items()}
         self.skins |= {n + by: [i + by for i in c] for n, c in other.skins.items()}
         every = [n + by for n in other.solids]

@@ -112,11 +112,12 @@ class ContactForces:
             rows: blocks of contact rows.
             omega: end of the band [rad/s].
         """
-        w = w[elements]
-        normal, friction = (w * A[elements] / omega**2 for A in (contact.k, contact.friction))
+        w = np.asarray(w[elements], dtype=float)
+        normal = np.asarray(w * contact.k[elements] / omega**2)
+        friction = np.asarray(w * contact.friction[elements] / omega**2)
         factor = {"T": contact.along, "R": contact.across}
         rates = [
-            (rows.acting.index(name), w * factor[name][elements] / omega)
+            (rows.acting.index(name), np.asarray(w * factor[name][elements] / omega))
             for name in rows.followed[1:]
         ]
         return cls(normal, friction, rates, rows.shift)

@@ -250,9 +250,9 @@ class Sample:
             rows = np.r_[own, f * m + np.arange(modes.size)]
             columns = np.r_[acting, g * m + np.arange(modes.size)]
             left, right = q.left[np.r_[place, f * c + modes]], q.right[np.r_[there, g * c + modes]]
-            largest = np.zeros(z.size)
+            largest: Array = np.zeros(z.size)
             for error in view.errors:
-                size = np.zeros(z.size)
+                size: Array = np.zeros(z.size)
                 for n, E in enumerate(error):
                     size += np.abs(_paired(left, times(E[np.ix_(rows, columns)], right)) * z**n)
                 largest = np.maximum(largest, size)
