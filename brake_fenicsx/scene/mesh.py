@@ -30,12 +30,9 @@ class MeshTable:
         cells: kind of the builders' cells; hexahedra only for swept parts. The hexahedra of the
             reference disc take about half the unknowns of tetrahedra at equal error, and leave its
             double modes double to 1e-13 (tetrahedra of 12 mm: 4e-4 apart).
-        order: order of the geometry; 2 puts middle nodes on curved faces, as a Hertz contact needs.
-            Displacements are of second order in any case. Straight sides are the default: flat
-            contact faces gain nothing, and for the reference disc (below 6 kHz, worst frequency)
-            they are no less exact: tetrahedra of 12 mm 1.2 % against 1.4 % with middle nodes, 7 mm
-            0.25 % against 0.31 %, for 16 % less time of assembly. Hexahedra gain: 11 mm 0.48 %
-            against 0.33 %.
+        order: order of the geometry. 1 (straight edges) is enough for flat contact; 2 puts middle
+            nodes on curved faces, as curved contact (Hertz) needs. Displacements are of second
+            order in any case.
         growth: how fast cells grow away from finer ones, size per distance.
         quality: a mesh with a worse cell is refused: 3 r / R of tetrahedra, scaled Jacobian of
             hexahedra.

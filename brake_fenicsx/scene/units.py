@@ -42,7 +42,7 @@ def to_si(value: Any, unit: str) -> float:
         if isinstance(value, str):
             raise ValueError("write a plain number")
     elif not isinstance(value, str) and value != 0:
-        raise ValueError(f"the unit is missing, write {DIMENSIONS[unit]} as a string")
+        raise ValueError(f"the unit is missing; write {DIMENSIONS[unit]} as a string")
     try:
         number = _quantity(value, unit) if isinstance(value, str) else float(value)
     except OverflowError:
@@ -65,7 +65,7 @@ def _quantity(value: str, unit: str) -> float:
         quantity = _registry().Quantity(value)
         return _turns(quantity, unit) * float(quantity.to(_registry().Unit(unit)).magnitude)
     except pint.DimensionalityError:
-        raise ValueError(f"wrong unit, write {DIMENSIONS[unit]}") from None
+        raise ValueError(f"wrong unit; a {DIMENSIONS[unit]} is needed") from None
     except OverflowError:
         raise
     except Exception:
