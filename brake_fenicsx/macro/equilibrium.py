@@ -118,7 +118,8 @@ def limit_of_friction(
         return True
 
     largest = float(np.max(np.abs(mu)))
-    if largest == 0.0 or not found(0.0):
+    # Without friction it must be found, and with it not: else another cause made it fail.
+    if largest == 0.0 or found(1.0) or not found(0.0):
         return error
     low, high = 0.0, 1.0
     for _ in range(BISECTIONS):
