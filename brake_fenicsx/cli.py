@@ -188,14 +188,15 @@ def _main(words: list[str]) -> int:
             comm.Abort(status)
         return status
     except BrokenPipeError:
-        # Python would write what is left once more at its end, and fail again.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _discard_output()
         return 141
     except BaseException as error:
         # One process that dies alone would leave the others waiting for ever.
         alone = comm is None or comm.size == 1
         if isinstance(error, OSError) and error.strerror:
             said = f"{error.filename or 'the output'}: {error.strerror}"
+            if not error.filename:
+                _discard_output()
             status = _end(comm if alone else None, verbose, said, 1)
             return status if alone else comm.Abort(status)
         if not alone and not isinstance(error, SystemExit):
@@ -203,6 +204,11 @@ def _main(words: list[str]) -> int:
             comm.Abort(1)
         raise
     return 0
+
+
+def _discard_output() -> None:
+    """Python would write what is left of the output once more at its end, and fail again."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _end(comm: Any, verbose: bool, said: str, status: int) -> int:
