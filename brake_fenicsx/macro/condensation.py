@@ -174,17 +174,6 @@ def shared_columns(n: int, comm: MPI.Comm, first: float = 1.0) -> NDArray[np.int
     return np.arange(ends[comm.rank - 1] if comm.rank else 0, ends[comm.rank])
 
 
-def slip_compliance(factor: Solves, T: sp.csr_matrix, comm: MPI.Comm, first: float = 1.0) -> Array:
-    """T K0^-1 T' [m/N], shape (elements, elements), its columns shared by the processes of comm."""
-    columns = T.T.tocsc()
-    share = shared_columns(T.shape[0], comm, first)
-    out = np.empty((T.shape[0], share.size))
-    for b in blocks(share.size):
-        out[:, b] = T @ factor.solve(columns[:, share[b]])
-    TT = np.hstack(comm.allgather(out))
-    return 0.5 * (TT + TT.T)
-
-
 def compliance(
     K: PETSc.Mat,
     N: sp.csr_matrix,

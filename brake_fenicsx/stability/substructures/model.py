@@ -48,9 +48,8 @@ POLES = 3.3
 # degree and one moment more gain: measured on blocks and brakes in perfect contact.
 REACHED, GAIN = 1e-5, 12.0
 
-# Zeros are corrected up to this multiple of the band's end; the last known moments must have
-# fallen to this share of the first ones, or the series does not reach the band's end.
-SEARCHED, FALLEN = 1.25, 0.2
+# Zeros are corrected up to this multiple of the band's end.
+SEARCHED = 1.25
 
 # Steps that refine displacements, and the change at which they stop.
 STEPS, SETTLED = 40, 1e-8
