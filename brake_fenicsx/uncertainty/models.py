@@ -1,9 +1,9 @@
 """Who gives the modes of a study's samples: the reduced model, or full order.
 
 This is the one place that chooses. One reduced model serves all approaches whose samples something
-damps, and one all others; a sample alone, an approach that asks for full order, and what no reduced
-model takes (too strong damping, materials that are not positive definite everywhere in their box)
-go to full order; ``Models.by_reduction`` says which approach goes where.
+damps, and one all others; a sample that none of them serves, an approach that asks for full order,
+and what no reduced model takes (too strong damping, materials that are not positive definite
+everywhere in their box) go to full order; ``Models.by_reduction`` says which approach goes where.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ SHAPES = "cache/shapes.npz"
 FAMILIES = 1.3
 
 # Number of the layout of a kept reduced model; one of another layout is made again.
-LAYOUT = 1
+LAYOUT = 2
 
 
 class Models:
@@ -114,9 +114,10 @@ class Models:
         self.unit_gaps: dict[str, Array] = {}
         self.numbering: Numbering
         self.stability = scene.stability if "stability" in scene.stages else None
-        # One sample alone does not pay for a reduced model: it is solved at full order.
+        # One sample alone does not pay for a reduced model, but takes that of other approaches.
         reduced = self.stability is not None and self.stability.method == "reduced"
-        self.by_reduction = {name: reduced and count > 1 for name, count in counts.items()}
+        paid = {self.damped(name) for name, count in counts.items() if count > 1}
+        self.by_reduction = {name: reduced and self.damped(name) in paid for name in counts}
 
     def changes_bodies(self, approach: str) -> bool:
         """Whether the materials of an approach's samples differ from those of the scene."""

@@ -9,8 +9,9 @@ W'P(z; p)W is affine and exact; D_n(p) is interpolated, with a degree that falls
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from math import comb
 
 from mpi4py import MPI
 
@@ -19,7 +20,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.errors import BrakeError, InaccurateResult
 from brake_fenicsx.macro.condensation import petsc_matrix
 from brake_fenicsx.macro.solver import Factor
 
@@ -31,10 +32,6 @@ from .substructure import Substructure
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
-
-# Where the interpolation is measured, in half widths of the box: two opposite corners.
-CHECKED_AT = 0.9
-
 
 @dataclass(frozen=True, slots=True)
 class Accuracy:
@@ -57,7 +54,7 @@ class AtPoint:
         modal: W'P_n W, in units of the band's end, shape (2 or 3, modes, modes).
         D: moments, shape (count, rows, columns).
         errors: estimates of the errors of D, each of the shape of D: the step from one degree
-            lower times what one degree gains, and the errors that were measured at two corners.
+            lower times what one degree gains, and the errors that were measured at two points.
     """
 
     modal: Array
@@ -125,22 +122,21 @@ class Component:
             self._D = [known[f"D{n}"] for n in range(len(degrees))]
             self._checks, self._gain = known["checks"], known["gain"]
             return
-        # Higher moments are interpolated with lower degrees: later anchors need few of them.
-        ends = [self._box.count(degree) for degree in degrees]
-        found = [
-            self._moments(x, sum(i < end for end in ends), comm, progress)
-            for i, x in enumerate(self._box.points[: max(ends)])
-        ]
-        self._D = [np.array([D[n] for D in found[:end]]) for n, end in enumerate(ends)]
-        corner = np.full(self._own.size, CHECKED_AT)
+        counts, ends = points_of(degrees, self._own.size)
+        points = [*self._box.points, *(self._box.checks if self._own.size else ())]
         checks, self._gain = [], np.zeros(len(degrees))
-        for x in (corner, -corner) if self._own.size else ():
-            D, step = self._interpolated(x)
-            error = self._moments(x, len(degrees), comm, progress) - D
-            checks.append(error)
-            size = [[la.norm(A) for A in every] for every in (error, step)]
+        for i, found in enumerate(self._at_points(points, counts, comm, progress)):
+            if i == 0:
+                self._D = [np.empty((end, *found.shape[1:])) for end in ends]
+            if i < ends[0]:
+                for n in range(len(found)):
+                    self._D[n][i] = found[n]
+                continue
+            D, step = self._interpolated(points[i])
+            checks.append(found - D)
+            size = [[la.norm(A) for A in every] for every in (checks[-1], step)]
             self._gain = np.maximum(self._gain, np.divide(size[0], size[1]))
-        self._checks = np.array(checks).reshape(len(checks), *found[0].shape)
+        self._checks = np.array(checks).reshape(len(checks), len(degrees), *self._D[0].shape[1:])
 
     def arrays(self) -> dict[str, Array]:
         """What the offline stage made, to be kept in a file."""
@@ -157,8 +153,10 @@ class Component:
         """The substructure at a point of the box, shape (d,)."""
         own = x[self._own]
         D, step = self._interpolated(own)
-        # One degree more gains about what it gains at the corners.
+        # One degree more gains about what it gains at the points that were checked.
         errors = [self._gain[:, None, None] * step, *self._checks] if self._own.size else []
+        if (growth := self._box.growth(own)) > 1:
+            errors = [growth * error for error in errors]
         return AtPoint(self._modal(x), D, errors)
 
     def polynomial(self, x: Array) -> list[sp.csr_matrix]:
@@ -189,12 +187,37 @@ class Component:
             C = C / self._omega
         return np.array([K + s * C + SIGMA * one, C + 2 * s * one, one])
 
-    def _moments(
-        self, own: Array, count: int, comm: MPI.Comm, progress: Callable[[int], None]
-    ) -> Array:
-        x = np.zeros(self._parameters.dimension)
-        x[self._own] = own
-        return moments(self.body, self.polynomial(x), self.W, self._rows, count, comm, progress)
+    def _at_points(
+        self,
+        points: Sequence[Array],
+        counts: list[int],
+        comm: MPI.Comm,
+        progress: Callable[[int], None],
+    ) -> Iterator[Array]:
+        """Moments at points of the own parameters, as many as are asked for; collective.
+
+        Processes take points in turns, so that the factor of a point is made once; if there are
+        fewer points than processes, all share the columns of each.
+        """
+        together = len(points) < comm.size
+        turns = 1 if together else comm.size
+        sharing = comm if together else MPI.COMM_SELF
+        for first in range(0, len(points), turns):
+            own: object = None
+            mine = first if together else first + comm.rank
+            if mine < len(points):
+                x = np.zeros(self._parameters.dimension)
+                x[self._own] = points[mine]
+                given = self.polynomial(x), self.W, self._rows, counts[mine], sharing, progress
+                try:
+                    own = moments(self.body, *given)
+                except BrakeError as error:
+                    own = error
+            for i in range(min(turns, len(points) - first)):
+                one = own if together else comm.bcast(own, root=i)
+                if isinstance(one, BrakeError):
+                    raise one
+                yield np.asarray(one)
 
     def _interpolated(self, own: Array) -> tuple[Array, Array]:
         """Moments at a point of the own parameters, and the step from one degree lower."""
@@ -211,6 +234,18 @@ class Component:
             both = np.array([weights[:count], lower[:count]])
             D[n], step[n] = (both @ values.reshape(count, -1)).reshape(2, *values.shape[1:])
         return D, step
+
+
+def points_of(degrees: Sequence[int], dimension: int) -> tuple[list[int], list[int]]:
+    """How many moments each point of the offline stage needs, and how many anchors each moment.
+
+    Args:
+        degrees: total degree of the interpolation of each moment, not increasing.
+        dimension: number of parameters; the two points of the check come last.
+    """
+    ends = [comb(degree + dimension, dimension) for degree in degrees]
+    checks = [len(degrees)] * (2 if dimension else 0)
+    return [sum(i < end for end in ends) for i in range(ends[0])] + checks, ends
 
 
 def kept_modes(

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from math import ceil, comb, log10
+from math import ceil, log10
 
 from mpi4py import MPI
 
@@ -23,7 +23,7 @@ from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
 from ..complex_columns import on_parts, times
 from ..full.damped_rows import damped_rows
 from ..modes import Complex, Count, Modes, undamped_rows
-from .component import Accuracy, AtPoint, Component, kept_modes
+from .component import Accuracy, AtPoint, Component, kept_modes, points_of
 from .contact import ContactLinearisation
 from .errors import ROUND_OFF, corrected, distances, stated_error
 from .moments import SIGMA, Complement, Rows, coupled
@@ -135,7 +135,7 @@ class ReducedModel:
             modes = _shared_modes(originals, centre, omega, accuracy.cutoff, comm)
         else:
             modes = [(one["W"], one["kappa"]) for one in known]
-        advance = progress(_solves(originals, modes, rows, parameters, accuracy, comm.size))
+        advance = progress(_solves(originals, modes, rows, parameters, accuracy, comm))
         made: list[dict[str, Array] | None] = [None] * len(originals) if known is None else [*known]
         components = [
             Component(body, pair, kept, rows, parameters, accuracy, omega, comm, advance)
@@ -366,16 +366,18 @@ def _solves(
     rows: Rows,
     parameters: Parameters,
     accuracy: Accuracy,
-    processes: int,
+    comm: MPI.Comm,
 ) -> int:
     """Solves of this process that the offline stage takes."""
     total = 0
     for body, (W, _) in zip(bodies, modes, strict=True):
         own = parameters.acting_on(list(body.changes)).size
         columns = body.elements.size * len(rows.followed) + W.shape[1] * coupled(body)
-        points = sum(comb(degree * bool(own) + own, own) for degree in accuracy.degrees)
-        checks = 2 * len(accuracy.degrees) * bool(own)
-        total += ceil(columns / processes) * (points + checks)
+        counts, _ = points_of(accuracy.degrees if own else (0,) * len(accuracy.degrees), own)
+        if len(counts) < comm.size:
+            total += ceil(columns / comm.size) * sum(counts)
+        else:
+            total += columns * sum(counts[comm.rank :: comm.size])
     return total
 
 
@@ -384,10 +386,10 @@ def _degrees(tolerance: float, damped: bool) -> tuple[int, ...]:
     if not 0 < tolerance < 1:
         raise SceneError(f"tolerance = {tolerance:g}: a relative error between 0 and 1 is needed")
     top = int(np.clip(4 + ceil(log10(REACHED / tolerance) / log10(GAIN) - 1e-9), 2, 8))
+    # Measured: of the errors that two moments more leave, one degree more leaves as much.
     if damped:
-        return tuple(max(1, top - n // 2) for n in range(2 * top + 3))
-    # In kappa the second moment weighs as much as the first.
-    return tuple(max(1, top - max(0, n - 1)) for n in range(top + 2))
+        return tuple(max(1, top - (n + 3) // 4) for n in range(2 * top + 3))
+    return tuple(max(1, top - (n + 1) // 2) for n in range(top + 2))
 
 
 def _images(

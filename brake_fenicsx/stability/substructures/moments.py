@@ -121,10 +121,14 @@ class Complement:
         """Right-hand sides without their share of the kept modes, shape (n, columns)."""
         return np.asarray(b - self._MW @ (self._W.T @ b))
 
-    def solve(self, b: Array | sp.csc_matrix) -> Array:
-        """S_0 b, for a block of right-hand sides."""
-        dense = b if isinstance(b, np.ndarray) else b.toarray()
-        x = self.factor.solve(self.clear(dense))
+    def solve(self, b: Array, cleared: bool = False) -> Array:
+        """S_0 b, for a block of right-hand sides.
+
+        Args:
+            b: shape (n, columns).
+            cleared: whether they have no share of the kept modes as they are.
+        """
+        x = self.factor.solve(b if cleared else self.clear(b))
         return np.asarray(x - self._Y @ (self._small @ (self._MW.T @ x)))
 
 
@@ -184,7 +188,8 @@ def moments(
                 rhs[:, contact.size :] = left[n][:, modal]
             for i in range(1, min(n, len(P) - 1) + 1):
                 rhs -= transposed[i] @ X[-i]
-            X = [*X[-2:], complement.solve(rhs)]
+            # M v has no share of modes that are orthogonal to v in the mass.
+            X = [*X[-2:], complement.solve(rhs, n > 0 and not rows.damped)]
             at = out[n, b]
             at[:, : I.shape[1]] = (I.T @ X[-1]).T
             at[:, I.shape[1] + m :] = X[-1].T @ body.loads

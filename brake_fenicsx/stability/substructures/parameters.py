@@ -1,15 +1,17 @@
 """Polynomial interpolation of total degree over a box of parameters.
 
-The anchors are nested Leja points in each coordinate over a lower set of indices: as many as there
-are polynomials up to the degree, and the first of them are the anchors of the lower degrees
-(Chkifa, Cohen and Schwab, Found. Comput. Math. 14, 2014, doi:10.1007/s10208-013-9154-z).
+The anchors are discrete Leja points: as many as there are polynomials up to the degree, chosen among
+Chebyshev points by Gaussian elimination with pivoting, so that the first of them are good anchors of
+the lower degrees (Bos, De Marchi, Sommariva and Vianello, SIAM J. Numer. Anal. 48, 2010,
+doi:10.1137/090777372). In three parameters the Lebesgue constant of degree 3 is 13; products of the
+Leja points of one coordinate have 35.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import product
+from itertools import combinations, product
 from math import comb
 
 import numpy as np
@@ -20,6 +22,14 @@ Array = NDArray[np.float64]
 
 # A coefficient moves with a parameter if it changes by more than this share of the largest change.
 MOVES = 1e-12
+
+# Pivots that differ by less than this share are ties, which the order of the points decides,
+# whatever round-off a processor makes.
+TIE = 1e-9
+
+# Coordinates of the points where an interpolation is checked: away from those of the anchors, where
+# two blocks in rough and in perfect contact showed the errors that were hardest to foresee.
+BETWEEN = (0.7, 0.3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +63,7 @@ CONSTANT = Parameters(0, lambda x: np.zeros(0))
 
 
 class Interpolation:
-    """Polynomials of total degree through nested Leja points of [-1, 1]^d.
+    """Polynomials of total degree through discrete Leja points of [-1, 1]^d.
 
     Attributes:
         points: the anchors, shape (anchors, d); the first is the centre.
@@ -70,8 +80,9 @@ class Interpolation:
         indices = [i for i in product(range(degree + 1), repeat=dimension) if sum(i) <= degree]
         ordered = sorted(indices, key=lambda i: (sum(i), i))
         self._indices = np.array(ordered, dtype=int).reshape(len(ordered), dimension)
-        self.points: Array = _leja(degree + 1)[self._indices]
         self.degree = degree
+        candidates = _candidates(dimension, degree)
+        self.points: Array = candidates[_discrete_leja(self._polynomials(candidates))]
 
     def count(self, degree: int) -> int:
         """Number of anchors of a degree; they come first."""
@@ -90,6 +101,19 @@ class Interpolation:
         out[:n] = np.linalg.solve(matrix.T, self._polynomials(x[None])[0, :n])
         return out
 
+    @property
+    def checks(self) -> Array:
+        """Two opposite points between the anchors, shape (2, d)."""
+        return np.outer([1.0, -1.0], np.resize(BETWEEN, self.points.shape[1]))
+
+    def growth(self, x: Array) -> float:
+        """How much larger than in the box an error may be at a point: 1 inside.
+
+        The polynomials of one degree more, which the interpolation lacks, grow no faster outside
+        than Chebyshev's.
+        """
+        return float(special.eval_chebyt(self.degree + 1, max(1.0, np.abs(x).max(initial=0.0))))
+
     def _polynomials(self, x: Array) -> Array:
         """Products of Chebyshev polynomials, shape (points, anchors)."""
         each = special.eval_chebyt(np.arange(self.degree + 1), x[..., None])
@@ -99,10 +123,27 @@ class Interpolation:
         return out
 
 
-def _leja(count: int) -> Array:
-    """0, 1, -1, ...: each next point where the product of distances to all before is largest."""
-    grid = np.cos(np.pi * np.arange(4001) / 4000)
-    points = [0.0]
-    while len(points) < count:
-        points.append(float(grid[np.argmax(np.prod(np.abs(grid[:, None] - points), axis=1))]))
+def _candidates(dimension: int, degree: int) -> Array:
+    """Chebyshev points with as many coordinates off the centre as a polynomial couples."""
+    line = np.sin(np.pi / 2 * np.linspace(-1, 1, 2 * (degree // 2) + 5))
+    off = [x for x in line if x]
+    points = [np.zeros(dimension)]
+    for many in range(1, min(dimension, degree) + 1):
+        for axes in combinations(range(dimension), many):
+            for values in product(off, repeat=many):
+                point = np.zeros(dimension)
+                point[list(axes)] = values
+                points.append(point)
     return np.array(points)
+
+
+def _discrete_leja(V: Array) -> NDArray[np.intp]:
+    """Rows that Gaussian elimination with row pivoting takes, the first row first."""
+    rows = np.arange(len(V))
+    A = V.copy()
+    for k in range(V.shape[1]):
+        size = np.abs(A[k:, k])
+        p = k + int(np.flatnonzero(size >= (1 - TIE) * size.max())[0]) if k else 0
+        A[[k, p]], rows[[k, p]] = A[[p, k]], rows[[p, k]]
+        A[k + 1 :] -= np.outer(A[k + 1 :, k] / A[k, k], A[k])
+    return rows[: V.shape[1]]
