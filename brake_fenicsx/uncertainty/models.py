@@ -328,7 +328,7 @@ class Models:
 
         They are kept: an eigensolver may return them with other signs.
         """
-        from brake_fenicsx.stability.full.lanczos import lowest_modes
+        from brake_fenicsx.stability.eigensolvers.lanczos import lowest_modes
 
         if self.stability is None:
             raise ValueError("a scene without [stability] has no modes")

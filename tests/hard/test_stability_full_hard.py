@@ -6,10 +6,9 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from brake_fenicsx.errors import BrakeError, SceneError
-from brake_fenicsx.stability import complex_modes, eigen
+from brake_fenicsx.stability import complex_modes, contact_interface
 from brake_fenicsx.stability.damping import loss_factor
-from brake_fenicsx.stability.full import symmetric
-from brake_fenicsx.stability.interface import contact_interface
+from brake_fenicsx.stability.full import dense as small
 
 pytestmark = pytest.mark.hard
 
@@ -48,10 +47,8 @@ def compared(modes, exact, highest=BAND[1], tolerance=1e-7):
     assert np.all(distance <= tolerance * np.abs(modes.s) + modes.error)
 
 
-@pytest.mark.parametrize("large", [False, True])
-def test_exact_doublets(monkeypatch, large):
-    """A square grid: every doublet is there twice, by Lanczos and in slices."""
-    monkeypatch.setattr(symmetric, "MOST", 10 if large else 500)
+def test_exact_doublets():
+    """A square grid: every doublet is there twice."""
     K, kappa = grid(22, 22)
     edge = 0.5 * (kappa[99] + kappa[100])
     assert kappa[100] > kappa[99] * 1.0001
@@ -62,9 +59,8 @@ def test_exact_doublets(monkeypatch, large):
     assert np.linalg.cond(gram) < 1.0 + 1e-6
 
 
-def test_close_pairs_at_the_border_of_two_pieces_are_kept(monkeypatch):
-    """150 modes in pairs 1e-9 apart: none merged, none doubled wherever the pieces meet."""
-    monkeypatch.setattr(symmetric, "MOST", 10)
+def test_close_pairs_are_kept():
+    """150 pairs of modes 1e-9 apart: none merged, none doubled."""
     base = np.linspace(1.0, 4.0, 160)
     kappa = np.sort(np.r_[base, base * (1 + 1e-9)])
     K = sp.diags(kappa).tocsr()
@@ -270,4 +266,4 @@ def test_a_band_that_is_none(band):
     """A reversed, empty or negative band: named error."""
     with pytest.raises(SceneError, match="band"):
         complex_modes(one(3), None, sp.diags([1.0, 2.0, 3.0]).tocsr(), band)
-    assert eigen.DENSE > 3
+    assert small.DENSE > 3

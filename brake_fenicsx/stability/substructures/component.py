@@ -23,8 +23,8 @@ from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.macro.condensation import petsc_matrix
 from brake_fenicsx.macro.solver import Factor
 
-from ..full.lanczos import lowest_modes
-from ..full.symmetric import count_below
+from ..eigensolvers.lanczos import lowest_modes
+from ..eigensolvers.symmetric import count_below
 from .moments import SIGMA, Rows, coupled, moments, shifted_polynomial
 from .parameters import Interpolation, Parameters
 from .substructure import Substructure

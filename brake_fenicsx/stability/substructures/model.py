@@ -20,9 +20,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
 
-from ..complex_columns import on_parts, times
-from ..full.damped_rows import damped_rows
-from ..modes import Complex, Count, Modes, undamped_rows
+from ..eigensolvers.complex_columns import on_parts, times
+from ..eigensolvers.rows import damped_rows, undamped_rows
+from ..modes import Complex, Count, Modes
 from .component import Accuracy, AtPoint, Component, kept_modes
 from .contact import ContactLinearisation
 from .errors import ROUND_OFF, corrected, distances, stated_error

@@ -22,11 +22,10 @@ from .lanczos import lowest_modes
 
 Array = NDArray[np.float64]
 
-# sigma as a share of the highest kappa of the band.
-SHIFT = 1e-3
-
-# More modes than this below the limit are not sought in one Krylov space.
-MOST = 500
+# -sigma as a share of the highest kappa of the band: rigid modes stay clear of round-off, and the
+# spectrum is hardly compressed. The larger ones are for negative eigenvalues, of a divergence or of
+# the symmetric half of K; with one beyond the band's own range by that factor no mode converges.
+SHIFT, LARGEST_SHIFT = 1e-3, 1e2
 
 # A limit closer than this to an eigenvalue is moved beyond it.
 ON_EDGE = 1e-11
@@ -58,13 +57,24 @@ class Symmetric:
 
 
 def shifted_factor(K: sp.csr_matrix, M: sp.csr_matrix, high: float) -> tuple[Factor, float] | None:
-    """Factor of K_s - sigma M, and sigma; None where it is not positive definite."""
-    sigma = -SHIFT * high
-    factor = Factor(petsc_matrix((K - sigma * M).tocsr()), "brake_shifted_")
-    if factor.negative_pivots:
+    """Factor of S = K_s - sigma M and the shift sigma < 0 closest to zero that makes it definite.
+
+    Args:
+        K: K_s [N/m].
+        M: mass [kg].
+        high: highest kappa of the band [1/s^2].
+
+    Returns:
+        The factor and sigma; None where K_s has eigenvalues far below zero.
+    """
+    share = SHIFT
+    while share < 2 * LARGEST_SHIFT:
+        factor = Factor(petsc_matrix((K + share * high * M).tocsr()), "brake_shifted_")
+        if not factor.negative_pivots:
+            return factor, -share * high
         factor.destroy()
-        return None
-    return factor, sigma
+        share *= 10
+    return None
 
 
 def count_below(K: sp.csr_matrix, M: sp.csr_matrix, kappa: float) -> tuple[int, float]:
@@ -97,7 +107,7 @@ def count_below(K: sp.csr_matrix, M: sp.csr_matrix, kappa: float) -> tuple[int, 
 
 def symmetric_modes(
     K: sp.csr_matrix, M: sp.csr_matrix, factor: Factor, sigma: float, limit: float
-) -> Symmetric | None:
+) -> Symmetric:
     """All modes below a limit.
 
     Args:
@@ -108,16 +118,15 @@ def symmetric_modes(
         limit: largest eigenvalue wanted [1/s^2]; may be raised a little by the count.
 
     Returns:
-        The modes; None where there are too many for one Krylov space.
+        The modes.
 
     Raises:
         NotConverged: Lanczos does not converge.
         InaccurateResult: inertia counts another number.
     """
     expected, limit = count_below(K, M, limit)
-    if expected > MOST:
-        return None
-    found = lowest_modes(factor, M, (limit - sigma) * (1 + 200 * ON_EDGE))
+    cutoff = (limit - sigma) * (1 + 200 * ON_EDGE)
+    found = lowest_modes(factor, M, cutoff, expected=expected)
     give_back()
     Phi, kappa = _polished(K, M, factor, found.Phi)
     if np.any(np.abs(kappa - limit) <= ON_EDGE * limit):
