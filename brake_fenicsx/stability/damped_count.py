@@ -13,6 +13,7 @@ import scipy.sparse as sp
 from brake_fenicsx.errors import InaccurateResult
 
 from .eigensolvers.regions import damped_region
+from .eigensolvers.symmetric import SHIFT, count_below
 from .full.problem import Problem
 from .modes import Complex
 from .substructures.contact import ContactLinearisation
@@ -54,7 +55,8 @@ def counted(p: Problem, C: sp.csr_matrix, s: Complex, high: float, zeta_max: flo
     try:
         model = ReducedModel.offline([body], one, (0.0, high / 2 / np.pi), tolerance=TOLERANCE)
     except InaccurateResult as error:
-        return f"not counted: {error}{p.remedy}"
+        indefinite = count_below(p.frictionless, p.M, -SHIFT * high**2)[0] > 0
+        return p.indefinite if indefinite else f"not counted: {error}"
     zeros = model.zeros([], contact)
     wide = zeta_max / np.sqrt(1 - zeta_max**2)
     region = damped_region(np.r_[s, zeros], high, wide)

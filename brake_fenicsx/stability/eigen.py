@@ -123,7 +123,7 @@ def _symmetric(p: Problem, high: float) -> Found:
     Raises:
         InaccurateResult: K has eigenvalues far below zero, or inertia counts other modes.
     """
-    shifted = shifted_factor(p.K, p.M, high)
+    shifted = shifted_factor(p.K, p.M, high, LARGEST_SHIFT)
     if shifted is None:
         raise InaccurateResult(
             "the stiffness is not positive semi-definite: eigenvalues kappa = -lambda^2 below"

@@ -9,6 +9,7 @@ from brake_fenicsx.errors import BrakeError, SceneError
 from brake_fenicsx.stability import complex_modes, contact_interface
 from brake_fenicsx.stability.damping import loss_factor
 from brake_fenicsx.stability.full import dense as small
+from dense_reference import all_damped
 
 pytestmark = pytest.mark.hard
 
@@ -220,6 +221,30 @@ def test_damping_contrast_of_a_thousand(n):
     distance = np.abs(m.s[:, None] - exact).min(axis=1)
     assert np.all(distance < 1e-7 * np.abs(m.s))
     assert set(m.verdict) == {"stable"}
+
+
+@pytest.mark.parametrize("whole", [True, False])
+@pytest.mark.parametrize("zeta", [0.45, 2.0])
+def test_overdamped_modes_within_the_band(zeta, whole):
+    """Stiffness damping of a whole chain or of half of it, zeta at the band's end: real lambda.
+
+    Of 400 modes nearly all have a real eigenvalue that is smaller than the band's end, or close
+    above it; those of the band with a damping ratio up to 0.1 are found all the same.
+    """
+    n = 400
+    links = sp.diags([np.ones(n), -np.ones(n - 1)], [0, -1], shape=(n, n)).tocsr()
+    K = (1e8 * links.T @ links).tocsr()
+    omega = np.sqrt(la.eigvalsh(K.toarray()))
+    edge = 0.5 * (omega[29] + omega[30])
+    damped = sp.diags(np.where((np.arange(n) > n // 2) | whole, 1e8, 0.0))
+    C = (2 * zeta / edge * links.T @ damped @ links).tocsr()
+    m = complex_modes(one(n), C, K, (0.0, edge / TWO_PI))
+    exact = all_damped(np.eye(n), C.toarray(), K.toarray(), edge)
+    assert np.sum((exact.imag == 0) & (np.abs(exact) < 1.2 * edge)) > 100
+    exact = exact[(exact.imag > 1e-3) & (exact.imag <= edge) & (exact.real >= -0.1 * np.abs(exact))]
+    assert len(m) == exact.size > 0
+    assert np.all(np.abs(m.s[:, None] - exact).min(axis=1) < 1e-7 * np.abs(m.s))
+    assert m.count.how.startswith(("zeros of T(z)", "not counted: damping too strong"))
 
 
 @pytest.mark.parametrize("above", [1.032, 1.036, 1.049])

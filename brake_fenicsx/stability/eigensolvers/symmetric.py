@@ -23,8 +23,8 @@ from .lanczos import lowest_modes
 Array = NDArray[np.float64]
 
 # -sigma as a share of the highest kappa of the band: rigid modes stay clear of round-off, and the
-# spectrum is hardly compressed. The larger ones are for negative eigenvalues, of a divergence or of
-# the symmetric half of K; with one beyond the band's own range by that factor no mode converges.
+# spectrum is hardly compressed. A divergence needs a larger shift; with one that is a hundred times
+# the band's end the band is one percent of the spectrum seen, and Lanczos hardly converges.
 SHIFT, LARGEST_SHIFT = 1e-3, 1e2
 
 # A limit closer than this to an eigenvalue is moved beyond it.
@@ -56,19 +56,22 @@ class Symmetric:
     blocks: int
 
 
-def shifted_factor(K: sp.csr_matrix, M: sp.csr_matrix, high: float) -> tuple[Factor, float] | None:
+def shifted_factor(
+    K: sp.csr_matrix, M: sp.csr_matrix, high: float, largest: float = SHIFT
+) -> tuple[Factor, float] | None:
     """Factor of S = K_s - sigma M and the shift sigma < 0 closest to zero that makes it definite.
 
     Args:
         K: K_s [N/m].
         M: mass [kg].
         high: highest kappa of the band [1/s^2].
+        largest: -sigma is at most this share of that.
 
     Returns:
-        The factor and sigma; None where K_s has eigenvalues far below zero.
+        The factor and sigma; None where K_s has eigenvalues further below zero.
     """
     share = SHIFT
-    while share < 2 * LARGEST_SHIFT:
+    while share < 2 * largest:
         factor = Factor(petsc_matrix((K + share * high * M).tocsr()), "brake_shifted_")
         if not factor.negative_pivots:
             return factor, -share * high

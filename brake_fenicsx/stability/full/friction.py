@@ -38,8 +38,8 @@ def friction_modes(
         zeta_max: largest damping ratio looked for.
 
     Returns:
-        The modes of the band and a little more; None where the frictionless problem has
-        eigenvalues far below zero.
+        The modes of the band and a little more; None where the frictionless stiffness
+        is not positive semi-definite.
 
     Raises:
         NotConverged: an iteration fails.
@@ -63,13 +63,13 @@ def friction_modes(
         known = moments(factor, p.M, friction, MORE_ORDERS)
         proof = prove(modes, friction, known, region, kappa)
     factor.destroy()
-    agree(int(region.holds(kappa).sum()), proof.count, high, "the winding number")
     unproven = "" if proof.remainder < 1 else f"; not proven, it should be below 1{p.remedy}"
     how = (
-        f"inertia without friction, winding number on the interface of rank {friction.rank}"
+        f"winding number on the interface of rank {friction.rank}"
         f" (remainder {proof.remainder:.1g}{unproven})"
     )
-    return Found(kappa, right, left, how, steps)
+    agree(int(region.holds(kappa).sum()), proof.count, high, f"the {how}")
+    return Found(kappa, right, left, f"inertia without friction, {how}", steps)
 
 
 def _both_sides(
