@@ -41,8 +41,8 @@ class Modes:
         s: eigenvalues lambda [1/s], shape (modes,).
         right: right vectors, shape (dofs or coordinates, modes); may have no column.
         left: left vectors, psi^H (lambda^2 M + lambda C + K) = 0; may have no column.
-        residual: relative residual |(lambda^2 M + lambda C + K) phi| / |lambda^2 M phi| of each mode
-            [-]; of the reduced model, which does not form it, error / (condition |lambda|).
+        residual: |(lambda^2 M + lambda C + K) phi| / |lambda^2 M phi| of each mode [-]; of the
+            reduced model, which does not form it, error / (condition |lambda|).
         error: estimated error of lambda [1/s].
         condition: eigenvalue condition number [-].
         count: expected number of modes.
