@@ -103,10 +103,12 @@ def counted_rows(s: Complex, how: str, zeta_max: float) -> Count:
     return Count(s.size, how + note if beyond else how)
 
 
-def follow(
+def track_modes(
     shapes: Sequence[Complex], frequencies: Sequence[Array], least: float = 0.5
 ) -> list[NDArray[np.intp]]:
-    """Families of modes over samples, by the modal assurance criterion in a common basis.
+    """Families of modes over samples, by the modal assurance criterion (MAC) in a common basis.
+
+    Reference: R. J. Allemang, Sound and Vibration 37(8) (2003) 14.
 
     Each sample's modes are matched to the families' latest members, best match first; a mode that
     matches none by ``least`` founds a family.
@@ -120,14 +122,14 @@ def follow(
         For each sample the family number of each mode.
     """
     centres: list[NDArray] = []
-    pitch: list[float] = []
+    latest: list[float] = []
     families = []
     for X, f in zip(shapes, frequencies, strict=True):
         X = X / np.linalg.norm(X, axis=0)
         family = np.full(X.shape[1], -1)
         if centres:
             mac = np.abs(np.stack(centres).conj() @ X) ** 2
-            near = np.abs(np.log(np.maximum(f, 1.0)[None, :] / np.array(pitch)[:, None])) < 0.3
+            near = np.abs(np.log(np.maximum(f, 1.0)[None, :] / np.array(latest)[:, None])) < 0.3
             mac = np.where(near, mac, 0.0)
             for _ in range(min(mac.shape)):
                 i, j = np.unravel_index(np.argmax(mac), mac.shape)
@@ -138,6 +140,6 @@ def follow(
         for j in np.flatnonzero(family < 0):
             family[j] = len(centres)
             centres.append(X[:, j])
-            pitch.append(max(float(f[j]), 1.0))
+            latest.append(max(float(f[j]), 1.0))
         families.append(family)
     return families

@@ -11,8 +11,9 @@ from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.stability import complex_modes
 from brake_fenicsx.stability import modes as module
 from brake_fenicsx.stability.eigensolvers import symmetric
+from brake_fenicsx.stability.eigensolvers.eigenpairs import QuadraticPencil, residuals
 from brake_fenicsx.stability.eigensolvers.rows import undamped_rows
-from brake_fenicsx.stability.modes import Count, Modes, follow
+from brake_fenicsx.stability.modes import Count, Modes, track_modes
 
 pytestmark = pytest.mark.alone
 
@@ -285,22 +286,35 @@ def test_families_follow_permuted_modes():
     rng = np.random.default_rng(0)
     X = la.qr(rng.normal(size=(12, 6)), mode="economic")[0].astype(complex)
     f = np.linspace(1000, 1400, 6)
-    shapes, pitches, wanted = [X], [f], [np.arange(6)]
+    shapes, frequencies, wanted = [X], [f], [np.arange(6)]
     for _ in range(8):
         turn = rng.permutation(6)
         noise = 0.1 * rng.normal(size=X.shape)
         phase = np.exp(2j * np.pi * rng.random(6)) * rng.uniform(0.1, 10, 6)
         shapes.append((X + noise)[:, turn] * phase)
-        pitches.append(f[turn] * (1 + 0.01 * rng.normal(size=6)))
+        frequencies.append(f[turn] * (1 + 0.01 * rng.normal(size=6)))
         wanted.append(turn)
-    for got, want in zip(follow(shapes, pitches), wanted, strict=True):
+    for got, want in zip(track_modes(shapes, frequencies), wanted, strict=True):
         np.testing.assert_array_equal(got, want)
 
 
-def test_a_new_shape_founds_a_family_and_a_distant_pitch_too():
+def test_a_new_shape_founds_a_family_and_a_distant_frequency_too():
     X = np.eye(4, dtype=complex)
     first = (X[:, :2], np.array([100.0, 200.0]))
     second = (X[:, [2, 0]], np.array([150.0, 101.0]))
     third = (X[:, [0]], np.array([900.0]))
-    got = follow([first[0], second[0], third[0]], [first[1], second[1], third[1]])
+    got = track_modes([first[0], second[0], third[0]], [first[1], second[1], third[1]])
     assert [g.tolist() for g in got] == [[0, 1], [2, 0], [3]]
+
+
+@pytest.mark.parametrize("c", [None, 0.5])
+def test_residual_and_backward_error_by_hand(c):
+    """M = 1, C = diag(0, c), K = diag(1, 4), lambda = i, phi = (1, e): r = (0, (3 + c i) e)."""
+    K, M = sp.diags([1.0, 4.0]).tocsr(), sp.identity(2, format="csr")
+    C = None if c is None else sp.diags([0.0, c]).tocsr()
+    X = np.array([[1.0], [1e-3]], dtype=complex)
+    relative, backward = residuals(QuadraticPencil(M, C, K), np.array([1j]), X)
+    size = 1e-3 * abs(3 + 1j * (c or 0.0))
+    length = np.sqrt(1 + 1e-6)
+    np.testing.assert_allclose(relative, size / length, rtol=1e-12)
+    np.testing.assert_allclose(backward, size / ((1 + 4 + (c or 0.0)) * length), rtol=1e-12)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.macro.condensation import petsc_matrix
 from brake_fenicsx.macro.solver import Factor
-from brake_fenicsx.memory import give_back
+from brake_fenicsx.memory import release_memory
 
 from .lanczos import lowest_modes
 
@@ -130,7 +130,7 @@ def symmetric_modes(
     expected, limit = count_below(K, M, limit)
     cutoff = (limit - sigma) * (1 + 200 * ON_EDGE)
     found = lowest_modes(factor, M, cutoff, expected=expected)
-    give_back()
+    release_memory()
     Phi, kappa = _polished(K, M, factor, found.Phi)
     if np.any(np.abs(kappa - limit) <= ON_EDGE * limit):
         # On an eigenvalue round-off decides what either count takes for below.

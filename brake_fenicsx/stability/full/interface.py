@@ -25,8 +25,8 @@ Array = NDArray[np.float64]
 # where they prove nothing.
 ORDERS, MORE_ORDERS = 3, 6
 
-# Largest rank for which friction is treated on its interface: dense matrices of this size, eleven
-# at most in one process, take 1.4 GB. It is no more than one in SHARE of all dofs either.
+# Largest rank for which friction is treated on its interface: a proof holds some sixteen dense
+# matrices of this size, 128 MB each. Nor is the rank more than one in SHARE of all dofs.
 LARGEST, SHARE = 4000, 4
 
 
@@ -94,8 +94,8 @@ def difference_interface(F: sp.spmatrix, tolerance: float = 1e-13) -> Interface 
         # A random block that is wide enough has the range of the whole.
         width = min(2 * width, limit)
         Q = la.qr(small @ rng.standard_normal((columns.size, width)), mode="economic")[0]
-        rest = small - Q @ (Q.T @ small)
-        if width == limit or np.linalg.norm(rest) <= tolerance * np.linalg.norm(small.data):
+        remainder = small - Q @ (Q.T @ small)
+        if width == limit or np.linalg.norm(remainder) <= tolerance * np.linalg.norm(small.data):
             break
     V, s, W = la.svd(Q.T @ small, full_matrices=False)
     rank = int(np.sum(s > tolerance * s[:1].max(initial=0.0)))
@@ -115,7 +115,7 @@ def _placed(values: Array, columns: NDArray[np.intp], size: int) -> sp.csr_matri
 
 @dataclass(frozen=True, slots=True)
 class Moments:
-    """The interface as seen through S^-1.
+    """Moments of S^-1 at the interface.
 
     Attributes:
         RL: right S^-1 (M S^-1)^j left', j = 0, 1, 2 at least, each of shape (rank, rank).
