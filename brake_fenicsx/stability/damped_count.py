@@ -56,7 +56,7 @@ def counted(p: Problem, C: sp.csr_matrix, s: Complex, high: float, zeta_max: flo
         model = ReducedModel.offline([body], one, (0.0, high / 2 / np.pi), tolerance=TOLERANCE)
     except InaccurateResult as error:
         indefinite = count_below(p.frictionless, p.M, -SHIFT * high**2)[0] > 0
-        return p.indefinite if indefinite else f"not counted: {error}"
+        return p.indefinite if indefinite else f"not counted: {error}; lower the end of the band"
     zeros = model.zeros([], contact)
     wide = zeta_max / np.sqrt(1 - zeta_max**2)
     region = damped_region(np.r_[s, zeros], high, wide)
