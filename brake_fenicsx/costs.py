@@ -14,7 +14,7 @@ ladder's. With
                12 (a m + r) v for damping in it;
                0.53 m v for each solve where materials change, C(d+3, 3) + C(d+2, 2) + 2 of them
                for d random constants, one constant more with loss factors, and two thirds of
-               that for each other of C(d+4, 4) points of the box; a times that where friction damps them
+               that for each other of C(d+4, 4) points; a times that where friction damps them
     samples    0.2 s (m / 1368)^2.5 an equilibrium;
                0.1 s (r / 150)^3 + 0.1 s (m / 1000)^2 its modes, reduced;
                1 + 2 a^2 times that with damping, for a = 1 + 1 (sliding) + 1 (slope);

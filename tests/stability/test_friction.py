@@ -12,6 +12,7 @@ from brake_fenicsx.stability.eigensolvers.symmetric import shifted_factor, symme
 from brake_fenicsx.stability.full import dense, friction, interface
 from brake_fenicsx.stability.full.interface import difference_interface
 from brake_fenicsx.stability.full.interface_count import Determinant, at_interface, prove
+from brake_fenicsx.stability.operators import tangent
 from dense_reference import agrees, all_kappa, all_lambda
 
 BAND = (0.0, 90e3)
@@ -44,6 +45,17 @@ def test_all_modes_of_two_blocks(two_blocks, mu):
             assert modes.count.how.startswith("inertia without friction, winding number")
             assert "not proven" not in modes.count.how, modes.count.how
         assert np.all(modes.residual < 1e-9)
+
+
+def test_every_process_has_all_modes_of_distributed_matrices(two_blocks):
+    """Each gathers the matrices and solves for itself."""
+    scene = two_blocks("guided")
+    k = stiffness(scene.w.size, 1)
+    K = tangent(scene.elastic.K, scene.N, scene.T, scene.w, k, 0.3)
+    face = contact_interface(scene.N, scene.T, scene.w * k, 0.3)
+    modes = complex_modes(scene.elastic.M, None, K, BAND, friction=face)
+    agrees(modes, all_lambda(scene.tangent(k, 0.3), scene.M), BAND, rigid=0.0)
+    assert modes.right.shape == modes.left.shape == (K.getSize()[0], len(modes))
 
 
 def test_friction_of_every_element_its_own(two_blocks):
