@@ -4,7 +4,7 @@ Every constant is a measured figure of the README (tables of stages, of the size
 equilibrium, of micro-contact), on one 2.6 GHz core with OpenBLAS on one thread; exponents are the
 ladder's. With
 
-    n free dofs, m contact elements, r real modes below 1.7 times the band, b modes in the band,
+    n free dofs, m contact elements, r real modes below 1.8 times the band, b modes in the band,
     v = 0.0213 s (n / 105e3)^1.22, one vector of a blocked solve,
 
     laws       0.24 s (pixels / 128)^2.5 steps / 40, each
@@ -14,7 +14,7 @@ ladder's. With
                12 (a m + r) v for damping in it;
                0.53 m v for each solve where materials change, C(d+3, 3) + C(d+2, 2) + 2 of them
                for d random constants, one constant more with loss factors, and two thirds of
-               that for each other of C(d+4, 4) anchors; a times that where friction damps them
+               that for each other of C(d+4, 4) points; a times that where friction damps them
     samples    0.2 s (m / 1368)^2.5 an equilibrium;
                0.1 s (r / 150)^3 + 0.1 s (m / 1000)^2 its modes, reduced;
                1 + 2 a^2 times that with damping, for a = 1 + 1 (sliding) + 1 (slope);
@@ -23,7 +23,7 @@ ladder's. With
                45 s (n / 40.7e3)^0.8 b / 64 its modes at full order, 1.3 times that with damping
     memory     0.2 GB + 16 kB n with a factor, 150 B m^2 + 8 B n r the reduced model, and with
                damping 96 B (a m + r)(2 m + r), 3 m with sliding; where
-               materials change 34 kB n at the anchors, of which 19 kB n stay; 30 kB n the solver
+               materials change 34 kB n at these points, of which 19 kB n stay; 30 kB n the solver
                at full order, 19 kB n more with damping; of one process
 
 How many modes there are is not known before: b is taken as in the reference brake, 4.2 per kHz.
@@ -42,7 +42,7 @@ from brake_fenicsx.scene.samples import split_key
 CORE = "one 2.6 GHz core"
 MODES_PER_HZ = 4.2e-3
 # Modes are denser higher up: of the reference brake 68 lie below 16 kHz, 180 real ones below 27.2.
-CUTOFF = 1.7
+CUTOFF = 1.8
 REAL_MODES_PER_HZ = 6.0e-3
 PICTURES = 4  # of unstable modes, for each approach
 AGAIN = 35.0  # [s] for the equilibrium and the bodies of a sample once more, to draw them

@@ -12,7 +12,7 @@ import ctypes
 _trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
 
 
-def give_back() -> None:
+def release_memory() -> None:
     """Return free pages to the system; nothing happens where the C library cannot."""
     if _trim is not None:
         _trim(ctypes.c_size_t(0))

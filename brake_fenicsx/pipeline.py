@@ -19,15 +19,15 @@ from mpi4py import MPI
 
 import numpy as np
 
+from brake_fenicsx.cache import SharedCache, laws_key
 from brake_fenicsx.checks import check, remarks, warnings, with_patch
 from brake_fenicsx.errors import BrakeError, SceneError
 from brake_fenicsx.lock import Lock
 from brake_fenicsx.log import Progress, logger, start_log
-from brake_fenicsx.memory import give_back
+from brake_fenicsx.memory import release_memory
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.friction import friction_texts, listed
 from brake_fenicsx.scene.in_effect import in_effect
-from brake_fenicsx.shelf import Shelf, of_laws
 from brake_fenicsx.store import RUNNING, Store
 from brake_fenicsx.versions import versions
 
@@ -47,7 +47,7 @@ class Run:
         scene: the scene.
         comm: processes of the run.
         store: its results folder.
-        shelf: what it shares with others.
+        cache: what it shares with others.
         seconds: time of each stage [s].
         peak_memory_mb: peak memory after each stage, summed over the processes [MB].
         facts: sizes and figures for the summary.
@@ -56,7 +56,7 @@ class Run:
     scene: Scene
     comm: MPI.Comm
     store: Store
-    shelf: Shelf
+    cache: SharedCache
     seconds: dict[str, float] = field(default_factory=dict)
     peak_memory_mb: dict[str, float] = field(default_factory=dict)
     facts: dict[str, Any] = field(default_factory=dict)
@@ -77,7 +77,7 @@ class Run:
             self.seconds[name],
             self.peak_memory_mb[name],
         )
-        give_back()
+        release_memory()
 
     @property
     def page(self) -> Path | None:
@@ -153,7 +153,7 @@ def run(
     store = Store(Path(directory))
     store.check(parsed)
     stats = check(parsed, comm)
-    this = Run(parsed, comm, store, Shelf(store, None if cache is None else Path(cache)))
+    this = Run(parsed, comm, store, SharedCache(store, None if cache is None else Path(cache)))
     new = not store.directory.exists()
     try:
         open_folder(this, from_stage)
@@ -331,7 +331,7 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
     if micro is None:
         raise SceneError(f"{scene.file}: micro: the section is missing")
     path = this.store.path("laws.npz")
-    with this.stage("micro"), this.shelf.shared("laws.npz", lambda: of_laws(scene), comm):
+    with this.stage("micro"), this.cache.shared("laws.npz", lambda: laws_key(scene), comm):
         if not comm.bcast(path.exists(), root=0):
             recipe, number = law_recipe(scene, stats), micro.library_size
             for text in recipe.surface(micro.seed, 0).warnings:
@@ -409,7 +409,7 @@ def mechanics(
 
     recipe = law_recipe(this.scene, stats) if stats else None
     hdf = stats.hdf if stats else None
-    study = Study(this.scene, brake, library, hdf, this.store, this.comm, recipe, this.shelf)
+    study = Study(this.scene, brake, library, hdf, this.store, this.comm, recipe, this.cache)
     with this.stage("shared"):
         study.prepare()
         this.facts |= study.facts

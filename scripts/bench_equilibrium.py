@@ -86,7 +86,7 @@ def measure_element(case: dict[str, Any]) -> dict[str, Any]:
     from brake_fenicsx.macro.condensation import compliance, gathered
     from brake_fenicsx.macro.equilibrium import equilibrium
     from brake_fenicsx.macro.solver import local_rows
-    from brake_fenicsx.stability.full.lanczos import lowest_modes
+    from brake_fenicsx.stability.eigensolvers.lanczos import lowest_modes
 
     sizes = scaled(case["factor"], case["cells"])
     brake(scaled(3, case["cells"]), case["cells"], case["order"])  # compiles the forms

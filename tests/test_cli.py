@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from brake_fenicsx import pipeline
+from brake_fenicsx.cache import SharedCache
 from brake_fenicsx.cli import main
 from brake_fenicsx.log import Progress, logger, start_log
 from brake_fenicsx.pipeline import Run
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.shelf import Shelf
 from brake_fenicsx.store import Store
 from brake_fenicsx.surface import read_topography
 from brake_fenicsx.termination import Terminated
@@ -51,7 +51,7 @@ def test_a_run_ends_with_its_ending(tmp_path, capsys):
 def test_the_ending_counts_failed_samples_and_names_the_page(tmp_path):
     scene = read_scene(BLOCK)
     store = Store(tmp_path)
-    run = Run(scene, MPI.COMM_SELF, store, Shelf(store))
+    run = Run(scene, MPI.COMM_SELF, store, SharedCache(store))
     run.facts = {"samples": {"fast": {"good": 17}}, "failed_samples": 3}
     assert run.ending() == (
         f"done, 3 of 20 samples failed: see {tmp_path}/samples.csv; open {tmp_path}/report.html"
@@ -162,15 +162,15 @@ def test_a_full_disc_ends_the_samples_by_its_name(tmp_path):
 
 
 def test_a_cache_that_cannot_be_written_does_not_stop_the_run(tmp_path, monkeypatch, caplog):
-    from brake_fenicsx import shelf
+    from brake_fenicsx import cache as module
 
     def full(source, target):
         raise OSError(28, "No space left on device")
 
     store = Store(tmp_path)
-    monkeypatch.setattr(shelf.os, "link", full)
-    monkeypatch.setattr(shelf.shutil, "copyfile", full)
-    cache = Shelf(store, tmp_path / "cache")
+    monkeypatch.setattr(module.os, "link", full)
+    monkeypatch.setattr(module.shutil, "copyfile", full)
+    cache = SharedCache(store, tmp_path / "cache")
     with cache.shared("laws.npz", lambda: 1, MPI.COMM_SELF):
         store.save("laws.npz", x=1)
     assert "No space left" in caplog.text and "continues without it" in caplog.text

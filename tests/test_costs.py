@@ -94,7 +94,7 @@ def test_materials_of_their_own_are_told_from_those_of_the_scene():
     found = count_solves(scene, wanted)
     verified = scene.stability.verify
     assert found == Counts(samples=701, reduced=300, full=1 + verified, changing=400)
-    # The anchors of three constants, and each sample's own bodies.
+    # The interpolation points of three constants, and each sample's own bodies.
     sizes = dict(dofs=152_479, elements=1362)
     few, many = (
         {c.stage: c for c in estimate(scene, Counts(samples=n, changing=n, **sizes))}

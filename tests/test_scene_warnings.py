@@ -9,6 +9,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
+from brake_fenicsx.cache import laws_key
 from brake_fenicsx.checks import warnings, with_patch
 from brake_fenicsx.description import describe
 from brake_fenicsx.micro import load_laws
@@ -18,7 +19,6 @@ from brake_fenicsx.report.rundata import read_run
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.friction import friction_texts, listed
 from brake_fenicsx.scene.plausible import unusual
-from brake_fenicsx.shelf import of_laws
 from brake_fenicsx.uncertainty.sampling import draw_sample
 
 SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
@@ -107,7 +107,7 @@ def test_laws_of_the_mesh_and_warnings_of_a_run(tmp_path):
 def test_laws_of_another_mesh_are_others():
     """In the cache that runs share."""
     scene = read_scene(BLOCK, [*ROUGH, SMALL % "mesh"])
-    one, other, again = (of_laws(with_patch(scene, side)) for side in (5e-3, 6e-3, 5e-3 + 1e-17))
+    one, other, again = (laws_key(with_patch(scene, side)) for side in (5e-3, 6e-3, 5e-3 + 1e-17))
     assert one == again != other
     assert json.dumps(one)
 

@@ -7,7 +7,6 @@ are shared by the processes of a communicator, each of which holds the factor.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -113,65 +112,33 @@ def reference_factor(K: PETSc.Mat, N: sp.csr_matrix, w: Array, k0: Array) -> Fac
     return Factor(add_interface(gathered(K), N, w * k0, N), "brake_compliance_")
 
 
-def interface_moments(
-    factor: Solves,
-    M: sp.csr_matrix | None,
-    N: sp.csr_matrix,
-    T: sp.csr_matrix,
-    order: int,
-    comm: MPI.Comm,
-    progress: Callable[[int], None] = lambda n: None,
-    between: Solves | None = None,
-) -> list[tuple[Array, Array]]:
-    """N K0^-1 (M K0^-1)^j N' and the same with T' on the right, j = 0 ... order.
+def interface_compliance(
+    factor: Solves, N: sp.csr_matrix, T: sp.csr_matrix, comm: MPI.Comm
+) -> tuple[Array, Array]:
+    """N K0^-1 N' and N K0^-1 T' [m/N], each of shape (elements, elements).
 
     Args:
-        factor: factor of K0, or what else stands for its inverse.
-        M: mass [kg]; may be None for order 0.
+        factor: factor of K0.
         N: gap operator, shape (elements, dofs).
-        T: slip operator, shape (elements, dofs); more rows are as good.
-        order: largest j.
+        T: slip operator, shape (elements, dofs).
         comm: processes that share the columns.
-        progress: called with the number of columns done.
-        between: a cheaper inverse for odd j, where it comes to the same; the first one if None.
-
-    Returns:
-        For each j the pair (NN, NT), shape (elements, elements), unit m/N (s^2)^j.
     """
     n = N.shape[0]
     both = sp.vstack([N, T]).tocsr()
     columns = N.T.tocsc()
     share = shared_columns(n, comm)
-    out = np.empty((order + 1, both.shape[0], share.size))
+    out = np.empty((both.shape[0], share.size))
     for b in blocks(share.size):
-        X = factor.solve(columns[:, share[b]])
-        out[0][:, b] = both @ X
-        for j in range(1, order + 1):
-            if M is None:
-                raise ValueError("moments beyond order 0 need the mass")
-            inverse = factor if between is None or j % 2 == 0 else between
-            X = inverse.solve(M @ X)
-            out[j][:, b] = both @ X
-        progress(b.stop - b.start)
-    pairs = []
-    for j in range(order + 1):
-        whole = np.hstack(comm.allgather(out[j]))
-        NN, TN = whole[:n], whole[n:]
-        pairs.append((0.5 * (NN + NN.T), np.ascontiguousarray(TN.T)))
-    return pairs
+        out[:, b] = both @ factor.solve(columns[:, share[b]])
+    whole = np.hstack(comm.allgather(out))
+    NN, TN = whole[:n], whole[n:]
+    return 0.5 * (NN + NN.T), np.ascontiguousarray(TN.T)
 
 
-def shared_columns(n: int, comm: MPI.Comm, first: float = 1.0) -> NDArray[np.intp]:
-    """This process's columns of n.
-
-    Args:
-        n: number of columns.
-        comm: processes that share them.
-        first: share of process 0, which may be late, relative to the others'.
-    """
-    weights = np.r_[first, np.ones(comm.size - 1)]
-    ends = np.rint(n * np.cumsum(weights) / weights.sum()).astype(int)
-    return np.arange(ends[comm.rank - 1] if comm.rank else 0, ends[comm.rank])
+def shared_columns(n: int, comm: MPI.Comm) -> NDArray[np.intp]:
+    """This process's columns of n."""
+    ends = np.rint(n * np.arange(comm.size + 1) / comm.size).astype(int)
+    return np.arange(ends[comm.rank], ends[comm.rank + 1])
 
 
 def compliance(
@@ -203,5 +170,5 @@ def compliance(
     if k0.shape != w.shape or not (np.all(np.isfinite(k0)) and np.all(k0 > 0)):
         raise SceneError("k0: positive finite values are needed, one for each contact element")
     factor = reference_factor(K, N, w, k0)
-    ((NN, NT),) = interface_moments(factor, None, N, T, 0, comm)
+    NN, NT = interface_compliance(factor, N, T, comm)
     return Compliance(factor, k0, NN, NT, np.asarray(N @ factor.solve(f)))

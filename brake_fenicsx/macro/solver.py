@@ -15,7 +15,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
-from brake_fenicsx.memory import give_back
+from brake_fenicsx.memory import release_memory
 
 Array = NDArray[np.float64]
 
@@ -138,7 +138,7 @@ class Factor:
         """Free the factor now: PETSc may keep what Python lets go until much later."""
         self._F.destroy()
         self._ksp.destroy()
-        give_back()
+        release_memory()
 
 
 def local_rows(A: PETSc.Mat) -> sp.csr_matrix:

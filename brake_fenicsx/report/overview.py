@@ -68,10 +68,10 @@ CAUSE_COLUMNS = (
     "high",
     "median_damping",
     "above_limit",
-    "mover",
-    "mover_rho",
-    "mover_low",
-    "mover_high",
+    "dominant_input",
+    "correlation",
+    "correlation_low",
+    "correlation_high",
 )
 
 

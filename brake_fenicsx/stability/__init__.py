@@ -1,7 +1,7 @@
 """Equilibrium -> complex modes, at full order and reduced."""
 
 from brake_fenicsx.stability.eigen import complex_modes
-from brake_fenicsx.stability.interface import contact_interface
+from brake_fenicsx.stability.full.interface import contact_interface
 from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.reduced import Reduced
 from brake_fenicsx.stability.substructures import (

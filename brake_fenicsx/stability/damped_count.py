@@ -12,13 +12,13 @@ import scipy.sparse as sp
 
 from brake_fenicsx.errors import InaccurateResult
 
-from .full.damped_rows import rectangle
+from .eigensolvers.regions import damped_region
+from .eigensolvers.symmetric import SHIFT, count_below
 from .full.problem import Problem
 from .modes import Complex
 from .substructures.contact import ContactLinearisation
 from .substructures.model import ReducedModel
 from .substructures.substructure import Substructure
-from .vectors import RIM
 
 # The count needs the number of zeros, not their digits.
 TOLERANCE = 1e-3
@@ -40,14 +40,14 @@ def counted(p: Problem, C: sp.csr_matrix, s: Complex, high: float, zeta_max: flo
     Raises:
         InaccurateResult: the numbers differ.
     """
-    if not (p.symmetric or p.face is not None):
-        return "not counted: friction is not of low rank here; give frictionless="
+    if not (p.symmetric or p.friction is not None):
+        return p.not_low_rank
     dofs = np.arange(C.shape[0])
     none = sp.csr_matrix((0, dofs.size))
-    left, right = (none, none) if p.face is None else (p.face.left, p.face.right)
+    left, right = (none, none) if p.friction is None else (p.friction.left, p.friction.right)
     elements = np.arange(right.shape[0])
     body = Substructure(
-        dofs, elements, p.smooth, p.M, C, {"N": right, "T": left}, np.zeros((dofs.size, 0))
+        dofs, elements, p.frictionless, p.M, C, {"N": right, "T": left}, np.zeros((dofs.size, 0))
     )
     one = np.ones(elements.size)
     # Friction left' right with springs of 1 N/m, and nothing along the gaps.
@@ -55,10 +55,11 @@ def counted(p: Problem, C: sp.csr_matrix, s: Complex, high: float, zeta_max: flo
     try:
         model = ReducedModel.offline([body], one, (0.0, high / 2 / np.pi), tolerance=TOLERANCE)
     except InaccurateResult as error:
-        return f"not counted: {error}; give frictionless= with a stable stiffness at mu = 0"
+        indefinite = count_below(p.frictionless, p.M, -SHIFT * high**2)[0] > 0
+        return p.indefinite if indefinite else f"not counted: {error}; lower the end of the band"
     zeros = model.zeros([], contact)
     wide = zeta_max / np.sqrt(1 - zeta_max**2)
-    region = rectangle(np.r_[s, zeros], high, wide, RIM)
+    region = damped_region(np.r_[s, zeros], high, wide)
     found, expected = int(region.holds(s).sum()), int(region.holds(zeros).sum())
     if found != expected:
         raise InaccurateResult(f"damped modes: {found} found, the reduced problem has {expected}")

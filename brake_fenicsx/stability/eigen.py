@@ -2,11 +2,13 @@
 
 Undamped, the problem is K phi = kappa M phi with kappa = -lambda^2, in real arithmetic:
 
+- up to 300 dofs: dense; counted by inertia, or by the winding number of det(K - kappa M);
 - symmetric K: block Lanczos, complete by inertia;
 - K_s plus friction of low rank: block Arnoldi from either side; inertia of K_s and the winding
   number of a determinant on the contact interface count the modes of a region around the band;
-- small matrices: dense; the winding number of det(K - kappa M) itself counts;
-- anything else: shift-and-invert in slices, and the record says that nothing was counted.
+- anything else: SLEPc, and the record says that nothing was counted.
+
+Damped problems are those of ``full.damped``. Every process that calls solves the whole problem.
 """
 
 from __future__ import annotations
@@ -14,29 +16,24 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from mpi4py import MPI
-from petsc4py import PETSc
-
 import numpy as np
+import scipy.sparse as sp
 
-from brake_fenicsx.errors import NotConverged, SceneError
+from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
 from brake_fenicsx.macro.solver import local_rows
 
 from .damped_count import counted
-from .full.completeness import count_zeros
+from .eigensolvers.eigenpairs import ROUND_OFF, QuadraticPencil, paired, residuals, undamped_errors
+from .eigensolvers.rows import undamped_rows
+from .eigensolvers.symmetric import LARGEST_SHIFT, shifted_factor, symmetric_modes
 from .full.damped import damped_modes
-from .full.dense import dense_modes
+from .full.dense import DENSE, small_modes
 from .full.friction import friction_modes
-from .full.problem import Found, Problem, agree, search_region
-from .full.slices import sliced_modes
-from .full.symmetric import count_below, shifted_factor, symmetric_modes
-from .interface import Interface, difference_interface
-from .modes import Modes, counted_rows, undamped_rows
+from .full.interface import Interface, difference_interface
+from .full.krylov_schur import general_modes
+from .full.problem import Found, Problem
+from .modes import Modes, counted_rows
 from .operators import as_petsc
-from .vectors import ROUND_OFF, paired, residuals, two_sided
-
-# Up to this size all eigenvalues are computed, and counted by dense determinants.
-DENSE = 300
 
 
 def complex_modes(
@@ -49,7 +46,6 @@ def complex_modes(
     zeta_max: float = 0.1,
     frictionless: Any = None,
     friction: Interface | None = None,
-    comm: MPI.Comm | None = None,
 ) -> Modes:
     """All complex modes of a frequency band of (lambda^2 M + lambda C + K) phi = 0.
 
@@ -57,7 +53,7 @@ def complex_modes(
         M: mass [kg], symmetric positive definite, SciPy sparse or PETSc.
         C: damping [N s/m]; None where there is none.
         K: stiffness [N/m], not symmetric where there is friction. The processes of a distributed
-            matrix must call together; each holds the whole of it and of the result.
+            matrix must call together; each gathers the whole of it and solves for itself.
         band: lowest and highest frequency [Hz].
         method: "full".
         tolerance: relative residual of every mode.
@@ -66,8 +62,6 @@ def complex_modes(
             None.
         friction: K - frictionless by contact elements, see ``contact_interface``; found from the
             matrices if None, which takes longer.
-        comm: processes that share the work, each with the whole matrices; those of K if None. Only
-            undamped problems with friction are shared, the others solved by each process.
 
     Returns:
         The modes, sorted by frequency, one of each conjugate pair.
@@ -81,90 +75,66 @@ def complex_modes(
         raise SceneError(f"method {method!r}: complex_modes knows 'full'; see ReducedModel")
     if not 0 <= band[0] < band[1]:
         raise SceneError(f"band {band[0]:g} to {band[1]:g} Hz: from at least 0 up to a higher one")
-    if comm is None:
-        comm = K.comm.tompi4py() if isinstance(K, PETSc.Mat) else MPI.COMM_SELF
     start = time.perf_counter()
-    problem = _problem(K, M, frictionless, friction, comm)
+    problem = _problem(K, M, frictionless, friction)
     if C is not None:
-        return damped_modes(problem, local_rows(as_petsc(C)), band, tolerance, zeta_max, counted)
+        return damped_modes(problem, _whole(C), band, tolerance, zeta_max, counted)
     low, high = ((2 * np.pi * f) ** 2 for f in band)
-    n = problem.K.shape[0]
     found = None
-    if n <= DENSE:
-        found = _small(problem, low, high, zeta_max)
+    if problem.K.shape[0] <= DENSE:
+        found = small_modes(problem, low, high, zeta_max)
     elif problem.symmetric:
-        found = _symmetric(problem, low, high)
-    elif problem.face is not None:
-        found = friction_modes(problem, low, high, zeta_max)
+        found = _symmetric(problem, high)
+    elif problem.friction is not None:
+        found = friction_modes(problem, problem.friction, low, high, zeta_max)
     if found is None:
-        found = _sliced(problem, low, high, tolerance, zeta_max)
+        found = general_modes(problem, high, zeta_max, 1e-2 * tolerance)
     return _record(problem, found, band, tolerance, zeta_max, start)
 
 
-def _problem(
-    K: Any, M: Any, frictionless: Any, friction: Interface | None, comm: MPI.Comm
-) -> Problem:
+def _whole(A: Any) -> sp.csr_matrix:
+    """The whole of a SciPy or PETSc matrix; collective for a distributed one."""
+    return local_rows(as_petsc(A))
+
+
+def _problem(K: Any, M: Any, frictionless: Any, friction: Interface | None) -> Problem:
     """Take the matrices apart."""
-    K, M = (local_rows(as_petsc(A)) for A in (K, M))
+    K, M = _whole(K), _whole(M)
+    given = None if frictionless is None else _whole(frictionless)
     # The three components of a displacement share no mass: two thirds of the pattern.
     M.eliminate_zeros()
     if abs(K - K.T).max() <= 1e-12 * abs(K).max():
-        return Problem(K, M, K, None, comm)
-    if frictionless is not None:
-        smooth = local_rows(as_petsc(frictionless))
-    elif friction is not None:
-        smooth = (K - friction.left.T @ friction.right).tocsr()
-    else:
-        smooth = (0.5 * (K + K.T)).tocsr()
+        return Problem(K, M, K, None, False)
+    halved = given is None and friction is None
+    if given is None and friction is not None:
+        given = (K - friction.left.T @ friction.right).tocsr()
+    elif given is None:
+        given = (0.5 * (K + K.T)).tocsr()
     if K.shape[0] > DENSE and friction is None:
-        rest = (K - smooth).tocsr()
-        rest.data[np.abs(rest.data) < 1e-15 * abs(K).max()] = 0.0
-        friction = difference_interface(rest)
-    return Problem(K, M, smooth, friction, comm)
+        difference = (K - given).tocsr()
+        difference.data[np.abs(difference.data) < 1e-15 * abs(K).max()] = 0.0
+        friction = difference_interface(difference)
+    return Problem(K, M, given, friction, halved)
 
 
-def _small(p: Problem, low: float, high: float, zeta_max: float) -> Found:
-    """Dense; counted by inertia if symmetric, else by the winding number of the determinant."""
-    kappa, right, left = dense_modes(p.K, p.M, high, p.symmetric)
-    if p.symmetric:
-        expected, at = count_below(p.K, p.M, high)
-        agree(int(np.sum(kappa.real < at)), expected, high, "inertia")
-        return Found(kappa, right, left, "inertia of K - kappa M", 1)
-    K, M = p.K.toarray(), p.M.toarray()
-    region = search_region(kappa, low, high, zeta_max)
-    expected = count_zeros(lambda z: K - z * M, region, kappa[np.abs(kappa) < 4 * high])
-    agree(int(region.holds(kappa).sum()), expected, high, "the winding number")
-    return Found(kappa, right, left, "winding number of det(K - kappa M)", 1)
+def _symmetric(p: Problem, high: float) -> Found:
+    """Block Lanczos.
 
-
-def _symmetric(p: Problem, low: float, high: float) -> Found | None:
-    """Block Lanczos; None where it does not apply."""
-    shifted = shifted_factor(p.K, p.M, high)
+    Raises:
+        InaccurateResult: K has eigenvalues far below zero, or inertia counts other modes.
+    """
+    shifted = shifted_factor(p.K, p.M, high, LARGEST_SHIFT)
     if shifted is None:
-        return None
+        raise InaccurateResult(
+            "the stiffness is not positive semi-definite: eigenvalues kappa = -lambda^2 below"
+            f" {-LARGEST_SHIFT * high:.2g} 1/s^2; look for a negative spring"
+        )
     modes = symmetric_modes(p.K, p.M, *shifted, high)
     shifted[0].destroy()
-    if modes is None:
-        return None
     shapes = modes.Phi.astype(complex)
     return Found(
         modes.kappa.astype(complex), shapes, shapes, "inertia of K - kappa M", modes.blocks
     )
-
-
-def _sliced(p: Problem, low: float, high: float, tolerance: float, zeta_max: float) -> Found:
-    """SLEPc, one vector at a time; symmetric problems are counted by inertia."""
-    count, at = count_below(p.smooth, p.M, high)
-    # Below the band, a little, so that what lies on its edge is found.
-    bottom = low * (1 - 1e-9) if low > 0 else low
-    below, bottom = count_below(p.smooth, p.M, bottom) if low > 0 else (0, bottom)
-    kappa, right, left, used = sliced_modes(
-        p.K, p.M, bottom, at, count - below, 1e-2 * tolerance, zeta_max, p.symmetric
-    )
-    if p.symmetric:
-        agree(kappa.size, count - below, high, "inertia")
-        return Found(kappa, right, left, "inertia of K - kappa M", used)
-    return Found(kappa, right, left, "not counted: friction is not of low rank here", used)
 
 
 def _record(
@@ -176,8 +146,9 @@ def _record(
         NotConverged: a mode misses the tolerance by more than round-off explains.
     """
     left = paired(f.kappa, f.left, p.M @ f.right)
-    condition, error = two_sided(p.K, p.M, f.kappa, f.right, left)
-    residual, backward = residuals(p.K, p.M, f.kappa, f.right)
+    condition, error = undamped_errors(p.K, p.M, f.kappa, f.right, left)
+    pencil = QuadraticPencil(p.M, None, p.K)
+    residual, backward = residuals(pencil, np.sqrt(-f.kappa), f.right)
     order, lam, spread, real = undamped_rows(f.kappa, error, band)
     missed = (residual > tolerance) & (backward > ROUND_OFF)
     if np.any(missed[order]):

@@ -41,11 +41,12 @@ class Modes:
         s: eigenvalues lambda [1/s], shape (modes,).
         right: right vectors, shape (dofs or coordinates, modes); may have no column.
         left: left vectors, psi^H (lambda^2 M + lambda C + K) = 0; may have no column.
-        residual: relative residual of each mode [-].
+        residual: |(lambda^2 M + lambda C + K) phi| / |lambda^2 M phi| of each mode [-]; of the
+            reduced model, which does not form it, error / (condition |lambda|).
         error: estimated error of lambda [1/s].
         condition: eigenvalue condition number [-].
         count: expected number of modes.
-        iterations: operator applications of the solver, or corrections of the reduced model.
+        iterations: block solves or restarts of the solver; none in the reduced model.
         seconds: time [s].
         real: whether symmetry keeps the mode on the imaginary axis (a simple real kappa).
     """
@@ -102,52 +103,12 @@ def counted_rows(s: Complex, how: str, zeta_max: float) -> Count:
     return Count(s.size, how + note if beyond else how)
 
 
-def undamped_rows(
-    kappa: Complex, error: Array, band: tuple[float, float]
-) -> tuple[NDArray[np.intp], Complex, Array, NDArray[np.bool_]]:
-    """Rows of the band from the eigenvalues of K phi = kappa M phi, lambda^2 = -kappa.
-
-    Args:
-        kappa: eigenvalues [1/s^2], complex ones with their conjugates.
-        error: their estimated errors [1/s^2].
-        band: lowest and highest frequency [Hz].
-
-    Returns:
-        For each row: number of its kappa, lambda [1/s], error of lambda [1/s], and whether kappa
-        is real, positive and too far from all others and from zero for an error to have made it so.
-    """
-    lam = np.sqrt(-kappa.astype(complex))
-    # Of the two roots +-lambda the one with omega > 0; of two real ones the growing one.
-    lam = np.where(lam.imag < 0, -lam, lam)
-    with np.errstate(divide="ignore"):
-        spread = np.where(np.abs(lam) > 0, error / (2 * np.abs(lam)), np.sqrt(error))
-    frequency = lam.imag / (2 * np.pi)
-    inside = (frequency >= band[0]) & (frequency <= band[1]) & (lam.imag > 0)
-    diverging = (lam.imag == 0) & (kappa.real < 0) & (band[0] <= 0)
-    chosen = np.flatnonzero(inside | diverging)
-    order = chosen[np.lexsort((lam[chosen].real, frequency[chosen]))]
-    return order, lam[order], spread[order], _surely_real(kappa, error)[order]
-
-
-def _surely_real(kappa: Complex, error: Array) -> NDArray[np.bool_]:
-    """Surely real and positive kappa: its error disc meets no other disc and not zero."""
-    real = (kappa.imag == 0) & (kappa.real > error)
-    order = np.argsort(kappa.real, kind="stable")
-    x, e = kappa.real[order], 2 * error[order]
-    clear = np.ones(kappa.size, dtype=bool)
-    if kappa.size > 1:
-        touch = np.diff(x) <= e[1:] + e[:-1]
-        clear[1:] &= ~touch
-        clear[:-1] &= ~touch
-    out = np.empty_like(clear)
-    out[order] = clear
-    return real & out
-
-
-def follow(
+def track_modes(
     shapes: Sequence[Complex], frequencies: Sequence[Array], least: float = 0.5
 ) -> list[NDArray[np.intp]]:
-    """Families of modes over samples, by the modal assurance criterion in a common basis.
+    """Families of modes over samples, by the modal assurance criterion (MAC) in a common basis.
+
+    Reference: R. J. Allemang, Sound and Vibration 37(8) (2003) 14.
 
     Each sample's modes are matched to the families' latest members, best match first; a mode that
     matches none by ``least`` founds a family.
@@ -161,14 +122,14 @@ def follow(
         For each sample the family number of each mode.
     """
     centres: list[NDArray] = []
-    pitch: list[float] = []
+    latest: list[float] = []
     families = []
     for X, f in zip(shapes, frequencies, strict=True):
         X = X / np.linalg.norm(X, axis=0)
         family = np.full(X.shape[1], -1)
         if centres:
             mac = np.abs(np.stack(centres).conj() @ X) ** 2
-            near = np.abs(np.log(np.maximum(f, 1.0)[None, :] / np.array(pitch)[:, None])) < 0.3
+            near = np.abs(np.log(np.maximum(f, 1.0)[None, :] / np.array(latest)[:, None])) < 0.3
             mac = np.where(near, mac, 0.0)
             for _ in range(min(mac.shape)):
                 i, j = np.unravel_index(np.argmax(mac), mac.shape)
@@ -179,6 +140,6 @@ def follow(
         for j in np.flatnonzero(family < 0):
             family[j] = len(centres)
             centres.append(X[:, j])
-            pitch.append(max(float(f[j]), 1.0))
+            latest.append(max(float(f[j]), 1.0))
         families.append(family)
     return families

@@ -27,8 +27,9 @@ Array = NDArray[np.float64]
 # Two rows +-alpha of one pair agree to this share of |lambda|.
 SAME = 1e-6
 
-# Least likeness (MAC) of the partner's shape to the conjugate one, and largest distance of the two
-# frequencies relative to |lambda|, where there is damping.
+# Least MAC of the partner's shape with the conjugate one, by which at most one of two orthogonal
+# shapes is the partner, and largest distance of the two frequencies relative to |lambda|: damping
+# moves a pair apart by its damping ratios, 0.1 at most by default.
 ALIKE, NEAR = 0.5, 0.1
 
 

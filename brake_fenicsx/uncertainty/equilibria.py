@@ -104,7 +104,7 @@ class Equilibria:
         """The bodies of a sample's own materials, from the reduced model."""
         models, c = self.models, bodies.compliance
         model = models.reduced[models.damped(approach)]
-        NN, NT, gaps = model.static(models.place(sample.random), c.k0)
+        NN, NT, gaps = model.static(models.parameter_point(sample.random), c.k0)
         faces = sorted(models.pressures)
         pressures = {**models.pressures, **sample.pressures}
         Nf = gaps @ np.array([pressures[face] for face in faces])

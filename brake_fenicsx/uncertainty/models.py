@@ -17,6 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from brake_fenicsx.cache import SharedCache, bodies_key
 from brake_fenicsx.errors import BrakeError
 from brake_fenicsx.log import Progress, logger
 from brake_fenicsx.macro.brake import Brake
@@ -35,7 +36,6 @@ from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.damping import active_terms
 from brake_fenicsx.scene.samples import split_key
-from brake_fenicsx.shelf import Shelf, of_bodies
 from brake_fenicsx.store import Store
 
 from .numbering import FILE as DOFS
@@ -87,7 +87,7 @@ class Models:
         counts: Mapping[str, int],
         store: Store,
         comm: MPI.Comm,
-        shelf: Shelf,
+        cache: SharedCache,
     ):
         """Ask what there could be.
 
@@ -97,11 +97,11 @@ class Models:
             counts: number of samples of each approach.
             store: the results folder.
             comm: processes that share the work.
-            shelf: what the folder shares with others.
+            cache: what the folder shares with others.
         """
         self._scene, self.brake, self._counts = scene, brake, counts
         self.pressures = {face: load.pressure for face, load in scene.loads.items()}
-        self._store, self._comm, self._shelf = store, comm, shelf
+        self._store, self._comm, self._cache = store, comm, cache
         self.K, self.M = gathered(brake.K), gathered(brake.M)
         self.facts: dict[str, Any] = {}
         self.materials: RandomMaterials | None = None
@@ -129,9 +129,9 @@ class Models:
         """Whether damping acts in an approach's samples."""
         return bool(active_terms(self._scene, approach))
 
-    def place(self, drawn: Mapping[str, float]) -> Array:
+    def parameter_point(self, drawn: Mapping[str, float]) -> Array:
         """A sample's point in the box of the reduced models."""
-        return np.zeros(0) if self.materials is None else self.materials.box.place(drawn)
+        return np.zeros(0) if self.materials is None else self.materials.box.point(drawn)
 
     def takes(self, approach: str, drawn: Mapping[str, float]) -> bool:
         """Whether the reduced model takes a sample: its materials lie in the box."""
@@ -150,10 +150,10 @@ class Models:
         return None if self._shapes is None else self._shapes.T @ (local_rows(self.M) @ u)
 
     def displacements(
-        self, damped: bool, place: Array, contact: ContactLinearisation, s: NDArray, a: NDArray
+        self, damped: bool, p: Array, contact: ContactLinearisation, s: NDArray, a: NDArray
     ) -> NDArray:
         """Displacements of some modes of the reduced model, shape (dofs, chosen)."""
-        found = self.reduced[damped].displacements(place, contact, s, a)
+        found = self.reduced[damped].displacements(p, contact, s, a)
         out = np.empty_like(found)
         out[self._order] = found
         return out
@@ -176,7 +176,7 @@ class Models:
             self.unit_gaps = {face: brake.N @ factor.solve(f) for face, f in loads.items()}
         many = any(self._counts[n] > 1 for n, r in self.by_reduction.items() if not r)
         if self.stability is not None and many and not self.reduced:
-            with self._shelf.shared(
+            with self._cache.shared(
                 SHAPES, lambda: self._depends([float(k) for k in np.unique(k0)]), self._comm
             ):
                 self._shapes = self._family_shapes(self.compliance.factor)
@@ -187,7 +187,7 @@ class Models:
 
         scene, brake = self._scene, self.brake
         self.terms = damping_terms(scene, brake)
-        with self._shelf.shared(DOFS, lambda: of_bodies(scene), self._comm):
+        with self._cache.shared(DOFS, lambda: bodies_key(scene), self._comm):
             self.numbering = Numbering(brake, local_rows(self.K), self._store, self._comm)
         self._order = self.numbering.kept(np.arange(brake.f.size))
         layers = layer_materials(scene, scene_materials(scene), brake.mesh.layers)
@@ -215,7 +215,7 @@ class Models:
         file = f"cache/{'damped' if damped else 'undamped'}.npz"
         changing = any(self.changes_bodies(n) for n in self.by_reduction)
         try:
-            with self._shelf.shared(file, lambda: self._depends(self._acting(damped)), self._comm):
+            with self._cache.shared(file, lambda: self._depends(self._acting(damped)), self._comm):
                 model = self._reduced_model(damped, changing, file)
         except BrakeError as error:
             logger.warning("no reduced model: %s; full order", error)
@@ -296,7 +296,7 @@ class Models:
     def _depends(self, more: list[Any]) -> list[Any]:
         """What files that folders share depend on."""
         band = None if self.stability is None else [*self.stability.band]
-        return [of_bodies(self._scene), self.numbering.kept_mark, band, *more]
+        return [bodies_key(self._scene), self.numbering.kept_mark, band, *more]
 
     def _known(self, file: str) -> list[dict[str, Array]] | None:
         """Arrays of all bodies that an earlier run left."""
@@ -316,7 +316,7 @@ class Models:
     def _from_reduced(self, model: ReducedModel, k0: Array) -> None:
         """Compliance, unit loads and layers' masses as the reduced model knows them."""
         brake = self.brake
-        NN, NT, gaps = model.static(self.place({}), k0)
+        NN, NT, gaps = model.static(self.parameter_point({}), k0)
         faces = sorted(self._scene.loads)
         pressures = np.array([self.pressures[face] for face in faces])
         factor = DeferredFactor(self.K, brake.N, brake.w, k0)
@@ -329,7 +329,7 @@ class Models:
 
         They are kept: an eigensolver may return them with other signs.
         """
-        from brake_fenicsx.stability.full.lanczos import lowest_modes
+        from brake_fenicsx.stability.eigensolvers.lanczos import lowest_modes
 
         if self.stability is None:
             raise ValueError("a scene without [stability] has no modes")

@@ -156,12 +156,12 @@ def _families(modes: Sequence[Squealing | None]) -> list[Outcome]:
     numbers = {int(f) for m in modes if m is not None for f in m[3] if f >= 0}
     found = []
     for number in sorted(numbers):
-        (growth, damping), pitch = np.zeros((2, len(modes))), []
+        (growth, damping), frequency = np.zeros((2, len(modes))), []
         for k, m in enumerate(modes):
             if m is not None and (own := m[3] == number).any():
                 growth[k] = m[1][own].max()
                 damping[k] = m[2][own].min()
-                pitch.extend(m[0][own])
-        found.append(Outcome("family", str(number), float(np.mean(pitch)), growth, damping))
+                frequency.extend(m[0][own])
+        found.append(Outcome("family", str(number), float(np.mean(frequency)), growth, damping))
     found.sort(key=lambda o: (-o.severity(len(modes)), o.frequency))
     return found[:MOST_FAMILIES]

@@ -35,8 +35,8 @@ from .inputs import nominal_value
 
 Array = NDArray[np.float64]
 
-# Voigt places of the nine orthotropic stiffnesses.
-PLACES = {name: (int(name[1]) - 1, int(name[2]) - 1) for name in STIFFNESSES["orthotropic"]}
+# Voigt indices of the nine orthotropic stiffnesses.
+VOIGT = {name: (int(name[1]) - 1, int(name[2]) - 1) for name in STIFFNESSES["orthotropic"]}
 
 # Probability of a constant beyond either end of the box, and how far from its centre, in half
 # widths, a sample may lie and still be taken.
@@ -63,8 +63,8 @@ class Box:
             ends.append(sorted(_scaled(name, float(v)) for v in values))
         self.low, self.high = np.array(ends).reshape(-1, 2).T
 
-    def place(self, drawn: Mapping[str, float]) -> Array:
-        """A sample's place in [-1, 1]^d; constants that are not drawn have the scene's value."""
+    def point(self, drawn: Mapping[str, float]) -> Array:
+        """A sample's point of [-1, 1]^d; constants that are not drawn have the scene's value."""
         values = [
             _scaled(n, drawn[n] if n in drawn else nominal_value(self._scene, n))
             for n in self.names
@@ -74,10 +74,10 @@ class Box:
 
     def holds(self, drawn: Mapping[str, float]) -> bool:
         """Whether a sample lies in the box or hardly beyond it."""
-        return bool(np.all(np.abs(self.place(drawn)) <= BEYOND))
+        return bool(np.all(np.abs(self.point(drawn)) <= BEYOND))
 
     def materials(self, x: Array) -> dict[str, Array]:
-        """Stiffness of the random materials at a place [Pa], each of shape (6, 6)."""
+        """Stiffness of the random materials at a point of the box [Pa], each of shape (6, 6)."""
         values = 0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * x
         groups: dict[str, dict[str, float]] = {}
         for name, value in zip(self.names, values, strict=True):
@@ -123,7 +123,7 @@ class RandomMaterials:
     loads: dict[str, Array]
 
     def coefficients(self, x: Array) -> Array:
-        """Coefficients of the unit changes [Pa] at a place of the box, shape (changes,)."""
+        """Coefficients of the unit changes [Pa] at a point of the box, shape (changes,)."""
         return self._coefficients(self.box.materials(x))
 
     def stiffness(self, materials: Mapping[str, Array]) -> PETSc.Mat:
@@ -169,7 +169,7 @@ class RandomMaterials:
 
     def _coefficients(self, materials: Mapping[str, Array]) -> Array:
         return np.array(
-            [(materials[m] - self.nominal[m])[PLACES[constant]] for m, constant in self.changes]
+            [(materials[m] - self.nominal[m])[VOIGT[constant]] for m, constant in self.changes]
         )
 
 
@@ -213,13 +213,13 @@ def _moved(scene: Scene, material: str, names: list[str]) -> list[str]:
     for name in names:
         change = varied_stiffness(table, {name: usual[name] * 1.001 or 1e-3}) - C
         moved |= np.abs(change) > 1e-9 * np.abs(C).max()
-    return [constant for constant, place in PLACES.items() if moved[place]]
+    return [constant for constant, index in VOIGT.items() if moved[index]]
 
 
 def _unit_change(scene: Scene, brake: Brake, material: str, constant: str) -> dict[str, Array]:
     """Change of every layer's stiffness under one of a material's C_ij, in x, y, z axes."""
     unit = np.zeros((6, 6))
-    i, j = PLACES[constant]
+    i, j = VOIGT[constant]
     unit[i, j] = unit[j, i] = 1.0
     changes = {}
     for layer in brake.mesh.layers:

@@ -95,12 +95,13 @@ class Results:
 
     def families(self) -> dict[Task, Any]:
         """Family of every mode; -1 where samples have no common basis to be compared in."""
-        from brake_fenicsx.stability.modes import follow
+        from brake_fenicsx.stability.modes import track_modes
 
         good = [t for t in self.good() if "s" in self.stored[t]]
         based = [t for t in good if "coordinates" in self.stored[t]]
-        pitch = [np.abs(self.stored[t]["s"].imag) / 2 / np.pi for t in based]
-        found = follow([self.stored[t]["coordinates"].astype(complex) for t in based], pitch)
+        frequency = [np.abs(self.stored[t]["s"].imag) / 2 / np.pi for t in based]
+        shapes = [self.stored[t]["coordinates"].astype(complex) for t in based]
+        found = track_modes(shapes, frequency)
         out = {t: np.full(self.stored[t]["s"].size, -1) for t in good}
         return out | dict(zip(based, found, strict=True))
 

@@ -37,7 +37,7 @@ SENSITIVITY = (
 SHARES = {"friction": "contact.", "materials": "materials.", "loads": "loads."}
 ROBUSTNESS = (
     *WHERE, "samples", "squeal_samples", "probability", "low", "high", "median_damping", "severity",
-    "above_limit", "mover", "mover_rho", "mover_low", "mover_high",
+    "above_limit", "dominant_input", "correlation", "correlation_low", "correlation_high",
     *(f"share_{name}" for name in SHARES), "share_rest",
 )  # fmt: skip
 CONVERGENCE = (*WHERE, "samples", "probability", "low", "high")
@@ -99,8 +99,8 @@ def robustness_rows(samples: Samples, found: Sequence[Ensemble]) -> Iterator[lis
     """Rows of robustness.csv.
 
     ``above_limit`` says whether the probability lies above ``samples.limit``: yes or no where its
-    whole interval does, else open. ``mover`` is the input with the strongest rank correlation with
-    squeal; a negative one means that larger values make stable.
+    whole interval does, else open. ``dominant_input`` is the input with the strongest rank
+    correlation with squeal; a negative one means that larger values make stable.
 
     Args:
         samples: the scene's [samples].
@@ -117,11 +117,12 @@ def robustness_rows(samples: Samples, found: Sequence[Ensemble]) -> Iterator[lis
             yield [
                 *_place(e, o), share.n, share.hits, share.value, share.low, share.high,
                 o.median_damping, o.severity(share.n), above,
-                *_mover(e, hits), *_shares(indices(_plan(samples, e), e.x, o.growth, e.good), e),
+                *_dominant_input(e, hits),
+                *_shares(indices(_plan(samples, e), e.x, o.growth, e.good), e),
             ]  # fmt: skip
 
 
-def _mover(e: Ensemble, hits: Array) -> list[Any]:
+def _dominant_input(e: Ensemble, hits: Array) -> list[Any]:
     best: list[Any] = [None, None, None, None]
     for i, name in enumerate(e.names):
         c = rank_correlation(e.x[e.good, i], hits)

@@ -48,9 +48,9 @@ def modes_of_sample(
     if settings is None:
         raise ValueError("a scene without [stability] has no modes")
     damped = models.damped(approach)
-    model, place = models.reduced[damped], models.place(sample.random)
+    model, p = models.reduced[damped], models.parameter_point(sample.random)
     contact = linearised(models, approach, sample, eq.k, eq.p)
-    modes = model.modes(place, contact, settings.zeta_max)
+    modes = model.modes(p, contact, settings.zeta_max)
     missed = _missed(modes, settings.tolerance)
     if missed and settings.on_tolerance == "full order":
         given = missed, settings.tolerance
@@ -105,8 +105,8 @@ def expanded(
         chosen: numbers of the modes.
     """
     contact = linearised(models, approach, sample, data["k"], data["p"])
-    a, place = data["coordinates"][:, chosen].astype(complex), models.place(sample.random)
-    return models.displacements(models.damped(approach), place, contact, data["s"][chosen], a)
+    a, p = data["coordinates"][:, chosen].astype(complex), models.parameter_point(sample.random)
+    return models.displacements(models.damped(approach), p, contact, data["s"][chosen], a)
 
 
 def sample_damping(models: Models, sample: SampleInput, p: Array) -> sp.csr_matrix | None:

@@ -9,6 +9,7 @@ from mpi4py import MPI
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.cache import SharedCache
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.log import logger
 from brake_fenicsx.macro.brake import Brake
@@ -18,7 +19,6 @@ from brake_fenicsx.micro import LawRecipe, make_library
 from brake_fenicsx.micro.law import Laws
 from brake_fenicsx.report.tables import CONTACT, MODES, SAMPLES, write_rows
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.shelf import Shelf
 from brake_fenicsx.store import Store
 from brake_fenicsx.surface.hdf import HeightDistribution
 
@@ -48,7 +48,7 @@ class Study:
         store: Store,
         comm: MPI.Comm,
         recipe: LawRecipe | None = None,
-        shelf: Shelf | None = None,
+        cache: SharedCache | None = None,
     ):
         """Collect what the samples need.
 
@@ -61,7 +61,7 @@ class Study:
             comm: processes that share the samples.
             recipe: how laws are made, where each sample makes its own; ``library`` then holds
                 those of sample 0.
-            shelf: what the folder shares with others; nothing if None.
+            cache: what the folder shares with others; nothing if None.
         """
         self.recipe = recipe
         self.scene, self.brake, self.library, self.hdf = scene, brake, library, hdf
@@ -71,7 +71,7 @@ class Study:
         count = {name: sample_count(scene, name) for name in approaches}
         self.points = {name: points_of(scene, name) for name in approaches}
         self.tasks: list[Task] = [(name, k) for name in approaches for k in range(count[name])]
-        self.models = Models(scene, brake, count, store, comm, shelf or Shelf(store))
+        self.models = Models(scene, brake, count, store, comm, cache or SharedCache(store))
         self.equilibria: Equilibria | None = None
         reduced = self.models.by_reduction
         self.verified = next((name for name in approaches if reduced[name]), "")

@@ -16,9 +16,8 @@ from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.stability import complex_modes
+from brake_fenicsx.stability import complex_modes, contact_interface
 from brake_fenicsx.stability.damping import loss_factor, rayleigh
-from brake_fenicsx.stability.interface import contact_interface
 from brake_fenicsx.stability.participation import energy_shares
 from dense_reference import all_kappa, undamped
 from tables import turns

@@ -5,8 +5,8 @@ import pytest
 
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.stability import Reduced, complex_modes
-from brake_fenicsx.stability.full.completeness import Trapezium, count_zeros
-from brake_fenicsx.stability.full.problem import search_region
+from brake_fenicsx.stability.eigensolvers.argument_principle import count_zeros
+from brake_fenicsx.stability.eigensolvers.regions import Trapezium, undamped_region
 from dense_reference import all_lambda
 
 REGION = Trapezium(low=-0.02, high=1.0, slope=0.5, rise=1e-3)
@@ -70,7 +70,7 @@ def test_the_region_counted_holds_every_mode_of_the_band(zeta):
     ratio = np.r_[zeta, zeta, rng.uniform(-zeta, zeta, 400)] * (1 - 1e-9)
     kappa = -((omega * (-ratio / np.sqrt(1 - ratio**2) + 1j)) ** 2)
     low, high = ((2 * np.pi * f) ** 2 for f in band)
-    assert np.all(search_region(kappa, low, high, zeta).holds(kappa))
+    assert np.all(undamped_region(kappa, low, high, zeta).holds(kappa))
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import scipy.sparse as sp
 
 from brake_fenicsx.macro.condensation import petsc_matrix
 from brake_fenicsx.macro.solver import Factor
-from brake_fenicsx.stability.full.lanczos import lowest_modes
+from brake_fenicsx.stability.eigensolvers.lanczos import lowest_modes
 
 pytestmark = pytest.mark.alone
 

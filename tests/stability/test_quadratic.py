@@ -8,7 +8,6 @@ from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.stability import complex_modes, contact_interface
 from brake_fenicsx.stability.damping import rayleigh
 from brake_fenicsx.stability.full import damped
-from brake_fenicsx.stability.full.quadratic import quadratic_modes
 from dense_reference import all_damped
 
 BAND = (0.0, 80e3)
@@ -94,29 +93,19 @@ def test_large_problems_are_counted(two_blocks, monkeypatch, withheld):
         assert m.count.how.startswith("zeros of T(z)") and m.count.expected == len(m) > 10
 
 
-def test_too_many_modes_go_to_complex_shifts(monkeypatch):
-    """None tells the caller to cover the band instead."""
-    from brake_fenicsx.stability.full import quadratic
-
-    monkeypatch.setattr(quadratic, "MOST", 4)
-    K, _ = chain(50)
-    M = sp.identity(50, format="csr")
-    assert quadratic_modes(M, M, K, 1e4, 0.1) is None
-
-
 def test_a_small_problem_is_counted(monkeypatch):
     """The winding number of the quadratic determinant; a withheld mode is noticed."""
     K, _ = chain(20)
     M = sp.identity(20, format="csr")
     m = complex_modes(M, 2.0 * M, K, (0.0, 4e3))
     assert m.count.how.startswith("winding number") and len(m) == 20
-    real = damped._dense
+    real = damped.dense_quadratic_modes
 
     def lossy(p, omega):
         s, right, left = real(p, omega)
         keep = np.abs(np.abs(s.imag) - np.sort(np.abs(s.imag))[7]) > 1e-6
         return s[keep], right[:, keep], left[:, keep]
 
-    monkeypatch.setattr(damped, "_dense", lossy)
+    monkeypatch.setattr(damped, "dense_quadratic_modes", lossy)
     with pytest.raises(InaccurateResult, match="winding number counts"):
         complex_modes(M, 2.0 * M, K, (0.0, 4e3))

@@ -16,7 +16,7 @@ from brake_fenicsx.macro.material import Material, isotropic, orthotropic, rotat
 from brake_fenicsx.macro.mesh import build_mesh
 from brake_fenicsx.macro.solver import Factor, local_rows
 from brake_fenicsx.stability import complex_modes
-from brake_fenicsx.stability.full.lanczos import lowest_modes
+from brake_fenicsx.stability.eigensolvers.lanczos import lowest_modes
 
 VOIGT = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]
 IRON = Material(isotropic(125e9, 0.24), 7200.0)

@@ -32,7 +32,7 @@ def test_open_points_of_a_sample_reach_its_row_and_the_summary(tmp_path):
     found = results(
         sample("inertia of K - kappa M", 0),
         sample("not counted: friction is not of low rank", 3),
-        sample("winding number (rest 1.2; not proven, it should be below 1)", 1),
+        sample("winding number (remainder 1.2; not proven, it should be below 1)", 1),
         {"status": "no equilibrium"},
     )
     write_rows(tmp_path / "samples.csv", found.sample_columns(SAMPLES), found.samples())

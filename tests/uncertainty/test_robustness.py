@@ -46,13 +46,13 @@ def drawn(n, seed=2):
 
 
 def test_probability_of_a_border_in_one_parameter():
-    """Flutter beyond mu_c = 0.54: P = 1 - Phi(0.8), within the interval; mu is the mover."""
+    """Flutter beyond mu_c = 0.54: P = 1 - Phi(0.8), within the interval; mu dominates."""
     x, _ = drawn(4000)
     growth = 300.0 * np.sqrt(np.maximum(x[:, 0] - 0.54, 0.0))
     row = table(ROBUSTNESS, robustness_rows(SAMPLES, [ensemble(x, growth)]))[1]
     assert row["low"] <= stats.norm.sf(0.8) <= row["high"]
-    assert row["mover"] == MU
-    assert row["mover_low"] > 0.5
+    assert row["dominant_input"] == MU
+    assert row["correlation_low"] > 0.5
     assert row["above_limit"] == "no"
     assert (row["scope"], row["where"]) == ("family", "3")
 

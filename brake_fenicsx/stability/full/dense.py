@@ -1,4 +1,4 @@
-"""All eigenpairs of small matrices.
+"""All eigenpairs of small matrices, and their number.
 
 Of the shifted inverse, so that the low modes are as exact as they are for large matrices, also
 where a spring is 1e12 times stiffer than the rest, and a massless dof gives no infinite eigenvalue.
@@ -13,25 +13,52 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
 
-from .symmetric import SHIFT
+from ..eigensolvers.argument_principle import count_zeros
+from ..eigensolvers.eigenpairs import QuadraticPencil
+from ..eigensolvers.regions import damped_region, undamped_region
+from ..eigensolvers.symmetric import SHIFT, count_below
+from .problem import Found, Problem, agree
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+
+# Up to this size the dense eigenvalues are as quick as any other.
+DENSE = 300
 
 # Eigenvalues of the inverse below this share of the largest are those of massless dofs.
 MASSLESS = 1e-14
 
 
-def dense_modes(
-    K: sp.spmatrix, M: sp.spmatrix, high: float, symmetric: bool
-) -> tuple[Complex, Complex, Complex]:
+def small_modes(p: Problem, low: float, high: float, zeta_max: float) -> Found:
+    """Modes without damping, counted by inertia if K is symmetric, else by the argument principle.
+
+    Args:
+        p: the problem.
+        low: lower end of the band [1/s^2].
+        high: upper end [1/s^2].
+        zeta_max: largest damping ratio looked for.
+
+    Raises:
+        InaccurateResult: K - sigma M is singular, or the numbers differ.
+    """
+    kappa, right, left = dense_modes(p, high)
+    if p.symmetric:
+        expected, at = count_below(p.K, p.M, high)
+        agree(int(np.sum(kappa.real < at)), expected, high, "inertia")
+        return Found(kappa, right, left, "inertia of K - kappa M", 1)
+    K, M = p.K.toarray(), p.M.toarray()
+    region = undamped_region(kappa, low, high, zeta_max)
+    expected = count_zeros(lambda z: K - z * M, region, kappa[np.abs(kappa) < 4 * high])
+    agree(int(region.holds(kappa).sum()), expected, high, "the winding number")
+    return Found(kappa, right, left, "winding number of det(K - kappa M)", 1)
+
+
+def dense_modes(p: Problem, high: float) -> tuple[Complex, Complex, Complex]:
     """All finite eigenpairs of K x = kappa M x.
 
     Args:
-        K: stiffness [N/m].
-        M: mass [kg].
+        p: the problem.
         high: kappa of the band's end [1/s^2], for the scale of the shift.
-        symmetric: whether K is symmetric.
 
     Returns:
         kappa, right and left vectors.
@@ -39,24 +66,88 @@ def dense_modes(
     Raises:
         InaccurateResult: K - sigma M is singular.
     """
-    A, B = K.toarray(), M.toarray()
+    A, B = p.K.toarray(), p.M.toarray()
     sigma = -SHIFT * high
     S = A - sigma * B
-    if symmetric and (found := _symmetric(0.5 * (S + S.T), 0.5 * (B + B.T))) is not None:
+    if p.symmetric and (found := _symmetric(0.5 * (S + S.T), 0.5 * (B + B.T))) is not None:
         theta, right = found
         left = right
     else:
-        with np.errstate(all="ignore"):
-            lu = la.lu_factor(S)
-        if not np.all(np.abs(np.diag(lu[0])) > 0):
-            raise InaccurateResult("K - sigma M is singular: a dof has neither stiffness nor mass")
+        lu = _factored(S)
         theta, left, right = la.eig(la.lu_solve(lu, B), left=True, right=True)
         left = la.lu_solve(lu, left.real, trans=1) + 1j * la.lu_solve(lu, left.imag, trans=1)
         # Symmetric but indefinite: real eigenvalues all the same.
-        theta = theta.real if symmetric and np.all(np.linalg.eigvalsh(B) > 0) else theta
+        theta = theta.real if p.symmetric and np.all(np.linalg.eigvalsh(B) > 0) else theta
     keep = np.abs(theta) > MASSLESS * np.abs(theta).max(initial=0.0)
     kappa = sigma + 1 / theta[keep].astype(complex)
     return kappa, right[:, keep].astype(complex), left[:, keep].astype(complex)
+
+
+def dense_quadratic_modes(p: QuadraticPencil, high: float) -> tuple[Complex, Complex, Complex]:
+    """All finite eigenpairs of lambda^2 M + lambda C + K.
+
+    With v = lambda x / omega the pencil is A + lambda B, A = [0, -omega; K, 0], B = [1, 0; C,
+    omega M]; of a left vector (y1, y2) y2 is that of the quadratic problem. Its inverse at a small
+    positive shift gives dofs without mass a zero in place of an infinite eigenvalue.
+
+    Args:
+        p: the problem, with damping.
+        high: omega of the band's end [rad/s], the scale of v.
+
+    Returns:
+        lambda [1/s], right and left vectors.
+
+    Raises:
+        InaccurateResult: a dof has neither stiffness nor mass.
+    """
+    n = p.K.shape[0]
+    M, C, K = (sp.csr_matrix(A).toarray() for A in (p.M, p.C, p.K))
+    zero, one, shift = np.zeros((n, n)), np.eye(n), np.sqrt(SHIFT) * high
+    B = np.block([[one, zero], [C, high * M]])
+    lu = _factored(np.block([[zero, -high * one], [K, zero]]) + shift * B)
+    theta, w, z = la.eig(-la.lu_solve(lu, B), left=True, right=True)
+    keep = np.abs(theta) > MASSLESS * np.abs(theta).max()
+    theta, w, z = theta[keep], w[:, keep], z[:n, keep]
+    y = la.lu_solve(lu, w.real, trans=1) + 1j * la.lu_solve(lu, w.imag, trans=1)
+    return shift + 1 / theta.astype(complex), z.astype(complex), y[n:]
+
+
+def counted_quadratic(p: QuadraticPencil, s: Complex, high: float, zeta_max: float) -> str:
+    """Compare with the turns of det(lambda^2 M + lambda C + K) around |omega| <= high.
+
+    Args:
+        p: the problem, with damping.
+        s: all its eigenvalues [1/s].
+        high: omega of the band's end [rad/s].
+        zeta_max: largest damping ratio looked for.
+
+    Returns:
+        How they were counted.
+
+    Raises:
+        InaccurateResult: the numbers differ.
+    """
+    region = damped_region(s, high, 2 * zeta_max, 1.1)
+    M, C, K = (sp.csr_matrix(A).toarray() for A in (p.M, p.C, p.K))
+    scale = np.abs(K).max()
+    counted = count_zeros(
+        lambda z: (z**2 * M + z * C + K) / scale, region, s[np.abs(s) < 4 * (high + region.high)]
+    )
+    agree(int(region.holds(s).sum()), counted, high**2, "the winding number")
+    return "winding number of det(lambda^2 M + lambda C + K)"
+
+
+def _factored(S: Array) -> tuple[Array, NDArray[np.int32]]:
+    """L U of the shifted matrix.
+
+    Raises:
+        InaccurateResult: it is singular.
+    """
+    with np.errstate(all="ignore"):
+        lu = la.lu_factor(S)
+    if not np.all(np.abs(np.diag(lu[0])) > 0):
+        raise InaccurateResult("K - sigma M is singular: a dof has neither stiffness nor mass")
+    return lu
 
 
 def _symmetric(S: Array, M: Array) -> tuple[Array, Array] | None:

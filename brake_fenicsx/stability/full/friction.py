@@ -5,96 +5,85 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.errors import BrakeError
-from brake_fenicsx.memory import give_back
+from brake_fenicsx.memory import release_memory
 
-from ..interface import MORE_ORDERS, Inverse, moments
-from ..vectors import RIM, matched, with_conjugates
-from .arnoldi import nearest_modes
-from .completeness import opening
-from .problem import MARGIN, Found, Problem, agree, search_region
-from .symmetric import shifted_factor, symmetric_modes
-from .winding import Seen, prove, seen_modes
+from ..eigensolvers.arnoldi import nearest_modes
+from ..eigensolvers.complex_columns import with_conjugates
+from ..eigensolvers.eigenpairs import matched
+from ..eigensolvers.regions import RIM, undamped_reach, undamped_region
+from ..eigensolvers.symmetric import shifted_factor, symmetric_modes
+from .interface import MORE_ORDERS, Interface, Inverse, moments
+from .interface_count import InterfaceModes, at_interface, prove
+from .problem import Found, Problem, agree
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-# The frictionless modes are complete up to this multiple of the band's highest frequency.
+# The frictionless modes are complete up to this multiple of the band's highest frequency. The bound
+# of the proof falls with its sixth power (three moments), the number of modes grows. Measured: at
+# 1.6 three moments prove rough contact, and stiff contact takes six.
 CUTOFF = 1.6
 
-# Interface columns of process 0, which also finds the frictionless modes, relative to the others'.
-FIRST_SHARE = 0.1
 
-
-def friction_modes(p: Problem, low: float, high: float, zeta_max: float) -> Found | None:
+def friction_modes(
+    p: Problem, friction: Interface, low: float, high: float, zeta_max: float
+) -> Found | None:
     """Block Arnoldi from either side, and the proof.
 
     Args:
-        p: the problem; its friction is an interface.
+        p: the problem.
+        friction: its friction as an interface.
         low: lower end of the band [1/s^2].
         high: upper end [1/s^2].
         zeta_max: largest damping ratio looked for.
 
     Returns:
-        The modes of the band and a little more; None where the method does not apply.
+        The modes of the band and a little more; None where the frictionless stiffness
+        is not positive semi-definite.
 
     Raises:
         NotConverged: an iteration fails.
         InaccurateResult: left and right eigenvalues or the count differ.
     """
-    shifted = shifted_factor(p.smooth, p.M, high)
-    face = p.face
-    if shifted is None or face is None:
+    shifted = shifted_factor(p.frictionless, p.M, high)
+    if shifted is None:
         return None
     factor, sigma = shifted
-    smooth: Seen | BrakeError | None = None
-    if p.comm.rank == 0:
-        # Meanwhile the other processes begin with the interface.
-        try:
-            modes = symmetric_modes(p.smooth, p.M, factor, sigma, CUTOFF**2 * high)
-            smooth = None if modes is None else seen_modes(modes, face)
-        except BrakeError as error:
-            smooth = error
-    seen = moments(factor, p.M, face, p.comm, FIRST_SHARE if p.comm.size > 1 else 1.0)
-    smooth = p.comm.bcast(smooth)
-    if smooth is None:
-        return None
-    if isinstance(smooth, BrakeError):
-        raise smooth
-    inverse = Inverse(factor, face, seen.RL[0])
-    reach = (1 + MARGIN) * high * np.hypot(1, opening(zeta_max) * (1 + MARGIN)) + 3e-3 * high
-    kappa, right, left, steps = _both_sides(p, inverse, smooth, reach)
-    region = search_region(kappa, low, high, zeta_max)
-    proof = prove(smooth, face, seen, region, kappa, p.comm)
-    if not proof.rest < 1:
+    real = symmetric_modes(p.frictionless, p.M, factor, sigma, CUTOFF**2 * high)
+    modes = at_interface(real, friction)
+    del real
+    known = moments(factor, p.M, friction)
+    inverse = Inverse(factor, friction, known.RL[0])
+    reach = undamped_reach(high, zeta_max) - sigma
+    kappa, right, left, steps = _both_sides(p, inverse, modes, reach)
+    region = undamped_region(kappa, low, high, zeta_max)
+    proof = prove(modes, friction, known, region, kappa)
+    if not proof.remainder < 1:
         # Stiff contact: more of what the kept modes leave out is needed.
-        seen = moments(factor, p.M, face, p.comm, orders=MORE_ORDERS)
-        proof = prove(smooth, face, seen, region, kappa, p.comm)
+        known = moments(factor, p.M, friction, MORE_ORDERS)
+        proof = prove(modes, friction, known, region, kappa)
     factor.destroy()
-    agree(int(region.holds(kappa).sum()), proof.count, high, "the winding number")
-    proven = "" if proof.rest < 1 else "; not proven, it should be below 1"
+    unproven = "" if proof.remainder < 1 else f"; not proven, it should be below 1{p.remedy}"
     how = (
-        f"inertia without friction, winding number of {face.rank} contact elements"
-        f" (rest {proof.rest:.1g}{proven})"
+        f"winding number on the interface of rank {friction.rank}"
+        f" (remainder {proof.remainder:.1g}{unproven})"
     )
-    return Found(kappa, right, left, how, steps)
+    agree(int(region.holds(kappa).sum()), proof.count, high, f"the {how}")
+    return Found(kappa, right, left, f"inertia without friction, {how}", steps)
 
 
 def _both_sides(
-    p: Problem, inverse: Inverse, smooth: Seen, reach: float
+    p: Problem, inverse: Inverse, modes: InterfaceModes, reach: float
 ) -> tuple[Complex, Complex, Complex, int]:
-    """Right and left eigenpairs, conjugates included; on two processes side by side."""
-    expected = int(np.sum(smooth.kappa <= reach)) + 1
+    """Right and left eigenpairs, conjugates included."""
+    expected = int(np.sum(modes.kappa <= reach)) + 1
     sides = []
     for side in (False, True):
-        if p.comm.size == 1 or p.comm.rank == int(side):
-            apply = lambda b, side=side: inverse(p.M @ b, side)  # noqa: E731
-            sides.append(nearest_modes(apply, p.M.shape[0], smooth.sigma, RIM * reach, expected))
-            give_back()
-    if p.comm.size > 1:
-        sides = [p.comm.bcast(sides[0] if p.comm.rank == i else None, root=i) for i in (0, 1)]
+        apply = lambda b, side=side: inverse(p.M @ b, side)  # noqa: E731
+        sides.append(nearest_modes(apply, p.M.shape[0], modes.sigma, RIM * reach, expected))
+        release_memory()
     (kappa, right, steps), (other, left, more) = sides
     # Both of each pair: round-off splits a true doublet into a pair on one side alone.
     (kappa, right), (other, left) = with_conjugates(kappa, right), with_conjugates(other, left)
-    i, j = matched(kappa, other, smooth.sigma, reach)
+    i, j = matched(kappa, other, modes.sigma, reach)
     return kappa[i], right[:, i], left[:, j].conj(), steps + more

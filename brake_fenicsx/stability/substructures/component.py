@@ -24,14 +24,15 @@ from brake_fenicsx.errors import BrakeError, InaccurateResult
 from brake_fenicsx.macro.condensation import petsc_matrix
 from brake_fenicsx.macro.solver import Factor
 
-from ..full.lanczos import lowest_modes
-from ..full.symmetric import count_below
+from ..eigensolvers.lanczos import lowest_modes
+from ..eigensolvers.symmetric import count_below
 from .moments import SIGMA, Rows, coupled, moments, shifted_polynomial
 from .parameters import Interpolation, Parameters
 from .substructure import Substructure
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+
 
 @dataclass(frozen=True, slots=True)
 class Accuracy:

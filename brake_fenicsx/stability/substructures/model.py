@@ -20,9 +20,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
 
-from ..complex_columns import on_parts, times
-from ..full.damped_rows import damped_rows
-from ..modes import Complex, Count, Modes, undamped_rows
+from ..eigensolvers.complex_columns import on_parts, times
+from ..eigensolvers.rows import damped_rows, undamped_rows
+from ..modes import Complex, Count, Modes
 from .component import Accuracy, AtPoint, Component, kept_modes, points_of
 from .contact import ContactLinearisation
 from .errors import ROUND_OFF, corrected, distances, stated_error
@@ -54,7 +54,7 @@ SEARCHED = 1.25
 # Steps that refine displacements, and the change at which they stop.
 STEPS, SETTLED = 40, 1e-8
 
-COUNTED = "companion matrix of T(z), on modes of the bodies complete by inertia"
+COUNTED = "zeros of T(z), on modes of the bodies complete by inertia"
 
 
 class ReducedModel:

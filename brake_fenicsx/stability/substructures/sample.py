@@ -22,7 +22,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from ..complex_columns import on_parts, times
+from ..eigensolvers.complex_columns import on_parts, times
 from ..modes import Complex
 from .component import AtPoint, Component
 from .contact import ContactForces, ContactLinearisation

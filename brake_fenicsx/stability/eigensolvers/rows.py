@@ -1,13 +1,10 @@
-"""Damped modes of a band: the region that is counted, and the rows of the table."""
+"""Rows of the table of modes: which eigenvalues belong to a band, rigid modes and divergence."""
 
 from __future__ import annotations
 
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
-
-from .completeness import Trapezium
-from .slices import widest_gap
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -17,21 +14,46 @@ Complex = NDArray[np.complex128]
 NEAR_ZERO, SAME_SHAPE = 1e-4, 1e-4
 
 
-def rectangle(s: Complex, high: float, wide: float, margin: float) -> Trapezium:
-    """Region of the plane of lambda that holds the band, its edges in gaps of the spectrum.
+def undamped_rows(
+    kappa: Complex, error: Array, band: tuple[float, float]
+) -> tuple[NDArray[np.intp], Complex, Array, NDArray[np.bool_]]:
+    """Rows of the band from the eigenvalues of K phi = kappa M phi, lambda^2 = -kappa.
 
     Args:
-        s: eigenvalues in the band and beyond [1/s].
-        high: upper end of the band [rad/s].
-        wide: largest |Re lambda| over that.
-        margin: the edges may be moved outwards by this factor.
+        kappa: eigenvalues [1/s^2], complex ones with their conjugates.
+        error: their estimated errors [1/s^2].
+        band: lowest and highest frequency [Hz].
+
+    Returns:
+        For each row: number of its kappa, lambda [1/s], error of lambda [1/s], and whether kappa
+        is real, positive and too far from all others and from zero for an error to have made it so.
     """
-    wide *= high
-    inner = s[np.abs(s.real) < margin * wide]
-    return Trapezium(
-        widest_gap(s.real, -margin * wide, -wide), widest_gap(s.real, wide, margin * wide), 0.0,
-        widest_gap(np.abs(inner.imag), high, margin * high),
-    )  # fmt: skip
+    lam = np.sqrt(-kappa.astype(complex))
+    # Of the two roots +-lambda the one with omega > 0; of two real ones the growing one.
+    lam = np.where(lam.imag < 0, -lam, lam)
+    with np.errstate(divide="ignore"):
+        spread = np.where(np.abs(lam) > 0, error / (2 * np.abs(lam)), np.sqrt(error))
+    frequency = lam.imag / (2 * np.pi)
+    inside = (frequency >= band[0]) & (frequency <= band[1]) & (lam.imag > 0)
+    diverging = (lam.imag == 0) & (kappa.real < 0) & (band[0] <= 0)
+    chosen = np.flatnonzero(inside | diverging)
+    order = chosen[np.lexsort((lam[chosen].real, frequency[chosen]))]
+    return order, lam[order], spread[order], _surely_real(kappa, error)[order]
+
+
+def _surely_real(kappa: Complex, error: Array) -> NDArray[np.bool_]:
+    """Surely real and positive kappa: its error disc meets no other disc and not zero."""
+    real = (kappa.imag == 0) & (kappa.real > error)
+    order = np.argsort(kappa.real, kind="stable")
+    x, e = kappa.real[order], 2 * error[order]
+    clear = np.ones(kappa.size, dtype=bool)
+    if kappa.size > 1:
+        touch = np.diff(x) <= e[1:] + e[:-1]
+        clear[1:] &= ~touch
+        clear[:-1] &= ~touch
+    out = np.empty_like(clear)
+    out[order] = clear
+    return real & out
 
 
 def damped_rows(

@@ -1,4 +1,4 @@
-"""Files that results folders take from one another, each under a hash of what it depends on.
+"""Cache of files that results folders share, each under a hash of what it depends on.
 
 Laws, the order of the dofs and the reduced models depend on a part of a scene alone. Of scenes that
 differ elsewhere (seed, friction, its distribution, a load) the first makes them, the others link
@@ -24,11 +24,11 @@ from brake_fenicsx.log import logger
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.store import Store
 
-# What of an interface or a motion the bodies know nothing of.
+# Keys of an interface that mesh, matrices and contact elements do not depend on.
 _LAWS = ("law", "gap", "friction", "friction_in_equilibrium")
 
 
-class Shelf:
+class SharedCache:
     """Files that one results folder shares with others."""
 
     def __init__(self, store: Store, directory: Path | None = None):
@@ -36,7 +36,7 @@ class Shelf:
 
         Args:
             store: the results folder.
-            directory: the shelf, made if it is not there; None: nothing is shared.
+            directory: the shared folder, made if it is not there; None: nothing is shared.
 
         Raises:
             SceneError: it is no folder, or cannot be written to.
@@ -58,7 +58,7 @@ class Shelf:
         Args:
             name: the file's name in the results folder.
             depends: gives all that its content depends on, plain values; called by process 0, and
-                only where there is a shelf.
+                only where there is a shared folder.
             comm: processes of the run.
         """
         if self.directory is None:
@@ -86,8 +86,8 @@ class Shelf:
                 )
 
 
-def of_bodies(scene: Scene) -> dict[str, Any]:
-    """What mesh, matrices and contact elements of a scene depend on."""
+def bodies_key(scene: Scene) -> dict[str, Any]:
+    """Key of the bodies: what mesh, matrices and contact elements of a scene depend on."""
     names = ("parts", "mesh", "materials", "supports")
     out: dict[str, Any] = {name: scene.table.get(name) for name in names}
     out["contact"] = {
@@ -102,8 +102,8 @@ def of_bodies(scene: Scene) -> dict[str, Any]:
     return {**out, "versions": [__version__, *map(str, versions)]}
 
 
-def of_laws(scene: Scene) -> dict[str, Any]:
-    """What the laws of a scene depend on."""
+def laws_key(scene: Scene) -> dict[str, Any]:
+    """Key of the laws: what the laws of a scene depend on."""
     surface = scene.table.get("surface") or {}
     out = {"surface": surface, "micro": scene.table.get("micro"), "versions": [__version__]}
     out["patch"] = scene.micro.patch if scene.micro else None  # that of the mesh as a length

@@ -16,17 +16,16 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.macro.condensation import petsc_matrix
 from brake_fenicsx.macro.solver import Factor
-from brake_fenicsx.memory import give_back
+from brake_fenicsx.memory import release_memory
 
 from .lanczos import lowest_modes
 
 Array = NDArray[np.float64]
 
-# sigma as a share of the highest kappa of the band.
-SHIFT = 1e-3
-
-# More modes than this below the limit are not sought in one Krylov space.
-MOST = 500
+# -sigma as a share of the highest kappa of the band: rigid modes stay clear of round-off, and the
+# spectrum is hardly compressed. A divergence needs a larger shift; with one that is a hundred times
+# the band's end the band is one percent of the spectrum seen, and Lanczos hardly converges.
+SHIFT, LARGEST_SHIFT = 1e-3, 1e2
 
 # A limit closer than this to an eigenvalue is moved beyond it.
 ON_EDGE = 1e-11
@@ -57,14 +56,28 @@ class Symmetric:
     blocks: int
 
 
-def shifted_factor(K: sp.csr_matrix, M: sp.csr_matrix, high: float) -> tuple[Factor, float] | None:
-    """Factor of K_s - sigma M, and sigma; None where it is not positive definite."""
-    sigma = -SHIFT * high
-    factor = Factor(petsc_matrix((K - sigma * M).tocsr()), "brake_shifted_")
-    if factor.negative_pivots:
+def shifted_factor(
+    K: sp.csr_matrix, M: sp.csr_matrix, high: float, largest: float = SHIFT
+) -> tuple[Factor, float] | None:
+    """Factor of S = K_s - sigma M and the shift sigma < 0 closest to zero that makes it definite.
+
+    Args:
+        K: K_s [N/m].
+        M: mass [kg].
+        high: highest kappa of the band [1/s^2].
+        largest: -sigma is at most this share of that.
+
+    Returns:
+        The factor and sigma; None where K_s has eigenvalues further below zero.
+    """
+    share = SHIFT
+    while share < 2 * largest:
+        factor = Factor(petsc_matrix((K + share * high * M).tocsr()), "brake_shifted_")
+        if not factor.negative_pivots:
+            return factor, -share * high
         factor.destroy()
-        return None
-    return factor, sigma
+        share *= 10
+    return None
 
 
 def count_below(K: sp.csr_matrix, M: sp.csr_matrix, kappa: float) -> tuple[int, float]:
@@ -97,7 +110,7 @@ def count_below(K: sp.csr_matrix, M: sp.csr_matrix, kappa: float) -> tuple[int, 
 
 def symmetric_modes(
     K: sp.csr_matrix, M: sp.csr_matrix, factor: Factor, sigma: float, limit: float
-) -> Symmetric | None:
+) -> Symmetric:
     """All modes below a limit.
 
     Args:
@@ -108,17 +121,16 @@ def symmetric_modes(
         limit: largest eigenvalue wanted [1/s^2]; may be raised a little by the count.
 
     Returns:
-        The modes; None where there are too many for one Krylov space.
+        The modes.
 
     Raises:
         NotConverged: Lanczos does not converge.
         InaccurateResult: inertia counts another number.
     """
     expected, limit = count_below(K, M, limit)
-    if expected > MOST:
-        return None
-    found = lowest_modes(factor, M, (limit - sigma) * (1 + 200 * ON_EDGE))
-    give_back()
+    cutoff = (limit - sigma) * (1 + 200 * ON_EDGE)
+    found = lowest_modes(factor, M, cutoff, expected=expected)
+    release_memory()
     Phi, kappa = _polished(K, M, factor, found.Phi)
     if np.any(np.abs(kappa - limit) <= ON_EDGE * limit):
         # On an eigenvalue round-off decides what either count takes for below.

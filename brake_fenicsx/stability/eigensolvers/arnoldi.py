@@ -3,6 +3,9 @@
 Of K x = kappa M x with A = (K - sigma M)^-1 M, whose eigenvalues are 1 / (kappa - sigma), or of a
 linearised quadratic problem. Blocks, because a factor solves many right-hand sides for the price of
 a few; small ones, because 32 vectors at once need twice the Krylov space of 8.
+
+Reference: Y. Saad, Numerical Methods for Large Eigenvalue Problems, 2nd ed., chapter 6 (2011),
+doi:10.1137/1.9781611970739.
 """
 
 from __future__ import annotations
@@ -15,6 +18,8 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import NotConverged
 
+from .complex_columns import on_parts
+
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
@@ -25,11 +30,15 @@ def nearest_modes(
     sigma: float,
     reach: float,
     expected: int,
+    leftmost: float = -np.inf,
     tolerance: float = 1e-11,
     block: int = 8,
     seed: int = 0,
 ) -> tuple[Complex, Complex, int]:
-    """All eigenpairs with |kappa - sigma| <= reach, kappa = sigma + 1 / theta.
+    """All eigenpairs with |kappa - sigma| <= reach and Re kappa >= leftmost.
+
+    kappa = sigma + 1 / theta. Those further left are not waited for: strongly damped bodies gather
+    any number of real eigenvalues lambda within reach.
 
     Args:
         apply: the operator A, on blocks of shape (n, columns).
@@ -37,6 +46,7 @@ def nearest_modes(
         sigma: real shift.
         reach: radius.
         expected: about how many eigenvalues there are, conjugates included.
+        leftmost: smallest real part wanted.
         tolerance: relative residual of (A - theta) x.
         block: vectors in a block.
         seed: seed of the starting block.
@@ -75,11 +85,15 @@ def nearest_modes(
             near = np.abs(theta) * reach >= 1
             residual = np.linalg.norm(coupling @ s[first:], axis=0) / np.abs(theta)
             beyond = np.abs(theta[~near]).max(initial=0.0) > 0 or full
+            near[near] = sigma + (1 / theta[near]).real >= leftmost
             if full or (beyond and np.all(residual[near] < tolerance)):
                 return *_polished(apply, V[:, :size], sigma, theta[near], s[:, near]), steps
         if size <= room:
             H[size : size + new.shape[1], first:size] = coupling
-    raise NotConverged(f"block Arnoldi: {size} vectors do not give all modes within {reach:.3g}")
+    raise NotConverged(
+        f"block Arnoldi: {size} vectors do not give all modes; take a narrower band, or a smaller"
+        " zeta_max where bodies are strongly damped"
+    )
 
 
 def _polished(
@@ -93,23 +107,9 @@ def _polished(
 
     The residual of K itself is then that of the Arnoldi process, without the norm of K.
     """
-    keep = np.flatnonzero(theta.imag <= 0)  # kappa has the other sign.
-    kappa, s = sigma + 1 / theta[keep], s[:, keep]
-    X = complex_columns(apply(V @ real_columns(kappa, s)), kappa)
-    return kappa, X / np.linalg.norm(X, axis=0)
-
-
-def real_columns(kappa: Complex, X: Complex) -> Array:
-    """Columns that span the vectors over the reals: of real ones one, of complex ones two."""
-    turned = np.flatnonzero(kappa.imag != 0)
-    return np.hstack([X.real, X[:, turned].imag])
-
-
-def complex_columns(R: Array, kappa: Complex) -> Complex:
-    """The vectors of ``real_columns`` again."""
-    X = R[:, : kappa.size].astype(complex)
-    X[:, kappa.imag != 0] += 1j * R[:, kappa.size :]
-    return X
+    one = np.flatnonzero(theta.imag <= 0)  # kappa has the other sign.
+    X = on_parts(lambda y: apply(V @ y), s[:, one])
+    return sigma + 1 / theta[one], X / np.linalg.norm(X, axis=0)
 
 
 def _orthonormal(W: Array) -> tuple[Array, Array]:

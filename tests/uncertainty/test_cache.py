@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from brake_fenicsx import pipeline
+from brake_fenicsx.cache import SharedCache, bodies_key, laws_key
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.shelf import Shelf, of_bodies, of_laws
 from brake_fenicsx.store import Store
 
 COMM = MPI.COMM_WORLD
@@ -34,7 +34,7 @@ def folder(tmp_path):
 
 
 def facts(name, *changes):
-    return (of_bodies if name == "bodies" else of_laws)(read_scene(BLOCK, [*SMALL, *changes]))
+    return (bodies_key if name == "bodies" else laws_key)(read_scene(BLOCK, [*SMALL, *changes]))
 
 
 def test_what_bodies_and_laws_depend_on():
@@ -56,11 +56,11 @@ def test_second_run_takes_from_the_first(folder):
         changes = [*SMALL, "samples.seed=5"] if name != "first" else SMALL
         pipeline.run(BLOCK, COMM, folder / name, changes, cache=cache)
 
-    run("first", folder / "shelf")
-    run("second", folder / "shelf")
+    run("first", folder / "cache")
+    run("second", folder / "cache")
     run("alone")
     if COMM.rank == 0:
-        names = {path.name.rsplit("-", 1)[0] for path in (folder / "shelf").iterdir()}
+        names = {path.name.rsplit("-", 1)[0] for path in (folder / "cache").iterdir()}
         assert names == {"laws", "dofs", "undamped"}
         log = (folder / "second" / "log.txt").read_text()
         assert "laws.npz: from" in log and "reduced model: from the cache" in log
@@ -72,13 +72,13 @@ def test_second_run_takes_from_the_first(folder):
         np.testing.assert_allclose(taken, own, rtol=1e-7)
 
 
-def test_a_shelf_that_is_no_folder(folder, capsys):
+def test_a_cache_that_is_no_folder(folder, capsys):
     path = folder / "file"
     if COMM.rank == 0:
         path.write_text("x")
     COMM.Barrier()
     with pytest.raises(SceneError, match=r"--cache .*file: File exists; name a folder"):
-        Shelf(Store(folder), path)
+        SharedCache(Store(folder), path)
     assert main(["run", str(BLOCK), "-o", str(folder / "out"), "--cache", str(path)]) == 2
     assert not (folder / "out").exists()
     COMM.Barrier()

@@ -8,12 +8,13 @@ The zeros of the first factor are counted by inertia. G is analytic but for thes
 number of eigenvalues in a region is that of the poles plus the turns of det G along its edge. With
 the modes Phi, Lambda below a limit and the moments about sigma, kappa' = kappa - sigma,
 
-    G = I + P (Lambda' - kappa')^-1 Q' + R_0 + kappa' R_1 + kappa'^2 R_2 + rest,
+    G = I + P (Lambda' - kappa')^-1 Q' + R_0 + kappa' R_1 + kappa'^2 R_2 + remainder,
     P = right Phi,  Q = left Phi,  R_j = right S^-1 (M S^-1)^j left' - P Lambda'^-(j+1) Q'.
 
-All modes below the limit are in Phi, so that the rest is kappa'^3 A (Lambda' - kappa')^-1 B' over
-the modes beyond it, with A A' <= right S^-1 right' and B B' limit'^2 <= left S^-1 (M S^-1)^2 left'
-less its part in Phi. The turns of det G are those of its known part as long as
+All modes below the limit are in Phi, so that the remainder is kappa'^3 A (Lambda' - kappa')^-1 B'
+over the modes beyond it, with A A' <= right S^-1 right' and
+B B' limit'^2 <= left S^-1 (M S^-1)^2 left' less its part in Phi. The turns of det G are
+those of its known part as long as
 
     |kappa'|^3 / (limit' - |kappa'|) / limit' |B' G^-1| |A| < 1
 
@@ -25,19 +26,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mpi4py import MPI
-
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from ..interface import Interface, Moments
-from .completeness import Trapezium, count_turns
-from .symmetric import Symmetric
+from ..eigensolvers.argument_principle import count_turns, determinant_phase
+from ..eigensolvers.regions import Trapezium
+from ..eigensolvers.symmetric import Symmetric
+from .interface import Interface, Moments
 
 Array = NDArray[np.float64]
 
-# Subspace iterations for the norm in the bound of the rest: at the first point, at all others.
+# Subspace iterations for the norm in the bound of the remainder: at the first point, at all others.
 FIRST_STEPS, STEPS = 12, 3
 
 
@@ -47,18 +47,18 @@ class Proof:
 
     Attributes:
         count: the number.
-        rest: bound of what the expansion leaves out, relative; below 1 it is a proof.
+        remainder: bound of what the expansion leaves out, relative; below 1 it is a proof.
         points: points of the edge.
     """
 
     count: int
-    rest: float
+    remainder: float
     points: int
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
-    """The modes of the frictionless problem as the interface sees them.
+class InterfaceModes:
+    """The modes of the frictionless problem at the interface.
 
     Attributes:
         kappa: eigenvalues [1/s^2], ascending; all there are below the limit.
@@ -75,21 +75,21 @@ class Seen:
     Q: Array
 
 
-def seen_modes(modes: Symmetric, face: Interface) -> Seen:
-    """What the interface sees of some modes."""
-    Phi = modes.Phi
-    return Seen(modes.kappa, modes.limit, modes.sigma, face.right @ Phi, face.left @ Phi)
+def at_interface(modes: Symmetric, friction: Interface) -> InterfaceModes:
+    """Rows of some modes at the interface."""
+    P, Q = friction.right @ modes.Phi, friction.left @ modes.Phi
+    return InterfaceModes(modes.kappa, modes.limit, modes.sigma, P, Q)
 
 
 class Determinant:
-    """Phase of det G, and the bound of the rest."""
+    """Phase of det G, and the bound of the remainder."""
 
-    def __init__(self, modes: Seen, face: Interface, moments: Moments):
+    def __init__(self, modes: InterfaceModes, friction: Interface, moments: Moments):
         """Prepare.
 
         Args:
-            modes: the frictionless problem, seen from the interface.
-            face: the friction term.
+            modes: the frictionless problem at the interface.
+            friction: the friction term.
             moments: its moments about the shift of the modes.
         """
         self.sigma, self.kappa = modes.sigma, modes.kappa
@@ -97,29 +97,25 @@ class Determinant:
         away = modes.kappa - modes.sigma
         self.P, self.Q = modes.P, modes.Q
         self.R = [RL - (self.P / away ** (j + 1)) @ self.Q.T for j, RL in enumerate(moments.RL)]
-        self.R[0] = self.R[0] + np.eye(face.rank)
+        self.R[0] = self.R[0] + np.eye(friction.rank)
         values, vectors = la.eigh(moments.LL - (self.Q / away**3) @ self.Q.T)
         self.B = np.sqrt(np.maximum(values, 0.0)) * vectors
         self.A = np.sqrt(moments.RR)
-        self.rest, self.points = 0.0, 0
-        self._x = np.random.default_rng(0).standard_normal((face.rank, 4)).astype(complex)
+        self.remainder, self.points = 0.0, 0
+        self._x = np.random.default_rng(0).standard_normal((friction.rank, 4)).astype(complex)
 
-    def phase(self, kappa: complex, believed: NDArray) -> complex:
-        """Phase of det(K - kappa M) / prod(believed - kappa), up to a constant sign."""
+    def phase(self, kappa: complex, candidates: NDArray) -> complex:
+        """Phase of det(K - kappa M) / prod(candidates - kappa), up to a constant sign."""
         z = kappa - self.sigma
         modal = self.P / (self.kappa - kappa)
         G = modal @ self.Q.T + sum(z**j * R for j, R in enumerate(self.R))
-        lu, pivots = la.lu_factor(G, overwrite_a=True, check_finite=False)
-        self.rest = max(self.rest, self._rest(abs(z), lu, pivots))
+        lu = la.lu_factor(G, overwrite_a=True, check_finite=False)
+        self.remainder = max(self.remainder, self._bound(abs(z), lu))
         self.points += 1
-        poles, zeros = self.kappa - kappa, np.conj(believed - kappa)
-        factors = np.concatenate([np.diag(lu), poles, zeros])
-        swaps = int(np.sum(pivots != np.arange(pivots.size)))
-        out: complex = np.prod(factors / np.abs(factors)) * (-1) ** swaps
-        return out
+        return determinant_phase(lu, candidates - kappa, self.kappa - kappa)
 
-    def _rest(self, z: float, lu: NDArray, pivots: NDArray) -> float:
-        """Bound of the relative rest; |B' G^-1| by subspace iteration, so from just below.
+    def _bound(self, z: float, lu: tuple[NDArray, NDArray]) -> float:
+        """Bound of the relative remainder; |B' G^-1| by subspace iteration, so from just below.
 
         It goes on from where the last point of the edge, a close one, has left it.
         """
@@ -128,30 +124,28 @@ class Determinant:
         size = 0.0
         for _ in range(FIRST_STEPS if self.points == 0 else STEPS):
             x = la.qr(self._x, mode="economic", check_finite=False)[0]
-            y = self.B.T @ la.lu_solve((lu, pivots), x, check_finite=False)
+            y = self.B.T @ la.lu_solve(lu, x, check_finite=False)
             size = float(np.linalg.norm(y, 2))
-            self._x = la.lu_solve((lu, pivots), self.B @ y, trans=2, check_finite=False)
+            self._x = la.lu_solve(lu, self.B @ y, trans=2, check_finite=False)
         ratio = z / self.limit
         return z**3 / (self.limit - z) / self.limit * ratio ** (len(self.R) - 3) * size * self.A
 
 
 def prove(
-    modes: Seen,
-    face: Interface,
+    modes: InterfaceModes,
+    friction: Interface,
     moments: Moments,
     region: Trapezium,
-    believed: NDArray,
-    comm: MPI.Comm = MPI.COMM_SELF,
+    candidates: NDArray,
 ) -> Proof:
     """Count the eigenvalues of a region, conjugates included.
 
     Args:
         modes: the frictionless problem, complete beyond the region.
-        face: the friction term.
+        friction: the friction term.
         moments: its moments.
         region: where to count.
-        believed: what an eigensolver found, in the region and near it, conjugates included.
-        comm: processes that share the edge of the region.
+        candidates: what an eigensolver found, in the region and near it, conjugates included.
 
     Returns:
         The count and what it is worth.
@@ -159,6 +153,6 @@ def prove(
     Raises:
         InaccurateResult: an eigenvalue lies on the edge of the region.
     """
-    det = Determinant(modes, face, moments)
-    count = count_turns(lambda z: det.phase(z, believed), region, believed, comm=comm)
-    return Proof(count, comm.allreduce(det.rest, MPI.MAX), comm.allreduce(det.points))
+    det = Determinant(modes, friction, moments)
+    count = count_turns(lambda z: det.phase(z, candidates), region, candidates)
+    return Proof(count, det.remainder, det.points)

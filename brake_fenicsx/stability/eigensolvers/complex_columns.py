@@ -1,4 +1,4 @@
-"""Real operators on complex columns, in real arithmetic and without complex copies of matrices."""
+"""Complex columns in real arithmetic: without complex copies of real matrices or Krylov bases."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from .modes import Complex
-
 Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
 
 
 class Operator(Protocol):
@@ -32,3 +31,9 @@ def on_parts(real: Callable[[Array], Array], x: Complex) -> Complex:
 def times(A: Operator, x: Complex) -> Complex:
     """A x for real A."""
     return on_parts(A.__matmul__, x)
+
+
+def with_conjugates(values: Complex, X: Complex) -> tuple[Complex, Complex]:
+    """Both of each conjugate pair of eigenvalues, and their vectors."""
+    pairs = values.imag != 0
+    return np.r_[values, values[pairs].conj()], np.hstack([X, X[:, pairs].conj()])

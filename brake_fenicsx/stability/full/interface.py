@@ -12,14 +12,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from mpi4py import MPI
-
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from brake_fenicsx.macro.condensation import shared_columns
 from brake_fenicsx.macro.solver import Factor, blocks
 
 Array = NDArray[np.float64]
@@ -28,11 +25,9 @@ Array = NDArray[np.float64]
 # where they prove nothing.
 ORDERS, MORE_ORDERS = 3, 6
 
-# Largest rank for which friction is treated on its interface: dense matrices of this size.
-LARGEST = 4000
-
-# ... and for which it is no more than this part of all dofs.
-SHARE = 4
+# Largest rank for which friction is treated on its interface: a proof holds some sixteen dense
+# matrices of this size, 128 MB each. Nor is the rank more than one in SHARE of all dofs.
+LARGEST, SHARE = 4000, 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,8 +94,8 @@ def difference_interface(F: sp.spmatrix, tolerance: float = 1e-13) -> Interface 
         # A random block that is wide enough has the range of the whole.
         width = min(2 * width, limit)
         Q = la.qr(small @ rng.standard_normal((columns.size, width)), mode="economic")[0]
-        rest = small - Q @ (Q.T @ small)
-        if width == limit or np.linalg.norm(rest) <= tolerance * np.linalg.norm(small.data):
+        remainder = small - Q @ (Q.T @ small)
+        if width == limit or np.linalg.norm(remainder) <= tolerance * np.linalg.norm(small.data):
             break
     V, s, W = la.svd(Q.T @ small, full_matrices=False)
     rank = int(np.sum(s > tolerance * s[:1].max(initial=0.0)))
@@ -120,7 +115,7 @@ def _placed(values: Array, columns: NDArray[np.intp], size: int) -> sp.csr_matri
 
 @dataclass(frozen=True, slots=True)
 class Moments:
-    """The interface as seen through S^-1.
+    """Moments of S^-1 at the interface.
 
     Attributes:
         RL: right S^-1 (M S^-1)^j left', j = 0, 1, 2 at least, each of shape (rank, rank).
@@ -133,69 +128,55 @@ class Moments:
     RR: float
 
 
-def moments(
-    factor: Factor,
-    M: sp.csr_matrix,
-    face: Interface,
-    comm: MPI.Comm,
-    first: float = 1.0,
-    orders: int = ORDERS,
-) -> Moments:
-    """Solve for every column of the interface; the columns are shared by the processes.
+def moments(factor: Factor, M: sp.csr_matrix, friction: Interface, orders: int = ORDERS) -> Moments:
+    """Solve for every column of the interface.
 
     Args:
-        factor: factor of S, on every process.
+        factor: factor of S.
         M: mass [kg].
-        face: the interface.
-        comm: processes that share the columns.
-        first: share of process 0, which may be late, relative to the others'.
+        friction: the interface.
         orders: number of moments, 3 at least.
 
     Returns:
         The moments.
     """
-    share = shared_columns(face.rank, comm, first)
-    RL, LL = np.empty((orders, face.rank, share.size)), np.empty((face.rank, share.size))
-    RR = np.empty((face.rank, 0 if face.bounded else share.size))
-    left, right = face.left[share].T.tocsc(), face.right[share].T.tocsc()
-    for b in blocks(share.size):
+    rank = friction.rank
+    RL, LL = np.empty((orders, rank, rank)), np.empty((rank, rank))
+    compliance = np.empty((rank, 0 if friction.bounded else rank))
+    left, right = friction.left.T.tocsc(), friction.right.T.tocsc()
+    for b in blocks(rank):
         X = factor.solve(left[:, b].toarray())
         for j in range(orders):
             X = X if j == 0 else factor.solve(M @ X)
-            RL[j][:, b] = face.right @ X
+            RL[j][:, b] = friction.right @ X
             if j == 2:
-                LL[:, b] = face.left @ X
-        if not face.bounded:
-            RR[:, b] = face.right @ factor.solve(right[:, b].toarray())
-    whole = [np.hstack(comm.allgather(part)) for part in (*RL, LL, RR)]
+                LL[:, b] = friction.left @ X
+        if not friction.bounded:
+            compliance[:, b] = friction.right @ factor.solve(right[:, b].toarray())
     size = 1.0
-    if not face.bounded:
-        gap = 0.5 * (whole[-1] + whole[-1].T)
-        size = float(la.eigvalsh(gap, subset_by_index=[face.rank - 1, face.rank - 1])[0])
-    return Moments(tuple(whole[:orders]), 0.5 * (whole[orders] + whole[orders].T), size)
+    if not friction.bounded:
+        gap = 0.5 * (compliance + compliance.T)
+        size = float(la.eigvalsh(gap, subset_by_index=[rank - 1, rank - 1])[0])
+    return Moments(tuple(RL), 0.5 * (LL + LL.T), size)
 
 
 class Inverse:
-    """(S + left' right)^-1 and its transpose by block solves with S."""
+    """(S + left' right)^-1 and its transpose by block solves with S (Woodbury)."""
 
-    def __init__(self, factor: Factor, face: Interface | None, RL0: Array | None):
+    def __init__(self, factor: Factor, friction: Interface, RL0: Array):
         """Factor the interface matrix.
 
         Args:
             factor: factor of S.
-            face: the interface; None without friction.
+            friction: the interface.
             RL0: right S^-1 left'.
         """
-        self.factor, self.face = factor, face
-        if face is not None and RL0 is not None:
-            self._lu = la.lu_factor(np.eye(face.rank) + RL0)
+        self.factor, self.friction = factor, friction
+        self._lu = la.lu_factor(np.eye(friction.rank) + RL0)
 
     def __call__(self, b: Array, transposed: bool = False) -> Array:
         """Apply to a block, shape (dofs, columns)."""
-        x = self.factor.solve(b)
-        face = self.face
-        if face is None or not face.rank:
-            return x
-        first, second = (face.left, face.right) if transposed else (face.right, face.left)
+        x, f = self.factor.solve(b), self.friction
+        first, second = (f.left, f.right) if transposed else (f.right, f.left)
         c = la.lu_solve(self._lu, first @ x, trans=int(transposed))
         return x - self.factor.solve(second.T @ c)

@@ -2,6 +2,9 @@
 
 Blocks, because a factor solves many right-hand sides for the price of a few; small ones, because a
 Krylov space of larger ones is of lower degree and so needs more vectors.
+
+Reference: R. G. Grimes, J. G. Lewis and H. D. Simon, SIAM J. Matrix Anal. Appl. 15 (1994) 228,
+doi:10.1137/S0895479888151111.
 """
 
 from __future__ import annotations
@@ -45,6 +48,7 @@ def lowest_modes(
     M: sp.csr_matrix,
     cutoff: float,
     tolerance: float = 1e-9,
+    expected: int = 0,
     block: int = 16,
     seed: int = 0,
 ) -> RealModes:
@@ -55,6 +59,7 @@ def lowest_modes(
         M: mass [kg].
         cutoff: largest eigenvalue wanted [1/s^2].
         tolerance: relative residual of every mode.
+        expected: number of modes, if it is known: there is room for at least so many.
         block: number of vectors in a block.
         seed: seed of the starting block.
 
@@ -66,7 +71,7 @@ def lowest_modes(
     """
     n = M.shape[0]
     block = min(block, n)
-    room = min(n, 128 * block)
+    room = min(n, max(128 * block, 4 * expected))
     V = np.empty((n, room + block), order="F")
     H = np.zeros((room + block, room + block))
     W = factor.solve(M @ np.random.default_rng(seed).standard_normal((n, block)))

@@ -1,0 +1,1 @@
+"""Eigensolvers, counts and checks that full order and the reduced model share."""
