@@ -22,6 +22,8 @@ State = tuple[Array, Array]
 
 # Springs that hold open elements far from equilibrium, over the stiffness of the interface.
 HOLD = 0.03
+# Iterations before these springs are taken away; contact that needs them is found in fewer.
+PATIENCE = 20
 
 
 class System(Protocol):
@@ -129,11 +131,11 @@ class Newton:
         history = [self._residual(g, t) if load == 1.0 else np.inf]
         for i in range(self.most):
             # Far from equilibrium weak springs hold what no element holds yet; they fade with
-            # the residual, so that the last steps are Newton's. And they are halved every time:
-            # beside a stiff penalty they too are stiffer than the bodies, and would let an element
-            # open by a small part of its way in each step.
+            # the residual, so that the last steps are Newton's. Beside a stiff penalty they too are
+            # stiffer than the bodies and let an element open by a small part of its way in each
+            # step: after a while they are halved every time.
             p = self.laws.pressure(g)
-            k = self.laws.stiffness(g) + hold * min(history[-1], 0.5**i)
+            k = self.laws.stiffness(g) + hold * min(history[-1], 0.5 ** max(i - PATIENCE, 0))
             g_new = self.system.linear(load, p + k * g, k)
             t_new = p - k * (g_new - g)
             s = self._line_search(g, t, g_new - g, t_new - t)
