@@ -36,10 +36,13 @@ MAIN = "import sys; from brake_fenicsx.cli import main; sys.exit(main(sys.argv[1
 ROOT = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
 
 
-def study(scene: Path, out: Path, samples: int, processes: int, sets: list[str]) -> float:
+def study(
+    scene: Path, out: Path, samples: int, processes: int, sets: list[str], cache: Path | None = None
+) -> float:
     """Run a study and return its seconds."""
     parallel = ["mpirun", "-n", str(processes), "--oversubscribe"] if processes > 1 else []
     words = [*parallel, sys.executable, "-c", MAIN, "run", str(scene), "-o", str(out)]
+    words += ["--cache", str(cache)] if cache else []
     for change in [f"samples.n={samples}", *sets]:
         words += ["--set", change]
     start = time.perf_counter()

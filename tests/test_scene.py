@@ -223,6 +223,18 @@ def test_a_damping_term_without_what_it_acts_on(changes, term, remedy):
     assert "damping" in str(error.value) and "\n" not in str(error.value)
 
 
+SPEEDS = [("direction=[0, 2, 0]", 1.0), ("axis='z'", 1.0), ("axis='z', speed='60 rpm'", 2 * np.pi)]
+
+
+@pytest.mark.parametrize(("motion", "speed"), SPEEDS)
+def test_speed_that_is_not_given(motion, speed):
+    """One metre a second along a direction, one radian a second about the axis."""
+    from brake_fenicsx.macro.brake import scene_motion
+
+    found = scene_motion(read_scene(BLOCK, [f"motion={{ {motion} }}"]))
+    np.testing.assert_allclose(found.velocity(np.array([[1.0, 0, 0]])), [[0, speed, 0]], rtol=1e-12)
+
+
 def test_missing_scene(tmp_path, capsys):
     assert main(["check", str(tmp_path / "none.toml")]) == 2
     assert "no such file" in capsys.readouterr().err

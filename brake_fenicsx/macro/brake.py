@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.units import to_si
 
 from .condensation import Compliance, gathered_vector
 from .contact import Contact, contact_elements, join
@@ -167,5 +166,5 @@ def scene_motion(scene: Scene) -> Motion:
             raise SceneError(
                 f"{scene.file}: motion.direction = {list(d)!r}: write three numbers, not all zero"
             )
-        return Translation((d[0], d[1], d[2]), to_si(motion.speed, "m/s"))
-    return Rotation(motion.rotation)
+        return Translation((d[0], d[1], d[2]), motion.rate)
+    return Rotation(motion.rate)

@@ -22,6 +22,8 @@ State = tuple[Array, Array]
 
 # Springs that hold open elements far from equilibrium, over the stiffness of the interface.
 HOLD = 0.03
+# Iterations before these springs are taken away; contact that needs them is found in fewer.
+PATIENCE = 20
 
 
 class System(Protocol):
@@ -30,6 +32,10 @@ class System(Protocol):
     @property
     def w(self) -> Array:
         """Areas of the contact elements [m^2]."""
+
+    @property
+    def g0(self) -> Array:
+        """Gaps of the undeformed bodies [m]."""
 
     def linear(self, load: float, a: Array, k: Array) -> Array:
         """Gaps [m] under a share of the loads when the contact pressures are a - k g."""
@@ -91,8 +97,9 @@ class Newton:
         k = (mean if mean > 0 else usual) * ones
         free_of_load = level + carried / np.sum(w * k)
         g = self.system.linear(load, k * free_of_load, k)
-        # Secant stiffness of the interface: its mean pressure over the scatter of first touch.
-        scatter = float(laws.first_touch().std())
+        # Secant stiffness of the interface: its mean pressure over the scatter of the ways that the
+        # elements have to first touch, of rough laws as of curved faces.
+        scatter = float((laws.first_touch() - self.system.g0).std())
         secant = carried / float(np.sum(w)) / max(scatter, 1e-12)
         return (g, k * (free_of_load - g)), HOLD * min(0.1 * float(k[0]), secant)
 
@@ -122,11 +129,13 @@ class Newton:
         """Newton's iteration at one load."""
         g, t = state
         history = [self._residual(g, t) if load == 1.0 else np.inf]
-        for _ in range(self.most):
+        for i in range(self.most):
             # Far from equilibrium weak springs hold what no element holds yet; they fade with
-            # the residual, so that the last steps are Newton's.
+            # the residual, so that the last steps are Newton's. Beside a stiff penalty they too are
+            # stiffer than the bodies and let an element open by a small part of its way in each
+            # step: after a while they are halved every time.
             p = self.laws.pressure(g)
-            k = self.laws.stiffness(g) + hold * min(history[-1], 1.0)
+            k = self.laws.stiffness(g) + hold * min(history[-1], 0.5 ** max(i - PATIENCE, 0))
             g_new = self.system.linear(load, p + k * g, k)
             t_new = p - k * (g_new - g)
             s = self._line_search(g, t, g_new - g, t_new - t)

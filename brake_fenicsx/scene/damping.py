@@ -149,7 +149,7 @@ def _check_turning(scene: Scene) -> None:
         raise SceneError(
             f'{WHERE}.gyroscopic: needs a rotation; write motion.axis = "z" and motion.speed'
         )
-    if not motion.rotation:
+    if not motion.rate:
         raise SceneError(f"motion.speed = {motion.speed!r}: {WHERE}.gyroscopic needs a rotation")
     for name in turning_parts(scene):
         if name not in scene.parts:

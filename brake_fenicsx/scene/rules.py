@@ -12,7 +12,6 @@ from brake_fenicsx.scene.mesh import MeshTable
 from brake_fenicsx.scene.parts import BUILDERS, part_lengths
 from brake_fenicsx.scene.samples import APPROACHES, ENGINEERING, split_key
 from brake_fenicsx.scene.sections import STAGES
-from brake_fenicsx.scene.units import to_si
 
 if TYPE_CHECKING:
     from brake_fenicsx.scene.sections import Contact, MaterialTable, Scene
@@ -206,6 +205,6 @@ def _check_motion(s: Scene) -> None:
         raise SceneError("motion: friction needs a section [motion]")
     if s.motion:
         try:
-            to_si(s.motion.speed, "m/s" if s.motion.direction else "rad/s")
+            _ = s.motion.rate
         except ValueError as error:
             raise SceneError(f"motion.speed = {s.motion.speed!r}: {error}") from None

@@ -253,17 +253,20 @@ class Motion:
     Attributes:
         axis: axis of the disc's rotation.
         direction: direction in which the second body slides, in place of ``axis``.
-        speed: angular speed about the axis, or speed along the direction ("1 m/s").
+        speed: angular speed about the axis, 1 rad/s if not given, or speed along the direction,
+            1 m/s if not given.
     """
 
     axis: str | None = key(default=None, choices=("z",))
     direction: tuple[float, ...] | None = key(default=None, sign="any")
-    speed: str = key(default="1 rad/s")
+    speed: str | None = key(default=None)
 
     @property
-    def rotation(self) -> float:
-        """Angular speed [rad/s] about the axis."""
-        return to_si(self.speed, "rad/s")
+    def rate(self) -> float:
+        """Speed along the direction [m/s], or about the axis [rad/s]."""
+        if self.speed is None:
+            return 1.0
+        return to_si(self.speed, "rad/s" if self.direction is None else "m/s")
 
 
 @dataclass(frozen=True, slots=True)

@@ -146,7 +146,7 @@ def record(scene: Scene, contact: Contact) -> dict[str, Any]:
     if table.slope:
         facts["slope"] = {"speeds_m_s": speeds}
     if table.gyroscopic:
-        speed = scene.motion.rotation if scene.motion else 0.0
+        speed = scene.motion.rate if scene.motion else 0.0
         facts["gyroscopic"] = {"speed_rad_s": speed, "parts": turning_parts(scene)}
     for term, numbers in facts.items():
         approaches = scene.samples.approaches

@@ -134,6 +134,25 @@ def test_law_from_a_thousandth_to_a_million_of_the_bulk(two_blocks, ratio):
     assert full_residual(scene, laws, eq) < 1e-6
 
 
+@pytest.mark.parametrize("penalty", [1e15, 1e17, 1e19])
+@pytest.mark.parametrize("steps", [1, 4])
+def test_stiff_penalty_where_the_block_lifts(two_blocks, penalty, steps):
+    """1e3 to 1e7 times E / h of the lining, its leading edge open: against a sparse solve.
+
+    Springs that hold open elements on the way must not be stiffer than the block.
+    """
+    scene = two_blocks("guided", direction=(1.0, 0.0, 0.0))
+    n = scene.w.size
+    laws = EnrichedGap(OneLaw(linear_law(penalty)), np.zeros(n, int), np.zeros(n))
+    eq = equilibrium(operators(scene), laws, 0.7, steps=steps)
+    closed = eq.p > 0
+    assert 0.3 * n < closed.sum() < 0.7 * n
+    g = scene.N @ spsolve(scene.tangent(penalty * closed, 0.7).tocsc(), scene.f)
+    assert np.array_equal(g < 0, closed)
+    np.testing.assert_allclose(eq.p[closed], -penalty * g[closed], rtol=1e-4)
+    assert scene.w @ eq.p == pytest.approx(5e5 * AREA, rel=1e-8)
+
+
 def test_critical_gaps_beyond_any_closure(two_blocks):
     """A third of the elements can never touch; the rest carries everything."""
     scene = two_blocks("guided")
@@ -162,6 +181,21 @@ def test_critical_gaps_far_wider_than_the_elastic_closure(two_blocks, scatter, m
     eq = equilibrium(operators(scene), laws, mu)
     assert scene.w @ eq.p == pytest.approx(5e5 * AREA, rel=1e-8)
     assert full_residual(scene, laws, eq) < 1e-7
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.5, 0.8])
+def test_penalty_and_critical_gaps_of_millimetres(two_blocks, mu):
+    """Two or a few more elements carry, found from nearly all being open: 25 seeds.
+
+    Springs that hold the open elements must not be taken away too early.
+    """
+    scene = two_blocks("guided")
+    n = scene.w.size
+    for seed in range(25):
+        g_cr = np.random.default_rng(seed).normal(0, 3e-3, n)
+        laws = EnrichedGap(OneLaw(linear_law(1e12)), np.zeros(n, int), g_cr)
+        eq = equilibrium(operators(scene), laws, mu)
+        assert scene.w @ eq.p == pytest.approx(5e5 * AREA, rel=1e-8)
 
 
 def test_friction_that_tips_the_block_over(two_blocks):

@@ -44,7 +44,7 @@ def pressed(parts, faces, supports, load, table, penalty, discretisation):
     return c, eq, gather_face(mesh, elastic.free, faces[0])
 
 
-def line(fine, discretisation="patch"):
+def line(fine, discretisation="patch", penalty=1e17):
     """Cylinder on a base, a slice in plane strain: p0 = a E* / (2 R)."""
     p0 = A * E_STAR / (2 * R)
     depth = 5 * fine
@@ -59,7 +59,7 @@ def line(fine, discretisation="patch"):
     load = {"cylinder.top": np.pi * A * p0 / 4 / R}
     c, eq, _ = pressed(
         parts, ("cylinder.contact", "plate.contact"), supports, load,
-        MeshTable(cells="hexahedra", order=2), 1e17, discretisation,
+        MeshTable(cells="hexahedra", order=2), penalty, discretisation,
     )  # fmt: skip
     x = c.points[:, 0]
     # Vertical part of the pressure on the curved face: the load, to round-off of the geometry.
@@ -89,6 +89,20 @@ def test_line_contact_by_gauss_points():
     assert up == pytest.approx(1, rel=1e-4)
     assert eq.p.max() == pytest.approx(p0, rel=5e-3)
     assert deviation(c, eq.p, exact) < 0.025
+
+
+@pytest.mark.hard
+@pytest.mark.parametrize("penalty", [1e19, 1e21])
+def test_penalty_far_stiffer_than_the_bodies(penalty):
+    """1e4 and 1e6 times E / h on a curved face: found in a few iterations.
+
+    And no better than 100 E / h: the mesh bounds the error.
+    """
+    _, eq, p0, *_ = line(0.2e-3, penalty=penalty)
+    _, usual, *_ = line(0.2e-3)
+    assert eq.iterations[0] <= 10
+    np.testing.assert_allclose(eq.p, usual.p, atol=1e-2 * p0)
+    assert eq.p.max() == pytest.approx(p0, rel=2e-3)
 
 
 def sphere(fine):
