@@ -22,7 +22,7 @@ ROUGH = [
     "samples.random.\"contact.block_plate.friction\"={ law='uniform', min=0.3, max=0.7 }",
 ]  # fmt: skip
 STUDIES = {
-    "reduced": ["stability.method=reduced", "stability.verify=2", "samples.n=60"],
+    "reduced": ["stability.method=reduced", "stability.verify=1", "samples.n=30"],
     "full": ["stability.method=full", "samples.n=6"],
 }
 TABLES = ("modes", "samples", "contact", "robustness", "convergence")

@@ -42,7 +42,7 @@ class Modes:
         right: right vectors, shape (dofs or coordinates, modes); may have no column.
         left: left vectors, psi^H (lambda^2 M + lambda C + K) = 0; may have no column.
         residual: |(lambda^2 M + lambda C + K) phi| / |lambda^2 M phi| of each mode [-]; of the
-            reduced model, which does not form it, error / (condition |lambda|).
+            reduced model, which does not form it, 2 error / (condition |lambda|).
         error: estimated error of lambda [1/s].
         condition: eigenvalue condition number [-].
         count: expected number of modes.

@@ -18,7 +18,7 @@ SMALL = [
     "stages=['equilibrium','stability','uncertainty']", "contact.pad_disc.gap=none",
     "contact.pad_disc.law={ linear='1e10 Pa/m' }", "parts.disc.size='24 mm'",
     "parts.pad.size='18 mm'", "parts.pad.plate_size='18 mm'", "mesh.quality=0.02", MU,
-    "stability.band=['0 Hz','6 kHz']", "stability.verify=2", "samples.n=2",
+    "stability.band=['0 Hz','5 kHz']", "stability.verify=1", "samples.n=2",
     "samples.approaches=['multi-scale']",
 ]  # fmt: skip
 LAYERS = ["disc.body", "pad.lining", "pad.plate", "pad.shim"]
@@ -52,17 +52,15 @@ def test_columns_of_the_table(folder):
 
 
 def test_reduced_modes_are_made_of_what_whole_ones_are(folder):
-    """Two samples by the kept real modes alone, and by whole vectors: within 1 % of the energy."""
-    for k in range(2):
-        mine, whole = (
-            np.load(folder / "samples" / f"{name}-{k:05d}.npz")
-            for name in ("multi-scale", "verify")
-        )
-        assert mine["layers"].tolist() == whole["layers"].tolist() == LAYERS
-        np.testing.assert_array_equal(mine["partner"], whole["partner"])
-        alone = mine["condition"] < 1e3
-        np.testing.assert_allclose(mine["shares"][:, alone], whole["shares"][:, alone], atol=0.01)
-        assert "coordinates" in mine.files and "vectors" in whole.files
+    """A sample by the kept real modes alone, and by whole vectors: within 1 % of the energy."""
+    mine, whole = (
+        np.load(folder / "samples" / f"{name}-00000.npz") for name in ("multi-scale", "verify")
+    )
+    assert mine["layers"].tolist() == whole["layers"].tolist() == LAYERS
+    np.testing.assert_array_equal(mine["partner"], whole["partner"])
+    alone = mine["condition"] < 1e3
+    np.testing.assert_allclose(mine["shares"][:, alone], whole["shares"][:, alone], atol=0.01)
+    assert "coordinates" in mine.files and "vectors" in whole.files
 
 
 def test_a_damped_sample_names_its_partner(folder, tmp_path):

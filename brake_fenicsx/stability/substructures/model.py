@@ -171,7 +171,7 @@ class ReducedModel:
 
         Returns:
             The modes; ``right`` and ``left`` in the coordinates of the kept modes of all bodies.
-            ``residual`` is the stated error over condition and |lambda|.
+            ``residual`` is twice the stated error over condition and |lambda|.
 
         Raises:
             SceneError: a number of contact elements other than the model's.
@@ -337,7 +337,7 @@ class ReducedModel:
         condition = condition[order]
         size = np.maximum(np.abs(lam), 1e-300)
         return Modes(
-            lam, right[:, order], left[:, order], spread / condition / size, spread, condition,
+            lam, right[:, order], left[:, order], 2 * spread / condition / size, spread, condition,
             Count(lam.size, COUNTED), 0, time.perf_counter() - start, real,
         )  # fmt: skip
 
