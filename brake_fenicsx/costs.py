@@ -36,7 +36,7 @@ from dataclasses import dataclass
 from math import comb
 
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.damping import active_terms
+from brake_fenicsx.scene.damping import active_terms, reduced_approaches
 from brake_fenicsx.scene.samples import split_key
 
 CORE = "one 2.6 GHz core"
@@ -100,7 +100,8 @@ def count_solves(scene: Scene, samples: dict[str, int]) -> Counts:
         return Counts(samples=total)
     damped = [name for name in samples if active_terms(scene, name)]
     own = [name for name in samples if constants(scene) and scene.samples.takes_random(name)]
-    chosen = [name for name, n in samples.items() if stability.method == "reduced" and n > 1]
+    reduced = reduced_approaches(scene, samples)
+    chosen = [name for name in samples if name in reduced]
     verify = {name: min(stability.verify, samples[name]) for name in chosen[:1]}
     at_full = {name: 0 if name in chosen else n for name, n in samples.items()}
     at_full = {name: n + verify.get(name, 0) for name, n in at_full.items()}

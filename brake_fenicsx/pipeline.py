@@ -422,9 +422,9 @@ def mechanics(
         this.facts |= {**results.facts(), **study.facts}
         note_open_points(this)
         if "report" in this.scene.stages:
-            from brake_fenicsx.uncertainty.shapes import write_shapes
+            from brake_fenicsx.report.mode_fields import write_mode_fields
 
-            write_shapes(study, results)
+            write_mode_fields(study, results)
             draw_mesh(this, brake)
 
 

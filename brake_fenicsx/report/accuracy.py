@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.tables import Columns, Value
+
 from .rundata import RunData
 from .style import BLACK, label, light_grid, look, new_figure, stroke
-from .tables import Columns, Value
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -5,17 +5,16 @@ A mode squeals where it is unstable and its damping lies below minus the thresho
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .rundata import RunData
-from .tables import MODES, TEXT, Columns
+from brake_fenicsx.squeal import Share, squeals, wilson
+from brake_fenicsx.tables import MODES, TEXT, Columns
 
-Z_95 = 1.959963984540054
+from .rundata import RunData
+
 WIDTH = 200.0  # [Hz] of the bands that gather modes of no family
 REAL = frozenset({"frequency_hz", "real_1_s", "damping"})
 
@@ -45,21 +44,6 @@ class ApproachCount:
     squeal: int
     squeal_samples: int
     per_sample: NDArray
-
-
-@dataclass(frozen=True, slots=True)
-class Share:
-    """A share of samples with its 95 % Wilson interval: hits of n, low <= hits / n <= high."""
-
-    hits: int
-    n: int
-    low: float
-    high: float
-
-    @property
-    def value(self) -> float:
-        """The share itself."""
-        return self.hits / self.n if self.n else float("nan")
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,33 +84,6 @@ class ModeKey:
     frequency: float
     damping: float
     family: FamilyCount
-
-
-def wilson(hits: int, n: int, z: float = Z_95) -> Share:
-    """Share of ``hits`` among ``n`` with its Wilson score interval.
-
-    Args:
-        hits: number of events.
-        n: number of trials.
-        z: half width of the interval in standard deviations.
-
-    Returns:
-        The share; its interval is (0, 1) without any trial.
-    """
-    if n == 0:
-        return Share(0, 0, 0.0, 1.0)
-    p = hits / n
-    scale = 1.0 / (1.0 + z * z / n)
-    centre = scale * (p + z * z / (2 * n))
-    half = scale * z * np.sqrt(p * (1 - p) / n + z * z / (4 * n * n))
-    low = 0.0 if hits == 0 else float(centre - half)
-    high = 1.0 if hits == n else float(centre + half)
-    return Share(hits, n, low, high)
-
-
-def squeals(modes: Mapping[str, Any], threshold: float) -> NDArray[np.bool_]:
-    """Which modes count as squeal: unstable, and the damping below minus the threshold."""
-    return (modes["verdict"] == "unstable") & (modes["damping"] < -threshold)
 
 
 def good_modes(run: RunData, approach: str, squeal: bool = False) -> Columns:

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.tables import SAMPLES
+
 from .counts import count
 from .rundata import RunData
 from .style import BLACK, label, light_grid, look, new_figure
-from .tables import SAMPLES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

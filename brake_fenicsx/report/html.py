@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from brake_fenicsx.tables import Value
+
 from .accuracy import ERROR_COLUMNS, SPEED_COLUMNS, error_rows, speed_rows, stage_rows
 from .counts import representative_modes
 from .figures import PLOTS, make_figures
@@ -19,7 +21,6 @@ from .overview import approach_rows, cause_rows, family_rows, open_points, share
 from .page_style import CSS
 from .rundata import RunData, read_run
 from .surface_figures import surface_statistics
-from .tables import Value
 
 SHAPES = (
     "<p>The most severe families of each approach, at most four: of each the squeal mode of median "

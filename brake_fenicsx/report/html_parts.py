@@ -8,7 +8,7 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from .tables import Value, show
+from brake_fenicsx.tables import Value, show
 
 LONGEST = 60  # values of a list shown in full
 SHORT = 28  # characters that are not broken into lines

@@ -9,6 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from brake_fenicsx.squeal import Share, wilson
+from brake_fenicsx.tables import Value, read_columns, read_rows, text_table, write_rows
+
 from .accuracy import (
     ERROR_COLUMNS,
     SPEED_COLUMNS,
@@ -17,9 +20,8 @@ from .accuracy import (
     speed_rows,
     stage_rows,
 )
-from .counts import FamilyCount, Share, band_edges, count, families, probability_per_band, wilson
+from .counts import FamilyCount, band_edges, count, families, probability_per_band
 from .rundata import RunData, read_run
-from .tables import Value, read_columns, read_rows, text_table, write_rows
 
 APPROACH_COLUMNS = (
     "approach",

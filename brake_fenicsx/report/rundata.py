@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.tables import CONTACT, MODES, SAMPLES, Columns, read_columns
+
 from ..errors import SceneError
 from .style import APPROACH_NAME, SMOOTH
-from .tables import CONTACT, MODES, SAMPLES, Columns, read_columns
 
 Arrays = dict[str, NDArray]
 

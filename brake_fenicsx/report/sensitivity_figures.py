@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from brake_fenicsx.tables import Columns, read_columns
+
 from .rundata import RunData
 from .style import BLACK, CYCLE, label, light_grid, new_figure
-from .tables import Columns, read_columns
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.squeal import squeals, wilson
+
 from .counts import (
     band_edges,
     count,
     families,
     good_modes,
     probability_per_band,
-    squeals,
-    wilson,
 )
 from .rundata import RunData
 from .style import (

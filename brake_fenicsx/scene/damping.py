@@ -5,6 +5,7 @@ Their signs and derivations are in ``stability.damping`` and ``stability.gyrosco
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -82,6 +83,24 @@ def active_terms(scene: Scene, approach: str) -> tuple[str, ...]:
     if not rubs(scene, approach):
         left_out.add("sliding")
     return tuple(n for n in named if n not in left_out)
+
+
+def reduced_approaches(scene: Scene, counts: Mapping[str, int]) -> set[str]:
+    """Approaches whose modes a reduced model gives, if the bodies admit one.
+
+    One serves all approaches whose samples something damps, and one all others. A sample alone
+    does not pay for a reduced model, but takes that of other approaches.
+
+    Args:
+        scene: the scene.
+        counts: number of samples of each approach.
+    """
+    stability = scene.stability if "stability" in scene.stages else None
+    if stability is None or stability.method != "reduced":
+        return set()
+    damped = {name: bool(active_terms(scene, name)) for name in counts}
+    paid = {damped[name] for name, count in counts.items() if count > 1}
+    return {name for name in counts if damped[name] in paid}
 
 
 def check_damping(scene: Scene) -> None:

@@ -34,7 +34,7 @@ from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.macro.material_table import layer_materials, scene_materials
 from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.damping import active_terms
+from brake_fenicsx.scene.damping import active_terms, reduced_approaches
 from brake_fenicsx.scene.samples import split_key
 from brake_fenicsx.store import Store
 
@@ -114,10 +114,8 @@ class Models:
         self.unit_gaps: dict[str, Array] = {}
         self.numbering: Numbering
         self.stability = scene.stability if "stability" in scene.stages else None
-        # One sample alone does not pay for a reduced model, but takes that of other approaches.
-        reduced = self.stability is not None and self.stability.method == "reduced"
-        paid = {self.damped(name) for name, count in counts.items() if count > 1}
-        self.by_reduction = {name: reduced and self.damped(name) in paid for name in counts}
+        reduced = reduced_approaches(scene, counts)
+        self.by_reduction = {name: name in reduced for name in counts}
 
     def changes_bodies(self, approach: str) -> bool:
         """Whether the materials of an approach's samples differ from those of the scene."""

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.report.counts import squeals
+from brake_fenicsx.squeal import squeals
 
 from .ensemble import Task
 from .results import Results

@@ -19,9 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.report.counts import wilson
-from brake_fenicsx.report.tables import write_rows
 from brake_fenicsx.scene.samples import Plan, Samples
+from brake_fenicsx.squeal import wilson
+from brake_fenicsx.tables import write_rows
 
 from .designs import RIGID
 from .outcomes import Ensemble, Outcome

@@ -17,10 +17,10 @@ from brake_fenicsx.macro.braking import reference_stiffness
 from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.micro import LawRecipe, make_library
 from brake_fenicsx.micro.law import Laws
-from brake_fenicsx.report.tables import CONTACT, MODES, SAMPLES, write_rows
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.store import Store
 from brake_fenicsx.surface.hdf import HeightDistribution
+from brake_fenicsx.tables import CONTACT, MODES, SAMPLES, write_rows
 
 from .ensemble import Task, run_ensemble
 from .equilibria import Equilibria

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.report.figures import make_figures
-from brake_fenicsx.report.tables import CONTACT, MODES, SAMPLES, write_rows
+from brake_fenicsx.tables import CONTACT, MODES, SAMPLES, write_rows
 from brake_fenicsx.uncertainty.robustness import SENSITIVITY
 
 E_STAR = 2373.4e6

@@ -13,7 +13,6 @@ from brake_fenicsx.report.counts import (
     families,
     probability_per_band,
     representative_modes,
-    wilson,
 )
 from brake_fenicsx.report.driver_figures import draw_drivers, drivers
 from brake_fenicsx.report.overview import (
@@ -24,7 +23,8 @@ from brake_fenicsx.report.overview import (
     write_tables,
 )
 from brake_fenicsx.report.rundata import RunData, read_run
-from brake_fenicsx.report.tables import MODES, SAMPLES, read_columns, read_rows, write_rows
+from brake_fenicsx.squeal import wilson
+from brake_fenicsx.tables import MODES, SAMPLES, read_columns, read_rows, write_rows
 
 
 def mode(approach, sample, number, f, damping, family, error=1e-6):

@@ -8,7 +8,7 @@ from brake_fenicsx.report.figures import make_figures
 from brake_fenicsx.report.html import write_report
 from brake_fenicsx.report.overview import approach_rows, summary_table
 from brake_fenicsx.report.rundata import read_run
-from brake_fenicsx.report.tables import CONTACT, MODES, SAMPLES, write_rows
+from brake_fenicsx.tables import CONTACT, MODES, SAMPLES, write_rows
 
 pytestmark = pytest.mark.hard
 MODE = ["classical", 0, 0, 1000.0, 0.0, 0.0, 0.0, 0.0, float("nan"), "neutral", -1]

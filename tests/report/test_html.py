@@ -10,7 +10,7 @@ import pytest
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.report.html import _percent, render_page, write_report
 from brake_fenicsx.report.rundata import RunData, read_run
-from brake_fenicsx.report.tables import write_rows
+from brake_fenicsx.tables import write_rows
 from brake_fenicsx.uncertainty.robustness import ROBUSTNESS
 
 X = "{http://www.w3.org/1999/xhtml}"

@@ -7,7 +7,7 @@ import numpy as np
 from brake_fenicsx.report.rundata import read_run
 from brake_fenicsx.report.sensitivity_figures import draw_sensitivity
 from brake_fenicsx.report.style import house_style
-from brake_fenicsx.report.tables import write_rows
+from brake_fenicsx.tables import write_rows
 from brake_fenicsx.uncertainty.robustness import SENSITIVITY
 
 NAMES = ("contact.pad_disc.friction", "materials.lining.E_3")

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from brake_fenicsx.report.tables import SAMPLES, read_rows, write_rows
+from brake_fenicsx.tables import SAMPLES, read_rows, write_rows
 from brake_fenicsx.uncertainty.results import Results
 
 pytestmark = pytest.mark.alone

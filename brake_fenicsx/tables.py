@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ..errors import SceneError
+from .errors import SceneError
 
 Value = str | int | float | None
 Columns = dict[str, NDArray]

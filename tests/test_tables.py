@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.report.tables import (
+from brake_fenicsx.tables import (
     MODES,
     read_columns,
     read_rows,

@@ -8,21 +8,21 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.report.counts import ModeKey, representative_modes
-from brake_fenicsx.report.rundata import RunData
-from brake_fenicsx.report.tables import read_columns
 from brake_fenicsx.scene.in_effect import in_effect
+from brake_fenicsx.tables import read_columns
+from brake_fenicsx.uncertainty.ensemble import Task
+from brake_fenicsx.uncertainty.results import Results
 
-from .ensemble import Task
-from .results import Results
+from .counts import ModeKey, representative_modes
+from .rundata import RunData
 
 if TYPE_CHECKING:
-    from .study import Study
+    from brake_fenicsx.uncertainty.study import Study
 
 MOST = 4  # modes drawn for each approach, of the most severe families
 
 
-def write_shapes(study: Study, results: Results) -> None:
+def write_mode_fields(study: Study, results: Results) -> None:
     """Write fields/*.xdmf, figures/mode_*.png and contact_faces.npz; collective.
 
     Equilibrium and contact are those of the first sample of each approach; modes are of its most
@@ -46,7 +46,7 @@ def write_shapes(study: Study, results: Results) -> None:
     run, drawn = _severe(study)
     for chosen in drawn:
         _write_modes(study, results, run, chosen)
-    from brake_fenicsx.report.fields import say_once
+    from .fields import say_once
 
     say_once(study.brake.elastic.free.V, store.path("fields"))
 
@@ -86,8 +86,8 @@ def _write_equilibrium(
     study: Study, task: Task, data: dict[str, Any], faces: dict[str, NDArray]
 ) -> None:
     """Displacement; pressure, gap, stiffness and state of every contact element."""
-    from brake_fenicsx.report.contact_fields import facet_means, write_facets, write_points
-    from brake_fenicsx.report.fields import write_fields
+    from .contact_fields import facet_means, write_facets, write_points
+    from .fields import write_fields
 
     folder, name, V = study.store.path("fields"), task[0], study.brake.elastic.free.V
     u = study.brake.local(study.displacement(task, data))
@@ -125,9 +125,10 @@ def _severe(study: Study) -> tuple[RunData, list[list[ModeKey]]]:
 
 def _write_modes(study: Study, results: Results, run: RunData, chosen: list[ModeKey]) -> None:
     """Real and imaginary part of some modes of an approach, one period of each, and its picture."""
-    from brake_fenicsx.report.fields import write_fields, write_phases
     from brake_fenicsx.report.render import render_mode
     from brake_fenicsx.report.style import label
+
+    from .fields import write_fields, write_phases
 
     store, name, V = study.store, chosen[0].approach, study.brake.elastic.free.V
     fields = {}
@@ -161,6 +162,6 @@ def displacements(
         column = {int(m): j for j, m in enumerate(data["vector_mode"])}
         kept = data["vectors"][:, [column[int(i)] for i in chosen]]
         return study.models.numbering.present(kept.astype(complex))
-    from .solve import expanded
+    from brake_fenicsx.uncertainty.solve import expanded
 
     return expanded(study.models, task[0], study._draw(*task), data, chosen)

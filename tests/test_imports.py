@@ -1,0 +1,61 @@
+"""Which modules may import which, read from the sources: the folders stand in the data's order."""
+
+import ast
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).parents[1] / "brake_fenicsx"
+ORDER = ("scene", "surface", "micro", "macro", "stability", "uncertainty", "report")
+# eigensolvers lie below full order and the reduced model, which do not know each other.
+BELOW = {
+    "eigensolvers": {"eigensolvers"},
+    "full": {"eigensolvers", "full", "modes"},
+    "substructures": {"eigensolvers", "substructures", "modes"},
+}
+
+
+def imported(file):
+    """Paths below the package that a module imports, names in them included."""
+    package = file.relative_to(PACKAGE).parts[:-1]
+    for node in ast.walk(ast.parse(file.read_text())):
+        if isinstance(node, ast.ImportFrom):
+            module = tuple(node.module.split(".")) if node.module else ()
+            if node.level:
+                base = (*package[: len(package) + 1 - node.level], *module)
+            elif module[0] == PACKAGE.name:
+                base = module[1:]
+            else:
+                continue
+            yield from ((*base, alias.name) for alias in node.names)
+        elif isinstance(node, ast.Import):
+            for alias in node.names:
+                path = alias.name.split(".")
+                if path[0] == PACKAGE.name:
+                    yield tuple(path[1:])
+
+
+@pytest.mark.parametrize("folder", ORDER)
+def test_folders_import_those_before_them(folder):
+    files = sorted((PACKAGE / folder).rglob("*.py"))
+    assert len(files) > 5
+    later = {*ORDER[ORDER.index(folder) + 1 :]}
+    found = {(str(f.relative_to(PACKAGE)), p[0]) for f in files for p in imported(f) if p}
+    assert not {(file, name) for file, name in found if name in later}
+
+
+@pytest.mark.parametrize("folder", list(BELOW))
+def test_full_order_and_reduced_model_share_what_lies_below(folder):
+    files = sorted((PACKAGE / "stability" / folder).glob("*.py"))
+    assert len(files) > 5
+    paths = [path for file in files for path in imported(file)]
+    assert {p[1] for p in paths if p[0] == "stability"} <= BELOW[folder]
+
+
+def test_one_module_connects_full_order_and_the_reduced_model():
+    """The count of damped modes at full order is that of a reduced model."""
+    two, both = {"full", "substructures"}, set()
+    for file in (PACKAGE / "stability").glob("*.py"):
+        if two <= {p[1] for p in imported(file) if p[0] == "stability"}:
+            both.add(file.name)
+    assert both == {"__init__.py", "damped_count.py"}
