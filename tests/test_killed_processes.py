@@ -104,6 +104,7 @@ def goes_on(out, study, unbroken):
         assert {row["status"] for row in csv.DictReader(file)} == {"ok"}
 
 
+@pytest.mark.slow
 def test_one_process_killed_amid_the_samples(whole, tmp_path):
     unbroken, _ = whole("reduced")
     job = Job(tmp_path / "out", "reduced")

@@ -232,7 +232,7 @@ def test_damped_samples_of_the_reduced_model_are_those_of_full_order(terms, comm
         np.testing.assert_allclose(s, t, rtol=2e-6)
         assert s.size >= 5
         data = np.load(folder / "reduced" / "samples" / f"multi-scale-{k:05d}.npz")
-        assert "companion matrix" in str(data["counted"])
+        assert "zeros of T(z)" in str(data["counted"])
         assert np.all(np.abs(s - t) <= data["error"] + 1e-6 * np.abs(t))
 
 
