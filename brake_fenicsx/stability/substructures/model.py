@@ -20,22 +20,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
 
-from ..eigensolvers.complex_columns import on_parts, times
 from ..eigensolvers.rows import damped_rows, undamped_rows
 from ..modes import Complex, Count, Modes
 from .component import Accuracy, AtPoint, Component, kept_modes, points_of
 from .contact import ContactLinearisation
+from .displacements import mode_displacements
 from .errors import ROUND_OFF, corrected, distances, stated_error
-from .moments import SIGMA, Complement, Rows, coupled
+from .moments import SIGMA, Rows, coupled
 from .parameters import CONSTANT, Parameters
-from .polynomials import Zeros, applied
-from .sample import Placed, Sample
+from .placed import Placed, originals_and_images, placed
+from .polynomials import Zeros
+from .sample import Sample
 from .static import static_compliance
 from .substructure import (
-    MirrorImage,
     Substructure,
-    mirror_image,
-    turned_across,
 )
 
 Array = NDArray[np.float64]
@@ -50,9 +48,6 @@ REACHED, GAIN = 1e-5, 12.0
 
 # Zeros are corrected up to this multiple of the band's end.
 SEARCHED = 1.25
-
-# Steps that refine displacements, and the change at which they stop.
-STEPS, SETTLED = 40, 1e-8
 
 COUNTED = "zeros of T(z), on modes of the bodies complete by inertia"
 
@@ -129,7 +124,7 @@ class ReducedModel:
         rows, omega = Rows(followed, damped), 2 * np.pi * band[1]
         reach = np.sqrt(POLES / parameters.softening) if cutoff is None else cutoff / band[1]
         accuracy = Accuracy(float(reach), _degrees(tolerance, damped))
-        originals, images = _images(substructures)
+        originals, images = originals_and_images(substructures)
         centre = parameters.coefficients(np.zeros(parameters.dimension))
         if known is None:
             modes = _shared_modes(originals, centre, omega, accuracy.cutoff, comm)
@@ -141,7 +136,7 @@ class ReducedModel:
             Component(body, pair, kept, rows, parameters, accuracy, omega, comm, advance)
             for body, pair, kept in zip(originals, modes, made, strict=True)
         ]
-        bodies = _placed(components, images)
+        bodies = placed(components, images)
         model = cls(bodies, np.asarray(w, float), band, rows, parameters, 0.0)
         model._check_convergence()
         model.seconds = time.perf_counter() - start
@@ -222,43 +217,14 @@ class ReducedModel:
 
         Returns:
             Shape (dofs, chosen).
+
+        Raises:
+            NotConverged: what the kept modes leave out does not settle.
         """
-        x, sample = np.asarray(p, float), self._sample(p, contact)
         scaled = s / self._omega
         z = scaled - self.rows.shift if self.rows.damped else SIGMA - scaled**2
-        y = applied(sample._Y, z, a)
-        for _ in range(STEPS):
-            rest = applied(sample.source, z, a) - applied(sample.E, z, y)
-            y = y + sample._solve(rest)
-            if np.linalg.norm(rest) <= SETTLED * np.linalg.norm(y):
-                break
-        force = sample.forces(z, y)
-        count, g = sample._count, len(self.rows.acting)
-        dofs = sum(b.dofs.size for b in self.bodies)
-        out = np.zeros((dofs, s.size), complex)
-        inverse: dict[int, tuple[Complement, list[sp.csr_matrix]]] = {}
-        for body, at in zip(self.bodies, sample.closed, strict=True):
-            comp = body.component
-            if id(comp) not in inverse:
-                P = comp.polynomial(x)
-                inverse[id(comp)] = Complement(P[0], comp.body.M, comp.W), P
-            complement, P = inverse[id(comp)]
-            I = sp.vstack([comp.body.interface[name] for name in self.rows.acting]).tocsr()
-            acting, there = at.rows(g, body.elements.size, count)
-            kept = times(comp.W, a[body.modes])
-            load = times(I[acting].T.tocsr(), force[there])
-            v = np.zeros_like(kept)
-            for _ in range(STEPS):
-                rhs = -load - np.sum([z**n * times(A, kept) for n, A in enumerate(P)], axis=0)
-                rhs -= np.sum([z**n * times(A, v) for n, A in enumerate(P) if n], axis=0)
-                new = on_parts(complement.solve, rhs)
-                change, v = np.linalg.norm(new - v), new
-                if change <= SETTLED * np.linalg.norm(kept):
-                    break
-            out[body.dofs] = body.signs[:, None] * (kept + v)
-        for complement, _ in inverse.values():
-            complement.factor.destroy()
-        return out
+        sample = self._sample(p, contact)
+        return mode_displacements(sample, np.asarray(p, float), self.rows, z, a)
 
     def coordinates(self, A: sp.csr_matrix, u: NDArray | None = None) -> NDArray:
         """U'A u of the kept modes U of all bodies, or U'A U.
@@ -390,41 +356,6 @@ def _degrees(tolerance: float, damped: bool) -> tuple[int, ...]:
     if damped:
         return tuple(max(1, top - (n + 3) // 4) for n in range(2 * top + 3))
     return tuple(max(1, top - (n + 1) // 2) for n in range(top + 2))
-
-
-def _images(
-    substructures: Sequence[Substructure],
-) -> tuple[list[Substructure], list[tuple[int, MirrorImage | None, Substructure]]]:
-    """Bodies that are reduced, and for each body its original and how it mirrors that."""
-    originals: list[Substructure] = []
-    out: list[tuple[int, MirrorImage | None, Substructure]] = []
-    for body in substructures:
-        for i, first in enumerate(originals):
-            image = mirror_image(first, body)
-            if image is not None:
-                out.append((i, image, body))
-                break
-        else:
-            out.append((len(originals), None, body))
-            originals.append(body)
-    other = [image.body.elements for _, image, _ in out if image is not None and image.across]
-    if other:
-        originals = [turned_across(body, np.concatenate(other)) for body in originals]
-    return originals, out
-
-
-def _placed(
-    components: list[Component], images: list[tuple[int, MirrorImage | None, Substructure]]
-) -> list[Placed]:
-    """The bodies of the brake, their kept modes one after the other."""
-    out, first = [], 0
-    for i, image, body in images:
-        modes = slice(first, first + components[i].W.shape[1])
-        first = modes.stop
-        signs = np.ones(body.dofs.size) if image is None else image.signs
-        own = body if image is None else image.body
-        out.append(Placed(components[i], own.elements, own.dofs, signs, modes))
-    return out
 
 
 def _shared_modes(

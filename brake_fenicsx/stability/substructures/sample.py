@@ -24,9 +24,10 @@ from numpy.typing import NDArray
 
 from ..eigensolvers.complex_columns import on_parts, times
 from ..modes import Complex
-from .component import AtPoint, Component
+from .component import AtPoint
 from .contact import ContactForces, ContactLinearisation
 from .moments import SIGMA, Rows
+from .placed import Placed
 from .polynomials import Zeros, applied, zeros
 
 Array = NDArray[np.float64]
@@ -41,25 +42,6 @@ TAIL = {False: 2, True: 4}
 # Steps of y <- y + E_0^-1 (source a - E y), and of the like for eta: the error of the quotient is
 # the product of theirs, and more steps change no digit that its truncation leaves.
 RIGHT_STEPS, LEFT_STEPS = 1, 1
-
-
-@dataclass(frozen=True, slots=True)
-class Placed:
-    """A reduced body in the brake: itself, or a mirror image of it.
-
-    Attributes:
-        component: the reduced body.
-        elements: its contact elements among all.
-        dofs: its free dofs among all.
-        signs: displacement over that of the reduced body, shape (dofs,).
-        modes: places of its kept modes among all.
-    """
-
-    component: Component
-    elements: Index
-    dofs: Index
-    signs: Array
-    modes: slice
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +93,11 @@ class Sample:
 
     Attributes:
         bodies: the bodies and where their closed elements are.
+        closed: closed contact elements of each body.
+        count: number of all of them.
         forces: J of the closed elements.
+        E: coefficients of E(z).
+        source: coefficients of source(z).
         T: coefficients of T(z).
     """
 
@@ -146,7 +132,7 @@ class Sample:
             here = np.flatnonzero(at[body.elements] >= 0)
             self.closed.append(Closed(here, at[body.elements[here]]))
         self.forces = ContactForces.of(contact, w, closed, rows, omega)
-        self._count = closed.size
+        self.count = closed.size
         self._assemble(contact, w, omega)
         top = TOP[rows.damped]
         self._lu = la.lu_factor(self.E[0], check_finite=False) if closed.size else None
@@ -166,7 +152,7 @@ class Sample:
 
     def _assemble(self, contact: ContactLinearisation, w: Array, omega: float) -> None:
         """E, source, forced and own of all bodies together."""
-        rows, c = self._rows, self._count
+        rows, c = self._rows, self.count
         f, g = len(rows.followed), len(rows.acting)
         any_coupled = any(b.component.coupled for b in self.bodies)
         count, extra = len(self.views[0].D), int(rows.followed != "N")
@@ -209,12 +195,12 @@ class Sample:
         """One step of the two-sided quotient with all moments, for some zeros."""
         z, a, b = found.z, found.right, found.left
         source, forced = applied(self.source, z, a), applied(self.forced, z, b, transpose=True)
-        y = applied(self._Y, z, a)
+        y = self.motions(z, a)
         for _ in range(RIGHT_STEPS):
-            y = y + self._solve(source - applied(self.E, z, y))
-        eta = self._solve(forced, 1)
+            y = y + self.solve(source - applied(self.E, z, y))
+        eta = self.solve(forced, 1)
         for _ in range(LEFT_STEPS):
-            eta = eta + self._solve(forced - applied(self.E, z, eta, transpose=True), 1)
+            eta = eta + self.solve(forced - applied(self.E, z, eta, transpose=True), 1)
         damped, terms = self._rows.damped, len(self.E)
         reach = min(body.component.reach for body in self.bodies)
         pole = np.hypot(reach, self._rows.shift) if damped else reach**2 + SIGMA
@@ -241,7 +227,7 @@ class Sample:
 
     def interpolation_errors(self, z: Complex, q: Quotient) -> Array:
         """Estimated errors of z that the interpolation of the moments makes, all bodies added."""
-        c, f, g = self._count, len(self._rows.followed), len(self._rows.acting)
+        c, f, g = self.count, len(self._rows.followed), len(self._rows.acting)
         total = np.zeros(z.size)
         for body, view, at in zip(self.bodies, self.views, self.closed, strict=True):
             m, modes = body.elements.size, np.arange(body.modes.start, body.modes.stop)
@@ -259,7 +245,11 @@ class Sample:
             total += largest
         return np.asarray(total / np.abs(q.slope))
 
-    def _solve(self, x: Complex, trans: int = 0) -> Complex:
+    def motions(self, z: Complex, a: Complex) -> Complex:
+        """E^-1 source a as far as it is expanded, shape (followed rows, zeros)."""
+        return applied(self._Y, z, a)
+
+    def solve(self, x: Complex, trans: int = 0) -> Complex:
         """E_0^-1 x, or its transpose."""
         return on_parts(lambda v: self._static(v, trans), x)
 

@@ -12,7 +12,7 @@ from brake_fenicsx.errors import InaccurateResult
 
 from .component import AtPoint
 from .moments import SIGMA, Rows
-from .sample import Placed
+from .placed import Placed
 
 Array = NDArray[np.float64]
 

@@ -1,0 +1,83 @@
+"""Displacements of modes of the reduced model, with all that the kept modes leave out."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from brake_fenicsx.errors import NotConverged
+
+from ..eigensolvers.complex_columns import on_parts, times
+from ..modes import Complex
+from .moments import Complement, Rows
+from .polynomials import applied
+from .sample import Sample
+
+# Steps at most, and the relative change at which they end; each gains the ratio of the band's end
+# to the nearest pole of what is left out, or more.
+STEPS, SETTLED = 60, 1e-8
+
+
+def mode_displacements(
+    sample: Sample, x: np.ndarray, rows: Rows, z: Complex, a: Complex
+) -> Complex:
+    """Displacements W a + v of the bodies, v from their matrices at full order.
+
+    Args:
+        sample: the reduced problem of the sample.
+        x: its point of the box, shape (d,).
+        rows: blocks of contact rows.
+        z: eigenvalues, in units of the model, shape (chosen,).
+        a: coordinates of the kept modes, shape (kept modes, chosen).
+
+    Returns:
+        Shape (dofs, chosen).
+
+    Raises:
+        NotConverged: v does not settle.
+    """
+    force = sample.forces(z, _motions(sample, z, a))
+    out = np.zeros((sum(b.dofs.size for b in sample.bodies), z.size), complex)
+    inverse: dict[int, tuple[Complement, list[sp.csr_matrix]]] = {}
+    try:
+        for body, at in zip(sample.bodies, sample.closed, strict=True):
+            component = body.component
+            if id(component) not in inverse:
+                P = component.polynomial(x)
+                inverse[id(component)] = Complement(P[0], component.body.M, component.W), P
+            I = sp.vstack([component.body.interface[name] for name in rows.acting]).tocsr()
+            acting, there = at.rows(len(rows.acting), body.elements.size, sample.count)
+            kept = times(component.W, a[body.modes])
+            load = times(I[acting].T.tocsr(), force[there])
+            v = _left_out(*inverse[id(component)], z, kept, load)
+            out[body.dofs] = body.signs[:, None] * (kept + v)
+    finally:
+        for complement, _ in inverse.values():
+            complement.factor.destroy()
+    return out
+
+
+def _motions(sample: Sample, z: Complex, a: Complex) -> Complex:
+    """Motions y that contact forces follow: E(z) y = source(z) a."""
+    y = sample.motions(z, a)
+    for _ in range(STEPS):
+        remainder = applied(sample.source, z, a) - applied(sample.E, z, y)
+        y = y + sample.solve(remainder)
+        if np.linalg.norm(remainder) <= SETTLED * np.linalg.norm(y):
+            return y
+    raise NotConverged("displacements of a mode: the motions at the contact do not settle")
+
+
+def _left_out(
+    complement: Complement, P: list[sp.csr_matrix], z: Complex, kept: Complex, load: Complex
+) -> Complex:
+    """V of S(z)^-1 v = -load - P(z) kept, by the inverse at the shift."""
+    v = np.zeros_like(kept)
+    for _ in range(STEPS):
+        rhs = -load - np.sum([z**n * times(A, kept) for n, A in enumerate(P)], axis=0)
+        rhs -= np.sum([z**n * times(A, v) for n, A in enumerate(P) if n], axis=0)
+        new = on_parts(complement.solve, rhs)
+        change, v = np.linalg.norm(new - v), new
+        if change <= SETTLED * np.linalg.norm(kept + v):
+            return v
+    raise NotConverged("displacements of a mode: what the kept modes leave out does not settle")
