@@ -72,7 +72,7 @@ def test_taken_from_the_cache(tmp_path):
 @pytest.mark.slow
 def test_too_strong_a_damping_goes_to_full_order_by_name(tmp_path):
     """Said in the log; solved all the same."""
-    strong = ["stability.damping={ loss=true, omega_ref='8 kHz' }", "materials.lining.loss=0.41"]
+    strong = ["stability.damping={ loss=true, omega_ref='8 kHz' }", "materials.lining.loss=0.8"]
     strong.append("stability.band=['0 Hz','20 kHz']")
     run(BLOCK, SELF, tmp_path, [*GIVEN, *strong, "stability.method=reduced"])
     log = (tmp_path / "log.txt").read_text()
