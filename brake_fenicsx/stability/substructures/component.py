@@ -107,7 +107,7 @@ class Component:
         """
         self.body, (self.W, self.kappa) = body, modes
         self._rows, self._omega, self._parameters = rows, omega, parameters
-        self._everywhere: AtPoint | None = None
+        self._constant: AtPoint | None = None
         W, self.coupled = self.W, coupled(body)
         # Poles of what is left out lie beyond r cutoff^2 in kappa.
         self.reach = accuracy.cutoff * np.sqrt(parameters.softening)
@@ -154,15 +154,15 @@ class Component:
     def at(self, x: Array) -> AtPoint:
         """The substructure at a point of the box, shape (d,); one and the same if none moves it."""
         own = x[self._own]
-        if not own.size and self._everywhere is not None:
-            return self._everywhere
+        if not own.size and self._constant is not None:
+            return self._constant
         D, step = self._interpolated(own)
         # One degree more gains about what it gains at the points that were checked.
         errors = [self._gain[:, None, None] * step, *self._checks] if self._own.size else []
         if (growth := self._box.growth(own)) > 1:
             errors = [growth * error for error in errors]
         found = AtPoint(self._modal(x), D, errors)
-        self._everywhere = None if own.size else found
+        self._constant = None if own.size else found
         return found
 
     def polynomial(self, x: Array) -> list[sp.csr_matrix]:
