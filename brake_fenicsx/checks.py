@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 PATCH_FACTOR = 2.0  # in area, between contact elements and the patches of their laws
 LONGEST_SCAN = 0.5  # m
+LEAST_PIXELS, MOST_PIXELS = 16, 2048  # along a side of a patch
 
 
 def check(scene: Scene, comm: MPI.Comm) -> SurfaceStatistics | None:
@@ -90,6 +91,25 @@ def with_patch(scene: Scene, mean_patch: float) -> Scene:
     return replace(scene, micro=replace(scene.micro, patch=float(f"{mean_patch:.6g}")))
 
 
+def with_pixels(scene: Scene, stats: SurfaceStatistics | None) -> Scene:
+    """A scene whose laws have a number of pixels, where it names what the scan resolves.
+
+    Raises:
+        SceneError: more pixels than a law can be computed for.
+    """
+    micro = scene.micro
+    if micro is None or stats is None or micro.pixels != "scan" or micro.patch == "mesh":
+        return scene
+    pixels = max(round(float(micro.patch) / stats.pixel), LEAST_PIXELS)
+    if pixels > MOST_PIXELS:
+        raise SceneError(
+            f'{scene.file}: micro.pixels = "scan": a patch of {1e3 * float(micro.patch):.3g} mm has'
+            f" {pixels} of the scan's pixels of {1e6 * stats.pixel:.3g} um along a side, more than"
+            f" {MOST_PIXELS}; write a number, or name surface.cutoff"
+        )
+    return replace(scene, micro=replace(micro, pixels=pixels))
+
+
 def read_surface(scene: Scene) -> SurfaceStatistics:
     """Scan to statistics: height distribution, power spectrum, bi-fractal fit."""
     from brake_fenicsx.surface import characterise, given_statistics, read_topography
@@ -99,14 +119,19 @@ def read_surface(scene: Scene) -> SurfaceStatistics:
         raise SceneError(f"{scene.file}: surface: the section is missing")
     if table.statistics is not None:
         t = table.statistics
-        return given_statistics(t.S_q, t.S_sk, t.S_ku, t.c1, t.c2, t.q_c)
+        shape = table.distribution or "johnson"
+        try:
+            return given_statistics(t.S_q, t.S_sk, t.S_ku, t.c1, t.c2, t.q_c, distribution=shape)
+        except BrakeError as error:
+            raise SceneError(f"{scene.file}: surface: {error}") from None
     size = None if table.size is None else (table.size[0], table.size[-1])
     try:
         scan = read_topography(
             scene.path(str(table.scan)), size, table.height_unit, rows=table.rows
         )
         _check_scan(scan)
-        return characterise(scan, table.level, cutoff=table.cutoff)
+        shape = table.distribution or "measured"
+        return characterise(scan, table.level, cutoff=table.cutoff, distribution=shape)
     except BrakeError as error:
         raise SceneError(f"{scene.file}: surface.scan = {table.scan!r}: {error}") from None
 

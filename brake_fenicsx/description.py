@@ -10,7 +10,7 @@ from typing import Any
 
 from mpi4py import MPI
 
-from brake_fenicsx.checks import check, remarks, warnings, with_patch
+from brake_fenicsx.checks import check, remarks, warnings, with_patch, with_pixels
 from brake_fenicsx.costs import Counts, cost_lines, count_solves, estimate
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.damping import active_terms
@@ -73,6 +73,7 @@ def describe(
         if damped := {term: None for name in samples for term in active_terms(parsed, name)}:
             lines.append(f"damping: {', '.join(damped)}")
         lines.append(f"friction: {listed(parsed)}")
+    parsed = with_pixels(parsed, stats)
     if parsed.micro and "micro" in parsed.stages:
         m = parsed.micro
         each, patch = " for each sample" if m.fresh else "", float(m.patch)

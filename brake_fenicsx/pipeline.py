@@ -20,7 +20,7 @@ from mpi4py import MPI
 import numpy as np
 
 from brake_fenicsx.cache import SharedCache, laws_key
-from brake_fenicsx.checks import check, remarks, warnings, with_patch
+from brake_fenicsx.checks import check, remarks, warnings, with_patch, with_pixels
 from brake_fenicsx.errors import BrakeError, SceneError
 from brake_fenicsx.lock import Lock
 from brake_fenicsx.log import Progress, logger, start_log
@@ -210,6 +210,7 @@ def compute(this: Run, stats: SurfaceStatistics | None) -> None:
     stages = this.scene.stages
     # First, since laws may be made for the mean contact element.
     brake = brake_stage(this) if "equilibrium" in stages else None
+    this.scene = with_pixels(this.scene, stats)
     if stats is not None:
         surface_stage(this, stats)
     library = micro_stage(this, stats) if "micro" in stages and stats else None
@@ -300,6 +301,7 @@ def surface_stage(this: Run, stats: SurfaceStatistics) -> None:
             "S_q %.2f um, S_sk %.3f, S_ku %.3f; slopes %.2f and %.2f, corner %.1f /mm",
             stats.S_q * 1e6, stats.S_sk, stats.S_ku, fit.c1, fit.c2, fit.q_c / 1e3,
         )  # fmt: skip
+        note_warnings(this, list(stats.warnings))
         if this.comm.rank == 0:
             from brake_fenicsx.report.inputs import surface_arrays
 
@@ -313,13 +315,25 @@ def law_recipe(scene: Scene, stats: SurfaceStatistics) -> Any:
         return None
     from brake_fenicsx.micro import LawRecipe, plane_strain_modulus
 
+    surface = scene.surface
+    if surface is None:
+        raise SceneError(f"{scene.file}: surface: the section is missing")
     E_star = plane_strain_modulus(micro.E, micro.nu)
-    low = scene.surface.low if scene.surface else "extend"
     return LawRecipe(
-        stats.bifractal, stats.hdf, E_star, (micro.pixels, micro.pixels),
-        (float(micro.patch),) * 2, low, micro.max_pressure * E_star, None, micro.steps,
-        micro.boundary, micro.bulk_compliance, micro.tolerance,
-    )  # fmt: skip
+        stats.bifractal,
+        stats.hdf,
+        E_star,
+        shape=(int(micro.pixels),) * 2,
+        size=(float(micro.patch),) * 2,
+        low=surface.low,
+        synthesis=surface.synthesis,
+        variance=surface.S_q,
+        max_pressure=micro.max_pressure * E_star,
+        steps=micro.steps,
+        boundary=micro.boundary,
+        bulk_compliance=micro.bulk_compliance,
+        tolerance=micro.tolerance,
+    )
 
 
 def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:

@@ -31,7 +31,9 @@ class LawRecipe:
         E_star: composite modulus [Pa].
         shape: pixels of a patch (nx, ny).
         size: lengths of a patch [m].
-        low: treatment of waves longer than the scan, ``"extend"`` or ``"flat"``.
+        low: treatment of waves longer than the scan, ``"flat"`` or ``"extend"``.
+        synthesis: ``"projection"``, ``"translation"`` or None: see ``synthesise``.
+        variance: ``"spectrum"`` or ``"scan"``: see ``synthesise``.
         max_pressure: mean pressure the law is computed to [Pa]; 0.1 E* if None.
         min_pressure: mean pressure of the first step [Pa]; 1e-6 E* if None.
         steps: steps of the law, see ``contact_law``.
@@ -45,7 +47,9 @@ class LawRecipe:
     E_star: float
     shape: tuple[int, int] = (128, 128)
     size: tuple[float, float] = (2.825e-3, 2.825e-3)
-    low: str = "extend"
+    low: str = "flat"
+    synthesis: str | None = None
+    variance: str = "spectrum"
     max_pressure: float | None = None
     min_pressure: float | None = None
     steps: int = 40
@@ -60,7 +64,9 @@ class LawRecipe:
         """
         child = np.random.SeedSequence(seed, spawn_key=(number,))
         rng = np.random.default_rng(child)
-        return synthesise(self.psd, self.hdf, self.shape, self.size, rng, self.low)
+        return synthesise(
+            self.psd, self.hdf, self.shape, self.size, rng, self.low, self.synthesis, self.variance
+        )
 
     def law(self, seed: int, number: int) -> tuple[Array, Array, Array]:
         """Steps of the law of that surface: d [m], p [Pa], k [Pa/m]."""
@@ -71,11 +77,11 @@ class LawRecipe:
 
     def settings(self) -> dict[str, Any]:
         """What the laws were made with, for the record on disk."""
-        names = ("E_star", "shape", "size", "low", "max_pressure", "min_pressure", "steps")
-        more = ("boundary", "bulk_compliance", "tolerance")
+        names = ("E_star", "shape", "size", "low", "synthesis", "variance", "max_pressure")
+        more = ("min_pressure", "steps", "boundary", "bulk_compliance", "tolerance")
         found: dict[str, Any] = {name: getattr(self, name) for name in (*names, *more)}
         found |= {name: getattr(self.psd, name) for name in ("c1", "c2", "q_c", "C0", "band")}
-        return found | {"S_q": self.hdf.S_q}
+        return found | {"S_q": self.hdf.S_q, "distribution": self.hdf.name}
 
 
 def law_library(recipe: LawRecipe, n: int, seed: int, processes: int = 1) -> LawLibrary:

@@ -76,14 +76,25 @@ def contact_maps(directory: Path) -> None:
         return
     from brake_fenicsx.micro import load_laws, solve_contact
     from brake_fenicsx.surface import BiFractal, match_moments, synthesise
+    from brake_fenicsx.surface.hdf import HeightDistribution, Measured
 
     how = load_laws(store.path("laws.npz")).settings
     numbers = json.loads(str(surface["stats"]))
     psd = BiFractal(how["c1"], how["c2"], how["q_c"], how["C0"], tuple(how["band"]))
-    hdf = match_moments(numbers["S_q"], numbers["S_sk"], numbers["S_ku"])
+    hdf: HeightDistribution
+    if how["distribution"] == "measured":
+        z = surface["heights"][np.isfinite(surface["heights"])]
+        hdf = Measured(np.sort(z - z.mean()))
+    else:
+        normal = how["distribution"] == "normal"
+        shape_of = (0.0, 3.0) if normal else (numbers["S_sk"], numbers["S_ku"])
+        hdf = match_moments(numbers["S_q"], *shape_of)
     size, E_star = tuple(how["size"]), how["E_star"]
     shape = (MAP_PIXELS, MAP_PIXELS)
-    topography = synthesise(psd, hdf, shape, size, np.random.default_rng(0), how["low"])
+    topography = synthesise(
+        psd, hdf, shape, size, np.random.default_rng(0), how["low"], how["synthesis"],
+        how["variance"],
+    )  # fmt: skip
     solved = [
         solve_contact(
             topography.heights, size, E_star, load=x * E_star * size[0] * size[1],

@@ -74,7 +74,7 @@ def _check_stages(s: Scene) -> None:
             )
     if s.micro and s.micro.patch == "mesh" and "equilibrium" not in s.stages:
         raise SceneError('micro.patch = "mesh": needs the stage equilibrium; write a length')
-    if s.micro and s.micro.pixels < 2:
+    if s.micro and s.micro.pixels != "scan" and s.micro.pixels < 2:
         raise SceneError(f"micro.pixels = {s.micro.pixels}: at least 2 are needed")
     if s.micro and not abs(s.micro.nu) < 1:
         raise SceneError(

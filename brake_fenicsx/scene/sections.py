@@ -65,7 +65,15 @@ class Surface:
         rows: what changes from one row of a table of heights to the next; "y" as in an image.
         statistics: numbers in place of a scan.
         cutoff: shortest wavelength the instrument resolves; two pixels if not given.
-        low: the spectrum below the scan's lowest wave number: extended, or held flat.
+        low: the spectrum below the scan's lowest wave number: held flat, or extended.
+        S_q: variance of the artificial surfaces: that of the scan's spectrum on a patch, or that of
+            the scan itself, to which the spectrum is then scaled (the paper's reading).
+        distribution: shape of their height distribution: the measured heights, Johnson's
+            distribution of the same four moments, or the normal one; measured for a scan and
+            johnson for statistics if not given.
+        synthesis: heights drawn independently and placed by rank, or a Gaussian field mapped to
+            the distribution; projection for measured heights and translation for others if not
+            given.
     """
 
     scan: str | None = key(default=None)
@@ -75,7 +83,10 @@ class Surface:
     statistics: Statistics | None = None
     rows: str = key(default="x", choices=("x", "y"))
     cutoff: float | None = key("m", default=None)
-    low: str = key(default="extend", choices=("extend", "flat"))
+    low: str = key(default="flat", choices=("flat", "extend"))
+    S_q: str = key(default="spectrum", choices=("spectrum", "scan"))
+    distribution: str | None = key(default=None, choices=("measured", "johnson", "normal"))
+    synthesis: str | None = key(default=None, choices=("projection", "translation"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +95,7 @@ class Micro:
 
     Attributes:
         patch: side of the square patch; "mesh": that of the mean contact element.
-        pixels: points along a side.
+        pixels: points along a side; "scan": as many as resolve what the scan measured reliably.
         boundary: half-space without neighbours, or periodic.
         laws: number of laws in the library; "per-sample": each sample makes its own afresh.
         laws_per_sample: how many it makes then.
@@ -99,7 +110,7 @@ class Micro:
     """
 
     patch: Literal["mesh"] | float = key("m", default=2.825e-3, band=(1e-5, 0.05))
-    pixels: int = key(default=128)
+    pixels: int | Literal["scan"] = key(default="scan")
     boundary: str = key(default="free", choices=("free", "periodic"))
     laws: int | Literal["per-sample"] = key(default=100)
     laws_per_sample: int = key(default=20)

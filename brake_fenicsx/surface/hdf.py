@@ -27,6 +27,10 @@ class HeightDistribution(Protocol):
     """P(z) of the heights about their mean plane."""
 
     @property
+    def name(self) -> str:
+        """``"measured"``, ``"johnson"`` or ``"normal"``."""
+
+    @property
     def S_q(self) -> float:
         """Root-mean-square height [m]."""
 
@@ -38,6 +42,9 @@ class HeightDistribution(Protocol):
 
     def sample(self, n: int, rng: np.random.Generator) -> Array:
         """Draw ``n`` independent heights [m]."""
+
+    def ordered_sample(self, n: int, rng: np.random.Generator) -> Array:
+        """Draw ``n`` independent heights [m] in ascending order."""
 
 
 NEAR = 5e-3  # distance kept from the kurtosis of the lognormal distribution
@@ -67,6 +74,11 @@ class Johnson:
     xi: float
     lam: float
 
+    @property
+    def name(self) -> str:
+        """``"johnson"`` or ``"normal"``."""
+        return self.family.partition("-")[0]
+
     def _height(self, x: Array) -> Array:
         """Height [m] of the normal variate x."""
         y = (x - self.gamma) / self.delta
@@ -79,6 +91,10 @@ class Johnson:
     def sample(self, n: int, rng: np.random.Generator) -> Array:
         """Draw ``n`` independent heights [m]."""
         return self._height(rng.standard_normal(n))
+
+    def ordered_sample(self, n: int, rng: np.random.Generator) -> Array:
+        """Draw ``n`` independent heights [m] in ascending order."""
+        return np.sort(self.sample(n, rng))
 
     def cdf(self, z: Array) -> Array:
         """Share of the surface below height ``z`` [m]."""
@@ -116,7 +132,7 @@ _SHAPES = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Measured:
     """The measured heights themselves, between them straight lines of the quantile function.
 
@@ -125,6 +141,7 @@ class Measured:
     """
 
     sorted_heights: Array
+    name: str = "measured"
 
     @property
     def S_q(self) -> float:
@@ -139,6 +156,14 @@ class Measured:
     def sample(self, n: int, rng: np.random.Generator) -> Array:
         """Draw ``n`` independent heights [m]."""
         return self.ppf(rng.random(n))
+
+    def ordered_sample(self, n: int, rng: np.random.Generator) -> Array:
+        """Draw ``n`` independent heights [m] in ascending order.
+
+        Ordered uniform numbers are sums of exponential ones over their total: nothing is sorted.
+        """
+        sums = np.cumsum(rng.standard_exponential(n + 1))
+        return self.ppf(sums[:-1] / sums[-1])
 
     def pdf(self, z: Array) -> Array:
         """Probability density [1/m] at heights ``z`` [m], by a kernel density estimate."""

@@ -82,6 +82,12 @@ class BiFractal:
         C = self.C0 * np.where(x < 1.0, x**self.c1, x**self.c2)
         return np.where(q > 0.0, C, 0.0)
 
+    @property
+    def convex(self) -> bool:
+        """Whether the spectrum falls more slowly above the corner, beyond its standard errors."""
+        doubt = np.nan_to_num(np.hypot(self.errors[0], self.errors[1]))
+        return bool(self.c2 - self.c1 > 2.0 * doubt)
+
     def variance(self, lo: float, hi: float) -> float:
         """Variance [m^2] of the wave numbers between ``lo`` and ``hi`` [rad/m]."""
         total = 0.0

@@ -26,6 +26,7 @@ from brake_fenicsx.surface.psd import (
 from brake_fenicsx.surface.topography import Array, Topography, form, outliers
 
 # The paper's scan: 256 pixels over 1.8 mm; the band of statistics that come without a scan.
+DISTRIBUTIONS = ("measured", "johnson", "normal")
 PAPER_BAND = (2.0 * np.pi / 1.8e-3, np.pi * 256 / 1.8e-3)
 
 
@@ -72,6 +73,24 @@ class SurfaceStatistics:
     outliers: int = 0
 
     @property
+    def pixel(self) -> float:
+        """Half of the shortest wave length of the reliable band [m]: what was measured."""
+        band = self.bifractal.band if self.psd is None else self.psd.band
+        return float(np.pi / band[1])
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What is doubtful about the statistics, one line each."""
+        fit = self.bifractal
+        if not fit.convex:
+            return ()
+        return (
+            f"the spectrum falls more slowly beyond {fit.q_c:.3g} rad/m (slope {fit.c2:.2f} after"
+            f" {fit.c1:.2f}): that is usually the instrument's noise; cut there with"
+            f" surface.cutoff = \"{2e6 * np.pi / fit.q_c:.3g} um\"",
+        )
+
+    @property
     def heights(self) -> Array:
         """Levelled valid heights about the mean plane [m], shape (n,)."""
         if self.topography is None:
@@ -85,7 +104,7 @@ def characterise(
     outlier_rule: str = "spike",
     threshold: float = 6.0,
     cutoff: float | None = None,
-    distribution: str = "johnson",
+    distribution: str = "measured",
 ) -> SurfaceStatistics:
     """Level a scan, clean it, and take its moments, height distribution and spectrum.
 
@@ -96,13 +115,16 @@ def characterise(
         outlier_rule: ``"spike"``, ``"mad"`` or ``"none"``; see ``topography.outliers``.
         threshold: robust standard deviations beyond which a point is an outlier [-].
         cutoff: shortest wave length the instrument resolves [m].
-        distribution: ``hdf`` is ``"johnson"`` (matched to the four moments) or ``"measured"``.
+        distribution: ``hdf`` is ``"measured"`` (the heights themselves), ``"johnson"`` (matched to
+            the four moments) or ``"normal"``.
 
     Raises:
         SurfaceError: a flat scan, or too few valid points.
     """
-    if distribution not in ("johnson", "measured"):
-        raise SurfaceError(f"distribution = {distribution!r}; choose 'johnson' or 'measured'")
+    if distribution not in DISTRIBUTIONS:
+        raise SurfaceError(
+            f"distribution = {distribution!r}; choose one of {', '.join(DISTRIBUTIONS)}"
+        )
     level = "mean" if topo.periodic and level != "none" else level  # it cannot have a tilt
     levelled, marked = _clean(topo, level, outlier_rule, threshold)
     h = levelled.heights[levelled.valid]
@@ -114,8 +136,11 @@ def characterise(
     psd = radial_psd(levelled, cutoff)
     others = sub_psds(levelled, cutoff)
     strength, direction = anisotropy(levelled, psd.band)
-    measured = distribution == "measured"
-    hdf = Measured(np.sort(h - mean)) if measured else match_moments(S_q, S_sk, S_ku)
+    hdf: HeightDistribution = (
+        Measured(np.sort(h - mean))
+        if distribution == "measured"
+        else _matched(S_q, S_sk, S_ku, distribution)
+    )
     return SurfaceStatistics(
         zero, zero + float(np.median(h)) - mean, S_q, S_sk, S_ku, _moment_errors(levelled), hdf,
         fit_bifractal(psd), psd, others, psd_spread(psd, others), strength, direction,
@@ -132,6 +157,7 @@ def given_statistics(
     q_c: float = 30e3,
     mean: float = 0.0,
     band: tuple[float, float] = PAPER_BAND,
+    distribution: str = "johnson",
 ) -> SurfaceStatistics:
     """Statistics from numbers alone; the defaults are the paper's slopes and our corner.
 
@@ -145,8 +171,14 @@ def given_statistics(
         mean: mean height over the instrument's zero [m].
         band: wave numbers of the scan behind the numbers (lo, hi) [rad/m]; C0 follows from S_q
             over this band, and ``low = "flat"`` holds the PSD below it.
+        distribution: ``"johnson"`` or ``"normal"``.
     """
-    hdf: Johnson = match_moments(S_q, S_sk, S_ku)
+    if distribution not in ("johnson", "normal"):
+        raise SurfaceError(
+            f"distribution = {distribution!r}: numbers hold no measured heights; choose 'johnson'"
+            " or 'normal', or name a scan"
+        )
+    hdf = _matched(S_q, S_sk, S_ku, distribution)
     if not (q_c > 0.0 and 0.0 < band[0] < band[1]):
         raise SurfaceError(f"q_c = {q_c} rad/m, band = {band} rad/m: give positive wave numbers")
     if not (c1 <= 0.0 and c2 < 0.0):
@@ -155,6 +187,11 @@ def given_statistics(
     bifractal = BiFractal(c1, c2, q_c, S_q**2 / unit.variance(*band), band)
     nan = float("nan")
     return SurfaceStatistics(mean, mean, S_q, S_sk, S_ku, (nan, nan, nan, nan), hdf, bifractal)
+
+
+def _matched(S_q: float, S_sk: float, S_ku: float, distribution: str) -> Johnson:
+    """Johnson's distribution of the four moments, or the normal one of the first two."""
+    return match_moments(S_q) if distribution == "normal" else match_moments(S_q, S_sk, S_ku)
 
 
 def _clean(topo: Topography, level: str, rule: str, threshold: float) -> tuple[Topography, int]:

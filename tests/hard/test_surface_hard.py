@@ -134,7 +134,7 @@ def test_heights_of_statistics_without_a_scan():
 
 
 @pytest.mark.parametrize(
-    "setting", [{"level": "cubic"}, {"outlier_rule": "sigma"}, {"distribution": "normal"}]
+    "setting", [{"level": "cubic"}, {"outlier_rule": "sigma"}, {"distribution": "uniform"}]
 )
 def test_unknown_settings_are_named(setting):
     """A misspelt setting: named error with the choices."""

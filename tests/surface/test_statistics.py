@@ -22,7 +22,9 @@ def test_scan_with_tilt_noise_and_holes():
     """Everything an instrument adds is taken off or counted, and the statistics return."""
     rng = np.random.default_rng(1)
     size = (5.65e-3, 5.65e-3)
-    clean = synthesise(PAPER.bifractal, PAPER.hdf, (256, 256), size, rng).heights
+    clean = synthesise(
+        PAPER.bifractal, PAPER.hdf, (256, 256), size, rng, "extend", "projection", "scan", 4e-3
+    ).heights
     h = clean + 7e-6 + 3e-3 * np.linspace(-1, 1, 256)[:, None] * 2e-3
     h += rng.normal(0.0, 20e-9, h.shape)
     h[10:14, 200:205] = np.nan

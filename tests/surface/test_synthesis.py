@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.errors import SurfaceError
-from brake_fenicsx.surface import given_statistics, synthesise
+from brake_fenicsx.surface import characterise, given_statistics, radial_psd, synthesise
 from brake_fenicsx.surface.hdf import Measured, moments
 from brake_fenicsx.surface.psd import half_plane_weights, psd_2d, wave_numbers
 
@@ -12,9 +12,12 @@ PAPER = given_statistics(33.1e-6, -0.2410, 3.6549)
 SIZE = (2.825e-3, 2.825e-3)
 
 
+PROJECTION = {"method": "projection", "tolerance": 4e-3, "low": "extend"}
+
+
 def make(seed=0, n=128, stats=PAPER, size=SIZE, **settings):
     rng = np.random.default_rng(seed)
-    return synthesise(stats.bifractal, stats.hdf, (n, n), size, rng, **settings)
+    return synthesise(stats.bifractal, stats.hdf, (n, n), size, rng, **(PROJECTION | settings))
 
 
 def radial_error(topo, psd):
@@ -39,7 +42,7 @@ def test_spectrum_within_half_a_percent(seed):
 
 def test_heights_are_those_drawn():
     """The surface is a permutation of the sample of its own generator: all moments exact."""
-    topo = make(5)
+    topo = make(5, variance="scan")
     drawn = PAPER.hdf.sample(128 * 128, np.random.default_rng(5))
     np.testing.assert_allclose(
         np.sort(topo.heights, axis=None), np.sort(drawn - drawn.mean()), atol=1e-18
@@ -74,7 +77,7 @@ def test_larger_grids(n):
 
 def test_grids_that_are_not_square():
     topo = synthesise(
-        PAPER.bifractal, PAPER.hdf, (96, 63), (3e-3, 1.7e-3), np.random.default_rng(0)
+        PAPER.bifractal, PAPER.hdf, (96, 63), (3e-3, 1.7e-3), np.random.default_rng(0), **PROJECTION
     )
     assert topo.shape == (96, 63) and topo.periodic
     assert topo.record.psd_error < 0.02
@@ -85,10 +88,50 @@ def test_patch_longer_than_the_scan():
     extend, flat = make(0, low="extend"), make(0, low="flat")
     assert 0.2 < extend.record.low_share < 0.35
     assert flat.record.low_share < 0.7 * extend.record.low_share
-    for topo in (extend, flat):
-        assert topo.heights.std() == pytest.approx(33.1e-6, rel=0.03)
-    # C0 of the extended spectrum shrinks so that the heights keep their variance.
-    assert extend.record.C0_scale < flat.record.C0_scale
+    assert extend.heights.std() > flat.heights.std() > 33.1e-6
+
+
+@pytest.mark.parametrize("low", ["flat", "extend"])
+def test_variance_follows_from_the_spectrum(low):
+    """The variance is the sum of the density over the grid's wave vectors; nothing is rescaled."""
+    topo = make(1, low=low)
+    C = PAPER.bifractal(wave_numbers((128, 128), np.array(SIZE)), low)
+    weights = half_plane_weights((128, 128))
+    S_q = 2 * np.pi * np.sqrt(np.sum(weights * C) / np.prod(SIZE))
+    assert topo.heights.std() == pytest.approx(S_q, rel=1e-9)
+    assert topo.record.C0_scale == pytest.approx(1.0)
+    moved = moments(topo.heights.ravel())
+    drawn = PAPER.hdf.sample(128 * 128, np.random.default_rng(1))
+    np.testing.assert_allclose(moved[2:], moments(drawn)[2:], rtol=1e-9)
+
+
+@pytest.mark.parametrize("method", ["projection", "translation"])
+def test_spectrum_in_the_measured_band_is_the_scans(method):
+    """A patch twice as long as the scan: the same density in the band, in the mean of surfaces."""
+    scan = make(3, 256, size=(1.8e-3, 1.8e-3), variance="scan")
+    stats = characterise(scan)
+    assert isinstance(stats.hdf, Measured)
+    found = [
+        radial_psd(
+            synthesise(
+                stats.bifractal, stats.hdf, (256, 256), (3.6e-3, 3.6e-3),
+                np.random.default_rng(seed), method=method,
+            )
+        )
+        for seed in range(12)
+    ]  # fmt: skip
+    q, C = found[0].q, np.mean([f.C for f in found], axis=0)
+    inside = (q > stats.psd.band[0]) & (q < 0.9 * found[0].band[1])
+    own = np.interp(np.log(q[inside]), np.log(stats.psd.q), np.log(stats.psd.C))
+    assert abs(np.mean(np.log(C[inside]) - own)) < 0.08
+
+
+def test_the_sources_reading_lies_below_the_scan():
+    """Variance of the scan forced on a longer patch: the spectrum falls below that of the scan."""
+    topo = make(0, low="extend", variance="scan")
+    assert topo.heights.std() == pytest.approx(33.1e-6, rel=0.03)
+    assert 0.6 < topo.record.C0_scale < 0.8
+    assert topo.record.C0_scale < make(0, low="flat", variance="scan").record.C0_scale
 
 
 def test_measured_heights_can_be_imposed():
@@ -104,7 +147,7 @@ def test_heights_that_contradict_the_spectrum_are_reported():
     """Two plateaus have steps between them; no such surface has slopes of -4.5."""
     rng = np.random.default_rng(0)
     z = np.sort(np.concatenate([rng.normal(-1, 0.1, 3000), rng.normal(2, 0.1, 1500)])) * 1e-6
-    topo = synthesise(PAPER.bifractal, Measured(z - z.mean()), (64, 64), SIZE, rng)
+    topo = synthesise(PAPER.bifractal, Measured(z - z.mean()), (64, 64), SIZE, rng, low="extend")
     assert topo.record.psd_error > 0.1
     assert len(topo.warnings) == 1 and "PSD missed" in topo.warnings[0]
 
@@ -112,7 +155,7 @@ def test_heights_that_contradict_the_spectrum_are_reported():
 def test_waves_the_scan_never_saw_are_named():
     """A steep spectrum extended below the scan is nearly all extrapolation: said, not hidden."""
     steep = given_statistics(1e-6, c1=-3.6, c2=-4.0, band=(5.2e3, 4e5))
-    topo = make(0, 64, steep)
+    topo = make(0, 64, steep, low="extend")
     assert topo.record.low_share > 0.5
     assert len(topo.warnings) == 1 and "longer than the scan" in topo.warnings[0]
     flat = make(0, 64, steep, low="flat")
@@ -121,8 +164,9 @@ def test_waves_the_scan_never_saw_are_named():
 
 def test_any_function_of_q_is_a_spectrum():
     topo = synthesise(
-        lambda q: np.exp(-((q / 3e4) ** 2)), PAPER.hdf, (64, 64), SIZE, np.random.default_rng(0)
-    )
+        lambda q: np.exp(-((q / 3e4) ** 2)), PAPER.hdf, (64, 64), SIZE, np.random.default_rng(0),
+        method="projection",
+    )  # fmt: skip
     assert topo.record.psd_error < 0.05
 
 
@@ -133,6 +177,8 @@ def test_any_function_of_q_is_a_spectrum():
         {"shape": (8, 8), "size": (0.0, 1.0)},
         {"shape": (8, 8), "size": SIZE, "psd": lambda q: 0.0 * q},
         {"shape": (8, 8), "size": SIZE, "low": "cut"},
+        {"shape": (8, 8), "size": SIZE, "method": "stones"},
+        {"shape": (8, 8), "size": SIZE, "variance": "any"},
     ],
 )
 def test_what_cannot_be_made(arguments):
