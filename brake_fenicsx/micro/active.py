@@ -1,8 +1,9 @@
 """Active-set solver of the contact program: exact, right for a few hundred touching pixels.
 
 Block pivoting on the set of touching pixels: all pixels under tension leave, all that penetrate
-enter, the touching ones are solved with a dense Cholesky factor. Where the blocks do not settle,
-single pivots follow, which cannot cycle.
+enter, those above the hardness are held there, held ones that open are let go; the elastic ones
+are solved with a dense Cholesky factor. Where the blocks do not settle, single pivots follow, and
+after a given number of sets the solver gives up, so that it always ends.
 
 References: A. Bemporad, M. Paggi, Int. J. Solids Struct. 69-70 (2015) 421,
 doi:10.1016/j.ijsolstr.2015.06.005 (active sets for rough contact); J. J. Judice, F. M. Pires,
@@ -17,7 +18,8 @@ from typing import Protocol
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 
-from brake_fenicsx.micro.halfspace import Array, HalfSpace, Index
+from brake_fenicsx.errors import NotConverged
+from brake_fenicsx.micro.halfspace import Array, HalfSpace, Index, Mask
 
 ROUND_OFF = 1e-13  # penetrations below this share of the overlap are rounding errors
 
@@ -90,11 +92,12 @@ class Touching:
     """Solution on the touching pixels.
 
     Attributes:
-        points: the touching pixels, among ``Pixels``.
+        points: the touching pixels, among ``Pixels``; those at the hardness come last.
         pressure: pressures over E* [-], shape of ``points``.
-        unit: their answer to a unit approach, -dp/dd [1/m].
+        unit: their answer to a unit approach, -dp/dd [1/m]; zero at the hardness.
         gap: gap of all ``Pixels`` [m].
         d: separation [m].
+        plastic: how many of the points are held at the hardness.
         iterations: sets tried.
     """
 
@@ -103,6 +106,7 @@ class Touching:
     unit: Array
     gap: Array
     d: float
+    plastic: int
     iterations: int
 
 
@@ -113,6 +117,8 @@ def active_set(
     start: Index,
     most: int | None = None,
     max_iterations: int = 60,
+    cap: float = np.inf,
+    held: Index | None = None,
 ) -> Touching | None:
     """Solve the contact at a given separation or a given load.
 
@@ -121,51 +127,97 @@ def active_set(
         d: separation [m], or None for a given load.
         total: sum of the pressures over E* [-], or None for a given separation.
         start: pixels to start from, at least one.
-        most: give up when more pixels than these touch; None for no limit.
+        most: give up when more pixels than these touch elastically; None for no limit.
         max_iterations: sets tried at most.
+        cap: hardness over E* [-]; infinite for an elastic surface.
+        held: those of ``start`` that start at the hardness; None for none.
 
     Returns:
         The solution, exact to round-off; None if the pivoting does not settle or gives up.
     """
     height = pixels.height
-    touching = np.zeros(height.size, dtype=bool)
+    touching, plastic = np.zeros(height.size, dtype=bool), np.zeros(height.size, dtype=bool)
     touching[start] = True
+    if held is not None:
+        touching[held], plastic[held] = False, True
+    most = pixels.most if most is None else min(most, pixels.most)
+    if total is not None and total >= cap * height.size:
+        return None
+    least = ROUND_OFF * cap if np.isfinite(cap) else 0.0
     fewest, patience = height.size + 1, 3
     for iteration in range(1, max_iterations + 1):
-        points = np.flatnonzero(touching)
-        if points.size > (pixels.most if most is None else min(most, pixels.most)):
+        if total is not None and not touching.any():
+            _one_elastic(height, touching, plastic, total > cap * np.count_nonzero(plastic))
+        points, top = np.flatnonzero(touching), np.flatnonzero(plastic)
+        if points.size > most:
             return None
-        x = _dense_solve(pixels, points)
+        push = np.full(top.size, cap)
+        overlap = -pixels.gap(top, push, 0.0) if top.size else height
+        x = _dense_solve(pixels, points, overlap[points])
         if x is None:
             return None
-        at = (float(x[0].sum()) - total) / float(x[1].sum()) if total is not None else d
-        assert at is not None
+        if total is not None:
+            at = (float(x[0].sum()) + float(push.sum()) - total) / float(x[1].sum())
+        else:
+            assert d is not None
+            at = d
         pressure = x[0] - at * x[1]
-        gap = pixels.gap(points, pressure, at)
-        overlap = max(float(height.max()) - at, 0.0)
-        leaving = points[pressure < 0.0]
-        entering = np.flatnonzero((gap < -ROUND_OFF * overlap) & ~touching)
-        wrong = leaving.size + entering.size
+        every, pushed = points, pressure
+        if top.size:
+            every, pushed = np.concatenate([points, top]), np.concatenate([pressure, push])
+        gap = pixels.gap(every, pushed, at)
+        tiny = ROUND_OFF * max(float(height.max()) - at, 0.0)
+        # A load of so many pixels at the hardness leaves one at a bound, but for rounding errors.
+        opening, yielding = points[pressure < -least], points[pressure > cap + least]
+        entering = np.flatnonzero((gap < -tiny) & ~touching & ~plastic)
+        released = top[gap[top] > tiny]
+        moved = [opening, yielding, entering, released]
+        wrong = sum(m.size for m in moved)
         if wrong == 0:
-            return Touching(points, pressure, x[1], gap, at, iteration)
+            unit = np.concatenate([x[1], np.zeros(top.size)]) if top.size else x[1]
+            return Touching(every, _clipped(pushed, cap), unit, gap, at, top.size, iteration)
         if wrong < fewest:
             fewest, patience = wrong, 3
         elif patience > 0:
             patience -= 1
         else:
-            last = max(leaving.max(initial=-1), entering.max(initial=-1))
-            leaving, entering = leaving[leaving == last], entering[entering == last]
-        touching[leaving] = False
-        touching[entering] = True
-        if not touching.any():
+            last = max(m.max(initial=-1) for m in moved)
+            opening, yielding, entering, released = (m[m == last] for m in moved)
+        touching[opening] = touching[yielding] = plastic[released] = False
+        touching[entering] = touching[released] = plastic[yielding] = True
+        if not (touching.any() or plastic.any()):
             return None
     return None
 
 
-def _dense_solve(pixels: Pixels, points: Index) -> Array | None:
-    """Pressures that displace the points by their heights, and by one; shape (2, n)."""
+def elastic_answer(pixels: Pixels, points: Index) -> float:
+    """Sum of the pressures over E* [1/m] that displace the touching pixels by one, all elastic."""
+    x = _dense_solve(pixels, points, pixels.height[points])
+    if x is None:
+        raise NotConverged("stiffness of the touching pixels: their influence is singular")
+    return float(x[1].sum())
+
+
+def _clipped(pressure: Array, cap: float) -> Array:
+    """Pressures without rounding errors beyond the bounds."""
+    return np.clip(pressure, 0.0, cap) if np.isfinite(cap) else pressure
+
+
+def _one_elastic(height: Array, touching: Mask, plastic: Mask, more: bool) -> None:
+    """A given load needs a pixel that can give way: the next one to touch, or to be let go."""
+    if more:
+        touching[np.argmax(np.where(plastic, -np.inf, height))] = True
+    else:
+        lowest = np.argmin(np.where(plastic, height, np.inf))
+        touching[lowest], plastic[lowest] = True, False
+
+
+def _dense_solve(pixels: Pixels, points: Index, overlap: Array) -> Array | None:
+    """Pressures that displace the points by their overlaps [m], and by one; shape (2, n)."""
+    if points.size == 0:
+        return np.empty((2, 0))
     rhs = np.empty((points.size, 2), order="F")
-    rhs[:, 0], rhs[:, 1] = pixels.height[points], 1.0
+    rhs[:, 0], rhs[:, 1] = overlap, 1.0
     try:
         factor = cho_factor(pixels.influence(points).T, overwrite_a=True, check_finite=False)
     except LinAlgError:

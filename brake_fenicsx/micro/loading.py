@@ -2,6 +2,9 @@
 
 Separations are those of the plane from the surface's undeformed mean plane. With a free boundary
 they contain the sinking of the whole half-space; only ``law.contact_law`` corrects for it.
+
+With a hardness the pressure of a pixel goes no further: it yields, and what the plane then overlaps
+of it is plastic penetration (perfect plasticity of each pixel; the loading only rises).
 """
 
 from __future__ import annotations
@@ -12,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from brake_fenicsx.errors import NotConverged, SceneError, SurfaceError
-from brake_fenicsx.micro.active import AllPixels, HighPixels, Touching, active_set
+from brake_fenicsx.micro.active import AllPixels, HighPixels, Pixels, active_set
 from brake_fenicsx.micro.halfspace import Array, HalfSpace, half_space
 from brake_fenicsx.micro.qp import State, certify, projected_cg
 
@@ -26,18 +29,21 @@ class ContactSolution:
 
     Attributes:
         pressure: contact pressure [Pa], shape (nx, ny).
-        gap: distance of the deformed surface from the plane [m], shape (nx, ny).
+        gap: distance of the deformed surface from the plane [m], shape (nx, ny); negative where
+            the surface yields: the plastic penetration.
         separation: plane over the undeformed mean plane of the surface [m].
         load: resultant [N].
         mean_pressure: load over the area of the patch [Pa].
         area_fraction: share of the pixels that touch [-].
         residual: duality gap over the work of the pressures [-].
-        penetration: largest overlap left [m].
-        complementarity: pressure times gap over the work [-].
+        penetration: largest overlap left where the surface does not yield [m].
+        complementarity: pressure, or what lacks to the hardness, times gap, over the work [-].
         solver: ``"active-set"``, ``"pcg"`` or ``"none"`` where nothing touches.
         iterations: of the solver.
         seconds: wall-clock time [s].
         rms_slope: of the undeformed surface; beyond 1 small strains no longer hold [-].
+        plastic_fraction: share of the pixels at the hardness [-].
+        plastic_depth: largest plastic penetration [m].
     """
 
     pressure: Array
@@ -53,6 +59,8 @@ class ContactSolution:
     iterations: int
     seconds: float
     rms_slope: float
+    plastic_fraction: float
+    plastic_depth: float
 
 
 def solve_contact(
@@ -66,6 +74,7 @@ def solve_contact(
     solver: str = "auto",
     start: Array | None = None,
     max_iterations: int = 2000,
+    hardness: float | None = None,
 ) -> ContactSolution:
     """Press a rigid plane on a rough elastic half-space.
 
@@ -80,9 +89,10 @@ def solve_contact(
         solver: ``"auto"``, ``"active-set"`` or ``"pcg"``.
         start: pressure to start from [Pa], shape (nx, ny).
         max_iterations: of the conjugate gradients.
+        hardness: pressure at which a pixel yields [Pa]; None for an elastic surface.
 
     Raises:
-        SceneError: an argument without meaning.
+        SceneError: an argument without meaning, or a load that the hardness cannot carry.
         SurfaceError: missing or infinite heights.
         NotConverged: the certificate stays above ``tol``.
     """
@@ -103,13 +113,16 @@ def solve_contact(
     space = half_space(h.shape, (float(pixel[0]), float(pixel[1])), boundary)
     area = float(np.prod(pixel))
     total = None if load is None else load / (E_star * area)
+    cap = _cap(hardness, E_star, load, area * h.size)
     guess = None if start is None else np.where(np.isfinite(start), start, 0.0) / E_star
-    state, name = solve(space, h, separation, total, guess, tol, solver, max_iterations)
+    state, name = solve(space, h, separation, total, guess, tol, solver, max_iterations, cap)
     found = float(state.p.sum())
+    plastic = state.p >= cap
     return ContactSolution(
         state.p * E_star, state.w, state.d, found * E_star * area, found * E_star / h.size,
         float(np.mean(state.p > 0.0)), state.gap, state.penetration, state.complementarity,
         name, state.iterations, time.perf_counter() - began, rms_slope(h, pixel),
+        float(np.mean(plastic)), max(0.0, -float(state.w.min(initial=0.0, where=plastic))),
     )  # fmt: skip
 
 
@@ -122,6 +135,7 @@ def solve(
     tolerance: float,
     solver: str = "auto",
     max_iterations: int = 2000,
+    cap: float = np.inf,
 ) -> tuple[State, str]:
     """Choose a solver by the number of touching pixels and run it.
 
@@ -134,6 +148,7 @@ def solve(
         tolerance: of the certificate [-].
         solver: ``"auto"``, ``"active-set"`` or ``"pcg"``.
         max_iterations: of the conjugate gradients.
+        cap: hardness over E* [-]; infinite for an elastic surface.
 
     Returns:
         The solution and the name of the solver.
@@ -144,20 +159,20 @@ def solve(
         return State(np.zeros_like(h), at - h, at, 0.0, 0.0, 0.0, 0), "none"
     if total is not None and space.boundary == "periodic":
         closed = _closed(space, h, total)
-        if closed is not None:
+        if closed is not None and closed.p.max() <= cap:
             return closed, "none"
     if guess is None or not (guess > 0.0).any():
-        guess = _first_guess(space, h, d, total)
+        guess = first_guess(space, h, d, total, cap)
     few = np.count_nonzero(guess) <= DENSE
     if solver == "active-set" or (solver == "auto" and few):
         state = _by_active_set(
-            space, h, d, total, guess, None if solver == "active-set" else 2 * DENSE
+            space, h, d, total, guess, None if solver == "active-set" else 2 * DENSE, cap
         )
         if state is not None and state.gap <= tolerance:
             return state, "active-set"
         if solver == "active-set":
             raise NotConverged("active set: the pivoting does not settle; use solver = 'pcg'")
-    return projected_cg(space, h, d, total, guess, tolerance, max_iterations), "pcg"
+    return projected_cg(space, h, d, total, guess, tolerance, max_iterations, cap), "pcg"
 
 
 def rms_slope(h: Array, pixel: Array) -> float:
@@ -190,45 +205,54 @@ def _checked(
 
 def _by_active_set(
     space: HalfSpace, h: Array, d: float | None, total: float | None, guess: Array,
-    most: int | None,
+    most: int | None, cap: float,
 ) -> State | None:  # fmt: skip
     """Active set on the whole grid, or on the pixels above the plane where they are few."""
-    flat = h.ravel()
+    flat, start = h.ravel(), guess.ravel()
     high = np.flatnonzero(flat > d) if d is not None and space.boundary == "free" else None
+    pixels: Pixels
     if high is None or high.size > FEW:
-        found = active_set(AllPixels(space, h), d, total, np.flatnonzero(guess.ravel() > 0.0), most)
-        return None if found is None else _on_grid(space, h, found, total is not None)
-    pixels = HighPixels(space, h, high)
-    start = np.flatnonzero(guess.ravel()[high] > 0.0)
-    found = active_set(pixels, d, total, start if start.size else np.array([0]), most)
+        high, pixels = np.arange(h.size), AllPixels(space, h)
+    else:
+        pixels = HighPixels(space, h, high)
+    held = np.flatnonzero(start[high] >= cap)
+    touching = np.flatnonzero(start[high] > 0.0)
+    touching = touching if touching.size else np.array([0])
+    found = active_set(pixels, d, total, touching, most, cap=cap, held=held)
     if found is None:
         return None
     p = np.zeros(h.size)
     p[high[found.points]] = found.pressure
-    w = space.apply(p.reshape(h.shape)) - h + found.d
-    return _certified(space, h, p.reshape(h.shape), w, found, total is not None)
-
-
-def _on_grid(space: HalfSpace, h: Array, found: Touching, load_control: bool) -> State:
-    """Solution on all pixels as a certified state."""
-    p = np.zeros(h.size)
-    p[found.points] = found.pressure
-    return _certified(space, h, p.reshape(h.shape), found.gap.reshape(h.shape), found, load_control)
-
-
-def _certified(
-    space: HalfSpace, h: Array, p: Array, w: Array, found: Touching, load_control: bool
-) -> State:
-    """State with the certificate of pressures and gaps."""
-    c = certify(space, h, p, w, found.d, load_control)
+    p = p.reshape(h.shape)
+    every = isinstance(pixels, AllPixels)
+    w = found.gap.reshape(h.shape) if every else space.apply(p) - h + found.d
+    c = certify(space, h, p, w, found.d, total is not None, cap)
     return State(p, w, found.d, c.gap, c.penetration, c.complementarity, found.iterations)
 
 
-def _first_guess(space: HalfSpace, h: Array, d: float | None, total: float | None) -> Array:
+def _cap(hardness: float | None, E_star: float, load: float | None, area: float) -> float:
+    """Hardness over E*, infinite if there is none."""
+    if hardness is None:
+        return float("inf")
+    if not (np.isfinite(hardness) and hardness > 0.0):
+        raise SceneError(
+            f"hardness = {hardness} Pa; give a positive number, or none for an elastic surface"
+        )
+    if load is not None and load >= hardness * area:
+        raise SceneError(
+            f"load = {load} N: the mean pressure {load / area:.4g} Pa is not below the hardness "
+            f"{hardness:.4g} Pa; give less than {hardness * area:.4g} N"
+        )
+    return hardness / E_star
+
+
+def first_guess(
+    space: HalfSpace, h: Array, d: float | None, total: float | None, cap: float = np.inf
+) -> Array:
     """Pressures to start from when nothing is known: the overlap of the bearing area."""
     if d is None:
         assert total is not None
-        count = int(np.clip(total / space.shape[0] / space.shape[1] * 20 * h.size, 1, h.size))
+        count = int(np.clip(max(20.0 * total, 1.1 * total / cap), 1, h.size))
         d = float(np.partition(h.ravel(), h.size - count)[h.size - count])
         least = 1e-3 * (float(h.max()) - d) or 1.0
         return np.where(h >= d, h - d + least, 0.0)

@@ -1,11 +1,16 @@
-"""The quadratic program of contact, min 1/2 p'Hp - p'u with p >= 0, and its certificate.
+"""The quadratic program of contact, min 1/2 p'Hp - p'u with 0 <= p <= c, and its certificate.
 
-u = h - d is the overlap of the surface with the plane, w = Hp - u the gap. At the solution
-p >= 0, w >= 0 and p'w = 0. Here stands the solver for many touching pixels: preconditioned
-conjugate gradients projected on p >= 0, products by FFT. It keeps either the separation d or the
-sum of the pressures. Pressures are p / E*. ``active.py`` holds the solver for few.
+u = h - d is the overlap of the surface with the plane, w = Hp - u the gap. At the solution w = 0
+where 0 < p < c, w >= 0 where p = 0, and w <= 0 where p = c: there the material yields under its
+hardness and the overlap left is plastic penetration. An elastic surface has no bound c. Here
+stands the solver for many touching pixels: preconditioned conjugate gradients projected on the
+bounds, products by FFT. It keeps either the separation d or the sum of the pressures. Pressures
+are p / E*. ``active.py`` holds the solver for few.
 
-Reference: I. A. Polonsky, L. M. Keer, Wear 231 (1999) 206, doi:10.1016/S0043-1648(99)00113-1.
+References: I. A. Polonsky, L. M. Keer, Wear 231 (1999) 206, doi:10.1016/S0043-1648(99)00113-1;
+with the hardness X. Tian, B. Bhushan, J. Tribology 118 (1996) 33, doi:10.1115/1.2837089, and
+A. Almqvist, F. Sahlin, R. Larsson, S. Glavatskih, Tribology International 40 (2007) 574,
+doi:10.1016/j.triboint.2005.11.008.
 """
 
 from __future__ import annotations
@@ -27,8 +32,8 @@ class State:
         w: gap [m], shape (nx, ny).
         d: separation of the plane from the surface's undeformed mean plane [m].
         gap: duality gap over the work of the pressures [-].
-        penetration: largest overlap left [m].
-        complementarity: p'w over the work [-].
+        penetration: largest overlap left where no pixel yields [m].
+        complementarity: pressure, or what lacks to the hardness, times gap, over the work [-].
         iterations: sets tried or conjugate directions.
     """
 
@@ -51,40 +56,68 @@ class Certificate:
 
 
 def certify(
-    space: HalfSpace, h: Array, p: Array, w: Array, d: float, load_control: bool
-) -> Certificate:
+    space: HalfSpace, h: Array, p: Array, w: Array, d: float, load_control: bool,
+    cap: float = np.inf,
+) -> Certificate:  # fmt: skip
     """Bound on the distance from the optimum, whatever the solver.
 
-    At a given load the Frank-Wolfe gap g'p - F min g bounds the energy above its minimum. With
-    v the largest penetration it is p'w + v F. At a given separation the set of pressures is not
-    bounded; a feasible point of the dual program does the same. Free boundary: q = p + v r, where
-    r is a uniform pressure whose displacement is 1 or more everywhere, gives
-    p'w + v F + v^2 sum(r) / 2. Periodic: q = (1 - t) p + t p_full with the full-contact pressure
-    and t = v / (v + d) gives the value computed below.
+    At a given load the Frank-Wolfe gap g'p - min g'q over all admissible q bounds the energy above
+    its minimum. At a given separation the pressures of an elastic surface are not bounded; a
+    feasible point of the dual program does the same. With v the largest penetration, free
+    boundary: q = p + v r, where r displaces every pixel by one, gives p'w + v F + v^2 sum(r) / 2.
+    Periodic: q = (1 - t) p + t p_full with the full-contact pressure and t = v / (v + d) gives the
+    value computed below. With a hardness c both have one more term, c times the penetrations that
+    q leaves, and q = p is admissible too: p'w + c sum max(-w, 0).
     """
     work = float(np.vdot(p, w + h - d))
-    v = max(0.0, -float(w.min()))
-    slack = float(np.vdot(p, w))
     total = float(p.sum())
-    if load_control or v == 0.0:
+    below = np.where(p < cap, w, 0.0)  # the overlap of yielding pixels is no error
+    v = max(0.0, -float(below.min()))
+    slack = float(np.vdot(p, w))
+    if np.isfinite(cap):
+        gap = _bounded_gap(space, h, p, w, d, load_control, cap, v)
+        slack = float(np.vdot(p, np.where(p < cap, w, np.maximum(w, 0.0))))
+    elif load_control or v == 0.0:
         gap = slack + v * total
-    elif space.boundary == "free":
-        gap = slack + v * total + 0.5 * v**2 * space.uniform_stiffness
     else:
-        gap = slack + _periodic_excess(space, h, p, w, d, v)
+        gap = slack + _excess(space, h, p, w, d, v)[0]
     if work <= 0.0:
         return Certificate(0.0 if total == 0.0 and v == 0.0 else np.inf, v, 0.0)
     return Certificate(abs(gap) / work, v, abs(slack) / work)
 
 
-def _periodic_excess(space: HalfSpace, h: Array, p: Array, w: Array, d: float, v: float) -> float:
-    """(q'Hq - p'Hp) / 2 for the feasible dual point q = (1 - t) p + t p_full [m]."""
+def _excess(
+    space: HalfSpace, h: Array, p: Array, w: Array, d: float, v: float
+) -> tuple[float, Array]:
+    """(q'Hq - p'Hp) / 2 of a dual point q [m], bounded from above, and its gap [m]."""
+    if space.boundary == "free":
+        return v * float(p.sum()) + 0.5 * v**2 * space.uniform_stiffness, w + v
     if d <= 0.0:
-        return float("inf")
+        return float("inf"), w
     t = v / (v + d)
     full = space.full_contact(h)
     php, phf, fhf = (float(np.vdot(a, b)) for a, b in ((p, w + h - d), (p, h), (full, h)))
-    return 0.5 * ((1.0 - t) ** 2 * php + 2.0 * t * (1.0 - t) * phf + t**2 * fhf - php)
+    excess = 0.5 * ((1.0 - t) ** 2 * php + 2.0 * t * (1.0 - t) * phf + t**2 * fhf - php)
+    return excess, (1.0 - t) * w + t * d
+
+
+def _bounded_gap(
+    space: HalfSpace, h: Array, p: Array, w: Array, d: float, load_control: bool, cap: float,
+    v: float,
+) -> float:  # fmt: skip
+    """Smallest of the bounds on the energy above its minimum [m] under the hardness ``cap``."""
+    bounds = [float(np.vdot(p, np.maximum(w, 0.0)) + np.vdot(cap - p, np.maximum(-w, 0.0)))]
+    if load_control:
+        total = float(p.sum())
+        full = min(int(total / cap), w.size - 1)
+        lowest = np.partition(w, full, axis=None)[: full + 1]
+        least = cap * float(lowest[:-1].sum()) + (total - full * cap) * float(lowest[-1])
+        bounds.append(abs(float(np.vdot(p, w)) - least))
+    elif v > 0.0:
+        excess, gap = _excess(space, h, p, w, d, v)
+        left = cap * float(np.maximum(-gap, 0.0).sum())
+        bounds.append(float(np.vdot(p, w)) + excess + left)
+    return min(bounds)
 
 
 def projected_cg(
@@ -95,6 +128,7 @@ def projected_cg(
     p: Array,
     tolerance: float,
     max_iterations: int = 2000,
+    cap: float = np.inf,
 ) -> State:
     """Solve by projected preconditioned conjugate gradients.
 
@@ -106,41 +140,46 @@ def projected_cg(
         p: pressures to start from [-], shape (nx, ny), not negative.
         tolerance: duality gap over the work at which to stop [-].
         max_iterations: directions at most.
+        cap: hardness over E* [-]; infinite for an elastic surface.
 
     Raises:
         NotConverged: the certificate stays above the tolerance.
     """
-    load_control = d is None
-    p = _scaled(np.maximum(p, 0.0), total)
+    load_control, bounded = d is None, bool(np.isfinite(cap))
+    p = _within(np.maximum(p, 0.0), total, cap)
     g = space.apply(p) - h  # gap without d
     t, before, old = np.zeros_like(h), np.zeros_like(h), 0.0
     certificate, watch = Certificate(np.inf, np.inf, np.inf), _Watch()
     for iteration in range(max_iterations + 1):
         touching = p > 0.0
+        top = p >= cap if bounded else None
+        elastic = touching if top is None else touching & ~top
         if load_control:
-            d = -float(g[touching].mean())
+            d = -_level(g, elastic, top)
         assert d is not None
         w = g + d
         entering = ~touching & (w < 0.0)
-        certificate = certify(space, h, p, w, d, load_control)
-        if certificate.gap <= tolerance or (not touching.any() and not entering.any()):
+        if top is not None:
+            entering |= top & (w > 0.0)
+        certificate = certify(space, h, p, w, d, load_control, cap)
+        if certificate.gap <= tolerance or not (elastic.any() or entering.any()):
             c = certificate
             return State(p, w, d, c.gap, c.penetration, c.complementarity, iteration)
         if watch.stalls(certificate.gap):
-            p = _scaled(np.maximum(p - w / space.largest, 0.0), total)
+            p = _safe_step(p, w / space.largest, total, cap)
             g, old = space.apply(p) - h, 0.0
             continue
-        touching |= entering
-        r = np.where(touching, w, 0.0)
-        z = np.where(touching, space.precondition(r), 0.0)
+        free = elastic | entering
+        r = np.where(free, w, 0.0)
+        z = np.where(free, space.precondition(r), 0.0)
         if load_control:
-            z = _without_load(space, z, touching)
+            z = _without_load(space, z, free)
         new = float(np.vdot(z, r))
         # Polak-Ribiere: forgets the last direction by itself where the touching set changes.
         keep = max(0.0, (new - float(np.vdot(z, before))) / old) if old > 0.0 else 0.0
-        t = z + keep * np.where(touching, t, 0.0)
+        t = z + keep * np.where(free, t, 0.0)
         if load_control:
-            t = _without_load(space, t, touching)
+            t = _without_load(space, t, free)
         before, old = r, new
         moved = space.apply(t)
         curvature = float(np.vdot(t, moved))
@@ -150,8 +189,8 @@ def projected_cg(
             continue
         step = slope / curvature
         p = p - step * t
-        if p.min() < 0.0:
-            p = _scaled(np.maximum(p, 0.0), total)
+        if p.min() < 0.0 or (bounded and p.max() > cap):
+            p = _projected(p, total, cap, free)
             g = space.apply(p) - h
         else:
             g = g - step * moved
@@ -187,12 +226,73 @@ class _Watch:
         return self.left >= 0
 
 
+def _within(p: Array, total: float | None, cap: float) -> Array:
+    """Admissible pressures near p, which is not negative."""
+    if np.isfinite(cap):
+        p = np.minimum(p, cap)
+        if total is None:
+            return p
+        among = p > 0.0
+        if total >= 0.9 * cap * np.count_nonzero(among):
+            among = np.ones_like(among)
+        return _shifted(p, total, cap, among)
+    return _scaled(p, total)
+
+
 def _scaled(p: Array, total: float | None) -> Array:
     """Pressures with the given sum, if one is given."""
     if total is None:
         return p
     found = float(p.sum())
     return p * (total / found) if found > 0.0 else np.full_like(p, total / p.size)
+
+
+def _projected(p: Array, total: float | None, cap: float, free: Mask) -> Array:
+    """Pressures brought back between the bounds; only the free ones change."""
+    if not np.isfinite(cap):
+        return _scaled(np.maximum(p, 0.0), total)
+    return np.clip(p, 0.0, cap) if total is None else _shifted(p, total, cap, free)
+
+
+def _safe_step(p: Array, step: Array, total: float | None, cap: float) -> Array:
+    """Step of the projected gradient."""
+    if not np.isfinite(cap):
+        return _scaled(np.maximum(p - step, 0.0), total)
+    return _projected(p - step, total, cap, np.ones(p.shape, dtype=bool))
+
+
+def _shifted(p: Array, total: float, cap: float, free: Mask) -> Array:
+    """Nearest admissible pressures with the given sum: min(max(p - s, 0), c) on the free pixels.
+
+    The sum falls with s along straight pieces: Newton's method, kept inside a bracket.
+    """
+    x = p[free]
+    wanted = total - float(p[~free].sum())
+    low, high = float(x.min()) - cap, float(x.max())
+    s = 0.0
+    for _ in range(100):
+        q = np.clip(x - s, 0.0, cap)
+        excess = float(q.sum()) - wanted
+        if abs(excess) <= 1e-14 * total:
+            break
+        low, high = (s, high) if excess > 0.0 else (low, s)
+        between = np.count_nonzero((q > 0.0) & (q < cap))
+        s = s + excess / between if between else low
+        if not low < s < high:
+            s = 0.5 * (low + high)
+    p = p.copy()
+    p[free] = q
+    return p
+
+
+def _level(g: Array, elastic: Mask, top: Mask | None) -> float:
+    """Value [m] that the plane takes from the gaps without d: their mean where pixels give way.
+
+    Where all touching pixels yield, any value between their gaps and those of the others.
+    """
+    if top is None or elastic.any():
+        return float(g[elastic].mean())
+    return 0.5 * (float(g[top].max()) + float(g[~top].min()))
 
 
 def _without_load(space: HalfSpace, z: Array, touching: Mask) -> Array:

@@ -2,19 +2,27 @@
 
 While few pixels touch, the law consists of straight pieces with corners, one for each pixel that
 comes into contact: small steps, and cheap ones, with the active set on the highest pixels. With
-many pixels it is smooth: wide steps with conjugate gradients.
+many pixels it is smooth: wide steps with conjugate gradients. These also help out where the active
+set does not settle or a plateau touches at once.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from brake_fenicsx.errors import NotConverged
-from brake_fenicsx.micro.active import AllPixels, HighPixels, Pixels, Touching, active_set
+from brake_fenicsx.errors import NotConverged, SceneError
+from brake_fenicsx.micro.active import (
+    AllPixels,
+    HighPixels,
+    Pixels,
+    Touching,
+    active_set,
+    elastic_answer,
+)
 from brake_fenicsx.micro.halfspace import Array, HalfSpace, Index
-from brake_fenicsx.micro.loading import DENSE, FEW
+from brake_fenicsx.micro.loading import DENSE, FEW, first_guess
 from brake_fenicsx.micro.qp import certify, projected_cg, unit_answer
 
 
@@ -25,7 +33,10 @@ class Step:
     Attributes:
         d: far-field separation [m].
         total: sum of the pressures [-].
-        stiffness: -d total / dd [1/m].
+        stiffness: -d total / dd of further loading [1/m]: yielding pixels keep their pressure.
+        vibration: the same of small vibrations about this state [1/m]: unloading is elastic, so
+            every touching pixel answers; none yields and none opens. Without a hardness it is the
+            stiffness of loading.
         touching: number of touching pixels.
         gap: certificate [-].
     """
@@ -33,6 +44,7 @@ class Step:
     d: float
     total: float
     stiffness: float
+    vibration: float
     touching: int
     gap: float
 
@@ -52,7 +64,7 @@ class Reached:
 
 def sweep(
     space: HalfSpace, h: Array, lowest: float, highest: float, fine: int, coarse: int,
-    tolerance: float,
+    tolerance: float, hardness: float | None = None,
 ) -> list[Step]:  # fmt: skip
     """Press a surface from one touching pixel to a high load.
 
@@ -60,46 +72,57 @@ def sweep(
         space: the half-space.
         h: heights over their mean [m], shape (nx, ny).
         lowest: first sum of pressures over E* [-].
-        highest: sum to reach or pass [-].
+        highest: sum to reach or pass [-]; under a hardness to reach.
         fine: steps per decade of load while few pixels touch.
         coarse: steps per decade when many touch.
         tolerance: of the certificate of each step [-].
+        hardness: pressure over E* at which a pixel yields [-]; None for an elastic surface.
 
     Returns:
         Steps of rising load. A periodic surface may close before ``highest``: then the sweep ends,
         since its separation cannot fall further.
 
     Raises:
+        SceneError: the hardness cannot carry ``highest``.
         NotConverged: a step misses the tolerance.
     """
-    steps, reached = _few_steps(space, h, lowest, highest, fine, tolerance)
+    cap = np.inf if hardness is None else hardness
+    if not cap > 0.0 or highest >= cap * h.size:
+        raise SceneError(
+            f"hardness = {cap:.4g} E* under a mean pressure of {highest / h.size:.4g} E*: the "
+            "hardness must be higher; lower the highest pressure of the law"
+        )
+    steps, reached = _few_steps(space, h, lowest, highest, fine, tolerance, cap)
     if steps[-1].total >= highest * (1.0 - 1e-9) or _closed(space, steps[-1]):
         return steps
-    return steps + _many_steps(space, h, highest, coarse, tolerance, steps[-1], reached)
+    many = _many_steps if hardness is None else _many_loads
+    return steps + many(space, h, highest, coarse, tolerance, steps[-1], reached, cap)
 
 
 def _few_steps(
-    space: HalfSpace, h: Array, lowest: float, highest: float, per_decade: int, tolerance: float
-) -> tuple[list[Step], Reached]:
+    space: HalfSpace, h: Array, lowest: float, highest: float, per_decade: int, tolerance: float,
+    cap: float,
+) -> tuple[list[Step], Reached]:  # fmt: skip
     """Steps of equal ratio in the load with the active set, until ``DENSE`` pixels touch."""
     order = np.argsort(-h, axis=None, kind="stable")
     pixels = _highest(space, h, order, 64)
-    at, found = _translate(pixels, order, np.array([0])), None
+    found = Touching(np.array([0]), np.zeros(1), np.zeros(1), h, 0.0, 0, 0)
+    found = _translate(pixels, order, found)
     steps: list[Step] = []
     for k in range(10**6):
         total = min(lowest * 10.0 ** (k / per_decade), highest)
-        solved = active_set(pixels, None, total, at, 2 * DENSE)
+        solved = _by_active_set(pixels, total, found, cap)
         while isinstance(pixels, HighPixels) and not _suffice(pixels, h, order, solved):
             pixels = _highest(space, h, order, 2 * pixels.height.size)
-            solved = active_set(pixels, None, total, _translate(pixels, order, at), 2 * DENSE)
-        if solved is None:
+            found = _translate(pixels, order, found)
+            solved = _by_active_set(pixels, total, found, cap)
+        if solved is None:  # the pixels are all of them by now
+            last = _spread(pixels, found, h, order).p if steps else None
+            solved = _by_gradients(space, h, total, last, tolerance, cap)
+        found = solved
+        steps.append(_few_step(space, pixels, found, total, tolerance, cap))
+        if total >= highest or found.points.size > DENSE or _closed(space, steps[-1]):
             break
-        at, found = solved.points, solved
-        steps.append(_few_step(space, pixels, solved, total, tolerance))
-        if total >= highest or at.size > DENSE or _closed(space, steps[-1]):
-            break
-    if found is None:
-        raise NotConverged("first touch: the active set does not settle")
     return steps, _spread(pixels, found, h, order)
 
 
@@ -122,21 +145,47 @@ def _suffice(pixels: HighPixels, h: Array, order: Index, solved: Touching | None
     return solved is not None and (count == h.size or h.ravel()[order[count]] <= solved.d)
 
 
-def _translate(pixels: Pixels, order: Index, at: Index) -> Index:
-    """Ranks of touching pixels as indices of the new ``pixels``; the highest come first."""
-    return at if isinstance(pixels, HighPixels) else np.asarray(order[at])
+def _translate(pixels: Pixels, order: Index, found: Touching) -> Touching:
+    """Solution on the highest pixels, by their ranks, as one on ``pixels``."""
+    if isinstance(pixels, HighPixels):
+        return found
+    return replace(found, points=np.asarray(order[found.points]))
+
+
+def _by_active_set(pixels: Pixels, total: float, last: Touching, cap: float) -> Touching | None:
+    """The contact at a given load, from the touching and yielding pixels of the last one."""
+    held = last.points[last.points.size - last.plastic :]
+    return active_set(pixels, None, total, last.points, 2 * DENSE, cap=cap, held=held)
+
+
+def _by_gradients(
+    space: HalfSpace, h: Array, total: float, p: Array | None, tolerance: float, cap: float
+) -> Touching:
+    """The same by conjugate gradients, among all pixels."""
+    guess = first_guess(space, h, None, total, cap) if p is None else p
+    solved = projected_cg(space, h, None, total, guess, tolerance, cap=cap)
+    elastic, top = (solved.p > 0.0) & (solved.p < cap), solved.p >= cap
+    unit = unit_answer(space, elastic, np.zeros_like(h))
+    points = np.concatenate([np.flatnonzero(elastic), np.flatnonzero(top)])
+    return Touching(
+        points, solved.p.ravel()[points], unit.ravel()[points], solved.w.ravel(), solved.d,
+        int(np.count_nonzero(top)), solved.iterations,
+    )  # fmt: skip
 
 
 def _few_step(
-    space: HalfSpace, pixels: Pixels, solved: Touching, total: float, tolerance: float
+    space: HalfSpace, pixels: Pixels, solved: Touching, total: float, tolerance: float, cap: float
 ) -> Step:
     """Record of an active-set solution, with its certificate."""
     p = np.zeros(pixels.height.size)
     p[solved.points] = solved.pressure
-    gap = certify(space, pixels.height, p, solved.gap, solved.d, True).gap
+    gap = certify(space, pixels.height, p, solved.gap, solved.d, True, cap).gap
     if gap > tolerance:
         raise NotConverged(f"active set: certificate {gap:.2g}, wanted {tolerance:.2g}")
-    return Step(solved.d, total, float(solved.unit.sum()), solved.points.size, gap)
+    stiffness = vibration = float(solved.unit.sum())
+    if solved.plastic:
+        vibration = elastic_answer(pixels, solved.points)
+    return Step(solved.d, total, stiffness, vibration, solved.points.size, gap)
 
 
 def _spread(pixels: Pixels, found: Touching, h: Array, order: Index) -> Reached:
@@ -149,7 +198,7 @@ def _spread(pixels: Pixels, found: Touching, h: Array, order: Index) -> Reached:
 
 def _many_steps(
     space: HalfSpace, h: Array, highest: float, per_decade: int, tolerance: float, last: Step,
-    reached: Reached,
+    reached: Reached, cap: float,
 ) -> list[Step]:  # fmt: skip
     """Continue with conjugate gradients, the separation chosen for even steps in load."""
     found: list[Step] = []
@@ -164,7 +213,28 @@ def _many_steps(
         solved = projected_cg(space, h, float(d), None, guess, tolerance)
         p = solved.p
         unit = unit_answer(space, p > 0.0, unit)
-        count = int(np.count_nonzero(p))
-        last = Step(solved.d, float(p.sum()), float(unit.sum()), count, solved.gap)
+        count, k = int(np.count_nonzero(p)), float(unit.sum())
+        last = Step(solved.d, float(p.sum()), k, k, count, solved.gap)
+        found.append(last)
+    return found
+
+
+def _many_loads(
+    space: HalfSpace, h: Array, highest: float, per_decade: int, tolerance: float, last: Step,
+    reached: Reached, cap: float,
+) -> list[Step]:  # fmt: skip
+    """The same at given loads: towards the hardness the load hardly answers to the separation."""
+    found: list[Step] = []
+    p, unit, whole = reached.p, reached.unit, reached.unit
+    while last.total < highest * (1.0 - 1e-9) and not _closed(space, last):
+        total = min(last.total * 10.0 ** (1.0 / per_decade), highest)
+        guess = np.maximum(p + (total - last.total) / last.stiffness * unit, 0.0)
+        solved = projected_cg(space, h, None, total, guess, tolerance, cap=cap)
+        p = solved.p
+        touching, elastic = p > 0.0, (p > 0.0) & (p < cap)
+        unit = unit_answer(space, elastic, unit)
+        whole = unit_answer(space, touching, whole)
+        count, k = int(np.count_nonzero(touching)), float(unit.sum())
+        last = Step(solved.d, total, k, float(whole.sum()), count, solved.gap)
         found.append(last)
     return found
