@@ -328,11 +328,12 @@ def law_recipe(scene: Scene, stats: SurfaceStatistics) -> Any:
         low=surface.low,
         synthesis=surface.synthesis,
         variance=surface.S_q,
-        max_pressure=micro.max_pressure * E_star,
+        max_pressure=None if micro.max_pressure is None else micro.max_pressure * E_star,
         steps=micro.steps,
         boundary=micro.boundary,
         bulk_compliance=micro.bulk_compliance,
         tolerance=micro.tolerance,
+        hardness=micro.hardness,
     )
 
 

@@ -47,6 +47,7 @@ CONTACT = (
     "g_cr",
     "p",
     "k",
+    "k_vibration",
     "law",
 )
 TEXT = frozenset(

@@ -103,7 +103,7 @@ def with_compliance(ops: Brake, laws: EnrichedGap, comm: MPI.Comm | None = None)
 
 
 def reference_stiffness(laws: EnrichedGap, pressure: float) -> float:
-    """Median stiffness of the laws at a common pressure [Pa/m].
+    """Median stiffness of small vibrations of the laws at a common pressure [Pa/m].
 
     Args:
         laws: laws of the contact elements.
@@ -120,7 +120,7 @@ def reference_stiffness(laws: EnrichedGap, pressure: float) -> float:
         middle = 0.5 * (low + high)
         enough = laws.laws.pressure(laws.index, middle) >= pressure
         low, high = np.where(enough, middle, low), np.where(enough, high, middle)
-    return float(np.median(laws.laws.stiffness(laws.index, low)))
+    return float(np.median(laws.laws.vibration(laws.index, low)))
 
 
 def _library(laws: Law | Laws | Sequence[Law], index: Index | None, n: int) -> tuple[Laws, Index]:

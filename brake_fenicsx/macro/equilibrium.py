@@ -40,7 +40,9 @@ class Equilibrium:
     Attributes:
         g: gaps [m], shape (elements,).
         p: pressures [Pa].
-        k: stiffnesses -dp/dg [Pa/m].
+        k: stiffnesses -dp/dg of loading [Pa/m].
+        k_vibration: stiffnesses of small vibrations about the equilibrium [Pa/m]: ``k`` where
+            no contact has yielded.
         mu: friction coefficient of the equilibrium, one or one per element (0: solved without
             friction).
         iterations: Newton iterations of each load step.
@@ -54,6 +56,7 @@ class Equilibrium:
     g: Array
     p: Array
     k: Array
+    k_vibration: Array
     mu: float | Array
     iterations: tuple[int, ...]
     residual: float
@@ -142,8 +145,8 @@ def record(
     """What a ramp found, as an equilibrium; the clock was started at ``start`` [s]."""
     (g, _), counts, history = found
     return Equilibrium(
-        g, laws.pressure(g), laws.stiffness(g), mu, tuple(counts), history[-1], tuple(history),
-        time.perf_counter() - start, u,
+        g, laws.pressure(g), laws.stiffness(g), laws.vibration(g), mu, tuple(counts), history[-1],
+        tuple(history), time.perf_counter() - start, u,
     )  # fmt: skip
 
 

@@ -50,6 +50,10 @@ class EnrichedGap:
         """Contact stiffness k = -dp/dg [Pa/m], shape (elements,)."""
         return self.laws.stiffness(self.index, self.delta(g))
 
+    def vibration(self, g: Array) -> Array:
+        """Stiffness of small vibrations about the state reached by loading to g [Pa/m]."""
+        return self.laws.vibration(self.index, self.delta(g))
+
     def energy(self, g: Array) -> Array:
         """Contact potential with critical gaps, per area: the integral of p [J/m^2], Eq. (14)."""
         return self.laws.energy(self.index, self.delta(g))

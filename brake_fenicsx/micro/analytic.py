@@ -30,6 +30,10 @@ class LinearLaw:
         """Stiffness -dp/dd [Pa/m]."""
         return np.where(np.asarray(d, dtype=float) < 0.0, self.k, 0.0)
 
+    def vibration(self, d: ArrayLike) -> Array:
+        """Stiffness of small vibrations [Pa/m]: that of loading."""
+        return self.stiffness(d)
+
     def energy(self, d: ArrayLike) -> Array:
         """Energy per area, the integral of p from d to infinity [J/m^2]."""
         return 0.5 * self.k * np.maximum(-np.asarray(d, dtype=float), 0.0) ** 2
@@ -64,6 +68,10 @@ class ExponentialLaw:
     def stiffness(self, d: ArrayLike) -> Array:
         """Stiffness -dp/dd [Pa/m]."""
         return np.asarray(self.pressure(d) / self.u0, float)
+
+    def vibration(self, d: ArrayLike) -> Array:
+        """Stiffness of small vibrations [Pa/m]: that of loading."""
+        return self.stiffness(d)
 
     def energy(self, d: ArrayLike) -> Array:
         """Energy per area, the integral of p from d to infinity [J/m^2]."""
@@ -104,6 +112,10 @@ class OneLaw:
     def stiffness(self, index: Index, d: Array) -> Array:
         """Stiffnesses -dp/dd [Pa/m]."""
         return self.law.stiffness(same_shape(index, d)[1])
+
+    def vibration(self, index: Index, d: Array) -> Array:
+        """Stiffnesses of small vibrations [Pa/m]."""
+        return self.law.vibration(same_shape(index, d)[1])
 
     def energy(self, index: Index, d: Array) -> Array:
         """Energies per area [J/m^2]."""

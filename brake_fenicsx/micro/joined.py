@@ -37,6 +37,10 @@ class JoinedLaws:
         """See ``Laws``."""
         return self._each("stiffness", index, d)
 
+    def vibration(self, index: Index, d: Array) -> Array:
+        """See ``Laws``."""
+        return self._each("vibration", index, d)
+
     def energy(self, index: Index, d: Array) -> Array:
         """See ``Laws``."""
         return self._each("energy", index, d)

@@ -8,7 +8,7 @@ stiffness -p' and energy int_d^inf p belong to one and the same function.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -34,6 +34,9 @@ class Law(Protocol):
     def stiffness(self, d: ArrayLike) -> Array:
         """Stiffness -dp/dd [Pa/m]."""
 
+    def vibration(self, d: ArrayLike) -> Array:
+        """Stiffness of small vibrations about a state reached by loading to d [Pa/m]."""
+
     def energy(self, d: ArrayLike) -> Array:
         """Energy per area, the integral of p from d to infinity [J/m^2]."""
 
@@ -52,6 +55,9 @@ class Laws(Protocol):
 
     def stiffness(self, index: Index, d: Array) -> Array:
         """Stiffnesses -dp/dd [Pa/m]."""
+
+    def vibration(self, index: Index, d: Array) -> Array:
+        """Stiffnesses of small vibrations about states reached by loading to d [Pa/m]."""
 
     def energy(self, index: Index, d: Array) -> Array:
         """Energies per area [J/m^2]."""
@@ -75,6 +81,8 @@ class LawLibrary:
         count: number of steps of each law, shape (n,).
         seed: seed of the surface behind each law, shape (n,).
         settings: how the laws were made, for the record.
+        v: stiffnesses of small vibrations at the steps [Pa/m], shape (n, m); those of loading for
+            elastic surfaces. Under a hardness unloading is elastic and v is larger.
     """
 
     d: Array
@@ -83,6 +91,7 @@ class LawLibrary:
     count: Index
     seed: NDArray[np.int64]
     settings: dict[str, Any] = field(default_factory=dict)
+    v: Array | None = None
     _tail: Array = field(init=False, repr=False, compare=False)
     _flat: tuple[Array, ...] = field(init=False, repr=False, compare=False)
 
@@ -118,6 +127,26 @@ class LawLibrary:
         """Stiffnesses -dp/dd [Pa/m]."""
         return self.evaluate(index, d)[1]
 
+    def vibration(self, index: Index, d: Array) -> Array:
+        """Stiffnesses of small vibrations about states reached by loading to d [Pa/m].
+
+        Between the steps v / p is interpolated along straight lines of its logarithm.
+        """
+        p, k = self.evaluate(index, d)
+        if self.v is None:
+            return k
+        i, x = same_shape(index, d)
+        at, place = self._find(i, x)
+        ratio = (self.v / self.p).ravel()
+        nxt = np.minimum(at + 1, ratio.size - 1)
+        d0, d1 = self._flat[0][at], self._flat[0][nxt]
+        inside = (place >= 0) & (place < self.count[i] - 1)
+        t = np.where(inside, (d0 - x) / np.where(inside, d0 - d1, 1.0), 0.0)
+        between = p * ratio[at] ** (1.0 - t) * ratio[nxt] ** t
+        # In the foot as at the first step; beyond the last step as there.
+        beyond = self.v.ravel()[at] * np.where(place < 0, k / self._flat[2][at], 1.0)
+        return np.where(inside, between, beyond)
+
     def evaluate(self, index: Index, d: Array) -> tuple[Array, Array]:
         """Pressures [Pa] and stiffnesses [Pa/m] together, for the price of one."""
         i, x = same_shape(index, d)
@@ -149,8 +178,9 @@ class LawLibrary:
     def scaled(self, factor: float) -> LawLibrary:
         """The same laws with all pressures multiplied by ``factor`` (another modulus)."""
         positive(factor=factor)
+        v = None if self.v is None else self.v * factor
         return LawLibrary(
-            self.d, self.p * factor, self.k * factor, self.count, self.seed, self.settings
+            self.d, self.p * factor, self.k * factor, self.count, self.seed, self.settings, v
         )
 
     def _find(self, i: Index, x: Array) -> tuple[Index, Index]:
@@ -214,10 +244,11 @@ class ComputedLaw:
         return float(self.library.first_touch(np.array(self.number)))
 
     @property
-    def steps(self) -> tuple[Array, Array, Array]:
+    def steps(self) -> tuple[Array, ...]:
         """Separations [m], pressures [Pa] and stiffnesses [Pa/m] of the solved steps."""
         n, lib = int(self.library.count[self.number]), self.library
-        return lib.d[self.number, :n], lib.p[self.number, :n], lib.k[self.number, :n]
+        rows = (lib.d, lib.p, lib.k) if lib.v is None else (lib.d, lib.p, lib.k, lib.v)
+        return tuple(row[self.number, :n] for row in rows)
 
     def pressure(self, d: ArrayLike) -> Array:
         """Pressure p [Pa] at the separation d [m]."""
@@ -226,6 +257,10 @@ class ComputedLaw:
     def stiffness(self, d: ArrayLike) -> Array:
         """Stiffness -dp/dd [Pa/m]."""
         return self.library.stiffness(np.array(self.number), np.asarray(d, dtype=float))
+
+    def vibration(self, d: ArrayLike) -> Array:
+        """Stiffness of small vibrations about a state reached by loading to d [Pa/m]."""
+        return self.library.vibration(np.array(self.number), np.asarray(d, dtype=float))
 
     def energy(self, d: ArrayLike) -> Array:
         """Energy per area, the integral of p from d to infinity [J/m^2]."""
@@ -237,14 +272,15 @@ class ComputedLaw:
 
 
 def make_library(
-    steps: list[tuple[Array, Array, Array]],
+    steps: Sequence[tuple[Array, ...]],
     seeds: list[int] | None = None,
     settings: dict[str, Any] | None = None,
 ) -> LawLibrary:
     """Put laws into arrays of one size.
 
     Args:
-        steps: for each law separations [m] falling, pressures [Pa] rising, stiffnesses [Pa/m].
+        steps: for each law separations [m] falling, pressures [Pa] rising, stiffnesses [Pa/m], and
+            where they differ from these the stiffnesses of small vibrations [Pa/m].
         seeds: seed of the surface behind each law; -1 if not given.
         settings: how the laws were made.
 
@@ -253,19 +289,25 @@ def make_library(
     """
     if not steps:
         raise SceneError("a law library needs at least one law")
-    width = max(len(d) for d, _, _ in steps)
-    table = np.empty((3, len(steps), width))
-    for row, (d, p, k) in enumerate(steps):
+    width = max(len(law[0]) for law in steps)
+    plastic = any(len(law) > 3 and not np.array_equal(law[2], law[3]) for law in steps)
+    table = np.empty((4 if plastic else 3, len(steps), width))
+    for row, (d, p, k, *rest) in enumerate(steps):
         if not (np.all(np.diff(d) < 0.0) and np.all(np.diff(p) > 0.0) and np.all(p > 0.0)):
             raise SceneError(f"law {row}: the pressure must rise as the separation falls")
         if not np.all(k > 0.0):
             raise SceneError(f"law {row}: the stiffness of every step must be positive")
-        for column, values in enumerate((d, p, limited(d, p, k))):
+        lowered = limited(d, p, k)
+        columns = [d, p, lowered]
+        if plastic:
+            columns.append(np.maximum(rest[0] if rest else k, lowered))
+        for column, values in enumerate(columns):
             table[column, row, : len(d)] = values
             table[column, row, len(d) :] = values[-1]
-    count = np.array([len(d) for d, _, _ in steps], dtype=np.intp)
+    count = np.array([len(law[0]) for law in steps], dtype=np.intp)
     seed = np.array(seeds if seeds is not None else [-1] * len(steps), dtype=np.int64)
-    return LawLibrary(table[0], table[1], table[2], count, seed, settings or {})
+    v = table[3] if plastic else None
+    return LawLibrary(table[0], table[1], table[2], count, seed, settings or {}, v)
 
 
 def limited(d: Array, p: Array, k: Array) -> Array:

@@ -40,6 +40,7 @@ class LawRecipe:
         boundary: ``"free"`` or ``"periodic"``.
         bulk_compliance: ``"remove"`` or ``"keep"``.
         tolerance: duality gap over the work of each step [-].
+        hardness: pressure at which a surface yields [Pa]; None for elastic ones.
     """
 
     psd: BiFractal
@@ -56,6 +57,7 @@ class LawRecipe:
     boundary: str = "free"
     bulk_compliance: str = "remove"
     tolerance: float = 1e-6
+    hardness: float | None = None
 
     def surface(self, seed: int, number: int) -> Topography:
         """Artificial surface ``number`` of the family of ``seed``.
@@ -68,17 +70,17 @@ class LawRecipe:
             self.psd, self.hdf, self.shape, self.size, rng, self.low, self.synthesis, self.variance
         )
 
-    def law(self, seed: int, number: int) -> tuple[Array, Array, Array]:
-        """Steps of the law of that surface: d [m], p [Pa], k [Pa/m]."""
+    def law(self, seed: int, number: int) -> tuple[Array, Array, Array, Array]:
+        """Steps of the law of that surface, see ``law_steps``."""
         return law_steps(
             self.surface(seed, number), self.E_star, self.max_pressure, self.min_pressure,
-            self.steps, self.boundary, self.bulk_compliance, self.tolerance,
+            self.steps, self.boundary, self.bulk_compliance, self.tolerance, self.hardness,
         )  # fmt: skip
 
     def settings(self) -> dict[str, Any]:
         """What the laws were made with, for the record on disk."""
         names = ("E_star", "shape", "size", "low", "synthesis", "variance", "max_pressure")
-        more = ("min_pressure", "steps", "boundary", "bulk_compliance", "tolerance")
+        more = ("min_pressure", "steps", "boundary", "bulk_compliance", "tolerance", "hardness")
         found: dict[str, Any] = {name: getattr(self, name) for name in (*names, *more)}
         found |= {name: getattr(self.psd, name) for name in ("c1", "c2", "q_c", "C0", "band")}
         return found | {"S_q": self.hdf.S_q, "distribution": self.hdf.name}
@@ -108,7 +110,7 @@ def law_library(recipe: LawRecipe, n: int, seed: int, processes: int = 1) -> Law
 
 
 def save_laws(path: str | Path, laws: LawLibrary) -> None:
-    """Write a library: arrays d, p, k, count, seed and the settings as JSON.
+    """Write a library: arrays d, p, k (and v under a hardness), count, seed, settings as JSON.
 
     Args:
         path: ``.npz`` file to write.
@@ -118,6 +120,8 @@ def save_laws(path: str | Path, laws: LawLibrary) -> None:
     arrays: dict[str, Any] = {
         name: getattr(laws, name) for name in ("d", "p", "k", "count", "seed")
     }
+    if laws.v is not None:
+        arrays["v"] = laws.v
     with Path(path).open("wb") as file:
         np.savez(file, settings=np.array(settings), **arrays)
 
@@ -133,6 +137,7 @@ def load_laws(path: str | Path) -> LawLibrary:
         with np.load(file, allow_pickle=False) as data:
             d, p, k, count, seed = (data[name] for name in ("d", "p", "k", "count", "seed"))
             settings = json.loads(str(data["settings"]))
+            v = data["v"] if "v" in data.files else None
     except (OSError, KeyError, ValueError) as error:
         raise SceneError(f"{file}: not a library of laws ({error}); run the micro stage") from error
-    return LawLibrary(d, p, k, count, seed, settings)
+    return LawLibrary(d, p, k, count, seed, settings, v)

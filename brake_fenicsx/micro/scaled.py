@@ -34,6 +34,10 @@ class ScaledLaws:
         """See ``Laws``."""
         return self.factor * self.laws.stiffness(index, d)
 
+    def vibration(self, index: Index, d: Array) -> Array:
+        """See ``Laws``."""
+        return self.factor * self.laws.vibration(index, d)
+
     def energy(self, index: Index, d: Array) -> Array:
         """See ``Laws``."""
         return self.factor * self.laws.energy(index, d)

@@ -64,7 +64,7 @@ class Reached:
 
 def sweep(
     space: HalfSpace, h: Array, lowest: float, highest: float, fine: int, coarse: int,
-    tolerance: float, hardness: float | None = None,
+    tolerance: float, hardness: float | None = None, few: int | None = None,
 ) -> list[Step]:  # fmt: skip
     """Press a surface from one touching pixel to a high load.
 
@@ -77,6 +77,7 @@ def sweep(
         coarse: steps per decade when many touch.
         tolerance: of the certificate of each step [-].
         hardness: pressure over E* at which a pixel yields [-]; None for an elastic surface.
+        few: end where more pixels than these touch; None to go on with many.
 
     Returns:
         Steps of rising load. A periodic surface may close before ``highest``: then the sweep ends,
@@ -92,8 +93,9 @@ def sweep(
             f"hardness = {cap:.4g} E* under a mean pressure of {highest / h.size:.4g} E*: the "
             "hardness must be higher; lower the highest pressure of the law"
         )
-    steps, reached = _few_steps(space, h, lowest, highest, fine, tolerance, cap)
-    if steps[-1].total >= highest * (1.0 - 1e-9) or _closed(space, steps[-1]):
+    most = DENSE if few is None else few
+    steps, reached = _few_steps(space, h, lowest, highest, fine, tolerance, cap, most)
+    if few is not None or steps[-1].total >= highest * (1.0 - 1e-9) or _closed(space, steps[-1]):
         return steps
     many = _many_steps if hardness is None else _many_loads
     return steps + many(space, h, highest, coarse, tolerance, steps[-1], reached, cap)
@@ -101,9 +103,9 @@ def sweep(
 
 def _few_steps(
     space: HalfSpace, h: Array, lowest: float, highest: float, per_decade: int, tolerance: float,
-    cap: float,
+    cap: float, most: int,
 ) -> tuple[list[Step], Reached]:  # fmt: skip
-    """Steps of equal ratio in the load with the active set, until ``DENSE`` pixels touch."""
+    """Steps of equal ratio in the load with the active set, until more than ``most`` touch."""
     order = np.argsort(-h, axis=None, kind="stable")
     pixels = _highest(space, h, order, 64)
     found = Touching(np.array([0]), np.zeros(1), np.zeros(1), h, 0.0, 0, 0)
@@ -121,7 +123,7 @@ def _few_steps(
             solved = _by_gradients(space, h, total, last, tolerance, cap)
         found = solved
         steps.append(_few_step(space, pixels, found, total, tolerance, cap))
-        if total >= highest or found.points.size > DENSE or _closed(space, steps[-1]):
+        if total >= highest or found.points.size > most or _closed(space, steps[-1]):
             break
     return steps, _spread(pixels, found, h, order)
 

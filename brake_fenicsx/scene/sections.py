@@ -102,11 +102,14 @@ class Micro:
         E: Young's modulus of the lining across the surface.
         nu: Poisson's ratio that goes with it; E* = E / (1 - nu^2).
         tolerance: largest duality gap of a contact solution, relative to the work done.
-        max_pressure: highest mean pressure of a law, relative to E*.
+        max_pressure: highest mean pressure of a law, relative to E*; 0.1 if not given, and no more
+            than a tenth of the hardness.
         steps: load steps of a law, equal in log load.
         bulk_compliance: whether a law keeps the half-space's own compliance, which the
             finite-element lining already has.
         seed: seed of the artificial surfaces.
+        hardness: pressure at which a point yields; elastic at any pressure if not given, as in
+            the paper.
     """
 
     patch: Literal["mesh"] | float = key("m", default=2.825e-3, band=(1e-5, 0.05))
@@ -117,10 +120,11 @@ class Micro:
     E: float = key("Pa", default=1983.3e6, band=MODULI)
     nu: float = key(default=0.4054, sign="any")
     tolerance: float = key(default=1e-6)
-    max_pressure: float = key(default=0.1)
+    max_pressure: float | None = key(default=None)
     steps: int = key(default=40)
     bulk_compliance: str = key(default="remove", choices=("remove", "keep"))
     seed: int = key(default=1, sign="zero")
+    hardness: float | None = key("Pa", default=None, band=(1e6, 2e10))
 
     @property
     def fresh(self) -> bool:

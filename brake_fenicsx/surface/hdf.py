@@ -26,6 +26,9 @@ Array = NDArray[np.float64]
 class HeightDistribution(Protocol):
     """P(z) of the heights about their mean plane."""
 
+    def __hash__(self) -> int:
+        """Distributions are keys of what is prepared once for many surfaces."""
+
     @property
     def name(self) -> str:
         """``"measured"``, ``"johnson"`` or ``"normal"``."""

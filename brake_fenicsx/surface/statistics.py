@@ -87,7 +87,7 @@ class SurfaceStatistics:
         return (
             f"the spectrum falls more slowly beyond {fit.q_c:.3g} rad/m (slope {fit.c2:.2f} after"
             f" {fit.c1:.2f}): that is usually the instrument's noise; cut there with"
-            f" surface.cutoff = \"{2e6 * np.pi / fit.q_c:.3g} um\"",
+            f' surface.cutoff = "{2e6 * np.pi / fit.q_c:.3g} um"',
         )
 
     @property

@@ -14,6 +14,7 @@ Mech. 26 (2011) 511, doi:10.1016/j.probengmech.2011.04.003 (iteration on the spe
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.fft
@@ -24,6 +25,7 @@ from brake_fenicsx.surface.psd import half_plane_weights
 from brake_fenicsx.surface.rings import Rings
 from brake_fenicsx.surface.topography import Array
 
+_polynomial: Any = np.polynomial.polynomial
 TERMS = 40  # Hermite polynomials; a Johnson distribution of kurtosis 10 needs about 20
 REACH = 7.0  # standard deviations of x that are tabulated: 3e-12 of the points lie beyond
 ENOUGH = 1e-3  # error of the spectrum at which the iteration stops
@@ -76,7 +78,7 @@ def translation_field(
     x = np.linspace(-REACH, REACH, 8001)
     z, powers = _expansion(hdf, x)
     r = np.linspace(-1.0, 1.0, 4001)
-    g = np.polynomial.polynomial.polyval(r, powers)
+    g = _polynomial.polyval(r, powers)
     wanted = shares / float((weights * shares).sum())
     own = _spectrum(np.interp(_correlation(wanted, shape), g, r), shape)
     rings, best, lowest = Rings(shape, size, wanted), own, np.inf
@@ -84,7 +86,7 @@ def translation_field(
         own = np.maximum(own, 0.0)
         own[0, 0] = 0.0
         own /= float((weights * own).sum())
-        mapped = np.polynomial.polynomial.polyval(_correlation(own, shape), powers)
+        mapped = _polynomial.polyval(_correlation(own, shape), powers)
         found = _spectrum(mapped, shape)
         error = rings.error(rings.ratio(found))
         if error < lowest:
@@ -100,7 +102,7 @@ def translation_field(
 def mapped_correlation(hdf: HeightDistribution, r: Array) -> Array:
     """Correlation of the mapped heights where that of the Gaussian field is ``r`` [-]."""
     x = np.linspace(-REACH, REACH, 8001)
-    return np.asarray(np.polynomial.polynomial.polyval(r, _expansion(hdf, x)[1]))
+    return np.asarray(_polynomial.polyval(r, _expansion(hdf, x)[1]))
 
 
 def _expansion(hdf: HeightDistribution, x: Array) -> tuple[Array, Array]:

@@ -74,7 +74,9 @@ class Equilibria:
                 raise ValueError("an equilibrium of changed bodies without displacement")
             return u
         zero: tuple[Any, ...] = ((0,), 0.0, (), 0.0)
-        eq = Equilibrium(data["g"], data["p"], data["k"], data["mu_equilibrium"], *zero)
+        eq = Equilibrium(
+            data["g"], data["p"], data["k"], data["k_vibration"], data["mu_equilibrium"], *zero
+        )
         bodies = self._bodies(sample)
         return displacement(bodies, eq, bodies.f)
 

@@ -126,7 +126,8 @@ class Results:
         for task in self.first():
             d = self.stored[task]
             for i, (x, y, z) in enumerate(contact.points):
-                values = (x, y, z, contact.w[i], *(d[name][i] for name in ("g", "g_cr", "p", "k")))
+                own = (d[name][i] for name in ("g", "g_cr", "p", "k", "k_vibration"))
+                values = (x, y, z, contact.w[i], *own)
                 yield [*task, i, *map(float, values), int(d["law"][i])]
 
     def first(self) -> list[Task]:

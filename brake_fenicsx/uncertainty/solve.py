@@ -49,7 +49,7 @@ def modes_of_sample(
         raise ValueError("a scene without [stability] has no modes")
     damped = models.damped(approach)
     model, p = models.reduced[damped], models.parameter_point(sample.random)
-    contact = linearised(models, approach, sample, eq.k, eq.p)
+    contact = linearised(models, approach, sample, eq.k_vibration, eq.p)
     modes = model.modes(p, contact, settings.zeta_max)
     missed = _missed(modes, settings.tolerance)
     if missed and settings.on_tolerance == "full order":
@@ -79,7 +79,7 @@ def linearised(
         models: what all samples share.
         approach: of the sample.
         sample: its inputs.
-        k: contact stiffness at equilibrium [Pa/m], shape (elements,).
+        k: contact stiffness of small vibrations at equilibrium [Pa/m], shape (elements,).
         p: pressure at equilibrium [Pa], likewise.
     """
     if models.terms is None or not models.damped(approach):
@@ -104,7 +104,7 @@ def expanded(
         data: what was stored of it.
         chosen: numbers of the modes.
     """
-    contact = linearised(models, approach, sample, data["k"], data["p"])
+    contact = linearised(models, approach, sample, data["k_vibration"], data["p"])
     a, p = data["coordinates"][:, chosen].astype(complex), models.parameter_point(sample.random)
     return models.displacements(models.damped(approach), p, contact, data["s"][chosen], a)
 
@@ -124,11 +124,13 @@ def _full(models: Models, sample: SampleInput, eq: Equilibrium) -> Arrays:
     if settings is None:
         raise ValueError("a scene without [stability] has no modes")
     C = sample_damping(models, sample, eq.p)
-    friction = contact_interface(b.N, b.T, b.w * eq.k, sample.mu) if sample.mu.any() else None
+    friction = (
+        contact_interface(b.N, b.T, b.w * eq.k_vibration, sample.mu) if sample.mu.any() else None
+    )
     stiffness = models.K
     if models.materials is not None and sample.materials:
         stiffness = models.materials.stiffness(sample.materials)
-    K = tangent(stiffness, b.N, b.T, b.w, eq.k, sample.mu)
+    K = tangent(stiffness, b.N, b.T, b.w, eq.k_vibration, sample.mu)
     band, M = (settings.band[0], settings.band[1]), local_rows(models.M)
     modes = complex_modes(M, C, K, band, zeta_max=settings.zeta_max, friction=friction)
     unstable = np.array(modes.verdict) == "unstable"

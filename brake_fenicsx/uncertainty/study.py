@@ -122,7 +122,8 @@ class Study:
         out: dict[str, Any] = {
             "seed": np.uint64(sample.seed),
             "mu": sample.mu, "mu_equilibrium": sample.mu_equilibrium,
-            "g": eq.g, "g_cr": sample.laws.g_cr, "p": eq.p, "k": eq.k, "law": sample.laws.index,
+            "g": eq.g, "g_cr": sample.laws.g_cr, "p": eq.p, "k": eq.k,
+            "k_vibration": eq.k_vibration, "law": sample.laws.index,
             "random_names": np.array(names, dtype=str),
             "random": np.array([sample.random[n] for n in names]),
             "equilibrium_iterations": sum(eq.iterations), "equilibrium_residual": eq.residual,

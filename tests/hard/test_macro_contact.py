@@ -35,6 +35,8 @@ class ManyLinear:
     def stiffness(self, index, d):
         return np.where(d < 0, self.k[index], 0.0)
 
+    vibration = stiffness
+
     def energy(self, index, d):
         return 0.5 * self.k[index] * np.maximum(-d, 0) ** 2
 
