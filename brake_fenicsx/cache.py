@@ -107,7 +107,8 @@ def laws_key(scene: Scene) -> dict[str, Any]:
     surface = scene.table.get("surface") or {}
     out = {"surface": surface, "micro": scene.table.get("micro"), "versions": [__version__]}
     out["patch"] = scene.micro.patch if scene.micro else None  # that of the mesh as a length
-    return {**out, "scan": _content(scene.path(surface["scan"]))} if "scan" in surface else out
+    files = {name: surface[name] for name in ("scan", "form") if name in surface}
+    return {**out, **{name: _content(scene.path(file)) for name, file in files.items()}}
 
 
 def _digest(content: Any) -> str:

@@ -13,6 +13,7 @@ from brake_fenicsx.errors import BrakeError, SceneError, SurfaceError
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.friction import rubs
 from brake_fenicsx.scene.plausible import unusual
+from brake_fenicsx.scene.sections import Surface
 
 if TYPE_CHECKING:
     from brake_fenicsx.surface import SurfaceStatistics
@@ -112,28 +113,52 @@ def with_pixels(scene: Scene, stats: SurfaceStatistics | None) -> Scene:
 
 def read_surface(scene: Scene) -> SurfaceStatistics:
     """Scan to statistics: height distribution, power spectrum, bi-fractal fit."""
-    from brake_fenicsx.surface import characterise, given_statistics, read_topography
+    from brake_fenicsx.surface import given_statistics
 
     table = scene.surface
     if table is None:
         raise SceneError(f"{scene.file}: surface: the section is missing")
+    long = None
+    if table.form is not None:
+        form = _characterised(scene, "form", table.form, table.level, None, "johnson")
+        long = form.bifractal
     if table.statistics is not None:
-        t = table.statistics
-        shape = table.distribution or "johnson"
+        t, shape = table.statistics, table.distribution or "johnson"
         try:
-            return given_statistics(t.S_q, t.S_sk, t.S_ku, t.c1, t.c2, t.q_c, distribution=shape)
+            found = given_statistics(t.S_q, t.S_sk, t.S_ku, t.c1, t.c2, t.q_c, distribution=shape)
         except BrakeError as error:
             raise SceneError(f"{scene.file}: surface: {error}") from None
-    size = None if table.size is None else (table.size[0], table.size[-1])
-    try:
-        scan = read_topography(
-            scene.path(str(table.scan)), size, table.height_unit, rows=table.rows
-        )
-        _check_scan(scan)
+    else:
         shape = table.distribution or "measured"
-        return characterise(scan, table.level, cutoff=table.cutoff, distribution=shape)
+        found = _characterised(
+            scene, "scan", str(table.scan), table.level, table.cutoff, shape, table
+        )
+    if long is None:
+        return found
+    if not long.band[0] < found.bifractal.band[0]:
+        raise SceneError(
+            f"{scene.file}: surface.form = {table.form!r}: its longest wave of"
+            f" {2e3 * np.pi / long.band[0]:.3g} mm is not longer than that of the scan,"
+            f" {2e3 * np.pi / found.bifractal.band[0]:.3g} mm; name a longer scan, or none"
+        )
+    return replace(found, bifractal=replace(found.bifractal, form=long))
+
+
+def _characterised(
+    scene: Scene, name: str, file: str, level: str, cutoff: float | None, distribution: str,
+    table: Surface | None = None,
+) -> SurfaceStatistics:  # fmt: skip
+    """Statistics of a scan file; ``table`` holds its size and units where the file has none."""
+    from brake_fenicsx.surface import characterise, read_topography
+
+    size = None if table is None or table.size is None else (table.size[0], table.size[-1])
+    unit, rows = (None, "x") if table is None else (table.height_unit, table.rows)
+    try:
+        scan = read_topography(scene.path(file), size, unit, rows=rows)
+        _check_scan(scan)
+        return characterise(scan, level, cutoff=cutoff, distribution=distribution)
     except BrakeError as error:
-        raise SceneError(f"{scene.file}: surface.scan = {table.scan!r}: {error}") from None
+        raise SceneError(f"{scene.file}: surface.{name} = {file!r}: {error}") from None
 
 
 def _check_scan(scan: Topography) -> None:

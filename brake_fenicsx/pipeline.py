@@ -424,7 +424,15 @@ def mechanics(
 
     recipe = law_recipe(this.scene, stats) if stats else None
     hdf = stats.hdf if stats else None
-    study = Study(this.scene, brake, library, hdf, this.store, this.comm, recipe, this.cache)
+    waviness, surface, micro = None, this.scene.surface, this.scene.micro
+    named = any(c.gap == "waviness" for c in this.scene.contact.values())
+    if named and stats and surface and micro:
+        from brake_fenicsx.surface.waviness import Waviness
+
+        waviness = Waviness(stats.bifractal, float(micro.patch), surface.low)
+    study = Study(
+        this.scene, brake, library, hdf, this.store, this.comm, recipe, this.cache, waviness
+    )
     with this.stage("shared"):
         study.prepare()
         this.facts |= study.facts

@@ -10,7 +10,7 @@ from typing import Any
 
 from brake_fenicsx.macro.braking import equilibrium
 from brake_fenicsx.macro.equilibrium import Equilibrium, displacement
-from brake_fenicsx.macro.gap import EnrichedGap, draw_critical_gaps
+from brake_fenicsx.macro.gap import EnrichedGap, draw_critical_gaps, draw_waviness
 
 _HOME = {"assemble_brake": "brake", "Brake": "brake", "build_mesh": "mesh"}
 __all__ = [
@@ -18,6 +18,7 @@ __all__ = [
     "EnrichedGap",
     "displacement",
     "draw_critical_gaps",
+    "draw_waviness",
     "equilibrium",
     *_HOME,
 ]

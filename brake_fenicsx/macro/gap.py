@@ -3,9 +3,13 @@
 First enrichment: a critical gap per element, drawn from the height distribution with zero mean.
 Second enrichment: a law p = P(delta) per element, from the boundary-element contact of a rough
 surface. delta = g - g_cr is the separation the law sees: a positive g_cr (a patch that stands
-proud) touches at a larger gap. The law already holds the heights inside a patch; the critical gap
-adds the scatter of the patch's mean plane with the variance of the same heights. Where heights are
-correlated over less than a patch that counts them twice: an upper bound of the scatter.
+proud) touches at a larger gap. Two readings:
+
+- drawn from the height distribution, each element for itself (the source's). The law already holds
+  the heights inside a patch, and the critical gap adds the same variance once more: where heights
+  are correlated over less than a patch that counts them twice, an upper bound of the scatter;
+- the waviness of the face: one correlated field of the mean heights of patches, from the part of
+  the spectrum that is longer than a patch. Law and critical gap share the variance.
 
 Rough laws are not clipped at delta = 0: their summits carry load from first touch, at delta > 0.
 """
@@ -19,6 +23,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.micro.law import Laws
 from brake_fenicsx.surface.hdf import HeightDistribution
+from brake_fenicsx.surface.waviness import Waviness
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -75,6 +80,32 @@ def draw_critical_gaps(hdf: HeightDistribution, n: int, rng: np.random.Generator
         Shape (n,).
     """
     return hdf.sample(n, rng)
+
+
+def draw_waviness(
+    waviness: Waviness, points: Array, normal: Array, rng: np.random.Generator
+) -> Array:
+    """Critical gaps [m] from the waviness of the faces: a field of its own for each pad.
+
+    Args:
+        waviness: field of the mean heights of patches.
+        points: centres of the contact elements of one interface [m], shape (n, 3).
+        normal: unit normals from disc to pad, shape (n, 3); pads on opposite sides of a disc
+            differ by their sign.
+        rng: random numbers of the sample.
+
+    Returns:
+        Shape (n,); positive where the patch stands proud.
+    """
+    heights = np.zeros(len(points))
+    one_side = normal @ normal[0] >= 0.0
+    for pad in (one_side, ~one_side):
+        if pad.any():
+            own = points[pad] - points[pad].mean(axis=0)
+            # The plane of the face: the two directions in which its centres spread most.
+            _, _, axes = np.linalg.svd(own, full_matrices=False)
+            heights[pad] = waviness.sample(own @ axes[:2].T, rng)
+    return heights
 
 
 def separation_density(delta: Array, g: float, hdf: HeightDistribution) -> Array:

@@ -83,6 +83,9 @@ class LawRecipe:
         more = ("min_pressure", "steps", "boundary", "bulk_compliance", "tolerance", "hardness")
         found: dict[str, Any] = {name: getattr(self, name) for name in (*names, *more)}
         found |= {name: getattr(self.psd, name) for name in ("c1", "c2", "q_c", "C0", "band")}
+        form = self.psd.form
+        if form is not None:
+            found["form"] = (form.c1, form.c2, form.q_c, form.C0, form.band)
         return found | {"S_q": self.hdf.S_q, "distribution": self.hdf.name}
 
 

@@ -80,7 +80,11 @@ def contact_maps(directory: Path) -> None:
 
     how = load_laws(store.path("laws.npz")).settings
     numbers = json.loads(str(surface["stats"]))
-    psd = BiFractal(how["c1"], how["c2"], how["q_c"], how["C0"], tuple(how["band"]))
+    long = None
+    if "form" in how:
+        c1, c2, q_c, C0, band = how["form"]
+        long = BiFractal(c1, c2, q_c, C0, tuple(band))
+    psd = BiFractal(how["c1"], how["c2"], how["q_c"], how["C0"], tuple(how["band"]), form=long)
     hdf: HeightDistribution
     if how["distribution"] == "measured":
         z = surface["heights"][np.isfinite(surface["heights"])]

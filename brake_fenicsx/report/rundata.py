@@ -71,7 +71,7 @@ class RunData:
     def label(self, approach: str) -> str:
         """Name of an approach as a person reads it: "multi-scale" names roughness that is there."""
         contacts = self.summary.get("in_effect", {}).get("contact", {}).values()
-        rough = any(c.get("law") == "library" or c.get("gap") == "hdf" for c in contacts)
+        rough = any(c.get("law") == "library" or c.get("gap", "none") != "none" for c in contacts)
         if approach == "multi-scale" and contacts and not rough:
             return SMOOTH
         return APPROACH_NAME.get(approach, approach)

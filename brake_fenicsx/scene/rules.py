@@ -68,10 +68,11 @@ def _check_stages(s: Scene) -> None:
             raise SceneError(
                 f"surface.scan = {scan!r}: surface.statistics are there in its place; leave one out"
             )
-        if scan and not os.path.isfile(s.path(scan)):
-            raise SceneError(
-                f"surface.scan = {scan!r}: no such file; paths start at the scene's folder"
-            )
+        for name, file in (("scan", scan), ("form", s.surface.form)):
+            if file and not os.path.isfile(s.path(file)):
+                raise SceneError(
+                    f"surface.{name} = {file!r}: no such file; paths start at the scene's folder"
+                )
     if s.micro and s.micro.patch == "mesh" and "equilibrium" not in s.stages:
         raise SceneError('micro.patch = "mesh": needs the stage equilibrium; write a length')
     if s.micro and s.micro.pixels != "scan" and s.micro.pixels < 2:
@@ -136,8 +137,12 @@ def _check_contact(s: Scene, where: str, contact: Contact) -> None:
             raise SceneError(f'{where}.law = "library": needs the stages surface and micro')
     elif contact.law.linear is None and (contact.law.p0 is None or contact.law.u0 is None):
         raise SceneError(f"{where}.law: write {{ linear = .. }} or {{ p0 = .., u0 = .. }}")
-    if contact.gap == "hdf" and "surface" not in s.stages:
-        raise SceneError(f'{where}.gap = "hdf": needs the stage surface')
+    if contact.gap != "none" and "surface" not in s.stages:
+        raise SceneError(f'{where}.gap = "{contact.gap}": needs the stage surface')
+    if contact.gap == "waviness" and s.micro is None:
+        raise SceneError(
+            f'{where}.gap = "waviness": needs micro.patch, the length from which waves are longer'
+        )
 
 
 def _check_random(s: Scene, name: str) -> None:

@@ -64,6 +64,7 @@ class Surface:
         height_unit: unit of the heights, where the file does not say it ("um").
         rows: what changes from one row of a table of heights to the next; "y" as in an image.
         statistics: numbers in place of a scan.
+        form: file of a longer, coarser scan of the face, for the waves longer than ``scan``.
         cutoff: shortest wavelength the instrument resolves; two pixels if not given.
         low: the spectrum below the scan's lowest wave number: held flat, or extended.
         S_q: variance of the artificial surfaces: that of the scan's spectrum on a patch, or that of
@@ -82,6 +83,7 @@ class Surface:
     height_unit: str | None = key(default=None)
     statistics: Statistics | None = None
     rows: str = key(default="x", choices=("x", "y"))
+    form: str | None = key(default=None)
     cutoff: float | None = key("m", default=None)
     low: str = key(default="flat", choices=("flat", "extend"))
     S_q: str = key(default="spectrum", choices=("spectrum", "scan"))
@@ -233,7 +235,9 @@ class Contact:
         law: "library": laws of the rough surface; or a table.
         discretisation: what a contact element is: a facet, a Gauss point, or a node
             ([contact.md](contact.md)).
-        gap: critical gap of every element: none, or drawn from the height distribution.
+        gap: critical gap of every element: none, drawn from the height distribution (the paper's
+            reading), or the waviness of the face, its waves longer than a patch
+            ([contact.md](contact.md)).
         friction: coefficient; or a table, where it depends on the speed.
         friction_in_equilibrium: whether friction acts in the equilibrium too.
         search: largest gap at which facets are paired; the largest facet if not given.
@@ -242,7 +246,7 @@ class Contact:
     faces: tuple[str, ...]
     law: Literal["library"] | Law = key(default="library", write=LAWS)  # noqa: RUF009
     discretisation: str = key(default="patch", choices=("patch", "quadrature", "node"))
-    gap: str = key(default="none", choices=("none", "hdf"))
+    gap: str = key(default="none", choices=("none", "hdf", "waviness"))
     friction: float | Friction = key(default=0.0, sign="zero", band=FRICTION)  # noqa: RUF009
     friction_in_equilibrium: bool = True
     search: float | None = key("m", default=None)
@@ -347,7 +351,7 @@ class Scene:
 
     def spoken(self, approach: str) -> str:
         """Name of an approach to a person: "multi-scale" is said of rough contact alone."""
-        rough = any(c.law == "library" or c.gap == "hdf" for c in self.contact.values())
+        rough = any(c.law == "library" or c.gap != "none" for c in self.contact.values())
         return approach if rough or approach != "multi-scale" else "smooth contact"
 
     @staticmethod

@@ -55,6 +55,7 @@ class BiFractal:
         band: wave numbers the parameters were taken from (lo, hi) [rad/m].
         errors: standard errors of (c1, c2, ln q_c, ln C0); nan where the parameters are given.
         rms: root-mean-square deviation of ln C from the fit; nan where given.
+        form: spectrum of a longer, coarser scan, taken below the band; None where there is none.
     """
 
     c1: float
@@ -64,13 +65,15 @@ class BiFractal:
     band: tuple[float, float]
     errors: tuple[float, float, float, float] = (np.nan, np.nan, np.nan, np.nan)
     rms: float = np.nan
+    form: BiFractal | None = None
 
     def __call__(self, q: Array, low: str = "extend") -> Array:
         """Bi-fractal spectrum: density [m^4] at wave numbers q > 0 [rad/m], Eq. (17).
 
         Args:
             q: wave numbers [rad/m]; the density at q = 0 is zero (the mean plane).
-            low: below the band's lower end, ``"extend"`` the power law or hold it ``"flat"``.
+            low: below the band's lower end, ``"extend"`` the power law or hold it ``"flat"``;
+                with a ``form``, below the band of that.
         """
         if low not in ("extend", "flat"):
             raise SurfaceError(f"low = {low!r}; choose 'extend' or 'flat'")
@@ -80,6 +83,8 @@ class BiFractal:
             x = np.maximum(x, self.band[0])
         x = x / self.q_c
         C = self.C0 * np.where(x < 1.0, x**self.c1, x**self.c2)
+        if self.form is not None:
+            C = np.where(q < self.band[0], self.form(q, low), C)
         return np.where(q > 0.0, C, 0.0)
 
     @property

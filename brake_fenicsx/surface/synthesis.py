@@ -173,7 +173,7 @@ def _target(
     variance = float(weighted.sum())
     if not variance > 0.0:
         raise SurfaceError("the PSD vanishes on this grid; a rough surface needs some roughness")
-    lo = psd.band[0] if isinstance(psd, BiFractal) else 0.0
+    lo = (psd.form or psd).band[0] if isinstance(psd, BiFractal) else 0.0
     below = float(weighted[q < lo * (1.0 - 1e-12)].sum()) / variance
     return _Target(shape, size, powers / variance, variance, below)
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.contact import Contact
 from brake_fenicsx.macro.friction import velocity_friction
-from brake_fenicsx.macro.gap import EnrichedGap, draw_critical_gaps
+from brake_fenicsx.macro.gap import EnrichedGap, draw_critical_gaps, draw_waviness
 from brake_fenicsx.micro import OneLaw, exponential_law, linear_law
 from brake_fenicsx.micro.joined import join_laws
 from brake_fenicsx.micro.law import Laws
@@ -24,6 +24,7 @@ from brake_fenicsx.scene import Contact as ContactTable
 from brake_fenicsx.scene import Friction, Law, Scene
 from brake_fenicsx.scene.friction import friction_of
 from brake_fenicsx.surface.hdf import HeightDistribution
+from brake_fenicsx.surface.waviness import Waviness
 
 from .inputs import PERFECT, Inputs, draw_inputs, law_factor, scaled_interfaces, size_of
 
@@ -71,6 +72,7 @@ def draw_sample(
     library: Laws | None,
     hdf: HeightDistribution | None,
     point: Array | None = None,
+    waviness: Waviness | None = None,
 ) -> SampleInput:
     """Inputs of sample ``k`` of an approach.
 
@@ -80,10 +82,11 @@ def draw_sample(
             and "fast" perfect contact: a stiff linear penalty, no critical gap; the scene's
             friction, or the classical one's own, where it is not random.
         k: number of the sample.
-        contact: contact elements; only their interfaces and sliding speeds are used.
+        contact: contact elements; their interfaces, sliding speeds, centres and normals are used.
         library: the laws, where the scene asks for them.
         hdf: height distribution, where critical gaps are drawn from it.
         point: the sample's point of a design, shape (inputs,); None: drawn from its own stream.
+        waviness: field of the mean heights of patches, where critical gaps are drawn from it.
 
     Returns:
         The inputs.
@@ -101,7 +104,7 @@ def draw_sample(
     if approach in PERFECT:
         laws = perfect_contact(scene, contact.interface.size)
     else:
-        laws = _rough(scene, contact.interface, library, hdf, inputs, (law_rng, gap_rng))
+        laws = _rough(scene, contact, library, (hdf, waviness), inputs, (law_rng, gap_rng))
     mu, slope = _friction(scene, contact, approach, inputs.values)
     in_equilibrium = np.array([t.friction_in_equilibrium for t in scene.contact.values()])
     return SampleInput(
@@ -131,14 +134,15 @@ def _friction(
 
 def _rough(
     scene: Scene,
-    interface: NDArray[np.int_],
+    contact: Contact,
     library: Laws | None,
-    hdf: HeightDistribution | None,
+    heights: tuple[HeightDistribution | None, Waviness | None],
     inputs: Inputs,
     streams: tuple[np.random.Generator, np.random.Generator],
 ) -> EnrichedGap:
     """Law and critical gap of each element, the laws for the sample's modulus."""
     law_rng, gap_rng = streams
+    interface = contact.interface
     parts: list[Laws] = []
     index, g_cr = np.zeros(interface.size, np.intp), np.zeros(interface.size)
     for i, (name, table) in enumerate(scene.contact.items()):
@@ -148,12 +152,17 @@ def _rough(
         if inputs.materials and name in scaled_interfaces(scene):
             chosen = scaled_laws(chosen, law_factor(scene, name, inputs.materials))
         parts.append(chosen)
-        if table.gap == "hdf":
-            if hdf is None:
-                raise SceneError(
-                    f'contact.{name}.gap = "hdf": there are no heights; name the stage surface'
-                )
+        if table.gap == "none":
+            continue
+        hdf, waviness = heights
+        if table.gap == "hdf" and hdf is not None:
             g_cr[own] = draw_critical_gaps(hdf, int(own.sum()), gap_rng)
+        elif table.gap == "waviness" and waviness is not None:
+            g_cr[own] = draw_waviness(waviness, contact.points[own], contact.normal[own], gap_rng)
+        else:
+            raise SceneError(
+                f'contact.{name}.gap = "{table.gap}": there are no heights; name the stage surface'
+            )
     return EnrichedGap(join_laws(parts), index, g_cr)
 
 
@@ -189,5 +198,5 @@ def sample_count(scene: Scene, approach: str = "multi-scale") -> int:
     if approach == "classical" or "uncertainty" not in scene.stages:
         return 1
     tables = scene.contact.values()
-    rough = any(c.law == "library" or c.gap == "hdf" for c in tables) and approach not in PERFECT
+    rough = any(c.law == "library" or c.gap != "none" for c in tables) and approach not in PERFECT
     return size_of(scene, approach) if rough or scene.samples.takes_random(approach) else 1

@@ -20,6 +20,7 @@ from brake_fenicsx.micro.law import Laws
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.store import Store
 from brake_fenicsx.surface.hdf import HeightDistribution
+from brake_fenicsx.surface.waviness import Waviness
 from brake_fenicsx.tables import CONTACT, MODES, SAMPLES, write_rows
 
 from .ensemble import Task, run_ensemble
@@ -49,6 +50,7 @@ class Study:
         comm: MPI.Comm,
         recipe: LawRecipe | None = None,
         cache: SharedCache | None = None,
+        waviness: Waviness | None = None,
     ):
         """Collect what the samples need.
 
@@ -62,8 +64,9 @@ class Study:
             recipe: how laws are made, where each sample makes its own; ``library`` then holds
                 those of sample 0.
             cache: what the folder shares with others; nothing if None.
+            waviness: mean heights of patches, where critical gaps are drawn from them.
         """
-        self.recipe = recipe
+        self.recipe, self.waviness = recipe, waviness
         self.scene, self.brake, self.library, self.hdf = scene, brake, library, hdf
         self.store, self.comm = store, comm
         self.facts: dict[str, Any] = {}
@@ -153,7 +156,9 @@ class Study:
         points = self.points[approach]
         point = None if points is None else points[k]
         library = self.library if approach in PERFECT else self._laws(k)
-        return draw_sample(self.scene, approach, k, self.brake.contact, library, self.hdf, point)
+        return draw_sample(
+            self.scene, approach, k, self.brake.contact, library, self.hdf, point, self.waviness
+        )
 
     def _laws(self, k: int) -> Laws | None:
         """The library, or the laws that sample ``k`` makes for itself."""
