@@ -277,6 +277,7 @@ def test_checkerboard_that_yields(solver):
 
 @pytest.mark.parametrize("tolerance", [0.0, -1e-6, np.nan, np.inf])
 def test_tolerance_of_a_law_without_meaning(tolerance):
+    """Zero, negative, undefined or infinite: wrong input, not a failure to converge."""
     with pytest.raises(SceneError, match="tolerance"):
         contact_law(rough(), 1.0, tolerance=tolerance)
     with pytest.raises(SceneError, match="tol"):
@@ -285,12 +286,14 @@ def test_tolerance_of_a_law_without_meaning(tolerance):
 
 @pytest.mark.parametrize("shape", [(1, 8), (8, 1), (0, 0), (0, 5), (1, 1)])
 def test_profiles_and_empty_maps_are_named(shape):
+    """A patch needs two pixels each way."""
     with pytest.raises(SurfaceError, match="two dimensions"):
         solve_contact(np.ones(shape), SIZE, 1.0, load=1e-9)
 
 
 @pytest.mark.parametrize("solver", ["auto", "pcg"])
 def test_start_of_another_shape_is_named(solver):
+    """Pressures to start from belong to the pixels of the patch."""
     for start in (np.ones((4, 4)), np.ones(48), 1.0):
         with pytest.raises(SceneError, match="start of shape"):
             solve_contact(rough().heights, SIZE, 1.0, load=1e-9, start=start, solver=solver)
