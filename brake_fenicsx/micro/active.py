@@ -147,7 +147,7 @@ def active_set(
     fewest, patience = height.size + 1, 3
     for iteration in range(1, max_iterations + 1):
         if total is not None and not touching.any():
-            _one_elastic(height, touching, plastic, total > cap * np.count_nonzero(plastic))
+            _some_elastic(height, touching, plastic, total > cap * np.count_nonzero(plastic))
         points, top = np.flatnonzero(touching), np.flatnonzero(plastic)
         if points.size > most:
             return None
@@ -203,13 +203,12 @@ def _clipped(pressure: Array, cap: float) -> Array:
     return np.clip(pressure, 0.0, cap) if np.isfinite(cap) else pressure
 
 
-def _one_elastic(height: Array, touching: Mask, plastic: Mask, more: bool) -> None:
-    """A given load needs a pixel that can give way: the next one to touch, or to be let go."""
-    if more:
-        touching[np.argmax(np.where(plastic, -np.inf, height))] = True
-    else:
-        lowest = np.argmin(np.where(plastic, height, np.inf))
-        touching[lowest], plastic[lowest] = True, False
+def _some_elastic(height: Array, touching: Mask, plastic: Mask, more: bool) -> None:
+    """A given load needs pixels that give way: the next to touch, or the first to be let go."""
+    among = ~plastic if more else plastic
+    chosen = among & (height == (height[among].max() if more else height[among].min()))
+    touching |= chosen
+    plastic &= ~chosen
 
 
 def _dense_solve(pixels: Pixels, points: Index, overlap: Array) -> Array | None:

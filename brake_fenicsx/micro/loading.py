@@ -114,7 +114,7 @@ def solve_contact(
     area = float(np.prod(pixel))
     total = None if load is None else load / (E_star * area)
     cap = _cap(hardness, E_star, load, area * h.size)
-    guess = None if start is None else np.where(np.isfinite(start), start, 0.0) / E_star
+    guess = None if start is None else _guess(start, h.shape) / E_star
     state, name = solve(space, h, separation, total, guess, tol, solver, max_iterations, cap)
     found = float(state.p.sum())
     plastic = state.p >= cap
@@ -185,9 +185,11 @@ def _checked(
     heights: Array, size: Array | tuple[float, float], E_star: float, tol: float, solver: str
 ) -> tuple[Array, Array]:
     """Heights over their mean and the patch lengths, or a named error."""
-    h, lengths = np.asarray(heights, dtype=float), np.array(size, dtype=float)
-    if h.ndim != 2:
-        raise SurfaceError(f"heights of shape {h.shape}; a patch has two dimensions")
+    h, lengths = _real("heights", heights), np.array(size, dtype=float)
+    if h.ndim != 2 or min(h.shape) < 2:
+        raise SurfaceError(
+            f"heights of shape {h.shape}; a patch has two dimensions, of two pixels or more"
+        )
     if not np.isfinite(h).all():
         raise SurfaceError(
             f"heights: {np.count_nonzero(~np.isfinite(h))} points are missing; fill them first"
@@ -196,8 +198,8 @@ def _checked(
         raise SceneError(f"size = {size} m; give two positive lengths")
     if not (np.isfinite(E_star) and E_star > 0.0):
         raise SceneError(f"E_star = {E_star} Pa; a modulus is positive")
-    if not tol > 0.0:
-        raise SceneError(f"tol = {tol}; give a positive number")
+    if not 0.0 < tol < np.inf:
+        raise SceneError(f"tol = {tol}; give a positive number, such as 1e-8")
     if solver not in ("auto", "active-set", "pcg"):
         raise SceneError(f"solver = {solver!r}; choose 'auto', 'active-set' or 'pcg'")
     return h - h.mean(), lengths
@@ -228,6 +230,22 @@ def _by_active_set(
     w = found.gap.reshape(h.shape) if every else space.apply(p) - h + found.d
     c = certify(space, h, p, w, found.d, total is not None, cap)
     return State(p, w, found.d, c.gap, c.penetration, c.complementarity, found.iterations)
+
+
+def _real(name: str, values: Array) -> Array:
+    """Values as a new array of real numbers, masked ones as missing."""
+    found = np.asarray(values)
+    if found.dtype.kind not in "biuf":
+        raise SurfaceError(f"{name} of type {found.dtype}; give real numbers")
+    return np.where(getattr(values, "mask", False), np.nan, np.asarray(values, dtype=float))
+
+
+def _guess(start: Array, shape: tuple[int, ...]) -> Array:
+    """Pressures to start from [Pa]; undefined ones are none."""
+    p = _real("start", start)
+    if p.shape != shape:
+        raise SceneError(f"start of shape {p.shape}; give pressures of shape {shape}, or none")
+    return np.where(np.isfinite(p), p, 0.0)
 
 
 def _cap(hardness: float | None, E_star: float, load: float | None, area: float) -> float:

@@ -204,7 +204,8 @@ class _Watch:
     """Sees when the certificate no longer falls; then safe steps are taken.
 
     A step along the gap no longer than the inverse of the largest eigenvalue of H, projected,
-    always lowers the energy: the method cannot cycle.
+    always lowers the energy. Each time the certificate stalls twice as many follow: the method
+    cannot cycle for ever.
     """
 
     def __init__(self, patience: int = 40, safe: int = 10):
@@ -222,6 +223,7 @@ class _Watch:
             self.best, self.since = gap, 0
         if self.since >= self.patience:
             self.since, self.left = 0, self.safe
+            self.safe *= 2
         self.left -= 1
         return self.left >= 0
 

@@ -84,9 +84,11 @@ def sweep(
         since its separation cannot fall further.
 
     Raises:
-        SceneError: the hardness cannot carry ``highest``.
+        SceneError: a tolerance without meaning, or a hardness that cannot carry ``highest``.
         NotConverged: a step misses the tolerance.
     """
+    if not 0.0 < tolerance < np.inf:
+        raise SceneError(f"tolerance = {tolerance}; give a positive number, such as 1e-6")
     cap = np.inf if hardness is None else hardness
     if not cap > 0.0 or highest >= cap * h.size:
         raise SceneError(

@@ -5,7 +5,7 @@ import logging
 import numpy as np
 import pytest
 
-from brake_fenicsx.errors import SurfaceError
+from brake_fenicsx.errors import SceneError, SurfaceError
 from brake_fenicsx.micro import contact_law, solve_contact
 from brake_fenicsx.micro.halfspace import half_space
 from brake_fenicsx.surface import given_statistics, make_topography, synthesise
@@ -195,3 +195,115 @@ def test_line_is_not_a_patch():
     """A profile in place of a surface: named error."""
     with pytest.raises(SurfaceError, match="two dimensions"):
         solve_contact(np.zeros(5), SIZE, 1.0, separation=0.0)
+
+
+def worn(kind, n=48):
+    """Surfaces whose first touch is not one pixel, or nearly all of which is one height."""
+    rng = np.random.default_rng(11)
+    h = rough((n, n)).heights
+    if kind.startswith("plateau"):
+        top = np.minimum(h, np.quantile(h, 1.0 - float(kind[7:])))
+        return top
+    if kind == "holes":  # missing points filled with one value, deep valleys elsewhere
+        top = np.minimum(h, np.quantile(h, 0.7))
+        top[rng.random(h.shape) < 0.31] = top.max()
+        return np.where(top < -2.0 * h.std(), 8.0 * top, top)
+    if kind == "checkerboard":
+        return np.indices(h.shape).sum(axis=0) % 2 * 1e-6
+    if kind == "one pixel down":
+        return np.where(h == h.max(), -1e-6, 0.0)
+    return -1e-6 * np.exp(2.0 * rng.standard_normal(h.shape))  # skewness about -10
+
+
+WORN = [
+    "plateau0.06",
+    "plateau0.3",
+    "plateau0.6",
+    "holes",
+    "checkerboard",
+    "one pixel down",
+    "skew",
+]
+
+
+@pytest.mark.parametrize("kind", WORN)
+@pytest.mark.parametrize("boundary", ["free", "periodic"])
+def test_law_of_a_worn_surface(kind, boundary):
+    """Plateaus touch at once: the law is there, monotone, and true to single contacts."""
+    topo = make_topography(worn(kind), SIZE)
+    settings = {"boundary": boundary, "bulk_compliance": "keep"}
+    law = contact_law(topo, 1.0, max_pressure=3e-2, **settings)
+    d, p, _ = law.steps
+    x = np.linspace(d[-1], law.first_touch, 500)
+    assert np.all(np.diff(law.pressure(x)) <= 0.0)
+    if boundary == "periodic" and kind == "one pixel down":
+        return  # closed from the first touch on
+    for mean in np.geomspace(p[0], min(p[-1], 0.03), 4):
+        found = solve_contact(topo.heights, SIZE, 1.0, load=mean * SIZE[0] ** 2, boundary=boundary)
+        assert law.pressure(found.separation) == pytest.approx(mean, rel=0.02)
+
+
+def test_checkerboard_against_its_closed_form():
+    """Crests carry 2 P and sink by 2 P / (E* |q|) at the shortest wave: a straight law.
+
+    It ends where the valleys close, at P = |q| times the amplitude over two.
+    """
+    n, amplitude = 48, 1e-6
+    h = amplitude * (2.0 * (np.indices((n, n)).sum(axis=0) % 2) - 1.0)
+    law = contact_law(make_topography(h, SIZE), 1.0, boundary="periodic", max_pressure=1.0)
+    q = np.sqrt(2.0) * np.pi * n / SIZE[0]
+    d, p, k = law.steps
+    np.testing.assert_allclose(p, 0.5 * q * (amplitude - d), rtol=1e-6, atol=1e-6 * p.max())
+    assert 0.5 * q == pytest.approx(k[-1], rel=1e-3)
+    assert p.max() <= 0.5 * q * amplitude * (1 + 1e-9)
+
+
+@pytest.mark.parametrize("solver", ["auto", "pcg"])
+def test_checkerboard_that_yields(solver):
+    """Crests at the hardness H, valleys at 0.2 H: plastic depth 2 A - 1.6 H / (E* |q|)."""
+    n, amplitude = 16, 1e-6
+    h = amplitude * (2.0 * (np.indices((n, n)).sum(axis=0) % 2) - 1.0)
+    q = np.sqrt(2.0) * np.pi * n / SIZE[0]
+    hardness = 0.5 * q * amplitude
+    found = solve_contact(
+        h, SIZE, 1.0, load=0.6 * hardness * SIZE[0] ** 2, boundary="periodic", solver=solver,
+        hardness=hardness, tol=1e-12,
+    )  # fmt: skip
+    np.testing.assert_allclose(found.pressure[h < 0.0], 0.2 * hardness, rtol=1e-6)
+    assert found.plastic_fraction == 0.5 and found.area_fraction == 1.0
+    assert found.plastic_depth == pytest.approx(1.2 * amplitude, rel=1e-6)
+    assert found.separation == pytest.approx(-0.6 * amplitude, rel=1e-6)
+
+
+@pytest.mark.parametrize("tolerance", [0.0, -1e-6, np.nan, np.inf])
+def test_tolerance_of_a_law_without_meaning(tolerance):
+    """Zero, negative, undefined or infinite: wrong input, not a failure to converge."""
+    with pytest.raises(SceneError, match="tolerance"):
+        contact_law(rough(), 1.0, tolerance=tolerance)
+    with pytest.raises(SceneError, match="tol"):
+        solve_contact(rough().heights, SIZE, 1.0, load=1e-9, tol=tolerance)
+
+
+@pytest.mark.parametrize("shape", [(1, 8), (8, 1), (0, 0), (0, 5), (1, 1)])
+def test_profiles_and_empty_maps_are_named(shape):
+    """A patch needs two pixels each way."""
+    with pytest.raises(SurfaceError, match="two dimensions"):
+        solve_contact(np.ones(shape), SIZE, 1.0, load=1e-9)
+
+
+@pytest.mark.parametrize("solver", ["auto", "pcg"])
+def test_start_of_another_shape_is_named(solver):
+    """Pressures to start from belong to the pixels of the patch."""
+    for start in (np.ones((4, 4)), np.ones(48), 1.0):
+        with pytest.raises(SceneError, match="start of shape"):
+            solve_contact(rough().heights, SIZE, 1.0, load=1e-9, start=start, solver=solver)
+
+
+def test_heights_that_are_no_real_numbers_are_named():
+    """Complex numbers and texts are refused; masked points are missing ones."""
+    h = rough().heights
+    for wrong in (h + 1j * h, h.astype(str)):
+        with pytest.raises(SurfaceError, match="real numbers"):
+            solve_contact(wrong, SIZE, 1.0, load=1e-9)
+    with pytest.raises(SurfaceError, match="missing"):
+        solve_contact(np.ma.masked_greater(h, 2.0 * h.std()), SIZE, 1.0, load=1e-9)
