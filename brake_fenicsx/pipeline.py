@@ -37,6 +37,9 @@ if TYPE_CHECKING:
     from brake_fenicsx.surface import SurfaceStatistics
 
 FOLDER = "folder"  # all of a results folder, as a piece of work
+# Hardness of a hard lining, a usual pressure of braking [Pa], and the share of the force beyond
+# the first at which elastic laws are doubtful.
+SOFT, BRAKING, SOME = 400e6, 0.2e6, 0.1
 
 
 @dataclass(slots=True)
@@ -365,7 +368,26 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
                 save_laws(part, library)
                 part.rename(path)
             comm.Barrier()
+        note_warnings(this, beyond_elasticity(this, stats))
         return load_laws(path)
+
+
+def beyond_elasticity(this: Run, stats: SurfaceStatistics) -> list[str]:
+    """Whether elastic laws carry more than linings do, at the pressure of the brake."""
+    recipe, micro = law_recipe(this.scene, stats), this.scene.micro
+    if micro is None or recipe.hardness is not None:
+        return []
+    from brake_fenicsx.micro import force_above
+
+    pressed, area = this.facts.get("pressed_N"), this.facts.get("contact_area_mm2")
+    mean = 1e6 * pressed / area if pressed and area else BRAKING
+    share = force_above(recipe, micro.seed, mean, SOFT)
+    if share < SOME:
+        return []
+    return [
+        f"elastic laws: at a mean pressure of {mean / 1e6:.2g} MPa {100 * share:.0f} % of the force"
+        f" is carried at more than {SOFT / 1e6:.0f} MPa, where linings yield; name micro.hardness"
+    ]
 
 
 def brake_stage(this: Run) -> Brake:

@@ -28,6 +28,7 @@ from mpi4py import MPI
 
 import numpy as np
 
+from brake_fenicsx.checks import read_surface
 from brake_fenicsx.micro import load_laws
 from brake_fenicsx.pipeline import law_recipe, run
 from brake_fenicsx.report.inputs import contact_maps
@@ -38,7 +39,6 @@ from brake_fenicsx.report.squeal_figures import draw_squeal_map
 from brake_fenicsx.report.style import house_style, save
 from brake_fenicsx.report.surface_figures import draw_artificial, draw_statistics
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.surface import characterise, read_topography, synthesise
 
 HERE = Path(globals().get("__file__", "scripts/paper_figures.py")).resolve().parent
 words = argparse.ArgumentParser(description="Figures 5 to 9 of the source, from one scene.")
@@ -99,8 +99,7 @@ def show(name, draw):
 # C = C_0 q^c1 below the crossover q_c and C_1 q^c2 above, continuous there.
 
 # +
-surface = result.scene.surface
-stats = characterise(read_topography(result.scene.path(surface.scan)), surface.level)
+stats = read_surface(result.scene)
 PRINTED = {"S_q": 33.1e-6, "S_sk": -0.2410, "S_ku": 3.6549, "c1": -2.0, "c2": -4.5}
 found = {name: getattr(stats, name) for name in ("S_q", "S_sk", "S_ku")}
 found |= {name: getattr(stats.bifractal, name) for name in ("c1", "c2")}
@@ -117,13 +116,7 @@ show("figure5_statistics", draw_statistics)
 # Drawn from the heights' distribution and the fitted spectrum; the patch is longer than the scan.
 
 # +
-made = synthesise(
-    psd=stats.bifractal,
-    hdf=stats.hdf,
-    shape=(128, 128),
-    size=(2.825e-3, 2.825e-3),
-    rng=np.random.default_rng(1),
-)
+made = law_recipe(result.scene, stats).surface(0, 0)
 if leads:
     print(f"artificial surface: S_q {1e6 * made.heights.std():.2f} um, asked {1e6 * stats.S_q:.2f}")
 show("figure6_artificial", draw_artificial)
@@ -141,7 +134,7 @@ show("figure7_contact_maps", draw_contact_maps)
 
 # +
 laws = load_laws(asked.folder / "laws.npz")
-d, p, k = law_recipe(result.scene, stats).law(result.scene.micro.seed, 0)
+d, p, k, _ = law_recipe(result.scene, stats).law(result.scene.micro.seed, 0)
 if leads:
     print(f"law 0: {p[0] / 1e6:.3g} MPa at {1e6 * d[0]:.1f} um, {p[-1] / 1e6:.3g} MPa", end="")
     print(f" at {1e6 * d[-1]:.1f} um, stiffness {k[0] / 1e9:.3g} to {k[-1] / 1e9:.3g} N/mm^3")

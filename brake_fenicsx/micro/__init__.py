@@ -11,6 +11,7 @@ from brake_fenicsx.micro.contact_law import contact_law, law_steps
 from brake_fenicsx.micro.law import ComputedLaw, Law, LawLibrary, Laws, make_library
 from brake_fenicsx.micro.library import (
     LawRecipe,
+    force_above,
     law_library,
     load_laws,
     save_laws,
@@ -30,6 +31,7 @@ __all__ = [
     "OneLaw",
     "contact_law",
     "exponential_law",
+    "force_above",
     "law_library",
     "law_steps",
     "linear_law",

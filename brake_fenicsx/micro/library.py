@@ -16,6 +16,7 @@ import numpy as np
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.micro.contact_law import law_steps
 from brake_fenicsx.micro.law import Array, LawLibrary, make_library
+from brake_fenicsx.micro.loading import solve_contact
 from brake_fenicsx.surface import BiFractal, HeightDistribution, Topography, synthesise
 
 logger = logging.getLogger("brake_fenicsx")
@@ -87,6 +88,32 @@ class LawRecipe:
         if form is not None:
             found["form"] = (form.c1, form.c2, form.q_c, form.C0, form.band)
         return found | {"S_q": self.hdf.S_q, "distribution": self.hdf.name}
+
+
+def force_above(
+    recipe: LawRecipe, seed: int, mean_pressure: float, limit: float, surfaces: int = 5
+) -> float:
+    """Share of the force that is carried at more than a pressure, at a mean pressure [-].
+
+    Elastic summits carry far more than any lining does before it yields.
+
+    Args:
+        recipe: what all laws share.
+        seed: seed of the library.
+        mean_pressure: mean pressure on a patch [Pa].
+        limit: pressure [Pa].
+        surfaces: how many surfaces are pressed; the median of their shares is returned.
+    """
+    shares = []
+    for number in range(surfaces):
+        topo = recipe.surface(seed, number)
+        load = mean_pressure * float(np.prod(topo.size))
+        p = solve_contact(
+            topo.heights, topo.size, recipe.E_star, load=load, boundary=recipe.boundary,
+            tol=recipe.tolerance, hardness=recipe.hardness,
+        ).pressure  # fmt: skip
+        shares.append(float(p[p > limit].sum() / p.sum()))
+    return float(np.median(shares))
 
 
 def law_library(recipe: LawRecipe, n: int, seed: int, processes: int = 1) -> LawLibrary:

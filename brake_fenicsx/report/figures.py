@@ -54,8 +54,9 @@ PLOTS = (
         "figure6_artificial",
         "Scan and one artificial surface at the same length and height scale, with the height "
         "distribution and spectrum of the artificial surface. A patch longer than the scan has "
-        "longer waves too; the level of its spectrum is chosen so that the variance of the heights "
-        "is that of the scan.",
+        'longer waves too: with surface.S_q = "spectrum" both spectra agree in the measured band '
+        'and the variance follows; with "scan" the artificial spectrum lies lower, so that the '
+        "variance is that of the scan.",
         draw_artificial,
     ),
     Plot(
@@ -69,7 +70,8 @@ PLOTS = (
         "Library of pressure-gap laws, one line each: mean pressure of a patch against the "
         "separation of rigid plane and mean plane, linear and logarithmic, and stiffness against "
         "pressure, with the range of pressures on the pads. Steps at low pressure occur because "
-        "only a few points touch.",
+        "only a few points touch. Under a hardness a law has two stiffnesses: that of loading, which "
+        "the equilibrium follows, and that of small vibrations, which the modes take.",
         draw_laws,
     ),
     Plot(

@@ -68,8 +68,9 @@ def contact_rows(rng: np.random.Generator, rings: int = 15, columns: int = 37) -
                     p = smooth if approach == "classical" else smooth * rough
                     x, y = r * np.sin(t), r * np.cos(t)
                     g, law = -p / 2e13, -1 if approach == "classical" else element % 30
+                    k = 3e5 * p
                     rows.append(
-                        [approach, 0, element, x, y, z, 2.825e-3**2, g, 0.0, p, 3e5 * p, law]
+                        [approach, 0, element, x, y, z, 2.825e-3**2, g, 0.0, p, k, 3 * k, law]
                     )
                     element += 1
     return rows

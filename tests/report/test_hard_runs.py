@@ -48,7 +48,7 @@ def test_all_samples_failed(tmp_path):
 
 def test_all_contact_open_and_a_single_element(tmp_path):
     """One contact element, open: its figure is drawn."""
-    row = ["classical", 0, 0, 0.1, 0.0, 0.01, 8e-6, 1e-5, 0.0, 0.0, 0.0, -1]
+    row = ["classical", 0, 0, 0.1, 0.0, 0.01, 8e-6, 1e-5, 0.0, 0.0, 0.0, 0.0, -1]
     write_rows(tmp_path / "contact.csv", CONTACT, [row])
     assert names(tmp_path) == {"contact_pressure"}
 

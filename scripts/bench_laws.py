@@ -1,0 +1,181 @@
+#!/usr/bin/env python3
+"""Laws at the pressures of braking: speed against error, three tables.
+
+    scripts/bench_laws.py pixels [--surfaces 20]      resolution, with bias and scatter kept apart
+    scripts/bench_laws.py hardness [--surfaces 10]    stiffness of loading and of vibrations
+    scripts/bench_laws.py scans                       measured surfaces and artificial ones
+
+``pixels``: the same surfaces of 804 x 804 pixels, low-passed to fewer ("bias": median and rms of
+k over that at 804), then surfaces drawn on each grid ("drawn": median and scatter of k). ``scans``
+reads the folder named by BRAKE_FENICSX_SCANS: every window of a scan is pressed, and five
+artificial surfaces of the same size, spectrum and variance; k at p = 1e-4 E* h'_rms over that of
+the window.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import os
+import time
+from pathlib import Path
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import numpy as np
+
+from brake_fenicsx.errors import BrakeError
+from brake_fenicsx.micro.contact_law import law_steps, low_passed
+from brake_fenicsx.micro.loading import rms_slope
+from brake_fenicsx.surface import characterise, make_topography, read_topography, synthesise
+from brake_fenicsx.surface.topography import Topography, fill
+
+SCAN = Path(__file__).parent / "scenes" / "pad_scan.npz"
+PATCH, E_STAR = 2.825e-3, 2373.4e6
+SIZE = (PATCH, PATCH)
+PRESSURES = np.array([0.05e6, 0.2e6, 1e6, 5e6])
+WINDOWS = {
+    "wyko_wli_736x480.opd": 240, "alicona_200x296.al3d": 200, "truemap_300x300.tmd": 150,
+    "sensofar_768x576.plu": 256, "matrix_text.txt": 75,
+}  # fmt: skip
+
+
+def at_pressures(topo: Topography, **settings: object) -> np.ndarray:
+    """Rows d [m], k and v [Pa/m] at the pressures, then first touch [m] and seconds in a row."""
+    start = time.perf_counter()
+    d, p, k, v = law_steps(topo, E_STAR, 10e6, steps=20, **settings)  # type: ignore[arg-type]
+    seconds = time.perf_counter() - start
+    x = np.log(PRESSURES)
+    rows = [np.interp(x, np.log(p), d)]
+    rows += [np.exp(np.interp(x, np.log(p), np.log(values))) for values in (k, v)]
+    return np.array([*rows, [d[0] + 2 * p[0] / k[0], seconds, 0.0, 0.0]])
+
+
+def cells(values: np.ndarray, digits: str = ".2f") -> str:
+    return " ".join(f"{v:{digits}}" for v in values)
+
+
+def pixels(surfaces: int) -> None:
+    stats = characterise(read_topography(SCAN))
+    fine = [synthesise(stats.bifractal, stats.hdf, (804, 804), SIZE, np.random.default_rng(s))
+            for s in range(surfaces)]  # fmt: skip
+    S_q = float(np.mean([topo.heights.std() for topo in fine]))
+    true = np.array([at_pressures(topo) for topo in fine])
+    print(f"p = {cells(PRESSURES / 1e6)} MPa; S_q {1e6 * S_q:.1f} um; {surfaces} surfaces")
+    print("| pixels | k / k(804): median | rms | d - d(804) over S_q | first touch / S_q"
+          " | drawn: k [1e10 Pa/m] | scatter | surface [s] | law [s] |")  # fmt: skip
+    print("|" + " --- |" * 9)
+    for n in (64, 128, 256, 402, 804):
+        same = np.array([
+            at_pressures(make_topography(low_passed(t.heights, (n, n)), SIZE, periodic=True))
+            for t in fine
+        ]) if n < 804 else true  # fmt: skip
+        ratio, moved = same[:, 1] / true[:, 1], (same[:, 0] - true[:, 0]) / S_q
+        start = time.perf_counter()
+        drawn = [
+            synthesise(stats.bifractal, stats.hdf, (n, n), SIZE, np.random.default_rng(1000 + s))
+            for s in range(surfaces)
+        ]
+        made = (time.perf_counter() - start) / surfaces
+        own = np.array([at_pressures(topo) for topo in drawn])
+        print(
+            f"| {n} | {cells(np.median(ratio, axis=0))}"
+            f" | {cells(np.sqrt(np.mean((ratio - 1) ** 2, axis=0)))}"
+            f" | {cells(np.median(moved, axis=0))} | {np.mean(own[:, 3, 0]) / S_q:.2f}"
+            f" | {cells(np.median(own[:, 1], axis=0) / 1e10)}"
+            f" | {cells(own[:, 1].std(axis=0) / own[:, 1].mean(axis=0))}"
+            f" | {made:.3f} | {np.median(own[:, 3, 1]):.3f} |",
+            flush=True,
+        )
+
+
+def hardness(surfaces: int) -> None:
+    stats = characterise(read_topography(SCAN))
+    print(f"p = {cells(PRESSURES / 1e6)} MPa; medians of {surfaces} surfaces")
+    print("| hardness [MPa] | pixels | d / S_q | k [1e10 Pa/m] | k of vibrations | law [s] |")
+    print("|" + " --- |" * 6)
+    for hard in (None, 800e6, 400e6, 200e6, 100e6):
+        for n in (128, 256, 402):
+            found = []
+            for s in range(surfaces):
+                topo = synthesise(
+                    stats.bifractal, stats.hdf, (n, n), SIZE, np.random.default_rng(s)
+                )
+                found.append(at_pressures(topo, hardness=hard))
+            d, k, v, rest = np.median(found, axis=0)
+            text = "elastic" if hard is None else f"{hard / 1e6:.0f}"
+            S_q = topo.record.S_q if topo.record else np.nan
+            print(
+                f"| {text} | {n} | {cells(d / S_q)} | {cells(k / 1e10)} | {cells(v / 1e10)}"
+                f" | {rest[1]:.2f} |",
+                flush=True,
+            )
+
+
+def braking(heights: np.ndarray, size: np.ndarray, p: float) -> tuple[float, float]:
+    """Ln k and separation [m] at the mean pressure p of a surface with E* = 1 GPa."""
+    h = make_topography(heights, (float(size[0]), float(size[1])))
+    d, pressure, k, _ = law_steps(h, 1e9, 3 * p, p / 100, steps=20)
+    x = np.log(pressure)
+    return float(np.interp(np.log(p), x, np.log(k))), float(np.interp(np.log(p), x, d))
+
+
+def scans() -> None:
+    folder = Path(os.environ["BRAKE_FENICSX_SCANS"])
+    ways = [
+        (d, m) for m in ("projection", "translation") for d in ("measured", "johnson", "normal")
+    ]
+    print("| scan | windows | scatter of ln k |" + "".join(f" {d}, {m} |" for d, m in ways))
+    print("|" + " --- |" * (3 + len(ways)))
+    every: list[list[float]] = []
+    for file, n in WINDOWS.items():
+        scan = read_topography(folder / file)
+        corners = [(i, j) for i in range(0, scan.shape[0] - n + 1, n)
+                   for j in range(0, scan.shape[1] - n + 1, n)][:6]  # fmt: skip
+        ratios, own = [], []
+        for i, j in corners:
+            part = make_topography(scan.heights[i : i + n, j : j + n], tuple(scan.pixel * n))
+            try:
+                kinds = {d: characterise(part, distribution=d) for d, _ in ways[:3]}
+            except BrakeError:
+                continue
+            levelled = kinds["measured"].topography
+            assert levelled is not None
+            h = fill(levelled.heights)
+            p = 1e-4 * rms_slope(h, part.pixel) * 1e9
+            real, _ = braking(h, part.size, p)
+            row = []
+            for distribution, method in ways:
+                stats = kinds[distribution]
+                twins = [
+                    synthesise(stats.bifractal, stats.hdf, (n, n), tuple(part.size),
+                               np.random.default_rng(s), method=method, variance="scan").heights
+                    for s in range(5)
+                ]  # fmt: skip
+                row.append(np.median([braking(t, part.size, p)[0] for t in twins]) - real)
+            ratios.append(row)
+            own.append(real)
+        middle = np.median(ratios, axis=0)
+        every.append(list(middle))
+        scatter = f"{np.std(own):.2f}" if len(own) > 1 else "-"
+        print(f"| {file.partition('_')[0]} | {len(own)} | {scatter} |"
+              + "".join(f" {np.exp(m):.2f} |" for m in middle), flush=True)  # fmt: skip
+    mean = np.mean(np.abs(every), axis=0)
+    print("| mean of abs(ln) | | |" + "".join(f" {m:.2f} |" for m in mean))
+
+
+def main() -> None:
+    logging.getLogger("brake_fenicsx").setLevel(logging.ERROR)
+    words = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    words.add_argument("table", choices=("pixels", "hardness", "scans"))
+    words.add_argument("--surfaces", default=20, type=int)
+    asked = words.parse_args()
+    if asked.table == "scans":
+        scans()
+    else:
+        {"pixels": pixels, "hardness": hardness}[asked.table](asked.surfaces)
+
+
+if __name__ == "__main__":
+    main()
