@@ -79,7 +79,7 @@ def draw(runs: dict[str, RunData], file: Path) -> None:
             unstable = (modes["verdict"] == "unstable") & ~squeal
             rest = ~squeal & ~unstable
             for chosen, colour, size, text in (
-                (rest, BLUE, 6, "stable"), (unstable, GREY, 12, "unstable, no squeal"),
+                (rest, BLUE, 6, "stable or neutral"), (unstable, GREY, 12, "unstable, no squeal"),
                 (squeal, VERMILION, 14, "squeal"),
             ):  # fmt: skip
                 axis.scatter(

@@ -70,8 +70,8 @@ PLOTS = (
         "Library of pressure-gap laws, one line each: mean pressure of a patch against the "
         "separation of rigid plane and mean plane, linear and logarithmic, and stiffness against "
         "pressure, with the range of pressures on the pads. Steps at low pressure occur because "
-        "only a few points touch. Under a hardness a law has two stiffnesses: that of loading, which "
-        "the equilibrium follows, and that of small vibrations, which the modes take.",
+        "only a few points touch. Under a hardness a law has two stiffnesses: that of loading, "
+        "which the equilibrium follows, and that of small vibrations, which the modes take.",
         draw_laws,
     ),
     Plot(
