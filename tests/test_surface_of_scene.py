@@ -1,0 +1,131 @@
+"""What a scene says of its surface: pixels, distribution, a second scan, noise, hardness."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+from brake_fenicsx.checks import check, read_surface, with_pixels
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.pipeline import law_recipe, run
+from brake_fenicsx.scene import read_scene
+from brake_fenicsx.surface import given_statistics, synthesise
+from brake_fenicsx.surface.psd import wave_numbers
+
+PAPER = given_statistics(33.1e-6, -0.2410, 3.6549)
+TEXT = """
+stages = ["surface", "micro"]
+[surface]
+scan = "scan.npz"
+{surface}
+[micro]
+patch = "1 mm"
+laws = 2
+{micro}
+"""
+
+
+def saved(path, heights, size):
+    np.savez(path, heights=heights, size=np.array(size))
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """A scene of a scan of 128 pixels over 1.28 mm, with more keys."""
+    topo = synthesise(
+        PAPER.bifractal, PAPER.hdf, (128, 128), (1.28e-3, 1.28e-3), np.random.default_rng(0)
+    )
+    saved(tmp_path / "scan.npz", topo.heights, topo.size)
+
+    def write(surface="", micro=""):
+        file = tmp_path / "scene.toml"
+        file.write_text(TEXT.format(surface=surface, micro=micro))
+        return read_scene(file)
+
+    return write
+
+
+def test_pixels_of_the_scan(scene):
+    """A patch of 1 mm has 100 pixels of 10 um; an instrument's cutoff of 40 um leaves 50."""
+    named = scene()
+    assert with_pixels(named, read_surface(named)).micro.pixels == 100
+    cut = scene(surface='cutoff = "40 um"')
+    assert with_pixels(cut, read_surface(cut)).micro.pixels == 50
+    own = scene(micro="pixels = 32")
+    assert with_pixels(own, read_surface(own)).micro.pixels == 32
+
+
+def test_a_patch_of_too_many_pixels_is_refused(scene):
+    named = scene()
+    big = read_scene(named.file, ["micro.patch=30 mm"])
+    with pytest.raises(SceneError, match=r"micro.pixels = .*write a number"):
+        with_pixels(big, read_surface(big))
+
+
+def test_the_source_is_a_choice_of_keys(scene):
+    words = 'S_q = "scan"\nlow = "extend"\ndistribution = "johnson"\nsynthesis = "projection"'
+    named = scene(surface=words, micro="pixels = 64")
+    stats = check(named, MPI.COMM_SELF)
+    recipe = law_recipe(named, stats)
+    assert (recipe.variance, recipe.low, recipe.synthesis) == ("scan", "extend", "projection")
+    assert recipe.hdf.name == "johnson"
+    assert recipe.surface(0, 0).heights.std() == pytest.approx(stats.S_q, rel=0.05)
+
+
+def test_measured_heights_need_a_scan(tmp_path):
+    file = tmp_path / "scene.toml"
+    text = TEXT.format(surface='distribution = "measured"', micro="")
+    file.write_text(text.replace('scan = "scan.npz"', 'statistics = { S_q = "33 um" }'))
+    with pytest.raises(SceneError, match="numbers hold no measured heights"):
+        read_surface(read_scene(file))
+
+
+def test_a_second_scan_holds_the_long_waves(scene, tmp_path):
+    """The spectrum below the band of the scan is that of the form; a shorter form is refused."""
+    rng = np.random.default_rng(5)
+    long = synthesise(PAPER.bifractal, PAPER.hdf, (256, 256), (40e-3, 40e-3), rng, low="extend")
+    saved(tmp_path / "face.npz", 3.0 * long.heights, long.size)
+    stats = read_surface(scene(surface='form = "face.npz"'))
+    fit = stats.bifractal
+    assert fit.form is not None and fit.form.band[0] < 0.1 * fit.band[0]
+    q = np.array([0.5 * fit.band[0]])
+    assert fit(q)[0] == pytest.approx(fit.form(q)[0])
+    plain = read_surface(scene()).bifractal
+    assert fit(2 * q)[0] == pytest.approx(plain(2 * q)[0])
+    topo = synthesise(fit, stats.hdf, (64, 64), (5e-3, 5e-3), rng)
+    shorter = synthesise(plain, stats.hdf, (64, 64), (5e-3, 5e-3), rng)
+    assert topo.heights.std() > 1.3 * shorter.heights.std()
+    with pytest.raises(SceneError, match=r"surface.form = 'scan.npz': its longest wave"):
+        read_surface(scene(surface='form = "scan.npz"'))
+    with pytest.raises(SceneError, match=r"surface.form = 'none.npz': no such file"):
+        scene(surface='form = "none.npz"')
+
+
+def test_a_spectrum_that_ends_in_noise_is_named_with_its_cutoff(scene, tmp_path):
+    """Correlated noise of the instrument: the fit is convex, and the wave length to cut at."""
+    rng = np.random.default_rng(1)
+    steep = given_statistics(10e-6, c1=-3.9, c2=-4.0, q_c=1e4)
+    clean = synthesise(steep.bifractal, steep.hdf, (256, 256), (2e-3, 2e-3), rng)
+    q = wave_numbers((256, 256), np.array([2e-3, 2e-3]))
+    q[0, 0] = np.inf
+    noise = np.fft.irfft2(np.fft.rfft2(rng.standard_normal((256, 256))) / q, s=(256, 256))
+    saved(tmp_path / "scan.npz", clean.heights + 0.3e-6 * noise / noise.std(), (2e-3, 2e-3))
+    stats = read_surface(scene())
+    assert stats.bifractal.convex
+    (text,) = stats.warnings
+    assert 'surface.cutoff = "' in text
+    cut = float(text.split('"')[1].split()[0])
+    assert 15 < cut < 200
+    assert not read_surface(scene(surface=f'cutoff = "{cut} um"')).warnings
+
+
+@pytest.mark.parametrize("hardness", [None, "200 MPa"])
+def test_elastic_laws_say_what_they_carry(scene, tmp_path, hardness):
+    """The page and the log warn of force beyond 400 MPa; with a hardness nothing carries more."""
+    named = scene(micro="" if hardness is None else f'hardness = "{hardness}"')
+    done = run(named.file, MPI.COMM_SELF, tmp_path / "out")
+    texts = [t for t in done.facts["warnings"] if "elastic laws" in t]
+    assert len(texts) == (1 if hardness is None else 0)
+    with np.load(tmp_path / "out" / "laws.npz") as laws:
+        assert ("v" in laws.files) == (hardness is not None)
+        if hardness is not None:
+            assert np.all(laws["v"] >= laws["k"]) and np.any(laws["v"] > 1.5 * laws["k"])
