@@ -85,7 +85,7 @@ def describe(
             f" a side of {1e3 * patch:.4g} mm{factor}"
         )
     costs = estimate(parsed, counts)
-    noted = warnings(parsed, mean_patch)
+    noted = [*warnings(parsed, mean_patch), *(stats.warnings if stats else ())]
     lines += cost_lines(costs, comm.size) + [f"warning: {text}" for text in noted]
     if comm.rank == 0 and as_json:
         content = {

@@ -1,8 +1,9 @@
 """What a scene says of its surface: pixels, distribution, a second scan, noise, hardness."""
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
-from mpi4py import MPI
 
 from brake_fenicsx.checks import check, read_surface, with_pixels
 from brake_fenicsx.errors import SceneError
