@@ -6,10 +6,10 @@
     scripts/bench_laws.py scans                       measured surfaces and artificial ones
 
 ``pixels``: the same surfaces of 804 x 804 pixels, low-passed to fewer ("bias": median and rms of
-k over that at 804), then surfaces drawn on each grid ("drawn": median and scatter of k). ``scans``
-reads the folder named by BRAKE_FENICSX_SCANS: every window of a scan is pressed, and five
-artificial surfaces of the same size, spectrum and variance; k at p = 1e-4 E* h'_rms over that of
-the window.
+k over that of 804 on one grid), then surfaces drawn on each grid ("drawn": median and scatter of
+k). ``scans`` reads the folder named by BRAKE_FENICSX_SCANS: every window of a scan is pressed, and
+five artificial surfaces of the same size, spectrum and variance; k at p = 1e-4 E* h'_rms over that
+of the window.
 """
 
 from __future__ import annotations
@@ -41,14 +41,24 @@ WINDOWS = {
 }  # fmt: skip
 
 
-def at_pressures(topo: Topography, **settings: object) -> np.ndarray:
-    """Rows d [m], k and v [Pa/m] at the pressures, then first touch [m] and seconds in a row."""
+def at_pressures(
+    topo: Topography,
+    at: np.ndarray | None = None,
+    hardness: float | None = None,
+    grids: str = "two",
+) -> np.ndarray:
+    """Rows d [m], k and v [Pa/m] at the pressures, p at separations over the pressures, the rest.
+
+    The last row holds first touch [m] and seconds.
+    """
     start = time.perf_counter()
-    d, p, k, v = law_steps(topo, E_STAR, 10e6, steps=20, **settings)  # type: ignore[arg-type]
+    d, p, k, v = law_steps(topo, E_STAR, 6e6, steps=20, hardness=hardness, grids=grids)
     seconds = time.perf_counter() - start
     x = np.log(PRESSURES)
     rows = [np.interp(x, np.log(p), d)]
     rows += [np.exp(np.interp(x, np.log(p), np.log(values))) for values in (k, v)]
+    known = rows[0] if at is None else at
+    rows.append(np.exp(np.interp(-known, -d, np.log(p))) / PRESSURES)
     return np.array([*rows, [d[0] + 2 * p[0] / k[0], seconds, 0.0, 0.0]])
 
 
@@ -61,17 +71,20 @@ def pixels(surfaces: int) -> None:
     fine = [synthesise(stats.bifractal, stats.hdf, (804, 804), SIZE, np.random.default_rng(s))
             for s in range(surfaces)]  # fmt: skip
     S_q = float(np.mean([topo.heights.std() for topo in fine]))
-    true = np.array([at_pressures(topo) for topo in fine])
+    true = np.array([at_pressures(topo, grids="one") for topo in fine])
     print(f"p = {cells(PRESSURES / 1e6)} MPa; S_q {1e6 * S_q:.1f} um; {surfaces} surfaces")
-    print("| pixels | k / k(804): median | rms | d - d(804) over S_q | first touch / S_q"
+    print("| pixels | k / k(804): median | rms | p / p(804) at equal d | first touch / S_q"
           " | drawn: k [1e10 Pa/m] | scatter | surface [s] | law [s] |")  # fmt: skip
     print("|" + " --- |" * 9)
     for n in (64, 128, 256, 402, 804):
         same = np.array([
-            at_pressures(make_topography(low_passed(t.heights, (n, n)), SIZE, periodic=True))
-            for t in fine
-        ]) if n < 804 else true  # fmt: skip
-        ratio, moved = same[:, 1] / true[:, 1], (same[:, 0] - true[:, 0]) / S_q
+            at_pressures(
+                make_topography(low_passed(t.heights, (n, n)), SIZE, periodic=True)
+                if n < 804 else t, d,
+            )
+            for t, d in zip(fine, true[:, 0], strict=True)
+        ])  # fmt: skip
+        ratio = same[:, 1] / true[:, 1]
         start = time.perf_counter()
         drawn = [
             synthesise(stats.bifractal, stats.hdf, (n, n), SIZE, np.random.default_rng(1000 + s))
@@ -82,10 +95,10 @@ def pixels(surfaces: int) -> None:
         print(
             f"| {n} | {cells(np.median(ratio, axis=0))}"
             f" | {cells(np.sqrt(np.mean((ratio - 1) ** 2, axis=0)))}"
-            f" | {cells(np.median(moved, axis=0))} | {np.mean(own[:, 3, 0]) / S_q:.2f}"
+            f" | {cells(np.median(same[:, 3], axis=0))} | {np.mean(own[:, 4, 0]) / S_q:.2f}"
             f" | {cells(np.median(own[:, 1], axis=0) / 1e10)}"
             f" | {cells(own[:, 1].std(axis=0) / own[:, 1].mean(axis=0))}"
-            f" | {made:.3f} | {np.median(own[:, 3, 1]):.3f} |",
+            f" | {made:.3f} | {np.median(own[:, 4, 1]):.3f} |",
             flush=True,
         )
 
@@ -103,7 +116,7 @@ def hardness(surfaces: int) -> None:
                     stats.bifractal, stats.hdf, (n, n), SIZE, np.random.default_rng(s)
                 )
                 found.append(at_pressures(topo, hardness=hard))
-            d, k, v, rest = np.median(found, axis=0)
+            d, k, v, _, rest = np.median(found, axis=0)
             text = "elastic" if hard is None else f"{hard / 1e6:.0f}"
             S_q = topo.record.S_q if topo.record else np.nan
             print(
