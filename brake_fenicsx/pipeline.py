@@ -352,8 +352,16 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
     with this.stage("micro"), this.cache.shared("laws.npz", lambda: laws_key(scene), comm):
         if not comm.bcast(path.exists(), root=0):
             recipe, number = law_recipe(scene, stats), micro.library_size
-            for text in recipe.surface(micro.seed, 0).warnings:
-                logger.warning("%s", text)
+            first = recipe.surface(micro.seed, 0)
+            note_warnings(this, list(first.warnings))
+            if first.record is not None:
+                r = first.record
+                logger.info(
+                    "artificial surfaces: %d x %d points by %s; S_q %.2f um, that of the scan %.2f"
+                    " um; spectrum of the scan times %.2f; %.0f %% of the variance in longer waves",
+                    *first.shape, r.method, 1e6 * r.S_q, 1e6 * stats.S_q, r.C0_scale,
+                    100 * r.low_share,
+                )  # fmt: skip
             what = "laws" if comm.size == 1 else "laws of the first process"
             progress = Progress(what, len(range(comm.rank, number, comm.size)))
             own = {}
