@@ -31,8 +31,9 @@ def virtual_scan(seed: int = 2023) -> tuple[np.ndarray, np.ndarray]:
     paper = given_statistics(33.1e-6, -0.2410, 3.6549)
     # Twice as long as the scan: the cut has the steps at its edges that every real scan has.
     whole = synthesise(
-        paper.bifractal, paper.hdf, (2 * PIXELS[0], 2 * PIXELS[1]), tuple(2 * SIZE), rng
-    )
+        paper.bifractal, paper.hdf, (2 * PIXELS[0], 2 * PIXELS[1]), tuple(2 * SIZE), rng,
+        low="extend", method="projection", variance="scan", tolerance=4e-3,
+    )  # fmt: skip
     cut = whole.heights[: PIXELS[0], : PIXELS[1]]
     # The four moments are those of the cut: impose the distribution once more on its ranks.
     order = np.argsort(cut, axis=None)

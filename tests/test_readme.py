@@ -63,7 +63,7 @@ def test_commands_of_the_readme_are_read_and_its_scene_is_checked(monkeypatch, c
 
 def test_figures_of_the_readme_are_those_of_the_measured_tables():
     measured = "".join(
-        (ROOT / "docs" / name).read_text() for name in ("benchmarks.md", "contact.md")
+        (ROOT / "docs" / name).read_text() for name in ("benchmarks.md", "contact.md", "laws.md")
     )
     rows = section("How good, how fast").split("| --- | --- | --- |\n")[1].split("\n\n")[0]
     figures = [

@@ -28,7 +28,8 @@ FULL = 0.98  # share of the flat punch's stiffness from which roughness no longe
 FOOT = 0.02  # the foot of a law is at most this share of S_q
 COARSE = 128  # pixels of the coarse grid along a side
 FINER = 1.5  # ratio of the pixels from which two grids are worth their join
-# Touching pixels from which the coarse grid serves: elastic, and under a hardness.
+# Touching pixels from which the coarse grid serves: elastic, and under a hardness; on finer grids
+# a summit has more of them.
 JOIN, JOIN_PLASTIC = 100, 300
 PLASTIC = 0.1  # a law under a hardness ends at this share of it, unless a pressure is given
 
@@ -124,12 +125,12 @@ def law_steps(
     if not first > 0.0:
         raise SurfaceError(f"{surface.source}: the surface is flat; use a linear law")
     finer = max(h.shape) / COARSE
+    many = (JOIN if hardness is None else JOIN_PLASTIC) * max(1.0, (finer / 3.0) ** 2)
     two = grids == "two" and surface.periodic and finer >= FINER
-    many = JOIN if hardness is None else JOIN_PLASTIC
     rates = max(FINE, coarse), coarse, tolerance, cap
     last = high / E_star * h.size
     found = _table(
-        sweep(space, h, first, last, *rates, many if two else None), space, bulk_compliance
+        sweep(space, h, first, last, *rates, round(many) if two else None), space, bulk_compliance
     )
     if two and found[1, -1] < high / E_star * (1.0 - 1e-9):
         shape = (max(round(h.shape[0] / finer), 2), max(round(h.shape[1] / finer), 2))
