@@ -125,7 +125,7 @@ def law_steps(
     if not first > 0.0:
         raise SurfaceError(f"{surface.source}: the surface is flat; use a linear law")
     finer = max(h.shape) / COARSE
-    many = (JOIN if hardness is None else JOIN_PLASTIC) * max(1.0, (finer / 3.0) ** 2)
+    many = (JOIN if hardness is None else JOIN_PLASTIC) * max(1.0, finer / 3.0)
     two = grids == "two" and surface.periodic and finer >= FINER
     rates = max(FINE, coarse), coarse, tolerance, cap
     last = high / E_star * h.size
