@@ -108,6 +108,18 @@ def test_reported_parts_of_the_certificate():
     assert found.area_fraction == np.mean(found.pressure > 0.0)
 
 
+def test_both_measures_of_the_same_duality_gap():
+    """At a given load: p'w - F min w, over the work and over F S_q, with E* = 2."""
+    h = rough(32)
+    found = solve_contact(h, SIZE, 2.0, load=1e-2 * SIZE[0] ** 2, solver="pcg", tol=1e-4)
+    p, w = found.pressure / 2.0, found.gap
+    gap = float(np.vdot(p, w) - p.sum() * w.min())
+    work = float(np.vdot(p, w + h - h.mean() - found.separation))
+    assert found.residual == pytest.approx(gap / work, rel=1e-9)
+    assert found.gap_residual == pytest.approx(gap / (p.sum() * h.std()), rel=1e-9)
+    assert 0.0 < found.residual <= 1e-4
+
+
 def test_iterations_run_out():
     """Too few iterations are an error that names the remedy, never the last iterate."""
     with pytest.raises(NotConverged, match="tolerance"):
