@@ -186,3 +186,17 @@ def test_mistakes_are_named(wrong, named):
     arguments = {"heights": rough(8), "size": SIZE, "E_star": 1.0, **wrong}
     with pytest.raises(SceneError, match=named):
         solve_contact(**arguments)
+
+
+@pytest.mark.parametrize("boundary", ["free", "periodic"])
+def test_order_of_the_arrays_does_not_matter(boundary):
+    """Heights and first guess in the order of Fortran, or every other one of a larger array."""
+    h = rough(32)
+    settings = {"load": 1e-2 * SIZE[0] ** 2, "boundary": boundary, "solver": "pcg"}
+    usual = solve_contact(h, SIZE, 1.0, **settings)
+    wide = np.repeat(h, 2, axis=1)[:, ::2]
+    for other in (np.asfortranarray(h), wide):
+        start = np.asfortranarray(np.maximum(h, 0.0))
+        found = solve_contact(other, SIZE, 1.0, start=start, **settings)
+        np.testing.assert_allclose(found.pressure, usual.pressure, atol=1e-4 * usual.pressure.max())
+        assert found.residual <= 1e-8
