@@ -18,6 +18,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg.blas import daxpy
 
 from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.micro.halfspace import Array, HalfSpace, Mask
@@ -69,12 +70,16 @@ def certify(
     value computed below. With a hardness c both have one more term, c times the penetrations that
     q leaves, and q = p is admissible too: p'w + c sum max(-w, 0).
     """
-    work = float(np.vdot(p, w + h - d))
-    total = float(p.sum())
-    below = np.where(p < cap, w, 0.0)  # the overlap of yielding pixels is no error
+    slack, total = float(np.vdot(p, w)), float(p.sum())
+    high = float(np.vdot(p, h))
+    work = slack + high - d * total
+    if work < 1e-6 * abs(high):  # the plane hardly overlaps: without the rounding errors of d
+        work = slack + float(np.vdot(p, h - d))
+    bounded = np.isfinite(cap)
+    # The overlap of yielding pixels is no error.
+    below = np.where(p < cap, w, 0.0) if bounded else w
     v = max(0.0, -float(below.min()))
-    slack = float(np.vdot(p, w))
-    if np.isfinite(cap):
+    if bounded:
         gap = _bounded_gap(space, h, p, w, d, load_control, cap, v)
         slack = float(np.vdot(p, np.where(p < cap, w, np.maximum(w, 0.0))))
     elif load_control or v == 0.0:
@@ -146,10 +151,14 @@ def projected_cg(
         NotConverged: the certificate stays above the tolerance.
     """
     load_control, bounded = d is None, bool(np.isfinite(cap))
-    p = _within(np.maximum(p, 0.0), total, cap)
+    h = np.ascontiguousarray(h)
+    # A new array, changed in place below.
+    p = np.ascontiguousarray(_within(np.maximum(p, 0.0), total, cap))
     g = space.apply(p) - h  # gap without d
     t, before, old = np.zeros_like(h), np.zeros_like(h), 0.0
     certificate, watch = Certificate(np.inf, np.inf, np.inf), _Watch()
+    among, mask = np.zeros(h.shape, dtype=bool), np.zeros_like(h)  # the free pixels
+    unit, push = mask, 1.0  # at a given load their answer to a unit gap, and its sum
     for iteration in range(max_iterations + 1):
         touching = p > 0.0
         top = p >= cap if bounded else None
@@ -170,16 +179,22 @@ def projected_cg(
             g, old = space.apply(p) - h, 0.0
             continue
         free = elastic | entering
-        r = np.where(free, w, 0.0)
-        z = np.where(free, space.precondition(r), 0.0)
+        if not np.array_equal(free, among):
+            among, mask = free, free.astype(float)
+            t *= mask
+            if load_control:
+                unit = mask * space.precondition(mask)
+                push = float(unit.sum())
+                t -= float(t.sum()) / push * unit
+        r = mask * w
+        z = space.precondition(r)
+        z *= mask
         if load_control:
-            z = _without_load(space, z, free)
+            _add(z, -float(z.sum()) / push, unit)
         new = float(np.vdot(z, r))
         # Polak-Ribiere: forgets the last direction by itself where the touching set changes.
-        keep = max(0.0, (new - float(np.vdot(z, before))) / old) if old > 0.0 else 0.0
-        t = z + keep * np.where(free, t, 0.0)
-        if load_control:
-            t = _without_load(space, t, free)
+        t *= max(0.0, (new - float(np.vdot(z, before))) / old) if old > 0.0 else 0.0
+        t += z
         before, old = r, new
         moved = space.apply(t)
         curvature = float(np.vdot(t, moved))
@@ -188,12 +203,13 @@ def projected_cg(
             watch.force()
             continue
         step = slope / curvature
-        p = p - step * t
+        _add(p, -step, t)
         if p.min() < 0.0 or (bounded and p.max() > cap):
             p = _projected(p, total, cap, free)
-            g = space.apply(p) - h
+            g = space.apply(p)
+            g -= h
         else:
-            g = g - step * moved
+            _add(g, -step, moved)
     raise NotConverged(
         f"contact on {h.shape[0]} x {h.shape[1]} pixels: certificate {certificate.gap:.2g} after "
         f"{max_iterations} iterations, wanted {tolerance:.2g}; loosen 'tolerance'"
@@ -293,14 +309,13 @@ def _level(g: Array, elastic: Mask, top: Mask | None) -> float:
     Where all touching pixels yield, any value between their gaps and those of the others.
     """
     if top is None or elastic.any():
-        return float(g[elastic].mean())
+        return float(np.vdot(g, elastic.astype(float))) / np.count_nonzero(elastic)
     return 0.5 * (float(g[top].max()) + float(g[~top].min()))
 
 
-def _without_load(space: HalfSpace, z: Array, touching: Mask) -> Array:
-    """Take from z what changes the sum, along the preconditioner's answer to a unit gap."""
-    unit = np.where(touching, space.precondition(touching.astype(float)), 0.0)
-    return np.asarray(z - float(z.sum()) / float(unit.sum()) * unit)
+def _add(y: Array, a: float, x: Array) -> None:
+    """Add a x to y in place, in one pass through the memory; both in the order of C."""
+    daxpy(x.reshape(-1), y.reshape(-1), a=a)
 
 
 def unit_answer(space: HalfSpace, touching: Mask, x: Array, tolerance: float = 1e-2) -> Array:
@@ -314,16 +329,19 @@ def unit_answer(space: HalfSpace, touching: Mask, x: Array, tolerance: float = 1
         x: guess [1/m], shape (nx, ny).
         tolerance: energy norm of the error over that of x, as the preconditioner measures it [-].
     """
-    x = np.where(touching, x, 0.0)
-    r = np.where(touching, 1.0 - space.apply(x), 0.0)
+    mask = np.ascontiguousarray(touching, dtype=float)
+    x = np.ascontiguousarray(mask * x)
+    r = mask * (1.0 - space.apply(x))
     t, old = np.zeros_like(x), 1.0
     for _ in range(200):
-        z = np.where(touching, space.precondition(r), 0.0)
+        z = mask * space.precondition(r)
         new = float(np.vdot(z, r))
         if new <= tolerance**2 * float(x.sum()):
             return x
-        t = z + new / old * t
-        moved = np.where(touching, space.apply(t), 0.0)
-        step = new / float(np.vdot(t, moved))
-        x, r, old = x + step * t, r - step * moved, new
+        t *= new / old
+        t += z
+        moved = mask * space.apply(t)
+        step, old = new / float(np.vdot(t, moved)), new
+        _add(x, step, t)
+        _add(r, -step, moved)
     raise NotConverged("stiffness of the touching pixels: 200 iterations were not enough")

@@ -22,8 +22,10 @@ from brake_fenicsx.micro.active import (
     elastic_answer,
 )
 from brake_fenicsx.micro.halfspace import Array, HalfSpace, Index
-from brake_fenicsx.micro.loading import DENSE, FEW, first_guess
+from brake_fenicsx.micro.loading import FEW, dense, first_guess
 from brake_fenicsx.micro.qp import certify, projected_cg, unit_answer
+
+CORNERS = 100  # touching pixels up to which the corners of a law need the finest steps
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +40,8 @@ class Step:
             every touching pixel answers; none yields and none opens. Without a hardness it is the
             stiffness of loading.
         touching: number of touching pixels.
-        gap: certificate [-].
+        gap: certificate: duality gap over the work, not over load and S_q as other programs have
+            it (see ``ContactSolution``) [-].
     """
 
     d: float
@@ -73,7 +76,7 @@ def sweep(
         h: heights over their mean [m], shape (nx, ny).
         lowest: first sum of pressures over E* [-].
         highest: sum to reach or pass [-]; under a hardness to reach.
-        fine: steps per decade of load while few pixels touch.
+        fine: steps per decade of load while few pixels touch; fewer from 100 on.
         coarse: steps per decade when many touch.
         tolerance: of the certificate of each step [-].
         hardness: pressure over E* at which a pixel yields [-]; None for an elastic surface.
@@ -95,17 +98,18 @@ def sweep(
             f"hardness = {cap:.4g} E* under a mean pressure of {highest / h.size:.4g} E*: the "
             "hardness must be higher; lower the highest pressure of the law"
         )
-    most = DENSE if few is None else few
-    steps, reached = _few_steps(space, h, lowest, highest, fine, tolerance, cap, most)
+    most = dense(h.size) if few is None else few
+    rates = fine, coarse
+    steps, reached = _few_steps(space, h, lowest, highest, rates, tolerance, cap, most)
     if few is not None or steps[-1].total >= highest * (1.0 - 1e-9) or _closed(space, steps[-1]):
         return steps
     many = _many_steps if hardness is None else _many_loads
-    return steps + many(space, h, highest, coarse, tolerance, steps[-1], reached, cap)
+    return steps + many(space, h, highest, rates, tolerance, steps[-1], reached, cap)
 
 
 def _few_steps(
-    space: HalfSpace, h: Array, lowest: float, highest: float, per_decade: int, tolerance: float,
-    cap: float, most: int,
+    space: HalfSpace, h: Array, lowest: float, highest: float, rates: tuple[int, int],
+    tolerance: float, cap: float, most: int,
 ) -> tuple[list[Step], Reached]:  # fmt: skip
     """Steps of equal ratio in the load with the active set, until more than ``most`` touch."""
     order = np.argsort(-h, axis=None, kind="stable")
@@ -113,21 +117,27 @@ def _few_steps(
     found = Touching(np.array([0]), np.zeros(1), np.zeros(1), h, 0.0, 0, 0)
     found = _translate(pixels, order, found)
     steps: list[Step] = []
-    for k in range(10**6):
-        total = min(lowest * 10.0 ** (k / per_decade), highest)
-        solved = _by_active_set(pixels, total, found, cap)
+    total = min(lowest, highest)
+    while True:
+        solved = _by_active_set(pixels, total, found, cap, h.size)
         while isinstance(pixels, HighPixels) and not _suffice(pixels, h, order, solved):
             pixels = _highest(space, h, order, 2 * pixels.height.size)
             found = _translate(pixels, order, found)
-            solved = _by_active_set(pixels, total, found, cap)
+            solved = _by_active_set(pixels, total, found, cap, h.size)
         if solved is None:  # the pixels are all of them by now
             last = _spread(pixels, found, h, order).p if steps else None
             solved = _by_gradients(space, h, total, last, tolerance, cap)
         found = solved
         steps.append(_few_step(space, pixels, found, total, tolerance, cap))
         if total >= highest or found.points.size > most or _closed(space, steps[-1]):
-            break
-    return steps, _spread(pixels, found, h, order)
+            return steps, _spread(pixels, found, h, order)
+        total = min(total * _ratio(rates, found.points.size), highest)
+
+
+def _ratio(rates: tuple[int, int], touching: int) -> float:
+    """Ratio of the next load: a corner of the law weighs the less, the more pixels touch."""
+    fine, coarse = rates
+    return float(10.0 ** (1.0 / max(coarse, fine * min(1.0, CORNERS / touching))))
 
 
 def _closed(space: HalfSpace, step: Step) -> bool:
@@ -156,10 +166,12 @@ def _translate(pixels: Pixels, order: Index, found: Touching) -> Touching:
     return replace(found, points=np.asarray(order[found.points]))
 
 
-def _by_active_set(pixels: Pixels, total: float, last: Touching, cap: float) -> Touching | None:
+def _by_active_set(
+    pixels: Pixels, total: float, last: Touching, cap: float, size: int
+) -> Touching | None:
     """The contact at a given load, from the touching and yielding pixels of the last one."""
     held = last.points[last.points.size - last.plastic :]
-    return active_set(pixels, None, total, last.points, 2 * DENSE, cap=cap, held=held)
+    return active_set(pixels, None, total, last.points, 2 * dense(size), cap=cap, held=held)
 
 
 def _by_gradients(
@@ -201,14 +213,14 @@ def _spread(pixels: Pixels, found: Touching, h: Array, order: Index) -> Reached:
 
 
 def _many_steps(
-    space: HalfSpace, h: Array, highest: float, per_decade: int, tolerance: float, last: Step,
-    reached: Reached, cap: float,
+    space: HalfSpace, h: Array, highest: float, rates: tuple[int, int], tolerance: float,
+    last: Step, reached: Reached, cap: float,
 ) -> list[Step]:  # fmt: skip
     """Continue with conjugate gradients, the separation chosen for even steps in load."""
     found: list[Step] = []
     p, unit = reached.p, reached.unit
     while last.total < highest and not _closed(space, last):
-        ratio = 10.0 ** (1.0 / per_decade)
+        ratio = _ratio(rates, last.touching)
         # Along constant d(ln p)/dd, which falls as the load rises: a little short of the ratio.
         d = last.d - last.total / last.stiffness * np.log(ratio)
         if d <= 0.0 and space.boundary == "periodic":
@@ -224,14 +236,14 @@ def _many_steps(
 
 
 def _many_loads(
-    space: HalfSpace, h: Array, highest: float, per_decade: int, tolerance: float, last: Step,
-    reached: Reached, cap: float,
+    space: HalfSpace, h: Array, highest: float, rates: tuple[int, int], tolerance: float,
+    last: Step, reached: Reached, cap: float,
 ) -> list[Step]:  # fmt: skip
     """The same at given loads: towards the hardness the load hardly answers to the separation."""
     found: list[Step] = []
     p, unit, whole = reached.p, reached.unit, reached.unit
     while last.total < highest * (1.0 - 1e-9) and not _closed(space, last):
-        total = min(last.total * 10.0 ** (1.0 / per_decade), highest)
+        total = min(last.total * _ratio(rates, last.touching), highest)
         guess = np.maximum(p + (total - last.total) / last.stiffness * unit, 0.0)
         solved = projected_cg(space, h, None, total, guess, tolerance, cap=cap)
         p = solved.p

@@ -108,6 +108,18 @@ def test_reported_parts_of_the_certificate():
     assert found.area_fraction == np.mean(found.pressure > 0.0)
 
 
+def test_both_measures_of_the_same_duality_gap():
+    """At a given load: p'w - F min w, over the work and over F S_q, with E* = 2."""
+    h = rough(32)
+    found = solve_contact(h, SIZE, 2.0, load=1e-2 * SIZE[0] ** 2, solver="pcg", tol=1e-4)
+    p, w = found.pressure / 2.0, found.gap
+    gap = float(np.vdot(p, w) - p.sum() * w.min())
+    work = float(np.vdot(p, w + h - h.mean() - found.separation))
+    assert found.residual == pytest.approx(gap / work, rel=1e-9)
+    assert found.gap_residual == pytest.approx(gap / (p.sum() * h.std()), rel=1e-9)
+    assert 0.0 < found.residual <= 1e-4
+
+
 def test_iterations_run_out():
     """Too few iterations are an error that names the remedy, never the last iterate."""
     with pytest.raises(NotConverged, match="tolerance"):
@@ -174,3 +186,17 @@ def test_mistakes_are_named(wrong, named):
     arguments = {"heights": rough(8), "size": SIZE, "E_star": 1.0, **wrong}
     with pytest.raises(SceneError, match=named):
         solve_contact(**arguments)
+
+
+@pytest.mark.parametrize("boundary", ["free", "periodic"])
+def test_order_of_the_arrays_does_not_matter(boundary):
+    """Heights and first guess in the order of Fortran, or every other one of a larger array."""
+    h = rough(32)
+    settings = {"load": 1e-2 * SIZE[0] ** 2, "boundary": boundary, "solver": "pcg"}
+    usual = solve_contact(h, SIZE, 1.0, **settings)
+    wide = np.repeat(h, 2, axis=1)[:, ::2]
+    for other in (np.asfortranarray(h), wide):
+        start = np.asfortranarray(np.maximum(h, 0.0))
+        found = solve_contact(other, SIZE, 1.0, start=start, **settings)
+        np.testing.assert_allclose(found.pressure, usual.pressure, atol=1e-4 * usual.pressure.max())
+        assert found.residual <= 1e-8
