@@ -121,8 +121,8 @@ def limit_of_friction(
         return True
 
     largest = float(np.max(np.abs(mu)))
-    # Without friction it must be found, and with it not: else another cause made it fail.
-    if largest == 0.0 or found(1.0) or not found(0.0):
+    # Without friction it must be found: else another cause made it fail.
+    if largest == 0.0 or not found(0.0):
         return error
     low, high = 0.0, 1.0
     for _ in range(BISECTIONS):
@@ -268,4 +268,4 @@ def displacement(ops: Any, eq: Equilibrium, f: Array) -> Array:
     """
     q = eq.p + ops.compliance.k0 * (eq.g - ops.g0)
     traction = friction_traction(eq.p, eq.mu)
-    return ops.compliance.factor.solve(f + ops.N.T @ (ops.w * q) + ops.T.T @ (ops.w * traction))
+    return ops.compliance.solve(f + ops.N.T @ (ops.w * q) + ops.T.T @ (ops.w * traction))

@@ -12,8 +12,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
 
-from petsc4py import PETSc
-
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
@@ -21,12 +19,11 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.macro.brake import Brake
-from brake_fenicsx.macro.condensation import gathered, gathered_vector, petsc_matrix
+from brake_fenicsx.macro.condensation import gathered_vector, whole
 from brake_fenicsx.macro.elasticity import affine_parts, unit_loads
 from brake_fenicsx.macro.material import rotate_about_z
 from brake_fenicsx.macro.material_sample import constants, varied_stiffness
 from brake_fenicsx.macro.material_table import STIFFNESSES, layer_material, stiffness
-from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.samples import split_key
 
@@ -107,7 +104,6 @@ class RandomMaterials:
     """What changes in the bodies and in their loads, by unit changes.
 
     Attributes:
-        K: stiffness of the scene [N/m], shape (dofs, dofs).
         box: the box of the random constants.
         nominal: random material -> its stiffness in the scene [Pa], shape (6, 6).
         changes: (material, C_ij) -> stiffness of a unit change [N/m per Pa].
@@ -115,7 +111,6 @@ class RandomMaterials:
         loads: face -> loads of 1 Pa [N/Pa], shape (dofs,).
     """
 
-    K: sp.csr_matrix
     box: Box
     nominal: dict[str, Array]
     changes: dict[tuple[str, str], sp.csr_matrix]
@@ -126,22 +121,16 @@ class RandomMaterials:
         """Coefficients of the unit changes [Pa] at a point of the box, shape (changes,)."""
         return self._coefficients(self.box.materials(x))
 
-    def stiffness(self, materials: Mapping[str, Array]) -> PETSc.Mat:
-        """Stiffness of a sample [N/m], of this process alone.
+    def change(self, materials: Mapping[str, Array]) -> sp.csr_matrix:
+        """What some materials add to the stiffness of the scene [N/m].
 
         Args:
             materials: random material -> its stiffness in its own axes [Pa], shape (6, 6).
         """
-        return petsc_matrix(self.K + self.change(materials))
-
-    def change(self, materials: Mapping[str, Array]) -> sp.csr_matrix:
-        """What some materials add to the stiffness of the scene [N/m]."""
-        total = sp.csr_matrix(self.K.shape)
-        given = {**self.nominal, **materials}
-        for c, part in zip(self._coefficients(given), self.changes.values(), strict=True):
-            if c:
-                total = total + c * part
-        return total
+        coefficients = self._coefficients({**self.nominal, **materials})
+        parts = list(self.changes.values())
+        none = sp.csr_matrix(parts[0].shape)
+        return sum((c * part for c, part in zip(coefficients, parts, strict=True) if c), none)
 
     def added_loads(self, pressures: Mapping[str, float], like: Array) -> Array:
         """Loads of a sample beyond those of the scene [N], shape (dofs,)."""
@@ -193,10 +182,18 @@ def assemble_random(scene: Scene, brake: Brake) -> RandomMaterials:
             keys.append((material, constant))
             directions.append(_unit_change(scene, brake, material, constant))
     mesh, free = brake.mesh, brake.elastic.free
-    assembled = affine_parts(mesh, free, directions)
-    parts = [local_rows(gathered(A)) for A in assembled]
+    parts: list[sp.csr_matrix] = []
+    for direction in directions:
+        (A,) = affine_parts(mesh, free, [direction])
+        parts.append(whole(A))
+        A.destroy()
+        # Changes of one material have one pattern.
+        first, last = parts[0], parts[-1]
+        if np.array_equal(first.indptr, last.indptr) and np.array_equal(
+            first.indices, last.indices
+        ):
+            last.indices, last.indptr = first.indices, first.indptr
     return RandomMaterials(
-        local_rows(gathered(brake.K)) if parts else sp.csr_matrix((0, 0)),
         Box(scene),
         {name: stiffness(scene.materials[name]) for name in by_material},
         dict(zip(keys, parts, strict=True)),

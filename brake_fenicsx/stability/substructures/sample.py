@@ -242,7 +242,7 @@ class Sample:
                 for n, E in enumerate(error):
                     size += np.abs(_paired(left, times(E[np.ix_(rows, columns)], right)) * z**n)
                 largest = np.maximum(largest, size)
-            total += largest
+            total += view.growth * largest
         return np.asarray(total / np.abs(q.slope))
 
     def motions(self, z: Complex, a: Complex) -> Complex:
