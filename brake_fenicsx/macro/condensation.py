@@ -63,14 +63,20 @@ class Solves(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Compliance:
-    """K0^-1 seen from the contact elements.
+    """The bodies seen from the contact elements: K0^-1, or K^-1 from a reduced model.
+
+    Without springs a body may be held by contact alone. Its free motions then are coordinates r of
+    their own, which follow the gaps. Under contact pressures a - k g both obey
+    (1 + NN diag(w k, 1) + NT diag(mu w k)) [g; r] = [g0; 0] + Nf + NN w a + NT mu w a.
 
     Attributes:
         factor: factor of K0, on every process; None where a reduced model gave the matrices.
         k0: reference stiffness of each element [Pa/m], shape (elements,).
-        NN: N K0^-1 N' [m/N], shape (elements, elements).
-        NT: N K0^-1 T' [m/N], shape (elements, elements).
-        Nf: N K0^-1 f [m] of the full loads, shape (elements,).
+        NN: N K0^-1 N' [m/N], shape (elements, elements); with free coordinates (all, all).
+        NT: N K0^-1 T' [m/N], shape (elements, elements); with free coordinates (all, elements).
+        Nf: N K0^-1 f [m] of the full loads, shape (elements,) or (all,).
+        carried: force [N] that the loads press the faces together with, where there are no springs
+            k0 in these matrices; None where there are.
     """
 
     factor: Factor | None
@@ -78,6 +84,7 @@ class Compliance:
     NN: Array
     NT: Array
     Nf: Array
+    carried: float | None = None
 
     def solve(self, b: Array | sp.csc_matrix) -> Array:
         """Product of K0^-1 with a block."""

@@ -117,7 +117,13 @@ class Equilibria:
         b, c, f = models.brake, models.compliance, models.brake.f
         if models.materials is not None and sample.pressures:
             Nf = c.Nf
+            carried = c.carried
             for face, value in sample.pressures.items():
-                Nf = Nf + (value - models.pressures[face]) * models.unit_gaps[face]
-            c, f = replace(c, Nf=Nf), f + models.materials.added_loads(sample.pressures, f)
+                added = value - models.pressures[face]
+                Nf = Nf + added * models.unit_gaps[face]
+                carried = None if carried is None else carried + added * models.unit_carried[face]
+            c, f = (
+                replace(c, Nf=Nf, carried=carried),
+                f + models.materials.added_loads(sample.pressures, f),
+            )
         return Bodies(b.N, b.T, b.w, b.g0, f, c)

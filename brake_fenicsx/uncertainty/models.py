@@ -30,6 +30,7 @@ from brake_fenicsx.macro.condensation import (
     whole,
 )
 from brake_fenicsx.macro.elasticity import unit_loads
+from brake_fenicsx.macro.equilibrium import Condensed
 from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.macro.material_table import layer_materials, scene_materials
 from brake_fenicsx.memory import release_memory
@@ -74,7 +75,9 @@ class Models:
         M: mass [kg], likewise.
         compliance: the bodies seen from their contact elements, under the scene's loads.
         pressures: face -> its pressure in the scene [Pa].
-        unit_gaps: face -> gaps under a pressure of 1 Pa on it [m/Pa], shape (elements,).
+        unit_gaps: face -> gaps under a pressure of 1 Pa on it [m/Pa], shape of ``compliance.Nf``.
+        unit_carried: face -> force that this presses the contact faces together with [N/Pa], where
+            there is a reduced model.
         materials: unit changes of random materials and loads, if there are any.
         reduced: damped or not -> the reduced model, where one serves any sample.
         terms: damping terms of the scene; None without damping.
@@ -117,6 +120,7 @@ class Models:
         self._shapes: Array | None = None
         self.compliance: Compliance
         self.unit_gaps: dict[str, Array] = {}
+        self.unit_carried: dict[str, float] = {}
         self.numbering: Numbering
         self.stability = scene.stability if "stability" in scene.stages else None
         reduced = reduced_approaches(scene, counts)
@@ -326,10 +330,14 @@ class Models:
     def _from_reduced(self, model: ReducedModel, k0: Array) -> None:
         """Compliance, unit loads and layers' masses as the reduced model knows them."""
         NN, NT, gaps = model.static(self.parameter_point({}), k0)
-        faces = sorted(self._scene.loads)
-        pressures = np.array([self.pressures[face] for face in faces])
-        self.compliance = Compliance(None, k0, NN, NT, gaps @ pressures)
-        self.unit_gaps = dict(zip(faces, gaps.T, strict=True))
+        b, faces = self.brake, sorted(self._scene.loads)
+        for face, Nf in zip(faces, gaps.T, strict=True):
+            unit = Condensed(Compliance(None, k0, NN, NT, Nf, 0.0), b.w, 0 * b.w, 0.0)
+            self.unit_carried[face] = -float(np.sum(b.w * k0 * unit.linear(1.0, 0 * b.w, k0)))
+            self.unit_gaps[face] = Nf
+        carried = sum(self.pressures[face] * self.unit_carried[face] for face in faces)
+        Nf = gaps @ np.array([self.pressures[face] for face in faces])
+        self.compliance = Compliance(None, k0, NN, NT, Nf, carried)
         self.grams = {name: model.coordinates(self._ordered(A)) for name, A in self.masses.items()}
 
     def _family_shapes(self, factor: Solves) -> Array:

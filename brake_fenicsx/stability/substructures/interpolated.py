@@ -20,6 +20,10 @@ Array = NDArray[np.float64]
 # Estimates of errors need few digits.
 Estimate = NDArray[np.float32]
 
+# Values that are taken at a time, so that the second product with them finds them in the cache: it
+# is memory that limits the interpolation.
+STRIP = 8192
+
 
 class InterpolatedMoments:
     """Moments at the anchors of the own parameters of a body, and between them.
@@ -102,6 +106,9 @@ class InterpolatedMoments:
             weights = self._box.weights(own, degree)
             lower = weights - self._box.weights(own, degree - 1)
             count = len(values)
-            both = np.array([weights[:count], lower[:count]])
-            D[n], step[n] = (both @ values.reshape(count, -1)).reshape(2, *values.shape[1:])
+            every, pairs = values.reshape(count, -1), ((weights, D[n]), (lower, step[n]))
+            for first in range(0, every.shape[1], STRIP):
+                strip = slice(first, first + STRIP)
+                for factors, out in pairs:
+                    np.matmul(factors[:count], every[:, strip], out=out.reshape(-1)[strip])
         return D, step
