@@ -106,24 +106,11 @@ class Equilibria:
         models, c = self.models, bodies.compliance
         model = models.reduced[models.damped(approach)]
         NN, NT, gaps = model.static(models.parameter_point(sample.random), c.k0)
-        faces = sorted(models.pressures)
-        pressures = {**models.pressures, **sample.pressures}
-        Nf = gaps @ np.array([pressures[face] for face in faces])
+        Nf = gaps @ models.pressures(sample.pressures)
         return replace(bodies, compliance=replace(c, NN=NN, NT=NT, Nf=Nf))
 
     def _bodies(self, sample: SampleInput) -> Bodies:
         """The scene's bodies under the loads of a sample."""
-        models = self.models
-        b, c, f = models.brake, models.compliance, models.brake.f
-        if models.materials is not None and sample.pressures:
-            Nf = c.Nf
-            carried = c.carried
-            for face, value in sample.pressures.items():
-                added = value - models.pressures[face]
-                Nf = Nf + added * models.unit_gaps[face]
-                carried = None if carried is None else carried + added * models.unit_carried[face]
-            c, f = (
-                replace(c, Nf=Nf, carried=carried),
-                f + models.materials.added_loads(sample.pressures, f),
-            )
+        b, pressures = self.models.brake, self.models.pressures(sample.pressures)
+        f, c = self.models.unit_loads @ pressures, self.models.loaded(pressures)
         return Bodies(b.N, b.T, b.w, b.g0, f, c)

@@ -9,6 +9,7 @@ everywhere in their box) go to full order; ``Models.by_reduction`` says which ap
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
@@ -74,11 +75,9 @@ class Models:
         K: elastic stiffness [N/m], whole on this process, shape (dofs, dofs).
         M: mass [kg], likewise.
         compliance: the bodies seen from their contact elements, under the scene's loads.
-        pressures: face -> its pressure in the scene [Pa].
-        unit_gaps: face -> gaps under a pressure of 1 Pa on it [m/Pa], shape of ``compliance.Nf``.
-        unit_carried: face -> force that this presses the contact faces together with [N/Pa], where
-            there is a reduced model.
-        materials: unit changes of random materials and loads, if there are any.
+        unit_loads: loads of 1 Pa on each loaded face, in the order of their names [N/Pa], shape
+            (dofs, faces).
+        materials: unit changes of random materials, if there are any.
         reduced: damped or not -> the reduced model, where one serves any sample.
         terms: damping terms of the scene; None without damping.
         masses: mass of each layer [kg], shape (dofs, dofs); only with modes.
@@ -106,7 +105,6 @@ class Models:
             cache: what the folder shares with others.
         """
         self._scene, self.brake, self._counts = scene, brake, counts
-        self.pressures = {face: load.pressure for face, load in scene.loads.items()}
         self._store, self._comm, self._cache = store, comm, cache
         self.K, self.M = whole(brake.K), whole(brake.M)
         # The components of a displacement share no mass.
@@ -119,8 +117,12 @@ class Models:
         self.grams: dict[str, Array] = {}
         self._shapes: Array | None = None
         self.compliance: Compliance
-        self.unit_gaps: dict[str, Array] = {}
-        self.unit_carried: dict[str, float] = {}
+        mesh, free = brake.mesh, brake.elastic.free
+        loads = [gathered_vector(unit_loads(mesh, free, face)) for face in sorted(scene.loads)]
+        self.unit_loads = np.array(loads).reshape(len(loads), brake.f.size).T
+        # Gaps under these, and forces that they press the contact faces together with.
+        self._unit_gaps: Array = np.zeros((0, 0))
+        self._unit_carried: Array | None = None
         self.numbering: Numbering
         self.stability = scene.stability if "stability" in scene.stages else None
         reduced = reduced_approaches(scene, counts)
@@ -139,6 +141,16 @@ class Models:
     def parameter_point(self, drawn: Mapping[str, float]) -> Array:
         """A sample's point in the box of the reduced models."""
         return np.zeros(0) if self.materials is None else self.materials.box.point(drawn)
+
+    def pressures(self, drawn: Mapping[str, float]) -> Array:
+        """Pressures of a sample on the loaded faces [Pa]; that of the scene where none is drawn."""
+        loads = sorted(self._scene.loads.items())
+        return np.array([drawn.get(face, load.pressure) for face, load in loads])
+
+    def loaded(self, pressures: Array) -> Compliance:
+        """The bodies of the scene seen from their contact elements, under some pressures."""
+        carried = None if self._unit_carried is None else float(self._unit_carried @ pressures)
+        return replace(self.compliance, Nf=self._unit_gaps @ pressures, carried=carried)
 
     def takes(self, approach: str, drawn: Mapping[str, float]) -> bool:
         """Whether the reduced model takes a sample: its materials lie in the box."""
@@ -178,15 +190,14 @@ class Models:
     def prepare(self, k0: Array) -> None:
         """Make or load what the samples share, on springs k0 [Pa/m]; collective."""
         brake, scene = self.brake, self._scene
-        if {split_key(name)[0] for name in scene.samples.random} & {"materials", "loads"}:
+        if any(split_key(name)[0] == "materials" for name in scene.samples.random):
             self.materials = assemble_random(scene, brake)
         if self.stability is not None:
             self._prepare_modes(k0)
         if not self.reduced:
             K = petsc_matrix(self.K)
             self.compliance = compliance(K, brake.N, brake.T, brake.w, brake.f, k0, self._comm)
-            loads = {} if self.materials is None else self.materials.loads
-            self.unit_gaps = {f: brake.N @ self.compliance.solve(b) for f, b in loads.items()}
+            self._unit_gaps = brake.N @ self.compliance.solve(self.unit_loads)
         many = any(self._counts[n] > 1 for n, r in self.by_reduction.items() if not r)
         if self.stability is not None and many and not self.reduced:
             with self._cache.shared(
@@ -262,13 +273,9 @@ class Models:
         changes, shares = self._changes(terms) if changing else ([], None)
         order = self._order
         interface = {"N": brake.N[:, order], "T": brake.T[:, order], "R": brake.R[:, order]}
-        mesh, free = brake.mesh, brake.elastic.free
-        loads = [
-            gathered_vector(unit_loads(mesh, free, face)) for face in sorted(self._scene.loads)
-        ]
         bodies = split_substructures(
             self._ordered(self.K), self._ordered(self.M), interface,
-            np.stack(loads, axis=1)[order] if loads else None,
+            self.unit_loads[order],
             [self._ordered(A) for A in changes], None if C is None else self._ordered(C), shares,
             dof_points(brake, self._comm)[order],
         )  # fmt: skip
@@ -329,15 +336,14 @@ class Models:
 
     def _from_reduced(self, model: ReducedModel, k0: Array) -> None:
         """Compliance, unit loads and layers' masses as the reduced model knows them."""
-        NN, NT, gaps = model.static(self.parameter_point({}), k0)
-        b, faces = self.brake, sorted(self._scene.loads)
-        for face, Nf in zip(faces, gaps.T, strict=True):
+        b, (NN, NT, self._unit_gaps) = self.brake, model.static(self.parameter_point({}), k0)
+        carried = []
+        for Nf in self._unit_gaps.T:
             unit = Condensed(Compliance(None, k0, NN, NT, Nf, 0.0), b.w, 0 * b.w, 0.0)
-            self.unit_carried[face] = -float(np.sum(b.w * k0 * unit.linear(1.0, 0 * b.w, k0)))
-            self.unit_gaps[face] = Nf
-        carried = sum(self.pressures[face] * self.unit_carried[face] for face in faces)
-        Nf = gaps @ np.array([self.pressures[face] for face in faces])
-        self.compliance = Compliance(None, k0, NN, NT, Nf, carried)
+            carried.append(-float(np.sum(b.w * k0 * unit.linear(1.0, 0 * b.w, k0))))
+        self._unit_carried = np.array(carried)
+        self.compliance = Compliance(None, k0, NN, NT, self._unit_gaps.sum(axis=1))
+        self.compliance = self.loaded(self.pressures({}))
         self.grams = {name: model.coordinates(self._ordered(A)) for name, A in self.masses.items()}
 
     def _family_shapes(self, factor: Solves) -> Array:

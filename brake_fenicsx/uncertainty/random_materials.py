@@ -1,9 +1,8 @@
-"""Bodies and loads that change from sample to sample: random materials and random pressures.
+"""Bodies that change from sample to sample: random materials.
 
-The stiffness is linear in the C_ij of every material, and the loads in every pressure: matrices
-and vectors of unit changes are assembled once, and a sample's are sums of them. The material
-constants of nearly all samples lie in a box that their distributions span; the reduced model is
-interpolated over it.
+The stiffness is linear in the C_ij of every material: matrices of unit changes are assembled once,
+and a sample's is a sum of them. The material constants of nearly all samples lie in a box that
+their distributions span; the reduced model is interpolated over it.
 """
 
 from __future__ import annotations
@@ -19,8 +18,8 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.macro.brake import Brake
-from brake_fenicsx.macro.condensation import gathered_vector, whole
-from brake_fenicsx.macro.elasticity import affine_parts, unit_loads
+from brake_fenicsx.macro.condensation import whole
+from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.material import rotate_about_z
 from brake_fenicsx.macro.material_sample import constants, varied_stiffness
 from brake_fenicsx.macro.material_table import STIFFNESSES, layer_material, stiffness
@@ -101,21 +100,17 @@ def _is_modulus(name: str) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class RandomMaterials:
-    """What changes in the bodies and in their loads, by unit changes.
+    """What changes in the bodies, by unit changes.
 
     Attributes:
         box: the box of the random constants.
         nominal: random material -> its stiffness in the scene [Pa], shape (6, 6).
         changes: (material, C_ij) -> stiffness of a unit change [N/m per Pa].
-        pressures: face -> its pressure in the scene [Pa].
-        loads: face -> loads of 1 Pa [N/Pa], shape (dofs,).
     """
 
     box: Box
     nominal: dict[str, Array]
     changes: dict[tuple[str, str], sp.csr_matrix]
-    pressures: dict[str, float]
-    loads: dict[str, Array]
 
     def coefficients(self, x: Array) -> Array:
         """Coefficients of the unit changes [Pa] at a point of the box, shape (changes,)."""
@@ -131,13 +126,6 @@ class RandomMaterials:
         parts = list(self.changes.values())
         none = sp.csr_matrix(parts[0].shape)
         return sum((c * part for c, part in zip(coefficients, parts, strict=True) if c), none)
-
-    def added_loads(self, pressures: Mapping[str, float], like: Array) -> Array:
-        """Loads of a sample beyond those of the scene [N], shape (dofs,)."""
-        f = np.zeros_like(like)
-        for face, pressure in pressures.items():
-            f += (pressure - self.pressures[face]) * self.loads[face]
-        return f
 
     def softening(self) -> float:
         """Least r with K(x) >= r K(0) throughout the box, as quadratic forms: of the C(x).
@@ -163,19 +151,16 @@ class RandomMaterials:
 
 
 def assemble_random(scene: Scene, brake: Brake) -> RandomMaterials:
-    """Assemble the unit changes of the scene's random materials and loads; collective.
+    """Assemble the unit changes of the scene's random materials; collective.
 
     Args:
         scene: the scene.
         brake: its operators.
     """
     by_material: dict[str, list[str]] = {}
-    faces = []
     for section, table, last in map(split_key, scene.samples.random):
         if section == "materials":
             by_material.setdefault(table, []).append(last)
-        elif section == "loads":
-            faces.append(table)
     keys, directions = [], []
     for material, names in by_material.items():
         for constant in _moved(scene, material, names):
@@ -197,8 +182,6 @@ def assemble_random(scene: Scene, brake: Brake) -> RandomMaterials:
         Box(scene),
         {name: stiffness(scene.materials[name]) for name in by_material},
         dict(zip(keys, parts, strict=True)),
-        {face: scene.loads[face].pressure for face in faces},
-        {face: gathered_vector(unit_loads(mesh, free, face)) for face in faces},
     )
 
 
