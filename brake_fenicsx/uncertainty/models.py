@@ -279,6 +279,7 @@ class Models:
             [self._ordered(A) for A in changes], None if C is None else self._ordered(C), shares,
             dof_points(brake, self._comm)[order],
         )  # fmt: skip
+        release_memory()
         return ReducedModel.offline(
             bodies, brake.w, band, parameters, followed, stability.tolerance, stability.cutoff,
             self._comm, lambda total: Progress("solves of the reduced model", total).advance,

@@ -152,10 +152,12 @@ class ReducedModel:
             for body, pair in zip(originals, modes, strict=True)
         ]
         advance = progress(sum(reduction.solves for reduction in reductions))
-        made = [reduction.arrays(advance) for reduction in reductions]
+        # The largest body takes most memory: it comes before the moments of others are there.
+        order = sorted(range(len(originals)), key=lambda i: -originals[i].dofs.size)
+        made = {i: reductions[i].arrays(advance) for i in order}
         arrays: dict[str, NDArray] = {}
         if comm.rank == 0:
-            arrays = {f"{i}.{name}": a for i, one in enumerate(made) for name, a in one.items()}
+            arrays = {f"{i}.{name}": a for i, one in made.items() for name, a in one.items()}
             arrays |= image_arrays(images)
             arrays |= {"followed": np.array(followed), "damped": np.array(damped)}
             arrays |= {"seconds": np.array(time.perf_counter() - start)}
