@@ -108,7 +108,11 @@ def reference_factor(K: PETSc.Mat, N: sp.csr_matrix, w: Array, k0: Array) -> Fac
     Raises:
         InaccurateResult: K0 is singular: a part is neither supported nor in contact.
     """
-    return Factor(add_interface(gathered(K), N, w * k0, N), "brake_compliance_")
+    alone = gathered(K)
+    factor = Factor(add_interface(alone, N, w * k0, N), "brake_compliance_")
+    if alone is not K:
+        alone.destroy()
+    return factor
 
 
 def interface_compliance(

@@ -89,6 +89,7 @@ class Equilibria:
             return displacement(bodies, eq, bodies.f)
         K = petsc_matrix(self.models.stiffness(sample))
         own = reference_factor(K, b.N, b.w, c.k0)
+        K.destroy()
         u = displacement(replace(bodies, compliance=replace(c, factor=own)), eq, bodies.f)
         own.destroy()
         return u
@@ -99,6 +100,7 @@ class Equilibria:
         own = compliance(K, b.N, b.T, b.w, bodies.f, bodies.compliance.k0, MPI.COMM_SELF)
         if own.factor is not None:
             own.factor.destroy()
+        K.destroy()
         return replace(bodies, compliance=replace(own, factor=None))
 
     def _reduced_bodies(self, approach: str, sample: SampleInput, bodies: Bodies) -> Bodies:

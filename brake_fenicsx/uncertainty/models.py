@@ -197,6 +197,7 @@ class Models:
         if not self.reduced:
             K = petsc_matrix(self.K)
             self.compliance = compliance(K, brake.N, brake.T, brake.w, brake.f, k0, self._comm)
+            K.destroy()
             self._unit_gaps = brake.N @ self.compliance.solve(self.unit_loads)
         many = any(self._counts[n] > 1 for n, r in self.by_reduction.items() if not r)
         if self.stability is not None and many and not self.reduced:

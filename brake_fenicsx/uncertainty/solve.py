@@ -10,7 +10,6 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.log import logger
-from brake_fenicsx.macro.condensation import petsc_matrix
 from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.stability import Modes, complex_modes, contact_interface
 from brake_fenicsx.stability.operators import tangent
@@ -127,7 +126,7 @@ def _full(models: Models, sample: SampleInput, eq: Equilibrium) -> Arrays:
     friction = (
         contact_interface(b.N, b.T, b.w * eq.k_vibration, sample.mu) if sample.mu.any() else None
     )
-    K = tangent(petsc_matrix(models.stiffness(sample)), b.N, b.T, b.w, eq.k_vibration, sample.mu)
+    K = tangent(models.stiffness(sample), b.N, b.T, b.w, eq.k_vibration, sample.mu)
     band, M = (settings.band[0], settings.band[1]), models.M
     modes = complex_modes(M, C, K, band, zeta_max=settings.zeta_max, friction=friction)
     unstable = np.array(modes.verdict) == "unstable"
