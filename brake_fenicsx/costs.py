@@ -12,19 +12,20 @@ ladder's. With
     shared     4.4 s (n / 105e3)^1.63 for the factor; then 15 r v for the real modes and 4.5 m v for
                the interface of the reduced model; without it 0.45 m v for the compliance;
                12 (a m + r) v for damping in it;
-               0.53 m v for each solve where materials change, C(d+3, 3) + C(d+2, 2) + 2 of them
-               for d random constants, one constant more with loss factors, and two thirds of
-               that for each other of C(d+4, 4) points; a times that where friction damps them
+               0.10 m v for each moment at each point where materials change: a moment of degree
+               g has C(d + g, d) points for d random constants, and two that check it; a times
+               that where friction damps them
     samples    0.2 s (m / 1368)^2.5 an equilibrium;
                0.1 s (r / 150)^3 + 0.1 s (m / 1000)^2 its modes, reduced;
                1 + 2 a^2 times that with damping, for a = 1 + 1 (sliding) + 1 (slope);
-               1.6 s (m / 1368)^2 the same and its bodies, where materials change,
+               0.55 s (m / 1368)^2 the same and its bodies, where materials change,
                1 + 2 a times that with damping;
                45 s (n / 40.7e3)^0.8 b / 64 its modes at full order, 1.3 times that with damping
-    memory     0.2 GB + 16 kB n with a factor, 150 B m^2 + 8 B n r the reduced model, and with
-               damping 96 B (a m + r)(2 m + r), 3 m with sliding; where
-               materials change 34 kB n at these points, of which 19 kB n stay; 30 kB n the solver
-               at full order, 19 kB n more with damping; of one process
+    memory     of one process: 0.2 GB + 16 kB n with a factor; 5 kB n more where materials change;
+               30 kB n the solver at full order, 19 kB n more with damping;
+               of a machine: 150 B m^2 + 8 B n r + 1 kB n the reduced model, and with damping
+               96 B (a m + r)(2 m + r), 3 m with sliding; 4.9 B m^2 for each of the solves
+               where materials change. The first process holds that by itself while it is made
 
 How many modes there are is not known before: b is taken as in the reference brake, 4.2 per kHz.
 Within a factor of three of what was measured; a busy machine easily doubles it.
@@ -45,7 +46,9 @@ MODES_PER_HZ = 4.2e-3
 CUTOFF = 1.8
 REAL_MODES_PER_HZ = 6.0e-3
 PICTURES = 4  # of unstable modes, for each approach
-AGAIN = 35.0  # [s] for the equilibrium and the bodies of a sample once more, to draw them
+AGAIN = 10.0  # [s] for a factor of the bodies of a sample, to draw its equilibrium
+# Degrees of the interpolation of each moment at the default tolerance, undamped and damped.
+DEGREES = {False: (4, 3, 3, 2, 2, 1), True: (4, 3, 3, 3, 3, 2, 2, 2, 2, 1, 1)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,11 +80,15 @@ class Counts:
 
 @dataclass(frozen=True, slots=True)
 class Cost:
-    """Estimated cost of one stage: seconds [s] on one core, peak memory of a process [GB]."""
+    """Estimated cost of one stage: seconds [s] on one core, peak memory of a process [GB].
+
+    The processes of a machine hold the ``shared`` part of that memory [GB] once.
+    """
 
     stage: str
     seconds: float
     gigabytes: float
+    shared: float = 0.0
 
 
 def count_solves(scene: Scene, samples: dict[str, int]) -> Counts:
@@ -149,13 +156,14 @@ def cost_lines(costs: list[Cost], processes: int) -> list[str]:
 
     Args:
         costs: of each stage.
-        processes: number of processes; each holds its own matrices.
+        processes: number of processes; each holds its own matrices, all share a reduced model.
     """
     if not costs:
         return []
     each = ", ".join(f"{c.stage} {_time(c.seconds)}" for c in costs)
     peak = max(c.gigabytes for c in costs)
-    every = f", {processes * peak:.1f} GB on {processes} processes" if processes > 1 else ""
+    whole = max(processes * (c.gigabytes - c.shared) + c.shared for c in costs)
+    every = f", {whole:.1f} GB on {processes} processes" if processes > 1 else ""
     return [
         f"memory: about {peak:.1f} GB{every}",
         f"time: about {_time(sum(c.seconds for c in costs))} on {CORE}: {each}",
@@ -190,38 +198,43 @@ def _mechanics(scene: Scene, c: Counts) -> list[Cost]:
     r = REAL_MODES_PER_HZ * cutoff
     vector = 0.0213 * (n / 105e3) ** 1.22
     shared = 4.4 * (n / 105e3) ** 1.63 + (
-        15 * r * vector + 4.5 * m * vector if c.reduced else 0.45 * m * vector
+        15 * r * vector + 4.5 * m * vector if c.reduced or c.changing else 0.45 * m * vector
     )
     one = 0.2 * (m / 1368) ** 2.5
     reduced = c.reduced * (0.1 * (r / 150) ** 3 + 0.1 * (m / 1e3) ** 2)
     full = (c.full + 0.3 * c.damped) * 45 * (n / 40.7e3) ** 0.8 * b / 64
-    held = 0.2 + 16e-6 * n + ((150e-9 * m**2 + 8e-9 * n * r) if c.reduced else 40e-9 * m**2)
+    held, model = 0.2 + 16e-6 * n, 0.0
+    if c.reduced or c.changing:
+        model = 150e-9 * m**2 + 8e-9 * n * r + 1e-6 * n
+    else:
+        held += 40e-9 * m**2
     table = scene.stability.damping if scene.stability else None
     a = 1 + (bool(table.slope) + bool(table.sliding) if table else 0)
     series = 96e-9 * (a * m + r) * ((2 + bool(table and table.sliding)) * m + r)
     if c.damped_reduced:
         shared += 12 * (a * m + r) * vector
         reduced *= 1 + 2 * a**2 * c.damped_reduced / c.reduced
-        held += series
-    made, anew = held, 0.0
+        model += series
+    anew = 0.0
     if c.changing:
-        d = constants(scene) + (bool(table and table.loss) if c.damped_changing else 0)
+        d = constants(scene)
         rows = a if c.damped_changing else 1
-        solves = comb(d + 3, 3) + comb(d + 2, 2) + 2 + 2 / 3 * comb(d + 3, 4)
-        shared += solves * 0.53 * rows * m * vector
-        reduced += (c.changing + 2 * a * c.damped_changing) * 1.6 * (m / 1368) ** 2
-        held += series if c.damped_changing else 0.0
+        degrees = DEGREES[bool(c.damped_changing)]
+        solves = sum(comb(d + degree, d) for degree in degrees) + 2 * len(degrees)
+        shared += 0.10 * (solves - len(degrees)) * rows * m * vector
+        reduced += (c.changing + 2 * a * c.damped_changing) * 0.55 * (m / 1368) ** 2
+        model += (series if c.damped_changing else 0.0) + 4.9e-9 * solves * rows * m**2
+        held += 5e-6 * n
         own = [a for a in scene.samples.approaches if scene.samples.takes_random(a)]
         anew = AGAIN * len(own) * (n / 152e3) ** 1.22
-        held, made = held + 19e-6 * n, held + 34e-6 * n
     solver = 30e-6 * n if c.full else 0.0
     solver += 19e-6 * n if c.damped else 0.0
-    peak = max(made, held + solver)
+    peak = held + model + solver
     pictures = PICTURES * 1.7 * len(scene.samples.approaches) if top else 0.0
     written = 1.0 + (pictures + anew if "report" in scene.stages else 0.0)
     return [
         Cost("brake", 2.7 * (n / 105e3) ** 0.87, 0.2 + 4e-6 * n),
-        Cost("shared", shared, made),
-        Cost("samples", c.samples * one + reduced + full, peak),
-        Cost("results", written, peak),
+        Cost("shared", shared, held + model),
+        Cost("samples", c.samples * one + reduced + full, peak, model),
+        Cost("results", written, held + model, model),
     ]

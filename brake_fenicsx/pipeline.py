@@ -471,13 +471,13 @@ def mechanics(
         study.run()
     have_alone(this)
     with this.stage("results"):
-        results = study.write()
-        this.facts |= {**results.facts(), **study.facts}
+        first = study.write()
+        this.facts |= study.facts
         note_open_points(this)
         if "report" in this.scene.stages:
             from brake_fenicsx.report.mode_fields import write_mode_fields
 
-            write_mode_fields(study, results)
+            write_mode_fields(study, first)
             draw_mesh(this, brake)
 
 

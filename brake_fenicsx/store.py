@@ -12,11 +12,12 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import struct
 import zipfile
 import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -34,6 +35,15 @@ _FILES = {
     "uncertainty": ("samples",),
     "report": ("figures", "fields", "report.html", "contact_faces.npz"),
 }
+
+
+# Arrays begin at multiples of so many bytes in a file; the number of the zip field that pads them
+# (any reader skips it); arrays from this size on are mapped [bytes].
+ALIGNED, PADDING, MAPPED = 64, 0xD935, 2**20
+
+
+# NumPy gives its own file format no types.
+npy: Any = np.lib.format
 
 
 class Store:
@@ -101,7 +111,7 @@ class Store:
                 # A full disc is noticed here; a zip file would raise once more at its end.
                 size = sum(np.asarray(a).nbytes + 1024 for a in arrays.values()) + 1024
                 os.posix_fallocate(file.fileno(), 0, size)
-                np.savez(file, **arrays)
+                _write_arrays(file, arrays)
                 file.truncate()
                 file.flush()
                 os.fsync(file.fileno())
@@ -111,8 +121,16 @@ class Store:
         finally:
             part.unlink(missing_ok=True)
 
-    def load(self, name: str, keys: Sequence[str] | None = None) -> dict[str, np.ndarray] | None:
+    def load(
+        self, name: str, keys: Sequence[str] | None = None, mapped: bool = False
+    ) -> dict[str, np.ndarray] | None:
         """Arrays under a name, all or those of some keys; None where there is no such file.
+
+        Args:
+            name: relative to the folder.
+            keys: of the arrays wanted; all if None.
+            mapped: whether large arrays are mapped into memory and read-only, so that the processes
+                of a machine hold them once.
 
         Raises:
             SceneError: the file is damaged.
@@ -122,7 +140,9 @@ class Store:
             return None
         try:
             with np.load(path, allow_pickle=False) as data:
-                return {key: data[key] for key in data.files if keys is None or key in keys}
+                there = _mapped(path) if mapped else {}
+                wanted = (key for key in data.files if keys is None or key in keys)
+                return {key: there[key] if key in there else data[key] for key in wanted}
         except (ValueError, EOFError, zipfile.BadZipFile, zlib.error):
             raise SceneError(
                 f"{path}: damaged or cut short; remove this file, and the same command makes it"
@@ -182,6 +202,42 @@ def result_digest(scene: Scene) -> str:
     if measured := {name: d.digest for name, d in s.random.items() if d.digest}:
         content["measured"] = measured
     return Scene.hash(content)
+
+
+def _write_arrays(file: BinaryIO, arrays: Mapping[str, Any]) -> None:
+    """An npz file, as ``numpy.savez`` writes it, whose arrays lie so that they can be mapped.
+
+    Each array begins at a multiple of ALIGNED bytes: an extra field pads the header before it.
+    """
+    with zipfile.ZipFile(file, "w") as archive:
+        for name, values in arrays.items():
+            entry = zipfile.ZipInfo(f"{name}.npy")
+            # Fixed part, name, the field that pads, and that of the sizes in 64 bits.
+            start = file.tell() + 30 + len(entry.filename.encode()) + 4 + 20
+            gap = -start % ALIGNED
+            entry.extra = struct.pack("<HH", PADDING, gap) + bytes(gap)
+            with archive.open(entry, "w", force_zip64=True) as out:
+                npy.write_array(out, np.asanyarray(values), allow_pickle=False)
+
+
+def _mapped(path: Path) -> dict[str, np.ndarray]:
+    """The large arrays of an npz file, mapped read-only."""
+    found = {}
+    with zipfile.ZipFile(path) as archive, path.open("rb") as file:
+        for entry in archive.infolist():
+            if entry.file_size < MAPPED or entry.compress_type != zipfile.ZIP_STORED:
+                continue
+            file.seek(entry.header_offset + 26)
+            file.seek(sum(struct.unpack("<HH", file.read(4))), os.SEEK_CUR)
+            npy.read_magic(file)
+            shape, turned, dtype = npy.read_array_header_1_0(file)
+            if file.tell() % dtype.alignment:
+                continue
+            array: Any = np.memmap(
+                path, dtype, mode="r", offset=file.tell(), shape=shape, order="F" if turned else "C"
+            )
+            found[entry.filename.removesuffix(".npy")] = np.asarray(array)
+    return found
 
 
 def _write(path: Path, text: str) -> None:

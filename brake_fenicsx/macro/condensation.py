@@ -18,6 +18,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.memory import release_memory
 
 from .solver import Factor, add_interface, blocks, local_rows
 
@@ -26,11 +27,16 @@ Array = NDArray[np.float64]
 
 def gathered(A: PETSc.Mat) -> PETSc.Mat:
     """The whole of a distributed matrix on this process alone."""
-    if A.comm.size == 1:
-        return A
+    return A if A.comm.size == 1 else petsc_matrix(whole(A))
+
+
+def whole(A: PETSc.Mat) -> sp.csr_matrix:
+    """The same as a SciPy matrix."""
     parts = A.comm.tompi4py().allgather(local_rows(A))
-    whole = sp.vstack(parts).tocsr()
-    return petsc_matrix(whole)
+    found = sp.vstack(parts).tocsr()
+    del parts
+    release_memory()
+    return found
 
 
 def petsc_matrix(A: sp.spmatrix) -> PETSc.Mat:
@@ -55,43 +61,36 @@ class Solves(Protocol):
         """Product with a block, sparse or not, shape (dofs, columns)."""
 
 
-class DeferredFactor:
-    """Factor of K0 = K + N'W k0 N that is made at its first solve."""
-
-    def __init__(self, K: PETSc.Mat, N: sp.csr_matrix, w: Array, k0: Array):
-        """Keep what ``reference_factor`` takes."""
-        self._given = K, N, w, k0
-        self._factor: Factor | None = None
-
-    def solve(self, b: Array | sp.csc_matrix) -> Array:
-        """Product of K0^-1 with a block."""
-        if self._factor is None:
-            self._factor = reference_factor(*self._given)
-        return self._factor.solve(b)
-
-    def destroy(self) -> None:
-        """Free the factor, if there is one."""
-        if self._factor is not None:
-            self._factor.destroy()
-
-
 @dataclass(frozen=True, slots=True)
 class Compliance:
-    """K0^-1 seen from the contact elements.
+    """The bodies seen from the contact elements: K0^-1, or K^-1 from a reduced model.
+
+    Without springs a body may be held by contact alone. Its free motions then are coordinates r of
+    their own, which follow the gaps. Under contact pressures a - k g both obey
+    (1 + NN diag(w k, 1) + NT diag(mu w k)) [g; r] = [g0; 0] + Nf + NN w a + NT mu w a.
 
     Attributes:
-        factor: factor of K0, on every process; it may be made at its first solve.
+        factor: factor of K0, on every process; None where a reduced model gave the matrices.
         k0: reference stiffness of each element [Pa/m], shape (elements,).
-        NN: N K0^-1 N' [m/N], shape (elements, elements).
-        NT: N K0^-1 T' [m/N], shape (elements, elements).
-        Nf: N K0^-1 f [m] of the full loads, shape (elements,).
+        NN: N K0^-1 N' [m/N], shape (elements, elements); with free coordinates (all, all).
+        NT: N K0^-1 T' [m/N], shape (elements, elements); with free coordinates (all, elements).
+        Nf: N K0^-1 f [m] of the full loads, shape (elements,) or (all,).
+        carried: force [N] that the loads press the faces together with, where there are no springs
+            k0 in these matrices; None where there are.
     """
 
-    factor: Factor | DeferredFactor
+    factor: Factor | None
     k0: Array
     NN: Array
     NT: Array
     Nf: Array
+    carried: float | None = None
+
+    def solve(self, b: Array | sp.csc_matrix) -> Array:
+        """Product of K0^-1 with a block."""
+        if self.factor is None:
+            raise ValueError("a compliance without a factor")
+        return self.factor.solve(b)
 
 
 def reference_factor(K: PETSc.Mat, N: sp.csr_matrix, w: Array, k0: Array) -> Factor:
@@ -109,7 +108,11 @@ def reference_factor(K: PETSc.Mat, N: sp.csr_matrix, w: Array, k0: Array) -> Fac
     Raises:
         InaccurateResult: K0 is singular: a part is neither supported nor in contact.
     """
-    return Factor(add_interface(gathered(K), N, w * k0, N), "brake_compliance_")
+    alone = gathered(K)
+    factor = Factor(add_interface(alone, N, w * k0, N), "brake_compliance_")
+    if alone is not K:
+        alone.destroy()
+    return factor
 
 
 def interface_compliance(

@@ -75,7 +75,7 @@ def corrected_equilibrium(
     start = time.perf_counter()
     f, last, counts = bodies.f, np.inf, []
     for _ in range(most):
-        seen = replace(bodies.compliance, Nf=bodies.N @ bodies.compliance.factor.solve(f))
+        seen = replace(bodies.compliance, Nf=bodies.N @ bodies.compliance.solve(f))
         eq = equilibrium(replace(bodies, compliance=seen), laws, mu, steps)
         counts.append(sum(eq.iterations))
         u = displacement(bodies, eq, f)

@@ -25,12 +25,14 @@ from .gap import EnrichedGap
 from .newton import Newton, State
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 # Halvings of the friction coefficient that find its limit, to one part in a hundred.
 BISECTIONS = 7
 
-# Steps of iterative refinement before double precision takes over.
-REFINEMENTS = 12
+# Steps of iterative refinement before double precision takes over; a column of the matrix is left
+# to the refinement where its diagonal differs from 1 by less than LITTLE.
+REFINEMENTS, LITTLE = 12, 1e-4
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,8 +123,8 @@ def limit_of_friction(
         return True
 
     largest = float(np.max(np.abs(mu)))
-    # Without friction it must be found, and with it not: else another cause made it fail.
-    if largest == 0.0 or found(1.0) or not found(0.0):
+    # Without friction it must be found: else another cause made it fail.
+    if largest == 0.0 or not found(0.0):
         return error
     low, high = 0.0, 1.0
     for _ in range(BISECTIONS):
@@ -152,13 +154,16 @@ def record(
 
 @dataclass(frozen=True, slots=True)
 class Jacobian:
-    """1 + NN diag(n) + NT diag(t), solved by single-precision factors and refinement.
+    """I + NN diag(n) + NT diag(t), solved in single precision and refined with the exact matrix.
+
+    Columns of elements that hardly carry anything are left to the refinement: in rough contact most
+    elements are open.
 
     Attributes:
-        NN: compliance [m/N], shape (elements, elements).
-        NT: the same from slip to gap.
-        n: stiffness [N/m], shape (elements,).
-        t: the same for the friction forces; None without friction.
+        NN: compliance [m/N], shape (rows, rows): elements, then free coordinates.
+        NT: the same from slip to gap, shape (rows, elements).
+        n: stiffness [N/m], 1 for free coordinates, shape (rows,).
+        t: the same for the friction forces, shape (elements,); None without friction.
     """
 
     NN: Array
@@ -168,8 +173,7 @@ class Jacobian:
 
     def times(self, x: Array) -> Array:
         """Product with a vector."""
-        y = x + self.NN @ (self.n * x)
-        return np.asarray(y if self.t is None else y + self.NT @ (self.t * x))
+        return np.asarray(x + self._contact(x))
 
     def solve(self, b: Array) -> Array:
         """Solution to double precision.
@@ -177,38 +181,61 @@ class Jacobian:
         Raises:
             NotConverged: the matrix is singular.
         """
+        size = np.abs(self.n * self.NN.diagonal())
+        chosen = size > LITTLE
+        chosen[np.argmax(size)] = True
+        chosen[self.NT.shape[1] :] = True
         try:
             with warnings.catch_warnings():
                 # Nearly all elements open: the line search judges what the step is worth.
                 warnings.simplefilter("ignore", la.LinAlgWarning)
-                x = self._refined(b)
-                return x if x is not None else la.solve(self._matrix(float), b, overwrite_a=True)
+                x = self._refined(b, np.flatnonzero(chosen))
+                every = np.arange(b.size)
+                return x if x is not None else la.solve(self._matrix(float, every), b)
         except (la.LinAlgError, ValueError) as error:
             raise NotConverged(
                 "equilibrium: all contact elements open during the iteration; raise the load steps"
             ) from error
 
-    def _refined(self, b: Array) -> Array | None:
-        """Solution by refinement; None where single precision is not enough of a start."""
-        lu = la.lu_factor(self._matrix(np.float32), overwrite_a=True, check_finite=False)
-        x, last = np.zeros_like(b), np.inf
+    def _refined(self, b: Array, chosen: Index) -> Array | None:
+        """Solution by refinement; None where it is not enough of a start."""
+        lu = la.lu_factor(self._matrix(np.float32, chosen), overwrite_a=True, check_finite=False)
+        others = np.setdiff1d(np.arange(b.size), chosen)
+        x, r, last = np.zeros_like(b), b, np.inf
         for _ in range(REFINEMENTS):
-            r = b - self.times(x)
-            dx = la.lu_solve(lu, r.astype(np.float32), check_finite=False).astype(float)
+            dx = r.copy()
+            dx[others] = 0.0
+            dx[chosen] = la.lu_solve(lu, r[chosen].astype(np.float32), check_finite=False)
+            if others.size:
+                dx[others] = (r - self._contact(dx))[others]
             size = float(np.linalg.norm(dx))
             x = x + dx
-            if size <= 1e-15 * np.linalg.norm(x):
+            # The next step gains what this one gained.
+            gain = size / last if np.isfinite(last) else 1.0
+            if size * gain <= 1e-15 * np.linalg.norm(x):
                 return x
             if not size < 0.5 * last:
                 # Round-off of the residual, or no convergence at all.
                 return x if last <= 1e-13 * np.linalg.norm(x) else None
-            last = size
+            r, last = b - self.times(x), size
         return None
 
-    def _matrix(self, kind: type) -> Array:
-        J = np.multiply(self.NN, self.n, dtype=kind, casting="same_kind")
-        if self.t is not None:
-            J += np.multiply(self.NT, self.t, dtype=kind, casting="same_kind")
+    def _contact(self, x: Array) -> Array:
+        """What contact adds to a vector."""
+        y = self.NN @ (self.n * x)
+        return np.asarray(y if self.t is None else y + self.NT @ (self.t * x[: self.t.size]))
+
+    def _matrix(self, kind: type, chosen: Index) -> Array:
+        """Rows and columns of some elements and coordinates."""
+        whole = chosen.size == self.n.size
+        NN, NT, n, t = self.NN, self.NT, self.n, self.t
+        if not whole:
+            own = chosen[chosen < NT.shape[1]]
+            NN, NT, n = NN[np.ix_(chosen, chosen)], NT[np.ix_(chosen, own)], n[chosen]
+            t = None if t is None else t[own]
+        J = np.multiply(NN, n, dtype=kind, casting="same_kind")
+        if t is not None:
+            J[:, : t.size] += np.multiply(NT, t, dtype=kind, casting="same_kind")
         J[np.diag_indices_from(J)] += 1.0
         return J
 
@@ -232,27 +259,26 @@ class Condensed:
     def carried(self) -> tuple[float, float]:
         """Force of the springs k0 under the loads [N], and their mean [Pa/m]."""
         c = self.compliance
-        return -float(np.sum(self.w * c.k0 * c.Nf)), float(c.k0.mean())
+        force = -float(np.sum(self.w * c.k0 * c.Nf)) if c.carried is None else c.carried
+        return force, float(c.k0.mean())
 
     def linear(self, load: float, a: Array, k: Array) -> Array:
         """Gaps of the system whose contact pressures are a - k g."""
-        c, k0 = self.compliance, self.compliance.k0
-        rhs = self.g0 + load * c.Nf + c.NN @ (self.w * (a - k0 * self.g0))
-        wf = friction_traction(self.w, self.mu) if np.any(self.mu) else None
-        if wf is not None:
-            rhs = rhs + c.NT @ (wf * a)
-        return self._jacobian(k).solve(np.asarray(rhs, float))
-
-    def _jacobian(self, k: Array) -> Jacobian:
-        """Derivative of the gaps' equation where contact has the stiffness k."""
-        c = self.compliance
-        t = friction_traction(self.w, self.mu) * k if np.any(self.mu) else None
-        return Jacobian(c.NN, c.NT, self.w * (k - c.k0), t)
+        c, n = self.compliance, self.w.size
+        k0 = c.k0 if c.carried is None else 0.0
+        rhs = load * c.Nf + c.NN[:, :n] @ (self.w * (a - k0 * self.g0))
+        rhs[:n] += self.g0
+        stiffness, t = np.ones(rhs.size), None
+        stiffness[:n] = self.w * (k - k0)
+        if np.any(self.mu):
+            wf = friction_traction(self.w, self.mu)
+            rhs, t = rhs + c.NT @ (wf * a), wf * k
+        return Jacobian(c.NN, c.NT, stiffness, t).solve(rhs)[:n]
 
     def norm(self, pressure: Array) -> float:
         """Norm of the forces of some pressures, weighted with the compliance."""
         force = self.w * pressure
-        return float(np.sqrt(abs(force @ self.compliance.NN @ force)))
+        return float(np.sqrt(abs(force @ self.compliance.NN[: force.size, : force.size] @ force)))
 
 
 def displacement(ops: Any, eq: Equilibrium, f: Array) -> Array:
@@ -268,4 +294,4 @@ def displacement(ops: Any, eq: Equilibrium, f: Array) -> Array:
     """
     q = eq.p + ops.compliance.k0 * (eq.g - ops.g0)
     traction = friction_traction(eq.p, eq.mu)
-    return ops.compliance.factor.solve(f + ops.N.T @ (ops.w * q) + ops.T.T @ (ops.w * traction))
+    return ops.compliance.solve(f + ops.N.T @ (ops.w * q) + ops.T.T @ (ops.w * traction))

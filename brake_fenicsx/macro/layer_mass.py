@@ -13,10 +13,9 @@ from dolfinx.fem import petsc as fem_petsc
 
 from brake_fenicsx import compat
 
-from .condensation import gathered
+from .condensation import whole
 from .elasticity import QUADRATURE, FreeDofs, mass_form
 from .mesh import Mesh
-from .solver import local_rows
 
 
 def layer_masses(
@@ -46,7 +45,7 @@ def layer_masses(
         A.assemble()
         part = A.createSubMatrix(keep, keep)
         A.destroy()
-        masses[layer] = local_rows(gathered(part))
+        masses[layer] = whole(part)
         # PETSc keeps places for all layers.
         masses[layer].eliminate_zeros()
         part.destroy()

@@ -117,7 +117,8 @@ class Newton:
             if np.sum(w * laws.pressure(low * ones)) >= carried:
                 break
             low = high - 2 * (high - low)
-        for _ in range(60):
+        # It is a start: no digit of the equilibrium depends on its last ones.
+        for _ in range(20):
             middle = 0.5 * (low + high)
             enough = np.sum(w * laws.pressure(middle * ones)) >= carried
             low, high = (middle, high) if enough else (low, middle)

@@ -135,9 +135,10 @@ class Factor:
         return out
 
     def destroy(self) -> None:
-        """Free the factor now: PETSc may keep what Python lets go until much later."""
+        """Free factor and matrix now: PETSc keeps what Python lets go, perhaps to the end."""
         self._F.destroy()
         self._ksp.destroy()
+        self.A.destroy()
         release_memory()
 
 

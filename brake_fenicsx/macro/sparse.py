@@ -95,7 +95,6 @@ class Sparse:
             raise NotConverged(f"equilibrium: {error}; raise the load steps") from error
         own = factor.solve(b[first:last])
         factor.destroy()
-        A.destroy()
         self.u = np.concatenate(self.K.comm.tompi4py().allgather(own))
         return np.asarray(self.g0 + self.N @ self.u)
 

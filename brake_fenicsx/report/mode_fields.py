@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.processes import in_turns, on_first
 from brake_fenicsx.scene.in_effect import in_effect
 from brake_fenicsx.tables import read_columns
 from brake_fenicsx.uncertainty.ensemble import Task
-from brake_fenicsx.uncertainty.results import Results
 
 from .counts import ModeKey, representative_modes
 from .rundata import RunData
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 MOST = 4  # modes drawn for each approach, of the most severe families
 
 
-def write_mode_fields(study: Study, results: Results) -> None:
+def write_mode_fields(study: Study, first: Mapping[Task, Mapping[str, Any]]) -> None:
     """Write fields/*.xdmf, figures/mode_*.png and contact_faces.npz; collective.
 
     Equilibrium and contact are those of the first sample of each approach; modes are of its most
@@ -30,7 +31,7 @@ def write_mode_fields(study: Study, results: Results) -> None:
 
     Args:
         study: the study.
-        results: its stored samples.
+        first: what was stored of the first good sample of each approach.
     """
     store, comm = study.store, study.comm
     if comm.rank == 0:
@@ -41,11 +42,11 @@ def write_mode_fields(study: Study, results: Results) -> None:
             old.unlink()
     comm.Barrier()
     faces = contact_faces(study)
-    for task in results.first():
-        _write_equilibrium(study, task, results.stored[task], faces)
+    for task, data in first.items():
+        _write_equilibrium(study, task, data, faces)
     run, drawn = _severe(study)
     for chosen in drawn:
-        _write_modes(study, results, run, chosen)
+        _write_modes(study, run, chosen)
     from .fields import say_once
 
     say_once(study.brake.elastic.free.V, store.path("fields"))
@@ -83,14 +84,15 @@ def contact_faces(study: Study) -> dict[str, NDArray]:
 
 
 def _write_equilibrium(
-    study: Study, task: Task, data: dict[str, Any], faces: dict[str, NDArray]
+    study: Study, task: Task, data: Mapping[str, Any], faces: dict[str, NDArray]
 ) -> None:
     """Displacement; pressure, gap, stiffness and state of every contact element."""
     from .contact_fields import facet_means, write_facets, write_points
     from .fields import write_fields
 
     folder, name, V = study.store.path("fields"), task[0], study.brake.elastic.free.V
-    u = study.brake.local(study.displacement(task, data))
+    # On one process: the factor of all bodies is large.
+    u = study.brake.local(on_first(lambda: study.displacement(task, data), study.comm))
     write_fields(folder / f"equilibrium_{name}.xdmf", V, {"u_e": u})
     if study.comm.rank != 0:
         return
@@ -123,7 +125,7 @@ def _severe(study: Study) -> tuple[RunData, list[list[ModeKey]]]:
     return study.comm.bcast(found, root=0)
 
 
-def _write_modes(study: Study, results: Results, run: RunData, chosen: list[ModeKey]) -> None:
+def _write_modes(study: Study, run: RunData, chosen: list[ModeKey]) -> None:
     """Real and imaginary part of some modes of an approach, one period of each, and its picture."""
     from brake_fenicsx.report.render import render_mode
     from brake_fenicsx.report.style import label
@@ -132,9 +134,13 @@ def _write_modes(study: Study, results: Results, run: RunData, chosen: list[Mode
 
     store, name, V = study.store, chosen[0].approach, study.brake.elastic.free.V
     fields = {}
-    for mode in chosen:
-        task = (name, mode.sample)
-        x = displacements(study, task, results.stored[task], np.array([mode.mode]))[:, 0]
+
+    def shape(i: int) -> NDArray[np.complex128]:
+        task = (name, chosen[i].sample)
+        return displacements(study, task, study.stored(task), np.array([chosen[i].mode]))[:, 0]
+
+    shapes = in_turns(len(chosen), shape, study.comm)
+    for mode, x in zip(chosen, shapes, strict=True):
         hertz, share = f"{mode.frequency:05.0f}Hz", mode.family.share
         fields[f"mode_{hertz}"] = local = study.brake.local(x)
         write_phases(store.path("fields", f"phase_{name}_{hertz}.xdmf"), V, local)
@@ -148,7 +154,7 @@ def _write_modes(study: Study, results: Results, run: RunData, chosen: list[Mode
 
 
 def displacements(
-    study: Study, task: Task, data: dict[str, Any], chosen: NDArray[np.intp]
+    study: Study, task: Task, data: Mapping[str, Any], chosen: NDArray[np.intp]
 ) -> NDArray[np.complex128]:
     """Displacements of some unstable modes of a stored sample, shape (dofs, chosen).
 

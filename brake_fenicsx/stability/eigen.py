@@ -20,7 +20,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
-from brake_fenicsx.macro.solver import local_rows
+from brake_fenicsx.macro.condensation import whole
 
 from .damped_count import counted
 from .eigensolvers.eigenpairs import ROUND_OFF, QuadraticPencil, paired, residuals, undamped_errors
@@ -33,7 +33,6 @@ from .full.interface import Interface, difference_interface
 from .full.krylov_schur import general_modes
 from .full.problem import Found, Problem
 from .modes import Modes, counted_rows
-from .operators import as_petsc
 
 
 def complex_modes(
@@ -94,7 +93,7 @@ def complex_modes(
 
 def _whole(A: Any) -> sp.csr_matrix:
     """The whole of a SciPy or PETSc matrix; collective for a distributed one."""
-    return local_rows(as_petsc(A))
+    return A.tocsr() if sp.issparse(A) else whole(A)
 
 
 def _problem(K: Any, M: Any, frictionless: Any, friction: Interface | None) -> Problem:

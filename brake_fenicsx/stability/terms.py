@@ -18,13 +18,12 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.macro.brake import Brake, scene_motion
-from brake_fenicsx.macro.condensation import gathered
+from brake_fenicsx.macro.condensation import whole
 from brake_fenicsx.macro.contact import Contact
 from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.material import Material
 from brake_fenicsx.macro.material_table import layer_materials, scene_materials
-from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.damping import Damping, active_terms, turning_parts
 
@@ -175,7 +174,7 @@ def _sum(parts: list[PETSc.Mat]) -> sp.csr_matrix | None:
     """Sum of distributed matrices, the whole of it on every process."""
     if not parts:
         return None
-    whole = [local_rows(gathered(A)) for A in parts]
+    found = [whole(A) for A in parts]
     for A in parts:
         A.destroy()
-    return sum(whole[1:], whole[0]).tocsr()
+    return sum(found[1:], found[0]).tocsr()

@@ -13,6 +13,7 @@ import numpy as np
 
 from brake_fenicsx.errors import BrakeError
 from brake_fenicsx.log import Progress, logger
+from brake_fenicsx.processes import on_first
 from brake_fenicsx.store import Store
 from brake_fenicsx.termination import Terminated, asked, finishing
 
@@ -65,16 +66,7 @@ def run_ensemble(
 
 def _missing(tasks: Sequence[Task], store: Store, comm: MPI.Comm) -> list[Task]:
     """Samples that are not stored; collective."""
-    found: Any = None
-    if comm.rank == 0:
-        try:
-            found = [t for t in tasks if not store.has_sample(sample_file(t))]
-        except BrakeError as error:
-            found = error
-    found = comm.bcast(found, root=0)
-    if isinstance(found, BrakeError):
-        raise found
-    return list(found)
+    return on_first(lambda: [t for t in tasks if not store.has_sample(sample_file(t))], comm)
 
 
 def _run_unclaimed(

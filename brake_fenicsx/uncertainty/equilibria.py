@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.log import logger
-from brake_fenicsx.macro.condensation import compliance
+from brake_fenicsx.macro.condensation import compliance, petsc_matrix, reference_factor
 from brake_fenicsx.macro.corrected import Bodies, corrected_equilibrium
 from brake_fenicsx.macro.equilibrium import (
     Equilibrium,
@@ -52,73 +53,66 @@ class Equilibria:
         Raises:
             NotConverged: neither the full load at once nor the scene's ramp converges.
         """
+        bodies, laws, mu = self._bodies(sample), sample.laws, sample.mu_equilibrium
+        materials = self.models.materials
+        if materials is not None and sample.materials and reduced:
+            bodies = self._reduced_bodies(approach, sample, bodies)
+        elif materials is not None and sample.materials:
+            if bodies.compliance.factor is not None:
+                try:
+                    change = materials.change(sample.materials)
+                    return corrected_equilibrium(bodies, change, laws, mu)
+                except NotConverged:
+                    logger.info("the materials of a sample are far from the scene's: factored anew")
+            bodies = self._full_bodies(sample, bodies)
         for steps in sorted({1, self.steps}):
             try:
-                return self._loaded(approach, sample, steps, reduced)
+                return equilibrium(bodies, laws, mu, steps)
             except NotConverged as error:
                 failed = error
-        mu = sample.mu_equilibrium
-        raise limit_of_friction(self._bodies(sample), sample.laws, mu, self.steps, failed)
+        raise limit_of_friction(bodies, laws, mu, self.steps, failed)
 
-    def displacement(self, approach: str, sample: SampleInput, data: dict[str, Any]) -> Array:
+    def displacement(self, sample: SampleInput, data: Mapping[str, Any]) -> Array:
         """Displacement of a stored equilibrium [m], shape (dofs,).
 
         Args:
-            approach: of the sample.
             sample: its inputs.
             data: what was stored of it.
         """
-        if sample.materials:
-            u = self.of(approach, sample).u
-            if u is None:
-                raise ValueError("an equilibrium of changed bodies without displacement")
-            return u
         zero: tuple[Any, ...] = ((0,), 0.0, (), 0.0)
         eq = Equilibrium(
             data["g"], data["p"], data["k"], data["k_vibration"], data["mu_equilibrium"], *zero
         )
-        bodies = self._bodies(sample)
-        return displacement(bodies, eq, bodies.f)
+        bodies, b = self._bodies(sample), self.models.brake
+        c = bodies.compliance
+        if c.factor is not None and not sample.materials:
+            return displacement(bodies, eq, bodies.f)
+        K = petsc_matrix(self.models.stiffness(sample))
+        own = reference_factor(K, b.N, b.w, c.k0)
+        K.destroy()
+        u = displacement(replace(bodies, compliance=replace(c, factor=own)), eq, bodies.f)
+        own.destroy()
+        return u
 
-    def _loaded(self, approach: str, sample: SampleInput, steps: int, reduced: bool) -> Equilibrium:
-        """Equilibrium in equal load steps."""
-        laws, mu, bodies = sample.laws, sample.mu_equilibrium, self._bodies(sample)
-        materials = self.models.materials
-        if materials is None or not sample.materials:
-            return equilibrium(bodies, laws, mu, steps)
-        if reduced:
-            bodies = self._reduced_bodies(approach, sample, bodies)
-            return equilibrium(bodies, laws, mu, steps)
-        try:
-            change = materials.change(sample.materials)
-            return corrected_equilibrium(bodies, change, laws, mu, steps)
-        except NotConverged:
-            logger.info("the materials of a sample are far from the scene's: factored anew")
-        b, K = self.models.brake, materials.stiffness(sample.materials)
+    def _full_bodies(self, sample: SampleInput, bodies: Bodies) -> Bodies:
+        """The bodies of a sample's own materials, factored anew."""
+        b, K = self.models.brake, petsc_matrix(self.models.stiffness(sample))
         own = compliance(K, b.N, b.T, b.w, bodies.f, bodies.compliance.k0, MPI.COMM_SELF)
-        bodies = replace(bodies, compliance=own)
-        eq = equilibrium(bodies, laws, mu, steps)
-        u = displacement(bodies, eq, bodies.f)
-        own.factor.destroy()
-        return replace(eq, u=u)
+        if own.factor is not None:
+            own.factor.destroy()
+        K.destroy()
+        return replace(bodies, compliance=replace(own, factor=None))
 
     def _reduced_bodies(self, approach: str, sample: SampleInput, bodies: Bodies) -> Bodies:
         """The bodies of a sample's own materials, from the reduced model."""
         models, c = self.models, bodies.compliance
         model = models.reduced[models.damped(approach)]
         NN, NT, gaps = model.static(models.parameter_point(sample.random), c.k0)
-        faces = sorted(models.pressures)
-        pressures = {**models.pressures, **sample.pressures}
-        Nf = gaps @ np.array([pressures[face] for face in faces])
+        Nf = gaps @ models.pressures(sample.pressures)
         return replace(bodies, compliance=replace(c, NN=NN, NT=NT, Nf=Nf))
 
     def _bodies(self, sample: SampleInput) -> Bodies:
         """The scene's bodies under the loads of a sample."""
-        models = self.models
-        b, c, f = models.brake, models.compliance, models.brake.f
-        if models.materials is not None and sample.pressures:
-            Nf = c.Nf
-            for face, value in sample.pressures.items():
-                Nf = Nf + (value - models.pressures[face]) * models.unit_gaps[face]
-            c, f = replace(c, Nf=Nf), f + models.materials.added_loads(sample.pressures, f)
+        b, pressures = self.models.brake, self.models.pressures(sample.pressures)
+        f, c = self.models.unit_loads @ pressures, self.models.loaded(pressures)
         return Bodies(b.N, b.T, b.w, b.g0, f, c)

@@ -9,6 +9,7 @@ everywhere in their box) go to full order; ``Models.by_reduction`` says which ap
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
@@ -18,21 +19,23 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.cache import SharedCache, bodies_key
-from brake_fenicsx.errors import BrakeError
+from brake_fenicsx.errors import BrakeError, StorageError
 from brake_fenicsx.log import Progress, logger
 from brake_fenicsx.macro.brake import Brake
 from brake_fenicsx.macro.condensation import (
     Compliance,
-    DeferredFactor,
     Solves,
     compliance,
-    gathered,
     gathered_vector,
+    petsc_matrix,
+    whole,
 )
 from brake_fenicsx.macro.elasticity import unit_loads
+from brake_fenicsx.macro.equilibrium import Condensed
 from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.macro.material_table import layer_materials, scene_materials
-from brake_fenicsx.macro.solver import local_rows
+from brake_fenicsx.memory import release_memory
+from brake_fenicsx.processes import on_first
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.damping import active_terms, reduced_approaches
 from brake_fenicsx.scene.samples import split_key
@@ -50,6 +53,8 @@ if TYPE_CHECKING:
     )
     from brake_fenicsx.stability.terms import Terms
 
+    from .sampling import SampleInput
+
 Array = NDArray[np.float64]
 
 SHAPES = "cache/shapes.npz"
@@ -58,7 +63,7 @@ SHAPES = "cache/shapes.npz"
 FAMILIES = 1.3
 
 # Number of the layout of a kept reduced model; one of another layout is made again.
-LAYOUT = 2
+LAYOUT = 3
 
 
 class Models:
@@ -67,12 +72,12 @@ class Models:
     Attributes:
         by_reduction: whether a reduced model gives the modes of an approach's samples.
         numbering: order of the dofs that vectors are stored in; only with modes.
-        K: elastic stiffness [N/m], whole on this process.
+        K: elastic stiffness [N/m], whole on this process, shape (dofs, dofs).
         M: mass [kg], likewise.
         compliance: the bodies seen from their contact elements, under the scene's loads.
-        pressures: face -> its pressure in the scene [Pa].
-        unit_gaps: face -> gaps under a pressure of 1 Pa on it [m/Pa], shape (elements,).
-        materials: unit changes of random materials and loads, if there are any.
+        unit_loads: loads of 1 Pa on each loaded face, in the order of their names [N/Pa], shape
+            (dofs, faces).
+        materials: unit changes of random materials, if there are any.
         reduced: damped or not -> the reduced model, where one serves any sample.
         terms: damping terms of the scene; None without damping.
         masses: mass of each layer [kg], shape (dofs, dofs); only with modes.
@@ -100,9 +105,10 @@ class Models:
             cache: what the folder shares with others.
         """
         self._scene, self.brake, self._counts = scene, brake, counts
-        self.pressures = {face: load.pressure for face, load in scene.loads.items()}
         self._store, self._comm, self._cache = store, comm, cache
-        self.K, self.M = gathered(brake.K), gathered(brake.M)
+        self.K, self.M = whole(brake.K), whole(brake.M)
+        # The components of a displacement share no mass.
+        self.M.eliminate_zeros()
         self.facts: dict[str, Any] = {}
         self.materials: RandomMaterials | None = None
         self.reduced: dict[bool, ReducedModel] = {}
@@ -111,7 +117,12 @@ class Models:
         self.grams: dict[str, Array] = {}
         self._shapes: Array | None = None
         self.compliance: Compliance
-        self.unit_gaps: dict[str, Array] = {}
+        mesh, free = brake.mesh, brake.elastic.free
+        loads = [gathered_vector(unit_loads(mesh, free, face)) for face in sorted(scene.loads)]
+        self.unit_loads = np.array(loads).reshape(len(loads), brake.f.size).T
+        # Gaps under these, and forces that they press the contact faces together with.
+        self._unit_gaps: Array = np.zeros((0, 0))
+        self._unit_carried: Array | None = None
         self.numbering: Numbering
         self.stability = scene.stability if "stability" in scene.stages else None
         reduced = reduced_approaches(scene, counts)
@@ -131,6 +142,16 @@ class Models:
         """A sample's point in the box of the reduced models."""
         return np.zeros(0) if self.materials is None else self.materials.box.point(drawn)
 
+    def pressures(self, drawn: Mapping[str, float]) -> Array:
+        """Pressures of a sample on the loaded faces [Pa]; that of the scene where none is drawn."""
+        loads = sorted(self._scene.loads.items())
+        return np.array([drawn.get(face, load.pressure) for face, load in loads])
+
+    def loaded(self, pressures: Array) -> Compliance:
+        """The bodies of the scene seen from their contact elements, under some pressures."""
+        carried = None if self._unit_carried is None else float(self._unit_carried @ pressures)
+        return replace(self.compliance, Nf=self._unit_gaps @ pressures, carried=carried)
+
     def takes(self, approach: str, drawn: Mapping[str, float]) -> bool:
         """Whether the reduced model takes a sample: its materials lie in the box."""
         if not self.by_reduction[approach]:
@@ -144,8 +165,8 @@ class Models:
             u: shape (dofs, columns).
         """
         for model in self.reduced.values():
-            return model.coordinates(self._ordered(local_rows(self.M)), u[self._order])
-        return None if self._shapes is None else self._shapes.T @ (local_rows(self.M) @ u)
+            return model.coordinates(self._ordered(self.M), u[self._order])
+        return None if self._shapes is None else self._shapes.T @ (self.M @ u)
 
     def displacements(
         self, damped: bool, p: Array, contact: ContactLinearisation, s: NDArray, a: NDArray
@@ -156,6 +177,12 @@ class Models:
         out[self._order] = found
         return out
 
+    def stiffness(self, sample: SampleInput) -> sp.csr_matrix:
+        """Stiffness of a sample's bodies [N/m], whole on this process."""
+        if self.materials is None or not sample.materials:
+            return self.K
+        return (self.K + self.materials.change(sample.materials)).tocsr()
+
     def _ordered(self, A: sp.csr_matrix) -> sp.csr_matrix:
         """A matrix in the order of the dofs that the folder keeps, whatever cut the mesh."""
         return A[self._order][:, self._order]
@@ -163,21 +190,22 @@ class Models:
     def prepare(self, k0: Array) -> None:
         """Make or load what the samples share, on springs k0 [Pa/m]; collective."""
         brake, scene = self.brake, self._scene
-        if {split_key(name)[0] for name in scene.samples.random} & {"materials", "loads"}:
+        if any(split_key(name)[0] == "materials" for name in scene.samples.random):
             self.materials = assemble_random(scene, brake)
         if self.stability is not None:
             self._prepare_modes(k0)
         if not self.reduced:
-            self.compliance = compliance(self.K, brake.N, brake.T, brake.w, brake.f, k0, self._comm)
-            loads = {} if self.materials is None else self.materials.loads
-            factor = self.compliance.factor
-            self.unit_gaps = {face: brake.N @ factor.solve(f) for face, f in loads.items()}
+            K = petsc_matrix(self.K)
+            self.compliance = compliance(K, brake.N, brake.T, brake.w, brake.f, k0, self._comm)
+            K.destroy()
+            self._unit_gaps = brake.N @ self.compliance.solve(self.unit_loads)
         many = any(self._counts[n] > 1 for n, r in self.by_reduction.items() if not r)
         if self.stability is not None and many and not self.reduced:
             with self._cache.shared(
                 SHAPES, lambda: self._depends([float(k) for k in np.unique(k0)]), self._comm
             ):
-                self._shapes = self._family_shapes(self.compliance.factor)
+                self._shapes = self._family_shapes(self.compliance)
+        release_memory()
 
     def _prepare_modes(self, k0: Array) -> None:
         """Damping, reduced models and what is known of the layers."""
@@ -186,7 +214,7 @@ class Models:
         scene, brake = self._scene, self.brake
         self.terms = damping_terms(scene, brake)
         with self._cache.shared(DOFS, lambda: bodies_key(scene), self._comm):
-            self.numbering = Numbering(brake, local_rows(self.K), self._store, self._comm)
+            self.numbering = Numbering(brake, self.K, self._store, self._comm)
         self._order = self.numbering.kept(np.arange(brake.f.size))
         layers = layer_materials(scene, scene_materials(scene), brake.mesh.layers)
         density = {name: m.rho for name, m in layers.items()}
@@ -215,6 +243,8 @@ class Models:
         try:
             with self._cache.shared(file, lambda: self._depends(self._acting(damped)), self._comm):
                 model = self._reduced_model(damped, changing, file)
+        except StorageError:
+            raise
         except BrakeError as error:
             logger.warning("no reduced model: %s; full order", error)
             self.by_reduction |= dict.fromkeys(names, False)
@@ -233,6 +263,10 @@ class Models:
         stability, brake = self.stability, self.brake
         if stability is None:
             raise ValueError("a scene without [stability] has no modes")
+        band, parameters = (stability.band[0], stability.band[1]), self._parameters(changing)
+        if (known := self._known(file)) is not None:
+            logger.info("reduced model: from the cache")
+            return ReducedModel(known, brake.w, band, parameters)
         terms = self.terms if damped else None
         followed, C = "N", None
         if terms is not None:
@@ -240,29 +274,28 @@ class Models:
         changes, shares = self._changes(terms) if changing else ([], None)
         order = self._order
         interface = {"N": brake.N[:, order], "T": brake.T[:, order], "R": brake.R[:, order]}
-        mesh, free = brake.mesh, brake.elastic.free
-        loads = [
-            gathered_vector(unit_loads(mesh, free, face)) for face in sorted(self._scene.loads)
-        ]
         bodies = split_substructures(
-            self._ordered(local_rows(self.K)), self._ordered(local_rows(self.M)), interface,
-            np.stack(loads, axis=1)[order] if loads else None,
+            self._ordered(self.K), self._ordered(self.M), interface,
+            self.unit_loads[order],
             [self._ordered(A) for A in changes], None if C is None else self._ordered(C), shares,
             dof_points(brake, self._comm)[order],
         )  # fmt: skip
-        known = self._known(file)
-        model = ReducedModel.offline(
-            bodies, brake.w, (stability.band[0], stability.band[1]), self._parameters(changing),
-            followed, stability.tolerance, stability.cutoff, self._comm,
-            lambda total: Progress("solves of the reduced model", total).advance, known,
+        release_memory()
+        return ReducedModel.offline(
+            bodies, brake.w, band, parameters, followed, stability.tolerance, stability.cutoff,
+            self._comm, lambda total: Progress("solves of the reduced model", total).advance,
+            lambda made: self._kept(file, made),
         )  # fmt: skip
-        if known is None and self._comm.rank == 0:
-            made = {
-                f"{i}.{name}": a for i, one in enumerate(model.arrays()) for name, a in one.items()
-            }
-            marks = {"layout": np.array(LAYOUT), "dofs": self.numbering.kept_mark}
-            self._store.save(file, **marks, **made)
-        return model
+
+    def _kept(self, file: str, made: dict[str, NDArray]) -> dict[str, NDArray]:
+        """What an offline stage made, from the file that the first process writes; collective."""
+        marks = {"layout": np.array(LAYOUT), "dofs": np.array(self.numbering.kept_mark)}
+        on_first(lambda: self._store.save(file, **marks, **made), self._comm)
+        made.clear()
+        found = self._known(file)
+        if found is None:
+            raise StorageError(f"{self._store.path(file)}: another run wrote over it")
+        return found
 
     def _parameters(self, changing: bool) -> Parameters:
         from brake_fenicsx.stability.substructures import CONSTANT, Parameters
@@ -296,30 +329,23 @@ class Models:
         band = None if self.stability is None else [*self.stability.band]
         return [bodies_key(self._scene), self.numbering.kept_mark, band, *more]
 
-    def _known(self, file: str) -> list[dict[str, Array]] | None:
-        """Arrays of all bodies that an earlier run left."""
-        stored = self._store.load(file)
+    def _known(self, file: str) -> dict[str, NDArray] | None:
+        """What an earlier run left: processes of a machine hold the large arrays once."""
+        stored = self._store.load(file, mapped=True)
         if stored is None or int(stored.get("layout", 0)) != LAYOUT:
             return None
-        if str(stored["dofs"]) != self.numbering.kept_mark:
-            return None
-        logger.info("reduced model: from the cache")
-        found: dict[int, dict[str, Array]] = {}
-        for name, values in stored.items():
-            number, dot, inner = name.partition(".")
-            if dot:
-                found.setdefault(int(number), {})[inner] = values
-        return [found[i] for i in sorted(found)]
+        return stored if str(stored["dofs"]) == self.numbering.kept_mark else None
 
     def _from_reduced(self, model: ReducedModel, k0: Array) -> None:
         """Compliance, unit loads and layers' masses as the reduced model knows them."""
-        brake = self.brake
-        NN, NT, gaps = model.static(self.parameter_point({}), k0)
-        faces = sorted(self._scene.loads)
-        pressures = np.array([self.pressures[face] for face in faces])
-        factor = DeferredFactor(self.K, brake.N, brake.w, k0)
-        self.compliance = Compliance(factor, k0, NN, NT, gaps @ pressures)
-        self.unit_gaps = dict(zip(faces, gaps.T, strict=True))
+        b, (NN, NT, self._unit_gaps) = self.brake, model.static(self.parameter_point({}), k0)
+        carried = []
+        for Nf in self._unit_gaps.T:
+            unit = Condensed(Compliance(None, k0, NN, NT, Nf, 0.0), b.w, 0 * b.w, 0.0)
+            carried.append(-float(np.sum(b.w * k0 * unit.linear(1.0, 0 * b.w, k0))))
+        self._unit_carried = np.array(carried)
+        self.compliance = Compliance(None, k0, NN, NT, self._unit_gaps.sum(axis=1))
+        self.compliance = self.loaded(self.pressures({}))
         self.grams = {name: model.coordinates(self._ordered(A)) for name, A in self.masses.items()}
 
     def _family_shapes(self, factor: Solves) -> Array:
@@ -336,7 +362,7 @@ class Models:
         if self._comm.rank == 0:
             stored = self._store.load(SHAPES)
             if stored is None:
-                shapes = lowest_modes(factor, local_rows(self.M), limit).Phi
+                shapes = lowest_modes(factor, self.M, limit).Phi
                 self._store.save(SHAPES, shapes=self.numbering.kept(shapes))
             else:
                 shapes = self.numbering.present(stored["shapes"])

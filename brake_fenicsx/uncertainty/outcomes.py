@@ -13,7 +13,7 @@ A family that has no mode in a sample does not squeal there.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
@@ -24,6 +24,7 @@ from brake_fenicsx.squeal import squeals
 
 from .ensemble import Task
 from .results import Results
+from .sensitivity import Indices
 
 Array = NDArray[np.float64]
 
@@ -77,6 +78,7 @@ class Ensemble:
         good: samples that ended well, shape (samples,).
         outcomes: bands, the whole one first, then families, the most severe first.
         threshold: a mode squeals where its damping lies below minus this.
+        indices: of the growth of each outcome, by scope and place, once they are computed.
     """
 
     approach: str
@@ -85,6 +87,7 @@ class Ensemble:
     good: NDArray[np.bool_]
     outcomes: tuple[Outcome, ...]
     threshold: float = 0.0
+    indices: dict[tuple[str, str], Indices] = field(default_factory=dict)
 
 
 def ensembles(results: Results, band: Sequence[float], threshold: float = 0.0) -> list[Ensemble]:

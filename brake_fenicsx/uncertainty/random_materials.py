@@ -1,9 +1,8 @@
-"""Bodies and loads that change from sample to sample: random materials and random pressures.
+"""Bodies that change from sample to sample: random materials.
 
-The stiffness is linear in the C_ij of every material, and the loads in every pressure: matrices
-and vectors of unit changes are assembled once, and a sample's are sums of them. The material
-constants of nearly all samples lie in a box that their distributions span; the reduced model is
-interpolated over it.
+The stiffness is linear in the C_ij of every material: matrices of unit changes are assembled once,
+and a sample's is a sum of them. The material constants of nearly all samples lie in a box that
+their distributions span; the reduced model is interpolated over it.
 """
 
 from __future__ import annotations
@@ -12,8 +11,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
 
-from petsc4py import PETSc
-
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
@@ -21,12 +18,11 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.macro.brake import Brake
-from brake_fenicsx.macro.condensation import gathered, gathered_vector, petsc_matrix
-from brake_fenicsx.macro.elasticity import affine_parts, unit_loads
+from brake_fenicsx.macro.condensation import whole
+from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.material import rotate_about_z
 from brake_fenicsx.macro.material_sample import constants, varied_stiffness
 from brake_fenicsx.macro.material_table import STIFFNESSES, layer_material, stiffness
-from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.samples import split_key
 
@@ -104,51 +100,32 @@ def _is_modulus(name: str) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class RandomMaterials:
-    """What changes in the bodies and in their loads, by unit changes.
+    """What changes in the bodies, by unit changes.
 
     Attributes:
-        K: stiffness of the scene [N/m], shape (dofs, dofs).
         box: the box of the random constants.
         nominal: random material -> its stiffness in the scene [Pa], shape (6, 6).
         changes: (material, C_ij) -> stiffness of a unit change [N/m per Pa].
-        pressures: face -> its pressure in the scene [Pa].
-        loads: face -> loads of 1 Pa [N/Pa], shape (dofs,).
     """
 
-    K: sp.csr_matrix
     box: Box
     nominal: dict[str, Array]
     changes: dict[tuple[str, str], sp.csr_matrix]
-    pressures: dict[str, float]
-    loads: dict[str, Array]
 
     def coefficients(self, x: Array) -> Array:
         """Coefficients of the unit changes [Pa] at a point of the box, shape (changes,)."""
         return self._coefficients(self.box.materials(x))
 
-    def stiffness(self, materials: Mapping[str, Array]) -> PETSc.Mat:
-        """Stiffness of a sample [N/m], of this process alone.
+    def change(self, materials: Mapping[str, Array]) -> sp.csr_matrix:
+        """What some materials add to the stiffness of the scene [N/m].
 
         Args:
             materials: random material -> its stiffness in its own axes [Pa], shape (6, 6).
         """
-        return petsc_matrix(self.K + self.change(materials))
-
-    def change(self, materials: Mapping[str, Array]) -> sp.csr_matrix:
-        """What some materials add to the stiffness of the scene [N/m]."""
-        total = sp.csr_matrix(self.K.shape)
-        given = {**self.nominal, **materials}
-        for c, part in zip(self._coefficients(given), self.changes.values(), strict=True):
-            if c:
-                total = total + c * part
-        return total
-
-    def added_loads(self, pressures: Mapping[str, float], like: Array) -> Array:
-        """Loads of a sample beyond those of the scene [N], shape (dofs,)."""
-        f = np.zeros_like(like)
-        for face, pressure in pressures.items():
-            f += (pressure - self.pressures[face]) * self.loads[face]
-        return f
+        coefficients = self._coefficients({**self.nominal, **materials})
+        parts = list(self.changes.values())
+        none = sp.csr_matrix(parts[0].shape)
+        return sum((c * part for c, part in zip(coefficients, parts, strict=True) if c), none)
 
     def softening(self) -> float:
         """Least r with K(x) >= r K(0) throughout the box, as quadratic forms: of the C(x).
@@ -174,34 +151,37 @@ class RandomMaterials:
 
 
 def assemble_random(scene: Scene, brake: Brake) -> RandomMaterials:
-    """Assemble the unit changes of the scene's random materials and loads; collective.
+    """Assemble the unit changes of the scene's random materials; collective.
 
     Args:
         scene: the scene.
         brake: its operators.
     """
     by_material: dict[str, list[str]] = {}
-    faces = []
     for section, table, last in map(split_key, scene.samples.random):
         if section == "materials":
             by_material.setdefault(table, []).append(last)
-        elif section == "loads":
-            faces.append(table)
     keys, directions = [], []
     for material, names in by_material.items():
         for constant in _moved(scene, material, names):
             keys.append((material, constant))
             directions.append(_unit_change(scene, brake, material, constant))
     mesh, free = brake.mesh, brake.elastic.free
-    assembled = affine_parts(mesh, free, directions)
-    parts = [local_rows(gathered(A)) for A in assembled]
+    parts: list[sp.csr_matrix] = []
+    for direction in directions:
+        (A,) = affine_parts(mesh, free, [direction])
+        parts.append(whole(A))
+        A.destroy()
+        # Changes of one material have one pattern.
+        first, last = parts[0], parts[-1]
+        if np.array_equal(first.indptr, last.indptr) and np.array_equal(
+            first.indices, last.indices
+        ):
+            last.indices, last.indptr = first.indices, first.indptr
     return RandomMaterials(
-        local_rows(gathered(brake.K)) if parts else sp.csr_matrix((0, 0)),
         Box(scene),
         {name: stiffness(scene.materials[name]) for name in by_material},
         dict(zip(keys, parts, strict=True)),
-        {face: scene.loads[face].pressure for face in faces},
-        {face: gathered_vector(unit_loads(mesh, free, face)) for face in faces},
     )
 
 

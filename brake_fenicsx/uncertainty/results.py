@@ -30,6 +30,7 @@ class Results:
     ):
         self.tasks, self.verify, self.verified = list(tasks), list(verify), verified
         self.stored: dict[Task, dict[str, Any]] = {}
+        self._families: dict[Task, Any] | None = None
         for task in [*self.tasks, *self.verify]:
             found = store.load_sample(sample_file(task))
             if found is not None:
@@ -97,13 +98,16 @@ class Results:
         """Family of every mode; -1 where samples have no common basis to be compared in."""
         from brake_fenicsx.stability.modes import track_modes
 
+        if self._families is not None:
+            return self._families
         good = [t for t in self.good() if "s" in self.stored[t]]
         based = [t for t in good if "coordinates" in self.stored[t]]
         frequency = [np.abs(self.stored[t]["s"].imag) / 2 / np.pi for t in based]
         shapes = [self.stored[t]["coordinates"].astype(complex) for t in based]
         found = track_modes(shapes, frequency)
         out = {t: np.full(self.stored[t]["s"].size, -1) for t in good}
-        return out | dict(zip(based, found, strict=True))
+        self._families = out | dict(zip(based, found, strict=True))
+        return self._families
 
     def modes(self) -> Iterator[list[Any]]:
         """Rows of modes.csv."""
@@ -139,13 +143,10 @@ class Results:
 
     def facts(self) -> dict[str, Any]:
         """Figures for the summary."""
+        known = [str(self.stored[t]["status"]) for t in self.tasks if t in self.stored]
         facts: dict[str, Any] = {
-            "samples": {},
-            "failed_samples": len(self.stored) - len(self.verify),
-        }
-        facts["failed_samples"] = sum(
-            str(self.stored[t]["status"]) != "ok" for t in self.tasks if t in self.stored
-        )
+            "samples": {}, "failed_samples": sum(status != "ok" for status in known)
+        }  # fmt: skip
         for name in dict.fromkeys(t[0] for t in self.tasks):
             own = [self.stored[t] for t in self.good() if t[0] == name]
             about: dict[str, Any] = {"good": len(own)}

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.log import logger
 from brake_fenicsx.macro.equilibrium import Equilibrium
-from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.stability import Modes, complex_modes, contact_interface
 from brake_fenicsx.stability.operators import tangent
 from brake_fenicsx.stability.participation import damped_partners, energy_shares, flutter_partners
@@ -127,11 +126,8 @@ def _full(models: Models, sample: SampleInput, eq: Equilibrium) -> Arrays:
     friction = (
         contact_interface(b.N, b.T, b.w * eq.k_vibration, sample.mu) if sample.mu.any() else None
     )
-    stiffness = models.K
-    if models.materials is not None and sample.materials:
-        stiffness = models.materials.stiffness(sample.materials)
-    K = tangent(stiffness, b.N, b.T, b.w, eq.k_vibration, sample.mu)
-    band, M = (settings.band[0], settings.band[1]), local_rows(models.M)
+    K = tangent(models.stiffness(sample), b.N, b.T, b.w, eq.k_vibration, sample.mu)
+    band, M = (settings.band[0], settings.band[1]), models.M
     modes = complex_modes(M, C, K, band, zeta_max=settings.zeta_max, friction=friction)
     unstable = np.array(modes.verdict) == "unstable"
     if C is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from mpi4py import MPI
@@ -17,13 +18,14 @@ from brake_fenicsx.macro.braking import reference_stiffness
 from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.micro import LawRecipe, make_library
 from brake_fenicsx.micro.law import Laws
+from brake_fenicsx.processes import on_first
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.store import Store
 from brake_fenicsx.surface.hdf import HeightDistribution
 from brake_fenicsx.surface.waviness import Waviness
 from brake_fenicsx.tables import CONTACT, MODES, SAMPLES, write_rows
 
-from .ensemble import Task, run_ensemble
+from .ensemble import Task, run_ensemble, sample_file
 from .equilibria import Equilibria
 from .inputs import PERFECT, points_of
 from .models import Models
@@ -142,9 +144,9 @@ class Study:
                 out["vectors"] = models.numbering.kept(out["vectors"])
         return out
 
-    def displacement(self, task: Task, data: dict[str, Any]) -> Array:
+    def displacement(self, task: Task, data: Mapping[str, Any]) -> Array:
         """Displacement of a stored sample's equilibrium [m], shape (dofs,)."""
-        return self._prepared.displacement(task[0], self._draw(*task), data)
+        return self._prepared.displacement(self._draw(*task), data)
 
     @property
     def _prepared(self) -> Equilibria:
@@ -173,7 +175,7 @@ class Study:
         """How many samples have a mode beyond the tolerance, and by how much."""
         stability = self.scene.stability
         stored = [d for d in results.stored.values() if int(d.get("tolerance_missed", 0))]
-        if stability is None or not stored or self.comm.rank > 0:
+        if stability is None or not stored:
             return
         worst = max(float(np.nanmax(d["error"] / np.maximum(np.abs(d["s"]), 1.0))) for d in stored)
         logger.warning(
@@ -181,18 +183,33 @@ class Study:
             " of |lambda|, the largest %.1e", len(stored), stability.tolerance, worst,
         )  # fmt: skip
 
-    def write(self) -> Results:
-        """modes.csv, samples.csv and contact.csv from the stored samples."""
-        results = Results(self.store, self.tasks, self.verify, self.verified)
+    def write(self) -> dict[Task, dict[str, Any]]:
+        """modes.csv, samples.csv and contact.csv from the stored samples; collective.
+
+        Returns:
+            What was stored of the first good sample of each approach.
+        """
+        first, facts = on_first(self._tables, self.comm)
+        self.facts |= facts
+        return first
+
+    def _tables(self) -> tuple[dict[Task, dict[str, Any]], dict[str, Any]]:
+        """The same on one process: all samples are read, and facts for the summary counted."""
+        results, path = Results(self.store, self.tasks, self.verify, self.verified), self.store.path
+        facts, stability = results.facts(), self.scene.stability
         self._say_missed(results)
-        if self.comm.rank == 0:
-            path = self.store.path
-            write_rows(path("samples.csv"), results.sample_columns(SAMPLES), results.samples())
-            if "stability" in self.scene.stages:
-                write_rows(path("modes.csv"), results.mode_columns(MODES), results.modes())
-            write_rows(path("contact.csv"), CONTACT, results.contact(self.brake.contact))
-            stability = self.scene.stability
-            if stability is not None and {"stability", "uncertainty"} <= {*self.scene.stages}:
-                found = ensembles(results, stability.band, stability.threshold)
-                self.facts["robustness"] = write_causes(path(), self.scene.samples, found)
-        return results
+        write_rows(path("samples.csv"), results.sample_columns(SAMPLES), results.samples())
+        if "stability" in self.scene.stages:
+            write_rows(path("modes.csv"), results.mode_columns(MODES), results.modes())
+        write_rows(path("contact.csv"), CONTACT, results.contact(self.brake.contact))
+        if stability is not None and {"stability", "uncertainty"} <= {*self.scene.stages}:
+            found = ensembles(results, stability.band, stability.threshold)
+            facts["robustness"] = write_causes(path(), self.scene.samples, found)
+        return {task: results.stored[task] for task in results.first()}, facts
+
+    def stored(self, task: Task) -> dict[str, Any]:
+        """What was stored of a sample."""
+        found = self.store.load_sample(sample_file(task))
+        if found is None:
+            raise ValueError(f"{task}: not computed")
+        return found

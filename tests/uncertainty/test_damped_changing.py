@@ -69,17 +69,6 @@ def test_taken_from_the_cache(tmp_path):
         np.testing.assert_array_equal(one["s"], other["s"])
 
 
-@pytest.mark.slow
-def test_too_strong_a_damping_goes_to_full_order_by_name(tmp_path):
-    """Said in the log; solved all the same."""
-    strong = ["stability.damping={ loss=true, omega_ref='8 kHz' }", "materials.lining.loss=0.8"]
-    strong.append("stability.band=['0 Hz','20 kHz']")
-    run(BLOCK, SELF, tmp_path, [*GIVEN, *strong, "stability.method=reduced"])
-    log = (tmp_path / "log.txt").read_text()
-    assert "no reduced model: damping too strong" in log
-    assert len(stored(tmp_path)) == 2 and "counted" in stored(tmp_path)[0]
-
-
 @pytest.mark.parametrize("rough", ["joint", "multi-scale"])
 def test_undamped_samples_beside_damped_ones(rough, tmp_path):
     """Falling friction is none of fast: one set of bodies serves joint too.

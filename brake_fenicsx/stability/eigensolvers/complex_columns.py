@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,7 @@ def on_parts(real: Callable[[Array], Array], x: Complex) -> Complex:
     return out
 
 
-def times(A: Operator, x: Complex) -> Complex:
+def times(A: Operator, x: NDArray[Any]) -> Complex:
     """A x for real A."""
     return on_parts(A.__matmul__, x)
 

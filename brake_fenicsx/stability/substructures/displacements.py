@@ -38,21 +38,21 @@ def mode_displacements(
     """
     force = sample.forces(z, _motions(sample, z, a))
     out = np.zeros((sum(b.dofs.size for b in sample.bodies), z.size), complex)
-    inverse: dict[int, tuple[Complement, list[sp.csr_matrix]]] = {}
-    try:
-        for body, at in zip(sample.bodies, sample.closed, strict=True):
-            component = body.component
-            if id(component) not in inverse:
-                P = component.polynomial(x)
-                inverse[id(component)] = Complement(P[0], component.body.M, component.W), P
-            I = sp.vstack([component.body.interface[name] for name in rows.acting]).tocsr()
-            acting, there = at.rows(len(rows.acting), body.elements.size, sample.count)
-            kept = times(component.W, a[body.modes])
-            load = times(I[acting].T.tocsr(), force[there])
-            v = _left_out(*inverse[id(component)], z, kept, load)
-            out[body.dofs] = body.signs[:, None] * (kept + v)
-    finally:
-        for complement, _ in inverse.values():
+    # One factor at a time: that of a body and its mirror images.
+    for component in dict.fromkeys(body.component for body in sample.bodies):
+        P = component.polynomial(x)
+        complement = Complement(P[0], component.body.M, component.W)
+        I = sp.vstack([component.body.interface[name] for name in rows.acting]).tocsr()
+        try:
+            for body, at in zip(sample.bodies, sample.closed, strict=True):
+                if body.component is not component:
+                    continue
+                acting, there = at.rows(len(rows.acting), body.elements.size, sample.count)
+                kept = times(component.W, a[body.modes])
+                load = times(I[acting].T.tocsr(), force[there])
+                v = _left_out(complement, P, z, kept, load)
+                out[body.dofs] = body.signs[:, None] * (kept + v)
+        finally:
             complement.factor.destroy()
     return out
 

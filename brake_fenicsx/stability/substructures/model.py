@@ -9,7 +9,7 @@ an inertia count proves the kept modes complete and no pole of what is left out 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import ceil, log10
 
 from mpi4py import MPI
@@ -18,23 +18,23 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
-from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.processes import in_turns
 
 from ..eigensolvers.rows import damped_rows, undamped_rows
 from ..modes import Complex, Count, Modes
-from .component import Accuracy, AtPoint, Component, kept_modes, points_of
+from .component import AtPoint, Component
 from .contact import ContactLinearisation
 from .displacements import mode_displacements
 from .errors import ROUND_OFF, corrected, distances, stated_error
-from .moments import SIGMA, Rows, coupled
+from .moments import SIGMA, Rows
 from .parameters import CONSTANT, Parameters
-from .placed import Placed, originals_and_images, placed
+from .placed import image_arrays, originals_and_images, placed
 from .polynomials import Zeros
+from .reduction import Accuracy, Reduction, kept_modes
 from .sample import Sample
-from .static import static_compliance
-from .substructure import (
-    Substructure,
-)
+from .static import BodyCompliance, body_compliance, static_compliance
+from .substructure import Substructure
 
 Array = NDArray[np.float64]
 
@@ -46,8 +46,9 @@ POLES = 3.3
 # and one moment more gain: measured on two blocks in perfect contact, moduli +-20 %.
 REACHED, GAIN = 1e-5, 12.0
 
-# Zeros are corrected up to this multiple of the band's end.
-SEARCHED = 1.25
+# Zeros are corrected up to this multiple of the band's end: at the reference brake those of the
+# truncated series are off by less than 1e-4.
+SEARCHED = 1.1
 
 COUNTED = "zeros of T(z), on modes of the bodies complete by inertia"
 
@@ -65,17 +66,31 @@ class ReducedModel:
 
     def __init__(
         self,
-        bodies: list[Placed],
-        w: Array,
+        arrays: Mapping[str, NDArray],
+        w: ArrayLike,
         band: tuple[float, float],
-        rows: Rows,
-        parameters: Parameters,
-        seconds: float,
+        parameters: Parameters = CONSTANT,
     ):
-        """Keep what the offline stage made; see ``offline``."""
-        self.bodies, self.band, self.rows, self.parameters = bodies, band, rows, parameters
-        self.seconds, self._w, self._omega = seconds, w, 2 * np.pi * band[1]
+        """Take what an offline stage made, with its arguments; see ``offline``.
+
+        Args:
+            arrays: what it gave to ``keep``; large ones may be mapped from a file, so that the
+                processes of a machine hold them once.
+            w: areas of all contact elements [m^2], shape (elements,).
+            band: lowest and highest frequency [Hz].
+            parameters: box of the materials.
+        """
+        self.band, self.parameters, self._w = band, parameters, np.asarray(w, float)
+        self.seconds, self._omega = float(arrays["seconds"]), 2 * np.pi * band[1]
+        self.rows = Rows(str(arrays["followed"]), bool(arrays["damped"]))
+        groups: dict[str, dict[str, NDArray]] = {}
+        for name, values in arrays.items():
+            owner, dot, inner = name.partition(".")
+            if dot:
+                groups.setdefault(owner, {})[inner] = values
+        self.bodies = placed(groups, self.rows, parameters, self._omega)
         self._latest: tuple[Array, dict[int, AtPoint]] | None = None
+        self._constant: dict[int, BodyCompliance] = {}
 
     @classmethod
     def offline(
@@ -89,9 +104,9 @@ class ReducedModel:
         cutoff: float | None = None,
         comm: MPI.Comm | None = None,
         progress: Callable[[int], Callable[[int], None]] = lambda total: lambda done: None,
-        known: Sequence[dict[str, Array]] | None = None,
+        keep: Callable[[dict[str, NDArray]], Mapping[str, NDArray]] | None = None,
     ) -> ReducedModel:
-        """Reduce the bodies of a brake; collective.
+        """Reduce the bodies of a brake and take the model; collective.
 
         Args:
             substructures: the bodies, see ``split_substructures``.
@@ -106,7 +121,8 @@ class ReducedModel:
             comm: processes that share the work; this process alone if None.
             progress: called with the number of solves of this process; what it returns is called
                 with the number of those that were done since.
-            known: ``arrays`` of an earlier offline stage of the same problem.
+            keep: called by all processes with what the first one made (nothing on others); what
+                it returns is what each process works with. All get their own copy if None.
 
         Raises:
             SceneError: a band, cutoff or tolerance that is none.
@@ -126,25 +142,28 @@ class ReducedModel:
         accuracy = Accuracy(float(reach), _degrees(tolerance, damped))
         originals, images = originals_and_images(substructures)
         centre = parameters.coefficients(np.zeros(parameters.dimension))
-        if known is None:
-            modes = _shared_modes(originals, centre, omega, accuracy.cutoff, comm)
-        else:
-            modes = [(one["W"], one["kappa"]) for one in known]
-        advance = progress(_solves(originals, modes, rows, parameters, accuracy, comm))
-        made: list[dict[str, Array] | None] = [None] * len(originals) if known is None else [*known]
-        components = [
-            Component(body, pair, kept, rows, parameters, accuracy, omega, comm, advance)
-            for body, pair, kept in zip(originals, modes, made, strict=True)
+        modes = in_turns(
+            len(originals),
+            lambda i: kept_modes(originals[i], centre, omega, accuracy.cutoff),
+            comm,
+        )
+        reductions = [
+            Reduction(body, pair, rows, parameters, accuracy, omega, comm)
+            for body, pair in zip(originals, modes, strict=True)
         ]
-        bodies = placed(components, images)
-        model = cls(bodies, np.asarray(w, float), band, rows, parameters, 0.0)
-        model._check_convergence()
-        model.seconds = time.perf_counter() - start
-        return model
-
-    def arrays(self) -> list[dict[str, Array]]:
-        """What the offline stage made of each original body, for ``known``."""
-        return [component.arrays() for component in self._originals]
+        advance = progress(sum(reduction.solves for reduction in reductions))
+        # The largest body takes most memory: it comes before the moments of others are there.
+        order = sorted(range(len(originals)), key=lambda i: -originals[i].dofs.size)
+        made = {i: reductions[i].arrays(advance) for i in order}
+        arrays: dict[str, NDArray] = {}
+        if comm.rank == 0:
+            arrays = {f"{i}.{name}": a for i, one in made.items() for name, a in one.items()}
+            arrays |= image_arrays(images)
+            arrays |= {"followed": np.array(followed), "damped": np.array(damped)}
+            arrays |= {"seconds": np.array(time.perf_counter() - start)}
+        del modes, reductions, made
+        held = _on_all(arrays, comm) if keep is None else keep(arrays)
+        return cls(held, w, band, parameters)
 
     def at(self, p: ArrayLike) -> list[AtPoint]:
         """The bodies at a point of the box [-1, 1]^d; mirror images share theirs."""
@@ -193,16 +212,25 @@ class ReducedModel:
         return np.asarray(self._omega * z)
 
     def static(self, p: ArrayLike, k0: Array) -> tuple[Array, Array, Array]:
-        """N K0^-1 N', N K0^-1 T' and N K0^-1 F' of the bodies on springs, K0 = K + N'W k0 N.
+        """Compliance of the bodies at the contact elements, with free coordinates.
 
         Args:
             p: a point of the box.
-            k0: stiffness of the springs [Pa/m], shape (elements,), positive.
+            k0: typical stiffness of the contact elements [Pa/m], shape (elements,), positive.
 
         Returns:
-            Shapes (elements, elements) twice and (elements, loads) [m/N].
+            NN, NT and one column of Nf for each load, see ``macro.condensation.Compliance``.
         """
-        return static_compliance(self.bodies, self.at(p), self._w * k0, self.rows, self._omega)
+        parts = dict(self._constant)
+        for body, view in zip(self.bodies, self.at(p), strict=True):
+            key = id(body.component)
+            if key not in parts:
+                parts[key] = body_compliance(body.component, view, self.rows, self._omega)
+            if not view.errors:
+                # No parameter moves it.
+                self._constant[key] = parts[key]
+        every = [parts[id(body.component)] for body in self.bodies]
+        return static_compliance(self.bodies, every, self._w * k0, self._omega)
 
     def displacements(
         self, p: ArrayLike, contact: ContactLinearisation, s: Complex, a: Complex
@@ -307,45 +335,6 @@ class ReducedModel:
             Count(lam.size, COUNTED), 0, time.perf_counter() - start, real,
         )  # fmt: skip
 
-    def _check_convergence(self) -> None:
-        """Whether the moments fall fast enough up to the band's end.
-
-        Raises:
-            InaccurateResult: they do not: the bodies are damped too strongly.
-        """
-        for component in self._originals:
-            D = component.at(np.zeros(self.parameters.dimension)).D
-            size = [float(np.linalg.norm(A)) for A in D]
-            step = 2 if self.rows.damped else 1
-            if size[0] > 0 and len(size) > 2 * step:
-                fall = (size[-1] / size[-1 - step]) if size[-1 - step] > 0 else 0.0
-                if fall > 1.0:
-                    raise InaccurateResult(
-                        "damping too strong for the reduced model: its series in lambda does not"
-                        " reach the end of the band"
-                    )
-
-
-def _solves(
-    bodies: Sequence[Substructure],
-    modes: Sequence[tuple[Array, Array]],
-    rows: Rows,
-    parameters: Parameters,
-    accuracy: Accuracy,
-    comm: MPI.Comm,
-) -> int:
-    """Solves of this process that the offline stage takes."""
-    total = 0
-    for body, (W, _) in zip(bodies, modes, strict=True):
-        own = parameters.acting_on(list(body.changes)).size
-        columns = body.elements.size * len(rows.followed) + W.shape[1] * coupled(body)
-        counts, _ = points_of(accuracy.degrees if own else (0,) * len(accuracy.degrees), own)
-        if len(counts) < comm.size:
-            total += ceil(columns / comm.size) * sum(counts)
-        else:
-            total += columns * sum(counts[comm.rank :: comm.size])
-    return total
-
 
 def _degrees(tolerance: float, damped: bool) -> tuple[int, ...]:
     """Degree of the interpolation of each moment; two powers of lambda for each of kappa."""
@@ -358,21 +347,6 @@ def _degrees(tolerance: float, damped: bool) -> tuple[int, ...]:
     return tuple(max(1, top - (n + 1) // 2) for n in range(top + 2))
 
 
-def _shared_modes(
-    bodies: list[Substructure], centre: Array, omega: float, cutoff: float, comm: MPI.Comm
-) -> list[tuple[Array, Array]]:
-    """Kept modes of all bodies, each body by one process; collective."""
-    found: list[object] = []
-    for i, body in enumerate(bodies):
-        own: object = None
-        if comm.rank == i % comm.size:
-            try:
-                own = kept_modes(body, centre, omega, cutoff)
-            except BrakeError as error:
-                own = error
-        found.append(own)
-    shared = [comm.bcast(one, root=i % comm.size) for i, one in enumerate(found)]
-    for one in shared:
-        if isinstance(one, BrakeError):
-            raise one
-    return shared
+def _on_all(arrays: dict[str, NDArray], comm: MPI.Comm) -> dict[str, NDArray]:
+    """Arrays of the first process on all of them; collective."""
+    return {name: comm.bcast(arrays.get(name)) for name in comm.bcast(list(arrays))}

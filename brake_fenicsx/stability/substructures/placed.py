@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .component import Component
+from .moments import Rows
+from .parameters import Parameters
 from .substructure import MirrorImage, Substructure, mirror_image, turned_across
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+
+# What the names of a body's arrays begin with.
+BODY = "body"
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +38,14 @@ class Placed:
     dofs: Index
     signs: Array
     modes: slice
+
+
+def square_of(at: Index) -> tuple[Any, Any]:
+    """Rows and columns of some elements; as slices where they can be, ten times as fast."""
+    if at.size and np.array_equal(at, np.arange(at[0], at[0] + at.size)):
+        return (slice(int(at[0]), int(at[0]) + at.size),) * 2
+    rows, columns = np.ix_(at, at)
+    return rows, columns
 
 
 def originals_and_images(
@@ -63,20 +77,42 @@ def originals_and_images(
     return originals, out
 
 
+def image_arrays(
+    images: list[tuple[int, MirrorImage | None, Substructure]],
+) -> dict[str, NDArray]:
+    """Original, contact elements, dofs and signs of each body, for ``placed``.
+
+    Args:
+        images: what ``originals_and_images`` says of every body.
+    """
+    out: dict[str, NDArray] = {}
+    for number, (i, image, body) in enumerate(images):
+        own = body if image is None else image.body
+        signs = np.ones(body.dofs.size) if image is None else image.signs
+        given = {"original": np.array(i), "elements": own.elements, "dofs": own.dofs}
+        out |= {f"{BODY}{number}.{n}": a for n, a in {**given, "signs": signs}.items()}
+    return out
+
+
 def placed(
-    components: list[Component], images: list[tuple[int, MirrorImage | None, Substructure]]
+    groups: Mapping[str, dict[str, NDArray]], rows: Rows, parameters: Parameters, omega: float
 ) -> list[Placed]:
     """The bodies of the brake, their kept modes one after the other.
 
     Args:
-        components: the originals, reduced.
-        images: what ``originals_and_images`` says of every body.
+        groups: arrays of each original, by its number, and of ``image_arrays``.
+        rows: blocks of contact rows.
+        parameters: of all bodies.
+        omega: end of the band [rad/s].
     """
+    components: dict[str, Component] = {}
     out, first = [], 0
-    for i, image, body in images:
+    for number in range(sum(name.startswith(BODY) for name in groups)):
+        own = groups[f"{BODY}{number}"]
+        i = str(int(own["original"]))
+        if i not in components:
+            components[i] = Component(groups[i], rows, parameters, omega)
         modes = slice(first, first + components[i].W.shape[1])
         first = modes.stop
-        signs = np.ones(body.dofs.size) if image is None else image.signs
-        own = body if image is None else image.body
-        out.append(Placed(components[i], own.elements, own.dofs, signs, modes))
+        out.append(Placed(components[i], own["elements"], own["dofs"], own["signs"], modes))
     return out

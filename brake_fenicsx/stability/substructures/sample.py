@@ -27,7 +27,7 @@ from ..modes import Complex
 from .component import AtPoint
 from .contact import ContactForces, ContactLinearisation
 from .moments import SIGMA, Rows
-from .placed import Placed
+from .placed import Placed, square_of
 from .polynomials import Zeros, applied, zeros
 
 Array = NDArray[np.float64]
@@ -183,8 +183,12 @@ class Sample:
             if at.here.size:
                 through = J.after(lead)
                 self.forced[: len(through), modes, place] += through
-                for n, part in enumerate(J.after(D[np.ix_(np.arange(count), own, acting)])):
-                    self.E[n][np.ix_(place, place)] += part
+                # Faster than picking by rows and columns.
+                flat = (own[:, None] * D.shape[2] + acting).ravel()
+                picked = np.take(D.reshape(count, -1), flat, axis=1)
+                square = square_of(place)
+                for n, part in enumerate(J.after(picked.reshape(count, own.size, acting.size))):
+                    self.E[n][square] += part
         self.E[0][np.diag_indices(f * c)] += 1.0
 
     def zeros(self, reach: float, near: Callable[[Complex], Index]) -> Zeros:
@@ -230,19 +234,27 @@ class Sample:
         c, f, g = self.count, len(self._rows.followed), len(self._rows.acting)
         total = np.zeros(z.size)
         for body, view, at in zip(self.bodies, self.views, self.closed, strict=True):
-            m, modes = body.elements.size, np.arange(body.modes.start, body.modes.stop)
+            if not view.errors:
+                continue
+            comp, modes = body.component, np.arange(body.modes.start, body.modes.stop)
+            m = body.elements.size
             own, place = at.rows(f, m, c)
             acting, there = at.rows(g, m, c)
             rows = np.r_[own, f * m + np.arange(modes.size)]
-            columns = np.r_[acting, g * m + np.arange(modes.size)]
-            left, right = q.left[np.r_[place, f * c + modes]], q.right[np.r_[there, g * c + modes]]
+            left = q.left[np.r_[place, f * c + modes]].astype(np.complex64)
+            # Whole rows in one product cost less than picking the closed elements of each moment.
+            right = np.zeros((g * m + modes.size + comp.loads.shape[0], z.size), np.complex64)
+            right[np.r_[acting, g * m + np.arange(modes.size)]] = q.right[
+                np.r_[there, g * c + modes]
+            ]
             largest: Array = np.zeros(z.size)
             for error in view.errors:
-                size: Array = np.zeros(z.size)
-                for n, E in enumerate(error):
-                    size += np.abs(_paired(left, times(E[np.ix_(rows, columns)], right)) * z**n)
+                picked = error[:, rows].reshape(-1, error.shape[2])
+                product = times(picked, right).reshape(len(error), rows.size, z.size)
+                terms = np.einsum("im,nim->nm", left, product)
+                size = np.sum(np.abs(terms * z ** np.arange(len(error))[:, None]), axis=0)
                 largest = np.maximum(largest, size)
-            total += largest
+            total += view.growth * largest
         return np.asarray(total / np.abs(q.slope))
 
     def motions(self, z: Complex, a: Complex) -> Complex:

@@ -1,102 +1,124 @@
-"""Static compliance of the contact elements, on springs that hold bodies which are free."""
+"""Static compliance of the contact elements: elastic motions in it, free ones beside it.
+
+At lambda = 0 the kept coordinates a of a body and its gaps g obey, with the contact forces F along
+N and H along T and loads f,
+
+    A a = normal' F + slip' H + load' f,      g = gaps a + NN F + NT H + NF f,
+
+NN, NT, NF what the kept modes leave out. Elastic coordinates are eliminated; those of a body that
+moves freely without contact, or nearly so, have no inverse and are kept.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg as la
 from numpy.typing import NDArray
 
-from brake_fenicsx.errors import InaccurateResult
-
-from .component import AtPoint
+from .component import AtPoint, Component
 from .moments import SIGMA, Rows
-from .placed import Placed
+from .placed import Placed, square_of
 
 Array = NDArray[np.float64]
 
+# A kept mode is free if its frequency at the centre of the box lies below this share of the band's.
+FREE = 1e-2
+
+
+@dataclass(frozen=True, slots=True)
+class BodyCompliance:
+    """A body seen from its contact elements, in units of the band's end.
+
+    Attributes:
+        NN: gaps by forces along N, shape (elements, elements).
+        NT: gaps by forces along T.
+        NF: gaps by loads, shape (elements, loads).
+        motion: gaps by free coordinates, shape (elements, free).
+        normal: forces on free coordinates along N, shape (free, elements).
+        slip: the same along T.
+        load: the same of loads, shape (free, loads).
+        Z: forces on free coordinates that move, shape (free, free): round-off if they are free.
+    """
+
+    NN: Array
+    NT: Array
+    NF: Array
+    motion: Array
+    normal: Array
+    slip: Array
+    load: Array
+    Z: Array
+
+
+def body_compliance(comp: Component, view: AtPoint, rows: Rows, omega: float) -> BodyCompliance:
+    """Static compliance of a body.
+
+    Args:
+        comp: the body.
+        view: the body at a point of the box.
+        rows: blocks of contact rows.
+        omega: end of the band [rad/s].
+    """
+    # lambda = 0: z = sigma in kappa, z = -lambda_0 in lambda.
+    z = -rows.shift if rows.damped else SIGMA
+    D = np.tensordot(z ** np.arange(len(view.D)), view.D, 1)
+    A = np.tensordot(z ** np.arange(len(view.modal)), view.modal, 1)
+    m, loads = comp.body.elements.size, comp.loads.shape[0]
+    last = D.shape[1] - loads
+    NN, NT, NF = D[:m, :m], D[:m, m : 2 * m], D[:m, last:]
+    gaps, normal, slip, load = (
+        comp.followed[:m], comp.acting[:m].T, comp.acting[m : 2 * m].T, comp.loads.T,
+    )  # fmt: skip
+    if comp.coupled:
+        X, first = slice(len(rows.acting) * m, last), len(rows.followed) * m
+        A = A - D[first:, X]
+        gaps, normal = gaps - D[:m, X], normal - D[first:, :m]
+        slip, load = slip - D[first:, m : 2 * m], load - D[first:, last:]
+    free = comp.kappa <= (FREE * omega) ** 2
+    forces = np.hstack([normal, slip, load, A[:, free]])
+    held = np.linalg.solve(A[np.ix_(~free, ~free)], forces[~free])
+    through, onto = gaps[:, ~free] @ held, forces[free] - A[np.ix_(free, ~free)] @ held
+    parts = (slice(m), slice(m, 2 * m), slice(2 * m, 2 * m + loads), slice(2 * m + loads, None))
+    NN, NT, NF = (B + through[:, part] for B, part in zip((NN, NT, NF), parts, strict=False))
+    motion = gaps[:, free] - through[:, parts[3]]
+    return BodyCompliance(0.5 * (NN + NN.T), NT, NF, motion, *(onto[:, part] for part in parts))
+
 
 def static_compliance(
-    bodies: Sequence[Placed],
-    views: Sequence[AtPoint],
-    D0: Array,
-    rows: Rows,
-    omega: float,
+    bodies: Sequence[Placed], parts: Sequence[BodyCompliance], stiffness: Array, omega: float
 ) -> tuple[Array, Array, Array]:
-    """N K0^-1 N', N K0^-1 T' and N K0^-1 F' of K0 = K + N' D0 N.
-
-    With d = sqrt(D0) and H = I + d NN d, symmetric and positive definite, the gaps of the bodies
-    without their kept modes are (I - H^-1) / d d', H^-1 d NT / d and H^-1 d NF / d; the kept modes,
-    rigid ones among them, are held by the springs.
+    """Gaps and free coordinates of all bodies; see ``macro.condensation.Compliance``.
 
     Args:
         bodies: the bodies of the brake.
-        views: each of them at a point of the box.
-        D0: stiffness of the springs [N/m], shape (elements,), positive.
-        rows: blocks of contact rows.
+        parts: the compliance of each.
+        stiffness: typical one of the contact elements [N/m], shape (elements,): free coordinates
+            are scaled so that the gaps, and forces of this stiffness, are about as large as theirs.
         omega: end of the band [rad/s].
 
     Returns:
-        Shapes (elements, elements) twice and (elements, loads) [m/N].
-
-    Raises:
-        InaccurateResult: H is not positive definite.
+        Shapes (all, all), (all, elements) and (all, loads) [m/N], all: elements and coordinates.
     """
-    n, size = D0.size, bodies[-1].modes.stop
-    loads = bodies[0].component.body.loads.shape[1]
-    NN, NT, NF = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, loads))
-    A = np.zeros((size, size))
-    # Gaps of the kept modes; forces on them along the gaps, along the slips, and of the loads.
-    gaps, normal, slip, load = (np.zeros((k, size)) for k in (n, n, n, loads))
-    # lambda = 0: z = sigma in kappa, z = -lambda_0 in lambda.
-    z = -rows.shift if rows.damped else SIGMA
-    for body, view in zip(bodies, views, strict=True):
-        comp, at, modes = body.component, body.elements, body.modes
-        m, f, g = at.size, len(rows.followed), len(rows.acting)
-        D = np.tensordot(z ** np.arange(len(view.D)), view.D, 1)
-        H = np.tensordot(z ** np.arange(len(view.modal)), view.modal, 1)
-        last = D.shape[1] - loads
-        NN[np.ix_(at, at)] += D[:m, :m]
-        NT[np.ix_(at, at)] += D[:m, m : 2 * m]
-        NF[at] += D[:m, last:]
-        gaps[at, modes] += comp.followed[:m]
-        normal[at, modes] += comp.acting[:m]
-        slip[at, modes] += comp.acting[m : 2 * m]
-        load[:, modes] += comp.loads
-        if comp.coupled:
-            X, first = slice(g * m, last), f * m
-            H = H - D[first:, X]
-            gaps[at, modes] -= D[:m, X]
-            normal[at, modes] -= D[first:, :m].T
-            slip[at, modes] -= D[first:, m : 2 * m].T
-            load[:, modes] -= D[first:, last:].T
-        A[modes, modes] += H
-    d = np.sqrt(D0) / omega
-    inverse = _inverse(0.5 * (NN + NN.T), d)
-    P = inverse @ (gaps * d[:, None])
-    S = P / d[:, None]
-    small = A + (normal * d[:, None]).T @ P
-    out = []
-    for right, modal in ((NT, slip), (NF, load)):
-        scaled = right * d[:, None]
-        held = inverse @ scaled
-        modal_force = modal.T - (normal * d[:, None]).T @ held
-        out.append(held / d[:, None] + S @ np.linalg.solve(small, modal_force))
-    NN0 = (np.eye(n) - inverse) / d / d[:, None]
-    NN0 += S @ np.linalg.solve(small, ((inverse @ (normal * d[:, None])) / d[:, None]).T)
-    scale = 1 / omega**2
-    return 0.5 * scale * (NN0 + NN0.T), scale * out[0], scale * out[1]
-
-
-def _inverse(A: Array, d: Array) -> Array:
-    """(I + d A d)^-1 of a symmetric A."""
-    H = A * d * d[:, None]
-    H[np.diag_indices_from(H)] += 1.0
-    L, failed = la.lapack.dpotrf(H, lower=1, overwrite_a=1)
-    if not failed:
-        half, failed = la.lapack.dpotri(L, lower=1, overwrite_c=1)
-    if failed:
-        raise InaccurateResult("the compliance of the bodies of a sample is not positive")
-    lower = np.tril(half)
-    return np.asarray(lower + np.tril(half, -1).T)
+    n, scale = stiffness.size, 1 / omega**2
+    size = n + sum(part.Z.shape[0] for part in parts)
+    loads = parts[0].NF.shape[1]
+    NN, NT, NF = np.zeros((size, size)), np.zeros((size, n)), np.zeros((size, loads))
+    first = n
+    for body, part in zip(bodies, parts, strict=True):
+        at = body.elements
+        square = square_of(at)
+        NN[square] += scale * part.NN
+        NT[square] += scale * part.NT
+        NF[at] += scale * part.NF
+        own = slice(first, first + part.Z.shape[0])
+        column = 1 / np.maximum(np.abs(part.motion).max(axis=0, initial=0.0), 1e-300)
+        row = 1 / np.maximum(np.abs(part.normal) @ stiffness[at], 1e-300)
+        NN[at, own] = -part.motion * column
+        NN[own, at], NT[own, at] = row[:, None] * part.normal, row[:, None] * part.slip
+        NF[own] = row[:, None] * part.load
+        NN[own, own] = row[:, None] * (omega**2 * part.Z) * column
+        first = own.stop
+    NN[n:, n:] -= np.eye(size - n)
+    return NN, NT, NF

@@ -30,6 +30,9 @@ Index = NDArray[np.intp]
 # mirror images differ by round-off.
 SAME_PLACE, SAME_ENTRY = 1e-6, 1e-9
 
+# What a sparse matrix is made of.
+CSR = ("data", "indices", "indptr")
+
 
 @dataclass(frozen=True, slots=True)
 class Substructure:
@@ -69,6 +72,41 @@ class Substructure:
         if self.C is None:
             return None
         return sum((c[j] * self.shares[j] * A for j, A in self.changes.items()), self.C).tocsr()
+
+    def arrays(self) -> dict[str, NDArray]:
+        """What ``from_arrays`` makes the body of again; coordinates are left out."""
+        matrices = {"K": self.K, "M": self.M, **self.interface}
+        matrices |= {f"change{j}": A for j, A in self.changes.items()}
+        if self.C is not None:
+            matrices["C"] = self.C
+        out = {"dofs": self.dofs, "elements": self.elements, "loads": self.loads}
+        out["shares"] = np.array([self.shares[j] for j in self.changes])
+        for name, A in matrices.items():
+            A.sort_indices()
+            out |= {f"{name}.{part}": getattr(A, part) for part in CSR}
+        return out
+
+    @classmethod
+    def from_arrays(cls, arrays: dict[str, NDArray]) -> Substructure:
+        """The body, on the same memory: the arrays may be mapped from a file."""
+        columns = arrays["dofs"].size
+
+        def matrix(name: str) -> sp.csr_matrix:
+            parts = tuple(arrays[f"{name}.{part}"] for part in CSR)
+            return sp.csr_matrix(parts, shape=(parts[2].size - 1, columns))
+
+        numbers = [
+            int(name[6:-5])
+            for name in arrays
+            if name.startswith("change") and name.endswith(".data")
+        ]
+        return cls(
+            arrays["dofs"], arrays["elements"], matrix("K"), matrix("M"),
+            matrix("C") if "C.data" in arrays else None,
+            {name: matrix(name) for name in "NTR" if f"{name}.data" in arrays}, arrays["loads"],
+            {j: matrix(f"change{j}") for j in numbers},
+            {j: float(share) for j, share in zip(numbers, arrays["shares"], strict=True)},
+        )  # fmt: skip
 
 
 def split_substructures(
