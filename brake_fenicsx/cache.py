@@ -23,6 +23,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.log import logger
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.store import Store
+from brake_fenicsx.tables import FORMAT
 
 # Keys of an interface that mesh, matrices and contact elements do not depend on.
 _LAWS = ("law", "gap", "friction", "friction_in_equilibrium")
@@ -105,7 +106,7 @@ def bodies_key(scene: Scene) -> dict[str, Any]:
 def laws_key(scene: Scene) -> dict[str, Any]:
     """Key of the laws: what the laws of a scene depend on."""
     surface = scene.table.get("surface") or {}
-    out = {"surface": surface, "micro": scene.table.get("micro"), "versions": [__version__]}
+    out = {"surface": surface, "micro": scene.table.get("micro"), "versions": [__version__, FORMAT]}
     out["patch"] = scene.micro.patch if scene.micro else None  # that of the mesh as a length
     files = {name: surface[name] for name in ("scan", "form") if name in surface}
     return {**out, **{name: _content(scene.path(file)) for name, file in files.items()}}

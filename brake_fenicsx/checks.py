@@ -14,6 +14,7 @@ from brake_fenicsx.errors import BrakeError, SceneError, SurfaceError
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.friction import rubs
 from brake_fenicsx.scene.plausible import unusual
+from brake_fenicsx.scene.rules import MOST_PIXELS
 from brake_fenicsx.scene.sections import Surface
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 PATCH_FACTOR = 2.0  # in area, between contact elements and the patches of their laws
 LONGEST_SCAN = 0.5  # m
-LEAST_PIXELS, MOST_PIXELS = 16, 2048  # along a side of a patch
+LEAST_PIXELS = 16  # along a side of a patch
 
 
 def check(scene: Scene, comm: MPI.Comm) -> SurfaceStatistics | None:
@@ -138,6 +139,12 @@ def read_surface(scene: Scene) -> SurfaceStatistics:
         )
     if long is None:
         return found
+    if long.band[1] < found.bifractal.band[0]:
+        raise SceneError(
+            f"{scene.file}: surface.form = {table.form!r}: its shortest wave of"
+            f" {2e3 * np.pi / long.band[1]:.3g} mm is longer than the longest of the scan,"
+            f" {2e3 * np.pi / found.bifractal.band[0]:.3g} mm; name a finer one"
+        )
     if not long.band[0] < found.bifractal.band[0]:
         raise SceneError(
             f"{scene.file}: surface.form = {table.form!r}: its longest wave of"

@@ -21,7 +21,7 @@ import numpy as np
 
 from brake_fenicsx.cache import SharedCache, laws_key
 from brake_fenicsx.checks import check, remarks, warnings, with_patch, with_pixels
-from brake_fenicsx.errors import BrakeError, SceneError
+from brake_fenicsx.errors import BrakeError, NotConverged, SceneError
 from brake_fenicsx.lock import Lock
 from brake_fenicsx.log import Progress, logger, start_log
 from brake_fenicsx.memory import release_memory
@@ -33,7 +33,7 @@ from brake_fenicsx.versions import versions
 
 if TYPE_CHECKING:
     from brake_fenicsx.macro.brake import Brake
-    from brake_fenicsx.micro import LawLibrary
+    from brake_fenicsx.micro import LawLibrary, LawRecipe
     from brake_fenicsx.surface import SurfaceStatistics
 
 FOLDER = "folder"  # all of a results folder, as a piece of work
@@ -311,7 +311,7 @@ def surface_stage(this: Run, stats: SurfaceStatistics) -> None:
             this.store.save("surface.npz", **surface_arrays(stats, law_recipe(this.scene, stats)))
 
 
-def law_recipe(scene: Scene, stats: SurfaceStatistics) -> Any:
+def law_recipe(scene: Scene, stats: SurfaceStatistics) -> LawRecipe | None:
     """What the artificial surfaces and their laws are made from; None without the stage micro."""
     micro = scene.micro
     if micro is None or "micro" not in scene.stages:
@@ -352,8 +352,9 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
     with this.stage("micro"), this.cache.shared("laws.npz", lambda: laws_key(scene), comm):
         if not comm.bcast(path.exists(), root=0):
             recipe, number = law_recipe(scene, stats), micro.library_size
+            if recipe is None:
+                raise SceneError(f"{scene.file}: stages: 'micro' is missing")
             first = recipe.surface(micro.seed, 0)
-            note_warnings(this, list(first.warnings))
             if first.record is not None:
                 r = first.record
                 logger.info(
@@ -369,27 +370,38 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
                 own[i] = recipe.law(micro.seed, i)
                 progress.advance()
             steps = {i: law for part in comm.allgather(own) for i, law in part.items()}
-            settings = {**recipe.settings(), "seed": micro.seed}
+            notes = comm.bcast(
+                [*first.warnings, *beyond_elasticity(this, recipe)] if comm.rank == 0 else None
+            )
+            settings = {**recipe.settings(), "seed": micro.seed, "notes": notes}
             library = make_library([steps[i] for i in range(number)], list(range(number)), settings)
             if comm.rank == 0:
                 part = path.with_name(".laws.part")
                 save_laws(part, library)
                 part.rename(path)
             comm.Barrier()
-        note_warnings(this, beyond_elasticity(this, stats))
-        return load_laws(path)
+        library = load_laws(path)
+        note_warnings(this, library.settings["notes"])
+        return library
 
 
-def beyond_elasticity(this: Run, stats: SurfaceStatistics) -> list[str]:
-    """Whether elastic laws carry more than linings do, at the pressure of the brake."""
-    recipe, micro = law_recipe(this.scene, stats), this.scene.micro
-    if micro is None or recipe.hardness is not None:
-        return []
+def beyond_elasticity(this: Run, recipe: LawRecipe) -> list[str]:
+    """Whether laws carry more than linings do, or end too low, at the pressure of the brake."""
     from brake_fenicsx.micro import force_above
 
     pressed, area = this.facts.get("pressed_N"), this.facts.get("contact_area_mm2")
     mean = 1e6 * pressed / area if pressed and area else BRAKING
-    share = force_above(recipe, micro.seed, mean, SOFT)
+    if recipe.hardness is not None:
+        if mean < recipe.highest:
+            return []
+        return [
+            f"laws end at {recipe.highest / 1e6:.3g} MPa, and the mean pressure of the contact is"
+            f" {mean / 1e6:.3g} MPa: raise micro.max_pressure or micro.hardness"
+        ]
+    try:
+        share = force_above(recipe, 0, mean, SOFT)
+    except NotConverged as error:
+        return [f"elastic laws: their highest pressures are not known: {error}"]
     if share < SOME:
         return []
     return [

@@ -24,6 +24,7 @@ import numpy as np
 from brake_fenicsx.errors import SceneError, StorageError
 from brake_fenicsx.lock import Lock
 from brake_fenicsx.scene import Scene
+from brake_fenicsx.tables import FORMAT
 
 # What to forget when a stage is run afresh; later stages lose theirs too.
 RUNNING = "running"
@@ -191,7 +192,8 @@ def result_digest(scene: Scene) -> str:
     # What counts as squeal changes no result of a sample.
     if "stability" in table:
         table["stability"] = {k: v for k, v in table["stability"].items() if k != "threshold"}
-    content = {**table, "samples": samples, "base": str(scene.file.resolve().parent)}
+    base = str(scene.file.resolve().parent)
+    content = {**table, "samples": samples, "base": base, "format": FORMAT}
     s = scene.samples
     # The points of a design hang together; fast and joint take the inputs from multi-scale.
     whole = [s.plan(a) for a in s.approaches if s.takes_random(a) and not s.plan(a).grows]

@@ -50,6 +50,8 @@ CONTACT = (
     "k_vibration",
     "law",
 )
+# Format of laws and samples on disk: what older programs wrote is not read as current.
+FORMAT = 2
 TEXT = frozenset(
     {"approach", "status", "verdict", "stage", "quantity", "most_severe", "counted_by", "complete"}
 )

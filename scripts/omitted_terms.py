@@ -135,7 +135,8 @@ def stress_stiffness(scene: Any, brake: Brake, u: np.ndarray) -> sp.csr_matrix:
 
 def sizes(scene: Any, brake: Brake, data: Any) -> None:
     """Table of one sample."""
-    c, free, (p, k, mu) = brake.contact, brake.elastic.free, (data[n] for n in ("p", "k", "mu"))
+    c, free = brake.contact, brake.elastic.free
+    p, k, mu = (data[n] for n in ("p", "k_vibration", "mu"))
     K, M, f = local_rows(brake.K), local_rows(brake.M), gathered_vector(brake.elastic.f)
     # Springs on open elements as well, taken off again on the right: the gaps are known.
     springs = c.w * (k + 1e9)

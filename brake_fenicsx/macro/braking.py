@@ -54,8 +54,8 @@ def equilibrium(
             distributed like ``ops.K``; one result.
 
     Returns:
-        ``.u`` [m] on all free dofs, ``.g`` [m], ``.p`` [Pa], ``.k`` [Pa/m] per element,
-        ``.iterations``, ``.residual``.
+        ``.u`` [m] on all free dofs; ``.g`` [m], ``.p`` [Pa], ``.k`` and ``.k_vibration`` [Pa/m]
+        per element; ``.iterations``, ``.residual``.
 
     Raises:
         SceneError: the number of laws or gaps does not fit the contact elements, or there is no

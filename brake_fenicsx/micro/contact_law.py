@@ -99,8 +99,7 @@ def law_steps(
     ):  # fmt: skip
         if value not in choices:
             raise SceneError(f"{name} = {value!r}; choose {choices[0]!r} or {choices[1]!r}")
-    limit = 0.1 * E_star if hardness is None else min(0.1 * E_star, PLASTIC * hardness)
-    high = limit if max_pressure is None else max_pressure
+    high = highest_pressure(E_star, hardness) if max_pressure is None else max_pressure
     low = min(1e-6 * E_star, 1e-2 * high) if min_pressure is None else min_pressure
     if not (E_star > 0.0 and 0.0 < low < high and steps >= 2):
         raise SceneError(f"law from {low} to {high} Pa in {steps} steps, E_star = {E_star} Pa")
@@ -143,6 +142,16 @@ def law_steps(
     falls = np.concatenate([[True], np.diff(found[0]) < -1e-12 * np.abs(found[0]).max()])
     d, p, k, v = found[:, falls]
     return d, p * E_star, k * E_star, v * E_star
+
+
+def highest_pressure(E_star: float, hardness: float | None) -> float:
+    """Mean pressure to which a law is computed where none is given [Pa].
+
+    Args:
+        E_star: composite modulus [Pa].
+        hardness: pressure at which the surface yields [Pa]; None for an elastic surface.
+    """
+    return 0.1 * E_star if hardness is None else min(0.1 * E_star, PLASTIC * hardness)
 
 
 def low_passed(h: Array, shape: tuple[int, int]) -> Array:

@@ -200,10 +200,13 @@ class HalfSpace:
         return self._flattened[1]
 
     @functools.cached_property
-    def uniform_stiffness(self) -> float:
-        """Sum of the uniform pressure that displaces every pixel by one metre or more [1/m]."""
+    def uniform_stiffness(self) -> tuple[float, float]:
+        """Uniform pressure that displaces every pixel by one metre or more.
+
+        Its sum [1/m], and the largest displacement, less than two [m].
+        """
         u = self._influence(np.ones(self.shape))
-        return float(u.size / u.min())
+        return float(u.size / u.min()), float(u.max() / u.min())
 
     def block(self, rows: Index, columns: Index) -> Array:
         """Dense influence of the pixels ``columns`` on the pixels ``rows`` (flat indices) [m]."""

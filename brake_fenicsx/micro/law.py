@@ -81,8 +81,8 @@ class LawLibrary:
         count: number of steps of each law, shape (n,).
         seed: seed of the surface behind each law, shape (n,).
         settings: how the laws were made, for the record.
-        v: stiffnesses of small vibrations at the steps [Pa/m], shape (n, m); those of loading for
-            elastic surfaces. Under a hardness unloading is elastic and v is larger.
+        ratio: stiffness of small vibrations over that of loading at the steps [-], shape (n, m);
+            None for elastic surfaces. Under a hardness unloading is elastic, and it exceeds one.
     """
 
     d: Array
@@ -91,7 +91,7 @@ class LawLibrary:
     count: Index
     seed: NDArray[np.int64]
     settings: dict[str, Any] = field(default_factory=dict)
-    v: Array | None = None
+    ratio: Array | None = None
     _tail: Array = field(init=False, repr=False, compare=False)
     _flat: tuple[Array, ...] = field(init=False, repr=False, compare=False)
 
@@ -130,22 +130,19 @@ class LawLibrary:
     def vibration(self, index: Index, d: Array) -> Array:
         """Stiffnesses of small vibrations about states reached by loading to d [Pa/m].
 
-        Between the steps v / p is interpolated along straight lines of its logarithm.
+        The ratio of both stiffnesses, one or more, is interpolated over d between the steps; it is
+        that of the first step in the foot and that of the last one beyond.
         """
-        p, k = self.evaluate(index, d)
-        if self.v is None:
+        k = self.evaluate(index, d)[1]
+        if self.ratio is None:
             return k
         i, x = same_shape(index, d)
         at, place = self._find(i, x)
-        ratio = (self.v / self.p).ravel()
+        flat, ratio = self._flat[0], self.ratio.ravel()
         nxt = np.minimum(at + 1, ratio.size - 1)
-        d0, d1 = self._flat[0][at], self._flat[0][nxt]
         inside = (place >= 0) & (place < self.count[i] - 1)
-        t = np.where(inside, (d0 - x) / np.where(inside, d0 - d1, 1.0), 0.0)
-        between = p * ratio[at] ** (1.0 - t) * ratio[nxt] ** t
-        # In the foot as at the first step; beyond the last step as there.
-        beyond = self.v.ravel()[at] * np.where(place < 0, k / self._flat[2][at], 1.0)
-        return np.where(inside, between, beyond)
+        t = np.where(inside, (flat[at] - x) / np.where(inside, flat[at] - flat[nxt], 1.0), 0.0)
+        return k * (ratio[at] + t * (ratio[nxt] - ratio[at]))
 
     def evaluate(self, index: Index, d: Array) -> tuple[Array, Array]:
         """Pressures [Pa] and stiffnesses [Pa/m] together, for the price of one."""
@@ -153,7 +150,9 @@ class LawLibrary:
         at, place = self._find(i, x)
         p, k = self._inside(at, x)
         d0, p0, k0 = (a[at] for a in self._flat)
-        foot = np.maximum(1.0 - (x - d0) * k0 / (2.0 * p0), 0.0)
+        # Exactly zero at first touch.
+        touch = d0 + 2.0 * p0 / k0
+        foot = np.maximum((touch - x) / (touch - d0), 0.0)
         first, last = place < 0, place >= self.count[i] - 1
         p = np.where(first, p0 * foot**2, np.where(last, p0 + k0 * (d0 - x), p))
         k = np.where(first, k0 * foot, np.where(last, k0, k))
@@ -178,10 +177,8 @@ class LawLibrary:
     def scaled(self, factor: float) -> LawLibrary:
         """The same laws with all pressures multiplied by ``factor`` (another modulus)."""
         positive(factor=factor)
-        v = None if self.v is None else self.v * factor
-        return LawLibrary(
-            self.d, self.p * factor, self.k * factor, self.count, self.seed, self.settings, v
-        )
+        p, k = self.p * factor, self.k * factor
+        return LawLibrary(self.d, p, k, self.count, self.seed, self.settings, self.ratio)
 
     def _find(self, i: Index, x: Array) -> tuple[Index, Index]:
         """Flat address of the step left of x (the first step in the foot), and its number."""
@@ -244,11 +241,11 @@ class ComputedLaw:
         return float(self.library.first_touch(np.array(self.number)))
 
     @property
-    def steps(self) -> tuple[Array, ...]:
-        """Separations [m], pressures [Pa] and stiffnesses [Pa/m] of the solved steps."""
+    def steps(self) -> tuple[Array, Array, Array, Array]:
+        """Separations [m], pressures [Pa], stiffnesses of loading and vibration [Pa/m] of steps."""
         n, lib = int(self.library.count[self.number]), self.library
-        rows = (lib.d, lib.p, lib.k) if lib.v is None else (lib.d, lib.p, lib.k, lib.v)
-        return tuple(row[self.number, :n] for row in rows)
+        d, p, k = (row[self.number, :n] for row in (lib.d, lib.p, lib.k))
+        return d, p, k, k if lib.ratio is None else k * lib.ratio[self.number, :n]
 
     def pressure(self, d: ArrayLike) -> Array:
         """Pressure p [Pa] at the separation d [m]."""
@@ -297,17 +294,16 @@ def make_library(
             raise SceneError(f"law {row}: the pressure must rise as the separation falls")
         if not np.all(k > 0.0):
             raise SceneError(f"law {row}: the stiffness of every step must be positive")
-        lowered = limited(d, p, k)
-        columns = [d, p, lowered]
+        columns = [d, p, limited(d, p, k)]
         if plastic:
-            columns.append(np.maximum(rest[0] if rest else k, lowered))
+            columns.append(np.maximum(rest[0] / k, 1.0) if rest else np.ones_like(k))
         for column, values in enumerate(columns):
             table[column, row, : len(d)] = values
             table[column, row, len(d) :] = values[-1]
     count = np.array([len(law[0]) for law in steps], dtype=np.intp)
     seed = np.array(seeds if seeds is not None else [-1] * len(steps), dtype=np.int64)
-    v = table[3] if plastic else None
-    return LawLibrary(table[0], table[1], table[2], count, seed, settings or {}, v)
+    ratio = table[3] if plastic else None
+    return LawLibrary(table[0], table[1], table[2], count, seed, settings or {}, ratio)
 
 
 def limited(d: Array, p: Array, k: Array) -> Array:

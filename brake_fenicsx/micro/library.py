@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.micro.contact_law import law_steps
+from brake_fenicsx.micro.contact_law import highest_pressure, law_steps
 from brake_fenicsx.micro.law import Array, LawLibrary, make_library
 from brake_fenicsx.micro.loading import solve_contact
 from brake_fenicsx.surface import BiFractal, HeightDistribution, Topography, synthesise
@@ -59,6 +59,13 @@ class LawRecipe:
     bulk_compliance: str = "remove"
     tolerance: float = 1e-6
     hardness: float | None = None
+
+    @property
+    def highest(self) -> float:
+        """Mean pressure that the laws are computed to [Pa]."""
+        if self.max_pressure is not None:
+            return self.max_pressure
+        return highest_pressure(self.E_star, self.hardness)
 
     def surface(self, seed: int, number: int) -> Topography:
         """Artificial surface ``number`` of the family of ``seed``.
@@ -140,7 +147,7 @@ def law_library(recipe: LawRecipe, n: int, seed: int, processes: int = 1) -> Law
 
 
 def save_laws(path: str | Path, laws: LawLibrary) -> None:
-    """Write a library: arrays d, p, k (and v under a hardness), count, seed, settings as JSON.
+    """Write a library: arrays d, p, k, count, seed, the settings as JSON, ratio under a hardness.
 
     Args:
         path: ``.npz`` file to write.
@@ -150,8 +157,8 @@ def save_laws(path: str | Path, laws: LawLibrary) -> None:
     arrays: dict[str, Any] = {
         name: getattr(laws, name) for name in ("d", "p", "k", "count", "seed")
     }
-    if laws.v is not None:
-        arrays["v"] = laws.v
+    if laws.ratio is not None:
+        arrays["ratio"] = laws.ratio
     with Path(path).open("wb") as file:
         np.savez(file, settings=np.array(settings), **arrays)
 
@@ -167,7 +174,7 @@ def load_laws(path: str | Path) -> LawLibrary:
         with np.load(file, allow_pickle=False) as data:
             d, p, k, count, seed = (data[name] for name in ("d", "p", "k", "count", "seed"))
             settings = json.loads(str(data["settings"]))
-            v = data["v"] if "v" in data.files else None
+            ratio = data["ratio"] if "ratio" in data.files else None
     except (OSError, KeyError, ValueError) as error:
         raise SceneError(f"{file}: not a library of laws ({error}); run the micro stage") from error
-    return LawLibrary(d, p, k, count, seed, settings, v)
+    return LawLibrary(d, p, k, count, seed, settings, ratio)

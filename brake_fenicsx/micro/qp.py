@@ -65,7 +65,8 @@ def certify(
     At a given load the Frank-Wolfe gap g'p - min g'q over all admissible q bounds the energy above
     its minimum. At a given separation the pressures of an elastic surface are not bounded; a
     feasible point of the dual program does the same. With v the largest penetration, free
-    boundary: q = p + v r, where r displaces every pixel by one, gives p'w + v F + v^2 sum(r) / 2.
+    boundary: q = p + v r, where the uniform r displaces every pixel by one to c, c < 2, gives at
+    most p'w + c (v F + v^2 sum(r) / 2).
     Periodic: q = (1 - t) p + t p_full with the full-contact pressure and t = v / (v + d) gives the
     value computed below. With a hardness c both have one more term, c times the penetrations that
     q leaves, and q = p is admissible too: p'w + c sum max(-w, 0).
@@ -96,7 +97,8 @@ def _excess(
 ) -> tuple[float, Array]:
     """(q'Hq - p'Hp) / 2 of a dual point q [m], bounded from above, and its gap [m]."""
     if space.boundary == "free":
-        return v * float(p.sum()) + 0.5 * v**2 * space.uniform_stiffness, w + v
+        stiffness, most = space.uniform_stiffness
+        return most * (v * float(p.sum()) + 0.5 * v**2 * stiffness), w + v
     if d <= 0.0:
         return float("inf"), w
     t = v / (v + d)

@@ -62,7 +62,8 @@ PLOTS = (
     Plot(
         "figure7_contact_maps",
         "Real contact of one artificial surface with a rigid plane at growing mean pressure p; "
-        "circles mark the few points of a light contact. E* is the composite modulus.",
+        "circles mark the few points of a light contact. E* is the composite modulus; the contact "
+        "is elastic, also where the laws have a hardness.",
         draw_contact_maps,
     ),
     Plot(

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from brake_fenicsx.errors import SceneError
+
 if TYPE_CHECKING:
     from brake_fenicsx.micro import LawRecipe
     from brake_fenicsx.surface import SurfaceStatistics
@@ -79,6 +81,11 @@ def contact_maps(directory: Path) -> None:
     from brake_fenicsx.surface.hdf import HeightDistribution, Measured
 
     how = load_laws(store.path("laws.npz")).settings
+    if "distribution" not in how:
+        raise SceneError(
+            f"{store.path('laws.npz')}: made by an older version; run the scene again in a new"
+            " folder"
+        )
     numbers = json.loads(str(surface["stats"]))
     long = None
     if "form" in how:

@@ -66,13 +66,12 @@ def draw_laws(run: RunData) -> Figure | None:
     axes[0, 1].set(yscale="log", xlabel="separation $d$ [µm]", ylabel=text)
     panel(axes[0, 1], "b", f"log, $E^*$ = {E_star / 1e6:.0f} MPa" if E_star else "log")
     _draw_bundle(axes[0, 2], p / 1e6, k / 1e9, median=False)
-    if "v" in laws:
-        middle = p.shape[0] // 2
-        order = np.argsort(np.median(laws["v"], axis=1))
-        axes[0, 2].plot(
-            p[order[middle]] / 1e6, laws["v"][order[middle]] / 1e9, color=ORANGE, lw=1.6,
-            label="of small vibrations,\na middle law",
-        )  # fmt: skip
+    if "ratio" in laws:
+        for own_p, own_v in zip(p / 1e6, k * laws["ratio"] / 1e9, strict=True):
+            axes[0, 2].plot(own_p, own_v, color=ORANGE, lw=0.5, alpha=0.4)
+        axes[0, 2].plot([], [], color=BLUE, label="of loading")
+        axes[0, 2].plot([], [], color=ORANGE, label="of small vibrations")
+        axes[0, 2].legend(loc="upper left", fontsize=7.5)
     axes[0, 2].set(xscale="log", yscale="log")
     axes[0, 2].set(xlabel="mean pressure $p$ [MPa]", ylabel="stiffness $-p'(d)$ [N/mm$^3$]")
     panel(axes[0, 2], "c", "stiffness")

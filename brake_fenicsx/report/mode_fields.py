@@ -96,7 +96,7 @@ def _write_equilibrium(
     write_fields(folder / f"equilibrium_{name}.xdmf", V, {"u_e": u})
     if study.comm.rank != 0:
         return
-    values = {key: data[key] for key in ("g", "g_cr", "p", "k")}
+    values = {key: data[key] for key in ("g", "g_cr", "p", "k", "k_vibration")}
     values["active"] = (data["p"] > 0).astype(float)
     write_points(folder / f"contact_{name}.xdmf", study.brake.points, values)
     facet, corners = faces["facet"], faces["corners"]

@@ -29,6 +29,8 @@ MANY = ("n", "random", "design", "curves", "fast", "joint", "limit")
 # Beyond 1/sqrt(2) the squares of damped frequencies are no longer positive.
 ZETA_LIMIT = 0.7
 
+MOST_PIXELS = 2048  # along a side of a patch
+
 
 def check_consistent(s: Scene) -> None:
     """Refuse scenes whose sections contradict each other.
@@ -75,12 +77,34 @@ def _check_stages(s: Scene) -> None:
                 )
     if s.micro and s.micro.patch == "mesh" and "equilibrium" not in s.stages:
         raise SceneError('micro.patch = "mesh": needs the stage equilibrium; write a length')
-    if s.micro and s.micro.pixels != "scan" and s.micro.pixels < 2:
-        raise SceneError(f"micro.pixels = {s.micro.pixels}: at least 2 are needed")
+    if s.micro and s.micro.pixels != "scan" and not 2 <= s.micro.pixels <= MOST_PIXELS:
+        raise SceneError(f"micro.pixels = {s.micro.pixels}: write 2 to {MOST_PIXELS}")
     if s.micro and not abs(s.micro.nu) < 1:
         raise SceneError(
             f"micro.nu = {s.micro.nu:g}: must lie between -1 and 1, E* = E / (1 - nu^2)"
         )
+    if s.micro and s.micro.hardness and s.micro.max_pressure:
+        highest = s.micro.max_pressure * s.micro.E / (1.0 - s.micro.nu**2)
+        if highest >= s.micro.hardness:
+            raise SceneError(
+                f"micro.max_pressure = {s.micro.max_pressure:g} E*, {highest / 1e6:.4g} MPa: must"
+                f" lie below micro.hardness = {s.micro.hardness / 1e6:.4g} MPa; leave it out"
+            )
+    if s.surface and s.surface.S_q == "scan":
+        if s.surface.form:
+            raise SceneError(
+                'surface.S_q = "scan": the variance is that of the scan, and surface.form adds'
+                " longer waves; leave one out"
+            )
+        if any(c.gap == "waviness" for c in s.contact.values()):
+            raise SceneError(
+                'surface.S_q = "scan": gap = "waviness" shares the variance of the spectrum; write'
+                ' surface.S_q = "spectrum", or gap = "hdf"'
+            )
+    if s.surface and s.surface.statistics:
+        for name in ("cutoff", "size", "height_unit"):
+            if getattr(s.surface, name) is not None:
+                raise SceneError(f"surface.{name}: there is no scan, but statistics; leave it out")
     if s.stability and (len(s.stability.band) != 2 or s.stability.band[0] >= s.stability.band[1]):
         raise SceneError(f"stability.band = {list(s.stability.band)!r} Hz: write [lowest, highest]")
     if s.stability and not s.stability.zeta_max < ZETA_LIMIT:

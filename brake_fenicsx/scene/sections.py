@@ -64,7 +64,8 @@ class Surface:
         height_unit: unit of the heights, where the file does not say it ("um").
         rows: what changes from one row of a table of heights to the next; "y" as in an image.
         statistics: numbers in place of a scan.
-        form: file of a longer, coarser scan of the face, for the waves longer than ``scan``.
+        form: file of a longer, coarser scan of the face, for the waves longer than ``scan``; it
+            must hold its size and units (npz, or an instrument's).
         cutoff: shortest wavelength the instrument resolves; two pixels if not given.
         low: the spectrum below the scan's lowest wave number: held flat, or extended.
         S_q: variance of the artificial surfaces: that of the scan's spectrum on a patch, or that of

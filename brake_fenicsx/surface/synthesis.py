@@ -198,9 +198,10 @@ def _doubts(record: SynthesisRecord) -> tuple[str, ...]:
             " each other; smooth the height distribution or choose the other 'synthesis'"
         )
     if record.low_share > UNSEEN:
+        flat = " or hold the PSD 'flat'" if record.low == "extend" else ""
         found.append(
             f"{record.low_share:.0%} of the variance lies in waves longer than the scan (low = "
-            f"{record.low!r}); scan a larger area, make smaller patches or hold the PSD 'flat'"
+            f"{record.low!r}); scan a larger area, make smaller patches{flat}"
         )
     return tuple(f"artificial surface: {text}" for text in found)
 
