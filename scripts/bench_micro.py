@@ -20,7 +20,6 @@ import time  # noqa: E402
 from collections.abc import Callable, Iterator  # noqa: E402
 
 import numpy as np  # noqa: E402
-import scipy.fft  # noqa: E402
 
 from brake_fenicsx.micro import (  # noqa: E402
     LawRecipe,
@@ -33,7 +32,6 @@ from brake_fenicsx.micro.halfspace import half_space  # noqa: E402
 from brake_fenicsx.surface import (  # noqa: E402
     Topography,
     given_statistics,
-    make_topography,
     synthesise,
 )
 
@@ -41,13 +39,15 @@ PAPER = given_statistics(33.1e-6, -0.2410, 3.6549)
 SIZE = (2.825e-3, 2.825e-3)
 AREA = SIZE[0] * SIZE[1]
 E_STAR = plane_strain_modulus(1983.3e6, 0.4054)
-BRAKING = 0.2e6  # [Pa]
 HEAD = ("what", "pixels", "boundary", "p/E*", "tolerance", "seconds", "peak MB", "steps")
 ERRORS = ("error p", "error area", "error d/S_q")
 
 
 def surface(n: int, seed: int = 0) -> Topography:
-    return synthesise(PAPER.bifractal, PAPER.hdf, (n, n), SIZE, np.random.default_rng(seed))
+    rng = np.random.default_rng(seed)
+    return synthesise(
+        PAPER.bifractal, PAPER.hdf, (n, n), SIZE, rng, "extend", "projection", "scan", 4e-3
+    )
 
 
 def row(*cells: object) -> None:
@@ -121,10 +121,12 @@ def laws(sizes: list[int]) -> None:
     for n in sizes:
         topo = surface(n)
         contact_law(topo, E_STAR, max_pressure=1e-3 * E_STAR)  # kernel and plans
-        fine = contact_law(topo, E_STAR, steps=200, tolerance=1e-8) if n <= 256 else None
+        fine = (
+            contact_law(topo, E_STAR, steps=200, tolerance=1e-8, grids="one") if n <= 256 else None
+        )
         for steps in (20, 40, 80):
             start = time.perf_counter()
-            law = contact_law(topo, E_STAR, steps=steps)
+            law = contact_law(topo, E_STAR, steps=steps, grids="one")
             seconds = time.perf_counter() - start
             errors: tuple[object, ...] = ("-", "-", "-")
             if fine is not None:
@@ -147,41 +149,6 @@ def libraries(n_laws: int) -> None:
         seconds = time.perf_counter() - start
         what = f"{n_laws} laws /{processes}"
         row(what, 128, "free", "to 0.1", 1e-6, seconds, peak_megabytes(), "-", "-", "-", "-")
-
-
-def coarse(topo: Topography, n: int) -> Topography:
-    """The same surface without the waves an n x n grid cannot carry."""
-    N = topo.shape[0]
-    waves = scipy.fft.fftshift(scipy.fft.fft2(topo.heights))
-    lo = (N - n) // 2
-    kept = scipy.fft.ifftshift(waves[lo : lo + n, lo : lo + n])
-    return make_topography(scipy.fft.ifft2(kept).real * (n / N) ** 2, SIZE, periodic=True)
-
-
-def grids(sizes: list[int], surfaces: int) -> None:
-    """Separation and stiffness at braking pressure against the finest grid, over surfaces."""
-    found = np.empty((surfaces, len(sizes), 4))
-    for i in range(surfaces):
-        finest = surface(sizes[-1], seed=i)
-        for j, n in enumerate(sizes):
-            topo = coarse(finest, n) if n < sizes[-1] else finest
-            start = time.perf_counter()
-            law = contact_law(topo, E_STAR, max_pressure=1.2 * BRAKING)
-            seconds = time.perf_counter() - start
-            d, p, _ = law.steps
-            at = float(np.interp(np.log(BRAKING), np.log(p), d))
-            touching = solve_contact(topo.heights, SIZE, E_STAR, load=BRAKING * AREA).pressure
-            found[i, j] = at, float(law.stiffness(at)), np.count_nonzero(touching), seconds
-    for j, n in enumerate(sizes):
-        d, k, touching, seconds = found[:, j].T
-        miss = (d - found[:, -1, 0]) / PAPER.S_q
-        row(
-            "grid", n, "free", BRAKING / E_STAR, 1e-6, float(seconds.mean()), peak_megabytes(),
-            f"{touching.mean():.1f} touch",
-            f"k: {np.median(k / found[:, -1, 1] - 1.0):+.2f}",
-            f"k rms {np.sqrt(np.mean((k / found[:, -1, 1] - 1.0) ** 2)):.2f}",
-            f"{miss.mean():+.3f}+-{miss.std():.3f}",
-        )  # fmt: skip
 
 
 def peers(sizes: list[int]) -> None:
@@ -217,7 +184,6 @@ def _pairs(sizes: list[int]) -> Iterator[tuple[int, bool]]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--all", action="store_true", help="512 and 1024 pixels too")
-    parser.add_argument("--surfaces", type=int, default=20, help="surfaces of the grid study")
     arguments = parser.parse_args()
     sizes = [64, 128, 256, 512, 1024] if arguments.all else [64, 128, 256]
     row(*HEAD, *ERRORS)
@@ -225,7 +191,6 @@ def main() -> None:
     loads(sizes[:4])
     laws(sizes[:4])
     libraries(100)
-    grids(sizes, arguments.surfaces)
     peers(sizes[:4])
 
 

@@ -45,8 +45,9 @@ def synthesis(n: int, iterations: int, seeds: int) -> None:
         rng = np.random.default_rng(seed)
         start = time.perf_counter()
         topo = synthesise(
-            PAPER.bifractal, PAPER.hdf, (n, n), (2.825e-3, 2.825e-3), rng, max_iterations=iterations
-        )
+            PAPER.bifractal, PAPER.hdf, (n, n), (2.825e-3, 2.825e-3), rng, method="projection",
+            tolerance=4e-3, max_iterations=iterations,
+        )  # fmt: skip
         seconds.append(time.perf_counter() - start)
         assert topo.record is not None
         errors.append(topo.record.psd_error)
@@ -65,7 +66,10 @@ def recovery(n: int, cut: bool, seeds: int = 20) -> None:
         rng = np.random.default_rng(seed)
         whole = 2 * n if cut else n
         size = (whole * PIXEL, whole * PIXEL)
-        topo = synthesise(PAPER.bifractal, PAPER.hdf, (whole, whole), size, rng)
+        topo = synthesise(
+            PAPER.bifractal, PAPER.hdf, (whole, whole), size, rng, "extend", "projection", "scan",
+            4e-3,
+        )  # fmt: skip
         if cut:
             topo = make_topography(topo.heights[:n, :n], (n * PIXEL, n * PIXEL))
         start = time.perf_counter()

@@ -108,7 +108,7 @@ MISTAKES = [
     ("stability.damping.gyroscopic=true", "gyroscopic", "motion.axis"),
     ("stability.band=high", "stability.band = 'high'", "write a list"),
     ("samples.approaches=[]", "samples.approaches = []", "classical"),
-    ("micro={ pixels=1 }", "micro.pixels = 1", "at least 2"),
+    ("micro={ pixels=1 }", "micro.pixels = 1", "write 2 to"),
     ("micro={ nu=1.5 }", "micro.nu = 1.5", "between -1 and 1"),
     ("motion.direction=[0, 0, 0]", "motion.direction", "not all zero"),
     # A value in the place of a table, and the other way round.

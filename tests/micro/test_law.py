@@ -72,7 +72,7 @@ def test_law_agrees_with_fresh_contact_solutions(law):
 
 def test_bulk_compliance_can_be_kept(law):
     raw = contact_law(surface(0), E_STAR, bulk_compliance="keep")
-    (d, p, k), (d_raw, p_raw, k_raw) = law.steps, raw.steps
+    (d, p, k), (d_raw, p_raw, k_raw) = law.steps[:3], raw.steps[:3]
     np.testing.assert_allclose(p, p_raw, rtol=1e-12)
     c = SIZE[0] / E_STAR / 1.1492083
     np.testing.assert_allclose(d - d_raw, c * p, rtol=1e-6)
@@ -107,7 +107,7 @@ def test_zero_beyond_first_touch_and_a_short_foot(law):
 
 
 def test_straight_beyond_the_last_step(law):
-    d, p, k = (a[-1] for a in law.steps)
+    d, p, k = (a[-1] for a in law.steps[:3])
     x = d - np.array([1e-6, 1e-4, 1.0])
     np.testing.assert_allclose(law.pressure(x), p + k * (d - x), rtol=1e-14)
     np.testing.assert_allclose(law.stiffness(x), k, rtol=1e-14)
@@ -115,7 +115,7 @@ def test_straight_beyond_the_last_step(law):
 
 def test_pressure_and_stiffness_are_continuous(law):
     """C1 at every step, at the end of the foot and at first touch."""
-    d, p, k = law.steps
+    d, p, k = law.steps[:3]
     step = 1e-9 * np.diff(d).min()
     for f, scale in ((law.pressure, p), (law.stiffness, k)):
         jump = f(d + step) - f(d - step)
