@@ -130,6 +130,9 @@ def limit_of_friction(
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if found(middle) else (low, middle)
+    # Found at every lower friction: then perhaps at this one too, and another cause made it fail.
+    if high == 1.0 and found(1.0):
+        return error
     return NotConverged(
         f"equilibrium: none was found at a friction coefficient of {largest:.3g}, but up to"
         f" {low * largest:.3g} there is one: more friction tips or locks a part; lower the"
