@@ -117,7 +117,7 @@ def solve_contact(
     area = float(np.prod(pixel))
     total = None if load is None else load / (E_star * area)
     cap = _cap(hardness, E_star, load, area * h.size)
-    guess = None if start is None else _guess(start, h.shape) / E_star
+    guess = None if start is None else np.asarray(_guess(start, h.shape) / E_star, float)
     state, name = solve(space, h, separation, total, guess, tol, solver, max_iterations, cap)
     found = float(state.p.sum())
     plastic = state.p >= cap
@@ -236,9 +236,9 @@ def _by_active_set(
     found = active_set(pixels, d, total, touching, most, cap=cap, held=held)
     if found is None:
         return None
-    p = np.zeros(h.size)
-    p[high[found.points]] = found.pressure
-    p = p.reshape(h.shape)
+    pressure = np.zeros(h.size)
+    pressure[high[found.points]] = found.pressure
+    p: Array = pressure.reshape(h.shape)
     every = isinstance(pixels, AllPixels)
     w = found.gap.reshape(h.shape) if every else space.apply(p) - h + found.d
     c = certify(space, h, p, w, found.d, total is not None, cap)

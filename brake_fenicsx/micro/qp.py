@@ -177,7 +177,7 @@ def projected_cg(
             c = certificate
             return State(p, w, d, c.gap, c.penetration, c.complementarity, iteration)
         if watch.stalls(certificate.gap):
-            p = _safe_step(p, w / space.largest, total, cap)
+            p = _safe_step(p, np.asarray(w / space.largest, float), total, cap)
             g, old = space.apply(p) - h, 0.0
             continue
         free = elastic | entering

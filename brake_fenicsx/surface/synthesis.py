@@ -214,7 +214,8 @@ def _project(
     amplitude = z.size * np.sqrt(target.shares * z.var())
     f = scipy.fft.rfft2(rng.standard_normal(target.shape))
     errors: list[float] = []
-    best, lowest = np.empty(0), np.inf
+    best: Array = np.empty(0)
+    lowest = np.inf
     for _ in range(max_iterations):
         size = np.abs(f)
         f *= np.divide(amplitude, size, out=np.zeros_like(size), where=size > 0.0)

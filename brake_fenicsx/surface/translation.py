@@ -75,11 +75,11 @@ def translation_field(
             correlation of any field and its negative part has been cut off.
     """
     weights = half_plane_weights(shape)
-    x = np.linspace(-REACH, REACH, 8001)
+    x: Array = np.linspace(-REACH, REACH, 8001, dtype=float)
     z, powers = _expansion(hdf, x)
     r = np.linspace(-1.0, 1.0, 4001)
     g = _polynomial.polyval(r, powers)
-    wanted = shares / float((weights * shares).sum())
+    wanted: Array = np.asarray(shares / float((weights * shares).sum()), float)
     own = _spectrum(np.interp(_correlation(wanted, shape), g, r), shape)
     rings, best, lowest = Rings(shape, size, wanted), own, np.inf
     for _ in range(iterations):
@@ -96,12 +96,12 @@ def translation_field(
         ratio = np.divide(wanted, found, out=np.ones_like(found), where=found > 0.0)
         own = own * np.clip(ratio, 0.5, 2.0)
     count = shape[0] * shape[1]
-    return TranslationField(np.sqrt(best * count), x, z, shape, lowest)
+    return TranslationField(np.asarray(np.sqrt(best * count), float), x, z, shape, lowest)
 
 
 def mapped_correlation(hdf: HeightDistribution, r: Array) -> Array:
     """Correlation of the mapped heights where that of the Gaussian field is ``r`` [-]."""
-    x = np.linspace(-REACH, REACH, 8001)
+    x: Array = np.linspace(-REACH, REACH, 8001, dtype=float)
     return np.asarray(_polynomial.polyval(r, _expansion(hdf, x)[1]))
 
 

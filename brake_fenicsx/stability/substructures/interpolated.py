@@ -51,7 +51,7 @@ class InterpolatedMoments:
         self.points: list[Array] = [*self._box.points, *checks]
         self.counts = [sum(i < end for end in self._ends) for i in range(self._ends[0])]
         self.counts += [len(self._degrees)] * len(checks)
-        self._gain = np.zeros(len(degrees))
+        self._gain: Array = np.zeros(len(degrees))
         self._checks: list[Estimate] = []
         self._D: list[Array] = []
         if known is not None:
