@@ -1,5 +1,8 @@
 """What a scene says of its surface: pixels, distribution, a second scan, noise, hardness."""
 
+from dataclasses import replace
+from pathlib import Path
+
 from mpi4py import MPI
 
 import numpy as np
@@ -7,11 +10,14 @@ import pytest
 
 from brake_fenicsx.checks import check, read_surface, with_pixels
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.micro import load_laws, save_laws
 from brake_fenicsx.pipeline import law_recipe, run
+from brake_fenicsx.report.inputs import contact_maps
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.surface import given_statistics, synthesise
 from brake_fenicsx.surface.psd import wave_numbers
 
+SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
 PAPER = given_statistics(33.1e-6, -0.2410, 3.6549)
 TEXT = """
 stages = ["surface", "micro"]
@@ -130,3 +136,47 @@ def test_elastic_laws_say_what_they_carry(scene, tmp_path, hardness):
         assert ("ratio" in laws.files) == (hardness is not None)
         if hardness is not None:
             assert np.all(laws["ratio"] >= 1) and np.any(laws["ratio"] > 1.5)
+
+
+@pytest.mark.parametrize(
+    ("changes", "named"),
+    [
+        (['micro.hardness="1 MPa"', "micro.max_pressure=0.1"], "must lie below micro.hardness"),
+        (["micro.pixels=5000"], "write 2 to 2048"),
+        (['surface.S_q="scan"', 'surface.form="scan.npz"'], "leave one out"),
+    ],
+)
+def test_keys_that_contradict_each_other(scene, changes, named):
+    file = scene().file
+    with pytest.raises(SceneError, match=named):
+        read_scene(file, changes)
+
+
+def test_waviness_needs_the_variance_of_the_spectrum():
+    brake = SCENES / "disc_brake.toml"
+    with pytest.raises(SceneError, match="shares the variance of the spectrum"):
+        read_scene(brake, ['contact.pad_disc.gap="waviness"'])
+
+
+def test_scan_keys_beside_statistics_are_refused(tmp_path):
+    file = tmp_path / "scene.toml"
+    text = TEXT.format(surface='cutoff = "20 um"', micro="")
+    file.write_text(text.replace('scan = "scan.npz"', 'statistics = { S_q = "33 um" }'))
+    with pytest.raises(SceneError, match=r"surface.cutoff: there is no scan"):
+        read_scene(file)
+
+
+def test_laws_that_end_below_the_pressure_of_the_brake_are_named(scene, tmp_path):
+    """A hardness of 1 MPa: laws end at 0.1 MPa, a usual braking pressure is 0.2 MPa."""
+    named = scene(micro='hardness = "1 MPa"\npixels = 48')
+    done = run(named.file, MPI.COMM_SELF, tmp_path / "out")
+    assert any("laws end at 0.1 MPa" in text for text in done.facts["warnings"])
+
+
+def test_laws_of_an_older_version_are_refused_in_one_line(scene, tmp_path):
+    done = run(scene(micro="pixels = 32").file, MPI.COMM_SELF, tmp_path / "out")
+    path = done.store.path("laws.npz")
+    laws = load_laws(path)
+    save_laws(path, replace(laws, settings={"E_star": 1.0}))
+    with pytest.raises(SceneError, match="made by an older version"):
+        contact_maps(tmp_path / "out")
