@@ -165,7 +165,8 @@ class LawLibrary:
         at, place = self._find(i, x)
         d0, p0, k0 = (a[at] for a in self._flat)
         y = d0 - x
-        foot = np.maximum(1.0 + y * k0 / (2.0 * p0), 0.0)
+        touch = d0 + 2.0 * p0 / k0
+        foot = np.maximum((touch - x) / (touch - d0), 0.0)
         first, last = place < 0, place >= self.count[i] - 1
         inner = ~(first | last)
         e = np.where(first, 2.0 / 3.0 * p0**2 / k0 * foot**3, self._tail[at])

@@ -188,9 +188,9 @@ def test_scaled_law_is_stiffer_everywhere(law):
     x = np.linspace(law.steps[0][-1] - 1e-5, law.first_touch, 50)
     for other in (law.scaled(1.7), law.library.scaled(1.7)[0]):
         for name in ("pressure", "stiffness", "energy"):
-            np.testing.assert_allclose(
-                getattr(other, name)(x), 1.7 * getattr(law, name)(x), rtol=1e-12
-            )
+            wanted = 1.7 * getattr(law, name)(x)
+            # At first touch itself powers of round-off are left.
+            np.testing.assert_allclose(getattr(other, name)(x), wanted, 1e-12, 1e-15 * wanted[0])
         assert other.first_touch == pytest.approx(law.first_touch, rel=1e-14)
 
 
