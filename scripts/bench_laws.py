@@ -3,6 +3,7 @@
 
     scripts/bench_laws.py pixels [--surfaces 20]      resolution, with bias and scatter kept apart
     scripts/bench_laws.py hardness [--surfaces 10]    stiffness of loading and of vibrations
+    scripts/bench_laws.py grids [--surfaces 4]        two grids over one, elastic and at 200 MPa
     scripts/bench_laws.py scans                       measured surfaces and artificial ones
 
 ``pixels``: the same surfaces of 804 x 804 pixels, low-passed to fewer ("bias": median and rms of
@@ -126,6 +127,28 @@ def hardness(surfaces: int) -> None:
             )
 
 
+def grids(surfaces: int) -> None:
+    stats = characterise(read_topography(SCAN))
+    print(
+        f"p = {cells(PRESSURES / 1e6)} MPa; smallest and largest of {surfaces} surfaces, 405 pixels"
+    )
+    print("| hardness [MPa] | k, two grids over one | k of vibrations |")
+    print("|" + " --- |" * 3)
+    for hard in (None, 200e6):
+        ratios = []
+        for s in range(surfaces):
+            rng = np.random.default_rng(s)
+            topo = synthesise(stats.bifractal, stats.hdf, (405, 405), SIZE, rng)
+            two, one = (at_pressures(topo, hardness=hard, grids=name) for name in ("two", "one"))
+            ratios.append(two[1:3] / one[1:3])
+        text = "elastic" if hard is None else f"{hard / 1e6:.0f}"
+        spans = [
+            f"{cells(a)} to {cells(b)}"
+            for a, b in zip(np.min(ratios, axis=0), np.max(ratios, axis=0), strict=True)
+        ]
+        print(f"| {text} | {' | '.join(spans)} |", flush=True)
+
+
 def braking(heights: np.ndarray, size: np.ndarray, p: float) -> tuple[float, float]:
     """Ln k and separation [m] at the mean pressure p of a surface with E* = 1 GPa."""
     h = make_topography(heights, (float(size[0]), float(size[1])))
@@ -181,13 +204,13 @@ def scans() -> None:
 def main() -> None:
     logging.getLogger("brake_fenicsx").setLevel(logging.ERROR)
     words = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    words.add_argument("table", choices=("pixels", "hardness", "scans"))
+    words.add_argument("table", choices=("pixels", "hardness", "grids", "scans"))
     words.add_argument("--surfaces", default=20, type=int)
     asked = words.parse_args()
     if asked.table == "scans":
         scans()
     else:
-        {"pixels": pixels, "hardness": hardness}[asked.table](asked.surfaces)
+        {"pixels": pixels, "hardness": hardness, "grids": grids}[asked.table](asked.surfaces)
 
 
 if __name__ == "__main__":

@@ -77,8 +77,9 @@ def contact_maps(directory: Path) -> None:
     if surface is None or not made:
         return
     from brake_fenicsx.micro import load_laws, solve_contact
-    from brake_fenicsx.surface import BiFractal, match_moments, synthesise
+    from brake_fenicsx.surface import BiFractal, synthesise
     from brake_fenicsx.surface.hdf import HeightDistribution, Measured
+    from brake_fenicsx.surface.statistics import matched
 
     how = load_laws(store.path("laws.npz")).settings
     if "distribution" not in how:
@@ -97,9 +98,8 @@ def contact_maps(directory: Path) -> None:
         z = surface["heights"][np.isfinite(surface["heights"])]
         hdf = Measured(np.sort(z - z.mean()))
     else:
-        normal = how["distribution"] == "normal"
-        shape_of = (0.0, 3.0) if normal else (numbers["S_sk"], numbers["S_ku"])
-        hdf = match_moments(numbers["S_q"], *shape_of)
+        S_q, S_sk, S_ku = (numbers[name] for name in ("S_q", "S_sk", "S_ku"))
+        hdf = matched(S_q, S_sk, S_ku, how["distribution"])
     size, E_star = tuple(how["size"]), how["E_star"]
     shape = (MAP_PIXELS, MAP_PIXELS)
     topography = synthesise(

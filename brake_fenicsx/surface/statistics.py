@@ -139,7 +139,7 @@ def characterise(
     hdf: HeightDistribution = (
         Measured(np.sort(h - mean))
         if distribution == "measured"
-        else _matched(S_q, S_sk, S_ku, distribution)
+        else matched(S_q, S_sk, S_ku, distribution)
     )
     return SurfaceStatistics(
         zero, zero + float(np.median(h)) - mean, S_q, S_sk, S_ku, _moment_errors(levelled), hdf,
@@ -178,7 +178,7 @@ def given_statistics(
             f"distribution = {distribution!r}: numbers hold no measured heights; choose 'johnson'"
             " or 'normal', or name a scan"
         )
-    hdf = _matched(S_q, S_sk, S_ku, distribution)
+    hdf = matched(S_q, S_sk, S_ku, distribution)
     if not (q_c > 0.0 and 0.0 < band[0] < band[1]):
         raise SurfaceError(f"q_c = {q_c} rad/m, band = {band} rad/m: give positive wave numbers")
     if not (c1 <= 0.0 and c2 < 0.0):
@@ -189,8 +189,15 @@ def given_statistics(
     return SurfaceStatistics(mean, mean, S_q, S_sk, S_ku, (nan, nan, nan, nan), hdf, bifractal)
 
 
-def _matched(S_q: float, S_sk: float, S_ku: float, distribution: str) -> Johnson:
-    """Johnson's distribution of the four moments, or the normal one of the first two."""
+def matched(S_q: float, S_sk: float, S_ku: float, distribution: str) -> Johnson:
+    """Johnson's distribution of the four moments, or the normal one of the first two.
+
+    Args:
+        S_q: root-mean-square height [m].
+        S_sk: skewness [-].
+        S_ku: kurtosis [-].
+        distribution: ``"johnson"`` or ``"normal"``.
+    """
     return match_moments(S_q) if distribution == "normal" else match_moments(S_q, S_sk, S_ku)
 
 
