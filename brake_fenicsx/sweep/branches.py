@@ -1,0 +1,225 @@
+"""Branches: modes followed over a parameter by their left and right vectors.
+
+From one value to the next a mode is continued by the one with its spectral projector
+(``matching``). Where that is not certain the step is halved, down to LEAST of the whole range; what
+is not certain even then is cut, and the branch says so. A merging is passed by the projector of the
+pair. After it the branch of the lower frequency takes the growing mode: a convention.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.stability.modes import Complex
+
+from .matching import Match, conjugate_pair, match
+from .state import State
+
+Array = NDArray[np.float64]
+
+Solve = Callable[[float], State]
+
+# Smallest step, relative to the whole range: a tenth of the accuracy of a merging point.
+LEAST = 1e-5
+
+# Modes meet within a step if the square of their gap is expected to fall to this share of what it
+# is at either end, or below; and not within this share of the step from its ends.
+MEETING, AWAY = 0.1, 0.02
+
+# Ends of a branch.
+FIRST, LAST = "first value", "last value"
+ENTERED, LEFT = "entered the band", "left the band"
+CUT = "cut: no mode continues it with confidence"
+
+
+@dataclass(slots=True)
+class Branch:
+    """A mode over the parameter.
+
+    Attributes:
+        number: of the branch.
+        states: numbers of its states.
+        modes: its mode in each of them.
+        begin: why it begins.
+        end: why it ends.
+    """
+
+    number: int
+    states: list[int]
+    modes: list[int]
+    begin: str
+    end: str = LAST
+
+
+@dataclass(slots=True)
+class Followed:
+    """All modes of a band over a parameter.
+
+    Attributes:
+        states: the modes at every value that was computed, in ascending or descending order.
+        branches: the branches.
+        merged: state before, and the two branches that are a conjugate pair after it.
+        split: state before, and the two branches that are a pair until there.
+        solves: values at which modes were computed.
+    """
+
+    states: list[State] = field(default_factory=list)
+    branches: list[Branch] = field(default_factory=list)
+    merged: list[tuple[int, int, int]] = field(default_factory=list)
+    split: list[tuple[int, int, int]] = field(default_factory=list)
+    solves: int = 0
+
+    def at(self, branch: Branch, state: int) -> int:
+        """Mode of a branch in a state."""
+        return branch.modes[state - branch.states[0]]
+
+    def s(self, branch: Branch) -> Complex:
+        """Eigenvalues of a branch [1/s], shape (its states,)."""
+        pairs = zip(branch.states, branch.modes, strict=True)
+        return np.array([self.states[i].s[m] for i, m in pairs])
+
+    def x(self, branch: Branch) -> Array:
+        """Values of the parameter of a branch, shape (its states,)."""
+        return np.array([self.states[i].x for i in branch.states])
+
+
+def follow(solve: Solve, values: Sequence[float], band: tuple[float, float]) -> Followed:
+    """Follow the modes of a band.
+
+    Args:
+        solve: gives the modes at a value of the parameter.
+        values: values at which the modes are wanted, ascending or descending.
+        band: lowest and highest frequency [Hz].
+
+    Returns:
+        The branches; their states hold all ``values`` and those between that were needed.
+    """
+    work = _Follower(solve, band, LEAST * abs(values[-1] - values[0]))
+    work.begin(values[0])
+    for x in values[1:]:
+        work.advance(work.solved(x))
+    return work.done
+
+
+class _Follower:
+    def __init__(self, solve: Solve, band: tuple[float, float], least: float):
+        self.done, self._solve, self._band, self._least = Followed(), solve, band, least
+        # Branch of each mode of the last state, and dlambda/dx there.
+        self._branch: dict[int, Branch] = {}
+        self._speed: Complex | None = None
+
+    def solved(self, x: float) -> State:
+        self.done.solves += 1
+        return self._solve(x)
+
+    def begin(self, x: float) -> None:
+        first = self.solved(x)
+        self.done.states.append(first)
+        for mode in range(first.s.size):
+            self._found(0, mode, FIRST)
+
+    def advance(self, b: State) -> None:
+        """Go on to a state, by halves where that is needed."""
+        ahead = [b]
+        while ahead:
+            a, b = self.done.states[-1], ahead[-1]
+            found = match(a, b, self._band, self._speed)
+            between = self._look_between(found) if found.confident else 0.5
+            if between is None or abs(b.x - a.x) <= 2 * self._least:
+                ahead.pop()
+                self._take(found)
+            else:
+                ahead.append(self.solved(a.x + between * (b.x - a.x)))
+
+    def _look_between(self, found: Match) -> float | None:
+        """Place of a step, 0 to 1, where two undamped modes meet or nearly do; None for none.
+
+        They cross without coupling there, or they merge and split again within the step.
+        """
+        a, b = found.a, found.b
+        order = [i for i in np.argsort(a.s.imag) if a.s[i].real == 0 and int(i) in found.pairs]
+        for i, j in pairwise(map(int, order)):
+            k, m = found.pairs[i], found.pairs[j]
+            if b.s[k].real or b.s[m].real:
+                continue
+            gap, then = (a.s[j] - a.s[i]).imag, (b.s[m] - b.s[k]).imag
+            place = gap / (gap - then) if gap * then < 0 else self._closest(i, j, found, then)
+            if place is not None and AWAY < place < 1 - AWAY:
+                return float(place)
+        return None
+
+    def _closest(self, i: int, j: int, found: Match, then: float) -> float | None:
+        """Where the parabola through three squares of a gap is lowest, if that is nearly zero."""
+        states, one, two = self.done.states, self._branch[i], self._branch[j]
+        if min(len(one.states), len(two.states)) < 2:
+            return None
+        last, a, b = states[-2], found.a, found.b
+        x = (np.array([last.x, b.x]) - a.x) / (b.x - a.x)
+        before = last.s[one.modes[-2]] - last.s[two.modes[-2]]
+        now = (a.s[i] - a.s[j]).imag ** 2
+        if before.real:
+            return None
+        rise = np.array([before.imag**2, then**2]) - now
+        # now + c x + d x^2
+        d, c = np.linalg.solve(np.column_stack([x**2, x]), rise)
+        if not d > 0 or not now - c**2 / (4 * d) < MEETING * min(now, then**2):
+            return None
+        return float(-c / (2 * d))
+
+    def _take(self, found: Match) -> None:
+        done = self.done
+        done.states[-1] = found.a
+        number = len(done.states)
+        done.states.append(found.b)
+        before, self._branch = self._branch, {}
+        for i, j in found.pairs.items():
+            branch = before[i]
+            branch.states.append(number)
+            branch.modes.append(j)
+            self._branch[j] = branch
+        for kind, pairs in ((done.merged, found.merged), (done.split, found.split)):
+            kind += [(number - 1, before[i].number, before[j].number) for i, j in pairs]
+        for i in found.lost:
+            before[i].end = CUT
+        for i in found.left:
+            before[i].end = LEFT
+        for j in found.new:
+            self._found(number, j, CUT)
+        for j in found.entered:
+            self._found(number, j, ENTERED)
+        speed = np.full(found.b.s.size, np.nan, complex)
+        for i, j in found.pairs.items():
+            speed[j] = (found.b.s[j] - found.a.s[i]) / (found.b.x - found.a.x)
+        for pair in self._turned(found):
+            speed[list(pair)] = np.nan
+        self._speed = speed
+
+    def _turned(self, found: Match) -> list[tuple[int, int]]:
+        """Modes that just merged or split: what they did says nothing of what they will do."""
+        events = found.merged + found.split
+        return [(found.pairs[i], found.pairs[j]) for i, j in events]
+
+    def _found(self, state: int, mode: int, why: str) -> None:
+        branch = Branch(len(self.done.branches), [state], [mode], why)
+        self.done.branches.append(branch)
+        self._branch[mode] = branch
+
+
+def partners(followed: Followed, state: int) -> list[tuple[int, int]]:
+    """Branches that are a conjugate pair in a state."""
+    here = [(b, followed.at(b, state)) for b in followed.branches if state in _span(b)]
+    found = []
+    for n, (one, i) in enumerate(here):
+        for two, j in here[n + 1 :]:
+            if conjugate_pair(followed.states[state], (i, j)):
+                found.append((one.number, two.number))
+    return found
+
+
+def _span(branch: Branch) -> range:
+    return range(branch.states[0], branch.states[-1] + 1)

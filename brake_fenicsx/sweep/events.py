@@ -1,0 +1,317 @@
+"""Where modes merge, split and begin to squeal: values of the parameter to a wanted accuracy.
+
+Of two modes d = (lambda_1 - lambda_2)^2 is an analytic function of the parameter, through the
+point where they merge too (T. Kato, Perturbation Theory for Linear Operators, 1980, chapter II;
+a defective eigenvalue: A. P. Seyranian and A. A. Mailybaev, Multiparameter Stability Theory, 2003).
+Without damping d is real and changes its sign there, and an unstable pair has the growth rate
+sqrt(d) / 2: lock-in, and the onset of squeal with a threshold too, are simple zeros of smooth
+functions. With damping d has its zero at a complex value of the parameter, next to which the pair
+passes; a mode then begins to squeal where its own damping passes the threshold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from brake_fenicsx.stability.modes import Complex
+
+from .branches import Branch, Followed, Solve
+from .matching import conjugate_pair, passes_zero, squared_distance
+from .state import State, group_likeness
+
+Array = NDArray[np.float64]
+
+MERGING, SPLITTING, NEAR = "merging", "splitting", "near merging"
+ONSET, END = "onset of squeal", "end of squeal"
+
+# A damped pair passes next to a merging if its complex value lies within this share of the range
+# from the real axis, and is looked for again this often at most.
+BESIDE, AGAIN = 0.05, 8
+
+# Change of the complex value, relative to its imaginary part, at which it is found.
+SETTLED = 0.05
+
+# Condition number of the two modes from which they are close to a common one.
+NEARLY_DEFECTIVE = 2.0
+
+# Modes among which a pair is looked for, by its likeness with the pair it was before.
+AROUND = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """A merging, a splitting, an onset or an end of squeal.
+
+    Attributes:
+        kind: which of these.
+        x: value of the parameter.
+        imaginary: imaginary part of the value where damped modes would merge.
+        error: accuracy of the value.
+        s: eigenvalue there [1/s].
+        branches: the two branches that merge; one of a mode that begins to squeal, and -1.
+        vector: right vector there, shape (m,).
+    """
+
+    kind: str
+    x: float
+    imaginary: float
+    error: float
+    s: complex
+    branches: tuple[int, int]
+    vector: Complex
+
+
+def find_events(
+    followed: Followed, solve: Solve, threshold: float, tolerance: float
+) -> list[Event]:
+    """All events of some followed branches, in the order of their values.
+
+    Args:
+        followed: the branches.
+        solve: gives the modes at a value of the parameter.
+        threshold: a mode squeals where -2 alpha / |omega| lies below minus this.
+        tolerance: wanted accuracy of the value, relative to the whole range.
+    """
+    first, last = followed.states[0].x, followed.states[-1].x
+    width = tolerance * abs(last - first)
+    found = []
+    paired: set[tuple[int, int]] = set()
+    for kind, events in ((MERGING, followed.merged), (SPLITTING, followed.split)):
+        for state, one, two in events:
+            found.append(_merging(followed, solve, kind, state, (one, two), width))
+            paired.add((state, one))
+            paired.add((state, two))
+    for branch in followed.branches:
+        found += _crossings(followed, solve, branch, threshold, width)
+    found += _near_mergings(followed, solve, abs(last - first), width)
+    sign = 1.0 if last >= first else -1.0
+    return sorted(found, key=lambda e: sign * e.x)
+
+
+def _merging(
+    followed: Followed, solve: Solve, kind: str, state: int, pair: tuple[int, int], width: float
+) -> Event:
+    """Root of d between two states."""
+    a, b = followed.states[state], followed.states[state + 1]
+    own = _modes(followed, pair, state)
+    search = _Search(solve, a, own)
+    search.known(b, _modes(followed, pair, state + 1))
+    start = squared_distance(a, own)
+    x, error = search.root(lambda s, *at: (squared_distance(s, at) / start).real, a.x, b.x, width)
+    there, (i, j) = search.at(x)
+    mean = 0.5 * (there.s[i] + there.s[j])
+    return Event(kind, x, 0.0, error, complex(mean), pair, there.right[:, i])
+
+
+def _modes(followed: Followed, pair: tuple[int, int], state: int) -> tuple[int, int]:
+    one, two = (followed.at(followed.branches[n], state) for n in pair)
+    return one, two
+
+
+def _crossings(
+    followed: Followed, solve: Solve, branch: Branch, threshold: float, width: float
+) -> list[Event]:
+    """Where a branch begins and ends to squeal."""
+    found = []
+    loud = [_squeals(followed, branch, n, threshold) for n in branch.states]
+    for n in range(len(loud) - 1):
+        if loud[n] == loud[n + 1]:
+            continue
+        state = branch.states[n]
+        kind = ONSET if loud[n + 1] else END
+        found.append(_crossing(followed, solve, branch, state, kind, threshold, width))
+    return found
+
+
+def _squeals(followed: Followed, branch: Branch, state: int, threshold: float) -> bool:
+    s, mode = followed.states[state], followed.at(branch, state)
+    return bool(s.verdict[mode] == "unstable" and s.damping[mode] < -threshold)
+
+
+def _crossing(
+    followed: Followed, solve: Solve, branch: Branch, state: int, kind: str, threshold: float,
+    width: float,
+) -> Event:  # fmt: skip
+    """Where the damping of a branch passes the threshold between two states."""
+    a, b = followed.states[state], followed.states[state + 1]
+    mate, turning = _mate(followed, branch, state), _turning(followed, branch, state)
+    if mate is None and turning is not None:
+        # One mode has no continuation through a merging; the faster growing one of both has.
+        search = _Search(solve, a, _modes(followed, turning, state))
+        search.known(b, _modes(followed, turning, state + 1))
+        x, error = search.root(
+            lambda s, *pair: float(s.damping[list(pair)].min() + threshold), a.x, b.x, width
+        )
+        there, chosen = search.at(x)
+        i = min(chosen, key=lambda n: float(there.damping[n]))
+    elif mate is None:
+        search = _Search(solve, a, (followed.at(branch, state),))
+        search.known(b, (followed.at(branch, state + 1),))
+        x, error = search.root(lambda s, i: float(s.damping[i] + threshold), a.x, b.x, width)
+        there, (i,) = search.at(x)
+    else:
+        # Of an undamped pair d grows smoothly from below zero to (threshold |omega|)^2.
+        pair = branch.number, mate
+        search = _Search(solve, a, _modes(followed, pair, state))
+        search.known(b, _modes(followed, pair, state + 1))
+
+        def excess(s: State, i: int, j: int) -> float:
+            omega = 0.5 * abs(s.s[i].imag + s.s[j].imag)
+            return squared_distance(s, (i, j)).real - (threshold * omega) ** 2
+
+        x, error = search.root(excess, a.x, b.x, width)
+        there, chosen = search.at(x)
+        i = max(chosen, key=lambda n: float(there.s[n].real))
+    s, vector = complex(there.s[i]), there.right[:, i]
+    return Event(kind, x, 0.0, error, s, (branch.number, -1), vector)
+
+
+def _turning(followed: Followed, branch: Branch, state: int) -> tuple[int, int] | None:
+    """The pair of a branch that merges or splits in a step."""
+    for at, one, two in followed.merged + followed.split:
+        if at == state and branch.number in (one, two):
+            return one, two
+    return None
+
+
+def _mate(followed: Followed, branch: Branch, state: int) -> int | None:
+    """The branch that is a conjugate pair with another one on one side of a step at least."""
+    for other in followed.branches:
+        if other is branch or not {state, state + 1} <= {*other.states}:
+            continue
+        for n in (state, state + 1):
+            pair = _modes(followed, (branch.number, other.number), n)
+            if conjugate_pair(followed.states[n], pair):
+                return other.number
+    return None
+
+
+def _near_mergings(followed: Followed, solve: Solve, range_: float, width: float) -> list[Event]:
+    """Damped pairs that pass next to a merging: zeros of d at complex values near the real axis."""
+    found: list[Event] = []
+    for state in range(len(followed.states) - 1):
+        if _undamped(followed.states[state]):
+            continue
+        here = [b for b in followed.branches if {state, state + 1} <= {*b.states}]
+        a, b = followed.states[state], followed.states[state + 1]
+        here.sort(key=lambda br: a.s[followed.at(br, state)].imag)
+        for n, one in enumerate(here):
+            for two in here[n + 1 : n + 1 + AROUND]:
+                pair = one.number, two.number
+                now, then = _modes(followed, pair, state), _modes(followed, pair, state + 1)
+                if passes_zero(a, now, b, then):
+                    continue
+                z = _zero(a.x, squared_distance(a, now), b.x, squared_distance(b, then))
+                inside = 0 <= (z.real - a.x) / (b.x - a.x) < 1
+                if inside and abs(z.imag) <= BESIDE * range_:
+                    event = _near(solve, a, b, now, then, pair, width)
+                    if event is not None and abs(event.imaginary) <= BESIDE * range_:
+                        found.append(event)
+    return found
+
+
+def _undamped(state: State) -> bool:
+    """Whether every mode has its mirror image -conj(lambda), as without damping."""
+    apart = np.abs(state.s[:, None] + state.s[None, :].conj()).min(axis=1, initial=np.inf)
+    return bool(np.all(apart <= 1e-9 * np.abs(state.s)))
+
+
+def _zero(x: float, d: complex, y: float, e: complex) -> complex:
+    """Zero of the straight line through two values of d."""
+    if e == d:
+        return complex(np.inf, np.inf)
+    return x - d * (y - x) / (e - d)
+
+
+def _near(
+    solve: Solve, a: State, b: State, now: tuple[int, int], then: tuple[int, int],
+    pair: tuple[int, int], width: float,
+) -> Event | None:  # fmt: skip
+    """Complex value of a merging, from d at real values alone; None where there is none."""
+    search = _Search(solve, a, now)
+    search.known(b, then)
+    xs, ds = [a.x, b.x], [squared_distance(a, now), squared_distance(b, then)]
+    low, high = sorted(xs)
+    z, settled = _zero(xs[0], ds[0], xs[1], ds[1]), False
+    for _ in range(AGAIN):
+        x = float(np.clip(z.real, low, high))
+        there, chosen = search.at(x)
+        if x not in xs:
+            xs.append(x)
+            ds.append(squared_distance(there, chosen))
+        near = np.argsort(np.abs(np.array(xs) - z))[:3]
+        last, z = z, _root_of_parabola(np.array(xs)[near], np.array(ds)[near], z)
+        settled = bool(abs(z - last) <= max(width, SETTLED * abs(z.imag)))
+        if settled:
+            break
+    x = z.real
+    if not (settled and low <= x < high):
+        return None
+    there, chosen = search.at(x)
+    i, j = chosen
+    condition = max(there.condition[i], there.condition[j])
+    # Two modes that pass without coupling keep their vectors apart.
+    if condition < NEARLY_DEFECTIVE:
+        return None
+    mean = complex(0.5 * (there.s[i] + there.s[j]))
+    grows = i if there.s[i].real >= there.s[j].real else j
+    return Event(NEAR, x, float(z.imag), width, mean, pair, there.right[:, grows])
+
+
+def _root_of_parabola(x: Array, d: Complex, guess: complex) -> complex:
+    """Root nearest to a guess of the parabola through three values."""
+    roots = np.roots(np.polyfit(x - x[0], d, 2)) + x[0]
+    if not roots.size:
+        return guess
+    return complex(roots[np.argmin(np.abs(roots - guess))])
+
+
+class _Search:
+    """A group of modes at further values of the parameter, found by its projector."""
+
+    def __init__(self, solve: Solve, first: State, group: tuple[int, ...]):
+        self._solve = solve
+        self._states: dict[float, tuple[State, tuple[int, ...]]] = {first.x: (first, group)}
+
+    def known(self, state: State, group: tuple[int, ...]) -> None:
+        self._states[state.x] = state, group
+
+    def at(self, x: float) -> tuple[State, tuple[int, ...]]:
+        if x not in self._states:
+            near = min(self._states, key=lambda known: abs(known - x))
+            state = self._solve(x)
+            self._states[x] = state, _same_group(*self._states[near], state)
+        return self._states[x]
+
+    def root(
+        self, value: Callable[..., float], a: float, b: float, width: float
+    ) -> tuple[float, float]:
+        """Zero of a function of the group between two values, and its accuracy."""
+
+        def f(x: float) -> float:
+            state, group = self.at(x)
+            return value(state, *group)
+
+        fa, fb = f(a), f(b)
+        if fa == 0.0:
+            return a, width
+        if fb == 0.0:
+            return b, width
+        if fa * fb > 0:
+            return (b if abs(fb) <= abs(fa) else a), abs(b - a)
+        return float(brentq(f, a, b, xtol=width, rtol=4 * np.finfo(float).eps)), width
+
+
+def _same_group(old: State, group: tuple[int, ...], new: State) -> tuple[int, ...]:
+    """The modes of a state that are those of a group in another one, nearly."""
+    middle = float(np.mean([old.s[i].imag for i in group]))
+    order = np.argsort(np.abs(new.s.imag - middle))[:AROUND]
+    candidates: list[tuple[int, ...]] = [(int(i),) for i in order]
+    if len(group) == 2:
+        candidates = [(int(i), int(j)) for n, i in enumerate(order) for j in order[n + 1 :]]
+    return min(candidates, key=lambda chosen: abs(group_likeness(old, group, new, chosen) - 1.0))

@@ -1,0 +1,217 @@
+"""Which modes of one value of the parameter continue those of the value before."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.stability.modes import Complex
+
+from .state import State, group_likeness, likeness
+
+Index = NDArray[np.intp]
+
+# A mode continues another where their likeness differs from 1 by less, and no other mode is
+# likelier than the rest.
+ALIKE = 0.25
+
+# Modes that far beside each other among those left over may be a pair, and two eigenvalues closer
+# than this share of |lambda|, or ten times their errors, are one.
+BESIDE, EQUAL, ERRORS = 4, 1e-9, 10.0
+
+# d = (lambda_1 - lambda_2)^2 passes zero if it turns by pi, up to this angle: exactly so without
+# damping, and with damping that follows mass and stiffness.
+TURNED = 1e-2
+
+# A mode may leave or enter the band whose frequency lies this share from its end, or that would be
+# beyond it after one more step like the last one.
+EDGE = 2e-3
+
+
+@dataclass(slots=True)
+class Match:
+    """Modes of b that continue those of a.
+
+    Attributes:
+        a: the first state; vectors of equal eigenvalues may have been turned.
+        b: the second state, likewise.
+        pairs: mode of a -> mode of b.
+        merged: two modes of a that differ in frequency, and in growth in b; the lower one first.
+        split: two modes of a that differ in growth, and in frequency in b; the growing one first.
+        lost: modes of a that nothing continues, and that did not leave the band.
+        new: modes of b that continue nothing, and that did not enter the band.
+        left: modes of a that left the band.
+        entered: modes of b that entered it.
+    """
+
+    a: State
+    b: State
+    pairs: dict[int, int] = field(default_factory=dict)
+    merged: list[tuple[int, int]] = field(default_factory=list)
+    split: list[tuple[int, int]] = field(default_factory=list)
+    lost: list[int] = field(default_factory=list)
+    new: list[int] = field(default_factory=list)
+    left: list[int] = field(default_factory=list)
+    entered: list[int] = field(default_factory=list)
+
+    @property
+    def confident(self) -> bool:
+        """Whether every mode has its continuation or a reason to have none."""
+        return not self.lost and not self.new
+
+
+def match(a: State, b: State, band: tuple[float, float], speed: Complex | None = None) -> Match:
+    """Match the modes of two values of the parameter.
+
+    Args:
+        a: the modes at the first value.
+        b: those at the second.
+        band: lowest and highest frequency [Hz], at whose ends modes come and go.
+        speed: dlambda/dx of the modes of a over the last step, nan where it is not known.
+    """
+    found = Match(a, b)
+    sim = likeness(a, b)
+    free_a, free_b = set(range(a.s.size)), set(range(b.s.size))
+    close = np.abs(sim - 1.0) < ALIKE
+    for i, j in zip(*np.nonzero(close), strict=True):
+        if close[i].sum() == 1 and close[:, j].sum() == 1:
+            found.pairs[int(i)] = int(j)
+            free_a.discard(int(i))
+            free_b.discard(int(j))
+    _pairs(found, free_a, free_b, speed)
+    step = b.x - a.x
+    moved = np.zeros(a.s.size) if speed is None else np.nan_to_num(np.abs(speed * step))
+    reach = 2 * moved.max(initial=0.0) / (2 * np.pi)
+    for i in sorted(free_a):
+        if _at_edge(a.frequency[i], band, 2 * moved[i] / (2 * np.pi)):
+            found.left.append(i)
+        else:
+            found.lost.append(i)
+    for j in sorted(free_b):
+        if _at_edge(b.frequency[j], band, reach):
+            found.entered.append(j)
+        else:
+            found.new.append(j)
+    return found
+
+
+def _at_edge(f: float, band: tuple[float, float], reach: float) -> bool:
+    near = max(reach, EDGE * f)
+    return bool(f - near < band[0] or f + near > band[1])
+
+
+def _pairs(found: Match, free_a: set[int], free_b: set[int], speed: Complex | None) -> None:
+    """Continue pairs of modes by their common projector; what is matched leaves the free ones."""
+    while True:
+        best, score = None, ALIKE
+        theirs = list(_beside(found.b, sorted(free_b)))
+        for own in _beside(found.a, sorted(free_a)):
+            for mate in theirs:
+                off = abs(group_likeness(found.a, own, found.b, mate) - 1.0)
+                if off < score:
+                    best, score = (own, mate), off
+        if best is None:
+            return
+        own, mate = best
+        free_a.difference_update(own)
+        free_b.difference_update(mate)
+        _one_pair(found, own, mate, speed)
+
+
+def _beside(state: State, free: Sequence[int]) -> list[tuple[int, int]]:
+    """Pairs of free modes that lie close to each other."""
+    return [(i, j) for i, j in combinations(free, 2) if free.index(j) - free.index(i) <= BESIDE]
+
+
+def _one_pair(
+    found: Match, own: tuple[int, int], mate: tuple[int, int], speed: Complex | None
+) -> None:
+    """Say which of two modes continues which."""
+    a, b = found.a, found.b
+    if passes_zero(a, own, b, mate):
+        # The lower branch takes the growing mode: a convention, since both are the pair.
+        if _apart(a, own):
+            found.merged.append(_by_frequency(a, own))
+            found.pairs |= dict(zip(_by_frequency(a, own), _by_growth(b, mate), strict=True))
+        else:
+            found.split.append(_by_growth(a, own))
+            found.pairs |= dict(zip(_by_growth(a, own), _by_frequency(b, mate), strict=True))
+        return
+    if conjugate_pair(a, own) and conjugate_pair(b, mate):
+        # Close to the merging: only growth tells them apart.
+        for i, j in zip(_by_growth(a, own), _by_growth(b, mate), strict=True):
+            found.pairs[i] = j
+        return
+    order = _one_by_one(found, own, mate, speed)
+    if order is None:
+        found.lost += list(own)
+        found.new += list(mate)
+    else:
+        found.pairs |= order
+
+
+def _one_by_one(
+    found: Match, own: tuple[int, int], mate: tuple[int, int], speed: Complex | None
+) -> dict[int, int] | None:
+    """Two separate modes on either side: equal eigenvalues have no vectors of their own."""
+    if equal(found.b, mate):
+        found.b = found.b.turned(mate, found.a, own)
+        return dict(zip(own, mate, strict=True))
+    if equal(found.a, own):
+        if speed is not None and np.isfinite(speed[list(own)]).all():
+            # Crossing: each goes on as it went.
+            going = found.a.s[list(own)] + speed[list(own)] * (found.b.x - found.a.x)
+            straight = np.abs(going - found.b.s[list(mate)]).max()
+            crossed = np.abs(going - found.b.s[list(mate[::-1])]).max()
+            chosen = mate if straight < crossed else mate[::-1]
+            return dict(zip(own, chosen, strict=True))
+        found.a = found.a.turned(own, found.b, mate)
+        return dict(zip(own, mate, strict=True))
+    return None
+
+
+def conjugate_pair(state: State, pair: Sequence[int]) -> bool:
+    """Whether two modes are lambda and -conj(lambda) off the imaginary axis."""
+    one, two = state.s[pair[0]], state.s[pair[1]]
+    return bool(one.real * two.real < 0 and abs(one + two.conjugate()) <= 1e-9 * abs(one))
+
+
+def equal(state: State, pair: Sequence[int]) -> bool:
+    """Whether two eigenvalues are one, as far as is known."""
+    one, two = state.s[pair[0]], state.s[pair[1]]
+    limit = max(EQUAL * abs(one), ERRORS * float(state.error[list(pair)].max()))
+    return bool(abs(one - two) <= limit)
+
+
+def squared_distance(state: State, pair: Sequence[int]) -> complex:
+    """(lambda_1 - lambda_2)^2, analytic in the parameter where the two merge too."""
+    return complex((state.s[pair[0]] - state.s[pair[1]]) ** 2)
+
+
+def passes_zero(a: State, own: Sequence[int], b: State, mate: Sequence[int]) -> bool:
+    """Whether d of a pair passes zero on its way: it turns by pi, one way or the other."""
+    d, e = squared_distance(a, own), squared_distance(b, mate)
+    if d == 0 or e == 0 or _apart(a, own) == _apart(b, mate):
+        return False
+    ratio = e / d
+    return bool(ratio.real < 0 and abs(ratio.imag) <= TURNED * abs(ratio.real))
+
+
+def _apart(state: State, pair: Sequence[int]) -> bool:
+    """Whether two modes differ in frequency rather than in growth."""
+    step = state.s[pair[0]] - state.s[pair[1]]
+    return bool(abs(step.imag) > abs(step.real))
+
+
+def _by_frequency(state: State, pair: Sequence[int]) -> tuple[int, int]:
+    low, high = sorted(pair, key=lambda i: float(state.s[i].imag))
+    return low, high
+
+
+def _by_growth(state: State, pair: Sequence[int]) -> tuple[int, int]:
+    grow, decay = sorted(pair, key=lambda i: float(-state.s[i].real))
+    return grow, decay

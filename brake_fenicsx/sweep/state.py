@@ -1,0 +1,111 @@
+"""The modes at one value of a parameter, and how alike two groups of modes are.
+
+Left and right vectors give the spectral projector of a group of modes,
+P = Phi (Psi^H Phi)^-1 Psi^H. The trace of the product of two such projectors, over their rank, is
+the modal assurance criterion of modes that are not orthogonal: 1 for the same group, 0 for another
+one (M. I. Friswell, "On the design of modal actuators and sensors", and for two-sided vectors R. J.
+Allemang, Sound and Vibration 37(8), 2003). Where two modes merge, their own projectors grow without
+bound, and that of the pair stays analytic (T. Kato, Perturbation Theory for Linear Operators, 1980,
+chapter II).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.stability.modes import Complex, Modes
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """Oscillating modes at one value of the parameter, sorted by frequency.
+
+    Attributes:
+        x: value of the parameter.
+        s: eigenvalues lambda [1/s] with omega > 0, shape (modes,).
+        right: right vectors in coordinates in which the mass is the identity, shape (m, modes).
+        left: left vectors, likewise.
+        error: estimated errors of lambda [1/s].
+        condition: condition numbers of lambda [-].
+        verdict: "stable", "unstable" or "neutral".
+    """
+
+    x: float
+    s: Complex
+    right: Complex
+    left: Complex
+    error: Array
+    condition: Array
+    verdict: NDArray[np.str_]
+
+    @classmethod
+    def of(cls, x: float, modes: Modes) -> State:
+        """The oscillating ones of some modes; rigid modes and divergence belong to no branch."""
+        kept = np.flatnonzero(modes.s.imag > 0)
+        kept = kept[np.lexsort((modes.s.real[kept], modes.s.imag[kept]))]
+        right, left = (X[:, kept].astype(complex) for X in (modes.right, modes.left))
+        return cls(
+            float(x), modes.s[kept], right / np.linalg.norm(right, axis=0),
+            left / np.linalg.norm(left, axis=0), modes.error[kept],
+            modes.condition[kept], np.array(modes.verdict, dtype=str)[kept],
+        )  # fmt: skip
+
+    @property
+    def frequency(self) -> Array:
+        """|omega| / 2 pi [Hz]."""
+        return np.asarray(self.s.imag / (2 * np.pi))
+
+    @property
+    def damping(self) -> Array:
+        """-2 alpha / |omega| [-]."""
+        return np.asarray(-2 * self.s.real / self.s.imag)
+
+    def turned(self, group: Sequence[int], other: State, theirs: Sequence[int]) -> State:
+        """This state with the vectors of equal eigenvalues turned to those of another state.
+
+        Args:
+            group: modes of one eigenvalue, whose vectors are any basis of their space.
+            other: the other state.
+            theirs: its modes that continue them.
+        """
+        own, mate = list(group), list(theirs)
+        R, L = self.right[:, own], self.left[:, own]
+        right = R @ np.linalg.solve(L.conj().T @ R, L.conj().T @ other.right[:, mate])
+        left = L @ np.linalg.solve(R.conj().T @ L, R.conj().T @ other.left[:, mate])
+        new_right, new_left = self.right.copy(), self.left.copy()
+        new_right[:, own] = right / np.linalg.norm(right, axis=0)
+        new_left[:, own] = left / np.linalg.norm(left, axis=0)
+        return replace(self, right=new_right, left=new_left)
+
+
+def likeness(a: State, b: State) -> Complex:
+    """Two-sided modal assurance criterion of every mode of a with every mode of b.
+
+    Returns:
+        Traces of the products of their projectors, shape (modes of a, modes of b); they are not
+        bounded where a mode is nearly defective.
+    """
+    G, H = a.left.conj().T @ b.right, b.left.conj().T @ a.right
+    own = np.einsum("im,im->m", a.left.conj(), a.right)
+    theirs = np.einsum("im,im->m", b.left.conj(), b.right)
+    scale = np.outer(own, theirs)
+    tiny = np.abs(scale) < 1e-300
+    return np.asarray(np.where(tiny, np.inf, G * H.T / np.where(tiny, 1.0, scale)))
+
+
+def group_likeness(a: State, group: Sequence[int], b: State, theirs: Sequence[int]) -> float:
+    """The same of two groups of modes, real part over their number; 0 for a defective group."""
+    R, L = a.right[:, list(group)], a.left[:, list(group)]
+    S, N = b.right[:, list(theirs)], b.left[:, list(theirs)]
+    try:
+        first = np.linalg.solve(L.conj().T @ R, L.conj().T @ S)
+        second = np.linalg.solve(N.conj().T @ S, N.conj().T @ R)
+    except np.linalg.LinAlgError:
+        return 0.0
+    return float(np.trace(first @ second).real / len(group))
