@@ -74,6 +74,7 @@ def equilibrium(
     steps: int = 1,
     tolerance: float = 1e-10,
     max_iterations: int = 60,
+    start: Array | None = None,
 ) -> Equilibrium:
     """Balance of virtual work of contact and solids under the ramped loads, Eq. (11).
 
@@ -85,6 +86,8 @@ def equilibrium(
         steps: equal load steps.
         tolerance: relative residual of the last step.
         max_iterations: Newton iterations allowed in one step.
+        start: gaps of an equilibrium nearby [m], shape (elements,), to start from under the full
+            loads.
 
     Returns:
         The equilibrium with its residual.
@@ -93,10 +96,11 @@ def equilibrium(
         Separated: the loads pull the bodies apart.
         NotConverged: Newton's iteration stalls.
     """
-    start = time.perf_counter()
+    began = time.perf_counter()
     system = Condensed(ops.compliance, ops.w, ops.g0, mu)
-    found = Newton(system, laws, max_iterations).ramp(steps, tolerance)
-    return record(laws, mu, found, start)
+    newton = Newton(system, laws, max_iterations)
+    found = newton.ramp(steps, tolerance) if start is None else newton.at_once(start, tolerance)
+    return record(laws, mu, found, began)
 
 
 def limit_of_friction(

@@ -84,6 +84,12 @@ class Newton:
             counts.append(len(history) - 1)
         return state, counts, history
 
+    def at_once(self, g: Array, tolerance: float) -> tuple[State, list[int], list[float]]:
+        """Equilibrium under the full loads from the gaps of one nearby [m]; else as ``ramp``."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            state, history = self._iterate((g, self.laws.pressure(g)), 1.0, tolerance, 0.0)
+        return state, [len(history) - 1], history
+
     def _first_state(self, load: float) -> tuple[State, float]:
         """Linear springs carry the first load; their common level is where the laws agree.
 

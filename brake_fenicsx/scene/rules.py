@@ -12,6 +12,7 @@ from brake_fenicsx.scene.mesh import MeshTable
 from brake_fenicsx.scene.parts import BUILDERS, part_lengths
 from brake_fenicsx.scene.samples import APPROACHES, ENGINEERING, split_key
 from brake_fenicsx.scene.sections import STAGES
+from brake_fenicsx.scene.sweep import check_sweep
 
 if TYPE_CHECKING:
     from brake_fenicsx.scene.sections import Contact, MaterialTable, Scene
@@ -46,7 +47,10 @@ def check_consistent(s: Scene) -> None:
     _check_motion(s)
     check_damping(s)
     for name in s.samples.random:
-        _check_random(s, name)
+        _check_random(s, f'samples.random."{name}"', name)
+    for name in s.sweep.parameters if s.sweep else ():
+        _check_random(s, f'sweep.parameters."{name}"', name)
+    check_sweep(s)
     _check_approaches(s)
 
 
@@ -169,9 +173,8 @@ def _check_contact(s: Scene, where: str, contact: Contact) -> None:
         )
 
 
-def _check_random(s: Scene, name: str) -> None:
+def _check_random(s: Scene, where: str, name: str) -> None:
     """The scalar is there and is one number."""
-    where = f'samples.random."{name}"'
     section, table, last = split_key(name)
     tables = getattr(s, section)
     if table not in tables:

@@ -15,7 +15,9 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -188,21 +190,29 @@ def unit_of(name: str) -> str:
     )  # fmt: skip
 
 
-def _in_si_units(random: Any) -> Any:
-    """Numbers of [samples.random] in the unit of the scalar that each replaces."""
-    if not isinstance(random, dict):
-        return random
+def in_si_units(tables: Any, names: Sequence[str]) -> Any:
+    """Numbers of tables named by dotted keys in the unit of the scalar that each is about.
+
+    Args:
+        tables: dotted key -> table.
+        names: its keys that are values of that scalar.
+
+    Raises:
+        KeyMistake: no such scalar may take other values than the scene's, or a unit is wrong.
+    """
+    if not isinstance(tables, dict):
+        return tables
     out = {}
-    for name, law in random.items():
-        unit, out[name] = unit_of(name), law
-        if isinstance(law, dict) and unit:
-            out[name] = {k: _converted(v, unit, name, k) for k, v in law.items()}
+    for name, table in tables.items():
+        unit, out[name] = unit_of(name), table
+        if isinstance(table, dict) and unit:
+            out[name] = {
+                k: _converted(v, unit, name, k) if k in names else v for k, v in table.items()
+            }
     return out
 
 
 def _converted(value: Any, unit: str, *where: str) -> Any:
-    if where[-1] not in ("mean", "sd", "min", "max", "values"):
-        return value
     if isinstance(value, list):
         return [_converted(v, unit, *where) for v in value]
     try:
@@ -212,7 +222,8 @@ def _converted(value: Any, unit: str, *where: str) -> Any:
 
 
 def _random_type() -> Any:
-    return Annotated[value_type(dict[str, Distribution], {}), BeforeValidator(_in_si_units)]
+    convert = partial(in_si_units, names=("mean", "sd", "min", "max", "values"))
+    return Annotated[value_type(dict[str, Distribution], {}), BeforeValidator(convert)]
 
 
 def complete(d: Distribution, name: str, folder: Path) -> Distribution:

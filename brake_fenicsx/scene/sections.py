@@ -20,6 +20,7 @@ from brake_fenicsx.scene.damping import Damping
 from brake_fenicsx.scene.mesh import MeshTable
 from brake_fenicsx.scene.parts import Part, parts_type
 from brake_fenicsx.scene.samples import Samples
+from brake_fenicsx.scene.sweep import Sweep
 from brake_fenicsx.scene.tables import key
 from brake_fenicsx.scene.units import to_si
 
@@ -343,6 +344,7 @@ class Scene:
     motion: Motion | None = None
     stability: Stability | None = None
     samples: Samples = field(default_factory=Samples)
+    sweep: Sweep | None = None
     file: Path = key(default=Path(), internal=True)  # noqa: RUF009
     table: dict[str, Any] = field(default_factory=dict, metadata={"internal": True})
 

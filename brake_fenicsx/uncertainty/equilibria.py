@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -42,13 +43,20 @@ class Equilibria:
     models: Models
     steps: int
 
-    def of(self, approach: str, sample: SampleInput, reduced: bool = False) -> Equilibrium:
+    def of(
+        self,
+        approach: str,
+        sample: SampleInput,
+        reduced: bool = False,
+        start: Array | None = None,
+    ) -> Equilibrium:
         """Equilibrium of a sample.
 
         Args:
             approach: of the sample.
             sample: its inputs.
             reduced: whether the reduced model may give the compliance of bodies that change.
+            start: gaps of an equilibrium nearby [m], to start from.
 
         Raises:
             NotConverged: neither the full load at once nor the scene's ramp converges.
@@ -65,6 +73,9 @@ class Equilibria:
                 except NotConverged:
                     logger.info("the materials of a sample are far from the scene's: factored anew")
             bodies = self._full_bodies(sample, bodies)
+        if start is not None:
+            with suppress(NotConverged):
+                return equilibrium(bodies, laws, mu, start=start)
         for steps in sorted({1, self.steps}):
             try:
                 return equilibrium(bodies, laws, mu, steps)

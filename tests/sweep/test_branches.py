@@ -1,13 +1,15 @@
 """Followed branches and their events against small problems with known merging points."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 import scipy.linalg as la
-from sweep_models import MERGED, hoffmann, modes_of, solver
 
 from brake_fenicsx.sweep.branches import CUT, ENTERED, LEFT, follow
 from brake_fenicsx.sweep.events import END, MERGING, NEAR, ONSET, SPLITTING, find_events
 from brake_fenicsx.sweep.state import State
+from sweep_models import MERGED, hoffmann, modes_of, solver
 
 WIDE = (0.0, 1e5)
 
@@ -90,7 +92,7 @@ def test_every_merging_is_one_of_the_eigenvalues_alone():
                     if e.kind in (MERGING, SPLITTING))  # fmt: skip
     edges = [0.0, *(x for x, _ in merged), 1.0]
     number = 0
-    for n, (low, high) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
+    for n, (low, high) in enumerate(pairwise(edges)):
         if high - low > 1e-4:
             kappa = la.eigvals(matrices(0.5 * (low + high))[2])
             assert np.sum(kappa.imag > 1e-9) == number
