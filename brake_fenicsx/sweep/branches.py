@@ -17,15 +17,16 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.stability.modes import Complex
 
-from .matching import Match, conjugate_pair, match
+from .matching import Match, match
 from .state import State
 
 Array = NDArray[np.float64]
 
 Solve = Callable[[float], State]
 
-# Smallest step, relative to the whole range: a tenth of the accuracy of a merging point.
-LEAST = 1e-5
+# Smallest step, relative to the whole range: a tenth of the accuracy of a merging point. From the
+# longer one on, modes may jump where a contact element opens or closes.
+LEAST, JUMP = 1e-5, 1e-3
 
 # Modes meet within a step if the square of their gap is expected to fall to this share of what it
 # is at either end, or below; and not within this share of the step from its ends.
@@ -65,6 +66,7 @@ class Followed:
         branches: the branches.
         merged: state before, and the two branches that are a conjugate pair after it.
         split: state before, and the two branches that are a pair until there.
+        jumps: states before which modes jumped.
         solves: values at which modes were computed.
     """
 
@@ -72,6 +74,7 @@ class Followed:
     branches: list[Branch] = field(default_factory=list)
     merged: list[tuple[int, int, int]] = field(default_factory=list)
     split: list[tuple[int, int, int]] = field(default_factory=list)
+    jumps: list[int] = field(default_factory=list)
     solves: int = 0
 
     def at(self, branch: Branch, state: int) -> int:
@@ -88,18 +91,25 @@ class Followed:
         return np.array([self.states[i].x for i in branch.states])
 
 
-def follow(solve: Solve, values: Sequence[float], band: tuple[float, float]) -> Followed:
+def follow(
+    solve: Solve,
+    values: Sequence[float],
+    band: tuple[float, float],
+    matters: Callable[[State], NDArray[np.bool_]] | None = None,
+) -> Followed:
     """Follow the modes of a band.
 
     Args:
         solve: gives the modes at a value of the parameter.
         values: values at which the modes are wanted, ascending or descending.
         band: lowest and highest frequency [Hz].
+        matters: tells which modes of a state must be followed with confidence, such as those that
+            squeal; a step is halved for these alone. All of them if None.
 
     Returns:
         The branches; their states hold all ``values`` and those between that were needed.
     """
-    work = _Follower(solve, band, LEAST * abs(values[-1] - values[0]))
+    work = _Follower(solve, band, abs(values[-1] - values[0]), matters)
     work.begin(values[0])
     for x in values[1:]:
         work.advance(work.solved(x))
@@ -107,8 +117,15 @@ def follow(solve: Solve, values: Sequence[float], band: tuple[float, float]) -> 
 
 
 class _Follower:
-    def __init__(self, solve: Solve, band: tuple[float, float], least: float):
-        self.done, self._solve, self._band, self._least = Followed(), solve, band, least
+    def __init__(
+        self,
+        solve: Solve,
+        band: tuple[float, float],
+        width: float,
+        matters: Callable[[State], NDArray[np.bool_]] | None,
+    ):
+        self.done, self._solve, self._band, self._width = Followed(), solve, band, width
+        self._matters = matters
         # Branch of each mode of the last state, and dlambda/dx there.
         self._branch: dict[int, Branch] = {}
         self._speed: Complex | None = None
@@ -128,13 +145,23 @@ class _Follower:
         ahead = [b]
         while ahead:
             a, b = self.done.states[-1], ahead[-1]
-            found = match(a, b, self._band, self._speed)
-            between = self._look_between(found) if found.confident else 0.5
-            if between is None or abs(b.x - a.x) <= 2 * self._least:
+            step = abs(b.x - a.x) / self._width
+            may_jump = step <= JUMP and a.open != b.open
+            found = match(a, b, self._band, self._speed, may_jump)
+            between = self._between(found)
+            if between is None or step <= 2 * LEAST:
                 ahead.pop()
                 self._take(found)
             else:
                 ahead.append(self.solved(a.x + between * (b.x - a.x)))
+
+    def _between(self, found: Match) -> float | None:
+        """Place of a step, 0 to 1, where modes are needed too; None where it can be taken."""
+        if self._matters is None:
+            return self._look_between(found) if found.confident else 0.5
+        a, b = self._matters(found.a), self._matters(found.b)
+        unsure = any(a[i] for i in found.lost) or any(b[j] for j in found.new)
+        return 0.5 if unsure else None
 
     def _look_between(self, found: Match) -> float | None:
         """Place of a step, 0 to 1, where two undamped modes meet or nearly do; None for none.
@@ -192,34 +219,17 @@ class _Follower:
             self._found(number, j, CUT)
         for j in found.entered:
             self._found(number, j, ENTERED)
+        if found.jumped:
+            done.jumps.append(number)
         speed = np.full(found.b.s.size, np.nan, complex)
         for i, j in found.pairs.items():
             speed[j] = (found.b.s[j] - found.a.s[i]) / (found.b.x - found.a.x)
-        for pair in self._turned(found):
-            speed[list(pair)] = np.nan
+        # What modes did that just merged, split or jumped says nothing of what they will do.
+        for i in [*found.jumped, *(i for pair in found.merged + found.split for i in pair)]:
+            speed[found.pairs[i]] = np.nan
         self._speed = speed
-
-    def _turned(self, found: Match) -> list[tuple[int, int]]:
-        """Modes that just merged or split: what they did says nothing of what they will do."""
-        events = found.merged + found.split
-        return [(found.pairs[i], found.pairs[j]) for i, j in events]
 
     def _found(self, state: int, mode: int, why: str) -> None:
         branch = Branch(len(self.done.branches), [state], [mode], why)
         self.done.branches.append(branch)
         self._branch[mode] = branch
-
-
-def partners(followed: Followed, state: int) -> list[tuple[int, int]]:
-    """Branches that are a conjugate pair in a state."""
-    here = [(b, followed.at(b, state)) for b in followed.branches if state in _span(b)]
-    found = []
-    for n, (one, i) in enumerate(here):
-        for two, j in here[n + 1 :]:
-            if conjugate_pair(followed.states[state], (i, j)):
-                found.append((one.number, two.number))
-    return found
-
-
-def _span(branch: Branch) -> range:
-    return range(branch.states[0], branch.states[-1] + 1)

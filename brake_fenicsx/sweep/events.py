@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 
 MERGING, SPLITTING, NEAR = "merging", "splitting", "near merging"
 ONSET, END = "onset of squeal", "end of squeal"
+JUMP = "jump"
 
 # A damped pair passes next to a merging if its complex value lies within this share of the range
 # from the real axis, and is looked for again this often at most.
@@ -67,7 +68,11 @@ class Event:
 
 
 def find_events(
-    followed: Followed, solve: Solve, threshold: float, tolerance: float
+    followed: Followed,
+    solve: Solve,
+    threshold: float,
+    tolerance: float,
+    squeal_alone: bool = False,
 ) -> list[Event]:
     """All events of some followed branches, in the order of their values.
 
@@ -76,19 +81,18 @@ def find_events(
         solve: gives the modes at a value of the parameter.
         threshold: a mode squeals where -2 alpha / |omega| lies below minus this.
         tolerance: wanted accuracy of the value, relative to the whole range.
+        squeal_alone: whether mergings, splittings and jumps are left out.
     """
     first, last = followed.states[0].x, followed.states[-1].x
     width = tolerance * abs(last - first)
     found = []
-    paired: set[tuple[int, int]] = set()
-    for kind, events in ((MERGING, followed.merged), (SPLITTING, followed.split)):
-        for state, one, two in events:
-            found.append(_merging(followed, solve, kind, state, (one, two), width))
-            paired.add((state, one))
-            paired.add((state, two))
     for branch in followed.branches:
         found += _crossings(followed, solve, branch, threshold, width)
-    found += _near_mergings(followed, solve, abs(last - first), width)
+    if not squeal_alone:
+        for kind, events in ((MERGING, followed.merged), (SPLITTING, followed.split)):
+            found += [_merging(followed, solve, kind, at, (i, j), width) for at, i, j in events]
+        found += _near_mergings(followed, solve, abs(last - first), width)
+        found += [_jump(followed, number) for number in followed.jumps]
     sign = 1.0 if last >= first else -1.0
     return sorted(found, key=lambda e: sign * e.x)
 
@@ -106,6 +110,13 @@ def _merging(
     there, (i, j) = search.at(x)
     mean = 0.5 * (there.s[i] + there.s[j])
     return Event(kind, x, 0.0, error, complex(mean), pair, there.right[:, i])
+
+
+def _jump(followed: Followed, number: int) -> Event:
+    """Modes change at once between two states; no branch is named, and no vector."""
+    a, b = followed.states[number - 1], followed.states[number]
+    none = np.zeros(len(b.right), complex)
+    return Event(JUMP, b.x, 0.0, abs(b.x - a.x), complex("nan"), (-1, -1), none)
 
 
 def _modes(followed: Followed, pair: tuple[int, int], state: int) -> tuple[int, int]:
@@ -298,10 +309,8 @@ class _Search:
             return value(state, *group)
 
         fa, fb = f(a), f(b)
-        if fa == 0.0:
-            return a, width
-        if fb == 0.0:
-            return b, width
+        if fa == 0.0 or fb == 0.0:
+            return (a if fa == 0.0 else b), width
         if fa * fb > 0:
             return (b if abs(fb) <= abs(fa) else a), abs(b - a)
         return float(brentq(f, a, b, xtol=width, rtol=4 * np.finfo(float).eps)), width

@@ -8,6 +8,7 @@ from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
 from brake_fenicsx.stability.modes import Complex
 
@@ -22,6 +23,9 @@ ALIKE = 0.25
 # Modes that far beside each other among those left over may be a pair, and two eigenvalues closer
 # than this share of |lambda|, or ten times their errors, are one.
 BESIDE, EQUAL, ERRORS = 4, 1e-9, 10.0
+
+# Across a jump, where a contact element opens at once, a mode continues the one that it is so alike.
+LIKELIEST = 0.5
 
 # d = (lambda_1 - lambda_2)^2 passes zero if it turns by pi, up to this angle: exactly so without
 # damping, and with damping that follows mass and stiffness.
@@ -46,6 +50,7 @@ class Match:
         new: modes of b that continue nothing, and that did not enter the band.
         left: modes of a that left the band.
         entered: modes of b that entered it.
+        jumped: modes of a whose continuation is only the likeliest mode of b.
     """
 
     a: State
@@ -57,6 +62,7 @@ class Match:
     new: list[int] = field(default_factory=list)
     left: list[int] = field(default_factory=list)
     entered: list[int] = field(default_factory=list)
+    jumped: list[int] = field(default_factory=list)
 
     @property
     def confident(self) -> bool:
@@ -64,7 +70,13 @@ class Match:
         return not self.lost and not self.new
 
 
-def match(a: State, b: State, band: tuple[float, float], speed: Complex | None = None) -> Match:
+def match(
+    a: State,
+    b: State,
+    band: tuple[float, float],
+    speed: Complex | None = None,
+    across_jump: bool = False,
+) -> Match:
     """Match the modes of two values of the parameter.
 
     Args:
@@ -72,6 +84,7 @@ def match(a: State, b: State, band: tuple[float, float], speed: Complex | None =
         b: those at the second.
         band: lowest and highest frequency [Hz], at whose ends modes come and go.
         speed: dlambda/dx of the modes of a over the last step, nan where it is not known.
+        across_jump: whether the likeliest mode is enough where no mode is certain.
     """
     found = Match(a, b)
     sim = likeness(a, b)
@@ -83,6 +96,8 @@ def match(a: State, b: State, band: tuple[float, float], speed: Complex | None =
             free_a.discard(int(i))
             free_b.discard(int(j))
     _pairs(found, free_a, free_b, speed)
+    if across_jump:
+        _likeliest(found, sim, free_a, free_b)
     step = b.x - a.x
     moved = np.zeros(a.s.size) if speed is None else np.nan_to_num(np.abs(speed * step))
     reach = 2 * moved.max(initial=0.0) / (2 * np.pi)
@@ -97,6 +112,21 @@ def match(a: State, b: State, band: tuple[float, float], speed: Complex | None =
         else:
             found.new.append(j)
     return found
+
+
+def _likeliest(found: Match, sim: Complex, free_a: set[int], free_b: set[int]) -> None:
+    """Continue what is left over by the likeliest modes, if they are likely."""
+    free_a.update(found.lost)
+    free_b.update(found.new)
+    found.lost, found.new = [], []
+    rows, columns = sorted(free_a), sorted(free_b)
+    size = np.nan_to_num(np.abs(sim[np.ix_(rows, columns)]), posinf=0.0)
+    for r, c in zip(*linear_sum_assignment(-np.minimum(size, 1.0)), strict=True):
+        if LIKELIEST <= size[r, c] <= 1 / LIKELIEST:
+            found.pairs[rows[r]] = columns[c]
+            found.jumped.append(rows[r])
+            free_a.discard(rows[r])
+            free_b.discard(columns[c])
 
 
 def _at_edge(f: float, band: tuple[float, float], reach: float) -> bool:

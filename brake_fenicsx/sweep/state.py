@@ -34,6 +34,7 @@ class State:
         error: estimated errors of lambda [1/s].
         condition: condition numbers of lambda [-].
         verdict: "stable", "unstable" or "neutral".
+        open: which contact elements are open, packed.
     """
 
     x: float
@@ -43,10 +44,17 @@ class State:
     error: Array
     condition: Array
     verdict: NDArray[np.str_]
+    open: bytes = b""
 
     @classmethod
-    def of(cls, x: float, modes: Modes) -> State:
-        """The oscillating ones of some modes; rigid modes and divergence belong to no branch."""
+    def of(cls, x: float, modes: Modes, k: Array | None = None) -> State:
+        """The oscillating ones of some modes; rigid modes and divergence belong to no branch.
+
+        Args:
+            x: value of the parameter.
+            modes: all modes there.
+            k: stiffness of the contact elements [Pa/m], shape (elements,).
+        """
         kept = np.flatnonzero(modes.s.imag > 0)
         kept = kept[np.lexsort((modes.s.real[kept], modes.s.imag[kept]))]
         right, left = (X[:, kept].astype(complex) for X in (modes.right, modes.left))
@@ -54,6 +62,7 @@ class State:
             float(x), modes.s[kept], right / np.linalg.norm(right, axis=0),
             left / np.linalg.norm(left, axis=0), modes.error[kept],
             modes.condition[kept], np.array(modes.verdict, dtype=str)[kept],
+            b"" if k is None else np.packbits(k == 0).tobytes(),
         )  # fmt: skip
 
     @property

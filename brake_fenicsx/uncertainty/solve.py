@@ -46,10 +46,7 @@ def modes_of_sample(
     settings = models.stability
     if settings is None:
         raise ValueError("a scene without [stability] has no modes")
-    damped = models.damped(approach)
-    model, p = models.reduced[damped], models.parameter_point(sample.random)
-    contact = linearised(models, approach, sample, eq.k_vibration, eq.p)
-    modes = model.modes(p, contact, settings.zeta_max)
+    damped, modes = models.damped(approach), reduced_modes(models, approach, sample, eq)
     missed = _missed(modes, settings.tolerance)
     if missed and settings.on_tolerance == "full order":
         given = missed, settings.tolerance
@@ -67,6 +64,28 @@ def modes_of_sample(
         **_composition(modes, energy_shares(models.grams, modes.right), partners),
         "coordinates": modes.right.astype(np.complex64),
     }
+
+
+def reduced_modes(models: Models, approach: str, sample: SampleInput, eq: Equilibrium) -> Modes:
+    """Modes of a sample at its equilibrium by the reduced model; arguments as above."""
+    settings = models.stability
+    zeta_max = 0.0 if settings is None else settings.zeta_max
+    model, p = models.reduced[models.damped(approach)], models.parameter_point(sample.random)
+    return model.modes(p, linearised(models, approach, sample, eq.k_vibration, eq.p), zeta_max)
+
+
+def full_modes(models: Models, sample: SampleInput, eq: Equilibrium) -> Modes:
+    """The same at full order, vectors on all dofs."""
+    b, settings = models.brake, models.stability
+    if settings is None:
+        raise ValueError("a scene without [stability] has no modes")
+    C = sample_damping(models, sample, eq.p)
+    friction = (
+        contact_interface(b.N, b.T, b.w * eq.k_vibration, sample.mu) if sample.mu.any() else None
+    )
+    K = tangent(models.stiffness(sample), b.N, b.T, b.w, eq.k_vibration, sample.mu)
+    band = settings.band[0], settings.band[1]
+    return complex_modes(models.M, C, K, band, zeta_max=settings.zeta_max, friction=friction)
 
 
 def linearised(
@@ -119,21 +138,15 @@ def sample_damping(models: Models, sample: SampleInput, p: Array) -> sp.csr_matr
 
 def _full(models: Models, sample: SampleInput, eq: Equilibrium) -> Arrays:
     """Modes at full order."""
-    b, settings = models.brake, models.stability
+    settings = models.stability
     if settings is None:
         raise ValueError("a scene without [stability] has no modes")
-    C = sample_damping(models, sample, eq.p)
-    friction = (
-        contact_interface(b.N, b.T, b.w * eq.k_vibration, sample.mu) if sample.mu.any() else None
-    )
-    K = tangent(models.stiffness(sample), b.N, b.T, b.w, eq.k_vibration, sample.mu)
-    band, M = (settings.band[0], settings.band[1]), models.M
-    modes = complex_modes(M, C, K, band, zeta_max=settings.zeta_max, friction=friction)
+    modes = full_modes(models, sample, eq)
     unstable = np.array(modes.verdict) == "unstable"
-    if C is None:
+    if sample_damping(models, sample, eq.p) is None:
         partners = flutter_partners(modes.s)
     else:
-        partners = damped_partners(modes.s, modes.right, M, unstable)
+        partners = damped_partners(modes.s, modes.right, models.M, unstable)
     grown = np.flatnonzero(unstable)
     out = {
         **_record(modes, settings.tolerance),

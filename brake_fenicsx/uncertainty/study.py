@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
@@ -33,6 +34,10 @@ from .outcomes import ensembles
 from .results import Results
 from .robustness import write_causes
 from .sampling import SampleInput, draw_sample, sample_count
+
+if TYPE_CHECKING:
+    from brake_fenicsx.macro.equilibrium import Equilibrium
+    from brake_fenicsx.stability.modes import Modes
 
 Array = NDArray[np.float64]
 
@@ -144,6 +149,34 @@ class Study:
                 out["vectors"] = models.numbering.kept(out["vectors"])
         return out
 
+    def solved(
+        self, task: Task, values: Mapping[str, float], start: Array | None = None
+    ) -> tuple[Equilibrium, Modes]:
+        """Equilibrium and modes of a sample some of whose inputs take other values; not stored.
+
+        Args:
+            task: approach and number of the sample.
+            values: scalars of the scene by dotted key, SI.
+            start: gaps of an equilibrium nearby [m], to start from.
+
+        Returns:
+            The equilibrium, and the modes with vectors in coordinates in which the mass is about
+            the identity.
+        """
+        from .solve import full_modes, reduced_modes
+
+        (approach, k), models = task, self.models
+        sample = self._draw(approach, k, values)
+        reduced = models.takes(approach, sample.random)
+        eq = self._prepared.of(approach, sample, reduced, start)
+        if reduced:
+            return eq, reduced_modes(models, approach, sample, eq)
+        modes = full_modes(models, sample, eq)
+        right, left = models.coordinates(modes.right), models.coordinates(modes.left)
+        if right is None or left is None:
+            raise ValueError("prepare() made no coordinates")
+        return eq, replace(modes, right=right, left=left)
+
     def displacement(self, task: Task, data: Mapping[str, Any]) -> Array:
         """Displacement of a stored sample's equilibrium [m], shape (dofs,)."""
         return self._prepared.displacement(self._draw(*task), data)
@@ -154,13 +187,19 @@ class Study:
             raise ValueError("prepare() comes first")
         return self.equilibria
 
-    def _draw(self, approach: str, k: int) -> SampleInput:
+    def _draw(
+        self, approach: str, k: int, values: Mapping[str, float] | None = None
+    ) -> SampleInput:
         points = self.points[approach]
         point = None if points is None else points[k]
         library = self.library if approach in PERFECT else self._laws(k)
-        return draw_sample(
+        s = draw_sample(
             self.scene, approach, k, self.brake.contact, library, self.hdf, point, self.waviness
         )
+        if values:
+            mu=np.full_like(s.mu, values["contact.pad_disc.friction"])
+            s = replace(s, mu=mu, mu_equilibrium=mu)
+        return s
 
     def _laws(self, k: int) -> Laws | None:
         """The library, or the laws that sample ``k`` makes for itself."""
