@@ -94,7 +94,7 @@ class Progress:
             return
         self.said = now
         if self.each is None:
-            to_go = f"the {self.slow} at full order first"
+            to_go = f"the {self.slow} long ones first"
         else:
             to_go = f"{self.each * (self.total - self.done):.0f} s to go"
         logger.info("%s: %d of %d, %s", self.what, self.done, self.total, to_go)

@@ -481,9 +481,18 @@ def mechanics(
     share(this)
     with this.stage("samples"):
         study.run()
+    sweep = None
+    if this.scene.sweep is not None:
+        from brake_fenicsx.sweep.study import SweepStudy
+
+        with this.stage("sweep"):
+            sweep = SweepStudy(study)
+            sweep.run()
     have_alone(this)
     with this.stage("results"):
         first = study.write()
+        if sweep is not None:
+            this.facts |= sweep.write()
         this.facts |= study.facts
         note_open_points(this)
         if "report" in this.scene.stages:

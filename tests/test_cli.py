@@ -259,7 +259,7 @@ def test_time_to_go_is_that_of_the_samples_left(caplog, monkeypatch):
     with caplog.at_level("INFO", logger="brake_fenicsx"):
         for _ in range(3):
             progress.advance()
-    assert caplog.messages[0] == "samples: 1 of 22, the 1 at full order first"
+    assert caplog.messages[0] == "samples: 1 of 22, the 1 long ones first"
     assert caplog.messages[1] == "samples: 2 of 22, 120 s to go"
 
 

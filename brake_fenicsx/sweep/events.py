@@ -28,6 +28,7 @@ Array = NDArray[np.float64]
 
 MERGING, SPLITTING, NEAR = "merging", "splitting", "near merging"
 ONSET, END = "onset of squeal", "end of squeal"
+FROM_FIRST = "squeals from the first value"
 JUMP = "jump"
 
 # A damped pair passes next to a merging if its complex value lies within this share of the range
@@ -130,6 +131,10 @@ def _crossings(
     """Where a branch begins and ends to squeal."""
     found = []
     loud = [_squeals(followed, branch, n, threshold) for n in branch.states]
+    if loud[0] and branch.states[0] == 0:
+        first, mode = followed.states[0], branch.modes[0]
+        s, vector = complex(first.s[mode]), first.right[:, mode]
+        found.append(Event(FROM_FIRST, first.x, 0.0, 0.0, s, (branch.number, -1), vector))
     for n in range(len(loud) - 1):
         if loud[n] == loud[n + 1]:
             continue

@@ -24,7 +24,7 @@ ALIKE = 0.25
 # than this share of |lambda|, or ten times their errors, are one.
 BESIDE, EQUAL, ERRORS = 4, 1e-9, 10.0
 
-# Across a jump, where a contact element opens at once, a mode continues the one that it is so alike.
+# Across a jump, where a contact element opens at once, a mode continues the one it is so alike to.
 LIKELIEST = 0.5
 
 # d = (lambda_1 - lambda_2)^2 passes zero if it turns by pi, up to this angle: exactly so without

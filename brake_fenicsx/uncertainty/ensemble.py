@@ -35,6 +35,7 @@ def run_ensemble(
     store: Store,
     comm: MPI.Comm,
     large: Sequence[Task] = (),
+    what: str = "samples",
 ) -> None:
     """Run all samples that are not in the folder yet.
 
@@ -47,19 +48,20 @@ def run_ensemble(
         store: the results folder.
         comm: processes that share the samples.
         large: samples that take longer and come first.
+        what: what the samples are called in the log.
     """
     wanted = _missing([*large, *tasks], store, comm)
     done = len(large) + len(tasks) - len(wanted)
     if comm.rank == 0 and done:
-        logger.info("%d of %d samples were there already", done, len(large) + len(tasks))
+        logger.info("%d of %d %s were there already", done, len(large) + len(tasks), what)
     waited = False
     while wanted:
-        _run_unclaimed(wanted, work, store, comm, len(set(large) & set(wanted)))
+        _run_unclaimed(wanted, work, store, comm, len(set(large) & set(wanted)), what)
         if store.lock is None:
             return
         if wanted := _missing(wanted, store, comm):
             if not waited:
-                logger.info("%d samples are being computed by another run; waiting", len(wanted))
+                logger.info("%d %s are being computed by another run; waiting", len(wanted), what)
             waited = True
             time.sleep(1.0)
 
@@ -70,10 +72,10 @@ def _missing(tasks: Sequence[Task], store: Store, comm: MPI.Comm) -> list[Task]:
 
 
 def _run_unclaimed(
-    wanted: Sequence[Task], work: Work, store: Store, comm: MPI.Comm, large: int
+    wanted: Sequence[Task], work: Work, store: Store, comm: MPI.Comm, large: int, what: str
 ) -> None:
     """Compute those of the wanted samples that no other run is computing; large ones come first."""
-    progress = Progress("samples", len(wanted), large)
+    progress = Progress(what, len(wanted), large)
     defect: Any = None
     with _Counter(comm) as counter, finishing():
         try:

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from brake_fenicsx.macro.contact import Contact
 from brake_fenicsx.store import Store
@@ -108,6 +109,20 @@ class Results:
         out = {t: np.full(self.stored[t]["s"].size, -1) for t in good}
         self._families = out | dict(zip(based, found, strict=True))
         return self._families
+
+    def family_members(self) -> tuple[NDArray[np.complex128], list[float]] | None:
+        """Vector and frequency [Hz] of the first mode of every family; None without families."""
+        first: dict[int, tuple[NDArray[np.complex128], float]] = {}
+        for task, family in self.families().items():
+            d = self.stored[task]
+            for i in np.flatnonzero(family >= 0):
+                if int(family[i]) not in first:
+                    vector = d["coordinates"][:, i].astype(complex)
+                    first[int(family[i])] = vector, abs(float(d["s"][i].imag)) / (2 * np.pi)
+        if not first:
+            return None
+        vectors, frequencies = zip(*(first[n] for n in sorted(first)), strict=True)
+        return np.array(vectors).T, list(frequencies)
 
     def modes(self) -> Iterator[list[Any]]:
         """Rows of modes.csv."""

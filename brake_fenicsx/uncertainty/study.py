@@ -83,6 +83,8 @@ class Study:
         self.tasks: list[Task] = [(name, k) for name in approaches for k in range(count[name])]
         self.models = Models(scene, brake, count, store, comm, cache or SharedCache(store))
         self.equilibria: Equilibria | None = None
+        # Vectors and frequencies of the families, once the tables are written; on one process.
+        self.families: tuple[NDArray[np.complex128], list[float]] | None = None
         reduced = self.models.by_reduction
         self.verified = next((name for name in approaches if reduced[name]), "")
         self.verify: list[Task] = []
@@ -197,7 +199,7 @@ class Study:
             self.scene, approach, k, self.brake.contact, library, self.hdf, point, self.waviness
         )
         if values:
-            mu=np.full_like(s.mu, values["contact.pad_disc.friction"])
+            mu = np.full_like(s.mu, values["contact.pad_disc.friction"])
             s = replace(s, mu=mu, mu_equilibrium=mu)
         return s
 
@@ -240,6 +242,7 @@ class Study:
         write_rows(path("samples.csv"), results.sample_columns(SAMPLES), results.samples())
         if "stability" in self.scene.stages:
             write_rows(path("modes.csv"), results.mode_columns(MODES), results.modes())
+            self.families = results.family_members()
         write_rows(path("contact.csv"), CONTACT, results.contact(self.brake.contact))
         if stability is not None and {"stability", "uncertainty"} <= {*self.scene.stages}:
             found = ensembles(results, stability.band, stability.threshold)

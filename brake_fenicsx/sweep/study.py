@@ -1,0 +1,178 @@
+"""The sweep of a scene: which samples are followed over which values, and what is stored of each.
+
+The scene's own brake is followed in rough and in perfect contact, at every value and with all its
+modes; rough samples by the modes that squeal, from a quarter of the values, since what is asked of
+them is where each family begins to squeal.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.processes import on_first
+from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.sweep import ROUGH
+from brake_fenicsx.uncertainty.ensemble import Task, run_ensemble, sample_file
+from brake_fenicsx.uncertainty.inputs import PERFECT, nominal_value
+from brake_fenicsx.uncertainty.study import Study
+
+from .branches import CUT, FIRST, Followed, follow
+from .events import find_events
+from .line import Line, line_arrays
+from .points import Points
+from .state import State
+
+# Accuracy of an event relative to the range: of the scene's own brake, and of a sample.
+FINE, COARSE = 1e-4, 1e-3
+
+# Samples are followed from every so many of the values.
+EVERY = 4
+
+
+class SweepStudy:
+    """Branches of the scene's own brake, and critical values of its samples.
+
+    Attributes:
+        study: the samples of the scene, prepared.
+        nominal: approach and line of each line of the scene's own brake.
+        samples: approach and number of each sample that is followed.
+        second: values of the second parameter, of a chart.
+    """
+
+    def __init__(self, study: Study):
+        """Plan the lines."""
+        sweep, stability = study.scene.sweep, study.scene.stability
+        if sweep is None or stability is None:
+            raise ValueError("the scene names no sweep")
+        self.study, self._sweep, self._stability = study, sweep, stability
+        named = study.scene.samples.approaches
+        chosen = [next((a for a in kind if a in named), None) for kind in (ROUGH, PERFECT)]
+        self.approaches = [a for a in chosen if a is not None]
+        second = sweep.second
+        self.second = () if second is None else sweep.parameters[second].points
+        lines = range(max(1, len(self.second)))
+        self.nominal: list[Task] = [(a, k) for a in self.approaches for k in lines]
+        rough = next((a for a in ROUGH if a in named), "")
+        most = min(sweep.samples, sum(task[0] == rough for task in study.tasks))
+        self.samples: list[Task] = [(rough, k) for k in range(most)]
+        # Lines of another sweep in the same folder are other files.
+        mark = Scene.hash([study.scene.table.get("sweep"), stability.threshold])[:8]
+        self._name = {"own": f"sweep-{mark}-own", "sample": f"sweep-{mark}"}
+
+    @property
+    def keys(self) -> list[str]:
+        """Dotted keys of the parameters."""
+        return [*self._sweep.parameters]
+
+    @property
+    def key(self) -> str:
+        """That of the parameter that modes are followed over."""
+        return self._sweep.first
+
+    @property
+    def threshold(self) -> float:
+        """A mode squeals where -2 alpha / |omega| lies below minus this."""
+        return self._stability.threshold
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """Values of the parameter that modes are followed over, SI."""
+        return self._sweep.parameters[self._sweep.first].points
+
+    @property
+    def coarse(self) -> tuple[float, ...]:
+        """Those at which samples are followed."""
+        return (*self.values[:-1:EVERY], self.values[-1])
+
+    def run(self) -> None:
+        """Follow every line that is not stored yet; collective."""
+        own = [self._task("own", task) for task in self.nominal]
+        samples = [self._task("sample", task) for task in self.samples]
+        run_ensemble(samples, self.work, self.study.store, self.study.comm, own, "lines")
+
+    def write(self) -> dict[str, Any]:
+        """Tables of the lines; collective. Returns figures for the summary."""
+        from .tables import SweepTables
+
+        families = self.study.families
+        return on_first(lambda: SweepTables(self, families).write(), self.study.comm)
+
+    def _task(self, kind: str, task: Task) -> Task:
+        return f"{self._name[kind]}-{task[0]}", task[1]
+
+    def line(self, kind: str, task: Task) -> tuple[str, Line | None]:
+        """Status and line of the scene's own brake ("own") or of a sample ("sample")."""
+        data = self.study.store.load_sample(sample_file(self._task(kind, task)))
+        if data is None:
+            return "missing", None
+        status = str(data["status"])
+        return status, Line.of(data) if status == "ok" else None
+
+    def work(self, task: Task) -> dict[str, Any]:
+        """One line, as arrays to store."""
+        name, k = task
+        own = name.startswith(self._name["own"])
+        approach = name.removeprefix(self._name["own" if own else "sample"] + "-")
+        return self._own_line(approach, k) if own else self._sample_line(approach, k)
+
+    def _sample_line(self, approach: str, k: int) -> dict[str, Any]:
+        solve = Points(self.study, (approach, k), self._sweep.first)
+        followed = follow(solve, self.coarse, self._band, self.squeals)
+        events = find_events(followed, solve, self.threshold, COARSE, squeal_alone=True)
+        return line_arrays(followed, events, list(range(len(followed.branches))))
+
+    def _own_line(self, approach: str, line: int) -> dict[str, Any]:
+        fixed = self._scene_values(approach)
+        key, second = self._sweep.first, self._sweep.second
+        numbers: list[int] | None = None
+        if second is not None:
+            # Branches of all lines are named as those of the first value of the first parameter.
+            across = Points(self.study, (approach, 0), second, fixed | {key: self.values[0]})
+            column = follow(across, self.second[: line + 1], self._band) if line else None
+            fixed[second] = self.second[line]
+            numbers = None if column is None else _last_branches(column)
+        solve = Points(self.study, (approach, 0), key, fixed)
+        followed = follow(solve, self.values, self._band)
+        events = find_events(followed, solve, self.threshold, FINE)
+        return line_arrays(followed, events, _numbered(followed, numbers))
+
+    def _scene_values(self, approach: str) -> dict[str, float]:
+        """The scene's own values of what is random in the samples of an approach."""
+        scene = self.study.scene
+        if not scene.samples.takes_random(approach):
+            return {}
+        return {name: nominal_value(scene, name) for name in scene.samples.random}
+
+    @property
+    def _band(self) -> tuple[float, float]:
+        return self._stability.band[0], self._stability.band[1]
+
+    def squeals(self, state: State) -> NDArray[np.bool_]:
+        """Which modes count as squeal."""
+        loud = state.damping < -self.threshold
+        return np.asarray((state.verdict == "unstable") & loud)
+
+
+def _last_branches(column: Followed) -> list[int]:
+    """Branch of every mode of the last state."""
+    last = len(column.states) - 1
+    found = {column.at(b, last): b.number for b in column.branches if b.states[-1] == last}
+    return [found[mode] for mode in sorted(found)]
+
+
+def _numbered(followed: Followed, first: list[int] | None) -> list[int]:
+    """Number of each branch: of those of the first value as given, of others beyond all."""
+    begun = [b for b in followed.branches if b.begin == FIRST]
+    if first is None or len(begun) != len(first):
+        return list(range(len(followed.branches)))
+    beyond = max(first, default=-1) + 1
+    later = len(followed.branches) - len(begun)
+    return [*first, *range(beyond, beyond + later)]
+
+
+def cut_branches(line: Line) -> int:
+    """Branches that end because nothing continues them with confidence."""
+    return int(np.sum(line.end == CUT))

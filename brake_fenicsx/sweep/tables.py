@@ -1,0 +1,196 @@
+"""Tables of a sweep.
+
+sweep.csv           every followed mode at every value
+lock_in.csv         where modes merge, split, jump, begin and end to squeal
+chart.csv           over two parameters: number of unstable modes, worst damping
+critical.csv        value at which each family begins to squeal, over the samples
+critical_curve.csv  share of samples in which it squeals by each value
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from brake_fenicsx.stability.modes import Complex, track_modes
+from brake_fenicsx.tables import write_rows
+from brake_fenicsx.uncertainty.ensemble import Task
+
+from .critical import Critical, critical_values
+from .events import FROM_FIRST, ONSET
+from .line import Line
+from .study import SweepStudy, cut_branches
+
+MODES = ("point", "branch", "frequency_hz", "real_1_s", "damping", "error_estimate", "verdict")
+EVENTS = (
+    "kind", "value", "imaginary", "accuracy", "frequency_hz", "real_1_s", "branch", "with_branch",
+    "family",
+)  # fmt: skip
+CHART = ("approach", "value", "value_2", "unstable_modes", "squeal_modes", "worst_damping")
+CRITICAL = (
+    "approach", "parameter", "family", "frequency_hz", "samples", "squeal_samples",
+    "at_first_value",
+    "value_5", "value_50", "value_50_low", "value_50_high", "value_95",
+)  # fmt: skip
+CURVE = ("approach", "family", "value", "samples", "share", "low", "high")
+
+
+class SweepTables:
+    """Tables of a sweep from its stored lines, on one process."""
+
+    def __init__(self, sweep: SweepStudy, families: tuple[Complex, Sequence[float]] | None = None):
+        """Read the lines.
+
+        Args:
+            sweep: the sweep.
+            families: vectors and frequencies [Hz] of the families of the scene's samples, by which
+                those of the sweep are numbered; numbered anew if None.
+        """
+        self._sweep = sweep
+        self._own = {t: sweep.line("own", t) for t in sweep.nominal}
+        self._samples = {t: sweep.line("sample", t) for t in sweep.samples}
+        self._family = self._families(families)
+
+    def write(self) -> dict[str, Any]:
+        """Write the tables; returns figures for the summary."""
+        sweep, path = self._sweep, self._sweep.study.store.path
+        where = ("approach", "sample", *(("value_2",) if self._chart else ()))
+        write_rows(path("sweep.csv"), [*where, "value", *MODES], self._mode_rows())
+        write_rows(path("lock_in.csv"), [*where, *EVENTS], self._event_rows())
+        if self._chart:
+            write_rows(path("chart.csv"), CHART, self._chart_rows())
+        found: list[Critical] = []
+        if sweep.samples:
+            found = critical_values(self._onsets(), self._rising)
+            write_rows(path("critical.csv"), CRITICAL, self._critical_rows(found))
+            write_rows(path("critical_curve.csv"), CURVE, self._curve_rows(found))
+        return {"sweep": self._facts(found)}
+
+    @property
+    def _chart(self) -> bool:
+        return bool(self._sweep.second)
+
+    @property
+    def _rising(self) -> bool:
+        return self._sweep.values[-1] > self._sweep.values[0]
+
+    def _lines(self) -> Iterator[tuple[list[Any], Task, str, Line]]:
+        """First cells, task and kind of every line that is there."""
+        for kind, lines in (("own", self._own), ("sample", self._samples)):
+            for task, (_, line) in lines.items():
+                if line is None:
+                    continue
+                first: list[Any] = [task[0], task[1] if kind == "sample" else None]
+                if self._chart:
+                    first.append(self._sweep.second[task[1]])
+                yield first, task, kind, line
+
+    def _mode_rows(self) -> Iterator[list[Any]]:
+        for first, _, kind, line in self._lines():
+            values = self._sweep.values if kind == "own" else self._sweep.coarse
+            wanted = {x: i for i, x in enumerate(values)}
+            for state, branch, s, error, verdict in line.rows():
+                x = float(line.x[state])
+                if x in wanted:
+                    omega = s.imag
+                    yield [
+                        *first, x, wanted[x], branch, omega / (2 * np.pi), s.real,
+                        -2 * s.real / omega + 0.0, error, verdict,
+                    ]  # fmt: skip
+
+    def _event_rows(self) -> Iterator[list[Any]]:
+        for first, task, kind, line in self._lines():
+            for i, e in enumerate(line.events):
+                there = np.isfinite(e.s)
+                pair = [n if n >= 0 else None for n in e.branches]
+                yield [
+                    *first, e.kind, e.x, e.imaginary, e.error,
+                    float(e.s.imag / (2 * np.pi)) if there else None,
+                    float(e.s.real) if there else None, *pair, self._family.get((kind, task, i)),
+                ]  # fmt: skip
+
+    def _families(
+        self, known: tuple[Complex, Sequence[float]] | None
+    ) -> dict[tuple[str, Task, int], int]:
+        """Family of the mode of every event that has a vector."""
+        # Events of one line may be of one family, which modes of one sample are not: one by one.
+        shapes = [] if known is None else [known[0]]
+        frequencies = [] if known is None else [np.asarray(known[1])]
+        keys = []
+        for _, task, kind, line in self._lines():
+            for i, e in enumerate(line.events):
+                if np.any(e.vector):
+                    keys.append((kind, task, i))
+                    shapes.append(e.vector[:, None].astype(complex))
+                    frequencies.append(np.array([e.s.imag / (2 * np.pi)]))
+        found = track_modes(shapes, frequencies)[len(shapes) - len(keys) :]
+        return {key: int(one[0]) for key, one in zip(keys, found, strict=True)}
+
+    def _onsets(self) -> list[list[tuple[int, float, float]]]:
+        """Of each sample that was followed, the modes that begin to squeal."""
+        found = []
+        for task, (_, line) in self._samples.items():
+            if line is None:
+                continue
+            before = -np.inf if self._rising else np.inf
+            own = [
+                (
+                    self._family[("sample", task, i)],
+                    e.x if e.kind == ONSET else before,
+                    e.s.imag / (2 * np.pi),
+                )
+                for i, e in enumerate(line.events)
+                if e.kind in (ONSET, FROM_FIRST)
+            ]
+            found.append(own)
+        return found
+
+    def _chart_rows(self) -> Iterator[list[Any]]:
+        threshold = self._sweep.threshold
+        for first, _, _, line in self._lines():
+            damping = -2 * line.s.real / line.s.imag
+            unstable = line.verdict == "unstable"
+            for x in self._sweep.values:
+                here = np.flatnonzero(line.x[line.state] == x)
+                squeal = unstable[here] & (damping[here] < -threshold)
+                worst = float(damping[here].min()) if here.size else None
+                yield [first[0], x, first[2], int(unstable[here].sum()), int(squeal.sum()), worst]
+
+    def _critical_rows(self, found: Sequence[Critical]) -> Iterator[list[Any]]:
+        for c in found:
+            low, middle, high = (c.quantile(p) for p in (0.05, 0.5, 0.95))
+            cells = [low[0], *middle, high[0]]
+            at_first = int(np.sum(c.values == -np.inf))
+            yield [
+                self._sweep.samples[0][0], self._sweep.key, c.family if c.family >= 0 else None,
+                c.frequency, c.values.size, c.reached, at_first,
+                *(float(v) if np.isfinite(v) else None for v in cells),
+            ]  # fmt: skip
+
+    def _curve_rows(self, found: Sequence[Critical]) -> Iterator[list[Any]]:
+        for c in found:
+            for x in self._sweep.values:
+                share = c.by(x)
+                number = c.family if c.family >= 0 else None
+                numbers = share.n, share.value, share.low, share.high
+                yield [self._sweep.samples[0][0], number, x, *numbers]
+
+    def _facts(self, found: Sequence[Critical]) -> dict[str, Any]:
+        """Figures for the summary."""
+        statuses = [status for lines in (self._own, self._samples) for status, _ in lines.values()]
+        lines = [line for _, _, _, line in self._lines()]
+        facts: dict[str, Any] = {
+            "parameters": self._sweep.keys, "lines": len(statuses),
+            "failed_lines": sum(status != "ok" for status in statuses),
+            "points": int(sum(line.x.size for line in lines)),
+            "cut_branches": sum(cut_branches(line) for line in lines),
+        }  # fmt: skip
+        if found:
+            middle = found[0].quantile(0.5)
+            facts["critical_value_any_family"] = {
+                "median": middle[0], "low": middle[1], "high": middle[2],
+                "samples": found[0].values.size, "squeal_samples": found[0].reached,
+            }  # fmt: skip
+        return facts
