@@ -24,6 +24,7 @@ import numpy as np
 from brake_fenicsx.errors import SceneError, StorageError
 from brake_fenicsx.lock import Lock
 from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.samples import changes_bodies
 from brake_fenicsx.tables import FORMAT
 
 # What to forget when a stage is run afresh; later stages lose theirs too.
@@ -188,10 +189,14 @@ def result_digest(scene: Scene) -> str:
     """Hash of all that the results of a sample depend on."""
     left_out = ("n", "approaches", "limit")
     samples = {k: v for k, v in scene.table.get("samples", {}).items() if k not in left_out}
-    table = {k: v for k, v in scene.table.items() if k not in ("stages", "samples")}
+    table = {k: v for k, v in scene.table.items() if k not in ("stages", "samples", "sweep")}
     # What counts as squeal changes no result of a sample.
     if "stability" in table:
         table["stability"] = {k: v for k, v in table["stability"].items() if k != "threshold"}
+    # The reduced model of all samples reaches over the values of a sweep that changes the bodies.
+    swept = scene.sweep.parameters if scene.sweep else {}
+    if changing := {k: r.points for k, r in swept.items() if changes_bodies(k)}:
+        table["sweep"] = changing
     base = str(scene.file.resolve().parent)
     content = {**table, "samples": samples, "base": base, "format": FORMAT}
     s = scene.samples

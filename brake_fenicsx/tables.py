@@ -53,7 +53,18 @@ CONTACT = (
 # Format of laws and samples on disk: what older programs wrote is not read as current.
 FORMAT = 2
 TEXT = frozenset(
-    {"approach", "status", "verdict", "stage", "quantity", "most_severe", "counted_by", "complete"}
+    {
+        "approach",
+        "status",
+        "verdict",
+        "stage",
+        "quantity",
+        "most_severe",
+        "counted_by",
+        "complete",
+        "kind",
+        "parameter",
+    }
 )
 
 _INTEGER = re.compile(r"[+-]?\d+")

@@ -22,6 +22,7 @@ from .squeal_figures import (
 )
 from .style import house_style, save
 from .surface_figures import draw_artificial, draw_statistics, draw_topography
+from .sweep_figures import draw_branches, draw_chart, draw_critical, draw_worst
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -120,6 +121,32 @@ PLOTS = (
         "Diamonds: total share with interactions, where the design provides it. Empty bars: too "
         "few samples for an interval. Negative shares are sampling error of the estimate.",
         draw_sensitivity,
+    ),
+    Plot(
+        "sweep_branches",
+        "Modes of the scene's own brake followed over the parameter: frequency above, damping "
+        "below. Dots: two modes merge (lock-in); squares: they split; diamonds: two damped modes "
+        "pass next to a merging. Coloured: branches that squeal, named by their frequency at the "
+        "last value. Dotted: the threshold of squeal.",
+        draw_branches,
+    ),
+    Plot(
+        "sweep_critical",
+        "Distribution of the critical value: share of the rough samples in which each family "
+        "squeals by a value of the parameter, with 95 % Wilson intervals.",
+        draw_critical,
+    ),
+    Plot(
+        "sweep_samples",
+        "Band over the samples that are followed: lowest damping of any mode of a sample, and "
+        "number of its squeal modes.",
+        draw_worst,
+    ),
+    Plot(
+        "sweep_chart",
+        "Stability chart over two parameters: number of squeal modes of the scene's own brake, "
+        "and its largest negative damping. White line: where squeal begins.",
+        draw_chart,
     ),
     Plot(
         "contact_pressure",

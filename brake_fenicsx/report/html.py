@@ -31,7 +31,8 @@ FAMILIES = 12  # rows of each approach in the table of families
 CAPTIONS = {plot.name: plot.caption for plot in PLOTS}
 JUDGED = {  # figures of what squeals
     "figure9_squeal_map", "squeal_families", "probability_per_band", "unstable_per_sample",
-    "convergence", "drivers", "sensitivity",
+    "convergence", "drivers", "sensitivity", "sweep_branches", "sweep_critical", "sweep_samples",
+    "sweep_chart",
 }  # fmt: skip
 LAST_START = (
     "<p>Times of the last run only; stages reused from earlier runs count as zero. Times per "
@@ -94,6 +95,7 @@ def render_page(run: RunData) -> str:
     sections = [
         ("squeal", "Squeal map", _squeal(run)),
         ("probability", "Probability per band", _probability(run)),
+        ("sweep", "Lock-in over the parameter", _sweep(run)),
         ("drivers", "Which inputs cause it", _drivers(run)),
         ("pressure", "Contact pressure on the pads", _figures(run, "contact_pressure")),
         ("shapes", "Mesh and mode shapes", _shapes(run)),
@@ -268,6 +270,37 @@ def _drivers(run: RunData) -> str:
     short = [[row[j] for j in full] for row in rows]
     told = note + table([heads[j] for j in full], short) if rows else ""
     return _figures(run, "sensitivity", "drivers") + told
+
+
+def _sweep(run: RunData) -> str:
+    """Branches over the parameter, and where each family begins to squeal."""
+    names = ("sweep_branches", "sweep_critical", "sweep_samples", "sweep_chart")
+    figures, critical = _figures(run, *names), run.sweep.get("critical")
+    if critical is None or not critical["family"].size:
+        return figures
+    rows = []
+    for i, family in enumerate(critical["family"]):
+        low, middle, high = (critical[f"value_{p}"][i] for p in (5, 50, 95))
+        interval = [critical[f"value_50_{end}"][i] for end in ("low", "high")]
+        rows.append([
+            "any" if np.isnan(family) else int(family), f"{critical['frequency_hz'][i] / 1e3:.3f}",
+            int(critical["samples"][i]), int(critical["squeal_samples"][i]),
+            *(_censored(v) for v in (low, middle, *interval, high)),
+        ])  # fmt: skip
+    heads = [
+        "family", "frequency [kHz]", "samples", "squeal samples", "5 % squeal by", "50 % squeal by",
+        "lower end of its 95 % interval", "upper end", "95 % squeal by",
+    ]  # fmt: skip
+    note = (
+        f"<p>Value of {escape(str(critical['parameter'][0]))} (SI units) at which a family begins "
+        "to squeal, over the rough samples; a dash lies outside the values that were "
+        "followed.</p>"
+    )
+    return figures + note + table(heads, rows)
+
+
+def _censored(value: float) -> str:
+    return f"{value:.4g}" if np.isfinite(value) else "-"
 
 
 def _limit(run: RunData) -> str:

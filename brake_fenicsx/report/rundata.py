@@ -19,6 +19,7 @@ from .style import APPROACH_NAME, SMOOTH
 Arrays = dict[str, NDArray]
 
 ORDER = ("classical", "fast", "multi-scale", "joint")
+SWEEP = ("sweep", "lock_in", "chart", "critical", "critical_curve")
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +35,7 @@ class RunData:
         surface: arrays of ``surface.npz``.
         maps: arrays of ``contact_maps.npz``.
         faces: arrays of ``contact_faces.npz``.
+        sweep: tables of a sweep by the stem of their files, such as ``lock_in``.
         summary: content of ``summary.json``.
         scene: text of ``scene.toml``.
     """
@@ -46,6 +48,7 @@ class RunData:
     surface: Arrays | None = None
     maps: Arrays | None = None
     faces: Arrays | None = None
+    sweep: dict[str, Columns] = field(default_factory=dict)
     summary: dict[str, Any] = field(default_factory=dict)
     scene: str | None = None
 
@@ -110,6 +113,7 @@ def read_run(directory: str | Path | RunData) -> RunData:
         surface=_surface(root / "surface.npz"),
         maps=_arrays(root / "contact_maps.npz", ("size", "p_over_E", "pressures")),
         faces=_arrays(root / "contact_faces.npz", ("corners", "facet")),
+        sweep={name: t for name in SWEEP if (t := _table(root / f"{name}.csv", ())) is not None},
         summary=_json(root / "summary.json"),
         scene=scene.read_text(encoding="utf-8") if scene.is_file() else None,
     )

@@ -164,6 +164,11 @@ def split_key(name: str) -> tuple[str, str, str]:
     return section, table.strip('"'), last
 
 
+def changes_bodies(name: str) -> bool:
+    """Whether a scalar, by its dotted key, enters the matrices of the bodies."""
+    return split_key(name)[0] == "materials"
+
+
 def unit_of(name: str) -> str:
     """SI unit of a scalar of the scene that may be random.
 

@@ -13,6 +13,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from brake_fenicsx.stability.modes import Complex, track_modes
 from brake_fenicsx.tables import write_rows
@@ -35,6 +36,10 @@ CRITICAL = (
     "value_5", "value_50", "value_50_low", "value_50_high", "value_95",
 )  # fmt: skip
 CURVE = ("approach", "family", "value", "samples", "share", "low", "high")
+
+# Least MAC of a mode at its onset with the family that it is named after: that of a mode that is
+# made of two in equal parts, and of little else.
+RESEMBLES = 0.4
 
 
 class SweepTables:
@@ -116,17 +121,19 @@ class SweepTables:
     ) -> dict[tuple[str, Task, int], int]:
         """Family of the mode of every event that has a vector."""
         # Events of one line may be of one family, which modes of one sample are not: one by one.
-        shapes = [] if known is None else [known[0]]
-        frequencies = [] if known is None else [np.asarray(known[1])]
-        keys = []
+        shapes, frequencies, keys = [], [], []
         for _, task, kind, line in self._lines():
             for i, e in enumerate(line.events):
                 if np.any(e.vector):
                     keys.append((kind, task, i))
                     shapes.append(e.vector[:, None].astype(complex))
                     frequencies.append(np.array([e.s.imag / (2 * np.pi)]))
-        found = track_modes(shapes, frequencies)[len(shapes) - len(keys) :]
-        return {key: int(one[0]) for key, one in zip(keys, found, strict=True)}
+        # A mode that begins to squeal resembles both of the pair that merged: such modes are
+        # gathered first, and each family of them then takes the number of the nearest known one.
+        own = [int(one[0]) for one in track_modes(shapes, frequencies)]
+        founders = [shapes[own.index(n)] for n in range(max(own, default=-1) + 1)]
+        number = _known_numbers(founders, None if known is None else known[0])
+        return {key: number[n] for key, n in zip(keys, own, strict=True)}
 
     def _onsets(self) -> list[list[tuple[int, float, float]]]:
         """Of each sample that was followed, the modes that begin to squeal."""
@@ -194,3 +201,17 @@ class SweepTables:
                 "samples": found[0].values.size, "squeal_samples": found[0].reached,
             }  # fmt: skip
         return facts
+
+
+def _known_numbers(founders: Sequence[Complex], known: Complex | None) -> list[int]:
+    """Number of each family: of the known one it is likest to, each given once; else a new one."""
+    beyond = 0 if known is None else known.shape[1]
+    numbers = [beyond + n for n in range(len(founders))]
+    if known is None or not founders:
+        return numbers
+    X = np.hstack(founders)
+    mac = np.abs((known / np.linalg.norm(known, axis=0)).conj().T @ (X / np.linalg.norm(X, axis=0)))
+    for i, j in zip(*linear_sum_assignment(-(mac**2)), strict=True):
+        if mac[i, j] ** 2 >= RESEMBLES:
+            numbers[j] = int(i)
+    return numbers

@@ -1,0 +1,209 @@
+"""Figures of a sweep: branches over a parameter, critical values over the samples, the chart."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.scene.samples import unit_of
+from brake_fenicsx.tables import Columns
+
+from .rundata import RunData
+from .squeal_figures import KHZ, LINEAR_DAMPING
+from .style import (
+    BLACK,
+    CYCLE,
+    DAMPING_LABEL,
+    GREY,
+    MARKERS,
+    label,
+    light_grid,
+    look,
+    new_figure,
+    panel,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# Branches and families with a colour of their own.
+MOST = 7
+# How values that are stored in SI units are shown.
+SHOWN = {"Pa": (1e-6, "MPa"), "Pa/m": (1e-9, "GPa/m")}
+QUANTILES = (0.05, 0.5, 0.95)
+
+
+def axis_of(run: RunData, number: int = 0) -> tuple[float, str]:
+    """Factor and label of a parameter of the sweep.
+
+    Args:
+        run: the results.
+        number: of the parameter.
+    """
+    keys = run.summary.get("sweep", {}).get("parameters", [])
+    if number >= len(keys):
+        return 1.0, "parameter"
+    unit = unit_of(str(keys[number]))
+    factor, shown = SHOWN.get(unit, (1.0, unit))
+    return factor, f"{keys[number]} [{shown or '-'}]"
+
+
+def draw_branches(run: RunData) -> Figure | None:
+    """Frequency and damping of every branch of the scene's own brake, lock-in marked."""
+    table = run.sweep.get("sweep")
+    if table is None or "value_2" in table or not np.any(own := np.isnan(table["sample"])):
+        return None
+    approaches = [a for a in run.approaches if np.any(own & (table["approach"] == a))]
+    figure, axes = new_figure(2, len(approaches), height=5.6, sharex=True, sharey="row")
+    factor, name = axis_of(run)
+    for column, approach in enumerate(approaches):
+        rows = _chosen(table, own & (table["approach"] == approach))
+        top, bottom = axes[0, column], axes[1, column]
+        colours = _loud(rows, run.threshold)
+        for number in np.unique(rows["branch"]):
+            one = rows["branch"] == number
+            colour = colours.get(int(number))
+            style: dict[str, Any] = {"color": colour or "#bbbbbb", "lw": 1.6 if colour else 0.6}
+            x, f = factor * rows["value"][one], rows["frequency_hz"][one] / 1e3
+            text = f"{f[-1]:.2f} kHz" if colour else None
+            top.plot(x, f, zorder=3 if colour else 2, **style)
+            bottom.plot(x, rows["damping"][one], label=text, zorder=3 if colour else 2, **style)
+        _mark_mergings(top, run, approach, factor)
+        panel(top, "ab"[column], label(run, approach))
+        bottom.axhline(-run.threshold, color=BLACK, lw=0.6, ls=":")
+        bottom.set_yscale("symlog", linthresh=LINEAR_DAMPING, linscale=0.6)
+        bottom.set_xlabel(name)
+        for axis in (top, bottom):
+            light_grid(axis)
+        if colours:
+            bottom.legend(ncol=2, title="squeals, at the last value", fontsize=7, loc="best")
+    axes[0, 0].set_ylabel(KHZ)
+    axes[1, 0].set_ylabel(DAMPING_LABEL)
+    return figure
+
+
+def _chosen(table: Columns, rows: NDArray[np.bool_]) -> Columns:
+    return {name: column[rows] for name, column in table.items()}
+
+
+def _loud(rows: Columns, threshold: float) -> dict[int, str]:
+    """Colour of the branches that squeal, the worst ones of them."""
+    worst = {}
+    for number in np.unique(rows["branch"]):
+        one = (rows["branch"] == number) & (rows["verdict"] == "unstable")
+        lowest = rows["damping"][one].min(initial=0.0)
+        if lowest < -threshold:
+            worst[int(number)] = lowest
+    chosen = sorted(worst, key=lambda n: float(worst[n]))[:MOST]
+    return {n: CYCLE[i % len(CYCLE)] for i, n in enumerate(sorted(chosen))}
+
+
+def _mark_mergings(axes: Any, run: RunData, approach: str, factor: float) -> None:
+    """Where modes merge and split."""
+    events = run.sweep.get("lock_in")
+    if events is None:
+        return
+    own = np.isnan(events["sample"]) & (events["approach"] == approach)
+    looks = {
+        "merging": (MARKERS[0], BLACK), "splitting": (MARKERS[1], "white"),
+        "near merging": (MARKERS[3], GREY),
+    }  # fmt: skip
+    for kind, (marker, colour) in looks.items():
+        here = own & (events["kind"] == kind)
+        if here.any():
+            axes.scatter(
+                factor * events["value"][here], events["frequency_hz"][here] / 1e3, s=13,
+                marker=marker, facecolor=colour, edgecolor=BLACK, lw=0.6, zorder=4, label=kind,
+            )  # fmt: skip
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(loc="upper left", fontsize=7, frameon=True, framealpha=0.85)
+
+
+def draw_critical(run: RunData) -> Figure | None:
+    """Share of samples in which each family squeals by a value, with intervals."""
+    curve, families = run.sweep.get("critical_curve"), run.sweep.get("critical")
+    if curve is None or families is None or not families["family"].size:
+        return None
+    factor, name = axis_of(run)
+    figure, axes = new_figure(1, 1, height=3.4)
+    axis = axes[0, 0]
+    for i, family in enumerate(families["family"][: MOST + 1]):
+        any_ = np.isnan(family)
+        own = np.isnan(curve["family"]) if any_ else curve["family"] == family
+        x, colour = factor * curve["value"][own], BLACK if any_ else CYCLE[(i - 1) % len(CYCLE)]
+        hits, n = int(families["squeal_samples"][i]), int(families["samples"][i])
+        text = "any family" if any_ else f"{families['frequency_hz'][i] / 1e3:.2f} kHz"
+        axis.plot(x, curve["share"][own], color=colour, lw=2.0 if any_ else 1.3,
+                  ls="--" if any_ else "-", label=f"{text} ({hits} of {n})")  # fmt: skip
+        axis.fill_between(x, curve["low"][own], curve["high"][own], color=colour, alpha=0.12, lw=0)
+    axis.set_xlabel(name)
+    axis.set_ylabel("share of samples that squeal by then [-]")
+    axis.set_ylim(0, 1.02)
+    light_grid(axis)
+    axis.legend(loc="upper left", bbox_to_anchor=(1.0, 1.02))
+    return figure
+
+
+def draw_worst(run: RunData) -> Figure | None:
+    """Band over the samples: lowest damping of any mode, and number of squeal modes."""
+    table = run.sweep.get("sweep")
+    if table is None or not np.any(rows := ~np.isnan(table["sample"])):
+        return None
+    own = _chosen(table, rows)
+    values = np.unique(own["value"])
+    samples = np.unique(own["sample"])
+    lowest, number = np.zeros((2, samples.size, values.size))
+    at = np.searchsorted(values, own["value"])
+    place = np.searchsorted(samples, own["sample"])
+    np.minimum.at(lowest, (place, at), np.where(own["verdict"] == "unstable", own["damping"], 0.0))
+    squeal = (own["verdict"] == "unstable") & (own["damping"] < -run.threshold)
+    np.add.at(number, (place[squeal], at[squeal]), 1)
+    factor, name = axis_of(run)
+    colour, _ = look(str(own["approach"][0]))
+    figure, axes = new_figure(1, 2, height=2.8)
+    for axis, data, text in (
+        (axes[0, 0], lowest, "lowest damping of a sample [-]"),
+        (axes[0, 1], number, "squeal modes of a sample [-]"),
+    ):
+        low, middle, high = np.quantile(data, QUANTILES, axis=0)
+        axis.fill_between(factor * values, low, high, color=colour, alpha=0.25, lw=0,
+                          label="5 to 95 %")  # fmt: skip
+        axis.plot(factor * values, middle, color=colour, label="median")
+        axis.set_xlabel(name)
+        axis.set_ylabel(text)
+        light_grid(axis)
+    axes[0, 0].set_yscale("symlog", linthresh=LINEAR_DAMPING, linscale=0.6)
+    axes[0, 0].axhline(-run.threshold, color=BLACK, lw=0.6, ls=":")
+    axes[0, 1].legend(loc="upper left")
+    return figure
+
+
+def draw_chart(run: RunData) -> Figure | None:
+    """Stability chart over two parameters: number of squeal modes, and lowest damping."""
+    chart = run.sweep.get("chart")
+    if chart is None:
+        return None
+    approaches = [a for a in run.approaches if np.any(chart["approach"] == a)]
+    figure, axes = new_figure(len(approaches), 2, height=2.9 * len(approaches), sharex=True,
+                              sharey=True)  # fmt: skip
+    (fx, x_name), (fy, y_name) = axis_of(run), axis_of(run, 1)
+    for row, approach in zip(axes, approaches, strict=True):
+        own = _chosen(chart, chart["approach"] == approach)
+        x, i = np.unique(own["value"], return_inverse=True)
+        y, j = np.unique(own["value_2"], return_inverse=True)
+        for axis, data, text in (
+            (row[0], own["squeal_modes"], "squeal modes"),
+            (row[1], np.maximum(-own["worst_damping"], 0.0), "largest negative damping [-]"),
+        ):
+            grid = np.full((y.size, x.size), np.nan)
+            grid[j, i] = data
+            mesh = axis.pcolormesh(fx * x, fy * y, grid, shading="nearest", cmap="viridis")
+            figure.colorbar(mesh, ax=axis, label=text)
+            axis.contour(fx * x, fy * y, grid, levels=[1e-9], colors="white", linewidths=0.8)
+        row[0].set_ylabel(y_name)
+        panel(row[0], "ab"[approaches.index(approach)], label(run, approach))
+    for axis in axes[-1]:
+        axis.set_xlabel(x_name)
+    return figure
