@@ -35,6 +35,7 @@ if TYPE_CHECKING:
     from brake_fenicsx.macro.brake import Brake
     from brake_fenicsx.micro import LawLibrary, LawRecipe
     from brake_fenicsx.surface import SurfaceStatistics
+    from brake_fenicsx.uncertainty.study import Study
 
 FOLDER = "folder"  # all of a results folder, as a piece of work
 # Hardness of a hard lining, a usual pressure of braking [Pa], and the share of the force beyond
@@ -109,19 +110,20 @@ class Run:
         return f"{said}; {look if self.page is None else f'open {self.page}'}"
 
 
-def assemble(scene: str | Path, comm: MPI.Comm) -> Brake:
+def assemble(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -> Brake:
     """Operators of a scene's brake.
 
     Args:
         scene: path of the scene.
         comm: communicator of mesh and matrices.
+        overrides: "key=value" replacements in the scene.
 
     Returns:
         ``.K .M .N .T .R .w .f .points .mesh``.
     """
     from brake_fenicsx.macro.brake import assemble_brake
 
-    return assemble_brake(read_scene(scene), comm)
+    return assemble_brake(read_scene(scene, overrides), comm)
 
 
 def run(
@@ -208,15 +210,22 @@ def refuse_if_all_failed(this: Run) -> None:
         )
 
 
-def compute(this: Run, stats: SurfaceStatistics | None) -> None:
-    """All stages but the report."""
+def before_samples(
+    this: Run, stats: SurfaceStatistics | None
+) -> tuple[Brake | None, LawLibrary | None]:
+    """Brake and laws of a scene, as far as its stages ask for them; collective."""
     stages = this.scene.stages
     # First, since laws may be made for the mean contact element.
     brake = brake_stage(this) if "equilibrium" in stages else None
     this.scene = with_pixels(this.scene, stats)
     if stats is not None:
         surface_stage(this, stats)
-    library = micro_stage(this, stats) if "micro" in stages and stats else None
+    return brake, micro_stage(this, stats) if "micro" in stages and stats else None
+
+
+def compute(this: Run, stats: SurfaceStatistics | None) -> None:
+    """All stages but the report."""
+    brake, library = before_samples(this, stats)
     if brake is not None:
         mechanics(this, stats, library, brake)
     if this.comm.rank == 0:
@@ -458,10 +467,10 @@ def note_open_points(this: Run) -> None:
         logger.warning("%s", text)
 
 
-def mechanics(
+def make_study(
     this: Run, stats: SurfaceStatistics | None, library: LawLibrary | None, brake: Brake
-) -> None:
-    """Shared reduction, and every sample's equilibrium and modes."""
+) -> Study:
+    """What the samples of a scene share, made or read from the folder; collective."""
     from brake_fenicsx.uncertainty.study import Study
 
     recipe = law_recipe(this.scene, stats) if stats else None
@@ -478,12 +487,20 @@ def mechanics(
     with this.stage("shared"):
         study.prepare()
         this.facts |= study.facts
+    return study
+
+
+def mechanics(
+    this: Run, stats: SurfaceStatistics | None, library: LawLibrary | None, brake: Brake
+) -> None:
+    """Shared reduction, and every sample's equilibrium and modes."""
+    study = make_study(this, stats, library, brake)
     share(this)
     with this.stage("samples"):
         study.run()
     sweep = None
     if this.scene.sweep is not None:
-        from brake_fenicsx.sweep.study import SweepStudy
+        from brake_fenicsx.sweeps.study import SweepStudy
 
         with this.stage("sweep"):
             sweep = SweepStudy(study)

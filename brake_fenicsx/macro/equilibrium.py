@@ -35,7 +35,7 @@ BISECTIONS = 7
 REFINEMENTS, LITTLE = 12, 1e-4
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Equilibrium:
     """Equilibrium of the contact elements.
 
@@ -65,6 +65,14 @@ class Equilibrium:
     history: tuple[float, ...]
     seconds: float
     u: Array | None = None
+
+    def __repr__(self) -> str:
+        """One line."""
+        closed = int(np.sum(self.p > 0))
+        return (
+            f"Equilibrium({closed} of {self.p.size} elements closed, residual {self.residual:.1e},"
+            f" {sum(self.iterations)} iterations)"
+        )
 
 
 def equilibrium(

@@ -33,7 +33,7 @@ class Count:
     how: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Modes:
     """Complex modes of a band, sorted by frequency, one of each conjugate pair.
 
@@ -65,6 +65,14 @@ class Modes:
     def __len__(self) -> int:
         """Number of modes."""
         return int(self.s.size)
+
+    def __repr__(self) -> str:
+        """One line."""
+        if not len(self):
+            return "Modes(none)"
+        ends = self.frequency.min(), self.frequency.max()
+        unstable = self.verdict.count("unstable")
+        return f"Modes({len(self)} from {ends[0]:.1f} to {ends[1]:.1f} Hz, {unstable} unstable)"
 
     @property
     def frequency(self) -> Array:

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
-from brake_fenicsx.sweep.branches import CUT, ENTERED, LEFT, follow
-from brake_fenicsx.sweep.events import END, MERGING, NEAR, ONSET, SPLITTING, find_events
-from brake_fenicsx.sweep.state import State
+from brake_fenicsx.sweeps.branches import CUT, ENTERED, LEFT, follow
+from brake_fenicsx.sweeps.events import END, MERGING, NEAR, ONSET, SPLITTING, find_events
+from brake_fenicsx.sweeps.state import State
 from sweep_models import MERGED, hoffmann, modes_of, solver
 
 WIDE = (0.0, 1e5)

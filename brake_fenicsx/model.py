@@ -1,0 +1,216 @@
+"""A scene prepared once, and its modes at any values of its scalars: for scripts and notebooks."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from mpi4py import MPI
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from brake_fenicsx.cache import SharedCache
+from brake_fenicsx.checks import check
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.pipeline import Run, before_samples, make_study
+from brake_fenicsx.scene import Scene, read_scene
+from brake_fenicsx.scene.samples import unit_of
+from brake_fenicsx.scene.sweep import Range, Sweep
+from brake_fenicsx.store import Store
+
+if TYPE_CHECKING:
+    from brake_fenicsx.macro.equilibrium import Equilibrium
+    from brake_fenicsx.stability.modes import Modes
+    from brake_fenicsx.sweeps.events import Event
+    from brake_fenicsx.uncertainty.study import Study
+
+Array = NDArray[np.float64]
+
+
+class Branches:
+    """Modes followed over a scalar of the scene.
+
+    Attributes:
+        values: of the scalar, SI, shape (values,).
+        frequency: of every branch at every value [Hz], nan where it is not in the band, shape
+            (branches, values).
+        damping: -2 alpha / |omega| [-], likewise.
+        events: where modes merge, split, begin and end to squeal; ``kind``, ``x``, ``s`` and
+            ``branches`` of each.
+        ends: why each branch ends.
+    """
+
+    def __init__(
+        self, values: Array, frequency: Array, damping: Array, events: list[Event], ends: list[str]
+    ):
+        self.values, self.frequency, self.damping = values, frequency, damping
+        self.events, self.ends = events, ends
+
+    def __repr__(self) -> str:
+        """One line."""
+        merge = sum(e.kind == "merging" for e in self.events)
+        return (
+            f"Branches({len(self.frequency)} over {self.values.size} values from"
+            f" {self.values[0]:g} to {self.values[-1]:g}, {merge} mergings)"
+        )
+
+
+class Model:
+    """A scene whose brake, laws and reduced model are made.
+
+    Attributes:
+        scene: the scene.
+        study: its samples.
+    """
+
+    def __init__(self, scene: Scene, study: Study, folder: tempfile.TemporaryDirectory | None):
+        self.scene, self.study, self._folder = scene, study, folder
+
+    def __repr__(self) -> str:
+        """One line."""
+        approaches = ", ".join(self.scene.samples.approaches)
+        return (
+            f"Model({self.scene.file.name}: {approaches}; {self.study.brake.size()['dofs']} dofs)"
+        )
+
+    def modes(
+        self,
+        values: Mapping[str, float] | None = None,
+        approach: str | None = None,
+        sample: int = 0,
+    ) -> Modes:
+        """Complex modes of a sample at its braking equilibrium.
+
+        Args:
+            values: scalars of the scene by dotted key, SI; others as in the sample.
+            approach: one of the scene's; its first if None.
+            sample: number of the sample.
+
+        Raises:
+            SceneError: no such approach, key or sample.
+            NotConverged: no equilibrium.
+        """
+        return self.equilibrium_and_modes(values, approach, sample)[1]
+
+    def equilibrium_and_modes(
+        self,
+        values: Mapping[str, float] | None = None,
+        approach: str | None = None,
+        sample: int = 0,
+    ) -> tuple[Equilibrium, Modes]:
+        """The same with the equilibrium."""
+        for key in values or {}:
+            unit_of(key)
+        return self.study.solved(self._task(approach, sample), values or {})
+
+    def sweep(
+        self,
+        key: str,
+        values: ArrayLike,
+        approach: str | None = None,
+        sample: int = 0,
+        tolerance: float = 1e-4,
+    ) -> Branches:
+        """Follow the modes of a sample over a scalar of the scene.
+
+        Args:
+            key: dotted key of the scalar, as in ``[sweep.parameters]``.
+            values: SI, rising or falling, shape (values,).
+            approach: one of the scene's; its first if None.
+            sample: number of the sample.
+            tolerance: accuracy of the events, relative to the range of the values.
+
+        Raises:
+            SceneError: no such approach, key or sample.
+            NotConverged: no equilibrium at one of the values.
+        """
+        from brake_fenicsx.sweeps.branches import follow
+        from brake_fenicsx.sweeps.events import find_events
+        from brake_fenicsx.sweeps.points import Points
+
+        x = np.asarray(values, float)
+        stability = self.scene.stability
+        if stability is None:
+            raise SceneError(f"{self.scene.file}: stability: the section is missing")
+        solve = Points(self.study, self._task(approach, sample), key)
+        followed = follow(solve, [float(v) for v in x], (stability.band[0], stability.band[1]))
+        events = find_events(followed, solve, stability.threshold, tolerance)
+        place = {float(v): i for i, v in enumerate(x)}
+        frequency, damping = np.full((2, len(followed.branches), x.size), np.nan)
+        for branch in followed.branches:
+            for state, mode in zip(branch.states, branch.modes, strict=True):
+                there = followed.states[state]
+                if (i := place.get(there.x)) is not None:
+                    frequency[branch.number, i] = there.frequency[mode]
+                    damping[branch.number, i] = there.damping[mode]
+        return Branches(x, frequency, damping, events, [b.end for b in followed.branches])
+
+    def _task(self, approach: str | None, sample: int) -> tuple[str, int]:
+        named = self.scene.samples.approaches
+        chosen = named[0] if approach is None else approach
+        count = sum(task[0] == chosen for task in self.study.tasks)
+        if not 0 <= sample < count:
+            raise SceneError(
+                f"{self.scene.file}: sample {sample} of {chosen!r}: approaches are"
+                f" {', '.join(named)}, and it has {count} samples"
+            )
+        return chosen, sample
+
+
+def prepare(
+    scene: str | Path,
+    overrides: Sequence[str] = (),
+    directory: str | Path | None = None,
+    cache: str | Path | None = None,
+    parameters: Mapping[str, Sequence[float]] | None = None,
+    comm: MPI.Comm | None = None,
+) -> Model:
+    """Make what the samples of a scene share: brake, laws, reduced model; collective.
+
+    Args:
+        scene: path of the scene.
+        overrides: "key=value" replacements in the scene.
+        directory: results folder, kept; a temporary one if not given.
+        cache: folder of laws and reduced models that runs of similar scenes share.
+        parameters: dotted key -> lowest and highest value, SI, of scalars that enter the matrices
+            of the bodies and will take other values than in the scene.
+        comm: processes; this process alone if None.
+
+    Raises:
+        SceneError: the scene is wrong, or has no stage equilibrium.
+    """
+    parsed, comm = read_scene(scene, overrides), MPI.COMM_SELF if comm is None else comm
+    if "equilibrium" not in parsed.stages:
+        raise SceneError(f"{parsed.file}: stages: 'equilibrium' is missing")
+    if parameters:
+        ranges = {key: Range(values=tuple(map(float, v))) for key, v in parameters.items()}
+        parsed = replace(parsed, sweep=Sweep(ranges))
+    folder = tempfile.TemporaryDirectory(prefix="brake_fenicsx-") if directory is None else None
+    store = Store(Path(folder.name if folder is not None else str(directory)))
+    store.check(parsed)
+    stats = check(parsed, comm)
+    this = Run(parsed, comm, store, SharedCache(store, None if cache is None else Path(cache)))
+    store.open(parsed)
+    brake, library = before_samples(this, stats)
+    if brake is None:
+        raise SceneError(f"{parsed.file}: stages: 'equilibrium' is missing")
+    return Model(this.scene, make_study(this, stats, library, brake), folder)
+
+
+def sweep(scene: str | Path | Model, key: str, values: ArrayLike, **chosen: str | int) -> Branches:
+    """Follow the modes of a scene over one of its scalars.
+
+    Args:
+        scene: path of the scene, or a model that was prepared.
+        key: dotted key of the scalar, as in ``[sweep.parameters]``.
+        values: SI, rising or falling, shape (values,).
+        **chosen: ``approach``, ``sample`` and ``tolerance`` of ``Model.sweep``.
+    """
+    x = np.asarray(values, float)
+    if not isinstance(scene, Model):
+        scene = prepare(scene, parameters={key: [float(x.min()), float(x.max())]})
+    return scene.sweep(key, x, **chosen)  # type: ignore[arg-type]
