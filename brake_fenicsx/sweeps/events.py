@@ -11,7 +11,7 @@ passes; a mode then begins to squeal where its own damping passes the threshold.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +34,9 @@ JUMP = "jump"
 # A damped pair passes next to a merging if its complex value lies within this share of the range
 # from the real axis, and is looked for again this often at most.
 BESIDE, AGAIN = 0.05, 8
+
+# A root is looked for by polynomials through so many points, so many times.
+POINTS, SMOOTH = 4, 6
 
 # Change of the complex value, relative to its imaginary part, at which it is found.
 SETTLED = 0.05
@@ -103,10 +106,8 @@ def _merging(
 ) -> Event:
     """Root of d between two states."""
     a, b = followed.states[state], followed.states[state + 1]
-    own = _modes(followed, pair, state)
-    search = _Search(solve, a, own)
-    search.known(b, _modes(followed, pair, state + 1))
-    start = squared_distance(a, own)
+    search = _search(followed, solve, pair, state)
+    start = squared_distance(a, _modes(followed, pair, state))
     x, error = search.root(lambda s, *at: (squared_distance(s, at) / start).real, a.x, b.x, width)
     there, (i, j) = search.at(x)
     mean = 0.5 * (there.s[i] + there.s[j])
@@ -158,23 +159,19 @@ def _crossing(
     mate, turning = _mate(followed, branch, state), _turning(followed, branch, state)
     if mate is None and turning is not None:
         # One mode has no continuation through a merging; the faster growing one of both has.
-        search = _Search(solve, a, _modes(followed, turning, state))
-        search.known(b, _modes(followed, turning, state + 1))
+        search = _search(followed, solve, turning, state)
         x, error = search.root(
             lambda s, *pair: float(s.damping[list(pair)].min() + threshold), a.x, b.x, width
         )
         there, chosen = search.at(x)
         i = min(chosen, key=lambda n: float(there.damping[n]))
     elif mate is None:
-        search = _Search(solve, a, (followed.at(branch, state),))
-        search.known(b, (followed.at(branch, state + 1),))
+        search = _search(followed, solve, (branch.number,), state)
         x, error = search.root(lambda s, i: float(s.damping[i] + threshold), a.x, b.x, width)
         there, (i,) = search.at(x)
     else:
         # Of an undamped pair d grows smoothly from below zero to (threshold |omega|)^2.
-        pair = branch.number, mate
-        search = _Search(solve, a, _modes(followed, pair, state))
-        search.known(b, _modes(followed, pair, state + 1))
+        search = _search(followed, solve, (branch.number, mate), state)
 
         def excess(s: State, i: int, j: int) -> float:
             omega = 0.5 * abs(s.s[i].imag + s.s[j].imag)
@@ -287,6 +284,18 @@ def _root_of_parabola(x: Array, d: Complex, guess: complex) -> complex:
     return complex(roots[np.argmin(np.abs(roots - guess))])
 
 
+def _search(followed: Followed, solve: Solve, group: tuple[int, ...], state: int) -> _Search:
+    """Search for a group of branches between a state and the next one, and the states around."""
+    branches = [followed.branches[n] for n in group]
+    around = [n for n in (state, state + 1, state - 1, state + 2) if all(
+        b.states[0] <= n <= b.states[-1] for b in branches)]  # fmt: skip
+    chosen = [tuple(followed.at(b, n) for b in branches) for n in around]
+    search = _Search(solve, followed.states[around[0]], chosen[0])
+    for n, modes in zip(around[1:], chosen[1:], strict=True):
+        search.known(followed.states[n], modes)
+    return search
+
+
 class _Search:
     """A group of modes at further values of the parameter, found by its projector."""
 
@@ -308,17 +317,48 @@ class _Search:
         self, value: Callable[..., float], a: float, b: float, width: float
     ) -> tuple[float, float]:
         """Zero of a function of the group between two values, and its accuracy."""
+        computed: dict[float, float] = {}
 
         def f(x: float) -> float:
-            state, group = self.at(x)
-            return value(state, *group)
+            if x not in computed:
+                state, group = self.at(x)
+                computed[x] = value(state, *group)
+            return computed[x]
 
         fa, fb = f(a), f(b)
         if fa == 0.0 or fb == 0.0:
             return (a if fa == 0.0 else b), width
         if fa * fb > 0:
             return (b if abs(fb) <= abs(fa) else a), abs(b - a)
+        last = np.inf
+        for _ in range(SMOOTH):
+            known = sorted(self._states, key=lambda x: abs(x - 0.5 * (a + b)))[:POINTS]
+            x = _interpolated_root([(x, f(x)) for x in {*known, a, b}], a, b)
+            if abs(x - last) <= 0.5 * width:
+                # That one was computed.
+                return last, width
+            last, fx = x, f(x)
+            if fx == 0.0:
+                return x, width
+            if fx * f(a) > 0:
+                a = x
+            else:
+                b = x
+        # Not smooth, as where a contact element opens.
         return float(brentq(f, a, b, xtol=width, rtol=4 * np.finfo(float).eps)), width
+
+
+def _interpolated_root(points: Sequence[tuple[float, float]], a: float, b: float) -> float:
+    """Root between two values of the polynomial through some points; their secant's if none."""
+    x, y = np.array(points).T
+    middle, half = 0.5 * (a + b), 0.5 * abs(b - a)
+    at = dict(points)
+    secant = (a * at[b] - b * at[a]) / (at[b] - at[a])
+    scaled = (x - middle) / half
+    roots = np.roots(np.linalg.solve(np.vander(scaled), y / np.abs(y).max()))
+    real = roots[np.abs(roots.imag) <= 1e-9].real
+    inside = middle + half * real[np.abs(real) < 1]
+    return float(inside[np.argmin(np.abs(inside - secant))]) if inside.size else secant
 
 
 def _same_group(old: State, group: tuple[int, ...], new: State) -> tuple[int, ...]:
