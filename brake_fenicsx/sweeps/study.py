@@ -26,7 +26,7 @@ from .points import Points
 from .state import State
 
 # Accuracy of an event relative to the range: of the scene's own brake, and of a sample.
-FINE, COARSE = 1e-4, 1e-3
+FINE, COARSE = 1e-4, 2.5e-3
 
 # Samples are followed from every so many of the values.
 EVERY = 4

@@ -168,6 +168,24 @@ class Models:
             return model.coordinates(self._ordered(self.M), u[self._order])
         return None if self._shapes is None else self._shapes.T @ (self.M @ u)
 
+    def shapes(self, coordinates: NDArray) -> NDArray:
+        """Displacements of modes by the coordinates that families are followed in alone.
+
+        Args:
+            coordinates: shape (coordinates, columns).
+
+        Returns:
+            Shape (dofs, columns).
+        """
+        for model in self.reduced.values():
+            found = model.kept_displacements(coordinates)
+            out = np.empty_like(found)
+            out[self._order] = found
+            return out
+        if self._shapes is None:
+            raise ValueError("families have no coordinates")
+        return np.asarray(self._shapes @ coordinates)
+
     def displacements(
         self, damped: bool, p: Array, contact: ContactLinearisation, s: NDArray, a: NDArray
     ) -> NDArray:

@@ -30,10 +30,13 @@ from .ensemble import Task, run_ensemble, sample_file
 from .equilibria import Equilibria
 from .inputs import PERFECT, points_of
 from .models import Models
+from .numbering import dof_points
 from .outcomes import ensembles
 from .results import Results
 from .robustness import write_causes
 from .sampling import SampleInput, draw_sample, sample_count
+from .shapes import FILE as SHAPES
+from .shapes import family_shapes
 
 if TYPE_CHECKING:
     from brake_fenicsx.macro.equilibrium import Equilibrium
@@ -230,11 +233,12 @@ class Study:
         Returns:
             What was stored of the first good sample of each approach.
         """
-        first, facts = on_first(self._tables, self.comm)
+        points = dof_points(self.brake, self.comm)
+        first, facts = on_first(lambda: self._tables(points), self.comm)
         self.facts |= facts
         return first
 
-    def _tables(self) -> tuple[dict[Task, dict[str, Any]], dict[str, Any]]:
+    def _tables(self, points: Array) -> tuple[dict[Task, dict[str, Any]], dict[str, Any]]:
         """The same on one process: all samples are read, and facts for the summary counted."""
         results, path = Results(self.store, self.tasks, self.verify, self.verified), self.store.path
         facts, stability = results.facts(), self.scene.stability
@@ -247,7 +251,17 @@ class Study:
         if stability is not None and {"stability", "uncertainty"} <= {*self.scene.stages}:
             found = ensembles(results, stability.band, stability.threshold)
             facts["robustness"] = write_causes(path(), self.scene.samples, found)
+            self._write_shapes(points, {int(o.where) for e in found for o in e.outcomes
+                                        if o.scope == "family"})  # fmt: skip
         return {task: results.stored[task] for task in results.first()}, facts
+
+    def _write_shapes(self, points: Array, squeal: set[int]) -> None:
+        """Shapes of the families that squeal, for comparisons with other runs."""
+        if self.families is None or not squeal:
+            return
+        numbers = np.array(sorted(squeal), dtype=np.intp)
+        u = self.models.shapes(self.families[0][:, numbers])
+        self.store.save(SHAPES, **family_shapes(points, self.models.K, u, numbers))
 
     def stored(self, task: Task) -> dict[str, Any]:
         """What was stored of a sample."""

@@ -278,6 +278,20 @@ class ReducedModel:
                 grams[body.modes, body.modes] = U.T @ (inner @ U)
         return grams
 
+    def kept_displacements(self, a: NDArray) -> NDArray:
+        """Displacements U a of the kept modes of all bodies alone.
+
+        Args:
+            a: coordinates, columns of ``right``, shape (kept modes, columns).
+
+        Returns:
+            Shape (dofs, columns).
+        """
+        out = np.zeros((sum(b.dofs.size for b in self.bodies), a.shape[1]), a.dtype)
+        for body in self.bodies:
+            out[body.dofs] = body.signs[:, None] * (body.component.W @ a[body.modes])
+        return out
+
     @property
     def complete_up_to(self) -> float:
         """Frequency below which no mode of a body is missing anywhere in the box [Hz]."""

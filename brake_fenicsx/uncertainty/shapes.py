@@ -1,0 +1,54 @@
+"""Shapes of families at points of the bodies, by which two runs are compared, whatever their mesh.
+
+Families of another run have coordinates in another basis, on another mesh perhaps. What both have
+are places: the displacement of a family at nodes of the mesh, and the body that each belongs to.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
+
+Array = NDArray[np.float64]
+
+FILE = "shapes.npz"
+
+# Nodes at most: 3 mm apart on average in the reference brake.
+MOST_POINTS = 20_000
+
+
+def family_shapes(
+    points: Array, K: sp.csr_matrix, u: NDArray[np.complex128], numbers: NDArray[np.intp]
+) -> dict[str, NDArray]:
+    """Displacements of families at nodes, as arrays to store.
+
+    Args:
+        points: coordinates [m] and direction (0, 1, 2) of every free dof, shape (dofs, 4).
+        K: stiffness, by which the bodies are told apart, shape (dofs, dofs).
+        u: displacement of a mode of each family, shape (dofs, families).
+        numbers: number of each family.
+
+    Returns:
+        "points" [m], shape (nodes, 3); "body", the centre of the body of each node [m], likewise;
+        "shapes", shape (families, nodes, 3), of unit norm; "families".
+    """
+    label = connected_components(K, directed=False)[1]
+    count = np.bincount(label)
+    centre = np.column_stack([np.bincount(label, x)[label] / count[label] for x in points[:, :3].T])
+    # Rounded, so that the components of one node have one place whatever the round-off.
+    nodes, first, place = np.unique(
+        np.round(np.column_stack([points[:, :3], centre]), 9),
+        axis=0, return_index=True, return_inverse=True,
+    )  # fmt: skip
+    vectors = np.zeros((u.shape[1], len(nodes), 3), complex)
+    vectors[:, place.ravel(), points[:, 3].astype(int)] = u.T
+    step = max(1, -(-len(nodes) // MOST_POINTS))
+    chosen = vectors[:, ::step]
+    size = np.linalg.norm(chosen.reshape(len(chosen), -1), axis=1)
+    return {
+        "points": nodes[::step, :3], "body": centre[first][::step],
+        "shapes": (chosen / np.maximum(size, 1e-300)[:, None, None]).astype(np.complex64),
+        "families": numbers,
+    }  # fmt: skip
