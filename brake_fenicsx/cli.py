@@ -112,7 +112,13 @@ def parser() -> argparse.ArgumentParser:
     text = "draw figures and page of a results folder again"
     reports = commands.add_parser("report", help=text, description=text)
     reports.add_argument("directory", metavar="DIR", help="results folder of a run")
-    for command in (checks, runs, schemas, reports):
+    text = "compare two runs: families matched by shape, change of probability with its interval"
+    compares = commands.add_parser("compare", help=text, description=text)
+    compares.add_argument("first", metavar="A", help="results folder of a run")
+    compares.add_argument("second", metavar="B", help="results folder of another run")
+    compares.add_argument("-o", dest="directory", metavar="DIR", default=".",
+                          help="folder of the comparison, . if not given")  # fmt: skip
+    for command in (checks, runs, schemas, reports, compares):
         command.add_argument(
             "-q", dest="quiet", action="store_true", help="show only warnings and errors"
         )
@@ -144,7 +150,7 @@ class _Completion(argparse.Action):
             raise SceneError("--completion needs shtab: pip install shtab") from None
         for command in parser._subparsers._group_actions[0].choices.values():  # type: ignore
             for action in command._actions:
-                if action.dest in ("scene", "directory", "cache"):
+                if action.dest in ("scene", "directory", "cache", "first", "second"):
                     action.complete = shtab.FILE if action.dest == "scene" else shtab.DIRECTORY
         print(shtab.complete(parser, shell))
         parser.exit()
@@ -247,6 +253,13 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
         from brake_fenicsx.scene.tables import json_schema
 
         _print_json(json_schema(Scene))
+    elif comm.rank == 0 and options.command == "compare":
+        from brake_fenicsx.report.comparison import compare_runs
+        from brake_fenicsx.report.comparison_page import comparison_text, write_comparison
+
+        page = write_comparison(options.first, options.second, options.directory)
+        print(comparison_text(compare_runs(options.first, options.second)))
+        print(f"open {page}")
     elif comm.rank == 0:
         from pathlib import Path
 

@@ -97,8 +97,8 @@ class SweepStudy:
         """Tables of the lines; collective. Returns figures for the summary."""
         from .tables import SweepTables
 
-        families = self.study.families
-        return on_first(lambda: SweepTables(self, families).write(), self.study.comm)
+        known = self.study.families[0] if self.study.families else None
+        return on_first(lambda: SweepTables(self, known).write(), self.study.comm)
 
     def _task(self, kind: str, task: Task) -> Task:
         return f"{self._name[kind]}-{task[0]}", task[1]

@@ -45,13 +45,13 @@ RESEMBLES = 0.4
 class SweepTables:
     """Tables of a sweep from its stored lines, on one process."""
 
-    def __init__(self, sweep: SweepStudy, families: tuple[Complex, Sequence[float]] | None = None):
+    def __init__(self, sweep: SweepStudy, families: Complex | None = None):
         """Read the lines.
 
         Args:
             sweep: the sweep.
-            families: vectors and frequencies [Hz] of the families of the scene's samples, by which
-                those of the sweep are numbered; numbered anew if None.
+            families: vectors of the families of the scene's samples, by which those of the sweep
+                are numbered, shape (m, families); numbered anew if None.
         """
         self._sweep = sweep
         self._own = {t: sweep.line("own", t) for t in sweep.nominal}
@@ -116,9 +116,7 @@ class SweepTables:
                     float(e.s.real) if there else None, *pair, self._family.get((kind, task, i)),
                 ]  # fmt: skip
 
-    def _families(
-        self, known: tuple[Complex, Sequence[float]] | None
-    ) -> dict[tuple[str, Task, int], int]:
+    def _families(self, known: Complex | None) -> dict[tuple[str, Task, int], int]:
         """Family of the mode of every event that has a vector."""
         # Events of one line may be of one family, which modes of one sample are not: one by one.
         shapes, frequencies, keys = [], [], []
@@ -132,7 +130,7 @@ class SweepTables:
         # gathered first, and each family of them then takes the number of the nearest known one.
         own = [int(one[0]) for one in track_modes(shapes, frequencies)]
         founders = [shapes[own.index(n)] for n in range(max(own, default=-1) + 1)]
-        number = _known_numbers(founders, None if known is None else known[0])
+        number = _known_numbers(founders, known)
         return {key: number[n] for key, n in zip(keys, own, strict=True)}
 
     def _onsets(self) -> list[list[tuple[int, float, float]]]:

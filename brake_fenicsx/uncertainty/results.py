@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.macro.contact import Contact
+from brake_fenicsx.squeal import squeals
 from brake_fenicsx.store import Store
 
 from .ensemble import Task, sample_file
@@ -110,19 +111,29 @@ class Results:
         self._families = out | dict(zip(based, found, strict=True))
         return self._families
 
-    def family_members(self) -> tuple[NDArray[np.complex128], list[float]] | None:
-        """Vector and frequency [Hz] of the first mode of every family; None without families."""
+    def family_members(
+        self, threshold: float | None = None
+    ) -> tuple[list[int], NDArray[np.complex128], list[float]]:
+        """One mode of every family: its number, vector and frequency [Hz].
+
+        Args:
+            threshold: of the modes that squeal, and of families that do, the first one; the first
+                mode of each family if None.
+        """
         first: dict[int, tuple[NDArray[np.complex128], float]] = {}
         for task, family in self.families().items():
             d = self.stored[task]
-            for i in np.flatnonzero(family >= 0):
+            wanted = family >= 0
+            if threshold is not None:
+                wanted &= squeals(d, threshold)
+            for i in np.flatnonzero(wanted):
                 if int(family[i]) not in first:
                     vector = d["coordinates"][:, i].astype(complex)
                     first[int(family[i])] = vector, abs(float(d["s"][i].imag)) / (2 * np.pi)
-        if not first:
-            return None
-        vectors, frequencies = zip(*(first[n] for n in sorted(first)), strict=True)
-        return np.array(vectors).T, list(frequencies)
+        numbers = sorted(first)
+        vectors = [first[n][0] for n in numbers]
+        shape = np.array(vectors).T if vectors else np.zeros((0, 0), complex)
+        return numbers, shape, [first[n][1] for n in numbers]
 
     def modes(self) -> Iterator[list[Any]]:
         """Rows of modes.csv."""

@@ -87,7 +87,7 @@ class Study:
         self.models = Models(scene, brake, count, store, comm, cache or SharedCache(store))
         self.equilibria: Equilibria | None = None
         # Vectors and frequencies of the families, once the tables are written; on one process.
-        self.families: tuple[NDArray[np.complex128], list[float]] | None = None
+        self.families: list[Any] = []
         reduced = self.models.by_reduction
         self.verified = next((name for name in approaches if reduced[name]), "")
         self.verify: list[Task] = []
@@ -246,22 +246,20 @@ class Study:
         write_rows(path("samples.csv"), results.sample_columns(SAMPLES), results.samples())
         if "stability" in self.scene.stages:
             write_rows(path("modes.csv"), results.mode_columns(MODES), results.modes())
-            self.families = results.family_members()
+            _, *self.families = results.family_members()
+            self._write_shapes(points, results, stability.threshold if stability else 0.0)
         write_rows(path("contact.csv"), CONTACT, results.contact(self.brake.contact))
         if stability is not None and {"stability", "uncertainty"} <= {*self.scene.stages}:
             found = ensembles(results, stability.band, stability.threshold)
             facts["robustness"] = write_causes(path(), self.scene.samples, found)
-            self._write_shapes(points, {int(o.where) for e in found for o in e.outcomes
-                                        if o.scope == "family"})  # fmt: skip
         return {task: results.stored[task] for task in results.first()}, facts
 
-    def _write_shapes(self, points: Array, squeal: set[int]) -> None:
+    def _write_shapes(self, points: Array, results: Results, threshold: float) -> None:
         """Shapes of the families that squeal, for comparisons with other runs."""
-        if self.families is None or not squeal:
-            return
-        numbers = np.array(sorted(squeal), dtype=np.intp)
-        u = self.models.shapes(self.families[0][:, numbers])
-        self.store.save(SHAPES, **family_shapes(points, self.models.K, u, numbers))
+        numbers, vectors, _ = results.family_members(threshold)
+        if numbers:
+            u = self.models.shapes(vectors)
+            self.store.save(SHAPES, **family_shapes(points, self.models.K, u, np.array(numbers)))
 
     def stored(self, task: Task) -> dict[str, Any]:
         """What was stored of a sample."""
