@@ -20,6 +20,7 @@ from brake_fenicsx.pipeline import Run, before_samples, make_study
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.samples import unit_of
 from brake_fenicsx.scene.sweep import Range, Sweep
+from brake_fenicsx.scene.tables import KeyMistake
 from brake_fenicsx.store import Store
 
 if TYPE_CHECKING:
@@ -104,7 +105,10 @@ class Model:
     ) -> tuple[Equilibrium, Modes]:
         """The same with the equilibrium."""
         for key in values or {}:
-            unit_of(key)
+            try:
+                unit_of(key)
+            except KeyMistake as error:
+                raise SceneError(f"{self.scene.file}: {key}: {error}") from None
         return self.study.solved(self._task(approach, sample), values or {})
 
     def sweep(
@@ -186,9 +190,9 @@ def prepare(
     parsed, comm = read_scene(scene, overrides), MPI.COMM_SELF if comm is None else comm
     if "equilibrium" not in parsed.stages:
         raise SceneError(f"{parsed.file}: stages: 'equilibrium' is missing")
-    if parameters:
-        ranges = {key: Range(values=tuple(map(float, v))) for key, v in parameters.items()}
-        parsed = replace(parsed, sweep=Sweep(ranges))
+    ranges = {key: Range(values=tuple(map(float, v))) for key, v in (parameters or {}).items()}
+    # A scene with a sweep prepares what many values share.
+    parsed = replace(parsed, sweep=Sweep(ranges))
     folder = tempfile.TemporaryDirectory(prefix="brake_fenicsx-") if directory is None else None
     store = Store(Path(folder.name if folder is not None else str(directory)))
     store.check(parsed)

@@ -89,7 +89,7 @@ def reduced_approaches(scene: Scene, counts: Mapping[str, int]) -> set[str]:
     """Approaches whose modes a reduced model gives, if the bodies admit one.
 
     One serves all approaches whose samples something damps, and one all others. A sample alone
-    does not pay for a reduced model, but takes that of other approaches.
+    does not pay for a reduced model, but takes that of other approaches; a sweep pays for all.
 
     Args:
         scene: the scene.
@@ -99,7 +99,7 @@ def reduced_approaches(scene: Scene, counts: Mapping[str, int]) -> set[str]:
     if stability is None or stability.method != "reduced":
         return set()
     damped = {name: bool(active_terms(scene, name)) for name in counts}
-    paid = {damped[name] for name, count in counts.items() if count > 1}
+    paid = {damped[name] for name, count in counts.items() if count > 1 or scene.sweep}
     return {name for name in counts if damped[name] in paid}
 
 

@@ -15,6 +15,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.stability.modes import Complex
 
 from .matching import Match, match
@@ -36,6 +37,7 @@ MEETING, AWAY = 0.1, 0.02
 FIRST, LAST = "first value", "last value"
 ENTERED, LEFT = "entered the band", "left the band"
 CUT = "cut: no mode continues it with confidence"
+NO_EQUILIBRIUM = "no equilibrium at a value beyond"
 
 
 @dataclass(slots=True)
@@ -68,6 +70,7 @@ class Followed:
         split: state before, and the two branches that are a pair until there.
         jumps: states before which modes jumped.
         solves: values at which modes were computed.
+        stopped: why the values beyond the last state have no modes; empty if they have.
     """
 
     states: list[State] = field(default_factory=list)
@@ -76,6 +79,7 @@ class Followed:
     split: list[tuple[int, int, int]] = field(default_factory=list)
     jumps: list[int] = field(default_factory=list)
     solves: int = 0
+    stopped: str = ""
 
     def at(self, branch: Branch, state: int) -> int:
         """Mode of a branch in a state."""
@@ -107,12 +111,19 @@ def follow(
             squeal; a step is halved for these alone. All of them if None.
 
     Returns:
-        The branches; their states hold all ``values`` and those between that were needed.
+        The branches; their states hold all ``values`` and those between that were needed, up to the
+        first one that has no equilibrium.
+
+    Raises:
+        NotConverged: the first value has none.
     """
     work = _Follower(solve, band, abs(values[-1] - values[0]), matters)
     work.begin(values[0])
-    for x in values[1:]:
-        work.advance(work.solved(x))
+    try:
+        for x in values[1:]:
+            work.advance(work.solved(x))
+    except NotConverged as error:
+        work.stop(str(error))
     return work.done
 
 
@@ -139,6 +150,12 @@ class _Follower:
         self.done.states.append(first)
         for mode in range(first.s.size):
             self._found(0, mode, FIRST)
+
+    def stop(self, why: str) -> None:
+        """End all branches where the brake has no equilibrium any more."""
+        self.done.stopped = why
+        for branch in self._branch.values():
+            branch.end = NO_EQUILIBRIUM
 
     def advance(self, b: State) -> None:
         """Go on to a state, by halves where that is needed."""

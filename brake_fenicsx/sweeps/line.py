@@ -29,7 +29,8 @@ class Line:
         verdict: its verdict.
         begin: why each branch begins, shape (branches,).
         end: why it ends.
-        events: the events, without branches that are cut short in storage.
+        events: the events.
+        stopped: why there are no modes beyond the last value; empty if there are all.
     """
 
     x: Array
@@ -41,6 +42,7 @@ class Line:
     begin: NDArray[np.str_]
     end: NDArray[np.str_]
     events: list[Event]
+    stopped: str
 
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> Line:
@@ -60,7 +62,7 @@ class Line:
         ]
         return cls(
             data["x"], data["branch"], data["state"], data["s"], data["error"], data["verdict"],
-            data["begin"], data["end"], events,
+            data["begin"], data["end"], events, str(data["stopped"]),
         )  # fmt: skip
 
     def rows(self) -> Iterator[tuple[int, int, complex, float, str]]:
@@ -105,5 +107,5 @@ def line_arrays(followed: Followed, events: list[Event], numbers: list[int]) -> 
         "event_s": np.array([e.s for e in events], dtype=complex),
         "pair": np.array(pairs, dtype=np.intp).reshape(-1, 2),
         "vector": vectors,
-        "solves": followed.solves,
+        "solves": followed.solves, "stopped": followed.stopped,
     }  # fmt: skip

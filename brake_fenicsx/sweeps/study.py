@@ -2,7 +2,8 @@
 
 The scene's own brake is followed in rough and in perfect contact, at every value and with all its
 modes; rough samples by the modes that squeal, from a quarter of the values, since what is asked of
-them is where each family begins to squeal.
+them is where each family begins to squeal. A mode of a sample that begins and ends to squeal
+between two of these values is not seen.
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ from .state import State
 # Accuracy of an event relative to the range: of the scene's own brake, and of a sample.
 FINE, COARSE = 1e-4, 2.5e-3
 
-# Samples are followed from every so many of the values.
-EVERY = 4
+# Samples are followed from every so many of the values at most, and from so many values at least.
+EVERY, FEWEST = 4, 11
 
 
 class SweepStudy:
@@ -85,7 +86,8 @@ class SweepStudy:
     @property
     def coarse(self) -> tuple[float, ...]:
         """Those at which samples are followed."""
-        return (*self.values[:-1:EVERY], self.values[-1])
+        every = max(1, min(EVERY, (len(self.values) - 1) // (FEWEST - 1)))
+        return (*self.values[:-1:every], self.values[-1])
 
     def run(self) -> None:
         """Follow every line that is not stored yet; collective."""

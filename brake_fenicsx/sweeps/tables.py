@@ -60,14 +60,14 @@ class SweepTables:
 
     def write(self) -> dict[str, Any]:
         """Write the tables; returns figures for the summary."""
-        sweep, path = self._sweep, self._sweep.study.store.path
+        path = self._sweep.study.store.path
         where = ("approach", "sample", *(("value_2",) if self._chart else ()))
         write_rows(path("sweep.csv"), [*where, "value", *MODES], self._mode_rows())
         write_rows(path("lock_in.csv"), [*where, *EVENTS], self._event_rows())
         if self._chart:
             write_rows(path("chart.csv"), CHART, self._chart_rows())
         found: list[Critical] = []
-        if sweep.samples:
+        if any(line is not None for _, line in self._samples.values()):
             found = critical_values(self._onsets(), self._rising)
             write_rows(path("critical.csv"), CRITICAL, self._critical_rows(found))
             write_rows(path("critical_curve.csv"), CURVE, self._curve_rows(found))
@@ -190,6 +190,7 @@ class SweepTables:
             "parameters": self._sweep.keys, "lines": len(statuses),
             "failed_lines": sum(status != "ok" for status in statuses),
             "points": int(sum(line.x.size for line in lines)),
+            "lines_without_equilibrium": sum(bool(line.stopped) for line in lines),
             "cut_branches": sum(cut_branches(line) for line in lines),
         }  # fmt: skip
         if found:

@@ -217,7 +217,8 @@ class Models:
             self.compliance = compliance(K, brake.N, brake.T, brake.w, brake.f, k0, self._comm)
             K.destroy()
             self._unit_gaps = brake.N @ self.compliance.solve(self.unit_loads)
-        many = any(self._counts[n] > 1 for n, r in self.by_reduction.items() if not r)
+        full = [n for n, r in self.by_reduction.items() if not r]
+        many = any(self._counts[n] > 1 or scene.sweep for n in full)
         if self.stability is not None and many and not self.reduced:
             with self._cache.shared(
                 SHAPES, lambda: self._depends([float(k) for k in np.unique(k0)]), self._comm

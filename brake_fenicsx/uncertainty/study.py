@@ -21,6 +21,7 @@ from brake_fenicsx.micro import LawRecipe, make_library
 from brake_fenicsx.micro.law import Laws
 from brake_fenicsx.processes import on_first
 from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.samples import split_key
 from brake_fenicsx.store import Store
 from brake_fenicsx.surface.hdf import HeightDistribution
 from brake_fenicsx.surface.waviness import Waviness
@@ -202,8 +203,16 @@ class Study:
             self.scene, approach, k, self.brake.contact, library, self.hdf, point, self.waviness
         )
         if values:
-            mu = np.full_like(s.mu, values["contact.pad_disc.friction"])
-            s = replace(s, mu=mu, mu_equilibrium=mu)
+            mu, pressures = s.mu.copy(), dict(s.pressures)
+            for key, value in values.items():
+                section, table, _ = split_key(key)
+                if section == "contact":
+                    mu[self.brake.contact.interface == list(self.scene.contact).index(table)] = (
+                        value
+                    )
+                else:
+                    pressures[table] = value
+            s = replace(s, mu=mu, mu_equilibrium=mu, pressures=pressures)
         return s
 
     def _laws(self, k: int) -> Laws | None:

@@ -1,0 +1,229 @@
+"""Sweeps of a scene: against modes at each value alone, resumed, on two processes."""
+
+import csv
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from brake_fenicsx import prepare, sweep
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.pipeline import run
+from brake_fenicsx.report.rundata import read_run
+from brake_fenicsx.report.sweep_figures import draw_chart
+from processes import parallel
+
+pytestmark = pytest.mark.alone
+
+COMM = MPI.COMM_SELF
+BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
+KEY = "contact.block_plate.friction"
+ONSET = "onset of squeal"
+ROUGH = [
+    "stages=['surface','equilibrium','stability','uncertainty']",
+    "surface.statistics={ S_q = '0.05 um' }", "contact.block_plate.gap=hdf",
+    "contact.block_plate.law={ p0 = '10 MPa', u0 = '0.05 um' }",
+    "parts.block.size='10 mm'", "parts.plate.size='14 mm'",
+    "stability.band=['0 Hz','30 kHz']", "stability.method=reduced", "stability.threshold=1e-3",
+    "samples.approaches=['multi-scale','classical']", "samples.n=4",
+]  # fmt: skip
+VALUES = "{ start = 0.0, stop = 0.8, steps = 9 }"
+SWEEP = [f'sweep.parameters."{KEY}"={VALUES}', "sweep.samples=4"]
+
+
+def rows(path):
+    with path.open() as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    out = tmp_path_factory.mktemp("swept") / "out"
+    run(BLOCK, COMM, out, [*ROUGH, *SWEEP])
+    return out
+
+
+@pytest.fixture(scope="module")
+def model():
+    return prepare(BLOCK, ROUGH)
+
+
+def test_every_value_has_the_modes_of_a_run_with_that_value(swept, tmp_path):
+    """The scene with another friction, at full order and without any sweep."""
+    own = [r for r in rows(swept / "sweep.csv") if not r["sample"]]
+    for mu in (0.2, 0.7):
+        out = tmp_path / str(mu)
+        changes = [*ROUGH, f"{KEY}={mu}", "stability.method=full", "samples.n=1"]
+        run(BLOCK, COMM, out, [*changes, "stages=['surface','equilibrium','stability']"])
+        for approach in ("multi-scale", "classical"):
+            alone = [
+                complex(float(r["real_1_s"]), 2 * np.pi * float(r["frequency_hz"]))
+                for r in rows(out / "modes.csv")
+                if r["approach"] == approach
+            ]
+            here = [
+                complex(float(r["real_1_s"]), 2 * np.pi * float(r["frequency_hz"]))
+                for r in own
+                if r["approach"] == approach and float(r["value"]) == pytest.approx(mu)
+            ]
+            assert len(here) == len(alone) > 3
+            distance = np.abs(np.subtract.outer(alone, here)).min(axis=1)
+            assert np.all(distance <= 1e-5 * np.abs(alone))
+
+
+def test_lock_in_is_where_the_number_of_unstable_modes_changes(swept, model):
+    """Full-order eigenvalues alone, just before and just after each merging."""
+    events = [r for r in rows(swept / "lock_in.csv") if r["kind"] == "merging" and not r["sample"]]
+    assert events
+    for r in events:
+        x, width = float(r["value"]), 2 * float(r["accuracy"])
+        f = 2 * np.pi * float(r["frequency_hz"])
+        pair = []
+        for side in (-1, 1):
+            s = model.modes({KEY: x + side * width}, r["approach"]).s
+            near = s[np.argsort(np.abs(s - 1j * f))[:2]]
+            pair.append(np.abs(near.real).max() / f)
+        assert pair[0] <= 1e-12 < pair[1]
+
+
+def test_critical_values_are_those_of_the_samples_alone(swept, model):
+    """No value before the first onset has an unstable mode, the one just after it has."""
+    critical = rows(swept / "critical.csv")
+    assert critical[0]["family"] == "" and int(critical[0]["samples"]) == 4
+    onsets = [r for r in rows(swept / "lock_in.csv") if r["kind"] == ONSET]
+    first = {k: min(float(r["value"]) for r in onsets if r["sample"] == str(k)) for k in range(4)}
+    for k, x in first.items():
+        for before in (*np.arange(0, x - 0.004, 0.03), x - 0.004):
+            assert model.modes({KEY: before}, "multi-scale", k).damping.min() >= -1e-3
+        assert model.modes({KEY: x + 0.004}, "multi-scale", k).damping.min() < -1e-3
+    middle = sorted(first.values())[1]
+    assert float(critical[0]["value_50"]) == pytest.approx(middle)
+    curve = [r for r in rows(swept / "critical_curve.csv") if r["family"] == ""]
+    for r in curve:
+        by = sum(x <= float(r["value"]) for x in first.values())
+        assert float(r["share"]) == by / 4
+
+
+def test_sweep_from_arrays_in_a_few_lines(model):
+    found = sweep(model, KEY, np.linspace(0, 0.8, 9), approach="multi-scale")
+    assert found.frequency.shape == found.damping.shape
+    assert found.frequency.shape[1] == 9
+    assert len(repr(found)) < 120 and len(repr(model)) < 120
+    assert len(repr(model.modes())) < 120
+    with pytest.raises(SceneError, match="'wrong'"):
+        model.modes(approach="wrong")
+    with pytest.raises(SceneError, match=r"stability\.band"):
+        model.modes({"stability.band": 3.0})
+
+
+def test_a_sweep_of_an_earlier_run_keeps_its_samples(swept, tmp_path):
+    """The same folder with other values: samples stay, lines are new; figures are drawn."""
+    out = tmp_path / "out"
+    report = "stages=['surface','equilibrium','stability','uncertainty','report']"
+    run(BLOCK, COMM, out, ROUGH)
+    before = {p.name: p.stat().st_mtime_ns for p in (out / "samples").glob("multi-scale-*")}
+    run(BLOCK, COMM, out, [*ROUGH, *SWEEP, report])
+    after = {p.name: p.stat().st_mtime_ns for p in (out / "samples").glob("multi-scale-*")}
+    assert before == after
+    for name in ("sweep.csv", "lock_in.csv", "critical.csv", "critical_curve.csv"):
+        assert (out / name).read_bytes() == (swept / name).read_bytes()
+    assert (out / "figures" / "sweep_branches.png").is_file()
+    assert "Lock-in over the parameter" in (out / "report.html").read_text()
+
+
+def test_two_processes_give_the_tables_of_one(swept, tmp_path):
+    code = "import sys; from brake_fenicsx.cli import main; sys.exit(main(sys.argv[1:]))"
+    sets = [w for change in (*ROUGH, *SWEEP) for w in ("--set", change)]
+    words = ["mpirun", "-n", "2", "--oversubscribe", sys.executable, "-c", code, "run", str(BLOCK)]
+    subprocess.run(
+        [*words, "-o", str(tmp_path / "out"), *sets], check=True, capture_output=True, **parallel()
+    )
+    for name in ("critical.csv", "lock_in.csv"):
+        one, two = (
+            [r for r in rows(folder / name) if r.get("kind", ONSET) == ONSET]
+            for folder in (swept, tmp_path / "out")
+        )
+        assert len(one) == len(two)
+        for a, b in zip(one, two, strict=True):
+            for column, x in a.items():
+                if column in ("value", "frequency_hz", "value_50") and x:
+                    assert abs(float(x) - float(b[column])) <= 1e-4
+
+
+def test_chart_over_two_parameters(tmp_path):
+    """Every point of the chart is a run with these two values."""
+    out = tmp_path / "out"
+    load = "sweep.parameters.\"loads.block.top.pressure\"={ values=['2 bar', '5 bar'] }"
+    friction = f'sweep.parameters."{KEY}"={{ values=[0.2, 0.5, 0.8] }}'
+    changes = [c for c in ROUGH if not c.startswith("stages")]
+    stages = "stages=['surface','equilibrium','stability']"
+    run(BLOCK, COMM, out, [*changes, stages, "samples.n=1", friction, load])
+    chart = rows(out / "chart.csv")
+    assert len(chart) == 2 * 6
+    found = prepare(BLOCK, [*changes, stages, "samples.n=1"])
+    for r in chart:
+        values = {KEY: float(r["value"]), "loads.block.top.pressure": float(r["value_2"])}
+        modes = found.modes(values, r["approach"])
+        assert modes.verdict.count("unstable") == int(r["unstable_modes"])
+        assert float(r["worst_damping"]) == pytest.approx(modes.damping.min(), rel=1e-6, abs=1e-12)
+    figure = draw_chart(read_run(out))
+    assert figure is not None and len(figure.axes) == 8  # four maps with their colour bars
+    facts = json.loads((out / "summary.json").read_text())["sweep"]
+    assert facts["failed_lines"] == 0
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ([f'sweep.parameters."{KEY}"={{ start = 0.1 }}'], "start, stop and steps, or values"),
+        ([f'sweep.parameters."{KEY}"={{ values = [0.1, 0.3, 0.2] }}'], "rising or falling"),
+        ([f'sweep.parameters."{KEY}"={{ start = -0.1, stop = 1.0 }}'], "must be zero or more"),
+        (['sweep.parameters."contact.none.friction"={ start = 0.0, stop = 1.0 }'], "no [contact"),
+        (['sweep.parameters."parts.block.height"={ start = "1 mm", stop = "2 mm" }'], "mesh"),
+        (["sweep.samples=3"], "0 keys"),
+        ([SWEEP[0], "sweep.samples=3", "stages=['equilibrium','stability']"], "uncertainty"),
+        ([SWEEP[0], "stages=['equilibrium']"], "stage stability"),
+    ],
+)
+def test_mistakes_are_one_line(changes, said, tmp_path):
+    smooth = ["contact.block_plate.gap=none"] if "surface" not in changes[-1] else []
+    with pytest.raises(SceneError) as error:
+        run(BLOCK, COMM, tmp_path / "out", [*smooth, *changes])
+    assert said in str(error.value) and "\n" not in str(error.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_wrong_line_is_kept_with_its_error(tmp_path, monkeypatch):
+    """A sample without an equilibrium at the first value is a failed line, and stops nothing."""
+    from brake_fenicsx.errors import NotConverged
+    from brake_fenicsx.uncertainty.study import Study
+
+    whole = Study.solved
+
+    def failing(self, task, values, start=None):
+        if task == ("multi-scale", 1) and values[KEY] == 0.0:
+            raise NotConverged("equilibrium: none")
+        return whole(self, task, values, start)
+
+    monkeypatch.setattr(Study, "solved", failing)
+    done = run(BLOCK, COMM, tmp_path / "out", [*ROUGH, *SWEEP])
+    assert done.facts["sweep"]["failed_lines"] == 1
+    assert int(rows(tmp_path / "out" / "critical.csv")[0]["samples"]) == 3
+
+
+def test_values_without_an_equilibrium_end_the_branches(tmp_path):
+    """The block tips beyond a friction of about 0.9: what comes before is kept."""
+    one = [c for c in ROUGH if not c.startswith("samples.n")]
+    wide = f'sweep.parameters."{KEY}"={{ start = 0.0, stop = 1.2, steps = 7 }}'
+    done = run(BLOCK, COMM, tmp_path / "out", [*one, "samples.n=1", wide])
+    facts = done.facts["sweep"]
+    assert (
+        facts["failed_lines"] == 0 and facts["lines_without_equilibrium"] == 2
+    )  # rough and perfect contact
+    values = sorted({float(r["value"]) for r in rows(tmp_path / "out" / "sweep.csv")})
+    assert values == pytest.approx([0.0, 0.2, 0.4, 0.6, 0.8])
