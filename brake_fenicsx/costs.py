@@ -21,6 +21,8 @@ ladder's. With
                0.55 s (m / 1368)^2 the same and its bodies, where materials change,
                1 + 2 a times that with damping;
                45 s (n / 40.7e3)^0.8 b / 64 its modes at full order, 1.3 times that with damping
+    sweep      as samples: of each approach's own line 2 solves for each value and 60 for events, of
+               each sample that is followed 25
     memory     of one process: 0.2 GB + 16 kB n with a factor; 5 kB n more where materials change;
                30 kB n the solver at full order, 19 kB n more with damping;
                of a machine: 150 B m^2 + 8 B n r + 1 kB n the reduced model, and with damping
@@ -236,5 +238,17 @@ def _mechanics(scene: Scene, c: Counts) -> list[Cost]:
         Cost("brake", 2.7 * (n / 105e3) ** 0.87, 0.2 + 4e-6 * n),
         Cost("shared", shared, held + model),
         Cost("samples", c.samples * one + reduced + full, peak, model),
+        *_sweep(scene, (c.samples * one + reduced + full) / max(c.samples, 1), held + model, model),
         Cost("results", written, held + model, model),
     ]
+
+
+def _sweep(scene: Scene, each: float, gigabytes: float, shared: float) -> list[Cost]:
+    """Lines of a sweep, at the mean cost of a sample."""
+    sweep = scene.sweep
+    if sweep is None:
+        return []
+    first = len(sweep.parameters[sweep.first].points)
+    lines = 2 * (len(sweep.parameters[sweep.second].points) if sweep.second else 1)
+    solves = lines * (2 * first + 60) + 25 * sweep.samples
+    return [Cost("sweep", solves * each, gigabytes, shared)]

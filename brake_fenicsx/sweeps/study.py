@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.log import logger
 from brake_fenicsx.processes import on_first
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.sweep import ROUGH
@@ -100,7 +101,34 @@ class SweepStudy:
         from .tables import SweepTables
 
         known = self.study.families[0] if self.study.families else None
-        return on_first(lambda: SweepTables(self, known).write(), self.study.comm)
+        facts = on_first(lambda: SweepTables(self, known).write(), self.study.comm)
+        self._say(facts["sweep"])
+        return facts
+
+    def _say(self, facts: dict[str, Any]) -> None:
+        """What came out, and what is left open."""
+        logger.info(
+            "sweep: %d lines, modes at %d values, %d mergings", facts["lines"], facts["points"],
+            facts["mergings"],
+        )  # fmt: skip
+        if critical := facts.get("critical_value_any_family"):
+            logger.info(
+                "%s at which a sample begins to squeal (SI): median %.4g (%.4g to %.4g), %d of %d",
+                self.key, critical["median"], critical["low"], critical["high"],
+                critical["squeal_samples"], critical["samples"],
+            )  # fmt: skip
+        if facts["failed_lines"]:
+            logger.warning("sweep: %d lines failed; see the log", facts["failed_lines"])
+        if facts["lines_without_equilibrium"]:
+            logger.warning(
+                "sweep: %d lines end at a value without an equilibrium",
+                facts["lines_without_equilibrium"],
+            )
+        if facts["cut_branches"]:
+            logger.warning(
+                "sweep: %d branches were cut where no mode continues them with confidence",
+                facts["cut_branches"],
+            )
 
     def _task(self, kind: str, task: Task) -> Task:
         return f"{self._name[kind]}-{task[0]}", task[1]

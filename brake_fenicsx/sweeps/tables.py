@@ -20,7 +20,7 @@ from brake_fenicsx.tables import write_rows
 from brake_fenicsx.uncertainty.ensemble import Task
 
 from .critical import Critical, critical_values
-from .events import FROM_FIRST, ONSET
+from .events import FROM_FIRST, MERGING, ONSET
 from .line import Line
 from .study import SweepStudy, cut_branches
 
@@ -190,6 +190,7 @@ class SweepTables:
             "parameters": self._sweep.keys, "lines": len(statuses),
             "failed_lines": sum(status != "ok" for status in statuses),
             "points": int(sum(line.x.size for line in lines)),
+            "mergings": sum(e.kind == MERGING for line in lines for e in line.events),
             "lines_without_equilibrium": sum(bool(line.stopped) for line in lines),
             "cut_branches": sum(cut_branches(line) for line in lines),
         }  # fmt: skip

@@ -227,3 +227,26 @@ def test_values_without_an_equilibrium_end_the_branches(tmp_path):
     )  # rough and perfect contact
     values = sorted({float(r["value"]) for r in rows(tmp_path / "out" / "sweep.csv")})
     assert values == pytest.approx([0.0, 0.2, 0.4, 0.6, 0.8])
+
+
+@pytest.mark.slow
+def test_branches_of_the_demo_brake_are_the_modes_of_full_order():
+    """Ten values of friction, rough contact: every mode of full order lies on a branch."""
+    from brake_fenicsx.sweeps.branches import CUT
+    from brake_fenicsx.uncertainty.solve import full_modes
+
+    key, values = "contact.pad_disc.friction", np.linspace(0.05, 0.75, 10)
+    demo = prepare(BLOCK.with_name("disc_brake_demo.toml"), ["micro.laws=10", "samples.n=2"])
+    found = demo.sweep(key, values)
+    assert not any(end == CUT for end in found.ends)
+    for i, x in enumerate(values):
+        eq, _ = demo.equilibrium_and_modes({key: x})
+        sample = demo.study._draw("multi-scale", 0, {key: x})
+        full = full_modes(demo.study.models, sample, eq)
+        f, damping = found.frequency[:, i], found.damping[:, i]
+        here = 2 * np.pi * f * (1j - 0.5 * damping)
+        here = here[np.isfinite(here)]
+        assert here.size == len(full)
+        distance = np.abs(np.subtract.outer(full.s, here)).min(axis=1)
+        # Next to a merging the error of an eigenvalue is the root of that of its square.
+        assert np.all(distance <= 1e-5 * np.abs(full.s) * np.maximum(1, full.condition))
