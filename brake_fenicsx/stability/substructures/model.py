@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.processes import in_turns
 
+from ..eigensolvers.complex_columns import with_conjugates
 from ..eigensolvers.rows import damped_rows, undamped_rows
 from ..modes import Complex, Count, Modes
 from .component import AtPoint, Component
@@ -205,10 +206,8 @@ class ReducedModel:
         sample = self._sample(p, contact)
         found = sample.zeros(*self._searched)
         z = corrected(found.z, sample.quotient(found).step, distances(found.every, found.chosen))
-        if self.rows.damped:
-            z = np.r_[z, z[z.imag > 0].conj()] + self.rows.shift
-        else:
-            z = np.sqrt(SIGMA - z + 0j)
+        z = np.r_[z, z[z.imag > 0].conj()]
+        z = z + self.rows.shift if self.rows.damped else np.sqrt(SIGMA - z + 0j)
         return np.asarray(self._omega * z)
 
     def static(self, p: ArrayLike, k0: Array) -> tuple[Array, Array, Array]:
@@ -311,14 +310,16 @@ class ReducedModel:
 
     @property
     def _searched(self) -> tuple[float, Callable[[Complex], NDArray[np.intp]]]:
-        """Reach of the search in z, and which zeros lie in the band or a little beyond."""
-        if not self.rows.damped:
-            limit = SEARCHED**2
-            return limit + SIGMA, lambda z: np.flatnonzero(np.abs(z - SIGMA) <= limit)
-        shift = self.rows.shift
-        # One of each conjugate pair.
-        return SEARCHED + shift, lambda z: np.flatnonzero(
-            (np.abs(z + shift) <= SEARCHED) & (z.imag >= 0)
+        """Reach of the search in z, and which zeros lie in the band or a little beyond.
+
+        Of each conjugate pair one.
+        """
+        if self.rows.damped:
+            centre, limit = -self.rows.shift, SEARCHED
+        else:
+            centre, limit = SIGMA, SEARCHED**2
+        return limit + abs(centre), lambda z: np.flatnonzero(
+            (np.abs(z - centre) <= limit) & (z.imag >= 0)
         )
 
     def _rows(
@@ -340,8 +341,12 @@ class ReducedModel:
         else:
             kappa = omega**2 * (z - SIGMA)
             kappa = np.where(found.z.imag == 0, kappa.real, kappa)
-            condition = np.maximum(1 / slope, 1.0)
-            order, lam, spread, real = undamped_rows(kappa, omega**2 * error, self.band)
+            # Both of a pair are rows: lambda grows, -conj(lambda) decays.
+            both = np.r_[np.arange(kappa.size), np.flatnonzero(kappa.imag)]
+            kappa, right = with_conjugates(kappa, right)
+            left = with_conjugates(kappa[: left.shape[1]], left)[1]
+            condition = np.maximum(1 / slope, 1.0)[both]
+            order, lam, spread, real = undamped_rows(kappa, omega**2 * error[both], self.band)
         condition = condition[order]
         size = np.maximum(np.abs(lam), 1e-300)
         return Modes(
