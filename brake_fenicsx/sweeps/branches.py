@@ -164,9 +164,10 @@ class _Follower:
             a, b = self.done.states[-1], ahead[-1]
             step = abs(b.x - a.x) / self._width
             may_jump = step <= JUMP and a.open != b.open
-            found = match(a, b, self._band, self._speed, may_jump)
+            smallest = step <= 2 * LEAST
+            found = match(a, b, self._band, self._speed, may_jump, smallest)
             between = self._between(found)
-            if between is None or step <= 2 * LEAST:
+            if between is None or smallest:
                 ahead.pop()
                 self._take(found)
             else:

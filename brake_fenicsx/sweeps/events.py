@@ -108,6 +108,7 @@ def _merging(
     a, b = followed.states[state], followed.states[state + 1]
     search = _search(followed, solve, pair, state)
     start = squared_distance(a, _modes(followed, pair, state))
+    start = start or -squared_distance(b, _modes(followed, pair, state + 1))
     x, error = search.root(lambda s, *at: (squared_distance(s, at) / start).real, a.x, b.x, width)
     there, (i, j) = search.at(x)
     mean = 0.5 * (there.s[i] + there.s[j])

@@ -24,6 +24,10 @@ ALIKE = 0.25
 # than this share of |lambda|, or ten times their errors, are one.
 BESIDE, EQUAL, ERRORS = 4, 1e-9, 10.0
 
+# Condition number from which two modes of a pair are close to a merging; modes that are not coupled
+# have 1.
+COUPLED = 3.0
+
 # Across a jump, where a contact element opens at once, a mode continues the one it is so alike to.
 LIKELIEST = 0.5
 
@@ -76,6 +80,7 @@ def match(
     band: tuple[float, float],
     speed: Complex | None = None,
     across_jump: bool = False,
+    smallest: bool = False,
 ) -> Match:
     """Match the modes of two values of the parameter.
 
@@ -85,6 +90,7 @@ def match(
         band: lowest and highest frequency [Hz], at whose ends modes come and go.
         speed: dlambda/dx of the modes of a over the last step, nan where it is not known.
         across_jump: whether the likeliest mode is enough where no mode is certain.
+        smallest: whether the step is the smallest one: modes that change places within it cross.
     """
     found = Match(a, b)
     sim = likeness(a, b)
@@ -95,7 +101,7 @@ def match(
             found.pairs[int(i)] = int(j)
             free_a.discard(int(i))
             free_b.discard(int(j))
-    _pairs(found, free_a, free_b, speed)
+    _pairs(found, free_a, free_b, speed, smallest)
     if across_jump:
         _likeliest(found, sim, free_a, free_b)
     step = b.x - a.x
@@ -134,7 +140,9 @@ def _at_edge(f: float, band: tuple[float, float], reach: float) -> bool:
     return bool(f - near < band[0] or f + near > band[1])
 
 
-def _pairs(found: Match, free_a: set[int], free_b: set[int], speed: Complex | None) -> None:
+def _pairs(
+    found: Match, free_a: set[int], free_b: set[int], speed: Complex | None, smallest: bool
+) -> None:
     """Continue pairs of modes by their common projector; what is matched leaves the free ones."""
     while True:
         best, score = None, ALIKE
@@ -149,7 +157,7 @@ def _pairs(found: Match, free_a: set[int], free_b: set[int], speed: Complex | No
         own, mate = best
         free_a.difference_update(own)
         free_b.difference_update(mate)
-        _one_pair(found, own, mate, speed)
+        _one_pair(found, own, mate, speed, smallest)
 
 
 def _beside(state: State, free: Sequence[int]) -> list[tuple[int, int]]:
@@ -158,7 +166,11 @@ def _beside(state: State, free: Sequence[int]) -> list[tuple[int, int]]:
 
 
 def _one_pair(
-    found: Match, own: tuple[int, int], mate: tuple[int, int], speed: Complex | None
+    found: Match,
+    own: tuple[int, int],
+    mate: tuple[int, int],
+    speed: Complex | None,
+    smallest: bool,
 ) -> None:
     """Say which of two modes continues which."""
     a, b = found.a, found.b
@@ -171,12 +183,16 @@ def _one_pair(
             found.split.append(_by_growth(a, own))
             found.pairs |= dict(zip(_by_growth(a, own), _by_frequency(b, mate), strict=True))
         return
-    if conjugate_pair(a, own) and conjugate_pair(b, mate):
-        # Close to the merging: only growth tells them apart.
-        for i, j in zip(_by_growth(a, own), _by_growth(b, mate), strict=True):
-            found.pairs[i] = j
-        return
-    order = _one_by_one(found, own, mate, speed)
+    coupled = max(a.condition[list(own)].max(), b.condition[list(mate)].max()) >= COUPLED
+    if coupled or (conjugate_pair(a, own) and conjugate_pair(b, mate)):
+        # Next to their merging, which is not between: they keep their order.
+        if _apart(a, own) and _apart(b, mate):
+            found.pairs |= dict(zip(_by_frequency(a, own), _by_frequency(b, mate), strict=True))
+            return
+        if not (_apart(a, own) or _apart(b, mate)):
+            found.pairs |= dict(zip(_by_growth(a, own), _by_growth(b, mate), strict=True))
+            return
+    order = _one_by_one(found, own, mate, speed, smallest and not coupled)
     if order is None:
         found.lost += list(own)
         found.new += list(mate)
@@ -185,10 +201,14 @@ def _one_pair(
 
 
 def _one_by_one(
-    found: Match, own: tuple[int, int], mate: tuple[int, int], speed: Complex | None
+    found: Match,
+    own: tuple[int, int],
+    mate: tuple[int, int],
+    speed: Complex | None,
+    as_equal: bool,
 ) -> dict[int, int] | None:
     """Two separate modes on either side: equal eigenvalues have no vectors of their own."""
-    if equal(found.b, mate):
+    if as_equal or equal(found.b, mate):
         found.b = found.b.turned(mate, found.a, own)
         return dict(zip(own, mate, strict=True))
     if equal(found.a, own):
@@ -225,16 +245,19 @@ def squared_distance(state: State, pair: Sequence[int]) -> complex:
 def passes_zero(a: State, own: Sequence[int], b: State, mate: Sequence[int]) -> bool:
     """Whether d of a pair passes zero on its way: it turns by pi, one way or the other."""
     d, e = squared_distance(a, own), squared_distance(b, mate)
-    if d == 0 or e == 0 or _apart(a, own) == _apart(b, mate):
+    if _apart(a, own) == _apart(b, mate):
         return False
+    if d == 0 or e == 0:
+        # Merged just there: equal eigenvalues without coupling are no merging.
+        return max(a.condition[list(own)].max(), b.condition[list(mate)].max()) >= COUPLED
     ratio = e / d
     return bool(ratio.real < 0 and abs(ratio.imag) <= TURNED * abs(ratio.real))
 
 
 def _apart(state: State, pair: Sequence[int]) -> bool:
-    """Whether two modes differ in frequency rather than in growth."""
+    """Whether two modes differ in frequency rather than in growth, or not at all."""
     step = state.s[pair[0]] - state.s[pair[1]]
-    return bool(abs(step.imag) > abs(step.real))
+    return bool(abs(step.imag) >= abs(step.real))
 
 
 def _by_frequency(state: State, pair: Sequence[int]) -> tuple[int, int]:

@@ -1,0 +1,139 @@
+"""Branches where following is hard: a right answer, or a cut that says so, never a silent swap."""
+
+import numpy as np
+import pytest
+
+from brake_fenicsx.errors import NotConverged
+from brake_fenicsx.sweeps.branches import CUT, NO_EQUILIBRIUM, follow
+from brake_fenicsx.sweeps.events import JUMP, MERGING, SPLITTING, find_events
+from brake_fenicsx.sweeps.state import State
+from sweep_models import MERGED, hoffmann, modes_of, solver
+
+pytestmark = [pytest.mark.hard, pytest.mark.alone]
+
+WIDE = (0.0, 1e5)
+NONE = np.zeros((2, 2))
+
+
+def kinds(events, *wanted):
+    return [(e.kind, e.x) for e in events if e.kind in wanted]
+
+
+def test_merging_exactly_at_a_computed_value():
+    values = [0.0, 0.3, MERGED, 0.9, 1.2]
+    solve = solver(hoffmann)
+    followed = follow(solve, values, WIDE)
+    assert not any(b.end == CUT for b in followed.branches)
+    ((_, x),) = kinds(find_events(followed, solve, 0.0, 1e-4), MERGING)
+    assert abs(x - MERGED) <= 1.2e-4
+
+
+def test_falling_values_give_the_events_of_rising_ones():
+    solve = solver(hoffmann)
+    ((kind, x),) = kinds(
+        find_events(follow(solve, np.linspace(1.2, 0, 7), WIDE), solve, 0.0, 1e-4),
+        MERGING, SPLITTING,
+    )  # fmt: skip
+    assert kind == SPLITTING and abs(x - MERGED) <= 1.2e-4
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e9])
+def test_units_do_not_matter(scale):
+    """Stiffness and mass of any size: the same merging."""
+
+    def matrices(mu):
+        M, C, K = hoffmann(mu)
+        return M, C, scale * K
+
+    solve = solver(matrices)
+    followed = follow(solve, np.linspace(0, 1.2, 7), (0, 1e9))
+    ((_, x),) = kinds(find_events(followed, solve, 0.0, 1e-4), MERGING)
+    assert abs(x - MERGED) <= 1.2e-4
+
+
+def test_a_mode_merges_with_one_neighbour_and_then_with_the_other():
+    """1 and 2 merge and split, then 2 and 3: K_ij K_ji < 0 in two places."""
+
+    def K(x):
+        return np.array([
+            [1.00, 0.03, 0.0], [-0.03, 0.90 + 0.4 * x, 0.03], [0.0, -0.03, 1.20],
+        ])  # fmt: skip
+
+    solve = solver(lambda x: (np.eye(3), np.zeros((3, 3)), K(x)))
+    found = []
+    for steps in (4, 9, 40):
+        followed = follow(solve, np.linspace(0, 1, steps), WIDE)
+        assert len(followed.branches) == 3
+        found.append(kinds(find_events(followed, solve, 0.0, 1e-4), MERGING, SPLITTING))
+    for one in found:
+        assert [kind for kind, _ in one] == [MERGING, SPLITTING, MERGING, SPLITTING]
+        np.testing.assert_allclose([x for _, x in one], [x for _, x in found[-1]], atol=2e-4)
+    # The number of complex eigenvalues changes just there.
+    for _, x in found[0]:
+        count = [np.sum(np.linalg.eigvals(K(x + d)).imag > 1e-9) for d in (-1e-3, 1e-3)]
+        assert count[0] != count[1]
+
+
+def test_two_doublets_cross_at_one_value():
+    """Four modes meet in two frequencies; nothing couples them."""
+    D = lambda x: np.diag([1 + x, 1.5 - x, 2 + x, 2.5 - x])  # noqa: E731
+    solve = solver(lambda x: (np.eye(4), np.zeros((4, 4)), D(x)))
+    followed = follow(solve, np.linspace(0, 0.5, 5), WIDE)
+    assert find_events(followed, solve, 0.0, 1e-4) == []
+    ends = sorted(float(followed.s(b)[-1].imag ** 2) for b in followed.branches)
+    np.testing.assert_allclose(ends, [1.0, 1.5, 2.0, 2.5], rtol=1e-12)
+    for b in followed.branches:
+        moved = np.diff(followed.s(b).imag ** 2)
+        assert np.all(moved > 0) or np.all(moved < 0)
+
+
+@pytest.mark.parametrize("coupling", [1e-3, 1e-5, 1e-7])
+def test_weak_veering_never_leaves_a_gap_or_a_jump(coupling):
+    """Narrower than the smallest step a veering is a crossing: either way branches are smooth."""
+    K = lambda x: np.array([[1.0 + x, coupling], [coupling, 1.5 - x]])  # noqa: E731
+    solve = solver(lambda x: (np.eye(2), NONE, K(x)))
+    followed = follow(solve, np.linspace(0, 0.5, 6), WIDE)
+    assert [b.end for b in followed.branches] == ["last value"] * 2
+    for b in followed.branches:
+        squares, x = followed.s(b).imag ** 2, followed.x(b)
+        assert np.all(np.abs(np.diff(squares)) <= np.diff(x) + 2 * coupling)
+
+
+def test_defective_everywhere():
+    """Two modes that stay merged, a Jordan block for every value: no branch is invented."""
+    K = lambda x: np.array([[1.0 + x, 1.0], [0.0, 1.0 + x]])  # noqa: E731
+    solve = solver(lambda x: (np.eye(2), NONE, K(x)))
+    followed = follow(solve, np.linspace(0, 0.5, 4), WIDE)
+    for b in followed.branches:
+        np.testing.assert_allclose(followed.s(b).imag ** 2, 1 + followed.x(b), rtol=1e-6)
+
+
+def test_jump_of_the_contact_state():
+    """An element opens at 0.3: the modes jump, the likeliest go on, and a row says so."""
+
+    def solve(x):
+        opened = x > 0.3
+        angle = 0.7 if opened else 0.0
+        Q = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        stiff = np.diag([0.9, 2.0]) if opened else np.diag([1.0, 2.2])
+        modes = modes_of(np.eye(2), NONE, Q @ stiff @ Q.T)
+        return State.of(x, modes, np.array([0.0 if opened else 1.0]))
+
+    followed = follow(solve, np.linspace(0, 1, 6), WIDE)
+    assert [b.end for b in followed.branches] == ["last value"] * 2
+    events = find_events(followed, solve, 0.0, 1e-4)
+    assert [e.kind for e in events] == [JUMP]
+    assert abs(events[0].x - 0.3) <= events[0].error <= 1e-3
+
+
+def test_no_equilibrium_beyond_a_value():
+    def solve(x):
+        if x > 0.5:
+            raise NotConverged("equilibrium: none")
+        return solver(hoffmann)(x)
+
+    followed = follow(solve, np.linspace(0, 1, 5), WIDE)
+    assert {b.end for b in followed.branches} == {NO_EQUILIBRIUM}
+    assert followed.states[-1].x == 0.5 and "none" in followed.stopped
+    with pytest.raises(NotConverged):
+        follow(solve, [0.9, 1.0], WIDE)
