@@ -20,6 +20,7 @@ def kinds(events, *wanted):
 
 
 def test_merging_exactly_at_a_computed_value():
+    """The defective state itself is computed: branches pass it, and the merging is there."""
     values = [0.0, 0.3, MERGED, 0.9, 1.2]
     solve = solver(hoffmann)
     followed = follow(solve, values, WIDE)
@@ -29,6 +30,7 @@ def test_merging_exactly_at_a_computed_value():
 
 
 def test_falling_values_give_the_events_of_rising_ones():
+    """A sweep from the last value to the first splits where the other one merges."""
     solve = solver(hoffmann)
     ((kind, x),) = kinds(
         find_events(follow(solve, np.linspace(1.2, 0, 7), WIDE), solve, 0.0, 1e-4),
@@ -127,6 +129,8 @@ def test_jump_of_the_contact_state():
 
 
 def test_no_equilibrium_beyond_a_value():
+    """Branches end at the last value that has an equilibrium; without any it is an error."""
+
     def solve(x):
         if x > 0.5:
             raise NotConverged("equilibrium: none")
