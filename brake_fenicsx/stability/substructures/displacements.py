@@ -1,4 +1,8 @@
-"""Displacements of modes of the reduced model, with all that the kept modes leave out."""
+"""Displacements of modes of the reduced model, with all that the kept modes leave out.
+
+The left vector is the mode of the transposed problem: bodies transposed, and forces along the rows
+whose motions are followed.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +14,8 @@ from brake_fenicsx.errors import NotConverged
 from ..eigensolvers.complex_columns import on_parts, times
 from ..modes import Complex
 from .moments import Complement, Rows
-from .polynomials import applied
 from .sample import Sample
+from .vectors import left_motions, right_motions
 
 # Steps at most, and the relative change at which they end; each gains the ratio of the band's end
 # to the nearest pole of what is left out, or more.
@@ -19,7 +23,7 @@ STEPS, SETTLED = 60, 1e-8
 
 
 def mode_displacements(
-    sample: Sample, x: np.ndarray, rows: Rows, z: Complex, a: Complex
+    sample: Sample, x: np.ndarray, rows: Rows, z: Complex, a: Complex, left: bool = False
 ) -> Complex:
     """Displacements W a + v of the bodies, v from their matrices at full order.
 
@@ -29,6 +33,7 @@ def mode_displacements(
         rows: blocks of contact rows.
         z: eigenvalues, in units of the model, shape (chosen,).
         a: coordinates of the kept modes, shape (kept modes, chosen).
+        left: whether these are left vectors, not conjugated.
 
     Returns:
         Shape (dofs, chosen).
@@ -36,18 +41,22 @@ def mode_displacements(
     Raises:
         NotConverged: v does not settle.
     """
-    force = sample.forces(z, _motions(sample, z, a))
+    if left:
+        force, along = left_motions(sample, z, a), rows.followed
+    else:
+        force, along = sample.forces(z, right_motions(sample, z, a)), rows.acting
     out = np.zeros((sum(b.dofs.size for b in sample.bodies), z.size), complex)
     # One factor at a time: that of a body and its mirror images.
     for component in dict.fromkeys(body.component for body in sample.bodies):
         P = component.polynomial(x)
+        P = [A.T.tocsr() for A in P] if left else P
         complement = Complement(P[0], component.body.M, component.W)
-        I = sp.vstack([component.body.interface[name] for name in rows.acting]).tocsr()
+        I = sp.vstack([component.body.interface[name] for name in along]).tocsr()
         try:
             for body, at in zip(sample.bodies, sample.closed, strict=True):
                 if body.component is not component:
                     continue
-                acting, there = at.rows(len(rows.acting), body.elements.size, sample.count)
+                acting, there = at.rows(len(along), body.elements.size, sample.count)
                 kept = times(component.W, a[body.modes])
                 load = times(I[acting].T.tocsr(), force[there])
                 v = _left_out(complement, P, z, kept, load)
@@ -55,17 +64,6 @@ def mode_displacements(
         finally:
             complement.factor.destroy()
     return out
-
-
-def _motions(sample: Sample, z: Complex, a: Complex) -> Complex:
-    """Motions y that contact forces follow: E(z) y = source(z) a."""
-    y = sample.motions(z, a)
-    for _ in range(STEPS):
-        remainder = applied(sample.source, z, a) - applied(sample.E, z, y)
-        y = y + sample.solve(remainder)
-        if np.linalg.norm(remainder) <= SETTLED * np.linalg.norm(y):
-            return y
-    raise NotConverged("displacements of a mode: the motions at the contact do not settle")
 
 
 def _left_out(

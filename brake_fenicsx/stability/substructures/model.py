@@ -36,6 +36,7 @@ from .reduction import Accuracy, Reduction, kept_modes
 from .sample import Sample
 from .static import BodyCompliance, body_compliance, static_compliance
 from .substructure import Substructure
+from .vectors import ContactMotions, motions_of_elements, sharpened, slopes
 
 Array = NDArray[np.float64]
 
@@ -232,7 +233,12 @@ class ReducedModel:
         return static_compliance(self.bodies, every, self._w * k0, self._omega)
 
     def displacements(
-        self, p: ArrayLike, contact: ContactLinearisation, s: Complex, a: Complex
+        self,
+        p: ArrayLike,
+        contact: ContactLinearisation,
+        s: Complex,
+        a: Complex,
+        left: bool = False,
     ) -> Complex:
         """Displacements of some modes of a sample, with all that the kept modes leave out.
 
@@ -241,6 +247,7 @@ class ReducedModel:
             contact: what acts in the contact elements of the sample.
             s: eigenvalues lambda [1/s], shape (chosen,).
             a: their coordinates, columns of ``right``, shape (kept modes, chosen).
+            left: whether these are columns of ``left``, and left vectors are wanted.
 
         Returns:
             Shape (dofs, chosen).
@@ -248,10 +255,40 @@ class ReducedModel:
         Raises:
             NotConverged: what the kept modes leave out does not settle.
         """
+        sample, x, z = self._sample(p, contact), np.asarray(p, float), self._scaled(s)
+        if left:
+            return mode_displacements(sample, x, self.rows, z, a.conj(), True).conj()
+        return mode_displacements(sample, x, self.rows, z, a)
+
+    def motions(
+        self, p: ArrayLike, contact: ContactLinearisation, s: Complex, right: Complex, left: Complex
+    ) -> tuple[ContactMotions, Complex, Complex]:
+        """Motions of some modes of a sample at all contact elements.
+
+        Args:
+            p: a point of the box.
+            contact: what acts in the contact elements of the sample.
+            s: eigenvalues lambda [1/s], shape (chosen,).
+            right: their coordinates, columns of ``right``, shape (kept modes, chosen).
+            left: likewise.
+
+        Returns:
+            The motions, under the right vectors of the rows that forces follow; and the coordinates
+            made sharper: those of ``modes`` are vectors of a truncated series.
+
+        Raises:
+            NotConverged: the motions at the contact do not settle.
+        """
+        sample, z = self._sample(p, contact), self._scaled(s)
+        v, settled = sharpened(sample, z, right, left.conj())
+        seen, met = motions_of_elements(sample, self.rows, self._w.size, z, v)
+        slope = slopes(sample, z, v) * (self._omega if self.rows.damped else -2 * s)
+        return ContactMotions(s, slope, seen, met, settled), v.a, v.b.conj()
+
+    def _scaled(self, s: Complex) -> Complex:
+        """Eigenvalues in units of the model."""
         scaled = s / self._omega
-        z = scaled - self.rows.shift if self.rows.damped else SIGMA - scaled**2
-        sample = self._sample(p, contact)
-        return mode_displacements(sample, np.asarray(p, float), self.rows, z, a)
+        return scaled - self.rows.shift if self.rows.damped else SIGMA - scaled**2
 
     def coordinates(self, A: sp.csr_matrix, u: NDArray | None = None) -> NDArray:
         """U'A u of the kept modes U of all bodies, or U'A U.

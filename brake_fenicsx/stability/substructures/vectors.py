@@ -1,0 +1,195 @@
+"""Right and left vectors of single modes of a sample, and their motions at the contact elements.
+
+The zeros of the expanded T(z) come with its own vectors, which derivatives would feel to first
+order. With all moments T(z) a = own a + forced y, E y = source a, and T(z)' b = own' b + source'
+eta, E' eta = forced' b; the corrections come from the expanded T, bordered so that it is regular
+(Guettel and Tisseur, Acta Numerica 26, 2017, doi:10.1017/S0962492917000034, section 4). The motions
+of the left vector along the rows that forces act along are lead' b - D' eta, and J' of them is eta.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as la
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import NotConverged
+
+from ..eigensolvers.complex_columns import times
+from ..modes import Complex
+from .moments import Rows
+from .polynomials import applied
+from .sample import Sample
+
+# Steps at most for motions and for vectors, and the relative change at which they end.
+STEPS, SETTLED = 60, 1e-8
+
+# Each step must gain this factor.
+GAIN = 0.5
+
+Settled = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class ContactMotions:
+    """Motions of modes at the contact elements.
+
+    Attributes:
+        s: eigenvalues lambda [1/s], shape (modes,).
+        slope: psi^H P'(lambda) phi, shape (modes,).
+        right: rows "N", "T", "R" -> N phi, T phi, R phi of each element, shape (elements, modes).
+        left: rows -> psi^H N', psi^H T', psi^H R', likewise.
+        settled: whether the vectors are as sharp as wanted, shape (modes,).
+    """
+
+    s: Complex
+    slope: Complex
+    right: dict[str, Complex]
+    left: dict[str, Complex]
+    settled: Settled
+
+
+@dataclass(frozen=True, slots=True)
+class Vectors:
+    """Kept coordinates of some modes, and their motions.
+
+    Attributes:
+        a: right coordinates, shape (kept modes, modes).
+        b: left ones, not conjugated.
+        y: motions that contact forces follow, shape (followed rows of closed elements, modes).
+        eta: those that the left vector sees, likewise.
+    """
+
+    a: Complex
+    b: Complex
+    y: Complex
+    eta: Complex
+
+
+def sharpened(sample: Sample, z: Complex, a: Complex, b: Complex) -> tuple[Vectors, Settled]:
+    """Vectors with all moments from those of the expanded T(z).
+
+    Args:
+        sample: the reduced problem of the sample.
+        z: eigenvalues, in units of the model, shape (modes,).
+        a: coordinates of the kept modes, shape (kept modes, modes).
+        b: the left ones, not conjugated.
+
+    Returns:
+        The vectors, and which modes have settled: next to a merging point some may not, and stay
+        as sharp as they got.
+
+    Raises:
+        NotConverged: the motions at the contact do not settle.
+    """
+    a, b = a / la.norm(a, axis=0), b / la.norm(b, axis=0)
+    factors = [_bordered(sample, *mode) for mode in zip(z, a.T, b.T, strict=True)]
+
+    def step(rest: Complex, trans: int) -> Complex:
+        columns = zip(factors, rest.T, strict=True)
+        found = [
+            la.lu_solve(lu, np.r_[-r, 0], trans=trans, check_finite=False) for lu, r in columns
+        ]
+        return np.asarray(np.array(found).T[:-1])
+
+    settled, moving, last = np.zeros(z.size, bool), np.ones(z.size, bool), np.full(z.size, np.inf)
+    y: Complex | None = None
+    eta: Complex | None = None
+    while True:
+        y, eta = right_motions(sample, z, a, y), left_motions(sample, z, b, eta)
+        if not moving.any():
+            return Vectors(a, b, y, eta), settled
+        right = applied(sample.own, z, a) + applied(sample.forced, z, y)
+        left = applied(sample.own, z, b, transpose=True)
+        left = left + applied(sample.source, z, eta, transpose=True)
+        da, db = step(right, 0), step(left, 1)
+        change = np.maximum(la.norm(da, axis=0), la.norm(db, axis=0))
+        # What does not gain any more is left as it is.
+        moving &= change < GAIN * last
+        settled |= moving & (change <= SETTLED)
+        a, b, last = a + moving * da, b + moving * db, change
+        moving &= ~settled
+
+
+def _bordered(sample: Sample, z: complex, a: Complex, b: Complex) -> tuple[Complex, NDArray]:
+    """Factor of the expanded T(z) with a border that makes it regular."""
+    T = np.tensordot(z ** np.arange(len(sample.T)), sample.T, 1)
+    T = np.block([[T, b.conj()[:, None]], [a.conj()[None], np.zeros((1, 1))]])
+    return la.lu_factor(T, check_finite=False)
+
+
+def right_motions(sample: Sample, z: Complex, a: Complex, start: Complex | None = None) -> Complex:
+    """Motions y that contact forces follow: E(z) y = source(z) a; from others nearby."""
+    source = applied(sample.source, z, a)
+    return _settled(
+        sample.motions(z, a) if start is None else start,
+        lambda y: sample.solve(source - applied(sample.E, z, y)),
+    )
+
+
+def left_motions(sample: Sample, z: Complex, b: Complex, start: Complex | None = None) -> Complex:
+    """Motions eta that the left vector sees: E(z)' eta = forced(z)' b; from others nearby."""
+    forced = applied(sample.forced, z, b, transpose=True)
+    return _settled(
+        sample.solve(forced, 1) if start is None else start,
+        lambda eta: sample.solve(forced - applied(sample.E, z, eta, transpose=True), 1),
+    )
+
+
+def _settled(y: Complex, step: Callable[[Complex], Complex]) -> Complex:
+    for _ in range(STEPS):
+        change = step(y)
+        y = y + change
+        if np.linalg.norm(change) <= SETTLED * np.linalg.norm(y):
+            return y
+    raise NotConverged("vectors of a mode: the motions at the contact do not settle")
+
+
+def slopes(sample: Sample, z: Complex, v: Vectors) -> Complex:
+    """Slope b' T'(z) a of each mode."""
+
+    def changed(A: NDArray, x: Complex) -> Complex:
+        terms = [n * z ** (n - 1) * times(B, x) for n, B in enumerate(A) if n]
+        return np.asarray(sum(terms, np.zeros((A.shape[1], z.size), complex)))
+
+    kept = changed(sample.own, v.a) + changed(sample.forced, v.y)
+    seen = changed(sample.source, v.a) - changed(sample.E, v.y)
+    return np.asarray(np.sum(v.b * kept, axis=0) + np.sum(v.eta * seen, axis=0))
+
+
+def motions_of_elements(
+    sample: Sample, rows: Rows, elements: int, z: Complex, v: Vectors
+) -> tuple[dict[str, Complex], dict[str, Complex]]:
+    """Motions of all contact elements, open ones too, under right and left vectors.
+
+    Args:
+        sample: the reduced problem of the sample.
+        rows: blocks of contact rows.
+        elements: number of all contact elements.
+        z: eigenvalues, in units of the model.
+        v: their vectors.
+
+    Returns:
+        Followed rows under the right vectors, acting rows under the left ones: block -> motions,
+        shape (elements, modes).
+    """
+    f, g, force = len(rows.followed), len(rows.acting), sample.forces(z, v.y)
+    right = np.zeros((f, elements, z.size), complex)
+    left = np.zeros((g, elements, z.size), complex)
+    for body, view, at in zip(sample.bodies, sample.views, sample.closed, strict=True):
+        comp, modes, m = body.component, body.modes, body.elements.size
+        own, place = at.rows(f, m, sample.count)
+        acting, there = at.rows(g, m, sample.count)
+        x = np.zeros((view.D.shape[2], z.size), complex)
+        u = np.zeros((view.D.shape[1], z.size), complex)
+        x[acting], u[own] = force[there], v.eta[place]
+        if comp.coupled:
+            x[g * m : g * m + comp.W.shape[1]], u[f * m :] = v.a[modes], v.b[modes]
+        seen = times(comp.followed, v.a[modes]) - applied(view.D[:, : f * m], z, x)
+        met = times(comp.acting, v.b[modes]) - applied(view.D[:, :, : g * m], z, u, transpose=True)
+        right[:, body.elements] += seen.reshape(f, m, z.size)
+        left[:, body.elements] += met.reshape(g, m, z.size)
+    return dict(zip(rows.followed, right, strict=True)), dict(zip(rows.acting, left, strict=True))
