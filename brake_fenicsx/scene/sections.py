@@ -306,6 +306,8 @@ class Stability:
         verify: samples of the reduced model that are solved at full order as well.
         threshold: an unstable mode counts as squeal where its damping -2 alpha / |omega| lies below
             minus this; 0: every unstable mode.
+        drivers: whether derivatives of the unstable modes, to friction, loads, contact and layers,
+            are computed ([stability.md](stability.md#what-drives-a-mode)).
         damping: terms of the damping; none where the section is left out.
     """
 
@@ -317,6 +319,7 @@ class Stability:
     zeta_max: float = key(default=0.1)
     verify: int = key(default=0, sign="zero")
     threshold: float = key(default=0.0, sign="zero")
+    drivers: bool = False
     damping: Damping | None = None
 
 

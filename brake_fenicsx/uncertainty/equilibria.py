@@ -61,18 +61,16 @@ class Equilibria:
         Raises:
             NotConverged: neither the full load at once nor the scene's ramp converges.
         """
-        bodies, laws, mu = self._bodies(sample), sample.laws, sample.mu_equilibrium
-        materials = self.models.materials
-        if materials is not None and sample.materials and reduced:
-            bodies = self._reduced_bodies(approach, sample, bodies)
-        elif materials is not None and sample.materials:
+        laws, mu, materials = sample.laws, sample.mu_equilibrium, self.models.materials
+        if materials is not None and sample.materials and not reduced:
+            bodies = self._bodies(sample)
             if bodies.compliance.factor is not None:
                 try:
                     change = materials.change(sample.materials)
                     return corrected_equilibrium(bodies, change, laws, mu)
                 except NotConverged:
                     logger.info("the materials of a sample are far from the scene's: factored anew")
-            bodies = self._full_bodies(sample, bodies)
+        bodies = self.bodies(approach, sample, reduced)
         if start is not None:
             with suppress(NotConverged):
                 return equilibrium(bodies, laws, mu, start=start)
@@ -82,6 +80,15 @@ class Equilibria:
             except NotConverged as error:
                 failed = error
         raise limit_of_friction(bodies, laws, mu, self.steps, failed)
+
+    def bodies(self, approach: str, sample: SampleInput, reduced: bool) -> Bodies:
+        """The bodies of a sample under its loads; the arguments are those of ``of``."""
+        bodies = self._bodies(sample)
+        if self.models.materials is None or not sample.materials:
+            return bodies
+        if reduced:
+            return self._reduced_bodies(approach, sample, bodies)
+        return self._full_bodies(sample, bodies)
 
     def displacement(self, sample: SampleInput, data: Mapping[str, Any]) -> Array:
         """Displacement of a stored equilibrium [m], shape (dofs,).

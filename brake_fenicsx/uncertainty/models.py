@@ -187,10 +187,16 @@ class Models:
         return np.asarray(self._shapes @ coordinates)
 
     def displacements(
-        self, damped: bool, p: Array, contact: ContactLinearisation, s: NDArray, a: NDArray
+        self,
+        damped: bool,
+        p: Array,
+        contact: ContactLinearisation,
+        s: NDArray,
+        a: NDArray,
+        left: bool = False,
     ) -> NDArray:
-        """Displacements of some modes of the reduced model, shape (dofs, chosen)."""
-        found = self.reduced[damped].displacements(p, contact, s, a)
+        """Right or left vectors of some modes of the reduced model, shape (dofs, chosen)."""
+        found = self.reduced[damped].displacements(p, contact, s, a, left)
         out = np.empty_like(found)
         out[self._order] = found
         return out

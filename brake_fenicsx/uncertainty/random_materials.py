@@ -165,7 +165,7 @@ def assemble_random(scene: Scene, brake: Brake) -> RandomMaterials:
     for material, names in by_material.items():
         for constant in _moved(scene, material, names):
             keys.append((material, constant))
-            directions.append(_unit_change(scene, brake, material, constant))
+            directions.append(unit_change(scene, brake, material, constant))
     mesh, free = brake.mesh, brake.elastic.free
     parts: list[sp.csr_matrix] = []
     for direction in directions:
@@ -196,7 +196,7 @@ def _moved(scene: Scene, material: str, names: list[str]) -> list[str]:
     return [constant for constant, index in VOIGT.items() if moved[index]]
 
 
-def _unit_change(scene: Scene, brake: Brake, material: str, constant: str) -> dict[str, Array]:
+def unit_change(scene: Scene, brake: Brake, material: str, constant: str) -> dict[str, Array]:
     """Change of every layer's stiffness under one of a material's C_ij, in x, y, z axes."""
     unit = np.zeros((6, 6))
     i, j = VOIGT[constant]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,8 +29,17 @@ Array = NDArray[np.float64]
 Arrays = dict[str, Any]
 
 
+# Modes, their partners, and whether they are those of the reduced model -> what else is stored.
+More = Callable[[Modes, NDArray[np.intp], bool], Arrays]
+
+
 def modes_of_sample(
-    models: Models, approach: str, sample: SampleInput, eq: Equilibrium, by_reduction: bool
+    models: Models,
+    approach: str,
+    sample: SampleInput,
+    eq: Equilibrium,
+    by_reduction: bool,
+    more: More | None = None,
 ) -> Arrays:
     """Complex modes of a sample, as arrays to store.
 
@@ -40,9 +49,10 @@ def modes_of_sample(
         sample: its inputs.
         eq: its equilibrium.
         by_reduction: whether the reduced model gives its modes.
+        more: what else is made of them.
     """
     if not by_reduction:
-        return _full(models, sample, eq)
+        return _full(models, sample, eq, more)
     settings = models.stability
     if settings is None:
         raise ValueError("a scene without [stability] has no modes")
@@ -51,7 +61,7 @@ def modes_of_sample(
     if missed and settings.on_tolerance == "full order":
         given = missed, settings.tolerance
         logger.info("%d modes of a sample beyond the tolerance %.0e: full order", *given)
-        return _full(models, sample, eq)
+        return _full(models, sample, eq, more)
     unstable = np.array(modes.verdict) == "unstable"
     if damped:
         # Kept modes of all bodies are orthonormal in the mass.
@@ -63,6 +73,7 @@ def modes_of_sample(
         **_record(modes, settings.tolerance),
         **_composition(modes, energy_shares(models.grams, modes.right), partners),
         "coordinates": modes.right.astype(np.complex64),
+        **(more(modes, partners, True) if more is not None else {}),
     }
 
 
@@ -136,7 +147,7 @@ def sample_damping(models: Models, sample: SampleInput, p: Array) -> sp.csr_matr
     return damping_of_sample(models.terms, contact, p, sample.mu, sample.slope, changes)
 
 
-def _full(models: Models, sample: SampleInput, eq: Equilibrium) -> Arrays:
+def _full(models: Models, sample: SampleInput, eq: Equilibrium, more: More | None = None) -> Arrays:
     """Modes at full order."""
     settings = models.stability
     if settings is None:
@@ -152,6 +163,7 @@ def _full(models: Models, sample: SampleInput, eq: Equilibrium) -> Arrays:
         **_record(modes, settings.tolerance),
         **_composition(modes, energy_shares(models.masses, modes.right), partners),
         "vectors": modes.right[:, grown].astype(np.complex64), "vector_mode": grown,
+        **(more(modes, partners, False) if more is not None else {}),
     }  # fmt: skip
     coordinates = models.coordinates(modes.right)
     if coordinates is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
@@ -42,6 +43,8 @@ from .shapes import family_shapes
 if TYPE_CHECKING:
     from brake_fenicsx.macro.equilibrium import Equilibrium
     from brake_fenicsx.stability.modes import Modes
+
+    from .drivers import Drivers
 
 Array = NDArray[np.float64]
 
@@ -89,6 +92,7 @@ class Study:
         self.equilibria: Equilibria | None = None
         # Vectors and frequencies of the families, once the tables are written; on one process.
         self.families: list[Any] = []
+        self.drivers: Drivers | None = None
         reduced = self.models.by_reduction
         self.verified = next((name for name in approaches if reduced[name]), "")
         self.verify: list[Task] = []
@@ -106,6 +110,10 @@ class Study:
         self.facts |= {"reference_stiffness_Pa_per_m": k0, **models.facts}
         steps = max((load.steps for load in self.scene.loads.values()), default=1)
         self.equilibria = Equilibria(models, steps)
+        if models.stability is not None and models.stability.drivers:
+            from .drivers import Drivers
+
+            self.drivers = Drivers(self.scene, models, self.equilibria)
 
     def _reference_laws(self) -> EnrichedGap:
         """Laws of the first sample that can be drawn, of rough contact if there is any."""
@@ -150,7 +158,10 @@ class Study:
         if models.stability is not None:
             from .solve import modes_of_sample
 
-            out |= modes_of_sample(models, approach, sample, eq, reduced)
+            more = None
+            if self.drivers is not None and task[0] != VERIFY:
+                more = partial(self.drivers.of, approach, sample, eq, k == 0)
+            out |= modes_of_sample(models, approach, sample, eq, reduced, more)
             if "vectors" in out:
                 out["vectors"] = models.numbering.kept(out["vectors"])
         return out
@@ -258,6 +269,10 @@ class Study:
             _, *self.families = results.family_members()
             self._write_shapes(points, results, stability.threshold if stability else 0.0)
         write_rows(path("contact.csv"), CONTACT, results.contact(self.brake.contact))
+        if stability is not None and self.drivers is not None:
+            from .driver_tables import write_drivers
+
+            write_drivers(path(), results, stability.threshold)
         if stability is not None and {"stability", "uncertainty"} <= {*self.scene.stages}:
             found = ensembles(results, stability.band, stability.threshold)
             facts["robustness"] = write_causes(path(), self.scene.samples, found)

@@ -1,0 +1,137 @@
+"""Stiffness, mass and damping of each layer by itself: what a mode owes to each of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from brake_fenicsx.macro.brake import Brake, scene_motion
+from brake_fenicsx.macro.condensation import whole
+from brake_fenicsx.macro.elasticity import affine_parts
+from brake_fenicsx.macro.friction import Rotation
+from brake_fenicsx.macro.material_table import layer_material, layer_materials, scene_materials
+from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.damping import turning_parts
+from brake_fenicsx.stability.derivatives import bilinear
+from brake_fenicsx.stability.gyroscopic import gyroscopic
+from brake_fenicsx.stability.modes import Complex
+
+from .random_materials import RandomMaterials, unit_change
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Layer:
+    """One layer of a part.
+
+    Attributes:
+        material: name of its material.
+        K: stiffness in the scene [N/m], shape (dofs, dofs).
+        M: mass [kg].
+        G: gyroscopic term [N s/m]; None where it does not turn.
+        changes: C_ij of a random material -> stiffness of a unit change [N/m per Pa].
+    """
+
+    material: str
+    K: sp.csr_matrix
+    M: sp.csr_matrix
+    G: sp.csr_matrix | None
+    changes: dict[str, sp.csr_matrix]
+
+
+@dataclass(frozen=True, slots=True)
+class Layers:
+    """All layers of a scene.
+
+    Attributes:
+        named: "part.layer" -> layer.
+        alpha: Rayleigh's factor of the mass [1/s].
+        follows: material -> share [s] of its stiffness that the damping takes.
+        reference: frequency of the loss factors [rad/s]; None: that of each mode.
+    """
+
+    named: dict[str, Layer]
+    alpha: float
+    follows: Mapping[str, float]
+    reference: float | None
+
+    def derivatives(
+        self, changes: Mapping[tuple[str, str], float], s: Complex, vectors: tuple[Complex, ...]
+    ) -> dict[tuple[str, str], Complex]:
+        """Derivatives of lambda to the stiffness, mass and loss factor of each layer.
+
+        Args:
+            changes: (material, C_ij) -> how much it differs from the scene's [Pa].
+            s: eigenvalues lambda [1/s], shape (modes,).
+            vectors: right and left ones, shape (dofs, modes), and psi^H P'(lambda) phi.
+
+        Returns:
+            (layer, "stiffness", "mass" or "loss factor") -> d lambda / d ln E, / d ln rho with the
+            damping that follows them, and / d eta at the reference [1/s], shape (modes,).
+        """
+        out = {}
+        frequency = np.abs(s.imag) if self.reference is None else self.reference
+        for name, layer in self.named.items():
+            K = layer.K
+            for constant, A in layer.changes.items():
+                K = K + changes.get((layer.material, constant), 0.0) * A
+            stiffness, mass = bilinear(K, *vectors), s * bilinear(layer.M, *vectors)
+            turning = 0.0 if layer.G is None else bilinear(layer.G, *vectors)
+            share = self.follows.get(layer.material, 0.0)
+            out[name, "stiffness"] = (1 + s * share) * stiffness
+            out[name, "mass"] = (s + self.alpha) * mass + s * turning
+            out[name, "loss factor"] = s / frequency * stiffness
+        return out
+
+
+def scene_layers(
+    scene: Scene,
+    brake: Brake,
+    masses: Mapping[str, sp.csr_matrix],
+    materials: RandomMaterials | None,
+    follows: Mapping[str, float],
+) -> Layers:
+    """Assemble the stiffness of every layer; collective.
+
+    Args:
+        scene: the scene.
+        brake: its operators.
+        masses: mass of each layer [kg].
+        materials: unit changes of random materials, if there are any.
+        follows: material -> share [s] of its stiffness that the damping takes.
+    """
+    mesh, free = brake.mesh, brake.elastic.free
+    table = scene.stability.damping if scene.stability else None
+    turns = set(turning_parts(scene)) if table and table.gyroscopic else set()
+    motion, named = scene_motion(scene), {}
+
+    def stiffness(C: Array, layer: str) -> sp.csr_matrix:
+        (A,) = affine_parts(mesh, free, [{layer: C}])
+        found = whole(A)
+        A.destroy()
+        found.eliminate_zeros()
+        return found
+
+    random = [] if materials is None else list(materials.changes)
+    for name, material in layer_materials(scene, scene_materials(scene), mesh.layers).items():
+        part, _, inner = name.partition(".")
+        own, G = layer_material(scene.parts[part].material, inner), None
+        if part in turns and isinstance(motion, Rotation):
+            turning = gyroscopic(mesh, free, {name: material.rho}, motion.speed)
+            G = whole(turning)
+            turning.destroy()
+        changes = {
+            constant: stiffness(unit_change(scene, brake, own, constant)[name], name)
+            for other, constant in random
+            if other == own
+        }
+        K = stiffness(material.C, name)
+        named[name] = Layer(str(own), K, masses[name], G, changes)
+    rayleigh = table.rayleigh if table and table.rayleigh else (0.0, 0.0)
+    reference = table.reference if table and table.loss else None
+    return Layers(named, float(rayleigh[0]), follows, reference)
