@@ -27,7 +27,7 @@ def draw_contact_pressure(run: RunData) -> Figure | None:
     if contact is None or contact["element"].size == 0:
         return None
     names = sort_approaches(set(map(str, contact["approach"])))
-    sides = _sides(contact["z"])
+    sides = pad_sides(contact["z"])
     x, y = contact["x"] * 1e3, contact["y"] * 1e3
     height = 1.05 + 5.6 / len(sides) * float(np.clip(np.ptp(y) / max(np.ptp(x), 1e-9), 0.2, 1.5))
     figure, axes = new_figure(len(names), len(sides), height=height * len(names))
@@ -40,8 +40,9 @@ def draw_contact_pressure(run: RunData) -> Figure | None:
         for axis, (side, inside) in zip(row, sides, strict=True):
             chosen = own & inside
             own_table = {k: v[chosen] for k, v in contact.items()}
-            corners, shown = _facets(own_table, run.faces) or _all_squares(own_table)
-            image = _draw_patches(axis, corners, shown, top)
+            corners, shown = patches(own_table, run.faces, own_table["p"])
+            shown = np.where(shown > 0, shown / 1e6, np.nan)
+            image = draw_patches(axis, corners, shown, PRESSURE, (0.0, top))
             place = f"{label(run, name)}, sample {sample}, {side}"
             axis.set_title(_headline(place, contact, chosen), fontsize=8.5)
             axis.set(xlabel="x [mm]", ylabel="y [mm]", aspect="equal")
@@ -50,7 +51,8 @@ def draw_contact_pressure(run: RunData) -> Figure | None:
     return figure
 
 
-def _sides(z: NDArray) -> list[tuple[str, NDArray]]:
+def pad_sides(z: NDArray) -> list[tuple[str, NDArray]]:
+    """Which contact elements lie on which pad, by their z [m]; each with a name."""
     if np.any(z > 0) and np.any(z < 0):
         return [("pad at z > 0", z > 0), ("pad at z < 0", z < 0)]
     return [("contact face", np.full(z.shape, True))]
@@ -62,38 +64,42 @@ def _headline(place: str, contact: Columns, own: NDArray) -> str:
     return f"{place}:\n{closed} of {own.sum()} elements closed, mean {mean / 1e6:.3g} MPa"
 
 
-def _facets(contact: Columns, faces: Arrays | None) -> tuple[NDArray, NDArray] | None:
-    """Corners [m] of the facets of some elements, shape (n, corners, 2), and pressures [Pa]."""
-    if faces is None or contact["element"].max() >= len(faces["facet"]):
-        return None
-    facet, corners = faces["facet"][contact["element"]], faces["corners"]
-    if np.any(facet < 0):
-        return None
-    p = facet_means(facet, contact["area"], contact["p"], len(corners))
-    held = np.isfinite(p)
-    return corners[held][..., :2], p[held]
+def patches(contact: Columns, faces: Arrays | None, values: NDArray) -> tuple[NDArray, NDArray]:
+    """Corners of the facets of some contact elements, and means of values over each.
 
+    Args:
+        contact: rows of ``contact.csv`` of the elements.
+        faces: arrays of ``contact_faces.npz``.
+        values: of these elements, shape (elements,).
 
-def _all_squares(contact: Columns) -> tuple[NDArray, NDArray]:
-    """Corners [m] of squares of the elements' areas, shape (n, 4, 2), and the pressures [Pa]."""
+    Returns:
+        Corners [m], shape (n, corners, 2), and values, shape (n,). Where the facets are not known,
+        squares of the elements' areas.
+    """
+    if faces is not None and contact["element"].max() < len(faces["facet"]):
+        facet, corners = faces["facet"][contact["element"]], faces["corners"]
+        if np.all(facet >= 0):
+            means = facet_means(facet, contact["area"], values, len(corners))
+            held = np.isfinite(means)
+            return corners[held][..., :2], means[held]
     centre = np.column_stack([contact["x"], contact["y"]])
-    return centre[:, None, :] + _squares(centre, contact["area"]), contact["p"]
+    return centre[:, None, :] + _squares(centre, contact["area"]), values
 
 
-def _draw_patches(axes: Axes, corners: NDArray, p: NDArray, top: float) -> Any:
-    """Patches coloured by their pressure [Pa]; an open one is empty."""
+def draw_patches(
+    axes: Axes, corners: NDArray, values: NDArray, colours: str, limits: tuple[float, float]
+) -> Any:
+    """Patches coloured by a value; one that is nan is empty."""
     from matplotlib.collections import PolyCollection
 
-    patches = PolyCollection(
-        list(corners * 1e3), cmap=PRESSURE, edgecolors="#b5b5b5", linewidths=0.15
-    )
-    patches.set_array(np.where(p > 0, p / 1e6, np.nan))
-    patches.set_clim(0.0, top)
-    patches.cmap.set_bad("white")
-    axes.add_collection(patches)
+    drawn = PolyCollection(list(corners * 1e3), cmap=colours, edgecolors="#b5b5b5", linewidths=0.15)
+    drawn.set_array(values)
+    drawn.set_clim(*limits)
+    drawn.cmap.set_bad("white")
+    axes.add_collection(drawn)
     axes.autoscale_view()
     axes.margins(0.03)
-    return patches
+    return drawn
 
 
 def _squares(centre: NDArray, area: NDArray) -> NDArray:

@@ -1,102 +1,174 @@
-"""What goes with squeal: rank correlation of the random inputs with the number of squeal modes."""
+"""What drives the squeal modes: bars of the derivatives by family, and maps over the pads."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.tables import SAMPLES
+from brake_fenicsx.tables import Columns
 
-from .counts import count
+from .contact_figures import draw_patches, pad_sides, patches
+from .counts import FamilyCount, families
 from .rundata import RunData
-from .style import BLACK, label, light_grid, look, new_figure
+from .style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    ORANGE,
+    PURPLE,
+    SKY,
+    VERMILION,
+    label,
+    light_grid,
+    new_figure,
+)
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-NO_INPUT = (*SAMPLES, "rejected", "tolerance_missed")  # columns of samples.csv
-FEWEST = 10  # samples below which a correlation says nothing
+MEDIAN = "median"
+MOST = 4  # families of an approach, the most severe first
+SIGNED = "RdBu_r"
+COLOURS = {
+    "friction": VERMILION, "load": PURPLE, "contact stiffness": SKY, "stiffness": BLUE,
+    "mass": GREEN, "loss factor": ORANGE,
+}  # fmt: skip
+# What each bar changes: friction coefficient by 0.01, loss factor by 0.001, all others by 1 %.
+STEPS = {"loss factor": 1e-3}
+# Columns of drivers_contact.csv per area, their names, and factors: of 1/s and shares per m^2.
+MAPS = (
+    ("dalpha_dlnk_1_s", "d alpha / d ln k\n[1/(s cm²)]", 1e-4),
+    ("friction_work", "work of friction\n[% of energy / cm²]", 1e-2),
+)
 
 
-@dataclass(frozen=True, slots=True)
-class Driver:
-    """Spearman correlation of one input with the number of squeal modes, 95 % interval."""
+def draw_drivers(run: RunData) -> Figure | None:
+    """Change of the growth rate by small changes of every parameter; one panel per family.
 
-    name: str
-    rho: float
-    low: float
-    high: float
-
-
-def drivers(run: RunData, approach: str) -> list[Driver]:
-    """Rank correlation of every input that varies, the strongest first.
-
-    A correlation is a first look, blind to inputs that act in opposite ways in different modes.
-
-    Args:
-        run: the results.
-        approach: name of the approach.
-
-    Returns:
-        One record per input; none where there are few samples or the count never changes.
+    Bars: the first sample. Diamonds: median over the samples where the family squeals. Hollow bars
+    are not trusted.
     """
-    per_sample = count(run, approach).per_sample
-    if run.samples is None or per_sample.size < FEWEST or np.ptp(per_sample) == 0:
-        return []
-    good = (run.samples["approach"] == approach) & (run.samples["status"] == "ok")
-    order = np.argsort(run.samples["sample"][good], kind="stable")
-    found = []
-    for name, column in run.samples.items():
-        if name in NO_INPUT or not np.issubdtype(column.dtype, np.number):
-            continue
-        values = column[good][order].astype(float)
-        if np.all(np.isfinite(values)) and np.ptp(values) > 0:
-            found.append(Driver(name, *_spearman(values, per_sample)))
-    # The mean friction says nothing beside the friction of the one interface it is the mean of.
-    frictions = [d for d in found if d.name.startswith("contact.")]
-    found = [d for d in found if d.name != "mu" or len(frictions) != 1]
-    return sorted(found, key=lambda d: -abs(d.rho))
-
-
-def draw_drivers(run: RunData, most: int = 12) -> Figure | None:
-    """Bars of the rank correlations with their intervals, one panel per approach."""
-    shown = [(a, drivers(run, a)[:most]) for a in run.approaches]
-    shown = [(a, found) for a, found in shown if found]
-    if not shown:
+    rows = [(name, _families(run, name)) for name in run.approaches]
+    rows = [(name, found) for name, found in rows if found]
+    if run.drivers is None or not rows:
         return None
-    rows = sum(len(found) for _, found in shown)
-    heights = [len(found) + 1 for _, found in shown]
+    names = _parameters(run.drivers)
+    columns = max(len(found) for _, found in rows)
     figure, axes = new_figure(
-        len(shown),
-        1,
-        height=0.7 + 0.5 * len(shown) + 0.26 * rows,
-        sharex=True,
-        gridspec_kw={"height_ratios": heights},
+        len(rows), columns, height=(0.165 * len(names) + 0.75) * len(rows) + 0.55, sharey=True
     )
-    for axis, (approach, found) in zip(axes.flat, shown, strict=True):
-        y = np.arange(len(found))[::-1]
-        rho = np.array([d.rho for d in found])
-        reach = np.array([[d.rho - d.low, d.high - d.rho] for d in found]).T
-        axis.barh(y, rho, 0.7, color=look(approach)[0], alpha=0.75)
-        axis.errorbar(rho, y, xerr=reach, fmt="none", ecolor=BLACK, elinewidth=1, capsize=2)
-        axis.axvline(0.0, color=BLACK, lw=0.7)
-        axis.set_yticks(y, [d.name for d in found])
-        axis.set(xlim=(-1, 1), ylim=(-0.6, len(found) - 0.4))
-        axis.set_title(f"{label(run, approach)}: {count(run, approach).samples} samples")
-        light_grid(axis, axis="x")
-    what = f"the number of squeal modes ({run.criterion})"
-    axes[-1, 0].set_xlabel(f"rank correlation with {what} [-]")
+    for row, (approach, found) in zip(axes, rows, strict=True):
+        for axis, family in zip(row, found, strict=False):
+            _draw_bars(axis, run.drivers, approach, family, names)
+        for axis in row[len(found) :]:
+            axis.set_visible(False)
+        row[0].set_ylabel(label(run, approach))
+    axes[0, 0].set_yticks(range(len(names)), [_text(*name) for name in names], fontsize=7.5)
+    axes[0, 0].set_ylim(len(names) - 0.4, -0.6)
+    figure.supxlabel(
+        "change of alpha [1/s] by +0.01 of a friction coefficient, +0.001 of a loss factor, "
+        "+1 % of any other",
+        fontsize=8.5,
+    )
     return figure
 
 
-def _spearman(x: NDArray, y: NDArray) -> tuple[float, float, float]:
-    """Spearman's rho with its interval by Fisher's transformation."""
-    from scipy.stats import rankdata
+def draw_driver_maps(run: RunData) -> Figure | None:
+    """Where contact stiffness and friction act on the most unstable mode of each first sample."""
+    maps, contact = run.driver_maps, run.contact
+    if maps is None or contact is None or not maps["element"].size:
+        return None
+    modes = [m for name in run.approaches if (m := _most_unstable(run, name)) is not None]
+    sides = pad_sides(contact["z"])
+    x, y = contact["x"] * 1e3, contact["y"] * 1e3
+    height = 0.55 + 5.0 / len(sides) * float(np.clip(np.ptp(y) / max(np.ptp(x), 1e-9), 0.2, 1.5))
+    figure, axes = new_figure(
+        len(modes) * len(MAPS), len(sides), height=height * len(modes) * len(MAPS)
+    )
+    panels = [(mode, quantity) for mode in modes for quantity in MAPS]
+    for row, ((approach, sample, mode, frequency), (column, text, factor)) in zip(
+        axes, panels, strict=True
+    ):
+        own = (contact["approach"] == approach) & (contact["sample"] == sample)
+        table = {name: values[own] for name, values in contact.items()}
+        chosen = (maps["approach"] == approach) & (maps["sample"] == sample)
+        chosen &= maps["mode"] == mode
+        values = np.zeros(table["element"].size)
+        values[np.searchsorted(table["element"], maps["element"][chosen])] = maps[column][chosen]
+        values = values / table["area"] * factor
+        top = float(np.quantile(np.abs(values[values != 0]), 0.98)) if values.any() else 1.0
+        for axis, (side, inside) in zip(row, pad_sides(table["z"]), strict=True):
+            part = {name: column[inside] for name, column in table.items()}
+            corners, shown = patches(part, run.faces, values[inside])
+            image = draw_patches(axis, corners, shown, SIGNED, (-top, top))
+            where = f"{label(run, approach)}, {frequency / 1e3:.2f} kHz, {side}"
+            axis.set_title(where, fontsize=8)
+            axis.set(ylabel="y [mm]", aspect="equal")
+        figure.colorbar(image, ax=list(row), label=text, extend="both", shrink=0.9)
+    for axis in axes[-1]:
+        axis.set_xlabel("x [mm]")
+    return figure
 
-    rho = float(np.corrcoef(rankdata(x), rankdata(y))[0, 1])
-    half = 1.959963984540054 * 1.03 / np.sqrt(x.size - 3)
-    z = np.arctanh(np.clip(rho, -1 + 1e-12, 1 - 1e-12))
-    return rho, float(np.tanh(z - half)), float(np.tanh(z + half))
+
+def _families(run: RunData, approach: str) -> list[FamilyCount]:
+    """The most severe families of an approach that have derivatives."""
+    if run.drivers is None:
+        return []
+    known = run.drivers["family"][run.drivers["approach"] == approach]
+    return [f for f in families(run, approach) if f.family in known][:MOST]
+
+
+def _parameters(table: Columns) -> list[tuple[str, str]]:
+    """Parameters of all rows, kind by kind, in the order of the table."""
+    pairs = zip(map(str, table["parameter"]), map(str, table["kind"]), strict=True)
+    return sorted(dict.fromkeys(pairs), key=lambda pair: list(COLOURS).index(pair[1]))
+
+
+def _text(parameter: str, kind: str) -> str:
+    return kind if parameter == "all" and kind != "load" else f"{kind}, {parameter}"
+
+
+def _draw_bars(
+    axis: Axes, table: Columns, approach: str, family: FamilyCount, names: list[tuple[str, str]]
+) -> None:
+    """Bars of one family; of several modes of it in the first sample the most unstable one."""
+    own = (table["approach"] == approach) & (table["family"] == family.family)
+    median = own & (table["sample"].astype(str) == MEDIAN)
+    first = own & ~median
+    if first.any():
+        first &= table["alpha"] == table["alpha"][first].max()
+    for y, (parameter, kind) in enumerate(names):
+        named = (table["parameter"] == parameter) & (table["kind"] == kind)
+        step = STEPS.get(kind, 0.01)
+        for i in np.flatnonzero(first & named):
+            trusted = table["trusted"][i] == "yes"
+            axis.barh(
+                y, step * table["dalpha_dp_1_s"][i], 0.7, edgecolor=COLOURS[kind], linewidth=0.8,
+                facecolor=COLOURS[kind] if trusted else "none",
+            )  # fmt: skip
+        for i in np.flatnonzero(median & named):
+            axis.plot(step * table["dalpha_dp_1_s"][i], y, "D", color=BLACK, ms=3)
+    axis.axvline(0.0, color=BLACK, lw=0.7)
+    light_grid(axis, axis="x")
+    alpha = table["alpha"][median if median.any() else first][0]
+    axis.set_title(f"{family.frequency / 1e3:.2f} kHz\nalpha {alpha:.4g} 1/s", fontsize=8)
+    axis.tick_params(axis="x", labelsize=7)
+    axis.locator_params(axis="x", nbins=4)
+
+
+def _most_unstable(run: RunData, approach: str) -> tuple[str, int, int, float] | None:
+    """Approach, sample, mode and frequency [Hz] of the squeal mode of lowest damping."""
+    maps, modes = run.driver_maps, run.modes
+    if maps is None or modes is None:
+        return None
+    own: NDArray = maps["approach"] == approach
+    if not own.any():
+        return None
+    sample = int(maps["sample"][own][0])
+    known = (modes["approach"] == approach) & (modes["sample"] == sample)
+    known &= np.isin(modes["mode"], maps["mode"][own])
+    i = np.flatnonzero(known)[np.argmin(modes["damping"][known])]
+    return approach, sample, int(modes["mode"][i]), float(modes["frequency_hz"][i])

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from .accuracy import draw_errors, draw_stages
 from .contact_figures import draw_contact_pressure
-from .driver_figures import draw_drivers
+from .correlation_figures import draw_correlations
+from .driver_figures import draw_driver_maps, draw_drivers
 from .micro_figures import draw_contact_maps, draw_laws
 from .rundata import RunData, read_run
 from .sensitivity_figures import draw_sensitivity
@@ -109,10 +110,10 @@ PLOTS = (
         draw_convergence,
     ),
     Plot(
-        "drivers",
+        "input_correlations",
         "Inputs correlated with squeal: Spearman's rank correlation of each random input with the "
         "number of squeal modes of the sample, from -1 to 1, with 95 % intervals.",
-        draw_drivers,
+        draw_correlations,
     ),
     Plot(
         "sensitivity",
@@ -147,6 +148,25 @@ PLOTS = (
         "Stability chart over two parameters: number of squeal modes of the scene's own brake, "
         "and its largest negative damping. White line: where squeal begins.",
         draw_chart,
+    ),
+    Plot(
+        "drivers",
+        "What drives the most severe families: change of the growth rate alpha [1/s] to first "
+        "order by a friction coefficient larger by 0.01, a loss factor larger by 0.001, and "
+        "pressures, stiffnesses and masses larger by 1 %. Bars: first sample of the approach; "
+        "hollow ones are not trusted, because the mode merges with another one nearby. Diamonds: "
+        "median over the samples where the family squeals. Above: mean frequency of the family, "
+        "and alpha, the median where there is one.",
+        draw_drivers,
+    ),
+    Plot(
+        "driver_maps",
+        "Most unstable mode of the first sample of each approach, over the contact elements of "
+        "both pads: derivative of the growth rate to the logarithm of the contact stiffness (red: "
+        "a stiffer element feeds the mode), and work of friction over a period relative to the "
+        "energy of the mode (red: friction feeds energy in). Both per area; the scales end at "
+        "98 %.",
+        draw_driver_maps,
     ),
     Plot(
         "contact_pressure",

@@ -31,8 +31,8 @@ FAMILIES = 12  # rows of each approach in the table of families
 CAPTIONS = {plot.name: plot.caption for plot in PLOTS}
 JUDGED = {  # figures of what squeals
     "figure9_squeal_map", "squeal_families", "probability_per_band", "unstable_per_sample",
-    "convergence", "drivers", "sensitivity", "sweep_branches", "sweep_critical", "sweep_samples",
-    "sweep_chart",
+    "convergence", "input_correlations", "sensitivity", "drivers", "sweep_branches",
+    "sweep_critical", "sweep_samples", "sweep_chart",
 }  # fmt: skip
 LAST_START = (
     "<p>Times of the last run only; stages reused from earlier runs count as zero. Times per "
@@ -96,7 +96,8 @@ def render_page(run: RunData) -> str:
         ("squeal", "Squeal map", _squeal(run)),
         ("probability", "Probability per band", _probability(run)),
         ("sweep", "Lock-in over the parameter", _sweep(run)),
-        ("drivers", "Which inputs cause it", _drivers(run)),
+        ("inputs", "Which inputs cause it", _inputs(run)),
+        ("drivers", "What drives a mode", _figures(run, "drivers", "driver_maps")),
         ("pressure", "Contact pressure on the pads", _figures(run, "contact_pressure")),
         ("shapes", "Mesh and mode shapes", _shapes(run)),
         ("laws", "Contact laws", _figures(run, "figure8_laws", "figure7_contact_maps")),
@@ -219,7 +220,7 @@ def _probability(run: RunData) -> str:
     return _figures(run, "probability_per_band", "unstable_per_sample", "convergence")
 
 
-def _drivers(run: RunData) -> str:
+def _inputs(run: RunData) -> str:
     """Which inputs move the growth rate, and the probabilities of the most severe families."""
     rows = [
         [
@@ -269,7 +270,7 @@ def _drivers(run: RunData) -> str:
     full = [j for j in range(len(heads)) if any(row[j] not in ("-", None) for row in rows)]
     short = [[row[j] for j in full] for row in rows]
     told = note + table([heads[j] for j in full], short) if rows else ""
-    return _figures(run, "sensitivity", "drivers") + told
+    return _figures(run, "sensitivity", "input_correlations") + told
 
 
 def _sweep(run: RunData) -> str:

@@ -31,6 +31,8 @@ class RunData:
         modes: columns of ``modes.csv``, arrays of shape (n_modes,).
         samples: columns of ``samples.csv``, arrays of shape (n_samples,).
         contact: columns of ``contact.csv``, arrays of shape (n_elements,).
+        drivers: columns of ``drivers.csv``, arrays of shape (n_derivatives,).
+        driver_maps: columns of ``drivers_contact.csv``.
         laws: arrays of ``laws.npz``.
         surface: arrays of ``surface.npz``.
         maps: arrays of ``contact_maps.npz``.
@@ -44,6 +46,8 @@ class RunData:
     modes: Columns | None = None
     samples: Columns | None = None
     contact: Columns | None = None
+    drivers: Columns | None = None
+    driver_maps: Columns | None = None
     laws: Arrays | None = None
     surface: Arrays | None = None
     maps: Arrays | None = None
@@ -109,6 +113,8 @@ def read_run(directory: str | Path | RunData) -> RunData:
         modes=_table(root / "modes.csv", MODES),
         samples=_table(root / "samples.csv", SAMPLES),
         contact=_table(root / "contact.csv", CONTACT),
+        drivers=_table(root / "drivers.csv", ("approach", "sample", "parameter", "kind")),
+        driver_maps=_table(root / "drivers_contact.csv", ("approach", "sample", "element")),
         laws=_arrays(root / "laws.npz", ("d", "p", "k")),
         surface=_surface(root / "surface.npz"),
         maps=_arrays(root / "contact_maps.npz", ("size", "p_over_E", "pressures")),

@@ -9,6 +9,7 @@ import pytest
 
 from brake_fenicsx.report.figures import make_figures
 from brake_fenicsx.tables import CONTACT, MODES, SAMPLES, write_rows
+from brake_fenicsx.uncertainty.driver_tables import CONTACT_DRIVERS, DRIVERS
 from brake_fenicsx.uncertainty.robustness import SENSITIVITY
 
 E_STAR = 2373.4e6
@@ -74,6 +75,34 @@ def contact_rows(rng: np.random.Generator, rings: int = 15, columns: int = 37) -
                     )
                     element += 1
     return rows
+
+
+def driver_rows() -> list[list]:
+    """Two modes of the first sample and their medians; a derivative that is not trusted."""
+    rows = []
+    for approach, sample, family, mode in (
+        ("classical", 0, 0, 25), ("classical", 0, 1, 27), ("multi-scale", 0, 0, 25),
+        ("multi-scale", "median", 0, None), ("multi-scale", "median", 1, None),
+    ):  # fmt: skip
+        kinds = [("pad_disc", "friction"), ("pad.piston", "load"), ("all", "contact stiffness")]
+        if sample == 0:
+            kinds += [("disc.body", k) for k in ("stiffness", "mass", "loss factor")]
+        for j, (parameter, kind) in enumerate(kinds):
+            d = [300.0 - 200.0 * j, 40.0, -0.01]
+            trusted, count = "no" if j == 3 else "yes", 1 if sample == 0 else 40
+            numbers = [1930.0 * (1 + family), 60.0, -0.01, 2.0, parameter, kind, *d, trusted, count]
+            rows.append([approach, sample, family, mode, *numbers])
+    return rows
+
+
+def driver_map_rows(contact: list[list]) -> list[list]:
+    """Derivatives and work of one mode in every contact element of a first sample."""
+    modes = {"classical": 25, "multi-scale": 25}
+    return [
+        [row[0], 0, modes[row[0]], row[2], 0.1 * row[3], 0.2, 1e-3 * row[9] / 2e5]
+        for row in contact
+        if row[0] in modes
+    ]
 
 
 def make_laws(rng: np.random.Generator) -> dict[str, np.ndarray]:
@@ -235,9 +264,10 @@ def make_run(directory: Path, seed: int = 7, small: bool = False) -> Path:
     ]
     write_rows(directory / "samples.csv", [*SAMPLES, "contact.pad_disc.friction"], samples)
     write_rows(directory / "sensitivity.csv", SENSITIVITY, sensitivity_rows())
-    write_rows(
-        directory / "contact.csv", CONTACT, contact_rows(rng, *((8, 19) if small else (15, 37)))
-    )
+    contact = contact_rows(rng, *((8, 19) if small else (15, 37)))
+    write_rows(directory / "contact.csv", CONTACT, contact)
+    write_rows(directory / "drivers.csv", DRIVERS, driver_rows())
+    write_rows(directory / "drivers_contact.csv", CONTACT_DRIVERS, driver_map_rows(contact))
     np.savez(directory / "laws.npz", **make_laws(rng))
     np.savez(directory / "surface.npz", **make_surface(rng, 64 if small else 256))
     np.savez(directory / "contact_maps.npz", **make_maps(rng, 64 if small else 512))

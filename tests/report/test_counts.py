@@ -7,6 +7,7 @@ import pytest
 from scipy.optimize import brentq
 
 from brake_fenicsx.report.accuracy import error_rows, speed_rows, stage_rows
+from brake_fenicsx.report.correlation_figures import correlations, draw_correlations
 from brake_fenicsx.report.counts import (
     band_edges,
     count,
@@ -14,7 +15,6 @@ from brake_fenicsx.report.counts import (
     probability_per_band,
     representative_modes,
 )
-from brake_fenicsx.report.driver_figures import draw_drivers, drivers
 from brake_fenicsx.report.overview import (
     approach_rows,
     family_rows,
@@ -251,13 +251,13 @@ def driven_run(tmp_path, n=40):
     return RunData(tmp_path, modes=dict(zip(MODES, modes, strict=True)), samples=samples)
 
 
-def test_drivers_find_the_input_that_matters(tmp_path):
+def test_correlations_find_the_input_that_matters(tmp_path):
     run = driven_run(tmp_path)
-    first, second = drivers(run, "joint")
+    first, second = correlations(run, "joint")
     assert (first.name, second.name) == ("a", "b")
     assert first.rho > 0.97 and first.low > 0.9
     assert second.low < 0 < second.high
-    axis = draw_drivers(run).axes[0]
+    axis = draw_correlations(run).axes[0]
     assert [p.get_width() for p in axis.patches] == [first.rho, second.rho]
     assert [t.get_text() for t in axis.get_yticklabels()] == ["a", "b"]
 
@@ -268,12 +268,12 @@ def test_spearman_agrees_with_scipy(tmp_path):
     run = driven_run(tmp_path)
     per_sample = count(run, "joint").per_sample
     order = np.argsort(run.samples["sample"])
-    for driver in drivers(run, "joint"):
-        expected = spearmanr(run.samples[driver.name][order], per_sample).correlation
-        assert driver.rho == pytest.approx(expected, abs=1e-12)
+    for found in correlations(run, "joint"):
+        expected = spearmanr(run.samples[found.name][order], per_sample).correlation
+        assert found.rho == pytest.approx(expected, abs=1e-12)
 
 
-def test_few_samples_have_no_drivers(tmp_path):
+def test_few_samples_have_no_correlations(tmp_path):
     run = driven_run(tmp_path, n=9)
-    assert drivers(run, "joint") == []
-    assert draw_drivers(run) is None
+    assert correlations(run, "joint") == []
+    assert draw_correlations(run) is None

@@ -30,6 +30,7 @@ def test_page_is_well_formed_with_all_sections(page):
     assert sections == [
         "squeal",
         "probability",
+        "inputs",
         "drivers",
         "pressure",
         "shapes",
@@ -49,7 +50,7 @@ def test_page_needs_no_network_and_no_script(page):
     namespaces = re.sub(r'xmlns="[^"]*"', "", without_images)
     assert not re.search(r"https?:|//|@import|<script|<link|<iframe|url\(", namespaces)
     sources = re.findall(r'src="([^"]*)"', text)
-    assert len(sources) == 16
+    assert len(sources) == 18
     assert all(source.startswith("data:image/png;base64,") for source in sources)
 
 
@@ -142,7 +143,7 @@ def test_every_table_and_caption_of_squeal_names_the_threshold(drawn):
         (run.directory / "robustness.csv").unlink()
     said = "damping below -0.006"
     assert any(said in (p.text or "") for p in root.find(f".//{X}header").iter(f"{X}p"))
-    for key, tables in (("squeal", 1), ("probability", 0), ("drivers", 1)):
+    for key, tables in (("squeal", 1), ("probability", 0), ("inputs", 1)):
         section = next(s for s in root.iter(f"{X}section") if s.get("id") == key)
         captions = [e.text for e in section.iter(f"{X}figcaption")]
         assert captions and all(said in text for text in captions)
