@@ -176,7 +176,11 @@ class _Follower:
     def _between(self, found: Match) -> float | None:
         """Place of a step, 0 to 1, where modes are needed too; None where it can be taken."""
         if self._matters is None:
-            return self._look_between(found) if found.confident else 0.5
+            if not found.confident:
+                return 0.5
+            # Modes that stay together, such as a doublet, meet in every step however small.
+            short = abs(found.b.x - found.a.x) <= JUMP * self._width
+            return None if short else self._look_between(found)
         a, b = self._matters(found.a), self._matters(found.b)
         unsure = any(a[i] for i in found.lost) or any(b[j] for j in found.new)
         return 0.5 if unsure else None

@@ -101,6 +101,19 @@ def test_weak_veering_never_leaves_a_gap_or_a_jump(coupling):
         assert np.all(np.abs(np.diff(squares)) <= np.diff(x) + 2 * coupling)
 
 
+def test_a_doublet_that_stays_together_costs_no_steps():
+    """Two equal modes up to round-off of either sign, along all values, beside one that moves."""
+    rng = np.random.default_rng(5)
+
+    def K(x):
+        return np.diag([2.0, 2.0 + 1e-7 * rng.standard_normal(), 1.0 + 0.5 * x])
+
+    solve = solver(lambda x: (np.eye(3), np.zeros((3, 3)), K(x)))
+    followed = follow(solve, np.linspace(0, 1, 11), WIDE)
+    assert not any(b.end == CUT for b in followed.branches)
+    assert followed.solves < 200
+
+
 def test_defective_everywhere():
     """Two modes that stay merged, a Jordan block for every value: no branch is invented."""
     K = lambda x: np.array([[1.0 + x, 1.0], [0.0, 1.0 + x]])  # noqa: E731

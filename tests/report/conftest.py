@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.report.figures import make_figures
+from brake_fenicsx.sweeps.tables import CHART, CRITICAL, CURVE, EVENTS
+from brake_fenicsx.sweeps.tables import MODES as SWEEP
 from brake_fenicsx.tables import CONTACT, MODES, SAMPLES, write_rows
 from brake_fenicsx.uncertainty.driver_tables import CONTACT_DRIVERS, DRIVERS
 from brake_fenicsx.uncertainty.robustness import SENSITIVITY
@@ -243,8 +245,45 @@ SUMMARY = {
         "stability": 3100.0,
     },
     "counts": {"cells": 12345, "dofs": 67890, "contact_elements": 1110},
+    "sweep": {"parameters": ["contact.pad_disc.friction", "loads.pad.piston.pressure"]},
     "reduction": {"max_error": 1.3e-4, "median_error": 2.4e-6, "wrong_verdicts": 0},
 }
+
+
+def write_sweep(directory: Path) -> None:
+    """Tables of a sweep over friction: two modes near 2 kHz that merge, later in each sample."""
+    modes, events, curve = [], [], []
+    values = np.linspace(0.0, 0.8, 9)
+    merged = [0.3 + 0.05 * k for k in range(6)]
+    for approach, sample, at in (
+        ("classical", None, 0.4), ("multi-scale", None, 0.3),
+        *(("multi-scale", k, x) for k, x in enumerate(merged)),
+    ):  # fmt: skip
+        for point, x in enumerate(values):
+            root = np.sqrt(complex(at - x))
+            for branch, sign in enumerate((-1, 1)):
+                s = 2j * np.pi * (2000 + 200 * sign * root)
+                damping = -2 * s.real / s.imag + 0.0
+                verdict = "unstable" if s.real > 0 else "stable"
+                row = [x, point, branch, s.imag / (2 * np.pi), s.real, damping, 1e-3, verdict]
+                modes.append([approach, sample, *row])
+        kinds = ("merging", "onset of squeal") if sample is None else ("onset of squeal",)
+        events += [[approach, sample, kind, at, 0.0, 1e-4, 2e3, 0.0, 0, 1, 3] for kind in kinds]
+    write_rows(directory / "sweep.csv", ("approach", "sample", "value", *SWEEP), modes)
+    write_rows(directory / "lock_in.csv", ("approach", "sample", *EVENTS), events)
+    for family in (None, 3):
+        for x in values:
+            hits = sum(at <= x for at in merged)
+            curve.append(["multi-scale", family, x, 6, hits / 6, hits / 12, (hits + 6) / 12])
+    write_rows(directory / "critical_curve.csv", CURVE, curve)
+    start = ["multi-scale", "contact.pad_disc.friction"]
+    ends = [6, 6, 0, 0.3, 0.4, 0.3, 0.55, 0.55]
+    write_rows(directory / "critical.csv", CRITICAL, [[*start, f, 2e3, *ends] for f in (None, 3)])
+    chart = [
+        [a, x, 1e5 * y, int(x > y), int(x > y), -max(x - y, 0.0)]
+        for a in ("classical", "multi-scale") for x in values for y in (0.2, 0.4, 0.6)
+    ]  # fmt: skip
+    write_rows(directory / "chart.csv", CHART, chart)
 
 
 def make_run(directory: Path, seed: int = 7, small: bool = False) -> Path:
@@ -268,6 +307,7 @@ def make_run(directory: Path, seed: int = 7, small: bool = False) -> Path:
     write_rows(directory / "contact.csv", CONTACT, contact)
     write_rows(directory / "drivers.csv", DRIVERS, driver_rows())
     write_rows(directory / "drivers_contact.csv", CONTACT_DRIVERS, driver_map_rows(contact))
+    write_sweep(directory)
     np.savez(directory / "laws.npz", **make_laws(rng))
     np.savez(directory / "surface.npz", **make_surface(rng, 64 if small else 256))
     np.savez(directory / "contact_maps.npz", **make_maps(rng, 64 if small else 512))

@@ -30,6 +30,7 @@ def test_page_is_well_formed_with_all_sections(page):
     assert sections == [
         "squeal",
         "probability",
+        "sweep",
         "inputs",
         "drivers",
         "pressure",
@@ -50,7 +51,7 @@ def test_page_needs_no_network_and_no_script(page):
     namespaces = re.sub(r'xmlns="[^"]*"', "", without_images)
     assert not re.search(r"https?:|//|@import|<script|<link|<iframe|url\(", namespaces)
     sources = re.findall(r'src="([^"]*)"', text)
-    assert len(sources) == 18
+    assert len(sources) == 22
     assert all(source.startswith("data:image/png;base64,") for source in sources)
 
 
