@@ -61,4 +61,5 @@ def equilibrium_change(
     moved = Condensed(replace(compliance, Nf=rhs), w, np.zeros_like(w), eq.mu)
     g = moved.linear(1.0, np.zeros_like(w), eq.k)
     ends = [laws.vibration(eq.g + side * STEP * g) for side in (1.0, -1.0)]
-    return EquilibriumChange(-eq.k * g, (ends[0] - ends[1]) / (2 * STEP))
+    change = np.asarray((ends[0] - ends[1]) / (2 * STEP), dtype=float)
+    return EquilibriumChange(-eq.k * g, change)
