@@ -219,14 +219,14 @@ def _check_approaches(s: Scene) -> None:
                 f" stages, or leave samples.{name} out"
             )
     ways: dict[str, set[bool]] = {}
-    for section, table, last in map(split_key, s.samples.random):
+    for section, table, last in map(split_key, s.varied):
         if section == "materials":
             ways.setdefault(table, set()).add(last[0] == "C")
     for table, found in ways.items():
         if len(found) > 1:
             raise SceneError(
-                f"samples.random: materials.{table} by stiffnesses and by engineering constants;"
-                " use one kind"
+                f"samples.random, sweep.parameters: materials.{table} by stiffnesses and by"
+                " engineering constants; use one kind"
             )
 
 

@@ -31,6 +31,13 @@ from brake_fenicsx.scene.units import to_si
 APPROACHES = ("multi-scale", "classical", "fast", "joint")
 DESIGNS = ("random", "latin-hypercube", "sobol", "fast", "rbd-fast", "saltelli")
 LAWS = ("normal", "lognormal", "uniform", "measured")
+# Keys of the scalars that may take other values than the scene's, and their SI units.
+SCALARS = (
+    (r"contact\..+\.friction", ""),
+    (r"loads\..+\.pressure", "Pa"),
+    (r"materials\..+\.nu(_\d\d)?", ""),
+    (r"materials\..+\.(E|E_\d|G_\d\d|C\d\d)", "Pa"),
+)
 ENGINEERING = ("E_1", "E_2", "E_3", "nu_12", "nu_31", "nu_32", "G_12", "G_13", "G_23")
 INFINITY = float("inf")
 
@@ -175,16 +182,10 @@ def unit_of(name: str) -> str:
     Raises:
         KeyMistake: no such scalar may be random.
     """
-    section, _, last = split_key(name)
-    if (section, last) == ("contact", "friction"):
-        return ""
-    if (section, last) == ("loads", "pressure"):
-        return "Pa"
-    if section == "materials" and re.fullmatch(r"nu(_\d\d)?", last):
-        return ""
-    if section == "materials" and re.fullmatch(r"E|E_\d|G_\d\d|C\d\d", last):
-        return "Pa"
-    if section == "parts":
+    for pattern, unit in SCALARS:
+        if re.fullmatch(pattern, name):
+            return unit
+    if split_key(name)[0] == "parts":
         raise KeyMistake(
             "a length changes the mesh, which all samples share; run the scene once for each"
             f" length, with --set {name}=VALUE", name,

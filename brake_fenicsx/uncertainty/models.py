@@ -38,12 +38,12 @@ from brake_fenicsx.memory import release_memory
 from brake_fenicsx.processes import on_first
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.damping import active_terms, reduced_approaches
-from brake_fenicsx.scene.samples import split_key
+from brake_fenicsx.scene.samples import changes_bodies
 from brake_fenicsx.store import Store
 
 from .numbering import FILE as DOFS
 from .numbering import Numbering, dof_points
-from .random_materials import RandomMaterials, assemble_random
+from .random_materials import Box, RandomMaterials, assemble_random
 
 if TYPE_CHECKING:
     from brake_fenicsx.stability.substructures import (
@@ -130,9 +130,9 @@ class Models:
 
     def changes_bodies(self, approach: str) -> bool:
         """Whether the materials of an approach's samples differ from those of the scene."""
-        random = self._scene.samples.random
-        materials = any(split_key(name)[0] == "materials" for name in random)
-        return materials and self._scene.samples.takes_random(approach)
+        samples, sweep = self._scene.samples, self._scene.sweep
+        drawn = samples.random if samples.takes_random(approach) else {}
+        return any(map(changes_bodies, {**drawn, **(sweep.parameters if sweep else {})}))
 
     def damped(self, approach: str) -> bool:
         """Whether damping acts in an approach's samples."""
@@ -214,7 +214,7 @@ class Models:
     def prepare(self, k0: Array) -> None:
         """Make or load what the samples share, on springs k0 [Pa/m]; collective."""
         brake, scene = self.brake, self._scene
-        if any(split_key(name)[0] == "materials" for name in scene.samples.random):
+        if any(map(changes_bodies, scene.varied)):
             self.materials = assemble_random(scene, brake)
         if self.stability is not None:
             self._prepare_modes(k0)
@@ -341,9 +341,8 @@ class Models:
     def _acting(self, damped: bool) -> list[Any]:
         """What a reduced model depends on beside the bodies."""
         scene, stability = self._scene, self._scene.table.get("stability", {})
-        random, laws = scene.samples.random, scene.table.get("samples", {}).get("random", {})
-        moduli = [n for n in sorted(random) if split_key(n)[0] == "materials"]
-        box = [[n, laws[n], random[n].digest] for n in moduli]
+        spans = self.materials.box if self.materials else Box(scene)
+        box = [[*ends] for ends in zip(spans.names, spans.low, spans.high, strict=True)]
         acts = [stability.get("damping"), scene.table.get("motion")] if damped else None
         settings = self.stability
         accuracy = None if settings is None else [settings.tolerance, settings.cutoff]

@@ -1,8 +1,8 @@
-"""Bodies that change from sample to sample: random materials.
+"""Bodies that change from sample to sample: random and swept materials.
 
 The stiffness is linear in the C_ij of every material: matrices of unit changes are assembled once,
 and a sample's is a sum of them. The material constants of nearly all samples lie in a box that
-their distributions span; the reduced model is interpolated over it.
+their distributions and the values of a sweep span; the reduced model is interpolated over it.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ from brake_fenicsx.macro.material import rotate_about_z
 from brake_fenicsx.macro.material_sample import constants, varied_stiffness
 from brake_fenicsx.macro.material_table import STIFFNESSES, layer_material, stiffness
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.samples import split_key
+from brake_fenicsx.scene.samples import changes_bodies, split_key
+from brake_fenicsx.scene.sweep import Range
 
 from .distributions import quantile
 from .inputs import nominal_value
@@ -40,7 +41,7 @@ TAIL, BEYOND = 1e-3, 1.1
 
 
 class Box:
-    """The box that the random material constants of nearly all samples lie in.
+    """The box that the material constants of nearly all samples, and of a sweep, lie in.
 
     Moduli E enter as E^-1/2, between the bending of layers, which goes with 1/E, and the
     indentation of a transversely isotropic half-space, which goes with the root of a product of
@@ -48,15 +49,13 @@ class Box:
     """
 
     def __init__(self, scene: Scene):
-        """Span the box by the distributions of the constants."""
+        """Span the box by the distributions and the swept values of the constants."""
         self._scene = scene
-        self.names = [n for n in sorted(scene.samples.random) if split_key(n)[0] == "materials"]
+        self.names = [n for n in scene.varied if changes_bodies(n)]
         ends = []
         for name in self.names:
-            law = scene.samples.random[name]
-            nominal = nominal_value(scene, name) if law.spread else None
-            values = quantile(law, [TAIL, 1 - TAIL], nominal)
-            ends.append(sorted(_scaled(name, float(v)) for v in values))
+            values = [_scaled(name, v) for v in _spanning(scene, name)]
+            ends.append((min(values), max(values)))
         self.low, self.high = np.array(ends).reshape(-1, 2).T
 
     def point(self, drawn: Mapping[str, float]) -> Array:
@@ -80,6 +79,17 @@ class Box:
             _, material, constant = split_key(name)
             groups.setdefault(material, {})[constant] = _unscaled(name, value)
         return {m: varied_stiffness(self._scene.materials[m], c) for m, c in groups.items()}
+
+
+def _spanning(scene: Scene, name: str) -> list[float]:
+    """Values of a constant that lie in the box; a sweep has the scene's own brake in it too."""
+    law, nominal = scene.samples.random.get(name), nominal_value(scene, name)
+    values: list[float] = []
+    if law is not None:
+        values += map(float, quantile(law, [TAIL, 1 - TAIL], nominal))
+    if scene.sweep is not None:
+        values += [nominal, *scene.sweep.parameters.get(name, Range()).points]
+    return values
 
 
 def _scaled(name: str, value: float) -> float:
@@ -140,7 +150,7 @@ class RandomMaterials:
                 least = min(least, float(la.eigvalsh(C, centre[name])[0]))
         if not least > 0:
             raise InaccurateResult(
-                "a random material is not positive definite everywhere in the box of its samples"
+                "a material is not positive definite everywhere in the box of its values"
             )
         return least
 
@@ -151,14 +161,14 @@ class RandomMaterials:
 
 
 def assemble_random(scene: Scene, brake: Brake) -> RandomMaterials:
-    """Assemble the unit changes of the scene's random materials; collective.
+    """Assemble the unit changes of the scene's random and swept materials; collective.
 
     Args:
         scene: the scene.
         brake: its operators.
     """
     by_material: dict[str, list[str]] = {}
-    for section, table, last in map(split_key, scene.samples.random):
+    for section, table, last in map(split_key, scene.varied):
         if section == "materials":
             by_material.setdefault(table, []).append(last)
     keys, directions = [], []

@@ -1,4 +1,4 @@
-"""What makes one sample: its seed, its random inputs, its laws and critical gaps.
+"""What makes one sample: its seed, its inputs, its laws and critical gaps.
 
 Sample k draws from child k of the scene's seed, so that any sample can be run again alone and
 nothing depends on the number of processes.
@@ -26,7 +26,7 @@ from brake_fenicsx.scene.friction import friction_of
 from brake_fenicsx.surface.hdf import HeightDistribution
 from brake_fenicsx.surface.waviness import Waviness
 
-from .inputs import PERFECT, Inputs, draw_inputs, law_factor, scaled_interfaces, size_of
+from .inputs import PERFECT, Inputs, draw_inputs, inputs_of, law_factor, scaled_interfaces, size_of
 
 Array = NDArray[np.float64]
 
@@ -41,9 +41,9 @@ class SampleInput:
         mu: friction coefficient of each contact element, shape (elements,).
         mu_equilibrium: the same in the equilibrium, 0 where the scene leaves friction out there.
         slope: mu'(V) of each element [s/m], 0 where friction does not depend on the speed.
-        random: random inputs of the scene by name.
-        materials: stiffness of each random material in its own axes [Pa], shape (6, 6).
-        pressures: pressure of each random load [Pa], by its face.
+        random: scalars that differ from the scene, by dotted key, SI.
+        materials: stiffness of each changed material in its own axes [Pa], shape (6, 6).
+        pressures: pressure of each changed load [Pa], by its face.
         rejected: draws of the random inputs that were rejected.
     """
 
@@ -73,6 +73,7 @@ def draw_sample(
     hdf: HeightDistribution | None,
     point: Array | None = None,
     waviness: Waviness | None = None,
+    values: Mapping[str, float] | None = None,
 ) -> SampleInput:
     """Inputs of sample ``k`` of an approach.
 
@@ -87,12 +88,14 @@ def draw_sample(
         hdf: height distribution, where critical gaps are drawn from it.
         point: the sample's point of a design, shape (inputs,); None: drawn from its own stream.
         waviness: field of the mean heights of patches, where critical gaps are drawn from it.
+        values: scalars by dotted key, SI, in place of those that are drawn or the scene's.
 
     Returns:
         The inputs.
 
     Raises:
         InaccurateResult: the point cannot be used and may not be replaced.
+        SceneError: no brake has the given values.
     """
     seed = sample_seed(scene.samples.seed, k)
     # Each kind of draw has its own child, so that naming one does not change the others.
@@ -101,6 +104,8 @@ def draw_sample(
     inputs = Inputs({}, {}, {})
     if scene.samples.takes_random(approach):
         inputs = draw_inputs(scene, approach, point, random_rng)
+    if values:
+        inputs = inputs_of(scene, approach, {**inputs.values, **values}, inputs.rejected)
     if approach in PERFECT:
         laws = perfect_contact(scene, contact.interface.size)
     else:
