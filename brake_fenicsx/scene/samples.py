@@ -9,6 +9,8 @@ scalar's unit:
         stiffnesses; or an engineering constant: E, nu of an isotropic material, E_1, E_2, E_3,
         nu_12, nu_31, nu_32, G_12, G_13, G_23 of any other one, however its table is written. The
         named ones change, the others of this list stay.
+    motion.speed                                rad/s or m/s, as the scene's motion says
+    samples.classical.penalty                   in approaches of perfect contact
 """
 
 from __future__ import annotations
@@ -37,6 +39,8 @@ SCALARS = (
     (r"loads\..+\.pressure", "Pa"),
     (r"materials\..+\.nu(_\d\d)?", ""),
     (r"materials\..+\.(E|E_\d|G_\d\d|C\d\d)", "Pa"),
+    (r"motion\.speed", "rad/s or m/s"),
+    (r"samples\.classical\.penalty", "Pa/m"),
 )
 ENGINEERING = ("E_1", "E_2", "E_3", "nu_12", "nu_31", "nu_32", "G_12", "G_13", "G_23")
 INFINITY = float("inf")
@@ -171,11 +175,6 @@ def split_key(name: str) -> tuple[str, str, str]:
     return section, table.strip('"'), last
 
 
-def changes_bodies(name: str) -> bool:
-    """Whether a scalar, by its dotted key, enters the matrices of the bodies."""
-    return split_key(name)[0] == "materials"
-
-
 def unit_of(name: str) -> str:
     """SI unit of a scalar of the scene that may be random.
 
@@ -191,8 +190,8 @@ def unit_of(name: str) -> str:
             f" length, with --set {name}=VALUE", name,
         )  # fmt: skip
     raise KeyMistake(
-        "cannot be random; contact.NAME.friction, loads.FACE.pressure and materials.NAME.CONSTANT"
-        " can", name,
+        "cannot be random or swept; contact.NAME.friction, loads.FACE.pressure,"
+        " materials.NAME.CONSTANT, motion.speed and samples.classical.penalty can", name,
     )  # fmt: skip
 
 
@@ -222,9 +221,20 @@ def _converted(value: Any, unit: str, *where: str) -> Any:
     if isinstance(value, list):
         return [_converted(v, unit, *where) for v in value]
     try:
-        return to_si(value, unit)
+        return _to_si(value, unit)
     except ValueError as error:
         raise KeyMistake(str(error), *where) from None
+
+
+def _to_si(value: Any, unit: str) -> float:
+    """In the first unit of "rad/s or m/s" that the value has."""
+    first, _, second = unit.partition(" or ")
+    try:
+        return to_si(value, first)
+    except ValueError:
+        if not second:
+            raise
+        return to_si(value, second)
 
 
 def _random_type() -> Any:
@@ -286,7 +296,7 @@ def _measured(d: Distribution, unit: str, folder: Path, where: str) -> tuple[flo
         if d.unit is None:
             raise SceneError(f"{where}.unit: missing; say the unit of the numbers in {d.file}")
         try:
-            factor = to_si(f"1 {d.unit}", unit)
+            factor = _to_si(f"1 {d.unit}", unit)
         except ValueError as error:
             raise SceneError(f"{where}.unit = {d.unit!r}: {error}") from None
     try:

@@ -83,6 +83,7 @@ def damping_of_sample(
     p: Array,
     mu: Array,
     slope: Array,
+    speed: Array,
     changes: Mapping[str, sp.spmatrix] | None = None,
 ) -> sp.csr_matrix | None:
     """Damping of one sample at its equilibrium.
@@ -93,6 +94,7 @@ def damping_of_sample(
         p: pressures at equilibrium [Pa], shape (elements,).
         mu: friction coefficients, shape (elements,).
         slope: mu'(V) [s/m], shape (elements,).
+        speed: sliding speeds V [m/s], shape (elements,).
         changes: random material -> what it adds to the scene's stiffness [N/m].
 
     Returns:
@@ -105,26 +107,26 @@ def damping_of_sample(
         if terms.follows.get(material):
             parts.append(terms.follows[material] * change)
     if terms.sliding and np.any(mu * p):
-        parts.append(sliding_damping(contact.R, contact.w, p, contact.speed, mu))
+        parts.append(sliding_damping(contact.R, contact.w, p, speed, mu))
     if terms.slope and np.any(slope * p):
         parts.append(velocity_slope(contact.T, contact.w, p, slope))
     return sum(parts[1:], parts[0]).tocsr() if parts else None
 
 
 def rates_of_sample(
-    terms: Terms, contact: Contact, p: Array, mu: Array, slope: Array
+    terms: Terms, p: Array, mu: Array, slope: Array, speed: Array
 ) -> tuple[Array, Array]:
     """What friction's own terms multiply slip rates by: p mu'(V) along, mu p / V across [Pa s/m].
 
     Args:
         terms: those of the scene; a term it does not name is zero.
-        contact: contact elements.
         p: pressures at equilibrium [Pa], shape (elements,).
         mu: friction coefficients, shape (elements,).
         slope: mu'(V) [s/m], shape (elements,).
+        speed: sliding speeds V [m/s], shape (elements,).
     """
     along = slope * p if terms.slope else np.zeros_like(p)
-    across = mu * p / contact.speed if terms.sliding else np.zeros_like(p)
+    across = mu * p / speed if terms.sliding else np.zeros_like(p)
     return along, across
 
 

@@ -108,7 +108,12 @@ def nominal_value(scene: Scene, name: str) -> float:
         from brake_fenicsx.macro.material_sample import constants
 
         return constants(scene.materials[table])[last]
-    return float(getattr(getattr(scene, section)[table], last))
+    if name == "motion.speed":
+        return 1.0 if scene.motion is None else scene.motion.rate
+    found = getattr(scene, section)
+    for step in [*([table] if isinstance(found, dict) else table.split(".")), last]:
+        found = found[step] if isinstance(found, dict) else getattr(found, step)
+    return float(found)
 
 
 def inputs_of(
@@ -131,7 +136,11 @@ def inputs_of(
         section, table, last = split_key(name)
         if section == "materials":
             groups.setdefault(table, {})[last] = value
-        elif not value >= 0:
+        elif name == "motion.speed" and not value * nominal_value(scene, name) > 0:
+            raise SceneError(f"{name} = {value:g}: must not be zero, and have the scene's sign")
+        elif last == "penalty" and not value > 0:
+            raise SceneError(f"{name} = {value:g}: must be positive")
+        elif name != "motion.speed" and not value >= 0:
             raise SceneError(f"{name} = {value:g}: must be zero or more")
         if section == "loads":
             pressures[table] = value

@@ -38,7 +38,7 @@ from brake_fenicsx.memory import release_memory
 from brake_fenicsx.processes import on_first
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.damping import active_terms, reduced_approaches
-from brake_fenicsx.scene.samples import changes_bodies
+from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.store import Store
 
 from .numbering import FILE as DOFS
@@ -132,7 +132,8 @@ class Models:
         """Whether the materials of an approach's samples differ from those of the scene."""
         samples, sweep = self._scene.samples, self._scene.sweep
         drawn = samples.random if samples.takes_random(approach) else {}
-        return any(map(changes_bodies, {**drawn, **(sweep.parameters if sweep else {})}))
+        names = {*drawn, *(sweep.parameters if sweep else ())}
+        return any(changes_bodies(self._scene, name) for name in names)
 
     def damped(self, approach: str) -> bool:
         """Whether damping acts in an approach's samples."""
@@ -214,7 +215,7 @@ class Models:
     def prepare(self, k0: Array) -> None:
         """Make or load what the samples share, on springs k0 [Pa/m]; collective."""
         brake, scene = self.brake, self._scene
-        if any(map(changes_bodies, scene.varied)):
+        if any(changes_bodies(scene, name) for name in scene.varied):
             self.materials = assemble_random(scene, brake)
         if self.stability is not None:
             self._prepare_modes(k0)

@@ -24,7 +24,8 @@ from brake_fenicsx.macro.material import rotate_about_z
 from brake_fenicsx.macro.material_sample import constants, varied_stiffness
 from brake_fenicsx.macro.material_table import STIFFNESSES, layer_material, stiffness
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.samples import changes_bodies, split_key
+from brake_fenicsx.scene.samples import split_key
+from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.scene.sweep import Range
 
 from .distributions import quantile
@@ -51,7 +52,7 @@ class Box:
     def __init__(self, scene: Scene):
         """Span the box by the distributions and the swept values of the constants."""
         self._scene = scene
-        self.names = [n for n in scene.varied if changes_bodies(n)]
+        self.names = [n for n in scene.varied if changes_bodies(scene, n)]
         ends = []
         for name in self.names:
             values = [_scaled(name, v) for v in _spanning(scene, name)]

@@ -113,7 +113,7 @@ def linearised(
     """
     if models.terms is None or not models.damped(approach):
         return ContactLinearisation.of(k, sample.mu)
-    rates = rates_of_sample(models.terms, models.brake.contact, p, sample.mu, sample.slope)
+    rates = rates_of_sample(models.terms, p, sample.mu, sample.slope, sample.speed)
     return ContactLinearisation.of(k, sample.mu, *rates)
 
 
@@ -143,8 +143,8 @@ def sample_damping(models: Models, sample: SampleInput, p: Array) -> sp.csr_matr
     changes, materials = {}, models.materials
     if materials is not None:
         changes = {name: materials.change({name: C}) for name, C in sample.materials.items()}
-    contact = models.brake.contact
-    return damping_of_sample(models.terms, contact, p, sample.mu, sample.slope, changes)
+    given = models.terms, models.brake.contact, p, sample.mu, sample.slope, sample.speed
+    return damping_of_sample(*given, changes)
 
 
 def _full(models: Models, sample: SampleInput, eq: Equilibrium, more: More | None = None) -> Arrays:

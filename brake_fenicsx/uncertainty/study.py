@@ -22,7 +22,7 @@ from brake_fenicsx.micro import LawRecipe, make_library
 from brake_fenicsx.micro.law import Laws
 from brake_fenicsx.processes import on_first
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.samples import changes_bodies
+from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.store import Store
 from brake_fenicsx.surface.hdf import HeightDistribution
 from brake_fenicsx.surface.waviness import Waviness
@@ -185,7 +185,7 @@ class Study:
         (approach, k), models = task, self.models
         known = models.materials.box.names if models.materials else []
         for key in values:
-            if changes_bodies(key) and key not in known:
+            if changes_bodies(self.scene, key) and key not in known:
                 raise SceneError(
                     f"{key}: enters the matrices of the bodies; name it in [sweep.parameters] or"
                     " [samples.random], or give its range to prepare(.., parameters={..})"

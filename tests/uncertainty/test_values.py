@@ -22,6 +22,9 @@ MU, LOAD, C44 = (
     "contact.block_plate.friction", "loads.block.top.pressure", "materials.lining.C44",
 )  # fmt: skip
 
+PENALTY, SPEED = "samples.classical.penalty", "motion.speed"
+FALLING = "contact.block_plate.friction={ static=0.6, kinetic=0.4, decay='2 m/s' }"
+
 
 def agrees(found, exact):
     """Every mode of full order within its stated error, none missed."""
@@ -75,3 +78,55 @@ def test_a_swept_modulus_is_that_of_full_order():
         agrees(prepared.modes(values), at_full_order(prepared, values))
     with pytest.raises(SceneError, match=r"materials.lining.C33: .*sweep.parameters"):
         prepared.modes({"materials.lining.C33": 2e9})
+
+
+def test_speed_moves_friction_and_its_damping():
+    """mu(V), mu'(V) and mu p / V; in the equilibrium too: closed forms, then full order."""
+    damping = "stability.damping={ sliding=true, slope=true }"
+    prepared = model.prepare(BLOCK, [*COARSE, FALLING, damping], parameters={SPEED: (1.5, 4.0)})
+    study = prepared.study
+    sample = study._draw("multi-scale", 0, {SPEED: 3.0})
+    np.testing.assert_allclose(sample.speed, 3.0)
+    np.testing.assert_allclose(sample.mu, 0.4 + 0.2 * np.exp(-1.5))
+    np.testing.assert_allclose(sample.mu_equilibrium, sample.mu)
+    np.testing.assert_allclose(sample.slope, -0.1 * np.exp(-1.5))
+    faster = [*COARSE, FALLING, damping, "motion.speed='3 m/s'"]
+    written = model.prepare(BLOCK, faster, parameters={SPEED: (1.5, 4.0)})
+    s = prepared.modes({SPEED: 3.0}).s
+    np.testing.assert_allclose(s, written.modes().s, rtol=1e-10)
+    for speed in (1.5, 4.0):
+        agrees(prepared.modes({SPEED: speed}), at_full_order(prepared, {SPEED: speed}))
+    with pytest.raises(SceneError, match="have the scene's sign"):
+        prepared.modes({SPEED: -1.0})
+
+
+def test_penalty_is_that_of_perfect_contact_alone():
+    both = "samples.approaches=['multi-scale','classical']"
+    changes = [*COARSE, both]
+    prepared = model.prepare(BLOCK, changes, parameters={PENALTY: (1e11, 1e13)})
+    rough = prepared.modes({PENALTY: 1e11}).s
+    np.testing.assert_array_equal(rough, prepared.modes().s)
+    for penalty in (1e11, 1e13):
+        found = prepared.modes({PENALTY: penalty}, "classical")
+        agrees(found, at_full_order(prepared, {PENALTY: penalty}, "classical"))
+        written = [*changes, f"samples.classical.penalty='{penalty} Pa/m'"]
+        other = model.prepare(BLOCK, written, parameters={PENALTY: (1e11, 1e13)})
+        other = other.modes({}, "classical")
+        np.testing.assert_allclose(found.s, other.s, rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("key", "law", "changes", "remedy"),
+    [
+        (SPEED, "start='1 m/s', stop='2 m/s'", [], "nothing depends on the speed"),
+        (SPEED, "start='1 rad/s', stop='2 rad/s'", [FALLING], "wrong unit"),
+        (PENALTY, "start='1e12 Pa/m', stop='1e13 Pa/m'", [], "add classical or fast"),
+        (PENALTY, "start='1 bar', stop='2 bar'", [], "wrong unit"),
+    ],
+)
+def test_what_would_act_on_nothing_is_refused(key, law, changes, remedy):
+    with pytest.raises(SceneError) as error:
+        read_scene(BLOCK, [*COARSE, *changes, f'sweep.parameters."{key}"={{ {law} }}'])
+    assert remedy in str(error.value)
+    assert key in str(error.value)
+    assert "\n" not in str(error.value)
