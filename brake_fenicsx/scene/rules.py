@@ -193,7 +193,7 @@ def _check_approaches(s: Scene) -> None:
             )
     ways: dict[str, set[bool]] = {}
     for section, table, last in map(split_key, s.varied):
-        if section == "materials":
+        if section == "materials" and last != "loss":
             ways.setdefault(table, set()).add(last[0] == "C")
     for table, found in ways.items():
         if len(found) > 1:

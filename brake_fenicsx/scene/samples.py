@@ -9,6 +9,8 @@ scalar's unit:
         stiffnesses; or an engineering constant: E, nu of an isotropic material, E_1, E_2, E_3,
         nu_12, nu_31, nu_32, G_12, G_13, G_23 of any other one, however its table is written. The
         named ones change, the others of this list stay.
+    materials.NAME.loss
+    stability.damping.rayleigh.alpha, .beta
     motion.speed                                rad/s or m/s, as the scene's motion says
     samples.classical.penalty                   in approaches of perfect contact
 """
@@ -37,10 +39,12 @@ LAWS = ("normal", "lognormal", "uniform", "measured")
 SCALARS = (
     (r"contact\..+\.friction", ""),
     (r"loads\..+\.pressure", "Pa"),
-    (r"materials\..+\.nu(_\d\d)?", ""),
+    (r"materials\..+\.(loss|nu|nu_\d\d)", ""),
     (r"materials\..+\.(E|E_\d|G_\d\d|C\d\d)", "Pa"),
     (r"motion\.speed", "rad/s or m/s"),
     (r"samples\.classical\.penalty", "Pa/m"),
+    (r"stability\.damping\.rayleigh\.alpha", "1/s"),
+    (r"stability\.damping\.rayleigh\.beta", "s"),
 )
 ENGINEERING = ("E_1", "E_2", "E_3", "nu_12", "nu_31", "nu_32", "G_12", "G_13", "G_23")
 INFINITY = float("inf")
@@ -175,6 +179,12 @@ def split_key(name: str) -> tuple[str, str, str]:
     return section, table.strip('"'), last
 
 
+def is_constant(name: str) -> bool:
+    """Whether a scalar, by its dotted key, is an elastic constant of a material."""
+    section, _, last = split_key(name)
+    return section == "materials" and last != "loss"
+
+
 def unit_of(name: str) -> str:
     """SI unit of a scalar of the scene that may be random.
 
@@ -191,7 +201,8 @@ def unit_of(name: str) -> str:
         )  # fmt: skip
     raise KeyMistake(
         "cannot be random or swept; contact.NAME.friction, loads.FACE.pressure,"
-        " materials.NAME.CONSTANT, motion.speed and samples.classical.penalty can", name,
+        " materials.NAME.CONSTANT, materials.NAME.loss, stability.damping.rayleigh.alpha and .beta,"
+        " motion.speed and samples.classical.penalty can", name,
     )  # fmt: skip
 
 

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene.damping import active_terms
+from brake_fenicsx.scene.damping import active_terms, used_materials
 from brake_fenicsx.scene.friction import PERFECT, one_friction
-from brake_fenicsx.scene.samples import ENGINEERING, split_key
+from brake_fenicsx.scene.samples import ENGINEERING, is_constant, split_key
 from brake_fenicsx.scene.units import to_si
 
 if TYPE_CHECKING:
@@ -21,7 +21,10 @@ QUANTITIES = ("mean", "sd", "min", "max", "start", "stop", "values")
 
 def changes_bodies(scene: Scene, name: str) -> bool:
     """Whether a scalar, by its dotted key, enters the matrices of the bodies."""
-    return split_key(name)[0] == "materials"
+    damping = scene.stability.damping if scene.stability else None
+    if name == "motion.speed":
+        return bool(damping and damping.gyroscopic)
+    return split_key(name)[0] in ("materials", "stability")
 
 
 def _speed_acts(s: Scene, name: str) -> bool:
@@ -34,6 +37,15 @@ def _speed_acts(s: Scene, name: str) -> bool:
     )
 
 
+def _loss_acts(s: Scene, name: str) -> bool:
+    damping = s.stability.damping if s.stability else None
+    return bool(damping and damping.loss) and split_key(name)[1] in used_materials(s)
+
+
+def _rayleigh_acts(s: Scene, name: str) -> bool:
+    return bool(s.stability and s.stability.damping and s.stability.damping.rayleigh)
+
+
 def _penalty_acts(s: Scene, name: str) -> bool:
     return bool(PERFECT & {*s.samples.approaches})
 
@@ -44,6 +56,14 @@ NEEDED: tuple[tuple[str, Callable[[Scene, str], bool], str], ...] = (
         r"motion\.speed", _speed_acts,
         "nothing depends on the speed; name sliding, slope or gyroscopic in stability.damping, or"
         " write contact.NAME.friction = { static = .., kinetic = .., decay = .. }",
+    ),
+    (
+        r"materials\..+\.loss", _loss_acts,
+        'needs stability.damping = { loss = true, omega_ref = "2 kHz" } and a part of the material',
+    ),
+    (
+        r"stability\.damping\.rayleigh\..+", _rayleigh_acts,
+        'needs the scene\'s own values, stability.damping.rayleigh = ["20 1/s", "1e-8 s"]',
     ),
     (
         r"samples\.classical\.penalty", _penalty_acts,
@@ -71,7 +91,7 @@ def check_scalar(s: Scene, where: str, name: str) -> None:
         if table not in tables:
             known = ", ".join(tables) or "none"
             raise SceneError(f"{where}: there is no [{section}.{table}]; there are {known}")
-        if section == "materials":
+        if is_constant(name):
             _check_constant(where, tables[table], last)
         elif not isinstance(getattr(tables[table], last), float | int):
             raise SceneError(f"{where}: {name} is a table; write one number there")
@@ -99,10 +119,6 @@ def _check_constant(where: str, material: MaterialTable, constant: str) -> None:
 
 def _check_speed(s: Scene, where: str) -> None:
     """Speeds have the unit of the scene's motion."""
-    if s.stability and s.stability.damping and s.stability.damping.gyroscopic:
-        raise SceneError(
-            f"{where}: stability.damping.gyroscopic takes the scene's own speed alone; leave it out"
-        )
     unit = "rad/s" if s.motion is None or s.motion.direction is None else "m/s"
     section, key = where.partition('."')[0].split(".")
     table: dict[str, Any] = s.table.get(section, {}).get(key, {}).get("motion.speed", {})

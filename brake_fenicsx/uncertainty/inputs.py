@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.samples import split_key
+from brake_fenicsx.scene.samples import is_constant, split_key
 
 from .designs import RIGID, design_points, design_size
 from .distributions import quantile
@@ -104,7 +104,7 @@ def draw_inputs(
 def nominal_value(scene: Scene, name: str) -> float:
     """Value of a scalar in the scene, SI."""
     section, table, last = split_key(name)
-    if section == "materials":
+    if is_constant(name):
         from brake_fenicsx.macro.material_sample import constants
 
         return constants(scene.materials[table])[last]
@@ -112,7 +112,10 @@ def nominal_value(scene: Scene, name: str) -> float:
         return 1.0 if scene.motion is None else scene.motion.rate
     found = getattr(scene, section)
     for step in [*([table] if isinstance(found, dict) else table.split(".")), last]:
-        found = found[step] if isinstance(found, dict) else getattr(found, step)
+        if isinstance(found, tuple):
+            found = found[("alpha", "beta").index(step)]
+        else:
+            found = found[step] if isinstance(found, dict) else getattr(found, step)
     return float(found)
 
 
@@ -134,7 +137,7 @@ def inputs_of(
     pressures = {}
     for name, value in values.items():
         section, table, last = split_key(name)
-        if section == "materials":
+        if is_constant(name):
             groups.setdefault(table, {})[last] = value
         elif name == "motion.speed" and not value * nominal_value(scene, name) > 0:
             raise SceneError(f"{name} = {value:g}: must not be zero, and have the scene's sign")

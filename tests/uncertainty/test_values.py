@@ -1,13 +1,19 @@
 """Values of a sample by dotted key, in place of those of the scene: each against full order."""
 
+from itertools import product
 from pathlib import Path
+
+from mpi4py import MPI
 
 import numpy as np
 import pytest
 
 from brake_fenicsx import model
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.macro.brake import assemble_brake
 from brake_fenicsx.scene import read_scene
+from brake_fenicsx.stability import ContactLinearisation
+from brake_fenicsx.stability.terms import damping_terms
 from brake_fenicsx.uncertainty.sampling import draw_sample
 from brake_fenicsx.uncertainty.solve import full_modes
 
@@ -15,7 +21,7 @@ pytestmark = pytest.mark.alone
 
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 COARSE = [
-    "stages=['equilibrium','stability']", "parts.block.size='10 mm'", "parts.plate.size='14 mm'",
+    "stages=['equilibrium','stability']", "parts.block.size='14 mm'", "parts.plate.size='20 mm'",
     "stability.band=['0 Hz','20 kHz']", "stability.zeta_max=0.3", "stability.method=reduced",
 ]  # fmt: skip
 MU, LOAD, C44 = (
@@ -122,6 +128,9 @@ def test_penalty_is_that_of_perfect_contact_alone():
         (SPEED, "start='1 rad/s', stop='2 rad/s'", [FALLING], "wrong unit"),
         (PENALTY, "start='1e12 Pa/m', stop='1e13 Pa/m'", [], "add classical or fast"),
         (PENALTY, "start='1 bar', stop='2 bar'", [], "wrong unit"),
+        ("materials.lining.loss", "start=0, stop=0.1", [], "loss = true"),
+        ("materials.rubber.loss", "start=0, stop=0.1", [], "there are iron, lining"),
+        ("stability.damping.rayleigh.beta", "start='0 s', stop='1 us'", [], "own values"),
     ],
 )
 def test_what_would_act_on_nothing_is_refused(key, law, changes, remedy):
@@ -130,3 +139,83 @@ def test_what_would_act_on_nothing_is_refused(key, law, changes, remedy):
     assert remedy in str(error.value)
     assert key in str(error.value)
     assert "\n" not in str(error.value)
+
+
+LOSS, ALPHA, BETA = (
+    "materials.lining.loss", "stability.damping.rayleigh.alpha", "stability.damping.rayleigh.beta",
+)  # fmt: skip
+DAMPED = [
+    *COARSE, "materials.lining.loss=0.02", "materials.iron.loss=0.001",
+    "stability.damping={ rayleigh=['20 1/s','1e-8 s'], loss=true, omega_ref='8 kHz' }",
+]  # fmt: skip
+ENDS = {C44: (1e9, 1.4e9), LOSS: (0.0, 0.1), ALPHA: (0.0, 200.0), BETA: (0.0, 1e-7)}
+CORNERS = [*product(range(2), repeat=4)][::5]
+
+
+@pytest.fixture(scope="module")
+def damped():
+    return model.prepare(BLOCK, DAMPED, parameters=ENDS)
+
+
+@pytest.mark.parametrize("corner", CORNERS, ids=str)
+def test_damping_of_the_bodies_beside_a_modulus(damped, corner):
+    """At corners of the box: loss and beta follow the stiffness of the sample (bilinear)."""
+    values = {key: ENDS[key][end] for key, end in zip(ENDS, corner, strict=True)}
+    agrees(damped.modes(values), at_full_order(damped, values))
+
+
+def test_full_order_is_that_of_the_scene_written_with_the_values(damped):
+    values = {C44: 1.05e9, LOSS: 0.07, ALPHA: 50.0, BETA: 4e-8}
+    written = read_scene(
+        BLOCK,
+        [*DAMPED, "materials.lining.C44='1.05 GPa'", "materials.lining.loss=0.07",
+         "stability.damping.rayleigh=['50 1/s','4e-8 s']"],
+    )  # fmt: skip
+    models = damped.study.models
+    sample = damped.study._draw("multi-scale", 0, values)
+    found = models.terms.bulk + models.materials.damping_change(sample.random)
+    expected = damping_terms(written, assemble_brake(written, MPI.COMM_SELF)).bulk
+    assert abs(found - expected).max() < 1e-12 * abs(expected).max()
+
+
+def test_rayleigh_closed_form():
+    """zeta = alpha / 2 omega + beta omega / 2 of every mode where contact is open."""
+    rayleigh = "stability.damping.rayleigh=['20 1/s','1e-8 s']"
+    ends = {key: ENDS[key] for key in (C44, ALPHA, BETA)}
+    models = model.prepare(BLOCK, [*COARSE, rayleigh], parameters=ends).study.models
+    contact = ContactLinearisation.of(0 * models.brake.w, 0.5)
+    for alpha, beta in ((0.0, 1e-7), (200.0, 0.0), (130.0, 4e-8)):
+        x = models.parameter_point({C44: 1.1e9, ALPHA: alpha, BETA: beta})
+        found = models.reduced[True].modes(x, contact, 0.3)
+        elastic = np.abs(found.s) > 1e3
+        s, error = found.s[elastic], found.error[elastic]
+        omega = np.abs(s)
+        expected = -0.5 * (alpha + beta * omega**2)
+        assert np.all(np.abs(s.real - expected) <= error + 1e-9 * omega)
+        assert np.all(error < 1e-4 * omega)
+        assert omega.size >= 3
+
+
+TURNING = [
+    *COARSE, "motion={ axis='z', speed='40 rad/s' }",
+    "stability.damping={ rayleigh=['20 1/s', 0], gyroscopic=true }",
+]  # fmt: skip
+
+
+def test_speed_of_a_turning_body():
+    """The gyroscopic matrix of the plate alone, beside the damping of its mass."""
+    ends = {SPEED: (20.0, 200.0), ALPHA: (0.0, 200.0)}
+    prepared = model.prepare(BLOCK, TURNING, parameters=ends)
+    for values in ({SPEED: 200.0, ALPHA: 200.0}, {SPEED: 20.0, ALPHA: 0.0}, {SPEED: 120.0}):
+        agrees(prepared.modes(values), at_full_order(prepared, values))
+    models = prepared.study.models
+    faster = read_scene(BLOCK, [*TURNING, "motion.speed='200 rad/s'"])
+    expected = damping_terms(faster, assemble_brake(faster, MPI.COMM_SELF)).bulk
+    found = models.terms.bulk + models.materials.damping_change({SPEED: 200.0})
+    assert abs(found - expected).max() < 1e-12 * abs(expected).max()
+
+
+def test_a_scalar_of_one_body_costs_the_other_no_anchors(damped):
+    """The loss of the lining is not the plate's, whose interpolation is over alpha and beta."""
+    bodies = damped.study.models.reduced[True].bodies
+    assert sorted(len(b.component._own) for b in bodies) == [2, 4]
