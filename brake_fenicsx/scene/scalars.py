@@ -120,15 +120,15 @@ def _check_constant(where: str, material: MaterialTable, constant: str) -> None:
 def _check_speed(s: Scene, where: str) -> None:
     """Speeds have the unit of the scene's motion."""
     unit = "rad/s" if s.motion is None or s.motion.direction is None else "m/s"
-    section, key = where.partition('."')[0].split(".")
-    table: dict[str, Any] = s.table.get(section, {}).get(key, {}).get("motion.speed", {})
-    values = [v for k in QUANTITIES for v in _listed(table.get(k))]
-    values += [f"1 {table['unit']}"] if "unit" in table else []
-    for value in values:
-        try:
-            to_si(value, unit)
-        except ValueError as error:
-            raise SceneError(f"{where}: {value!r}: {error}") from None
+    for section, key in (("samples", "random"), ("sweep", "parameters")):
+        table: dict[str, Any] = s.table.get(section, {}).get(key, {}).get("motion.speed", {})
+        values = [v for k in QUANTITIES for v in _listed(table.get(k))]
+        values += [f"1 {table['unit']}"] if "unit" in table else []
+        for value in values:
+            try:
+                to_si(value, unit)
+            except ValueError as error:
+                raise SceneError(f"{where}: {value!r}: {error}") from None
 
 
 def _listed(value: Any) -> list[Any]:

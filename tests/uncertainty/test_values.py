@@ -11,9 +11,11 @@ import pytest
 from brake_fenicsx import model
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.brake import assemble_brake
+from brake_fenicsx.pipeline import run
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability import ContactLinearisation
 from brake_fenicsx.stability.terms import damping_terms
+from brake_fenicsx.store import result_digest
 from brake_fenicsx.uncertainty.sampling import draw_sample
 from brake_fenicsx.uncertainty.solve import full_modes
 
@@ -219,3 +221,54 @@ def test_a_scalar_of_one_body_costs_the_other_no_anchors(damped):
     """The loss of the lining is not the plate's, whose interpolation is over alpha and beta."""
     bodies = damped.study.models.reduced[True].bodies
     assert sorted(len(b.component._own) for b in bodies) == [2, 4]
+
+
+def test_random_damping_of_a_study_is_that_of_full_order(tmp_path):
+    """Loss, alpha and speed of every sample beside a modulus: drawn, stored, solved both ways."""
+    laws = {LOSS: "min=0.01, max=0.1", ALPHA: "min='5 1/s', max='60 1/s'",
+            SPEED: "min='2 m/s', max='6 m/s'", C44: "spread=0.2"}  # fmt: skip
+    random = [f"samples.random.\"{k}\"={{ law='uniform', {v} }}" for k, v in laws.items()]
+    many = ["stages=['equilibrium','stability','uncertainty']", "samples.n=2", FALLING]
+    damping = (
+        "stability.damping={ rayleigh=['20 1/s', 0], loss=true, omega_ref='8 kHz', slope=true }"
+    )
+    every = []
+    for method in ("reduced", "full"):
+        changes = [*DAMPED, damping, *many, *random, f"stability.method={method}"]
+        run(BLOCK, MPI.COMM_SELF, tmp_path / method, changes)
+        files = sorted((tmp_path / method / "samples").glob("multi-scale-*.npz"))
+        every.append([dict(np.load(file)) for file in files])
+    for found, exact in zip(*every, strict=True):
+        assert found["random_names"].tolist() == sorted(laws)
+        assert "zeros of T(z)" in str(found["counted"])
+        assert found["s"].size == exact["s"].size >= 5
+        distance = np.abs(found["s"] - exact["s"])
+        assert np.all(distance <= found["error"] + exact["error"] + 1e-6 * np.abs(exact["s"]))
+
+
+def test_scalars_of_the_bodies_belong_to_the_results():
+    """The reduced model reaches over a sweep of them; one of the friction changes nothing."""
+    swept = {
+        LOSS: "start=0, stop=0.1", ALPHA: "start='0 1/s', stop='9 1/s'", MU: "start=0, stop=1",
+    }  # fmt: skip
+    digests = [
+        result_digest(read_scene(BLOCK, [*DAMPED, *changes]))
+        for changes in ([], *([f'sweep.parameters."{k}"={{ {v} }}'] for k, v in swept.items()))
+    ]
+    assert digests[0] == digests[3]
+    assert len(set(digests)) == 3
+
+
+@pytest.mark.parametrize(
+    ("key", "remedy"),
+    [
+        ("contact.nobody.friction", "there are block_plate"),
+        ("materials.lining.rho", "cannot be random or swept"),
+        (LOSS, "loss = true"),
+    ],
+)
+def test_unknown_scalars_of_python_are_refused(key, remedy):
+    with pytest.raises(SceneError) as error:
+        model.prepare(BLOCK, COARSE, parameters={key: (0.0, 0.1)})
+    assert remedy in str(error.value)
+    assert key in str(error.value)
