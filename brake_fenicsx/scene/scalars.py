@@ -1,4 +1,4 @@
-"""Scalars of a scene that are random or swept: their values there, and what each acts on."""
+"""Scalars of a scene that are random or swept: what each acts on, and which are refused."""
 
 from __future__ import annotations
 
