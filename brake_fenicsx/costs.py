@@ -40,7 +40,7 @@ from math import comb
 
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.damping import active_terms, reduced_approaches
-from brake_fenicsx.scene.samples import split_key
+from brake_fenicsx.scene.scalars import changes_bodies
 
 CORE = "one 2.6 GHz core"
 MODES_PER_HZ = 4.2e-3
@@ -125,8 +125,8 @@ def count_solves(scene: Scene, samples: dict[str, int]) -> Counts:
 
 
 def constants(scene: Scene) -> int:
-    """Random material constants of a scene."""
-    return sum(split_key(name)[0] == "materials" for name in scene.samples.random)
+    """Random and swept scalars of a scene that its bodies depend on."""
+    return sum(changes_bodies(scene, name) for name in scene.varied)
 
 
 def estimate(scene: Scene, counts: Counts) -> list[Cost]:

@@ -19,6 +19,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.pipeline import Run, before_samples, make_study
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.samples import unit_of
+from brake_fenicsx.scene.scalars import check_scalar
 from brake_fenicsx.scene.sweep import Range, Sweep
 from brake_fenicsx.scene.tables import KeyMistake
 from brake_fenicsx.store import Store
@@ -105,10 +106,7 @@ class Model:
     ) -> tuple[Equilibrium, Modes]:
         """The same with the equilibrium."""
         for key in values or {}:
-            try:
-                unit_of(key)
-            except KeyMistake as error:
-                raise SceneError(f"{self.scene.file}: {key}: {error}") from None
+            _check_key(self.scene, key)
         return self.study.solved(self._task(approach, sample), values or {})
 
     def sweep(
@@ -136,6 +134,7 @@ class Model:
         from brake_fenicsx.sweeps.events import find_events
         from brake_fenicsx.sweeps.points import Points
 
+        _check_key(self.scene, key)
         x = np.asarray(values, float)
         stability = self.scene.stability
         if stability is None:
@@ -191,6 +190,8 @@ def prepare(
     if "equilibrium" not in parsed.stages:
         raise SceneError(f"{parsed.file}: stages: 'equilibrium' is missing")
     ranges = {key: Range(values=tuple(map(float, v))) for key, v in (parameters or {}).items()}
+    for key in ranges:
+        _check_key(parsed, key)
     # A scene with a sweep prepares what many values share.
     parsed = replace(parsed, sweep=Sweep(ranges))
     folder = tempfile.TemporaryDirectory(prefix="brake_fenicsx-") if directory is None else None
@@ -203,6 +204,17 @@ def prepare(
     if brake is None:
         raise SceneError(f"{parsed.file}: stages: 'equilibrium' is missing")
     return Model(this.scene, make_study(this, stats, library, brake), folder)
+
+
+def _check_key(scene: Scene, key: str) -> None:
+    """Refuse a scalar that takes no other values than the scene's, or that acts on nothing."""
+    try:
+        unit_of(key)
+        check_scalar(scene, key, key)
+    except KeyMistake as error:
+        raise SceneError(f"{scene.file}: {key}: {error}") from None
+    except SceneError as error:
+        raise SceneError(f"{scene.file}: {error}") from None
 
 
 def sweep(scene: str | Path | Model, key: str, values: ArrayLike, **chosen: str | int) -> Branches:

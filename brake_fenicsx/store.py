@@ -24,7 +24,7 @@ import numpy as np
 from brake_fenicsx.errors import SceneError, StorageError
 from brake_fenicsx.lock import Lock
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.samples import changes_bodies
+from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.tables import FORMAT
 
 # What to forget when a stage is run afresh; later stages lose theirs too.
@@ -195,7 +195,7 @@ def result_digest(scene: Scene) -> str:
         table["stability"] = {k: v for k, v in table["stability"].items() if k != "threshold"}
     # The reduced model of all samples reaches over the values of a sweep that changes the bodies.
     swept = scene.sweep.parameters if scene.sweep else {}
-    if changing := {k: r.points for k, r in swept.items() if changes_bodies(k)}:
+    if changing := {k: r.points for k, r in swept.items() if changes_bodies(scene, k)}:
         table["sweep"] = changing
     base = str(scene.file.resolve().parent)
     content = {**table, "samples": samples, "base": base, "format": FORMAT}

@@ -106,20 +106,16 @@ class Case:
         self.K, self.M = (local_rows(gathered(A)) for A in (b.K, b.M))
         self.terms = damping_terms(scene, b) if kind in BULK else None
         self.random = assemble_random(scene, b) if spread else None
-        changes, shares, box = [], None, CONSTANT
+        changes, box = [], CONSTANT
         if self.random is not None:
-            follows = {} if self.terms is None else self.terms.follows
-            changes = [*self.random.changes.values()]
-            shares = [follows.get(material, 0.0) for material, _ in self.random.changes]
             r = self.random
+            changes = r.matrices
             box = Parameters(len(r.box.names), r.coefficients, r.softening())
         C = None if self.terms is None else self.terms.bulk
         interface = {"N": b.N, "T": b.T, "R": b.R}
         points = dof_points(b, MPI.COMM_SELF)
         start = time.perf_counter()
-        bodies = split_substructures(
-            self.K, self.M, interface, b.f[:, None], changes, C, shares, points
-        )
+        bodies = split_substructures(self.K, self.M, interface, b.f[:, None], changes, C, points)
         followed = "N" + "T" * (kind in ALONG) + "R" * (kind in ACROSS)
         self.model = ReducedModel.offline(bodies, b.w, self.band, box, followed, given.tolerance)
         self.offline = time.perf_counter() - start
@@ -140,11 +136,8 @@ class Case:
         if self.terms is not None and self.terms.bulk is not None:
             C = C + self.terms.bulk
         if self.random is not None:
-            for material, C_ij in self.random.box.materials(x).items():
-                change = self.random.change({material: C_ij})
-                K = K + change
-                if self.terms is not None:
-                    C = C + self.terms.follows[material] * change
+            K = K + self.random.change(self.random.box.materials(x))
+            C = C + self.random.damping_change(self.random.box.values(x))
         C = C + sliding_damping(b.R, b.w, contact.across * V, V + 0 * b.w, 1.0)
         C = (C + velocity_slope(b.T, b.w, contact.along, 1.0)).tocsr()
         C.eliminate_zeros()

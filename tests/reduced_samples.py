@@ -80,13 +80,21 @@ def damping(scene, case):
 
 def substructures(scene, case, changing, points=None):
     """The blocks apart."""
-    C, shares = damping(scene, case)
+    C, _ = damping(scene, case)
     changes = unit_changes(scene) if changing else []
     interface = {"N": scene.N, "T": scene.T, "R": scene.R}
-    shares = shares if changing else None
-    return split_substructures(
-        scene.K, scene.M, interface, scene.f[:, None], changes, C, shares, points
-    )
+    return split_substructures(scene.K, scene.M, interface, scene.f[:, None], changes, C, points)
+
+
+def box(scene, case, spread=SPREAD):
+    """The box of both moduli, damping following the stiffness."""
+    shares = damping(scene, case)[1]
+
+    def both(x):
+        a = coefficients(spread)(x)
+        return np.array([a, a * shares])
+
+    return Parameters(2, both, 1 / (1 + spread))
 
 
 def followed(case):
@@ -97,10 +105,10 @@ def followed(case):
 @cache
 def offline(scene, case="undamped", changing=False, spread=SPREAD, tolerance=1e-5, comm=None):
     """The reduced model, made once."""
-    box = Parameters(2, coefficients(spread), 1 / (1 + spread)) if changing else CONSTANT
+    parameters = box(scene, case, spread) if changing else CONSTANT
     bodies = substructures(scene, case, changing)
     return ReducedModel.offline(
-        bodies, scene.w, BAND, box, followed(case), tolerance, comm=comm or scene.comm
+        bodies, scene.w, BAND, parameters, followed(case), tolerance, comm=comm or scene.comm
     )
 
 

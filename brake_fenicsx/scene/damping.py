@@ -135,7 +135,7 @@ def _check_loss(scene: Scene, table: Damping) -> None:
             )
         return
     _ = table.reference
-    if not any(scene.materials[name].loss for name in _used_materials(scene)):
+    if not any(scene.materials[name].loss for name in used_materials(scene)):
         raise SceneError(
             f"{WHERE}.loss: no material of a part has a loss factor; write materials.NAME.loss"
         )
@@ -177,7 +177,7 @@ def _check_turning(scene: Scene) -> None:
             )
 
 
-def _used_materials(scene: Scene) -> set[str]:
+def used_materials(scene: Scene) -> set[str]:
     """Materials of the parts."""
     used: set[str] = set()
     for part in scene.parts.values():

@@ -24,9 +24,9 @@ def friction_of(scene: Scene, approach: str, interface: str) -> float | Friction
 
 def rubs(scene: Scene, approach: str) -> bool:
     """Whether some element of an approach's samples has friction."""
-    if any(name.endswith(".friction") for name in scene.samples.random) and (
-        scene.samples.takes_random(approach)
-    ):
+    other = [*scene.samples.random] if scene.samples.takes_random(approach) else []
+    other += [*scene.sweep.parameters] if scene.sweep else []
+    if any(name.endswith(".friction") for name in other):
         return True
     found = (friction_of(scene, approach, name) for name in scene.contact)
     return any(f if isinstance(f, float | int) else f.static or f.kinetic for f in found)

@@ -7,7 +7,7 @@ from dataclasses import fields, is_dataclass
 from typing import Any
 
 from brake_fenicsx.scene.parts import part_lengths
-from brake_fenicsx.scene.samples import split_key
+from brake_fenicsx.scene.samples import Classical, split_key
 from brake_fenicsx.scene.sections import MODULI, Contact, Load, MaterialTable, Scene
 from brake_fenicsx.scene.tables import dotted
 from brake_fenicsx.scene.units import with_unit
@@ -21,10 +21,10 @@ def unusual(scene: Scene) -> list[str]:
     band: Mapping[str, Any]
     lines = [line for keys, about, v in _numbers(scene) for line in _outside(keys, about, v)]
     for name, law in scene.samples.random.items():
-        section, _, last = split_key(name)
-        cls = {"contact": Contact, "loads": Load, "materials": MaterialTable}[section]
-        about = {f.name: f.metadata for f in fields(cls)}
-        own = about.get(last) or about[last.partition("_")[0]]
+        _, _, last = split_key(name)
+        kinds = (Contact, Load, MaterialTable, Classical)
+        about = {f.name: dict(f.metadata) for cls in kinds for f in fields(cls)}
+        own = about.get(last) or about.get(last.partition("_")[0], {})
         for word in ("mean", "min", "max", "values"):
             lines += _outside(("samples", "random", name, word), own, getattr(law, word))
     for name, table in scene.materials.items():

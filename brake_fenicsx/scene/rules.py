@@ -10,12 +10,13 @@ from brake_fenicsx.scene.damping import check_damping
 from brake_fenicsx.scene.friction import rubs
 from brake_fenicsx.scene.mesh import MeshTable
 from brake_fenicsx.scene.parts import BUILDERS, part_lengths
-from brake_fenicsx.scene.samples import APPROACHES, ENGINEERING, split_key
+from brake_fenicsx.scene.samples import APPROACHES, split_key
+from brake_fenicsx.scene.scalars import check_scalar
 from brake_fenicsx.scene.sections import STAGES
 from brake_fenicsx.scene.sweep import check_sweep
 
 if TYPE_CHECKING:
-    from brake_fenicsx.scene.sections import Contact, MaterialTable, Scene
+    from brake_fenicsx.scene.sections import Contact, Scene
 
 # Stages that build on another one.
 PREDECESSORS = (
@@ -47,9 +48,9 @@ def check_consistent(s: Scene) -> None:
     _check_motion(s)
     check_damping(s)
     for name in s.samples.random:
-        _check_random(s, f'samples.random."{name}"', name)
+        check_scalar(s, f'samples.random."{name}"', name)
     for name in s.sweep.parameters if s.sweep else ():
-        _check_random(s, f'sweep.parameters."{name}"', name)
+        check_scalar(s, f'sweep.parameters."{name}"', name)
     check_sweep(s)
     _check_approaches(s)
 
@@ -173,34 +174,6 @@ def _check_contact(s: Scene, where: str, contact: Contact) -> None:
         )
 
 
-def _check_random(s: Scene, where: str, name: str) -> None:
-    """The scalar is there and is one number."""
-    section, table, last = split_key(name)
-    tables = getattr(s, section)
-    if table not in tables:
-        known = ", ".join(tables) or "none"
-        raise SceneError(f"{where}: there is no [{section}.{table}]; there are {known}")
-    if section == "materials":
-        _check_constant(where, tables[table], last)
-    elif not isinstance(getattr(tables[table], last), float | int):
-        raise SceneError(f"{where}: {name} is a table; write one number there")
-
-
-def _check_constant(where: str, material: MaterialTable, constant: str) -> None:
-    """The constant is one of the material."""
-    by_stiffness = material.E is None
-    if constant[0] == "C":
-        if not by_stiffness or getattr(material, constant, None) is None:
-            raise SceneError(
-                f"{where}: the material is not written by {constant}; name an engineering constant"
-            )
-    elif material.model == "isotropic":
-        if constant not in ("E", "nu") or by_stiffness:
-            raise SceneError(f"{where}: of an isotropic material E and nu, or C11 and C12")
-    elif constant not in ENGINEERING:
-        raise SceneError(f"{where}: use one of {', '.join(ENGINEERING)}")
-
-
 def _check_approaches(s: Scene) -> None:
     """Approaches that live from random inputs have some; no material is named in two ways."""
     if not s.samples.approaches:
@@ -219,14 +192,14 @@ def _check_approaches(s: Scene) -> None:
                 f" stages, or leave samples.{name} out"
             )
     ways: dict[str, set[bool]] = {}
-    for section, table, last in map(split_key, s.samples.random):
-        if section == "materials":
+    for section, table, last in map(split_key, s.varied):
+        if section == "materials" and last != "loss":
             ways.setdefault(table, set()).add(last[0] == "C")
     for table, found in ways.items():
         if len(found) > 1:
             raise SceneError(
-                f"samples.random: materials.{table} by stiffnesses and by engineering constants;"
-                " use one kind"
+                f"samples.random, sweep.parameters: materials.{table} by stiffnesses and by"
+                " engineering constants; use one kind"
             )
 
 

@@ -9,6 +9,10 @@ scalar's unit:
         stiffnesses; or an engineering constant: E, nu of an isotropic material, E_1, E_2, E_3,
         nu_12, nu_31, nu_32, G_12, G_13, G_23 of any other one, however its table is written. The
         named ones change, the others of this list stay.
+    materials.NAME.loss
+    stability.damping.rayleigh.alpha, .beta
+    motion.speed                                rad/s or m/s, as the scene's motion says
+    samples.classical.penalty                   in approaches of perfect contact
 """
 
 from __future__ import annotations
@@ -31,6 +35,17 @@ from brake_fenicsx.scene.units import to_si
 APPROACHES = ("multi-scale", "classical", "fast", "joint")
 DESIGNS = ("random", "latin-hypercube", "sobol", "fast", "rbd-fast", "saltelli")
 LAWS = ("normal", "lognormal", "uniform", "measured")
+# Keys of the scalars that may take other values than the scene's, and their SI units.
+SCALARS = (
+    (r"contact\..+\.friction", ""),
+    (r"loads\..+\.pressure", "Pa"),
+    (r"materials\..+\.(loss|nu|nu_\d\d)", ""),
+    (r"materials\..+\.(E|E_\d|G_\d\d|C\d\d)", "Pa"),
+    (r"motion\.speed", "rad/s or m/s"),
+    (r"samples\.classical\.penalty", "Pa/m"),
+    (r"stability\.damping\.rayleigh\.alpha", "1/s"),
+    (r"stability\.damping\.rayleigh\.beta", "s"),
+)
 ENGINEERING = ("E_1", "E_2", "E_3", "nu_12", "nu_31", "nu_32", "G_12", "G_13", "G_23")
 INFINITY = float("inf")
 
@@ -164,9 +179,10 @@ def split_key(name: str) -> tuple[str, str, str]:
     return section, table.strip('"'), last
 
 
-def changes_bodies(name: str) -> bool:
-    """Whether a scalar, by its dotted key, enters the matrices of the bodies."""
-    return split_key(name)[0] == "materials"
+def is_constant(name: str) -> bool:
+    """Whether a scalar, by its dotted key, is an elastic constant of a material."""
+    section, _, last = split_key(name)
+    return section == "materials" and last != "loss"
 
 
 def unit_of(name: str) -> str:
@@ -175,23 +191,18 @@ def unit_of(name: str) -> str:
     Raises:
         KeyMistake: no such scalar may be random.
     """
-    section, _, last = split_key(name)
-    if (section, last) == ("contact", "friction"):
-        return ""
-    if (section, last) == ("loads", "pressure"):
-        return "Pa"
-    if section == "materials" and re.fullmatch(r"nu(_\d\d)?", last):
-        return ""
-    if section == "materials" and re.fullmatch(r"E|E_\d|G_\d\d|C\d\d", last):
-        return "Pa"
-    if section == "parts":
+    for pattern, unit in SCALARS:
+        if re.fullmatch(pattern, name):
+            return unit
+    if split_key(name)[0] == "parts":
         raise KeyMistake(
             "a length changes the mesh, which all samples share; run the scene once for each"
             f" length, with --set {name}=VALUE", name,
         )  # fmt: skip
     raise KeyMistake(
-        "cannot be random; contact.NAME.friction, loads.FACE.pressure and materials.NAME.CONSTANT"
-        " can", name,
+        "cannot be random or swept; contact.NAME.friction, loads.FACE.pressure,"
+        " materials.NAME.CONSTANT, materials.NAME.loss, stability.damping.rayleigh.alpha and .beta,"
+        " motion.speed and samples.classical.penalty can", name,
     )  # fmt: skip
 
 
@@ -221,9 +232,20 @@ def _converted(value: Any, unit: str, *where: str) -> Any:
     if isinstance(value, list):
         return [_converted(v, unit, *where) for v in value]
     try:
-        return to_si(value, unit)
+        return _to_si(value, unit)
     except ValueError as error:
         raise KeyMistake(str(error), *where) from None
+
+
+def _to_si(value: Any, unit: str) -> float:
+    """In the first unit of "rad/s or m/s" that the value has."""
+    first, _, second = unit.partition(" or ")
+    try:
+        return to_si(value, first)
+    except ValueError:
+        if not second:
+            raise
+        return to_si(value, second)
 
 
 def _random_type() -> Any:
@@ -285,7 +307,7 @@ def _measured(d: Distribution, unit: str, folder: Path, where: str) -> tuple[flo
         if d.unit is None:
             raise SceneError(f"{where}.unit: missing; say the unit of the numbers in {d.file}")
         try:
-            factor = to_si(f"1 {d.unit}", unit)
+            factor = _to_si(f"1 {d.unit}", unit)
         except ValueError as error:
             raise SceneError(f"{where}.unit = {d.unit!r}: {error}") from None
     try:

@@ -351,6 +351,11 @@ class Scene:
     file: Path = key(default=Path(), internal=True)  # noqa: RUF009
     table: dict[str, Any] = field(default_factory=dict, metadata={"internal": True})
 
+    @property
+    def varied(self) -> list[str]:
+        """Dotted keys of the scalars that are random or swept."""
+        return sorted({*self.samples.random, *(self.sweep.parameters if self.sweep else ())})
+
     def path(self, name: str) -> Path:
         """A file named in the scene, relative to the scene's folder."""
         return self.file.parent / os.path.expanduser(name)

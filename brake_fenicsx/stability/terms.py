@@ -2,7 +2,7 @@
 
 Rayleigh, loss factors and the turning disc belong to the bodies and are assembled once. Friction's
 own terms, C_s and C_mu of ``damping``, take the sample's pressures, friction and speeds at
-equilibrium. Of samples with materials of their own, beta K and eta K / omega_ref follow K.
+equilibrium. What a sample with bodies of its own adds is in ``damping_slopes``.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.material import Material
 from brake_fenicsx.macro.material_table import layer_materials, scene_materials
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.damping import Damping, active_terms, turning_parts
+from brake_fenicsx.scene.damping import active_terms, turning_parts
 
 from .damping import loss_factor, rayleigh, sliding_damping, velocity_slope
 from .gyroscopic import gyroscopic
@@ -39,13 +39,11 @@ class Terms:
 
     Attributes:
         bulk: those of the bodies [N s/m], whole on this process; None if there are none.
-        follows: material -> share [s] of a change of its stiffness that the damping takes.
         sliding: whether friction turns with the direction of sliding.
         slope: whether it changes with the speed.
     """
 
     bulk: sp.csr_matrix | None
-    follows: dict[str, float]
     sliding: bool
     slope: bool
 
@@ -74,7 +72,7 @@ def damping_terms(scene: Scene, brake: Brake) -> Terms | None:
         turns = set(turning_parts(scene))
         density = {n: m.rho for n, m in layers.items() if n.partition(".")[0] in turns}
         parts.append(gyroscopic(brake.mesh, brake.elastic.free, density, motion.speed))
-    return Terms(_sum(parts), _follows(scene, table), table.sliding, table.slope)
+    return Terms(_sum(parts), table.sliding, table.slope)
 
 
 def damping_of_sample(
@@ -83,7 +81,8 @@ def damping_of_sample(
     p: Array,
     mu: Array,
     slope: Array,
-    changes: Mapping[str, sp.spmatrix] | None = None,
+    speed: Array,
+    change: sp.csr_matrix | None = None,
 ) -> sp.csr_matrix | None:
     """Damping of one sample at its equilibrium.
 
@@ -93,7 +92,8 @@ def damping_of_sample(
         p: pressures at equilibrium [Pa], shape (elements,).
         mu: friction coefficients, shape (elements,).
         slope: mu'(V) [s/m], shape (elements,).
-        changes: random material -> what it adds to the scene's stiffness [N/m].
+        speed: sliding speeds V [m/s], shape (elements,).
+        change: what it adds to the damping of the scene's bodies [N s/m].
 
     Returns:
         C [N s/m], whole on this process; None where nothing damps this sample.
@@ -101,30 +101,29 @@ def damping_of_sample(
     if terms is None:
         return None
     parts = [] if terms.bulk is None else [terms.bulk]
-    for material, change in (changes or {}).items():
-        if terms.follows.get(material):
-            parts.append(terms.follows[material] * change)
+    if change is not None and change.nnz:
+        parts.append(change)
     if terms.sliding and np.any(mu * p):
-        parts.append(sliding_damping(contact.R, contact.w, p, contact.speed, mu))
+        parts.append(sliding_damping(contact.R, contact.w, p, speed, mu))
     if terms.slope and np.any(slope * p):
         parts.append(velocity_slope(contact.T, contact.w, p, slope))
     return sum(parts[1:], parts[0]).tocsr() if parts else None
 
 
 def rates_of_sample(
-    terms: Terms, contact: Contact, p: Array, mu: Array, slope: Array
+    terms: Terms, p: Array, mu: Array, slope: Array, speed: Array
 ) -> tuple[Array, Array]:
     """What friction's own terms multiply slip rates by: p mu'(V) along, mu p / V across [Pa s/m].
 
     Args:
         terms: those of the scene; a term it does not name is zero.
-        contact: contact elements.
         p: pressures at equilibrium [Pa], shape (elements,).
         mu: friction coefficients, shape (elements,).
         slope: mu'(V) [s/m], shape (elements,).
+        speed: sliding speeds V [m/s], shape (elements,).
     """
     along = slope * p if terms.slope else np.zeros_like(p)
-    across = mu * p / contact.speed if terms.sliding else np.zeros_like(p)
+    across = mu * p / speed if terms.sliding else np.zeros_like(p)
     return along, across
 
 
@@ -162,12 +161,6 @@ def _hysteretic(brake: Brake, layers: Mapping[str, Material], omega_ref: float) 
     for K in stiffnesses:
         K.destroy()
     return C
-
-
-def _follows(scene: Scene, table: Damping) -> dict[str, float]:
-    beta = table.rayleigh[1] if table.rayleigh is not None else 0.0
-    loss = 1 / table.reference if table.loss else 0.0
-    return {name: beta + loss * m.loss for name, m in scene.materials.items()}
 
 
 def _sum(parts: list[PETSc.Mat]) -> sp.csr_matrix | None:

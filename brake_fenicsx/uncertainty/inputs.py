@@ -1,4 +1,6 @@
-"""Random inputs of one sample: its point of the design, the values there, what they make.
+"""Inputs of one sample: its point of the design, the values there, what they make.
+
+All that differs from the scene in a sample follows from one mapping, dotted key -> SI value.
 
 A draw that makes no brake (a stiffness that is not positive definite, a modulus that gives the laws
 no E*, a negative friction or pressure) is rejected. The sample then draws a new point from its own
@@ -16,7 +18,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.samples import split_key
+from brake_fenicsx.scene.samples import is_constant, split_key
 
 from .designs import RIGID, design_points, design_size
 from .distributions import quantile
@@ -35,12 +37,12 @@ DESIGN_SEEDS = {"multi-scale": 2**32 - 1, "fast": 2**32 - 2, "joint": 2**32 - 3}
 
 @dataclass(frozen=True, slots=True)
 class Inputs:
-    """Random inputs of a sample.
+    """Inputs of a sample that differ from the scene.
 
     Attributes:
         values: value of each input by its key, in SI units.
-        materials: stiffness of each random material in its own axes [Pa], shape (6, 6).
-        pressures: pressure of each random load [Pa], by its face.
+        materials: stiffness of each changed material in its own axes [Pa], shape (6, 6).
+        pressures: pressure of each changed load [Pa], by its face.
         rejected: draws that were rejected before this one.
     """
 
@@ -83,7 +85,6 @@ def draw_inputs(
     """
     random = dict(sorted(scene.samples.random.items()))
     nominal = {name: nominal_value(scene, name) for name, d in random.items() if d.spread}
-    scaled = [] if approach in PERFECT else scaled_interfaces(scene)
     u = rng.random(len(random)) if point is None else point
     for rejected in range(MOST_DRAWS):
         values = {
@@ -91,10 +92,7 @@ def draw_inputs(
             for (name, d), x in zip(random.items(), u, strict=True)
         }
         try:
-            made = _made(scene, values, rejected)
-            for interface in scaled:
-                law_factor(scene, interface, made.materials)
-            return made
+            return inputs_of(scene, approach, values, rejected)
         except BrakeError as error:
             reason = error
         if scene.samples.plan(approach).design in RIGID:
@@ -106,26 +104,54 @@ def draw_inputs(
 def nominal_value(scene: Scene, name: str) -> float:
     """Value of a scalar in the scene, SI."""
     section, table, last = split_key(name)
-    if section == "materials":
+    if is_constant(name):
         from brake_fenicsx.macro.material_sample import constants
 
         return constants(scene.materials[table])[last]
-    return float(getattr(getattr(scene, section)[table], last))
+    if name == "motion.speed":
+        return 1.0 if scene.motion is None else scene.motion.rate
+    found = getattr(scene, section)
+    for step in [*([table] if isinstance(found, dict) else table.split(".")), last]:
+        if isinstance(found, tuple):
+            found = found[("alpha", "beta").index(step)]
+        else:
+            found = found[step] if isinstance(found, dict) else getattr(found, step)
+    return float(found)
 
 
-def _made(scene: Scene, values: Mapping[str, float], rejected: int) -> Inputs:
-    """Materials and loads of some values, each possible."""
+def inputs_of(
+    scene: Scene, approach: str, values: Mapping[str, float], rejected: int = 0
+) -> Inputs:
+    """Materials and loads of some values.
+
+    Args:
+        scene: the scene.
+        approach: of the sample.
+        values: by dotted key, SI.
+        rejected: draws that were rejected before.
+
+    Raises:
+        SceneError: no brake has these values.
+    """
     groups: dict[str, dict[str, float]] = {}
     pressures = {}
     for name, value in values.items():
         section, table, last = split_key(name)
-        if section == "materials":
+        if is_constant(name):
             groups.setdefault(table, {})[last] = value
-        elif not value >= 0:
+        elif name == "motion.speed" and not value * nominal_value(scene, name) > 0:
+            raise SceneError(f"{name} = {value:g}: must not be zero, and have the scene's sign")
+        elif last == "penalty" and not value > 0:
+            raise SceneError(f"{name} = {value:g}: must be positive")
+        elif name != "motion.speed" and not value >= 0:
             raise SceneError(f"{name} = {value:g}: must be zero or more")
         if section == "loads":
             pressures[table] = value
-    return Inputs(dict(values), _stiffnesses(scene, groups), pressures, rejected)
+    materials = _stiffnesses(scene, groups)
+    if materials and approach not in PERFECT:
+        for interface in scaled_interfaces(scene):
+            law_factor(scene, interface, materials)
+    return Inputs(dict(values), materials, pressures, rejected)
 
 
 def _stiffnesses(scene: Scene, groups: Mapping[str, Mapping[str, float]]) -> dict[str, Array]:
@@ -168,10 +194,8 @@ def scaled_interfaces(scene: Scene) -> list[str]:
     """Interfaces whose laws stand for a surface; a penalty is a number of the method.
 
     Raises:
-        SceneError: the laws must scale with a material, and which one is not said.
+        SceneError: which material the laws scale with is not said.
     """
-    if not any(split_key(name)[0] == "materials" for name in scene.samples.random):
-        return []
     found = []
     for name, table in scene.contact.items():
         if isinstance(table.law, str) or table.law.linear is None:

@@ -38,12 +38,12 @@ from brake_fenicsx.memory import release_memory
 from brake_fenicsx.processes import on_first
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.damping import active_terms, reduced_approaches
-from brake_fenicsx.scene.samples import split_key
+from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.store import Store
 
 from .numbering import FILE as DOFS
 from .numbering import Numbering, dof_points
-from .random_materials import RandomMaterials, assemble_random
+from .random_materials import Box, RandomMaterials, assemble_random
 
 if TYPE_CHECKING:
     from brake_fenicsx.stability.substructures import (
@@ -63,7 +63,7 @@ SHAPES = "cache/shapes.npz"
 FAMILIES = 1.3
 
 # Number of the layout of a kept reduced model; one of another layout is made again.
-LAYOUT = 3
+LAYOUT = 4
 
 
 class Models:
@@ -77,7 +77,7 @@ class Models:
         compliance: the bodies seen from their contact elements, under the scene's loads.
         unit_loads: loads of 1 Pa on each loaded face, in the order of their names [N/Pa], shape
             (dofs, faces).
-        materials: unit changes of random materials, if there are any.
+        materials: unit changes of the bodies, if anything random or swept changes them.
         reduced: damped or not -> the reduced model, where one serves any sample.
         terms: damping terms of the scene; None without damping.
         masses: mass of each layer [kg], shape (dofs, dofs); only with modes.
@@ -129,10 +129,11 @@ class Models:
         self.by_reduction = {name: name in reduced for name in counts}
 
     def changes_bodies(self, approach: str) -> bool:
-        """Whether the materials of an approach's samples differ from those of the scene."""
-        random = self._scene.samples.random
-        materials = any(split_key(name)[0] == "materials" for name in random)
-        return materials and self._scene.samples.takes_random(approach)
+        """Whether the bodies of an approach's samples differ from those of the scene."""
+        samples, sweep = self._scene.samples, self._scene.sweep
+        drawn = samples.random if samples.takes_random(approach) else {}
+        names = {*drawn, *(sweep.parameters if sweep else ())}
+        return any(changes_bodies(self._scene, name) for name in names)
 
     def damped(self, approach: str) -> bool:
         """Whether damping acts in an approach's samples."""
@@ -214,7 +215,7 @@ class Models:
     def prepare(self, k0: Array) -> None:
         """Make or load what the samples share, on springs k0 [Pa/m]; collective."""
         brake, scene = self.brake, self._scene
-        if any(split_key(name)[0] == "materials" for name in scene.samples.random):
+        if any(changes_bodies(scene, name) for name in scene.varied):
             self.materials = assemble_random(scene, brake)
         if self.stability is not None:
             self._prepare_modes(k0)
@@ -288,7 +289,8 @@ class Models:
         stability, brake = self.stability, self.brake
         if stability is None:
             raise ValueError("a scene without [stability] has no modes")
-        band, parameters = (stability.band[0], stability.band[1]), self._parameters(changing)
+        band = stability.band[0], stability.band[1]
+        parameters = self._parameters(changing)
         if (known := self._known(file)) is not None:
             logger.info("reduced model: from the cache")
             return ReducedModel(known, brake.w, band, parameters)
@@ -296,13 +298,13 @@ class Models:
         followed, C = "N", None
         if terms is not None:
             followed, C = "N" + "T" * terms.slope + "R" * terms.sliding, terms.bulk
-        changes, shares = self._changes(terms) if changing else ([], None)
+        changes = self.materials.matrices if changing and self.materials else []
         order = self._order
         interface = {"N": brake.N[:, order], "T": brake.T[:, order], "R": brake.R[:, order]}
         bodies = split_substructures(
             self._ordered(self.K), self._ordered(self.M), interface,
             self.unit_loads[order],
-            [self._ordered(A) for A in changes], None if C is None else self._ordered(C), shares,
+            [self._ordered(A) for A in changes], None if C is None else self._ordered(C),
             dof_points(brake, self._comm)[order],
         )  # fmt: skip
         release_memory()
@@ -330,20 +332,11 @@ class Models:
         materials = self.materials
         return Parameters(len(materials.box.names), materials.coefficients, materials.softening())
 
-    def _changes(self, terms: Terms | None) -> tuple[list[sp.csr_matrix], list[float]]:
-        """Unit changes of the stiffness, and the share of each that the damping takes."""
-        if self.materials is None:
-            return [], []
-        follows = {} if terms is None else terms.follows
-        changes = self.materials.changes
-        return [*changes.values()], [follows.get(material, 0.0) for material, _ in changes]
-
     def _acting(self, damped: bool) -> list[Any]:
         """What a reduced model depends on beside the bodies."""
         scene, stability = self._scene, self._scene.table.get("stability", {})
-        random, laws = scene.samples.random, scene.table.get("samples", {}).get("random", {})
-        moduli = [n for n in sorted(random) if split_key(n)[0] == "materials"]
-        box = [[n, laws[n], random[n].digest] for n in moduli]
+        spans = self.materials.box if self.materials else Box(scene)
+        box = [[*ends] for ends in zip(spans.names, spans.low, spans.high, strict=True)]
         acts = [stability.get("damping"), scene.table.get("motion")] if damped else None
         settings = self.stability
         accuracy = None if settings is None else [settings.tolerance, settings.cutoff]

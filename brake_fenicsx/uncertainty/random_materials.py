@@ -1,8 +1,9 @@
-"""Bodies that change from sample to sample: random materials.
+"""Bodies that change from sample to sample: random and swept materials and damping.
 
-The stiffness is linear in the C_ij of every material: matrices of unit changes are assembled once,
-and a sample's is a sum of them. The material constants of nearly all samples lie in a box that
-their distributions span; the reduced model is interpolated over it.
+The stiffness is linear in the C_ij of every material, and the damping in its scalars: matrices of
+unit changes are assembled once, and a sample's are sums of them. The scalars of nearly all samples
+lie in a box that their distributions and the values of a sweep span; the reduced model is
+interpolated over it.
 """
 
 from __future__ import annotations
@@ -24,7 +25,9 @@ from brake_fenicsx.macro.material import rotate_about_z
 from brake_fenicsx.macro.material_sample import constants, varied_stiffness
 from brake_fenicsx.macro.material_table import STIFFNESSES, layer_material, stiffness
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.samples import split_key
+from brake_fenicsx.scene.samples import is_constant, split_key
+from brake_fenicsx.scene.scalars import changes_bodies
+from brake_fenicsx.scene.sweep import Range
 
 from .distributions import quantile
 from .inputs import nominal_value
@@ -40,7 +43,7 @@ TAIL, BEYOND = 1e-3, 1.1
 
 
 class Box:
-    """The box that the random material constants of nearly all samples lie in.
+    """The box that the scalars of the bodies of nearly all samples, and of a sweep, lie in.
 
     Moduli E enter as E^-1/2, between the bending of layers, which goes with 1/E, and the
     indentation of a transversely isotropic half-space, which goes with the root of a product of
@@ -48,19 +51,17 @@ class Box:
     """
 
     def __init__(self, scene: Scene):
-        """Span the box by the distributions of the constants."""
+        """Span the box by the distributions and the swept values of the scalars."""
         self._scene = scene
-        self.names = [n for n in sorted(scene.samples.random) if split_key(n)[0] == "materials"]
+        self.names = [n for n in scene.varied if changes_bodies(scene, n)]
         ends = []
         for name in self.names:
-            law = scene.samples.random[name]
-            nominal = nominal_value(scene, name) if law.spread else None
-            values = quantile(law, [TAIL, 1 - TAIL], nominal)
-            ends.append(sorted(_scaled(name, float(v)) for v in values))
+            values = [_scaled(name, v) for v in _spanning(scene, name)]
+            ends.append((min(values), max(values)))
         self.low, self.high = np.array(ends).reshape(-1, 2).T
 
     def point(self, drawn: Mapping[str, float]) -> Array:
-        """A sample's point of [-1, 1]^d; constants that are not drawn have the scene's value."""
+        """A sample's point of [-1, 1]^d; scalars that are not drawn have the scene's value."""
         values = [
             _scaled(n, drawn[n] if n in drawn else nominal_value(self._scene, n))
             for n in self.names
@@ -72,14 +73,34 @@ class Box:
         """Whether a sample lies in the box or hardly beyond it."""
         return bool(np.all(np.abs(self.point(drawn)) <= BEYOND))
 
+    def values(self, x: Array) -> dict[str, float]:
+        """The scalars at a point of the box, SI."""
+        scaled = 0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * x
+        return {n: _unscaled(n, v) for n, v in zip(self.names, scaled, strict=True)}
+
     def materials(self, x: Array) -> dict[str, Array]:
-        """Stiffness of the random materials at a point of the box [Pa], each of shape (6, 6)."""
-        values = 0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * x
-        groups: dict[str, dict[str, float]] = {}
-        for name, value in zip(self.names, values, strict=True):
-            _, material, constant = split_key(name)
-            groups.setdefault(material, {})[constant] = _unscaled(name, value)
-        return {m: varied_stiffness(self._scene.materials[m], c) for m, c in groups.items()}
+        """Stiffness of the materials at a point of the box [Pa], each of shape (6, 6)."""
+        return changed_materials(self._scene, self.values(x))
+
+
+def changed_materials(scene: Scene, values: Mapping[str, float]) -> dict[str, Array]:
+    """Stiffness [Pa] of the materials of which some constants are given, each of shape (6, 6)."""
+    groups: dict[str, dict[str, float]] = {}
+    for name in filter(is_constant, values):
+        _, material, constant = split_key(name)
+        groups.setdefault(material, {})[constant] = values[name]
+    return {m: varied_stiffness(scene.materials[m], c) for m, c in groups.items()}
+
+
+def _spanning(scene: Scene, name: str) -> list[float]:
+    """Values of a scalar that lie in the box; a sweep has the scene's own brake in it too."""
+    law, nominal = scene.samples.random.get(name), nominal_value(scene, name)
+    values: list[float] = []
+    if law is not None:
+        values += map(float, quantile(law, [TAIL, 1 - TAIL], nominal))
+    if scene.sweep is not None:
+        values += [nominal, *scene.sweep.parameters.get(name, Range()).points]
+    return values
 
 
 def _scaled(name: str, value: float) -> float:
@@ -103,18 +124,30 @@ class RandomMaterials:
     """What changes in the bodies, by unit changes.
 
     Attributes:
-        box: the box of the random constants.
-        nominal: random material -> its stiffness in the scene [Pa], shape (6, 6).
+        scene: the scene.
+        box: the box of the scalars that the bodies depend on.
+        nominal: changed material -> its stiffness in the scene [Pa], shape (6, 6).
         changes: (material, C_ij) -> stiffness of a unit change [N/m per Pa].
+        slopes: scalar that the damping alone depends on -> its unit change [N s/m].
     """
 
+    scene: Scene
     box: Box
     nominal: dict[str, Array]
     changes: dict[tuple[str, str], sp.csr_matrix]
+    slopes: dict[str, sp.csr_matrix]
+
+    @property
+    def matrices(self) -> list[sp.csr_matrix]:
+        """Unit changes of the stiffness, then those of the damping alone."""
+        return [*self.changes.values(), *self.slopes.values()]
 
     def coefficients(self, x: Array) -> Array:
-        """Coefficients of the unit changes [Pa] at a point of the box, shape (changes,)."""
-        return self._coefficients(self.box.materials(x))
+        """Coefficients of these in stiffness and damping at a point of the box, shape (2, all)."""
+        values = self.box.values(x)
+        a = self._coefficients({**self.nominal, **changed_materials(self.scene, values)})
+        c = self._damping_coefficients(a, values)
+        return np.array([[*a, *(0.0 for _ in self.slopes)], c])
 
     def change(self, materials: Mapping[str, Array]) -> sp.csr_matrix:
         """What some materials add to the stiffness of the scene [N/m].
@@ -123,9 +156,16 @@ class RandomMaterials:
             materials: random material -> its stiffness in its own axes [Pa], shape (6, 6).
         """
         coefficients = self._coefficients({**self.nominal, **materials})
-        parts = list(self.changes.values())
-        none = sp.csr_matrix(parts[0].shape)
-        return sum((c * part for c, part in zip(coefficients, parts, strict=True) if c), none)
+        return _combined(coefficients, [*self.changes.values()])
+
+    def damping_change(self, values: Mapping[str, float]) -> sp.csr_matrix:
+        """What a sample adds to the damping of the scene's bodies [N s/m].
+
+        Args:
+            values: its scalars that differ from the scene, by dotted key, SI.
+        """
+        a = self._coefficients({**self.nominal, **changed_materials(self.scene, values)})
+        return _combined(self._damping_coefficients(a, values), self.matrices)
 
     def softening(self) -> float:
         """Least r with K(x) >= r K(0) throughout the box, as quadratic forms: of the C(x).
@@ -133,14 +173,14 @@ class RandomMaterials:
         Raises:
             InaccurateResult: a material is not positive definite at a corner of the box.
         """
-        dimension = len(self.box.names)
-        centre, least = self.box.materials(np.zeros(dimension)), 1.0
-        for corner in product((-1.0, 1.0), repeat=dimension):
+        names = self.box.names
+        centre, least = self.box.materials(np.zeros(len(names))), 1.0
+        for corner in product(*((-1.0, 1.0) if is_constant(n) else (0.0,) for n in names)):
             for name, C in self.box.materials(np.array(corner)).items():
                 least = min(least, float(la.eigvalsh(C, centre[name])[0]))
         if not least > 0:
             raise InaccurateResult(
-                "a random material is not positive definite everywhere in the box of its samples"
+                "a material is not positive definite everywhere in the box of its values"
             )
         return least
 
@@ -149,18 +189,32 @@ class RandomMaterials:
             [(materials[m] - self.nominal[m])[VOIGT[constant]] for m, constant in self.changes]
         )
 
+    def _damping_coefficients(self, a: Array, values: Mapping[str, float]) -> Array:
+        """Those of the damping: its share of each change of stiffness, and its own scalars."""
+        from brake_fenicsx.stability.damping_slopes import stiffness_share
+
+        shares = [stiffness_share(self.scene, material, values) for material, _ in self.changes]
+        own = [values.get(n, nominal_value(self.scene, n)) for n in self.slopes]
+        usual = [nominal_value(self.scene, n) for n in self.slopes]
+        return np.r_[a * shares, np.subtract(own, usual)]
+
+
+def _combined(coefficients: Array, parts: list[sp.csr_matrix]) -> sp.csr_matrix:
+    """Sum of some matrices, at least one."""
+    none = sp.csr_matrix(parts[0].shape)
+    return sum((c * part for c, part in zip(coefficients, parts, strict=True) if c), none)
+
 
 def assemble_random(scene: Scene, brake: Brake) -> RandomMaterials:
-    """Assemble the unit changes of the scene's random materials; collective.
+    """Assemble the unit changes of what is random or swept in a scene's bodies; collective.
 
     Args:
         scene: the scene.
         brake: its operators.
     """
     by_material: dict[str, list[str]] = {}
-    for section, table, last in map(split_key, scene.samples.random):
-        if section == "materials":
-            by_material.setdefault(table, []).append(last)
+    for _, table, last in map(split_key, filter(is_constant, scene.varied)):
+        by_material.setdefault(table, []).append(last)
     keys, directions = [], []
     for material, names in by_material.items():
         for constant in _moved(scene, material, names):
@@ -178,10 +232,17 @@ def assemble_random(scene: Scene, brake: Brake) -> RandomMaterials:
             first.indices, last.indices
         ):
             last.indices, last.indptr = first.indices, first.indptr
+    box, slopes = Box(scene), {}
+    if names := [n for n in box.names if not is_constant(n)]:
+        from brake_fenicsx.stability.damping_slopes import damping_slopes
+
+        slopes = damping_slopes(scene, brake, names)
     return RandomMaterials(
-        Box(scene),
+        scene,
+        box,
         {name: stiffness(scene.materials[name]) for name in by_material},
         dict(zip(keys, parts, strict=True)),
+        slopes,
     )
 
 

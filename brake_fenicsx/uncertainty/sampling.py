@@ -1,4 +1,4 @@
-"""What makes one sample: its seed, its random inputs, its laws and critical gaps.
+"""What makes one sample: its seed, its inputs, its laws and critical gaps.
 
 Sample k draws from child k of the scene's seed, so that any sample can be run again alone and
 nothing depends on the number of processes.
@@ -26,9 +26,21 @@ from brake_fenicsx.scene.friction import friction_of
 from brake_fenicsx.surface.hdf import HeightDistribution
 from brake_fenicsx.surface.waviness import Waviness
 
-from .inputs import PERFECT, Inputs, draw_inputs, law_factor, scaled_interfaces, size_of
+from .inputs import (
+    PERFECT,
+    Inputs,
+    draw_inputs,
+    inputs_of,
+    law_factor,
+    nominal_value,
+    scaled_interfaces,
+    size_of,
+)
 
 Array = NDArray[np.float64]
+
+# Keys of scalars that belong to no table of several.
+SPEED, PENALTY = "motion.speed", "samples.classical.penalty"
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,9 +53,10 @@ class SampleInput:
         mu: friction coefficient of each contact element, shape (elements,).
         mu_equilibrium: the same in the equilibrium, 0 where the scene leaves friction out there.
         slope: mu'(V) of each element [s/m], 0 where friction does not depend on the speed.
-        random: random inputs of the scene by name.
-        materials: stiffness of each random material in its own axes [Pa], shape (6, 6).
-        pressures: pressure of each random load [Pa], by its face.
+        speed: sliding speed V of each element [m/s].
+        random: scalars that differ from the scene, by dotted key, SI.
+        materials: stiffness of each changed material in its own axes [Pa], shape (6, 6).
+        pressures: pressure of each changed load [Pa], by its face.
         rejected: draws of the random inputs that were rejected.
     """
 
@@ -52,6 +65,7 @@ class SampleInput:
     mu: Array
     mu_equilibrium: Array
     slope: Array
+    speed: Array
     random: dict[str, float]
     materials: dict[str, Array] = field(default_factory=dict)
     pressures: dict[str, float] = field(default_factory=dict)
@@ -73,6 +87,7 @@ def draw_sample(
     hdf: HeightDistribution | None,
     point: Array | None = None,
     waviness: Waviness | None = None,
+    values: Mapping[str, float] | None = None,
 ) -> SampleInput:
     """Inputs of sample ``k`` of an approach.
 
@@ -87,12 +102,14 @@ def draw_sample(
         hdf: height distribution, where critical gaps are drawn from it.
         point: the sample's point of a design, shape (inputs,); None: drawn from its own stream.
         waviness: field of the mean heights of patches, where critical gaps are drawn from it.
+        values: scalars by dotted key, SI, in place of those that are drawn or the scene's.
 
     Returns:
         The inputs.
 
     Raises:
         InaccurateResult: the point cannot be used and may not be replaced.
+        SceneError: no brake has the given values.
     """
     seed = sample_seed(scene.samples.seed, k)
     # Each kind of draw has its own child, so that naming one does not change the others.
@@ -101,34 +118,43 @@ def draw_sample(
     inputs = Inputs({}, {}, {})
     if scene.samples.takes_random(approach):
         inputs = draw_inputs(scene, approach, point, random_rng)
+    if values:
+        inputs = inputs_of(scene, approach, {**inputs.values, **values}, inputs.rejected)
     if approach in PERFECT:
-        laws = perfect_contact(scene, contact.interface.size)
+        penalty = inputs.values.get(PENALTY, scene.samples.classical.penalty)
+        laws = perfect_contact(penalty, contact.interface.size)
     else:
         laws = _rough(scene, contact, library, (hdf, waviness), inputs, (law_rng, gap_rng))
-    mu, slope = _friction(scene, contact, approach, inputs.values)
+    speed = contact.speed
+    if SPEED in inputs.values:
+        speed = speed * (inputs.values[SPEED] / nominal_value(scene, SPEED))
+    mu, slope = _friction(scene, contact.interface, speed, approach, inputs.values)
     in_equilibrium = np.array([t.friction_in_equilibrium for t in scene.contact.values()])
     return SampleInput(
-        seed, laws, mu, mu * in_equilibrium[contact.interface], slope, inputs.values,
-        inputs.materials, inputs.pressures, inputs.rejected,
+        seed, laws, mu, mu * in_equilibrium[contact.interface], slope, speed,
+        inputs.values, inputs.materials, inputs.pressures, inputs.rejected,
     )  # fmt: skip
 
 
-def perfect_contact(scene: Scene, elements: int) -> EnrichedGap:
-    """The classical penalty for every element, no critical gap."""
+def perfect_contact(penalty: float, elements: int) -> EnrichedGap:
+    """A penalty [Pa/m] for every element, no critical gap."""
     index = np.zeros(elements, dtype=np.intp)
-    penalty = linear_law(scene.samples.classical.penalty)
-    return EnrichedGap(OneLaw(penalty), index, np.zeros(elements))
+    return EnrichedGap(OneLaw(linear_law(penalty)), index, np.zeros(elements))
 
 
 def _friction(
-    scene: Scene, contact: Contact, approach: str, values: Mapping[str, float]
+    scene: Scene,
+    interface: NDArray[np.int64],
+    speed: Array,
+    approach: str,
+    values: Mapping[str, float],
 ) -> tuple[Array, Array]:
     """Friction coefficient of each element and its slope mu'(V), shape (elements,)."""
-    mu, slope = np.zeros((2, contact.interface.size))
+    mu, slope = np.zeros((2, interface.size))
     for i, name in enumerate(scene.contact):
-        own = contact.interface == i
+        own = interface == i
         value = values.get(f"contact.{name}.friction", friction_of(scene, approach, name))
-        mu[own], slope[own] = coefficient(value, contact.speed[own])
+        mu[own], slope[own] = coefficient(value, speed[own])
     return mu, slope
 
 

@@ -113,7 +113,7 @@ def linearised(
     """
     if models.terms is None or not models.damped(approach):
         return ContactLinearisation.of(k, sample.mu)
-    rates = rates_of_sample(models.terms, models.brake.contact, p, sample.mu, sample.slope)
+    rates = rates_of_sample(models.terms, p, sample.mu, sample.slope, sample.speed)
     return ContactLinearisation.of(k, sample.mu, *rates)
 
 
@@ -140,11 +140,10 @@ def expanded(
 
 def sample_damping(models: Models, sample: SampleInput, p: Array) -> sp.csr_matrix | None:
     """Damping C [N s/m] of a sample, whole on this process; None where nothing damps it."""
-    changes, materials = {}, models.materials
-    if materials is not None:
-        changes = {name: materials.change({name: C}) for name, C in sample.materials.items()}
-    contact = models.brake.contact
-    return damping_of_sample(models.terms, contact, p, sample.mu, sample.slope, changes)
+    materials = models.materials
+    change = materials.damping_change(sample.random) if materials and sample.random else None
+    given = models.terms, models.brake.contact, p, sample.mu, sample.slope, sample.speed
+    return damping_of_sample(*given, change)
 
 
 def _full(models: Models, sample: SampleInput, eq: Equilibrium, more: More | None = None) -> Arrays:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.cache import SharedCache
-from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.log import logger
 from brake_fenicsx.macro.brake import Brake
 from brake_fenicsx.macro.braking import reference_stiffness
@@ -22,7 +22,7 @@ from brake_fenicsx.micro import LawRecipe, make_library
 from brake_fenicsx.micro.law import Laws
 from brake_fenicsx.processes import on_first
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.samples import split_key
+from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.store import Store
 from brake_fenicsx.surface.hdf import HeightDistribution
 from brake_fenicsx.surface.waviness import Waviness
@@ -183,6 +183,13 @@ class Study:
         from .solve import full_modes, reduced_modes
 
         (approach, k), models = task, self.models
+        known = models.materials.box.names if models.materials else []
+        for key in values:
+            if changes_bodies(self.scene, key) and key not in known:
+                raise SceneError(
+                    f"{key}: enters the matrices of the bodies; name it in [sweep.parameters] or"
+                    " [samples.random], or give its range to prepare(.., parameters={..})"
+                )
         sample = self._draw(approach, k, values)
         reduced = models.takes(approach, sample.random)
         eq = self._prepared.of(approach, sample, reduced, start)
@@ -210,21 +217,10 @@ class Study:
         points = self.points[approach]
         point = None if points is None else points[k]
         library = self.library if approach in PERFECT else self._laws(k)
-        s = draw_sample(
-            self.scene, approach, k, self.brake.contact, library, self.hdf, point, self.waviness
-        )
-        if values:
-            mu, pressures = s.mu.copy(), dict(s.pressures)
-            for key, value in values.items():
-                section, table, _ = split_key(key)
-                if section == "contact":
-                    mu[self.brake.contact.interface == list(self.scene.contact).index(table)] = (
-                        value
-                    )
-                else:
-                    pressures[table] = value
-            s = replace(s, mu=mu, mu_equilibrium=mu, pressures=pressures)
-        return s
+        return draw_sample(
+            self.scene, approach, k, self.brake.contact, library, self.hdf, point, self.waviness,
+            values,
+        )  # fmt: skip
 
     def _laws(self, k: int) -> Laws | None:
         """The library, or the laws that sample ``k`` makes for itself."""

@@ -10,14 +10,15 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
-from brake_fenicsx.macro.condensation import compliance, petsc_matrix
+from brake_fenicsx.macro.condensation import compliance, gathered, petsc_matrix
+from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.stability import (
     ContactLinearisation,
-    Parameters,
     Reduced,
     ReducedModel,
     complex_modes,
 )
+from brake_fenicsx.stability.gyroscopic import gyroscopic
 from brake_fenicsx.stability.substructures import CONSTANT, reduction
 from brake_fenicsx.stability.substructures.parameters import Interpolation
 from brake_fenicsx.stability.substructures.polynomials import zeros
@@ -29,6 +30,7 @@ from reduced_samples import (
     CASES,
     K0,
     Sample,
+    box,
     coefficients,
     offline,
     scattered,
@@ -160,15 +162,15 @@ def test_left_vectors_and_conditions_are_those_of_full_order(two_blocks):
 def test_what_was_made_earlier_gives_the_same_bytes(two_blocks, changing, tmp_path, monkeypatch):
     """The arrays of the bodies, mapped from the file that a first run left."""
     scene, store = two_blocks("coarse"), Store(tmp_path)
-    box = Parameters(2, coefficients(), 1 / 1.2) if changing else CONSTANT
+    parameters = box(scene, "loss") if changing else CONSTANT
     first = ReducedModel.offline(
-        substructures(scene, "loss", changing), scene.w, BAND, box,
+        substructures(scene, "loss", changing), scene.w, BAND, parameters,
         keep=lambda arrays: store.save("model.npz", **arrays) or arrays,
     )  # fmt: skip
     monkeypatch.setattr("brake_fenicsx.store.MAPPED", 1000)
     mapped = store.load("model.npz", mapped=True)
     assert isinstance(mapped["1.W"].base, np.memmap)
-    again = ReducedModel(mapped, scene.w, BAND, box)
+    again = ReducedModel(mapped, scene.w, BAND, parameters)
     sample = Sample(scene, "loss", (0.1, -0.2) if changing else (), seed=2)
     a, b = sample.modes(first), sample.modes(again)
     np.testing.assert_array_equal(a.s, b.s)
@@ -245,7 +247,7 @@ def mirrored(scene):
     x = np.column_stack([free.V.tabulate_dof_coordinates()[block], direction])
     other = x[order] * [1, 1, -1, 1] + [0, 0, 0.1, 0]
     P = sp.csr_matrix((np.where(x[:, 3] == 2, -1.0, 1.0)[order], (np.arange(n), order)), (n, n))
-    both = SimpleNamespace(w=np.r_[scene.w, scene.w], points=np.vstack([x, other]))
+    both = SimpleNamespace(w=np.r_[scene.w, scene.w], points=np.vstack([x, other]), P=P)
     both.K, both.M = (sp.block_diag([A, P @ A @ P.T]).tocsr() for A in (scene.K, scene.M))
     both.interface = {
         name: sp.block_diag([A, sign * A @ P.T]).tocsr()
@@ -296,6 +298,23 @@ def test_what_differs_by_little_is_no_image(two_blocks):
     i, j = images[0]
     bodies[i].K[0, 0] += 1e-6 * abs(bodies[i].K).max()
     assert mirror_image(bodies[j], bodies[i]) is None
+
+
+@pytest.mark.alone
+@pytest.mark.parametrize("sense, images", [(1.0, 2), (-1.0, 1)])
+def test_a_body_that_turns_the_other_way_is_no_image(two_blocks, sense, images):
+    """A change of the damping decides too: the gyroscopic matrix has a sense, the mass has none."""
+    from brake_fenicsx.stability import split_substructures
+
+    scene = two_blocks("coarse", alone=True)
+    twin = mirrored(scene)
+    G = local_rows(gathered(gyroscopic(scene.mesh, scene.free, {"plate.body": 7200.0}, 1.0)))
+    changes = [sp.block_diag([G, sense * twin.P @ G @ twin.P.T]).tocsr(), twin.M]
+    bodies = split_substructures(
+        twin.K, twin.M, twin.interface, changes=changes, C=twin.M, points=twin.points
+    )
+    found = [(i, j) for i in range(4) for j in range(i) if mirror_image(bodies[j], bodies[i])]
+    assert len(found) == images
 
 
 @pytest.mark.alone

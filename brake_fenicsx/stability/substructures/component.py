@@ -92,20 +92,18 @@ class Component:
     def _modal(self, x: Array) -> Array:
         """W'P_n W in units of the band's end."""
         c, one = self._parameters.coefficients(x), np.eye(self.W.shape[1])
-        changes, shares = self.body.changes, self.body.shares
-        K = self._K[0] + sum(c[j] * A for j, A in zip(changes, self._K[1:], strict=True))
+        changes = self.body.changes
+        K = self._K[0] + sum(c[0, j] * A for j, A in zip(changes, self._K[1:], strict=True))
         K = K / self._omega**2
         if not self._rows.damped:
             return np.array([K + SIGMA * one, -one])
         s, C = self._rows.shift, np.zeros_like(K)
         if len(self._C):
-            C = self._C[0] + sum(
-                c[j] * shares[j] * A for j, A in zip(changes, self._K[1:], strict=True)
-            )
+            C = self._C[0] + sum(c[1, j] * A for j, A in zip(changes, self._K[1:], strict=True))
             C = C / self._omega
         return np.array([K + s * C + SIGMA * one, C + 2 * s * one, one])
 
 
 def polynomial(body: Substructure, c: Array, omega: float, rows: Rows) -> list[sp.csr_matrix]:
-    """P_0, P_1, ... of a body at full order under coefficients of all unit changes."""
+    """P_0, P_1, ... of a body at full order under coefficients of all changes."""
     return shifted_polynomial(body.stiffness(c), body.damping(c), body.M, omega, rows)

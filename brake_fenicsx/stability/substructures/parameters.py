@@ -19,7 +19,8 @@ from scipy import special
 
 Array = NDArray[np.float64]
 
-# A coefficient moves with a parameter if it changes by more than this share of the largest change.
+# A coefficient moves with a parameter if that changes it by more than this share of what another
+# parameter does.
 MOVES = 1e-12
 
 # Pivots that differ by less than this share are ties, which the order of the points decides,
@@ -37,7 +38,8 @@ class Parameters:
 
     Attributes:
         dimension: number of parameters d; 0 for materials that do not change.
-        coefficients: of the unit changes of the stiffness at a point of the box, shape (changes,).
+        coefficients: of the changes of stiffness and damping at a point of the box, shape
+            (2, changes): the first row is that of the stiffness.
         softening: least r with K(p) >= r K(0) throughout the box, as a quadratic form.
     """
 
@@ -46,19 +48,17 @@ class Parameters:
     softening: float = 1.0
 
     def acting_on(self, changes: list[int]) -> NDArray[np.intp]:
-        """Numbers of the parameters that move some of the unit changes."""
+        """Numbers of the parameters that move a coefficient of some of the changes."""
         base = self.coefficients(np.zeros(self.dimension))
-        moved = []
-        for i in range(self.dimension):
-            ends = [np.eye(self.dimension)[i] * side for side in (1.0, -1.0)]
-            step = np.max([np.abs(self.coefficients(x) - base) for x in ends], axis=0)
-            largest = step.max(initial=0.0)
-            if largest > 0 and np.any(step[changes] > MOVES * largest):
-                moved.append(i)
-        return np.array(moved, dtype=np.intp)
+        steps = np.zeros((self.dimension, *base.shape))
+        for step, axis in zip(steps, np.eye(self.dimension), strict=True):
+            ends = [np.abs(self.coefficients(side * axis) - base) for side in (1.0, -1.0)]
+            step[:] = np.max(ends, axis=0)
+        moved = steps > MOVES * steps.max(axis=0, initial=0.0)
+        return np.flatnonzero(moved[:, :, changes].any(axis=(1, 2)))
 
 
-CONSTANT = Parameters(0, lambda x: np.zeros(0))
+CONSTANT = Parameters(0, lambda x: np.zeros((2, 0)))
 
 
 class Interpolation:

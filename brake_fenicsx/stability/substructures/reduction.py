@@ -149,7 +149,7 @@ def kept_modes(
 
     Args:
         body: the body.
-        centre: coefficients of the unit changes there.
+        centre: coefficients of the changes there, shape (2, changes).
         omega: end of the band [rad/s].
         cutoff: multiple of it.
 

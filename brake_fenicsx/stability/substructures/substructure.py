@@ -4,11 +4,11 @@ Without contact the stiffness, mass and damping of a brake are block diagonal. E
 substructure with a free interface (Craig and Chang 1976, Rubin 1975), whose stiffness and damping
 are affine in some coefficients,
 
-    K = K_0 + sum c_j K_j,     C = C_0 + sum c_j s_j K_j,
+    K = K_0 + sum a_j A_j,     C = C_0 + sum c_j A_j,
 
-where s_j is the share [s] of a change of stiffness that the damping takes (stiffness-proportional
-damping and loss factors). A pad on the other side of the disc is often the mirror image of the
-first one; then one of the two is reduced.
+over one set of matrices: unit changes of the stiffness, of which the damping takes a share
+(stiffness-proportional damping, loss factors), and what the damping alone is made of. A pad on the
+other side of the disc is often the mirror image of the first one; then one of the two is reduced.
 """
 
 from __future__ import annotations
@@ -47,8 +47,7 @@ class Substructure:
         interface: the rows "N" (gap), "T" (slip along the sliding direction) and "R" (slip across
             it) of its contact elements, each of shape (m, n).
         loads: unit loads [N], shape (n, loads).
-        changes: unit changes of the stiffness that act on it: number among all -> matrix.
-        shares: share [s] of each of these changes that the damping takes.
+        changes: matrices A_j that act on it: number among all -> matrix.
         points: coordinates [m] and direction (0, 1, 2) of its dofs, shape (n, 4); None if unknown.
     """
 
@@ -60,18 +59,17 @@ class Substructure:
     interface: dict[str, sp.csr_matrix]
     loads: Array
     changes: dict[int, sp.csr_matrix] = field(default_factory=dict)
-    shares: dict[int, float] = field(default_factory=dict)
     points: Array | None = None
 
     def stiffness(self, c: Array) -> sp.csr_matrix:
-        """K [N/m] under coefficients of all unit changes, shape (changes,)."""
-        return sum((c[j] * A for j, A in self.changes.items()), self.K).tocsr()
+        """K [N/m] under coefficients of all changes, shape (2, changes)."""
+        return sum((c[0, j] * A for j, A in self.changes.items()), self.K).tocsr()
 
     def damping(self, c: Array) -> sp.csr_matrix | None:
         """C [N s/m] under these coefficients; None where the body has none."""
         if self.C is None:
             return None
-        return sum((c[j] * self.shares[j] * A for j, A in self.changes.items()), self.C).tocsr()
+        return sum((c[1, j] * A for j, A in self.changes.items()), self.C).tocsr()
 
     def arrays(self) -> dict[str, NDArray]:
         """What ``from_arrays`` makes the body of again; coordinates are left out."""
@@ -80,7 +78,6 @@ class Substructure:
         if self.C is not None:
             matrices["C"] = self.C
         out = {"dofs": self.dofs, "elements": self.elements, "loads": self.loads}
-        out["shares"] = np.array([self.shares[j] for j in self.changes])
         for name, A in matrices.items():
             A.sort_indices()
             out |= {f"{name}.{part}": getattr(A, part) for part in CSR}
@@ -105,7 +102,6 @@ class Substructure:
             matrix("C") if "C.data" in arrays else None,
             {name: matrix(name) for name in "NTR" if f"{name}.data" in arrays}, arrays["loads"],
             {j: matrix(f"change{j}") for j in numbers},
-            {j: float(share) for j, share in zip(numbers, arrays["shares"], strict=True)},
         )  # fmt: skip
 
 
@@ -116,7 +112,6 @@ def split_substructures(
     loads: Array | None = None,
     changes: Sequence[sp.csr_matrix] = (),
     C: sp.csr_matrix | None = None,
-    shares: Sequence[float] | None = None,
     points: Array | None = None,
 ) -> list[Substructure]:
     """Take a brake apart into the bodies that only contact couples.
@@ -126,9 +121,8 @@ def split_substructures(
         M: mass [kg].
         interface: gap operator "N", slip operators "T" and "R", shape (elements, dofs).
         loads: unit loads [N], shape (dofs, loads); none if None.
-        changes: unit changes of the stiffness.
+        changes: matrices A_j that stiffness and damping are affine over.
         C: damping of the bodies [N s/m]; None where they have none.
-        shares: share [s] of each unit change that the damping takes; zero if None.
         points: coordinates [m] and direction of every dof, shape (dofs, 4); mirror images are
             found by them.
 
@@ -141,7 +135,6 @@ def split_substructures(
     # The three components of a displacement share no mass: two thirds of the pattern are zeros.
     M.eliminate_zeros()
     loads = np.zeros((K.shape[0], 0)) if loads is None else loads
-    follows = np.zeros(len(changes)) if shares is None else np.asarray(shares, float)
     columns = {name: A.tocsc() for name, A in interface.items()}
 
     def block(A: sp.csr_matrix, dofs: Index) -> sp.csr_matrix:
@@ -158,13 +151,13 @@ def split_substructures(
         damping = None if C is None else block(C.tocsr(), dofs)
         if damping is not None:
             damping.eliminate_zeros()
-            damped = damping.nnz or any(follows[j] for j in own)
-            damping = damping if damped else None
+            # What changes may become damped.
+            damping = damping if damping.nnz or own else None
         found.append(
             Substructure(
                 dofs, elements, block(K, dofs), block(M, dofs), damping,
                 {name: A[elements] for name, A in rows.items()}, loads[dofs], own,
-                {j: float(follows[j]) for j in own}, None if points is None else points[dofs],
+                None if points is None else points[dofs],
             )
         )  # fmt: skip
     return found
@@ -241,7 +234,7 @@ def _reordered(
     def square(A: sp.csr_matrix) -> sp.csr_matrix:
         return (turn @ A[dofs][:, dofs] @ turn).tocsr()
 
-    if (original.C is None) != (other.C is None) or original.shares != other.shares:
+    if (original.C is None) != (other.C is None):
         return None
     pairs = [(original.K, other.K), (original.M, other.M)]
     pairs += [(A, other.changes[j]) for j, A in original.changes.items()]
