@@ -73,10 +73,7 @@ class Drivers:
     def __init__(self, scene: Scene, models: Models, equilibria: Equilibria):
         """Assemble the layers; collective."""
         self._scene, self._models, self._equilibria = scene, models, equilibria
-        follows = {} if models.terms is None else models.terms.follows
-        self._layers: Layers = scene_layers(
-            scene, models.brake, models.masses, models.materials, follows
-        )
+        self._layers: Layers = scene_layers(scene, models.brake, models.masses, models.materials)
 
     def of(
         self,
@@ -226,7 +223,8 @@ class Drivers:
             if materials is not None and C is not None:
                 change = (C - materials.nominal[material])[VOIGT[constant]]
                 changes[material, constant] = float(change)
-        for (layer, kind), value in self._layers.derivatives(changes, s, vectors).items():
+        found = self._layers.derivatives(changes, sample.random, s, vectors)
+        for (layer, kind), value in found.items():
             table.add(layer, kind, LOSS_STEP if kind == "loss factor" else STEP, value)
 
     def _loads(
@@ -249,7 +247,7 @@ class Drivers:
         models = self._models
         if models.terms is None or not models.damped(approach):
             return np.zeros_like(p), np.zeros_like(p)
-        return rates_of_sample(models.terms, models.brake.contact, p, mu, sample.slope)
+        return rates_of_sample(models.terms, p, mu, sample.slope, sample.speed)
 
 
 def _with_neighbours(

@@ -16,11 +16,14 @@ from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.material_table import layer_material, layer_materials, scene_materials
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.damping import turning_parts
+from brake_fenicsx.stability.damping_slopes import RAYLEIGH, stiffness_share
 from brake_fenicsx.stability.derivatives import bilinear
 from brake_fenicsx.stability.gyroscopic import gyroscopic
 from brake_fenicsx.stability.modes import Complex
 
+from .inputs import nominal_value
 from .random_materials import RandomMaterials, unit_change
+from .sampling import SPEED
 
 Array = NDArray[np.float64]
 
@@ -50,23 +53,26 @@ class Layers:
 
     Attributes:
         named: "part.layer" -> layer.
-        alpha: Rayleigh's factor of the mass [1/s].
-        follows: material -> share [s] of its stiffness that the damping takes.
+        scene: the scene.
         reference: frequency of the loss factors [rad/s]; None: that of each mode.
     """
 
     named: dict[str, Layer]
-    alpha: float
-    follows: Mapping[str, float]
+    scene: Scene
     reference: float | None
 
     def derivatives(
-        self, changes: Mapping[tuple[str, str], float], s: Complex, vectors: tuple[Complex, ...]
+        self,
+        changes: Mapping[tuple[str, str], float],
+        values: Mapping[str, float],
+        s: Complex,
+        vectors: tuple[Complex, ...],
     ) -> dict[tuple[str, str], Complex]:
         """Derivatives of lambda to the stiffness, mass and loss factor of each layer.
 
         Args:
             changes: (material, C_ij) -> how much it differs from the scene's [Pa].
+            values: scalars that differ from the scene, by dotted key, SI.
             s: eigenvalues lambda [1/s], shape (modes,).
             vectors: right and left ones, shape (dofs, modes), and psi^H P'(lambda) phi.
 
@@ -75,6 +81,9 @@ class Layers:
             damping that follows them, and / d eta at the reference [1/s], shape (modes,).
         """
         out = {}
+        alpha, faster = self._alpha(values), 1.0
+        if SPEED in values:
+            faster = values[SPEED] / nominal_value(self.scene, SPEED)
         frequency = np.abs(s.imag) if self.reference is None else self.reference
         for name, layer in self.named.items():
             K = layer.K
@@ -82,11 +91,17 @@ class Layers:
                 K = K + changes.get((layer.material, constant), 0.0) * A
             stiffness, mass = bilinear(K, *vectors), s * bilinear(layer.M, *vectors)
             turning = 0.0 if layer.G is None else bilinear(layer.G, *vectors)
-            share = self.follows.get(layer.material, 0.0)
+            share = stiffness_share(self.scene, layer.material, values)
             out[name, "stiffness"] = (1 + s * share) * stiffness
-            out[name, "mass"] = (s + self.alpha) * mass + s * turning
+            out[name, "mass"] = (s + alpha) * mass + s * faster * turning
             out[name, "loss factor"] = s / frequency * stiffness
         return out
+
+    def _alpha(self, values: Mapping[str, float]) -> float:
+        """Rayleigh's factor of the mass [1/s]."""
+        table = self.scene.stability.damping if self.scene.stability else None
+        own = table.rayleigh[0] if table and table.rayleigh else 0.0
+        return values.get(RAYLEIGH[0], own)
 
 
 def scene_layers(
@@ -94,7 +109,6 @@ def scene_layers(
     brake: Brake,
     masses: Mapping[str, sp.csr_matrix],
     materials: RandomMaterials | None,
-    follows: Mapping[str, float],
 ) -> Layers:
     """Assemble the stiffness of every layer; collective.
 
@@ -103,7 +117,6 @@ def scene_layers(
         brake: its operators.
         masses: mass of each layer [kg].
         materials: unit changes of random materials, if there are any.
-        follows: material -> share [s] of its stiffness that the damping takes.
     """
     mesh, free = brake.mesh, brake.elastic.free
     table = scene.stability.damping if scene.stability else None
@@ -132,6 +145,5 @@ def scene_layers(
         }
         K = stiffness(material.C, name)
         named[name] = Layer(str(own), K, masses[name], G, changes)
-    rayleigh = table.rayleigh if table and table.rayleigh else (0.0, 0.0)
     reference = table.reference if table and table.loss else None
-    return Layers(named, float(rayleigh[0]), follows, reference)
+    return Layers(named, scene, reference)
