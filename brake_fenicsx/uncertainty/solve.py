@@ -9,6 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.log import logger
 from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.stability import Modes, complex_modes, contact_interface
@@ -56,9 +57,16 @@ def modes_of_sample(
     settings = models.stability
     if settings is None:
         raise ValueError("a scene without [stability] has no modes")
-    damped, modes = models.damped(approach), reduced_modes(models, approach, sample, eq)
+    damped, fall_back = models.damped(approach), settings.on_tolerance == "full order"
+    try:
+        modes = reduced_modes(models, approach, sample, eq)
+    except InaccurateResult as error:
+        if not fall_back:
+            raise
+        logger.info("a sample at full order: %s", error)
+        return _full(models, sample, eq, more)
     missed = _missed(modes, settings.tolerance)
-    if missed and settings.on_tolerance == "full order":
+    if missed and fall_back:
         given = missed, settings.tolerance
         logger.info("%d modes of a sample beyond the tolerance %.0e: full order", *given)
         return _full(models, sample, eq, more)
