@@ -230,8 +230,11 @@ SPEEDS = [("direction=[0, 2, 0]", 1.0), ("axis='z'", 1.0), ("axis='z', speed='60
 def test_speed_that_is_not_given(motion, speed):
     """One metre a second along a direction, one radian a second about the axis."""
     from brake_fenicsx.macro.brake import scene_motion
+    from brake_fenicsx.scene.scalars import si_unit
 
-    found = scene_motion(read_scene(BLOCK, [f"motion={{ {motion} }}"]))
+    scene = read_scene(BLOCK, [f"motion={{ {motion} }}"])
+    assert si_unit(scene, "motion.speed") == ("rad/s" if "axis" in motion else "m/s")
+    found = scene_motion(scene)
     np.testing.assert_allclose(found.velocity(np.array([[1.0, 0, 0]])), [[0, speed, 0]], rtol=1e-12)
 
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.scene.samples import unit_of
 from brake_fenicsx.tables import Columns
 
 from .rundata import RunData
@@ -42,12 +41,12 @@ def axis_of(run: RunData, number: int = 0) -> tuple[float, str]:
         run: the results.
         number: of the parameter.
     """
-    keys = run.summary.get("sweep", {}).get("parameters", [])
-    if number >= len(keys):
+    units = run.summary.get("sweep", {}).get("parameters", {})
+    if number >= len(units):
         return 1.0, "parameter"
-    unit = unit_of(str(keys[number]))
+    name, unit = list(units.items())[number]
     factor, shown = SHOWN.get(unit, (1.0, unit))
-    return factor, f"{keys[number]} [{shown or '-'}]"
+    return factor, f"{name} [{shown or '-'}]"
 
 
 def draw_branches(run: RunData) -> Figure | None:

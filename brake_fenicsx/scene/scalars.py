@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.damping import active_terms, used_materials
 from brake_fenicsx.scene.friction import PERFECT, one_friction
-from brake_fenicsx.scene.samples import ENGINEERING, is_constant, split_key
+from brake_fenicsx.scene.samples import ENGINEERING, is_constant, split_key, unit_of
 from brake_fenicsx.scene.units import to_si
 
 if TYPE_CHECKING:
@@ -25,6 +25,13 @@ def changes_bodies(scene: Scene, name: str) -> bool:
     if name == "motion.speed":
         return bool(damping and damping.gyroscopic)
     return split_key(name)[0] in ("materials", "stability")
+
+
+def si_unit(scene: Scene, name: str) -> str:
+    """SI unit of a scalar in this scene, by its dotted key; empty for a plain number."""
+    if name != "motion.speed":
+        return unit_of(name)
+    return "rad/s" if scene.motion is None or scene.motion.direction is None else "m/s"
 
 
 def _speed_acts(s: Scene, name: str) -> bool:
@@ -119,7 +126,7 @@ def _check_constant(where: str, material: MaterialTable, constant: str) -> None:
 
 def _check_speed(s: Scene, where: str) -> None:
     """Speeds have the unit of the scene's motion."""
-    unit = "rad/s" if s.motion is None or s.motion.direction is None else "m/s"
+    unit = si_unit(s, "motion.speed")
     for section, key in (("samples", "random"), ("sweep", "parameters")):
         table: dict[str, Any] = s.table.get(section, {}).get(key, {}).get("motion.speed", {})
         values = [v for k in QUANTITIES for v in _listed(table.get(k))]

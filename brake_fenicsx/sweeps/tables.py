@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from brake_fenicsx.scene.scalars import si_unit
 from brake_fenicsx.stability.modes import Complex, track_modes
 from brake_fenicsx.tables import write_rows
 from brake_fenicsx.uncertainty.ensemble import Task
@@ -186,8 +187,10 @@ class SweepTables:
         """Figures for the summary."""
         statuses = [status for lines in (self._own, self._samples) for status, _ in lines.values()]
         lines = [line for _, _, _, line in self._lines()]
+        scene = self._sweep.study.scene
         facts: dict[str, Any] = {
-            "parameters": self._sweep.keys, "lines": len(statuses),
+            "parameters": {key: si_unit(scene, key) for key in self._sweep.keys},
+            "lines": len(statuses),
             "failed_lines": sum(status != "ok" for status in statuses),
             "points": int(sum(line.x.size for line in lines)),
             "mergings": sum(e.kind == MERGING for line in lines for e in line.events),

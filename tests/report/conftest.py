@@ -245,7 +245,7 @@ SUMMARY = {
         "stability": 3100.0,
     },
     "counts": {"cells": 12345, "dofs": 67890, "contact_elements": 1110},
-    "sweep": {"parameters": ["contact.pad_disc.friction", "loads.pad.piston.pressure"]},
+    "sweep": {"parameters": {"contact.pad_disc.friction": "", "loads.pad.piston.pressure": "Pa"}},
     "reduction": {"max_error": 1.3e-4, "median_error": 2.4e-6, "wrong_verdicts": 0},
 }
 
