@@ -137,6 +137,8 @@ class _Follower:
     ):
         self.done, self._solve, self._band, self._width = Followed(), solve, band, width
         self._matters = matters
+        # The smallest step, which grows where one after the other is uncertain however small.
+        self._smallest = 2 * LEAST
         # Branch of each mode of the last state, and dlambda/dx there.
         self._branch: dict[int, Branch] = {}
         self._speed: Complex | None = None
@@ -164,12 +166,14 @@ class _Follower:
             a, b = self.done.states[-1], ahead[-1]
             step = abs(b.x - a.x) / self._width
             may_jump = step <= JUMP and a.open != b.open
-            smallest = step <= 2 * LEAST
+            smallest = step <= self._smallest
             found = match(a, b, self._band, self._speed, may_jump, smallest)
             between = self._between(found)
             if between is None or smallest:
                 ahead.pop()
                 self._take(found)
+                wider = 2.0 if between is not None else 0.5
+                self._smallest = max(2 * LEAST, wider * self._smallest)
             else:
                 ahead.append(self.solved(a.x + between * (b.x - a.x)))
 

@@ -24,6 +24,10 @@ ALIKE = 0.25
 # than this share of |lambda|, or ten times their errors, are one.
 BESIDE, EQUAL, ERRORS = 4, 1e-9, 10.0
 
+# Two modes that change places within the smallest step are closer than this share of |lambda| before
+# and after it.
+CROSSING = 1e-4
+
 # Condition number from which two modes of a pair are close to a merging; modes that are not coupled
 # have 1.
 COUPLED = 3.0
@@ -208,7 +212,8 @@ def _one_by_one(
     as_equal: bool,
 ) -> dict[int, int] | None:
     """Two separate modes on either side: equal eigenvalues have no vectors of their own."""
-    if as_equal or equal(found.b, mate):
+    crossing = as_equal and _close(found.a, own) and _close(found.b, mate)
+    if crossing or equal(found.b, mate):
         found.b = found.b.turned(mate, found.a, own)
         return dict(zip(own, mate, strict=True))
     if equal(found.a, own):
@@ -235,6 +240,12 @@ def equal(state: State, pair: Sequence[int]) -> bool:
     one, two = state.s[pair[0]], state.s[pair[1]]
     limit = max(EQUAL * abs(one), ERRORS * float(state.error[list(pair)].max()))
     return bool(abs(one - two) <= limit)
+
+
+def _close(state: State, pair: Sequence[int]) -> bool:
+    """Whether two modes may change places within the smallest step."""
+    one, two = state.s[pair[0]], state.s[pair[1]]
+    return bool(abs(one - two) <= CROSSING * abs(one))
 
 
 def squared_distance(state: State, pair: Sequence[int]) -> complex:

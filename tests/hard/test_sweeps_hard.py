@@ -141,6 +141,37 @@ def test_jump_of_the_contact_state():
     assert abs(events[0].x - 0.3) <= events[0].error <= 1e-3
 
 
+def test_modes_that_jump_are_cut_once():
+    """Two modes turned by 50 degrees at 0.43, both 10 % higher: cut there, and followed beyond."""
+    turn = np.deg2rad(50.0)
+    R = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
+
+    def matrices(x):
+        K = np.diag([1.0, 1.4, 9.0]) * (1 + 0.1 * x)
+        K = R @ K @ R.T * 1.2 if x > 0.43 else K
+        return np.eye(3), np.zeros((3, 3)), 1e6 * K
+
+    followed = follow(solver(matrices), np.linspace(0, 1, 11), WIDE)
+    assert followed.solves < 80
+    ends = sorted(b.end == CUT for b in followed.branches)
+    assert sum(ends) == 2 and len(ends) == 5
+    whole = [b for b in followed.branches if len(b.states) == len(followed.states)]
+    assert len(whole) == 1
+
+
+def test_modes_that_are_noise_end():
+    """Other modes at every value: cut everywhere, with about as many values as were asked for."""
+    rng = np.random.default_rng(0)
+
+    def matrices(x):
+        Q = np.linalg.qr(rng.normal(size=(6, 6)))[0]
+        return np.eye(6), np.zeros((6, 6)), 1e6 * Q @ np.diag(np.arange(1.0, 7.0)) @ Q.T
+
+    followed = follow(solver(matrices), np.linspace(0, 1, 5), WIDE)
+    assert followed.solves < 200
+    assert any(b.end == CUT for b in followed.branches)
+
+
 def test_no_equilibrium_beyond_a_value():
     """Branches end at the last value that has an equilibrium; without any it is an error."""
 
