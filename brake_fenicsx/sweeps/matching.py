@@ -24,8 +24,8 @@ ALIKE = 0.25
 # than this share of |lambda|, or ten times their errors, are one.
 BESIDE, EQUAL, ERRORS = 4, 1e-9, 10.0
 
-# Two modes that change places within the smallest step are closer than this share of |lambda| before
-# and after it.
+# Two modes that change places within the smallest step are closer than this share of |lambda|
+# before and after it.
 CROSSING = 1e-4
 
 # Condition number from which two modes of a pair are close to a merging; modes that are not coupled

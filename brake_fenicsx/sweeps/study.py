@@ -203,6 +203,17 @@ def _numbered(followed: Followed, first: list[int] | None) -> list[int]:
     return [*first, *range(beyond, beyond + later)]
 
 
-def cut_branches(line: Line) -> int:
-    """Branches that end because nothing continues them with confidence."""
-    return int(np.sum(line.end == CUT))
+def cut_branches(line: Line, squeal: float | None = None) -> int:
+    """Branches that end because nothing continues them with confidence.
+
+    Args:
+        line: of the scene's own brake, or of a sample.
+        squeal: count only those whose last mode grows by more, -2 alpha / |omega| below minus this:
+            no others are followed with confidence in a sample.
+    """
+    cut = line.end == CUT
+    if squeal is None:
+        return int(np.sum(cut))
+    # Rows stand branch by branch.
+    s = line.s[np.flatnonzero(np.diff(line.branch, append=-1))]
+    return int(np.sum(cut & (2 * s.real > squeal * np.abs(s.imag))))

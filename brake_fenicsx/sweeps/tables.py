@@ -195,7 +195,10 @@ class SweepTables:
             "points": int(sum(line.x.size for line in lines)),
             "mergings": sum(e.kind == MERGING for line in lines for e in line.events),
             "lines_without_equilibrium": sum(bool(line.stopped) for line in lines),
-            "cut_branches": sum(cut_branches(line) for line in lines),
+            "cut_branches": sum(
+                cut_branches(line, self._sweep.threshold if kind == "sample" else None)
+                for _, _, kind, line in self._lines()
+            ),
         }  # fmt: skip
         if found:
             middle = found[0].quantile(0.5)
