@@ -228,8 +228,8 @@ def open_points(run: RunData) -> str:
         said = []
         if missed := about.get("tolerance_missed"):
             said.append(
-                f"{missed} of {about['modes']} modes have an error estimate above"
-                " stability.tolerance"
+                f"tolerance not reached: {missed} of {about['modes']} modes have an error estimate"
+                f" above stability.tolerance, the largest {about['largest_error']:.1e} of |lambda|"
             )
         if unproven := about.get("not_complete"):
             said.append(

@@ -13,6 +13,7 @@ from brake_fenicsx.squeal import squeals
 from brake_fenicsx.store import Store
 
 from .ensemble import Task, sample_file
+from .solve import relative_errors
 
 
 class Results:
@@ -182,6 +183,9 @@ class Results:
                     "counted_by": str(own[0]["counted"]),
                     "not_complete": sum(not _complete(d) for d in own),
                     "tolerance_missed": int(sum(d["tolerance_missed"] for d in own)),
+                    "largest_error": max(
+                        float(relative_errors(d["s"], d["error"]).max(initial=0.0)) for d in own
+                    ),
                     "unstable": int(sum((d["verdict"] == "unstable").sum() for d in own)),
                     "neutral": int(sum((d["verdict"] == "neutral").sum() for d in own)),
                     "seconds_per_stability": _median(own, "stability_seconds"),

@@ -187,11 +187,16 @@ def _record(modes: Modes, tolerance: float) -> Arrays:
     }  # fmt: skip
 
 
+def relative_errors(s: NDArray[np.complex128], error: Array) -> Array:
+    """Estimated errors of eigenvalues over |lambda|, rigid modes aside, shape (elastic modes,)."""
+    size = np.abs(s)
+    elastic = size > RIGID * size.max(initial=0.0)
+    return np.asarray(error[elastic] / size[elastic])
+
+
 def _missed(modes: Modes, tolerance: float) -> int:
     """Modes whose estimated error is beyond the tolerance, rigid ones aside."""
-    size = np.abs(modes.s)
-    elastic = size > RIGID * size.max(initial=0.0)
-    return int(np.sum((modes.error > tolerance * size) & elastic))
+    return int(np.sum(relative_errors(modes.s, modes.error) > tolerance))
 
 
 def _composition(modes: Modes, shares: dict[str, Array], partner: NDArray[np.intp]) -> Arrays:

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.cache import SharedCache
 from brake_fenicsx.errors import InaccurateResult, SceneError
-from brake_fenicsx.log import logger
 from brake_fenicsx.macro.brake import Brake
 from brake_fenicsx.macro.braking import reference_stiffness
 from brake_fenicsx.macro.gap import EnrichedGap
@@ -231,18 +230,6 @@ class Study:
         made = [self.recipe.law(micro.seed, i) for i in numbers]
         return make_library(made, list(numbers))
 
-    def _say_missed(self, results: Results) -> None:
-        """How many samples have a mode beyond the tolerance, and by how much."""
-        stability = self.scene.stability
-        stored = [d for d in results.stored.values() if int(d.get("tolerance_missed", 0))]
-        if stability is None or not stored:
-            return
-        worst = max(float(np.nanmax(d["error"] / np.maximum(np.abs(d["s"]), 1.0))) for d in stored)
-        logger.warning(
-            "tolerance not reached: %d samples have a mode whose estimated error is beyond %.0e"
-            " of |lambda|, the largest %.1e", len(stored), stability.tolerance, worst,
-        )  # fmt: skip
-
     def write(self) -> dict[Task, dict[str, Any]]:
         """modes.csv, samples.csv and contact.csv from the stored samples; collective.
 
@@ -258,7 +245,6 @@ class Study:
         """The same on one process: all samples are read, and facts for the summary counted."""
         results, path = Results(self.store, self.tasks, self.verify, self.verified), self.store.path
         facts, stability = results.facts(), self.scene.stability
-        self._say_missed(results)
         write_rows(path("samples.csv"), results.sample_columns(SAMPLES), results.samples())
         if "stability" in self.scene.stages:
             write_rows(path("modes.csv"), results.mode_columns(MODES), results.modes())

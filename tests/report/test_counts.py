@@ -212,9 +212,13 @@ def test_what_is_left_open_is_one_line(run):
     """Nothing where nothing is."""
     about = {"good": 3, "modes": 60, "tolerance_missed": 0, "not_complete": 0}
     assert open_points(replace(run, summary={"samples": {"fast": about}})) == ""
-    facts = {"fast": about | {"tolerance_missed": 7}, "joint": about | {"not_complete": 2}}
+    facts = {
+        "fast": about | {"tolerance_missed": 7, "largest_error": 3e-5},
+        "joint": about | {"not_complete": 2},
+    }
     line = open_points(replace(run, summary={"samples": facts}))
-    assert "FAST: 7 of 60 modes have an error estimate above stability.tolerance" in line
+    assert "FAST: tolerance not reached: 7 of 60 modes have an error estimate above" in line
+    assert "the largest 3.0e-05 of |lambda|" in line
     assert "Joint: in 2 of 3 samples the number of modes is not proven" in line
 
 

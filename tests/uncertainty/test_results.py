@@ -12,7 +12,8 @@ pytestmark = pytest.mark.alone
 
 
 def sample(how, missed):
-    mode = {"s": np.array([1j, 2j]), "verdict": np.array(["stable", "neutral"]), "counted": how}
+    mode = {"s": np.array([1j, 2j]), "verdict": np.array(["stable", "neutral"]), "counted": how,
+            "error": 1e-6 * (1 + missed) * np.array([1.0, 4.0])}  # fmt: skip
     seconds = {f"{name}_seconds": 1.0 for name in ("stability", "equilibrium")}
     return {
         "status": "ok", "seed": 1, "mu": np.ones(2), "random_names": [], "random": [],
@@ -41,6 +42,7 @@ def test_open_points_of_a_sample_reach_its_row_and_the_summary(tmp_path):
     assert [row["tolerance_missed"] for row in rows] == [0, 3, 1, None]
     about = found.facts()["samples"]["fast"]
     assert (about["not_complete"], about["tolerance_missed"], about["neutral"]) == (2, 4, 3)
+    assert about["largest_error"] == pytest.approx(8e-6)
 
 
 def test_samples_without_modes_have_no_such_columns():
