@@ -77,7 +77,8 @@ def samples(number):
     for k in range(number):
         solve = Points(model.study, ("multi-scale", k), KEY)
         followed = follow(solve, np.linspace(0, LAST, 41).tolist(), band)
-        full.append([e for e in find_events(followed, solve, threshold, FINE) if e.kind == ONSET])
+        found = find_events(followed, solve, threshold, FINE, onsets_alone=True)
+        full.append([e for e in found if e.kind == ONSET])
     for steps in (6, 11, 21):
         seconds, count, onsets, missed, error = 0.0, 0, 0, 0, 0.0
         for k in range(number):
@@ -90,7 +91,7 @@ def samples(number):
 
             start = time.perf_counter()
             followed = follow(solve, np.linspace(0, LAST, steps).tolist(), band, loud)
-            found = find_events(followed, solve, threshold, COARSE, squeal_alone=True)
+            found = find_events(followed, solve, threshold, COARSE, onsets_alone=True)
             seconds += time.perf_counter() - start
             found = [e for e in found if e.kind == ONSET]
             count, onsets = count + solves[0], onsets + len(found)

@@ -76,7 +76,7 @@ def find_events(
     solve: Solve,
     threshold: float,
     tolerance: float,
-    squeal_alone: bool = False,
+    onsets_alone: bool = False,
 ) -> list[Event]:
     """All events of some followed branches, in the order of their values.
 
@@ -85,14 +85,14 @@ def find_events(
         solve: gives the modes at a value of the parameter.
         threshold: a mode squeals where -2 alpha / |omega| lies below minus this.
         tolerance: wanted accuracy of the value, relative to the whole range.
-        squeal_alone: whether mergings, splittings and jumps are left out.
+        onsets_alone: whether only the first onset of each branch is wanted.
     """
     first, last = followed.states[0].x, followed.states[-1].x
     width = tolerance * abs(last - first)
     found = []
     for branch in followed.branches:
-        found += _crossings(followed, solve, branch, threshold, width)
-    if not squeal_alone:
+        found += _crossings(followed, solve, branch, threshold, width, onsets_alone)
+    if not onsets_alone:
         for kind, events in ((MERGING, followed.merged), (SPLITTING, followed.split)):
             found += [_merging(followed, solve, kind, at, (i, j), width) for at, i, j in events]
         found += _near_mergings(followed, solve, abs(last - first), width)
@@ -128,9 +128,10 @@ def _modes(followed: Followed, pair: tuple[int, int], state: int) -> tuple[int, 
 
 
 def _crossings(
-    followed: Followed, solve: Solve, branch: Branch, threshold: float, width: float
-) -> list[Event]:
-    """Where a branch begins and ends to squeal."""
+    followed: Followed, solve: Solve, branch: Branch, threshold: float, width: float,
+    first_alone: bool,
+) -> list[Event]:  # fmt: skip
+    """Where a branch begins and ends to squeal, or where it first begins."""
     found = []
     loud = [_squeals(followed, branch, n, threshold) for n in branch.states]
     if loud[0] and branch.states[0] == 0:
@@ -138,7 +139,9 @@ def _crossings(
         s, vector = complex(first.s[mode]), first.right[:, mode]
         found.append(Event(FROM_FIRST, first.x, 0.0, 0.0, s, (branch.number, -1), vector))
     for n in range(len(loud) - 1):
-        if loud[n] == loud[n + 1]:
+        if first_alone and found:
+            break
+        if loud[n] == loud[n + 1] or (first_alone and loud[n]):
             continue
         state = branch.states[n]
         kind = ONSET if loud[n + 1] else END

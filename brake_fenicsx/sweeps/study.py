@@ -151,7 +151,7 @@ class SweepStudy:
     def _sample_line(self, approach: str, k: int) -> dict[str, Any]:
         solve = Points(self.study, (approach, k), self._sweep.first)
         followed = follow(solve, self.coarse, self._band, self.squeals)
-        events = find_events(followed, solve, self.threshold, COARSE, squeal_alone=True)
+        events = find_events(followed, solve, self.threshold, COARSE, onsets_alone=True)
         return line_arrays(followed, events, list(range(len(followed.branches))))
 
     def _own_line(self, approach: str, line: int) -> dict[str, Any]:
