@@ -94,11 +94,14 @@ def parser() -> argparse.ArgumentParser:
     text = "run a scene, or resume its run"
     runs = commands.add_parser("run", help=text, description=text, epilog=AFTER_RUN,
                                formatter_class=raw)  # fmt: skip
-    for command in (checks, runs):
+    text = "run a scene and its refinements: how much each changes the probability of squeal"
+    budgets = commands.add_parser("budget", help=text, description=text)
+    for command in (checks, runs, budgets):
         command.add_argument("scene", metavar="SCENE.toml", help="the scene file")
         command.add_argument("--set", action="append", default=[], metavar="KEY=VALUE",
                              help="replace a key of the scene (docs/scene.md), as often as"
                              " needed; the value is TOML, or a bare word")  # fmt: skip
+    for command in (checks, runs):
         command.add_argument("--json", action="store_true",
                              help="print the outcome as JSON, for other programs")  # fmt: skip
     again = f"recompute this stage and all later ones: {', '.join(STAGES)}"
@@ -106,6 +109,11 @@ def parser() -> argparse.ArgumentParser:
     runs.add_argument("-o", dest="directory", metavar="DIR", help="results folder, ./SCENE-results")
     runs.add_argument("--cache", metavar="DIR", help="share laws and reduced models with runs of"
                       " scenes that differ in seed, samples, friction or loads")  # fmt: skip
+    budgets.add_argument("-o", dest="directory", metavar="DIR",
+                         help="folder of the budget, ./SCENE-budget")  # fmt: skip
+    budgets.add_argument("--cache", metavar="DIR", help="as in run; DIR/cache if not given")
+    budgets.add_argument("--minutes", type=float, metavar="T",
+                         help="run only the refinements that fit in this time")  # fmt: skip
     runs.add_argument("petsc", nargs="*", metavar="-- PETSC_OPTIONS", help="go to PETSc")
     text = "print the JSON Schema of a scene, by which editors complete and check its keys"
     schemas = commands.add_parser("schema", help=text, description=text)
@@ -118,7 +126,7 @@ def parser() -> argparse.ArgumentParser:
     compares.add_argument("second", metavar="B", help="results folder of another run")
     compares.add_argument("-o", dest="directory", metavar="DIR", default=".",
                           help="folder of the comparison, . if not given")  # fmt: skip
-    for command in (checks, runs, schemas, reports, compares):
+    for command in (checks, runs, budgets, schemas, reports, compares):
         command.add_argument(
             "-q", dest="quiet", action="store_true", help="show only warnings and errors"
         )
@@ -244,6 +252,14 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
         )
         if options.json and comm.rank == 0:
             _print_json(done.outcome())
+    elif options.command == "budget":
+        from brake_fenicsx.budget.study import run_budget
+
+        page = run_budget(
+            options.scene, comm, options.directory, options.set, options.cache, options.minutes
+        )
+        if comm.rank == 0:
+            print(f"open {page}")
     elif options.command == "check":
         from brake_fenicsx.description import describe
 

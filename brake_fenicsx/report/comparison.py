@@ -53,12 +53,15 @@ class Family:
     damping: float
 
 
-def compare_runs(a: str | Path | RunData, b: str | Path | RunData) -> list[list[Value]]:
+def compare_runs(
+    a: str | Path | RunData, b: str | Path | RunData, may_pair: bool = True
+) -> list[list[Value]]:
     """Rows of the comparison, in the order of COLUMNS; all modes together first.
 
     Args:
         a: results folder of the first run, or its results.
         b: of the second one.
+        may_pair: False where samples of the same seed are known to have other laws or gaps.
 
     Raises:
         SceneError: a folder holds no modes, or the runs have no approach in common.
@@ -76,7 +79,7 @@ def compare_runs(a: str | Path | RunData, b: str | Path | RunData) -> list[list[
     shapes = _shapes(one), _shapes(two)
     rows = []
     for approach in common:
-        paired = _paired(one, two, approach)
+        paired = may_pair and _paired(one, two, approach)
         rows.append(_row(approach, _all(one, approach), _all(two, approach), None, paired))
         first, second = _families(one, approach), _families(two, approach)
         for i, j, mac in _matched(first, second, shapes):

@@ -1,0 +1,213 @@
+"""Entries of the budget: what a variant changes, bias apart from scatter, and what is left.
+
+Of matched samples the bias is the median of their differences and the scatter their standard
+deviation. Where the refinements of a resolution behave, the observed order, Richardson's value and
+the Grid Convergence Index follow (P. J. Roache, J. Fluids Eng. 116 (1994) 405,
+doi:10.1115/1.2910291; ASME V&V 20-2009, section 2).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.report.comparison import COLUMNS as COMPARED
+from brake_fenicsx.report.comparison import compare_runs
+from brake_fenicsx.report.counts import good_modes
+from brake_fenicsx.report.rundata import RunData
+from brake_fenicsx.squeal import wilson
+from brake_fenicsx.tables import Value
+
+Array = NDArray[np.float64]
+Row = dict[str, Value]
+
+SAFETY = 1.25  # of the index, for three grids
+BOOTSTRAP = 400  # resamples
+COLUMNS = (
+    "knob", "says", "kind", "variant", "change_made", "status", "reason", "approach", "family",
+    "family_variant", "frequency_hz", "samples", "samples_variant", "probability",
+    "probability_variant", "change", "change_low", "change_high", "paired", "frequency_bias_hz",
+    "frequency_scatter_hz", "damping_bias", "damping_scatter", "frequency_order",
+    "frequency_limit_hz", "frequency_gci_hz", "damping_order", "damping_limit", "damping_gci",
+    "seconds", "memory_mb",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """Observed order [-], Richardson's value, and the index as an error of the finest value."""
+
+    order: float
+    value: float
+    index: float
+
+
+def richardson(coarse: float, middle: float, fine: float, ratio: float) -> Limit | None:
+    """What three values of one ratio of refinement tend to; None where they do not settle.
+
+    Args:
+        coarse: value of the coarsest resolution.
+        middle: of one ``ratio`` times as fine.
+        fine: of one ``ratio**2`` times as fine.
+        ratio: of two resolutions, larger than 1.
+    """
+    first, second = middle - coarse, fine - middle
+    if first == 0.0 or not 0.0 < second / first < 1.0:
+        return None
+    order = float(np.log(first / second) / np.log(ratio))
+    rest = second / (ratio**order - 1.0)
+    return Limit(order, fine + rest, SAFETY * abs(rest))
+
+
+def bias_and_scatter(a: Array, b: Array, paired: bool) -> tuple[float | None, float | None]:
+    """Bias and scatter of b - a; the scatter only of paired values, at least two.
+
+    Args:
+        a: values of the scene's samples, shape (n,).
+        b: of the variant's; of the same samples where they are paired.
+        paired: whether they belong together one by one.
+    """
+    if not (a.size and b.size):
+        return None, None
+    if not paired:
+        return float(np.median(b) - np.median(a)), None
+    change = b - a
+    return float(np.median(change)), float(change.std(ddof=1)) if change.size > 1 else None
+
+
+def entries(scene: RunData, variant: RunData, may_pair: bool) -> list[Row]:
+    """One row for all modes of an approach together and for each family of either run.
+
+    Args:
+        scene: results of the scene.
+        variant: results of the variant.
+        may_pair: whether the variant draws the same samples where its contact elements are the
+            scene's.
+
+    Raises:
+        SceneError: a run holds no modes, or they have no approach in common.
+    """
+    rows = []
+    for compared in compare_runs(scene, variant, may_pair and _same_elements(scene, variant)):
+        c = dict(zip(COMPARED, compared, strict=True))
+        a, b, paired = c["family_a"], c["family_b"], c["paired"] == "yes"
+        whole = a is None and b is None
+        changes: list[float | None] = [None] * 4
+        if whole or (a is not None and b is not None):
+            first, second = (
+                family_values(run, str(c["approach"]), None if n is None else int(n))
+                for run, n in ((scene, a), (variant, b))
+            )
+            keys = np.intersect1d(list(first), list(second)) if paired else None
+            x, y = (
+                np.array([v[k] for k in (v if keys is None else keys)], float).reshape(-1, 2)
+                for v in (first, second)
+            )
+            changes = [v for i in (0, 1) for v in bias_and_scatter(x[:, i], y[:, i], paired)]
+        if whole:  # of all modes together the least damped one may be another one
+            changes[:2] = None, None
+        f = c["frequency_a_hz"] if c["frequency_a_hz"] is not None else c["frequency_b_hz"]
+        rows.append(blank(
+            status="run", approach=c["approach"], family="any" if whole else a, family_variant=b,
+            frequency_hz=None if whole else f, samples=c["samples_a"],
+            samples_variant=c["samples_b"], probability=c["probability_a"],
+            probability_variant=c["probability_b"], change=c["change"],
+            change_low=c["change_low"], change_high=c["change_high"], paired=c["paired"],
+            **dict(zip(COLUMNS[19:23], changes, strict=True)),
+        ))  # fmt: skip
+    return rows
+
+
+def statistical(scene: RunData) -> list[Row]:
+    """The scene's own uncertainty: Wilson's interval, and a bootstrap of the medians."""
+    rows = []
+    for compared in compare_runs(scene, scene):
+        c = dict(zip(COMPARED, compared, strict=True))
+        n, p = int(c["samples_a"] or 0), float(c["probability_a"] or 0.0)
+        share, family = wilson(round(p * n), n), c["family_a"]
+        row = blank(
+            knob="samples", says="the number of samples", kind="statistics", status="run",
+            variant="samples", change_made=f"{n} samples", approach=c["approach"],
+            family="any" if family is None else family, frequency_hz=c["frequency_a_hz"],
+            samples=n, probability=p, change=0.0, change_low=share.low - p,
+            change_high=share.high - p,
+        )  # fmt: skip
+        if family is not None and n > 1:
+            values = np.array(
+                list(family_values(scene, str(c["approach"]), int(family)).values()), float
+            ).reshape(-1, 2)
+            drawn = np.random.default_rng(0).integers(0, len(values), (BOOTSTRAP, len(values)))
+            scatter = np.median(values[drawn], axis=1).std(axis=0)
+            row["frequency_scatter_hz"], row["damping_scatter"] = map(float, scatter)
+        rows.append(row)
+    return rows
+
+
+def extrapolate(rows: list[Row], knob: str, ratio: float, scene: RunData) -> None:
+    """Fill in order, limit and index of the second refinement of a resolution, where it settles."""
+    for row in rows:
+        if (row["knob"], row["variant"]) != (knob, f"{knob}-2") or row["family"] in (None, "any"):
+            continue
+        same = ("approach", "family")
+        before = [r for r in rows if r["variant"] == f"{knob}-1"
+                  and all(r[k] == row[k] for k in same)]  # fmt: skip
+        values = family_values(scene, str(row["approach"]), int(row["family"] or 0))
+        if not before or not values:
+            continue
+        for i, (bias, name) in enumerate(
+            (("frequency_bias_hz", "frequency"), ("damping_bias", "damping"))
+        ):
+            first, second = before[0][bias], row[bias]
+            if first is None or second is None:
+                continue
+            start = float(np.median([v[i] for v in values.values()]))
+            unit = "_hz" if i == 0 else ""
+            limit = richardson(start, start + float(first), start + float(second), ratio)
+            if limit is None:
+                said = f"{name} does not settle: no order"
+                row["reason"] = f"{row['reason']}; {said}" if row["reason"] else said
+                continue
+            row[f"{name}_order"], row[f"{name}_limit{unit}"] = limit.order, limit.value
+            row[f"{name}_gci{unit}"] = limit.index
+
+
+def blank(**cells: Value) -> Row:
+    """A row with some cells filled."""
+    return dict.fromkeys(COLUMNS) | cells
+
+
+def family_values(
+    run: RunData, approach: str, family: int | None
+) -> dict[int, tuple[float, float]]:
+    """Frequency [Hz] and damping [-] of a family's least damped mode, by number of the sample.
+
+    Args:
+        run: the results.
+        approach: name of the approach.
+        family: number of the family; None: all modes.
+    """
+    modes = good_modes(run, approach)
+    own = np.ones(modes["family"].size, bool) if family is None else modes["family"] == family
+    found: dict[int, tuple[float, float]] = {}
+    columns = (modes[name][own] for name in ("sample", "frequency_hz", "damping"))
+    for k, f, d in zip(*columns, strict=True):
+        if int(k) not in found or d < found[int(k)][1]:
+            found[int(k)] = float(f), float(d)
+    return found
+
+
+def _same_elements(one: RunData, two: RunData) -> bool:
+    """Whether two runs have the same contact elements, so that element i draws the same."""
+    places = []
+    for run in (one, two):
+        if run.contact is None:
+            return True
+        c = run.contact
+        first = (c["sample"] == c["sample"][0]) & (c["approach"] == c["approach"][0])
+        places.append(np.column_stack([c[x][first] for x in "xyz"]))
+    # Gmsh's vertices agree to its tolerance of geometry.
+    return places[0].shape == places[1].shape and bool(
+        np.allclose(places[0], places[1], atol=1e-6, rtol=0.0)
+    )

@@ -1,0 +1,221 @@
+"""Knobs of a scene: settings of the computation that a user cannot measure, and their variants.
+
+A resolution has two refinements of one ratio, so that an order of convergence can be observed; a
+choice has other readings of the same physics. A knob that a scene does not use says why.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from brake_fenicsx.checks import LEAST_PIXELS
+from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.rules import MOST_PIXELS
+from brake_fenicsx.scene.tables import dotted
+
+RESOLUTION, CHOICE = "resolution", "choice"
+MESH, FINER = 1.25, 2.0
+PIXELS = 2.0**0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """The scene with one knob turned.
+
+    Attributes:
+        overrides: "key=value" replacements in the scene.
+        says: what is changed, for a person.
+        dofs: number of free dofs relative to the scene's, estimated.
+        elements: number of contact elements, likewise.
+    """
+
+    overrides: tuple[str, ...]
+    says: str
+    dofs: float = 1.0
+    elements: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Knob:
+    """One setting of the computation.
+
+    Attributes:
+        name: short name, as in names of folders.
+        says: what it is, in plain words.
+        kind: RESOLUTION or CHOICE.
+        paired: whether the samples of its variants are the scene's own, number by number.
+        variants: the runs; the n-th refinement of a resolution is ``ratio**n`` times finer.
+        ratio: of two refinements [-]; 1 for a choice.
+        reason: why there are no variants.
+        perfect: whether it concerns the classical approach alone.
+    """
+
+    name: str
+    says: str
+    kind: str
+    paired: bool
+    variants: tuple[Variant, ...] = ()
+    ratio: float = 1.0
+    reason: str = ""
+    perfect: bool = False
+
+
+def knobs(scene: Scene, pixels: int | None) -> list[Knob]:
+    """All knobs, those that the scene does not use too.
+
+    Args:
+        scene: the scene.
+        pixels: points along a side of its laws' patches; None where it has no laws.
+    """
+    return [*_laws(scene, pixels), *_surface(scene), *_meshes(scene), *_solution(scene)]
+
+
+def _laws(scene: Scene, pixels: int | None) -> list[Knob]:
+    """Resolution and physics of the pressure-gap laws."""
+    micro = scene.micro if "micro" in scene.stages else None
+    names = (
+        ("pixels", "the resolution of the laws", RESOLUTION, False, PIXELS),
+        ("laws", "the number of laws", RESOLUTION, False, FINER),
+        ("steps", "the load steps of a law", RESOLUTION, True, FINER),
+        ("contact-tolerance", "the tolerance of a contact solution", CHOICE, True, 1.0),
+        ("hardness", "the hardness of the lining", CHOICE, True, 1.0),
+        ("boundary", "the boundary of a patch", CHOICE, True, 1.0),
+    )
+    if micro is None or pixels is None:
+        return [Knob(*row[:4], reason="the scene has no laws of a rough surface") for row in names]
+    other = "periodic" if micro.boundary == "free" else "free"
+    strict = f"{micro.tolerance / 100!r}"
+    fine = [round(pixels * PIXELS**n) for n in (1, 2)]
+    found: dict[str, tuple[Variant, ...]] = {
+        "pixels": tuple(
+            _one("micro.pixels", str(n), f"{n} x {n} points") for n in fine
+            if LEAST_PIXELS <= n <= MOST_PIXELS
+        ),
+        "steps": tuple(
+            _one("micro.steps", str(n * micro.steps), f"{n * micro.steps} steps") for n in (2, 4)
+        ),
+        "contact-tolerance": (_one("micro.tolerance", strict, "a hundredth"),),
+        "boundary": (_one("micro.boundary", f'"{other}"', other),),
+        "laws": () if micro.fresh else tuple(
+            _one("micro.laws", str(n * micro.library_size), f"{n * micro.library_size} laws")
+            for n in (2, 4)
+        ),
+        "hardness": (),
+    }  # fmt: skip
+    reasons = {
+        "pixels": f"finer laws would have more than {MOST_PIXELS} points along a side",
+        "laws": "each sample makes its own laws",
+        "hardness": "the scene is elastic, and no hardness can be guessed: name micro.hardness",
+    }
+    if micro.hardness is not None:
+        found["hardness"] = tuple(
+            _one("micro.hardness", f'"{factor * micro.hardness / 1e6!r} MPa"', text)
+            for factor, text in ((2.0, "twice as hard"), (0.5, "half as hard"))
+        )
+    return [
+        Knob(*row[:4], found[row[0]], row[4], "" if found[row[0]] else reasons[row[0]])
+        for row in names
+    ]
+
+
+def _surface(scene: Scene) -> list[Knob]:
+    """Readings of the scan."""
+    surface = scene.surface if "surface" in scene.stages else None
+    gaps = {name: c.gap for name, c in scene.contact.items()}
+    keys = {
+        "low": ("long-waves", "the spectrum below the scan's lowest wave number", True,
+                ("flat", "extend")),
+        "S_q": ("variance", "the variance of the artificial surfaces", True, ("spectrum", "scan")),
+        "distribution": ("heights", "the shape of the height distribution", False, ()),
+        "level": ("level", "what is subtracted from the scan", True, ("plane", "second-order")),
+    }  # fmt: skip
+    none = "the scene has no rough surface"
+    found = []
+    rough = surface is not None and ("micro" in scene.stages or set(gaps.values()) != {"none"})
+    for key, (name, says, paired, values) in keys.items():
+        if surface is None or not rough:
+            found.append(Knob(name, says, CHOICE, paired, reason=none))
+            continue
+        now = getattr(surface, key)
+        if key == "distribution":
+            now = now or ("measured" if surface.scan else "johnson")
+            values = ("johnson", "normal")
+        if key == "level" and not surface.scan:
+            found.append(Knob(name, says, CHOICE, paired, reason="the scene has no scan"))
+            continue
+        if key == "S_q" and "waviness" in gaps.values():
+            shared = "critical gaps of waviness share the variance of the spectrum"
+            found.append(Knob(name, says, CHOICE, paired, reason=shared))
+            continue
+        other = next(v for v in values if v != now)
+        found.append(
+            Knob(name, says, CHOICE, paired, (_one(f"surface.{key}", f'"{other}"', other),))
+        )
+    wavy = tuple(n for n, gap in gaps.items() if gap != "none")
+    off = Variant(tuple(f'{dotted("contact", n, "gap")}="none"' for n in wavy), "none")
+    found += [
+        Knob("gap", "the critical gaps", CHOICE, True, (off,) if wavy else (),
+             reason="" if wavy else "no interface has critical gaps"),
+        Knob("scan", "the scan: sub-window, decimation, noise", CHOICE, False,
+             reason="a scene has no key for it"),
+    ]  # fmt: skip
+    return found
+
+
+def _meshes(scene: Scene) -> list[Knob]:
+    """Mesh of the contact faces and of the bodies; only what a builder makes can be refined."""
+    pads = {table.faces[0].split(".")[0] for table in scene.contact.values()}
+    face: dict[str, float] = {}
+    body: dict[str, float] = {}
+    for name, part in scene.parts.items():
+        sizes = {k: getattr(part.parameters, k, None) for k in ("size", "plate_size")}
+        kept = {k: v for k, v in sizes.items() if v is not None}
+        for key, value in kept.items():
+            group = face if name in pads and key == "size" else body
+            group[dotted("parts", name, key)] = value
+    groups = (
+        ("face-mesh", "the mesh of the contact face and its patches", face, (0.5, 2.0)),
+        ("body-mesh", "the mesh of the bodies", body, (2.0, 0.0)),
+    )
+    return [
+        Knob(name, says, RESOLUTION, name == "body-mesh", tuple(
+            Variant(
+                tuple(f'{k}="{1e3 * v / MESH**n:.6g} mm"' for k, v in sizes.items()),
+                f"cells {MESH**n:.4g} times smaller",
+                MESH ** (n * power[0]), MESH ** (n * power[1]),
+            ) for n in (1, 2)
+        ) if sizes else (), MESH, "" if sizes else "no such mesh is made by a builder")
+        for name, says, sizes, power in groups
+    ]  # fmt: skip
+
+
+def _solution(scene: Scene) -> list[Knob]:
+    """Accuracy of equilibrium and modes, and perfect contact."""
+    table, stability = scene.samples, scene.stability
+    classical = "classical" in table.approaches
+    stiff = table.classical.penalty
+    reduced = stability is not None and stability.method == "reduced"
+    fine: tuple[Variant, ...] = ()
+    wide: tuple[Variant, ...] = ()
+    if stability is not None and reduced:
+        fine = (_one("stability.tolerance", repr(stability.tolerance / 100), "a hundredth"),)
+        top = 1.4 * (stability.cutoff or 1.8 * stability.band[1])
+        wide = (_one("stability.cutoff", f'"{top:.8g} Hz"', "1.4 times as high"),)
+    full = "" if reduced else "every sample is solved at full order"
+    penalty = tuple(
+        Variant((f'samples.classical.penalty="{factor * stiff!r} Pa/m"',
+                 'samples.approaches=["classical"]'), text)
+        for factor, text in ((10.0, "ten times as stiff"), (0.1, "a tenth as stiff"))
+    ) if classical else ()  # fmt: skip
+    why = "" if classical else "the scene has no approach 'classical'"
+    return [
+        Knob("reduction", "the tolerance of the reduced model", CHOICE, True, fine, reason=full),
+        Knob("cutoff", "the real modes kept of the bodies", CHOICE, True, wide, reason=full),
+        Knob("penalty", "the penalty of perfect contact", CHOICE, True, penalty, 1.0, why, True),
+        Knob("newton", "the tolerance of Newton's iterations", CHOICE, True,
+             reason="a scene has no key for it"),
+    ]  # fmt: skip
+
+
+def _one(key: str, value: str, says: str) -> Variant:
+    return Variant((f"{key}={value}",), says)

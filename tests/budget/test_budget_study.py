@@ -1,0 +1,162 @@
+"""A budget of a small real scene: knobs, order, time, interruption, failures."""
+
+import csv
+import json
+from pathlib import Path
+
+from mpi4py import MPI
+
+import pytest
+
+from brake_fenicsx import pipeline
+from brake_fenicsx.budget import study
+from brake_fenicsx.budget.knobs import knobs
+from brake_fenicsx.budget.study import run_budget
+from brake_fenicsx.cli import main
+from brake_fenicsx.errors import NotConverged, SceneError
+from brake_fenicsx.scene import read_scene
+
+pytestmark = pytest.mark.alone
+
+COMM = MPI.COMM_SELF
+SCENES = Path(__file__).parents[2] / "scripts" / "scenes"
+BLOCK, DEMO = SCENES / "block_on_plate.toml", SCENES / "disc_brake_demo.toml"
+ROUGH = [
+    "stages=['surface','equilibrium','stability','uncertainty']",
+    "surface.statistics={ S_q = '0.05 um' }", "contact.block_plate.gap=hdf",
+    "contact.block_plate.law={ p0 = '10 MPa', u0 = '0.05 um' }",
+    "stability.band=['0 Hz','30 kHz']", "stability.method=reduced", "samples.n=4",
+    "parts.plate.size='14 mm'", "parts.block.size='10 mm'",
+]  # fmt: skip
+
+
+@pytest.fixture
+def few(monkeypatch):
+    """Two knobs alone, and the names of the runs that are started."""
+    started = []
+    run = pipeline.run
+
+    def counted(scene, comm, directory, *args, **keys):
+        started.append(Path(directory).name)
+        return run(scene, comm, directory, *args, **keys)
+
+    monkeypatch.setattr(pipeline, "run", counted)
+    wanted = ("body-mesh", "reduction", "newton")
+    monkeypatch.setattr(study, "knobs", lambda *a: [k for k in knobs(*a) if k.name in wanted])
+    return started
+
+
+def table(folder):
+    with (folder / "budget.csv").open() as file:
+        return list(csv.DictReader(file))
+
+
+def test_budget_end_to_end_is_interrupted_and_goes_on(few, tmp_path, monkeypatch):
+    counted = pipeline.run
+
+    def interrupted(scene, comm, directory, *args, **keys):
+        if len(few) == 2:
+            raise KeyboardInterrupt
+        return counted(scene, comm, directory, *args, **keys)
+
+    monkeypatch.setattr(pipeline, "run", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        run_budget(BLOCK, COMM, tmp_path / "b", ROUGH)
+    assert few[0] == "reference" and len(few) == 2
+    monkeypatch.setattr(pipeline, "run", counted)
+    run_budget(BLOCK, COMM, tmp_path / "b", ROUGH)
+    # Every run once; each knob is turned once before any is turned twice.
+    assert sorted(few) == ["body-mesh-1", "body-mesh-2", "reduction-1", "reference"]
+    assert few[-1] == "body-mesh-2"
+    page = run_budget(BLOCK, COMM, tmp_path / "b", ROUGH)
+    assert len(few) == 4 and page.is_file()
+    rows = table(tmp_path / "b")
+    assert {r["knob"] for r in rows} == {"samples", "body-mesh", "reduction", "newton"}
+    own = [r for r in rows if r["knob"] == "reduction" and r["family"] not in ("", "any")]
+    assert own
+    for row in own:  # a knob without effect: the model was made for 1e-5 of the eigenvalues
+        assert row["paired"] == "yes" and float(row["change"]) == 0.0
+        assert float(row["change_low"]) <= 0.0 <= float(row["change_high"])
+        assert abs(float(row["frequency_bias_hz"])) < 1e-4 * float(row["frequency_hz"])
+    (newton,) = (r for r in rows if r["knob"] == "newton")
+    assert newton["status"] == "not run" and "no key" in newton["reason"]
+    fine = [json.loads((tmp_path / "b" / n / "summary.json").read_text())["dofs"]
+            for n in ("reference", "body-mesh-1", "body-mesh-2")]  # fmt: skip
+    assert fine == sorted(fine) and len(set(fine)) == 3
+    with pytest.raises(SceneError, match="another scene"):
+        run_budget(BLOCK, COMM, tmp_path / "b", [*ROUGH, "contact.block_plate.friction=0.4"])
+
+
+@pytest.mark.hard
+def test_budget_without_time_names_what_it_left_out(few, tmp_path):
+    """Time for the scene alone: every variant is a row that says about how long it takes."""
+    assert main(["budget", str(BLOCK), "-o", str(tmp_path / "b"), "--minutes", "1e-3",
+                 *(w for text in ROUGH for w in ("--set", text))]) == 0  # fmt: skip
+    assert few == ["reference"]
+    left = [r for r in table(tmp_path / "b") if r["status"] == "not run" and r["variant"]]
+    assert len(left) == 3 and all(r["reason"].startswith("time: about") for r in left)
+
+
+@pytest.mark.hard
+def test_variant_that_fails_is_a_row_and_the_others_go_on(few, tmp_path, monkeypatch):
+    """The error's line stands in the table; the failed variant is tried again next time."""
+    counted = pipeline.run
+
+    def failing(scene, comm, directory, *args, **keys):
+        if Path(directory).name == "reduction-1":
+            raise NotConverged("equilibrium: residual 1e-2\nafter 50 iterations")
+        return counted(scene, comm, directory, *args, **keys)
+
+    monkeypatch.setattr(pipeline, "run", failing)
+    run_budget(BLOCK, COMM, tmp_path / "b", ROUGH)
+    (row,) = (r for r in table(tmp_path / "b") if r["knob"] == "reduction")
+    assert row["status"] == "not run"
+    assert row["reason"] == "equilibrium: residual 1e-2 after 50 iterations"
+    assert {r["status"] for r in table(tmp_path / "b") if r["knob"] == "body-mesh"} == {"run"}
+    monkeypatch.setattr(pipeline, "run", counted)
+    run_budget(BLOCK, COMM, tmp_path / "b", ROUGH)
+    assert few[-1] == "reduction-1" and few.count("body-mesh-1") == 1
+
+
+def test_knobs_of_the_demo_are_scenes_that_can_be_read():
+    scene = read_scene(DEMO)
+    found = {knob.name: knob for knob in knobs(scene, 625)}
+    assert all(bool(k.variants) != bool(k.reason) for k in found.values())
+    assert {n for n, k in found.items() if not k.variants} == {"scan", "newton", "variance"}
+    for knob in found.values():
+        for variant in knob.variants:
+            other = read_scene(DEMO, variant.overrides)
+            assert other.table != scene.table
+    sizes = [
+        read_scene(DEMO, v.overrides).parts["pad"].parameters.size
+        for v in found["face-mesh"].variants
+    ]
+    assert sizes == pytest.approx([7e-3 / 1.25, 7e-3 / 1.25**2])
+    assert scene.micro.hardness == 200e6
+    assert read_scene(DEMO, found["hardness"].variants[0].overrides).micro.hardness == 400e6
+
+
+def test_knobs_of_a_smooth_scene_say_why_they_are_not_turned():
+    found = {k.name: k for k in knobs(read_scene(BLOCK), None)}
+    assert "no laws" in found["pixels"].reason and "full order" in found["cutoff"].reason
+    assert "no approach 'classical'" in found["penalty"].reason and found["body-mesh"].variants
+
+
+@pytest.mark.parametrize(
+    ("scene", "change", "says"),
+    [
+        (BLOCK, ["stages=['equilibrium']"], "a budget needs"),
+        (BLOCK, ["sweep.parameters.'contact.block_plate.friction'={ start = 0, stop = 1 }"],
+         "remove [sweep]"),
+        (BLOCK.with_name("none.toml"), [], "no such file"),
+    ],
+)  # fmt: skip
+def test_scenes_without_a_budget_are_refused(scene, change, says, tmp_path, capsys):
+    words = ["budget", str(scene), "-o", str(tmp_path / "b")]
+    assert main([*words, *(w for text in change for w in ("--set", text))]) == 2
+    assert says in capsys.readouterr().err and not (tmp_path / "b").exists()
+
+
+def test_time_must_be_positive(tmp_path, capsys):
+    assert main(["budget", str(BLOCK), "-o", str(tmp_path / "b"), "--minutes", "0"]) == 2
+    assert "--minutes 0" in capsys.readouterr().err
