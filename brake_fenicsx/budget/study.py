@@ -22,7 +22,7 @@ from brake_fenicsx.checks import check, with_patch, with_pixels
 from brake_fenicsx.costs import count_solves, estimate
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
 from brake_fenicsx.log import logger
-from brake_fenicsx.report.budget_page import write_budget_page
+from brake_fenicsx.report.budget_page import sentence, write_budget_page
 from brake_fenicsx.report.rundata import read_run
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.store import result_digest
@@ -164,7 +164,7 @@ def run_budget(
         if comm.rank == 0:
             _write(budget, found, planned, why)
     if comm.rank == 0:
-        _write(budget, found, planned, why)
+        logger.info("%s", sentence(_write(budget, found, planned, why)))
     comm.Barrier()
     return folder / "budget.html"
 
@@ -222,7 +222,9 @@ def _most(scene: Scene) -> int:
     return max(sample_count(scene, name) for name in scene.samples.approaches)
 
 
-def _write(budget: Budget, found: list[Knob], planned: list[Planned], why: dict[str, str]) -> None:
+def _write(
+    budget: Budget, found: list[Knob], planned: list[Planned], why: dict[str, str]
+) -> list[Row]:
     """Table and page of what has been run so far."""
     scene = read_run(budget.directory / REFERENCE)
     rows = statistical(scene)
@@ -247,6 +249,7 @@ def _write(budget: Budget, found: list[Knob], planned: list[Planned], why: dict[
                               reason=knob.reason))  # fmt: skip
     write_rows(budget.directory / "budget.csv", COLUMNS, rows)
     write_budget_page(budget.directory, rows, budget.scene.file.stem)
+    return rows
 
 
 def _forget_peak() -> None:

@@ -14,7 +14,7 @@ from brake_fenicsx.tables import Value
 
 from .html_parts import table
 from .page_style import CSS
-from .style import BLUE, GREY, SKY, house_style, light_grid, new_figure
+from .style import BLACK, BLUE, GREY, house_style, light_grid, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -181,7 +181,9 @@ def _figure(rows: Sequence[Row], key: tuple[Value, Value]) -> Figure:
         if row["paired"] != "yes":
             look = {"facecolor": "white", "edgecolor": BLUE}
         axis.barh(y, change, 0.55, lw=1.0, **look)
-        axis.plot([_number(row["change_low"]), _number(row["change_high"])], [y, y], color=SKY)
+        axis.plot(
+            [_number(row["change_low"]), _number(row["change_high"])], [y, y], color=BLACK, lw=0.9
+        )
     names = [f"{str(r['says']).removeprefix('the ')}: {r['change_made']}" for r in changes]
     axis.set_yticks(range(len(changes)), names)
     axis.invert_yaxis()
