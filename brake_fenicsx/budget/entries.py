@@ -108,6 +108,8 @@ def entries(scene: RunData, variant: RunData, may_pair: bool) -> list[Row]:
             changes = [v for i in (0, 1) for v in bias_and_scatter(x[:, i], y[:, i], paired)]
         if whole:  # of all modes together the least damped one may be another one
             changes[:2] = None, None
+        if c["samples_a"] == c["samples_b"] == 1:  # nothing is drawn, so nothing is left to chance
+            c["change_low"] = c["change_high"] = None
         f = c["frequency_a_hz"] if c["frequency_a_hz"] is not None else c["frequency_b_hz"]
         rows.append(blank(
             status="run", approach=c["approach"], family="any" if whole else a, family_variant=b,
@@ -131,9 +133,10 @@ def statistical(scene: RunData) -> list[Row]:
             knob="samples", says="the number of samples", kind="statistics", status="run",
             variant="samples", change_made=f"{n} samples", approach=c["approach"],
             family="any" if family is None else family, frequency_hz=c["frequency_a_hz"],
-            samples=n, probability=p, change=0.0, change_low=share.low - p,
-            change_high=share.high - p,
+            samples=n, probability=p, change=0.0,
         )  # fmt: skip
+        if n > 1:
+            row["change_low"], row["change_high"] = share.low - p, share.high - p
         if family is not None and n > 1:
             values = np.array(
                 list(family_values(scene, str(c["approach"]), int(family)).values()), float

@@ -238,9 +238,9 @@ def _write(
             continue
         took = budget.record[p.name]
         about |= {"seconds": round(took["seconds"], 1), "memory_mb": took["memory_mb"]}
-        rows += [r | about for r in entries(
-            scene, read_run(budget.directory / p.name), p.knob.paired
-        )]  # fmt: skip
+        changed = entries(scene, read_run(budget.directory / p.name), p.knob.paired)
+        own = [r for r in changed if not p.knob.perfect or r["approach"] == "classical"]
+        rows += [r | about for r in own]
     for knob in found:
         if knob.kind == RESOLUTION and knob.variants:
             extrapolate(rows, knob.name, knob.ratio, scene)

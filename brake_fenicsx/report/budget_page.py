@@ -96,22 +96,29 @@ def sentence(rows: Sequence[Row]) -> str:
         return "No mode squeals in any sample of the scene."
     own = _own(rows, key)
     p = _number(own["probability"])
-    low, high = (p + _number(own[n]) for n in ("change_low", "change_high"))
     changes = _changes(rows, key)
+    share = f"{p:.2f}"
+    if own["change_low"] is not None:
+        low, high = (p + _number(own[n]) for n in ("change_low", "change_high"))
+        share += f" [{low:.2f}, {high:.2f}]"
+    number = f"{own['samples']} samples" if own["samples"] != 1 else "one sample"
     said = (
-        f"The probability of the {_number(own['frequency_hz']) / 1e3:.2f} kHz family is {p:.2f}"
-        f" [{low:.2f}, {high:.2f}] from {own['samples']} samples; "
+        f"The probability of the {_number(own['frequency_hz']) / 1e3:.2f} kHz family is {share}"
+        f" from {number}; "
     )
     if not changes:
         return said + "no other uncertainty was computed."
     largest = max(changes, key=lambda r: abs(_number(r["change"])))
     change = _number(largest["change"])
-    said += (
-        f"the largest other uncertainty is {largest['says']} ({largest['change_made']}:"
-        f" {change:+.2f})"
-    )
-    if _number(largest["change_low"]) <= 0.0 <= _number(largest["change_high"]):
-        said += ", which these samples cannot tell from zero"
+    if change == 0.0:
+        said += "no variant that was run changes it"
+    else:
+        said += (
+            f"the largest other uncertainty is {largest['says']} ({largest['change_made']}:"
+            f" {change:+.2f})"
+        )
+        if _number(largest["change_low"]) <= 0.0 <= _number(largest["change_high"]):
+            said += ", which these samples cannot tell from zero"
     left = len({r["knob"] for r in rows if r["status"] == "not run"})
     return said + (f". {left} knobs have variants that were not run." if left else ".")
 
@@ -136,7 +143,10 @@ def _shown(row: Row) -> list[Value]:
     named = "any" if family == "any" else f"{_number(frequency) / 1e3:.2f} kHz"
     if family is None:
         named += " (not in the scene)"
-    interval = f"({_number(row['change_low']):+.3f} to {_number(row['change_high']):+.3f})"
+    change = f"{_number(row['change']):+.3f}"
+    if row["change_low"] is not None:
+        low, high = (_number(row[f"change_{n}"]) for n in ("low", "high"))
+        change += f" ({low:+.3f} to {high:+.3f})"
     samples = {"yes": "the same", "no": "independent"}.get(str(row["paired"]))
     order = [f"{_number(row[f'{n}_order']):.2f} ({n})" for n in ("frequency", "damping")
              if row[f"{n}_order"] is not None]  # fmt: skip
@@ -149,7 +159,7 @@ def _shown(row: Row) -> list[Value]:
         row["says"], row["change_made"], row["approach"], named,
         *(None if row[n] is None else f"{_number(row[n]):.3f}"
           for n in ("probability", "probability_variant")),
-        f"{_number(row['change']):+.3f} {interval}", samples,
+        change, samples,
         _spread(row, "frequency", "_hz"), _spread(row, "damping", ""),
         ", ".join(order) or None, ", ".join(limits) or None, row["seconds"], row["memory_mb"],
         row["reason"],

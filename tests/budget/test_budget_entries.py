@@ -178,3 +178,18 @@ def test_family_that_a_variant_silences_changes_by_its_whole_probability(tmp_pat
     row = of_family(entries(one, two, True), 8)
     assert row["probability_variant"] == 0.0 and row["change"] == -row["probability"]
     assert row["damping_bias"] is None and row["family_variant"] is None
+
+
+@pytest.mark.hard
+def test_scene_of_one_sample_has_no_interval(tmp_path):
+    """Nothing is drawn: a change is what it is, and the sentence claims no interval."""
+    f, d = np.array([[2000.0, 6000.0]]), np.array([[-0.01, -0.03]])
+    one, two = synthetic(tmp_path / "a", f, d), synthetic(tmp_path / "b", f + 3.0, d)
+    rows = statistical(one)
+    same = {"knob": "mesh", "variant": "mesh-1", "says": "the mesh", "change_made": "finer"}
+    rows += [r | same for r in entries(one, two, True)]
+    assert all(r["change_low"] is None for r in rows)
+    assert of_family(rows[3:], 3)["frequency_bias_hz"] == pytest.approx(3.0)
+    said = sentence(rows)
+    assert "is 1.00 from one sample; no variant that was run changes it." in said
+    write_budget_page(tmp_path, rows, "one")
