@@ -6,7 +6,9 @@ once before any is turned twice. Costs are those of ``costs.py``, scaled to what
 
 from __future__ import annotations
 
+import gc
 import json
+import resource
 import time
 from collections.abc import Sequence
 from contextlib import suppress
@@ -22,6 +24,7 @@ from brake_fenicsx.checks import check, with_patch, with_pixels
 from brake_fenicsx.costs import count_solves, estimate
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
 from brake_fenicsx.log import logger
+from brake_fenicsx.memory import release_memory
 from brake_fenicsx.report.budget_page import sentence, write_budget_page
 from brake_fenicsx.report.rundata import read_run
 from brake_fenicsx.scene import Scene, read_scene
@@ -65,6 +68,7 @@ class Budget:
         self.overrides = [*overrides, *lean]
         self.scene = read_scene(scene, self.overrides)
         self.record: dict[str, Any] = {}
+        self.held = comm.allreduce(_resident())
         if comm.rank == 0:
             with suppress(FileNotFoundError, ValueError):
                 self.record = json.loads((directory / RECORD).read_text())
@@ -84,7 +88,7 @@ class Budget:
             BrakeError: the run failed.
         """
         logger.info("budget: %s ...", name)
-        _forget_peak()
+        left = self.comm.allreduce(_resident()) - self.held
         start = time.perf_counter()
         entry: dict[str, Any] = {"asked": self._asked(overrides)}
         try:
@@ -95,7 +99,7 @@ class Budget:
         except BrakeError as error:
             self._keep(name, entry | {"error": " ".join(str(error).split())})
             raise
-        entry["memory_mb"] = round(max(done.peak_memory_mb.values()))
+        entry["memory_mb"] = round(max(done.peak_memory_mb.values()) - max(left, 0.0))
         entry["seconds"] = self.comm.bcast(time.perf_counter() - start, root=0)
         self._keep(name, entry)
 
@@ -252,7 +256,15 @@ def _write(
     return rows
 
 
-def _forget_peak() -> None:
-    """Let the peak memory of this process begin anew, where the system can."""
-    with suppress(OSError):
+def _resident() -> float:
+    """Memory that this process holds between two runs [MB]; its peak begins anew from here.
+
+    Matrices of a run may outlive it; what is held when a run begins is no part of its peak.
+    """
+    gc.collect()
+    release_memory()
+    with suppress(OSError):  # Where the system is no Linux, nothing is taken off.
         Path("/proc/self/clear_refs").write_text("5")
+        pages = int(Path("/proc/self/statm").read_text().split()[1])
+        return pages * resource.getpagesize() / 2**20
+    return 0.0
