@@ -198,8 +198,8 @@ def _figure(rows: Sequence[Row], key: tuple[Value, Value]) -> Figure:
     axis.set_yticks(range(len(changes)), names)
     axis.invert_yaxis()
     axis.set_xlabel(
-        "change of the probability [-] of the"
-        f" {_number(own['frequency_hz']) / 1e3:.2f} kHz family, {_number(own['probability']):.2f}"
+        "change of the probability [-]\n"
+        f"{_number(own['frequency_hz']) / 1e3:.2f} kHz: {_number(own['probability']):.2f}"
     )
     axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0))
     light_grid(axis, axis="x")
