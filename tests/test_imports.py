@@ -6,7 +6,17 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "brake_fenicsx"
-ORDER = ("scene", "surface", "micro", "macro", "stability", "uncertainty", "sweeps", "report", "budget")
+ORDER = (
+    "scene",
+    "surface",
+    "micro",
+    "macro",
+    "stability",
+    "uncertainty",
+    "sweeps",
+    "report",
+    "budget",
+)
 # eigensolvers lie below full order and the reduced model, which do not know each other.
 BELOW = {
     "eigensolvers": {"eigensolvers"},
