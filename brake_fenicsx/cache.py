@@ -89,7 +89,7 @@ class SharedCache:
 
 def bodies_key(scene: Scene) -> dict[str, Any]:
     """Key of the bodies: what mesh, matrices and contact elements of a scene depend on."""
-    names = ("parts", "mesh", "materials", "supports")
+    names = ("parts", "mesh", "materials", "supports", "springs", "masses")
     out: dict[str, Any] = {name: scene.table.get(name) for name in names}
     out["contact"] = {
         name: {k: v for k, v in table.items() if k not in _LAWS}

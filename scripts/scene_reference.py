@@ -115,7 +115,7 @@ def reference() -> str:
         if section.name == "parts.NAME":
             parts += _parts()
             continue
-        if section.name == "loads.NAME":
+        if section.name == "springs.NAME":
             parts.append(SUPPORTS)
         title, note = _title(section)
         parts.append(f"## [{title}]\n\n{note}{table(section.cls)}")
@@ -136,7 +136,8 @@ def _title(section: Section) -> tuple[str, str]:
     first = (inspect.getdoc(section.cls) or "").splitlines()[0]
     note = _plain(first.rpartition("]: ")[2])
     name = section.name.replace("samples.random.NAME", 'samples.random."KEY"')
-    name = name.replace("loads.NAME", 'loads."PART.FACE"')
+    for table_of_faces in ("springs", "masses", "loads"):
+        name = name.replace(f"{table_of_faces}.NAME", f'{table_of_faces}."PART.FACE"')
     return name, f"{note[:1].upper()}{note[1:]}\n\n"
 
 

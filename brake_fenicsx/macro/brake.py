@@ -18,7 +18,7 @@ from brake_fenicsx.scene import Scene
 
 from .condensation import Compliance, gathered_vector
 from .contact import Contact, contact_elements, join
-from .elasticity import Elastic, assemble_elastic
+from .elasticity import Elastic, FaceAddition, assemble_elastic
 from .friction import Motion, Rotation, Translation
 from .material_table import layer_materials, scene_materials
 from .mesh import Mesh
@@ -122,7 +122,8 @@ def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
     layers = layer_materials(scene, materials, mesh.layers)
     supports = {face: list(held) for face, held in scene.supports.items()}
     loads = {face: load.pressure for face, load in scene.loads.items()}
-    elastic = assemble_elastic(mesh, layers, supports, loads)
+    added = [added_to_face(scene, face) for face in {**scene.springs, **scene.masses}]
+    elastic = assemble_elastic(mesh, layers, supports, loads, added=added)
     motion = scene_motion(scene)
     try:
         contact = join(
@@ -139,6 +140,17 @@ def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
     return Brake(mesh, elastic, contact, gathered_vector(elastic.f), float(pressed))
 
 
+def added_to_face(scene: Scene, face: str) -> FaceAddition:
+    """Springs and mass that a scene adds to a face, in x, y, z axes."""
+    spring, mass = scene.springs.get(face), scene.masses.get(face)
+    k = np.diag(spring.stiffness) if spring is not None else np.zeros((3, 3))
+    part = scene.parts.get(face.partition(".")[0])
+    angle = 0.0 if part is None else part.axis
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return FaceAddition(face, turn @ k @ turn.T, 0.0 if mass is None else mass.mass)
+
+
 def check_brake(scene: Scene, comm: MPI.Comm) -> None:
     """Refuse what cannot be built, before anything is meshed or written.
 
@@ -149,7 +161,8 @@ def check_brake(scene: Scene, comm: MPI.Comm) -> None:
     materials = scene_materials(scene)
     scene_motion(scene)
     faces = {f'supports."{face}"': face for face in scene.supports}
-    faces |= {f'loads."{face}"': face for face in scene.loads}
+    for name in ("springs", "masses", "loads"):
+        faces |= {f'{name}."{face}"': face for face in getattr(scene, name)}
     for name, contact in scene.contact.items():
         faces |= {f"contact.{name}.faces[{i}]": face for i, face in enumerate(contact.faces)}
     layer_materials(scene, materials, check_mesh(scene, faces, comm))

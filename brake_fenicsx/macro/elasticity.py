@@ -61,6 +61,21 @@ def pressure_form(v: Any, n: Any, pressure: Any, ds: Any) -> Any:
 
 
 @dataclass(frozen=True, slots=True)
+class FaceAddition:
+    """What is added to the bodies on a face, spread evenly over its area.
+
+    Attributes:
+        face: name of the face.
+        stiffness: total of the springs to the ground, in x, y, z axes [N/m], shape (3, 3).
+        mass: total [kg].
+    """
+
+    face: str
+    stiffness: NDArray
+    mass: float
+
+
+@dataclass(frozen=True, slots=True)
 class FreeDofs:
     """Numbering of the displacement dofs that are not held.
 
@@ -164,6 +179,7 @@ def assemble_elastic(
     supports: Mapping[str, list[str]],
     loads: Mapping[str, float],
     degree: int = 2,
+    added: Sequence[FaceAddition] = (),
 ) -> Elastic:
     """Assemble stiffness, mass and loads of all bodies.
 
@@ -173,6 +189,7 @@ def assemble_elastic(
         supports: face name -> held components.
         loads: face name -> pressure [Pa], positive pushes on the body.
         degree: polynomial degree of the displacement.
+        added: springs and masses on faces.
 
     Returns:
         Matrices and load vector on the free dofs.
@@ -201,6 +218,15 @@ def assemble_elastic(
         fem_petsc.assemble_matrix(M, fem.form(mass_form(u, v, rho, dx)))
     if K is None or M is None:
         raise SceneError("the scene has no part")
+    for one in added:
+        ds = _face(mesh, one.face, "springs and masses")
+        area = _area(mesh, ds)
+        k = fem.Constant(mesh.domain, one.stiffness / area)
+        m = fem.Constant(mesh.domain, PETSc.ScalarType(one.mass / area))
+        if one.stiffness.any():
+            fem_petsc.assemble_matrix(K, fem.form(ufl.inner(ufl.dot(k, u), v) * ds))
+        if one.mass:
+            fem_petsc.assemble_matrix(M, fem.form(mass_form(u, v, m, ds)))
     matrices = []
     keep = PETSc.IS().createGeneral(_owned_globals(free), comm=mesh.domain.comm)
     for A in (K, M):
@@ -271,17 +297,26 @@ def _loads(
     v, n = ufl.TestFunction(free.V), ufl.FacetNormal(mesh.domain)
     record = {}
     for face, pressure in loads.items():
-        facets = mesh.facet_tags.find(face_tag(mesh, face, "loads"))
-        tags = compat.meshtags(mesh.domain, 2, facets, 1)
-        ds = ufl.Measure("ds", domain=mesh.domain, subdomain_data=tags)(1)
+        ds = _face(mesh, face, "loads")
         p = fem.Constant(mesh.domain, PETSc.ScalarType(pressure))
         b = fem_petsc.assemble_vector(fem.form(pressure_form(v, n, p, ds)))
         b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
         f.array += b.array_r[free.local]
         bs = free.V.dofmap.index_map_bs
         force = comm.allreduce(b.array_r.reshape(-1, bs).sum(axis=0))
-        one = fem.Constant(mesh.domain, PETSc.ScalarType(1.0))
-        area = comm.allreduce(fem.assemble_scalar(fem.form(one * ds)))
-        record[face] = (float(area), force)
+        record[face] = (_area(mesh, ds), force)
         b.destroy()
     return f, record
+
+
+def _face(mesh: Mesh, face: str, where: str) -> Any:
+    """Measure of a named face."""
+    facets = mesh.facet_tags.find(face_tag(mesh, face, where))
+    tags = compat.meshtags(mesh.domain, 2, facets, 1)
+    return ufl.Measure("ds", domain=mesh.domain, subdomain_data=tags)(1)
+
+
+def _area(mesh: Mesh, ds: Any) -> float:
+    """Area of a face [m^2], the same on every process."""
+    one = fem.Constant(mesh.domain, PETSc.ScalarType(1.0))
+    return float(mesh.domain.comm.allreduce(fem.assemble_scalar(fem.form(one * ds))))

@@ -45,6 +45,7 @@ def check_consistent(s: Scene) -> None:
     _check_parts(s)
     for name, contact in s.contact.items():
         _check_contact(s, f"contact.{name}", contact)
+    _check_springs(s)
     _check_motion(s)
     check_damping(s)
     for name in s.samples.random:
@@ -201,6 +202,22 @@ def _check_approaches(s: Scene) -> None:
                 f"samples.random, sweep.parameters: materials.{table} by stiffnesses and by"
                 " engineering constants; use one kind"
             )
+
+
+def _check_springs(s: Scene) -> None:
+    """Three stiffnesses; and no mass that the gyroscopic term would leave out."""
+    for face, spring in s.springs.items():
+        if len(spring.stiffness) != 3 or not any(spring.stiffness):
+            raise SceneError(
+                f'springs."{face}".stiffness = {list(spring.stiffness)} N/m: write three, along the'
+                ' part\'s axes 1 and 2 and along z, such as [0, 0, "20 kN/mm"]'
+            )
+    damping = s.stability.damping if s.stability else None
+    if s.masses and damping and damping.gyroscopic:
+        raise SceneError(
+            f"masses: {', '.join(s.masses)}: stability.damping.gyroscopic knows the density of the"
+            " bodies alone; leave the masses or gyroscopic out"
+        )
 
 
 def _check_motion(s: Scene) -> None:

@@ -268,6 +268,29 @@ class Load:
 
 
 @dataclass(frozen=True, slots=True)
+class Spring:
+    """[springs]: a face joined to the ground by springs, by its name "part.face".
+
+    Attributes:
+        stiffness: total of the face along the part's axes 1 and 2 and along z, spread evenly over
+            its area.
+    """
+
+    stiffness: tuple[float, ...] = key("N/m", sign="zero")
+
+
+@dataclass(frozen=True, slots=True)
+class AddedMass:
+    """[masses]: a mass spread evenly over a face, by its name "part.face".
+
+    Attributes:
+        mass: total.
+    """
+
+    mass: float = key("kg")
+
+
+@dataclass(frozen=True, slots=True)
 class Motion:
     """[motion]: rotation about z, or a direction.
 
@@ -343,6 +366,8 @@ class Scene:
     supports: dict[str, tuple[str, ...]] = field(
         default_factory=dict, metadata={"type": _supports_type}
     )
+    springs: dict[str, Spring] = field(default_factory=dict)
+    masses: dict[str, AddedMass] = field(default_factory=dict)
     loads: dict[str, Load] = field(default_factory=dict)
     motion: Motion | None = None
     stability: Stability | None = None

@@ -88,6 +88,20 @@ def test_a_swept_modulus_is_that_of_full_order():
         prepared.modes({"materials.lining.C33": 2e9})
 
 
+def test_springs_and_masses_beside_a_modulus():
+    """Neither is a material: both stay what they are where the modulus changes."""
+    faces = [
+        'springs={ "plate.bottom" = { stiffness = ["80 kN/mm", "60 kN/mm", "150 kN/mm"] } }',
+        'masses={ "block.top" = { mass = "20 g" } }', "supports={ 'block.top' = ['x', 'y'] }",
+    ]  # fmt: skip
+    prepared = model.prepare(BLOCK, [*COARSE, *faces], parameters={C44: (0.9e9, 1.5e9)})
+    plain = model.prepare(BLOCK, COARSE).modes().s
+    for value in (0.9e9, 1.4e9):
+        found = prepared.modes({C44: value})
+        agrees(found, at_full_order(prepared, {C44: value}))
+        assert found.s.size > plain.size
+
+
 def test_speed_moves_friction_and_its_damping():
     """mu(V), mu'(V) and mu p / V; in the equilibrium too: closed forms, then full order."""
     damping = "stability.damping={ sliding=true, slope=true }"
