@@ -6,6 +6,7 @@ where it squeals in at most 5 % of the samples.
 
 from __future__ import annotations
 
+import gc
 import json
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
@@ -32,7 +33,7 @@ from brake_fenicsx.scene.countermeasures import Countermeasure
 from brake_fenicsx.scene.samples import is_constant, split_key
 from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.scene.sweep import ROUGH
-from brake_fenicsx.scene.units import with_unit
+from brake_fenicsx.scene.units import quantity_text
 from brake_fenicsx.squeal import Share, wilson
 from brake_fenicsx.store import Store, result_digest
 from brake_fenicsx.sweeps.smallest_change import MOST, Change, enough, smallest_change
@@ -86,7 +87,10 @@ class Search:
             )
         for c in named:
             farthest = [*self._plain, c.override(self.scene, c.stop)]
-            check_brake(read_scene(scene, farthest), comm)
+            try:
+                check_brake(read_scene(scene, farthest), comm)
+            except SceneError as error:
+                raise SceneError(f"{error} (countermeasures.key = {c.key!r}, to)") from None
         self._own_brake = {c.key for c in named if self._needs_own_brake(c)}
         samples, stability = self.scene.samples, self.scene.stability
         self.approach = next(a for a in ROUGH if a in samples.approaches)
@@ -124,6 +128,7 @@ class Search:
 
     def run(self, name: str, *changes: str) -> Path:
         """A whole run of the scene, or what is left of it; collective."""
+        self._clean()
         folder, overrides = self.folder / name, [*self._plain, *changes]
         try:
             pipeline.run(self._file, self.comm, folder, overrides, cache=self._cache)
@@ -131,6 +136,11 @@ class Search:
             # What follows is not of this run.
             start_log(self.comm.rank)
         return folder
+
+    def _clean(self) -> None:
+        """Destroy what an earlier brake left, on all processes together as MPI asks for."""
+        gc.collect()
+        self.comm.Barrier()
 
     def steps(self, c: Countermeasure) -> tuple[int, float]:
         """Values that are tried, and accuracy of the smallest change relative to the range."""
@@ -159,6 +169,7 @@ class Search:
         return Trial(self._one_brake.study, worst, self.comm, c.key)
 
     def _prepared(self, changes: list[str], ranges: dict[str, list[float]]) -> Model:
+        self._clean()
         name = Scene.hash([changes, ranges])[:12]
         folder, overrides = self.folder / "models" / name, [*self._plain, *changes]
         return prepare(self._file, overrides, folder, self._cache, ranges, self.comm)
@@ -175,7 +186,7 @@ class Search:
         trials: dict[str, Trial] = {}
 
         def outcomes(x: float) -> Iterable[bool]:
-            logger.info("%s = %s: samples ...", c.key, with_unit(x, c.unit))
+            logger.info("%s = %s: samples ...", c.key, quantity_text(x, c.unit))
             if c.key in self._own_brake or not trials:
                 # The brake before it leaves the memory first.
                 trials.clear()

@@ -14,7 +14,7 @@ from mpi4py import MPI
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.errors import BrakeError, StorageError
+from brake_fenicsx.errors import BrakeError, SceneError, StorageError
 from brake_fenicsx.processes import in_turns
 from brake_fenicsx.report.counts import FamilyCount, families, good_modes, good_samples
 from brake_fenicsx.report.rundata import RunData
@@ -55,12 +55,20 @@ class Worst:
 
 
 def worst_family(run: RunData, approach: str) -> Worst | None:
-    """The worst family of an approach; None where none squeals."""
+    """The worst family of an approach; None where none squeals.
+
+    Raises:
+        SceneError: modes squeal, and have no family.
+    """
+    modes = good_modes(run, approach, squeal=True)
+    if not modes["family"].size:
+        return None
     found = [f for f in families(run, approach) if f.family >= 0]
     if not found:
-        return None
+        raise SceneError(
+            f"{run.directory}: modes of a single sample belong to no family; raise samples.n"
+        )
     worst = max(found, key=lambda f: (f.share.value, -f.median))
-    modes = good_modes(run, approach, squeal=True)
     own = modes["family"] == worst.family
     damping = {
         int(k): float(modes["damping"][own & (modes["sample"] == k)].min())

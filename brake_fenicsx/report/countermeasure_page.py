@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from brake_fenicsx.scene.units import with_unit
+from brake_fenicsx.scene.units import quantity_text
 from brake_fenicsx.sweeps.smallest_change import MOST
 from brake_fenicsx.tables import Value, text_table, write_rows
 
@@ -84,11 +84,8 @@ def _shown(row: Row) -> list[Value]:
 
 
 def _quantity(row: Row, name: str) -> str:
-    """A value in the usual unit, with the digits that the search has."""
     value = row[name]
-    if value is None:
-        return "none"
-    return str(with_unit(float(f"{float(value):.6g}"), str(row["unit"] or "")))
+    return "none" if value is None else quantity_text(float(value), str(row["unit"] or ""))
 
 
 def _percent(value: Value) -> str:
