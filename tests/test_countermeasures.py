@@ -1,6 +1,8 @@
 """Countermeasures of a scene: against runs of the changed scene and analytic derivatives."""
 
 import shutil
+import subprocess
+import sys
 
 from mpi4py import MPI
 
@@ -18,6 +20,7 @@ from brake_fenicsx.scene import read_scene
 from brake_fenicsx.store import result_digest
 from brake_fenicsx.tables import read_rows
 from coarse_block import BLOCK, FRICTION, HEIGHT, ROUGH, levers
+from processes import parallel
 
 pytestmark = pytest.mark.alone
 
@@ -148,6 +151,20 @@ def test_what_is_finished_is_not_done_again(found, tmp_path, monkeypatch, capsys
     assert main(words(other, *ROUGH, levers((FRICTION, "0.05")))) == 0
     (row,) = read_rows(other / "countermeasures.csv")
     assert row["smallest_value"] == found[1][FRICTION]["smallest_value"]
+
+
+@pytest.mark.slow
+def test_two_processes_give_the_table_of_one(found, tmp_path):
+    code = "import sys; from brake_fenicsx.cli import main; sys.exit(main(sys.argv[1:]))"
+    call = ["mpirun", "-n", "2", "--oversubscribe", sys.executable, "-c", code]
+    call += words(tmp_path / "out", *ROUGH, LEVERS)
+    subprocess.run(call, check=True, capture_output=True, **parallel())
+    for row in read_rows(tmp_path / "out" / "countermeasures.csv"):
+        for column, value in found[1][row["key"]].items():
+            if isinstance(value, float):
+                assert row[column] == pytest.approx(value, rel=1e-6, abs=1e-9), column
+            else:
+                assert row[column] == value, column
 
 
 def test_a_folder_of_other_countermeasures_is_refused(found, capsys):

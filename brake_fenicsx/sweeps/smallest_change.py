@@ -62,15 +62,20 @@ def smallest_change(
         return count
 
     start, stop = ends
-    for before, x in pairwise(float(v) for v in np.linspace(start, stop, steps + 1)):
+    for before, x in pairwise(_short(v) for v in np.linspace(start, stop, steps + 1)):
         if not enough(count := hits(x), samples):
             continue
         # Halves of a step reach the accuracy exactly, but for round-off.
         while abs(x - before) > accuracy * abs(stop - start) * (1 + 1e-9):
-            middle = 0.5 * (before + x)
+            middle = _short(0.5 * (before + x))
             if enough(there := hits(middle), samples):
                 x, count = middle, there
             else:
                 before = middle
         return Change(x, wilson(count, samples))
     return Change(None, wilson(sum(outcomes(stop)), samples))
+
+
+def _short(x: float) -> float:
+    """A value without the last digits, which only round-off fills."""
+    return float(f"{x:.12g}")
