@@ -35,6 +35,7 @@ first steps:
   brake-fenicsx run brake.toml            results in ./brake-results; open its report.html
   brake-fenicsx run brake.toml            the same again: resumes an interrupted run
   brake-fenicsx report brake-results      draws figures and page again, without computing
+  brake-fenicsx countermeasures brake.toml    what would stop the squeal, if the scene names some
   brake-fenicsx schema > scene.json       keys of a scene, for editors (docs/scene.md)
 
 variations:

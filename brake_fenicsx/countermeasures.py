@@ -94,7 +94,11 @@ class Search:
         self._own_brake = {c.key for c in named if self._needs_own_brake(c)}
         samples, stability = self.scene.samples, self.scene.stability
         self.approach = next(a for a in ROUGH if a in samples.approaches)
-        about = [samples.plan(self.approach).n, stability.threshold if stability else 0.0]
+        about = [
+            self.approach,
+            samples.plan(self.approach).n,
+            stability.threshold if stability else 0.0,
+        ]
         ends = [[c.key, c.start, c.stop] for c in named]
         self._mark = Scene.hash([result_digest(self.scene), *about, ends])
         self.found: dict[str, dict[str, Any]] = on_first(self._stored, comm)
@@ -134,7 +138,8 @@ class Search:
             pipeline.run(self._file, self.comm, folder, overrides, cache=self._cache)
         finally:
             # What follows is not of this run.
-            start_log(self.comm.rank)
+            kept = self.comm.rank == 0 and self.folder.is_dir()
+            start_log(self.comm.rank, self.folder / "log.txt" if kept else None)
         return folder
 
     def _clean(self) -> None:
@@ -279,7 +284,7 @@ def _row(search: Search, c: Countermeasure, worst: Worst, rank: int) -> list[Val
             verified = enough(after.hits, after.n)
             if not verified:
                 notes.append("the run does not confirm the search")
-            if not enough(loud.hits, loud.n):
+            elif not enough(loud.hits, loud.n):
                 notes.append("other modes squeal")
     elif after is not None:
         notes.append("no value is enough; the share is that at the farthest one")
