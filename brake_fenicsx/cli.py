@@ -1,4 +1,4 @@
-"""Command line: check, run, report."""
+"""Command line: check, run, countermeasures, report."""
 
 from __future__ import annotations
 
@@ -35,6 +35,7 @@ first steps:
   brake-fenicsx run brake.toml            results in ./brake-results; open its report.html
   brake-fenicsx run brake.toml            the same again: resumes an interrupted run
   brake-fenicsx report brake-results      draws figures and page again, without computing
+  brake-fenicsx countermeasures brake.toml    what would stop the squeal, if the scene names some
   brake-fenicsx schema > scene.json       keys of a scene, for editors (docs/scene.md)
 
 variations:
@@ -66,6 +67,11 @@ fields/ for ParaView, summary.json (sizes, times, seeds, versions) and log.txt; 
 lists them all. A folder that holds results of another scene is refused. Runs of one scene that are
 started together in one folder share its samples."""
 
+AFTER_COUNTERMEASURES = """\
+The results folder holds countermeasures.html and .csv, the run of the scene (before/), and one run
+for each countermeasure that is enough (after-1/, ...), compared with it. The same command resumes
+an interrupted search. docs/countermeasures.md says what is searched and how."""
+
 
 class Parser(argparse.ArgumentParser):
     """Arguments whose mistakes are one line, as every other mistake is."""
@@ -96,7 +102,10 @@ def parser() -> argparse.ArgumentParser:
                                formatter_class=raw)  # fmt: skip
     text = "run a scene and its refinements: how much each changes the probability of squeal"
     budgets = commands.add_parser("budget", help=text, description=text)
-    for command in (checks, runs, budgets):
+    text = "find the smallest change of each of the scene's countermeasures that stops the squeal"
+    remedies = commands.add_parser("countermeasures", help=text, description=text,
+                                   epilog=AFTER_COUNTERMEASURES, formatter_class=raw)  # fmt: skip
+    for command in (checks, runs, budgets, remedies):
         command.add_argument("scene", metavar="SCENE.toml", help="the scene file")
         command.add_argument("--set", action="append", default=[], metavar="KEY=VALUE",
                              help="replace a key of the scene (docs/scene.md), as often as"
@@ -106,12 +115,12 @@ def parser() -> argparse.ArgumentParser:
                              help="print the outcome as JSON, for other programs")  # fmt: skip
     again = f"recompute this stage and all later ones: {', '.join(STAGES)}"
     runs.add_argument("--from", dest="from_stage", choices=STAGES, metavar="STAGE", help=again)
-    runs.add_argument("-o", dest="directory", metavar="DIR", help="results folder, ./SCENE-results")
-    runs.add_argument("--cache", metavar="DIR", help="share laws and reduced models with runs of"
-                      " scenes that differ in seed, samples, friction or loads")  # fmt: skip
-    budgets.add_argument("-o", dest="directory", metavar="DIR",
-                         help="folder of the budget, ./SCENE-budget")  # fmt: skip
-    budgets.add_argument("--cache", metavar="DIR", help="as in run; DIR/cache if not given")
+    for command, name in ((runs, "results"), (budgets, "budget"), (remedies, "countermeasures")):
+        command.add_argument("-o", dest="directory", metavar="DIR",
+                             help=f"results folder, ./SCENE-{name}")  # fmt: skip
+        command.add_argument("--cache", metavar="DIR", help="share laws and reduced models with"
+                             " runs of scenes that differ in seed, samples, friction or"
+                             " loads")  # fmt: skip
     budgets.add_argument("--minutes", type=float, metavar="T",
                          help="run only the refinements that fit in this time")  # fmt: skip
     runs.add_argument("petsc", nargs="*", metavar="-- PETSC_OPTIONS", help="go to PETSc")
@@ -126,7 +135,7 @@ def parser() -> argparse.ArgumentParser:
     compares.add_argument("second", metavar="B", help="results folder of another run")
     compares.add_argument("-o", dest="directory", metavar="DIR", default=".",
                           help="folder of the comparison, . if not given")  # fmt: skip
-    for command in (checks, runs, budgets, schemas, reports, compares):
+    for command in (checks, runs, budgets, remedies, schemas, reports, compares):
         command.add_argument(
             "-q", dest="quiet", action="store_true", help="show only warnings and errors"
         )
@@ -264,6 +273,17 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
         from brake_fenicsx.description import describe
 
         describe(options.scene, comm, options.set, options.json)
+    elif options.command == "countermeasures":
+        from brake_fenicsx.countermeasures import find_countermeasures
+        from brake_fenicsx.report.countermeasure_page import countermeasures_text
+        from brake_fenicsx.tables import read_rows
+
+        found = find_countermeasures(
+            options.scene, comm, options.directory, options.set, options.cache
+        )
+        if comm.rank == 0 and found is not None:
+            print(countermeasures_text(read_rows(found.with_suffix(".csv"))))
+            print(f"open {found}")
     elif comm.rank == 0 and options.command == "schema":
         from brake_fenicsx.scene import Scene
         from brake_fenicsx.scene.tables import json_schema

@@ -44,6 +44,9 @@ _FILES = {
 ALIGNED, PADDING, MAPPED = 64, 0xD935, 2**20
 
 
+# Sections whose numbers change no result of a sample, or of which only some do.
+NO_RESULT = ("stages", "samples", "sweep", "countermeasures")
+
 # NumPy gives its own file format no types.
 npy: Any = np.lib.format
 
@@ -189,7 +192,7 @@ def result_digest(scene: Scene) -> str:
     """Hash of all that the results of a sample depend on."""
     left_out = ("n", "approaches", "limit")
     samples = {k: v for k, v in scene.table.get("samples", {}).items() if k not in left_out}
-    table = {k: v for k, v in scene.table.items() if k not in ("stages", "samples", "sweep")}
+    table = {k: v for k, v in scene.table.items() if k not in NO_RESULT}
     # What counts as squeal changes no result of a sample.
     if "stability" in table:
         table["stability"] = {k: v for k, v in table["stability"].items() if k != "threshold"}

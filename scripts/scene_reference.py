@@ -67,6 +67,8 @@ def sections(cls: Any, above: str = "") -> Iterator[Section]:
             name = f"{above}{f.name}"
             if typing.get_origin(kind) is dict:
                 kind, name = typing.get_args(kind)[1], f"{name}.NAME"
+            elif typing.get_origin(kind) is tuple:
+                kind, name = typing.get_args(kind)[0], f"[{name}]"
             if is_dataclass(kind) and kind.__module__.startswith("brake_fenicsx.scene"):
                 yield Section(name, kind)
                 yield from sections(kind, f"{name}.")

@@ -53,6 +53,12 @@ joint = { n = 4, design = "sobol" }
 "materials.lining.C44" = { law = "uniform", spread = 0.1 }
 "loads.\\"block.top\\".pressure" = { law = "normal", mean = "5 bar", sd = "1 bar", min = "1 bar" }
 "materials.iron.E" = { law = "measured", values = ["120 GPa", "130 GPa"] }
+[[countermeasures]]
+key = "parts.block.height"
+to = "22 mm"
+[[countermeasures]]
+key = "contact.block_plate.friction.static"
+to = 0.55
 """)
 RICH["materials"]["lining"] = LINING
 VALUES = (

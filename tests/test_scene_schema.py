@@ -51,7 +51,8 @@ def test_there_are_scenes_in_both_places():
         "contact.block_plate.friction=-0.1", "stages=['statbility']", "materials.iron.E='1,5 GPa'",
         "stability.damping.loss=1", "parts.block.material=3", "supports.'block.top'='held'",
         "micro={ laws='many' }", "surface={ level='flat' }", "mesh.order=3",
-        "materials.iron.rho=7200",
+        "materials.iron.rho=7200", "countermeasures=[{ key = 'motion.speed' }]",
+        "countermeasures=[{ key = 'motion.speed', to = ['2 m/s'] }]",
     ],
 )  # fmt: skip
 def test_what_the_schema_refuses_the_reader_refuses(change, validator):
@@ -71,7 +72,7 @@ def test_command_prints_it_with_meanings_and_defaults(capsys):
     assert schema["$schema"].startswith("https://json-schema.org/")
     assert set(schema["properties"]) == {
         "stages", "surface", "micro", "mesh", "parts", "materials", "contact", "supports",
-        "springs", "masses", "loads", "motion", "stability", "samples", "sweep",
+        "springs", "masses", "loads", "motion", "stability", "samples", "sweep", "countermeasures",
     }  # fmt: skip
     block = schema["$defs"]["Block"]["properties"]
     assert block["length"]["default"] == "40 mm"

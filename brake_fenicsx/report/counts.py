@@ -104,7 +104,7 @@ def good_modes(run: RunData, approach: str, squeal: bool = False) -> Columns:
         }
     chosen = run.modes["approach"] == approach
     if run.samples is not None:
-        chosen &= np.isin(run.modes["sample"], _samples(run, approach)[0])
+        chosen &= np.isin(run.modes["sample"], good_samples(run, approach)[0])
     if squeal:
         chosen &= squeals(run.modes, run.threshold)
     return {name: values[chosen] for name, values in run.modes.items()}
@@ -120,7 +120,7 @@ def count(run: RunData, approach: str) -> ApproachCount:
     Returns:
         The counts; without ``samples.csv`` the samples are those that have modes.
     """
-    good, failed = _samples(run, approach)
+    good, failed = good_samples(run, approach)
     modes = good_modes(run, approach)
     squeal = squeals(modes, run.threshold)
     per_sample = np.zeros(good.size, dtype=int)
@@ -159,7 +159,7 @@ def probability_per_band(run: RunData, approach: str, edges: NDArray) -> list[Sh
     Returns:
         One share per band.
     """
-    good, _ = _samples(run, approach)
+    good, _ = good_samples(run, approach)
     modes = good_modes(run, approach, squeal=True)
     frequency, sample = modes["frequency_hz"], modes["sample"]
     band = np.clip(np.searchsorted(edges, frequency, side="right") - 1, 0, len(edges) - 2)
@@ -177,7 +177,7 @@ def families(run: RunData, approach: str, width: float = WIDTH) -> list[FamilyCo
     Returns:
         One record per family with at least one mode that squeals.
     """
-    good, _ = _samples(run, approach)
+    good, _ = good_samples(run, approach)
     table = good_modes(run, approach, squeal=True)
     family = table["family"].astype(int)
     key = np.where(family >= 0, family, -1 - (table["frequency_hz"] // width).astype(int))
@@ -221,7 +221,7 @@ def representative_modes(run: RunData, approach: str, most: int = 4) -> list[Mod
     return chosen
 
 
-def _samples(run: RunData, approach: str) -> tuple[NDArray, int]:
+def good_samples(run: RunData, approach: str) -> tuple[NDArray, int]:
     """Numbers of the samples that ended well, and how many did not."""
     if run.samples is not None:
         mine = run.samples["approach"] == approach

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import tomllib
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,10 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.scene.countermeasures import with_ends
 from brake_fenicsx.scene.rules import check_consistent
 from brake_fenicsx.scene.samples import complete
 from brake_fenicsx.scene.sections import STAGES, Scene
-from brake_fenicsx.scene.tables import dotted, read_table, shown
+from brake_fenicsx.scene.tables import dotted, key_parts, read_table, shown
 
 
 def read_scene(file: str | Path, overrides: Sequence[str] = ()) -> Scene:
@@ -64,25 +66,12 @@ def _override(table: dict[str, Any], text: str) -> None:
         parsed = tomllib.loads(f"x = {value}")["x"]
     except (ValueError, RecursionError):
         parsed = value.strip()
-    *path, last = _key_parts(name.strip())
+    *path, last = key_parts(name.strip())
     for i, step in enumerate(path):
         table = table.setdefault(step, {})
         if not isinstance(table, dict):
             raise SceneError(f"--set {text}: {dotted(*path[: i + 1])} is {shown(table)}, no table")
     table[last] = parsed
-
-
-def _key_parts(name: str) -> list[str]:
-    """The parts of a dotted key, quoted parts kept whole."""
-    parts = []
-    try:
-        nested = tomllib.loads(f"{name} = 0")
-        while isinstance(nested, dict):
-            ((part, nested),) = nested.items()
-            parts.append(part)
-    except (ValueError, RecursionError):
-        raise SceneError(f"--set {name}: not a dotted key") from None
-    return parts
 
 
 def _scene(path: Path, table: dict[str, Any]) -> Scene:
@@ -96,4 +85,11 @@ def _scene(path: Path, table: dict[str, Any]) -> Scene:
         samples=replace(scene.samples, random=random),
     )
     check_consistent(scene)
-    return scene
+    return with_ends(scene, lambda text: _changed(scene, text))
+
+
+def _changed(scene: Scene, text: str) -> Scene:
+    """A scene without countermeasures after a replacement "key=value"."""
+    table = {k: v for k, v in copy.deepcopy(scene.table).items() if k != "countermeasures"}
+    _override(table, text)
+    return _scene(scene.file, table)

@@ -16,6 +16,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, WithJsonSchema
 
+from brake_fenicsx.scene.countermeasures import Countermeasure
 from brake_fenicsx.scene.damping import Damping
 from brake_fenicsx.scene.mesh import MeshTable
 from brake_fenicsx.scene.parts import Part, parts_type
@@ -373,6 +374,7 @@ class Scene:
     stability: Stability | None = None
     samples: Samples = field(default_factory=Samples)
     sweep: Sweep | None = None
+    countermeasures: tuple[Countermeasure, ...] = ()
     file: Path = key(default=Path(), internal=True)  # noqa: RUF009
     table: dict[str, Any] = field(default_factory=dict, metadata={"internal": True})
 

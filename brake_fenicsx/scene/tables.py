@@ -11,6 +11,7 @@ import inspect
 import json
 import math
 import re
+import tomllib
 import types
 import typing
 from collections.abc import Callable, Iterable, Mapping
@@ -87,6 +88,23 @@ def json_schema(cls: Any) -> dict[str, Any]:
 def dotted(*keys: str) -> str:
     """Keys as they are written in a scene, quoted where they must be."""
     return ".".join(k if re.fullmatch(r"[\w-]+", k, re.ASCII) else json.dumps(k) for k in keys)
+
+
+def key_parts(name: str) -> list[str]:
+    """The parts of a dotted key, quoted parts kept whole.
+
+    Raises:
+        SceneError: not a dotted key.
+    """
+    parts = []
+    try:
+        nested = tomllib.loads(f"{name} = 0")
+        while isinstance(nested, dict):
+            ((part, nested),) = nested.items()
+            parts.append(part)
+    except (ValueError, RecursionError):
+        raise SceneError(f"{shown(name)}: not a dotted key") from None
+    return parts
 
 
 def shown(value: Any) -> str:

@@ -83,6 +83,11 @@ def with_unit(value: Any, unit: str) -> Any:
     return f"{number:.10g} {usual}"
 
 
+def quantity_text(value: float, unit: str) -> str:
+    """A number in SI units for a person: six digits, in the usual unit."""
+    return str(with_unit(float(f"{value:.6g}"), unit))
+
+
 def _turns(quantity: Any, unit: str) -> float:
     """2 pi between a frequency and an angular speed, which have the same dimension."""
     text = str(quantity.units)

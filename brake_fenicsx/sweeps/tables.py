@@ -131,7 +131,7 @@ class SweepTables:
         # gathered first, and each family of them then takes the number of the nearest known one.
         own = [int(one[0]) for one in track_modes(shapes, frequencies)]
         founders = [shapes[own.index(n)] for n in range(max(own, default=-1) + 1)]
-        number = _known_numbers(founders, known)
+        number = known_numbers(founders, known)
         return {key: number[n] for key, n in zip(keys, own, strict=True)}
 
     def _onsets(self) -> list[list[tuple[int, float, float]]]:
@@ -209,8 +209,13 @@ class SweepTables:
         return facts
 
 
-def _known_numbers(founders: Sequence[Complex], known: Complex | None) -> list[int]:
-    """Number of each family: of the known one it is likest to, each given once; else a new one."""
+def known_numbers(founders: Sequence[Complex], known: Complex | None) -> list[int]:
+    """Number of each family: of the known one it is likest to, each given once; else a new one.
+
+    Args:
+        founders: vector of a mode of each family, shape (m, 1).
+        known: vectors of the known families, in the same coordinates, shape (m, families).
+    """
     beyond = 0 if known is None else known.shape[1]
     numbers = [beyond + n for n in range(len(founders))]
     if known is None or not founders:

@@ -6,10 +6,13 @@ are places: the displacement of a family at nodes of the mesh, and the body that
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
 
 Array = NDArray[np.float64]
 
@@ -34,9 +37,7 @@ def family_shapes(
         "points" [m], shape (nodes, 3); "body", the centre of the body of each node [m], likewise;
         "shapes", shape (families, nodes, 3), of unit norm; "families".
     """
-    label = connected_components(K, directed=False)[1]
-    count = np.bincount(label)
-    centre = np.column_stack([np.bincount(label, x)[label] / count[label] for x in points[:, :3].T])
+    centre = _centres(points, K)
     # Rounded, so that the components of one node have one place whatever the round-off.
     nodes, first, place = np.unique(
         np.round(np.column_stack([points[:, :3], centre]), 9),
@@ -52,3 +53,30 @@ def family_shapes(
         "shapes": (chosen / np.maximum(size, 1e-300)[:, None, None]).astype(np.complex64),
         "families": numbers,
     }  # fmt: skip
+
+
+def shapes_at_dofs(
+    shapes: Mapping[str, NDArray], points: Array, K: sp.csr_matrix
+) -> NDArray[np.complex128]:
+    """Displacements of stored families at the free dofs of another mesh: of the nearest nodes.
+
+    Args:
+        shapes: what ``family_shapes`` gave.
+        points: coordinates [m] and direction (0, 1, 2) of every free dof, shape (dofs, 4).
+        K: stiffness, by which the bodies are told apart, shape (dofs, dofs).
+
+    Returns:
+        Shape (dofs, families).
+    """
+    nodes = np.column_stack([shapes["points"], shapes["body"]])
+    places = np.column_stack([points[:, :3], _centres(points, K)])
+    nearest = KDTree(nodes).query(places)[1]
+    found = shapes["shapes"][:, nearest, points[:, 3].astype(int)]
+    return np.asarray(found.T, dtype=complex)
+
+
+def _centres(points: Array, K: sp.csr_matrix) -> Array:
+    """Centre of the body of every dof [m], shape (dofs, 3)."""
+    label = connected_components(K, directed=False)[1]
+    count = np.bincount(label)
+    return np.column_stack([np.bincount(label, x)[label] / count[label] for x in points[:, :3].T])

@@ -1,0 +1,309 @@
+"""What would stop the squeal: the smallest change of each countermeasure, verified by a run.
+
+The worst family of the rough samples is the one that squeals in most of them. A change is enough
+where it squeals in at most 5 % of the samples.
+"""
+
+from __future__ import annotations
+
+import gc
+import json
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+from mpi4py import MPI
+
+import numpy as np
+
+from brake_fenicsx import pipeline
+from brake_fenicsx.errors import BrakeError, SceneError, StorageError
+from brake_fenicsx.log import logger, start_log
+from brake_fenicsx.macro.brake import check_brake
+from brake_fenicsx.model import Model, prepare
+from brake_fenicsx.processes import on_first
+from brake_fenicsx.report.comparison import COLUMNS as COMPARED
+from brake_fenicsx.report.comparison import compare_runs
+from brake_fenicsx.report.comparison_page import write_comparison
+from brake_fenicsx.report.countermeasure_page import write_countermeasures
+from brake_fenicsx.report.rundata import read_run
+from brake_fenicsx.scene import Scene, read_scene
+from brake_fenicsx.scene.countermeasures import Countermeasure
+from brake_fenicsx.scene.samples import is_constant, split_key
+from brake_fenicsx.scene.scalars import changes_bodies
+from brake_fenicsx.scene.sweep import ROUGH
+from brake_fenicsx.scene.units import quantity_text
+from brake_fenicsx.squeal import Share, wilson
+from brake_fenicsx.store import Store, result_digest
+from brake_fenicsx.sweeps.smallest_change import MOST, Change, enough, smallest_change
+from brake_fenicsx.tables import Value
+from brake_fenicsx.uncertainty.inputs import law_material, scaled_interfaces
+from brake_fenicsx.worst_family import Trial, Worst, worst_family
+
+# Values tried from the scene's one outward, and accuracy of the smallest change relative to the
+# whole range: on one prepared brake, and where each value needs a brake of its own.
+ONE_BRAKE, MANY_BRAKES = (8, 0.01), (3, 0.1)
+
+OUTCOMES = "outcomes.json"
+
+T = TypeVar("T")
+
+
+class Search:
+    """Countermeasures of a scene: its folder, runs and trials, and what is known so far.
+
+    Attributes:
+        scene: the scene.
+        comm: processes that share the work.
+        folder: the folder.
+        approach: rough approach whose samples are looked at.
+        found: first-order effect and smallest change of each countermeasure, by its key.
+    """
+
+    def __init__(
+        self,
+        scene: str | Path,
+        comm: MPI.Comm,
+        folder: Path,
+        overrides: Sequence[str],
+        cache: str | Path | None,
+    ):
+        """Read the scene and what an earlier call found; nothing is written.
+
+        Raises:
+            SceneError: the scene is wrong or names no countermeasures, or the folder holds others.
+        """
+        self.scene = read_scene(scene, overrides)
+        self._file, self.comm, self.folder = scene, comm, folder
+        self._plain = [*overrides, "countermeasures=[]"]
+        self._cache = folder / "cache" if cache is None else cache
+        self._one_brake: Model | None = None
+        named = self.scene.countermeasures
+        if not named:
+            raise SceneError(
+                f"{self.scene.file}: countermeasures: there are none; write [[countermeasures]]"
+                ' with key = "contact.NAME.friction" and to = 0.3, for example'
+            )
+        for c in named:
+            farthest = [*self._plain, c.override(self.scene, c.stop)]
+            try:
+                check_brake(read_scene(scene, farthest), comm)
+            except SceneError as error:
+                raise SceneError(f"{error} (countermeasures.key = {c.key!r}, to)") from None
+        self._own_brake = {c.key for c in named if self._needs_own_brake(c)}
+        samples, stability = self.scene.samples, self.scene.stability
+        self.approach = next(a for a in ROUGH if a in samples.approaches)
+        about = [
+            self.approach,
+            samples.plan(self.approach).n,
+            stability.threshold if stability else 0.0,
+        ]
+        ends = [[c.key, c.start, c.stop] for c in named]
+        self._mark = Scene.hash([result_digest(self.scene), *about, ends])
+        self.found: dict[str, dict[str, Any]] = on_first(self._stored, comm)
+
+    def _stored(self) -> dict[str, dict[str, Any]]:
+        path, remedy = self.folder / OUTCOMES, "choose another folder with -o"
+        if not path.is_file():
+            there = {p.name for p in self.folder.glob("[!.]*")}
+            if there and "before" not in there:
+                raise SceneError(
+                    f"-o {self.folder}: holds {min(there)!r} and no countermeasures; {remedy}"
+                )
+            return {}
+        try:
+            stored = json.loads(path.read_text(encoding="utf-8"))
+        except ValueError:
+            raise SceneError(f"{path}: damaged; remove it, and the search begins anew") from None
+        if stored["mark"] != self._mark:
+            raise SceneError(
+                f"-o {self.folder}: holds countermeasures of another scene or others of this one;"
+                f" {remedy}"
+            )
+        return dict(stored["found"])
+
+    def keep(self, c: Countermeasure, **found: Any) -> None:
+        """Store what is known of a countermeasure."""
+        self.found[c.key] = {**self.found.get(c.key, {}), **found}
+        if self.comm.rank == 0:
+            content = {"mark": self._mark, "found": self.found}
+            Store(self.folder).save_json(OUTCOMES, content)
+
+    def run(self, name: str, *changes: str) -> Path:
+        """A whole run of the scene, or what is left of it; collective."""
+        self._clean()
+        folder, overrides = self.folder / name, [*self._plain, *changes]
+        try:
+            pipeline.run(self._file, self.comm, folder, overrides, cache=self._cache)
+        finally:
+            # What follows is not of this run.
+            kept = self.comm.rank == 0 and self.folder.is_dir()
+            start_log(self.comm.rank, self.folder / "log.txt" if kept else None)
+        return folder
+
+    def _clean(self) -> None:
+        """Destroy what an earlier brake left, on all processes together as MPI asks for."""
+        gc.collect()
+        self.comm.Barrier()
+
+    def steps(self, c: Countermeasure) -> tuple[int, float]:
+        """Values that are tried, and accuracy of the smallest change relative to the range."""
+        return MANY_BRAKES if c.key in self._own_brake else ONE_BRAKE
+
+    def _needs_own_brake(self, c: Countermeasure) -> bool:
+        """Whether the samples of one brake cannot have several values of a number.
+
+        So it is with the mesh; and with constants of the material behind the laws, which scale the
+        laws in samples of one brake, and do not in the scene.
+        """
+        if not c.is_scalar or not is_constant(c.key):
+            return not c.is_scalar
+        names = scaled_interfaces(self.scene)
+        return split_key(c.key)[1] in {law_material(self.scene, name) for name in names}
+
+    def trial(self, c: Countermeasure, worst: Worst, x: float) -> Trial:
+        """Samples that have a value, of a brake of its own if it needs one; collective."""
+        if c.key in self._own_brake:
+            model = self._prepared([c.override(self.scene, x)], {})
+            return Trial(model.study, worst, self.comm)
+        if self._one_brake is None:
+            together = [q for q in self.scene.countermeasures if q.key not in self._own_brake]
+            changing = [q for q in together if changes_bodies(self.scene, q.key)]
+            self._one_brake = self._prepared([], {q.key: [q.start, q.stop] for q in changing})
+        return Trial(self._one_brake.study, worst, self.comm, c.key)
+
+    def _prepared(self, changes: list[str], ranges: dict[str, list[float]]) -> Model:
+        self._clean()
+        name = Scene.hash([changes, ranges])[:12]
+        folder, overrides = self.folder / "models" / name, [*self._plain, *changes]
+        return prepare(self._file, overrides, folder, self._cache, ranges, self.comm)
+
+    def first_order(self, c: Countermeasure, worst: Worst) -> float | None:
+        """Change of the damping of the worst family up to the farthest value; collective."""
+        trial = self.trial(c, worst, c.stop)
+        if c.key in self._own_brake:
+            return on_first(lambda: trial.secant(c.stop), self.comm)
+        return on_first(lambda: trial.slope(c.start, c.stop), self.comm)
+
+    def smallest_change(self, c: Countermeasure, worst: Worst) -> Change:
+        """The smallest change that is enough; collective."""
+        trials: dict[str, Trial] = {}
+
+        def outcomes(x: float) -> Iterable[bool]:
+            logger.info("%s = %s: samples ...", c.key, quantity_text(x, c.unit))
+            if c.key in self._own_brake or not trials:
+                # The brake before it leaves the memory first.
+                trials.clear()
+                trials[c.key] = self.trial(c, worst, x)
+            return trials[c.key].outcomes(x)
+
+        return smallest_change(outcomes, (c.start, c.stop), len(worst.samples), *self.steps(c))
+
+
+def find_countermeasures(
+    scene: str | Path,
+    comm: MPI.Comm,
+    directory: str | Path | None = None,
+    overrides: Sequence[str] = (),
+    cache: str | Path | None = None,
+) -> Path | None:
+    """Find the smallest change of each countermeasure of a scene, and verify it; collective.
+
+    What an earlier call in the folder finished is not done again.
+
+    Args:
+        scene: path of the scene.
+        comm: processes that share the work.
+        directory: folder of the results; SCENE-countermeasures in the working directory if not
+            given.
+        overrides: "key=value" replacements in the scene.
+        cache: folder of laws and reduced models that runs share; one in the folder if not given.
+
+    Returns:
+        The page; None where nothing is to be stopped.
+
+    Raises:
+        SceneError: the scene is wrong or names none, or the folder holds others.
+        BrakeError: the run of the scene as it is failed.
+    """
+    folder = Path(directory or f"{Path(scene).stem}-countermeasures")
+    search = Search(scene, comm, folder, overrides, cache)
+    before = search.run("before")
+    worst = on_first(lambda: worst_family(read_run(before), search.approach), comm)
+    if worst is None or enough(worst.count.share.hits, worst.count.share.n):
+        logger.info(
+            "%s: no family squeals in more than %.0f %% of the samples; there is nothing to stop",
+            search.approach, 100 * MOST,
+        )  # fmt: skip
+        return None
+    share = worst.count.share
+    logger.info(
+        "worst family: %.0f Hz, squeals in %d of %d samples", worst.count.frequency, share.hits,
+        share.n,
+    )  # fmt: skip
+    named = search.scene.countermeasures
+    for c in named:
+        if c.key not in search.found:
+            effect, _ = _or_note(partial(search.first_order, c, worst))
+            search.keep(c, first_order=effect)
+    known = {c.key: search.found[c.key]["first_order"] for c in named}
+    ranked = sorted(named, key=lambda c: np.inf if known[c.key] is None else -known[c.key])
+    rows = [[rank, *_row(search, c, worst, rank)] for rank, c in enumerate(ranked, 1)]
+    return on_first(lambda: write_countermeasures(folder, worst.count, rows), comm)
+
+
+def _or_note(work: Callable[[], T]) -> tuple[T | None, str]:
+    """What is found, or nothing and why."""
+    try:
+        return work(), ""
+    except StorageError:
+        raise
+    except BrakeError as error:
+        logger.warning("%s", error)
+        return None, str(error)
+
+
+def _row(search: Search, c: Countermeasure, worst: Worst, rank: int) -> list[Value]:
+    """One row of the table after its rank: the smallest change, and what a run with it says."""
+    if "note" not in search.found[c.key]:
+        change, note = _or_note(partial(search.smallest_change, c, worst))
+        share = None if change is None else [change.share.hits, change.share.n]
+        search.keep(c, value=change and change.value, share=share, note=note)
+    found = search.found[c.key]
+    value, notes = found["value"], [found["note"]] if found["note"] else []
+    after = wilson(*found["share"]) if found["share"] else None
+    loud, verified = None, False
+    if value is not None:
+        override = c.override(search.scene, value)
+        folder, note = _or_note(partial(search.run, f"after-{rank}", override))
+        if folder is None:
+            notes.append(f"the run failed: {note}")
+        else:
+            after, loud = on_first(lambda: _compared(search.folder, folder, worst), search.comm)
+            verified = enough(after.hits, after.n)
+            if not verified:
+                notes.append("the run does not confirm the search")
+            elif not enough(loud.hits, loud.n):
+                notes.append("other modes squeal")
+    elif after is not None:
+        notes.append("no value is enough; the share is that at the farthest one")
+    shares: list[Value] = [None] * 3 if after is None else [after.value, after.low, after.high]
+    return [
+        c.key, c.start, c.stop, c.unit, found["first_order"], value, worst.count.share.value,
+        *shares, worst.any.value, loud and loud.value, "yes" if verified else "no",
+        "; ".join(notes),
+    ]  # fmt: skip
+
+
+def _compared(folder: Path, after: Path, worst: Worst) -> tuple[Share, Share]:
+    """Shares of samples after a change in which the worst family and any family squeal."""
+    before = folder / "before"
+    write_comparison(before, after, after)
+    rows = [dict(zip(COMPARED, row, strict=True)) for row in compare_runs(before, after)]
+    mine = [row for row in rows if row["approach"] == worst.count.approach]
+    # The first row is that of all families together.
+    same = next(row for row in mine if row["family_a"] == worst.count.family)
+    n = int(mine[0]["samples_b"] or 0)
+    own, loud = (wilson(round(float(r["probability_b"] or 0) * n), n) for r in (same, mine[0]))
+    return own, loud

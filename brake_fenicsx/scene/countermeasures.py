@@ -1,0 +1,189 @@
+"""[[countermeasures]]: numbers of the scene that a user could change, and how far.
+
+Each is one number that the scene writes. The farthest value is read as the scene would read it in
+that number's place, so that units, signs and all rules are those of the scene.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from typing import TYPE_CHECKING, Any
+
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.scene.samples import is_constant, split_key, unit_of
+from brake_fenicsx.scene.scalars import check_scalar
+from brake_fenicsx.scene.sweep import ROUGH
+from brake_fenicsx.scene.tables import KeyMistake, dotted, key_parts
+from brake_fenicsx.scene.tables import key as scene_key
+
+if TYPE_CHECKING:
+    from brake_fenicsx.scene.sections import Scene
+
+RAYLEIGH = ["stability", "damping", "rayleigh"]
+
+
+@dataclass(frozen=True, slots=True)
+class Countermeasure:
+    """[[countermeasures]]: a number of the scene that may change to stop the squeal.
+
+    Attributes:
+        key: dotted key of a number that the scene writes
+            ([countermeasures.md](countermeasures.md)).
+        to: farthest acceptable value, with its unit; the scene's own value is the other end.
+        start: value in the scene, SI.
+        stop: farthest value, SI.
+        unit: SI unit of both.
+    """
+
+    key: str
+    to: float | str = scene_key(write="a number, or a quantity with its unit", sign="any")
+    start: float = scene_key(default=0.0, internal=True)
+    stop: float = scene_key(default=0.0, internal=True)
+    unit: str = scene_key(default="", internal=True)
+
+    @property
+    def is_scalar(self) -> bool:
+        """Whether samples take other values of it on one prepared brake."""
+        try:
+            unit_of(self.key)
+        except KeyMistake:
+            return False
+        return True
+
+    def override(self, scene: Scene, value: float | str) -> str:
+        """The replacement "key=value" that gives the scene another value.
+
+        Args:
+            scene: the scene.
+            value: SI, or as a scene writes it.
+        """
+        parts = key_parts(self.key)
+        written: Any = value
+        if isinstance(value, float) and self.unit:
+            written = f"{value!r} {self.unit}"
+        if parts[:-1] == RAYLEIGH:
+            both = list(scene.table["stability"]["damping"]["rayleigh"])
+            both[("alpha", "beta").index(parts.pop())] = written
+            written = both
+        return f"{dotted(*parts)}={json.dumps(written)}"
+
+
+def with_ends(scene: Scene, read: Callable[[str], Scene]) -> Scene:
+    """A scene whose countermeasures are checked and know both ends in SI units.
+
+    Args:
+        scene: the scene, checked but for its countermeasures.
+        read: gives the scene without countermeasures after a replacement "key=value".
+
+    Raises:
+        SceneError: the key, its value and the remedy.
+    """
+    if scene.countermeasures and not {"stability", "uncertainty"} <= {*scene.stages}:
+        raise SceneError(
+            "countermeasures: need modes of many samples; add stability and uncertainty to stages"
+        )
+    if scene.countermeasures and not {*ROUGH} & {*scene.samples.approaches}:
+        raise SceneError(
+            "countermeasures: there are no rough samples; name multi-scale or joint in"
+            " samples.approaches"
+        )
+    found: dict[str, Countermeasure] = {}
+    for c in scene.countermeasures:
+        try:
+            name = dotted(*key_parts(c.key))
+        except SceneError as error:
+            raise SceneError(f"countermeasures.key = {error}") from None
+        if name in found:
+            raise SceneError(f"countermeasures.key = {c.key!r}: named twice; leave one out")
+        found[name] = _with_ends(scene, c, read)
+    return replace(scene, countermeasures=tuple(found.values()))
+
+
+def _with_ends(scene: Scene, c: Countermeasure, read: Callable[[str], Scene]) -> Countermeasure:
+    where = f"countermeasures.key = {c.key!r}"
+    start, unit = _number(scene, c.key, where)
+    _check_not_random(scene, c.key, where)
+    if c.is_scalar:
+        check_scalar(scene, where, c.key)
+    try:
+        stop, _ = _number(read(c.override(scene, c.to)), c.key, where)
+    except SceneError as error:
+        raise SceneError(f"{where}, to = {c.to!r}: {error}") from None
+    if math.isclose(stop, start):
+        raise SceneError(f"{where}, to = {c.to!r}: is the scene's own value; write another one")
+    return replace(c, start=start, stop=stop, unit=unit)
+
+
+def _number(scene: Scene, name: str, where: str) -> tuple[float, str]:
+    """Value of a key in the scene, SI, and its unit.
+
+    Raises:
+        SceneError: no such key, not a number, or a number that is no property of the brake.
+    """
+    parts = key_parts(name)
+    holder: Any = None
+    match parts:
+        case ["parts", part, last] if part in scene.parts and not last.endswith("size"):
+            holder = scene.parts[part].parameters
+            if last == "axis":
+                holder = scene.parts[part]
+        case ["materials", material, last] if material in scene.materials:
+            holder = scene.materials[material]
+        case ["contact", interface, "friction", *_] if interface in scene.contact:
+            holder = scene.contact[interface]
+            if len(parts) == 4:
+                holder = holder.friction
+        case ["loads", face, "pressure"] if face in scene.loads:
+            holder = scene.loads[face]
+        case ["masses", face, "mass"] if face in scene.masses:
+            holder = scene.masses[face]
+        case ["motion", "speed"] if scene.motion is not None:
+            about = scene.motion.direction is None
+            return _written(scene, parts, where, scene.motion.rate), "rad/s" if about else "m/s"
+        case [*above, ("alpha" | "beta") as which] if above == RAYLEIGH:
+            damping = scene.stability.damping if scene.stability else None
+            i = ("alpha", "beta").index(which)
+            if damping is not None and damping.rayleigh is not None:
+                return damping.rayleigh[i], ("1/s", "s")[i]
+        case _:
+            raise SceneError(
+                f"{where}: cannot be a countermeasure, or is not there; name a length or an angle"
+                " of a part, a constant of a material, contact.NAME.friction,"
+                ' loads."PART.FACE".pressure, masses."PART.FACE".mass, motion.speed, or'
+                " stability.damping.rayleigh.alpha or .beta"
+            )
+    own = {f.name: f.metadata.get("unit", "") for f in fields(holder)} if holder else {}
+    value = getattr(holder, parts[-1]) if parts[-1] in own else None
+    unit = "rad" if parts[-1] == "axis" else own.get(parts[-1], "")
+    return _written(scene, parts, where, value), unit
+
+
+def _written(scene: Scene, parts: list[str], where: str, value: Any) -> float:
+    """A value that the scene itself writes as one number."""
+    table: Any = scene.table
+    for step in parts:
+        table = table.get(step) if isinstance(table, dict) else None
+    if table is None:
+        raise SceneError(f"{where}: the scene does not write it; write it with its present value")
+    if not isinstance(value, float):
+        raise SceneError(f"{where}: is not a number that can change by degrees; name one that is")
+    return value
+
+
+def _check_not_random(scene: Scene, name: str, where: str) -> None:
+    """What is random has no single value to start from."""
+    table = split_key(name)[1]
+    same = [
+        other
+        for other in scene.samples.random
+        if split_key(other) == split_key(name)
+        or (is_constant(name) and is_constant(other) and split_key(other)[1] == table)
+    ]
+    if same:
+        raise SceneError(
+            f'{where}: samples.random."{same[0]}" is random; write the change of its distribution'
+            " by hand, run both scenes and use brake-fenicsx compare"
+        )

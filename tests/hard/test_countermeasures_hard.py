@@ -1,0 +1,73 @@
+"""Countermeasures at the edge: squeal that comes back, values that make no brake."""
+
+from mpi4py import MPI
+
+import pytest
+
+from brake_fenicsx import countermeasures as module
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.sweeps.smallest_change import smallest_change
+from brake_fenicsx.tables import read_rows
+from coarse_block import BLOCK, FRICTION, HEIGHT, ROUGH, levers
+
+pytestmark = [pytest.mark.hard, pytest.mark.alone]
+
+COMM = MPI.COMM_SELF
+
+
+def test_squeal_that_comes_back_beyond_the_smallest_change():
+    """Stable between 0.3 and 0.5 of the range alone: the first border is found."""
+    found = smallest_change(
+        lambda x: iter([not 0.3 <= x <= 0.5] * 40), (0.0, 1.0), 40, 8, 0.01
+    )  # fmt: skip
+    assert 0.3 <= found.value <= 0.31
+
+
+def test_one_sample_must_be_stable_itself():
+    """Of fewer than twenty samples none may squeal."""
+    found = smallest_change(lambda x: iter([x < 0.4, False]), (0.0, 1.0), 2, 8, 0.01)
+    assert 0.4 <= found.value <= 0.41 and found.share.hits == 0
+
+
+def test_a_window_narrower_than_a_step_is_not_seen():
+    """Stable within 2 % of the range between two values: no value is enough, and that is said."""
+    found = smallest_change(
+        lambda x: iter([abs(x - 0.44) > 0.01] * 40), (0.0, 1.0), 40, 8, 0.01
+    )  # fmt: skip
+    assert found.value is None and found.share.value == 1.0
+
+
+def test_values_without_an_equilibrium_are_no_remedy(tmp_path):
+    """The block tips beyond a friction of about 0.9: samples that fail count as squeal."""
+    page = module.find_countermeasures(
+        BLOCK, COMM, tmp_path, [*ROUGH, "samples.n=2", levers((FRICTION, "2.5"))]
+    )
+    (row,) = read_rows(page.with_suffix(".csv"))
+    assert row["smallest_value"] is None and row["verified"] == "no"
+    assert row["share_after"] == 1.0 and "no value is enough" in row["note"]
+
+
+def test_a_length_that_makes_no_brake_is_named(tmp_path, monkeypatch):
+    """No mesh at some heights: the row says why, and the other countermeasure is found."""
+    whole = module.prepare
+
+    def meshed(scene, overrides, *rest):
+        if any(change.startswith("parts.block.height") for change in overrides):
+            raise SceneError("parts.block: no mesh")
+        return whole(scene, overrides, *rest)
+
+    monkeypatch.setattr(module, "prepare", meshed)
+    both = levers((HEIGHT, "'30 mm'"), (FRICTION, "0.05"))
+    page = module.find_countermeasures(BLOCK, COMM, tmp_path, [*ROUGH, both])
+    first, second = read_rows(page.with_suffix(".csv"))
+    assert first["key"] == FRICTION and first["smallest_value"] is not None
+    assert second["key"] == HEIGHT and second["note"] == "parts.block: no mesh"
+    assert second["first_order"] is second["smallest_value"] is second["share_after"] is None
+
+
+def test_a_single_sample_has_no_families(tmp_path):
+    """Its modes squeal and are no family: a named error, not "nothing squeals"."""
+    with pytest.raises(SceneError, match="raise samples"):
+        module.find_countermeasures(
+            BLOCK, COMM, tmp_path, [*ROUGH, "samples.n=1", levers((FRICTION, "0.1"))]
+        )  # fmt: skip
