@@ -13,7 +13,18 @@ from brake_fenicsx.squeal import squeals
 from brake_fenicsx.store import Store
 
 from .ensemble import Task, sample_file
-from .solve import relative_errors
+
+Array = NDArray[np.float64]
+
+# Modes below this share of the highest frequency are rigid: their errors are no relative ones.
+RIGID_BELOW = 1e-3
+
+
+def relative_errors(s: NDArray[np.complex128], error: Array) -> Array:
+    """Estimated errors of eigenvalues over |lambda|, rigid modes aside, shape (elastic modes,)."""
+    size = np.abs(s)
+    elastic = size > RIGID_BELOW * size.max(initial=0.0)
+    return np.asarray(error[elastic] / size[elastic])
 
 
 class Results:

@@ -19,12 +19,10 @@ from brake_fenicsx.stability.substructures import ContactLinearisation
 from brake_fenicsx.stability.terms import damping_of_sample, rates_of_sample
 
 from .models import Models
+from .results import relative_errors
 
 if TYPE_CHECKING:
     from .sampling import SampleInput
-
-# Modes below this share of the highest frequency are rigid: their errors are no relative ones.
-RIGID = 1e-3
 
 Array = NDArray[np.float64]
 Arrays = dict[str, Any]
@@ -185,13 +183,6 @@ def _record(modes: Modes, tolerance: float) -> Arrays:
         "damping": modes.damping, "expected": modes.count.expected, "counted": modes.count.how,
         "tolerance_missed": _missed(modes, tolerance), "stability_seconds": modes.seconds,
     }  # fmt: skip
-
-
-def relative_errors(s: NDArray[np.complex128], error: Array) -> Array:
-    """Estimated errors of eigenvalues over |lambda|, rigid modes aside, shape (elastic modes,)."""
-    size = np.abs(s)
-    elastic = size > RIGID * size.max(initial=0.0)
-    return np.asarray(error[elastic] / size[elastic])
 
 
 def _missed(modes: Modes, tolerance: float) -> int:
