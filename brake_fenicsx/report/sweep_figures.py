@@ -117,7 +117,7 @@ def _mark_mergings(axes: Any, run: RunData, approach: str, factor: float) -> Non
                 marker=marker, facecolor=colour, edgecolor=BLACK, lw=0.6, zorder=4, label=kind,
             )  # fmt: skip
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(loc="upper left", fontsize=7, frameon=True, framealpha=0.85)
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncol=3, fontsize=7)
 
 
 def draw_critical(run: RunData) -> Figure | None:
@@ -136,7 +136,12 @@ def draw_critical(run: RunData) -> Figure | None:
         text = "any family" if any_ else f"{families['frequency_hz'][i] / 1e3:.2f} kHz"
         axis.plot(x, curve["share"][own], color=colour, lw=2.0 if any_ else 1.3,
                   ls="--" if any_ else "-", label=f"{text} ({hits} of {n})")  # fmt: skip
-        axis.fill_between(x, curve["low"][own], curve["high"][own], color=colour, alpha=0.12, lw=0)
+        # Bands of families that all squeal, or none, would lie upon one another.
+        open_ = (curve["share"][own] > 0) & (curve["share"][own] < 1)
+        open_[:-1] |= open_[1:]
+        open_[1:] |= open_[:-1]
+        axis.fill_between(x, curve["low"][own], curve["high"][own], where=open_, color=colour,
+                          alpha=0.12, lw=0)  # fmt: skip
     axis.set_xlabel(name)
     axis.set_ylabel("share of samples that squeal by then [-]")
     axis.set_ylim(0, 1.02)
