@@ -194,8 +194,13 @@ def prepare(
         _check_key(parsed, key)
     # A scene with a sweep prepares what many values share.
     parsed = replace(parsed, sweep=Sweep(ranges))
-    folder = tempfile.TemporaryDirectory(prefix="brake_fenicsx-") if directory is None else None
-    store = Store(Path(folder.name if folder is not None else str(directory)))
+    folder = None
+    if directory is None:
+        # One folder of all processes; the first one removes it.
+        if comm.rank == 0:
+            folder = tempfile.TemporaryDirectory(prefix="brake_fenicsx-")
+        directory = comm.bcast(folder.name if folder is not None else None)
+    store = Store(Path(directory))
     store.check(parsed)
     stats = check(parsed, comm)
     this = Run(parsed, comm, store, SharedCache(store, None if cache is None else Path(cache)))
