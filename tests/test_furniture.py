@@ -1,4 +1,4 @@
-"""Version, changelog and citation agree."""
+"""Version, packages, changelog and citation agree."""
 
 import re
 import tomllib
@@ -18,6 +18,16 @@ def test_the_version_stands_in_one_place():
     )
     assert metadata("brake_fenicsx")["Version"] == __version__, "run scripts/setup"
     assert metadata("brake_fenicsx")["Author"] == "brake_fenicsx developers"
+
+
+def test_an_installed_copy_has_every_package():
+    """An editable install finds what is not listed, a wheel does not hold it."""
+    listed = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]
+    inside = {
+        ".".join(file.parent.relative_to(ROOT).parts)
+        for file in (ROOT / "brake_fenicsx").rglob("*.py")
+    }
+    assert set(listed) == inside | {"brake_fenicsx.geometry"}
 
 
 def test_the_changelog_begins_with_this_version():
