@@ -132,13 +132,16 @@ class ContactForces:
             Shape (count, rows, followed rows), one coefficient more where forces follow rates.
         """
         count, size, n = A.shape[0], A.shape[1], self.normal.size
-        out = np.zeros((count + bool(self.rates), size, n * (1 + len(self.rates))))
+        out = np.empty((count + bool(self.rates), size, n * (1 + len(self.rates))))
         np.multiply(A[:, :, :n], self.normal, out=out[:count, :, :n])
         if self.friction.any():
             out[:count, :, :n] += A[:, :, n : 2 * n] * self.friction
+        if self.rates:
+            out[count, :, :n] = 0.0
         for j, (place, rate) in enumerate(self.rates, 1):
             acting, followed = A[:, :, place * n : (place + 1) * n], slice(j * n, (j + 1) * n)
             out[:count, :, followed] = acting * (self.shift * rate)
+            out[count, :, followed] = 0.0
             out[1:, :, followed] += acting * rate
         return out
 

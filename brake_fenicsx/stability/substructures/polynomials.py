@@ -11,7 +11,7 @@ Review 43, 2001, doi:10.1137/S0036144500381988).
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -126,7 +126,7 @@ def _companion(T: Array, near: Callable[[Complex], Index]) -> Zeros:
     return Zeros(every, chosen, X / la.norm(X, axis=0), b / la.norm(b, axis=0))
 
 
-def applied(A: Array, z: Complex, X: Complex, transpose: bool = False) -> Complex:
+def applied(A: Sequence[Array], z: Complex, X: Complex, transpose: bool = False) -> Complex:
     """A(z_j) x_j of each column, or A(z_j)' x_j.
 
     Args:

@@ -44,9 +44,9 @@ LEAST, MOST, SETTLED = {False: 2, True: 4}, 16, 1e-3
 # Last known terms that tell what is truncated.
 TAIL = {False: 2, True: 4}
 
-# Steps of y <- y + E_0^-1 (source a - E y), and of the like for eta: the error of the quotient is
-# the product of theirs, and more steps change no digit that its truncation leaves.
-RIGHT_STEPS, LEFT_STEPS = 1, 1
+# Powers of z that the left motions eta take into account, beyond the constant one. The error of the
+# quotient is the product of those of y and eta: more change no digit that its truncation leaves.
+LEFT_POWERS = {False: 1, True: 4}
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +81,7 @@ class Quotient:
         step: correction of each zero.
         slope: b' T'(z) a.
         truncated: what the moments beyond the last add, over the slope: the last known terms, which
-            fall by |z| over the distance of the nearest pole.
+            fall by |z| over the distance of the nearest pole; and what the next step of eta would.
         right: [J y; a], the loads that act on what is left out.
         left: [eta; b], its motions that are seen.
     """
@@ -177,7 +177,7 @@ class Sample:
         any_coupled = any(b.component.coupled for b in self.bodies)
         count, extra = len(self.views[0].D), int(rows.followed != "N")
         size = self.bodies[-1].modes.stop
-        self.E = np.zeros((count + extra, f * c, f * c))
+        self.E = [np.zeros((f * c, f * c)) for _ in range(count + extra)]
         self.source = np.zeros((count if any_coupled else 1, f * c, size))
         self.forced = np.zeros(((count if any_coupled else 1) + extra, size, f * c))
         length = max(len(self.views[0].modal), count if any_coupled else 0)
@@ -203,12 +203,12 @@ class Sample:
             if at.here.size:
                 through = J.after(lead)
                 self.forced[: len(through), modes, place] += through
-                # Faster than picking by rows and columns.
-                flat = (own[:, None] * D.shape[2] + acting).ravel()
-                picked = np.take(D.reshape(count, -1), flat, axis=1)
+                # Faster than picking by rows and columns; one moment at a time stays in the cache.
+                flat = own[:, None] * D.shape[2] + acting
                 square = square_of(place)
-                for n, part in enumerate(J.after(picked.reshape(count, own.size, acting.size))):
-                    self.E[n][square] += part
+                for n in range(count):
+                    for i, part in enumerate(J.after(np.take(D[n], flat)[None])):
+                        self.E[n + i][square] += part
         self.E[0][np.diag_indices(f * c)] += 1.0
 
     def zeros(self, reach: float, near: Callable[[Complex], Index]) -> Zeros:
@@ -218,34 +218,34 @@ class Sample:
     def quotient(self, found: Zeros) -> Quotient:
         """One step of the two-sided quotient with all moments, for some zeros."""
         z, a, b = found.z, found.right, found.left
-        source, forced = applied(self.source, z, a), applied(self.forced, z, b, transpose=True)
         y = self.motions(z, a)
-        for _ in range(RIGHT_STEPS):
-            y = y + self.solve(source - applied(self.E, z, y))
-        eta = self.solve(forced, 1)
-        for _ in range(LEFT_STEPS):
-            eta = eta + self.solve(forced - applied(self.E, z, eta, transpose=True), 1)
-        damped, terms = self._rows.damped, len(self.E)
+        eta, change = self._left_motions(z, b)
+        damped, count = self._rows.damped, len(self.E)
+        terms = np.zeros((count, z.size), complex)
+        unsolved = np.zeros_like(y)
+        for sign, coefficients, x in ((-1.0, self.E, y), (1.0, self.source, a)):
+            for n, A in enumerate(coefficients):
+                product = sign * times(A, x)
+                terms[n] += _paired(eta, product)
+                unsolved += z**n * product
+        for coefficients, x in ((self.forced, y), (self.own, a)):
+            for n, A in enumerate(coefficients):
+                terms[n] += _paired(b, times(A, x))
+        powers = np.arange(count)[:, None]
+        value = np.sum(terms * z**powers, axis=0)
+        slope = np.sum((powers * terms)[1:] * z ** powers[:-1], axis=0)
+        slope = np.where(np.abs(slope) > 1e-300, slope, 1e-300)
         reach = min(body.component.reach for body in self.bodies)
         pole = np.hypot(reach, self._rows.shift) if damped else reach**2 + SIGMA
         fall = np.minimum(np.abs(z) / pole, 0.9)
-        value, slope, last = np.zeros_like(z), np.zeros_like(z), np.zeros(z.shape)
-        for n in range(terms):
-            term = -_paired(eta, times(self.E[n], y))
-            if n < len(self.source):
-                term += _paired(eta, times(self.source[n], a))
-            if n < len(self.forced):
-                term += _paired(b, times(self.forced[n], y))
-            if n < len(self.own):
-                term += _paired(b, times(self.own[n], a))
-            if n >= terms - TAIL[damped]:
-                # One term alone may be nought by chance.
-                last = np.maximum(last, np.abs(term * z**n) * fall ** (terms - 1 - n))
-            value += term * z**n
-            if n:
-                slope += n * term * z ** (n - 1)
-        slope = np.where(np.abs(slope) > 1e-300, slope, 1e-300)
-        truncated = last * fall / (1 - fall) / np.abs(slope)
+        # One term alone may be nought by chance.
+        tail = powers[-TAIL[damped] :]
+        last = np.max(np.abs(terms[tail[:, 0]] * z**tail) * fall ** (count - 1 - tail), axis=0)
+        truncated = last * fall / (1 - fall)
+        # What the left motions gained at last, and would gain in the next step at the same rate.
+        rate = np.minimum(la.norm(change, axis=0) / np.maximum(la.norm(eta, axis=0), 1e-300), 0.9)
+        truncated += np.abs(_paired(change, unsolved)) * rate / (1 - rate)
+        truncated /= np.abs(slope)
         right = np.vstack([self.forces(z, y), a])
         return Quotient(-value / slope, slope, truncated, right, np.vstack([eta, b]))
 
@@ -280,6 +280,14 @@ class Sample:
     def motions(self, z: Complex, a: Complex) -> Complex:
         """E^-1 source a as far as it is expanded, shape (followed rows, zeros)."""
         return applied(self._Y, z, a)
+
+    def _left_motions(self, z: Complex, b: Complex) -> tuple[Complex, Complex]:
+        """Solution of E(z)' eta = forced(z)' b to a few powers, and what they changed."""
+        forced = applied(self.forced, z, b, transpose=True)
+        powers = self.E[1 : 1 + LEFT_POWERS[self._rows.damped]]
+        first = self.solve(forced, 1)
+        change = -self.solve(z * applied(powers, z, first, transpose=True), 1)
+        return first + change, change
 
     def solve(self, x: Complex, trans: int = 0) -> Complex:
         """E_0^-1 x, or its transpose."""

@@ -9,7 +9,7 @@ of the left vector along the rows that forces act along are lead' b - D' eta, an
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -151,9 +151,9 @@ def _settled(y: Complex, step: Callable[[Complex], Complex]) -> Complex:
 def slopes(sample: Sample, z: Complex, v: Vectors) -> Complex:
     """Slope b' T'(z) a of each mode."""
 
-    def changed(A: NDArray, x: Complex) -> Complex:
+    def changed(A: Sequence[NDArray], x: Complex) -> Complex:
         terms = [n * z ** (n - 1) * times(B, x) for n, B in enumerate(A) if n]
-        return np.asarray(sum(terms, np.zeros((A.shape[1], z.size), complex)))
+        return np.asarray(sum(terms, np.zeros((len(A[0]), z.size), complex)))
 
     kept = changed(sample.own, v.a) + changed(sample.forced, v.y)
     seen = changed(sample.source, v.a) - changed(sample.E, v.y)
