@@ -23,7 +23,7 @@ import numpy as np
 
 from brake_fenicsx.errors import SceneError, StorageError
 from brake_fenicsx.lock import Lock
-from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene import Law, Scene
 from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.tables import FORMAT
 
@@ -211,6 +211,9 @@ def result_digest(scene: Scene) -> str:
         content["multi-scale"] = "roughness alone"
     if measured := {name: d.digest for name, d in s.random.items() if d.digest}:
         content["measured"] = measured
+    laws = {n: c.law.steps for n, c in scene.contact.items() if isinstance(c.law, Law)}
+    if laws := {n: steps for n, steps in laws.items() if steps}:
+        content["laws"] = laws
     return Scene.hash(content)
 
 

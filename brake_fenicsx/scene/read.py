@@ -11,6 +11,7 @@ from typing import Any
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.countermeasures import with_ends
+from brake_fenicsx.scene.law_table import with_table
 from brake_fenicsx.scene.rules import check_consistent
 from brake_fenicsx.scene.samples import complete
 from brake_fenicsx.scene.sections import STAGES, Scene
@@ -77,8 +78,10 @@ def _override(table: dict[str, Any], text: str) -> None:
 def _scene(path: Path, table: dict[str, Any]) -> Scene:
     scene: Scene = read_table(Scene, table)
     random = {n: complete(d, n, path.parent) for n, d in scene.samples.random.items()}
+    contact = {n: with_table(c, n, path.parent) for n, c in scene.contact.items()}
     scene = replace(
         scene,
+        contact=contact,
         file=path,
         table=table,
         stages=tuple(s for s in STAGES if s in scene.stages),

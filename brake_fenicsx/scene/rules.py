@@ -12,7 +12,7 @@ from brake_fenicsx.scene.mesh import MeshTable
 from brake_fenicsx.scene.parts import BUILDERS, part_lengths
 from brake_fenicsx.scene.samples import APPROACHES, split_key
 from brake_fenicsx.scene.scalars import check_scalar
-from brake_fenicsx.scene.sections import STAGES
+from brake_fenicsx.scene.sections import LAWS, STAGES
 from brake_fenicsx.scene.sweep import check_sweep
 
 if TYPE_CHECKING:
@@ -165,8 +165,10 @@ def _check_contact(s: Scene, where: str, contact: Contact) -> None:
     if isinstance(contact.law, str):
         if "micro" not in s.stages and {"multi-scale", "joint"} & {*s.samples.approaches}:
             raise SceneError(f'{where}.law = "library": needs the stages surface and micro')
-    elif contact.law.linear is None and (contact.law.p0 is None or contact.law.u0 is None):
-        raise SceneError(f"{where}.law: write {{ linear = .. }} or {{ p0 = .., u0 = .. }}")
+    elif contact.law.linear is None and not contact.law.steps and (
+        contact.law.p0 is None or contact.law.u0 is None
+    ):
+        raise SceneError(f"{where}.law: write {LAWS}")
     if contact.gap != "none" and "surface" not in s.stages:
         raise SceneError(f'{where}.gap = "{contact.gap}": needs the stage surface')
     if contact.gap == "waviness" and s.micro is None:

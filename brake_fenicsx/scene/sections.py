@@ -27,7 +27,7 @@ from brake_fenicsx.scene.units import to_si
 
 DIRECTIONS = ("x", "y", "z")
 STAGES = ("surface", "micro", "equilibrium", "stability", "uncertainty", "report")
-LAWS = '"library", { linear = "2e13 Pa/m" } or { p0 = .., u0 = .. }'
+LAWS = '"library", { linear = "2e13 Pa/m" }, { p0 = .., u0 = .. } or { table = .., units = .. }'
 
 # Bands of usual values: rubber to diamond [Pa]; friction.
 MODULI = (1e6, 2e12)
@@ -201,17 +201,23 @@ class MaterialTable:
 
 @dataclass(frozen=True, slots=True)
 class Law:
-    """[contact.NAME.law]: an analytic law in place of "library".
+    """[contact.NAME.law]: one law for all contact elements in place of "library".
 
     Attributes:
         linear: stiffness of a linear penalty, p = linear * penetration.
         p0: pressure at zero gap of an exponential law, p = p0 exp(-g / u0).
         u0: its decay length.
+        table: file of a measured law, in two columns: gap and pressure.
+        units: units of these columns.
+        steps: gaps, falling, and pressures of the table.
     """
 
     linear: float | None = key("Pa/m", default=None, band=(1e9, 1e17))
     p0: float | None = key("Pa", default=None)
     u0: float | None = key("m", default=None, band=(1e-9, 1e-3))
+    table: str | None = None
+    units: tuple[str, ...] = ()
+    steps: tuple[tuple[float, ...], ...] = key(default=(), internal=True)
 
 
 @dataclass(frozen=True, slots=True)

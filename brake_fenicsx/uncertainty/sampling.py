@@ -11,18 +11,20 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.contact import Contact
 from brake_fenicsx.macro.friction import velocity_friction
 from brake_fenicsx.macro.gap import EnrichedGap, draw_critical_gaps, draw_waviness
-from brake_fenicsx.micro import OneLaw, exponential_law, linear_law
+from brake_fenicsx.micro import OneLaw, exponential_law, linear_law, make_library
 from brake_fenicsx.micro.joined import join_laws
 from brake_fenicsx.micro.law import Laws
 from brake_fenicsx.micro.scaled import scaled_laws
 from brake_fenicsx.scene import Contact as ContactTable
 from brake_fenicsx.scene import Friction, Law, Scene
 from brake_fenicsx.scene.friction import friction_of
+from brake_fenicsx.scene.sections import LAWS
 from brake_fenicsx.surface.hdf import HeightDistribution
 from brake_fenicsx.surface.waviness import Waviness
 
@@ -197,7 +199,7 @@ def _laws(
 ) -> tuple[Laws, NDArray[np.intp]]:
     """Laws of one interface, and the number of each element's."""
     if isinstance(table.law, Law):
-        return analytic_law(table.law), np.zeros(elements, dtype=np.intp)
+        return one_law(table.law), np.zeros(elements, dtype=np.intp)
     if library is None:
         raise SceneError('contact.law = "library": there is no library; name the stage micro')
     return library, rng.integers(0, len(library), elements).astype(np.intp)
@@ -210,12 +212,17 @@ def coefficient(friction: float | Friction, speed: Array) -> tuple[Array, Array]
     return np.full(speed.shape, float(friction)), np.zeros(speed.shape)
 
 
-def analytic_law(law: Law) -> OneLaw:
-    """A scene's linear or exponential law for all elements."""
+def one_law(law: Law) -> OneLaw:
+    """A scene's linear, exponential or measured law for all elements."""
+    if law.steps:
+        d, p = np.array(law.steps)
+        # Slopes of ln p of the monotone cubic through the rows (Fritsch and Carlson).
+        k = -p[::-1] * PchipInterpolator(d[::-1], np.log(p[::-1])).derivative()(d[::-1])
+        return OneLaw(make_library([(d, p, k[::-1])])[0])
     if law.linear is not None:
         return OneLaw(linear_law(law.linear))
     if law.p0 is None or law.u0 is None:
-        raise SceneError("contact.law: write { linear = .. } or { p0 = .., u0 = .. }")
+        raise SceneError(f"contact.law: write {LAWS}")
     return OneLaw(exponential_law(law.p0, law.u0))
 
 

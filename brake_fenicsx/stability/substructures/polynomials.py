@@ -23,6 +23,7 @@ from ..modes import Complex
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+Coefficients = Array | Sequence[Array]
 
 # Steps of the division, and the relative change at which it stands still: the zeros of a truncated
 # series are corrected afterwards.
@@ -126,7 +127,7 @@ def _companion(T: Array, near: Callable[[Complex], Index]) -> Zeros:
     return Zeros(every, chosen, X / la.norm(X, axis=0), b / la.norm(b, axis=0))
 
 
-def applied(A: Sequence[Array], z: Complex, X: Complex, transpose: bool = False) -> Complex:
+def applied(A: Coefficients, z: Complex, X: Complex, transpose: bool = False) -> Complex:
     """A(z_j) x_j of each column, or A(z_j)' x_j.
 
     Args:

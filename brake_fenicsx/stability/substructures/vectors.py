@@ -9,7 +9,7 @@ of the left vector along the rows that forces act along are lead' b - D' eta, an
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,7 +21,7 @@ from brake_fenicsx.errors import NotConverged
 from ..eigensolvers.complex_columns import times
 from ..modes import Complex
 from .moments import Rows
-from .polynomials import applied
+from .polynomials import Coefficients, applied
 from .sample import Sample
 
 # Steps at most for motions and for vectors, and the relative change at which they end.
@@ -151,7 +151,7 @@ def _settled(y: Complex, step: Callable[[Complex], Complex]) -> Complex:
 def slopes(sample: Sample, z: Complex, v: Vectors) -> Complex:
     """Slope b' T'(z) a of each mode."""
 
-    def changed(A: Sequence[NDArray], x: Complex) -> Complex:
+    def changed(A: Coefficients, x: Complex) -> Complex:
         terms = [n * z ** (n - 1) * times(B, x) for n, B in enumerate(A) if n]
         return np.asarray(sum(terms, np.zeros((len(A[0]), z.size), complex)))
 

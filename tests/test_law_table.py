@@ -1,0 +1,90 @@
+"""A law of contact from a table of measured gaps and pressures."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from brake_fenicsx import prepare
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.scene import read_scene
+from brake_fenicsx.store import result_digest
+from brake_fenicsx.uncertainty.sampling import one_law
+
+BLOCK = Path(__file__).parents[1] / "scripts" / "scenes" / "block_on_plate.toml"
+P0, U0 = 10.0, 10.0  # MPa and um
+
+
+def written(folder, lines, units='["um", "MPa"]'):
+    """The block scene with a table as its law."""
+    (folder / "law.csv").write_text("\n".join(lines) + "\n")
+    scene = folder / "scene.toml"
+    table = f'law = {{ table = "law.csv", units = {units} }}'
+    text = BLOCK.read_text()
+    scene.write_text(text.replace('law = { p0 = "10 MPa", u0 = "10 um" }', table))
+    return scene
+
+
+def exponential(rows=80):
+    """Lines of p0 exp(-g / u0) from 0.01 to 20 MPa, widest gap last."""
+    g = np.linspace(-7.0, 70.0, rows)
+    return ["gap,pressure", *(f"{x:.9g},{P0 * np.exp(-x / U0):.12g}" for x in g)]
+
+
+def test_table_of_an_exponential_law(tmp_path):
+    """Pressure, stiffness and energy are those of the closed form, and belong together."""
+    law = one_law(read_scene(written(tmp_path, exponential())).contact["block_plate"].law).law
+    g = np.linspace(-6.5e-6, 60e-6, 333)
+    exact = 1e7 * np.exp(-g / 1e-5)
+    np.testing.assert_allclose(law.pressure(g), exact, rtol=1e-6)
+    np.testing.assert_allclose(law.stiffness(g), exact / 1e-5, rtol=1e-5)
+    np.testing.assert_allclose(law.vibration(g), law.stiffness(g))
+    # What lies beyond the widest gap is left out of the energy: 0.1 % of it at most here.
+    inner = g < 0
+    np.testing.assert_allclose(law.energy(g)[inner], exact[inner] * 1e-5, rtol=1e-3)
+    h = 1e-11
+    slope = (law.energy(g + h) - law.energy(g - h)) / (2 * h)
+    np.testing.assert_allclose(-slope, law.pressure(g), rtol=1e-5)
+
+
+def test_modes_under_a_table(tmp_path):
+    """Equilibrium and modes are those under the law itself; a changed table is another result."""
+    own = ['stages=["equilibrium","stability"]', "stability.band=['0 Hz','20 kHz']"]
+    scene = written(tmp_path, exponential())
+    found, wanted = (prepare(s, own).modes().s for s in (scene, BLOCK))
+    np.testing.assert_allclose(found, wanted, rtol=1e-5)
+    before = result_digest(read_scene(scene))
+    written(tmp_path, exponential(81))
+    assert result_digest(read_scene(scene)) != before
+
+
+@pytest.mark.parametrize(
+    ("lines", "units", "said"),
+    [
+        (["0,1", "1,0.5", "2,0.6", "3,0.1"], '["um", "MPa"]', "must rise as the gap falls"),
+        (["0,1", "1,0.5", "1,0.4", "3,0.1"], '["um", "MPa"]', "must rise as the gap falls"),
+        (["0,1", "1,0.5", "2,0.2", "3,0"], '["um", "MPa"]', "leave out rows without pressure"),
+        (["0,1", "1,0.5", "2,0.2"], '["um", "MPa"]', "3 rows; a law needs 4"),
+        (["0,1", "1,0.5", "a,b", "3,0"], '["um", "MPa"]', "line 3: 'a,b' holds no numbers"),
+        (["0,1,2", "1,0.5,2"], '["um", "MPa"]', "write a gap and a pressure"),
+        (["0,1", "1,nan"], '["um", "MPa"]', "write a gap and a pressure"),
+        (exponential(), '["um"]', "those of both columns"),
+        (exponential(), '["um", "mm"]', "law.units"),
+    ],
+)
+def test_wrong_tables(tmp_path, lines, units, said):
+    """One line names the table and what is wrong with it."""
+    with pytest.raises(SceneError, match=said) as error:
+        read_scene(written(tmp_path, lines, units))
+    assert "contact.block_plate.law" in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_missing_table_and_two_laws(tmp_path):
+    """A table that is not there, or beside another law, is refused."""
+    scene = written(tmp_path, exponential())
+    (tmp_path / "law.csv").unlink()
+    with pytest.raises(SceneError, match="no such file"):
+        read_scene(scene)
+    with pytest.raises(SceneError, match="stands alone"):
+        read_scene(scene, ['contact.block_plate.law.linear="1e13 Pa/m"'])
