@@ -108,6 +108,8 @@ def laws_key(scene: Scene) -> dict[str, Any]:
     surface = scene.table.get("surface") or {}
     out = {"surface": surface, "micro": scene.table.get("micro"), "versions": [__version__, FORMAT]}
     out["patch"] = scene.micro.patch if scene.micro else None  # that of the mesh as a length
+    if "noise" in surface:
+        out["seed"] = scene.samples.seed
     files = {name: surface[name] for name in ("scan", "form") if name in surface}
     return {**out, **{name: _content(scene.path(file)) for name, file in files.items()}}
 

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 PATCH_FACTOR = 2.0  # in area, between contact elements and the patches of their laws
 LONGEST_SCAN = 0.5  # m
 LEAST_PIXELS = 16  # along a side of a patch
+# Child of the scene's seed for the noise of the scan, beside those of the designs.
+NOISE_SEED = 2**32 - 4
 
 
 def check(scene: Scene, comm: MPI.Comm) -> SurfaceStatistics | None:
@@ -160,12 +162,17 @@ def _characterised(
 ) -> SurfaceStatistics:  # fmt: skip
     """Statistics of a scan file; ``table`` holds its size and units where the file has none."""
     from brake_fenicsx.surface import characterise, read_topography
+    from brake_fenicsx.surface.topography import measured_less
 
     size = None if table is None or table.size is None else (table.size[0], table.size[-1])
     unit, rows = (None, "x") if table is None else (table.height_unit, table.rows)
     try:
         scan = read_topography(scene.path(file), size, unit, rows=rows)
         _check_scan(scan)
+        if table is not None:
+            child = np.random.SeedSequence(scene.samples.seed, spawn_key=(NOISE_SEED,))
+            rng = np.random.default_rng(child)
+            scan = measured_less(scan, table.window, table.decimation, table.noise or 0.0, rng)
         return characterise(scan, level, cutoff=cutoff, distribution=distribution)
     except BrakeError as error:
         raise SceneError(f"{scene.file}: surface.{name} = {file!r}: {error}") from None

@@ -1,6 +1,7 @@
 """The cost model against the measured figures of docs/benchmarks.md; nothing is timed here."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 from mpi4py import MPI
@@ -72,6 +73,26 @@ def test_stages_that_are_not_named_cost_nothing():
     changes = ["stages=['surface','micro']", "micro.patch='2.825 mm'"]
     scene = read_scene(SCENES / "disc_brake_demo.toml", changes)
     assert [c.stage for c in estimate(scene, Counts())] == ["surface", "micro"]
+
+
+@pytest.mark.parametrize(
+    ("pixels", "boundary", "hard", "seconds"),
+    [
+        (128, "free", True, 0.22), (625, "free", True, 0.59),
+        (128, "periodic", True, 0.23), (256, "periodic", True, 0.60),
+        (625, "periodic", True, 5.0), (900, "periodic", True, 8.2),
+        (625, "periodic", False, 2.2), (900, "periodic", False, 4.0),
+    ],
+)  # fmt: skip
+def test_estimate_of_one_law(pixels, boundary, hard, seconds):
+    """The page's laws of the demo, which has a hardness."""
+    changes = ["stages=['surface','micro']", "micro.laws=1", "micro.patch='2.825 mm'"]
+    changes += [f"micro.pixels={pixels}", f"micro.boundary={boundary}"]
+    scene = read_scene(SCENES / "disc_brake_demo.toml", changes)
+    if not hard:
+        scene = replace(scene, micro=replace(scene.micro, hardness=None))
+    cost = {c.stage: c for c in estimate(scene, Counts())}["micro"]
+    assert seconds / FACTOR < cost.seconds < seconds * FACTOR
 
 
 def test_full_order_is_told_from_reduced():

@@ -288,11 +288,11 @@ def test_the_ramp_is_gone_through_where_the_full_load_does_not_converge(tmp_path
 
     solve, steps = equilibria.equilibrium, []
 
-    def sometimes(ops, laws, mu, n=1):
+    def sometimes(ops, laws, mu, n, tolerance):
         steps.append(n)
         if len(steps) == 2:
             raise NotConverged("made to fail")
-        return solve(ops, laws, mu, n)
+        return solve(ops, laws, mu, n, tolerance)
 
     monkeypatch.setattr(equilibria, "equilibrium", sometimes)
     run(BLOCK, MPI.COMM_SELF, tmp_path / "ramp", [*MANY, "samples.n=3"])

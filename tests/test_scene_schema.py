@@ -53,6 +53,8 @@ def test_there_are_scenes_in_both_places():
         "micro={ laws='many' }", "surface={ level='flat' }", "mesh.order=3",
         "materials.iron.rho=7200", "countermeasures=[{ key = 'motion.speed' }]",
         "countermeasures=[{ key = 'motion.speed', to = ['2 m/s'] }]",
+        "surface={ window = '1 mm' }", "surface={ decimation = 0 }", "surface={ noise = 1 }",
+        "equilibrium.tolerance='tight'",
     ],
 )  # fmt: skip
 def test_what_the_schema_refuses_the_reader_refuses(change, validator):
@@ -72,7 +74,8 @@ def test_command_prints_it_with_meanings_and_defaults(capsys):
     assert schema["$schema"].startswith("https://json-schema.org/")
     assert set(schema["properties"]) == {
         "stages", "surface", "micro", "mesh", "parts", "materials", "contact", "supports",
-        "springs", "masses", "loads", "motion", "stability", "samples", "sweep", "countermeasures",
+        "springs", "masses", "loads", "motion", "equilibrium", "stability", "samples", "sweep",
+        "countermeasures",
     }  # fmt: skip
     block = schema["$defs"]["Block"]["properties"]
     assert block["length"]["default"] == "40 mm"

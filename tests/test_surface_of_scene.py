@@ -8,13 +8,15 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
+from brake_fenicsx.cache import laws_key
 from brake_fenicsx.checks import check, read_surface, with_pixels
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.micro import load_laws, save_laws
 from brake_fenicsx.pipeline import law_recipe, run
 from brake_fenicsx.report.inputs import contact_maps
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.surface import given_statistics, synthesise
+from brake_fenicsx.store import result_digest
+from brake_fenicsx.surface import characterise, given_statistics, make_topography, synthesise
 from brake_fenicsx.surface.psd import wave_numbers
 
 SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
@@ -144,6 +146,11 @@ def test_elastic_laws_say_what_they_carry(scene, tmp_path, hardness):
         (['micro.hardness="1 MPa"', "micro.max_pressure=0.1"], "must lie below micro.hardness"),
         (["micro.pixels=5000"], "write 2 to 2048"),
         (['surface.S_q="scan"', 'surface.form="scan.npz"'], "leave one out"),
+        (["surface.window=['0 mm','1 mm']"], "surface.window = .* write .smallest x"),
+        (["surface.window=['1 mm','0 mm','1 mm','1 mm']"], "surface.window = .* write .smallest x"),
+        (["surface.window=[]"], "surface.window = .* write .smallest x"),
+        (["equilibrium.tolerance=1e-14"], "equilibrium.tolerance = 1e-14: must lie between 1e-13"),
+        (["equilibrium.tolerance=0.1"], "equilibrium.tolerance = 0.1: must lie between"),
     ],
 )
 def test_keys_that_contradict_each_other(scene, changes, named):
@@ -158,12 +165,54 @@ def test_waviness_needs_the_variance_of_the_spectrum():
         read_scene(brake, ['contact.pad_disc.gap="waviness"'])
 
 
-def test_scan_keys_beside_statistics_are_refused(tmp_path):
+@pytest.mark.parametrize(
+    "line",
+    ['cutoff = "20 um"', 'window = ["0 mm", "0 mm", "1 mm", "1 mm"]', "decimation = 2",
+     'noise = "1 um"'],
+)  # fmt: skip
+def test_scan_keys_beside_statistics_are_refused(tmp_path, line):
     file = tmp_path / "scene.toml"
-    text = TEXT.format(surface='cutoff = "20 um"', micro="")
+    text = TEXT.format(surface=line, micro="")
     file.write_text(text.replace('scan = "scan.npz"', 'statistics = { S_q = "33 um" }'))
-    with pytest.raises(SceneError, match=r"surface.cutoff: there is no scan"):
+    with pytest.raises(SceneError, match=rf"surface.{line.split()[0]}: there is no scan"):
         read_scene(file)
+
+
+def test_a_part_of_the_scan_is_characterised_as_a_scan_of_its_own(scene, tmp_path):
+    """Cut, thinned and made noisy before it is levelled."""
+    named = scene('window = ["0.2 mm", "0 mm", "1.2 mm", "1.28 mm"]\ndecimation = 2')
+    stats = read_surface(named)
+    with np.load(tmp_path / "scan.npz") as file:
+        part = make_topography(file["heights"][20:120:2, ::2], (1e-3, 1.28e-3))
+    own = characterise(part)
+    assert (stats.S_q, stats.bifractal.band) == (own.S_q, own.bifractal.band)
+    assert with_pixels(named, stats).micro.pixels == 50
+    plain = read_surface(scene()).topography
+    noisy = read_surface(scene('noise = "0.5 um"')).topography
+    added = noisy.heights - plain.heights
+    # The plane's three parameters take little of it.
+    assert added.std() == pytest.approx(0.5e-6, rel=4 / (2 * added.size) ** 0.5)
+    again, other = (
+        read_surface(read_scene(named.file, change)).topography
+        for change in ([], ["samples.seed=7"])
+    )
+    np.testing.assert_array_equal(again.heights, noisy.heights)
+    assert not np.allclose(other.heights, noisy.heights, atol=1e-7)
+    with pytest.raises(SceneError, match=r"surface.scan = 'scan.npz': surface.window ends at 2 x"):
+        read_surface(scene('window = ["0 mm", "0 mm", "2 mm", "1 mm"]'))
+
+
+def test_results_and_laws_depend_on_what_is_used_of_the_scan(scene):
+    file = scene().file
+    changes = ([], ["surface.window=['0 mm','0 mm','1 mm','1 mm']"], ["surface.decimation=2"],
+               ["surface.noise='1 um'"], ["equilibrium.tolerance=1e-9"])  # fmt: skip
+    read = [read_scene(file, change) for change in changes]
+    assert len({result_digest(s) for s in read}) == 5
+    laws = [laws_key(s) for s in read]
+    assert all(one != laws[0] for one in laws[1:4]) and laws[4] == laws[0]
+    # The seed of the samples draws the noise, and nothing else of the laws.
+    seeded = [laws_key(read_scene(file, [*c, "samples.seed=7"])) for c in changes]
+    assert [a == b for a, b in zip(laws, seeded, strict=True)] == [True, True, True, False, True]
 
 
 def test_laws_that_end_below_the_pressure_of_the_brake_are_named(scene, tmp_path):

@@ -149,7 +149,7 @@ def statistical(scene: RunData) -> list[Row]:
 
 
 def extrapolate(rows: list[Row], knob: str, ratio: float, scene: RunData) -> None:
-    """Fill in order, limit and index of the second refinement of a resolution, where it settles."""
+    """Fill in order, limit and index of the second variant of a resolution, where it settles."""
     for row in rows:
         if (row["knob"], row["variant"]) != (knob, f"{knob}-2") or row["family"] in (None, "any"):
             continue
@@ -167,7 +167,11 @@ def extrapolate(rows: list[Row], knob: str, ratio: float, scene: RunData) -> Non
                 continue
             start = float(np.median([v[i] for v in values.values()]))
             unit = "_hz" if i == 0 else ""
-            limit = richardson(start, start + float(first), start + float(second), ratio)
+            middle, last = start + float(first), start + float(second)
+            if ratio < 1.0:  # of coarser variants the scene is the finest
+                limit = richardson(last, middle, start, 1.0 / ratio)
+            else:
+                limit = richardson(start, middle, last, ratio)
             if limit is None:
                 said = f"{name} does not settle: no order"
                 row["reason"] = f"{row['reason']}; {said}" if row["reason"] else said

@@ -1,18 +1,26 @@
 """Knobs of a scene: settings of the computation that a user cannot measure, and their variants.
 
-A resolution has two refinements of one ratio, so that an order of convergence can be observed; a
-choice has other readings of the same physics. A knob that a scene does not use says why.
+A resolution has two refinements of one ratio, so that an order of convergence can be observed, or
+two coarser variants where nothing finer was measured; a choice has other readings of the same
+physics. A knob that a scene does not use says why.
 """
 
 from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from brake_fenicsx.checks import LEAST_PIXELS
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.rules import MOST_PIXELS
+from brake_fenicsx.scene.rules import MOST_PIXELS, NEWTON
 from brake_fenicsx.scene.tables import dotted
+from brake_fenicsx.surface.psd import noise_bound
+from brake_fenicsx.surface.topography import LEAST
+
+if TYPE_CHECKING:
+    from brake_fenicsx.scene.sections import Surface
+    from brake_fenicsx.surface import Topography
 
 RESOLUTION, CHOICE = "resolution", "choice"
 MESH, FINER = 1.25, 2.0
@@ -44,9 +52,10 @@ class Knob:
         name: short name, as in names of folders.
         says: what it is, in plain words.
         kind: RESOLUTION or CHOICE.
-        paired: whether the samples of its variants are the scene's own, number by number.
-        variants: the runs; the n-th refinement of a resolution is ``ratio**n`` times finer.
-        ratio: of two refinements [-]; 1 for a choice.
+        paired: whether the samples of its variants are the scene's own, number by number, where
+            the laws keep their number of points.
+        variants: the runs; the n-th one of a resolution is ``ratio**n`` times finer.
+        ratio: of two refinements [-]; less than 1 where they are coarser; 1 for a choice.
         reason: why there are no variants.
         perfect: whether it concerns the classical approach alone.
     """
@@ -61,14 +70,16 @@ class Knob:
     perfect: bool = False
 
 
-def knobs(scene: Scene, pixels: int | None) -> list[Knob]:
+def knobs(scene: Scene, pixels: int | None, scan: Topography | None) -> list[Knob]:
     """All knobs, those that the scene does not use too.
 
     Args:
         scene: the scene.
         pixels: points along a side of its laws' patches; None where it has no laws.
+        scan: the part of the scan that it uses, levelled; None where it has none.
     """
-    return [*_laws(scene, pixels), *_surface(scene), *_meshes(scene), *_solution(scene)]
+    surface = _surface(scene, scan)
+    return [*_laws(scene, pixels), *surface, *_meshes(scene), *_solution(scene)]
 
 
 def _laws(scene: Scene, pixels: int | None) -> list[Knob]:
@@ -119,8 +130,8 @@ def _laws(scene: Scene, pixels: int | None) -> list[Knob]:
     ]
 
 
-def _surface(scene: Scene) -> list[Knob]:
-    """Readings of the scan."""
+def _surface(scene: Scene, scan: Topography | None) -> list[Knob]:
+    """Readings of the surface, and of the scan."""
     surface = scene.surface if "surface" in scene.stages else None
     gaps = {name: c.gap for name, c in scene.contact.items()}
     keys = {
@@ -157,10 +168,47 @@ def _surface(scene: Scene) -> list[Knob]:
     found += [
         Knob("gap", "the critical gaps", CHOICE, True, (off,) if wavy else (),
              reason="" if wavy else "no interface has critical gaps"),
-        Knob("scan", "the scan: sub-window, decimation, noise", CHOICE, False,
-             reason="a scene has no key for it"),
     ]  # fmt: skip
-    return found
+    if surface is None or not rough:
+        return [*found, *_scan(None, None, none)]
+    return [*found, *_scan(surface, scan, "" if scan is not None else "the scene has no scan")]
+
+
+def _scan(surface: Surface | None, scan: Topography | None, reason: str) -> list[Knob]:
+    """What a smaller, coarser or noisier scan would say."""
+    quarters: tuple[Variant, ...] = ()
+    sparse: tuple[Variant, ...] = ()
+    noisy: tuple[Variant, ...] = ()
+    small = reason
+    if surface is not None and scan is not None:
+        small = f"fewer than {LEAST} pixels of the scan would be left along a side"
+        x, y = surface.window[:2] if surface.window else (0.0, 0.0)
+        a, b = (0.5 * float(v) for v in scan.size)
+        if min(scan.shape) >= 2 * LEAST:
+            quarters = tuple(
+                _one("surface.window", json.dumps([f"{1e3 * v:.12g} mm" for v in corners]), says)
+                for corners, says in (
+                    ((x, y, x + a, y + b), "a quarter"),
+                    ((x + a, y + b, x + 2 * a, y + 2 * b), "the opposite quarter"),
+                )
+            )
+        sparse = tuple(
+            _one("surface.decimation", str(n * surface.decimation), f"every {nth} pixel")
+            for n, nth in ((2, "second"), (4, "fourth"))
+            if min(scan.shape) >= n * LEAST
+        )
+        most = noise_bound(scan)
+        total = (most**2 + (surface.noise or 0.0) ** 2) ** 0.5
+        noisy = (_one("surface.noise", f'"{1e6 * total:.4g} um"', f"{1e6 * most:.2g} um more"),)
+    rows = (
+        ("scan-window", "the part of the scan", CHOICE, quarters, 1.0),
+        ("scan-decimation", "the pixels of the scan", RESOLUTION, sparse, 0.5),
+        ("scan-noise", "the noise of the scan", CHOICE, noisy, 1.0),
+    )
+    return [
+        Knob(name, says, kind, True, variants, ratio, "" if variants else small)
+        for name, says, kind, variants, ratio in rows
+    ]
 
 
 def _meshes(scene: Scene) -> list[Knob]:
@@ -211,12 +259,15 @@ def _solution(scene: Scene) -> list[Knob]:
         for factor, text in ((10.0, "ten times as stiff"), (0.1, "a tenth as stiff"))
     ) if classical else ()  # fmt: skip
     why = "" if classical else "the scene has no approach 'classical'"
+    strict = scene.equilibrium.tolerance / 100
+    least = strict >= NEWTON[0]
+    newton = (_one("equilibrium.tolerance", repr(strict), "a hundredth"),) if least else ()
     return [
         Knob("reduction", "the tolerance of the reduced model", CHOICE, True, fine, reason=full),
         Knob("cutoff", "the real modes kept of the bodies", CHOICE, True, wide, reason=full),
         Knob("penalty", "the penalty of perfect contact", CHOICE, True, penalty, 1.0, why, True),
-        Knob("newton", "the tolerance of Newton's iterations", CHOICE, True,
-             reason="a scene has no key for it"),
+        Knob("newton", "the tolerance of Newton's iterations", CHOICE, True, newton,
+             reason="" if least else "a hundredth is less than round-off"),
     ]  # fmt: skip
 
 

@@ -20,7 +20,7 @@ from mpi4py import MPI
 
 from brake_fenicsx import pipeline
 from brake_fenicsx.cache import laws_key
-from brake_fenicsx.checks import check, with_patch, with_pixels
+from brake_fenicsx.checks import check, read_surface, with_patch, with_pixels
 from brake_fenicsx.costs import count_solves, estimate
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
 from brake_fenicsx.log import logger
@@ -40,13 +40,17 @@ REFERENCE, RECORD = "reference", "runs.json"
 
 @dataclass(frozen=True, slots=True)
 class Planned:
-    """A variant: its folder's name, the knob, its estimated cost [s], and why it is refused."""
+    """A variant: its folder's name, the knob, its estimated cost [s], and why it is refused.
+
+    Its samples are ``paired`` with the scene's, number by number.
+    """
 
     name: str
     knob: Knob
     variant: Variant
     seconds: float
     refused: str = ""
+    paired: bool = False
 
 
 class Budget:
@@ -188,7 +192,7 @@ def plan(budget: Budget) -> tuple[list[Knob], list[Planned]]:
     patch = 1e-3 * float(sizes["mean_patch_mm"])
     own = with_pixels(with_patch(scene, patch), stats)
     pixels = int(own.micro.pixels) if own.micro and stats and "micro" in own.stages else None
-    found = knobs(scene, pixels)
+    found = knobs(scene, pixels, None if stats is None else stats.topography)
     total = sum(_seconds(own, sizes, Variant((), "")).values())
     scale = budget.record[REFERENCE]["seconds"] / max(total, 1.0)
     planned = []
@@ -197,17 +201,23 @@ def plan(budget: Budget) -> tuple[list[Knob], list[Planned]]:
             name = f"{knob.name}-{n}"
             try:
                 other = read_scene(budget.file, [*budget.overrides, *variant.overrides])
+                read = stats if other.surface == scene.surface else read_surface(other)
+                other = with_pixels(with_patch(other, patch / variant.elements**0.5), read)
             except SceneError as error:
                 planned.append((n, Planned(name, knob, variant, 0.0, str(error))))
                 continue
             if not knob.perfect and _most(other) < _most(scene):
                 found[i] = replace(knob, variants=(), reason="nothing is random without it")
                 break
-            other = with_pixels(with_patch(other, patch / variant.elements**0.5), stats)
             stages = _seconds(other, sizes, variant)
             if laws_key(other) == laws_key(own):
                 stages.pop("micro", None)
-            planned.append((n, Planned(name, knob, variant, scale * sum(stages.values()))))
+            # Random heights are drawn for each point of a law.
+            paired = knob.paired and (
+                own.micro is None or other.micro is None or other.micro.pixels == own.micro.pixels
+            )
+            cost = scale * sum(stages.values())
+            planned.append((n, Planned(name, knob, variant, cost, paired=paired)))
     return found, [p for _, p in sorted(planned, key=lambda item: (item[0], item[1].seconds))]
 
 
@@ -242,7 +252,7 @@ def _write(
             continue
         took = budget.record[p.name]
         about |= {"seconds": round(took["seconds"], 1), "memory_mb": took["memory_mb"]}
-        changed = entries(scene, read_run(budget.directory / p.name), p.knob.paired)
+        changed = entries(scene, read_run(budget.directory / p.name), p.paired)
         own = [r for r in changed if not p.knob.perfect or r["approach"] == "classical"]
         rows += [r | about for r in own]
     for knob in found:

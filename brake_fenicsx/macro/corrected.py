@@ -63,7 +63,8 @@ def corrected_equilibrium(
         laws: law and critical gap of every element.
         mu: friction coefficient, one or one per element.
         steps: equal load steps of each condensed equilibrium.
-        tolerance: residual of the changed bodies, relative to the contact forces.
+        tolerance: residual of each condensed equilibrium and of the changed bodies, relative to
+            the contact forces.
         most: corrections allowed.
 
     Returns:
@@ -76,7 +77,7 @@ def corrected_equilibrium(
     f, last, counts = bodies.f, np.inf, []
     for _ in range(most):
         seen = replace(bodies.compliance, Nf=bodies.N @ bodies.compliance.solve(f))
-        eq = equilibrium(replace(bodies, compliance=seen), laws, mu, steps)
+        eq = equilibrium(replace(bodies, compliance=seen), laws, mu, steps, tolerance)
         counts.append(sum(eq.iterations))
         u = displacement(bodies, eq, f)
         # What the changed bodies still lack: dK (u - u_before).

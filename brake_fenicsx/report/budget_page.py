@@ -93,6 +93,12 @@ def sentence(rows: Sequence[Row]) -> str:
     """The budget in plain words."""
     key = worst_family(rows)
     if key is None:
+        squeals = any(r["knob"] == "samples" and _number(r["probability"]) > 0.0 for r in rows)
+        if squeals:
+            return (
+                "Modes squeal, but a single sample has no families to compare; give the scene"
+                " random inputs or rough contact."
+            )
         return "No mode squeals in any sample of the scene."
     own = _own(rows, key)
     p = _number(own["probability"])
@@ -119,8 +125,19 @@ def sentence(rows: Sequence[Row]) -> str:
         )
         if _number(largest["change_low"]) <= 0.0 <= _number(largest["change_high"]):
             said += ", which these samples cannot tell from zero"
+    said += "."
+    arisen = max(
+        (r for r in _changes(rows, (key[0], None)) if _number(r["change_low"]) > 0.0),
+        key=lambda r: _number(r["change"]), default=None,
+    )  # fmt: skip
+    if arisen is not None:
+        said += (
+            f" A family at {_number(arisen['frequency_hz']) / 1e3:.2f} kHz squeals in no sample of"
+            f" the scene and in a share of {_number(arisen['probability_variant']):.2f} after a"
+            f" change of {arisen['says']} ({arisen['change_made']})."
+        )
     left = len({r["knob"] for r in rows if r["status"] == "not run"})
-    return said + (f". {left} knobs have variants that were not run." if left else ".")
+    return said + (f" {left} knobs have variants that were not run." if left else "")
 
 
 def _own(rows: Sequence[Row], key: tuple[Value, Value]) -> Row:

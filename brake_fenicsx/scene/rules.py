@@ -31,6 +31,9 @@ MANY = ("n", "random", "design", "curves", "fast", "joint", "limit")
 # Beyond 1/sqrt(2) the squares of damped frequencies are no longer positive.
 ZETA_LIMIT = 0.7
 
+# Least and largest tolerance of Newton's iterations [-].
+NEWTON = (1e-13, 1e-3)
+
 MOST_PIXELS = 2048  # along a side of a patch
 
 
@@ -108,9 +111,23 @@ def _check_stages(s: Scene) -> None:
                 ' surface.S_q = "spectrum", or gap = "hdf"'
             )
     if s.surface and s.surface.statistics:
-        for name in ("cutoff", "size", "height_unit"):
-            if getattr(s.surface, name) is not None:
+        for name in ("cutoff", "size", "height_unit", "window", "noise", "decimation"):
+            if getattr(s.surface, name) not in (None, 1):
                 raise SceneError(f"surface.{name}: there is no scan, but statistics; leave it out")
+    window = s.surface.window if s.surface else None
+    if window is not None and not (
+        len(window) == 4 and window[0] < window[2] and window[1] < window[3]
+    ):
+        raise SceneError(
+            f"surface.window = {list(window)!r} m: write [smallest x, smallest y, largest x,"
+            ' largest y], such as ["0 mm", "0 mm", "1 mm", "1 mm"]'
+        )
+    low, high = NEWTON
+    if not low <= s.equilibrium.tolerance <= high:
+        raise SceneError(
+            f"equilibrium.tolerance = {s.equilibrium.tolerance:g}: must lie between {low:g}, where"
+            f" round-off begins, and {high:g}"
+        )
     if s.stability and (len(s.stability.band) != 2 or s.stability.band[0] >= s.stability.band[1]):
         raise SceneError(f"stability.band = {list(s.stability.band)!r} Hz: write [lowest, highest]")
     if s.stability and not s.stability.zeta_max < ZETA_LIMIT:

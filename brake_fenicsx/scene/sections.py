@@ -69,6 +69,11 @@ class Surface:
         form: file of a longer, coarser scan of the face, for the waves longer than ``scan``; it
             must hold its size and units (npz, or an instrument's).
         cutoff: shortest wavelength the instrument resolves; two pixels if not given.
+        window: the part of ``scan`` that is used, [smallest x, smallest y, largest x, largest y];
+            all of it if not given.
+        decimation: every how many-th point of ``scan`` is used, along x and along y.
+        noise: standard deviation of white noise that is added to every height of ``scan``, drawn
+            from ``samples.seed``.
         low: the spectrum below the scan's lowest wave number: held flat, or extended.
         S_q: variance of the artificial surfaces: that of the scan's spectrum on a patch, or that of
             the scan itself, to which the spectrum is then scaled (the paper's reading).
@@ -88,6 +93,9 @@ class Surface:
     rows: str = key(default="x", choices=("x", "y"))
     form: str | None = key(default=None)
     cutoff: float | None = key("m", default=None)
+    window: tuple[float, ...] | None = key("m", default=None, sign="zero")
+    decimation: int = key(default=1)
+    noise: float | None = key("m", default=None, band=(1e-10, 1e-4))
     low: str = key(default="flat", choices=("flat", "extend"))
     S_q: str = key(default="spectrum", choices=("spectrum", "scan"))
     distribution: str | None = key(default=None, choices=("measured", "johnson", "normal"))
@@ -321,6 +329,18 @@ class Motion:
 
 
 @dataclass(frozen=True, slots=True)
+class EquilibriumTable:
+    """[equilibrium]: solution of the braking equilibrium.
+
+    Attributes:
+        tolerance: residual of Newton's iterations relative to the contact forces, from 1e-13 to
+            1e-3.
+    """
+
+    tolerance: float = key(default=1e-10)
+
+
+@dataclass(frozen=True, slots=True)
 class Stability:
     """[stability]: band and method of the eigenvalue analysis.
 
@@ -377,6 +397,7 @@ class Scene:
     masses: dict[str, AddedMass] = field(default_factory=dict)
     loads: dict[str, Load] = field(default_factory=dict)
     motion: Motion | None = None
+    equilibrium: EquilibriumTable = field(default_factory=EquilibriumTable)
     stability: Stability | None = None
     samples: Samples = field(default_factory=Samples)
     sweep: Sweep | None = None

@@ -174,6 +174,22 @@ def radial_psd(
     return RadialPsd(mean_q, mean_C, scatter, (lo, hi), label)
 
 
+def noise_bound(topo: Topography) -> float:
+    """Standard deviation of the white noise that the spectrum of a scan allows at most [m].
+
+    It alone would be the density in the corners of the wave-vector square, beyond 1.2 of the
+    Nyquist wave number: the instrument's noise where the surface no longer rules there, else more.
+
+    Args:
+        topo: levelled scan.
+    """
+    q = wave_numbers(topo.shape, topo.size)
+    corners = q > 1.2 * np.pi / topo.pixel.max()
+    weights = np.broadcast_to(half_plane_weights(topo.shape), q.shape)[corners]
+    density = float(np.average(psd_2d(topo)[corners], weights=weights))
+    return float(np.sqrt(density * 4.0 * np.pi**2 / np.prod(topo.pixel)))
+
+
 def _noise(C: Array, q: Array, weights: Array, nyquist: float) -> float:
     """Density of the instrument's white noise [m^4]; zero where the surface still rules.
 

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+LEAST = 16  # pixels along a side of what is left of a scan
 LEVELS = ("none", "mean", "plane", "second-order")
 
 
@@ -91,6 +92,50 @@ def make_topography(
     if np.isnan(h).all():
         raise SurfaceError(f"{source}: no valid point in the scan; measure again or mask less")
     return Topography(h, lengths, periodic, source, warnings)
+
+
+def measured_less(
+    topo: Topography,
+    window: tuple[float, ...] | None = None,
+    every: int = 1,
+    noise: float = 0.0,
+    rng: np.random.Generator | None = None,
+) -> Topography:
+    """A scan as a smaller, coarser or noisier measurement of the same surface would be.
+
+    Args:
+        topo: the scan.
+        window: smallest x and y, largest x and y of the part that is kept [m], to whole pixels.
+        every: every how many-th pixel of that part is kept, along x and along y.
+        noise: standard deviation of white noise [m]; a pixel's does not depend on the window.
+        rng: source of the noise.
+
+    Raises:
+        SurfaceError: the window ends outside the scan, or too few pixels are left.
+    """
+    heights, pixel = topo.heights, topo.pixel
+    if noise and rng is not None:
+        heights = heights + noise * rng.standard_normal(topo.shape)
+    if window is not None:
+        corners = np.reshape(window, (2, 2))
+        if np.any(corners[1] > topo.size * (1 + 1e-9)):
+            x, y, sx, sy = (1e3 * v for v in (*corners[1], *topo.size))
+            raise SurfaceError(
+                f"surface.window ends at {x:.4g} x {y:.4g} mm, the scan at {sx:.4g} x {sy:.4g} mm;"
+                " choose a window inside it"
+            )
+        (i, j), (k, n) = np.round(corners / pixel).astype(int)
+        heights = heights[i:k, j:n]
+    if window is not None or every > 1:
+        nx, ny = (n - n % every for n in heights.shape)
+        heights, pixel = heights[:nx:every, :ny:every], every * pixel
+        if min(heights.shape) < LEAST:
+            raise SurfaceError(
+                f"surface.window and surface.decimation leave {heights.shape[0]} x"
+                f" {heights.shape[1]} pixels; leave {LEAST} or more along each side"
+            )
+    size = pixel * np.array(heights.shape)
+    return make_topography(heights, size, topo.periodic, topo.source, topo.warnings)
 
 
 def form(topo: Topography, level: str) -> Array:

@@ -38,10 +38,12 @@ class Equilibria:
     Attributes:
         models: the brake as its samples see it.
         steps: load steps, taken only if the full load at once does not converge.
+        tolerance: of Newton's iterations, see ``equilibrium``.
     """
 
     models: Models
     steps: int
+    tolerance: float
 
     def of(
         self,
@@ -67,16 +69,16 @@ class Equilibria:
             if bodies.compliance.factor is not None:
                 try:
                     change = materials.change(sample.materials)
-                    return corrected_equilibrium(bodies, change, laws, mu)
+                    return corrected_equilibrium(bodies, change, laws, mu, tolerance=self.tolerance)
                 except NotConverged:
                     logger.info("the materials of a sample are far from the scene's: factored anew")
         bodies = self.bodies(approach, sample, reduced)
         if start is not None:
             with suppress(NotConverged):
-                return equilibrium(bodies, laws, mu, start=start)
+                return equilibrium(bodies, laws, mu, tolerance=self.tolerance, start=start)
         for steps in sorted({1, self.steps}):
             try:
-                return equilibrium(bodies, laws, mu, steps)
+                return equilibrium(bodies, laws, mu, steps, self.tolerance)
             except NotConverged as error:
                 failed = error
         raise limit_of_friction(bodies, laws, mu, self.steps, failed)

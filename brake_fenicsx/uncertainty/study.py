@@ -108,7 +108,7 @@ class Study:
         models.prepare(np.full(len(brake.w), k0))
         self.facts |= {"reference_stiffness_Pa_per_m": k0, **models.facts}
         steps = max((load.steps for load in self.scene.loads.values()), default=1)
-        self.equilibria = Equilibria(models, steps)
+        self.equilibria = Equilibria(models, steps, self.scene.equilibrium.tolerance)
         if models.stability is not None and models.stability.drivers:
             from .drivers import Drivers
 

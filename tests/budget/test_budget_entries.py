@@ -119,20 +119,24 @@ def test_values_that_do_not_settle_have_no_order(values):
     assert richardson(*map(float, values), 2.0) is None
 
 
-def test_two_refinements_give_the_limit_of_the_table(tmp_path):
+@pytest.mark.parametrize("ratio", [2.0, 0.5])
+def test_two_refinements_give_the_limit_of_the_table(tmp_path, ratio):
+    """Two finer variants, or two coarser ones: then the index is that of the scene itself."""
     rng = np.random.default_rng(5)
     f, d = draw(rng, 30)
     scene = synthetic(tmp_path / "a", f, d)
     rows = []
     for n in (1, 2):
-        fine = f + 12.0 * (2.0 ** (-2 * n) - 1.0)
+        fine = f + 12.0 * (ratio ** (-2 * n) - 1.0)
         about = {"knob": "mesh", "variant": f"mesh-{n}", "says": "the mesh"}
         wavy = d + (1e-3 if n == 1 else -1e-3)
         rows += [r | about for r in entries(scene, synthetic(tmp_path / "b", fine, wavy), True)]
-    extrapolate(rows, "mesh", 2.0, scene)
+    extrapolate(rows, "mesh", ratio, scene)
     row = [r for r in rows if r["family"] == 3][1]
     assert row["frequency_order"] == pytest.approx(2.0, rel=1e-6)
     assert row["frequency_limit_hz"] == pytest.approx(np.median(f[:, 0]) - 12.0)
+    finest = 12.0 / 16.0 if ratio > 1.0 else 12.0
+    assert row["frequency_gci_hz"] == pytest.approx(1.25 * finest)
     assert row["damping_order"] is None and "damping does not settle" in row["reason"]
 
 
@@ -181,6 +185,22 @@ def test_family_that_a_variant_silences_changes_by_its_whole_probability(tmp_pat
 
 
 @pytest.mark.hard
+def test_family_that_only_a_variant_has_is_named(tmp_path):
+    """It has no place in the picture, which is of a family of the scene: the sentence says it."""
+    f, d = draw(np.random.default_rng(9), 30)
+    quiet = np.column_stack([d[:, 0], np.full(30, 0.01)])
+    scene = synthetic(tmp_path / "a", f, quiet)
+    about = {"knob": "scan", "variant": "scan-1", "says": "the scan", "change_made": "coarser"}
+    rows = [*statistical(scene)]
+    rows += [r | about for r in entries(scene, synthetic(tmp_path / "b", f, d), True)]
+    (arisen,) = (r for r in rows if r["family"] is None)
+    assert arisen["change"] == arisen["probability_variant"] == (d[:, 1] < 0).mean()
+    assert worst_family(rows) == ("multi-scale", 3)
+    said = sentence(rows)
+    assert " kHz squeals in no sample of the scene and in a share of 1.00 after a change" in said
+
+
+@pytest.mark.hard
 def test_scene_of_one_sample_has_no_interval(tmp_path):
     """Nothing is drawn: a change is what it is, and the sentence claims no interval."""
     f, d = np.array([[2000.0, 6000.0]]), np.array([[-0.01, -0.03]])
@@ -193,3 +213,5 @@ def test_scene_of_one_sample_has_no_interval(tmp_path):
     said = sentence(rows)
     assert "is 1.00 from one sample; no variant that was run changes it." in said
     write_budget_page(tmp_path, rows, "one")
+    # Solved at full order alone it has no families.
+    assert sentence([r for r in rows if r["family"] == "any"]).startswith("Modes squeal, but a")

@@ -2,19 +2,24 @@
 
 import csv
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 from mpi4py import MPI
 
+import numpy as np
 import pytest
 
 from brake_fenicsx import pipeline
 from brake_fenicsx.budget import study
-from brake_fenicsx.budget.knobs import knobs
-from brake_fenicsx.budget.study import run_budget
+from brake_fenicsx.budget.knobs import RESOLUTION, Knob, Variant, knobs
+from brake_fenicsx.budget.study import REFERENCE, Budget, plan, run_budget
+from brake_fenicsx.checks import read_surface
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import NotConverged, SceneError
 from brake_fenicsx.scene import read_scene
+from processes import parallel
 
 pytestmark = pytest.mark.alone
 
@@ -41,7 +46,7 @@ def few(monkeypatch):
         return run(scene, comm, directory, *args, **keys)
 
     monkeypatch.setattr(pipeline, "run", counted)
-    wanted = ("body-mesh", "reduction", "newton")
+    wanted = ("body-mesh", "reduction", "scan-window")
     monkeypatch.setattr(study, "knobs", lambda *a: [k for k in knobs(*a) if k.name in wanted])
     return started
 
@@ -71,15 +76,15 @@ def test_budget_end_to_end_is_interrupted_and_goes_on(few, tmp_path, monkeypatch
     page = run_budget(BLOCK, COMM, tmp_path / "b", ROUGH)
     assert len(few) == 4 and page.is_file()
     rows = table(tmp_path / "b")
-    assert {r["knob"] for r in rows} == {"samples", "body-mesh", "reduction", "newton"}
+    assert {r["knob"] for r in rows} == {"samples", "body-mesh", "reduction", "scan-window"}
     own = [r for r in rows if r["knob"] == "reduction" and r["family"] not in ("", "any")]
     assert own
     for row in own:  # a knob without effect: the model was made for 1e-5 of the eigenvalues
         assert row["paired"] == "yes" and float(row["change"]) == 0.0
         assert float(row["change_low"]) <= 0.0 <= float(row["change_high"])
         assert abs(float(row["frequency_bias_hz"])) < 1e-4 * float(row["frequency_hz"])
-    (newton,) = (r for r in rows if r["knob"] == "newton")
-    assert newton["status"] == "not run" and "no key" in newton["reason"]
+    (window,) = (r for r in rows if r["knob"] == "scan-window")
+    assert window["status"] == "not run" and window["reason"] == "the scene has no scan"
     fine = [json.loads((tmp_path / "b" / n / "summary.json").read_text())["dofs"]
             for n in ("reference", "body-mesh-1", "body-mesh-2")]  # fmt: skip
     assert fine == sorted(fine) and len(set(fine)) == 3
@@ -120,9 +125,9 @@ def test_variant_that_fails_is_a_row_and_the_others_go_on(few, tmp_path, monkeyp
 
 def test_knobs_of_the_demo_are_scenes_that_can_be_read():
     scene = read_scene(DEMO)
-    found = {knob.name: knob for knob in knobs(scene, 625)}
+    found = {knob.name: knob for knob in knobs(scene, 625, read_surface(scene).topography)}
     assert all(bool(k.variants) != bool(k.reason) for k in found.values())
-    assert {n for n, k in found.items() if not k.variants} == {"scan", "newton", "variance"}
+    assert {n for n, k in found.items() if not k.variants} == {"variance"}
     for knob in found.values():
         for variant in knob.variants:
             other = read_scene(DEMO, variant.overrides)
@@ -137,9 +142,108 @@ def test_knobs_of_the_demo_are_scenes_that_can_be_read():
 
 
 def test_knobs_of_a_smooth_scene_say_why_they_are_not_turned():
-    found = {k.name: k for k in knobs(read_scene(BLOCK), None)}
+    found = {k.name: k for k in knobs(read_scene(BLOCK), None, None)}
     assert "no laws" in found["pixels"].reason and "full order" in found["cutoff"].reason
     assert "no approach 'classical'" in found["penalty"].reason and found["body-mesh"].variants
+
+
+@pytest.fixture
+def rough_scan(tmp_path, monkeypatch):
+    """A scene whose laws come from a scan, and some of its budget's plan; nothing is run."""
+    wanted = ("scan-window", "scan-decimation", "scan-noise", "newton")
+    monkeypatch.setattr(study, "knobs", lambda *a: [k for k in knobs(*a) if k.name in wanted])
+    (tmp_path / REFERENCE).mkdir()
+    sizes = {"dofs": 2000, "contact_elements": 50, "mean_patch_mm": 0.5}
+    (tmp_path / REFERENCE / "summary.json").write_text(json.dumps(sizes))
+
+    def planned(*changes):
+        laws = [
+            "stages=['surface','micro','equilibrium','stability','uncertainty']",
+            f"surface.scan='{SCENES / 'pad_scan.npz'}'", "micro.patch=mesh",
+            "contact.block_plate.law=library", "samples.n=4", *changes,
+        ]  # fmt: skip
+        budget = Budget(BLOCK, COMM, tmp_path, laws, tmp_path / "cache")
+        budget.record[REFERENCE] = {"seconds": 10.0}
+        return budget, {p.name: p for p in plan(budget)[1]}
+
+    return planned
+
+
+def test_what_less_of_a_scan_says(rough_scan):
+    """Two opposite quarters, every second and fourth pixel, and as much noise as it may hold."""
+    window = "surface.window=['0.225 mm','0.0875 mm','1.125 mm','0.7875 mm']"
+    budget, planned = rough_scan("surface.noise='0.3 um'", "micro.pixels=48", window)
+    assert all(p.paired and not p.refused for p in planned.values())
+    own = read_surface(budget.scene).topography
+    found = {
+        name: read_surface(read_scene(BLOCK, [*budget.overrides, *p.variant.overrides])).topography
+        for name, p in planned.items() if name.startswith("scan-")
+    }  # fmt: skip
+    assert [found[f"scan-window-{n}"].shape for n in (1, 2)] == [(64, 64)] * 2
+    assert [found[f"scan-decimation-{n}"].shape[0] for n in (1, 2)] == [64, 32]
+    np.testing.assert_allclose(found["scan-decimation-2"].size, own.size)
+    added = found["scan-noise-1"].heights - own.heights
+    assert 0.2e-6 < np.nanstd(added) < 1e-6
+    opposite = 'surface.window=["0.675 mm", "0.4375 mm", "1.125 mm", "0.7875 mm"]'
+    assert planned["scan-window-2"].variant.overrides == (opposite,)
+
+
+def test_laws_of_another_number_of_points_are_of_independent_samples(rough_scan):
+    """A coarser scan resolves coarser laws, where the scene does not name their points."""
+    _, planned = rough_scan()
+    names = ("scan-window-1", "scan-window-2", "scan-decimation-1", "newton-1")
+    assert [planned[n].paired for n in names] == [True, True, False, True]
+
+
+@pytest.mark.slow
+def test_frequency_of_a_refined_body_has_its_order(tmp_path, monkeypatch):
+    """Plate of 2, 4 and 8 cells on springs: the patches' pressures jump, so that u is in H^(5/2-e).
+
+    Frequencies of elements of the second order then converge with the third power of the size.
+    """
+    plate = {"length": 40, "width": 40, "height": 20, "z": -20, "size": 20}
+    block = {"length": 30, "width": 20, "height": 10, "size": 10}
+    sizes = [f"parts.{part}.{k}='{v} mm'" for part, lengths in (("plate", plate), ("block", block))
+             for k, v in lengths.items()]  # fmt: skip
+    scene = [
+        *ROUGH, *sizes, "mesh.cells=hexahedra", "samples.n=2", "stability.band=['23 kHz','26 kHz']",
+        "surface.statistics={ S_q = '1 nm' }", "supports={ 'block.top' = ['x','y'] }",
+        "springs={ 'plate.bottom' = { stiffness = ['1e8 N/m','1e8 N/m','1e9 N/m'] } }",
+    ]  # fmt: skip
+    variants = tuple(Variant((f"parts.plate.size='{20 / n} mm'",), f"{n} times") for n in (2, 4))
+    plates = Knob("plate", "the mesh of the plate", RESOLUTION, True, variants, 2.0)
+    monkeypatch.setattr(study, "knobs", lambda *_: [plates])
+    run_budget(BLOCK, COMM, tmp_path / "b", scene)
+    rows = [r for r in table(tmp_path / "b") if r["variant"] == "plate-2" and r["family_variant"]]
+    assert len(rows) == 2
+    for row in rows:
+        assert row["paired"] == "yes"
+        assert 2.0 < float(row["frequency_order"]) < 4.0
+
+
+@pytest.mark.slow
+def test_two_processes_give_the_rows_of_one(few, tmp_path):
+    code = (
+        "import sys; from mpi4py import MPI; from brake_fenicsx.budget import study\n"
+        "every = study.knobs\n"
+        "study.knobs = lambda *a: [k for k in every(*a) if k.name in sys.argv[3].split()]\n"
+        "study.run_budget(sys.argv[1], MPI.COMM_WORLD, sys.argv[2], sys.argv[4:])"
+    )
+    call = ["mpirun", "-n", "2", "--oversubscribe", sys.executable, "-c", code, str(BLOCK)]
+    call += [str(tmp_path / "two"), "body-mesh reduction scan-window", *ROUGH]
+    subprocess.run(call, check=True, capture_output=True, **parallel())
+    run_budget(BLOCK, COMM, tmp_path / "one", ROUGH)
+    one, two = (table(tmp_path / name) for name in ("one", "two"))
+    assert len(one) == len(two) and len(one) >= 8
+    for a, b in zip(one, two, strict=True):
+        for column in a.keys() - {"seconds", "memory_mb"}:
+            try:
+                value = float(a[column])
+            except ValueError:
+                assert a[column] == b[column], column
+            else:
+                close = {"abs": 1e-3} if "hz" in column else {"abs": 1e-7}
+                assert float(b[column]) == pytest.approx(value, rel=1e-6, **close), column
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,7 @@ from brake_fenicsx.surface.psd import (
     RadialPsd,
     anisotropy,
     half_plane_weights,
+    noise_bound,
     psd_2d,
     wave_numbers,
 )
@@ -155,6 +156,19 @@ def test_noise_ends_the_reliable_band():
     ends = [radial_psd(t).band[1] for t in (clean, noisy)]
     assert ends[1] < 0.7 * ends[0]
     assert characterise(noisy).bifractal.c2 == pytest.approx(-4.5, abs=0.25)
+
+
+def test_noise_of_a_scan_is_bounded_by_its_spectrum():
+    """The noise itself where it rules the shortest waves; at least that of a rougher surface."""
+    rng = np.random.default_rng(2)
+    steep = random_surface(given_statistics(10e-6, c1=-3.9, c2=-4.0).bifractal, 256, 2e-3, rng)
+    noise = rng.standard_normal(steep.shape)
+    found = []
+    for sd in (1e-6, 1e-8):
+        topo = make_topography(steep + sd * noise, (2e-3, 2e-3))
+        found.append(noise_bound(make_topography(topo.heights - form(topo, "plane"), topo.size)))
+    assert found[0] == pytest.approx(1e-6, rel=0.1)
+    assert found[1] > 1e-8
 
 
 def test_instrument_cutoff_ends_the_band():

@@ -106,6 +106,22 @@ def test_corrected_equilibrium_is_that_of_the_changed_bodies(scene, brake, bodie
     assert np.linalg.norm(rest) < 1e-9 * np.linalg.norm(push)
 
 
+@pytest.mark.parametrize(
+    "change", [["stability.verify=1"], ["stages=['surface','equilibrium','uncertainty']"]]
+)
+def test_tolerance_of_newton_is_that_of_the_scene(change, tmp_path):
+    """Of the condensed, the reduced and, without a reduced model, the corrected equilibrium."""
+    found = []
+    for more in ([], ["equilibrium.tolerance=1e-3"]):
+        folder = tmp_path / str(len(more))
+        run(BLOCK, COMM, folder, [*COARSE, C44, "samples.n=1", *change, *more])
+        found.append([np.load(p) for p in sorted((folder / "samples").iterdir())])
+    assert len(found[0]) == len(found[1]) >= 1
+    for tight, loose in zip(*found, strict=True):
+        assert tight["equilibrium_residual"] < 1e-10 < loose["equilibrium_residual"] < 1e-3
+        assert loose["equilibrium_iterations"] < tight["equilibrium_iterations"]
+
+
 def test_material_far_from_the_scene_is_refused_by_the_corrections(scene, brake, bodies):
     """Three times as stiff: the corrections diverge, and must say so."""
     random_materials = assemble_random(scene, brake)
