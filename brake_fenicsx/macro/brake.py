@@ -123,7 +123,9 @@ def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
     supports = {face: list(held) for face, held in scene.supports.items()}
     loads = {face: load.pressure for face, load in scene.loads.items()}
     added = [added_to_face(scene, face) for face in {**scene.springs, **scene.masses}]
-    elastic = assemble_elastic(mesh, layers, supports, loads, added=added)
+    elastic = assemble_elastic(
+        mesh, layers, supports, loads, scene.mesh.degree, added, scene.mesh.mass == "lumped"
+    )
     motion = scene_motion(scene)
     try:
         contact = join(

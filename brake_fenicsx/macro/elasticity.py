@@ -180,6 +180,7 @@ def assemble_elastic(
     loads: Mapping[str, float],
     degree: int = 2,
     added: Sequence[FaceAddition] = (),
+    lumped: bool = False,
 ) -> Elastic:
     """Assemble stiffness, mass and loads of all bodies.
 
@@ -190,6 +191,7 @@ def assemble_elastic(
         loads: face name -> pressure [Pa], positive pushes on the body.
         degree: polynomial degree of the displacement.
         added: springs and masses on faces.
+        lumped: whether each row of the mass is summed on its diagonal; of degree 1 alone.
 
     Returns:
         Matrices and load vector on the free dofs.
@@ -227,6 +229,9 @@ def assemble_elastic(
             fem_petsc.assemble_matrix(K, fem.form(ufl.inner(ufl.dot(k, u), v) * ds))
         if one.mass:
             fem_petsc.assemble_matrix(M, fem.form(mass_form(u, v, m, ds)))
+    M.assemble()
+    if lumped:
+        lump(M)
     matrices = []
     keep = PETSc.IS().createGeneral(_owned_globals(free), comm=mesh.domain.comm)
     for A in (K, M):
@@ -235,6 +240,17 @@ def assemble_elastic(
         A.destroy()
     f, record = _loads(mesh, free, loads)
     return Elastic(matrices[0], matrices[1], f, free, record)
+
+
+def lump(M: PETSc.Mat) -> None:
+    """Replace a mass by the sums of its rows on the diagonal."""
+    rows = M.createVecLeft()
+    M.getRowSum(rows)
+    M.zeroEntries()
+    # The mass of one layer has no places for the dofs of others.
+    M.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
+    M.setDiagonal(rows)
+    rows.destroy()
 
 
 def affine_parts(

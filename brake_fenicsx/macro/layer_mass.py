@@ -14,12 +14,12 @@ from dolfinx.fem import petsc as fem_petsc
 from brake_fenicsx import compat
 
 from .condensation import whole
-from .elasticity import QUADRATURE, FreeDofs, mass_form
+from .elasticity import QUADRATURE, FreeDofs, lump, mass_form
 from .mesh import Mesh
 
 
 def layer_masses(
-    mesh: Mesh, free: FreeDofs, density: Mapping[str, float]
+    mesh: Mesh, free: FreeDofs, density: Mapping[str, float], lumped: bool = False
 ) -> dict[str, sp.csr_matrix]:
     """Mass matrices of single layers; collective.
 
@@ -27,6 +27,7 @@ def layer_masses(
         mesh: the tagged mesh.
         free: numbering of the free dofs.
         density: layer -> density [kg/m^3].
+        lumped: whether each row is summed on the diagonal.
 
     Returns:
         Layer -> mass [kg] on the free dofs of all parts, whole on every process; they add up to the
@@ -43,6 +44,8 @@ def layer_masses(
         rho = fem.Constant(mesh.domain, PETSc.ScalarType(value))
         A = fem_petsc.assemble_matrix(fem.form(mass_form(u, v, rho, dx)))
         A.assemble()
+        if lumped:
+            lump(A)
         part = A.createSubMatrix(keep, keep)
         A.destroy()
         masses[layer] = whole(part)

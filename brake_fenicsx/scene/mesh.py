@@ -31,8 +31,10 @@ class MeshTable:
             reference disc take about half the unknowns of tetrahedra at equal error, and leave its
             double modes double to 1e-13 (tetrahedra of 12 mm: 4e-4 apart).
         order: order of the geometry. 1 (straight edges) is enough for flat contact; 2 puts middle
-            nodes on curved faces, as curved contact (Hertz) needs. Displacements are of second
-            order in any case.
+            nodes on curved faces, as curved contact (Hertz) needs.
+        degree: polynomial degree of the displacements. 1 is for comparison with decks of linear
+            elements: fully integrated, they are too stiff in bending and lock near nu = 0.5.
+        mass: consistent, or lumped: the sum of each row on the diagonal, of linear elements alone.
         growth: how fast cells grow away from finer ones, size per distance.
         quality: a mesh with a worse cell is refused: 3 r / R of tetrahedra, scaled Jacobian of
             hexahedra.
@@ -45,6 +47,8 @@ class MeshTable:
 
     cells: str = key(default="tetrahedra", choices=("tetrahedra", "hexahedra"))
     order: int = key(default=1, choices=(1, 2))
+    degree: int = key(default=2, choices=(1, 2))
+    mass: str = key(default="consistent", choices=("consistent", "lumped"))
     growth: float = key(default=0.5)
     quality: float = key(default=0.01)
     file: str | None = key(default=None)

@@ -138,6 +138,13 @@ def _check_stages(s: Scene) -> None:
 
 def _check_mesh(mesh: MeshTable) -> None:
     """What is said of a mesh file needs one."""
+    if mesh.degree == 1 and mesh.order == 2:
+        raise SceneError("mesh.order = 2: needs mesh.degree = 2, displacements of second order")
+    if mesh.degree == 2 and mesh.mass == "lumped":
+        raise SceneError(
+            'mesh.mass = "lumped": corners of quadratic elements would have no or negative mass;'
+            " write mesh.degree = 1 beside it"
+        )
     for name in ("unit", "groups", "split") if mesh.file is None else ():
         if getattr(mesh, name):
             raise SceneError(f"mesh.{name}: needs mesh.file, the file that it is about")
@@ -182,8 +189,10 @@ def _check_contact(s: Scene, where: str, contact: Contact) -> None:
     if isinstance(contact.law, str):
         if "micro" not in s.stages and {"multi-scale", "joint"} & {*s.samples.approaches}:
             raise SceneError(f'{where}.law = "library": needs the stages surface and micro')
-    elif contact.law.linear is None and not contact.law.steps and (
-        contact.law.p0 is None or contact.law.u0 is None
+    elif (
+        contact.law.linear is None
+        and not contact.law.steps
+        and (contact.law.p0 is None or contact.law.u0 is None)
     ):
         raise SceneError(f"{where}.law: write {LAWS}")
     if contact.gap != "none" and "surface" not in s.stages:

@@ -337,7 +337,7 @@ class EquilibriumTable:
             1e-3.
     """
 
-    tolerance: float = key(default=1e-10)
+    tolerance: float = key(default=1e-8)
 
 
 @dataclass(frozen=True, slots=True)

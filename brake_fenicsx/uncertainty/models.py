@@ -244,7 +244,8 @@ class Models:
         self._order = self.numbering.kept(np.arange(brake.f.size))
         layers = layer_materials(scene, scene_materials(scene), brake.mesh.layers)
         density = {name: m.rho for name, m in layers.items()}
-        self.masses = layer_masses(brake.mesh, brake.elastic.free, density)
+        lumped = scene.mesh.mass == "lumped"
+        self.masses = layer_masses(brake.mesh, brake.elastic.free, density, lumped)
         for damped in (False, True):
             names = [n for n, r in self.by_reduction.items() if r and self.damped(n) == damped]
             if names:

@@ -112,9 +112,10 @@ def test_corrected_equilibrium_is_that_of_the_changed_bodies(scene, brake, bodie
 def test_tolerance_of_newton_is_that_of_the_scene(change, tmp_path):
     """Of the condensed, the reduced and, without a reduced model, the corrected equilibrium."""
     found = []
-    for more in ([], ["equilibrium.tolerance=1e-3"]):
-        folder = tmp_path / str(len(more))
-        run(BLOCK, COMM, folder, [*COARSE, C44, "samples.n=1", *change, *more])
+    for tolerance in ("1e-10", "1e-3"):
+        folder = tmp_path / tolerance
+        own = [*change, f"equilibrium.tolerance={tolerance}"]
+        run(BLOCK, COMM, folder, [*COARSE, C44, "samples.n=1", *own])
         found.append([np.load(p) for p in sorted((folder / "samples").iterdir())])
     assert len(found[0]) == len(found[1]) >= 1
     for tight, loose in zip(*found, strict=True):
