@@ -95,7 +95,8 @@ class Trial:
             key: of the number that samples take at other values on this brake, if there is one.
         """
         self._study, self._worst, self._comm, self._key = study, worst, comm, key
-        shapes = shapes_at_dofs(worst.shapes, dof_points(study.brake, comm), study.models.K)
+        body = study.models.numbering.body
+        shapes = shapes_at_dofs(worst.shapes, dof_points(study.brake, comm), body)
         found = study.models.coordinates(shapes)
         if found is None:
             raise ValueError("a scene with a sweep has coordinates")

@@ -73,9 +73,9 @@ def test_command_prints_it_with_meanings_and_defaults(capsys):
     schema = json.loads(capsys.readouterr().out)
     assert schema["$schema"].startswith("https://json-schema.org/")
     assert set(schema["properties"]) == {
-        "stages", "surface", "micro", "mesh", "parts", "materials", "contact", "supports",
-        "springs", "masses", "loads", "motion", "equilibrium", "stability", "samples", "sweep",
-        "countermeasures",
+        "stages", "surface", "micro", "mesh", "parts", "materials", "contact", "ties",
+        "supports", "springs", "masses", "loads", "motion", "equilibrium", "stability", "samples",
+        "sweep", "countermeasures",
     }  # fmt: skip
     block = schema["$defs"]["Block"]["properties"]
     assert block["length"]["default"] == "40 mm"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,11 +22,14 @@ from .condensation import Compliance, gathered_vector
 from .contact import Contact, contact_elements, join
 from .elasticity import Elastic, FaceAddition, assemble_elastic
 from .friction import Motion, Rotation, Translation
+from .material import Material
 from .material_table import layer_materials, scene_materials
 from .mesh import Mesh
 from .parts import check_mesh, scene_mesh
 
 Array = NDArray[np.float64]
+
+logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +131,7 @@ def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
     elastic = assemble_elastic(
         mesh, layers, supports, loads, scene.mesh.degree, added, scene.mesh.mass == "lumped"
     )
+    _tie(scene, mesh, elastic, layers)
     motion = scene_motion(scene)
     try:
         contact = join(
@@ -140,6 +146,26 @@ def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
         raise SceneError(f"{scene.file}: {error}") from None
     pressed = sum(loads[face] * area for face, (area, _) in elastic.loads.items())
     return Brake(mesh, elastic, contact, gathered_vector(elastic.f), float(pressed))
+
+
+def _tie(scene: Scene, mesh: Mesh, elastic: Elastic, layers: Mapping[str, Material]) -> None:
+    """Add the ties of a scene to the stiffness of its bodies."""
+    if not scene.ties:
+        return
+    from .tie import add_layer, tied_faces
+
+    for name, tie in scene.ties.items():
+        faces = tie.faces[0], tie.faces[1]
+        try:
+            found = tied_faces(mesh, elastic.free, faces, layers, tie.stiffness, tie.search)
+        except SceneError as error:
+            raise SceneError(f"{scene.file}: ties.{name}: {error}") from None
+        add_layer(elastic.K, found)
+        logger.info(
+            "tie %s: %.4g mm^2 glued, %.4g mm^2 of %s not; %.3g Pa/m, gap up to %.3g mm",
+            name, 1e6 * found.area, 1e6 * found.uncovered, faces[0], found.stiffness,
+            1e3 * found.gap,
+        )  # fmt: skip
 
 
 def added_to_face(scene: Scene, face: str) -> FaceAddition:
@@ -165,8 +191,9 @@ def check_brake(scene: Scene, comm: MPI.Comm) -> None:
     faces = {f'supports."{face}"': face for face in scene.supports}
     for name in ("springs", "masses", "loads"):
         faces |= {f'{name}."{face}"': face for face in getattr(scene, name)}
-    for name, contact in scene.contact.items():
-        faces |= {f"contact.{name}.faces[{i}]": face for i, face in enumerate(contact.faces)}
+    for table in ("contact", "ties"):
+        for name, pair in getattr(scene, table).items():
+            faces |= {f"{table}.{name}.faces[{i}]": face for i, face in enumerate(pair.faces)}
     layer_materials(scene, materials, check_mesh(scene, faces, comm))
 
 

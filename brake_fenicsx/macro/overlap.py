@@ -77,18 +77,25 @@ def facing_pairs(pad: Face, disc: Face, reach: float | None) -> Index:
     return np.stack([first[opposite], second[opposite]], axis=1)
 
 
-def rule(pad: Face, disc: Face, test_degree: int) -> tuple[Array, Array]:
+def rule(pad: Face, disc: Face, test_degree: int, distorted: int = 16) -> tuple[Array, Array]:
     """Quadrature that integrates test times shape functions.
 
     Exactly on straight triangles and parallelograms; to 1e-11 on plane quadrilaterals that are
-    neither, where the shape functions are not polynomials of the position.
+    hardly distorted, where the shape functions are not polynomials of the position. On strongly
+    distorted ones degree 16 reaches 1e-7, degree 30 1e-12.
+
+    Args:
+        pad: the first face.
+        disc: the second face.
+        test_degree: of the test functions.
+        distorted: degree of the rule for plane quadrilaterals that are no parallelograms.
     """
     plane = bool(pad.straight.all() and disc.straight.all())
     if pad.element.corners == 3 and plane and not test_degree:
         return MIDDLES
     affine = pad.element.corners == 3 or (_parallelograms(pad) and _parallelograms(disc))
     if plane and not affine:
-        return compat.triangle_rule(16)
+        return compat.triangle_rule(distorted)
     return compat.triangle_rule(6 if plane else 8)
 
 

@@ -48,6 +48,7 @@ def check_consistent(s: Scene) -> None:
     _check_parts(s)
     for name, contact in s.contact.items():
         _check_contact(s, f"contact.{name}", contact)
+    _check_ties(s)
     _check_springs(s)
     _check_motion(s)
     check_damping(s)
@@ -230,6 +231,20 @@ def _check_approaches(s: Scene) -> None:
                 f"samples.random, sweep.parameters: materials.{table} by stiffnesses and by"
                 " engineering constants; use one kind"
             )
+
+
+def _check_ties(s: Scene) -> None:
+    """Two faces, and none that slides as well."""
+    sliding = {face: name for name, contact in s.contact.items() for face in contact.faces}
+    for name, tie in s.ties.items():
+        if len({*tie.faces}) != 2 or len(tie.faces) != 2:
+            raise SceneError(f"ties.{name}.faces = {list(tie.faces)!r}: write two faces")
+        for face in tie.faces:
+            if face in sliding:
+                raise SceneError(
+                    f"ties.{name}.faces: {face!r} is in contact.{sliding[face]} as well, which"
+                    " would not slide then; leave one out, or divide the face"
+                )
 
 
 def _check_springs(s: Scene) -> None:

@@ -283,6 +283,21 @@ class Load:
 
 
 @dataclass(frozen=True, slots=True)
+class Tie:
+    """[ties.NAME]: two faces glued where they lie upon each other ([meshes.md](meshes.md)).
+
+    Attributes:
+        faces: two faces "part.face"; their meshes need not match.
+        stiffness: that of the layer between them; from the neighbouring materials if not given.
+        search: largest distance that is glued; a twentieth of a facet's side if not given.
+    """
+
+    faces: tuple[str, ...]
+    stiffness: float | None = key("Pa/m", default=None, band=(1e9, 1e17))
+    search: float | None = key("m", default=None)
+
+
+@dataclass(frozen=True, slots=True)
 class Spring:
     """[springs]: a face joined to the ground by springs, by its name "part.face".
 
@@ -390,6 +405,7 @@ class Scene:
     parts: dict[str, Part] = field(default_factory=dict, metadata={"type": parts_type})
     materials: dict[str, MaterialTable] = field(default_factory=dict)
     contact: dict[str, Contact] = field(default_factory=dict)
+    ties: dict[str, Tie] = field(default_factory=dict)
     supports: dict[str, tuple[str, ...]] = field(
         default_factory=dict, metadata={"type": _supports_type}
     )

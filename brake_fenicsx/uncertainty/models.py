@@ -44,6 +44,7 @@ from brake_fenicsx.store import Store
 from .numbering import FILE as DOFS
 from .numbering import Numbering, dof_points
 from .random_materials import Box, RandomMaterials, assemble_random
+from .shapes import body_centres
 
 if TYPE_CHECKING:
     from brake_fenicsx.stability.substructures import (
@@ -240,7 +241,7 @@ class Models:
         scene, brake = self._scene, self.brake
         self.terms = damping_terms(scene, brake)
         with self._cache.shared(DOFS, lambda: bodies_key(scene), self._comm):
-            self.numbering = Numbering(brake, self.K, self._store, self._comm)
+            self.numbering = Numbering(brake, self.M, self._store, self._comm)
         self._order = self.numbering.kept(np.arange(brake.f.size))
         layers = layer_materials(scene, scene_materials(scene), brake.mesh.layers)
         density = {name: m.rho for name, m in layers.items()}
@@ -300,13 +301,13 @@ class Models:
         if terms is not None:
             followed, C = "N" + "T" * terms.slope + "R" * terms.sliding, terms.bulk
         changes = self.materials.matrices if changing and self.materials else []
-        order = self._order
+        order, points = self._order, dof_points(brake, self._comm)
         interface = {"N": brake.N[:, order], "T": brake.T[:, order], "R": brake.R[:, order]}
         bodies = split_substructures(
             self._ordered(self.K), self._ordered(self.M), interface,
             self.unit_loads[order],
             [self._ordered(A) for A in changes], None if C is None else self._ordered(C),
-            dof_points(brake, self._comm)[order],
+            np.column_stack([points, body_centres(points, self.numbering.body)])[order],
         )  # fmt: skip
         release_memory()
         return ReducedModel.offline(

@@ -21,6 +21,8 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.brake import Brake
 from brake_fenicsx.store import Store
 
+from .shapes import body_centres
+
 FILE = "cache/dofs.npz"
 
 # Two dofs whose keys differ by less, relative to the size of the brake, are the same.
@@ -31,23 +33,25 @@ class Numbering:
     """From the order of the present run to that of the folder, and back.
 
     Attributes:
+        body: number of the body that each free dof belongs to, tied bodies apart, shape (dofs,).
         mark: tells the present order from others.
         kept_mark: tells the order of the folder from others.
     """
 
-    def __init__(self, brake: Brake, K: sp.csr_matrix, store: Store, comm: MPI.Comm):
+    def __init__(self, brake: Brake, M: sp.csr_matrix, store: Store, comm: MPI.Comm):
         """Compare with the folder, or found its order; collective.
 
         Args:
             brake: operators of the scene.
-            K: its stiffness, whole on this process.
+            M: its mass, whole on this process.
             store: the results folder.
             comm: processes of the run.
 
         Raises:
             SceneError: the folder belongs to another mesh.
         """
-        keys = _keys(brake, K, comm)
+        self.body = _bodies(brake, M, comm)
+        keys = _keys(brake, self.body, comm)
         self.mark = self.kept_mark = _mark(keys)
         stored = store.load(FILE)
         comm.Barrier()
@@ -88,16 +92,21 @@ def _mark(keys: NDArray) -> str:
     return hashlib.sha256(np.ascontiguousarray(keys).tobytes()).hexdigest()[:16]
 
 
-def _keys(brake: Brake, K: sp.csr_matrix, comm: MPI.Comm) -> NDArray:
+def _bodies(brake: Brake, M: sp.csr_matrix, comm: MPI.Comm) -> NDArray[np.intp]:
+    """Body of each free dof: by the mass, which ties and springs leave alone, and the nodes."""
+    free = brake.elastic.free
+    node = np.concatenate(comm.allgather(free.local // 3 + free.V.dofmap.index_map.local_range[0]))
+    at = sp.csr_matrix((np.ones(node.size), (np.arange(node.size), node)))
+    return np.asarray(connected_components(abs(M) + at @ at.T, directed=False)[1])
+
+
+def _keys(brake: Brake, body: NDArray[np.intp], comm: MPI.Comm) -> NDArray:
     """What tells a free dof from all others: its place, its component, its body's centre [m]."""
     keys = dof_points(brake, comm)
     size = np.ptp(keys[:, :3], axis=0).max()
     keys[:, 3] *= size
     # Nodes of two bodies may lie in one place.
-    body = connected_components(K, directed=False)[1]
-    count = np.bincount(body)
-    centre = [np.bincount(body, x) / count for x in keys[:, :3].T]
-    return np.column_stack([keys, *(c[body] for c in centre)])
+    return np.column_stack([keys, body_centres(keys, body)])
 
 
 def _matched(stored: NDArray, keys: NDArray) -> NDArray[np.intp] | None:

@@ -9,12 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 Array = NDArray[np.float64]
+Index = NDArray[np.intp]
 
 FILE = "shapes.npz"
 
@@ -23,13 +22,13 @@ MOST_POINTS = 20_000
 
 
 def family_shapes(
-    points: Array, K: sp.csr_matrix, u: NDArray[np.complex128], numbers: NDArray[np.intp]
+    points: Array, body: Index, u: NDArray[np.complex128], numbers: Index
 ) -> dict[str, NDArray]:
     """Displacements of families at nodes, as arrays to store.
 
     Args:
         points: coordinates [m] and direction (0, 1, 2) of every free dof, shape (dofs, 4).
-        K: stiffness, by which the bodies are told apart, shape (dofs, dofs).
+        body: number of the body of every dof, shape (dofs,).
         u: displacement of a mode of each family, shape (dofs, families).
         numbers: number of each family.
 
@@ -37,7 +36,7 @@ def family_shapes(
         "points" [m], shape (nodes, 3); "body", the centre of the body of each node [m], likewise;
         "shapes", shape (families, nodes, 3), of unit norm; "families".
     """
-    centre = _centres(points, K)
+    centre = body_centres(points, body)
     # Rounded, so that the components of one node have one place whatever the round-off.
     nodes, first, place = np.unique(
         np.round(np.column_stack([points[:, :3], centre]), 9),
@@ -56,27 +55,31 @@ def family_shapes(
 
 
 def shapes_at_dofs(
-    shapes: Mapping[str, NDArray], points: Array, K: sp.csr_matrix
+    shapes: Mapping[str, NDArray], points: Array, body: Index
 ) -> NDArray[np.complex128]:
     """Displacements of stored families at the free dofs of another mesh: of the nearest nodes.
 
     Args:
         shapes: what ``family_shapes`` gave.
         points: coordinates [m] and direction (0, 1, 2) of every free dof, shape (dofs, 4).
-        K: stiffness, by which the bodies are told apart, shape (dofs, dofs).
+        body: number of the body of every dof, shape (dofs,).
 
     Returns:
         Shape (dofs, families).
     """
     nodes = np.column_stack([shapes["points"], shapes["body"]])
-    places = np.column_stack([points[:, :3], _centres(points, K)])
+    places = np.column_stack([points[:, :3], body_centres(points, body)])
     nearest = KDTree(nodes).query(places)[1]
     found = shapes["shapes"][:, nearest, points[:, 3].astype(int)]
     return np.asarray(found.T, dtype=complex)
 
 
-def _centres(points: Array, K: sp.csr_matrix) -> Array:
-    """Centre of the body of every dof [m], shape (dofs, 3)."""
-    label = connected_components(K, directed=False)[1]
-    count = np.bincount(label)
-    return np.column_stack([np.bincount(label, x)[label] / count[label] for x in points[:, :3].T])
+def body_centres(points: Array, body: Index) -> Array:
+    """Centre of the body of every dof [m], shape (dofs, 3).
+
+    Args:
+        points: coordinates [m] of every dof in the first three columns.
+        body: number of the body of every dof, shape (dofs,).
+    """
+    count = np.bincount(body)
+    return np.column_stack([np.bincount(body, x)[body] / count[body] for x in points[:, :3].T])

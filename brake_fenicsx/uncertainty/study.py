@@ -264,8 +264,8 @@ class Study:
         """Shapes of the families that squeal, for comparisons with other runs."""
         numbers, vectors, _ = results.family_members(threshold)
         if numbers:
-            u = self.models.shapes(vectors)
-            self.store.save(SHAPES, **family_shapes(points, self.models.K, u, np.array(numbers)))
+            u, body = self.models.shapes(vectors), self.models.numbering.body
+            self.store.save(SHAPES, **family_shapes(points, body, u, np.array(numbers)))
 
     def stored(self, task: Task) -> dict[str, Any]:
         """What was stored of a sample."""

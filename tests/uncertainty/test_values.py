@@ -102,6 +102,23 @@ def test_springs_and_masses_beside_a_modulus():
         assert found.s.size > plain.size
 
 
+def test_a_tied_part_beside_a_modulus():
+    """Of the block that it is tied to: one body of the reduced model, two in the shares."""
+    tied = [
+        'parts.cap={ builder="block", length="40 mm", width="20 mm", height="8 mm", z="20 mm",'
+        ' size="9 mm", material="iron" }',
+        'ties={ cap={ faces=["block.top", "cap.bottom"] } }',
+        'loads={ "cap.top"={ pressure="5 bar" } }',
+        'supports={ "plate.bottom"="clamped", "cap.top"=["x", "y"] }',
+    ]  # fmt: skip
+    prepared = model.prepare(BLOCK, [*COARSE, *tied], parameters={C44: (0.9e9, 1.5e9)})
+    models = prepared.study.models
+    assert len(models.reduced[False].bodies) == 2
+    assert [*models.masses] == ["block.body", "plate.body", "cap.body"]
+    for value in (0.9e9, 1.4e9):
+        agrees(prepared.modes({C44: value}), at_full_order(prepared, {C44: value}))
+
+
 def test_speed_moves_friction_and_its_damping():
     """mu(V), mu'(V) and mu p / V; in the equilibrium too: closed forms, then full order."""
     damping = "stability.damping={ sliding=true, slope=true }"

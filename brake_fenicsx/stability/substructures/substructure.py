@@ -48,7 +48,9 @@ class Substructure:
             it) of its contact elements, each of shape (m, n).
         loads: unit loads [N], shape (n, loads).
         changes: matrices A_j that act on it: number among all -> matrix.
-        points: coordinates [m] and direction (0, 1, 2) of its dofs, shape (n, 4); None if unknown.
+        points: coordinates [m] and direction (0, 1, 2) of its dofs, and, where tied bodies may have
+            nodes in one place, the centre of the body of each [m], shape (n, 4) or (n, 7); None if
+            unknown.
     """
 
     dofs: Index
@@ -123,8 +125,8 @@ def split_substructures(
         loads: unit loads [N], shape (dofs, loads); none if None.
         changes: matrices A_j that stiffness and damping are affine over.
         C: damping of the bodies [N s/m]; None where they have none.
-        points: coordinates [m] and direction of every dof, shape (dofs, 4); mirror images are
-            found by them.
+        points: coordinates [m] and direction of every dof, perhaps the centre of its body, shape
+            (dofs, 4) or (dofs, 7); mirror images are found by them.
 
     Returns:
         The bodies, in the order of their first dofs.
@@ -194,12 +196,16 @@ def mirror_image(original: Substructure, other: Substructure) -> MirrorImage | N
     first, second = original.points, other.points
     if sizes[0] != sizes[1] or first is None or second is None:
         return None
-    places = [x[:, :3] - x[:, :3].mean(axis=0) for x in (first, second)]
+    # One triple of coordinates, or two: that of the body where several are tied together.
+    triples = first.shape[1] // 3
+    places = [
+        np.delete(x, 3, axis=1) - np.tile(x[:, :3].mean(axis=0), triples) for x in (first, second)
+    ]
     size = float(np.ptp(places[0], axis=0).max()) or 1.0
     direction = first[:, 3].astype(int)
     tree = KDTree(np.column_stack([places[1], size * second[:, 3]]))
     for turn in product((1.0, -1.0), repeat=3):
-        wanted = np.column_stack([places[0] * turn, size * direction])
+        wanted = np.column_stack([places[0] * np.tile(turn, triples), size * direction])
         distance, dofs = tree.query(wanted)
         if distance.max() > SAME_PLACE * size or np.unique(dofs).size < dofs.size:
             continue

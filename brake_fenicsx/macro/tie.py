@@ -1,0 +1,192 @@
+"""Two faces glued together, whose meshes need not match: a consistent stiff layer.
+
+The layer has the virtual work kappa times the integral of jump(u) . jump(v) over the common part of
+the faces, with all three components of the jump at the quadrature points of the clipped facets
+(``overlap``). It passes a uniform traction sigma exactly, with the jump sigma / kappa.
+
+A point x of the first face and its partner y on the second may lie a small distance apart. The jump
+is that of u_1(x) and of u_2(y) carried to x by the rotation of the second face,
+
+    jump(u) = u_1(x) - u_2(y) - omega x (x - y),     omega = (1 - n n' / 2) sum_a grad N_a x u_a,
+
+n the normal of the second face at y and grad the gradient in its surface, so that no rigid motion
+of both bodies strains the layer, curved faces or faces with a gap included. (For a rigid motion the
+sum is 2 omega less its part in the surface.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from petsc4py import PETSc
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from brake_fenicsx.errors import SceneError
+
+from .elasticity import FreeDofs
+from .faces import Face, gather_face
+from .integrals import facet_areas
+from .material import Material
+from .mesh import Mesh
+from .overlap import Overlap, facing_pairs, overlap, rule
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+# Stiffness of a layer that a scene gives none for: this multiple of E / h. See docs/meshes.md for
+# what other values do.
+STIFF = 1000.0
+
+# Largest distance that is glued where a scene names none, over the side of a facet.
+NEAR = 0.05
+
+# Clipped triangles whose matrices are made at once.
+BATCH = 128
+
+
+@dataclass(frozen=True, slots=True)
+class Tie:
+    """Two glued faces.
+
+    Attributes:
+        K: stiffness of the layer [N/m], this process's rows of the free dofs.
+        stiffness: kappa [Pa/m].
+        area: area that is glued [m^2].
+        uncovered: area of the first face that is not [m^2].
+        gap: largest distance that is glued [m].
+    """
+
+    K: sp.csr_matrix
+    stiffness: float
+    area: float
+    uncovered: float
+    gap: float
+
+
+def tied_faces(
+    mesh: Mesh,
+    free: FreeDofs,
+    faces: tuple[str, str],
+    materials: Mapping[str, Material],
+    stiffness: float | None = None,
+    search: float | None = None,
+) -> Tie:
+    """Glue the common part of two faces; collective.
+
+    Args:
+        mesh: the tagged mesh.
+        free: numbering of the free dofs.
+        faces: names of the two faces.
+        materials: layer name -> material in x, y, z axes.
+        stiffness: kappa [Pa/m]; ``STIFF`` E / h if None: E the largest C_ii of the layers of both
+            parts, h the smaller side of a facet of the two faces.
+        search: largest distance that is glued [m]; ``NEAR`` times the larger side if None.
+
+    Returns:
+        The layer.
+
+    Raises:
+        SceneError: unknown face, or faces that nowhere lie that close to each other.
+    """
+    first, second = (gather_face(mesh, free, face) for face in faces)
+    areas = [facet_areas(face) for face in (first, second)]
+    sides = [float(np.sqrt(area.mean())) for area in areas]
+    if stiffness is None:
+        parts = {face.partition(".")[0] for face in faces}
+        C = [m.C for name, m in materials.items() if name.partition(".")[0] in parts]
+        stiffness = STIFF * max(float(np.diag(c).max()) for c in C) / min(sides)
+    reach = NEAR * max(sides) if search is None else search
+    comm = mesh.domain.comm
+    pairs = facing_pairs(first, second, reach)
+    share = np.array_split(np.arange(len(pairs)), comm.size)[comm.rank]
+    found = overlap(first, second, pairs[share], rule(first, second, 1, 30))
+    K = sp.csr_matrix((free.size, free.size))
+    area, gaps = 0.0, [np.inf, 0.0]
+    for o in found:
+        away = np.abs(o.gap)
+        near = away <= reach
+        area += float(o.weight[near].sum())
+        gaps[0] = min(gaps[0], float(away[o.weight > 0].min(initial=np.inf)))
+        gaps[1] = max(gaps[1], float(away[near & (o.weight > 0)].max(initial=0.0)))
+        for i in range(0, len(o.pad), BATCH):
+            some = np.arange(i, min(i + BATCH, len(o.pad)))
+            K = K + _layer(first, second, o.rows(some), stiffness * near[some], free.size)
+    area = comm.allreduce(area)
+    if not area > 0:
+        raise SceneError(_apart(faces, first, second, min(comm.allgather(gaps[0])), reach))
+    start = sum(comm.allgather(free.local.size)[: comm.rank])
+    rows = sum(comm.allgather(K), sp.csr_matrix(K.shape))[start : start + free.local.size]
+    return Tie(
+        rows.tocsr(), stiffness, area, float(areas[0].sum()) - area, max(comm.allgather(gaps[1]))
+    )
+
+
+def add_layer(K: PETSc.Mat, tie: Tie) -> None:
+    """Add the stiffness of a layer to that of the bodies, in place."""
+    tie.K.sort_indices()
+    csr = (tie.K.indptr.astype(np.int32), tie.K.indices.astype(np.int32), tie.K.data)
+    A = PETSc.Mat().createAIJ((K.getSizes()[0], K.getSizes()[1]), csr=csr, comm=K.comm)
+    A.assemble()
+    K.axpy(1.0, A, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    A.destroy()
+
+
+def _layer(first: Face, second: Face, o: Overlap, kappa: Array, size: int) -> sp.csr_matrix:
+    """Stiffness [N/m] of some clipped triangles, kappa at each of their points."""
+    one = first.element.shape(o.on_pad)[..., None, None] * np.eye(3)
+    two = -_carried(second, o)
+    J = np.concatenate([one, two], axis=2)
+    # Rows: components at points; columns: components at nodes.
+    J = np.swapaxes(J, 2, 3) * np.sqrt(kappa * o.weight)[..., None, None, None]
+    rows, nodes = len(J), J.shape[3]
+    J = J.reshape(rows, -1, 3 * nodes)
+    values = np.swapaxes(J, 1, 2) @ J
+    columns = np.concatenate([first.columns[o.pad], second.columns[o.disc]], axis=1)
+    columns = columns.reshape(rows, 3 * nodes)
+    i, j = (np.broadcast_to(c, values.shape) for c in (columns[:, :, None], columns[:, None]))
+    free = (i >= 0) & (j >= 0) & (values != 0)
+    return sp.csr_matrix((values[free], (i[free], j[free])), shape=(size, size))
+
+
+def _carried(face: Face, o: Overlap) -> Array:
+    """Displacement of the second face carried to the points of the first one.
+
+    Returns:
+        What each node contributes, shape (triangles, points, nodes, 3, 3).
+    """
+    tangent = np.einsum("fqad,fac->fqcd", face.element.gradient(o.on_disc), face.nodes[o.disc])
+    across = np.swapaxes(tangent, 2, 3) @ tangent
+    # Columns of the pseudo-inverse are the contravariant base vectors.
+    inverse = np.linalg.inv(across) @ np.swapaxes(tangent, 2, 3)
+    gradient = face.element.gradient(o.on_disc) @ inverse
+    _, n, _ = face.surface(o.disc, o.on_disc)
+    turn = np.eye(3) - 0.5 * n[..., :, None] * n[..., None, :]
+    # omega x (x - y) = -(x - y) x omega; x - y points along o.n.
+    arm = -_cross_matrix(o.gap[..., None] * o.n) @ turn
+    shape = face.element.shape(o.on_disc)[..., None, None] * np.eye(3)
+    return np.asarray(shape + arm[:, :, None] @ _cross_matrix(gradient))
+
+
+def _cross_matrix(v: Array) -> Array:
+    """Matrices of v x ., shape (..., 3) to (..., 3, 3)."""
+    return np.asarray(np.cross(v[..., None, :], np.eye(3), axis=-1)).swapaxes(-1, -2)
+
+
+def _apart(faces: tuple[str, str], first: Face, second: Face, gap: float, reach: float) -> str:
+    """Why two faces have no common part, and the remedy."""
+    if np.isfinite(gap):
+        return (
+            f"{faces[0]!r} and {faces[1]!r} lie {1e3 * gap:.3g} mm apart, and {1e3 * reach:.3g} mm"
+            f' are glued at most; move a part, or write search = "{1.1e3 * gap:.3g} mm"'
+        )
+    nodes = cKDTree(second.nodes.reshape(-1, 3)).query(first.nodes.reshape(-1, 3))[0].min()
+    return (
+        f"{faces[0]!r} and {faces[1]!r} lie nowhere opposite to each other, their nearest nodes are"
+        f' {1e3 * nodes:.3g} mm apart; name other faces, move a part, or write search = "1 mm"'
+        " or the gap that is to be glued"
+    )
