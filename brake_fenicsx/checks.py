@@ -12,6 +12,7 @@ from scipy.fft import next_fast_len
 
 from brake_fenicsx.errors import BrakeError, SceneError, SurfaceError
 from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.damping import damped_springs
 from brake_fenicsx.scene.friction import rubs
 from brake_fenicsx.scene.plausible import unusual
 from brake_fenicsx.scene.rules import MOST_PIXELS
@@ -78,6 +79,8 @@ def _undamped(scene: Scene) -> list[str]:
         return []
     damping = stability.damping
     if damping and (damping.rayleigh or damping.loss or damping.sliding):
+        return []
+    if damped_springs(scene):
         return []
     if not any(rubs(scene, approach) for approach in scene.samples.approaches):
         return []

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,14 +20,11 @@ from .condensation import Compliance, gathered_vector
 from .contact import Contact, contact_elements, join
 from .elasticity import Elastic, FaceAddition, assemble_elastic
 from .friction import Motion, Rotation, Translation
-from .material import Material
 from .material_table import layer_materials, scene_materials
 from .mesh import Mesh
 from .parts import check_mesh, scene_mesh
 
 Array = NDArray[np.float64]
-
-logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,11 +122,15 @@ def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
     layers = layer_materials(scene, materials, mesh.layers)
     supports = {face: list(held) for face, held in scene.supports.items()}
     loads = {face: load.pressure for face, load in scene.loads.items()}
-    added = [added_to_face(scene, face) for face in {**scene.springs, **scene.masses}]
+    sprung = [name for name, spring in scene.springs.items() if spring.faces is None]
+    added = [added_to_face(scene, face) for face in dict.fromkeys([*sprung, *scene.masses])]
     elastic = assemble_elastic(
         mesh, layers, supports, loads, scene.mesh.degree, added, scene.mesh.mass == "lumped"
     )
-    _tie(scene, mesh, elastic, layers)
+    if scene.ties or any(spring.faces for spring in scene.springs.values()):
+        from .joints import joined_bodies
+
+        elastic = joined_bodies(scene, mesh, elastic, layers)
     motion = scene_motion(scene)
     try:
         contact = join(
@@ -148,35 +147,29 @@ def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
     return Brake(mesh, elastic, contact, gathered_vector(elastic.f), float(pressed))
 
 
-def _tie(scene: Scene, mesh: Mesh, elastic: Elastic, layers: Mapping[str, Material]) -> None:
-    """Add the ties of a scene to the stiffness of its bodies."""
-    if not scene.ties:
-        return
-    from .tie import add_layer, tied_faces
-
-    for name, tie in scene.ties.items():
-        faces = tie.faces[0], tie.faces[1]
-        try:
-            found = tied_faces(mesh, elastic.free, faces, layers, tie.stiffness, tie.search)
-        except SceneError as error:
-            raise SceneError(f"{scene.file}: ties.{name}: {error}") from None
-        add_layer(elastic.K, found)
-        logger.info(
-            "tie %s: %.4g mm^2 glued, %.4g mm^2 of %s not; %.3g Pa/m, gap up to %.3g mm",
-            name, 1e6 * found.area, 1e6 * found.uncovered, faces[0], found.stiffness,
-            1e3 * found.gap,
-        )  # fmt: skip
-
-
 def added_to_face(scene: Scene, face: str) -> FaceAddition:
-    """Springs and mass that a scene adds to a face, in x, y, z axes."""
+    """Springs, dashpots and mass that a scene adds to a face, in x, y, z axes."""
     spring, mass = scene.springs.get(face), scene.masses.get(face)
-    k = np.diag(spring.stiffness) if spring is not None else np.zeros((3, 3))
+    turn, none = part_axes(scene, face), np.zeros(3)
+
+    def turned(values: tuple[float, ...] | None) -> Array:
+        return np.asarray(turn @ np.diag(none if values is None else values) @ turn.T)
+
+    given = (
+        (None, None, None)
+        if spring is None
+        else (spring.stiffness, spring.stiffness_per_area, spring.damping)
+    )
+    total, bedding, damping = map(turned, given)
+    return FaceAddition(face, total, 0.0 if mass is None else mass.mass, bedding, damping)
+
+
+def part_axes(scene: Scene, face: str) -> Array:
+    """Axes 1, 2 and z of the part of a face as columns, shape (3, 3)."""
     part = scene.parts.get(face.partition(".")[0])
     angle = 0.0 if part is None else part.axis
     c, s = np.cos(angle), np.sin(angle)
-    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    return FaceAddition(face, turn @ k @ turn.T, 0.0 if mass is None else mass.mass)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def check_brake(scene: Scene, comm: MPI.Comm) -> None:
@@ -189,11 +182,11 @@ def check_brake(scene: Scene, comm: MPI.Comm) -> None:
     materials = scene_materials(scene)
     scene_motion(scene)
     faces = {f'supports."{face}"': face for face in scene.supports}
-    for name in ("springs", "masses", "loads"):
-        faces |= {f'{name}."{face}"': face for face in getattr(scene, name)}
-    for table in ("contact", "ties"):
-        for name, pair in getattr(scene, table).items():
-            faces |= {f"{table}.{name}.faces[{i}]": face for i, face in enumerate(pair.faces)}
+    for table in ("springs", "masses", "loads", "contact", "ties"):
+        for name, one in getattr(scene, table).items():
+            pair = getattr(one, "faces", None)
+            named = {f'{table}."{name}"': name} if pair is None else {}
+            faces |= named | {f"{table}.{name}.faces[{i}]": f for i, f in enumerate(pair or ())}
     layer_materials(scene, materials, check_mesh(scene, faces, comm))
 
 

@@ -7,7 +7,7 @@ Second-order elements by default: linear ones lock in bending.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from petsc4py import PETSc
@@ -68,11 +68,15 @@ class FaceAddition:
         face: name of the face.
         stiffness: total of the springs to the ground, in x, y, z axes [N/m], shape (3, 3).
         mass: total [kg].
+        bedding: stiffness per area [Pa/m], beside it, likewise.
+        damping: total of dashpots to the ground [N s/m], likewise.
     """
 
     face: str
     stiffness: NDArray
     mass: float
+    bedding: NDArray = field(default_factory=lambda: np.zeros((3, 3)))
+    damping: NDArray = field(default_factory=lambda: np.zeros((3, 3)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,6 +126,7 @@ class Elastic:
         f: loads [N] on the free dofs, PETSc.
         free: the numbering.
         loads: load name -> (loaded area [m^2], force [N], shape (3,)).
+        C: damping of springs [N s/m] on the free dofs, PETSc; None where there is none.
     """
 
     K: PETSc.Mat
@@ -129,6 +134,7 @@ class Elastic:
     f: PETSc.Vec
     free: FreeDofs
     loads: dict[str, tuple[float, NDArray]]
+    C: PETSc.Mat | None = None
 
 
 def free_dofs(mesh: Mesh, V: Any, supports: Mapping[str, list[str]]) -> FreeDofs:
@@ -220,26 +226,42 @@ def assemble_elastic(
         fem_petsc.assemble_matrix(M, fem.form(mass_form(u, v, rho, dx)))
     if K is None or M is None:
         raise SceneError("the scene has no part")
+    keep = PETSc.IS().createGeneral(_owned_globals(free), comm=mesh.domain.comm)
+    dashpots = None
     for one in added:
         ds = _face(mesh, one.face, "springs and masses")
         area = _area(mesh, ds)
-        k = fem.Constant(mesh.domain, one.stiffness / area)
+        k = fem.Constant(mesh.domain, one.stiffness / area + one.bedding)
+        c = fem.Constant(mesh.domain, one.damping / area)
         m = fem.Constant(mesh.domain, PETSc.ScalarType(one.mass / area))
-        if one.stiffness.any():
+        if k.value.any():
             fem_petsc.assemble_matrix(K, fem.form(ufl.inner(ufl.dot(k, u), v) * ds))
+        if c.value.any():
+            A = fem_petsc.assemble_matrix(fem.form(ufl.inner(ufl.dot(c, u), v) * ds))
+            A.assemble()
+            dashpots = added_matrix(dashpots, A.createSubMatrix(keep, keep))
+            A.destroy()
         if one.mass:
             fem_petsc.assemble_matrix(M, fem.form(mass_form(u, v, m, ds)))
     M.assemble()
     if lumped:
         lump(M)
     matrices = []
-    keep = PETSc.IS().createGeneral(_owned_globals(free), comm=mesh.domain.comm)
     for A in (K, M):
         A.assemble()
         matrices.append(A.createSubMatrix(keep, keep))
         A.destroy()
     f, record = _loads(mesh, free, loads)
-    return Elastic(matrices[0], matrices[1], f, free, record)
+    return Elastic(matrices[0], matrices[1], f, free, record, dashpots)
+
+
+def added_matrix(total: PETSc.Mat | None, part: PETSc.Mat) -> PETSc.Mat:
+    """Sum in place of the first of two matrices, or the second where there is no first."""
+    if total is None:
+        return part
+    total.axpy(1.0, part, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    part.destroy()
+    return total
 
 
 def lump(M: PETSc.Mat) -> None:
@@ -282,11 +304,7 @@ def affine_parts(
             A.assemble()
             part = A.createSubMatrix(keep, keep)
             A.destroy()
-            if total is None:
-                total = part
-                continue
-            total.axpy(1.0, part, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-            part.destroy()
+            total = added_matrix(total, part)
         if total is None:
             raise SceneError("a change of no layer")
         parts.append(total)

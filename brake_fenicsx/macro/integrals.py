@@ -99,17 +99,23 @@ def facet_integrals(
     )  # fmt: skip
 
 
+def facet_rule(corners: int) -> tuple[Array, Array]:
+    """Points on a reference facet, shape (points, 2), and weights, for what is no polynomial."""
+    x, w = roots_sh_legendre(8)
+    grid: Array = np.stack(np.meshgrid(x, x, indexing="ij"), axis=-1).reshape(-1, 2)
+    weight: Array = np.outer(w, w).reshape(-1)
+    if corners == 3:
+        weight = weight * (1 - grid[:, 0])
+        grid = np.stack([grid[:, 0], grid[:, 1] * (1 - grid[:, 0])], axis=1)
+    return grid, weight
+
+
 def facet_areas(face: Face) -> Array:
     """True areas of the facets [m^2], shape (facets,)."""
     if face.element.corners == 3 and face.straight.all():
         one, two = (face.corners[:, k] - face.corners[:, 0] for k in (1, 2))
         return 0.5 * np.linalg.norm(np.cross(one, two), axis=1)
-    x, w = roots_sh_legendre(8)
-    grid: Array = np.stack(np.meshgrid(x, x, indexing="ij"), axis=-1).reshape(-1, 2)
-    weight: Array = np.outer(w, w).reshape(-1)
-    if face.element.corners == 3:
-        weight = weight * (1 - grid[:, 0])
-        grid = np.stack([grid[:, 0], grid[:, 1] * (1 - grid[:, 0])], axis=1)
+    grid, weight = facet_rule(face.element.corners)
     every = np.arange(len(face.nodes))
     _, _, ratio = face.surface(every, np.broadcast_to(grid, (every.size, *grid.shape)))
     return np.asarray(ratio @ weight)

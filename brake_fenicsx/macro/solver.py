@@ -177,16 +177,25 @@ def add_interface(K: PETSc.Mat, left: sp.csr_matrix, D: Array, right: sp.csr_mat
     Returns:
         A new matrix.
     """
-    first, last = K.getOwnershipRange()
-    rows = (left[:, first:last].T.tocsr() @ sp.diags(D) @ right).tocsr()
-    rows.sort_indices()
-    B = PETSc.Mat().createAIJ(
-        (K.getSizes()[0], K.getSizes()[1]),
-        csr=(rows.indptr.astype(np.int32), rows.indices.astype(np.int32), rows.data),
-        comm=K.comm,
-    )
-    B.assemble()
+    B = interface_matrix(K, left, D, right)
     B.axpy(1.0, K, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    return B
+
+
+def interface_matrix(
+    like: PETSc.Mat, left: sp.csr_matrix, D: Array, right: sp.csr_matrix
+) -> PETSc.Mat:
+    """The product left' diag(D) right alone, shared out as another matrix."""
+    first, last = like.getOwnershipRange()
+    return distributed((left[:, first:last].T.tocsr() @ sp.diags(D) @ right).tocsr(), like)
+
+
+def distributed(rows: sp.csr_matrix, like: PETSc.Mat) -> PETSc.Mat:
+    """This process's rows of a matrix as a PETSc matrix, shared out as another one."""
+    rows.sort_indices()
+    csr = (rows.indptr.astype(np.int32), rows.indices.astype(np.int32), rows.data)
+    B = PETSc.Mat().createAIJ((like.getSizes()[0], like.getSizes()[1]), csr=csr, comm=like.comm)
+    B.assemble()
     return B
 
 

@@ -19,8 +19,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from petsc4py import PETSc
-
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
@@ -124,16 +122,6 @@ def tied_faces(
     return Tie(
         rows.tocsr(), stiffness, area, float(areas[0].sum()) - area, max(comm.allgather(gaps[1]))
     )
-
-
-def add_layer(K: PETSc.Mat, tie: Tie) -> None:
-    """Add the stiffness of a layer to that of the bodies, in place."""
-    tie.K.sort_indices()
-    csr = (tie.K.indptr.astype(np.int32), tie.K.indices.astype(np.int32), tie.K.data)
-    A = PETSc.Mat().createAIJ((K.getSizes()[0], K.getSizes()[1]), csr=csr, comm=K.comm)
-    A.assemble()
-    K.axpy(1.0, A, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-    A.destroy()
 
 
 def _layer(first: Face, second: Face, o: Overlap, kappa: Array, size: int) -> sp.csr_matrix:

@@ -73,16 +73,23 @@ def turning_parts(scene: Scene) -> list[str]:
 def active_terms(scene: Scene, approach: str) -> tuple[str, ...]:
     """Names of the terms that act in the samples of an approach."""
     stability = scene.stability
-    table = stability.damping if stability and "stability" in scene.stages else None
-    if table is None:
+    if stability is None or "stability" not in scene.stages:
         return ()
-    named = [n for n in ("rayleigh", "loss", "sliding", "slope", "gyroscopic") if getattr(table, n)]
+    terms, table = ("rayleigh", "loss", "sliding", "slope", "gyroscopic"), stability.damping
+    named = [n for n in terms if table and getattr(table, n)]
+    if damped_springs(scene):
+        named.append("springs")
     left_out = set()
     if one_friction(scene, approach):
         left_out.add("slope")
     if not rubs(scene, approach):
         left_out.add("sliding")
     return tuple(n for n in named if n not in left_out)
+
+
+def damped_springs(scene: Scene) -> dict[str, tuple[float, ...]]:
+    """Springs with dashpots, and the damping of these [N s/m]."""
+    return {n: s.damping for n, s in scene.springs.items() if s.damping is not None}
 
 
 def reduced_approaches(scene: Scene, counts: Mapping[str, int]) -> set[str]:

@@ -248,12 +248,32 @@ def _check_ties(s: Scene) -> None:
 
 
 def _check_springs(s: Scene) -> None:
-    """Three stiffnesses; and no mass that the gyroscopic term would leave out."""
-    for face, spring in s.springs.items():
-        if len(spring.stiffness) != 3 or not any(spring.stiffness):
+    """Three values of each kind; and no mass that the gyroscopic term would leave out."""
+    for name, spring in s.springs.items():
+        where = f'springs."{name}"'
+        kinds = {
+            "stiffness": ("N/m", "20 kN/mm"),
+            "stiffness_per_area": ("Pa/m", "1e9 Pa/m"),
+            "damping": ("N s/m", "50 N s/m"),
+        }
+        given = {kind: v for kind in kinds if (v := getattr(spring, kind)) is not None}
+        for kind, values in given.items():
+            if len(values) != 3 or not any(values):
+                unit, example = kinds[kind]
+                raise SceneError(
+                    f"{where}.{kind} = {list(values)} {unit}: write three, along the part's axes 1"
+                    f' and 2 and along z, such as [0, 0, "{example}"]'
+                )
+        if not given:
+            raise SceneError(f"{where}: neither stiffness nor damping; write {', '.join(kinds)}")
+        if spring.faces is None:
+            continue
+        if len({*spring.faces}) != 2 or len(spring.faces) != 2:
+            raise SceneError(f"{where}.faces = {list(spring.faces)!r}: write two faces")
+        if spring.stiffness_per_area is not None:
             raise SceneError(
-                f'springs."{face}".stiffness = {list(spring.stiffness)} N/m: write three, along the'
-                ' part\'s axes 1 and 2 and along z, such as [0, 0, "20 kN/mm"]'
+                f"{where}.stiffness_per_area: is for a face and the ground; write the total of the"
+                " two faces as stiffness, or a tie with its stiffness"
             )
     damping = s.stability.damping if s.stability else None
     if s.masses and damping and damping.gyroscopic:

@@ -299,14 +299,23 @@ class Tie:
 
 @dataclass(frozen=True, slots=True)
 class Spring:
-    """[springs]: a face joined to the ground by springs, by its name "part.face".
+    """[springs]: a face joined to the ground, by its name "part.face"; two faces, by any name.
+
+    Springs to the ground are spread evenly over the face; those between two faces join their mean
+    displacements ([meshes.md](meshes.md#springs-and-masses)). All along axes 1 and 2 of the (first)
+    face's part and along z.
 
     Attributes:
-        stiffness: total of the face along the part's axes 1 and 2 and along z, spread evenly over
-            its area.
+        faces: two faces that the springs join, in place of a face and the ground.
+        stiffness: total.
+        stiffness_per_area: that of a bedding to the ground, beside the total.
+        damping: total of dashpots that lie beside the springs; it acts in the complex modes.
     """
 
-    stiffness: tuple[float, ...] = key("N/m", sign="zero")
+    faces: tuple[str, ...] | None = key(default=None)
+    stiffness: tuple[float, ...] | None = key("N/m", default=None, sign="zero")
+    stiffness_per_area: tuple[float, ...] | None = key("Pa/m", default=None, sign="zero")
+    damping: tuple[float, ...] | None = key("N s/m", default=None, sign="zero")
 
 
 @dataclass(frozen=True, slots=True)

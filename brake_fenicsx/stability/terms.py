@@ -7,7 +7,7 @@ equilibrium. What a sample with bodies of its own adds is in ``damping_slopes``.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,7 +25,7 @@ from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.material import Material
 from brake_fenicsx.macro.material_table import layer_materials, scene_materials
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.damping import active_terms, turning_parts
+from brake_fenicsx.scene.damping import Damping, active_terms, damped_springs, turning_parts
 
 from .damping import loss_factor, rayleigh, sliding_damping, velocity_slope
 from .gyroscopic import gyroscopic
@@ -59,20 +59,24 @@ def damping_terms(scene: Scene, brake: Brake) -> Terms | None:
         The terms; None where the scene names none.
     """
     table = scene.stability.damping if scene.stability else None
+    parts = [] if brake.elastic.C is None else [whole(brake.elastic.C)]
     if table is None:
-        return None
+        return Terms(parts[0], sliding=False, slope=False) if parts else None
+    return Terms(_sum([*parts, *_terms_of_bodies(scene, brake, table)]), table.sliding, table.slope)
+
+
+def _terms_of_bodies(scene: Scene, brake: Brake, table: Damping) -> Iterator[sp.csr_matrix]:
+    """Damping that a scene names for its bodies, each term whole on every process."""
     layers = layer_materials(scene, scene_materials(scene), brake.mesh.layers)
-    parts = []
     if table.rayleigh is not None:
-        parts.append(rayleigh(brake.M, brake.K, *table.rayleigh))
+        yield _whole(rayleigh(brake.M, brake.K, *table.rayleigh))
     if table.loss:
-        parts.append(_hysteretic(brake, layers, table.reference))
+        yield _whole(_hysteretic(brake, layers, table.reference))
     motion = scene_motion(scene)
     if table.gyroscopic and isinstance(motion, Rotation):
         turns = set(turning_parts(scene))
         density = {n: m.rho for n, m in layers.items() if n.partition(".")[0] in turns}
-        parts.append(gyroscopic(brake.mesh, brake.elastic.free, density, motion.speed))
-    return Terms(_sum(parts), table.sliding, table.slope)
+        yield _whole(gyroscopic(brake.mesh, brake.elastic.free, density, motion.speed))
 
 
 def damping_of_sample(
@@ -129,10 +133,12 @@ def rates_of_sample(
 
 def record(scene: Scene, contact: Contact) -> dict[str, Any]:
     """What acts where, with its numbers, for log and summary; empty without damping."""
+    facts: dict[str, Any] = {}
+    if damped := damped_springs(scene):
+        facts["springs"] = {f"{name}_N_s_m": [*values] for name, values in damped.items()}
     table = scene.stability.damping if scene.stability else None
     if table is None:
-        return {}
-    facts: dict[str, Any] = {}
+        table = Damping()
     if table.rayleigh is not None:
         facts["rayleigh"] = {"alpha_1_s": table.rayleigh[0], "beta_s": table.rayleigh[1]}
     if table.loss:
@@ -163,11 +169,13 @@ def _hysteretic(brake: Brake, layers: Mapping[str, Material], omega_ref: float) 
     return C
 
 
-def _sum(parts: list[PETSc.Mat]) -> sp.csr_matrix | None:
-    """Sum of distributed matrices, the whole of it on every process."""
-    if not parts:
-        return None
-    found = [whole(A) for A in parts]
-    for A in parts:
-        A.destroy()
-    return sum(found[1:], found[0]).tocsr()
+def _whole(A: PETSc.Mat) -> sp.csr_matrix:
+    """The whole of a distributed matrix on every process; the matrix is destroyed."""
+    found = whole(A)
+    A.destroy()
+    return found
+
+
+def _sum(parts: list[sp.csr_matrix]) -> sp.csr_matrix | None:
+    """Sum of some matrices; None where there are none."""
+    return sum(parts[1:], parts[0]).tocsr() if parts else None

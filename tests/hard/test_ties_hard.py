@@ -9,11 +9,11 @@ import pytest
 from brake_fenicsx.geometry import block
 
 from brake_fenicsx.macro.condensation import whole
-from brake_fenicsx.macro.elasticity import assemble_elastic
+from brake_fenicsx.macro.elasticity import added_matrix, assemble_elastic
 from brake_fenicsx.macro.material import Material, isotropic
 from brake_fenicsx.macro.mesh import distribute, raw_mesh
-from brake_fenicsx.macro.solver import Factor
-from brake_fenicsx.macro.tie import add_layer, tied_faces
+from brake_fenicsx.macro.solver import Factor, distributed
+from brake_fenicsx.macro.tie import tied_faces
 from brake_fenicsx.scene.mesh import MeshTable
 
 pytestmark = [pytest.mark.alone, pytest.mark.hard]
@@ -39,7 +39,7 @@ def tied(kappa, supports, loads, shift=0.0):
     materials = dict.fromkeys(mesh.layers, STEEL)
     elastic = assemble_elastic(mesh, materials, supports, loads)
     tie = tied_faces(mesh, elastic.free, ("low.top", "high.bottom"), materials, kappa)
-    add_layer(elastic.K, tie)
+    added_matrix(elastic.K, distributed(tie.K, elastic.K))
     return elastic, tie
 
 

@@ -17,12 +17,12 @@ from scipy.sparse.linalg import eigsh
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.brake import assemble_brake, check_brake
 from brake_fenicsx.macro.condensation import whole
-from brake_fenicsx.macro.elasticity import assemble_elastic
+from brake_fenicsx.macro.elasticity import added_matrix, assemble_elastic
 from brake_fenicsx.macro.material import Material, isotropic
 from brake_fenicsx.macro.mesh import distribute, raw_mesh
 from brake_fenicsx.macro.meshing.rawmesh import joined
-from brake_fenicsx.macro.solver import Factor
-from brake_fenicsx.macro.tie import add_layer, tied_faces
+from brake_fenicsx.macro.solver import Factor, distributed
+from brake_fenicsx.macro.tie import tied_faces
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.mesh import MeshTable
 from brake_fenicsx.stability.substructures.placed import originals_and_images
@@ -61,6 +61,10 @@ def tied(mesh, supports, kappa=None, loads=None, search=None):
     tie = tied_faces(mesh, elastic.free, ("low.top", "high.bottom"), materials, kappa, search)
     add_layer(elastic.K, tie)
     return elastic, tie
+
+
+def add_layer(K, tie):
+    added_matrix(K, distributed(tie.K, K))
 
 
 def field(mesh, elastic, **bodies):

@@ -119,6 +119,31 @@ def test_a_tied_part_beside_a_modulus():
         agrees(prepared.modes({C44: value}), at_full_order(prepared, {C44: value}))
 
 
+def test_springs_and_dashpots_between_parts_beside_a_modulus():
+    """They join their parts to one body; the dashpots damp the modes, with no other damping named.
+
+    As strong as the impedance of the block, so that the modes feel them.
+    """
+    clip = 'faces=["block.sides", "cap.bottom"]'
+    stiff, damping = (
+        f'{kind}=["{v} {unit}", "{v} {unit}", "{v} {unit}"]'
+        for kind, v, unit in (("stiffness", 5e6, "N/m"), ("damping", 60, "N s/m"))
+    )
+    joined = [
+        'parts.cap={ builder="block", length="30 mm", width="20 mm", height="8 mm", z="30 mm",'
+        ' size="20 mm", material="iron" }',
+        f'springs={{ clip={{ {clip}, {stiff}, {damping} }}, "cap.top"={{ {stiff}, {damping} }} }}',
+    ]  # fmt: skip
+    prepared = model.prepare(BLOCK, [*COARSE, *joined], parameters={C44: (0.9e9, 1.5e9)})
+    models = prepared.study.models
+    assert len(models.reduced[True].bodies) == 2
+    assert [*models.facts["damping"]] == ["springs"]
+    for value in (0.9e9, 1.4e9):
+        found = prepared.modes({C44: value})
+        agrees(found, at_full_order(prepared, {C44: value}))
+        assert found.damping.max() > 1e-2
+
+
 def test_speed_moves_friction_and_its_damping():
     """mu(V), mu'(V) and mu p / V; in the equilibrium too: closed forms, then full order."""
     damping = "stability.damping={ sliding=true, slope=true }"

@@ -1,0 +1,86 @@
+"""What joins the bodies of a scene beside contact: ties, and springs between two faces."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import scipy.sparse as sp
+
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.scene import Scene
+
+from .brake import part_axes
+from .elasticity import Elastic, added_matrix
+from .faces import gather_face
+from .material import Material
+from .mean_motion import check_size, mean_displacement
+from .mesh import Mesh
+from .solver import distributed, interface_matrix
+from .tie import tied_faces
+
+logger = logging.getLogger(__name__)
+
+
+def joined_bodies(
+    scene: Scene, mesh: Mesh, elastic: Elastic, materials: Mapping[str, Material]
+) -> Elastic:
+    """Add ties and springs between faces to the bodies of a scene; collective.
+
+    Args:
+        scene: the scene.
+        mesh: its mesh.
+        elastic: the bodies, whose stiffness is changed in place.
+        materials: layer name -> material in x, y, z axes.
+
+    Returns:
+        The bodies, joined.
+
+    Raises:
+        SceneError: faces that do not touch, or are too large.
+    """
+    for name in scene.ties:
+        try:
+            _tie(scene, name, mesh, elastic, materials)
+        except SceneError as error:
+            raise SceneError(f"{scene.file}: ties.{name}: {error}") from None
+    for name, spring in scene.springs.items():
+        if spring.faces is not None:
+            try:
+                elastic = _sprung(scene, name, mesh, elastic)
+            except SceneError as error:
+                raise SceneError(f"{scene.file}: springs.{name}: {error}") from None
+    return elastic
+
+
+def _tie(
+    scene: Scene, name: str, mesh: Mesh, elastic: Elastic, materials: Mapping[str, Material]
+) -> None:
+    """Add a tie to the stiffness."""
+    tie = scene.ties[name]
+    faces = tie.faces[0], tie.faces[1]
+    found = tied_faces(mesh, elastic.free, faces, materials, tie.stiffness, tie.search)
+    added_matrix(elastic.K, distributed(found.K, elastic.K))
+    logger.info(
+        "tie %s: %.4g mm^2 glued, %.4g mm^2 of %s not; %.3g Pa/m, gap up to %.3g mm",
+        name, 1e6 * found.area, 1e6 * max(found.uncovered, 0.0), faces[0], found.stiffness,
+        1e3 * found.gap,
+    )  # fmt: skip
+
+
+def _sprung(scene: Scene, name: str, mesh: Mesh, elastic: Elastic) -> Elastic:
+    """Add springs and dashpots between the mean displacements of two faces."""
+    spring, free = scene.springs[name], elastic.free
+    faces = [gather_face(mesh, free, face) for face in spring.faces or ()]
+    check_size(faces)
+    first, second = (mean_displacement(face, free.size) for face in faces)
+    axes = part_axes(scene, (spring.faces or ("",))[0])
+    J = (sp.csr_matrix(axes.T) @ (first - second)).tocsr()
+    if spring.stiffness is not None:
+        added_matrix(elastic.K, interface_matrix(elastic.K, J, np.array(spring.stiffness), J))
+    if spring.damping is None:
+        return elastic
+    C = interface_matrix(elastic.K, J, np.array(spring.damping), J)
+    return replace(elastic, C=added_matrix(elastic.C, C))
