@@ -127,7 +127,8 @@ def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
     elastic = assemble_elastic(
         mesh, layers, supports, loads, scene.mesh.degree, added, scene.mesh.mass == "lumped"
     )
-    if scene.ties or any(spring.faces for spring in scene.springs.values()):
+    inert = any(added.inertia for added in scene.masses.values())
+    if scene.ties or inert or any(spring.faces for spring in scene.springs.values()):
         from .joints import joined_bodies
 
         elastic = joined_bodies(scene, mesh, elastic, layers)

@@ -1,4 +1,4 @@
-"""What joins the bodies of a scene beside contact: ties, and springs between two faces."""
+"""What acts on faces as a whole: ties, springs between two faces, and rotational inertia."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .brake import part_axes
 from .elasticity import Elastic, added_matrix
 from .faces import gather_face
 from .material import Material
-from .mean_motion import check_size, mean_displacement
+from .mean_motion import check_size, mean_displacement, mean_rotation
 from .mesh import Mesh
 from .solver import distributed, interface_matrix
 from .tie import tied_faces
@@ -27,12 +27,12 @@ logger = logging.getLogger(__name__)
 def joined_bodies(
     scene: Scene, mesh: Mesh, elastic: Elastic, materials: Mapping[str, Material]
 ) -> Elastic:
-    """Add ties and springs between faces to the bodies of a scene; collective.
+    """Add ties, springs between faces and inertia to the bodies of a scene; collective.
 
     Args:
         scene: the scene.
         mesh: its mesh.
-        elastic: the bodies, whose stiffness is changed in place.
+        elastic: the bodies, whose stiffness and mass are changed in place.
         materials: layer name -> material in x, y, z axes.
 
     Returns:
@@ -52,6 +52,12 @@ def joined_bodies(
                 elastic = _sprung(scene, name, mesh, elastic)
             except SceneError as error:
                 raise SceneError(f"{scene.file}: springs.{name}: {error}") from None
+    for name, added in scene.masses.items():
+        if added.inertia is not None:
+            try:
+                _inert(scene, name, mesh, elastic)
+            except SceneError as error:
+                raise SceneError(f'{scene.file}: masses."{name}": {error}') from None
     return elastic
 
 
@@ -84,3 +90,13 @@ def _sprung(scene: Scene, name: str, mesh: Mesh, elastic: Elastic) -> Elastic:
         return elastic
     C = interface_matrix(elastic.K, J, np.array(spring.damping), J)
     return replace(elastic, C=added_matrix(elastic.C, C))
+
+
+def _inert(scene: Scene, name: str, mesh: Mesh, elastic: Elastic) -> None:
+    """Add the moments of inertia on a face to the mass."""
+    face = gather_face(mesh, elastic.free, name)
+    check_size([face])
+    turn = sp.csr_matrix(part_axes(scene, name).T)
+    J = (turn @ mean_rotation(face, elastic.free.size)).tocsr()
+    inertia = np.array(scene.masses[name].inertia)
+    added_matrix(elastic.M, interface_matrix(elastic.M, J, inertia, J))

@@ -275,6 +275,12 @@ def _check_springs(s: Scene) -> None:
                 f"{where}.stiffness_per_area: is for a face and the ground; write the total of the"
                 " two faces as stiffness, or a tie with its stiffness"
             )
+    for face, added in s.masses.items():
+        if added.inertia is not None and (len(added.inertia) != 3 or not any(added.inertia)):
+            raise SceneError(
+                f'masses."{face}".inertia = {list(added.inertia)} kg m^2: write three, about the'
+                ' part\'s axes 1 and 2 and about z, such as ["2 kg mm^2", "2 kg mm^2", 0]'
+            )
     damping = s.stability.damping if s.stability else None
     if s.masses and damping and damping.gyroscopic:
         raise SceneError(

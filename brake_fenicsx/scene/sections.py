@@ -324,9 +324,12 @@ class AddedMass:
 
     Attributes:
         mass: total.
+        inertia: moments of inertia of the added body about the face's centroid, about axes 1 and 2
+            of the part and about z, beside those of the spread mass.
     """
 
     mass: float = key("kg")
+    inertia: tuple[float, ...] | None = key("kg m^2", default=None, sign="zero")
 
 
 @dataclass(frozen=True, slots=True)

@@ -116,6 +116,23 @@ def test_bedding_and_dashpots_to_the_ground(comm):
         assert u @ C @ u == pytest.approx(k, rel=1e-12)
 
 
+def test_inertia_of_a_face_is_that_of_its_rotation(comm):
+    """About the centroid and the part's axes, none for a displacement; on the top of the cap."""
+    inertia, text = np.array([3e-6, 5e-6, 7e-6]), 'masses={ "cap.top"={ mass="1 g"'
+    axis = "parts.cap.axis='30 deg'"
+    moments = ", ".join(f'"{1e6 * v:.12g} kg mm^2"' for v in inertia)
+    _, plain, _, x = loose_bodies(text + "} }", axis, comm=comm)
+    _, mass, _, _ = loose_bodies(f"{text}, inertia=[{moments}] }} }}", axis, comm=comm)
+    added = mass - plain
+    for k, direction in enumerate(TURN.T):
+        turning = moving(x, lambda at, d=direction: np.cross(d, at - [0, 0, 45e-3]), "cap")
+        assert turning @ added @ turning == pytest.approx(inertia[k], rel=1e-9)
+        assert abs(moving(x, direction, "cap") @ added @ moving(x, direction, "cap")) < 1e-15
+    box = CAP_BOX[3] / 12 * (24e-3**2 + 10e-3**2) + CAP_BOX[3] * 5e-3**2
+    turning = moving(x, lambda at: np.cross([1.0, 0, 0], at - [0, 0, 45e-3]), "cap")
+    assert turning @ plain @ turning == pytest.approx(box + 1e-3 * 24e-3**2 / 12, rel=1e-9)
+
+
 @pytest.mark.alone
 def test_damping_ratio_of_rigid_boxes_on_damped_springs():
     """Dashpots in proportion to the springs: 2 zeta = omega c / k in each mode of the springs."""
@@ -151,6 +168,13 @@ def test_mistakes_are_one_line(spring, said):
     with pytest.raises(SceneError) as error:
         check_brake(read_scene(BLOCK, [*LIFTED, springs(**spring)]), MPI.COMM_SELF)
     assert said in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.alone
+def test_inertia_of_two_values_is_refused():
+    text = 'masses={ "cap.top"={ mass="1 g", inertia=["1 kg mm^2", 0] } }'
+    with pytest.raises(SceneError, match="write three, about the part's axes"):
+        read_scene(BLOCK, [*LIFTED, text])
 
 
 @pytest.mark.alone
