@@ -70,7 +70,7 @@ def _tie(
     found = tied_faces(mesh, elastic.free, faces, materials, tie.stiffness, tie.search)
     added_matrix(elastic.K, distributed(found.K, elastic.K))
     logger.info(
-        "tie %s: %.4g mm^2 glued, %.4g mm^2 of %s not; %.3g Pa/m, gap up to %.3g mm",
+        "tie %s: %.4g mm^2 glued, %.4g mm^2 of %s not; %.3g Pa/m, gap up to %.4f mm",
         name, 1e6 * found.area, 1e6 * max(found.uncovered, 0.0), faces[0], found.stiffness,
         1e3 * found.gap,
     )  # fmt: skip

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import scipy.sparse as sp
@@ -43,8 +44,11 @@ STIFF = 1000.0
 # Largest distance that is glued where a scene names none, over the side of a facet.
 NEAR = 0.05
 
-# Clipped triangles whose matrices are made at once.
-BATCH = 128
+# Faces no further apart than this share of a facet touch: round-off.
+TOUCHING = 1e-9
+
+# Facets of the first face at once.
+BATCH = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,25 +99,24 @@ def tied_faces(
     areas = [facet_areas(face) for face in (first, second)]
     sides = [float(np.sqrt(area.mean())) for area in areas]
     if stiffness is None:
-        parts = {face.partition(".")[0] for face in faces}
-        C = [m.C for name, m in materials.items() if name.partition(".")[0] in parts]
-        stiffness = STIFF * max(float(np.diag(c).max()) for c in C) / min(sides)
+        stiffness = STIFF * _stiffest(faces, materials) / min(sides)
     reach = NEAR * max(sides) if search is None else search
     comm = mesh.domain.comm
     pairs = facing_pairs(first, second, reach)
-    share = np.array_split(np.arange(len(pairs)), comm.size)[comm.rank]
-    found = overlap(first, second, pairs[share], rule(first, second, 1, 30))
+    # All partners of a facet together: a point may be handed from one to another.
+    ends = np.searchsorted(pairs[:, 0], np.arange(0, len(areas[0]) + BATCH, BATCH))
+    points = rule(first, second, 1, 24)
     K = sp.csr_matrix((free.size, free.size))
     area, gaps = 0.0, [np.inf, 0.0]
-    for o in found:
-        away = np.abs(o.gap)
-        near = away <= reach
-        area += float(o.weight[near].sum())
-        gaps[0] = min(gaps[0], float(away[o.weight > 0].min(initial=np.inf)))
-        gaps[1] = max(gaps[1], float(away[near & (o.weight > 0)].max(initial=0.0)))
-        for i in range(0, len(o.pad), BATCH):
-            some = np.arange(i, min(i + BATCH, len(o.pad)))
-            K = K + _layer(first, second, o.rows(some), stiffness * near[some], free.size)
+    for start, end in [*pairwise(ends)][comm.rank :: comm.size]:
+        for o in overlap(first, second, pairs[start:end], points):
+            away, counts = np.abs(o.gap), o.weight > 0
+            near = counts & (away <= reach)
+            gaps[0] = min(gaps[0], float(away[counts].min(initial=np.inf)))
+            if near.any():
+                area += float(o.weight[near].sum())
+                gaps[1] = max(gaps[1], float(away[near].max()))
+                K = K + _layer(first, second, o, stiffness * near, free.size)
     area = comm.allreduce(area)
     if not area > 0:
         raise SceneError(_apart(faces, first, second, min(comm.allgather(gaps[0])), reach))
@@ -124,20 +127,31 @@ def tied_faces(
     )
 
 
+def _stiffest(faces: tuple[str, str], materials: Mapping[str, Material]) -> float:
+    """Largest C_ii [Pa] of the layers of the parts of two faces."""
+    parts = {face.partition(".")[0] for face in faces}
+    C = [m.C for name, m in materials.items() if name.partition(".")[0] in parts]
+    return max(float(np.diag(c).max()) for c in C)
+
+
 def _layer(first: Face, second: Face, o: Overlap, kappa: Array, size: int) -> sp.csr_matrix:
     """Stiffness [N/m] of some clipped triangles, kappa at each of their points."""
-    one = first.element.shape(o.on_pad)[..., None, None] * np.eye(3)
-    two = -_carried(second, o)
-    J = np.concatenate([one, two], axis=2)
-    # Rows: components at points; columns: components at nodes.
-    J = np.swapaxes(J, 2, 3) * np.sqrt(kappa * o.weight)[..., None, None, None]
-    rows, nodes = len(J), J.shape[3]
-    J = J.reshape(rows, -1, 3 * nodes)
-    values = np.swapaxes(J, 1, 2) @ J
     columns = np.concatenate([first.columns[o.pad], second.columns[o.disc]], axis=1)
-    columns = columns.reshape(rows, 3 * nodes)
-    i, j = (np.broadcast_to(c, values.shape) for c in (columns[:, :, None], columns[:, None]))
-    free = (i >= 0) & (j >= 0) & (values != 0)
+    shape = first.element.shape(o.on_pad)
+    scale = np.sqrt(kappa * o.weight)[..., None]
+    if np.abs(o.gap).max() < TOUCHING * first.radius.max():
+        # Components of the jump apart, and one matrix for all three.
+        J = scale * np.concatenate([shape, -second.element.shape(o.on_disc)], axis=2)
+        values = np.repeat((np.swapaxes(J, 1, 2) @ J)[..., None], 3, axis=3)
+    else:
+        J = np.concatenate([shape[..., None, None] * np.eye(3), -_carried(second, o)], axis=2)
+        # Rows: components at points; columns: components at nodes.
+        J = np.swapaxes(scale[..., None, None] * J, 2, 3).reshape(len(J), -1, columns[0].size)
+        values = np.swapaxes(J, 1, 2) @ J
+        columns = columns.reshape(len(J), -1)
+    i = np.broadcast_to(columns[:, :, None], values.shape)
+    j = np.broadcast_to(columns[:, None], values.shape)
+    free = (i >= 0) & (j >= 0)
     return sp.csr_matrix((values[free], (i[free], j[free])), shape=(size, size))
 
 
