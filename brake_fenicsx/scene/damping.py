@@ -5,6 +5,7 @@ Their signs and derivations are in ``stability.damping`` and ``stability.gyrosco
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -181,6 +182,14 @@ def _check_turning(scene: Scene) -> None:
         if name not in scene.parts:
             raise SceneError(
                 f"{WHERE}.gyroscopic: there is no part {name!r}; there are {', '.join(scene.parts)}"
+            )
+    turns = set(turning_parts(scene))
+    for name, tie in scene.ties.items():
+        parts = {face.partition(".")[0] for face in tie.faces}
+        if (rests := parts - turns) and parts & turns:
+            raise SceneError(
+                f"ties.{name}: {', '.join(rests)} does not turn, and the part that it is tied to"
+                f" does; write {WHERE}.gyroscopic = {json.dumps(sorted(turns | parts))}"
             )
 
 

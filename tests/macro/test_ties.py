@@ -1,6 +1,7 @@
 """Faces glued together: patch test, rigid motions, glued meshes, what is glued and what is not."""
 
 import logging
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -155,6 +156,9 @@ def test_rigid_motions_strain_no_tie(comm, gap, curved):
             u = field(mesh, elastic, low=motion, high=motion)
             energy = comm.allreduce(float(u @ image(elastic, u)))
             assert abs(energy) < 1e-12 * scale * size**2
+    # Every other motion of the two strains something: they are one body.
+    found = lowest(elastic, 7)
+    assert np.abs(found[:6]).max() < 1e-6 * found[6]
 
 
 def lowest(elastic, count=8):
@@ -306,6 +310,25 @@ def test_mistakes_are_one_line(change, said):
     with pytest.raises(SceneError) as error:
         check_brake(read_scene(BLOCK, [*CAP, change]), MPI.COMM_SELF)
     assert said in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.alone
+def test_a_part_tied_to_one_that_turns_turns_too():
+    turning = [
+        *CAP, "motion={ axis='z', speed='40 rad/s' }", "stability.damping={ gyroscopic=true }",
+        'contact.block_plate.faces=["plate.top", "block.bottom"]',
+    ]  # fmt: skip
+    with pytest.raises(SceneError, match=r'cap does not turn.*gyroscopic = \["block", "cap"\]'):
+        read_scene(BLOCK, turning)
+    read_scene(BLOCK, [*turning, 'stability.damping.gyroscopic=["block", "cap"]'])
+
+
+@pytest.mark.alone
+def test_a_scene_without_ties_imports_nothing_of_them(monkeypatch):
+    monkeypatch.setitem(sys.modules, "brake_fenicsx.macro.joints", None)
+    assemble_brake(read_scene(BLOCK, [*CAP, "ties={}"]), MPI.COMM_SELF)
+    with pytest.raises(ImportError):
+        assemble_brake(read_scene(BLOCK, CAP), MPI.COMM_SELF)
 
 
 @pytest.mark.parametrize(
