@@ -91,7 +91,8 @@ def bodies_key(scene: Scene) -> dict[str, Any]:
     """Key of the bodies: what mesh, matrices and contact elements of a scene depend on."""
     names = ("parts", "mesh", "materials", "supports", "springs", "masses")
     out: dict[str, Any] = {name: scene.table.get(name) for name in names}
-    out |= {name: scene.table[name] for name in ("ties",) if name in scene.table}
+    if "ties" in scene.table:
+        out["ties"] = scene.table["ties"]
     out["contact"] = {
         name: {k: v for k, v in table.items() if k not in _LAWS}
         for name, table in scene.table.get("contact", {}).items()

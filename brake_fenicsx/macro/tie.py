@@ -116,7 +116,7 @@ def tied_faces(
             if near.any():
                 area += float(o.weight[near].sum())
                 gaps[1] = max(gaps[1], float(away[near].max()))
-                K = K + _layer(first, second, o, stiffness * near, free.size)
+                K = K + _layer(first, second, o, np.where(near, stiffness, 0.0), free.size)
     area = comm.allreduce(area)
     if not area > 0:
         raise SceneError(_apart(faces, first, second, min(comm.allgather(gaps[0])), reach))
