@@ -241,7 +241,7 @@ class Models:
         scene, brake = self._scene, self.brake
         self.terms = damping_terms(scene, brake)
         with self._cache.shared(DOFS, lambda: bodies_key(scene), self._comm):
-            self.numbering = Numbering(brake, self.M, self._store, self._comm)
+            self.numbering = Numbering(brake, self._store, self._comm)
         self._order = self.numbering.kept(np.arange(brake.f.size))
         layers = layer_materials(scene, scene_materials(scene), brake.mesh.layers)
         density = {name: m.rho for name, m in layers.items()}

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
+from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.brake import Brake
 from brake_fenicsx.store import Store
@@ -38,19 +39,18 @@ class Numbering:
         kept_mark: tells the order of the folder from others.
     """
 
-    def __init__(self, brake: Brake, M: sp.csr_matrix, store: Store, comm: MPI.Comm):
+    def __init__(self, brake: Brake, store: Store, comm: MPI.Comm):
         """Compare with the folder, or found its order; collective.
 
         Args:
             brake: operators of the scene.
-            M: its mass, whole on this process.
             store: the results folder.
             comm: processes of the run.
 
         Raises:
             SceneError: the folder belongs to another mesh.
         """
-        self.body = _bodies(brake, M, comm)
+        self.body = _bodies(brake, comm)
         keys = _keys(brake, self.body, comm)
         self.mark = self.kept_mark = _mark(keys)
         stored = store.load(FILE)
@@ -92,12 +92,23 @@ def _mark(keys: NDArray) -> str:
     return hashlib.sha256(np.ascontiguousarray(keys).tobytes()).hexdigest()[:16]
 
 
-def _bodies(brake: Brake, M: sp.csr_matrix, comm: MPI.Comm) -> NDArray[np.intp]:
-    """Body of each free dof: by the mass, which ties and springs leave alone, and the nodes."""
-    free = brake.elastic.free
-    node = np.concatenate(comm.allgather(free.local // 3 + free.V.dofmap.index_map.local_range[0]))
-    at = sp.csr_matrix((np.ones(node.size), (np.arange(node.size), node)))
-    return np.asarray(connected_components(abs(M) + at @ at.T, directed=False)[1])
+def _bodies(brake: Brake, comm: MPI.Comm) -> NDArray[np.intp]:
+    """Body of each free dof, by the cells: ties and springs join bodies in the stiffness."""
+    free, topology = brake.elastic.free, brake.mesh.domain.topology
+    V, index_map = free.V, free.V.dofmap.index_map
+    cells = np.arange(topology.index_map(topology.dim).size_local)
+    local = compat.cell_dofs(V, cells).astype(np.int32)
+    node = np.concatenate(
+        comm.allgather(index_map.local_to_global(local.reshape(-1)).reshape(local.shape))
+    )
+    first = np.repeat(node[:, 0], node.shape[1])
+    links = sp.coo_matrix(
+        (np.ones(first.size), (first, node.reshape(-1))), 2 * [index_map.size_global]
+    )
+    label = connected_components(links, directed=False)[1]
+    own = np.concatenate(comm.allgather(free.local // 3 + index_map.local_range[0]))
+    # A body that is held everywhere has no free dof.
+    return np.asarray(np.unique(label[own], return_inverse=True)[1], dtype=np.intp)
 
 
 def _keys(brake: Brake, body: NDArray[np.intp], comm: MPI.Comm) -> NDArray:
