@@ -56,16 +56,17 @@ def facet_integrals(
         disc: the second face.
         reach: largest gap at which facets are paired [m]; the largest facet size if None.
         linear: pressures linear on a facet, given by their values at its Gauss points.
-        comm: processes that share the pairs of facets.
+        comm: processes that share the facets of the first face.
 
     Returns:
         The integrals, the same on every process.
     """
     pairs = facing_pairs(pad, disc, reach)
-    share = np.array_split(np.arange(len(pairs)), comm.size)[comm.rank]
-    points = rule(pad, disc, int(linear))
-    batches = overlap(pad, disc, pairs[share], points)
     count = len(pad.nodes)
+    # All partners of a facet together: a point may be handed from one to another.
+    ends = np.searchsorted(pairs[:, 0], np.linspace(0, count, comm.size + 1).round())
+    points = rule(pad, disc, int(linear))
+    batches = overlap(pad, disc, pairs[ends[comm.rank] : ends[comm.rank + 1]], points)
     own = sum(np.bincount(o.pad, o.weight.sum(axis=1), minlength=count) for o in batches)
     covered = np.sum(comm.allgather(own), axis=0)
     area = facet_areas(pad)
