@@ -6,7 +6,10 @@ from typing import Any
 __version__ = "0.2.0"
 
 # Imported when first asked for: they bring DOLFINx and PETSc with them.
-_WHERE = {"run": "pipeline", "assemble": "pipeline", "prepare": "model", "sweep": "model"}
+_WHERE = {
+    "run": "pipeline", "assemble": "pipeline", "prepare": "model", "sample": "model",
+    "sweep": "model",
+}  # fmt: skip
 
 
 def __getattr__(name: str) -> Any:

@@ -7,7 +7,6 @@ to them.
 
 from __future__ import annotations
 
-import hashlib
 import os
 import shutil
 import sys
@@ -22,6 +21,7 @@ from brake_fenicsx import __version__
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.log import logger
 from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.files import file_digests
 from brake_fenicsx.store import Store
 from brake_fenicsx.tables import FORMAT
 
@@ -97,10 +97,12 @@ def bodies_key(scene: Scene) -> dict[str, Any]:
         name: {k: v for k, v in table.items() if k not in _LAWS}
         for name, table in scene.table.get("contact", {}).items()
     }
-    out["loads"] = sorted(scene.loads)
+    out["loads"] = [
+        face if load.pressure is not None else [face, load.force, load.moment, load.displacement]
+        for face, load in sorted(scene.loads.items())
+    ]
     out["motion"] = {k: v for k, v in scene.table.get("motion", {}).items() if k != "speed"}
-    if "file" in (scene.table.get("mesh") or {}):
-        out["file"] = _content(scene.path(scene.table["mesh"]["file"]))
+    out["files"] = _files(scene, "mesh.", "parts.")
     versions = (getattr(sys.modules.get(name), "__version__", "") for name in ("dolfinx", "gmsh"))
     return {**out, "versions": [__version__, *map(str, versions)]}
 
@@ -112,16 +114,15 @@ def laws_key(scene: Scene) -> dict[str, Any]:
     out["patch"] = scene.micro.patch if scene.micro else None  # that of the mesh as a length
     if "noise" in surface:
         out["seed"] = scene.samples.seed
-    files = {name: surface[name] for name in ("scan", "form") if name in surface}
-    return {**out, **{name: _content(scene.path(file)) for name, file in files.items()}}
+    return {**out, "files": _files(scene, "surface.")}
 
 
 def _digest(content: Any) -> str:
     return Scene.hash(content)[:16]
 
 
-def _content(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
+def _files(scene: Scene, *sections: str) -> dict[str, str]:
+    return {key: d for key, d in file_digests(scene).items() if key.startswith(sections)}
 
 
 def _link(source: Path, target: Path) -> None:

@@ -12,7 +12,7 @@ from scipy.fft import next_fast_len
 
 from brake_fenicsx.errors import BrakeError, SceneError, SurfaceError
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.damping import damped_springs
+from brake_fenicsx.scene.damping import damped_bodies, damped_springs
 from brake_fenicsx.scene.friction import rubs
 from brake_fenicsx.scene.plausible import unusual
 from brake_fenicsx.scene.rules import MOST_PIXELS
@@ -80,7 +80,7 @@ def _undamped(scene: Scene) -> list[str]:
     damping = stability.damping
     if damping and (damping.rayleigh or damping.loss or damping.sliding):
         return []
-    if damped_springs(scene):
+    if damped_springs(scene) or damped_bodies(scene):
         return []
     if not any(rubs(scene, approach) for approach in scene.samples.approaches):
         return []

@@ -1,4 +1,4 @@
-"""Command line: check, run, countermeasures, report."""
+"""Command line: check, prepare, run, countermeasures, report, export, correlate."""
 
 from __future__ import annotations
 
@@ -34,8 +34,11 @@ first steps:
   brake-fenicsx check brake.toml          sizes, memory and time of a run; refuses mistakes
   brake-fenicsx run brake.toml            results in ./brake-results; open its report.html
   brake-fenicsx run brake.toml            the same again: resumes an interrupted run
+  brake-fenicsx prepare brake.toml        for a job array: then run --share 1/8, ... 8/8, run
   brake-fenicsx report brake-results      draws figures and page again, without computing
   brake-fenicsx countermeasures brake.toml    what would stop the squeal, if the scene names some
+  brake-fenicsx export brake-results      mode shapes as a universal file, modes.unv
+  brake-fenicsx correlate brake.toml disc.unv --part disc    modes of a part against its test
   brake-fenicsx schema > scene.json       keys of a scene, for editors (docs/scene.md)
 
 variations:
@@ -73,12 +76,21 @@ for each countermeasure that is enough (after-1/, ...), compared with it. The sa
 an interrupted search. docs/countermeasures.md says what is searched and how."""
 
 
+# Where launchers leave the rank of a process.
+RANKS = ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK", "SLURM_PROCID")
+
+
 class Parser(argparse.ArgumentParser):
     """Arguments whose mistakes are one line, as every other mistake is."""
 
     def error(self, message: str) -> NoReturn:
         """Refuse a command line."""
         raise SceneError(f'{message}; "{self.prog} --help" lists what there is')
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """Help is printed by the first process of mpirun or srun alone, before MPI starts."""
+        if all(os.environ.get(name, "0") == "0" for name in RANKS):
+            super()._print_message(message, file)
 
 
 def parser() -> argparse.ArgumentParser:
@@ -100,12 +112,16 @@ def parser() -> argparse.ArgumentParser:
     text = "run a scene, or resume its run"
     runs = commands.add_parser("run", help=text, description=text, epilog=AFTER_RUN,
                                formatter_class=raw)  # fmt: skip
+    text = "make what all samples of a scene share, for the tasks of a job array (run --share)"
+    prepares = commands.add_parser("prepare", help=text, description=text)
     text = "run a scene and its refinements: how much each changes the probability of squeal"
     budgets = commands.add_parser("budget", help=text, description=text)
     text = "find the smallest change of each of the scene's countermeasures that stops the squeal"
     remedies = commands.add_parser("countermeasures", help=text, description=text,
                                    epilog=AFTER_COUNTERMEASURES, formatter_class=raw)  # fmt: skip
-    for command in (checks, runs, budgets, remedies):
+    text = "compare the modes of a part of a scene with those of a modal test: frequencies and MAC"
+    correlates = commands.add_parser("correlate", help=text, description=text)
+    for command in (checks, prepares, runs, budgets, remedies, correlates):
         command.add_argument("scene", metavar="SCENE.toml", help="the scene file")
         command.add_argument("--set", action="append", default=[], metavar="KEY=VALUE",
                              help="replace a key of the scene (docs/scene.md), as often as"
@@ -115,27 +131,52 @@ def parser() -> argparse.ArgumentParser:
                              help="print the outcome as JSON, for other programs")  # fmt: skip
     again = f"recompute this stage and all later ones: {', '.join(STAGES)}"
     runs.add_argument("--from", dest="from_stage", choices=STAGES, metavar="STAGE", help=again)
-    for command, name in ((runs, "results"), (budgets, "budget"), (remedies, "countermeasures")):
+    runs.add_argument("--share", nargs="?", const="", metavar="I/N", help="compute the I-th of N"
+                      " parts of the samples, in a folder that `prepare` made; without I/N that of"
+                      " this task of a SLURM job array")  # fmt: skip
+    correlates.add_argument("test", metavar="TEST.unv", help="universal file: nodes and modes (55)")
+    correlates.add_argument("--part", metavar="NAME", help="the part, where the scene has several")
+    correlates.add_argument("--supported", action="store_true", help="with the supports, springs"
+                            " and masses of the part's faces; free if not given")  # fmt: skip
+    folders = [(prepares, "results"), (runs, "results"), (budgets, "budget")]
+    folders += [(remedies, "countermeasures"), (correlates, "correlation")]
+    for command, name in folders:
         command.add_argument("-o", dest="directory", metavar="DIR",
                              help=f"results folder, ./SCENE-{name}")  # fmt: skip
+    for command in (prepares, runs, budgets, remedies):
         command.add_argument("--cache", metavar="DIR", help="share laws and reduced models with"
                              " runs of scenes that differ in seed, samples, friction or"
                              " loads")  # fmt: skip
     budgets.add_argument("--minutes", type=float, metavar="T",
                          help="run only the refinements that fit in this time")  # fmt: skip
-    runs.add_argument("petsc", nargs="*", metavar="-- PETSC_OPTIONS", help="go to PETSc")
+    for command in (prepares, runs):
+        command.add_argument("petsc", nargs="*", metavar="-- PETSC_OPTIONS", help="go to PETSc")
     text = "print the JSON Schema of a scene, by which editors complete and check its keys"
     schemas = commands.add_parser("schema", help=text, description=text)
     text = "draw figures and page of a results folder again"
     reports = commands.add_parser("report", help=text, description=text)
     reports.add_argument("directory", metavar="DIR", help="results folder of a run")
+    text = "write the stored mode shapes of a results folder as a universal file, modes.unv"
+    exports = commands.add_parser("export", help=text, description=text)
+    exports.add_argument("directory", metavar="DIR", help="results folder of a run")
     text = "compare two runs: families matched by shape, change of probability with its interval"
     compares = commands.add_parser("compare", help=text, description=text)
     compares.add_argument("first", metavar="A", help="results folder of a run")
     compares.add_argument("second", metavar="B", help="results folder of another run")
     compares.add_argument("-o", dest="directory", metavar="DIR", default=".",
                           help="folder of the comparison, . if not given")  # fmt: skip
-    for command in (checks, runs, budgets, remedies, schemas, reports, compares):
+    for command in (
+        checks,
+        prepares,
+        runs,
+        budgets,
+        remedies,
+        schemas,
+        reports,
+        exports,
+        compares,
+        correlates,
+    ):
         command.add_argument(
             "-q", dest="quiet", action="store_true", help="show only warnings and errors"
         )
@@ -167,8 +208,9 @@ class _Completion(argparse.Action):
             raise SceneError("--completion needs shtab: pip install shtab") from None
         for command in parser._subparsers._group_actions[0].choices.values():  # type: ignore
             for action in command._actions:
-                if action.dest in ("scene", "directory", "cache", "first", "second"):
-                    action.complete = shtab.FILE if action.dest == "scene" else shtab.DIRECTORY
+                if action.dest in ("scene", "test", "directory", "cache", "first", "second"):
+                    file = action.dest in ("scene", "test")
+                    action.complete = shtab.FILE if file else shtab.DIRECTORY
         print(shtab.complete(parser, shell))
         parser.exit()
 
@@ -190,10 +232,17 @@ def _main(words: list[str]) -> int:
     comm: Any = None
     verbose = False
     try:
+        options, mistake = None, None
+        try:
+            # Before MPI starts, which takes longer.
+            options = parser().parse_args(words[: words.index("--")] if "--" in words else words)
+        except SceneError as error:
+            mistake = error
         from mpi4py import MPI
 
         comm = MPI.COMM_WORLD
-        options = parser().parse_args(words[: words.index("--")] if "--" in words else words)
+        if options is None:
+            raise mistake or SceneError("no command")
         verbose = options.verbose
         _run(options, given, comm)
         sys.stdout.flush()
@@ -254,11 +303,20 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
 
         petsc4py.init(["brake-fenicsx", *petsc])
     from brake_fenicsx import pipeline
+    from brake_fenicsx.shares import read_share
 
-    if options.command == "run":
-        done = pipeline.run(
-            options.scene, comm, options.directory, options.set, options.from_stage, options.cache
+    if options.command == "prepare":
+        pipeline.run(
+            options.scene, comm, options.directory, options.set, cache=options.cache, prepare=True
         )
+    elif options.command == "run":
+        share = None if options.share is None else read_share(options.share)
+        if share is not None and options.from_stage is not None:
+            raise SceneError("--from: of no use with --share; prepare the folder with it")
+        done = pipeline.run(
+            options.scene, comm, options.directory, options.set, options.from_stage, options.cache,
+            share,
+        )  # fmt: skip
         if options.json and comm.rank == 0:
             _print_json(done.outcome())
     elif options.command == "budget":
@@ -296,6 +354,17 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
         page = write_comparison(options.first, options.second, options.directory)
         print(comparison_text(compare_runs(options.first, options.second)))
         print(f"open {page}")
+    elif options.command == "correlate":
+        from brake_fenicsx.correlation.study import correlate
+
+        given = options.scene, options.test, options.part, options.supported
+        text = correlate(*given, options.directory, options.set, write=comm.rank == 0)
+        if comm.rank == 0:
+            print(text)
+    elif comm.rank == 0 and options.command == "export":
+        from brake_fenicsx.report.universal import export_modes
+
+        print(f"wrote {export_modes(options.directory)}")
     elif comm.rank == 0:
         from pathlib import Path
 

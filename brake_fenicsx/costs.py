@@ -28,7 +28,9 @@ ladder's. With
                30 kB n the solver at full order, 19 kB n more with damping;
                of a machine: 150 B m^2 + 8 B n r + 1 kB n the reduced model, and with damping
                96 B (a m + r)(2 m + r), 3 m with sliding; 4.9 B m^2 for each of the solves
-               where materials change. The first process holds that by itself while it is made
+               where materials change, and 1.2 kB n stiffness and mass. The first process holds
+               that by itself while it is made. A process of run --share holds beside it 0.2 GB and
+               the larger of 2.2 kB n (assembly) and 120 B (a m)^2 (a sample)
 
 How many modes there are is not known before: b is taken as in the reference brake, 4.2 per kHz.
 Within a factor of three of what was measured; a busy machine easily doubles it.
@@ -85,13 +87,15 @@ class Counts:
 class Cost:
     """Estimated cost of one stage: seconds [s] on one core, peak memory of a process [GB].
 
-    The processes of a machine hold the ``shared`` part of that memory [GB] once.
+    The processes of a machine hold the ``shared`` part of that memory [GB] once. ``lean`` is what a
+    process of ``run --share`` holds beside that [GB], unless it verifies a sample at full order.
     """
 
     stage: str
     seconds: float
     gigabytes: float
     shared: float = 0.0
+    lean: float = 0.0
 
 
 def count_solves(scene: Scene, samples: dict[str, int]) -> Counts:
@@ -167,8 +171,12 @@ def cost_lines(costs: list[Cost], processes: int) -> list[str]:
     peak = max(c.gigabytes for c in costs)
     whole = max(processes * (c.gigabytes - c.shared) + c.shared for c in costs)
     every = f", {whole:.1f} GB on {processes} processes" if processes > 1 else ""
+    lean = next((c for c in costs if c.lean), None)
+    shares = "" if lean is None else (
+        f"; a process of run --share {lean.lean:.1f} GB, beside {lean.shared:.1f} GB once on a node"
+    )  # fmt: skip
     return [
-        f"memory: about {peak:.1f} GB{every}",
+        f"memory: about {peak:.1f} GB{every}{shares}",
         f"time: about {_time(sum(c.seconds for c in costs))} on {CORE}: {each}",
         "both are estimates from measured runs, up to a factor of three off; nothing was run",
     ]
@@ -213,6 +221,7 @@ def _mechanics(scene: Scene, c: Counts) -> list[Cost]:
         model = 150e-9 * m**2 + 8e-9 * n * r + 1e-6 * n
     else:
         held += 40e-9 * m**2
+    lean = 0.0
     table = scene.stability.damping if scene.stability else None
     a = 1 + (bool(table.slope) + bool(table.sliding) if table else 0)
     series = 96e-9 * (a * m + r) * ((2 + bool(table and table.sliding)) * m + r)
@@ -232,6 +241,9 @@ def _mechanics(scene: Scene, c: Counts) -> list[Cost]:
         held += 5e-6 * n
         own = [a for a in scene.samples.approaches if scene.samples.takes_random(a)]
         anew = AGAIN * len(own) * (n / 152e3) ** 1.22
+    if 0 < c.samples == c.reduced + c.changing:
+        model += 1.2e-6 * n
+        lean = max(0.2 + 2.2e-6 * n, 0.2 + 0.12e-6 * (a * m) ** 2)
     solver = 30e-6 * n if c.full else 0.0
     solver += 19e-6 * n if c.damped else 0.0
     peak = held + model + solver
@@ -240,7 +252,7 @@ def _mechanics(scene: Scene, c: Counts) -> list[Cost]:
     return [
         Cost("brake", 2.7 * (n / 105e3) ** 0.87, 0.2 + 4e-6 * n),
         Cost("shared", shared, held + model),
-        Cost("samples", c.samples * one + reduced + full, peak, model),
+        Cost("samples", c.samples * one + reduced + full, peak, model, lean),
         *_sweep(scene, (c.samples * one + reduced + full) / max(c.samples, 1), held + model, model),
         Cost("results", written, held + model, model),
     ]

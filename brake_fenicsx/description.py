@@ -43,12 +43,14 @@ def describe(
             lines[-1] += f"; {stats.missing} points missing, {stats.outliers} outliers masked"
     counts, mean_patch = Counts(), None
     sizes: dict[str, Any] = {}
+    doubts: tuple[str, ...] = ()
     samples: dict[str, int] = {}
     if "equilibrium" in parsed.stages:
         from brake_fenicsx.macro.brake import assemble_brake
         from brake_fenicsx.uncertainty.sampling import sample_count
 
-        sizes = assemble_brake(parsed, comm).size()
+        brake = assemble_brake(parsed, comm)
+        sizes, doubts = brake.size(), brake.elastic.doubts
         mean_patch = 1e-3 * sizes["mean_patch_mm"]
         parsed = with_patch(parsed, mean_patch)
         samples = {name: sample_count(parsed, name) for name in parsed.samples.approaches}
@@ -85,13 +87,15 @@ def describe(
             f" a side of {1e3 * patch:.4g} mm{factor}"
         )
     costs = estimate(parsed, counts)
-    noted = [*warnings(parsed, mean_patch), *(stats.warnings if stats else ())]
+    noted = [*doubts, *warnings(parsed, mean_patch), *(stats.warnings if stats else ())]
     lines += cost_lines(costs, comm.size) + [f"warning: {text}" for text in noted]
     if comm.rank == 0 and as_json:
         content = {
             "scene": str(parsed.file), "stages": parsed.stages, **sizes, "samples": samples,
             "remarks": remarks(parsed, comm), "warnings": noted,
             "seconds": {cost.stage: round(cost.seconds, 3) for cost in costs},
+            "gigabytes_of_a_share": max((round(c.lean, 3) for c in costs), default=0.0),
+            "gigabytes_once_on_a_node": max((round(c.shared, 3) for c in costs), default=0.0),
             "gigabytes_per_process": max((round(c.gigabytes, 3) for c in costs), default=0.0),
         }  # fmt: skip
         print(json.dumps(content, indent=1))

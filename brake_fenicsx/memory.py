@@ -8,6 +8,11 @@ they come at different times.
 from __future__ import annotations
 
 import ctypes
+import resource
+import socket
+from pathlib import Path
+
+from mpi4py import MPI
 
 _trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
 
@@ -16,3 +21,18 @@ def release_memory() -> None:
     """Return free pages to the system; nothing happens where the C library cannot."""
     if _trim is not None:
         _trim(ctypes.c_size_t(0))
+
+
+def peak_memory(comm: MPI.Comm) -> tuple[float, float]:
+    """Peak memory so far of the largest process and of the largest node [MB]; collective.
+
+    What processes of a node map from files counts once there.
+    """
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    lines = (line.split() for line in Path("/proc/self/status").read_text().splitlines())
+    mapped = sum(int(w[1]) for w in lines if w[0] in ("RssFile:", "RssShmem:")) / 1024
+    nodes: dict[str, list[tuple[float, float]]] = {}
+    for node, own in comm.allgather((socket.gethostname(), (peak - mapped, mapped))):
+        nodes.setdefault(node, []).append(own)
+    whole = (sum(p for p, _ in held) + max(m for _, m in held) for held in nodes.values())
+    return comm.allreduce(peak, MPI.MAX), max(whole)

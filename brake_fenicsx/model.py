@@ -222,6 +222,20 @@ def _check_key(scene: Scene, key: str) -> None:
         raise SceneError(f"{scene.file}: {error}") from None
 
 
+def sample(model: Model, inputs: Mapping[str, float] | None = None) -> Modes:
+    """Complex modes of a prepared scene at some values of its scalars: a plain function of numbers.
+
+    Args:
+        model: the scene, see ``prepare``.
+        inputs: dotted key -> value, SI; the scene's own for all others.
+
+    Raises:
+        SceneError: no such key.
+        NotConverged: no equilibrium.
+    """
+    return model.modes(inputs)
+
+
 def sweep(scene: str | Path | Model, key: str, values: ArrayLike, **chosen: str | int) -> Branches:
     """Follow the modes of a scene over one of its scalars.
 

@@ -6,7 +6,7 @@ sample -> tables, figures, fields.
 
 from __future__ import annotations
 
-import resource
+import json
 import shutil
 import time
 from collections.abc import Iterator, Sequence
@@ -24,10 +24,11 @@ from brake_fenicsx.checks import check, remarks, warnings, with_patch, with_pixe
 from brake_fenicsx.errors import BrakeError, NotConverged, SceneError
 from brake_fenicsx.lock import Lock
 from brake_fenicsx.log import Progress, logger, start_log
-from brake_fenicsx.memory import release_memory
+from brake_fenicsx.memory import peak_memory, release_memory
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.friction import friction_texts, listed
 from brake_fenicsx.scene.in_effect import in_effect
+from brake_fenicsx.shares import Share
 from brake_fenicsx.store import RUNNING, Store
 from brake_fenicsx.versions import versions
 
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from brake_fenicsx.uncertainty.study import Study
 
 FOLDER = "folder"  # all of a results folder, as a piece of work
+PREPARED = "cache/prepared.json"  # approaches that all is there for that their samples share
 # Hardness of a hard lining, a usual pressure of braking [Pa], and the share of the force beyond
 # the first at which elastic laws are doubtful.
 SOFT, BRAKING, SOME = 400e6, 0.2e6, 0.1
@@ -53,8 +55,10 @@ class Run:
         store: its results folder.
         cache: what it shares with others.
         seconds: time of each stage [s].
-        peak_memory_mb: peak memory after each stage, summed over the processes [MB].
+        peak_memory_mb: peak memory of a node after each stage [MB].
+        process_memory_mb: the same of a process.
         facts: sizes and figures for the summary.
+        prepare: whether the run ends before the samples.
     """
 
     scene: Scene
@@ -63,7 +67,14 @@ class Run:
     cache: SharedCache
     seconds: dict[str, float] = field(default_factory=dict)
     peak_memory_mb: dict[str, float] = field(default_factory=dict)
+    process_memory_mb: dict[str, float] = field(default_factory=dict)
     facts: dict[str, Any] = field(default_factory=dict)
+    prepare: bool = False
+
+    @property
+    def whole(self) -> bool:
+        """Whether the run ends with tables and page."""
+        return not self.prepare and self.store.share is None
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
@@ -73,8 +84,7 @@ class Run:
         yield
         self.comm.Barrier()
         self.seconds[name] = time.perf_counter() - start
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        self.peak_memory_mb[name] = self.comm.allreduce(peak)
+        self.process_memory_mb[name], self.peak_memory_mb[name] = peak_memory(self.comm)
         logger.info(
             "stage '%s' finished in %.1f s (peak memory %.0f MB)",
             name,
@@ -101,6 +111,9 @@ class Run:
 
     def ending(self) -> str:
         """How the run ended, and where to look."""
+        if not self.whole:
+            what = "prepared" if self.prepare else f"share {self.store.share} done"
+            return f"{what}; `run` without --share makes tables and page of {self.store.directory}"
         outcome = self.outcome()
         said = "done"
         if failed := outcome["failed_samples"]:
@@ -115,7 +128,7 @@ def assemble(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -
 
     Args:
         scene: path of the scene.
-        comm: communicator of mesh and matrices.
+        comm: the processes, each of which gets the whole brake.
         overrides: "key=value" replacements in the scene.
 
     Returns:
@@ -133,6 +146,8 @@ def run(
     overrides: Sequence[str] = (),
     from_stage: str | None = None,
     cache: str | Path | None = None,
+    share: Share | None = None,
+    prepare: bool = False,
 ) -> Run:
     """Run a scene: every stage it names, continuing what an earlier run left.
 
@@ -144,6 +159,8 @@ def run(
         from_stage: forget the results of this stage and of all later ones first.
         cache: folder of laws and reduced models that runs of similar scenes share; none if not
             given.
+        share: compute this part of the samples alone, in a folder that was prepared.
+        prepare: make what all samples share, and end before them.
 
     Returns:
         The run; its results are in the folder.
@@ -156,13 +173,21 @@ def run(
     if directory is None:
         directory = Path.cwd() / f"{parsed.file.stem}-results"
     store = Store(Path(directory))
+    store.share = share
     store.check(parsed)
+    if not (parsed.samples.approaches and "equilibrium" in parsed.stages) and (share or prepare):
+        raise SceneError(f"{parsed.file}: has no samples to be shared; write `run`, no --share")
     stats = check(parsed, comm)
-    this = Run(parsed, comm, store, SharedCache(store, None if cache is None else Path(cache)))
+    shared = SharedCache(store, None if cache is None else Path(cache))
+    this = Run(parsed, comm, store, shared, prepare=prepare)
     new = not store.directory.exists()
     try:
-        open_folder(this, from_stage)
-        start_log(comm.rank, this.store.path("log.txt") if comm.rank == 0 else None)
+        if share is None:
+            open_folder(this, from_stage)
+        else:
+            enter_prepared(this)
+        log = "log.txt" if share is None else f"log-{share.number}-of-{share.of}.txt"
+        start_log(comm.rank, this.store.path(log) if comm.rank == 0 else None)
         logger.info("%s -> %s, %d process(es)", parsed.file, this.store.directory, comm.size)
         for text in remarks(parsed, comm):
             logger.info("%s", text)
@@ -171,7 +196,8 @@ def run(
     finally:
         if comm.rank == 0 and store.lock is not None:
             store.lock.leave()
-    refuse_if_all_failed(this)
+    if this.whole:
+        refuse_if_all_failed(this)
     logger.info("%s", this.ending())
     return this
 
@@ -187,7 +213,7 @@ def _finish(this: Run, stats: SurfaceStatistics | None, new: bool) -> None:
         if mine and not any(store.path("samples").iterdir()):
             shutil.rmtree(store.directory)
         raise
-    if "report" in this.scene.stages:
+    if "report" in this.scene.stages and this.whole:
         with this.stage("report"):
             if comm.rank == 0:
                 report(store.directory)
@@ -218,7 +244,7 @@ def before_samples(
     # First, since laws may be made for the mean contact element.
     brake = brake_stage(this) if "equilibrium" in stages else None
     this.scene = with_pixels(this.scene, stats)
-    if stats is not None:
+    if stats is not None and this.store.share is None:
         surface_stage(this, stats)
     return brake, micro_stage(this, stats) if "micro" in stages and stats else None
 
@@ -228,7 +254,7 @@ def compute(this: Run, stats: SurfaceStatistics | None) -> None:
     brake, library = before_samples(this, stats)
     if brake is not None:
         mechanics(this, stats, library, brake)
-    if this.comm.rank == 0:
+    if this.comm.rank == 0 and this.whole:
         write_summary(this)
     this.comm.Barrier()
 
@@ -240,23 +266,49 @@ def open_folder(this: Run, from_stage: str | None) -> None:
         SceneError: it cannot be written, belongs to another scene, or ``from_stage`` would take
             results away from another run.
     """
+    store, lock = this.store, _enter(this)
+    have_alone(this)
+    with _together(this.comm, f"-o {store.directory}"):
+        if this.comm.rank == 0:
+            # Another run may have been quicker with another scene.
+            store.check(this.scene)
+            if from_stage is not None and (others := lock.others()):
+                raise SceneError(
+                    f"--from {from_stage}: another run is working in {store.directory}:"
+                    f" {lock.described(others[0])}; wait for its end, or end it"
+                )
+            store.open(this.scene, from_stage)
+
+
+def enter_prepared(this: Run) -> None:
+    """Enter a folder that was prepared, which nobody writes but for samples; collective.
+
+    Raises:
+        SceneError: it was not prepared for all approaches of the scene.
+    """
+    store, wanted = this.store, {*this.scene.samples.approaches}
+    with _together(this.comm, f"-o {store.directory}"):
+        if this.comm.rank == 0:
+            mark = store.path(PREPARED)
+            missing = wanted - {*(json.loads(mark.read_text()) if mark.exists() else ())}
+            if missing:
+                raise SceneError(
+                    f"-o {store.directory}: not prepared for {', '.join(sorted(missing))};"
+                    f" brake-fenicsx prepare {this.scene.file} -o {store.directory}, with the same"
+                    " changes, makes what all shares need"
+                )
+    _enter(this)
+
+
+def _enter(this: Run) -> Lock:
+    """Say in the folder that this run is at work in it; collective."""
     store = this.store
     with _together(this.comm, f"-o {store.directory}"):
         if this.comm.rank == 0:
             store.lock = Lock(store.path(RUNNING))
     name = this.comm.bcast(store.lock.name if store.lock else None, root=0)
     store.lock = store.lock or Lock(store.path(RUNNING), name)
-    have_alone(this)
-    with _together(this.comm, f"-o {store.directory}"):
-        if this.comm.rank == 0:
-            # Another run may have been quicker with another scene.
-            store.check(this.scene)
-            if from_stage is not None and (others := store.lock.others()):
-                raise SceneError(
-                    f"--from {from_stage}: another run is working in {store.directory}:"
-                    f" {store.lock.described(others[0])}; wait for its end, or end it"
-                )
-            store.open(this.scene, from_stage)
+    return store.lock
 
 
 @contextmanager
@@ -295,7 +347,7 @@ def have_alone(this: Run) -> None:
         time.sleep(0.5)
 
 
-def share(this: Run) -> None:
+def let_in(this: Run) -> None:
     """Let other runs of the same scene into the folder, to take samples of it too; collective."""
     this.comm.Barrier()
     if this.comm.rank == 0 and this.store.lock is not None:
@@ -398,7 +450,7 @@ def beyond_elasticity(this: Run, recipe: LawRecipe) -> list[str]:
     """Whether laws carry more than linings do, or end too low, at the pressure of the brake."""
     from brake_fenicsx.micro import force_above
 
-    pressed, area = this.facts.get("pressed_N"), this.facts.get("contact_area_mm2")
+    pressed, area = this.facts.get("pressed_N"), this.facts.get("face_area_mm2")
     mean = 1e6 * pressed / area if pressed and area else BRAKING
     if recipe.hardness is not None:
         if mean < recipe.highest:
@@ -427,7 +479,7 @@ def brake_stage(this: Run) -> Brake:
         brake = assemble_brake(this.scene, this.comm)
         this.facts |= brake.size()
         this.facts |= {
-            "contact_area_mm2": 1e6 * float(brake.w.sum()),
+            "face_area_mm2": 1e6 * float(brake.w.sum()),
             "uncovered_area_mm2": 1e6 * brake.contact.uncovered,
             "pressed_N": brake.pressed,
             "worst_cell_quality": brake.mesh.quality,
@@ -440,9 +492,13 @@ def brake_stage(this: Run) -> Brake:
             " %(worst_cell_quality).3f",
             this.facts,
         )
+    if this.comm.size > 1 or not this.whole:
+        from brake_fenicsx.shared_matrices import with_shared_matrices
+
+        brake = with_shared_matrices(brake, this.store, this.comm)
     mean_patch = 1e-3 * float(this.facts["mean_patch_mm"])
     this.scene = with_patch(this.scene, mean_patch)
-    note_warnings(this, warnings(this.scene, mean_patch))
+    note_warnings(this, [*brake.elastic.doubts, *warnings(this.scene, mean_patch)])
     this.facts["friction"] = friction_texts(this.scene)
     logger.info("friction: %s", listed(this.scene))
     return brake
@@ -495,7 +551,12 @@ def mechanics(
 ) -> None:
     """Shared reduction, and every sample's equilibrium and modes."""
     study = make_study(this, stats, library, brake)
-    share(this)
+    if this.store.share is None:
+        if this.comm.rank == 0:
+            this.store.save_json(PREPARED, [*this.scene.samples.approaches])
+        let_in(this)
+    if this.prepare:
+        return
     with this.stage("samples"):
         study.run()
     sweep = None
@@ -505,22 +566,29 @@ def mechanics(
         with this.stage("sweep"):
             sweep = SweepStudy(study)
             sweep.run()
+    if not this.whole:
+        return
     have_alone(this)
     with this.stage("results"):
         first = study.write()
         if sweep is not None:
             this.facts |= sweep.write()
         this.facts |= study.facts
+        if "stuck_contact" in this.facts:
+            from brake_fenicsx.uncertainty.stuck_states import stuck_warnings
+
+            note_warnings(this, stuck_warnings(this.scene, this.facts["stuck_contact"]))
         note_open_points(this)
         if "report" in this.scene.stages:
             from brake_fenicsx.report.mode_fields import write_mode_fields
 
             write_mode_fields(study, first)
-            draw_mesh(this, brake)
+            if this.comm.rank == 0:
+                draw_mesh(this, brake)
 
 
 def draw_mesh(this: Run, brake: Brake) -> None:
-    """Picture of the mesh, a colour for each layer; collective."""
+    """Picture of the mesh, a colour for each layer."""
     from brake_fenicsx.report.render import render_mesh
 
     tags = brake.mesh.cell_tags
@@ -545,6 +613,7 @@ def write_summary(this: Run) -> None:
             "processes": this.comm.size,
             "seconds": {name: round(value, 3) for name, value in this.seconds.items()},
             "peak_memory_mb": {name: round(v) for name, v in this.peak_memory_mb.items()},
+            "process_memory_mb": {name: round(v) for name, v in this.process_memory_mb.items()},
             "seeds": seeds,
             "versions": versions(),
             "settings": this.scene.table,
@@ -566,6 +635,11 @@ def report(directory: Path) -> None:
     make_figures(data)
     write_tables(data)
     write_report(data, redraw=False)
+    if data.samples is None and any((directory / "samples").glob("*.*")):
+        logger.warning(
+            "%s: samples without tables; `run` of the scene, with -o %s, makes them", directory,
+            directory,
+        )  # fmt: skip
     if data.modes is not None:
         # Line by line: the time stamp of the file would shift the heading alone.
         for line in summary_table(data).splitlines():

@@ -4,7 +4,7 @@ scene.toml            the scene as run, with the hash of what its results depend
 running/              the runs at work in the folder, and what each of them works on (lock.py)
 surface.npz laws.npz  stages surface and micro
 cache/                what all samples share (interface compliance, reduced basis)
-samples/              one file per finished sample
+samples/              finished samples (sample_files.py)
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import shutil
 import struct
 import zipfile
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -23,8 +23,11 @@ import numpy as np
 
 from brake_fenicsx.errors import SceneError, StorageError
 from brake_fenicsx.lock import Lock
+from brake_fenicsx.sample_files import SampleFiles, damaged
 from brake_fenicsx.scene import Law, Scene
+from brake_fenicsx.scene.files import file_digests
 from brake_fenicsx.scene.scalars import changes_bodies
+from brake_fenicsx.shares import Share
 from brake_fenicsx.tables import FORMAT
 
 # What to forget when a stage is run afresh; later stages lose theirs too.
@@ -58,11 +61,15 @@ class Store:
         directory: the folder.
         digest: hash of the scene whose results the folder holds; set by ``check``.
         lock: what this run and others work on in the folder; None where nobody else can be there.
+        share: the part of the samples that this run computes; all of them if None.
+        samples: the finished samples.
     """
 
     def __init__(self, directory: Path):
         self.directory, self.digest = directory, ""
         self.lock: Lock | None = None
+        self.share: Share | None = None
+        self.samples = SampleFiles(self)
 
     def path(self, *names: str) -> Path:
         """A path in the folder."""
@@ -84,7 +91,8 @@ class Store:
         if mark.exists():
             if mark.read_text() != self.digest:
                 raise SceneError(
-                    f"{folder}: holds results of another scene; {remedy}, or remove it"
+                    f"{folder}: holds results of another scene, or of other content of a file"
+                    f" that it names; {remedy}, or remove it"
                 )
         else:
             found = sorted(p.name for p in folder.glob("[!.]*") if p.name != RUNNING)
@@ -102,6 +110,7 @@ class Store:
                     shutil.rmtree(target)
                 else:
                     target.unlink(missing_ok=True)
+            self.samples = SampleFiles(self)
         _write(self.path("scene.sha256"), self.digest)
         for name in ("cache", "samples"):
             self.path(name).mkdir(exist_ok=True)
@@ -109,14 +118,27 @@ class Store:
 
     def save(self, name: str, **arrays: Any) -> None:
         """Write arrays under a name relative to the folder."""
+        size = sum(np.asarray(a).nbytes + 1024 for a in arrays.values()) + 1024
+        self.write(name, size, lambda file: _write_arrays(file, arrays))
+
+    def write(self, name: str, size: int, content: Callable[[BinaryIO], None]) -> None:
+        """Write a file whole or not at all.
+
+        Args:
+            name: relative to the folder.
+            size: number of bytes, or a little more.
+            content: writes them.
+
+        Raises:
+            StorageError: the file cannot be written.
+        """
         path = self.path(name)
         part = path.with_name(f".{path.name}.{os.getpid()}.part")
         try:
             with part.open("wb") as file:
                 # A full disc is noticed here; a zip file would raise once more at its end.
-                size = sum(np.asarray(a).nbytes + 1024 for a in arrays.values()) + 1024
                 os.posix_fallocate(file.fileno(), 0, size)
-                _write_arrays(file, arrays)
+                content(file)
                 file.truncate()
                 file.flush()
                 os.fsync(file.fileno())
@@ -141,49 +163,17 @@ class Store:
             SceneError: the file is damaged.
         """
         path = self.path(name)
-        if not path.exists():
-            return None
         try:
             with np.load(path, allow_pickle=False) as data:
                 there = _mapped(path) if mapped else {}
                 wanted = (key for key in data.files if keys is None or key in keys)
                 return {key: there[key] if key in there else data[key] for key in wanted}
+        except FileNotFoundError:
+            return None
         except (ValueError, EOFError, zipfile.BadZipFile, zlib.error):
-            raise SceneError(
-                f"{path}: damaged or cut short; remove this file, and the same command makes it"
-                " again"
-            ) from None
+            raise damaged(path) from None
 
-    def save_sample(self, name: str, **arrays: Any) -> None:
-        """Write the arrays of a sample with the hash of its scene."""
-        self.save(name, scene=np.array(self.digest), **arrays)
-
-    def has_sample(self, name: str) -> bool:
-        """Whether a sample is stored; its arrays are not read.
-
-        Raises:
-            SceneError: the file is damaged, or belongs to another scene.
-        """
-        return self._sample(name, ["scene"]) is not None
-
-    def load_sample(self, name: str) -> dict[str, np.ndarray] | None:
-        """Arrays of a sample; None where it is not computed yet.
-
-        Raises:
-            SceneError: the file is damaged, or belongs to another scene.
-        """
-        return self._sample(name)
-
-    def _sample(self, name: str, keys: Sequence[str] | None = None) -> dict[str, np.ndarray] | None:
-        data = self.load(name, keys)
-        if data is not None and str(data.pop("scene", "")) != self.digest:
-            raise SceneError(
-                f"{self.path(name)}: does not belong to the scene of this folder; remove this file,"
-                " and the same command computes the sample"
-            )
-        return data
-
-    def save_json(self, name: str, content: Mapping[str, Any]) -> None:
+    def save_json(self, name: str, content: Mapping[str, Any] | list[str]) -> None:
         """Write a JSON file."""
         _write(self.path(name), json.dumps(content, indent=1, default=_plain) + "\n")
 
@@ -200,8 +190,7 @@ def result_digest(scene: Scene) -> str:
     swept = scene.sweep.parameters if scene.sweep else {}
     if changing := {k: r.points for k, r in swept.items() if changes_bodies(scene, k)}:
         table["sweep"] = changing
-    base = str(scene.file.resolve().parent)
-    content = {**table, "samples": samples, "base": base, "format": FORMAT}
+    content = {**table, "samples": samples, "files": file_digests(scene), "format": FORMAT}
     s = scene.samples
     # The points of a design hang together; fast and joint take the inputs from multi-scale.
     whole = [s.plan(a) for a in s.approaches if s.takes_random(a) and not s.plan(a).grows]

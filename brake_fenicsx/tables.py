@@ -9,8 +9,9 @@ from __future__ import annotations
 import csv
 import os
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -67,6 +68,9 @@ TEXT = frozenset(
     }
 )
 
+# Rows that are read at a time.
+PIECE = 50_000
+
 _INTEGER = re.compile(r"[+-]?\d+")
 
 
@@ -113,14 +117,15 @@ def read_rows(path: str | Path) -> list[dict[str, Value]]:
     Raises:
         SceneError: the file is missing, has no heading or has a row of another length.
     """
-    heading, body = _read(Path(path))
     return [
-        {name: _parse(name, cell) for name, cell in zip(heading, row, strict=True)} for row in body
+        {name: _parse(name, cell) for name, cell in zip(heading, row, strict=True)}
+        for heading, body in _read(Path(path))
+        for row in body
     ]
 
 
 def read_columns(path: str | Path, required: Sequence[str] = ()) -> Columns:
-    """Read a table as one array per column.
+    """Read a table as one array per column, a piece at a time: text takes ten times the memory.
 
     Args:
         path: the CSV file.
@@ -133,14 +138,16 @@ def read_columns(path: str | Path, required: Sequence[str] = ()) -> Columns:
         SceneError: the file or a required column is missing.
     """
     path = Path(path)
-    heading, body = _read(path)
-    missing = [name for name in required if name not in heading]
-    if missing:
-        raise SceneError(
-            f"{path}: column {', '.join(missing)} is missing; the heading is {','.join(heading)}: "
-            "run the scene again to write it"
-        )
-    return {name: _array(name, [row[j] for row in body]) for j, name in enumerate(heading)}
+    pieces: dict[str, list[NDArray]] = {}
+    for heading, body in _read(path):
+        if missing := [name for name in required if name not in heading]:
+            raise SceneError(
+                f"{path}: column {', '.join(missing)} is missing; the heading is"
+                f" {','.join(heading)}: run the scene again to write it"
+            )
+        for j, name in enumerate(heading):
+            pieces.setdefault(name, []).append(_array(name, [row[j] for row in body]))
+    return {name: _joined(path, name, pieces.pop(name)) for name in list(pieces)}
 
 
 def text_table(columns: Sequence[str], rows: Iterable[Sequence[Value]]) -> str:
@@ -203,21 +210,47 @@ def _format(value: Value | np.generic) -> str:
     raise TypeError(f"a table holds text, int, float or None, not {type(value).__name__}")
 
 
-def _read(path: Path) -> tuple[list[str], list[list[str]]]:
+def _read(path: Path) -> Iterator[tuple[list[str], list[list[str]]]]:
+    """The heading and some rows at a time, at least once."""
     if not path.is_file():
         raise SceneError(f"{path}: no such table; run the scene first")
+    if path.stat().st_size:
+        with path.open("rb") as raw:
+            raw.seek(-1, os.SEEK_END)
+            if raw.read() != b"\n":
+                raise SceneError(
+                    f"{path}: the last line has no end; the file was cut or edited: run the scene"
+                    " again"
+                )
     with path.open(newline="", encoding="utf-8") as file:
-        lines = [row for row in csv.reader(file) if row]
-    if not lines:
-        raise SceneError(f"{path}: the table is empty, not even a heading; run the scene again")
-    heading, body = lines[0], lines[1:]
-    for number, row in enumerate(body, start=2):
-        if len(row) != len(heading):
-            raise SceneError(
-                f"{path}: line {number}: {len(row)} cells under {len(heading)} headings; "
-                "the file was cut or edited: run the scene again"
-            )
-    return heading, body
+        lines = (row for row in csv.reader(file) if row)
+        heading = next(lines, None)
+        if heading is None:
+            raise SceneError(f"{path}: the table is empty, not even a heading; run the scene again")
+        first = 2
+        while (body := list(islice(lines, PIECE))) or first == 2:
+            for number, row in enumerate(body, start=first):
+                if len(row) != len(heading):
+                    raise SceneError(
+                        f"{path}: line {number}: {len(row)} cells under {len(heading)} headings; "
+                        "the file was cut or edited: run the scene again"
+                    )
+            yield heading, body
+            if len(body) < PIECE:
+                return
+            first += PIECE
+
+
+def _joined(path: Path, name: str, pieces: list[NDArray]) -> NDArray:
+    """One array of the type that the whole column has."""
+    kinds = {piece.dtype.kind for piece in pieces}
+    if "U" in kinds and len(kinds) > 1:
+        # Text in some rows makes text of all, as it is written.
+        columns = ((heading.index(name), body) for heading, body in _read(path))
+        return np.array([row[j] for j, body in columns for row in body], dtype=str)
+    if "O" in kinds:
+        pieces = [piece.astype(float if "f" in kinds else object) for piece in pieces]
+    return np.concatenate(pieces)
 
 
 def _parse(name: str, cell: str) -> Value:

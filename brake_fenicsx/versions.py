@@ -13,7 +13,7 @@ from brake_fenicsx import __version__
 # Whose versions a run records, if it used them.
 LIBRARIES = (
     "numpy", "scipy", "dolfinx", "mpi4py", "petsc4py", "slepc4py", "gmsh", "meshio", "h5py", "pint",
-    "SurfaceTopography", "pyfftw", "SALib", "matplotlib", "pyvista",
+    "SurfaceTopography", "pyfftw", "SALib", "matplotlib", "pyvista", "pyuff",
 )  # fmt: skip
 
 

@@ -69,7 +69,7 @@ def facts(out: Path) -> dict[str, Any]:
     own = summary["samples"][whole["approach"]]
     full = [float(np.load(f)["stability_seconds"]) for f in out.glob("samples/verify-*.npz")]
     return {
-        "memory": max(summary["peak_memory_mb"].values()) / summary["processes"],
+        "memory": max(summary["process_memory_mb"].values()),
         "sample": own["seconds_per_stability"] + own["seconds_per_equilibrium"],
         "full": float(np.median(full)) if full else float("nan"),
         "width": float(whole["high"]) - float(whole["low"]),

@@ -5,7 +5,6 @@
     scripts/bench_equilibrium.py samples     condensed against sparse Newton, per sample
     scripts/bench_equilibrium.py ladder      20 k to 1 M free dofs: exponents of time and memory
     scripts/bench_equilibrium.py settings    orderings, threads and low-rank blocks of MUMPS
-    scripts/bench_equilibrium.py processes   the distributed path on 1, 2 and 3 processes
 
 All on the reference brake, an exponential law per element with critical gaps that are a smooth
 function of place. Every row runs in a process of its own, so that its memory is its own.
@@ -37,7 +36,7 @@ SECTORS, RINGS = 8, 2
 
 
 def brake(sizes: dict[str, float], cells: str = "tetrahedra", order: int = 1) -> Any:
-    """The reference brake with other mesh sizes [mm], on all processes."""
+    """The reference brake with other mesh sizes [mm]."""
     from mpi4py import MPI
 
     from brake_fenicsx.macro.brake import assemble_brake
@@ -83,9 +82,8 @@ def measure_element(case: dict[str, Any]) -> dict[str, Any]:
     from mpi4py import MPI
 
     from brake_fenicsx.macro.braking import reference_stiffness
-    from brake_fenicsx.macro.condensation import compliance, gathered
+    from brake_fenicsx.macro.condensation import compliance
     from brake_fenicsx.macro.equilibrium import equilibrium
-    from brake_fenicsx.macro.solver import local_rows
     from brake_fenicsx.stability.eigensolvers.lanczos import lowest_modes
 
     sizes = scaled(case["factor"], case["cells"])
@@ -94,12 +92,12 @@ def measure_element(case: dict[str, Any]) -> dict[str, Any]:
     enriched = laws(b.points)
     k0 = np.full(len(b.w), reference_stiffness(enriched, b.pressed / float(b.w.sum())))
     seen = compliance(b.K, b.N, b.T, b.w, b.f, k0, MPI.COMM_SELF)
-    rows = local_rows(gathered(b.M))
+    rows = b.M
     modes, seconds = timed(lambda: lowest_modes(seen.factor, rows, (2 * np.pi * 6.5e3) ** 2))
     eq = equilibrium(replace(b, compliance=seen), enriched, MU)
     return {
         "dofs": b.elastic.free.size, "elements": len(b.w), "assembly": assembly,
-        "nonzeros": b.K.getInfo()["nz_used"], "factor": seen.factor.seconds, "modes": seconds,
+        "nonzeros": b.K.nnz, "factor": seen.factor.seconds, "modes": seconds,
         "frequency": list(np.sqrt(modes.Lambda[:MODES]) / 2 / np.pi),
         "force": list(binned(b.points, b.w * eq.p)), "memory": gigabytes(),
     }  # fmt: skip
@@ -191,17 +189,17 @@ def samples() -> None:
 
 def measure_size(case: dict[str, Any]) -> dict[str, Any]:
     """Assembly, factor and solves of one size."""
-    from brake_fenicsx.macro.solver import BLOCK, product
+    from brake_fenicsx.macro.solver import BLOCK
 
     brake(scaled(3))
     b, assembly = timed(lambda: brake(scaled(case["factor"])))
-    nonzeros = b.K.getInfo()["nz_used"]
+    nonzeros = b.K.nnz
     factor, A = _factor(b)
     n = b.elastic.free.size
     rhs = np.random.default_rng(0).normal(size=(n, BLOCK))
     x, block = timed(lambda: factor.solve(rhs))
     _, single = timed(lambda: factor.solve(rhs[:, 0]))
-    error = float(np.linalg.norm(product(A, x[:, 0]) - rhs[:, 0]) / np.linalg.norm(rhs[:, 0]))
+    error = float(np.linalg.norm(A @ x[:, 0] - rhs[:, 0]) / np.linalg.norm(rhs[:, 0]))
     return {
         "dofs": n, "nonzeros": nonzeros, "assembly": assembly, "factor": factor.seconds,
         "single": single, "block": block / BLOCK, "gigabytes": factor.gigabytes,
@@ -211,9 +209,9 @@ def measure_size(case: dict[str, Any]) -> dict[str, Any]:
 
 def _factor(b: Any) -> tuple[Any, Any]:
     """Factor of the brake with springs of 1e11 Pa/m in the interface."""
-    from brake_fenicsx.macro.solver import Factor, add_interface
+    from brake_fenicsx.macro.solver import Factor, with_interface
 
-    A = add_interface(b.K, b.N, b.w * 1e11, b.N)
+    A = with_interface(b.K, b.N, b.w * 1e11, b.N)
     return Factor(A, "brake_compliance_"), A
 
 
@@ -264,58 +262,12 @@ def settings() -> None:
         )
 
 
-def measure_share(case: dict[str, Any]) -> dict[str, Any]:
-    """The distributed path: assembly, one factor, one sparse equilibrium."""
-    from mpi4py import MPI
-
-    from brake_fenicsx.macro.sparse import sparse_equilibrium
-
-    comm = MPI.COMM_WORLD
-    brake(scaled(3))
-    b, assembly = timed(lambda: brake(scaled(case["factor"])))
-    factor, A = _factor(b)
-    mine = gigabytes()
-    seconds = factor.seconds
-    factor.destroy()
-    A.destroy()
-    eq = sparse_equilibrium(b, laws(b.points), MU)
-    return {
-        "dofs": b.elastic.free.size, "assembly": assembly, "factor": seconds,
-        "memory": comm.allreduce(mine, MPI.MAX), "total": comm.allreduce(gigabytes()),
-        "largest": comm.allreduce(gigabytes(), MPI.MAX), "sparse": eq.seconds,
-        "moment": float(eq.p @ (b.w * np.hypot(*b.points[:, :2].T))), "residual": eq.residual,
-    }  # fmt: skip
-
-
-def processes() -> None:
-    """Does memory scale down, and is the result the same."""
-    print(
-        "processes    dofs  mesh+assembly/s  factor/s  GB a process to the factor  sparse"
-        " equilibrium/s  GB a process  GB in all  moment of pressure against one process"
-    )
-    first = None
-    for n in (1, 2, 3):
-        r = run(measure_share, processes=n, factor=1.0)
-        first = first or r["moment"]
-        print(
-            f"{n:9d} {r['dofs']:7d} {r['assembly']:16.2f} {r['factor']:9.2f} {r['memory']:27.2f}"
-            f" {r['sparse']:21.1f} {r['largest']:13.2f} {r['total']:10.2f}"
-            f" {abs(r['moment'] / first - 1):40.1e}",
-            flush=True,
-        )
-
-
-def run(
-    job: Any, processes: int = 1, threads: int = 1, options: Any = None, **case: Any
-) -> dict[str, Any]:
-    """Run one case in processes of its own and read its figures."""
+def run(job: Any, threads: int = 1, options: Any = None, **case: Any) -> dict[str, Any]:
+    """Run one case in a process of its own and read its figures."""
     command = [sys.executable, __file__, "--case", json.dumps({"job": job.__name__, **case})]
     flags = [f"-brake_compliance_mat_mumps_{k}={v}" for k, v in (options or {}).items()]
     env = dict(os.environ, OPENBLAS_NUM_THREADS=str(threads), OMP_NUM_THREADS=str(threads),
                PETSC_OPTIONS=" ".join(f.replace("=", " ") for f in flags))  # fmt: skip
-    if processes > 1:
-        env |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
-        command = ["mpirun", "-n", str(processes), "--oversubscribe", *command]
     done = subprocess.run(command, env=env, check=True, capture_output=True, text=True)
     return json.loads(next(x for x in done.stdout.splitlines() if x.startswith("{")))  # type: ignore[no-any-return]
 
@@ -323,17 +275,13 @@ def run(
 def main() -> None:
     """Print one table, or measure one case."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    tables = {f.__name__: f for f in (elements, samples, settings, processes)}
+    tables = {f.__name__: f for f in (elements, samples, settings)}
     parser.add_argument("table", nargs="?", default="samples", choices=[*tables, "ladder"])
     parser.add_argument("--largest", type=float, default=1e6, help="dofs of the ladder's last rung")
     parser.add_argument("--case", type=json.loads, help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.case:
-        from mpi4py import MPI
-
-        figures = globals()[given.case.pop("job")](given.case)
-        if MPI.COMM_WORLD.rank == 0:
-            print(json.dumps(figures))
+        print(json.dumps(globals()[given.case.pop("job")](given.case)))
     elif given.table == "ladder":
         ladder(given.largest)
     else:

@@ -27,7 +27,7 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 
 from brake_fenicsx.errors import BrakeError
-from brake_fenicsx.micro.contact_law import law_steps, low_passed
+from brake_fenicsx.micro.law_of_surface import law_steps, low_passed
 from brake_fenicsx.micro.loading import rms_slope
 from brake_fenicsx.surface import characterise, make_topography, read_topography, synthesise
 from brake_fenicsx.surface.topography import Topography, fill

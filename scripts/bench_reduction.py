@@ -30,8 +30,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from brake_fenicsx.macro.brake import Brake, assemble_brake
-from brake_fenicsx.macro.condensation import gathered, petsc_matrix
-from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.stability import (
     ContactLinearisation,
@@ -103,7 +101,7 @@ class Case:
     def __init__(self, scene: Scene, b: Brake, kind: str, spread: float, given: argparse.Namespace):
         """Offline stage."""
         self.b, self.kind, self.spread, self.band = b, kind, spread, (0.0, given.band)
-        self.K, self.M = (local_rows(gathered(A)) for A in (b.K, b.M))
+        self.K, self.M = b.K, b.M
         self.terms = damping_terms(scene, b) if kind in BULK else None
         self.random = assemble_random(scene, b) if spread else None
         changes, box = [], CONSTANT
@@ -113,7 +111,7 @@ class Case:
             box = Parameters(len(r.box.names), r.coefficients, r.softening())
         C = None if self.terms is None else self.terms.bulk
         interface = {"N": b.N, "T": b.T, "R": b.R}
-        points = dof_points(b, MPI.COMM_SELF)
+        points = dof_points(b)
         start = time.perf_counter()
         bodies = split_substructures(self.K, self.M, interface, b.f[:, None], changes, C, points)
         followed = "N" + "T" * (kind in ALONG) + "R" * (kind in ACROSS)
@@ -141,7 +139,7 @@ class Case:
         C = C + sliding_damping(b.R, b.w, contact.across * V, V + 0 * b.w, 1.0)
         C = (C + velocity_slope(b.T, b.w, contact.along, 1.0)).tocsr()
         C.eliminate_zeros()
-        whole = tangent(petsc_matrix(K), b.N, b.T, b.w, contact.k, MU)
+        whole = tangent(K, b.N, b.T, b.w, contact.k, MU)
         friction = contact_interface(b.N, b.T, b.w * contact.k, np.full(b.w.size, MU))
         return complex_modes(
             self.M, C if C.nnz else None, whole, self.band, zeta_max=ZETA, friction=friction

@@ -26,13 +26,12 @@ from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
 from brake_fenicsx.macro.brake import Brake, assemble_brake, scene_motion
-from brake_fenicsx.macro.condensation import gathered_vector, petsc_matrix
-from brake_fenicsx.macro.elasticity import sigma
+from brake_fenicsx.macro.elasticity import on_free_dofs, sigma
 from brake_fenicsx.macro.faces import Face, gather_face
 from brake_fenicsx.macro.integrals import facet_areas
 from brake_fenicsx.macro.material_table import layer_materials, scene_materials
 from brake_fenicsx.macro.overlap import facing_pairs, overlap, rule
-from brake_fenicsx.macro.solver import Factor, local_rows
+from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability import complex_modes, contact_interface
 from brake_fenicsx.stability.operators import tangent
@@ -124,24 +123,19 @@ def stress_stiffness(scene: Any, brake: Brake, u: np.ndarray) -> sp.csr_matrix:
         S = sigma(steady, ufl.as_matrix(np.asarray(m.C).tolist()))
         S = ufl.as_matrix([[S[0], S[5], S[4]], [S[5], S[1], S[3]], [S[4], S[3], S[2]]])
         form = ufl.inner(ufl.dot(ufl.grad(a), S), ufl.grad(v)) * whole(mesh.layers[name])
-        A = fem_petsc.assemble_matrix(fem.form(form))
-        A.assemble()
-        parts.append(local_rows(A))
-    whole_matrix = sum(parts)
-    at = (free.column[free.local], free.local)
-    P = sp.csr_matrix((np.ones(free.size), at), shape=(free.size, whole_matrix.shape[0]))
-    return (P @ whole_matrix @ P.T).tocsr()
+        parts.append(on_free_dofs(fem_petsc.assemble_matrix(fem.form(form)), free))
+    return sum(parts[1:], parts[0])
 
 
 def sizes(scene: Any, brake: Brake, data: Any) -> None:
     """Table of one sample."""
     c, free = brake.contact, brake.elastic.free
     p, k, mu = (data[n] for n in ("p", "k_vibration", "mu"))
-    K, M, f = local_rows(brake.K), local_rows(brake.M), gathered_vector(brake.elastic.f)
+    K, M, f = brake.K, brake.M, brake.elastic.f
     # Springs on open elements as well, taken off again on the right: the gaps are known.
     springs = c.w * (k + 1e9)
     push = c.N.T @ (c.w * p + springs * (data["g"] - c.g0)) + c.T.T @ (c.w * mu * p)
-    u = Factor(petsc_matrix(K + c.N.T @ sp.diags(springs) @ c.N)).solve(f + push)
+    u = Factor(K + c.N.T @ sp.diags(springs) @ c.N).solve(f + push)
     faces = next(iter(scene.contact.values())).faces
     pad, disc = (gather_face(brake.mesh, free, face) for face in faces)
     G = gradients(pad, disc, free.size)

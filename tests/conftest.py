@@ -73,13 +73,11 @@ class TwoBlocks:
     ):
         from brake_fenicsx.geometry import block
 
-        from brake_fenicsx.macro.condensation import gathered, gathered_vector
         from brake_fenicsx.macro.contact import contact_elements
         from brake_fenicsx.macro.elasticity import assemble_elastic
         from brake_fenicsx.macro.friction import Translation
         from brake_fenicsx.macro.material import Material, isotropic, transversely_isotropic
         from brake_fenicsx.macro.mesh import build_mesh
-        from brake_fenicsx.macro.solver import local_rows
         from brake_fenicsx.scene.mesh import MeshTable
 
         self.comm = comm
@@ -94,12 +92,12 @@ class TwoBlocks:
         self.free = self.elastic.free
         self.contact = contact_elements(
             self.mesh, self.free, ("pad.bottom", "plate.top"), Translation(direction, 2.0),
-            discretisation,
+            discretisation, comm=comm,
         )  # fmt: skip
         for name in ("N", "T", "R", "w", "g0"):
             setattr(self, name, getattr(self.contact, name))
-        self.f = gathered_vector(self.elastic.f)
-        self.K, self.M = (local_rows(gathered(A)) for A in (self.elastic.K, self.elastic.M))
+        self.f = self.elastic.f
+        self.K, self.M = self.elastic.K, self.elastic.M
         self.k0 = np.full(self.w.size, k0)
 
     def on_the_same_mesh(self, supports):
@@ -132,8 +130,7 @@ class TwoBlocks:
         for body, values in bodies.items():
             cells = self.mesh.cell_tags.find(self.mesh.layers[f"{body}.body"])
             u.interpolate(values, cells)
-        u.x.scatter_forward()
-        return np.concatenate(self.comm.allgather(u.x.array[self.free.local]))
+        return u.x.array[self.free.local]
 
 
 SCENES = {

@@ -5,9 +5,7 @@ from functools import cache
 import numpy as np
 import scipy.sparse as sp
 
-from brake_fenicsx.macro.condensation import gathered
 from brake_fenicsx.macro.elasticity import affine_parts
-from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.stability import (
     ContactLinearisation,
     Parameters,
@@ -55,7 +53,7 @@ def unit_changes(scene):
     """Stiffness of a unit of C33, and of C44 = C55, of the lining."""
     changes = [{"pad.body": np.diag(np.isin(np.arange(6), p) + 0.0)} for p in (2, [3, 4])]
     parts = affine_parts(scene.mesh, scene.free, changes)
-    return [local_rows(gathered(A)) for A in parts]
+    return parts
 
 
 @cache
@@ -65,14 +63,14 @@ def damping(scene, case):
     alpha, beta = terms.get("alpha", 0.0), terms.get("beta", 0.0)
     pad, plate, shear = (eta / OMEGA_REF for eta in terms.get("loss", (0.0, 0.0, 0.0)))
     layers = [
-        local_rows(gathered(affine_parts(scene.mesh, scene.free, [{n: scene.materials[n].C}])[0]))
+        affine_parts(scene.mesh, scene.free, [{n: scene.materials[n].C}])[0]
         for n in ("pad.body", "plate.body")
     ]
     C = alpha * scene.M + beta * scene.K + pad * layers[0] + plate * layers[1]
     C = C + shear * MODULI[1] * unit_changes(scene)[1]
     if terms.get("turn"):
         G = gyroscopic(scene.mesh, scene.free, {"plate.body": 7200.0}, terms["turn"])
-        C = C + local_rows(gathered(G))
+        C = C + G
     C = C.tocsr()
     C.eliminate_zeros()
     return (C if C.nnz else None), np.array([pad + beta, pad + shear + beta])

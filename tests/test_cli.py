@@ -22,7 +22,7 @@ from brake_fenicsx.scene import read_scene
 from brake_fenicsx.store import Store
 from brake_fenicsx.surface import read_topography
 from brake_fenicsx.termination import Terminated
-from brake_fenicsx.uncertainty.ensemble import run_ensemble, sample_file
+from brake_fenicsx.uncertainty.ensemble import run_ensemble
 
 pytestmark = pytest.mark.alone
 
@@ -221,7 +221,7 @@ def test_sigterm_finishes_the_sample_and_nothing_new(tmp_path, monkeypatch, caps
     status, said = one_line(capsys, "run", BLOCK)
     assert status == 143 and "finished samples are stored" in said
     assert [k for _, k in begun] == [0, 1, 2]
-    assert store.load_sample(sample_file(("fast", 2))) is not None
+    assert store.samples.load(("fast", 2)) is not None
 
 
 def test_sigterm_elsewhere_ends_at_once(tmp_path):

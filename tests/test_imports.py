@@ -1,11 +1,14 @@
-"""Which modules may import which, read from the sources: the folders stand in the data's order."""
+"""Which modules may import which: the folders stand in the data's order; what a command loads."""
 
 import ast
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 PACKAGE = Path(__file__).parents[1] / "brake_fenicsx"
+BLOCK = PACKAGE.parent / "scripts" / "scenes" / "block_on_plate.toml"
 ORDER = (
     "scene",
     "surface",
@@ -69,3 +72,21 @@ def test_one_module_connects_full_order_and_the_reduced_model():
         if two <= {p[1] for p in imported(file) if p[0] == "stability"}:
             both.add(file.name)
     assert both == {"__init__.py", "damped_count.py"}
+
+
+@pytest.mark.parametrize(
+    ("command", "left_out"),
+    [
+        (["--help"], ["mpi4py.MPI", "numpy", "dolfinx"]),
+        (["check", str(BLOCK)], ["brake_fenicsx.surface", "scipy.stats", "matplotlib", "SALib"]),
+    ],
+)
+def test_a_command_starts_without_what_it_does_not_need(command, left_out):
+    """What takes longest at the start: MPI for help, and surfaces where a scene has none."""
+    code = (
+        "import sys\nfrom brake_fenicsx.cli import main\n"
+        f"try:\n    main({command!r})\nexcept SystemExit:\n    pass\n"
+        f"print('found', [name for name in {left_out!r} if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "found []", done.stdout

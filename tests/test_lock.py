@@ -16,7 +16,7 @@ from brake_fenicsx import pipeline
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.lock import SILENCE, Lock
 from brake_fenicsx.store import RUNNING, Store
-from brake_fenicsx.uncertainty.ensemble import run_ensemble, sample_file
+from brake_fenicsx.uncertainty.ensemble import run_ensemble
 
 pytestmark = pytest.mark.alone
 
@@ -125,33 +125,12 @@ def test_two_runs_share_the_samples_of_a_scene(lock, elsewhere, monkeypatch):
         return {"x": np.array(task[1])}
 
     def others_work(_):
-        store.save_sample(sample_file(TASKS[3]), status="ok", x=np.array(-1))
+        store.samples.save(TASKS[3], status="ok", x=np.array(-1))
 
     monkeypatch.setattr("brake_fenicsx.uncertainty.ensemble.time.sleep", others_work)
     run_ensemble(TASKS, work, store, MPI.COMM_SELF)
     assert done == TASKS[:3] + TASKS[4:]
-    stored = [int(store.load_sample(sample_file(t))["x"]) for t in TASKS]
+    stored = [int(store.samples.load(t)["x"]) for t in TASKS]
     assert stored == [0, 1, 2, -1, 4, 5]
     assert {p.suffix for p in lock.folder.iterdir()} == {".run", ".claim"}
     assert len(list(lock.folder.glob("*.claim"))) == 1
-
-
-def test_samples_of_another_scene_and_damaged_ones_are_named(tmp_path):
-    store = Store(tmp_path)
-    store.path("samples").mkdir()
-    store.digest = "this"
-    for task in TASKS:
-        store.save_sample(sample_file(task), status="ok", x=np.zeros(100))
-    assert set(store.load_sample(sample_file(TASKS[0]))) == {"status", "x"}
-
-    def never(task, _):
-        raise AssertionError(task)
-
-    run_ensemble(TASKS, never, store, MPI.COMM_SELF)
-    store.digest = "another"
-    with pytest.raises(SceneError, match=r"00000.npz: does not belong to the scene"):
-        run_ensemble(TASKS, never, store, MPI.COMM_SELF)
-    store.digest, path = "this", store.path(sample_file(TASKS[2]))
-    path.write_bytes(path.read_bytes()[:100])
-    with pytest.raises(SceneError, match=r"00002.npz: damaged"):
-        run_ensemble(TASKS, never, store, MPI.COMM_SELF)

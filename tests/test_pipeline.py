@@ -199,7 +199,7 @@ def test_assemble_gives_the_public_operators():
     ops = assemble(BLOCK, MPI.COMM_SELF)
     elements, dofs = ops.N.shape
     assert ops.T.shape == ops.R.shape == (elements, dofs)
-    assert ops.K.getSize() == ops.M.getSize() == (dofs, dofs)
+    assert ops.K.shape == ops.M.shape == (dofs, dofs)
     assert (len(ops.w), ops.points.shape, len(ops.f)) == (elements, (elements, 3), dofs)
     assert ops.w.sum() == pytest.approx(40e-3 * 20e-3, rel=1e-12)
 

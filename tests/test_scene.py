@@ -1,6 +1,7 @@
 """The scene: units at the border, and one clear line for every mistake."""
 
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -17,6 +18,7 @@ from brake_fenicsx.store import result_digest
 
 SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
 BLOCK = SCENES / "block_on_plate.toml"
+WHOLE = SCENES / "whole_brake.toml"
 
 
 @pytest.mark.parametrize(
@@ -350,6 +352,24 @@ def test_results_of_another_scene_are_not_overwritten(tmp_path):
     run(path, MPI.COMM_SELF, tmp_path / "out")
     with pytest.raises(SceneError, match="another scene"):
         run(path, MPI.COMM_SELF, tmp_path / "out", ["surface.level=none"])
+
+
+def test_results_depend_on_the_content_of_files(tmp_path):
+    """A scan, mesh or matrix made again under its name is another scene; a moved folder is none."""
+    one, two = tmp_path / "one", tmp_path / "two"
+    one.mkdir(), two.mkdir()
+    first, moved = (result_digest(read_scene(_surface_scene(f, rough()))) for f in (one, two))
+    assert first == moved
+    again = result_digest(read_scene(_surface_scene(one, 2 * rough())))
+    assert again != first
+    scene = Path(shutil.copy(WHOLE, tmp_path))
+    shutil.copy(WHOLE.parent / "pad_scan.npz", tmp_path)
+    caliper = Path(shutil.copytree(WHOLE.parent / "caliper", tmp_path / "caliper"))
+    before = {result_digest(read_scene(scene))}
+    for count, file in enumerate(sorted(caliper.iterdir()), start=2):
+        file.write_bytes(file.read_bytes() + b"\n")
+        before.add(result_digest(read_scene(scene)))
+        assert len(before) == count, file
 
 
 def test_another_threshold_is_no_other_scene():

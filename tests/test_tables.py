@@ -86,6 +86,10 @@ def test_bad_files_are_named(tmp_path):
     (tmp_path / "cut.csv").write_text("x,y\n1.0,2.0\n3.0\n")
     with pytest.raises(SceneError, match="line 3"):
         read_rows(tmp_path / "cut.csv")
+    for text in ("x,y\n1.0,2.0\n3.0,4", "x,y"):
+        (tmp_path / "end.csv").write_text(text)
+        with pytest.raises(SceneError, match="last line has no end"):
+            read_rows(tmp_path / "end.csv")
     with pytest.raises(SceneError, match="frequency_hz"):
         read_columns(write_rows(tmp_path / "a.csv", ["approach"], [["fast"]]), MODES)
 
@@ -104,3 +108,22 @@ def test_text_table_aligns_columns():
 )
 def test_show(value, text):
     assert show(value) == text
+
+
+@pytest.mark.parametrize("rows", [0, 5, 6, 7])
+def test_a_long_table_read_in_pieces_is_the_table(tmp_path, monkeypatch, rows):
+    """Columns whose type only a later piece tells: whole numbers, empty cells, long ones, words."""
+    names = ("approach", "whole", "half", "late", "long", "word", "empty", "seed")
+    table = [
+        ["fast", k, k + 0.5, None if k < 4 else k, 2**64 if k == 3 else k, "all" if k > 4 else k,
+         None, 0.5 if k == 5 else 2**70]
+        for k in range(rows)
+    ]  # fmt: skip
+    path = write_rows(tmp_path / "a.csv", names, table)
+    whole = read_columns(path)
+    monkeypatch.setattr("brake_fenicsx.tables.PIECE", 3)
+    pieces = read_columns(path)
+    for name in names:
+        assert pieces[name].dtype == whole[name].dtype, name
+        assert pieces[name].tolist() == whole[name].tolist() or name in ("late", "empty")
+        np.testing.assert_array_equal(pieces[name], whole[name])

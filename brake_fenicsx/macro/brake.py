@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
-from petsc4py import PETSc
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,14 +14,19 @@ from numpy.typing import NDArray
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.friction import slides
 
-from .condensation import Compliance, gathered_vector
+from .condensation import Compliance
 from .contact import Contact, contact_elements, join
 from .elasticity import Elastic, FaceAddition, assemble_elastic
 from .friction import Motion, Rotation, Translation
+from .loads import lift, load_vectors, pressing
 from .material_table import layer_materials, scene_materials
 from .mesh import Mesh
 from .parts import check_mesh, scene_mesh
+
+if TYPE_CHECKING:
+    from .stuck import Stuck
 
 Array = NDArray[np.float64]
 
@@ -35,9 +39,12 @@ class Brake:
         mesh: the tagged mesh.
         elastic: matrices, loads and the numbering of the free dofs.
         contact: contact elements of all interfaces.
-        f: loads [N], all free dofs, the same on every process.
+        f: loads [N], all free dofs.
         pressed: sum of the loads' magnitudes [N].
+        unit_loads: load vectors of the scene's loads, see ``loads.load_vectors``.
+        lift: prescribed displacements on the dofs of the mesh [m]; None without any.
         compliance: the bodies seen from the contact elements, once computed.
+        stuck: interfaces whose faces stick, by name; their springs are in the stiffness.
     """
 
     mesh: Mesh
@@ -45,15 +52,18 @@ class Brake:
     contact: Contact
     f: Array
     pressed: float
+    unit_loads: Array
+    lift: Array | None = None
     compliance: Compliance | None = None
+    stuck: dict[str, Stuck] = field(default_factory=dict)
 
     @property
-    def K(self) -> PETSc.Mat:
+    def K(self) -> sp.csr_matrix:
         """Stiffness [N/m]."""
         return self.elastic.K
 
     @property
-    def M(self) -> PETSc.Mat:
+    def M(self) -> sp.csr_matrix:
         """Mass [kg]."""
         return self.elastic.M
 
@@ -98,18 +108,13 @@ class Brake:
             "mean_patch_mm": 1e3 * float(np.sqrt(self.w.mean())),
         }
 
-    def local(self, u: NDArray) -> NDArray:
-        """Values on all local dofs of this process of a whole free vector, zero where held."""
-        first, last = self.K.getOwnershipRange()
-        return self.elastic.free.expand(u[first:last])
-
 
 def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
-    """Build, mesh and assemble what the scene names.
+    """Build, mesh and assemble what the scene names; collective.
 
     Args:
         scene: the scene; the first interface named is the first of the contact elements.
-        comm: communicator of mesh and matrices.
+        comm: the processes, each of which gets the whole brake.
 
     Returns:
         The operators.
@@ -117,35 +122,78 @@ def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
     Raises:
         SceneError: a part, face, layer or material does not fit.
     """
-    materials = scene_materials(scene)
     mesh = scene_mesh(scene, comm)
-    layers = layer_materials(scene, materials, mesh.layers)
-    supports = {face: list(held) for face, held in scene.supports.items()}
-    loads = {face: load.pressure for face, load in scene.loads.items()}
+    elastic = assemble_bodies(scene, mesh)
+    motion = scene_motion(scene)
+    found: dict[str, Contact] = {}
+    stuck: dict[str, Stuck] = {}
+    for name, table in scene.contact.items():
+        pair = table.faces[0], table.faces[1]
+        try:
+            one = contact_elements(
+                mesh, elastic.free, pair, motion if slides(scene, name) else None,
+                table.discretisation, table.search, comm,
+            )  # fmt: skip
+        except SceneError as error:
+            raise SceneError(f"{scene.file}: {error}") from None
+        if table.zone is not None:
+            from .zones import zone_of
+
+            one = zone_of(one, table.zone, f"{scene.file}: contact.{name}")
+        if table.tangential_stiffness is not None:
+            from .stuck import stick
+
+            one, stuck[name] = stick(one, table.tangential_stiffness)
+            elastic = replace(elastic, K=elastic.K + stuck[name].matrix())
+        found[name] = one
+    contact = join([*found.values()])
+    if len(found) > 1:
+        from .zones import check_apart, uncovered
+
+        check_apart(scene, found)
+        contact = replace(contact, uncovered=uncovered(scene, found))
+    vectors, sizes = load_vectors(scene, mesh, elastic)
+    pressed = pressing(scene, mesh, float(contact.w.sum()))
+    moved = lift(scene, mesh, elastic.free)
+    return Brake(
+        mesh, elastic, contact, vectors @ sizes, pressed, vectors, moved, stuck=stuck
+    )  # fmt: skip
+
+
+def assemble_bodies(scene: Scene, mesh: Mesh) -> Elastic:
+    """Assemble the bodies of a scene: supports, springs, masses, ties; no contact, no loads.
+
+    Args:
+        scene: the scene.
+        mesh: its mesh.
+
+    Raises:
+        SceneError: a face, layer or material does not fit.
+    """
+    layers = layer_materials(scene, scene_materials(scene), mesh.layers)
+    supports = {f: list(held) for f, held in scene.supports.items() if not _on_matrices(scene, f)}
     sprung = [name for name, spring in scene.springs.items() if spring.faces is None]
-    added = [added_to_face(scene, face) for face in dict.fromkeys([*sprung, *scene.masses])]
+    named = [f for f in dict.fromkeys([*sprung, *scene.masses]) if not _on_matrices(scene, f)]
+    added = [added_to_face(scene, face) for face in named]
     elastic = assemble_elastic(
-        mesh, layers, supports, loads, scene.mesh.degree, added, scene.mesh.mass == "lumped"
+        mesh, layers, supports, {}, scene.mesh.degree, added, scene.mesh.mass == "lumped"
     )
+    if any(part.matrices for part in scene.parts.values()):
+        from .external_bodies import with_superelements
+
+        elastic = with_superelements(scene, mesh, elastic)
     inert = any(added.inertia for added in scene.masses.values())
     if scene.ties or inert or any(spring.faces for spring in scene.springs.values()):
         from .joints import joined_bodies
 
         elastic = joined_bodies(scene, mesh, elastic, layers)
-    motion = scene_motion(scene)
-    try:
-        contact = join(
-            [
-                contact_elements(
-                    mesh, elastic.free, (c.faces[0], c.faces[1]), motion, c.discretisation, c.search
-                )
-                for c in scene.contact.values()
-            ]
-        )
-    except SceneError as error:
-        raise SceneError(f"{scene.file}: {error}") from None
-    pressed = sum(loads[face] * area for face, (area, _) in elastic.loads.items())
-    return Brake(mesh, elastic, contact, gathered_vector(elastic.f), float(pressed))
+    return elastic
+
+
+def _on_matrices(scene: Scene, face: str) -> bool:
+    """Whether a face is a set of nodes of a body given by matrices."""
+    part = scene.parts.get(face.partition(".")[0])
+    return part is not None and part.matrices is not None
 
 
 def added_to_face(scene: Scene, face: str) -> FaceAddition:
@@ -188,6 +236,14 @@ def check_brake(scene: Scene, comm: MPI.Comm) -> None:
             pair = getattr(one, "faces", None)
             named = {f'{table}."{name}"': name} if pair is None else {}
             faces |= named | {f"{table}.{name}.faces[{i}]": f for i, f in enumerate(pair or ())}
+    for where, face in faces.items():
+        load = scene.loads.get(face) if where.startswith("loads.") else None
+        spread = where.startswith("contact.") or (load is not None and load.pressure is not None)
+        if spread and _on_matrices(scene, face):
+            raise SceneError(
+                f"{scene.file}: {where} = {face!r}: a set of nodes has no area; name a face of a"
+                " part with a mesh, to which the set is tied"
+            )
     layer_materials(scene, materials, check_mesh(scene, faces, comm))
 
 

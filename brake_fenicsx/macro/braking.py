@@ -50,8 +50,7 @@ def equilibrium(
         index: number of each element's law in a library; element i takes law i if not given.
         steps: equal load steps.
         comm: processes that share the compliance; this process alone if None.
-        solver: "condensed" on the contact elements, or "sparse": on all displacements,
-            distributed like ``ops.K``; one result.
+        solver: "condensed" on the contact elements, or "sparse": on all displacements; one result.
 
     Returns:
         ``.u`` [m] on all free dofs; ``.g`` [m], ``.p`` [Pa], ``.k`` and ``.k_vibration`` [Pa/m]

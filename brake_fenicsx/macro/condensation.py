@@ -11,47 +11,16 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from mpi4py import MPI
-from petsc4py import PETSc
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.memory import release_memory
 
-from .solver import Factor, add_interface, blocks, local_rows
+from .solver import Factor, blocks, with_interface
 
 Array = NDArray[np.float64]
-
-
-def gathered(A: PETSc.Mat) -> PETSc.Mat:
-    """The whole of a distributed matrix on this process alone."""
-    return A if A.comm.size == 1 else petsc_matrix(whole(A))
-
-
-def whole(A: PETSc.Mat) -> sp.csr_matrix:
-    """The same as a SciPy matrix."""
-    parts = A.comm.tompi4py().allgather(local_rows(A))
-    found = sp.vstack(parts).tocsr()
-    del parts
-    release_memory()
-    return found
-
-
-def petsc_matrix(A: sp.spmatrix) -> PETSc.Mat:
-    """A SciPy matrix as a PETSc matrix of this process."""
-    A = A.tocsr()
-    A.sort_indices()
-    csr = (A.indptr.astype(np.int32), A.indices.astype(np.int32), A.data.astype(float))
-    B = PETSc.Mat().createAIJ(A.shape, csr=csr, comm=PETSc.COMM_SELF)
-    B.assemble()
-    return B
-
-
-def gathered_vector(f: PETSc.Vec) -> Array:
-    """The whole of a distributed vector on every process."""
-    return np.concatenate(f.comm.tompi4py().allgather(f.array_r))
 
 
 class Solves(Protocol):
@@ -93,11 +62,11 @@ class Compliance:
         return self.factor.solve(b)
 
 
-def reference_factor(K: PETSc.Mat, N: sp.csr_matrix, w: Array, k0: Array) -> Factor:
-    """Factor of K0 = K + N'W k0 N, gathered on every process.
+def reference_factor(K: sp.csr_matrix, N: sp.csr_matrix, w: Array, k0: Array) -> Factor:
+    """Factor of K0 = K + N'W k0 N.
 
     Args:
-        K: stiffness [N/m], distributed or not.
+        K: stiffness [N/m].
         N: gap operator.
         w: areas [m^2].
         k0: reference stiffness [Pa/m], shape (elements,), positive.
@@ -108,11 +77,7 @@ def reference_factor(K: PETSc.Mat, N: sp.csr_matrix, w: Array, k0: Array) -> Fac
     Raises:
         InaccurateResult: K0 is singular: a part is neither supported nor in contact.
     """
-    alone = gathered(K)
-    factor = Factor(add_interface(alone, N, w * k0, N), "brake_compliance_")
-    if alone is not K:
-        alone.destroy()
-    return factor
+    return Factor(with_interface(K, N, w * k0, N), "brake_compliance_")
 
 
 def interface_compliance(
@@ -145,7 +110,7 @@ def shared_columns(n: int, comm: MPI.Comm) -> NDArray[np.intp]:
 
 
 def compliance(
-    K: PETSc.Mat,
+    K: sp.csr_matrix,
     N: sp.csr_matrix,
     T: sp.csr_matrix,
     w: Array,
@@ -156,7 +121,7 @@ def compliance(
     """Compliance of the bodies at the contact elements.
 
     Args:
-        K: stiffness [N/m], distributed or not.
+        K: stiffness [N/m].
         N: gap operator, shape (elements, dofs).
         T: slip operator.
         w: areas [m^2].

@@ -18,6 +18,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from mpi4py import MPI
+
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
@@ -26,7 +28,7 @@ from brake_fenicsx.errors import SceneError
 
 from .elasticity import FreeDofs
 from .faces import gather_face
-from .friction import Motion, slip_frame
+from .friction import Motion, slip_frame, tangent_frame
 from .integrals import Integrals, facet_integrals
 from .mesh import Mesh
 from .node_to_surface import node_integrals
@@ -41,14 +43,14 @@ class Contact:
 
     Attributes:
         N: normal gap, g = g0 + N u, CSR, shape (elements, free dofs) [-].
-        T: slip of pad minus disc along s, CSR.
-        R: slip across s, CSR.
+        T: slip of pad minus disc along s, CSR; zero where the faces stick.
+        R: slip across s, CSR; likewise.
         w: areas [m^2], shape (elements,).
         g0: gap of the undeformed bodies [m], shape (elements,).
         points: centres of the elements [m], shape (elements, 3).
         normal: unit normals from disc to pad, shape (elements, 3).
         s: sliding directions, shape (elements, 3).
-        speed: sliding speeds V [m/s], shape (elements,).
+        speed: sliding speeds V [m/s], shape (elements,); zero where the faces stick.
         interface: number of the interface of each element, shape (elements,).
         uncovered: area [m^2] of the first faces that has no partner.
     """
@@ -74,9 +76,10 @@ def contact_elements(
     mesh: Mesh,
     free: FreeDofs,
     faces: tuple[str, str],
-    motion: Motion,
+    motion: Motion | None,
     discretisation: str = "patch",
     reach: float | None = None,
+    comm: MPI.Comm | None = None,
 ) -> Contact:
     """Contact elements of two faces; virtual work of contact is the sum of w p N v, Eq. (12).
 
@@ -84,9 +87,10 @@ def contact_elements(
         mesh: the tagged mesh.
         free: numbering of the free dofs.
         faces: names of the pad's and of the disc's face.
-        motion: motion of the disc relative to the pad.
+        motion: motion of the disc relative to the pad; None: none, s is any direction then.
         discretisation: "patch", "quadrature" or "node".
         reach: largest gap at which facets are paired [m]; the largest facet size if not given.
+        comm: processes that share the integrals; this process alone if None.
 
     Returns:
         The contact elements, the same on every process.
@@ -94,11 +98,12 @@ def contact_elements(
     Raises:
         SceneError: unknown face, or faces that lie nowhere opposite to each other.
     """
+    comm = MPI.COMM_SELF if comm is None else comm
     pad, disc = (gather_face(mesh, free, face) for face in faces)
     if discretisation == "node":
         parts = node_integrals(pad, disc, reach)
     else:
-        parts = facet_integrals(pad, disc, reach, discretisation == "quadrature", mesh.domain.comm)
+        parts = facet_integrals(pad, disc, reach, discretisation == "quadrature", comm)
     if not parts.w.size or parts.w.sum() <= 0:
         raise SceneError(f"contact: {faces[0]!r} and {faces[1]!r} face each other nowhere")
     return _elements(parts, free.size, motion)
@@ -113,10 +118,26 @@ def join(contacts: Sequence[Contact]) -> Contact:
     return Contact(**parts, uncovered=sum(c.uncovered for c in contacts))
 
 
-def _elements(parts: Integrals, dofs: int, motion: Motion) -> Contact:
+def restricted(contact: Contact, kept: NDArray[np.bool_]) -> Contact:
+    """Some elements of an interface; the others count as uncovered.
+
+    Args:
+        contact: the interface.
+        kept: which of its elements are kept, shape (elements,).
+    """
+    names = ("w", "g0", "points", "normal", "s", "speed", "interface", "N", "T", "R")
+    parts: dict[str, Any] = {n: getattr(contact, n)[kept] for n in names}
+    return Contact(**parts, uncovered=contact.uncovered + float(contact.w[~kept].sum()))
+
+
+def _elements(parts: Integrals, dofs: int, motion: Motion | None) -> Contact:
     """Gap and slip operators."""
     n = parts.normal / np.linalg.norm(parts.normal, axis=1)[:, None]
-    s, r, speed = slip_frame(motion, parts.points, n)
+    if motion is None:
+        s, r = tangent_frame(n)
+        speed: Array = np.zeros(len(n))
+    else:
+        s, r, speed = slip_frame(motion, parts.points, n)
     size = (parts.w.size, dofs)
     N, T, R = (sp.csr_matrix(size) for _ in range(3))
     for sign, (row, columns, weight, normal) in zip((1.0, -1.0), parts.sides, strict=True):

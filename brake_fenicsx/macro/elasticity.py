@@ -13,6 +13,7 @@ from typing import Any
 from petsc4py import PETSc
 
 import numpy as np
+import scipy.sparse as sp
 import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
@@ -23,6 +24,7 @@ from brake_fenicsx.errors import SceneError
 
 from .material import Material
 from .mesh import Mesh
+from .solver import whole
 
 COMPONENTS = {"x": 0, "y": 1, "z": 2}
 # 27 points integrate a second-order hexahedron; UFL's own estimate takes many more.
@@ -85,34 +87,31 @@ class FreeDofs:
 
     Attributes:
         V: vector function space.
-        local: local indices of this process's free dofs, in the order of the free numbering.
-        column: global free number of every local dof, ghosts included; -1 where held.
-        size: number of free dofs over all processes.
+        local: the free ones among all dofs of the mesh, in their order.
+        column: free number of every dof of the mesh; -1 where held.
+        size: number of free dofs, with coordinates of bodies given by matrices, which follow those
+            of the mesh.
+        places: coordinates [m] and direction (0, 1, 2; 3: none) of those that follow, and the
+            number of their body, shape (size - len(local), 5).
     """
 
     V: Any
     local: NDArray[np.int32]
     column: NDArray[np.int64]
     size: int
+    places: NDArray = field(default_factory=lambda: np.zeros((0, 5)))
 
     def expand(self, x: NDArray) -> NDArray:
-        """Values on all local dofs, ghosts included, zero where held.
+        """Values on all dofs of the mesh, zero where held.
 
         Args:
-            x: this process's part of a free vector, shape (len(local),), or (len(local), m).
+            x: free vector, shape (free dofs,), or (free dofs, m).
 
         Returns:
-            Shape (local dofs with ghosts, ...), the same on every process that shares a dof.
+            Shape (dofs, ...).
         """
         full = np.zeros((self.column.size, *x.shape[1:]), dtype=x.dtype)
-        full[self.local] = x
-        parts = full.reshape(self.column.size, -1)
-        for k in range(parts.shape[1]):
-            for view in (parts.real, parts.imag) if np.iscomplexobj(parts) else (parts,):
-                f = fem.Function(self.V)
-                f.x.array[:] = view[:, k]
-                f.x.scatter_forward()
-                view[:, k] = f.x.array
+        full[self.local] = x[: self.local.size]
         return full
 
 
@@ -121,20 +120,27 @@ class Elastic:
     """Assembled elastic bodies.
 
     Attributes:
-        K: stiffness [N/m] on the free dofs, PETSc.
-        M: mass [kg] on the free dofs, PETSc.
-        f: loads [N] on the free dofs, PETSc.
+        K: stiffness [N/m] on the free dofs.
+        M: mass [kg] on the free dofs.
+        f: loads [N] on the free dofs.
         free: the numbering.
         loads: load name -> (loaded area [m^2], force [N], shape (3,)).
-        C: damping of springs [N s/m] on the free dofs, PETSc; None where there is none.
+        C: damping of springs and of bodies given by matrices [N s/m]; None where there is none.
+        sets: sets of nodes of bodies given by matrices -> their displacements, node by node in x,
+            y, z, shape (3 nodes, free dofs).
+        masses: bodies given by matrices -> their mass [kg] on all free dofs.
+        doubts: what is unlikely of such bodies.
     """
 
-    K: PETSc.Mat
-    M: PETSc.Mat
-    f: PETSc.Vec
+    K: sp.csr_matrix
+    M: sp.csr_matrix
+    f: NDArray
     free: FreeDofs
     loads: dict[str, tuple[float, NDArray]]
-    C: PETSc.Mat | None = None
+    C: sp.csr_matrix | None = None
+    sets: dict[str, sp.csr_matrix] = field(default_factory=dict)
+    masses: dict[str, sp.csr_matrix] = field(default_factory=dict)
+    doubts: tuple[str, ...] = ()
 
 
 def free_dofs(mesh: Mesh, V: Any, supports: Mapping[str, list[str]]) -> FreeDofs:
@@ -149,23 +155,17 @@ def free_dofs(mesh: Mesh, V: Any, supports: Mapping[str, list[str]]) -> FreeDofs
         The numbering.
     """
     index_map, bs = V.dofmap.index_map, V.dofmap.index_map_bs
-    held = np.zeros((index_map.size_local + index_map.num_ghosts, bs), dtype=bool)
+    held = np.zeros((index_map.size_local, bs), dtype=bool)
     for face, components in supports.items():
         facets = mesh.facet_tags.find(face_tag(mesh, face, "supports"))
         blocks = fem.locate_dofs_topological(V, mesh.domain.topology.dim - 1, facets)
         for c in components:
             held[blocks, COMPONENTS[c]] = True
     held = held.reshape(-1)
-    owned = index_map.size_local * bs
-    local = np.flatnonzero(~held[:owned]).astype(np.int32)
-    comm = mesh.domain.comm
-    start = comm.exscan(local.size) or 0
-    number = fem.Function(V)
-    number.x.array[:] = -1.0
-    number.x.array[local] = np.arange(start, start + local.size)
-    number.x.scatter_forward()
-    column = np.rint(number.x.array).astype(np.int64)
-    return FreeDofs(V, local, column, comm.allreduce(local.size))
+    local = np.flatnonzero(~held).astype(np.int32)
+    column = np.full(held.size, -1, dtype=np.int64)
+    column[local] = np.arange(local.size)
+    return FreeDofs(V, local, column, local.size)
 
 
 def face_tag(mesh: Mesh, face: str, where: str) -> int:
@@ -226,7 +226,6 @@ def assemble_elastic(
         fem_petsc.assemble_matrix(M, fem.form(mass_form(u, v, rho, dx)))
     if K is None or M is None:
         raise SceneError("the scene has no part")
-    keep = PETSc.IS().createGeneral(_owned_globals(free), comm=mesh.domain.comm)
     dashpots = None
     for one in added:
         ds = _face(mesh, one.face, "springs and masses")
@@ -238,30 +237,35 @@ def assemble_elastic(
             fem_petsc.assemble_matrix(K, fem.form(ufl.inner(ufl.dot(k, u), v) * ds))
         if c.value.any():
             A = fem_petsc.assemble_matrix(fem.form(ufl.inner(ufl.dot(c, u), v) * ds))
-            A.assemble()
-            dashpots = added_matrix(dashpots, A.createSubMatrix(keep, keep))
-            A.destroy()
+            part = on_free_dofs(A, free)
+            dashpots = part if dashpots is None else dashpots + part
         if one.mass:
             fem_petsc.assemble_matrix(M, fem.form(mass_form(u, v, m, ds)))
     M.assemble()
     if lumped:
         lump(M)
-    matrices = []
-    for A in (K, M):
-        A.assemble()
-        matrices.append(A.createSubMatrix(keep, keep))
-        A.destroy()
     f, record = _loads(mesh, free, loads)
-    return Elastic(matrices[0], matrices[1], f, free, record, dashpots)
+    stiffness, mass = on_free_dofs(K, free), on_free_dofs(M, free)
+    # The components of a displacement share no mass.
+    mass.eliminate_zeros()
+    return Elastic(stiffness, mass, f, free, record, dashpots)
 
 
-def added_matrix(total: PETSc.Mat | None, part: PETSc.Mat) -> PETSc.Mat:
-    """Sum in place of the first of two matrices, or the second where there is no first."""
-    if total is None:
-        return part
-    total.axpy(1.0, part, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+def face_area(mesh: Mesh, face: str) -> float:
+    """Area of a named face [m^2]."""
+    return _area(mesh, _face(mesh, face, "loads"))
+
+
+def on_free_dofs(A: PETSc.Mat, free: FreeDofs) -> sp.csr_matrix:
+    """Rows and columns of the free dofs of a matrix of all, which is destroyed."""
+    A.assemble()
+    keep = PETSc.IS().createGeneral(free.local, comm=A.comm)
+    part = A.createSubMatrix(keep, keep)
+    A.destroy()
+    found = whole(part)
     part.destroy()
-    return total
+    found.resize(free.size, free.size)
+    return found
 
 
 def lump(M: PETSc.Mat) -> None:
@@ -277,7 +281,7 @@ def lump(M: PETSc.Mat) -> None:
 
 def affine_parts(
     mesh: Mesh, free: FreeDofs, directions: Sequence[Mapping[str, NDArray]]
-) -> list[PETSc.Mat]:
+) -> list[sp.csr_matrix]:
     """Stiffness of unit changes of the materials: K is linear in every C_ij.
 
     Args:
@@ -290,7 +294,6 @@ def affine_parts(
         One matrix [N/m] on the free dofs for each direction.
     """
     u, v = ufl.TrialFunction(free.V), ufl.TestFunction(free.V)
-    keep = PETSc.IS().createGeneral(_owned_globals(free), comm=mesh.domain.comm)
     parts = []
     for changes in directions:
         total = None
@@ -300,44 +303,58 @@ def affine_parts(
             dx = ufl.Measure("dx", domain=mesh.domain, subdomain_data=cells, metadata=rule)(1)
             form = fem.form(stiffness_form(u, v, fem.Constant(mesh.domain, change), dx))
             # The pattern is that of the layer's own cells: each has a matrix of its own.
-            A = fem_petsc.assemble_matrix(form)
-            A.assemble()
-            part = A.createSubMatrix(keep, keep)
-            A.destroy()
-            total = added_matrix(total, part)
+            part = on_free_dofs(fem_petsc.assemble_matrix(form), free)
+            total = part if total is None else total + part
         if total is None:
             raise SceneError("a change of no layer")
         parts.append(total)
     return parts
 
 
-def unit_loads(mesh: Mesh, free: FreeDofs, face: str) -> PETSc.Vec:
+def stiffness_action(
+    mesh: Mesh, free: FreeDofs, materials: Mapping[str, Material], displacement: NDArray
+) -> NDArray:
+    """Nodal forces [N] of a displacement on all dofs of the mesh, held ones included.
+
+    Args:
+        mesh: the tagged mesh.
+        free: numbering of the free dofs.
+        materials: layer name -> material in x, y, z axes.
+        displacement: on all dofs of the mesh [m].
+    """
+    u, v = fem.Function(free.V), ufl.TestFunction(free.V)
+    u.x.array[:] = displacement
+    total = np.zeros_like(displacement)
+    for layer, tag in mesh.layers.items():
+        cells = compat.meshtags(mesh.domain, 3, mesh.cell_tags.find(tag), 1)
+        rule = QUADRATURE[mesh.shape]
+        dx = ufl.Measure("dx", domain=mesh.domain, subdomain_data=cells, metadata=rule)(1)
+        C = fem.Constant(mesh.domain, materials[layer].C)
+        b = fem_petsc.assemble_vector(fem.form(stiffness_form(u, v, C, dx)))
+        total += b.array_r
+        b.destroy()
+    return total
+
+
+def unit_loads(mesh: Mesh, free: FreeDofs, face: str) -> NDArray:
     """Loads [N/Pa] of a pressure of 1 Pa on a face, on the free dofs."""
     return _loads(mesh, free, {face: 1.0})[0]
 
 
-def _owned_globals(free: FreeDofs) -> NDArray[np.int32]:
-    """Global numbers, in the unreduced numbering, of this process's free dofs."""
-    start = free.V.dofmap.index_map.local_range[0] * free.V.dofmap.index_map_bs
-    return (free.local + start).astype(np.int32)
-
-
 def _loads(
     mesh: Mesh, free: FreeDofs, loads: Mapping[str, float]
-) -> tuple[PETSc.Vec, dict[str, tuple[float, NDArray]]]:
+) -> tuple[NDArray, dict[str, tuple[float, NDArray]]]:
     """Load vector of the pressures, with area and force of each for the record."""
-    comm = mesh.domain.comm
-    f = PETSc.Vec().createMPI((free.local.size, free.size), comm=comm)
+    f = np.zeros(free.size)
     v, n = ufl.TestFunction(free.V), ufl.FacetNormal(mesh.domain)
     record = {}
     for face, pressure in loads.items():
         ds = _face(mesh, face, "loads")
         p = fem.Constant(mesh.domain, PETSc.ScalarType(pressure))
         b = fem_petsc.assemble_vector(fem.form(pressure_form(v, n, p, ds)))
-        b.ghostUpdate(addv=PETSc.InsertMode.ADD, mode=PETSc.ScatterMode.REVERSE)
-        f.array += b.array_r[free.local]
+        f[: free.local.size] += b.array_r[free.local]
         bs = free.V.dofmap.index_map_bs
-        force = comm.allreduce(b.array_r.reshape(-1, bs).sum(axis=0))
+        force = b.array_r.reshape(-1, bs).sum(axis=0)
         record[face] = (_area(mesh, ds), force)
         b.destroy()
     return f, record
@@ -351,6 +368,6 @@ def _face(mesh: Mesh, face: str, where: str) -> Any:
 
 
 def _area(mesh: Mesh, ds: Any) -> float:
-    """Area of a face [m^2], the same on every process."""
+    """Area of a face [m^2]."""
     one = fem.Constant(mesh.domain, PETSc.ScalarType(1.0))
-    return float(mesh.domain.comm.allreduce(fem.assemble_scalar(fem.form(one * ds))))
+    return float(fem.assemble_scalar(fem.form(one * ds)))

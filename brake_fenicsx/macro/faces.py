@@ -1,8 +1,8 @@
-"""A named face of the distributed mesh, gathered on every process in one order.
+"""A named face of the mesh: facets with the nodes of the displacement.
 
-The order and the corners' order come from the mesh generator's node numbers, so that nothing
-depends on how the mesh was distributed. Facets are isoparametric in the displacement's nodes, which
-holds geometries of the same or of a lower degree exactly.
+The order of the facets and of their corners comes from the mesh generator's node numbers, so that
+nothing depends on how DOLFINx numbers them. Facets are isoparametric in the displacement's nodes,
+which holds geometries of the same or of a lower degree exactly.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class Face:
 
 
 def gather_face(mesh: Mesh, free: FreeDofs, face: str) -> Face:
-    """Collect a named face on every process.
+    """Collect a named face.
 
     Args:
         mesh: the tagged mesh.
@@ -87,15 +87,12 @@ def gather_face(mesh: Mesh, free: FreeDofs, face: str) -> Face:
         face: name of the face.
 
     Returns:
-        The face, identical on every process.
+        The face.
     """
     element = FacetElement(
         3 if compat.cell_name(mesh.domain) == "tetrahedron" else 4, compat.degree(free.V)
     )
-    local = _local_facets(mesh, free, face_tag(mesh, face, "contact"))
-    key, corners, inside, x, columns, number = map(
-        np.concatenate, zip(*mesh.domain.comm.allgather(local), strict=True)
-    )
+    key, corners, inside, x, columns, number = _facets(mesh, free, face_tag(mesh, face, "contact"))
     order = np.lexsort(np.sort(key, axis=1).T[::-1])
     key, corners, inside, x, columns, number = (
         a[order] for a in (key, corners, inside, x, columns, number)
@@ -113,7 +110,7 @@ def gather_face(mesh: Mesh, free: FreeDofs, face: str) -> Face:
     inward = np.einsum("ij,ij->i", cross, inside - corners.mean(axis=1)) > 0
     turn = np.where(inward, -1.0, 1.0)
     normal = turn[:, None] * cross / length[:, None]
-    # Of the generator's corners alone where they say all: free of the round-off of one process.
+    # Of the generator's corners alone where they say all: free of round-off.
     flat = np.einsum("na,fac->fnc", FacetElement(element.corners, 1).shape(element.nodes), corners)
     straight = _straight(flat - x, corners, normal)
     x = np.where(straight[:, None, None], flat, x)
@@ -149,10 +146,10 @@ def _straight(bent: Array, corners: Array, normal: Array) -> NDArray[np.bool_]:
     return np.asarray(away < 1e-9 * size)
 
 
-def _local_facets(
+def _facets(
     mesh: Mesh, free: FreeDofs, tag: int
 ) -> tuple[Index, Array, Array, Array, Index, Index]:
-    """Facets owned here.
+    """Facets of a tag.
 
     Returns:
         Node numbers of the generator and corners, middle of the cell, and of each displacement
@@ -164,11 +161,10 @@ def _local_facets(
     topology.create_connectivity(dim, dim - 1)
     to_cell, to_facet = topology.connectivity(dim - 1, dim), topology.connectivity(dim, dim - 1)
     facets = mesh.facet_tags.find(tag)
-    facets = facets[facets < topology.index_map(dim - 1).size_local]
     nodes, x = compat.geometry_dofs(domain), domain.geometry.x
     generator = np.asarray(domain.geometry.input_global_indices)
     columns, position = free.column.reshape(-1, 3), free.V.tabulate_dof_coordinates()
-    index_map, layout = free.V.dofmap.index_map, free.V.dofmap.dof_layout
+    layout = free.V.dofmap.dof_layout
     # Corners of a quadrilateral come in tensor order.
     ends = [f if len(f) == 3 else [f[0], f[1], f[3], f[2]] for f in compat.facet_vertices(domain)]
     closure = np.array([layout.entity_closure_dofs(dim - 1, i) for i in range(len(ends))])
@@ -181,8 +177,7 @@ def _local_facets(
     every = compat.cell_dofs(free.V, cells)
     dofs = np.take_along_axis(every, closure[place], axis=1)
     inside = x[nodes[cells]].mean(axis=1)
-    number = index_map.local_to_global(dofs.reshape(-1).astype(np.int32)).reshape(dofs.shape)
     return (
         generator[corner], x[corner], inside, position[dofs], columns[dofs],
-        number.astype(np.int64),
+        dofs.astype(np.int64),
     )  # fmt: skip

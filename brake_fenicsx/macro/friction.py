@@ -74,6 +74,22 @@ def slip_frame(motion: Motion, points: Array, normal: Array) -> tuple[Array, Arr
     return s, np.cross(normal, s), speed
 
 
+def tangent_frame(normal: Array) -> tuple[Array, Array]:
+    """Two directions along a face where no motion gives one.
+
+    Args:
+        normal: unit normals, shape (n, 3).
+
+    Returns:
+        s, an axis of x, y, z far from the normal, less its part along it, and r = normal x s, both
+        of shape (n, 3).
+    """
+    axis = np.eye(3)[np.argmin(np.abs(normal), axis=1)]
+    s = axis - np.einsum("ij,ij->i", axis, normal)[:, None] * normal
+    s = s / np.linalg.norm(s, axis=1)[:, None]
+    return s, np.cross(normal, s)
+
+
 def velocity_friction(V: Array, static: float, kinetic: float, decay: float) -> tuple[Array, Array]:
     """Friction that falls from a static to a kinetic value, and its slope.
 

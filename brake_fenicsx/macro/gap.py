@@ -17,13 +17,15 @@ Rough laws are not clipped at delta = 0: their summits carry load from first tou
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.micro.law import Laws
-from brake_fenicsx.surface.hdf import HeightDistribution
-from brake_fenicsx.surface.waviness import Waviness
+if TYPE_CHECKING:
+    from brake_fenicsx.micro.law import Laws
+    from brake_fenicsx.surface.hdf import HeightDistribution
+    from brake_fenicsx.surface.waviness import Waviness
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -13,12 +13,12 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import Scene
 
 from .brake import part_axes
-from .elasticity import Elastic, added_matrix
+from .elasticity import Elastic
 from .faces import gather_face
 from .material import Material
-from .mean_motion import check_size, mean_displacement, mean_rotation
+from .mean_motion import check_size, mean_displacement, mean_of_nodes, mean_rotation
 from .mesh import Mesh
-from .solver import distributed, interface_matrix
+from .solver import with_interface
 from .tie import tied_faces
 
 logger = logging.getLogger(__name__)
@@ -27,12 +27,12 @@ logger = logging.getLogger(__name__)
 def joined_bodies(
     scene: Scene, mesh: Mesh, elastic: Elastic, materials: Mapping[str, Material]
 ) -> Elastic:
-    """Add ties, springs between faces and inertia to the bodies of a scene; collective.
+    """Add ties, springs between faces and inertia to the bodies of a scene.
 
     Args:
         scene: the scene.
         mesh: its mesh.
-        elastic: the bodies, whose stiffness and mass are changed in place.
+        elastic: the bodies.
         materials: layer name -> material in x, y, z axes.
 
     Returns:
@@ -41,9 +41,11 @@ def joined_bodies(
     Raises:
         SceneError: faces that do not touch, or are too large.
     """
-    for name in scene.ties:
+    for name, tie in scene.ties.items():
+        if any(face in elastic.sets for face in tie.faces):
+            continue
         try:
-            _tie(scene, name, mesh, elastic, materials)
+            elastic = _tied(scene, name, mesh, elastic, materials)
         except SceneError as error:
             raise SceneError(f"{scene.file}: ties.{name}: {error}") from None
     for name, spring in scene.springs.items():
@@ -55,48 +57,51 @@ def joined_bodies(
     for name, added in scene.masses.items():
         if added.inertia is not None:
             try:
-                _inert(scene, name, mesh, elastic)
+                elastic = _inert(scene, name, mesh, elastic)
             except SceneError as error:
                 raise SceneError(f'{scene.file}: masses."{name}": {error}') from None
     return elastic
 
 
-def _tie(
+def _tied(
     scene: Scene, name: str, mesh: Mesh, elastic: Elastic, materials: Mapping[str, Material]
-) -> None:
+) -> Elastic:
     """Add a tie to the stiffness."""
     tie = scene.ties[name]
     faces = tie.faces[0], tie.faces[1]
     found = tied_faces(mesh, elastic.free, faces, materials, tie.stiffness, tie.search)
-    added_matrix(elastic.K, distributed(found.K, elastic.K))
     logger.info(
         "tie %s: %.4g mm^2 glued, %.4g mm^2 of %s not; %.3g Pa/m, gap up to %.4f mm",
         name, 1e6 * found.area, 1e6 * max(found.uncovered, 0.0), faces[0], found.stiffness,
         1e3 * found.gap,
     )  # fmt: skip
+    return replace(elastic, K=elastic.K + found.K)
 
 
 def _sprung(scene: Scene, name: str, mesh: Mesh, elastic: Elastic) -> Elastic:
     """Add springs and dashpots between the mean displacements of two faces."""
     spring, free = scene.springs[name], elastic.free
-    faces = [gather_face(mesh, free, face) for face in spring.faces or ()]
-    check_size(faces)
-    first, second = (mean_displacement(face, free.size) for face in faces)
+    ends = spring.faces or ()
+    faces = {face: gather_face(mesh, free, face) for face in ends if face not in elastic.sets}
+    check_size([*faces.values()])
+    means = {face: mean_displacement(own, free.size) for face, own in faces.items()}
+    means |= {face: mean_of_nodes(elastic.sets[face]) for face in ends if face in elastic.sets}
+    first, second = (means[face] for face in ends)
     axes = part_axes(scene, (spring.faces or ("",))[0])
     J = (sp.csr_matrix(axes.T) @ (first - second)).tocsr()
     if spring.stiffness is not None:
-        added_matrix(elastic.K, interface_matrix(elastic.K, J, np.array(spring.stiffness), J))
+        elastic = replace(elastic, K=with_interface(elastic.K, J, np.array(spring.stiffness), J))
     if spring.damping is None:
         return elastic
-    C = interface_matrix(elastic.K, J, np.array(spring.damping), J)
-    return replace(elastic, C=added_matrix(elastic.C, C))
+    C = sp.csr_matrix(elastic.K.shape) if elastic.C is None else elastic.C
+    return replace(elastic, C=with_interface(C, J, np.array(spring.damping), J))
 
 
-def _inert(scene: Scene, name: str, mesh: Mesh, elastic: Elastic) -> None:
+def _inert(scene: Scene, name: str, mesh: Mesh, elastic: Elastic) -> Elastic:
     """Add the moments of inertia on a face to the mass."""
     face = gather_face(mesh, elastic.free, name)
     check_size([face])
     turn = sp.csr_matrix(part_axes(scene, name).T)
     J = (turn @ mean_rotation(face, elastic.free.size)).tocsr()
     inertia = np.array(scene.masses[name].inertia)
-    added_matrix(elastic.M, interface_matrix(elastic.M, J, inertia, J))
+    return replace(elastic, M=with_interface(elastic.M, J, inertia, J))

@@ -13,15 +13,14 @@ from dolfinx.fem import petsc as fem_petsc
 
 from brake_fenicsx import compat
 
-from .condensation import whole
-from .elasticity import QUADRATURE, FreeDofs, lump, mass_form
+from .elasticity import QUADRATURE, FreeDofs, lump, mass_form, on_free_dofs
 from .mesh import Mesh
 
 
 def layer_masses(
     mesh: Mesh, free: FreeDofs, density: Mapping[str, float], lumped: bool = False
 ) -> dict[str, sp.csr_matrix]:
-    """Mass matrices of single layers; collective.
+    """Mass matrices of single layers.
 
     Args:
         mesh: the tagged mesh.
@@ -30,12 +29,9 @@ def layer_masses(
         lumped: whether each row is summed on the diagonal.
 
     Returns:
-        Layer -> mass [kg] on the free dofs of all parts, whole on every process; they add up to the
-        mass.
+        Layer -> mass [kg] on the free dofs of all parts; they add up to the mass.
     """
     u, v = ufl.TrialFunction(free.V), ufl.TestFunction(free.V)
-    start = free.V.dofmap.index_map.local_range[0] * free.V.dofmap.index_map_bs
-    keep = PETSc.IS().createGeneral(free.local + start, comm=mesh.domain.comm)
     masses = {}
     for layer, value in density.items():
         cells = compat.meshtags(mesh.domain, 3, mesh.cell_tags.find(mesh.layers[layer]), 1)
@@ -46,10 +42,7 @@ def layer_masses(
         A.assemble()
         if lumped:
             lump(A)
-        part = A.createSubMatrix(keep, keep)
-        A.destroy()
-        masses[layer] = whole(part)
+        masses[layer] = on_free_dofs(A, free)
         # PETSc keeps places for all layers.
         masses[layer].eliminate_zeros()
-        part.destroy()
     return masses

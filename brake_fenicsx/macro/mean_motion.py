@@ -40,6 +40,19 @@ def mean_displacement(face: Face, size: int) -> sp.csr_matrix:
     return _rows(face, share[..., None, None] * np.eye(3), size)
 
 
+def mean_of_nodes(J: sp.csr_matrix) -> sp.csr_matrix:
+    """Mean displacement of a set of nodes.
+
+    Args:
+        J: their displacements, node by node in x, y, z, shape (3 nodes, free dofs).
+
+    Returns:
+        Shape (3, free dofs) [-].
+    """
+    nodes = J.shape[0] // 3
+    return (sp.kron(np.full((1, nodes), 1 / nodes), sp.identity(3)) @ J).tocsr()
+
+
 def mean_rotation(face: Face, size: int) -> sp.csr_matrix:
     """Mean rotation of a face about its centroid, small: rotation vector over displacement.
 

@@ -1,4 +1,4 @@
-"""Parts to one distributed mesh: gmsh on rank 0, names kept in a table.
+"""Parts to one mesh: gmsh on rank 0, names kept in a table.
 
 All bodies live in one mesh, as components that share no node; layers of one part share faces.
 """
@@ -57,11 +57,11 @@ class Mesh:
 def build_mesh(
     parts: Mapping[str, Builder], comm: MPI.Comm, table: MeshTable | None = None
 ) -> Mesh:
-    """Build and mesh all parts with gmsh, and distribute the mesh.
+    """Build and mesh all parts with gmsh; collective.
 
     Args:
         parts: part name -> (builder module with ``build(occ, parameters)``, its parameters).
-        comm: communicator of the mesh.
+        comm: the processes, each of which gets the whole mesh.
         table: kind of cells, order, growth and the quality asked for.
 
     Returns:
@@ -71,7 +71,7 @@ def build_mesh(
         SceneError: a builder refuses its parameters, or the mesh is too bad; on all ranks.
     """
     settings = table or MeshTable()
-    return distribute(lambda: raw_mesh(parts, settings), comm, settings)
+    return tagged_mesh(lambda: raw_mesh(parts, settings), comm, settings)
 
 
 def raw_mesh(parts: Mapping[str, Builder], table: MeshTable) -> RawMesh:
@@ -92,12 +92,15 @@ def raw_mesh(parts: Mapping[str, Builder], table: MeshTable) -> RawMesh:
     return joined(meshes)
 
 
-def distribute(make: Callable[[], RawMesh], comm: MPI.Comm, table: MeshTable) -> Mesh:
-    """Make a plain mesh on rank 0, check it, and distribute it.
+def tagged_mesh(make: Callable[[], RawMesh], comm: MPI.Comm, table: MeshTable) -> Mesh:
+    """Make a plain mesh on rank 0, check it, and tag it on every process; collective.
+
+    Every process has the whole mesh: the matrices are small beside their factors, and what solves
+    samples needs all of them.
 
     Args:
         make: makes the mesh; called on rank 0 only.
-        comm: communicator of the mesh.
+        comm: the processes.
         table: the quality asked for.
 
     Returns:
@@ -107,20 +110,15 @@ def distribute(make: Callable[[], RawMesh], comm: MPI.Comm, table: MeshTable) ->
         SceneError: the mesh cannot be made, or is too bad; on all ranks.
     """
 
-    def checked() -> tuple[RawMesh | None, Any, Quality]:
+    def checked() -> tuple[RawMesh, Any, Quality]:
         raw = make()
         return raw, facet_nodes(raw), check_cells(raw, table)
 
-    raw, facets, worst = on_rank_0(checked, comm, lambda found: (None, None, found[2]))
-    names = (raw.layers, raw.faces, raw.shape) if raw else None
-    layers, faces, shape = comm.bcast(names, root=0)
-    if raw is not None:
-        with gmsh_session() as gmsh:
-            model = discrete_model(gmsh, raw, facets)
-            domain, cell_tags, facet_tags = compat.mesh_from_gmsh(model, comm)
-    else:
-        domain, cell_tags, facet_tags = compat.mesh_from_gmsh(None, comm)
-    return Mesh(domain, cell_tags, facet_tags, layers, faces, worst.worst, worst, shape)
+    raw, facets, worst = on_rank_0(checked, comm, lambda found: found)
+    with gmsh_session() as gmsh:
+        model = discrete_model(gmsh, raw, facets)
+        domain, cell_tags, facet_tags = compat.mesh_from_gmsh(model)
+    return Mesh(domain, cell_tags, facet_tags, raw.layers, raw.faces, worst.worst, worst, raw.shape)
 
 
 def check_cells(mesh: RawMesh, table: MeshTable) -> Quality:

@@ -60,7 +60,7 @@ def _tributaries(pad: Face) -> tuple[Index, Index, Array, Array]:
     _, n, _ = pad.surface(every, np.broadcast_to(places, (every.size, *places.shape)))
     area = facet_areas(pad)[:, None] * pad.element.tributary
     _, first, inverse = np.unique(pad.number, return_index=True, return_inverse=True)
-    # In the order of the facets, which does not depend on how the mesh is distributed.
+    # In the order of the facets.
     order = np.argsort(first)
     rank = np.empty_like(order)
     rank[order] = np.arange(order.size)

@@ -15,14 +15,15 @@ from .mesh import (
     Mesh,
     check_cells,
     check_faces,
-    distribute,
     known_names,
     on_rank_0,
     raw_mesh,
+    tagged_mesh,
 )
 from .meshing.gmsh_mesh import gmsh_session
 from .meshing.groups import mesh_of_file
 from .meshing.rawmesh import RawMesh, joined
+from .superelement import set_names
 
 
 def scene_parts(scene: Scene) -> dict[str, Builder]:
@@ -36,17 +37,19 @@ def scene_parts(scene: Scene) -> dict[str, Builder]:
 
 def file_parts(scene: Scene) -> list[str]:
     """Names of the parts that come from the mesh file."""
-    return [name for name, part in scene.parts.items() if part.builder is None]
+    return [
+        name for name, part in scene.parts.items() if part.builder is None and part.matrices is None
+    ]
 
 
 def scene_mesh(scene: Scene, comm: MPI.Comm) -> Mesh:
-    """Mesh of all parts of a scene.
+    """Mesh of all parts of a scene, whole on every process; collective.
 
     Raises:
         SceneError: a part or the mesh file is wrong, or the mesh too bad; on all ranks.
     """
     try:
-        return distribute(lambda: scene_raw_mesh(scene), comm, scene.mesh)
+        return tagged_mesh(lambda: scene_raw_mesh(scene), comm, scene.mesh)
     except SceneError as error:
         raise SceneError(f"{scene.file}: {error}") from None
 
@@ -94,7 +97,7 @@ def check_mesh(scene: Scene, faces: Mapping[str, str], comm: MPI.Comm) -> list[s
             mesh = mesh_of_file(scene.file.parent, scene.mesh, file_parts(scene))
             check_cells(mesh, scene.mesh)
             layers, known = [*layers, *mesh.layers], [*known, *mesh.faces]
-        check_faces(faces, known)
+        check_faces(faces, [*known, *set_names(scene)])
         return layers
 
     try:
@@ -120,7 +123,7 @@ def cut_loads(scene: Scene) -> list[str]:
             gmsh.model.add(name)
             for face, (left, whole) in builder.cut_faces(gmsh.model.occ, values).items():
                 load = scene.loads.get(f"{name}.{face}")
-                if load is not None:
+                if load is not None and load.pressure is not None:
                     lines.append(
                         f'loads."{name}.{face}": {100 * left / whole:.1f} % of the {face} lies'
                         f" within the outline of {name} ({1e6 * left:.0f} of {1e6 * whole:.0f}"

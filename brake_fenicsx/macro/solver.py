@@ -1,12 +1,10 @@
-"""Symmetric factorisation (MUMPS) with solves in blocks: a single solve is bound by memory.
-
-Vectors and blocks are numpy arrays of this process's rows.
-"""
+"""Factorisation (MUMPS) with solves in blocks: a single solve is bound by memory."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from typing import Any
 
 from petsc4py import PETSc
 
@@ -29,14 +27,13 @@ class Factor:
     """L D L' of a symmetric matrix, or L U of another one.
 
     Attributes:
-        A: the matrix.
         seconds: time of the factorisation [s].
         negative_pivots: number of negative eigenvalues of a symmetric A, by Sylvester's law of
             inertia.
-        gigabytes: memory of the factor over all processes [GB].
+        gigabytes: memory of the factor [GB].
     """
 
-    def __init__(self, A: PETSc.Mat, prefix: str = "brake_factor_", symmetric: bool = True):
+    def __init__(self, A: sp.spmatrix, prefix: str = "brake_factor_", symmetric: bool = True):
         """Factor ``A``.
 
         Args:
@@ -48,9 +45,9 @@ class Factor:
             InaccurateResult: the factorisation fails (singular matrix, no memory).
         """
         start = time.perf_counter()
-        self.A = A
+        self._A = A = petsc_matrix(A)
         A.setOption(PETSc.Mat.Option.SYMMETRIC, symmetric)
-        self._ksp = PETSc.KSP().create(A.comm)
+        self._ksp = PETSc.KSP().create(PETSc.COMM_SELF)
         self._ksp.setOptionsPrefix(prefix)
         self._ksp.setOperators(A)
         self._ksp.setType("preonly")
@@ -89,23 +86,20 @@ class Factor:
         """Solve for right-hand sides.
 
         Args:
-            b: this process's rows, shape (rows,) or (rows, columns); a sparse block costs about
-                half as much.
+            b: shape (rows,) or (rows, columns); a sparse block costs about half as much.
 
         Returns:
             The solutions, same shape.
         """
         if not isinstance(b, np.ndarray):
-            return self._solve_sparse(b) if self.A.comm.size == 1 else self.solve(b.toarray())
+            return self._solve_sparse(b)
         if b.ndim == 1:
             return self.solve(b[:, None])[:, 0]
-        (rows, size), _ = self.A.getSizes()
-        out = np.empty((rows, b.shape[1]), order="F")
+        out = np.empty(b.shape, order="F")
         for first in range(0, b.shape[1], BLOCK):
             block = np.asfortranarray(b[:, first : first + BLOCK], dtype=float)
-            sizes = ((rows, size), (PETSc.DECIDE, block.shape[1]))
-            B = PETSc.Mat().createDense(sizes, array=block, comm=self.A.comm)
-            X = PETSc.Mat().createDense(sizes, comm=self.A.comm)
+            B = PETSc.Mat().createDense(block.shape, array=block, comm=PETSc.COMM_SELF)
+            X = PETSc.Mat().createDense(block.shape, comm=PETSc.COMM_SELF)
             X.setUp()
             for m in (B, X):
                 m.assemble()
@@ -122,10 +116,10 @@ class Factor:
             rows = b[:, part].T.tocsr()
             rows.sort_indices()
             csr = (rows.indptr.astype(np.int32), rows.indices.astype(np.int32), rows.data)
-            turned = PETSc.Mat().createAIJ(rows.shape, csr=csr, comm=self.A.comm)
+            turned = PETSc.Mat().createAIJ(rows.shape, csr=csr, comm=PETSc.COMM_SELF)
             turned.assemble()
             B = PETSc.Mat().createTranspose(turned)
-            X = PETSc.Mat().createDense((b.shape[0], part.stop - part.start), comm=self.A.comm)
+            X = PETSc.Mat().createDense((b.shape[0], part.stop - part.start), comm=PETSc.COMM_SELF)
             X.setUp()
             X.assemble()
             self._F.matSolve(B, X)
@@ -138,35 +132,35 @@ class Factor:
         """Free factor and matrix now: PETSc keeps what Python lets go, perhaps to the end."""
         self._F.destroy()
         self._ksp.destroy()
-        self.A.destroy()
+        self._A.destroy()
         release_memory()
 
 
-def local_rows(A: PETSc.Mat) -> sp.csr_matrix:
-    """This process's rows of a PETSc matrix as CSR with global columns."""
+def petsc_matrix(A: sp.spmatrix) -> PETSc.Mat:
+    """A SciPy matrix as a PETSc matrix of this process."""
+    A = A.tocsr()
+    A.sort_indices()
+    csr = (A.indptr.astype(np.int32), A.indices.astype(np.int32), A.data.astype(float))
+    B = PETSc.Mat().createAIJ(A.shape, csr=csr, comm=PETSc.COMM_SELF)
+    B.assemble()
+    return B
+
+
+def whole(A: Any) -> sp.csr_matrix:
+    """A SciPy or PETSc matrix as CSR; all of a distributed one on every process, collective."""
+    if sp.issparse(A):
+        return A.tocsr()
     indptr, indices, data = A.getValuesCSR()
-    return sp.csr_matrix((data, indices, indptr), shape=(indptr.size - 1, A.getSize()[1]))
-
-
-def product(A: PETSc.Mat, X: Array) -> Array:
-    """A X for this process's rows X, shape (rows,) or (rows, columns)."""
-    x, y = A.createVecs()
-    if X.ndim == 1:
-        x.array[:] = X
-        A.mult(x, y)
-        return y.array_r.copy()
+    rows = sp.csr_matrix((data, indices, indptr), shape=(indptr.size - 1, A.getSize()[1]))
     if A.comm.size == 1:
-        return np.asarray(local_rows(A) @ X)
-    out = np.empty((y.local_size, X.shape[1]))
-    for k in range(X.shape[1]):
-        x.array[:] = X[:, k]
-        A.mult(x, y)
-        out[:, k] = y.array_r
-    return out
+        return rows
+    return sp.vstack(A.comm.tompi4py().allgather(rows)).tocsr()
 
 
-def add_interface(K: PETSc.Mat, left: sp.csr_matrix, D: Array, right: sp.csr_matrix) -> PETSc.Mat:
-    """K + left' diag(D) right, with the replicated interface operators of ``contact``.
+def with_interface(
+    K: sp.csr_matrix, left: sp.csr_matrix, D: Array, right: sp.csr_matrix
+) -> sp.csr_matrix:
+    """K + left' diag(D) right, with the interface operators of ``contact``.
 
     Args:
         K: matrix on the free dofs [N/m].
@@ -177,26 +171,7 @@ def add_interface(K: PETSc.Mat, left: sp.csr_matrix, D: Array, right: sp.csr_mat
     Returns:
         A new matrix.
     """
-    B = interface_matrix(K, left, D, right)
-    B.axpy(1.0, K, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-    return B
-
-
-def interface_matrix(
-    like: PETSc.Mat, left: sp.csr_matrix, D: Array, right: sp.csr_matrix
-) -> PETSc.Mat:
-    """The product left' diag(D) right alone, shared out as another matrix."""
-    first, last = like.getOwnershipRange()
-    return distributed((left[:, first:last].T.tocsr() @ sp.diags(D) @ right).tocsr(), like)
-
-
-def distributed(rows: sp.csr_matrix, like: PETSc.Mat) -> PETSc.Mat:
-    """This process's rows of a matrix as a PETSc matrix, shared out as another one."""
-    rows.sort_indices()
-    csr = (rows.indptr.astype(np.int32), rows.indices.astype(np.int32), rows.data)
-    B = PETSc.Mat().createAIJ((like.getSizes()[0], like.getSizes()[1]), csr=csr, comm=like.comm)
-    B.assemble()
-    return B
+    return (K + left.T.tocsr() @ sp.diags(D) @ right).tocsr()
 
 
 def blocks(columns: int) -> Iterator[slice]:

@@ -1,7 +1,7 @@
 """Braking equilibrium on all displacements: one sparse factorisation per Newton iteration.
 
-Slower than the condensed form by orders of magnitude for many samples, but distributed: matrix,
-factor and vectors are shared out among the processes of the matrix. Same iteration, same result.
+Slower than the condensed form by orders of magnitude for many samples, but without a dense matrix
+of the contact elements. Same iteration, same result.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from .equilibrium import Equilibrium, record
 from .friction import friction_traction
 from .gap import EnrichedGap
 from .newton import Newton
-from .solver import Factor, add_interface
+from .solver import Factor, with_interface
 
 Array = NDArray[np.float64]
 
@@ -36,7 +36,7 @@ def sparse_equilibrium(
     """Braking equilibrium under the ramped loads by Newton's iteration on u: as the condensed one.
 
     Args:
-        ops: anything with ``.K`` (PETSc, distributed), ``.N``, ``.T``, ``.w``, ``.g0`` and ``.f``
+        ops: anything with ``.K``, ``.N``, ``.T``, ``.w``, ``.g0`` and ``.f``
             (loads [N] on all free dofs).
         laws: law and critical gap of every element.
         mu: friction coefficient, one or one per element; 0: without friction.
@@ -86,16 +86,14 @@ class Sparse:
 
     def linear(self, load: float, a: Array, k: Array) -> Array:
         """Gaps of the system whose contact pressures are a - k g."""
-        A = add_interface(self.K, self._push, self.w * k, self.N)
+        A = with_interface(self.K, self._push, self.w * k, self.N)
         b = load * self.f + self._push.T @ (self.w * (a - k * self.g0))
-        first, last = A.getOwnershipRange()
         try:
             factor = Factor(A, "brake_equilibrium_", symmetric=not self._sliding)
         except InaccurateResult as error:
             raise NotConverged(f"equilibrium: {error}; raise the load steps") from error
-        own = factor.solve(b[first:last])
+        self.u = factor.solve(b)
         factor.destroy()
-        self.u = np.concatenate(self.K.comm.tompi4py().allgather(own))
         return np.asarray(self.g0 + self.N @ self.u)
 
     def norm(self, pressure: Array) -> float:

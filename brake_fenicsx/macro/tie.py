@@ -56,7 +56,7 @@ class Tie:
     """Two glued faces.
 
     Attributes:
-        K: stiffness of the layer [N/m], this process's rows of the free dofs.
+        K: stiffness of the layer [N/m] on the free dofs.
         stiffness: kappa [Pa/m].
         area: area that is glued [m^2].
         uncovered: area of the first face that is not [m^2].
@@ -78,7 +78,7 @@ def tied_faces(
     stiffness: float | None = None,
     search: float | None = None,
 ) -> Tie:
-    """Glue the common part of two faces; collective.
+    """Glue the common part of two faces.
 
     Args:
         mesh: the tagged mesh.
@@ -101,14 +101,13 @@ def tied_faces(
     if stiffness is None:
         stiffness = STIFF * _stiffest(faces, materials) / min(sides)
     reach = NEAR * max(sides) if search is None else search
-    comm = mesh.domain.comm
     pairs = facing_pairs(first, second, reach)
     # All partners of a facet together: a point may be handed from one to another.
     ends = np.searchsorted(pairs[:, 0], np.arange(0, len(areas[0]) + BATCH, BATCH))
     points = rule(first, second, 1, 24)
     K = sp.csr_matrix((free.size, free.size))
     area, gaps = 0.0, [np.inf, 0.0]
-    for start, end in [*pairwise(ends)][comm.rank :: comm.size]:
+    for start, end in pairwise(ends):
         for o in overlap(first, second, pairs[start:end], points):
             away, counts = np.abs(o.gap), o.weight > 0
             near = counts & (away <= reach)
@@ -117,14 +116,9 @@ def tied_faces(
                 area += float(o.weight[near].sum())
                 gaps[1] = max(gaps[1], float(away[near].max()))
                 K = K + _layer(first, second, o, np.where(near, stiffness, 0.0), free.size)
-    area = comm.allreduce(area)
     if not area > 0:
-        raise SceneError(_apart(faces, first, second, min(comm.allgather(gaps[0])), reach))
-    start = sum(comm.allgather(free.local.size)[: comm.rank])
-    rows = sum(comm.allgather(K), sp.csr_matrix(K.shape))[start : start + free.local.size]
-    return Tie(
-        rows.tocsr(), stiffness, area, float(areas[0].sum()) - area, max(comm.allgather(gaps[1]))
-    )
+        raise SceneError(_apart(faces, first, second, gaps[0], reach))
+    return Tie(K, stiffness, area, float(areas[0].sum()) - area, gaps[1])
 
 
 def _stiffest(faces: tuple[str, str], materials: Mapping[str, Material]) -> float:

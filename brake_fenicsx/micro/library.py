@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.micro.contact_law import highest_pressure, law_steps
 from brake_fenicsx.micro.law import Array, LawLibrary, make_library
+from brake_fenicsx.micro.law_of_surface import highest_pressure, law_steps
 from brake_fenicsx.micro.loading import solve_contact
 from brake_fenicsx.surface import BiFractal, HeightDistribution, Topography, synthesise
 

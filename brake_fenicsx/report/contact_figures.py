@@ -23,7 +23,7 @@ def draw_contact_pressure(run: RunData) -> Figure | None:
 
     Where the facets are not known, every element is drawn as a square of its area.
     """
-    contact = run.contact
+    contact = None if run.contact is None else sliding_rows(run, run.contact)
     if contact is None or contact["element"].size == 0:
         return None
     names = sort_approaches(set(map(str, contact["approach"])))
@@ -49,6 +49,14 @@ def draw_contact_pressure(run: RunData) -> Figure | None:
         beyond = "max" if np.any(p > top) else "neither"
         figure.colorbar(image, ax=list(row), label="pressure [MPa]", extend=beyond, shrink=0.9)
     return figure
+
+
+def sliding_rows(run: RunData, contact: Columns) -> Columns:
+    """Rows of ``contact.csv`` of faces that slide: those that stick lie elsewhere on the brake."""
+    slides = None if run.faces is None else run.faces.get("slides")
+    if slides is None or contact["element"].max(initial=-1) >= len(slides):
+        return contact
+    return {name: values[slides[contact["element"]]] for name, values in contact.items()}
 
 
 def pad_sides(z: NDArray) -> list[tuple[str, NDArray]]:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.tables import Columns
 
-from .contact_figures import draw_patches, pad_sides, patches
+from .contact_figures import draw_patches, pad_sides, patches, sliding_rows
 from .counts import FamilyCount, families
 from .rundata import RunData
 from .style import (
@@ -81,6 +81,9 @@ def draw_driver_maps(run: RunData) -> Figure | None:
     maps, contact = run.driver_maps, run.contact
     if maps is None or contact is None or not maps["element"].size:
         return None
+    contact = sliding_rows(run, contact)
+    if not contact["element"].size:
+        return None
     modes = [m for name in run.approaches if (m := _most_unstable(run, name)) is not None]
     sides = pad_sides(contact["z"])
     x, y = contact["x"] * 1e3, contact["y"] * 1e3
@@ -96,9 +99,9 @@ def draw_driver_maps(run: RunData) -> Figure | None:
         table = {name: values[own] for name, values in contact.items()}
         chosen = (maps["approach"] == approach) & (maps["sample"] == sample)
         chosen &= maps["mode"] == mode
-        values = np.zeros(table["element"].size)
-        values[np.searchsorted(table["element"], maps["element"][chosen])] = maps[column][chosen]
-        values = values / table["area"] * factor
+        every = np.zeros(1 + max(maps["element"].max(), contact["element"].max()))
+        every[maps["element"][chosen]] = maps[column][chosen]
+        values = every[table["element"]] / table["area"] * factor
         top = float(np.quantile(np.abs(values[values != 0]), 0.98)) if values.any() else 1.0
         for axis, (side, inside) in zip(row, pad_sides(table["z"]), strict=True):
             part = {name: column[inside] for name, column in table.items()}

@@ -18,8 +18,6 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-from mpi4py import MPI
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -57,13 +55,12 @@ def _function(V: Any, values: NDArray | float, name: str) -> Any:
     f = fem.Function(V)
     f.name = name
     f.x.array[:] = values
-    f.x.scatter_forward()
     return f
 
 
 @contextmanager
 def _xdmf(comm: Any, path: Path) -> Iterator[Any]:
-    """XDMF file open for writing on all processes."""
+    """XDMF file open for writing."""
     from dolfinx.io import XDMFFile
 
     with XDMFFile(comm, str(path), "w") as file:
@@ -74,15 +71,13 @@ def write_fields(path: str | Path, V: Any, fields: Mapping[str, NDArray]) -> Pat
     """Write vector fields on one mesh for ParaView, at its nodes.
 
     On a mesh of straight cells the fields of the second-order space are interpolated into the
-    first-order one before writing: what lies between the vertices is not in the file. Collective
-    over ``V.mesh.comm``.
+    first-order one before writing: what lies between the vertices is not in the file.
 
     Args:
         path: the XDMF file; its data go beside it, into the same name with ``.h5`` (``.bp``: VTX).
-        V: vector function space of Lagrange elements.
-        fields: by name, all local dofs (with ghosts) of a field of ``V``, shape (n_local,); a
-            complex field is a mode, scaled so that its largest displacement is 1, and becomes two,
-            ``name_re`` and ``name_im``.
+        V: vector function space of Lagrange elements, on a mesh of this process.
+        fields: by name, all dofs of a field of ``V``, shape (dofs,); a complex field is a mode,
+            scaled so that its largest displacement is 1, and becomes ``name_re`` and ``name_im``.
 
     Returns:
         The path of the XDMF file.
@@ -94,10 +89,9 @@ def write_fields(path: str | Path, V: Any, fields: Mapping[str, NDArray]) -> Pat
         file.write_mesh(V.mesh)
         for name, values in parts.items():
             file.write_function(_at_nodes(nodal, V, values, name), 0.0)
-    if V.mesh.comm.rank == 0:
-        _one_grid(path, note)
+    _one_grid(path, note)
     functions = [_function(V, values, name) for name, values in parts.items()]
-    _say(V, path, note, _write_vtx(path, functions, [(0.0, list(parts.values()))]))
+    _say(path, note, _write_vtx(path, functions, [(0.0, list(parts.values()))]))
     return path
 
 
@@ -105,12 +99,12 @@ def write_phases(path: str | Path, V: Any, mode: NDArray, frames: int = 24) -> P
     """Write one period of a complex mode as a time series: Re(mode exp(i theta)) over theta.
 
     Growth or decay is left out: the phase alone runs. The mode is scaled so that its largest
-    displacement is 1. Values at the nodes, as in `write_fields`. Collective over ``V.mesh.comm``.
+    displacement is 1. Values at the nodes, as in `write_fields`.
 
     Args:
         path: the XDMF file.
-        V: vector function space of Lagrange elements.
-        mode: all local dofs of the mode, complex, shape (n_local,).
+        V: vector function space of Lagrange elements, on a mesh of this process.
+        mode: all dofs of the mode, complex, shape (dofs,).
         frames: number of instants; the time in the file is the phase [rad], 0 to 2 pi.
 
     Returns:
@@ -125,11 +119,10 @@ def write_phases(path: str | Path, V: Any, mode: NDArray, frames: int = 24) -> P
         for theta in 2 * np.pi * np.arange(frames) / frames:
             instant = np.real(mode * np.exp(1j * theta))
             file.write_function(_at_nodes(nodal, V, instant, "displacement"), float(theta))
-    if V.mesh.comm.rank == 0:
-        _one_series(path, note)
+    _one_series(path, note)
     angles = 2 * np.pi * np.arange(frames) / frames
     steps = ((float(a), [np.real(mode * np.exp(1j * a))]) for a in angles)
-    _say(V, path, note, _write_vtx(path, [_function(V, 0.0, "displacement")], steps))
+    _say(path, note, _write_vtx(path, [_function(V, 0.0, "displacement")], steps))
     return path
 
 
@@ -141,7 +134,7 @@ def _write_vtx(
     Args:
         path: the XDMF file.
         functions: of one space.
-        steps: time, and the local dofs of every function.
+        steps: time, and the dofs of every function.
     """
     comm = functions[0].function_space.mesh.comm
     writer = vtx_writer(comm, path.with_suffix(".bp"), functions)
@@ -155,12 +148,10 @@ def _write_vtx(
     return True
 
 
-def _say(V: Any, path: Path, note: str, vtx: bool) -> None:
-    """Log what the file holds, and where the rest is; collective."""
-    if V.mesh.comm.rank == 0:
-        rest = VTX_TOO.format(path.with_suffix(".bp").name) if vtx else NO_VTX
-        logger.debug("%s: %s", path.name, f"{LOGGED}; {rest}" if note == LOSS else note)
-    V.mesh.comm.barrier()
+def _say(path: Path, note: str, vtx: bool) -> None:
+    """Log what the file holds, and where the rest is."""
+    rest = VTX_TOO.format(path.with_suffix(".bp").name) if vtx else NO_VTX
+    logger.debug("%s: %s", path.name, f"{LOGGED}; {rest}" if note == LOSS else note)
 
 
 def say_once(V: Any, folder: Path) -> None:
@@ -184,28 +175,22 @@ def _parts(V: Any, fields: Mapping[str, NDArray]) -> dict[str, NDArray]:
 
 
 def _unit_amplitude(V: Any, mode: NDArray) -> NDArray:
-    """A mode, which has no size of its own, with a largest displacement of 1; collective."""
+    """A mode, which has no size of its own, with a largest displacement of 1."""
     size = np.linalg.norm(np.abs(mode).reshape(-1, V.dofmap.index_map_bs), axis=1)
-    largest = V.mesh.comm.allreduce(float(size.max(initial=0.0)), op=MPI.MAX)
+    largest = float(size.max(initial=0.0))
     return mode / largest if largest > 0 else mode
 
 
 def _check_length(V: Any, name: str, values: NDArray) -> None:
-    """Raise on all processes together if a field has not one value per local dof."""
-    layout = V.dofmap.index_map
-    n = (layout.size_local + layout.num_ghosts) * V.dofmap.index_map_bs
-    wrong = int(np.shape(values) != (n,))
-    if V.mesh.comm.allreduce(wrong, op=MPI.MAX):
-        raise ValueError(
-            f"field {name}: shape {np.shape(values)} on process {V.mesh.comm.rank}, where the "
-            f"space has {n} local dofs (ghosts included)"
-        )
+    """Raise if a field has not one value per dof."""
+    n = V.dofmap.index_map.size_local * V.dofmap.index_map_bs
+    if np.shape(values) != (n,):
+        raise ValueError(f"field {name}: shape {np.shape(values)}, the space has {n} dofs")
 
 
 def _at_nodes(nodal: Any, V: Any, values: NDArray, name: str) -> Any:
     f = _function(nodal, 0.0, name)
     f.interpolate(_function(V, values, name))
-    f.x.scatter_forward()
     return f
 
 

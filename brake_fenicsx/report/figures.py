@@ -183,7 +183,7 @@ PLOTS = (
     ),
     Plot(
         "stages",
-        "Time [s] of each stage, and peak memory [MB] of all processes up to its end.",
+        "Time [s] of each stage, and peak memory [MB] of a node up to its end.",
         draw_stages,
     ),
 )

@@ -14,6 +14,7 @@ import numpy as np
 from brake_fenicsx.tables import Value
 
 from .accuracy import ERROR_COLUMNS, SPEED_COLUMNS, error_rows, speed_rows, stage_rows
+from .contact_forces import forces_section
 from .counts import representative_modes
 from .figures import PLOTS, make_figures
 from .html_parts import image, pairs, table
@@ -97,6 +98,7 @@ def render_page(run: RunData) -> str:
         ("probability", "Probability per band", _probability(run)),
         ("sweep", "Lock-in over the parameter", _sweep(run)),
         ("inputs", "Which inputs cause it", _inputs(run)),
+        ("forces", "Forces on the pads", forces_section(run)),
         ("drivers", "What drives a mode", _figures(run, "drivers", "driver_maps")),
         ("pressure", "Contact pressure on the pads", _figures(run, "contact_pressure")),
         ("shapes", "Mesh and mode shapes", _shapes(run)),
@@ -393,7 +395,16 @@ def _accuracy(run: RunData) -> str:
             "<p>Errors are relative error estimates of the eigenvalues; the condition number of an "
             "eigenvalue relates them to the backward error: error = backward error x condition.</p>"
         )
-    known = {"settings", "in_effect", "versions", "seeds", "seconds", "peak_memory_mb", "name"}
+    known = {
+        "settings",
+        "in_effect",
+        "versions",
+        "seeds",
+        "seconds",
+        "peak_memory_mb",
+        "process_memory_mb",
+        "name",
+    }
     known |= {"warnings", "friction"}
     rest = {key: value for key, value in run.summary.items() if key not in known}
     if not parts and not rest:

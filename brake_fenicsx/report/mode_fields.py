@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.processes import in_turns, on_first
+from brake_fenicsx.sample_files import Task
 from brake_fenicsx.scene.in_effect import in_effect
 from brake_fenicsx.tables import read_columns
-from brake_fenicsx.uncertainty.ensemble import Task
 
 from .counts import ModeKey, representative_modes
 from .rundata import RunData
@@ -47,6 +47,8 @@ def write_mode_fields(study: Study, first: Mapping[Task, Mapping[str, Any]]) -> 
     run, drawn = _severe(study)
     for chosen in drawn:
         _write_modes(study, run, chosen)
+    if comm.rank > 0:
+        return
     from .fields import say_once
 
     say_once(study.brake.elastic.free.V, store.path("fields"))
@@ -62,7 +64,8 @@ def contact_faces(study: Study) -> dict[str, NDArray]:
         study: the study; process 0 writes its contact_faces.npz.
 
     Returns:
-        ``corners`` in cyclic order [m], shape (facets, 3 or 4, 3), and ``facet``, -1: none.
+        ``corners`` in cyclic order [m], shape (facets, 3 or 4, 3), ``facet``, -1: none, and
+        ``slides``, whether an element's faces slide.
     """
     from scipy.spatial import KDTree
 
@@ -77,7 +80,7 @@ def contact_faces(study: Study) -> dict[str, NDArray]:
             facet[own] = count + KDTree(face.centre).query(b.points[own])[1]
         corners.append(face.corners)
         count += len(face.corners)
-    found = {"corners": np.concatenate(corners), "facet": facet}
+    found = {"corners": np.concatenate(corners), "facet": facet, "slides": b.contact.speed > 0}
     if study.comm.rank == 0:
         study.store.save("contact_faces.npz", **found)
     return found
@@ -92,10 +95,13 @@ def _write_equilibrium(
 
     folder, name, V = study.store.path("fields"), task[0], study.brake.elastic.free.V
     # On one process: the factor of all bodies is large.
-    u = study.brake.local(on_first(lambda: study.displacement(task, data), study.comm))
-    write_fields(folder / f"equilibrium_{name}.xdmf", V, {"u_e": u})
+    u = on_first(lambda: study.displacement(task, data), study.comm)
     if study.comm.rank != 0:
         return
+    u = study.brake.elastic.free.expand(u)
+    if study.brake.lift is not None:
+        u = u + study.brake.lift
+    write_fields(folder / f"equilibrium_{name}.xdmf", V, {"u_e": u})
     values = {key: data[key] for key in ("g", "g_cr", "p", "k", "k_vibration")}
     values["active"] = (data["p"] > 0).astype(float)
     write_points(folder / f"contact_{name}.xdmf", study.brake.points, values)
@@ -126,31 +132,35 @@ def _severe(study: Study) -> tuple[RunData, list[list[ModeKey]]]:
 
 
 def _write_modes(study: Study, run: RunData, chosen: list[ModeKey]) -> None:
-    """Real and imaginary part of some modes of an approach, one period of each, and its picture."""
+    """Real and imaginary part of some modes of an approach, one period of each, and its picture.
+
+    The processes take the modes in turns.
+    """
     from brake_fenicsx.report.render import render_mode
     from brake_fenicsx.report.style import label
 
     from .fields import write_fields, write_phases
 
     store, name, V = study.store, chosen[0].approach, study.brake.elastic.free.V
-    fields = {}
 
-    def shape(i: int) -> NDArray[np.complex128]:
-        task = (name, chosen[i].sample)
-        return displacements(study, task, study.stored(task), np.array([chosen[i].mode]))[:, 0]
-
-    shapes = in_turns(len(chosen), shape, study.comm)
-    for mode, x in zip(chosen, shapes, strict=True):
+    def draw(i: int) -> tuple[str, NDArray[np.complex128]]:
+        mode = chosen[i]
+        task = (name, mode.sample)
+        x = displacements(study, task, study.stored(task), np.array([mode.mode]))[:, 0]
         hertz, share = f"{mode.frequency:05.0f}Hz", mode.family.share
-        fields[f"mode_{hertz}"] = local = study.brake.local(x)
-        write_phases(store.path("fields", f"phase_{name}_{hertz}.xdmf"), V, local)
+        shape = study.brake.elastic.free.expand(x)
+        write_phases(store.path("fields", f"phase_{name}_{hertz}.xdmf"), V, shape)
         often = f"; family squeals in {share.hits} of {share.n} samples" if share.n > 1 else ""
         title = (
             f"{label(run, name)}, sample {mode.sample}: {mode.frequency:.0f} Hz,"
             f" damping {mode.damping:.2e}{often}"
         )
-        render_mode(store.path("figures", f"mode_{name}_{hertz}.png"), V, local, title)
-    write_fields(store.path("fields", f"modes_{name}.xdmf"), V, fields)
+        render_mode(store.path("figures", f"mode_{name}_{hertz}.png"), V, shape, title)
+        return f"mode_{hertz}", shape
+
+    fields = dict(in_turns(len(chosen), draw, study.comm))
+    if study.comm.rank == 0:
+        write_fields(store.path("fields", f"modes_{name}.xdmf"), V, fields)
 
 
 def displacements(
@@ -167,7 +177,7 @@ def displacements(
     if "vectors" in data:
         column = {int(m): j for j, m in enumerate(data["vector_mode"])}
         kept = data["vectors"][:, [column[int(i)] for i in chosen]]
-        return study.models.numbering.present(kept.astype(complex))
+        return kept.astype(complex)
     from brake_fenicsx.uncertainty.solve import expanded
 
     return expanded(study.models, task[0], study._draw(*task), data, chosen)

@@ -28,7 +28,7 @@ def _pyvista() -> Any:
 
 
 def _cells_of_space(V: Any) -> tuple[NDArray, NDArray, NDArray]:
-    """VTK cells (n, nodes) over the local dofs of ``V``, their type, and the dofs' positions."""
+    """VTK cells (n, nodes) over the dofs of ``V``, their type, and the dofs' positions."""
     from dolfinx import plot
 
     make = plot.vtk_mesh if hasattr(plot, "vtk_mesh") else plot.create_vtk_mesh
@@ -49,12 +49,12 @@ def render_mode(
     """Draw a mode shape: warped, coloured by the displacement's amplitude, bodies in a row.
 
     A complex mode is drawn at the phase of its largest motion; its colour is the amplitude over the
-    whole period. Collective over ``V.mesh.comm``; process 0 draws and writes.
+    whole period.
 
     Args:
         path: the PNG file.
-        V: vector function space of Lagrange elements.
-        values: all local dofs, real or complex, shape (n_local,).
+        V: vector function space of Lagrange elements, on a mesh of this process.
+        values: all dofs, real or complex, shape (dofs,).
         title: heading of the picture.
         scale: largest displacement as drawn, as a share of the model's radius.
         distance: between neighbouring bodies, as a share of the model's radius.
@@ -62,15 +62,14 @@ def render_mode(
     Returns:
         The path.
     """
-    turned = values * _phase(V, values)
-    grid = _gather(V, np.column_stack([turned.real, turned.imag]))
-    if grid is not None:
-        surface = grid.extract_surface(nonlinear_subdivision=1, algorithm="dataset_surface")
-        surface.point_data["level"] = _levels(surface)
-        picture = _warp(surface, scale)
-        images = _photographs(picture, "amplitude", distance)
-        compose(Path(path), images, title, _note(values, scale))
-    V.mesh.comm.barrier()
+    turned = values * _phase(values)
+    grid = _grid(V)
+    u = turned.reshape(-1, V.dofmap.index_map_bs)
+    grid.point_data["re"], grid.point_data["im"] = u.real, u.imag
+    surface = grid.extract_surface(nonlinear_subdivision=1, algorithm="dataset_surface")
+    surface.point_data["level"] = _levels(surface)
+    images = _photographs(_warp(surface, scale), "amplitude", distance)
+    compose(Path(path), images, title, _note(values, scale))
     return Path(path)
 
 
@@ -84,12 +83,10 @@ def render_mesh(
 ) -> Path:
     """Draw the mesh with its edges, one colour per part, bodies in a row.
 
-    Collective over ``V.mesh.comm``; process 0 draws and writes.
-
     Args:
         path: the PNG file.
-        V: function space of Lagrange elements on the mesh.
-        parts: number of the part of each owned cell, shape (n_cells,); one part if not given.
+        V: function space of Lagrange elements, on a mesh of this process.
+        parts: number of the part of each cell, shape (cells,); one part if not given.
         names: name of each part, for the legend.
         title: heading of the picture.
         distance: between neighbouring bodies, as a share of the model's radius.
@@ -97,63 +94,30 @@ def render_mesh(
     Returns:
         The path.
     """
-    grid = _gather(V, None, parts)
-    if grid is not None:
-        surface = grid.extract_surface(nonlinear_subdivision=0, algorithm="dataset_surface")
-        surface.point_data["level"] = _levels(surface)
-        found = np.unique(surface.cell_data["part"])
-        images = _photographs(surface, "part", distance)
-        legend = {
-            (names or {}).get(int(j), f"part {j}"): _part_colour(int(j), found) for j in found
-        }
-        compose(Path(path), images, title, "", legend)
-    V.mesh.comm.barrier()
+    grid = _grid(V, parts)
+    surface = grid.extract_surface(nonlinear_subdivision=0, algorithm="dataset_surface")
+    surface.point_data["level"] = _levels(surface)
+    found = np.unique(surface.cell_data["part"])
+    images = _photographs(surface, "part", distance)
+    legend = {(names or {}).get(int(j), f"part {j}"): _part_colour(int(j), found) for j in found}
+    compose(Path(path), images, title, "", legend)
     return Path(path)
 
 
-def _phase(V: Any, values: NDArray) -> complex:
+def _phase(values: NDArray) -> complex:
     """Unit factor that turns a complex mode to the phase of its largest real part."""
-    owned = values[: V.dofmap.index_map.size_local * V.dofmap.index_map_bs]
-    total = V.mesh.comm.allreduce(complex(np.sum(owned.astype(complex) ** 2)))
-    return complex(np.exp(-0.5j * np.angle(total)))
+    return complex(np.exp(-0.5j * np.angle(np.sum(values.astype(complex) ** 2))))
 
 
-def _gather(V: Any, values: NDArray | None, parts: NDArray | None = None) -> Any:
-    """Collect the mesh of ``V``'s dofs on process 0 as a pyvista grid; None elsewhere.
-
-    Args:
-        V: function space.
-        values: real and imaginary part of the local dofs, shape (n_local, 2).
-        parts: part of each owned cell.
-    """
-    comm, layout = V.mesh.comm, V.dofmap.index_map
+def _grid(V: Any, parts: NDArray | None = None) -> Any:
+    """Pyvista grid of the nodes of V, with the number of each point's body and each cell's part."""
     cells, types, points = _cells_of_space(V)
-    n = layout.size_local
-    all_local = np.arange(n + layout.num_ghosts, dtype=np.int32)
-    numbers = np.asarray(layout.local_to_global(all_local))
-    u = None if values is None else values.reshape(-1, V.dofmap.index_map_bs, 2)[:n]
-    part = np.zeros(len(cells), dtype=int) if parts is None else np.asarray(parts)[: len(cells)]
-    pieces = comm.gather((numbers[:n], points[:n], u, numbers[cells], types, part), root=0)
-    if comm.rank != 0:
-        return None
-    return _grid(layout.size_global, pieces)
-
-
-def _grid(size: int, pieces: list[tuple[Any, ...]]) -> Any:
-    x = np.zeros((size, 3))
-    for numbers, points, *_ in pieces:
-        x[numbers] = points
-    cells = np.concatenate([piece[3] for piece in pieces if len(piece[3])])
     head = np.full((len(cells), 1), cells.shape[1])
-    types = np.concatenate([piece[4] for piece in pieces])
-    grid = _pyvista().UnstructuredGrid(np.hstack([head, cells]).ravel(), types, x)
-    grid.point_data["body"] = _bodies(size, cells)
-    grid.cell_data["part"] = np.concatenate([piece[5] for piece in pieces])
-    if pieces[0][2] is not None:
-        u = np.zeros((size, *pieces[0][2].shape[1:]))
-        for numbers, _, own, *_ in pieces:
-            u[numbers] = own
-        grid.point_data["re"], grid.point_data["im"] = u[:, :, 0], u[:, :, 1]
+    grid = _pyvista().UnstructuredGrid(np.hstack([head, cells]).ravel(), types, points)
+    grid.point_data["body"] = _bodies(len(points), cells)
+    grid.cell_data["part"] = (
+        np.zeros(len(cells), dtype=int) if parts is None else parts[: len(cells)]
+    )
     return grid
 
 

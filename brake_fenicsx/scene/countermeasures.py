@@ -13,6 +13,7 @@ from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.scene.friction import slides
 from brake_fenicsx.scene.samples import is_constant, split_key, unit_of
 from brake_fenicsx.scene.scalars import check_scalar
 from brake_fenicsx.scene.sweep import ROUGH
@@ -133,6 +134,11 @@ def _number(scene: Scene, name: str, where: str) -> tuple[float, str]:
         case ["materials", material, last] if material in scene.materials:
             holder = scene.materials[material]
         case ["contact", interface, "friction", *_] if interface in scene.contact:
+            if not slides(scene, interface):
+                raise SceneError(
+                    f"{where}: the interface is stuck, and its friction moves no mode; leave it"
+                    ' out, or write slip = "motion"'
+                )
             holder = scene.contact[interface]
             if len(parts) == 4:
                 holder = holder.friction

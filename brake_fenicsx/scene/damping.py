@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene.friction import one_friction, rubs
+from brake_fenicsx.scene.friction import one_friction, rubs, slides
 from brake_fenicsx.scene.tables import key
 from brake_fenicsx.scene.units import to_si
 
@@ -68,7 +68,8 @@ def turning_parts(scene: Scene) -> list[str]:
     named = stability.damping.gyroscopic if stability and stability.damping else False
     if not isinstance(named, bool):
         return list(named)
-    return sorted({c.faces[1].partition(".")[0] for c in scene.contact.values()}) if named else []
+    second = (c.faces[1] for name, c in scene.contact.items() if slides(scene, name))
+    return sorted({face.partition(".")[0] for face in second}) if named else []
 
 
 def active_terms(scene: Scene, approach: str) -> tuple[str, ...]:
@@ -80,6 +81,8 @@ def active_terms(scene: Scene, approach: str) -> tuple[str, ...]:
     named = [n for n in terms if table and getattr(table, n)]
     if damped_springs(scene):
         named.append("springs")
+    if damped_bodies(scene):
+        named.append("matrices")
     left_out = set()
     if one_friction(scene, approach):
         left_out.add("slope")
@@ -91,6 +94,12 @@ def active_terms(scene: Scene, approach: str) -> tuple[str, ...]:
 def damped_springs(scene: Scene) -> dict[str, tuple[float, ...]]:
     """Springs with dashpots, and the damping of these [N s/m]."""
     return {n: s.damping for n, s in scene.springs.items() if s.damping is not None}
+
+
+def damped_bodies(scene: Scene) -> dict[str, str]:
+    """Bodies given by matrices that have a damping, and the file of it."""
+    given = {name: part.matrices for name, part in scene.parts.items()}
+    return {name: m.damping for name, m in given.items() if m and m.damping is not None}
 
 
 def reduced_approaches(scene: Scene, counts: Mapping[str, int]) -> set[str]:
@@ -156,7 +165,7 @@ def _check_friction(scene: Scene, table: Damping) -> None:
         raise SceneError(f"{WHERE}.sliding: there is no friction; write contact.NAME.friction")
     if not table.slope:
         return
-    frictions = [c.friction for c in scene.contact.values()]
+    frictions = [c.friction for name, c in scene.contact.items() if slides(scene, name)]
     if not any(not isinstance(f, float | int) and f.static != f.kinetic for f in frictions):
         raise SceneError(
             f"{WHERE}.slope: no friction depends on the speed; write"
@@ -184,11 +193,13 @@ def _check_turning(scene: Scene) -> None:
                 f"{WHERE}.gyroscopic: there is no part {name!r}; there are {', '.join(scene.parts)}"
             )
     turns = set(turning_parts(scene))
-    for name, tie in scene.ties.items():
-        parts = {face.partition(".")[0] for face in tie.faces}
+    joints = {f"ties.{name}": tie.faces for name, tie in scene.ties.items()}
+    stuck = {f"contact.{n}": c.faces for n, c in scene.contact.items() if not slides(scene, n)}
+    for where, faces in (joints | stuck).items():
+        parts = {face.partition(".")[0] for face in faces}
         if (rests := parts - turns) and parts & turns:
             raise SceneError(
-                f"ties.{name}: {', '.join(rests)} does not turn, and the part that it is tied to"
+                f"{where}: {', '.join(rests)} does not turn, and the part that it is joined to"
                 f" does; write {WHERE}.gyroscopic = {json.dumps(sorted(turns | parts))}"
             )
 
@@ -197,5 +208,7 @@ def used_materials(scene: Scene) -> set[str]:
     """Materials of the parts."""
     used: set[str] = set()
     for part in scene.parts.values():
+        if part.matrices is not None:
+            continue
         used |= {part.material} if isinstance(part.material, str) else {*part.material.values()}
     return used

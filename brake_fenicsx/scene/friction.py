@@ -16,8 +16,18 @@ def one_friction(scene: Scene, approach: str) -> bool:
     return approach in PERFECT and scene.samples.classical.friction is not None
 
 
+def slides(scene: Scene, interface: str) -> bool:
+    """Whether the faces of an interface slide along the scene's motion, or else stick."""
+    return scene.contact[interface].slip == "motion"
+
+
 def friction_of(scene: Scene, approach: str, interface: str) -> float | Friction:
-    """Friction of an interface in the samples of an approach, where it is not random."""
+    """Friction of an interface in the samples of an approach, where it is not random.
+
+    Faces that stick have none: their coefficient is no more than a limit (``macro.stuck``).
+    """
+    if not slides(scene, interface):
+        return 0.0
     own = scene.samples.classical.friction
     return own if approach in PERFECT and own is not None else scene.contact[interface].friction
 
@@ -51,6 +61,8 @@ def listed(scene: Scene) -> str:
 
 
 def _text(scene: Scene, approach: str, interface: str) -> str:
+    if not slides(scene, interface):
+        return "stuck"
     law = scene.samples.random.get(f"contact.{interface}.friction")
     if law is not None and scene.samples.takes_random(approach):
         return "random"

@@ -72,6 +72,7 @@ def _columns(path: Path, said: str) -> np.ndarray:
     except (OSError, UnicodeDecodeError) as error:
         raise SceneError(f"{said}: cannot be read as text: {error}") from None
     rows: list[list[float]] = []
+    heading = False
     for number, line in enumerate(text.splitlines(), 1):
         cells = next(csv.reader([line]), []) if "," in line else line.split()
         if not cells or cells[0].lstrip().startswith("#"):
@@ -79,9 +80,13 @@ def _columns(path: Path, said: str) -> np.ndarray:
         try:
             values = [float(cell) for cell in cells]
         except ValueError:
-            if not rows:
+            if not rows and not heading:
+                heading = True
                 continue
-            raise SceneError(f"{said}: line {number}: {line.strip()!r} holds no numbers") from None
+            raise SceneError(
+                f"{said}: line {number}: {line.strip()!r} holds no two numbers; write a gap and a"
+                " pressure with decimal points, separated by a blank or a comma"
+            ) from None
         if len(values) != 2 or not np.isfinite(values).all():
             raise SceneError(
                 f"{said}: line {number}: {line.strip()!r}; write a gap and a pressure on each line"

@@ -18,6 +18,44 @@ BUILDERS = {
 
 
 @dataclass(frozen=True, slots=True)
+class Matrices:
+    """[parts.NAME.matrices]: a body of another code, by its matrices ([meshes.md](meshes.md)).
+
+    Attributes:
+        stiffness: file of the stiffness: Matrix Market, text of three or five columns (Abaqus,
+            CalculiX), Nastran DMIG, or npz.
+        mass: file of the mass.
+        nodes: table of the nodes: number, x, y, z and the sets that each is in.
+        units: consistent units of length, mass and time in all files: `["mm", "t", "s"]`.
+        damping: file of the damping.
+        dofs: file that names node and component of each row, where the matrices do not; without it
+            the displacements of the nodes come first, in their order.
+        modal: number of modal coordinates, the last rows, where nothing names the rows.
+    """
+
+    stiffness: str
+    mass: str
+    nodes: str
+    units: tuple[str, ...]
+    damping: str | None = key(default=None)
+    dofs: str | None = key(default=None)
+    modal: int = key(default=0, sign="zero")
+
+
+@dataclass(frozen=True, slots=True)
+class MatricesKeys:
+    """[parts.NAME]: keys of a part that is given by matrices.
+
+    Attributes:
+        matrices: the files.
+        axis: direction of the part's axis 1 for springs: angle from x about z; 0 if not given.
+    """
+
+    matrices: Matrices
+    axis: float = key("rad", default=0.0, sign="any")
+
+
+@dataclass(frozen=True, slots=True)
 class Part:
     """[parts.NAME]: a builder with its parameters, or none if it comes from the mesh file.
 
@@ -26,12 +64,14 @@ class Part:
         parameters: the builder's parameters.
         material: one for the part, or one for each layer.
         axis: angle of the part's axis 1 from x about z [rad]; a material's own axis adds to it.
+        matrices: the files that hold it, in place of builder and material.
     """
 
     builder: str | None
     parameters: Any
     material: str | dict[str, str]
     axis: float = 0.0
+    matrices: Matrices | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +121,8 @@ def _checked_builder(table: Any) -> Any:
     """Refuse what says no builder's name, and parameters without one."""
     if not isinstance(table, dict):
         raise ValueError("write a table")
+    if "matrices" in table:
+        return table
     builder = table.get("builder")
     if "builder" in table and builder not in list(BUILDERS):
         raise KeyMistake(f"use one of {', '.join(BUILDERS)}", "builder")
@@ -93,10 +135,13 @@ def _checked_builder(table: Any) -> Any:
 def parts_type() -> Any:
     """Type of [parts]: one for each builder, and one for cells of the mesh file."""
     kinds: dict[str | None, Any] = {None: table_type(partial(_part, None), PartKeys, builder=None)}
+    kinds["matrices"] = table_type(partial(Part, None, None, ""), MatricesKeys)
     for name in BUILDERS:
         cls = builder_class(name)
         kinds[name] = table_type(partial(_part, cls), PartKeys, cls, builder=Literal[name])
     tagged = [Annotated[kind, Tag(f"({name})")] for name, kind in kinds.items()]
-    choose = Discriminator(lambda table: f"({table.get('builder')})")
+    choose = Discriminator(
+        lambda table: f"({'matrices' if 'matrices' in table else table.get('builder')})"
+    )
     union: Any = Union[tuple(tagged)]  # noqa: UP007
     return dict[str, Annotated[union, choose, BeforeValidator(_checked_builder)]]

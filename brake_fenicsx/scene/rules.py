@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import os
+from dataclasses import fields
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 from brake_fenicsx.errors import SceneError
@@ -14,6 +17,8 @@ from brake_fenicsx.scene.samples import APPROACHES, split_key
 from brake_fenicsx.scene.scalars import check_scalar
 from brake_fenicsx.scene.sections import LAWS, STAGES
 from brake_fenicsx.scene.sweep import check_sweep
+from brake_fenicsx.scene.tables import shown
+from brake_fenicsx.scene.units import with_unit
 
 if TYPE_CHECKING:
     from brake_fenicsx.scene.sections import Contact, Scene
@@ -48,8 +53,10 @@ def check_consistent(s: Scene) -> None:
     _check_parts(s)
     for name, contact in s.contact.items():
         _check_contact(s, f"contact.{name}", contact)
+    _check_zones(s)
     _check_ties(s)
     _check_springs(s)
+    _check_loads(s)
     _check_motion(s)
     check_damping(s)
     for name in s.samples.random:
@@ -156,6 +163,8 @@ def _check_mesh(mesh: MeshTable) -> None:
 def _check_parts(s: Scene) -> None:
     """Every part has cells, and its material is there."""
     for name, part in s.parts.items():
+        if part.matrices is not None:
+            continue
         if part.builder is None and s.mesh.file is None:
             raise SceneError(
                 f"parts.{name}.builder: missing; use one of {', '.join(BUILDERS)}, or name a"
@@ -196,12 +205,61 @@ def _check_contact(s: Scene, where: str, contact: Contact) -> None:
         and (contact.law.p0 is None or contact.law.u0 is None)
     ):
         raise SceneError(f"{where}.law: write {LAWS}")
+    elif contact.law.linear is not None and {contact.law.p0, contact.law.u0} != {None}:
+        raise SceneError(f"{where}.law: write linear, or p0 and u0; not both")
+    k_t = contact.tangential_stiffness
+    if contact.slip == "stuck" and k_t is None:
+        raise SceneError(
+            f'{where}.slip = "stuck": needs tangential_stiffness, that of the faces along each'
+            ' other, such as tangential_stiffness = "1e13 Pa/m"'
+        )
+    if contact.slip == "motion" and k_t is not None:
+        raise SceneError(
+            f"{where}.tangential_stiffness = {k_t:g} Pa/m: acts where faces stick; write"
+            ' slip = "stuck" beside it, or leave it out'
+        )
     if contact.gap != "none" and "surface" not in s.stages:
         raise SceneError(f'{where}.gap = "{contact.gap}": needs the stage surface')
     if contact.gap == "waviness" and s.micro is None:
         raise SceneError(
             f'{where}.gap = "waviness": needs micro.patch, the length from which waves are longer'
         )
+
+
+def _check_zones(s: Scene) -> None:
+    """Ranges of two numbers; interfaces on the same faces divide the same contact elements."""
+    for name, contact in s.contact.items():
+        if contact.zone is None:
+            continue
+        where = f"contact.{name}.zone"
+        named = {f.name: getattr(contact.zone, f.name) for f in fields(contact.zone)}
+        if not any(ends is not None for ends in named.values()):
+            known = ", ".join(named)
+            raise SceneError(f"{where}: no range; write some of {known}, or leave it out")
+        for key, ends in named.items():
+            if ends is not None and not (len(ends) == 2 and ends[0] < ends[1]):
+                unit, example = ("rad", "deg") if key == "angle" else ("m", "mm")
+                raise SceneError(
+                    f"{where}.{key} = {[*with_unit(ends, unit)]}: write [lowest, highest], such as"
+                    f' ["10 {example}", "20 {example}"]'
+                )
+        turn = contact.zone.angle
+        if turn is not None and turn[1] - turn[0] > 2 * math.pi * (1 + 1e-12):
+            raise SceneError(
+                f"{where}.angle = {[*with_unit(turn, 'rad')]}: more than a whole turn; leave it"
+                " out for all angles"
+            )
+    for one, two in combinations(s.contact, 2):
+        first, second = s.contact[one], s.contact[two]
+        if {*first.faces} != {*second.faces}:
+            continue
+        for key in ("faces", "discretisation"):
+            values = getattr(first, key), getattr(second, key)
+            if values[0] != values[1]:
+                raise SceneError(
+                    f"contact.{two}.{key} = {shown(values[1])}: contact.{one} is on the same faces"
+                    f" with {shown(values[0])}; write the same, for the two divide its elements"
+                )
 
 
 def _check_approaches(s: Scene) -> None:
@@ -234,16 +292,16 @@ def _check_approaches(s: Scene) -> None:
 
 
 def _check_ties(s: Scene) -> None:
-    """Two faces, and none that slides as well."""
-    sliding = {face: name for name, contact in s.contact.items() for face in contact.faces}
+    """Two faces, and none that is in contact as well."""
+    touching = {face: name for name, contact in s.contact.items() for face in contact.faces}
     for name, tie in s.ties.items():
         if len({*tie.faces}) != 2 or len(tie.faces) != 2:
             raise SceneError(f"ties.{name}.faces = {list(tie.faces)!r}: write two faces")
         for face in tie.faces:
-            if face in sliding:
+            if face in touching:
                 raise SceneError(
-                    f"ties.{name}.faces: {face!r} is in contact.{sliding[face]} as well, which"
-                    " would not slide then; leave one out, or divide the face"
+                    f"ties.{name}.faces: {face!r} is in contact.{touching[face]} as well, whose"
+                    " faces the tie would glue; leave one out, or divide the face"
                 )
 
 
@@ -286,6 +344,55 @@ def _check_springs(s: Scene) -> None:
         raise SceneError(
             f"masses: {', '.join(s.masses)}: stability.damping.gyroscopic knows the density of the"
             " bodies alone; leave the masses or gyroscopic out"
+        )
+
+
+def _check_loads(s: Scene) -> None:
+    """A pressure, a force and a moment of three values each, or a displacement of a support."""
+    for face, load in s.loads.items():
+        where = f'loads."{face}"'
+        three = {"force": load.force, "moment": load.moment}
+        given = {name: values for name, values in three.items() if values is not None}
+        if (load.pressure is not None) + bool(given) + (load.displacement is not None) != 1:
+            raise SceneError(
+                f"{where}: write a pressure, or a force and a moment, or a displacement"
+            )
+        if load.displacement is not None:
+            _check_displacement(s, face, load.displacement)
+        for name, values in given.items():
+            if len(values) != 3 or not any(values):
+                raise SceneError(
+                    f"{where}.{name} = {list(values)}: write three, along the part's axes 1 and 2"
+                    ' and along z, such as [0, 0, "-5 kN"]'
+                )
+        part = s.parts.get(face.partition(".")[0])
+        if given and getattr(getattr(part, "parameters", None), "side", None) == "both":
+            raise SceneError(
+                f"{where}: the face lies on both sides of the disc; write a pressure, or side ="
+                ' "top" and a second part with side = "bottom"'
+            )
+
+
+def _check_displacement(s: Scene, face: str, moved: dict[str, float]) -> None:
+    """Directions that the face's support holds, of a part whose stiffness is that of the scene."""
+    where, held = f'loads."{face}".displacement', s.supports.get(face, ())
+    free = [c for c in moved if c not in held]
+    if unknown := [c for c in moved if c not in ("x", "y", "z")]:
+        raise SceneError(f"{where}: {unknown[0]!r}: unknown direction; write x, y or z")
+    if not moved or free:
+        raise SceneError(
+            f"{where} = {moved!r}: moves directions that a support holds; write"
+            f' supports."{face}" = ["x", "y", "z"], or those of them that are meant'
+        )
+    part = s.parts.get(face.partition(".")[0])
+    if part is None or part.matrices is not None:
+        raise SceneError(f"{where}: moves a face of a mesh; write a force on the set of nodes")
+    used = [part.material] if isinstance(part.material, str) else [*part.material.values()]
+    changed = [name for name in s.varied if name.split(".")[:2][-1] in used]
+    if changed:
+        raise SceneError(
+            f"{where}: the force of the displacement would change with {changed[0]}; leave that"
+            " out, or write a force"
         )
 
 

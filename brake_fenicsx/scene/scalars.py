@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.damping import active_terms, used_materials
-from brake_fenicsx.scene.friction import PERFECT, one_friction
+from brake_fenicsx.scene.friction import PERFECT, one_friction, slides
 from brake_fenicsx.scene.samples import ENGINEERING, is_constant, split_key, unit_of
 from brake_fenicsx.scene.units import to_si
 
@@ -36,12 +36,18 @@ def si_unit(scene: Scene, name: str) -> str:
 
 def _speed_acts(s: Scene, name: str) -> bool:
     """Whether friction or a term of the damping depends on the speed."""
-    falls = any(not isinstance(c.friction, float | int) for c in s.contact.values())
+    falls = any(
+        not isinstance(c.friction, float | int) for n, c in s.contact.items() if slides(s, n)
+    )
     return any(
         {"sliding", "slope", "gyroscopic"} & {*active_terms(s, a)}
         or (falls and not one_friction(s, a))
         for a in s.samples.approaches
     )
+
+
+def _friction_acts(s: Scene, name: str) -> bool:
+    return slides(s, split_key(name)[1])
 
 
 def _loss_acts(s: Scene, name: str) -> bool:
@@ -63,6 +69,11 @@ NEEDED: tuple[tuple[str, Callable[[Scene, str], bool], str], ...] = (
         r"motion\.speed", _speed_acts,
         "nothing depends on the speed; name sliding, slope or gyroscopic in stability.damping, or"
         " write contact.NAME.friction = { static = .., kinetic = .., decay = .. }",
+    ),
+    (
+        r"contact\..+\.friction", _friction_acts,
+        "the interface is stuck, and its friction moves no mode: it is a limit that is listed;"
+        ' leave it out, or write slip = "motion"',
     ),
     (
         r"materials\..+\.loss", _loss_acts,
@@ -100,6 +111,8 @@ def check_scalar(s: Scene, where: str, name: str) -> None:
             raise SceneError(f"{where}: there is no [{section}.{table}]; there are {known}")
         if is_constant(name):
             _check_constant(where, tables[table], last)
+        elif getattr(tables[table], last) is None:
+            raise SceneError(f"{where}: the scene has no {name}; write its own value there")
         elif not isinstance(getattr(tables[table], last), float | int):
             raise SceneError(f"{where}: {name} is a table; write one number there")
     for pattern, acts, remedy in NEEDED:

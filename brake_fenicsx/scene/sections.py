@@ -244,6 +244,25 @@ class Friction:
 
 
 @dataclass(frozen=True, slots=True)
+class Zone:
+    """[contact.NAME.zone]: contact elements whose centre lies in all ranges named, [low, high).
+
+    Attributes:
+        radius: distance from the z axis.
+        angle: angle about z, from x towards y; a range may go beyond 180 deg.
+        x: coordinate.
+        y: coordinate.
+        z: coordinate.
+    """
+
+    radius: tuple[float, ...] | None = key("m", default=None, sign="zero")
+    angle: tuple[float, ...] | None = key("rad", default=None, sign="any")
+    x: tuple[float, ...] | None = key("m", default=None, sign="any")
+    y: tuple[float, ...] | None = key("m", default=None, sign="any")
+    z: tuple[float, ...] | None = key("m", default=None, sign="any")
+
+
+@dataclass(frozen=True, slots=True)
 class Contact:
     """[contact.NAME]: an interface between two faces.
 
@@ -258,6 +277,10 @@ class Contact:
         friction: coefficient; or a table, where it depends on the speed.
         friction_in_equilibrium: whether friction acts in the equilibrium too.
         search: largest gap at which facets are paired; the largest facet if not given.
+        zone: part of the faces that the interface is restricted to; all of them if not given.
+        slip: along the scene's motion; or none, the faces stick to each other
+            ([contact.md](contact.md#faces-that-stick)).
+        tangential_stiffness: that of faces that stick, in all directions along them; required then.
     """
 
     faces: tuple[str, ...]
@@ -267,18 +290,28 @@ class Contact:
     friction: float | Friction = key(default=0.0, sign="zero", band=FRICTION)  # noqa: RUF009
     friction_in_equilibrium: bool = True
     search: float | None = key("m", default=None)
+    zone: Zone | None = None
+    slip: str = key(default="motion", choices=("motion", "stuck"))
+    tangential_stiffness: float | None = key("Pa/m", default=None, band=(1e9, 1e17))
 
 
 @dataclass(frozen=True, slots=True)
 class Load:
-    """[loads]: a pressure on a face, by its name "part.face".
+    """[loads]: what acts on a face, by its name "part.face".
 
     Attributes:
         pressure: the pressure, towards the body.
+        force: total force, along axes 1 and 2 of the part and along z, spread evenly over the area.
+        moment: about the area's centroid, about these axes, spread linearly over it.
+        displacement: of a face whose support holds these directions, in the modes too:
+            `{ z = "-0.1 mm" }`.
         steps: equal load steps, taken only if the full load at once does not converge.
     """
 
-    pressure: float = key("Pa", band=(1e3, 1e8))
+    pressure: float | None = key("Pa", default=None, band=(1e3, 1e8))
+    force: tuple[float, ...] | None = key("N", default=None, sign="any")
+    moment: tuple[float, ...] | None = key("N m", default=None, sign="any")
+    displacement: dict[str, float] | None = key("m", default=None, sign="any")  # noqa: RUF009
     steps: int = key(default=1)
 
 

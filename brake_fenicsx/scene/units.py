@@ -8,7 +8,8 @@ from typing import Any
 
 DIMENSIONS = {
     "m": "length [mm]", "rad": "angle [deg]", "Pa": "pressure or modulus [MPa]",
-    "kg/m^3": "density [kg/m^3]", "kg": "mass [kg]", "kg m^2": "moment of inertia [kg mm^2]",
+    "N": "force [kN]", "N m": "moment [N m]", "kg/m^3": "density [kg/m^3]", "kg": "mass [kg]",
+    "kg m^2": "moment of inertia [kg mm^2]",
     "N/m": "stiffness [kN/mm]", "N s/m": "damping [N s/m]",
     "Pa/m": "contact stiffness [Pa/m]", "Hz": "frequency [Hz]",
     "rad/s": "angular speed [rad/s]", "m/s": "speed [m/s]", "1/m": "wave number [1/mm]",

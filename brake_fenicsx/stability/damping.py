@@ -18,10 +18,7 @@ direction, and friction that falls with speed (mu' < 0) feeds energy in along it
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import reduce
 from typing import Any
-
-from petsc4py import PETSc
 
 import numpy as np
 import scipy.sparse as sp
@@ -32,17 +29,17 @@ from brake_fenicsx.errors import SceneError
 Array = NDArray[np.float64]
 
 
-def rayleigh(M: Any, K: Any, alpha: float, beta: float) -> Any:
+def rayleigh(M: sp.csr_matrix, K: sp.csr_matrix, alpha: float, beta: float) -> sp.csr_matrix:
     """C = alpha M + beta K; a mode at omega is damped by 2 zeta = alpha/omega + beta omega.
 
     Args:
-        M: mass [kg], SciPy sparse or PETSc.
-        K: elastic stiffness [N/m], of the same kind; symmetric, so without friction.
+        M: mass [kg].
+        K: elastic stiffness [N/m], symmetric, so without friction.
         alpha: mass factor [1/s], not negative.
         beta: stiffness factor [s], not negative.
 
     Returns:
-        Damping [N s/m], of the same kind.
+        Damping [N s/m], CSR.
 
     Raises:
         SceneError: a factor is negative.
@@ -52,7 +49,7 @@ def rayleigh(M: Any, K: Any, alpha: float, beta: float) -> Any:
     return _combination([(alpha, M), (beta, K)])
 
 
-def loss_factor(parts: Sequence[tuple[float, Any]], omega_ref: float) -> Any:
+def loss_factor(parts: Sequence[tuple[float, sp.csr_matrix]], omega_ref: float) -> sp.csr_matrix:
     """C = sum eta_j K_j / omega_ref; at omega_ref a part dissipates eta_j of its strain energy.
 
     The loss factor of a hysteretic part is the same at all frequencies, that of this viscous one
@@ -60,12 +57,11 @@ def loss_factor(parts: Sequence[tuple[float, Any]], omega_ref: float) -> Any:
     energy: omega u'C u / u'K u = eta at omega = omega_ref.
 
     Args:
-        parts: loss factor [-] and stiffness [N/m] of each part, on the dofs of all parts; SciPy
-            sparse or PETSc.
+        parts: loss factor [-] and stiffness [N/m] of each part, on the dofs of all parts.
         omega_ref: reference frequency [rad/s], positive.
 
     Returns:
-        Damping [N s/m], of the kind of the stiffnesses.
+        Damping [N s/m], CSR.
 
     Raises:
         SceneError: no part, a negative loss factor, or a reference frequency that is not positive.
@@ -86,7 +82,7 @@ def sliding_damping(R: sp.spmatrix, w: Array, p: Array, V: Array, mu: float | Ar
         R: slip across the sliding direction, shape (elements, dofs).
         w: areas [m^2], shape (elements,).
         p: pressures at equilibrium [Pa], shape (elements,).
-        V: sliding speeds [m/s], positive, shape (elements,).
+        V: sliding speeds [m/s], positive where there is friction, shape (elements,).
         mu: friction coefficient, one or one per element.
 
     Returns:
@@ -95,9 +91,11 @@ def sliding_damping(R: sp.spmatrix, w: Array, p: Array, V: Array, mu: float | Ar
     Raises:
         SceneError: a sliding speed is not positive: friction without a direction.
     """
-    if not np.all(np.asarray(V) > 0):
-        raise SceneError("sliding damping: every contact element needs a sliding speed V > 0")
-    return (R.T @ sp.diags(w * mu * p / V) @ R).tocsr()
+    drag, slides = mu * p, np.asarray(V) > 0
+    if np.any(drag[~slides]):
+        raise SceneError("sliding damping: friction needs a sliding speed V > 0 in its element")
+    rates = np.divide(drag, V, out=np.zeros(drag.shape), where=slides)
+    return (R.T @ sp.diags(w * rates) @ R).tocsr()
 
 
 def velocity_slope(T: sp.spmatrix, w: Array, p: Array, slope: float | Array) -> Any:
@@ -116,13 +114,6 @@ def velocity_slope(T: sp.spmatrix, w: Array, p: Array, slope: float | Array) -> 
     return (T.T @ sp.diags(w * p * np.asarray(slope)) @ T).tocsr()
 
 
-def _combination(terms: Sequence[tuple[float, Any]]) -> Any:
-    """Sum of factor times matrix, all SciPy or all PETSc; the terms are left as they are."""
-    factor, first = terms[0]
-    if sp.issparse(first):
-        return reduce(lambda a, b: a + b, [c * A for c, A in terms]).tocsr()
-    out = first.copy()
-    out.scale(factor)
-    for c, A in terms[1:]:
-        out.axpy(c, A, structure=PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
-    return out
+def _combination(terms: Sequence[tuple[float, sp.csr_matrix]]) -> sp.csr_matrix:
+    """Sum of factor times matrix; the terms are left as they are."""
+    return sum(c * A for c, A in terms).tocsr()

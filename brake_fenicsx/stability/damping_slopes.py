@@ -12,7 +12,6 @@ from collections.abc import Mapping, Sequence
 import scipy.sparse as sp
 
 from brake_fenicsx.macro.brake import Brake
-from brake_fenicsx.macro.condensation import whole
 from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.material_table import layer_material, layer_materials, scene_materials
 from brake_fenicsx.scene import Scene
@@ -61,9 +60,7 @@ def damping_slopes(scene: Scene, brake: Brake, names: Sequence[str]) -> dict[str
 
 def _slope(scene: Scene, table: Damping, brake: Brake, name: str) -> sp.csr_matrix:
     if name in RAYLEIGH:
-        found = whole(brake.M if name == RAYLEIGH[0] else brake.K)
-        found.eliminate_zeros()
-        return found
+        return brake.M if name == RAYLEIGH[0] else brake.K
     mesh, free = brake.mesh, brake.elastic.free
     layers = layer_materials(scene, scene_materials(scene), mesh.layers)
     if name == "motion.speed":
@@ -75,9 +72,7 @@ def _slope(scene: Scene, table: Damping, brake: Brake, name: str) -> sp.csr_matr
         own = {n: m.C for n, m in layers.items() if _material(scene, n) == material}
         (A,) = affine_parts(mesh, free, [own])
         factor = 1 / table.reference
-    found = factor * whole(A)
-    A.destroy()
-    return found.tocsr()
+    return (factor * A).tocsr()
 
 
 def _material(scene: Scene, layer: str) -> str | None:

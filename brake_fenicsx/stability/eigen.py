@@ -17,10 +17,9 @@ import time
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
 from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
-from brake_fenicsx.macro.condensation import whole
+from brake_fenicsx.macro.solver import whole
 
 from .damped_count import counted
 from .eigensolvers.eigenpairs import ROUND_OFF, QuadraticPencil, paired, residuals, undamped_errors
@@ -77,7 +76,7 @@ def complex_modes(
     start = time.perf_counter()
     problem = _problem(K, M, frictionless, friction)
     if C is not None:
-        return damped_modes(problem, _whole(C), band, tolerance, zeta_max, counted)
+        return damped_modes(problem, whole(C), band, tolerance, zeta_max, counted)
     low, high = ((2 * np.pi * f) ** 2 for f in band)
     found = None
     if problem.K.shape[0] <= DENSE:
@@ -91,17 +90,14 @@ def complex_modes(
     return _record(problem, found, band, tolerance, zeta_max, start)
 
 
-def _whole(A: Any) -> sp.csr_matrix:
-    """The whole of a SciPy or PETSc matrix; collective for a distributed one."""
-    return A.tocsr() if sp.issparse(A) else whole(A)
-
-
 def _problem(K: Any, M: Any, frictionless: Any, friction: Interface | None) -> Problem:
     """Take the matrices apart."""
-    K, M = _whole(K), _whole(M)
-    given = None if frictionless is None else _whole(frictionless)
+    K, M = whole(K), whole(M)
+    given = None if frictionless is None else whole(frictionless)
     # The three components of a displacement share no mass: two thirds of the pattern.
-    M.eliminate_zeros()
+    if not np.all(M.data):
+        M = M.copy()
+        M.eliminate_zeros()
     if abs(K - K.T).max() <= 1e-12 * abs(K).max():
         return Problem(K, M, K, None, False)
     halved = given is None and friction is None

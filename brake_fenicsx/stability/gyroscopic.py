@@ -22,13 +22,14 @@ from typing import Any
 
 from petsc4py import PETSc
 
+import scipy.sparse as sp
 import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.macro.elasticity import FreeDofs
+from brake_fenicsx.macro.elasticity import FreeDofs, on_free_dofs
 from brake_fenicsx.macro.mesh import Mesh
 
 
@@ -46,7 +47,9 @@ def gyroscopic_form(u: Any, v: Any, rho: Any, x: Any, dx: Any) -> Any:
     return rho * (ufl.inner(ufl.grad(u) * c, v) - ufl.inner(ufl.grad(v) * c, u)) * dx
 
 
-def gyroscopic(mesh: Mesh, free: FreeDofs, density: Mapping[str, float], speed: float) -> PETSc.Mat:
+def gyroscopic(
+    mesh: Mesh, free: FreeDofs, density: Mapping[str, float], speed: float
+) -> sp.csr_matrix:
     """Omega G on the free dofs, to be added to the damping.
 
     Args:
@@ -56,7 +59,7 @@ def gyroscopic(mesh: Mesh, free: FreeDofs, density: Mapping[str, float], speed: 
         speed: angular velocity Omega [rad/s], its sign the sense.
 
     Returns:
-        Omega G [N s/m], skew, distributed like the stiffness.
+        Omega G [N s/m], skew.
 
     Raises:
         SceneError: a layer that is not there, or none at all.
@@ -75,9 +78,4 @@ def gyroscopic(mesh: Mesh, free: FreeDofs, density: Mapping[str, float], speed: 
         dx = ufl.Measure("dx", domain=mesh.domain, subdomain_data=cells)(1)
         factor = fem.Constant(mesh.domain, PETSc.ScalarType(rho * speed))
         fem_petsc.assemble_matrix(G, fem.form(gyroscopic_form(u, v, factor, x, dx)))
-    G.assemble()
-    start = V.dofmap.index_map.local_range[0] * V.dofmap.index_map_bs
-    keep = PETSc.IS().createGeneral(free.local + start, comm=mesh.domain.comm)
-    part = G.createSubMatrix(keep, keep)
-    G.destroy()
-    return part
+    return on_free_dofs(G, free)

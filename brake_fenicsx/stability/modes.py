@@ -1,4 +1,4 @@
-"""Complex modes as records: band, damping, error, verdict, families.
+"""Complex modes as records: band, damping, error, verdict.
 
 lambda = alpha + i omega [1/s]; frequency |omega| / 2 pi; damping = -2 alpha / |omega|, negative
 means unstable. An undamped problem K phi = kappa M phi has lambda^2 = -kappa: a complex pair of
@@ -7,7 +7,6 @@ kappa gives two rows, +-alpha.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -109,45 +108,3 @@ def counted_rows(s: Complex, how: str, zeta_max: float) -> Count:
     beyond = int(np.sum((s.imag != 0) & (np.abs(s.real) > zeta_max * np.abs(s))))
     note = f"; {beyond} beyond the damping ratio {zeta_max:g}, found but not counted"
     return Count(s.size, how + note if beyond else how)
-
-
-def track_modes(
-    shapes: Sequence[Complex], frequencies: Sequence[Array], least: float = 0.5
-) -> list[NDArray[np.intp]]:
-    """Families of modes over samples, by the modal assurance criterion (MAC) in a common basis.
-
-    Reference: R. J. Allemang, Sound and Vibration 37(8) (2003) 14.
-
-    Each sample's modes are matched to the families' latest members, best match first; a mode that
-    matches none by ``least`` founds a family.
-
-    Args:
-        shapes: for each sample the mode vectors in M-orthonormal coordinates, shape (m, modes).
-        frequencies: for each sample the frequencies [Hz], shape (modes,).
-        least: smallest MAC of a match.
-
-    Returns:
-        For each sample the family number of each mode.
-    """
-    centres: list[NDArray] = []
-    latest: list[float] = []
-    families = []
-    for X, f in zip(shapes, frequencies, strict=True):
-        X = X / np.linalg.norm(X, axis=0)
-        family = np.full(X.shape[1], -1)
-        if centres:
-            mac = np.abs(np.stack(centres).conj() @ X) ** 2
-            near = np.abs(np.log(np.maximum(f, 1.0)[None, :] / np.array(latest)[:, None])) < 0.3
-            mac = np.where(near, mac, 0.0)
-            for _ in range(min(mac.shape)):
-                i, j = np.unravel_index(np.argmax(mac), mac.shape)
-                if mac[i, j] < least:
-                    break
-                family[j] = i
-                mac[i, :], mac[:, j] = -1.0, -1.0
-        for j in np.flatnonzero(family < 0):
-            family[j] = len(centres)
-            centres.append(X[:, j])
-            latest.append(max(float(f[j]), 1.0))
-        families.append(family)
-    return families

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from brake_fenicsx.macro.solver import add_interface
+from brake_fenicsx.macro.solver import whole, with_interface
 
 Array = NDArray[np.float64]
 
@@ -30,10 +30,8 @@ def tangent(
         mu: friction coefficient, one or one per element.
 
     Returns:
-        A new matrix of the same kind, distributed like ``K``.
+        A new matrix, CSR.
     """
     # The pressures' work on N + mu T, the gaps' change through N.
     left = (N + sp.diags(np.broadcast_to(mu, w.shape)) @ T).tocsr() if np.any(mu) else N
-    if sp.issparse(K):
-        return (K + left.T @ sp.diags(w * k) @ N).tocsr()
-    return add_interface(K, left, w * k, N)
+    return with_interface(whole(K), left, w * k, N)

@@ -11,7 +11,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.macro.condensation import whole
+from brake_fenicsx.macro.solver import whole
 
 from .modes import Complex, Modes
 from .substructures.contact import ContactLinearisation
@@ -57,7 +57,7 @@ class Reduced:
             SceneError: matrices of the wrong kind or shape, or a stiffness that is not positive.
         """
         _checked(K, M, N, T, np.asarray(w, float), np.asarray(k0, float))
-        own, mass = (A.tocsr() if sp.issparse(A) else whole(A) for A in (K, M))
+        own, mass = whole(K), whole(M)
         bodies = split_substructures(own, mass, {"N": N.tocsr(), "T": T.tocsr()})
         self.model = ReducedModel.offline(bodies, w, band, tolerance=tolerance, comm=comm)
 

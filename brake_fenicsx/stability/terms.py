@@ -11,21 +11,24 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from petsc4py import PETSc
-
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.macro.brake import Brake, scene_motion
-from brake_fenicsx.macro.condensation import whole
 from brake_fenicsx.macro.contact import Contact
 from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.material import Material
 from brake_fenicsx.macro.material_table import layer_materials, scene_materials
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.damping import Damping, active_terms, damped_springs, turning_parts
+from brake_fenicsx.scene.damping import (
+    Damping,
+    active_terms,
+    damped_bodies,
+    damped_springs,
+    turning_parts,
+)
 
 from .damping import loss_factor, rayleigh, sliding_damping, velocity_slope
 from .gyroscopic import gyroscopic
@@ -49,7 +52,7 @@ class Terms:
 
 
 def damping_terms(scene: Scene, brake: Brake) -> Terms | None:
-    """Assemble the terms of the bodies; collective.
+    """Assemble the terms of the bodies.
 
     Args:
         scene: the scene.
@@ -59,24 +62,24 @@ def damping_terms(scene: Scene, brake: Brake) -> Terms | None:
         The terms; None where the scene names none.
     """
     table = scene.stability.damping if scene.stability else None
-    parts = [] if brake.elastic.C is None else [whole(brake.elastic.C)]
+    parts = [] if brake.elastic.C is None else [brake.elastic.C]
     if table is None:
         return Terms(parts[0], sliding=False, slope=False) if parts else None
     return Terms(_sum([*parts, *_terms_of_bodies(scene, brake, table)]), table.sliding, table.slope)
 
 
 def _terms_of_bodies(scene: Scene, brake: Brake, table: Damping) -> Iterator[sp.csr_matrix]:
-    """Damping that a scene names for its bodies, each term whole on every process."""
+    """Damping that a scene names for its bodies, one matrix for each term."""
     layers = layer_materials(scene, scene_materials(scene), brake.mesh.layers)
     if table.rayleigh is not None:
-        yield _whole(rayleigh(brake.M, brake.K, *table.rayleigh))
+        yield rayleigh(brake.M, brake.K, *table.rayleigh)
     if table.loss:
-        yield _whole(_hysteretic(brake, layers, table.reference))
+        yield _hysteretic(brake, layers, table.reference)
     motion = scene_motion(scene)
     if table.gyroscopic and isinstance(motion, Rotation):
         turns = set(turning_parts(scene))
         density = {n: m.rho for n, m in layers.items() if n.partition(".")[0] in turns}
-        yield _whole(gyroscopic(brake.mesh, brake.elastic.free, density, motion.speed))
+        yield gyroscopic(brake.mesh, brake.elastic.free, density, motion.speed)
 
 
 def damping_of_sample(
@@ -127,7 +130,10 @@ def rates_of_sample(
         speed: sliding speeds V [m/s], shape (elements,).
     """
     along = slope * p if terms.slope else np.zeros_like(p)
-    across = mu * p / speed if terms.sliding else np.zeros_like(p)
+    across = np.zeros_like(p)
+    if terms.sliding:
+        # Faces that stick have neither speed nor friction.
+        np.divide(mu * p, speed, out=across, where=speed > 0)
     return along, across
 
 
@@ -136,6 +142,8 @@ def record(scene: Scene, contact: Contact) -> dict[str, Any]:
     facts: dict[str, Any] = {}
     if damped := damped_springs(scene):
         facts["springs"] = {f"{name}_N_s_m": [*values] for name, values in damped.items()}
+    if files := damped_bodies(scene):
+        facts["matrices"] = {**files}
     table = scene.stability.damping if scene.stability else None
     if table is None:
         table = Damping()
@@ -144,7 +152,8 @@ def record(scene: Scene, contact: Contact) -> dict[str, Any]:
     if table.loss:
         factors = {name: m.loss for name, m in scene.materials.items() if m.loss}
         facts["loss"] = {"omega_ref_rad_s": table.reference, "factors": factors}
-    speeds = [float(contact.speed.min()), float(contact.speed.max())]
+    moving = contact.speed[contact.speed > 0]
+    speeds = [float(moving.min()), float(moving.max())] if moving.size else []
     if table.sliding:
         facts["sliding"] = {"speeds_m_s": speeds}
     if table.slope:
@@ -158,22 +167,12 @@ def record(scene: Scene, contact: Contact) -> dict[str, Any]:
     return facts
 
 
-def _hysteretic(brake: Brake, layers: Mapping[str, Material], omega_ref: float) -> PETSc.Mat:
+def _hysteretic(brake: Brake, layers: Mapping[str, Material], omega_ref: float) -> sp.csr_matrix:
     """Loss factors of the layers, one stiffness assembled for each value of them."""
     values = sorted({m.loss for m in layers.values() if m.loss})
     groups = [{n: m.C for n, m in layers.items() if m.loss == eta} for eta in values]
     stiffnesses = affine_parts(brake.mesh, brake.elastic.free, groups)
-    C = loss_factor(list(zip(values, stiffnesses, strict=True)), omega_ref)
-    for K in stiffnesses:
-        K.destroy()
-    return C
-
-
-def _whole(A: PETSc.Mat) -> sp.csr_matrix:
-    """The whole of a distributed matrix on every process; the matrix is destroyed."""
-    found = whole(A)
-    A.destroy()
-    return found
+    return loss_factor(list(zip(values, stiffnesses, strict=True)), omega_ref)
 
 
 def _sum(parts: list[sp.csr_matrix]) -> sp.csr_matrix | None:

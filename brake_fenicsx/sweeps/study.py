@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.log import logger
 from brake_fenicsx.processes import on_first
+from brake_fenicsx.sample_files import Task
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.sweep import ROUGH
-from brake_fenicsx.uncertainty.ensemble import Task, run_ensemble, sample_file
+from brake_fenicsx.uncertainty.ensemble import run_ensemble
 from brake_fenicsx.uncertainty.inputs import PERFECT, nominal_value
 from brake_fenicsx.uncertainty.study import Study
 
@@ -100,8 +101,8 @@ class SweepStudy:
         """Tables of the lines; collective. Returns figures for the summary."""
         from .tables import SweepTables
 
-        known = self.study.families[0] if self.study.families else None
-        facts = on_first(lambda: SweepTables(self, known).write(), self.study.comm)
+        families = self.study.families
+        facts = on_first(lambda: SweepTables(self, families).write(), self.study.comm)
         self._say(facts["sweep"])
         return facts
 
@@ -135,7 +136,7 @@ class SweepStudy:
 
     def line(self, kind: str, task: Task) -> tuple[str, Line | None]:
         """Status and line of the scene's own brake ("own") or of a sample ("sample")."""
-        data = self.study.store.load_sample(sample_file(self._task(kind, task)))
+        data = self.study.store.samples.load(self._task(kind, task))
         if data is None:
             return "missing", None
         status = str(data["status"])

@@ -15,10 +15,11 @@ from typing import Any
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from brake_fenicsx.sample_files import Task
 from brake_fenicsx.scene.scalars import si_unit
-from brake_fenicsx.stability.modes import Complex, track_modes
+from brake_fenicsx.stability.modes import Complex
 from brake_fenicsx.tables import write_rows
-from brake_fenicsx.uncertainty.ensemble import Task
+from brake_fenicsx.uncertainty.families import ModeFamilies
 
 from .critical import Critical, critical_values
 from .events import FROM_FIRST, MERGING, ONSET
@@ -120,18 +121,16 @@ class SweepTables:
     def _families(self, known: Complex | None) -> dict[tuple[str, Task, int], int]:
         """Family of the mode of every event that has a vector."""
         # Events of one line may be of one family, which modes of one sample are not: one by one.
-        shapes, frequencies, keys = [], [], []
+        keys, gathered, own = [], ModeFamilies(), []
         for _, task, kind, line in self._lines():
             for i, e in enumerate(line.events):
                 if np.any(e.vector):
                     keys.append((kind, task, i))
-                    shapes.append(e.vector[:, None].astype(complex))
-                    frequencies.append(np.array([e.s.imag / (2 * np.pi)]))
+                    shape, f = e.vector[:, None].astype(complex), e.s.imag / (2 * np.pi)
+                    own.append(int(gathered.add(shape, np.array([f]))[0]))
         # A mode that begins to squeal resembles both of the pair that merged: such modes are
         # gathered first, and each family of them then takes the number of the nearest known one.
-        own = [int(one[0]) for one in track_modes(shapes, frequencies)]
-        founders = [shapes[own.index(n)] for n in range(max(own, default=-1) + 1)]
-        number = known_numbers(founders, known)
+        number = known_numbers([v[:, None] for v in gathered.vectors], known)
         return {key: number[n] for key, n in zip(keys, own, strict=True)}
 
     def _onsets(self) -> list[list[tuple[int, float, float]]]:

@@ -19,7 +19,6 @@ from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.samples import Plan
@@ -84,8 +83,12 @@ def design_points(plan: Plan, inputs: int, seed: np.random.SeedSequence) -> Arra
     fresh = np.random.SeedSequence(seed.entropy, spawn_key=seed.spawn_key)
     rng = np.random.default_rng(fresh)
     if plan.design in ("latin-hypercube", "rbd-fast"):
+        from scipy.stats import qmc
+
         return np.asarray(qmc.LatinHypercube(inputs, seed=rng).random(size))
     if plan.design == "sobol":
+        from scipy.stats import qmc
+
         with warnings.catch_warnings():
             # The sequence is balanced at powers of 2 only; any number of samples may be wanted.
             warnings.simplefilter("ignore", UserWarning)

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import stats
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import Distribution
@@ -40,6 +39,9 @@ def quantile(d: Distribution, u: ArrayLike, nominal: float | None = None) -> Arr
         return values[np.minimum((u * values.size).astype(int), values.size - 1)]
     if d.mean is None or d.sd is None:
         raise SceneError(f"samples.random: a {d.law} law needs mean and sd")
+    # It takes long to load, and few scenes need it.
+    from scipy import stats
+
     if d.law == "normal":
         a, b = (d.min - d.mean) / d.sd, (d.max - d.mean) / d.sd
         return np.asarray(stats.truncnorm.ppf(u, a, b, loc=d.mean, scale=d.sd))

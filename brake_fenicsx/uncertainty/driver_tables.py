@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.sample_files import Task
 from brake_fenicsx.squeal import squeals
 from brake_fenicsx.tables import write_rows
 
-from .ensemble import Task
 from .results import Results
 
 DRIVERS = (
@@ -75,7 +75,7 @@ def _names(data: dict[str, Any]) -> list[tuple[str, str]]:
 
 
 def _rows(results: Results, threshold: float) -> Iterator[list[Any]]:
-    families, first = results.families(), dict(results.first())
+    families, first = results.families, dict(results.first())
     for approach in dict.fromkeys(name for name, _ in results.good()):
         own = [t for t in results.good() if t[0] == approach]
         nominal = approach, first[approach]
@@ -91,7 +91,7 @@ def _rows(results: Results, threshold: float) -> Iterator[list[Any]]:
 
 def _medians(results: Results, tasks: list[Task], threshold: float) -> Iterator[list[Any]]:
     """Of the modes of each family, parameters that all of them have."""
-    families = results.families()
+    families = results.families
     members: dict[int, list[dict[tuple[str, str], NDArray]]] = {}
     for task in tasks:
         data = results.stored[task]

@@ -21,6 +21,7 @@ from brake_fenicsx.log import logger
 from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.macro.equilibrium_change import EquilibriumChange, equilibrium_change
 from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.friction import slides
 from brake_fenicsx.stability.derivatives import (
     ContactDerivatives,
     contact_derivatives,
@@ -102,7 +103,7 @@ class Drivers:
             d lambda / d ln k [1/s], and ``driver_work`` [-], shape (elements, modes). Nothing where
             no mode grows, or the vectors or the change of the equilibrium cannot be found.
         """
-        growing = np.flatnonzero((np.array(modes.verdict) == "unstable") & (modes.s.imag > 0))
+        growing = np.flatnonzero((np.array(modes.verdict, str) == "unstable") & (modes.s.imag > 0))
         if not growing.size:
             return {}
         chosen, neighbours = _with_neighbours(modes.s, growing, partner)
@@ -196,6 +197,8 @@ class Drivers:
             return d.chain(new.k, mu, along, across)
 
         for i, (name, interface) in enumerate(self._scene.contact.items()):
+            if not slides(self._scene, name):
+                continue
             on = (models.brake.contact.interface == i).astype(float)
             step = STEP * float(on @ sample.mu) / max(float(on.sum()), 1.0)
             in_equilibrium = on * interface.friction_in_equilibrium

@@ -14,19 +14,14 @@ import numpy as np
 from brake_fenicsx.errors import BrakeError
 from brake_fenicsx.log import Progress, logger
 from brake_fenicsx.processes import on_first
+from brake_fenicsx.sample_files import Task
 from brake_fenicsx.store import Store
 from brake_fenicsx.termination import Terminated, asked, finishing
 
 # Beyond all samples: how a run that is to end keeps its processes from taking more.
 _NO_MORE = 2**40
 
-Task = tuple[str, int]
 Work = Callable[[Task], dict[str, Any]]
-
-
-def sample_file(task: Task) -> str:
-    """File of a sample in the results folder."""
-    return f"samples/{task[0]}-{task[1]:05d}.npz"
 
 
 def run_ensemble(
@@ -37,7 +32,7 @@ def run_ensemble(
     large: Sequence[Task] = (),
     what: str = "samples",
 ) -> None:
-    """Run all samples that are not in the folder yet.
+    """Run all samples that are not in the folder yet, or those of the run's share.
 
     A sample that fails is stored with its error and stops nothing; an error that is not one of
     the program's own is a defect and stops the run, after the others' samples are safe.
@@ -50,6 +45,8 @@ def run_ensemble(
         large: samples that take longer and come first.
         what: what the samples are called in the log.
     """
+    if store.share is not None:
+        large, tasks = store.share.part(large), store.share.part(tasks)
     wanted = _missing([*large, *tasks], store, comm)
     done = len(large) + len(tasks) - len(wanted)
     if comm.rank == 0 and done:
@@ -57,7 +54,8 @@ def run_ensemble(
     waited = False
     while wanted:
         _run_unclaimed(wanted, work, store, comm, len(set(large) & set(wanted)), what)
-        if store.lock is None:
+        # The tables are written by a run of all samples, which waits for them.
+        if store.lock is None or store.share is not None:
             return
         if wanted := _missing(wanted, store, comm):
             if not waited:
@@ -68,7 +66,12 @@ def run_ensemble(
 
 def _missing(tasks: Sequence[Task], store: Store, comm: MPI.Comm) -> list[Task]:
     """Samples that are not stored; collective."""
-    return on_first(lambda: [t for t in tasks if not store.has_sample(sample_file(t))], comm)
+
+    def missing() -> list[Task]:
+        there = store.samples.present()
+        return [t for t in tasks if t not in there]
+
+    return on_first(missing, comm)
 
 
 def _run_unclaimed(
@@ -101,7 +104,7 @@ def _one(task: Task, work: Work, store: Store) -> bool:
         if lock.claim(name) is not None:
             return False
         # The other run may have finished it since.
-        if store.has_sample(sample_file(task)):
+        if store.samples.has(task):
             lock.release(name)
             return False
     try:
@@ -109,7 +112,7 @@ def _one(task: Task, work: Work, store: Store) -> bool:
     except BrakeError as error:
         result = {"status": str(error)}
         logger.warning("%s %d: %s", *task, error)
-    store.save_sample(sample_file(task), **result)
+    store.samples.save(task, **result)
     if lock is not None:
         lock.release(name)
     return True

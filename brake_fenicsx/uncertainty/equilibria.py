@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.log import logger
-from brake_fenicsx.macro.condensation import compliance, petsc_matrix, reference_factor
+from brake_fenicsx.macro.condensation import compliance, reference_factor
 from brake_fenicsx.macro.corrected import Bodies, corrected_equilibrium
 from brake_fenicsx.macro.equilibrium import (
     Equilibrium,
@@ -107,20 +107,17 @@ class Equilibria:
         c = bodies.compliance
         if c.factor is not None and not sample.materials:
             return displacement(bodies, eq, bodies.f)
-        K = petsc_matrix(self.models.stiffness(sample))
-        own = reference_factor(K, b.N, b.w, c.k0)
-        K.destroy()
+        own = reference_factor(self.models.stiffness(sample), b.N, b.w, c.k0)
         u = displacement(replace(bodies, compliance=replace(c, factor=own)), eq, bodies.f)
         own.destroy()
         return u
 
     def _full_bodies(self, sample: SampleInput, bodies: Bodies) -> Bodies:
         """The bodies of a sample's own materials, factored anew."""
-        b, K = self.models.brake, petsc_matrix(self.models.stiffness(sample))
+        b, K = self.models.brake, self.models.stiffness(sample)
         own = compliance(K, b.N, b.T, b.w, bodies.f, bodies.compliance.k0, MPI.COMM_SELF)
         if own.factor is not None:
             own.factor.destroy()
-        K.destroy()
         return replace(bodies, compliance=replace(own, factor=None))
 
     def _reduced_bodies(self, approach: str, sample: SampleInput, bodies: Bodies) -> Bodies:

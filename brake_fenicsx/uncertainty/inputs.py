@@ -137,6 +137,8 @@ def inputs_of(
     pressures = {}
     for name, value in values.items():
         section, table, last = split_key(name)
+        if isinstance(value, str):
+            raise SceneError(f"{name} = {value!r}: write a number, in SI units")
         if is_constant(name):
             groups.setdefault(table, {})[last] = value
         elif name == "motion.speed" and not value * nominal_value(scene, name) > 0:

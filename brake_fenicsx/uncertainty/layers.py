@@ -10,7 +10,6 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.macro.brake import Brake, scene_motion
-from brake_fenicsx.macro.condensation import whole
 from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.material_table import layer_material, layer_materials, scene_materials
@@ -110,7 +109,7 @@ def scene_layers(
     masses: Mapping[str, sp.csr_matrix],
     materials: RandomMaterials | None,
 ) -> Layers:
-    """Assemble the stiffness of every layer; collective.
+    """Assemble the stiffness of every layer.
 
     Args:
         scene: the scene.
@@ -125,19 +124,15 @@ def scene_layers(
 
     def stiffness(C: Array, layer: str) -> sp.csr_matrix:
         (A,) = affine_parts(mesh, free, [{layer: C}])
-        found = whole(A)
-        A.destroy()
-        found.eliminate_zeros()
-        return found
+        A.eliminate_zeros()
+        return A
 
     random = [] if materials is None else list(materials.changes)
     for name, material in layer_materials(scene, scene_materials(scene), mesh.layers).items():
         part, _, inner = name.partition(".")
         own, G = layer_material(scene.parts[part].material, inner), None
         if part in turns and isinstance(motion, Rotation):
-            turning = gyroscopic(mesh, free, {name: material.rho}, motion.speed)
-            G = whole(turning)
-            turning.destroy()
+            G = gyroscopic(mesh, free, {name: material.rho}, motion.speed)
         changes = {
             constant: stiffness(unit_change(scene, brake, own, constant)[name], name)
             for other, constant in random

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
@@ -22,15 +23,7 @@ from brake_fenicsx.cache import SharedCache, bodies_key
 from brake_fenicsx.errors import BrakeError, StorageError
 from brake_fenicsx.log import Progress, logger
 from brake_fenicsx.macro.brake import Brake
-from brake_fenicsx.macro.condensation import (
-    Compliance,
-    Solves,
-    compliance,
-    gathered_vector,
-    petsc_matrix,
-    whole,
-)
-from brake_fenicsx.macro.elasticity import unit_loads
+from brake_fenicsx.macro.condensation import Compliance, Solves, compliance
 from brake_fenicsx.macro.equilibrium import Condensed
 from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.macro.material_table import layer_materials, scene_materials
@@ -59,12 +52,13 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 SHAPES = "cache/shapes.npz"
+LAYERS = "cache/layers.npz"
 
 # Real modes up to this multiple of the band tell modes apart where there is no reduced model.
 FAMILIES = 1.3
 
 # Number of the layout of a kept reduced model; one of another layout is made again.
-LAYOUT = 4
+LAYOUT = 5
 
 
 class Models:
@@ -72,17 +66,15 @@ class Models:
 
     Attributes:
         by_reduction: whether a reduced model gives the modes of an approach's samples.
-        numbering: order of the dofs that vectors are stored in; only with modes.
-        K: elastic stiffness [N/m], whole on this process, shape (dofs, dofs).
-        M: mass [kg], likewise.
+        numbering: tells the mesh and the bodies of the dofs; only with modes.
         compliance: the bodies seen from their contact elements, under the scene's loads.
-        unit_loads: loads of 1 Pa on each loaded face, in the order of their names [N/Pa], shape
-            (dofs, faces).
+        unit_loads: loads of 1 Pa on each loaded face [N/Pa], or the whole of a force [N], in the
+            order of their names, shape (dofs, faces).
         materials: unit changes of the bodies, if anything random or swept changes them.
         reduced: damped or not -> the reduced model, where one serves any sample.
         terms: damping terms of the scene; None without damping.
-        masses: mass of each layer [kg], shape (dofs, dofs); only with modes.
-        grams: the same of the kept modes of the reduced models, shape (kept modes, kept modes).
+        grams: mass of each layer between the kept modes of the reduced models, shape (kept modes,
+            kept modes).
         facts: for the summary.
     """
 
@@ -107,20 +99,14 @@ class Models:
         """
         self._scene, self.brake, self._counts = scene, brake, counts
         self._store, self._comm, self._cache = store, comm, cache
-        self.K, self.M = whole(brake.K), whole(brake.M)
-        # The components of a displacement share no mass.
-        self.M.eliminate_zeros()
         self.facts: dict[str, Any] = {}
         self.materials: RandomMaterials | None = None
         self.reduced: dict[bool, ReducedModel] = {}
         self.terms: Terms | None = None
-        self.masses: dict[str, sp.csr_matrix] = {}
         self.grams: dict[str, Array] = {}
         self._shapes: Array | None = None
         self.compliance: Compliance
-        mesh, free = brake.mesh, brake.elastic.free
-        loads = [gathered_vector(unit_loads(mesh, free, face)) for face in sorted(scene.loads)]
-        self.unit_loads = np.array(loads).reshape(len(loads), brake.f.size).T
+        self.unit_loads = brake.unit_loads
         # Gaps under these, and forces that they press the contact faces together with.
         self._unit_gaps: Array = np.zeros((0, 0))
         self._unit_carried: Array | None = None
@@ -128,6 +114,26 @@ class Models:
         self.stability = scene.stability if "stability" in scene.stages else None
         reduced = reduced_approaches(scene, counts)
         self.by_reduction = {name: name in reduced for name in counts}
+
+    @property
+    def K(self) -> sp.csr_matrix:
+        """Elastic stiffness [N/m], shape (dofs, dofs)."""
+        return self.brake.K
+
+    @property
+    def M(self) -> sp.csr_matrix:
+        """Mass [kg], likewise."""
+        return self.brake.M
+
+    @cached_property
+    def masses(self) -> dict[str, sp.csr_matrix]:
+        """Mass of each layer [kg], shape (dofs, dofs)."""
+        scene, brake = self._scene, self.brake
+        layers = layer_materials(scene, scene_materials(scene), brake.mesh.layers)
+        density = {name: m.rho for name, m in layers.items()}
+        lumped = scene.mesh.mass == "lumped"
+        found = layer_masses(brake.mesh, brake.elastic.free, density, lumped)
+        return found | brake.elastic.masses
 
     def changes_bodies(self, approach: str) -> bool:
         """Whether the bodies of an approach's samples differ from those of the scene."""
@@ -145,9 +151,10 @@ class Models:
         return np.zeros(0) if self.materials is None else self.materials.box.point(drawn)
 
     def pressures(self, drawn: Mapping[str, float]) -> Array:
-        """Pressures of a sample on the loaded faces [Pa]; that of the scene where none is drawn."""
+        """Factors of ``unit_loads`` in a sample: pressures [Pa], drawn or of the scene, or 1."""
         loads = sorted(self._scene.loads.items())
-        return np.array([drawn.get(face, load.pressure) for face, load in loads])
+        own = {face: 1.0 if load.pressure is None else load.pressure for face, load in loads}
+        return np.array([drawn.get(face, size) for face, size in own.items()])
 
     def loaded(self, pressures: Array) -> Compliance:
         """The bodies of the scene seen from their contact elements, under some pressures."""
@@ -167,7 +174,7 @@ class Models:
             u: shape (dofs, columns).
         """
         for model in self.reduced.values():
-            return model.coordinates(self._ordered(self.M), u[self._order])
+            return model.coordinates(self.M, u)
         return None if self._shapes is None else self._shapes.T @ (self.M @ u)
 
     def shapes(self, coordinates: NDArray) -> NDArray:
@@ -180,10 +187,7 @@ class Models:
             Shape (dofs, columns).
         """
         for model in self.reduced.values():
-            found = model.kept_displacements(coordinates)
-            out = np.empty_like(found)
-            out[self._order] = found
-            return out
+            return model.kept_displacements(coordinates)
         if self._shapes is None:
             raise ValueError("families have no coordinates")
         return np.asarray(self._shapes @ coordinates)
@@ -198,20 +202,13 @@ class Models:
         left: bool = False,
     ) -> NDArray:
         """Right or left vectors of some modes of the reduced model, shape (dofs, chosen)."""
-        found = self.reduced[damped].displacements(p, contact, s, a, left)
-        out = np.empty_like(found)
-        out[self._order] = found
-        return out
+        return self.reduced[damped].displacements(p, contact, s, a, left)
 
     def stiffness(self, sample: SampleInput) -> sp.csr_matrix:
-        """Stiffness of a sample's bodies [N/m], whole on this process."""
+        """Stiffness of a sample's bodies [N/m]."""
         if self.materials is None or not sample.materials:
             return self.K
         return (self.K + self.materials.change(sample.materials)).tocsr()
-
-    def _ordered(self, A: sp.csr_matrix) -> sp.csr_matrix:
-        """A matrix in the order of the dofs that the folder keeps, whatever cut the mesh."""
-        return A[self._order][:, self._order]
 
     def prepare(self, k0: Array) -> None:
         """Make or load what the samples share, on springs k0 [Pa/m]; collective."""
@@ -221,9 +218,8 @@ class Models:
         if self.stability is not None:
             self._prepare_modes(k0)
         if not self.reduced:
-            K = petsc_matrix(self.K)
-            self.compliance = compliance(K, brake.N, brake.T, brake.w, brake.f, k0, self._comm)
-            K.destroy()
+            b = brake
+            self.compliance = compliance(b.K, b.N, b.T, b.w, b.f, k0, self._comm)
             self._unit_gaps = brake.N @ self.compliance.solve(self.unit_loads)
         full = [n for n, r in self.by_reduction.items() if not r]
         many = any(self._counts[n] > 1 or scene.sweep for n in full)
@@ -235,18 +231,13 @@ class Models:
         release_memory()
 
     def _prepare_modes(self, k0: Array) -> None:
-        """Damping, reduced models and what is known of the layers."""
+        """Damping, numbering and reduced models."""
         from brake_fenicsx.stability.terms import damping_terms, record
 
         scene, brake = self._scene, self.brake
         self.terms = damping_terms(scene, brake)
         with self._cache.shared(DOFS, lambda: bodies_key(scene), self._comm):
             self.numbering = Numbering(brake, self._store, self._comm)
-        self._order = self.numbering.kept(np.arange(brake.f.size))
-        layers = layer_materials(scene, scene_materials(scene), brake.mesh.layers)
-        density = {name: m.rho for name, m in layers.items()}
-        lumped = scene.mesh.mass == "lumped"
-        self.masses = layer_masses(brake.mesh, brake.elastic.free, density, lumped)
         for damped in (False, True):
             names = [n for n, r in self.by_reduction.items() if r and self.damped(n) == damped]
             if names:
@@ -301,13 +292,10 @@ class Models:
         if terms is not None:
             followed, C = "N" + "T" * terms.slope + "R" * terms.sliding, terms.bulk
         changes = self.materials.matrices if changing and self.materials else []
-        order, points = self._order, dof_points(brake, self._comm)
-        interface = {"N": brake.N[:, order], "T": brake.T[:, order], "R": brake.R[:, order]}
+        points = dof_points(brake)
         bodies = split_substructures(
-            self._ordered(self.K), self._ordered(self.M), interface,
-            self.unit_loads[order],
-            [self._ordered(A) for A in changes], None if C is None else self._ordered(C),
-            np.column_stack([points, body_centres(points, self.numbering.body)])[order],
+            self.K, self.M, {"N": brake.N, "T": brake.T, "R": brake.R}, self.unit_loads, changes, C,
+            np.column_stack([points, body_centres(points, self.numbering.body)]),
         )  # fmt: skip
         release_memory()
         return ReducedModel.offline(
@@ -318,7 +306,7 @@ class Models:
 
     def _kept(self, file: str, made: dict[str, NDArray]) -> dict[str, NDArray]:
         """What an offline stage made, from the file that the first process writes; collective."""
-        marks = {"layout": np.array(LAYOUT), "dofs": np.array(self.numbering.kept_mark)}
+        marks = {"layout": np.array(LAYOUT), "dofs": np.array(self.numbering.mark)}
         on_first(lambda: self._store.save(file, **marks, **made), self._comm)
         made.clear()
         found = self._known(file)
@@ -347,14 +335,14 @@ class Models:
     def _depends(self, more: list[Any]) -> list[Any]:
         """What files that folders share depend on."""
         band = None if self.stability is None else [*self.stability.band]
-        return [bodies_key(self._scene), self.numbering.kept_mark, band, *more]
+        return [bodies_key(self._scene), self.numbering.mark, band, *more]
 
     def _known(self, file: str) -> dict[str, NDArray] | None:
         """What an earlier run left: processes of a machine hold the large arrays once."""
         stored = self._store.load(file, mapped=True)
         if stored is None or int(stored.get("layout", 0)) != LAYOUT:
             return None
-        return stored if str(stored["dofs"]) == self.numbering.kept_mark else None
+        return stored if str(stored["dofs"]) == self.numbering.mark else None
 
     def _from_reduced(self, model: ReducedModel, k0: Array) -> None:
         """Compliance, unit loads and layers' masses as the reduced model knows them."""
@@ -366,7 +354,22 @@ class Models:
         self._unit_carried = np.array(carried)
         self.compliance = Compliance(None, k0, NN, NT, self._unit_gaps.sum(axis=1))
         self.compliance = self.loaded(self.pressures({}))
-        self.grams = {name: model.coordinates(self._ordered(A)) for name, A in self.masses.items()}
+        self.grams = self._layers_of(model)
+
+    def _layers_of(self, model: ReducedModel) -> dict[str, Array]:
+        """Layers' masses of the kept modes, from the folder where they are there; collective."""
+        mark = f"{self.numbering.mark} {model.bodies[-1].modes.stop}"
+
+        def make() -> dict[str, Array]:
+            stored = self._store.load(LAYERS) or {}
+            if str(stored.pop("mark", "")) == mark:
+                return {key.removeprefix("of_"): gram for key, gram in stored.items()}
+            made = {name: model.coordinates(A) for name, A in self.masses.items()}
+            named = {f"of_{name}": gram for name, gram in made.items()}
+            self._store.save(LAYERS, mark=np.array(mark), **named)
+            return made
+
+        return on_first(make, self._comm)
 
     def _family_shapes(self, factor: Solves) -> Array:
         """Real modes of the reference that families are followed in, shape (dofs, modes).
@@ -383,7 +386,7 @@ class Models:
             stored = self._store.load(SHAPES)
             if stored is None:
                 shapes = lowest_modes(factor, self.M, limit).Phi
-                self._store.save(SHAPES, shapes=self.numbering.kept(shapes))
+                self._store.save(SHAPES, shapes=shapes)
             else:
-                shapes = self.numbering.present(stored["shapes"])
+                shapes = stored["shapes"]
         return np.asarray(self._comm.bcast(shapes, root=0))

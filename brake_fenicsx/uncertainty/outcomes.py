@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.sample_files import Task
 from brake_fenicsx.squeal import squeals
 
-from .ensemble import Task
 from .results import Results
 from .sensitivity import Indices
 
@@ -98,7 +98,7 @@ def ensembles(results: Results, band: Sequence[float], threshold: float = 0.0) -
         band: the scene's band [Hz].
         threshold: a mode squeals where its damping lies below minus this.
     """
-    families = results.families()
+    families = results.families
     found = []
     for approach in dict.fromkeys(name for name, _ in results.tasks):
         tasks = [t for t in results.tasks if t[0] == approach]

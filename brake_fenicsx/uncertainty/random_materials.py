@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.macro.brake import Brake
-from brake_fenicsx.macro.condensation import whole
 from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.material import rotate_about_z
 from brake_fenicsx.macro.material_sample import constants, varied_stiffness
@@ -206,7 +205,7 @@ def _combined(coefficients: Array, parts: list[sp.csr_matrix]) -> sp.csr_matrix:
 
 
 def assemble_random(scene: Scene, brake: Brake) -> RandomMaterials:
-    """Assemble the unit changes of what is random or swept in a scene's bodies; collective.
+    """Assemble the unit changes of what is random or swept in a scene's bodies.
 
     Args:
         scene: the scene.
@@ -223,9 +222,7 @@ def assemble_random(scene: Scene, brake: Brake) -> RandomMaterials:
     mesh, free = brake.mesh, brake.elastic.free
     parts: list[sp.csr_matrix] = []
     for direction in directions:
-        (A,) = affine_parts(mesh, free, [direction])
-        parts.append(whole(A))
-        A.destroy()
+        parts += affine_parts(mesh, free, [direction])
         # Changes of one material have one pattern.
         first, last = parts[0], parts[-1]
         if np.array_equal(first.indptr, last.indptr) and np.array_equal(

@@ -2,22 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.macro.contact import Contact
+from brake_fenicsx.sample_files import Task
 from brake_fenicsx.squeal import squeals
 from brake_fenicsx.store import Store
 
-from .ensemble import Task, sample_file
+from .families import ModeFamilies
 
 Array = NDArray[np.float64]
+Data = dict[str, Any]
 
 # Modes below this share of the highest frequency are rigid: their errors are no relative ones.
 RIGID_BELOW = 1e-3
+# Of every contact element or coordinate: kept of the first good sample of an approach alone, so
+# that 10^5 samples need some hundred bytes for each of their modes.
+LARGE = frozenset(
+    {
+        "g", "g_cr", "p", "k", "k_vibration", "law", "mu", "mu_equilibrium", "coordinates",
+        "driver_map", "driver_work",
+    }
+)  # fmt: skip
 
 
 def relative_errors(s: NDArray[np.complex128], error: Array) -> Array:
@@ -28,11 +38,15 @@ def relative_errors(s: NDArray[np.complex128], error: Array) -> Array:
 
 
 class Results:
-    """Stored samples of a study.
+    """Stored samples of a study, each read once.
 
     Attributes:
         tasks: the samples wanted.
-        stored: arrays of each one that is there.
+        stored: arrays of each one that is there, LARGE ones of the first good ones alone.
+        families: family of every mode of the good samples that have modes; -1 where samples have no
+            common basis to be compared in.
+        members: vectors and frequencies of the first mode of each family.
+        derived: what ``derive`` made of each good sample.
     """
 
     def __init__(
@@ -41,18 +55,91 @@ class Results:
         tasks: Sequence[Task],
         verify: Sequence[Task] = (),
         verified: str = "multi-scale",
+        threshold: float = 0.0,
+        sliding: NDArray[np.bool_] | None = None,
+        derive: Callable[[Data], Any] | None = None,
     ):
+        """Read the samples.
+
+        Args:
+            store: the results folder.
+            tasks: approach and number of each sample.
+            verify: samples of the verification.
+            verified: approach that they verify.
+            threshold: a mode squeals where its damping lies below minus this.
+            sliding: elements over which friction is averaged, shape (elements,); all if None.
+            derive: what else is made of the arrays of a good sample.
+        """
         self.tasks, self.verify, self.verified = list(tasks), list(verify), verified
-        self.stored: dict[Task, dict[str, Any]] = {}
-        self._families: dict[Task, Any] | None = None
+        self.stored: dict[Task, Data] = {}
+        self.families: dict[Task, NDArray[np.int32]] = {}
+        self.members = ModeFamilies()
+        self.derived: dict[Task, Any] = {}
+        self._threshold, self._sliding = threshold, sliding
+        self._first: dict[str, Task] = {}
+        self._squealing: dict[int, NDArray[np.complex64]] = {}
+        self._texts: dict[str, NDArray] = {}
         for task in [*self.tasks, *self.verify]:
-            found = store.load_sample(sample_file(task))
-            if found is not None:
-                self.stored[task] = found
+            data = store.samples.load(task)
+            if data is None:
+                continue
+            if str(data["status"]) == "ok" and task not in self.verify:
+                self._good(task, data)
+                if derive is not None:
+                    self.derived[task] = derive(data)
+            self.stored[task] = self._kept(task, data)
+
+    def _good(self, task: Task, data: Data) -> None:
+        """Families of the modes of a good sample."""
+        self._first.setdefault(task[0], task)
+        if "s" not in data:
+            return
+        if "coordinates" not in data:
+            self.families[task] = np.full(data["s"].size, -1, dtype=np.int32)
+            return
+        shapes = data["coordinates"]
+        family = self.members.add(shapes.astype(complex), np.abs(data["s"].imag) / 2 / np.pi)
+        self.families[task] = family.astype(np.int32)
+        for i in np.flatnonzero(squeals(data, self._threshold)):
+            self._squealing.setdefault(int(family[i]), shapes[:, i].copy())
+
+    def _kept(self, task: Task, data: Data) -> Data:
+        """What is kept of the arrays of a sample, and the mean of its friction."""
+        mu = None
+        if "mu" in data:
+            chosen = data["mu"] if self._sliding is None else data["mu"][self._sliding]
+            # The mean of equal numbers is off by round-off.
+            mu = float(f"{np.mean(chosen):.12g}") if chosen.size else 0.0
+        large = frozenset() if self._first.get(task[0]) == task else LARGE
+        kept = {name: self._small(name, v) for name, v in data.items() if name not in large}
+        return {**kept, "mean_mu": mu}
+
+    def _small(self, name: str, values: Any) -> Any:
+        """The same values in less memory: names that are the same in all samples are held once."""
+        values = np.asarray(values)
+        if values.ndim == 0:
+            return values.item()
+        if values.dtype.kind != "U":
+            return values
+        known = self._texts.setdefault(name, values)
+        if np.array_equal(known, values):
+            return known
+        unique, place = np.unique(values, return_inverse=True)
+        return unique.astype(object)[place.reshape(values.shape)]
 
     def good(self) -> list[Task]:
         """Samples that were computed without error."""
-        return [t for t in self.tasks if t in self.stored and str(self.stored[t]["status"]) == "ok"]
+        return [t for t in self.tasks if t in self.stored and self.stored[t]["status"] == "ok"]
+
+    def first(self) -> list[Task]:
+        """The first good sample of each approach."""
+        return list(self._first.values())
+
+    def squealing_members(self) -> tuple[list[int], NDArray[np.complex128]]:
+        """Numbers of the families that squeal, and the vector of the first such mode of each."""
+        numbers = sorted(self._squealing)
+        vectors = [self._squealing[n].astype(complex) for n in numbers]
+        return numbers, np.array(vectors).T if vectors else np.zeros((0, 0), complex)
 
     def sample_columns(self, first: Sequence[str]) -> list[str]:
         """Columns of samples.csv: the fixed ones, friction, and one per random input."""
@@ -86,8 +173,6 @@ class Results:
                 zip(map(str, data.get("random_names", ())), data.get("random", ()), strict=True)
             )
             seed = int(data["seed"]) if "seed" in data else None
-            # The mean of equal numbers is off by round-off.
-            mu = float(f"{np.mean(data['mu']):.12g}") if "mu" in data else None
             values = [float(drawn[n]) if n in drawn else None for n in names]
             rejected = int(data["rejected"]) if "rejected" in data else None
             left: dict[str, Any] = {"tolerance_missed": None, "complete": None}
@@ -95,7 +180,7 @@ class Results:
                 proven = "yes" if _complete(data) else "no"
                 left = {"tolerance_missed": int(data["tolerance_missed"]), "complete": proven}
             yield [
-                *task, str(data["status"]), seed, mu, *values,
+                *task, data["status"], seed, data["mean_mu"], *values,
                 *(rejected for _ in self._rejected()), *(left[name] for name in self._proofs()),
             ]  # fmt: skip
 
@@ -108,49 +193,10 @@ class Results:
         found = (d["layers"] for d in self.stored.values() if "layers" in d)
         return [str(name) for name in next(found, ())]
 
-    def families(self) -> dict[Task, Any]:
-        """Family of every mode; -1 where samples have no common basis to be compared in."""
-        from brake_fenicsx.stability.modes import track_modes
-
-        if self._families is not None:
-            return self._families
-        good = [t for t in self.good() if "s" in self.stored[t]]
-        based = [t for t in good if "coordinates" in self.stored[t]]
-        frequency = [np.abs(self.stored[t]["s"].imag) / 2 / np.pi for t in based]
-        shapes = [self.stored[t]["coordinates"].astype(complex) for t in based]
-        found = track_modes(shapes, frequency)
-        out = {t: np.full(self.stored[t]["s"].size, -1) for t in good}
-        self._families = out | dict(zip(based, found, strict=True))
-        return self._families
-
-    def family_members(
-        self, threshold: float | None = None
-    ) -> tuple[list[int], NDArray[np.complex128], list[float]]:
-        """One mode of every family: its number, vector and frequency [Hz].
-
-        Args:
-            threshold: of the modes that squeal, and of families that do, the first one; the first
-                mode of each family if None.
-        """
-        first: dict[int, tuple[NDArray[np.complex128], float]] = {}
-        for task, family in self.families().items():
-            d = self.stored[task]
-            wanted = family >= 0
-            if threshold is not None:
-                wanted &= squeals(d, threshold)
-            for i in np.flatnonzero(wanted):
-                if int(family[i]) not in first:
-                    vector = d["coordinates"][:, i].astype(complex)
-                    first[int(family[i])] = vector, abs(float(d["s"][i].imag)) / (2 * np.pi)
-        numbers = sorted(first)
-        vectors = [first[n][0] for n in numbers]
-        shape = np.array(vectors).T if vectors else np.zeros((0, 0), complex)
-        return numbers, shape, [first[n][1] for n in numbers]
-
     def modes(self) -> Iterator[list[Any]]:
         """Rows of modes.csv."""
-        families, layers = self.families(), len(self._layers())
-        for task, family in families.items():
+        layers = len(self._layers())
+        for task, family in self.families.items():
             d = self.stored[task]
             shares = d.get("shares", np.full((layers, d["s"].size), np.nan))
             partner = d.get("partner", np.full(d["s"].size, -1))
@@ -172,16 +218,9 @@ class Results:
                 values = (x, y, z, contact.w[i], *own)
                 yield [*task, i, *map(float, values), int(d["law"][i])]
 
-    def first(self) -> list[Task]:
-        """The first good sample of each approach."""
-        chosen: dict[str, Task] = {}
-        for task in self.good():
-            chosen.setdefault(task[0], task)
-        return list(chosen.values())
-
     def facts(self) -> dict[str, Any]:
         """Figures for the summary."""
-        known = [str(self.stored[t]["status"]) for t in self.tasks if t in self.stored]
+        known = [self.stored[t]["status"] for t in self.tasks if t in self.stored]
         facts: dict[str, Any] = {
             "samples": {}, "failed_samples": sum(status != "ok" for status in known)
         }  # fmt: skip

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +26,6 @@ from brake_fenicsx.scene import Contact as ContactTable
 from brake_fenicsx.scene import Friction, Law, Scene
 from brake_fenicsx.scene.friction import friction_of
 from brake_fenicsx.scene.sections import LAWS
-from brake_fenicsx.surface.hdf import HeightDistribution
-from brake_fenicsx.surface.waviness import Waviness
 
 from .inputs import (
     PERFECT,
@@ -38,6 +37,10 @@ from .inputs import (
     scaled_interfaces,
     size_of,
 )
+
+if TYPE_CHECKING:
+    from brake_fenicsx.surface.hdf import HeightDistribution
+    from brake_fenicsx.surface.waviness import Waviness
 
 Array = NDArray[np.float64]
 

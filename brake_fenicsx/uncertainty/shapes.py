@@ -37,6 +37,8 @@ def family_shapes(
         "shapes", shape (families, nodes, 3), of unit norm; "families".
     """
     centre = body_centres(points, body)
+    moves = points[:, 3] < 3
+    points, centre, u = points[moves], centre[moves], u[moves]
     # Rounded, so that the components of one node have one place whatever the round-off.
     nodes, first, place = np.unique(
         np.round(np.column_stack([points[:, :3], centre]), 9),
@@ -70,7 +72,8 @@ def shapes_at_dofs(
     nodes = np.column_stack([shapes["points"], shapes["body"]])
     places = np.column_stack([points[:, :3], body_centres(points, body)])
     nearest = KDTree(nodes).query(places)[1]
-    found = shapes["shapes"][:, nearest, points[:, 3].astype(int)]
+    moves = points[:, 3] < 3
+    found = shapes["shapes"][:, nearest, np.where(moves, points[:, 3], 0).astype(int)] * moves
     return np.asarray(found.T, dtype=complex)
 
 

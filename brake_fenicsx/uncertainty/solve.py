@@ -68,7 +68,7 @@ def modes_of_sample(
         given = missed, settings.tolerance
         logger.info("%d modes of a sample beyond the tolerance %.0e: full order", *given)
         return _full(models, sample, eq, more)
-    unstable = np.array(modes.verdict) == "unstable"
+    unstable = np.array(modes.verdict, str) == "unstable"
     if damped:
         # Kept modes of all bodies are orthonormal in the mass.
         one = sp.identity(len(modes.right), format="csr")
@@ -158,7 +158,7 @@ def _full(models: Models, sample: SampleInput, eq: Equilibrium, more: More | Non
     if settings is None:
         raise ValueError("a scene without [stability] has no modes")
     modes = full_modes(models, sample, eq)
-    unstable = np.array(modes.verdict) == "unstable"
+    unstable = np.array(modes.verdict, str) == "unstable"
     if sample_damping(models, sample, eq.p) is None:
         partners = flutter_partners(modes.s)
     else:

@@ -20,6 +20,7 @@ from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.micro import LawRecipe, make_library
 from brake_fenicsx.micro.law import Laws
 from brake_fenicsx.processes import on_first
+from brake_fenicsx.sample_files import Task
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.store import Store
@@ -27,8 +28,9 @@ from brake_fenicsx.surface.hdf import HeightDistribution
 from brake_fenicsx.surface.waviness import Waviness
 from brake_fenicsx.tables import CONTACT, MODES, SAMPLES, write_rows
 
-from .ensemble import Task, run_ensemble, sample_file
+from .ensemble import run_ensemble
 from .equilibria import Equilibria
+from .forces import forces_of_sample, forces_of_samples
 from .inputs import PERFECT, points_of
 from .models import Models
 from .numbering import dof_points
@@ -89,8 +91,9 @@ class Study:
         self.tasks: list[Task] = [(name, k) for name in approaches for k in range(count[name])]
         self.models = Models(scene, brake, count, store, comm, cache or SharedCache(store))
         self.equilibria: Equilibria | None = None
-        # Vectors and frequencies of the families, once the tables are written; on one process.
-        self.families: list[Any] = []
+        self._displaced: dict[Task, Array] = {}
+        # Vectors of the families, once the tables are written; on one process.
+        self.families: NDArray[np.complex128] | None = None
         self.drivers: Drivers | None = None
         reduced = self.models.by_reduction
         self.verified = next((name for name in approaches if reduced[name]), "")
@@ -161,8 +164,6 @@ class Study:
             if self.drivers is not None and task[0] != VERIFY:
                 more = partial(self.drivers.of, approach, sample, eq, k == 0)
             out |= modes_of_sample(models, approach, sample, eq, reduced, more)
-            if "vectors" in out:
-                out["vectors"] = models.numbering.kept(out["vectors"])
         return out
 
     def solved(
@@ -201,8 +202,10 @@ class Study:
         return eq, replace(modes, right=right, left=left)
 
     def displacement(self, task: Task, data: Mapping[str, Any]) -> Array:
-        """Displacement of a stored sample's equilibrium [m], shape (dofs,)."""
-        return self._prepared.displacement(self._draw(*task), data)
+        """Displacement of a stored sample's equilibrium [m], shape (dofs,); kept."""
+        if task not in self._displaced:
+            self._displaced[task] = self._prepared.displacement(self._draw(*task), data)
+        return self._displaced[task]
 
     @property
     def _prepared(self) -> Equilibria:
@@ -236,20 +239,33 @@ class Study:
         Returns:
             What was stored of the first good sample of each approach.
         """
-        points = dof_points(self.brake, self.comm)
+        points = dof_points(self.brake)
         first, facts = on_first(lambda: self._tables(points), self.comm)
         self.facts |= facts
+        if self.brake.stuck:
+            from .stuck_states import stuck_states
+
+            self.facts["stuck_contact"] = on_first(
+                lambda: stuck_states(self.scene, self.brake, first, self.displacement), self.comm
+            )
         return first
 
     def _tables(self, points: Array) -> tuple[dict[Task, dict[str, Any]], dict[str, Any]]:
         """The same on one process: all samples are read, and facts for the summary counted."""
-        results, path = Results(self.store, self.tasks, self.verify, self.verified), self.store.path
-        facts, stability = results.facts(), self.scene.stability
+        path, stability = self.store.path, self.scene.stability
+        results = Results(
+            self.store, self.tasks, self.verify, self.verified,
+            stability.threshold if stability else 0.0, self.brake.contact.speed > 0,
+            forces_of_sample(self.scene, self.brake),
+        )  # fmt: skip
+        facts = results.facts()
+        facts["contact_forces"] = forces_of_samples(self.scene, results.derived)
         write_rows(path("samples.csv"), results.sample_columns(SAMPLES), results.samples())
         if "stability" in self.scene.stages:
             write_rows(path("modes.csv"), results.mode_columns(MODES), results.modes())
-            _, *self.families = results.family_members()
-            self._write_shapes(points, results, stability.threshold if stability else 0.0)
+            if results.members.vectors:
+                self.families = np.array(results.members.vectors).T
+            self._write_shapes(points, results)
         write_rows(path("contact.csv"), CONTACT, results.contact(self.brake.contact))
         if stability is not None and self.drivers is not None:
             from .driver_tables import write_drivers
@@ -260,16 +276,16 @@ class Study:
             facts["robustness"] = write_causes(path(), self.scene.samples, found)
         return {task: results.stored[task] for task in results.first()}, facts
 
-    def _write_shapes(self, points: Array, results: Results, threshold: float) -> None:
+    def _write_shapes(self, points: Array, results: Results) -> None:
         """Shapes of the families that squeal, for comparisons with other runs."""
-        numbers, vectors, _ = results.family_members(threshold)
+        numbers, vectors = results.squealing_members()
         if numbers:
             u, body = self.models.shapes(vectors), self.models.numbering.body
             self.store.save(SHAPES, **family_shapes(points, body, u, np.array(numbers)))
 
     def stored(self, task: Task) -> dict[str, Any]:
         """What was stored of a sample."""
-        found = self.store.load_sample(sample_file(task))
+        found = self.store.samples.load(task)
         if found is None:
             raise ValueError(f"{task}: not computed")
         return found

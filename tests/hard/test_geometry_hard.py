@@ -7,6 +7,7 @@ from brake_fenicsx.geometry import block, disc, hertz_sphere, pad
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.mesh import check_cells, raw_mesh
 from brake_fenicsx.macro.meshing.filemesh import FileMesh, completed, gmsh_order
+from brake_fenicsx.macro.meshing.gmsh_mesh import gathered, gmsh_session
 from brake_fenicsx.macro.meshing.quality import orientation, quality
 from brake_fenicsx.macro.meshing.rawmesh import exterior_facets, facet_keys, facet_nodes
 from brake_fenicsx.scene.mesh import MeshTable
@@ -49,6 +50,21 @@ def test_odd_pads(values, cells):
     assert body_is_closed(m)
     assert (m.facet_tag == m.faces["p.piston"]).any()
     assert ("p.ears" in m.faces) == (values.ear_length > 0)
+
+
+def test_nodes_of_no_cell_are_left_out():
+    """A construction point beside a box gets a node; DOLFINx would crash on it, or worse."""
+    with gmsh_session() as gmsh:
+        gmsh.model.add("box")
+        gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
+        gmsh.model.occ.addPoint(3, 3, 3)
+        gmsh.model.occ.synchronize()
+        gmsh.model.mesh.generate(3)
+        nodes = len(gmsh.model.mesh.getNodes()[0])
+        m = gathered(gmsh.model, "p", {"body": [1]}, {"one": [1]}, "tetrahedron", 1)
+    assert len(m.points) == nodes - 1 == np.unique(m.cells).size
+    assert np.ptp(m.points, axis=0) == pytest.approx(1.0)
+    assert np.isin(m.facets, m.cells).all()
 
 
 def test_one_vane_many_vanes_and_none():

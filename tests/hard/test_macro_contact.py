@@ -218,11 +218,10 @@ def test_friction_that_tips_the_block_over(two_blocks):
 def test_pad_that_rests_by_contact_alone(two_blocks, comm):
     """K is singular: alone it cannot be factored, with the contact springs it can."""
     scene = two_blocks("guided")
-    from brake_fenicsx.macro.condensation import gathered
     from brake_fenicsx.macro.solver import Factor
 
     with pytest.raises(InaccurateResult, match="neither supported nor in contact"):
-        Factor(gathered(scene.elastic.K))
+        Factor(scene.elastic.K)
     assert np.all(np.linalg.eigvalsh(scene.compliance.NN) > -1e-20)
 
 

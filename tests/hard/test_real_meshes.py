@@ -14,7 +14,6 @@ import scipy.sparse.linalg as spla
 from brake_fenicsx.macro.brake import assemble_brake
 from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.layer_mass import layer_masses
-from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability import complex_modes, contact_interface
 from brake_fenicsx.stability.damping import loss_factor, rayleigh
@@ -135,7 +134,7 @@ def test_damping_contrast_of_a_thousand_between_parts(two_blocks, mu):
     parts = dict(
         zip(layers, affine_parts(scene.mesh, scene.free, list(layers.values())), strict=True)
     )
-    pad, plate = (local_rows(parts[name]) for name in ("pad.body", "plate.body"))
+    pad, plate = (parts[name] for name in ("pad.body", "plate.body"))
     assert abs(pad + plate - scene.K).max() < 1e-12 * abs(scene.K).max()
     C = loss_factor([(0.1, pad), (1e-4, plate)], TWO_PI * 60e3)
     m = solved(scene, k, mu, C, band, zeta_max=0.3)
@@ -165,7 +164,7 @@ SOFT = [
 def test_solid_shim_ten_thousand_times_softer_than_steel(mu):
     """A steel sheet on 1 mm of it, meshed as layers: all modes of the band as ARPACK finds them."""
     b = assemble_brake(read_scene(SCENES / "disc_brake_demo.toml", SOFT), MPI.COMM_SELF)
-    K, M = local_rows(b.K), local_rows(b.M)
+    K, M = b.K, b.M
     k = np.full(b.w.size, 1e10)
     tangent = (K + (b.N + mu * b.T).T @ sp.diags(b.w * k) @ b.N).tocsr()
     face = contact_interface(b.N, b.T, b.w * k, mu) if mu else None

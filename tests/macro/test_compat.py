@@ -1,5 +1,7 @@
 """What differs between builds of the libraries: refused with one line, or not noticed at all."""
 
+import os
+
 import numpy as np
 import pytest
 from dolfinx import mesh
@@ -53,3 +55,29 @@ def test_what_versions_say_differently_is_the_same(comm, cell):
     assert w.sum() == pytest.approx(0.5, rel=1e-14)
     # A quartic: int x^3 y over the triangle is 3! 1! / 6!.
     assert np.sum(w * x[:, 0] ** 3 * x[:, 1]) == pytest.approx(6 / 720, rel=1e-13)
+
+
+def test_forms_of_a_folder_that_cannot_be_written_to_are_linked_into_one_that_can(
+    tmp_path, monkeypatch
+):
+    """As in a read-only image: what was compiled is found, what is missing finds a place."""
+    given = tmp_path / "fenics"
+    given.mkdir()
+    (given / "form.c").write_text("compiled")
+    assert compat.forms_folder(given) == given
+    real = os.access
+    # Root may write anywhere, whatever the mode.
+    monkeypatch.setattr(
+        os, "access", lambda path, mode: not (path == given and mode & os.W_OK) and real(path, mode)
+    )
+    own = compat.forms_folder(given)
+    assert own != given
+    assert (own / "form.c").read_text() == "compiled"
+    (own / "new.c").write_text("new")
+    assert [file.name for file in given.iterdir()] == ["form.c"]
+
+
+def test_forms_find_a_place_where_the_folder_cannot_be_made(tmp_path):
+    (tmp_path / "file").write_text("")
+    own = compat.forms_folder(tmp_path / "file" / "fenics")
+    assert own.is_dir() and list(own.iterdir()) == []

@@ -7,7 +7,6 @@ import pytest
 import scipy.sparse as sp
 
 from brake_fenicsx.errors import InaccurateResult
-from brake_fenicsx.macro.condensation import petsc_matrix
 from brake_fenicsx.macro.solver import Factor
 
 pytestmark = pytest.mark.alone
@@ -24,7 +23,7 @@ def test_user_option_wins_and_ours_leave_no_trace():
     options = PETSc.Options()
     options["brake_test_mat_mumps_icntl_14"] = 77
     try:
-        factor = Factor(petsc_matrix(chain(2.0)), "brake_test_")
+        factor = Factor(chain(2.0), "brake_test_")
         assert factor._F.getMumpsIcntl(14) == 77
         assert factor._F.getMumpsIcntl(24) == 1
         assert not options.hasName("brake_test_mat_mumps_icntl_24")
@@ -35,14 +34,14 @@ def test_user_option_wins_and_ours_leave_no_trace():
 def test_block_of_right_hand_sides_is_solved():
     A = chain(2.0)
     b = np.random.default_rng(0).standard_normal((200, 150))
-    x = Factor(petsc_matrix(A)).solve(b)
+    x = Factor(A).solve(b)
     assert np.linalg.norm(A @ x - b) < 1e-10 * np.linalg.norm(b)
 
 
 def test_sparse_right_hand_sides_are_solved_like_dense_ones():
     """Columns of a few entries, some of none; more of them than one block holds."""
     A, b = chain(2.0), sp.random(200, 150, 0.02, format="csc", random_state=0)
-    factor = Factor(petsc_matrix(A))
+    factor = Factor(A)
     x = factor.solve(b)
     assert np.linalg.norm(A @ x - b) < 1e-10 * np.linalg.norm(b.toarray())
     # MUMPS is told again that the next block is dense.
@@ -52,7 +51,7 @@ def test_sparse_right_hand_sides_are_solved_like_dense_ones():
 def test_inertia_is_counted():
     shifted = chain(2.0) - 0.5 * sp.identity(200)
     exact = 2 - 2 * np.cos(np.pi * np.arange(1, 201) / 201)
-    assert Factor(petsc_matrix(shifted)).negative_pivots == int((exact < 0.5).sum())
+    assert Factor(shifted).negative_pivots == int((exact < 0.5).sum())
 
 
 def test_free_chain_is_singular():
@@ -63,7 +62,7 @@ def test_free_chain_is_singular():
     named = 0
     for n in range(20, 400, 20):
         try:
-            Factor(petsc_matrix(chain(1.0, n)))
+            Factor(chain(1.0, n))
         except InaccurateResult as error:
             assert "singular" in str(error)
             named += 1

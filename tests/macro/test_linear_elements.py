@@ -11,7 +11,6 @@ from scipy.sparse.linalg import eigsh
 from brake_fenicsx import prepare
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.brake import assemble_brake
-from brake_fenicsx.macro.condensation import whole
 from brake_fenicsx.scene import read_scene
 
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
@@ -22,7 +21,7 @@ def lowest(size, *overrides):
     """Six lowest frequencies [Hz] of the block held at its bottom, and its matrices."""
     own = [f'parts.block.size="{size} mm"', HELD, *overrides]
     brake = assemble_brake(read_scene(BLOCK, own), MPI.COMM_SELF)
-    K, M = whole(brake.K), whole(brake.M)
+    K, M = brake.K, brake.M
     kappa = eigsh(K, 6, M, sigma=0.0, return_eigenvectors=False)
     return np.sqrt(np.sort(kappa)) / 2 / np.pi, K, M
 
@@ -46,7 +45,7 @@ def test_lumped_mass():
     for mass in ("consistent", "lumped"):
         own = [*free, f'mesh.mass="{mass}"']
         brake = assemble_brake(read_scene(BLOCK, own), MPI.COMM_SELF)
-        M = whole(brake.M)
+        M = brake.M
         along = np.zeros(brake.elastic.free.V.dofmap.index_map.size_local * 3)
         along[0::3] = 1.0
         along = along[brake.elastic.free.local]
@@ -71,7 +70,7 @@ def test_brake_of_linear_elements():
     )
     np.testing.assert_allclose(reduced.modes().s, full.modes().s, rtol=1e-5)
     total = sum(full.study.models.masses.values())
-    assert abs(total - whole(full.study.brake.M)).max() < 1e-12 * abs(total).max()
+    assert abs(total - full.study.brake.M).max() < 1e-12 * abs(total).max()
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.macro.mesh import check_cells, distribute
+from brake_fenicsx.macro.mesh import check_cells, tagged_mesh
 from brake_fenicsx.macro.meshing.abaqus import read_abaqus
 from brake_fenicsx.macro.meshing.groups import mesh_of_file
 from brake_fenicsx.macro.meshing.quality import orientation
@@ -317,7 +317,7 @@ def test_gap_of_a_split_mesh_opens(tmp_path, meshes):
     file = tmp_path / "glued.msh"
     meshes.write_gmsh(meshes.glued(meshes.boxes()), file)
     split = {"pad.friction": "plate.top"}
-    mesh = distribute(lambda: read(file, split=split), MPI.COMM_SELF, MeshTable())
+    mesh = tagged_mesh(lambda: read(file, split=split), MPI.COMM_SELF, MeshTable())
     steel = Material(isotropic(2e11, 0.3), 7800.0)
     free = assemble_elastic(mesh, dict.fromkeys(mesh.layers, steel), {}, {}).free
     faces = ("pad.friction", "plate.top")

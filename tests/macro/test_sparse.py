@@ -1,4 +1,4 @@
-"""Newton's iteration on all displacements, distributed, against the condensed one."""
+"""Newton's iteration on all displacements against the condensed one."""
 
 from types import SimpleNamespace
 
@@ -30,8 +30,8 @@ LAWS = {"exponential": exponential_law(4e5, 0.8e-6), "linear": linear_law(5e11)}
 @pytest.mark.parametrize("kind", list(LAWS))
 @pytest.mark.parametrize("mu", [0.0, 0.5, "per element"])
 def test_sparse_and_condensed_agree(two_blocks, kind, mu):
-    """To 1e-10 in pressures, displacement, iterations: catches a load applied on one process only,
-    friction of an element's neighbour, a factor taken for symmetric with friction."""
+    """To 1e-10 in pressures, displacement, iterations: catches friction of an element's neighbour,
+    a factor taken for symmetric with friction."""
     scene = two_blocks("guided")
     if mu == "per element":
         mu = np.linspace(0.1, 0.8, scene.w.size)

@@ -10,7 +10,6 @@ from scipy.sparse.linalg import eigsh
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.brake import assemble_brake, check_brake
-from brake_fenicsx.macro.condensation import whole
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.damping import active_terms
 from brake_fenicsx.stability import complex_modes
@@ -49,10 +48,9 @@ def loose_bodies(*changes, comm=MPI.COMM_SELF):
     brake = assemble_brake(scene, comm)
     free, matrices = brake.elastic.free, (brake.K, brake.M, brake.elastic.C)
     node, component = np.divmod(free.local, 3)
-    own = np.column_stack([free.V.tabulate_dof_coordinates()[node], component])
-    x = np.concatenate(comm.allgather(own))
+    x = np.column_stack([free.V.tabulate_dof_coordinates()[node], component])
     loose = np.flatnonzero(x[:, 2] > -1e-9)
-    K, M, C = (None if A is None else whole(A)[loose][:, loose] for A in matrices)
+    K, M, C = (None if A is None else A[loose][:, loose] for A in matrices)
     return K, M, C, x[loose]
 
 

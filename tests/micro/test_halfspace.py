@@ -8,8 +8,8 @@ import pytest
 from scipy.integrate import dblquad
 
 from brake_fenicsx.micro import halfspace
-from brake_fenicsx.micro.contact_law import bulk
 from brake_fenicsx.micro.halfspace import HalfSpace, half_space, love
+from brake_fenicsx.micro.law_of_surface import bulk
 
 
 @pytest.mark.parametrize("shape", [(16, 16), (15, 18), (9, 7)])

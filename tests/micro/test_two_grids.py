@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.micro import LawRecipe, contact_law, law_library, load_laws, save_laws
-from brake_fenicsx.micro.contact_law import low_passed
 from brake_fenicsx.micro.law import LawLibrary
+from brake_fenicsx.micro.law_of_surface import low_passed
 from brake_fenicsx.micro.scaled import scaled_laws
 from brake_fenicsx.surface import given_statistics, synthesise
 

@@ -1,10 +1,6 @@
 """What ParaView gets: values at the vertices, both parts of a mode, on one and on two processes."""
 
 import logging
-import os
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -24,7 +20,6 @@ from brake_fenicsx.report.contact_fields import (  # noqa: E402
 )
 from brake_fenicsx.report.fields import write_fields, write_phases  # noqa: E402
 from brake_fenicsx.report.render import render_mesh, render_mode  # noqa: E402
-from processes import parallel  # noqa: E402
 
 
 def vector_space(comm, n=3, cell=None):
@@ -104,7 +99,7 @@ def test_a_curved_mesh_loses_nothing(tmp_path):
     gmsh.option.setNumber("Mesh.MeshSizeMax", 0.6)
     gmsh.model.mesh.generate(3)
     gmsh.model.mesh.setOrder(2)
-    V = vector_space_on(mesh_from_gmsh(gmsh.model, MPI.COMM_SELF)[0])
+    V = vector_space_on(mesh_from_gmsh(gmsh.model)[0])
     gmsh.finalize()
     values = values_on(V).real.copy()
     path = write_fields(tmp_path / "m.xdmf", V, {"u": values})
@@ -317,25 +312,3 @@ def test_mesh_picture_has_one_colour_per_part(tmp_path, space):
 
     assert orange(one) == 0
     assert orange(two) > 0.01
-
-
-def test_two_processes_write_the_same_field(tmp_path):
-    mpirun = shutil.which("mpirun")
-    if mpirun is None:
-        pytest.skip("no mpirun")
-    given = parallel()
-    given["env"]["PYTHONPATH"] = os.pathsep.join(map(str, Path(__file__).parents[:2]))
-    code = (
-        "import sys; from mpi4py import MPI; import test_fields as t;"
-        "V = t.vector_space(MPI.COMM_WORLD); v = t.values_on(V);"
-        "t.write_fields(sys.argv[1], V, {'mode': v}); t.render_mode(sys.argv[2], V, v)"
-    )
-    paths = [str(tmp_path / "m.xdmf"), str(tmp_path / "m.png")]
-    command = [mpirun, "-n", "2", "--oversubscribe", sys.executable, "-c", code, *paths]
-    done = subprocess.run(command, capture_output=True, text=True, **given)
-    assert done.returncode == 0, done.stderr
-    grid = read(paths[0])
-    exact = field(grid.points.T.astype(float)).T
-    assert grid.n_points == 4**3
-    assert np.allclose(grid.point_data["mode_im"], exact.imag / LARGEST, atol=1e-12)
-    assert Path(paths[1]).stat().st_size > 10_000

@@ -16,6 +16,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.report.accuracy import draw_errors, draw_stages
 from brake_fenicsx.report.contact_figures import draw_contact_pressure
 from brake_fenicsx.report.counts import count, families
+from brake_fenicsx.report.driver_figures import draw_driver_maps
 from brake_fenicsx.report.figures import PLOTS, make_figures
 from brake_fenicsx.report.micro_figures import draw_contact_maps, draw_laws
 from brake_fenicsx.report.rundata import read_run
@@ -353,6 +354,24 @@ def test_pressure_is_drawn_on_the_facets_where_they_are_known(run_directory, tmp
     assert np.allclose(paths[0].vertices[:3], 1e3 * (centre[0] + shape)[:, :2])
     p, w = contact["p"][:2], contact["area"][:2]
     assert patches.get_array()[0] == pytest.approx(np.sum(p * w) / np.sum(w) / 1e6)
+
+
+def test_faces_that_stick_are_in_no_picture_of_the_pads(run):
+    """They may lie anywhere on the brake: here a third of the elements."""
+    n = int(run.contact["element"].max()) + 1
+    corners = np.zeros((0, 4, 3))
+    for kept, shown in ((3, 8 * 19), (2, 2 * 8 * 19 // 3)):
+        slides = np.arange(n) % 3 < kept
+        faces = {"corners": corners, "facet": np.full(n, -1), "slides": slides}
+        known = replace(run, faces=faces)
+        for figure in (draw_contact_pressure(known), draw_driver_maps(known)):
+            pads = [axis for axis in figure.axes if axis.get_title()]
+            for axis in pads:
+                (patches,) = (c for c in axis.collections if isinstance(c, PolyCollection))
+                assert abs(len(patches.get_paths()) - shown) <= 1
+    none = {**faces, "slides": np.zeros(n, bool)}
+    assert draw_contact_pressure(replace(run, faces=none)) is None
+    assert draw_driver_maps(replace(run, faces=none)) is None
 
 
 def test_error_curves_end_at_the_largest_error_of_each_approach(run):

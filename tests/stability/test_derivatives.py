@@ -7,10 +7,8 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from brake_fenicsx.macro.condensation import gathered
 from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.layer_mass import layer_masses
-from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.stability import ContactLinearisation, complex_modes
 from brake_fenicsx.stability.derivatives import (
     bilinear,
@@ -47,12 +45,7 @@ def found(scene, case):
 @cache
 def layer_matrices(scene):
     """Stiffness and mass of each layer."""
-    K = {
-        n: local_rows(
-            gathered(affine_parts(scene.mesh, scene.free, [{n: scene.materials[n].C}])[0])
-        )
-        for n in LAYERS
-    }
+    K = {n: affine_parts(scene.mesh, scene.free, [{n: scene.materials[n].C}])[0] for n in LAYERS}
     density = {n: scene.materials[n].rho for n in LAYERS}
     return K, layer_masses(scene.mesh, scene.free, density)
 

@@ -1,5 +1,7 @@
 """Full order with friction: Arnoldi from either side, and the count on the interface."""
 
+from petsc4py import PETSc
+
 import numpy as np
 import pytest
 import scipy.linalg as la
@@ -47,13 +49,26 @@ def test_all_modes_of_two_blocks(two_blocks, mu):
         assert np.all(modes.residual < 1e-9)
 
 
-def test_every_process_has_all_modes_of_distributed_matrices(two_blocks):
-    """Each gathers the matrices and solves for itself."""
+def shared(A, comm):
+    """A PETSc matrix whose rows the processes share."""
+    first, last = np.rint(A.shape[0] * np.array([comm.rank, comm.rank + 1]) / comm.size).astype(int)
+    rows = A[first:last]
+    size = ((last - first, A.shape[0]), (last - first, A.shape[1]))
+    B = PETSc.Mat().createAIJ(size, csr=(rows.indptr, rows.indices, rows.data), comm=comm)
+    B.assemble()
+    return B
+
+
+def test_distributed_matrices_of_petsc(two_blocks):
+    """Each process gathers the matrices and solves for itself."""
     scene = two_blocks("guided")
     k = stiffness(scene.w.size, 1)
-    K = tangent(scene.elastic.K, scene.N, scene.T, scene.w, k, 0.3)
+    K, M = (
+        shared(A, scene.comm)
+        for A in (tangent(scene.K, scene.N, scene.T, scene.w, k, 0.3), scene.M)
+    )
     face = contact_interface(scene.N, scene.T, scene.w * k, 0.3)
-    modes = complex_modes(scene.elastic.M, None, K, BAND, friction=face)
+    modes = complex_modes(M, None, K, BAND, friction=face)
     agrees(modes, all_lambda(scene.tangent(k, 0.3), scene.M), BAND, rigid=0.0)
     assert modes.right.shape == modes.left.shape == (K.getSize()[0], len(modes))
 

@@ -13,7 +13,7 @@ from brake_fenicsx.stability import modes as module
 from brake_fenicsx.stability.eigensolvers import symmetric
 from brake_fenicsx.stability.eigensolvers.eigenpairs import QuadraticPencil, residuals
 from brake_fenicsx.stability.eigensolvers.rows import undamped_rows
-from brake_fenicsx.stability.modes import Count, Modes, track_modes
+from brake_fenicsx.stability.modes import Count, Modes
 
 pytestmark = pytest.mark.alone
 
@@ -279,32 +279,6 @@ def test_a_kappa_within_its_error_of_zero_may_be_a_divergence():
     _, lam, spread, real = undamped_rows(kappa, np.array([1e-8, 1e-8, 1e-8]), (0.0, 1.0))
     rows = record(lam, spread, real)
     assert rows.verdict.count("unstable") == 0 and rows.verdict[-1] == "stable"
-
-
-def test_families_follow_permuted_modes():
-    """Shuffled, rescaled in the complex plane and slightly mixed: numbers stay with shapes."""
-    rng = np.random.default_rng(0)
-    X = la.qr(rng.normal(size=(12, 6)), mode="economic")[0].astype(complex)
-    f = np.linspace(1000, 1400, 6)
-    shapes, frequencies, wanted = [X], [f], [np.arange(6)]
-    for _ in range(8):
-        turn = rng.permutation(6)
-        noise = 0.1 * rng.normal(size=X.shape)
-        phase = np.exp(2j * np.pi * rng.random(6)) * rng.uniform(0.1, 10, 6)
-        shapes.append((X + noise)[:, turn] * phase)
-        frequencies.append(f[turn] * (1 + 0.01 * rng.normal(size=6)))
-        wanted.append(turn)
-    for got, want in zip(track_modes(shapes, frequencies), wanted, strict=True):
-        np.testing.assert_array_equal(got, want)
-
-
-def test_a_new_shape_founds_a_family_and_a_distant_frequency_too():
-    X = np.eye(4, dtype=complex)
-    first = (X[:, :2], np.array([100.0, 200.0]))
-    second = (X[:, [2, 0]], np.array([150.0, 101.0]))
-    third = (X[:, [0]], np.array([900.0]))
-    got = track_modes([first[0], second[0], third[0]], [first[1], second[1], third[1]])
-    assert [g.tolist() for g in got] == [[0, 1], [2, 0], [3]]
 
 
 @pytest.mark.parametrize("c", [None, 0.5])

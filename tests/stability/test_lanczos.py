@@ -5,7 +5,6 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
-from brake_fenicsx.macro.condensation import petsc_matrix
 from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.stability.eigensolvers.lanczos import lowest_modes
 
@@ -13,7 +12,7 @@ pytestmark = pytest.mark.alone
 
 
 def factored(A):
-    return Factor(petsc_matrix(sp.csr_matrix(A)))
+    return Factor(sp.csr_matrix(A))
 
 
 @pytest.mark.parametrize("block", [1, 3, 32])

@@ -10,8 +10,8 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
-from brake_fenicsx.macro.condensation import compliance, gathered, petsc_matrix
-from brake_fenicsx.macro.solver import local_rows
+from brake_fenicsx.macro.condensation import compliance
+from brake_fenicsx.macro.solver import petsc_matrix
 from brake_fenicsx.stability import (
     ContactLinearisation,
     Reduced,
@@ -114,9 +114,7 @@ def test_static_compliance(two_blocks):
         if x:
             c = coefficients()(x)
             K = K + sum(a * A for a, A in zip(c, unit_changes(scene), strict=True))
-        ref = compliance(
-            petsc_matrix(K.tocsr()), scene.N, scene.T, scene.w, scene.f, scene.k0, scene.comm
-        )
+        ref = compliance(K.tocsr(), scene.N, scene.T, scene.w, scene.f, scene.k0, scene.comm)
         n, free = scene.w.size, len(found[0]) - scene.w.size
         assert free == 3
         J = np.eye(n + free) + found[0] * np.r_[scene.w * scene.k0, np.ones(free)]
@@ -308,7 +306,7 @@ def test_a_body_that_turns_the_other_way_is_no_image(two_blocks, sense, images):
 
     scene = two_blocks("coarse", alone=True)
     twin = mirrored(scene)
-    G = local_rows(gathered(gyroscopic(scene.mesh, scene.free, {"plate.body": 7200.0}, 1.0)))
+    G = gyroscopic(scene.mesh, scene.free, {"plate.body": 7200.0}, 1.0)
     changes = [sp.block_diag([G, sense * twin.P @ G @ twin.P.T]).tocsr(), twin.M]
     bodies = split_substructures(
         twin.K, twin.M, twin.interface, changes=changes, C=twin.M, points=twin.points
@@ -417,11 +415,10 @@ def test_band_that_starts_above_zero(two_blocks):
 
 @pytest.mark.alone
 def test_petsc_matrices_and_a_communicator(two_blocks):
-    """PETSc matrices, distributed or not, are taken as they are."""
+    """PETSc matrices are taken as they are."""
     scene = two_blocks("coarse", alone=True)
-    made = Reduced(
-        scene.elastic.K, scene.elastic.M, scene.N, scene.T, scene.w, K0, BAND, comm=MPI.COMM_SELF
-    )
+    K, M = petsc_matrix(scene.K), petsc_matrix(scene.M)
+    made = Reduced(K, M, scene.N, scene.T, scene.w, K0, BAND, comm=MPI.COMM_SELF)
     k = scattered(scene, 2)
     exact = all_lambda(scene.tangent(k, 0.5), scene.M)
     assert agrees(made.modes(k, 0.5), exact, BAND)[0] < 2e-6

@@ -1,10 +1,20 @@
 """Modes against CalculiX: another program, its own elements, contact and friction."""
 
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
+from mpi4py import MPI
+
+import numpy as np
 import pytest
+from scipy.sparse.linalg import eigsh
+
+from brake_fenicsx.macro.brake import assemble_brake
+from brake_fenicsx.macro.superelement import read_superelement
+from brake_fenicsx.scene import read_scene
+from brake_fenicsx.scene.parts import Matrices
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 
@@ -44,3 +54,39 @@ def test_flutter_of_a_block(bench, tmp_path):
     assert (grows > 1.0).sum() == 1
     assert growth[grows > 1.0] == pytest.approx(grows[grows > 1.0], rel=0.03)
     assert growth[grows <= 1.0] == pytest.approx(0.0, abs=1.0)
+
+
+def test_matrices_of_a_body_from_calculix(bench, tmp_path):
+    """A bracket by the matrices that CalculiX stores has the modes of the bracket meshed here:
+    with its mass of four points a cell the same, with the exact one within 1 % of the square."""
+    parts = [
+        'mesh.cells="tetrahedra"', "parts.block.size='8 mm'", "parts.plate.size='12 mm'",
+        "parts.plate.z='-40 mm'", "contact.block_plate.search='1 m'", "supports={}", "loads={}",
+    ]  # fmt: skip
+    scene = read_scene(BLOCK, parts)
+    brake = assemble_brake(scene, MPI.COMM_SELF)
+    deck = bench.Deck(scene, brake, 1.0, 0.0, 1)
+    text = "\n".join(deck.real_modes()).replace("*FREQUENCY", "*FREQUENCY, SOLVER=MATRIXSTORAGE")
+    (tmp_path / "brake.inp").write_text(text + "\n")
+    subprocess.run(["ccx", "brake"], cwd=tmp_path, capture_output=True, check=True)
+    upper = deck.nodes("block.top")
+    own = np.unique(deck.cells[brake.mesh.cell_tags.find(brake.mesh.layers["block.body"])])
+    rows = [
+        f"{n + 1},{x:.17g},{y:.17g},{z:.17g},{'top' if n in upper else ''}"
+        for n, (x, y, z) in zip(own, deck.x[own], strict=True)
+    ]
+    (tmp_path / "nodes.csv").write_text("\n".join(rows) + "\n")
+    files = Matrices("brake.sti", "brake.mas", "nodes.csv", ("m", "kg", "s"), dofs="brake.dof")
+    body = read_superelement(tmp_path, files)
+    block = body.rows[: len(own)].reshape(-1)
+    K, M = (A[block][:, block] for A in (body.K, body.M))
+    mine = np.sort(np.concatenate([3 * own + c for c in range(3)]))
+    found, here = (
+        np.sort(eigsh(A, 12, B, sigma=-1e8, return_eigenvectors=False))[6:]
+        for A, B in ((K, M), (brake.K[mine][:, mine], brake.M[mine][:, mine]))
+    )
+    assert body.sets["top"].size == upper.size
+    np.testing.assert_allclose(found, here, rtol=1e-2)
+    few = bench.mass_of_few_points(scene, brake)[mine][:, mine]
+    same = np.sort(eigsh(brake.K[mine][:, mine], 12, few, sigma=-1e8, return_eigenvectors=False))
+    np.testing.assert_allclose(found, same[6:], rtol=1e-6)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from brake_fenicsx.geometry import hertz_base, hertz_cylinder, hertz_slab, hertz_sphere
 
-from brake_fenicsx.macro.condensation import compliance, gathered_vector
+from brake_fenicsx.macro.condensation import compliance
 from brake_fenicsx.macro.contact import contact_elements
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.equilibrium import equilibrium
@@ -36,9 +36,7 @@ def pressed(parts, faces, supports, load, table, penalty, discretisation):
     sliding = Translation((0, 1.0, 0), 1.0)
     c = contact_elements(mesh, elastic.free, faces, sliding, discretisation)
     n = c.w.size
-    seen = compliance(
-        elastic.K, c.N, c.T, c.w, gathered_vector(elastic.f), np.full(n, 1e14), MPI.COMM_SELF
-    )
+    seen = compliance(elastic.K, c.N, c.T, c.w, elastic.f, np.full(n, 1e14), MPI.COMM_SELF)
     laws = EnrichedGap(OneLaw(linear_law(penalty)), np.zeros(n, int), np.zeros(n))
     eq = equilibrium(SimpleNamespace(w=c.w, g0=c.g0, compliance=seen), laws)
     return c, eq, gather_face(mesh, elastic.free, faces[0])

@@ -42,6 +42,12 @@ def test_what_bodies_and_laws_depend_on():
     other_bodies = "parts.block.size='9 mm'", "materials.lining.rho='2400 kg/m^3'"
     for change in other_bodies:
         assert facts("bodies", change) != facts("bodies")
+    stuck = "contact.block_plate.slip=stuck", "contact.block_plate.tangential_stiffness='1e12 Pa/m'"
+    stiffer = stuck[1].replace("1e12", "2e12")
+    zone = "contact.block_plate.zone={ x = [0, '1 m'] }"
+    keys = [facts("bodies", *more) for more in ((), stuck, (stuck[0], stiffer), (zone,))]
+    assert all(keys[i] != keys[j] for i in range(4) for j in range(i))
+    assert facts("bodies", *stuck, "contact.block_plate.friction=0.1") == keys[1]
     for change in ("samples.seed=7", "samples.n=5", "micro.laws=7"):
         assert facts("bodies", change) == facts("bodies")
     assert facts("laws", "micro.laws=7") != facts("laws")

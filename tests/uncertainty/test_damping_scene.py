@@ -11,7 +11,6 @@ import pytest
 import scipy.sparse as sp
 
 from brake_fenicsx.macro.brake import assemble_brake
-from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.damping import active_terms
@@ -70,15 +69,15 @@ def lining(brake):
     """Stiffness of the lining alone: K is linear in its constants."""
     names = {"C11": 5.94, "C12": 0.76, "C13": 0.98, "C33": 2.27, "C44": 1.18}
     half = brake_of(*(f"materials.lining.{n}='{v / 2} GPa'" for n, v in names.items()))
-    return 2 * (local_rows(brake.K) - local_rows(half.K))
+    return 2 * (brake.K - half.K)
 
 
 def alone_alpha(brake, data):
-    return 3.0 * local_rows(brake.M)
+    return 3.0 * brake.M
 
 
 def alone_beta(brake, data):
-    return 1e-9 * local_rows(brake.K)
+    return 1e-9 * brake.K
 
 
 def alone_loss(brake, data):
@@ -118,7 +117,7 @@ def test_each_term_moves_the_eigenvalues_as_perturbation_theory_says(term, tmp_p
     brake = brake_of(*(c for c in changes if "damping" not in c))
     K = tangent(brake.K, brake.N, brake.T, brake.w, data["k"], data["mu"])
     m = complex_modes(brake.M, None, K, (0.0, 22e3), zeta_max=0.3)
-    left, M, C = m.left.conj(), local_rows(brake.M), alone(brake, data)
+    left, M, C = m.left.conj(), brake.M, alone(brake, data)
     overlap = np.einsum("im,im->m", left, M @ m.right)
     move = -np.einsum("im,im->m", left, C @ m.right) / (2 * overlap)
     moved = s - m.s[: s.size]
@@ -180,7 +179,7 @@ def test_terms_of_the_bodies_do_not_depend_on_the_number_of_processes(comm):
     np.testing.assert_allclose(invariants(together), invariants(alone), rtol=1e-10)
     # Of it the skew part is the disc's alone, for the speed and the sense of the scene.
     b = brakes[1]
-    G = local_rows(gyroscopic(b.mesh, b.elastic.free, {"disc.body": 7200.0}, 5.0))
+    G = gyroscopic(b.mesh, b.elastic.free, {"disc.body": 7200.0}, 5.0)
     skew = 0.5 * (alone - alone.T)
     assert abs(skew - G).max() < 1e-12 * abs(G).max()
     sets = [*changes, "motion.speed='-5 rad/s'"]

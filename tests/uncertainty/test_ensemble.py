@@ -9,7 +9,7 @@ import pytest
 
 from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.store import Store
-from brake_fenicsx.uncertainty.ensemble import run_ensemble, sample_file
+from brake_fenicsx.uncertainty.ensemble import run_ensemble
 from brake_fenicsx.uncertainty.results import Results
 
 COMM = MPI.COMM_WORLD
@@ -27,7 +27,7 @@ def store(tmp_path):
 
 
 def value(store, task):
-    return store.load(sample_file(task))
+    return store.samples.load(task)
 
 
 def test_every_sample_is_done_exactly_once(store):
@@ -40,7 +40,7 @@ def test_every_sample_is_done_exactly_once(store):
 
 def test_finished_samples_are_not_done_again(store):
     if COMM.rank == 0:
-        store.save(sample_file(TASKS[4]), status="ok", x=np.array(-1))
+        store.samples.save(TASKS[4], status="ok", x=np.array(-1))
     COMM.Barrier()
     run_ensemble(TASKS, lambda t: {"x": np.array(t[1])}, store, COMM)
     assert int(value(store, TASKS[4])["x"]) == -1
@@ -61,9 +61,7 @@ def test_failing_sample_is_kept_with_its_error(store):
 def test_friction_is_printed_without_the_round_off_of_a_mean(store):
     task = TASKS[0]
     if COMM.rank == 0:
-        store.save(
-            sample_file(task), status="ok", mu=np.array([0.09999999999999996]), random_names=[]
-        )
+        store.samples.save(task, status="ok", mu=np.array([0.09999999999999996]), random_names=[])
     COMM.Barrier()
     assert next(Results(store, [task]).samples())[4] == 0.1
 

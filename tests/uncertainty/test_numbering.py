@@ -1,4 +1,4 @@
-"""Vectors kept in a results folder find their dofs again, whatever cut the mesh."""
+"""The dofs of a results folder: the same on every process, and refused where they are others."""
 
 from pathlib import Path
 
@@ -9,8 +9,6 @@ import pytest
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.brake import assemble_brake
-from brake_fenicsx.macro.condensation import gathered
-from brake_fenicsx.macro.solver import local_rows
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.store import Store
 from brake_fenicsx.uncertainty.numbering import FILE, Numbering
@@ -37,7 +35,7 @@ LUMPED = ["mesh.degree=1", "mesh.mass='lumped'"]
 
 def brake(comm, *changes):
     made = assemble_brake(read_scene(BLOCK, [*COARSE, *changes]), comm)
-    return made, local_rows(gathered(made.K))
+    return made, made.K
 
 
 @pytest.fixture
@@ -51,37 +49,33 @@ def store(tmp_path):
 
 
 @pytest.mark.parametrize("changes", [[], TIED, [*TIED, *LUMPED]])
-def test_order_of_one_process_and_of_all(store, changes):
-    """The stiffness of the one is that of the other, row by row and column by column."""
-    own = Store(store.path(f"alone{COMM.rank}"))
-    own.path("cache").mkdir(parents=True)
-    alone, K = brake(MPI.COMM_SELF, *changes)
-    Numbering(alone, own, MPI.COMM_SELF)
-    shared, K_shared = brake(COMM, *changes)
-    numbering = Numbering(shared, own, COMM)
-    order = numbering.kept(np.arange(len(shared.f)))
-    assert abs(K_shared[order][:, order] - K).max() < 1e-12 * abs(K).max()
-    np.testing.assert_allclose(numbering.kept(shared.f), alone.f, atol=1e-12)
-    assert abs(shared.N[:, order] - alone.N).max() < 1e-12
-    np.testing.assert_array_equal(numbering.present(alone.f[:, None])[order, 0], alone.f)
+def test_every_process_has_the_same_brake(store, changes):
+    """Dof by dof, and entry by entry; nothing in K tells the bodies of a tie apart."""
+    made, K = brake(COMM, *changes)
+    numbering = Numbering(made, store, COMM)
+    assert numbering.mark == COMM.bcast(numbering.mark)
+    first = COMM.bcast((K, made.M, made.N, made.f, numbering.body))
+    for A, B in zip((K, made.M, made.N), first, strict=False):
+        assert abs(A - B).max() <= 1e-14 * abs(B).max()
+    np.testing.assert_allclose(made.f, first[3], atol=1e-12)
+    np.testing.assert_array_equal(numbering.body, first[4])
+    assert len(np.unique(numbering.body)) == (3 if changes else 2)
+    again = Numbering(made, store, COMM)
+    assert again.mark == numbering.mark
 
 
-def test_any_order_is_found_again(store):
+def test_another_order_is_refused(store):
+    """As another version of DOLFINx might number them."""
     made, _ = brake(COMM)
-    first = Numbering(made, store, COMM)
+    Numbering(made, store, COMM)
     COMM.Barrier()
-    x = np.arange(2.0 * len(made.f)).reshape(-1, 2)
-    assert first.kept(x) is x
-    shuffled = np.random.default_rng(0).permutation(len(x))
     keys = store.load(FILE)["keys"]
     COMM.Barrier()
     if COMM.rank == 0:
-        store.save(FILE, keys=keys[shuffled])
+        store.save(FILE, keys=keys[::-1])
     COMM.Barrier()
-    again = Numbering(made, store, COMM)
-    assert again.mark == first.mark
-    np.testing.assert_array_equal(again.kept(x), x[shuffled])
-    np.testing.assert_array_equal(again.present(x[shuffled]), x)
+    with pytest.raises(SceneError, match="of gmsh or DOLFINx; choose another folder"):
+        Numbering(made, store, COMM)
 
 
 @pytest.mark.parametrize("change", ["parts.block.size='9 mm'", "parts.block.height='20.1 mm'"])

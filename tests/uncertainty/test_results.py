@@ -25,7 +25,8 @@ def results(*samples):
     """Of one approach, its stored samples."""
     tasks = [("fast", k) for k in range(len(samples))]
     files = iter(samples)
-    return Results(SimpleNamespace(load_sample=lambda name: next(files)), tasks)
+    store = SimpleNamespace(samples=SimpleNamespace(load=lambda task: next(files)))
+    return Results(store, tasks)
 
 
 def test_open_points_of_a_sample_reach_its_row_and_the_summary(tmp_path):

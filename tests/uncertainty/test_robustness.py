@@ -119,7 +119,7 @@ def results():
     families = {tasks[0]: np.array([1, 0, 2]), tasks[1]: np.array([0, 4])}
     return SimpleNamespace(
         tasks=tasks, stored={tasks[0]: a, tasks[1]: b, tasks[2]: {"status": "no"}},
-        families=lambda: families,
+        families=families,
     )  # fmt: skip
 
 

@@ -70,6 +70,8 @@ def test_values_replace_and_complete_the_drawn_ones():
         assert given.materials["lining"][3, 3] == 1e9
     with pytest.raises(SceneError, match=r"friction = -0.1: must be zero or more"):
         drawn("classical", {MU: -0.1})
+    with pytest.raises(SceneError, match="pressure = '3 bar': write a number, in SI"):
+        drawn("classical", {LOAD: "3 bar"})
 
 
 def test_a_swept_modulus_is_that_of_full_order():

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.scene.mesh import MeshTable
 
 from .quality import quality
-from .rawmesh import RawMesh, with_mirror_image
+from .rawmesh import RawMesh, with_mirror_image, without_unused_nodes
 from .swept import footprint, sweep
 
 Ints = NDArray[np.int64]
@@ -243,11 +243,13 @@ def gathered(
     cells, cell_tag = collect(3, volumes, CELL_TYPE[shape, order])
     facets, facet_tag = collect(2, faces, FACET_TYPE[shape, order])
     corners = 3 if shape == "tetrahedron" else 4
-    return RawMesh(
+    mesh = RawMesh(
         x.reshape(-1, 3)[sort], shape, cells, cell_tag, facets[:, :corners], facet_tag,
         {f"{part}.{name}": i for i, name in enumerate(volumes, 1)},
         {f"{part}.{name}": i for i, name in enumerate(faces, 1)},
     )  # fmt: skip
+    # gmsh may leave nodes behind that no cell has; DOLFINx crashes on them.
+    return without_unused_nodes(mesh)
 
 
 def discrete_model(gmsh: Any, mesh: RawMesh, facets: Ints) -> Any:

@@ -1,4 +1,4 @@
-"""A mesh as plain arrays, on one process, before it is distributed.
+"""A mesh as plain arrays, on one process.
 
 Builders and mesh files both end here; orientation, quality and splitting are checked here. Nodes of
 a cell stand in gmsh's order: corners, middles of edges, and for 27-node hexahedra middles of faces

@@ -14,7 +14,6 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
-from brake_fenicsx.macro.condensation import petsc_matrix
 from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.memory import release_memory
 
@@ -72,7 +71,7 @@ def shifted_factor(
     """
     share = SHIFT
     while share < 2 * largest:
-        factor = Factor(petsc_matrix((K + share * high * M).tocsr()), "brake_shifted_")
+        factor = Factor((K + share * high * M).tocsr(), "brake_shifted_")
         if not factor.negative_pivots:
             return factor, -share * high
         factor.destroy()
@@ -97,7 +96,7 @@ def count_below(K: sp.csr_matrix, M: sp.csr_matrix, kappa: float) -> tuple[int, 
     for step in (0.0, 1e-6, 1e-4, 1e-3):
         at = kappa * (1 + step) if kappa > 0 else kappa * (1 - step)
         try:
-            factor = Factor(petsc_matrix((K - at * M).tocsr()), "brake_inertia_")
+            factor = Factor((K - at * M).tocsr(), "brake_inertia_")
         except InaccurateResult:
             continue
         count = factor.negative_pivots

@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import NotConverged
-from brake_fenicsx.macro.condensation import petsc_matrix
+from brake_fenicsx.macro.solver import petsc_matrix
 
 from ..eigensolvers.eigenpairs import matched
 from ..eigensolvers.regions import RIM, opening

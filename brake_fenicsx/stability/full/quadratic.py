@@ -20,7 +20,6 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from brake_fenicsx.macro.condensation import petsc_matrix
 from brake_fenicsx.macro.solver import Factor
 
 from ..eigensolvers.arnoldi import nearest_modes
@@ -82,7 +81,7 @@ def _operator(
     M: sp.csr_matrix, C: sp.csr_matrix, K: sp.csr_matrix, s: float, omega: float
 ) -> tuple[Callable[[Array], Array], Factor]:
     """The operator of the largest theta on blocks of states, and the factor behind it."""
-    shifted = petsc_matrix((s**2 * M + s * C + K).tocsr())
+    shifted = (s**2 * M + s * C + K).tocsr()
     lu, n = Factor(shifted, "brake_lu_", symmetric=False), K.shape[0]
     first = (C + s * M).tocsr()
 

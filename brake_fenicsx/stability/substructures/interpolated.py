@@ -54,12 +54,19 @@ class InterpolatedMoments:
         self._gain: Array = np.zeros(len(degrees))
         self._checks: list[Estimate] = []
         self._D: list[Array] = []
-        if known is not None:
+        # Of a body without parameters: all moments in one array, which may be mapped from a file.
+        self._constant: Array = np.zeros((0, 0, 0))
+        if known is not None and not dimension:
+            self._constant = known["D"]
+        elif known is not None:
             self._D = [known[f"D{n}"] for n in range(len(degrees))]
             self._checks, self._gain = [*known["checks"]], known["gain"]
 
     def add(self, i: int, found: Array) -> None:
         """Moments at point i, shape (counts[i], rows, columns); points come in their order."""
+        if not self.points[i].size:
+            self._constant = found
+            return
         if i == 0:
             self._D = [np.empty((end, *found.shape[1:])) for end in self._ends]
         if i < self._ends[0]:
@@ -74,7 +81,10 @@ class InterpolatedMoments:
 
     def arrays(self) -> dict[str, NDArray]:
         """What was computed, to be kept in a file."""
-        checks = np.array(self._checks, np.float32).reshape(-1, len(self._D), *self._D[0].shape[1:])
+        if not self._D:
+            return {"D": self._constant}
+        shape = len(self._checks), len(self._D), *self._D[0].shape[1:]
+        checks = np.array(self._checks, np.float32).reshape(shape)
         made = {f"D{n}": D for n, D in enumerate(self._D)}
         return {"checks": checks, "gain": self._gain, **made}
 
@@ -86,9 +96,9 @@ class InterpolatedMoments:
             degree more would change, and the errors at the points that were checked; how much
             larger these may be at this point.
         """
-        D, step = self._interpolated(own)
         if not own.size:
-            return D, [], 1.0
+            return self._constant, [], 1.0
+        D, step = self._interpolated(own)
         # One degree more gains about what it gains at the points that were checked.
         gain = self._gain[:, None, None]
         more = np.multiply(step, gain, dtype=np.float32, casting="same_kind")
@@ -97,10 +107,6 @@ class InterpolatedMoments:
     def _interpolated(self, own: Array) -> tuple[Array, Array]:
         """Moments, and the step from one degree lower."""
         D = np.empty((len(self._D), *self._D[0].shape[1:]))
-        if not own.size:
-            for n, values in enumerate(self._D):
-                D[n] = values[0]
-            return D, D[:0]
         step = np.empty_like(D)
         for n, (values, degree) in enumerate(zip(self._D, self._degrees, strict=True)):
             weights = self._box.weights(own, degree)

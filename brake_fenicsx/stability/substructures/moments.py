@@ -30,7 +30,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
-from brake_fenicsx.macro.condensation import petsc_matrix, shared_columns
+from brake_fenicsx.macro.condensation import shared_columns
 from brake_fenicsx.macro.solver import Factor, blocks
 
 from .substructure import Substructure
@@ -106,7 +106,7 @@ class Complement:
         """
         size = abs(P0).max()
         symmetric = abs(P0 - P0.T).max() <= SYMMETRIC * size
-        self.factor = Factor(petsc_matrix(P0), "brake_residual_", symmetric=symmetric)
+        self.factor = Factor(P0, "brake_residual_", symmetric=symmetric)
         if symmetric and self.factor.negative_pivots:
             self.factor.destroy()
             raise InaccurateResult(

@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
-from brake_fenicsx.macro.condensation import petsc_matrix
 from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.processes import in_turns
 
@@ -162,7 +161,7 @@ def kept_modes(
     K, sigma = body.stiffness(centre), SIGMA * omega**2
     # One factor at a time.
     expected, limit = count_below(K, body.M, (cutoff * omega) ** 2)
-    factor = Factor(petsc_matrix((K + sigma * body.M).tocsr()), "brake_modes_")
+    factor = Factor((K + sigma * body.M).tocsr(), "brake_modes_")
     if factor.negative_pivots:
         factor.destroy()
         raise InaccurateResult("the stiffness of a body is not positive definite")

@@ -209,7 +209,7 @@ def mirror_image(original: Substructure, other: Substructure) -> MirrorImage | N
         distance, dofs = tree.query(wanted)
         if distance.max() > SAME_PLACE * size or np.unique(dofs).size < dofs.size:
             continue
-        image = _reordered(original, other, dofs, np.array(turn)[direction])
+        image = _reordered(original, other, dofs, np.array([*turn, 1.0])[direction])
         if image is not None:
             return image
     return None

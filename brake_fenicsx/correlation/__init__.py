@@ -1,0 +1,1 @@
+"""Modes of one part of a scene against those of a modal test."""

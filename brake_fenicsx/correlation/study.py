@@ -1,0 +1,227 @@
+"""Modes of a part against those of its test: table, MAC matrix and picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.report.style import BLUE, GREY, VERMILION, house_style, new_figure, panel, save
+from brake_fenicsx.scene import Scene, read_scene
+from brake_fenicsx.tables import Value, text_table, write_rows
+
+from .measured import Measured, read_modes
+from .pairing import LEAST, Pairs, paired
+from .part_modes import PartModes, part_modes, shapes_at
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = NDArray[np.float64]
+
+# Modes are computed up to this multiple of the highest measured frequency.
+BEYOND = 1.3
+
+COLUMNS = (
+    "test_mode", "test_frequency_hz", "test_damping_ratio", "model_mode", "model_frequency_hz",
+    "difference", "mac", "combined",
+)  # fmt: skip
+HEADS = ("test", "[Hz]", "damping ratio", "model", "[Hz]", "difference", "MAC", "")
+
+
+def correlate(
+    scene: str | Path,
+    test: str | Path,
+    part: str | None = None,
+    supported: bool = False,
+    directory: str | Path | None = None,
+    overrides: Sequence[str] = (),
+    write: bool = True,
+) -> str:
+    """Compare the modes of a part with measured ones.
+
+    Processes do the same, each for itself: PETSc waits at its end for one that has not used it.
+
+    Args:
+        scene: path of the scene.
+        test: universal file of the test.
+        part: name of the part; may be left out where the scene has one.
+        supported: with the supports, springs and masses of the part's faces; free if not.
+        directory: where correlation.csv, mac.csv and correlation.png, .svg are written;
+            SCENE-correlation in the working directory if not given.
+        overrides: "key=value" replacements in the scene.
+        write: whether this process writes the files.
+
+    Returns:
+        The table and where the files are, for the terminal.
+
+    Raises:
+        SceneError: scene, test or part is wrong; nothing was written.
+    """
+    parsed = read_scene(scene, overrides)
+    name = _part(parsed, part)
+    measured = read_modes(test)
+    highest = BEYOND * float(measured.frequency.max())
+    modes = part_modes(parsed, name, measured.points, highest, supported)
+    if not modes.frequency.size:
+        raise SceneError(
+            f"{measured.file}: part {name!r} has no elastic mode below {highest:.0f} Hz,"
+            f" {BEYOND} times the highest measured frequency; check materials and --part"
+        )
+    values, distance, size = shapes_at(modes, measured.points)
+    _check_distance(measured, name, distance, size)
+    values = np.einsum("pac,pcm->pam", measured.axes, values)
+    found = paired(
+        measured.shapes[:, measured.seen], measured.frequency, values[measured.seen].T,
+        modes.frequency,
+    )  # fmt: skip
+    rows = _rows(measured, modes, found)
+    folder = Path.cwd() / f"{parsed.file.stem}-correlation" if directory is None else directory
+    folder = Path(folder)
+    if write:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_rows(folder / "correlation.csv", COLUMNS, rows)
+        _write_mac(folder, measured, modes, found)
+        _draw(folder, measured, modes, found)
+    held = "supported" if supported else "free"
+    return (
+        f"part {name}, {held}: {modes.rigid} rigid-body modes left out;"
+        f" {len(measured.points)} points, {measured.seen.sum()} directions, at most"
+        f" {1e3 * distance.max():.3g} mm from the surface (median"
+        f" {1e3 * np.median(distance):.3g} mm)\n"
+        f"{text_table(HEADS, [_shown(row) for row in rows])}\n"
+        f"open {folder / 'correlation.png'}"
+    )
+
+
+def _part(scene: Scene, name: str | None) -> str:
+    """The part that was named, or the only one."""
+    known = [n for n, part in scene.parts.items() if part.matrices is None]
+    if name is None and len(known) != 1:
+        raise SceneError(
+            f"{scene.file}: parts: the scene has {', '.join(known)}; name one with --part"
+        )
+    if name is not None and name not in known:
+        given = "given by matrices: correlate it in the code that wrote them"
+        why = given if name in scene.parts else "no such part"
+        raise SceneError(
+            f"{scene.file}: --part {name}: {why}; of parts with a mesh there are {', '.join(known)}"
+        )
+    return name or known[0]
+
+
+def _check_distance(measured: Measured, part: str, distance: Array, size: Array) -> None:
+    """Refuse points that do not lie on the part, or all in one place of it.
+
+    Raises:
+        SceneError: a point is off by more than half a facet, or all lie within as much.
+    """
+    remedy = (
+        "correct the unit (dataset 164, metres if there is none), or give nodes in the axes of the"
+        " scene"
+    )
+    extent = float(np.ptp(measured.points, axis=0).max())
+    if extent < size.min():
+        raise SceneError(
+            f"{measured.file}: all nodes lie within {1e3 * extent:.3g} mm, half a facet of part"
+            f" {part!r} ({1e3 * size.min():.3g} mm): {remedy}"
+        )
+    i = int(np.argmax(distance / size))
+    if distance[i] > size[i]:
+        place = ", ".join(f"{1e3 * x:.4g}" for x in measured.points[i])
+        raise SceneError(
+            f"{measured.file}: node {measured.label[i]} at ({place}) mm is"
+            f" {1e3 * distance[i]:.4g} mm from the surface of part {part!r}, more than half a facet"
+            f" ({1e3 * size[i]:.3g} mm): {remedy}"
+        )
+
+
+def _rows(measured: Measured, modes: PartModes, found: Pairs) -> list[list[Value]]:
+    """Measured modes with their partners, then computed modes that have none."""
+    rows: list[list[Value]] = []
+    for i, (f, ratio) in enumerate(zip(measured.frequency, measured.damping, strict=True)):
+        own: list[Value] = [i + 1, float(f), float(ratio)]
+        if (j := int(found.mode[i])) < 0:
+            rows.append([*own, None, None, None, None, None])
+            continue
+        other = float(modes.frequency[j])
+        mac = float(found.mac[i, j])
+        rows.append([*own, j + 1, other, other / float(f) - 1, mac, int(found.combined[j])])
+    for j in np.setdiff1d(np.arange(modes.frequency.size), found.mode):
+        rows.append([None, None, None, int(j) + 1, float(modes.frequency[j]), None, None,
+                     int(found.combined[j])])  # fmt: skip
+    return rows
+
+
+def _shown(row: list[Value]) -> list[Value]:
+    """A row for the terminal."""
+    named = dict(zip(COLUMNS, row, strict=True))
+    change, combined = named["difference"], named["combined"]
+    note = f"no partner (MAC < {LEAST})" if change is None else ""
+    if change is not None and combined is not None and int(combined) > 1:
+        note = f"best combination of {combined} modes"
+    hertz = [None if (f := named[k]) is None else f"{float(f):.1f}"
+             for k in ("test_frequency_hz", "model_frequency_hz")]  # fmt: skip
+    mac = named["mac"]
+    return [
+        named["test_mode"], hertz[0], named["test_damping_ratio"], named["model_mode"], hertz[1],
+        None if change is None else f"{100 * float(change):+.2f} %",
+        None if mac is None else f"{float(mac):.3f}", note,
+    ]  # fmt: skip
+
+
+def _write_mac(folder: Path, measured: Measured, modes: PartModes, found: Pairs) -> None:
+    heads = ("test_mode", "test_frequency_hz", "model_mode", "model_frequency_hz", "mac")
+    rows = (
+        (i + 1, float(f), j + 1, float(g), float(found.mac[i, j]))
+        for i, f in enumerate(measured.frequency)
+        for j, g in enumerate(modes.frequency)
+    )
+    write_rows(folder / "mac.csv", heads, rows)
+
+
+def _draw(folder: Path, measured: Measured, modes: PartModes, found: Pairs) -> None:
+    """MAC matrix, pairs framed, and beside it the difference of their frequencies."""
+    with house_style():
+        height = float(np.clip(1.4 + 0.27 * len(found.mac), 2.6, 9.0))
+        figure, axes = new_figure(1, 2, height, sharey=True, width_ratios=[3, 1])
+        _draw_mac(axes[0, 0], measured, modes, found)
+        axis = axes[0, 1]
+        rows = np.flatnonzero(found.mode >= 0)
+        change = 100 * (modes.frequency[found.mode[rows]] / measured.frequency[rows] - 1)
+        axis.axvline(0.0, color=GREY, linewidth=0.7)
+        axis.barh(rows, change, height=0.6, color=BLUE)
+        widest = 2.2 * max(np.abs(change).max(initial=0.0), 0.1)
+        axis.set_xlim(-widest, widest)
+        for row, value in zip(rows, change, strict=True):
+            side = "left" if value >= 0 else "right"
+            axis.text(value, row, f" {value:+.2f} ", va="center", ha=side, fontsize=7)
+        axis.set_xlabel("model against test [%]")
+        axis.tick_params(left=False)
+        panel(axis, "b", "Frequency")
+        save(figure, folder, "correlation")
+
+
+def _draw_mac(axis: Axes, measured: Measured, modes: PartModes, found: Pairs) -> None:
+    tests, count = found.mac.shape
+    image = axis.imshow(found.mac, cmap="Blues", vmin=0, vmax=1, aspect="auto")
+    if count <= 24:
+        for i, j in np.argwhere(found.mac >= 0.1):
+            dark = "white" if found.mac[i, j] > 0.6 else "black"
+            axis.text(j, i, f"{found.mac[i, j]:.2f}", ha="center", va="center", color=dark,
+                      fontsize=6)  # fmt: skip
+    rows = np.flatnonzero(found.mode >= 0)
+    for i, j in zip(rows, found.mode[rows], strict=True):
+        axis.plot([j - 0.5, j + 0.5, j + 0.5, j - 0.5, j - 0.5],
+                  [i - 0.5, i - 0.5, i + 0.5, i + 0.5, i - 0.5],
+                  color=VERMILION, linewidth=1.2, clip_on=False)  # fmt: skip
+    axis.set_yticks(range(tests), [f"{f:.0f}" for f in measured.frequency])
+    axis.set_xticks(range(count), [f"{f:.0f}" for f in modes.frequency], rotation=90)
+    axis.set_ylabel("measured mode [Hz]")
+    axis.set_xlabel("computed mode [Hz]")
+    axis.figure.colorbar(image, ax=axis, label="MAC [-]", shrink=0.8)
+    panel(axis, "a", "Modal assurance criterion, pairs framed")

@@ -1,0 +1,171 @@
+"""Sparse matrices of a body as other codes write them.
+
+Read by their content: Matrix Market; text of three columns (row, column, entry: Abaqus
+FORMAT=COORDINATE, CalculiX SOLVER=MATRIXSTORAGE) or of five (node, component, node, component,
+entry: Abaqus FORMAT=MATRIX INPUT and LABELS); Nastran DMIG, by pyNastran; SciPy's npz.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import SceneError
+
+# Node and component (1, 2, 3: displacements, 4, 5, 6: rotations) of a row.
+Label = tuple[int, int]
+
+# Entries below this share of the largest one tell no triangle from another.
+ROUND_OFF = 1e-6
+
+
+@dataclass(frozen=True, slots=True)
+class LabelledMatrix:
+    """A square matrix as a file holds it.
+
+    Attributes:
+        A: its entries, in the units of the file.
+        rows: node and component of each row; None where the file numbers the rows alone.
+    """
+
+    A: sp.csr_matrix
+    rows: list[Label] | None
+
+
+def read_matrix(path: Path) -> LabelledMatrix:
+    """Read a symmetric matrix, all of it or one triangle.
+
+    Args:
+        path: the file.
+
+    Raises:
+        SceneError: the file cannot be read, is of no known format, or holds no symmetric matrix;
+            the line and the remedy.
+    """
+    try:
+        if path.suffix == ".npz":
+            found = LabelledMatrix(sp.load_npz(path).tocsr(), None)
+        else:
+            head = _head(path)
+            if head.startswith("%%MatrixMarket"):
+                from scipy.io import mmread
+
+                found = LabelledMatrix(sp.csr_matrix(mmread(path)), None)
+            elif re.search(r"^DMIG", head, re.MULTILINE):
+                found = _dmig(path)
+            else:
+                found = _columns(path)
+    except SceneError:
+        raise
+    except FileNotFoundError:
+        raise SceneError("no such file; paths start at the scene's folder") from None
+    except (OSError, ValueError) as error:
+        raise SceneError(f"cannot be read: {error}") from None
+    A = found.A
+    if A.shape[0] != A.shape[1] or not A.shape[0]:
+        raise SceneError(f"{A.shape[0]} x {A.shape[1]} entries; a square matrix is needed")
+    if np.iscomplexobj(A.data) or not np.isfinite(A.data).all():
+        raise SceneError("an entry is complex or not finite; real matrices are needed")
+    skew = abs(A - A.T).max() / abs(A).max() if A.nnz else 0.0
+    if skew > ROUND_OFF:
+        raise SceneError(
+            f"not symmetric: entries differ by {skew:.1e} of the largest; write the matrices of the"
+            " body alone, without friction and gyroscopic terms"
+        )
+    return LabelledMatrix((0.5 * (A + A.T)).tocsr(), found.rows)
+
+
+def read_row_labels(path: Path) -> list[Label]:
+    """Read "node.component" (CalculiX's .dof) or "node, component", one for each row.
+
+    Raises:
+        SceneError: a line that is no label.
+    """
+    try:
+        lines = [line for line in path.read_text().splitlines() if line.strip()]
+    except (OSError, UnicodeDecodeError) as error:
+        raise SceneError(f"cannot be read: {error}") from None
+    found = []
+    for number, line in enumerate(lines, 1):
+        words = re.split(r"[.,;\s]+", line.strip())
+        if len(words) != 2 or not all(word.isdigit() for word in words):
+            raise SceneError(f"line {number}: {line.strip()!r}; write a node and a component, 12.3")
+        found.append((int(words[0]), int(words[1])))
+    return found
+
+
+def _head(path: Path) -> str:
+    with path.open(encoding="utf-8", errors="replace") as file:
+        return file.read(10_000)
+
+
+def _columns(path: Path) -> LabelledMatrix:
+    """Text of three or five columns; lines that begin with * or # are headings."""
+    rows: list[list[float]] = []
+    width = 0
+    with path.open(encoding="utf-8-sig") as file:
+        for number, line in enumerate(file, 1):
+            words = line.replace(",", " ").split()
+            if not words or words[0][0] in "*#%$":
+                continue
+            try:
+                values = [float(word.replace("D", "E").replace("d", "e")) for word in words]
+            except ValueError:
+                values = []
+            width = width or len(values)
+            if len(values) != width or width not in (3, 5):
+                raise SceneError(
+                    f"line {number}: {line.strip()[:60]!r}; text of three columns (row, column,"
+                    " entry) or five (node, component, node, component, entry) is read, and Matrix"
+                    " Market, Nastran DMIG and npz: convert others, to Matrix Market for example"
+                )
+            rows.append(values)
+    table: NDArray[np.float64] = np.array(rows, float).reshape(-1, max(width, 1))
+    if not len(table):
+        raise SceneError("no entries")
+    if width == 3:
+        i, j = table[:, :2].astype(int).T - 1
+        return LabelledMatrix(_filled(i, j, table[:, 2], int(max(i.max(), j.max())) + 1), None)
+    pairs = table[:, :4].astype(int).reshape(-1, 2)
+    labels, place = np.unique(pairs, axis=0, return_inverse=True)
+    i, j = place.reshape(-1, 2).T
+    names = [(int(node), int(component)) for node, component in labels]
+    return LabelledMatrix(_filled(i, j, table[:, 4], len(names)), names)
+
+
+def _filled(i: NDArray, j: NDArray, values: NDArray, size: int) -> sp.csr_matrix:
+    """A matrix from its entries; where each pair of rows is given once, it stands for both."""
+    if i.min() < 0 or j.min() < 0:
+        raise SceneError("a row or column below 1")
+    twice = i.size - np.unique(i * size + j).size
+    if twice:
+        raise SceneError(f"{twice} entries are given twice")
+    off = i != j
+    pairs = np.minimum(i, j)[off] * size + np.maximum(i, j)[off]
+    if np.unique(pairs).size == pairs.size:
+        i, j, values = (np.concatenate([a, b[off]]) for a, b in ((i, j), (j, i), (values, values)))
+    return sp.csr_matrix((values, (i, j)), shape=(size, size))
+
+
+def _dmig(path: Path) -> LabelledMatrix:
+    """The one matrix of a file of Nastran DMIG entries."""
+    try:
+        from pyNastran.bdf.bdf import BDF
+    except ImportError:
+        raise SceneError("Nastran DMIG is read by pyNastran: pip install pyNastran") from None
+    deck = BDF(debug=None)
+    deck.read_bdf(str(path), validate=False, xref=False, punch=True)
+    if len(deck.dmig) != 1:
+        raise SceneError(
+            f"DMIG matrices {', '.join(deck.dmig) or 'none'}; write one matrix to each file"
+        )
+    A, rows, _ = next(iter(deck.dmig.values())).get_matrix(is_sparse=True)
+    # Scalar points have the component 0; they are no displacements.
+    names: Sequence[Label] = [(int(rows[i][0]), int(rows[i][1])) for i in range(len(rows))]
+    return LabelledMatrix(sp.csr_matrix(A), [*names])

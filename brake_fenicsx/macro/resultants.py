@@ -1,0 +1,112 @@
+"""Forces of the braking equilibrium on each pad: normal force, friction, torque, where they act.
+
+The disc's material enters beneath the pad at the leading edge and leaves at the trailing one: the
+sliding direction s, the disc's velocity relative to the pad, points from the first to the second.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .contact import Contact
+from .friction import Motion, Rotation
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class PadForces:
+    """What one pad carries.
+
+    Attributes:
+        name: the interface, and the side where it has two.
+        normal: normal force [N].
+        friction: friction force on the pad [N], shape (3,); its size is that of this vector.
+        torque: moment of the friction on the disc about z against its rotation [N m]; nan without
+            a rotation.
+        effective_radius: torque over the sum of mu w p [m]; nan likewise.
+        area: area of the elements in contact [m^2].
+        nominal_area: area of all elements [m^2].
+        largest_pressure: of an element [Pa].
+        centre: centre of pressure [m], shape (3,).
+        towards_leading: its distance from the middle of the face against s [m].
+        leading_share: share of the normal force on the leading half of the face [-].
+        edges: angle about z of leading and trailing edge [rad], or place along s [m].
+    """
+
+    name: str
+    normal: float
+    friction: Array
+    torque: float
+    effective_radius: float
+    area: float
+    nominal_area: float
+    largest_pressure: float
+    centre: Array
+    towards_leading: float
+    leading_share: float
+    edges: tuple[float, float]
+
+
+def pad_forces(
+    contact: Contact, names: Sequence[str], motion: Motion, p: Array, mu: Array
+) -> list[PadForces]:
+    """Forces of an equilibrium, for each interface and side of the disc.
+
+    Args:
+        contact: contact elements of all interfaces.
+        names: names of the interfaces.
+        motion: of the disc.
+        p: pressures [Pa], shape (elements,).
+        mu: friction coefficients, shape (elements,).
+    """
+    found = []
+    for i, name in enumerate(names):
+        # Faces that stick have no sliding direction, nor edges.
+        own = (contact.interface == i) & (contact.speed > 0)
+        top = contact.normal[:, 2] > 0
+        sides = [("z > 0", own & top), ("z < 0", own & ~top)]
+        two = all(side.any() for _, side in sides)
+        for side, chosen in sides:
+            if chosen.any():
+                label = f"{name}, {side}" if two else name
+                found.append(_forces(contact, label, chosen, motion, p, mu))
+    return found
+
+
+def _forces(
+    contact: Contact, name: str, own: NDArray[np.bool_], motion: Motion, p: Array, mu: Array
+) -> PadForces:
+    x, s, w = contact.points[own], contact.s[own], contact.w[own]
+    force = w * p[own]
+    drag = mu[own] * force
+    total, middle = float(force.sum()), w @ x / w.sum()
+    torque, radius = np.nan, np.nan
+    if isinstance(motion, Rotation):
+        sense = np.sign(motion.speed)
+        torque = sense * float(drag @ (x[:, 0] * s[:, 1] - x[:, 1] * s[:, 0]))
+        radius = torque / drag.sum() if drag.any() else np.nan
+        # Arcs of the middle's radius, from the middle towards the trailing edge.
+        turn = np.angle((x[:, 0] + 1j * x[:, 1]) / (middle[0] + 1j * middle[1]))
+        along = sense * turn * np.hypot(*middle[:2])
+        angles = turn + np.arctan2(middle[1], middle[0])
+        edges = angles[along.argmin()], angles[along.argmax()]
+    else:
+        along = (x - middle) @ (w @ s / np.linalg.norm(w @ s))
+        edges = along.min(), along.max()
+    # Without pressure there is no centre of it.
+    centre: Array = np.full(3, np.nan)
+    towards, leading = np.nan, np.nan
+    if total > 0:
+        centre = np.asarray(force @ x / total, dtype=float)
+        towards = -float(force @ along) / total
+        leading = float(force[along < 0].sum() + 0.5 * force[along == 0].sum()) / total
+    return PadForces(
+        name, total, drag @ s, float(torque), float(radius), float(w[p[own] > 0].sum()),
+        float(w.sum()), float(p[own].max()), centre, towards, leading,
+        (float(edges[0]), float(edges[1])),
+    )  # fmt: skip

@@ -1,0 +1,244 @@
+"""A body given by its matrices: a substructure of another code, beside the bodies of the mesh.
+
+Its coordinates are the displacements of nodes and whatever else the matrices have (rotations, modal
+coordinates of a Craig-Bampton reduction). Nodes belong to named sets, which supports, springs,
+masses and ties name as they name faces.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import InaccurateResult, SceneError
+from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.parts import Matrices
+from brake_fenicsx.scene.units import to_si
+
+from .matrix_files import Label, read_matrix, read_row_labels
+from .solver import Factor
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+Result = TypeVar("Result")
+
+# A stiffness with eigenvalues further below zero than those of 100 Hz is not that of a body; what
+# round-off of a text file makes of the rigid motions lies above.
+BELOW = (2 * np.pi * 100.0) ** 2
+
+# What round-off takes from a mass, over its diagonal.
+ROUND_OFF = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Superelement:
+    """Matrices of a body and the places of its nodes, in SI units.
+
+    Attributes:
+        K: stiffness [N/m], shape (coordinates, coordinates).
+        M: mass [kg].
+        C: damping [N s/m], or None.
+        points: places of the nodes [m], shape (nodes, 3).
+        rows: coordinate that is the displacement of each node in x, y, z, -1 where there is none,
+            shape (nodes, 3).
+        sets: name of a set -> its nodes.
+        unknown: number of nodes with a displacement in the matrices that are not in the table.
+    """
+
+    K: sp.csr_matrix
+    M: sp.csr_matrix
+    C: sp.csr_matrix | None
+    points: Array
+    rows: Index
+    sets: dict[str, Index]
+    unknown: int = 0
+
+
+def set_names(scene: Scene) -> list[str]:
+    """Sets of nodes of all bodies given by matrices, "part.set".
+
+    Raises:
+        SceneError: a table of nodes cannot be read.
+    """
+    found = []
+    for name, part in scene.parts.items():
+        if part.matrices is not None:
+            file = scene.path(part.matrices.nodes)
+            try:
+                sets = _nodes(file)[2]
+            except SceneError as error:
+                where = f"parts.{name}.matrices.nodes = {part.matrices.nodes!r}"
+                raise SceneError(f"{where}: {error}") from None
+            found += [f"{name}.{one}" for one in sets]
+    return found
+
+
+def read_superelement(folder: Path, given: Matrices) -> Superelement:
+    """Read and check the matrices of a body.
+
+    Args:
+        folder: folder of the scene.
+        given: the files and their units.
+
+    Raises:
+        SceneError: the key below ``matrices``, its value and the remedy.
+    """
+    length, mass, time = _units(given)
+    labels, points, sets = _asked("nodes", given.nodes, partial(_nodes, folder / given.nodes))
+    order, first = None, None
+    if given.dofs is not None:
+        order = _asked("dofs", given.dofs, partial(read_row_labels, folder / given.dofs))
+    found: dict[str, sp.csr_matrix] = {}
+    files = {"stiffness": given.stiffness, "mass": given.mass, "damping": given.damping}
+    for name, file in files.items():
+        if file is None:
+            continue
+        read = _asked(name, file, partial(read_matrix, folder / file))
+        own, said = read.rows or order, f"{name} = {file!r}"
+        if own is not None and len(own) != read.A.shape[0]:
+            raise SceneError(f"{said}: {read.A.shape[0]} rows, but {len(own)} in dofs")
+        found[name] = read.A
+        if name == "stiffness":
+            first = own
+        elif (own is None) != (first is None):
+            raise SceneError(f"{said}: rows without nodes, those of the stiffness have nodes")
+        elif own is not None and first is not None and own != first:
+            found[name] = _as_rows(read.A, own, first, said)
+        elif read.A.shape != found["stiffness"].shape:
+            sizes = read.A.shape[0], found["stiffness"].shape[0]
+            raise SceneError(f"{said}: {sizes[0]} rows, but {sizes[1]} of the stiffness")
+    size = found["stiffness"].shape[0]
+    if first is not None and given.modal:
+        raise SceneError(f"modal = {given.modal}: the files name the rows; leave it out")
+    rows = _rows(labels, first, size, given.modal)
+    named = {node for node, component in first or () if component <= 3}
+    scales = {"stiffness": mass / time**2, "mass": mass, "damping": mass / time}
+    scaled = {n: A * scales[n] for n, A in found.items()}
+    body = Superelement(
+        scaled["stiffness"], scaled["mass"], scaled.get("damping"), length * points, rows, sets,
+        len(named - {*map(int, labels)}),
+    )  # fmt: skip
+    _check_definite(body, given)
+    return body
+
+
+def _units(given: Matrices) -> list[float]:
+    """Units of length [m], mass [kg] and time [s]."""
+    if len(given.units) != 3:
+        raise SceneError(
+            f"units = {list(given.units)!r}: write those of length, mass and time in which all"
+            ' files are consistent, ["mm", "t", "s"] for N, mm and tonnes'
+        )
+    found = []
+    for unit, wanted in zip(given.units, ("m", "kg", "s"), strict=True):
+        try:
+            found.append(to_si(f"1 {unit}", wanted))
+        except ValueError as error:
+            raise SceneError(f"units: {unit!r}: {error}") from None
+    return found
+
+
+def _asked(name: str, file: str, read: Callable[[], Result]) -> Result:
+    """What a file holds; an error names its key."""
+    try:
+        return read()
+    except SceneError as error:
+        raise SceneError(f"{name} = {file!r}: {error}") from None
+
+
+def _as_rows(A: sp.csr_matrix, own: list[Label], wanted: list[Label], said: str) -> sp.csr_matrix:
+    """A matrix in the order of the rows of the stiffness, zero where it has none."""
+    place = {label: i for i, label in enumerate(wanted)}
+    lost = [label for label in own if label not in place]
+    if lost:
+        raise SceneError(f"{said}: node {lost[0][0]}, component {lost[0][1]} has no stiffness")
+    rows = np.array([place[label] for label in own])
+    A = A.tocoo()
+    return sp.csr_matrix((A.data, (rows[A.row], rows[A.col])), shape=2 * (len(wanted),))
+
+
+def _rows(labels: Index, first: list[Label] | None, size: int, modal: int) -> Index:
+    """Row of each node's displacement in x, y, z, shape (nodes, 3)."""
+    if first is None:
+        if size != 3 * labels.size + modal:
+            raise SceneError(
+                f"stiffness: {size} rows, but {labels.size} nodes in the table have"
+                f" {3 * labels.size} displacements, x, y, z each, and modal = {modal}; correct the"
+                " table, write the number of modal coordinates, the last rows, or name the rows by"
+                " dofs"
+            )
+        return np.arange(3 * labels.size).reshape(-1, 3)
+    place = {int(label): i for i, label in enumerate(labels)}
+    rows = np.full((labels.size, 3), -1)
+    for i, (node, component) in enumerate(first):
+        if node in place and 1 <= component <= 3:
+            rows[place[node], component - 1] = i
+    if np.all(rows < 0):
+        raise SceneError("nodes: none of them is in the matrices; compare their numbers")
+    return rows
+
+
+def _nodes(path: Path) -> tuple[Index, Array, dict[str, Index]]:
+    """Numbers, places and sets of a table of nodes: node, x, y, z and the names of its sets."""
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except FileNotFoundError:
+        raise SceneError("no such file; paths start at the scene's folder") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise SceneError(f"cannot be read as text: {error}") from None
+    numbers: list[int] = []
+    places: list[list[float]] = []
+    sets: dict[str, list[int]] = {}
+    for number, cells in enumerate(csv.reader(lines), 1):
+        if not cells or cells[0].lstrip().startswith("#"):
+            continue
+        try:
+            node, where = int(cells[0]), [float(cell) for cell in cells[1:4]]
+        except ValueError:
+            if not numbers:
+                continue
+            where = []
+        if len(where) != 3 or not np.isfinite(where).all():
+            raise SceneError(
+                f"line {number}: {','.join(cells)!r}; write node, x, y, z and the sets it is in"
+            )
+        for name in " ".join(cells[4:]).split():
+            sets.setdefault(name, []).append(len(numbers))
+        numbers.append(node)
+        places.append(where)
+    if len({*numbers}) < len(numbers) or not numbers:
+        raise SceneError("no nodes, or a node twice")
+    return np.array(numbers), np.array(places), {n: np.array(v) for n, v in sets.items()}
+
+
+def _check_definite(body: Superelement, given: Matrices) -> None:
+    """Refuse a mass or a stiffness with eigenvalues below zero, and coordinates without mass."""
+    empty = np.flatnonzero(body.M.diagonal() <= 0.0)
+    if empty.size:
+        raise SceneError(
+            f"mass = {given.mass!r}: {empty.size} coordinates have no mass, row {empty[0] + 1} the"
+            " first; condense them in the other code"
+        )
+    # Four points a cell leave a mass of quadratic tetrahedra singular: that is no mistake.
+    mass = (body.M + ROUND_OFF * sp.diags(body.M.diagonal())).tocsr()
+    stiffness = (body.K + BELOW * mass).tocsr()
+    wanted = "positive semi-definite"
+    for key, file, A in (("mass", given.mass, mass), ("stiffness", given.stiffness, stiffness)):
+        try:
+            factor = Factor(A, "brake_superelement_")
+        except InaccurateResult:
+            raise SceneError(f"{key} = {file!r}: singular; {wanted} is needed") from None
+        negative = factor.negative_pivots
+        factor.destroy()
+        if negative:
+            raise SceneError(
+                f"{key} = {file!r}: {negative} negative eigenvalues; {wanted} is needed"
+            )

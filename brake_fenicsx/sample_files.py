@@ -1,0 +1,186 @@
+"""Finished samples of a results folder: one file each, and one archive for each full block.
+
+A sample is written as ``samples/APPROACH-00012.npz``. Once all samples of a block of ``BLOCK``
+numbers are there, the files are copied as they are into one archive without compression,
+``samples/APPROACH-00000-00255.zip``, and removed. Both appear whole or not at all, and both carry
+the hash of the scene. Whoever reads while another process packs finds a sample in one of the two.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import zipfile
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+import numpy as np
+
+from brake_fenicsx.errors import SceneError
+
+if TYPE_CHECKING:
+    from brake_fenicsx.store import Store
+
+Task = tuple[str, int]
+
+# Samples of an archive: 10^5 samples are 400 files, and a damaged one costs little.
+BLOCK = 256
+FOLDER = "samples"
+
+_SINGLE = re.compile(r"(.+)-(\d{5,})\.npz")
+_ARCHIVE = re.compile(r"(.+)-\d{5,}-\d{5,}\.zip")
+
+
+def damaged(path: Path) -> SceneError:
+    """What is said of a file that cannot be read."""
+    return SceneError(
+        f"{path}: damaged or cut short; remove this file, and the same command makes it again"
+    )
+
+
+class SampleFiles:
+    """Samples of one results folder."""
+
+    def __init__(self, store: Store):
+        self._store = store
+        # Names of the samples in archives that were looked at, and single files likewise.
+        self._archives: dict[str, frozenset[str]] = {}
+        self._checked: set[str] = set()
+
+    def save(self, task: Task, **arrays: Any) -> None:
+        """Write the arrays of a sample with the hash of its scene; pack its block if it is full.
+
+        Args:
+            task: approach and number of the sample.
+            arrays: arrays by name.
+        """
+        self._store.save(_path(_single(task)), scene=np.array(self._store.digest), **arrays)
+        block = [(task[0], k) for k in _block(task)]
+        if set(map(_single, block)) <= set(self._names()):
+            self._pack(block)
+
+    def has(self, task: Task) -> bool:
+        """Whether a sample is stored; its arrays are not read.
+
+        Raises:
+            SceneError: its file is damaged, or belongs to another scene.
+        """
+        return self._in_archive(task) or self._is_single(_single(task)) or self._in_archive(task)
+
+    def present(self) -> set[Task]:
+        """All samples that are stored; their arrays are not read.
+
+        Raises:
+            SceneError: a file is damaged, or belongs to another scene.
+        """
+        names: set[str] = set()
+        for name in self._names():
+            if _ARCHIVE.fullmatch(name):
+                names |= self._content(name)
+            elif _SINGLE.fullmatch(name) and self._is_single(name):
+                names.add(name)
+        found = (_SINGLE.fullmatch(name) for name in names)
+        return {(match[1], int(match[2])) for match in found if match}
+
+    def load(self, task: Task) -> dict[str, np.ndarray] | None:
+        """Arrays of a sample; None where it is not computed yet.
+
+        Raises:
+            SceneError: its file is damaged, or belongs to another scene.
+        """
+        name = _single(task)
+        # Between the two another process may have packed it.
+        data = self._store.load(_path(name))
+        if data is None and self._in_archive(task):
+            archive = self._store.path(FOLDER, _archive(task))
+            try:
+                with zipfile.ZipFile(archive) as file, file.open(name) as member:
+                    data = dict(np.load(member, allow_pickle=False))
+            except (ValueError, EOFError, zipfile.BadZipFile):
+                raise damaged(archive) from None
+        if data is not None and str(data.pop("scene", "")) != self._store.digest:
+            raise _foreign(self._store.path(FOLDER, name))
+        return data
+
+    def _names(self) -> list[str]:
+        """Files there are; none where there is no folder yet."""
+        folder = self._store.path(FOLDER)
+        return sorted(os.listdir(folder)) if folder.is_dir() else []
+
+    def _is_single(self, name: str) -> bool:
+        """Whether there is such a file, of this scene; looked at once where there is."""
+        if name not in self._checked:
+            data = self._store.load(_path(name), ["scene"])
+            if data is None:
+                return False
+            if str(data.get("scene", "")) != self._store.digest:
+                raise _foreign(self._store.path(FOLDER, name))
+            self._checked.add(name)
+        return self._store.path(FOLDER, name).exists()
+
+    def _in_archive(self, task: Task) -> bool:
+        return _single(task) in self._content(_archive(task))
+
+    def _content(self, archive: str) -> frozenset[str]:
+        """Samples in an archive; none where there is no such file."""
+        if archive not in self._archives:
+            path = self._store.path(FOLDER, archive)
+            try:
+                with zipfile.ZipFile(path) as file:
+                    digest, names = file.comment.decode(), frozenset(file.namelist())
+            except FileNotFoundError:
+                return frozenset()
+            except (ValueError, zipfile.BadZipFile):
+                raise damaged(path) from None
+            if digest != self._store.digest:
+                raise _foreign(path)
+            self._archives[archive] = names
+        return self._archives[archive]
+
+    def _pack(self, block: Sequence[Task]) -> None:
+        """Copy the files of a block into its archive, and remove them."""
+        paths = [self._store.path(FOLDER, _single(task)) for task in block]
+        with ExitStack() as opened:
+            try:
+                files = [opened.enter_context(path.open("rb")) for path in paths]
+            except FileNotFoundError:
+                return  # Another process has packed them.
+
+            def write(target: BinaryIO) -> None:
+                with zipfile.ZipFile(target, "w", zipfile.ZIP_STORED) as archive:
+                    archive.comment = self._store.digest.encode()
+                    for path, file in zip(paths, files, strict=True):
+                        # The date of a file is no part of a result.
+                        archive.writestr(zipfile.ZipInfo(path.name), file.read())
+
+            size = sum(os.fstat(file.fileno()).st_size + 512 for file in files)
+            self._store.write(_path(_archive(block[0])), size, write)
+        for path in paths:
+            path.unlink(missing_ok=True)
+
+
+def _block(task: Task) -> range:
+    start = task[1] // BLOCK * BLOCK
+    return range(start, start + BLOCK)
+
+
+def _single(task: Task) -> str:
+    return f"{task[0]}-{task[1]:05d}.npz"
+
+
+def _archive(task: Task) -> str:
+    block = _block(task)
+    return f"{task[0]}-{block[0]:05d}-{block[-1]:05d}.zip"
+
+
+def _path(name: str) -> str:
+    return f"{FOLDER}/{name}"
+
+
+def _foreign(path: Path) -> SceneError:
+    return SceneError(
+        f"{path}: does not belong to the scene of this folder; remove this file, and the same"
+        " command computes it again"
+    )

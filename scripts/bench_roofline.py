@@ -1,0 +1,226 @@
+#!/usr/bin/env python3
+"""Roofline of a study: what its three largest stages do, against what this machine can do.
+
+    scripts/bench_roofline.py [SCENE] [--samples 4] [--set KEY=VALUE ...]
+
+One process. First the machine: dgemm and LU of 1500 rows [Gflop/s], copying 200 MB [GB/s]. Then the
+scene's laws, its reduced model and some samples of its first approach, from nothing. Columns: part;
+seconds; seconds of all of its stage; operations [Gflop] and their rate, as a share of dgemm's;
+bytes that have to pass through the memory [GB] and their rate, as a share of copying. Operations of
+a transform of N points are 2.5 N log2 N; of a factor what MUMPS counts; of a solve four for each
+entry of the factor, which is read twice for each block of columns.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+
+import numpy as np
+import scipy.linalg as la
+
+from brake_fenicsx.macro import solver
+from brake_fenicsx.micro import halfspace
+from brake_fenicsx.stability.substructures import sample as online
+
+SCENE = Path(__file__).parent / "scenes" / "disc_brake.toml"
+
+
+@dataclass
+class Part:
+    """What a part of a stage did: seconds, operations, bytes that have to pass the memory."""
+
+    seconds: float = 0.0
+    flops: float = 0.0
+    size: float = 0.0
+
+
+parts: dict[tuple[str, str], Part] = {}
+stages: dict[str, float] = {}
+
+
+def add(stage: str, name: str, start: float, flops: float, size: float) -> None:
+    """Count a piece of work that began at ``start``."""
+    part = parts.setdefault((stage, name), Part())
+    part.seconds += time.perf_counter() - start
+    part.flops += flops
+    part.size += size
+
+
+def wrap(owner: Any, name: str, count: Callable[..., tuple[str, str, float, float]]) -> None:
+    """Count each call of a function by what ``count`` says of its arguments and result."""
+    inner, within = getattr(owner, name), False
+
+    def outer(*args: Any, **kwargs: Any) -> Any:
+        nonlocal within
+        if within:  # A function that calls itself is counted once.
+            return inner(*args, **kwargs)
+        within, start = True, time.perf_counter()
+        try:
+            result = inner(*args, **kwargs)
+        finally:
+            within = False
+        stage, what, flops, size = count(result, *args)
+        add(stage, what, start, flops, size)
+        return result
+
+    setattr(owner, name, outer)
+
+
+def measured(work: Callable[[], Any], amount: float, times: int = 5) -> float:
+    """Rate of the fastest of some runs."""
+    seconds = []
+    for _ in range(times):
+        start = time.perf_counter()
+        work()
+        seconds.append(time.perf_counter() - start)
+    return amount / min(seconds)
+
+
+def machine(n: int = 1500, size: int = 25_000_000) -> tuple[float, float, float]:
+    """Rates of dgemm and LU [flop/s] and of copying [B/s]."""
+    A = np.random.default_rng(0).normal(size=(n, n))
+    a, b = np.ones(size), np.zeros(size)
+    return (
+        measured(lambda: A @ A, 2 * n**3),
+        measured(lambda: la.lu_factor(A, check_finite=False), 2 / 3 * n**3),
+        measured(lambda: np.copyto(b, a), 16 * size),
+    )
+
+
+def entries(factor: solver.Factor) -> float:
+    """Entries of a factor."""
+    number = factor._F.getMumpsInfog(29)
+    return float(number if number > 0 else -1e6 * number)
+
+
+def count_factors() -> None:
+    """Factors and solves of the bodies."""
+
+    def factor(_: None, self: solver.Factor, *args: Any) -> tuple[str, str, float, float]:
+        return "shared", "factors (MUMPS)", self._F.getMumpsRinfog(3), 8 * entries(self)
+
+    def solve(x: Any, self: solver.Factor, b: Any) -> tuple[str, str, float, float]:
+        columns = 1 if x.ndim == 1 else x.shape[1]
+        blocks = -(-columns // solver.BLOCK)
+        return "shared", "solves", 4 * entries(self) * columns, 16 * entries(self) * blocks
+
+    wrap(solver.Factor, "__init__", factor)
+    wrap(solver.Factor, "solve", solve)
+
+
+def count_transforms() -> None:
+    """Products with the influence of a half-space."""
+    make = halfspace._product
+
+    def product(shape: Any, padded: Any, symbol: Any) -> Any:
+        inner, points = make(shape, padded, symbol), float(np.prod(padded))
+
+        class Counted:
+            def __call__(self, p: Any) -> Any:
+                start = time.perf_counter()
+                result = inner(p)
+                flops = 2 * 2.5 * points * np.log2(points) + 6 * points
+                # Forth and back, along rows and along columns: read and written, half of a complex.
+                add("micro", "transforms (FFTW)", start, flops, 4 * 16 * points)
+                return result
+
+        return Counted()
+
+    halfspace._product = product
+
+
+def count_samples() -> None:
+    """Parts of a reduced sample."""
+
+    def square(self: online.Sample) -> float:
+        return float(len(self._rows.followed) * self.count) ** 2
+
+    def assembly(_: None, self: online.Sample, *args: Any) -> tuple[str, str, float, float]:
+        acting = len(self._rows.acting) / len(self._rows.followed)
+        read = sum(
+            len(view.D) * (len(self._rows.followed) * at.here.size) ** 2 * acting
+            for view, at in zip(self.views, self.closed, strict=True)
+        )
+        return "samples", "assembly of E", 4 * read, 8 * (3 * read + len(self.E) * square(self))
+
+    def series(found: Any, self: online.Sample) -> tuple[str, str, float, float]:
+        _, T = found
+        r, n, m = T.shape[1], len(T), square(self)
+        products = sum(min(k, len(self.E) - 1) for k in range(n))
+        onto = sum(min(k, len(self.forced) - 1) + 1 for k in range(n))
+        flops = 2 * m * r * (products + n) + 2 * r**2 * np.sqrt(m) * onto
+        return "samples", "series of T", flops, 8 * m * (products + n)
+
+    def quotient(
+        q: online.Quotient, self: online.Sample, *args: Any
+    ) -> tuple[str, str, float, float]:
+        columns = 2 * q.step.size
+        products = len(self.E) + 2 + 2 * online.LEFT_POWERS[self._rows.damped]
+        return (
+            "samples",
+            "two-sided quotient",
+            2 * square(self) * columns * products,
+            (8 * square(self) * products),
+        )
+
+    wrap(online.Sample, "_assemble", assembly)
+    wrap(online.Sample, "_series", series)
+    wrap(online.Sample, "quotient", quotient)
+    wrap(online.Sample, "zeros", lambda _, self, *args: ("samples", "zeros of T", 0.0, 0.0))
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("scene", nargs="?", type=Path, default=SCENE)
+    parser.add_argument("--samples", type=int, default=4)
+    parser.add_argument("--set", action="append", default=[])
+    args = parser.parse_args()
+    dgemm, lu, copying = machine()
+    print(
+        f"dgemm {dgemm / 1e9:.0f} Gflop/s, LU {lu / 1e9:.0f} Gflop/s, copy {copying / 1e9:.1f} GB/s"
+    )
+    count_factors(), count_transforms(), count_samples()
+    from brake_fenicsx import pipeline, prepare
+
+    runs: list[pipeline.Run] = []
+    create = pipeline.Run.__init__
+
+    def init(self: pipeline.Run, *values: Any, **more: Any) -> None:
+        create(self, *values, **more)
+        runs.append(self)
+
+    pipeline.Run.__init__ = init  # type: ignore[method-assign]
+    rough = ["samples.approaches=['multi-scale']", "stability.verify=0"]
+    model = prepare(args.scene, [*rough, *args.set])
+    stages.update(runs[0].seconds)
+    start = time.perf_counter()
+    for k in range(args.samples):
+        eq, _ = model.equilibrium_and_modes(sample=k)
+        part = parts.setdefault(("samples", "equilibrium"), Part())
+        part.seconds += eq.seconds
+        m = float(model.study.brake.w.size)
+        # An LU factor in each iteration, in single precision but for the last.
+        part.flops += 2 / 3 * m**3 * sum(eq.iterations)
+        part.size += 8 * m**2 * sum(eq.iterations)
+    stages["samples"] = time.perf_counter() - start
+    print(f"{'part':<32}{'s':>8}{'of':>8}{'Gflop':>9}{'Gflop/s':>9}{'dgemm':>7}"
+          f"{'GB':>8}{'GB/s':>7}{'copy':>7}")  # fmt: skip
+    for (stage, name), p in sorted(parts.items(), key=lambda item: item[0][0]):
+        rate, width = p.flops / p.seconds, p.size / p.seconds
+        print(f"{stage + ': ' + name:<32}{p.seconds:8.2f}{stages.get(stage, 0.0):8.2f}"
+              f"{p.flops / 1e9:9.1f}{rate / 1e9:9.1f}{rate / dgemm:7.0%}"
+              f"{p.size / 1e9:8.1f}{width / 1e9:7.1f}{width / copying:7.0%}")  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,151 @@
+"""Finished samples on disk: single files, archives of full blocks, other scenes, damage."""
+
+import os
+import tracemalloc
+from types import SimpleNamespace
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from brake_fenicsx import sample_files
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.store import Store
+from brake_fenicsx.uncertainty.ensemble import run_ensemble
+from brake_fenicsx.uncertainty.results import Results
+
+pytestmark = pytest.mark.alone
+TASKS = [("fast", k) for k in range(10)]
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder whose archives hold four samples."""
+    monkeypatch.setattr(sample_files, "BLOCK", 4)
+    (tmp_path / "samples").mkdir()
+    return tmp_path
+
+
+def of(folder, digest="this"):
+    """The folder as a run sees it."""
+    store = Store(folder)
+    store.digest = digest
+    return store
+
+
+def arrays(task):
+    return {"status": "ok", "x": np.arange(3.0) + task[1], "names": np.array(["a", "b"])}
+
+
+def filled(folder, tasks=TASKS):
+    store = of(folder)
+    for task in tasks:
+        store.samples.save(task, **arrays(task))
+    return store
+
+
+def never(task):
+    raise AssertionError(task)
+
+
+def test_full_blocks_become_archives(folder):
+    """In any order of the samples: two archives, what is left of the third block, same arrays."""
+    filled(folder, TASKS[::-1])
+    assert sorted(os.listdir(folder / "samples")) == [
+        "fast-00000-00003.zip", "fast-00004-00007.zip", "fast-00008.npz", "fast-00009.npz",
+    ]  # fmt: skip
+    store = of(folder)
+    assert store.samples.present() == set(TASKS)
+    for task in TASKS:
+        assert store.samples.has(task)
+        data = store.samples.load(task)
+        assert set(data) == {"status", "x", "names"} and str(data["status"]) == "ok"
+        np.testing.assert_array_equal(data["x"], arrays(task)["x"])
+    assert not store.samples.has(("fast", 10)) and store.samples.load(("fast", 10)) is None
+    assert not store.samples.has(("joint", 0)) and store.samples.load(("joint", 0)) is None
+    run_ensemble(TASKS, never, store, MPI.COMM_SELF)
+
+
+def test_archives_do_not_depend_on_the_order_of_work(folder, tmp_path_factory):
+    filled(folder)
+    other = tmp_path_factory.mktemp("other")
+    (other / "samples").mkdir()
+    filled(other, TASKS[::-1])
+    for name in os.listdir(folder / "samples"):
+        assert (folder / "samples" / name).read_bytes() == (other / "samples" / name).read_bytes()
+
+
+def test_samples_that_are_packed_meanwhile_are_found(folder):
+    """A run that saw single files finds them after another one has packed them."""
+    filled(folder, TASKS[:3])
+    store = of(folder)
+    assert store.samples.present() == set(TASKS[:3])
+    of(folder).samples.save(TASKS[3], **arrays(TASKS[3]))
+    assert os.listdir(folder / "samples") == ["fast-00000-00003.zip"]
+    assert all(store.samples.has(t) for t in TASKS[:4])
+    assert store.samples.present() == set(TASKS[:4])
+    np.testing.assert_array_equal(store.samples.load(TASKS[2])["x"], [2.0, 3.0, 4.0])
+    # Of two processes that pack a block the second one finds nothing to do.
+    store.samples._pack(TASKS[:4])
+    assert os.listdir(folder / "samples") == ["fast-00000-00003.zip"]
+
+
+def test_a_stage_run_again_forgets_archives(folder):
+    store = filled(folder)
+    store.samples.present()
+    scene = SimpleNamespace(file=folder / "scene.toml")
+    scene.file.write_text("")
+    store.open(scene, "uncertainty")
+    assert store.samples.present() == set() and not store.samples.has(TASKS[0])
+
+
+@pytest.mark.parametrize(
+    ("name", "k", "value"), [("fast-00000-00003.zip", 1, 3.0), ("fast-00009.npz", 9, 9.0)]
+)
+def test_samples_of_another_scene_and_damaged_ones_are_named(folder, name, k, value):
+    filled(folder)
+    run_ensemble(TASKS, never, of(folder), MPI.COMM_SELF)
+    with pytest.raises(SceneError, match=r"0000-0.*zip: does not belong to the scene"):
+        run_ensemble(TASKS, never, of(folder, "another"), MPI.COMM_SELF)
+    path = folder / "samples" / name
+    whole = path.read_bytes()
+    path.write_bytes(whole[:100])
+    with pytest.raises(SceneError, match=rf"{name}: damaged"):
+        run_ensemble(TASKS, never, of(folder), MPI.COMM_SELF)
+    # A bit that is lost within a sample is noticed where the sample is read.
+    cut = bytearray(whole)
+    cut[whole.index(np.float64(value).tobytes())] ^= 1
+    path.write_bytes(cut)
+    with pytest.raises(SceneError, match=rf"{name}: damaged"):
+        of(folder).samples.load(TASKS[k])
+
+
+def test_tables_need_some_hundred_bytes_for_a_mode():
+    """Arrays of contact elements and coordinates are not kept: 50 modes, 1000 elements."""
+    rng, modes, elements = np.random.default_rng(0), 50, 1000
+    names = np.array([f"materials.lining.E_{i}" for i in range(9)])
+    basis = np.linalg.qr(rng.normal(size=(60, modes)))[0]
+
+    def data(task):
+        number = {name: rng.normal(size=modes) for name in ("damping", "residual", "error")}
+        large = {name: rng.normal(size=elements) for name in ("g", "g_cr", "p", "k", "mu")}
+        verdict = np.where(rng.random(modes) < 0.1, "unstable", "stable")
+        return {
+            **number, **large, "s": 1j * np.arange(1.0, modes + 1), "status": np.array("ok"),
+            "condition": np.ones(modes), "verdict": verdict, "coordinates": basis + 0j,
+            "layers": np.array(["lining", "plate", "disc"]), "shares": rng.random((3, modes)),
+            "partner": np.full(modes, -1), "random_names": names, "random": rng.random(9),
+        }  # fmt: skip
+
+    store = SimpleNamespace(samples=SimpleNamespace(load=data))
+    tracemalloc.start()
+    few = Results(store, [("joint", k) for k in range(20)])
+    before = tracemalloc.get_traced_memory()[0]
+    many = Results(store, [("joint", k) for k in range(220)])
+    after = tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
+    assert len(few.members.vectors) == len(many.members.vectors) == modes
+    # Those of the first sample and the families are in both.
+    assert (after - before - before) / (200 * modes) < 200
+    assert len(list(many.modes())) == 220 * modes

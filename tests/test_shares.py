@@ -1,0 +1,213 @@
+"""Shares of a job array: parts of the samples, in any order, killed and started again."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from brake_fenicsx import sample_files
+from brake_fenicsx.cli import main
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.shares import Share, read_share
+
+pytestmark = pytest.mark.alone
+ROOT = Path(__file__).parents[1]
+BLOCK = ROOT / "scripts" / "scenes" / "block_on_plate.toml"
+STUDY = [
+    "stages=['surface','equilibrium','stability','uncertainty']",
+    "surface.statistics={ S_q = '3 um' }", "contact.block_plate.gap=hdf",
+    "parts.block.size='10 mm'", "parts.plate.size='14 mm'", "stability.band=['0 Hz','20 kHz']",
+    "samples.random.\"contact.block_plate.friction\"={ law='uniform', min=0.3, max=0.7 }",
+    "stability.method=reduced", "stability.verify=1", "samples.n=30",
+]  # fmt: skip
+SETS = [word for change in STUDY for word in ("--set", change)]
+TABLES = ("modes", "samples", "contact", "robustness", "convergence")
+PROGRAM = """
+import sys
+from brake_fenicsx import sample_files
+sample_files.BLOCK = 4
+from brake_fenicsx.cli import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def words(command, out, *more):
+    return [command, str(BLOCK), "-o", str(out), *SETS, *more]
+
+
+def one_line(capsys):
+    (line,) = capsys.readouterr().err.splitlines()
+    return line
+
+
+@pytest.fixture(autouse=True)
+def small_archives(monkeypatch):
+    monkeypatch.setattr(sample_files, "BLOCK", 4)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """Folder of a run that was not divided."""
+    out = tmp_path_factory.mktemp("whole") / "out"
+    assert main(words("run", out, "-q")) == 0
+    return out
+
+
+def same_tables(out, whole):
+    for name in TABLES:
+        assert (out / f"{name}.csv").read_bytes() == (whole / f"{name}.csv").read_bytes(), name
+
+
+@pytest.mark.parametrize("of", [1, 3, 7, 40])
+def test_shares_hold_every_task_once(of):
+    parts = [Share(k, of).part(range(30)) for k in range(1, of + 1)]
+    assert [task for part in parts for task in part] == list(range(30))
+    assert max(map(len, parts)) - min(map(len, parts)) <= 1
+
+
+@pytest.mark.parametrize(
+    ("task", "low", "high", "count", "share"),
+    [(0, 0, 15, 16, (1, 16)), (16, 1, 16, 16, (16, 16)), (4, 0, 6, 4, (3, 4)), (9, 9, 9, 1, (1, 1)),
+     (5, 1, 5, 3, (3, 3)), (4, 1, 5, 3, None), (2, 1, 7, 3, None)],
+)  # fmt: skip
+def test_share_of_a_job_array(monkeypatch, task, low, high, count, share):
+    for name, value in (("ID", task), ("MIN", low), ("MAX", high), ("COUNT", count)):
+        monkeypatch.setenv(f"SLURM_ARRAY_TASK_{name}", str(value))
+    if share is None:
+        with pytest.raises(SceneError, match="not evenly spaced"):
+            read_share("")
+    else:
+        assert read_share("") == Share(*share)
+
+
+def test_shares_make_the_tables_of_one_run(whole, tmp_path, capsys):
+    """In any order, one of them twice; what is left out is done by the run that writes."""
+    out = tmp_path / "out"
+    assert main(words("prepare", out)) == 0
+    assert capsys.readouterr().err.splitlines()[-1].startswith("prepared; `run`")
+    assert not any((out / "samples").iterdir())
+    stored = []
+    for share in ("3/4", "1/4", "3/4"):
+        assert main(words("run", out, "--share", share, "-q")) == 0
+        stored.append({p.name: p.stat().st_mtime_ns for p in (out / "samples").iterdir()})
+    assert len(stored[0]) < len(stored[1]) and stored[1] == stored[2]
+    assert not any((out / f"{name}.csv").exists() for name in TABLES)
+    assert main(["report", str(out)]) == 0
+    assert "samples without tables; `run` of the scene" in capsys.readouterr().err
+    assert "share 3 of 4" in (out / "log-3-of-4.txt").read_text()
+    assert main(words("run", out, "-q")) == 0
+    same_tables(out, whole)
+    after = {p.name for p in (out / "samples").iterdir()}
+    assert sum(name.endswith(".zip") for name in after) == 7 and len(after) == 7 + 2 + 1
+
+
+def test_mistakes_of_shares(whole, tmp_path, capsys, monkeypatch):
+    """One line each, and nothing is written."""
+    monkeypatch.delenv("SLURM_ARRAY_TASK_ID", raising=False)
+    for share in ("0/4", "5/4", "4", "a/b", "1/0"):
+        assert main(words("run", whole, "--share", share)) == 2
+        assert "write I/N with I from 1 to N" in one_line(capsys)
+    assert main(words("run", whole, "--share")) == 2
+    assert "no task of a SLURM job array" in one_line(capsys)
+    assert main(words("run", whole, "--share", "1/2", "--from", "report")) == 2
+    assert "--from" in one_line(capsys)
+    none = tmp_path / "none"
+    assert main(words("run", none, "--share", "1/2")) == 2
+    assert f"brake-fenicsx prepare {BLOCK} -o {none}" in one_line(capsys)
+    more = "--set", "samples.approaches=['multi-scale','joint']"
+    assert main(words("run", whole, "--share", "1/2", *more)) == 2
+    assert "another scene" in one_line(capsys)
+    surface = ["--set", "stages=['surface']", "--set", "contact={}", "--set", "samples.random={}"]
+    assert main([*words("prepare", none), *surface]) == 2
+    assert "no samples to be shared" in one_line(capsys)
+    assert not none.exists()
+
+
+FAKE = """#!/usr/bin/env python3
+# Runs a job at once, each task of an array after the other.
+import os, subprocess, sys
+count = os.environ["COUNTER"]
+number = int(open(count).read()) + 1 if os.path.exists(count) else 1
+open(count, "w").write(str(number))
+words = sys.argv[1:]
+options = [w for w in words if w.startswith("--")][: 3]
+command = words[next(i for i, w in enumerate(words) if not w.startswith("--")):]
+with open(os.environ["CALLS"], "a") as calls:
+    print(" ".join(words[: len(words) - len(command)]), command[1], *command[-1:], file=calls)
+array = [w for w in options if w.startswith("--array=")]
+low, high = map(int, array[0].partition("=")[2].split("-")) if array else (0, 0)
+for k in range(low, high + 1):
+    task = {"ID": k, "MIN": low, "MAX": high, "COUNT": high - low + 1} if array else {}
+    env = {f"SLURM_ARRAY_TASK_{name}": str(value) for name, value in task.items()}
+    subprocess.run(command, env=os.environ | env, check=True, stdout=sys.stderr)
+print(number)
+"""
+
+
+@pytest.mark.slow
+def test_job_array_with_dependent_jobs(whole, tmp_path):
+    """The script against a stand-in of sbatch that runs its jobs at once."""
+    sbatch, out = tmp_path / "sbatch", tmp_path / "out"
+    sbatch.write_text(FAKE)
+    sbatch.chmod(0o755)
+    program = tmp_path / "brake-fenicsx"
+    program.write_text(f"#!{sys.executable}\n{PROGRAM}")
+    program.chmod(0o755)
+    env = os.environ | {
+        "PATH": f"{tmp_path}:{os.environ['PATH']}", "COUNTER": str(tmp_path / "count"),
+        "CALLS": str(tmp_path / "calls"), "BRAKE_FENICSX": str(program), "MPI_LAUNCHER": "env",
+        "PYTHONPATH": f"{ROOT}:{os.environ.get('PYTHONPATH', '')}",
+    }  # fmt: skip
+    done = subprocess.run(
+        [ROOT / "scripts" / "launch_array", "3", *words("run", out)[1:], "-q"],
+        env=env, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.strip() == "prepare 1, array 2, tables and page 3"
+    calls = (tmp_path / "calls").read_text().splitlines()
+    assert [line.split()[-2] for line in calls] == ["prepare", "run", "run"]
+    assert "--dependency=afterok:1 --array=1-3" in calls[1] and calls[1].endswith("--share")
+    assert "--dependency=afterany:2" in calls[2]
+    same_tables(out, whole)
+
+
+@pytest.mark.slow
+def test_eight_shares_killed_at_random(whole, tmp_path):
+    """Two at a time, killed with SIGKILL or SIGTERM at random moments and started again."""
+    out, rng = tmp_path / "out", np.random.default_rng(8)
+    assert main(words("prepare", out, "-q")) == 0
+    env = os.environ | {"PYTHONPATH": f"{ROOT}:{os.environ.get('PYTHONPATH', '')}"}
+
+    def start(k):
+        command = [sys.executable, "-c", PROGRAM, *words("run", out, "--share", f"{k}/8", "-q")]
+        return subprocess.Popen(command, env=env, stderr=subprocess.PIPE)
+
+    waiting, working, hit = [*rng.permutation(np.arange(1, 9))], {}, 0
+    while waiting or working:
+        while waiting and len(working) < 8:
+            k = int(waiting.pop())
+            working[k] = start(k)
+        time.sleep(float(rng.uniform(0.3, 1.5)))
+        if hit < 24:
+            k = int(rng.choice([*working]))
+            working[k].kill() if rng.random() < 0.7 else working[k].terminate()
+        for k, process in list(working.items()):
+            if process.poll() is None:
+                continue
+            _, said = process.communicate()
+            del working[k]
+            if process.returncode != 0:
+                assert process.returncode in (-9, -15, 143), said.decode()
+                hit += 1
+                waiting.append(k)
+    assert hit >= 12
+    stored = json.dumps(sorted(p.name for p in (out / "samples").iterdir()))
+    assert stored.count(".zip") == 7
+    assert main(words("run", out, "-q")) == 0
+    same_tables(out, whole)
+    assert not (out / "running").exists()
