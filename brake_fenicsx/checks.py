@@ -78,7 +78,7 @@ def _undamped(scene: Scene) -> list[str]:
     if stability is None or "stability" not in scene.stages:
         return []
     damping = stability.damping
-    if damping and (damping.rayleigh or damping.loss or damping.sliding):
+    if damping and (damping.rayleigh or damping.loss or damping.sliding or damping.modal):
         return []
     if damped_springs(scene) or damped_bodies(scene):
         return []

@@ -7,20 +7,35 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.friction import one_friction, rubs, slides
-from brake_fenicsx.scene.tables import key
+from brake_fenicsx.scene.tables import dotted, key
 from brake_fenicsx.scene.units import to_si
 
 if TYPE_CHECKING:
     from brake_fenicsx.scene.sections import Scene
 
 WHERE = "stability.damping"
+TERMS = ("rayleigh", "loss", "sliding", "slope", "gyroscopic", "modal")
+
+
+@dataclass(frozen=True, slots=True)
+class ModalDamping:
+    """[stability.damping.modal.PART]: damping ratio of the modes of a part.
+
+    Attributes:
+        ratio: damping ratio zeta, one number, or one for each frequency.
+        frequency: rising frequencies of the ratios; linear between them, constant outside.
+    """
+
+    ratio: float | tuple[float, ...] = key(sign="zero", band=(0.0, 0.2))
+    frequency: tuple[float, ...] = key("Hz", default=(), sign="zero")
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +49,7 @@ class Damping:
         sliding: whether friction turns with the direction of sliding.
         slope: whether friction changes with the speed of sliding.
         gyroscopic: whether the second bodies of the interfaces turn; or the parts that do.
+        modal: damping ratio of the modes that each part has without contact; reduced models only.
     """
 
     rayleigh: tuple[float, ...] | None = key(default=None, units=("1/s", "s"), sign="zero")
@@ -42,6 +58,7 @@ class Damping:
     sliding: bool = False
     slope: bool = False
     gyroscopic: bool | tuple[str, ...] = False
+    modal: dict[str, ModalDamping] = field(default_factory=dict)
 
     @property
     def reference(self) -> float:
@@ -77,8 +94,8 @@ def active_terms(scene: Scene, approach: str) -> tuple[str, ...]:
     stability = scene.stability
     if stability is None or "stability" not in scene.stages:
         return ()
-    terms, table = ("rayleigh", "loss", "sliding", "slope", "gyroscopic"), stability.damping
-    named = [n for n in terms if table and getattr(table, n)]
+    table = stability.damping
+    named = [n for n in TERMS if table and getattr(table, n)]
     if damped_springs(scene):
         named.append("springs")
     if damped_bodies(scene):
@@ -106,7 +123,8 @@ def reduced_approaches(scene: Scene, counts: Mapping[str, int]) -> set[str]:
     """Approaches whose modes a reduced model gives, if the bodies admit one.
 
     One serves all approaches whose samples something damps, and one all others. A sample alone
-    does not pay for a reduced model, but takes that of other approaches; a sweep pays for all.
+    does not pay for a reduced model, but takes that of other approaches; a sweep, and damping
+    ratios, which only a reduced model has, pay for all.
 
     Args:
         scene: the scene.
@@ -116,7 +134,8 @@ def reduced_approaches(scene: Scene, counts: Mapping[str, int]) -> set[str]:
     if stability is None or stability.method != "reduced":
         return set()
     damped = {name: bool(active_terms(scene, name)) for name in counts}
-    paid = {damped[name] for name, count in counts.items() if count > 1 or scene.sweep}
+    modal = stability.damping is not None and bool(stability.damping.modal)
+    paid = {damped[name] for name, count in counts.items() if count > 1 or scene.sweep or modal}
     return {name for name in counts if damped[name] in paid}
 
 
@@ -130,17 +149,18 @@ def check_damping(scene: Scene) -> None:
     if table is None:
         return
     _check_loss(scene, table)
-    terms = (table.rayleigh, table.loss, table.sliding, table.slope, table.gyroscopic)
-    if not any(terms):
+    if not any(getattr(table, name) for name in TERMS):
         raise SceneError(
-            f"{WHERE}: no term; name rayleigh, loss, sliding, slope or gyroscopic,"
-            " or leave the section out"
+            f"{WHERE}: no term; name {', '.join(TERMS[:-1])} or {TERMS[-1]}, or leave the section"
+            " out"
         )
     if table.rayleigh is not None and not any(table.rayleigh):
         raise SceneError(f"{WHERE}.rayleigh = [0, 0]: no damping; leave it out")
     _check_friction(scene, table)
     if table.gyroscopic:
         _check_turning(scene)
+    if table.modal:
+        _check_modal(scene, table.modal)
 
 
 def _check_loss(scene: Scene, table: Damping) -> None:
@@ -201,6 +221,43 @@ def _check_turning(scene: Scene) -> None:
             raise SceneError(
                 f"{where}: {', '.join(rests)} does not turn, and the part that it is joined to"
                 f" does; write {WHERE}.gyroscopic = {json.dumps(sorted(turns | parts))}"
+            )
+
+
+def _check_modal(scene: Scene, ratios: Mapping[str, ModalDamping]) -> None:
+    """Ratios of parts that are there, in an analysis that has modes of the parts."""
+    for name, given in ratios.items():
+        where = f"{WHERE}.{dotted('modal', name)}"
+        if name not in scene.parts:
+            raise SceneError(
+                f"{where}: there is no part {name!r}; there are {', '.join(scene.parts)}"
+            )
+        values = given.ratio if isinstance(given.ratio, tuple) else (given.ratio,)
+        if not values or not all(value < 1 for value in values) or not any(values):
+            raise SceneError(
+                f"{where}.ratio = {given.ratio}: write damping ratios below 1, some above 0"
+            )
+        if len(given.frequency) != (len(values) if isinstance(given.ratio, tuple) else 0):
+            raise SceneError(
+                f"{where}: {len(given.frequency)} frequencies for {len(values)} ratios; write one"
+                " ratio, or lists of as many of both"
+            )
+        if any(b <= a for a, b in pairwise(given.frequency)):
+            raise SceneError(f"{where}.frequency: the frequencies must rise")
+    stability = scene.stability
+    if stability is None or "stability" not in scene.stages:
+        return
+    remedies = {
+        'method = "reduced"': stability.method == "reduced",
+        "verify = 0": stability.verify == 0,
+        'on_tolerance = "warn"': stability.on_tolerance == "warn",
+        "drivers = false": not stability.drivers,
+    }
+    for remedy, held in remedies.items():
+        if not held:
+            raise SceneError(
+                f"{WHERE}.modal: ratios belong to the modes of the parts, which only the reduced"
+                f" model has; write stability.{remedy}, or name rayleigh or loss"
             )
 
 

@@ -8,7 +8,7 @@ equilibrium. What a sample with bodies of its own adds is in ``damping_slopes``.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -161,6 +161,8 @@ def record(scene: Scene, contact: Contact) -> dict[str, Any]:
     if table.gyroscopic:
         speed = scene.motion.rate if scene.motion else 0.0
         facts["gyroscopic"] = {"speed_rad_s": speed, "parts": turning_parts(scene)}
+    if table.modal:
+        facts["modal"] = {name: asdict(given) for name, given in table.modal.items()}
     for term, numbers in facts.items():
         approaches = scene.samples.approaches
         numbers["approaches"] = [a for a in approaches if term in active_terms(scene, a)]

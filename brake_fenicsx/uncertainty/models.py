@@ -20,7 +20,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.cache import SharedCache, bodies_key
-from brake_fenicsx.errors import BrakeError, StorageError
+from brake_fenicsx.errors import BrakeError, SceneError, StorageError
 from brake_fenicsx.log import Progress, logger
 from brake_fenicsx.macro.brake import Brake
 from brake_fenicsx.macro.condensation import Compliance, Solves, compliance
@@ -165,7 +165,17 @@ class Models:
         """Whether the reduced model takes a sample: its materials lie in the box."""
         if not self.by_reduction[approach]:
             return False
-        return self.materials is None or self.materials.box.holds(drawn)
+        held = self.materials is None or self.materials.box.holds(drawn)
+        if not held and self._by_ratio(approach):
+            raise SceneError(
+                f"stability.damping.modal: materials of a sample of {approach!r} lie outside of the"
+                " range of the reduced model, and full order has no damping ratios"
+            )
+        return held
+
+    def _by_ratio(self, approach: str) -> bool:
+        """Whether damping ratios of the parts act, which full order does not have."""
+        return "modal" in active_terms(self._scene, approach)
 
     def coordinates(self, u: NDArray) -> NDArray | None:
         """Displacements in the coordinates that families are followed in; None without any.
@@ -265,6 +275,8 @@ class Models:
         except StorageError:
             raise
         except BrakeError as error:
+            if any(self._by_ratio(name) for name in names):
+                raise
             logger.warning("no reduced model: %s; full order", error)
             self.by_reduction |= dict.fromkeys(names, False)
             return
@@ -277,6 +289,7 @@ class Models:
         }
 
     def _reduced_model(self, damped: bool, changing: bool, file: str) -> ReducedModel:
+        from brake_fenicsx.stability.modal_damping import with_modal_damping
         from brake_fenicsx.stability.substructures import ReducedModel, split_substructures
 
         stability, brake = self.stability, self.brake
@@ -297,6 +310,8 @@ class Models:
             self.K, self.M, {"N": brake.N, "T": brake.T, "R": brake.R}, self.unit_loads, changes, C,
             np.column_stack([points, body_centres(points, self.numbering.body)]),
         )  # fmt: skip
+        if damped:
+            bodies = with_modal_damping(self._scene, bodies, self.masses)
         release_memory()
         return ReducedModel.offline(
             bodies, brake.w, band, parameters, followed, stability.tolerance, stability.cutoff,

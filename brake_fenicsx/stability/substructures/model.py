@@ -138,7 +138,7 @@ class ReducedModel:
             )
         if cutoff is not None and not cutoff > band[1]:
             raise SceneError(f"cutoff {cutoff:g} Hz must lie above the band's {band[1]:g} Hz")
-        damped = followed != "N" or any(body.C is not None for body in substructures)
+        damped = followed != "N" or any(body.C is not None or body.ratios for body in substructures)
         rows, omega = Rows(followed, damped), 2 * np.pi * band[1]
         reach = np.sqrt(POLES / parameters.softening) if cutoff is None else cutoff / band[1]
         accuracy = Accuracy(float(reach), _degrees(tolerance, damped))

@@ -108,6 +108,10 @@ class Reduction:
             return {}
         stiffness = [W.T @ (A @ W) for A in (body.K, *body.changes.values())]
         damping = [] if body.C is None else [W.T @ (body.C @ W)]
+        if body.ratios:
+            # C = M W diag(2 zeta omega) W'M couples nothing with what the modes leave out.
+            modal = np.diag(body.modal_damping(W, self._kappa))
+            damping = [damping[0] + modal] if damping else [modal]
         return {
             **body.arrays(), **self._moments.arrays(), "W": W, "kappa": self._kappa,
             # Poles of what is left out lie beyond r cutoff^2 in kappa.

@@ -35,6 +35,27 @@ CSR = ("data", "indices", "indptr")
 
 
 @dataclass(frozen=True, slots=True)
+class ModalRatio:
+    """Damping ratio of the modes of a part, or of the part of a substructure.
+
+    Attributes:
+        mass: of the part [kg], on the dofs of the substructure, shape (n, n).
+        frequency: rising [Hz], shape (m,); empty for one ratio.
+        ratio: zeta at them, linear between, constant outside, shape (m,) or (1,).
+    """
+
+    mass: sp.csr_matrix
+    frequency: Array
+    ratio: Array
+
+    def at(self, f: Array) -> Array:
+        """The ratio at some frequencies [Hz]."""
+        if not self.frequency.size:
+            return np.full(f.shape, self.ratio[0])
+        return np.interp(f, self.frequency, self.ratio)
+
+
+@dataclass(frozen=True, slots=True)
 class Substructure:
     """One body of a brake, without contact.
 
@@ -51,6 +72,7 @@ class Substructure:
         points: coordinates [m] and direction (0, 1, 2) of its dofs, and, where tied bodies may have
             nodes in one place, the centre of the body of each [m], shape (n, 4) or (n, 7); None if
             unknown.
+        ratios: damping ratios of its parts; an offline stage alone needs them.
     """
 
     dofs: Index
@@ -62,6 +84,7 @@ class Substructure:
     loads: Array
     changes: dict[int, sp.csr_matrix] = field(default_factory=dict)
     points: Array | None = None
+    ratios: tuple[ModalRatio, ...] = ()
 
     def stiffness(self, c: Array) -> sp.csr_matrix:
         """K [N/m] under coefficients of all changes, shape (2, changes)."""
@@ -72,6 +95,21 @@ class Substructure:
         if self.C is None:
             return None
         return sum((c[1, j] * A for j, A in self.changes.items()), self.C).tocsr()
+
+    def modal_damping(self, W: Array, kappa: Array) -> Array:
+        """Damping 2 zeta omega of its modes by the ratios of its parts [1/s], shape (modes,).
+
+        A mode has the mean of its parts' ratios, weighted by the kinetic energy of each in it
+        (Hasselman, AIAA Journal 14, 1409, 1976: "composite" modal damping).
+
+        Args:
+            W: M-orthonormal modes, shape (n, modes).
+            kappa: their eigenvalues [1/s^2].
+        """
+        omega = np.sqrt(np.maximum(kappa, 0.0))
+        weights = [np.sum(W * (part.mass @ W), axis=0) for part in self.ratios]
+        zeta = [part.at(omega / (2 * np.pi)) for part in self.ratios]
+        return np.asarray(2 * np.average(zeta, axis=0, weights=weights) * omega)
 
     def arrays(self) -> dict[str, NDArray]:
         """What ``from_arrays`` makes the body of again; coordinates are left out."""
@@ -242,7 +280,10 @@ def _reordered(
 
     if (original.C is None) != (other.C is None):
         return None
+    if not _same_ratios(original.ratios, other.ratios):
+        return None
     pairs = [(original.K, other.K), (original.M, other.M)]
+    pairs += [(a.mass, b.mass) for a, b in zip(original.ratios, other.ratios, strict=True)]
     pairs += [(A, other.changes[j]) for j, A in original.changes.items()]
     if original.C is not None and other.C is not None:
         pairs.append((original.C, other.C))
@@ -264,6 +305,14 @@ def _reordered(
         points=None,
     )  # fmt: skip
     return MirrorImage(moved, signs, across)
+
+
+def _same_ratios(first: tuple[ModalRatio, ...], second: tuple[ModalRatio, ...]) -> bool:
+    """Whether the parts of two bodies have the same damping ratios, in this order."""
+    return len(first) == len(second) and all(
+        np.array_equal(a.frequency, b.frequency) and np.array_equal(a.ratio, b.ratio)
+        for a, b in zip(first, second, strict=True)
+    )
 
 
 def _matching_rows(
