@@ -308,7 +308,7 @@ def _censored(value: float) -> str:
 
 def _limit(run: RunData) -> str:
     """The limit of the scene beyond which a family is called likely to squeal."""
-    facts = run.summary.get("robustness")
+    facts = run.summary.get("probabilities")
     limit = facts.get("limit") if isinstance(facts, Mapping) else None
     return f"{100 * limit:g} %" if isinstance(limit, int | float) else "the limit of the scene"
 

@@ -11,7 +11,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.report.html import _percent, render_page, write_report
 from brake_fenicsx.report.rundata import RunData, read_run
 from brake_fenicsx.tables import write_rows
-from brake_fenicsx.uncertainty.robustness import ROBUSTNESS
+from brake_fenicsx.uncertainty.probabilities import PROBABILITIES
 
 X = "{http://www.w3.org/1999/xhtml}"
 
@@ -133,15 +133,15 @@ def test_every_table_and_caption_of_squeal_names_the_threshold(drawn):
     """Also where the tables of causes do."""
     run = read_run(drawn[0])
     run.summary["in_effect"]["stability"]["threshold"] = 0.006
-    place = ["fast", 0.006, "family", "0", 1900.0, 40, 9, 0.2, 0.1, 0.4, -0.01, 2e-3]
+    place = ["parametric", 0.006, "family", "0", 1900.0, 40, 9, 0.2, 0.1, 0.4, -0.01, 2e-3]
     write_rows(
-        run.directory / "robustness.csv", ROBUSTNESS,
-        [[*place, "no", *[None] * (len(ROBUSTNESS) - len(place) - 1)]],
+        run.directory / "probabilities.csv", PROBABILITIES,
+        [[*place, "no", *[None] * (len(PROBABILITIES) - len(place) - 1)]],
     )  # fmt: skip
     try:
         root = ElementTree.fromstring(render_page(run))
     finally:
-        (run.directory / "robustness.csv").unlink()
+        (run.directory / "probabilities.csv").unlink()
     said = "damping below -0.006"
     assert any(said in (p.text or "") for p in root.find(f".//{X}header").iter(f"{X}p"))
     for key, tables in (("squeal", 1), ("probability", 0), ("inputs", 1)):
@@ -154,9 +154,9 @@ def test_every_table_and_caption_of_squeal_names_the_threshold(drawn):
 
 
 def test_a_table_of_causes_of_an_older_version_is_named(drawn, tmp_path):
-    write_rows(tmp_path / "robustness.csv", ("approach", "scope", "where"), [])
+    write_rows(tmp_path / "probabilities.csv", ("approach", "scope", "where"), [])
     shutil.copy(drawn[0] / "modes.csv", tmp_path)
-    with pytest.raises(SceneError, match=r"robustness\.csv: column .*severity is missing"):
+    with pytest.raises(SceneError, match=r"probabilities\.csv: column .*severity is missing"):
         render_page(read_run(tmp_path))
 
 
