@@ -152,12 +152,29 @@ class Newton:
                 break
             # Only a full step moves the loads of the state to the present ones.
             if history[-1] < tolerance and s == 1.0:
+                self._check_tilt(g)
                 return (g, t), history
         raise NotConverged(
             f"equilibrium: not converged after {len(history) - 1} iterations (residual"
             f" {history[-1]:.2e}, {tolerance:.0e} needed); check supports and loads, then raise the"
             " load steps"
         )
+
+    def _check_tilt(self, g: Array) -> None:
+        """Whether the bodies tilt by a small angle, as linear kinematics have it.
+
+        The matrix of a part that tips is singular to round-off, and its residual small all the
+        same: the pressures balance the loads to the round-off of gaps of any size.
+
+        Raises:
+            NotConverged: gaps open by more than the contact is wide.
+        """
+        opening, width = g - self.system.g0, float(np.sqrt(np.sum(self.system.w)))
+        if (spread := float(np.ptp(opening))) > width:
+            raise NotConverged(
+                f"equilibrium: a part tips or comes loose, gaps of the contact differ by"
+                f" {spread:.2g} m; lower the friction, or change supports or loads"
+            )
 
     def _line_search(self, g: Array, t: Array, dg: Array, dt: Array) -> float:
         """Step at which the work of the residual along the direction has dropped enough."""
