@@ -9,6 +9,7 @@ of each contact element, along the rows I = [N; T] or [N; T; R]; see ``damping``
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -132,18 +133,30 @@ class ContactForces:
             Shape (count, rows, followed rows), one coefficient more where forces follow rates.
         """
         count, size, n = A.shape[0], A.shape[1], self.normal.size
-        out = np.empty((count + bool(self.rates), size, n * (1 + len(self.rates))))
-        np.multiply(A[:, :, :n], self.normal, out=out[:count, :, :n])
-        if self.friction.any():
-            out[:count, :, :n] += A[:, :, n : 2 * n] * self.friction
-        if self.rates:
-            out[count, :, :n] = 0.0
-        for j, (place, rate) in enumerate(self.rates, 1):
-            acting, followed = A[:, :, place * n : (place + 1) * n], slice(j * n, (j + 1) * n)
-            out[:count, :, followed] = acting * (self.shift * rate)
-            out[count, :, followed] = 0.0
-            out[1:, :, followed] += acting * rate
+        out = np.zeros((count + bool(self.rates), size, n * (1 + len(self.rates))))
+        for j, power, block in self.blocks_after(A):
+            out[power : power + count, :, j * n : (j + 1) * n] += block
         return out
+
+    def blocks_after(self, A: Array) -> Iterator[tuple[int, int, Array]]:
+        """The same of one or more coefficients, one block of followed rows at a time.
+
+        Args:
+            A: shape (..., rows, acting rows).
+
+        Yields:
+            Number of the block; power of z that it multiplies; its part, shape (..., rows,
+            elements).
+        """
+        n = self.normal.size
+        normal = A[..., :n] * self.normal
+        if self.friction.any():
+            normal += A[..., n : 2 * n] * self.friction
+        yield 0, 0, normal
+        for j, (place, rate) in enumerate(self.rates, 1):
+            along = A[..., place * n : (place + 1) * n] * rate
+            yield j, 1, along
+            yield j, 0, self.shift * along
 
     def __call__(self, z: Complex, y: Complex) -> Complex:
         """J(z_j) y_j of each column, shape (acting rows, columns)."""

@@ -205,10 +205,12 @@ class Sample:
                 self.forced[: len(through), modes, place] += through
                 # Faster than picking by rows and columns; one moment at a time stays in the cache.
                 flat = own[:, None] * D.shape[2] + acting
-                square = square_of(place)
+                squares = [[square_of(at.there, i * c, j * c) for j in range(f)] for i in range(f)]
                 for n in range(count):
-                    for i, part in enumerate(J.after(np.take(D[n], flat)[None])):
-                        self.E[n + i][square] += part
+                    part = np.take(D[n], flat)
+                    for i, row in enumerate(np.split(part, f)):
+                        for j, power, block in J.blocks_after(row):
+                            self.E[n + power][squares[i][j]] += block
         self.E[0][np.diag_indices(f * c)] += 1.0
 
     def zeros(self, reach: float, near: Callable[[Complex], Index]) -> Zeros:
