@@ -16,8 +16,8 @@ copyright = author
 release = version = brake_fenicsx.__version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
-source_suffix = {".md": "markdown"}
-exclude_patterns = ["_build"]
+source_suffix = {".md": "markdown", ".py": "markdown"}  # scripts of the gallery, see below
+exclude_patterns = ["conf.py"]
 
 myst_heading_anchors = 4
 myst_enable_extensions = ["attrs_block", "colon_fence", "deflist"]
@@ -51,7 +51,31 @@ def keep_bars(app: Sphinx, what: str, name: str, obj: object, options: object, l
     lines[:] = [re.sub(r"(``.*?``)|\|", lambda m: m[1] or r"\|", line) for line in lines]
 
 
+def read_script(app: Sphinx, page: str, source: list[str]) -> None:
+    """A script in jupytext's light format as Markdown: comments are text, all else is code."""
+    path = Path(app.env.doc2path(page))
+    if path.suffix != ".py":
+        return
+    pieces: list[tuple[bool, list[str]]] = [(False, [])]
+    in_cell = False
+    for line in source[0].splitlines():
+        if line in ("# +", "# -"):
+            in_cell = line == "# +"
+        is_code = in_cell or not line.startswith("#")
+        if is_code != pieces[-1][0] and line:
+            pieces.append((is_code, []))
+        if line not in ("# +", "# -"):
+            pieces[-1][1].append(line if is_code else line[2:])
+    texts = (("\n".join(lines).strip("\n"), is_code) for is_code, lines in pieces)
+    parts = [f"```python\n{t}\n```" if is_code else t for t, is_code in texts if t]
+    parts.append(
+        f"This page is the script `docs/gallery/{path.name}`; see the [gallery](index.md)."
+    )
+    source[0] = "\n\n".join(parts)
+
+
 def setup(app: Sphinx) -> None:
     """Called by Sphinx."""
+    app.connect("source-read", read_script)
     app.connect("autodoc-process-docstring", keep_bars)
     app.connect("build-finished", write_schema)

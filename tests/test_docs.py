@@ -27,7 +27,8 @@ def site(tmp_path_factory):
 
 
 def test_every_page_is_on_the_site_and_in_its_search(site):
-    pages = {p.relative_to(DOCS).with_suffix("").as_posix() for p in DOCS.rglob("*.md")}
+    files = [*DOCS.rglob("*.md"), *DOCS.glob("gallery/*.py")]
+    pages = {p.relative_to(DOCS).with_suffix("").as_posix() for p in files}
     assert all((site / f"{page}.html").is_file() for page in pages)
     found = (site / "searchindex.js").read_text()
     assert pages == set(json.loads(found[found.index("{") : found.rindex("}") + 1])["docnames"])
