@@ -22,7 +22,7 @@ def test_script(script, tmp_path):
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
 def test_page(script):
-    """Title, picture and number in the light format; picture and line in the index, a small file."""
+    """Title, picture and number in the light format; a line in the index, a small file."""
     text = script.read_text()
     assert re.match(r"# # \w.*\n#\n", text)
     assert f"]({script.stem}.png)" in text

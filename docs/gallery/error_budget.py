@@ -21,21 +21,13 @@ from brake_fenicsx.budget.study import run_budget
 from brake_fenicsx.tables import read_rows
 
 HERE = Path(globals().get("__file__", "notebook")).resolve().parent
-SCENE = HERE.parents[1] / "scripts" / "scenes" / "block_on_plate.toml"
+SCENE = HERE.parents[1] / "scripts" / "scenes" / "squealing_block.toml"
 run_budget(
     SCENE,
     MPI.COMM_WORLD,
     "error_budget-results",
     [
         "stages=['surface', 'equilibrium', 'stability', 'uncertainty']",
-        "surface.statistics={ S_q = '0.3 um' }",
-        "contact.block_plate.gap=hdf",
-        "contact.block_plate.law={ p0 = '10 MPa', u0 = '0.3 um' }",
-        "parts.block.size='10 mm'",
-        "parts.plate.size='14 mm'",
-        "stability.band=['0 Hz', '18 kHz']",
-        "stability.method=reduced",
-        "stability.threshold=1e-3",
         "contact.block_plate.friction=0.45",
         "samples.n=40",
     ],
