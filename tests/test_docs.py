@@ -1,0 +1,59 @@
+"""The documentation site: it builds without a warning, is complete, and needs no network."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    for name in ("sphinx", "myst_parser", "furo"):
+        pytest.importorskip(name, reason=f"{name} is not installed: scripts/docs installs it")
+    folder = tmp_path_factory.mktemp("site")
+    words = ["-q", "-W", "--keep-going", "-n", "-d", str(folder / "trees")]
+    done = subprocess.run(
+        [sys.executable, "-m", "sphinx", *words, str(DOCS), str(folder / "html")],
+        capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return folder / "html"
+
+
+def test_every_page_is_on_the_site_and_in_its_search(site):
+    files = [*DOCS.rglob("*.md"), *DOCS.glob("gallery/*.py")]
+    pages = {p.relative_to(DOCS).with_suffix("").as_posix() for p in files}
+    assert all((site / f"{page}.html").is_file() for page in pages)
+    found = (site / "searchindex.js").read_text()
+    assert pages == set(json.loads(found[found.index("{") : found.rindex("}") + 1])["docnames"])
+
+
+def test_pages_load_nothing_from_a_network(site):
+    loaded = re.compile(r'<(?:script|link|img)[^>]*(?:src|href)="(?:https?:)?//[^"]*"')
+    for page in site.rglob("*.html"):
+        assert not loaded.findall(page.read_text()), page.name
+    assert not any("@import" in css.read_text() for css in site.rglob("*.css"))
+
+
+def test_the_schema_of_a_scene_is_on_the_site(site):
+    assert "stability" in json.loads((site / "scene.schema.json").read_text())["properties"]
+
+
+def test_the_interface_has_every_public_function(site):
+    """Autodoc writes an anchor for each; a name that moved would leave none."""
+    page = (site / "api.html").read_text()
+    for name in ("run", "assemble", "prepare", "sample", "sweep", "scene.read_scene"):
+        assert f'id="brake_fenicsx.{name}"' in page, name
+
+
+def test_tests_that_pages_name_are_there():
+    for page in DOCS.rglob("*.md"):
+        for file, name in re.findall(r"`?(tests/[\w/]+\.py)(?:::(\w+))?", page.read_text()):
+            text = (ROOT / file).read_text()
+            assert not name or f"def {name}(" in text, (page.name, file, name)
