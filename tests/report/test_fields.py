@@ -270,9 +270,9 @@ def test_mode_picture_shows_both_views_in_colour(tmp_path, space):
     assert right > 0.05
 
 
-def test_bodies_in_a_row_hide_nothing():
+def test_bodiesin_a_row_hide_nothing():
     """Three boxes on each other: side by side, lowest first, in both views."""
-    from brake_fenicsx.report.render import _in_a_row, _levels, _view
+    from brake_fenicsx.report.render import _levels, in_a_row, view_of
 
     boxes = [pyvista.Box((-1, 1, -1, 1, z, z + 0.9)) for z in (0.0, 1.0, 2.0)]
     merged = pyvista.merge(boxes, merge_points=False)
@@ -281,8 +281,8 @@ def test_bodies_in_a_row_hide_nothing():
     surface.point_data["level"] = level = _levels(surface)
     assert np.array_equal(level, surface.point_data["body"])
     for side in (1.0, -1.0):
-        view = _view(surface, side)
-        row = _in_a_row(surface, view, side, 0.1)
+        view = view_of(surface, side)
+        row = in_a_row(surface, view, side, 0.1)
         right = np.cross([0.0, 0.0, side], view)
         reach = [(row.points[level == j] @ right / np.linalg.norm(right)) for j in range(3)]
         assert reach[0].max() < reach[1].min()
