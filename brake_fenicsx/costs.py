@@ -10,7 +10,7 @@ ladder's. With
     laws       0.05 s (pixels / 402)^2 + 0.2 s (min(pixels, 192) / 128)^2.5, each; periodic, where
                every product is one of all pixels, 0.85 s (pixels / 402)^2, with hardness 2 s
     brake      2.7 s (n / 105e3)^0.87
-    shared     4.4 s (n / 105e3)^1.63 for the factor; then 15 r v for the real modes and 4.5 m v for
+    offline    4.4 s (n / 105e3)^1.63 for the factor; then 15 r v for the real modes and 4.5 m v for
                the interface of the reduced model; without it 0.45 m v for the compliance;
                12 (a m + r) v for damping in it;
                0.10 m v for each moment at each point where materials change: a moment of degree
@@ -251,7 +251,7 @@ def _mechanics(scene: Scene, c: Counts) -> list[Cost]:
     written = 1.0 + (pictures + anew if "report" in scene.stages else 0.0)
     return [
         Cost("brake", 2.7 * (n / 105e3) ** 0.87, 0.2 + 4e-6 * n),
-        Cost("shared", shared, held + model),
+        Cost("offline", shared, held + model),
         Cost("samples", c.samples * one + reduced + full, peak, model, lean),
         *_sweep(scene, (c.samples * one + reduced + full) / max(c.samples, 1), held + model, model),
         Cost("results", written, held + model, model),

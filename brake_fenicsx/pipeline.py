@@ -541,7 +541,7 @@ def make_study(
     study = Study(
         this.scene, brake, library, hdf, this.store, this.comm, recipe, this.cache, waviness
     )
-    with this.stage("shared"):
+    with this.stage("offline"):
         study.prepare()
         this.facts |= study.facts
     return study

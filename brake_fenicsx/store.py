@@ -192,11 +192,11 @@ def result_digest(scene: Scene) -> str:
         table["sweep"] = changing
     content = {**table, "samples": samples, "files": file_digests(scene), "format": FORMAT}
     s = scene.samples
-    # The points of a design hang together; fast and joint take the inputs from multi-scale.
+    # The points of a design hang together; parametric and joint take the inputs from multi-scale.
     whole = [s.plan(a) for a in s.approaches if s.takes_random(a) and not s.plan(a).grows]
     if whole:
         content["designs"] = [[p.n, p.design, p.curves] for p in whole]
-    if s.random and {"fast", "joint"} & {*s.approaches}:
+    if s.random and {"parametric", "joint"} & {*s.approaches}:
         content["multi-scale"] = "roughness alone"
     if measured := {name: d.digest for name, d in s.random.items() if d.digest}:
         content["measured"] = measured

@@ -63,7 +63,7 @@ def table(path: Path) -> list[dict[str, str]]:
 def facts(out: Path) -> dict[str, Any]:
     """Seconds per sample, memory and interval widths of a finished study."""
     summary = json.loads((out / "summary.json").read_text())
-    whole = next(r for r in table(out / "robustness.csv") if r["scope"] == "band")
+    whole = next(r for r in table(out / "probabilities.csv") if r["scope"] == "band")
     found = [r for r in table(out / "sensitivity.csv") if r["where"] == whole["where"]]
     widths = [float(r["first_high"]) - float(r["first_low"]) for r in found if r["first_high"]]
     own = summary["samples"][whole["approach"]]

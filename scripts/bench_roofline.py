@@ -106,12 +106,12 @@ def count_factors() -> None:
     """Factors and solves of the bodies."""
 
     def factor(_: None, self: solver.Factor, *args: Any) -> tuple[str, str, float, float]:
-        return "shared", "factors (MUMPS)", self._F.getMumpsRinfog(3), 8 * entries(self)
+        return "offline", "factors (MUMPS)", self._F.getMumpsRinfog(3), 8 * entries(self)
 
     def solve(x: Any, self: solver.Factor, b: Any) -> tuple[str, str, float, float]:
         columns = 1 if x.ndim == 1 else x.shape[1]
         blocks = -(-columns // solver.BLOCK)
-        return "shared", "solves", 4 * entries(self) * columns, 16 * entries(self) * blocks
+        return "offline", "solves", 4 * entries(self) * columns, 16 * entries(self) * blocks
 
     wrap(solver.Factor, "__init__", factor)
     wrap(solver.Factor, "solve", solve)

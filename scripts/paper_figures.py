@@ -64,7 +64,7 @@ FRICTION = "{ law = 'normal', mean = 0.5, sd = 0.05, min = 0.3, max = 0.7 }"
 contacts = read_scene(asked.scene, asked.changes).contact
 SYSTEMS = [
     "stages=['surface','micro','equilibrium','stability','uncertainty']",
-    "samples.approaches=['multi-scale','fast','classical']",
+    "samples.approaches=['multi-scale','parametric','classical']",
     *(f"samples.random.'contact.{name}.friction'={FRICTION}" for name in contacts),
 ]
 result = run(asked.scene, comm, asked.folder, [*SYSTEMS, *asked.changes])

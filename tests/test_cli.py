@@ -52,7 +52,7 @@ def test_the_ending_counts_failed_samples_and_names_the_page(tmp_path):
     scene = read_scene(BLOCK)
     store = Store(tmp_path)
     run = Run(scene, MPI.COMM_SELF, store, SharedCache(store))
-    run.facts = {"samples": {"fast": {"good": 17}}, "failed_samples": 3}
+    run.facts = {"samples": {"parametric": {"good": 17}}, "failed_samples": 3}
     assert run.ending() == (
         f"done, 3 of 20 samples failed: see {tmp_path}/samples.csv; open {tmp_path}/report.html"
     )
@@ -158,7 +158,7 @@ def test_a_full_disc_ends_the_samples_by_its_name(tmp_path):
 
     store = Store(tmp_path)
     with pytest.raises(StorageError, match="cannot be written"):
-        run_ensemble([("fast", 1)], lambda *_: {}, store, MPI.COMM_SELF)
+        run_ensemble([("parametric", 1)], lambda *_: {}, store, MPI.COMM_SELF)
 
 
 def test_a_cache_that_cannot_be_written_does_not_stop_the_run(tmp_path, monkeypatch, caplog):
@@ -215,13 +215,13 @@ def test_sigterm_finishes_the_sample_and_nothing_new(tmp_path, monkeypatch, caps
         return {"x": np.array(task[1])}
 
     def run(*_):
-        run_ensemble([("fast", k) for k in range(6)], work, store, MPI.COMM_SELF)
+        run_ensemble([("parametric", k) for k in range(6)], work, store, MPI.COMM_SELF)
 
     monkeypatch.setattr(pipeline, "run", run)
     status, said = one_line(capsys, "run", BLOCK)
     assert status == 143 and "finished samples are stored" in said
     assert [k for _, k in begun] == [0, 1, 2]
-    assert store.samples.load(("fast", 2)) is not None
+    assert store.samples.load(("parametric", 2)) is not None
 
 
 def test_sigterm_elsewhere_ends_at_once(tmp_path):
@@ -271,7 +271,7 @@ def test_table_of_the_log_stands_under_its_heading(tmp_path, monkeypatch):
     for module, name in ((inputs, "contact_maps"), (figures, "make_figures"),
                          (overview, "write_tables"), (html, "write_report")):  # fmt: skip
         monkeypatch.setattr(module, name, lambda *_, **__: None)
-    monkeypatch.setattr(rundata, "read_run", lambda _: SimpleNamespace(modes=1))
+    monkeypatch.setattr(rundata, "read_run", lambda _: SimpleNamespace(modes=1, samples=1))
     monkeypatch.setattr(overview, "summary_table", lambda _: "a  b\n1  2")
     start_log(0, tmp_path / "log.txt")
     pipeline.report(tmp_path)

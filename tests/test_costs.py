@@ -21,7 +21,7 @@ RUNS = {
     "disc_brake_study": (Counts(152_479, 1368, 701, 300, 2, 400), 2, 3),
     "disc_brake_demo": (Counts(40_745, 576, 21, 20, 2), 1, 5),
 }
-SHARED = ("micro", "shared", "samples")
+SHARED = ("micro", "offline", "samples")
 FACTOR = 3.0
 LEAST = 2.0  # [s] below which a stage is start-up time
 
@@ -66,7 +66,7 @@ def test_estimate_of_one_equilibrium_and_what_it_shares(
     scene = read_scene(SCENES / "disc_brake.toml", changes)
     cost = {c.stage: c for c in estimate(scene, Counts(dofs, elements, 1))}
     assert condensed / FACTOR < cost["samples"].seconds < condensed * FACTOR
-    assert (factor + compliance) / FACTOR < cost["shared"].seconds < FACTOR * (factor + compliance)
+    assert (factor + compliance) / FACTOR < cost["offline"].seconds < FACTOR * (factor + compliance)
 
 
 def test_stages_that_are_not_named_cost_nothing():
@@ -111,9 +111,9 @@ def test_full_order_is_told_from_reduced():
 
 
 def test_materials_of_their_own_are_told_from_those_of_the_scene():
-    """fast and joint take the moduli; multi-scale is roughness alone beside them."""
+    """parametric and joint take the moduli; multi-scale is roughness alone beside them."""
     scene = read_scene(SCENES / "disc_brake_study.toml")
-    wanted = {"multi-scale": 300, "fast": 300, "classical": 1, "joint": 100}
+    wanted = {"multi-scale": 300, "parametric": 300, "classical": 1, "joint": 100}
     found = count_solves(scene, wanted)
     verified = scene.stability.verify
     assert found == Counts(samples=701, reduced=301, full=verified, changing=400)
@@ -123,8 +123,8 @@ def test_materials_of_their_own_are_told_from_those_of_the_scene():
         {c.stage: c for c in estimate(scene, Counts(samples=n, changing=n, **sizes))}
         for n in (1, 101)
     )
-    assert 780 / FACTOR < few["shared"].seconds < 780 * FACTOR
-    assert many["shared"] == few["shared"]
+    assert 780 / FACTOR < few["offline"].seconds < 780 * FACTOR
+    assert many["offline"] == few["offline"]
     each = (many["samples"].seconds - few["samples"].seconds) / 100
     assert 0.75 / FACTOR < each < 0.75 * FACTOR
     one = {c.stage: c for c in estimate(scene, Counts(samples=1, reduced=1, **sizes))}
@@ -157,14 +157,14 @@ def test_damped_samples_of_changing_materials():
             [f"stability.damping={{ {terms} }}", "materials.lining.loss=0.05",
              "stability.band=['0 Hz','5 kHz']"],
         )  # fmt: skip
-        found = count_solves(scene, {"fast": 300, "joint": 100})
+        found = count_solves(scene, {"parametric": 300, "joint": 100})
         assert (found.changing, found.damped_changing, found.reduced) == (400, 400, 0)
         assert found.full == found.damped == scene.stability.verify
         few, many = (
             {c.stage: c for c in estimate(scene, Counts(*sizes, n, changing=n, damped_changing=n))}
             for n in (1, 101)
         )
-        assert once / FACTOR < few["shared"].seconds < once * FACTOR
+        assert once / FACTOR < few["offline"].seconds < once * FACTOR
         per = (many["samples"].seconds - few["samples"].seconds) / 100
         assert each / FACTOR < per < each * FACTOR
 

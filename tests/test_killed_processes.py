@@ -25,7 +25,7 @@ STUDIES = {
     "reduced": ["stability.method=reduced", "stability.verify=1", "samples.n=30"],
     "full": ["stability.method=full", "samples.n=6"],
 }
-TABLES = ("modes", "samples", "contact", "robustness", "convergence")
+TABLES = ("modes", "samples", "contact", "probabilities", "convergence")
 
 
 class Job:

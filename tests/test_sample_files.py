@@ -16,7 +16,7 @@ from brake_fenicsx.uncertainty.ensemble import run_ensemble
 from brake_fenicsx.uncertainty.results import Results
 
 pytestmark = pytest.mark.alone
-TASKS = [("fast", k) for k in range(10)]
+TASKS = [("parametric", k) for k in range(10)]
 
 
 @pytest.fixture
@@ -53,7 +53,8 @@ def test_full_blocks_become_archives(folder):
     """In any order of the samples: two archives, what is left of the third block, same arrays."""
     filled(folder, TASKS[::-1])
     assert sorted(os.listdir(folder / "samples")) == [
-        "fast-00000-00003.zip", "fast-00004-00007.zip", "fast-00008.npz", "fast-00009.npz",
+        "parametric-00000-00003.zip", "parametric-00004-00007.zip", "parametric-00008.npz",
+        "parametric-00009.npz",
     ]  # fmt: skip
     store = of(folder)
     assert store.samples.present() == set(TASKS)
@@ -62,7 +63,9 @@ def test_full_blocks_become_archives(folder):
         data = store.samples.load(task)
         assert set(data) == {"status", "x", "names"} and str(data["status"]) == "ok"
         np.testing.assert_array_equal(data["x"], arrays(task)["x"])
-    assert not store.samples.has(("fast", 10)) and store.samples.load(("fast", 10)) is None
+    assert (
+        not store.samples.has(("parametric", 10)) and store.samples.load(("parametric", 10)) is None
+    )
     assert not store.samples.has(("joint", 0)) and store.samples.load(("joint", 0)) is None
     run_ensemble(TASKS, never, store, MPI.COMM_SELF)
 
@@ -82,13 +85,13 @@ def test_samples_that_are_packed_meanwhile_are_found(folder):
     store = of(folder)
     assert store.samples.present() == set(TASKS[:3])
     of(folder).samples.save(TASKS[3], **arrays(TASKS[3]))
-    assert os.listdir(folder / "samples") == ["fast-00000-00003.zip"]
+    assert os.listdir(folder / "samples") == ["parametric-00000-00003.zip"]
     assert all(store.samples.has(t) for t in TASKS[:4])
     assert store.samples.present() == set(TASKS[:4])
     np.testing.assert_array_equal(store.samples.load(TASKS[2])["x"], [2.0, 3.0, 4.0])
     # Of two processes that pack a block the second one finds nothing to do.
     store.samples._pack(TASKS[:4])
-    assert os.listdir(folder / "samples") == ["fast-00000-00003.zip"]
+    assert os.listdir(folder / "samples") == ["parametric-00000-00003.zip"]
 
 
 def test_a_stage_run_again_forgets_archives(folder):
@@ -101,7 +104,8 @@ def test_a_stage_run_again_forgets_archives(folder):
 
 
 @pytest.mark.parametrize(
-    ("name", "k", "value"), [("fast-00000-00003.zip", 1, 3.0), ("fast-00009.npz", 9, 9.0)]
+    ("name", "k", "value"),
+    [("parametric-00000-00003.zip", 1, 3.0), ("parametric-00009.npz", 9, 9.0)],
 )
 def test_samples_of_another_scene_and_damaged_ones_are_named(folder, name, k, value):
     filled(folder)

@@ -26,7 +26,7 @@ STUDY = [
     "stability.method=reduced", "stability.verify=1", "samples.n=30",
 ]  # fmt: skip
 SETS = [word for change in STUDY for word in ("--set", change)]
-TABLES = ("modes", "samples", "contact", "robustness", "convergence")
+TABLES = ("modes", "samples", "contact", "probabilities", "convergence")
 PROGRAM = """
 import sys
 from brake_fenicsx import sample_files

@@ -13,7 +13,7 @@ from brake_fenicsx.tables import (
 
 NAMES = ("approach", "sample", "seed", "x", "note")
 ROWS = [
-    ["fast", 0, 2**127 + 1, 0.1 + 0.2, None],
+    ["parametric", 0, 2**127 + 1, 0.1 + 0.2, None],
     ["a,b", np.int64(7), -3, np.float64(1e-300), 5e-324],
     ['say "no"', 1, 0, float("inf"), float("nan")],
     ["1", 2, 9, 1e22, -0.0],
@@ -91,7 +91,7 @@ def test_bad_files_are_named(tmp_path):
         with pytest.raises(SceneError, match="last line has no end"):
             read_rows(tmp_path / "end.csv")
     with pytest.raises(SceneError, match="frequency_hz"):
-        read_columns(write_rows(tmp_path / "a.csv", ["approach"], [["fast"]]), MODES)
+        read_columns(write_rows(tmp_path / "a.csv", ["approach"], [["parametric"]]), MODES)
 
 
 def test_text_table_aligns_columns():
@@ -115,8 +115,8 @@ def test_a_long_table_read_in_pieces_is_the_table(tmp_path, monkeypatch, rows):
     """Columns whose type only a later piece tells: whole numbers, empty cells, long ones, words."""
     names = ("approach", "whole", "half", "late", "long", "word", "empty", "seed")
     table = [
-        ["fast", k, k + 0.5, None if k < 4 else k, 2**64 if k == 3 else k, "all" if k > 4 else k,
-         None, 0.5 if k == 5 else 2**70]
+        ["parametric", k, k + 0.5, None if k < 4 else k, 2**64 if k == 3 else k,
+         "all" if k > 4 else k, None, 0.5 if k == 5 else 2**70]
         for k in range(rows)
     ]  # fmt: skip
     path = write_rows(tmp_path / "a.csv", names, table)

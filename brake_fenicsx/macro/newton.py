@@ -22,6 +22,9 @@ State = tuple[Array, Array]
 
 # Springs that hold open elements far from equilibrium, over the stiffness of the interface.
 HOLD = 0.03
+# Gaps of an equilibrium differ by less than this multiple of the width of the contact; those of a
+# singular matrix by 1e8 times and more.
+TILT = 100.0
 # Iterations before these springs are taken away; contact that needs them is found in fewer.
 PATIENCE = 20
 
@@ -152,12 +155,29 @@ class Newton:
                 break
             # Only a full step moves the loads of the state to the present ones.
             if history[-1] < tolerance and s == 1.0:
+                self._check_tilt(g)
                 return (g, t), history
         raise NotConverged(
             f"equilibrium: not converged after {len(history) - 1} iterations (residual"
             f" {history[-1]:.2e}, {tolerance:.0e} needed); check supports and loads, then raise the"
             " load steps"
         )
+
+    def _check_tilt(self, g: Array) -> None:
+        """Whether the bodies tilt by an angle that linear kinematics can mean.
+
+        The matrix of a part that tips is singular to round-off, and its residual small all the
+        same: the pressures balance the loads to the round-off of gaps of any size.
+
+        Raises:
+            NotConverged: gaps open by many times the width of the contact.
+        """
+        opening, width = g - self.system.g0, float(np.sqrt(np.sum(self.system.w)))
+        if (spread := float(np.ptp(opening))) > TILT * width:
+            raise NotConverged(
+                f"equilibrium: a part tips or comes loose, gaps of the contact differ by"
+                f" {spread:.2g} m; lower the friction, or change supports or loads"
+            )
 
     def _line_search(self, g: Array, t: Array, dg: Array, dt: Array) -> float:
         """Step at which the work of the residual along the direction has dropped enough."""

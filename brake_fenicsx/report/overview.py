@@ -146,7 +146,7 @@ def band_rows(run: RunData) -> list[list[Value]]:
 
 
 def cause_rows(run: RunData, most: int = 12) -> list[list[Value]]:
-    """What robustness.csv says of the whole band and of the families, the most severe first.
+    """What probabilities.csv says of the whole band and of the families, the most severe first.
 
     Args:
         run: the results.
@@ -161,7 +161,7 @@ def cause_rows(run: RunData, most: int = 12) -> list[list[Value]]:
     Raises:
         SceneError: a column is missing.
     """
-    path = run.directory / "robustness.csv"
+    path = run.directory / "probabilities.csv"
     if not path.is_file():
         return []
     read_columns(path, (*CAUSE_COLUMNS, "squeal_samples", "severity"))

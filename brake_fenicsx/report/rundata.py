@@ -18,7 +18,7 @@ from .style import APPROACH_NAME, SMOOTH
 
 Arrays = dict[str, NDArray]
 
-ORDER = ("classical", "fast", "multi-scale", "joint")
+ORDER = ("classical", "parametric", "multi-scale", "joint")
 SWEEP = ("sweep", "lock_in", "chart", "critical", "critical_curve")
 
 

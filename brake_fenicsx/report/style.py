@@ -23,14 +23,14 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 
 APPROACH_LOOK = {
     "classical": (BLUE, "o"),
-    "fast": (ORANGE, "s"),
+    "parametric": (ORANGE, "s"),
     "multi-scale": (GREEN, "^"),
     "joint": (PURPLE, "D"),
 }
-APPROACH_LINE = {"classical": ":", "fast": "--", "multi-scale": "-", "joint": "-."}
+APPROACH_LINE = {"classical": ":", "parametric": "--", "multi-scale": "-", "joint": "-."}
 APPROACH_NAME = {
     "classical": "Classical",
-    "fast": "FAST",
+    "parametric": "Parametric",
     "multi-scale": "Multi-scale",
     "joint": "Joint",
 }

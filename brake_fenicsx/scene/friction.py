@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from brake_fenicsx.scene.sections import Friction, Scene
 
 # Approaches of perfect contact.
-PERFECT = frozenset({"classical", "fast"})
+PERFECT = frozenset({"classical", "parametric"})
 
 
 def one_friction(scene: Scene, approach: str) -> bool:

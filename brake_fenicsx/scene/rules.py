@@ -31,7 +31,7 @@ PREDECESSORS = (
 )
 
 # Keys of [samples] that are about many of them.
-MANY = ("n", "random", "design", "curves", "fast", "joint", "limit")
+MANY = ("n", "random", "design", "curves", "parametric", "joint", "limit")
 
 # Beyond 1/sqrt(2) the squares of damped frequencies are no longer positive.
 ZETA_LIMIT = 0.7
@@ -266,7 +266,7 @@ def _check_approaches(s: Scene) -> None:
     """Approaches that live from random inputs have some; no material is named in two ways."""
     if not s.samples.approaches:
         raise SceneError(f"samples.approaches = []: name some of {', '.join(APPROACHES)}")
-    for name in ("fast", "joint"):
+    for name in ("parametric", "joint"):
         if name in s.samples.approaches and not s.samples.random:
             raise SceneError(
                 f"samples.approaches: {name!r} needs random inputs; write them in [samples.random]"

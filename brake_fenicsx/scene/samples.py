@@ -32,7 +32,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.tables import KeyMistake, key, value_type
 from brake_fenicsx.scene.units import to_si
 
-APPROACHES = ("multi-scale", "classical", "fast", "joint")
+APPROACHES = ("multi-scale", "classical", "parametric", "joint")
 DESIGNS = ("random", "latin-hypercube", "sobol", "fast", "rbd-fast", "saltelli")
 LAWS = ("normal", "lognormal", "uniform", "measured")
 # Keys of the scalars that may take other values than the scene's, and their SI units.
@@ -65,13 +65,13 @@ class Classical:
 
 @dataclass(frozen=True, slots=True)
 class Design:
-    """[samples.fast], [samples.joint]: number and design of one approach's samples.
+    """[samples.parametric], [samples.joint]: number and design of one approach's samples.
 
     Attributes:
         n: samples; those of [samples] if not given. FAST and Saltelli's design use the largest
             number not above it that their structure allows.
-        design: see [studies.md](studies.md); that of [samples] if not given (of "fast": RBD-FAST,
-            which needs fewer samples than FAST).
+        design: see [studies.md](studies.md); that of [samples] if not given (of
+            "parametric": RBD-FAST, which needs fewer samples than FAST).
         curves: independent search curves of FAST for each input: intervals come from their spread.
     """
 
@@ -120,9 +120,9 @@ class Samples:
         seed: seed of all of them.
         design: points of the random inputs ([studies.md](studies.md)).
         curves: independent search curves of FAST for each input.
-        approaches: of "multi-scale", "classical", "fast", "joint".
+        approaches: of "multi-scale", "classical", "parametric", "joint".
         classical: perfect contact.
-        fast: number and design of its samples.
+        parametric: number and design of its samples.
         joint: number and design of its samples.
         limit: share of samples beyond which a family is called likely to squeal.
         random: law of each random input.
@@ -134,7 +134,7 @@ class Samples:
     curves: int = key(default=3)
     approaches: tuple[str, ...] = key(default=("multi-scale",), choices=APPROACHES)
     classical: Classical = field(default_factory=Classical)
-    fast: Design = field(default_factory=Design)
+    parametric: Design = field(default_factory=Design)
     joint: Design = field(default_factory=Design)
     limit: float = key(default=0.5)
     random: dict[str, Distribution] = field(
@@ -144,17 +144,17 @@ class Samples:
     def takes_random(self, approach: str) -> bool:
         """Whether an approach samples [samples.random].
 
-        The multi-scale one does only where no other can: beside fast or joint it is roughness
-        alone.
+        The multi-scale one does only where no other can: beside parametric or joint it is
+        roughness alone.
         """
         if approach == "classical" or not self.random:
             return False
-        return approach != "multi-scale" or not {"fast", "joint"} & {*self.approaches}
+        return approach != "multi-scale" or not {"parametric", "joint"} & {*self.approaches}
 
     def plan(self, approach: str) -> Plan:
         """Number and design of an approach's samples as the scene asks for them."""
-        own = {"fast": self.fast, "joint": self.joint}.get(approach, Design())
-        design = own.design or ("rbd-fast" if approach == "fast" else self.design)
+        own = {"parametric": self.parametric, "joint": self.joint}.get(approach, Design())
+        design = own.design or ("rbd-fast" if approach == "parametric" else self.design)
         return Plan(own.n or self.n, design, own.curves or self.curves)
 
 

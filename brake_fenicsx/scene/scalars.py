@@ -85,7 +85,7 @@ NEEDED: tuple[tuple[str, Callable[[Scene, str], bool], str], ...] = (
     ),
     (
         r"samples\.classical\.penalty", _penalty_acts,
-        "no approach has perfect contact; add classical or fast to samples.approaches",
+        "no approach has perfect contact; add classical or parametric to samples.approaches",
     ),
 )  # fmt: skip
 

@@ -42,6 +42,8 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 QUANTITY = {"anyOf": [{"type": "string", "pattern": r"^[^,]*\d[^,]*$"}, {"const": 0}]}
 ANY_UNIT = {"anyOf": [QUANTITY, {"type": "number"}]}
 SIGNS = {"positive": Gt(0), "zero": Ge(0), "any": None}
+# Names of version 0.1 and what replaced them.
+RENAMED = {"fast": "parametric"}
 TEXTS = {
     "missing": "missing; it has no default", "dict_type": "write a table",
     "string_type": "write text", "bool_type": "write true or false",
@@ -253,6 +255,8 @@ def _one_of(value: Any, choices: tuple[Any, ...]) -> Any:
 
 
 def _near(word: Any, words: tuple[Any, ...]) -> str:
+    if (new := RENAMED.get(str(word))) in words:
+        return f"; its name is {new!r} now"
     near = difflib.get_close_matches(str(word), map(str, words), 1)
     return f"; did you mean {near[0]!r}?" if near else ""
 

@@ -29,10 +29,10 @@ Array = NDArray[np.float64]
 MOST_DRAWS = 1000
 
 # Approaches with a penalty in the place of the scene's laws and gaps.
-PERFECT = ("classical", "fast")
+PERFECT = ("classical", "parametric")
 
 # Children of the scene's seed that seed the designs, far from the samples' own.
-DESIGN_SEEDS = {"multi-scale": 2**32 - 1, "fast": 2**32 - 2, "joint": 2**32 - 3}
+DESIGN_SEEDS = {"multi-scale": 2**32 - 1, "parametric": 2**32 - 2, "joint": 2**32 - 3}
 
 
 @dataclass(frozen=True, slots=True)

@@ -99,7 +99,7 @@ def draw_sample(
     Args:
         scene: the scene.
         approach: "multi-scale" and "joint" take the contact as the scene writes it; "classical"
-            and "fast" perfect contact: a stiff linear penalty, no critical gap; the scene's
+            and "parametric" perfect contact: a stiff linear penalty, no critical gap; the scene's
             friction, or the classical one's own, where it is not random.
         k: number of the sample.
         contact: contact elements; their interfaces, sliding speeds, centres and normals are used.

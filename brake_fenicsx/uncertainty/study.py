@@ -35,8 +35,8 @@ from .inputs import PERFECT, points_of
 from .models import Models
 from .numbering import dof_points
 from .outcomes import ensembles
+from .probabilities import write_causes
 from .results import Results
-from .robustness import write_causes
 from .sampling import SampleInput, draw_sample, sample_count
 from .shapes import FILE as SHAPES
 from .shapes import family_shapes
@@ -273,7 +273,7 @@ class Study:
             write_drivers(path(), results, stability.threshold)
         if stability is not None and {"stability", "uncertainty"} <= {*self.scene.stages}:
             found = ensembles(results, stability.band, stability.threshold)
-            facts["robustness"] = write_causes(path(), self.scene.samples, found)
+            facts["probabilities"] = write_causes(path(), self.scene.samples, found)
         return {task: results.stored[task] for task in results.first()}, facts
 
     def _write_shapes(self, points: Array, results: Results) -> None:

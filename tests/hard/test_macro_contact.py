@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import spsolve
 
+from brake_fenicsx import prepare
 from brake_fenicsx.errors import InaccurateResult, NotConverged, Separated
 from brake_fenicsx.macro import EnrichedGap, displacement
 from brake_fenicsx.macro.condensation import compliance
 from brake_fenicsx.macro.equilibrium import equilibrium
 from brake_fenicsx.micro import OneLaw, exponential_law, linear_law
+from coarse_block import BLOCK, ROUGH
 
 pytestmark = pytest.mark.hard
 
@@ -213,6 +215,20 @@ def test_friction_that_tips_the_block_over(two_blocks):
     assert centre == pytest.approx(-0.75 * 6e-3, rel=0.02)
     with pytest.raises(NotConverged):
         equilibrium(operators(scene), laws, 1.1, steps=4)
+
+
+@pytest.mark.alone
+def test_friction_beyond_tipping_from_an_equilibrium_nearby():
+    """Tipped, the matrix is singular to round-off, and gaps of a million metres have no residual.
+
+    With the kernels of some processors; with others the iteration does not end.
+    """
+    key = "contact.block_plate.friction"
+    model = prepare(BLOCK, [*ROUGH, "samples.n=1", "samples.approaches=['classical']"])
+    near = model.equilibrium_and_modes({key: 0.8})[0]
+    for mu in (0.9, 0.95, 1.0, 1.2):
+        with pytest.raises(NotConverged, match="tips"):
+            model.study.solved(("classical", 0), {key: mu}, near.g)
 
 
 def test_pad_that_rests_by_contact_alone(two_blocks, comm):

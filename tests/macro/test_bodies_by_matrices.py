@@ -231,7 +231,7 @@ def test_a_run_with_the_reduced_model_against_full_order(exported, cap, damping)
     scene = [
         *COARSE, given(exported, **damping), TIE, "stability.method='reduced'",
         "stability.verify=1",
-        "samples={ n=2, approaches=['fast'] }",
+        "samples={ n=2, approaches=['parametric'] }",
         "samples.random.'contact.block_plate.friction'={ law='uniform', min=0.3, max=0.5 }",
         "stages=['equilibrium', 'stability', 'uncertainty']",
         "loads={ 'plate.bottom'={ pressure='1 bar' } }",
@@ -256,7 +256,7 @@ def test_a_body_that_nothing_joins_to_the_others(exported, cap):
     own = la.eigvalsh(K[free][:, free].toarray(), M[free][:, free].toarray())
     scene = [
         *COARSE, given(exported), "stability.method='reduced'", "stability.band=['0 Hz', '20 kHz']",
-        "samples={ n=2, approaches=['fast'] }",
+        "samples={ n=2, approaches=['parametric'] }",
         "samples.random.'contact.block_plate.friction'={ law='uniform', min=0.1, max=0.2 }",
         "stages=['equilibrium', 'stability', 'uncertainty']",
         "supports={ 'plate.bottom'='clamped', 'block.top'=['x', 'y'], 'cap.under'='clamped' }",

@@ -76,13 +76,13 @@ def test_a_run_under_a_force_is_that_under_its_pressure(tmp_path):
     for name, load in (("p", '{ pressure="5 bar" }'), ("F", '{ force=[0, 0, "-400 N"] }')):
         more = [
             f'loads={{ "block.top"={load} }}', "stability.method='reduced'",
-            "stability.band=['0 Hz', '20 kHz']", "samples={ n=2, approaches=['fast'] }",
+            "stability.band=['0 Hz', '20 kHz']", "samples={ n=2, approaches=['parametric'] }",
             "samples.random.'contact.block_plate.friction'={ law='uniform', min=0.2, max=0.3 }",
             "stages=['equilibrium', 'stability', 'uncertainty']", "stability.drivers=true",
         ]  # fmt: skip
         run(BLOCK, MPI.COMM_SELF, tmp_path / name, overrides=[*COARSE, *more])
         summary = json.loads((tmp_path / name / "summary.json").read_text())
-        rows.append(summary["contact_forces"]["fast"]["block_plate"])
+        rows.append(summary["contact_forces"]["parametric"]["block_plate"])
         assert rows[-1]["normal_N"] == pytest.approx(400.0, rel=1e-6)
         assert rows[-1]["leading_half_share"] > 0.5
     assert rows[0] == pytest.approx(rows[1], rel=1e-6)
@@ -149,7 +149,7 @@ def test_a_column_is_pressed_by_the_displacement_of_its_end(tmp_path):
 def test_displacement_in_the_reduced_model(tmp_path):
     """Samples with friction: the equilibrium is that of full order, and so are the modes."""
     more = [
-        "contact.block_plate.friction=0.3", "samples={ n=2, approaches=['fast'] }",
+        "contact.block_plate.friction=0.3", "samples={ n=2, approaches=['parametric'] }",
         "samples.random.'contact.block_plate.friction'={ law='uniform', min=0.2, max=0.3 }",
         "stages=['equilibrium', 'stability', 'uncertainty']", "stability.verify=1",
         "stability.band=['0 Hz', '40 kHz']",
@@ -183,4 +183,4 @@ def test_random_moduli_of_a_part_that_is_moved():
     more = "samples.random.'materials.lining.C33'={ law='uniform', spread=0.1 }"
     with pytest.raises(SceneError, match=r"would change with materials\.lining\.C33"):
         read_scene(BLOCK, [*COLUMN, 'loads={ "block.top"={ displacement={ z="1 um" } } }', more,
-                           "samples.approaches=['fast']", "samples.n=2"])  # fmt: skip
+                           "samples.approaches=['parametric']", "samples.n=2"])  # fmt: skip

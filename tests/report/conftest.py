@@ -12,10 +12,10 @@ from brake_fenicsx.sweeps.tables import CHART, CRITICAL, CURVE, EVENTS
 from brake_fenicsx.sweeps.tables import MODES as SWEEP
 from brake_fenicsx.tables import CONTACT, MODES, SAMPLES, write_rows
 from brake_fenicsx.uncertainty.driver_tables import CONTACT_DRIVERS, DRIVERS
-from brake_fenicsx.uncertainty.robustness import SENSITIVITY
+from brake_fenicsx.uncertainty.probabilities import SENSITIVITY
 
 E_STAR = 2373.4e6
-SAMPLED = {"classical": 1, "fast": 40, "multi-scale": 60}
+SAMPLED = {"classical": 1, "parametric": 40, "multi-scale": 60}
 
 
 def mode_rows(rng: np.random.Generator) -> list[list]:
@@ -53,7 +53,7 @@ def sensitivity_rows() -> list[list]:
         for name, first in (("contact.pad_disc.friction", 0.7), ("materials.lining.E_3", 0.15)):
             index = [first, first - 0.1, first + 0.1]
             total = index if scope == "band" else [None] * 3
-            place = ["fast", 0.0, scope, where, f, "growth", name]
+            place = ["parametric", 0.0, scope, where, f, "growth", name]
             rows.append([*place, *index, *total, "FAST", 40, 1])
     return rows
 
@@ -294,7 +294,7 @@ def make_run(directory: Path, seed: int = 7, small: bool = False) -> Path:
         [
             a,
             k,
-            "error: no equilibrium" if (a, k) == ("fast", 39) else "ok",
+            "error: no equilibrium" if (a, k) == ("parametric", 39) else "ok",
             100 + k,
             rng.normal(0.5, 0.05),
         ]

@@ -37,28 +37,28 @@ def mode(approach, sample, number, f, damping, family, error=1e-6):
 def run(tmp_path):
     """Four samples of one approach, of which one failed and one is stable; one of another."""
     modes = [
-        mode("fast", 0, 0, 950.0, -0.01, 0),
-        mode("fast", 0, 1, 1050.0, -0.02, 1),
-        mode("fast", 0, 2, 5000.0, 0.0, -1),
-        mode("fast", 1, 0, 970.0, -0.03, 0, error=1e-4),
-        mode("fast", 2, 0, 960.0, 0.01, 0),
-        mode("fast", 3, 0, 980.0, -0.04, 0),
+        mode("parametric", 0, 0, 950.0, -0.01, 0),
+        mode("parametric", 0, 1, 1050.0, -0.02, 1),
+        mode("parametric", 0, 2, 5000.0, 0.0, -1),
+        mode("parametric", 1, 0, 970.0, -0.03, 0, error=1e-4),
+        mode("parametric", 2, 0, 960.0, 0.01, 0),
+        mode("parametric", 3, 0, 980.0, -0.04, 0),
         mode("classical", 0, 0, 4000.0, -0.05, -1),
     ]
     write_rows(tmp_path / "modes.csv", MODES, modes)
-    samples = [["fast", k, "ok" if k < 3 else "no equilibrium", k] for k in range(4)]
+    samples = [["parametric", k, "ok" if k < 3 else "no equilibrium", k] for k in range(4)]
     write_rows(tmp_path / "samples.csv", SAMPLES, [*samples, ["classical", 0, "ok", 0]])
     return read_run(tmp_path)
 
 
 def test_failed_samples_do_not_count(run):
-    c = count(run, "fast")
+    c = count(run, "parametric")
     assert (c.samples, c.failed, c.modes, c.unstable, c.squeal_samples) == (3, 1, 5, 3, 2)
     assert c.per_sample.tolist() == [2, 1, 0]
 
 
 def test_families_are_counted_by_sample(run):
-    first, second = families(run, "fast")
+    first, second = families(run, "parametric")
     assert (first.family, first.share.hits, first.share.n) == (0, 2, 3)
     assert first.frequency == pytest.approx(960.0)
     assert first.worst == -0.03
@@ -69,10 +69,10 @@ def test_families_are_counted_by_sample(run):
 
 def test_bands_count_samples_not_modes(run):
     edges = np.array([0.0, 1000.0, 2000.0, 5000.0])
-    shares = probability_per_band(run, "fast", edges)
+    shares = probability_per_band(run, "parametric", edges)
     assert [s.hits for s in shares] == [2, 1, 0]
     assert {s.n for s in shares} == {3}
-    wide = probability_per_band(run, "fast", np.array([0.0, 5000.0]))
+    wide = probability_per_band(run, "parametric", np.array([0.0, 5000.0]))
     assert wide[0].hits == 2
 
 
@@ -110,7 +110,7 @@ def test_tables_carry_the_numbers_of_the_run(run):
     assert fast["most_severe"] == "0.96 kHz (2/3, -0.02); 1.05 kHz (1/3, -0.02)"
     assert read_columns(written["families"])["frequency_hz"].tolist() == [4000.0, 960.0, 1050.0]
     bands = read_rows(written["probability_per_band"])
-    assert sum(row["squeal_samples"] for row in bands if row["approach"] == "fast") == 3
+    assert sum(row["squeal_samples"] for row in bands if row["approach"] == "parametric") == 3
     assert [list(row) for row in approach_rows(run)] == [
         list(row.values()) for row in read_rows(written["approaches"])
     ]
@@ -129,14 +129,17 @@ def test_errors_of_the_run(run):
 def test_speed_stands_beside_the_error_of_the_same_run(run):
     """A row for what is reduced, one for its check at full order; what is unknown is empty."""
     facts = {
-        "samples": {"fast": {"good": 3, "seconds_per_equilibrium": 0.1, "counted_by": "inertia",
-                             "seconds_per_stability": 0.5}, "classical": {"good": 1}},
+        "samples": {
+            "parametric": {"good": 3, "seconds_per_equilibrium": 0.1, "counted_by": "inertia",
+                           "seconds_per_stability": 0.5},
+            "classical": {"good": 1},
+        },
         "verification": {"samples_compared": 2, "largest_relative_error": 3e-7,
                          "median_relative_error": 1e-9, "wrong_verdicts": 0, "eigenvalues": 9},
     }  # fmt: skip
     rows = speed_rows(replace(run, summary=facts))
     assert rows[0][:4] == ["classical", 1, None, None]
-    assert rows[1][:4] == ["fast", 3, 0.1, 0.5]
+    assert rows[1][:4] == ["parametric", 3, 0.1, 0.5]
     assert rows[1][4] == error_rows(run)[1][4]
     assert rows[2][0] == "against full order"
     assert rows[2][4:6] == [1e-9, 3e-7]
@@ -154,17 +157,17 @@ def test_summary_names_every_approach(run):
     lines = summary_table(run).splitlines()
     assert lines[0] == "squeal: unstable modes with damping below 0 (stability.threshold)"
     assert lines[3].split()[:8] == ["Classical", "1", "0", "1", "1", "0", "1", "1"]
-    assert lines[4].split()[:8] == ["FAST", "3", "1", "5", "3", "1", "3", "2"]
+    assert lines[4].split()[:8] == ["Parametric", "3", "1", "5", "3", "1", "3", "2"]
     assert summary_table(run.directory) == summary_table(run)
 
 
 def test_representative_modes_are_of_median_damping(run):
-    found = representative_modes(run, "fast")
+    found = representative_modes(run, "parametric")
     assert [(m.sample, m.mode) for m in found] == [(0, 0), (0, 1)]
     assert (found[0].frequency, found[0].damping) == (950.0, -0.01)
     (lone,) = representative_modes(run, "classical")
     assert (lone.sample, lone.mode, lone.frequency) == (0, 0, 4000.0)
-    assert len(representative_modes(run, "fast", most=1)) == 1
+    assert len(representative_modes(run, "parametric", most=1)) == 1
 
 
 def beyond(run, threshold):
@@ -174,15 +177,15 @@ def beyond(run, threshold):
 def test_a_threshold_leaves_weak_modes_out_of_every_count(run):
     """Damping just at the threshold is not below it."""
     strict = beyond(run, 0.02)
-    c = count(strict, "fast")
+    c = count(strict, "parametric")
     assert (c.unstable, c.squeal, c.squeal_samples) == (3, 1, 1)
     assert c.per_sample.tolist() == [0, 1, 0]
-    (only,) = families(strict, "fast")
+    (only,) = families(strict, "parametric")
     assert (only.family, only.share.hits, only.median) == (0, 1, -0.03)
-    bands = probability_per_band(strict, "fast", np.array([0.0, 1000.0, 2000.0]))
+    bands = probability_per_band(strict, "parametric", np.array([0.0, 1000.0, 2000.0]))
     assert [s.hits for s in bands] == [1, 0]
-    assert [m.sample for m in representative_modes(strict, "fast")] == [1]
-    (row,) = [r for r in approach_rows(strict) if r[0] == "fast"]
+    assert [m.sample for m in representative_modes(strict, "parametric")] == [1]
+    (row,) = [r for r in approach_rows(strict) if r[0] == "parametric"]
     assert "damping below -0.02" in summary_table(strict)
     assert row[6:9] == [0.02, 1, 1]
     assert families(beyond(run, 0.06), "classical") == []
@@ -190,16 +193,16 @@ def test_a_threshold_leaves_weak_modes_out_of_every_count(run):
 
 def test_what_squeals_seldom_and_strongly_ranks_before_what_hardly_grows(tmp_path):
     """1.5 kHz in half of the samples at -0.075 before 14 kHz in all of them at -8e-6."""
-    modes = [mode("fast", k, 0, 14e3, -8e-6, 1) for k in range(4)]
-    modes += [mode("fast", k, 1, 1500.0, -0.07 - 0.01 * k, 2) for k in range(2)]
+    modes = [mode("parametric", k, 0, 14e3, -8e-6, 1) for k in range(4)]
+    modes += [mode("parametric", k, 1, 1500.0, -0.07 - 0.01 * k, 2) for k in range(2)]
     write_rows(tmp_path / "modes.csv", MODES, modes)
     run = read_run(tmp_path)
-    first, second = families(run, "fast")
+    first, second = families(run, "parametric")
     assert (first.frequency, first.share.hits, first.median) == (1500.0, 2, pytest.approx(-0.075))
     assert first.severity == pytest.approx(0.5 * 0.075)
     assert second.severity == pytest.approx(8e-6)
     assert approach_rows(run)[0][-1] == "1.50 kHz (2/4, -0.075); 14.00 kHz (4/4, -8e-06)"
-    assert [m.frequency for m in representative_modes(run, "fast")] == [1500.0, 14e3]
+    assert [m.frequency for m in representative_modes(run, "parametric")] == [1500.0, 14e3]
     written = {path.stem: path for path in write_tables(run)}
     table = read_rows(written["families"])
     assert [row["family"] for row in table] == [2, 1]
@@ -211,13 +214,13 @@ def test_what_squeals_seldom_and_strongly_ranks_before_what_hardly_grows(tmp_pat
 def test_what_is_left_open_is_one_line(run):
     """Nothing where nothing is."""
     about = {"good": 3, "modes": 60, "tolerance_missed": 0, "not_complete": 0}
-    assert open_points(replace(run, summary={"samples": {"fast": about}})) == ""
+    assert open_points(replace(run, summary={"samples": {"parametric": about}})) == ""
     facts = {
-        "fast": about | {"tolerance_missed": 7, "largest_error": 3e-5},
+        "parametric": about | {"tolerance_missed": 7, "largest_error": 3e-5},
         "joint": about | {"not_complete": 2},
     }
     line = open_points(replace(run, summary={"samples": facts}))
-    assert "FAST: tolerance not reached: 7 of 60 modes have an error estimate above" in line
+    assert "Parametric: tolerance not reached: 7 of 60 modes have an error estimate above" in line
     assert "the largest 3.0e-05 of |lambda|" in line
     assert "Joint: in 2 of 3 samples the number of modes is not proven" in line
 

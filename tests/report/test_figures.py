@@ -319,7 +319,7 @@ def test_histogram_sums_to_one_per_approach(run):
 def test_convergence_ends_at_the_final_share(run):
     figure = draw_convergence(run)
     ends = [line.get_ydata()[-1] for line in figure.axes[0].lines]
-    final = [count(run, a) for a in ("fast", "multi-scale")]
+    final = [count(run, a) for a in ("parametric", "multi-scale")]
     assert ends == [c.squeal_samples / c.samples for c in final]
 
 

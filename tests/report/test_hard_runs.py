@@ -30,20 +30,20 @@ def test_one_neutral_mode_without_error_estimate(tmp_path):
 def test_no_mode_in_the_band(tmp_path):
     """No mode at all: tables and the counts, and no squeal map."""
     write_rows(tmp_path / "modes.csv", MODES, [])
-    write_rows(tmp_path / "samples.csv", SAMPLES, [["fast", k, "ok", k] for k in range(5)])
+    write_rows(tmp_path / "samples.csv", SAMPLES, [["parametric", k, "ok", k] for k in range(5)])
     drawn = names(tmp_path)
     assert "figure9_squeal_map" not in drawn
     assert "unstable_per_sample" in drawn
-    assert approach_rows(read_run(tmp_path))[0][:7] == ["fast", 5, 0, 0, 0, 0, 0]
+    assert approach_rows(read_run(tmp_path))[0][:7] == ["parametric", 5, 0, 0, 0, 0, 0]
 
 
 def test_all_samples_failed(tmp_path):
     """Failed samples only: a page that says so."""
     write_rows(tmp_path / "modes.csv", MODES, [])
-    write_rows(tmp_path / "samples.csv", SAMPLES, [["fast", 0, "singular", 1]])
+    write_rows(tmp_path / "samples.csv", SAMPLES, [["parametric", 0, "singular", 1]])
     assert names(tmp_path) == set()
-    assert approach_rows(read_run(tmp_path))[0][:7] == ["fast", 0, 1, 0, 0, 0, 0]
-    assert "FAST" in write_report(tmp_path).read_text()
+    assert approach_rows(read_run(tmp_path))[0][:7] == ["parametric", 0, 1, 0, 0, 0, 0]
+    assert "Parametric" in write_report(tmp_path).read_text()
 
 
 def test_all_contact_open_and_a_single_element(tmp_path):

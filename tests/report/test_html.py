@@ -20,7 +20,7 @@ from brake_fenicsx.report.sections import percent
 from brake_fenicsx.report.squeal_map import squeal_map
 from brake_fenicsx.report.template import SMALL
 from brake_fenicsx.tables import MODES, write_rows
-from brake_fenicsx.uncertainty.robustness import ROBUSTNESS
+from brake_fenicsx.uncertainty.probabilities import PROBABILITIES
 
 X = "{http://www.w3.org/1999/xhtml}"
 
@@ -128,7 +128,7 @@ def test_the_first_screen_names_verdict_candidates_and_conditions(page):
     assert f"{strongest[0].share.hits} of 60:" in said and f"{strongest[0].median:.2g}" in said
     facts = dict(facts_of(head))
     assert facts["Frequency band"] == "0 to 16 kHz"
-    assert facts["Samples"] == "Classical 1, FAST 39 (1 failed), Multi-scale 60"
+    assert facts["Samples"] == "Classical 1, Parametric 39 (1 failed), Multi-scale 60"
     assert facts["Damping"] == "none named"
 
 
@@ -222,7 +222,7 @@ def test_the_map_holds_every_mode_or_says_which(drawn):
     run = read_run(drawn[0])
     found = {name: families(run, name) for name in run.approaches}
     every = squeal_map(run, found, "multi-scale", ModePictures(run))
-    good = (run.modes["approach"] != "fast") | (run.modes["sample"] != 39)
+    good = (run.modes["approach"] != "parametric") | (run.modes["sample"] != 39)
     assert every["shown"] == every["total"] == good.sum()
     data = every["data"]
     columns = [data[key] for key in "asmfdevgp"]
@@ -242,15 +242,15 @@ def test_every_table_and_caption_of_squeal_names_the_threshold(drawn):
     """Also where the tables of causes do."""
     run = read_run(drawn[0])
     run.summary["in_effect"]["stability"]["threshold"] = 0.006
-    place = ["fast", 0.006, "family", "0", 1900.0, 40, 9, 0.2, 0.1, 0.4, -0.01, 2e-3]
+    place = ["parametric", 0.006, "family", "0", 1900.0, 40, 9, 0.2, 0.1, 0.4, -0.01, 2e-3]
     write_rows(
-        run.directory / "robustness.csv", ROBUSTNESS,
-        [[*place, "no", *[None] * (len(ROBUSTNESS) - len(place) - 1)]],
+        run.directory / "probabilities.csv", PROBABILITIES,
+        [[*place, "no", *[None] * (len(PROBABILITIES) - len(place) - 1)]],
     )  # fmt: skip
     try:
         root = ElementTree.fromstring(render_page(run))
     finally:
-        (run.directory / "robustness.csv").unlink()
+        (run.directory / "probabilities.csv").unlink()
     said = "damping below -0.006"
     assert dict(facts_of(root.find(f".//{X}header")))["Squeal"] == f"unstable mode with {said}"
     for key, tables in (("squeal", 2), ("probability", 0), ("inputs", 1)):
@@ -263,9 +263,9 @@ def test_every_table_and_caption_of_squeal_names_the_threshold(drawn):
 
 
 def test_a_table_of_causes_of_an_older_version_is_named(drawn, tmp_path):
-    write_rows(tmp_path / "robustness.csv", ("approach", "scope", "where"), [])
+    write_rows(tmp_path / "probabilities.csv", ("approach", "scope", "where"), [])
     shutil.copy(drawn[0] / "modes.csv", tmp_path)
-    with pytest.raises(SceneError, match=r"robustness\.csv: column .*severity is missing"):
+    with pytest.raises(SceneError, match=r"probabilities\.csv: column .*severity is missing"):
         render_page(read_run(tmp_path))
 
 

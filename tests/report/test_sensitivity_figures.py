@@ -8,7 +8,7 @@ from brake_fenicsx.report.rundata import read_run
 from brake_fenicsx.report.sensitivity_figures import draw_sensitivity
 from brake_fenicsx.report.style import house_style
 from brake_fenicsx.tables import write_rows
-from brake_fenicsx.uncertainty.robustness import SENSITIVITY
+from brake_fenicsx.uncertainty.probabilities import SENSITIVITY
 
 NAMES = ("contact.pad_disc.friction", "materials.lining.E_3")
 
@@ -16,7 +16,7 @@ NAMES = ("contact.pad_disc.friction", "materials.lining.E_3")
 def row(scope, where, outcome, name, first, total=None):
     ends = [None] * 3 if total is None else [total, total - 0.1, total + 0.1]
     values = [first, first - 0.05, first + 0.05, *ends]
-    return ["fast", 0.0, scope, where, 1900.0, outcome, name, *values, "RBD-FAST", 40, 0]
+    return ["parametric", 0.0, scope, where, 1900.0, outcome, name, *values, "RBD-FAST", 40, 0]
 
 
 def drawn(run_directory, folder, rows):
@@ -45,6 +45,8 @@ def test_no_table_or_no_index_draws_nothing(run_directory, tmp_path):
     shutil.copytree(run_directory, tmp_path / "c")
     (tmp_path / "c" / "sensitivity.csv").unlink()
     assert draw_sensitivity(read_run(tmp_path / "c")) is None
-    empty = [["fast", 0.0, "family", "3", 1.0, "growth", NAMES[0], *[None] * 6, "RBD-FAST", 4, 0]]
+    empty = [
+        ["parametric", 0.0, "family", "3", 1.0, "growth", NAMES[0], *[None] * 6, "RBD-FAST", 4, 0]
+    ]
     assert drawn(run_directory, tmp_path / "a", empty) is None
     assert drawn(run_directory, tmp_path / "b", []) is None

@@ -52,7 +52,7 @@ def test_every_figure_is_there_as_png_and_svg(done):
 def test_figure_9_holds_the_three_systems(done):
     folder, _ = done
     run = read_run(folder)
-    assert run.approaches == ["classical", "fast", "multi-scale"]
+    assert run.approaches == ["classical", "parametric", "multi-scale"]
     text = (folder / "figures" / "figure9_squeal_map.svg").read_text()
     assert all(f"{label(run, name)}:" in text for name in run.approaches)
 

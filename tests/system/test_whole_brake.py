@@ -19,7 +19,7 @@ COARSE = [
     "stages=['equilibrium', 'stability', 'uncertainty']", "parts.disc.size='30 mm'",
     "parts.inner.size='16 mm'", "parts.inner.plate_size='18 mm'", "parts.outer.size='16 mm'",
     "parts.outer.plate_size='18 mm'", "stability.band=['0 Hz', '4 kHz']",
-    "samples={ n=2, approaches=['fast'] }", "stability.verify=1",
+    "samples={ n=2, approaches=['parametric'] }", "stability.verify=1",
     "contact.inner.gap='none'", "contact.outer.gap='none'",
     "contact.inner.law={ p0='1 MPa', u0='5 um' }", "contact.outer.law={ p0='1 MPa', u0='5 um' }",
     "samples.random.'contact.inner.friction'={ law='uniform', min=0.3, max=0.5 }",
@@ -38,7 +38,7 @@ def test_a_floating_caliper_presses_both_pads_alike(tmp_path):
         tmp_path, "springs.seal.stiffness=['1 kN/mm', '1 kN/mm', 0]",
         "springs.'caliper.pins'.stiffness=['8 kN/mm', '8 kN/mm', 0]",
     )  # fmt: skip
-    pads = summary["contact_forces"]["fast"]
+    pads = summary["contact_forces"]["parametric"]
     assert pads["inner"]["normal_N"] == pytest.approx(FORCE, rel=1e-6)
     assert pads["outer"]["normal_N"] == pytest.approx(FORCE, rel=1e-6)
     for pad in pads.values():

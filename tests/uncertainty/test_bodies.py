@@ -217,12 +217,12 @@ def test_random_load_alone_keeps_the_reduced_path(tmp_path):
 
 def test_friction_alone_goes_through_the_reduced_path_also_in_perfect_contact(tmp_path):
     """The penalty is far from the reference stiffness: errors grow, and must be stated."""
-    fast = ["samples.approaches=['multi-scale','fast']", "samples.fast.design=rbd-fast"]
+    fast = ["samples.approaches=['multi-scale','parametric']", "samples.parametric.design=rbd-fast"]
     law = [*COARSE, MU, *fast, "samples.n=3"]
     run(BLOCK, COMM, tmp_path / "a", law)
     run(BLOCK, COMM, tmp_path / "b", [*law, "stability.method=full"])
     for k in range(3):
-        found = same_modes(*(eigenvalues(tmp_path / n, "fast", k) for n in "ab"))
+        found = same_modes(*(eigenvalues(tmp_path / n, "parametric", k) for n in "ab"))
         assert 0 < found.max() < 3e-4
     samples = rows(tmp_path / "a" / "samples.csv")
     assert all(s["contact.block_plate.friction"] == "" for s in samples[:3])
@@ -231,12 +231,12 @@ def test_friction_alone_goes_through_the_reduced_path_also_in_perfect_contact(tm
 
 def test_tolerance_of_the_scene_decides_how_accurate_the_model_is(tmp_path):
     """More moments in perfect contact: smaller stated errors."""
-    fast = ["samples.approaches=['multi-scale','fast']", "samples.fast.design=rbd-fast"]
+    fast = ["samples.approaches=['multi-scale','parametric']", "samples.parametric.design=rbd-fast"]
     worst = []
     for name, tolerance in (("loose", 1e-2), ("tight", 1e-6)):
         given = [*COARSE, MU, *fast, "samples.n=2", f"stability.tolerance={tolerance}"]
         run(BLOCK, COMM, tmp_path / name, given)
-        both = [eigenvalues(tmp_path / name, "fast", k) for k in range(2)]
+        both = [eigenvalues(tmp_path / name, "parametric", k) for k in range(2)]
         worst.append(max(np.max(e / np.abs(s)) for s, e in both))
     assert worst[1] < 0.05 * worst[0]
 

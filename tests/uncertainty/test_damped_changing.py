@@ -71,16 +71,16 @@ def test_taken_from_the_cache(tmp_path):
 
 @pytest.mark.parametrize("rough", ["joint", "multi-scale"])
 def test_undamped_samples_beside_damped_ones(rough, tmp_path):
-    """Falling friction is none of fast: one set of bodies serves joint too.
+    """Falling friction is none of parametric: one set of bodies serves joint too.
 
-    Beside multi-scale, which has the scene's own bodies, fast took these for damped.
+    Beside multi-scale, which has the scene's own bodies, parametric took these for damped.
     """
-    both = [f"samples.approaches=['{rough}','fast']"]
-    both += [f"samples.{name}={{ n=2, design='random' }}" for name in ("joint", "fast")]
+    both = [f"samples.approaches=['{rough}','parametric']"]
+    both += [f"samples.{name}={{ n=2, design='random' }}" for name in ("joint", "parametric")]
     changes = [*GIVEN, "stability.damping.slope=true", "stability.method=reduced", *both,
                "samples.classical.friction=0.5"]  # fmt: skip
     run(BLOCK, SELF, tmp_path, changes)
-    damped, free = stored(tmp_path, rough)[0], stored(tmp_path, "fast")[0]
+    damped, free = stored(tmp_path, rough)[0], stored(tmp_path, "parametric")[0]
     assert "zeros of T(z)" in str(damped["counted"]) and "zeros of T(z)" in str(free["counted"])
     pairs = free["s"][np.abs(free["s"].real) > 1.0]
     assert np.all([np.abs(free["s"] + s.conjugate()).min() < 1e-6 * abs(s) for s in pairs])

@@ -238,7 +238,8 @@ def test_damped_samples_of_the_reduced_model_are_those_of_full_order(terms, comm
 def test_undamped_approach_beside_a_damped_one(tmp_path):
     """Falling friction acts in rough samples alone: both reduced models, each for its own."""
     both = ["stability.damping.slope=true", "stability.method=reduced", "samples.n=2"]
-    names = ["samples.approaches=['multi-scale','fast']", "samples.fast={ n=4, design='random' }",
+    names = ["samples.approaches=['multi-scale','parametric']",
+             "samples.parametric={ n=4, design='random' }",
              "samples.classical.friction=0.5"]  # fmt: skip
     random = (
         "samples.random.\"loads.block.top.pressure\"={ law='uniform', min='2 bar', max='9 bar' }"
@@ -247,7 +248,7 @@ def test_undamped_approach_beside_a_damped_one(tmp_path):
     for name in ("damped", "undamped"):
         assert (tmp_path / "cache" / f"{name}.npz").exists()
     table = rows(tmp_path / "modes.csv")
-    assert {r["approach"] for r in table} == {"multi-scale", "fast"}
+    assert {r["approach"] for r in table} == {"multi-scale", "parametric"}
 
 
 @pytest.mark.slow

@@ -112,14 +112,16 @@ def test_impossible_material_is_drawn_again_and_counted():
 
 def test_rejected_point_of_a_rigid_design_is_an_error():
     """A point drawn again would leave the search curve of FAST."""
-    approach = "samples.approaches=['fast']"
-    s = scene(random("materials.lining.nu_31", IMPOSSIBLE), approach, "samples.fast.design=fast")
-    with pytest.raises(InaccurateResult, match=r"draw rejected: materials.lining"):
-        draw_inputs(s, "fast", np.array([0.99]), np.random.default_rng(0))
-    lhs = scene(
-        random("materials.lining.nu_31", IMPOSSIBLE), approach, "samples.fast.design=rbd-fast"
+    approach = "samples.approaches=['parametric']"
+    s = scene(
+        random("materials.lining.nu_31", IMPOSSIBLE), approach, "samples.parametric.design=fast"
     )
-    found = draw_inputs(lhs, "fast", np.array([0.99]), np.random.default_rng(0))
+    with pytest.raises(InaccurateResult, match=r"draw rejected: materials.lining"):
+        draw_inputs(s, "parametric", np.array([0.99]), np.random.default_rng(0))
+    lhs = scene(
+        random("materials.lining.nu_31", IMPOSSIBLE), approach, "samples.parametric.design=rbd-fast"
+    )
+    found = draw_inputs(lhs, "parametric", np.array([0.99]), np.random.default_rng(0))
     assert found.rejected >= 1
 
 
@@ -173,20 +175,20 @@ E3 = random("materials.lining.E_3", "{ law='uniform', spread=0.2 }")
 
 def test_multi_scale_beside_joint_is_roughness_alone(fake_contact):
     """Four approaches in one scene: each cause alone, and all together."""
-    names = "samples.approaches=['multi-scale','fast','classical','joint']"
+    names = "samples.approaches=['multi-scale','parametric','classical','joint']"
     s = scene(names, MU, E3, "samples.n=500")
     drawn = {a: draw_sample(s, a, 0, fake_contact, None, heights()) for a in s.samples.approaches}
     assert {a: sorted(d.random) for a, d in drawn.items()} == {
         "multi-scale": [], "classical": [],
-        "fast": ["contact.block_plate.friction", "materials.lining.E_3"],
+        "parametric": ["contact.block_plate.friction", "materials.lining.E_3"],
         "joint": ["contact.block_plate.friction", "materials.lining.E_3"],
     }  # fmt: skip
     assert np.any(drawn["joint"].laws.g_cr)
-    assert not np.any(drawn["fast"].laws.g_cr)
+    assert not np.any(drawn["parametric"].laws.g_cr)
     counts = [sample_count(s, a) for a in s.samples.approaches]
     assert counts == [500, 500, 1, 500]
     assert points_of(s, "joint") is None
-    assert points_of(s, "fast").shape == (500, 2)
+    assert points_of(s, "parametric").shape == (500, 2)
 
 
 def test_laws_scale_with_the_modulus_of_the_sample(fake_contact):

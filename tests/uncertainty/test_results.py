@@ -23,7 +23,7 @@ def sample(how, missed):
 
 def results(*samples):
     """Of one approach, its stored samples."""
-    tasks = [("fast", k) for k in range(len(samples))]
+    tasks = [("parametric", k) for k in range(len(samples))]
     files = iter(samples)
     store = SimpleNamespace(samples=SimpleNamespace(load=lambda task: next(files)))
     return Results(store, tasks)
@@ -41,7 +41,7 @@ def test_open_points_of_a_sample_reach_its_row_and_the_summary(tmp_path):
     rows = read_rows(tmp_path / "samples.csv")
     assert [row["complete"] for row in rows] == ["yes", "no", "no", ""]
     assert [row["tolerance_missed"] for row in rows] == [0, 3, 1, None]
-    about = found.facts()["samples"]["fast"]
+    about = found.facts()["samples"]["parametric"]
     assert (about["not_complete"], about["tolerance_missed"], about["neutral"]) == (2, 4, 3)
     assert about["largest_error"] == pytest.approx(8e-6)
 

@@ -74,7 +74,7 @@ def test_nothing_writes_into_mapped_matrices(store, monkeypatch, method):
         "parts.block.size='10 mm'", "parts.plate.size='14 mm'", f"stability.method={method}",
         "stability.band=['0 Hz', '12 kHz']", "stability.damping={ rayleigh=['10 1/s', '1e-8 s'] }",
         "stages=['equilibrium', 'stability', 'uncertainty', 'report']", "samples.n=2",
-        "samples.approaches=['fast']",
+        "samples.approaches=['parametric']",
         "samples.random.'contact.block_plate.friction'={ law='uniform', min=0.4, max=0.6 }",
     ]  # fmt: skip
     out = store.path("out")

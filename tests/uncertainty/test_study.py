@@ -28,7 +28,7 @@ ROUGH = [
 ]  # fmt: skip
 MU = "samples.random.\"contact.block_plate.friction\"={ law='uniform', min=0.3, max=0.7 }"
 G13 = "samples.random.\"materials.lining.G_13\"={ law='uniform', spread=0.2 }"
-TABLES = ("modes", "samples", "contact", "sensitivity", "robustness", "convergence")
+TABLES = ("modes", "samples", "contact", "sensitivity", "probabilities", "convergence")
 
 
 def rows(path):
@@ -49,23 +49,30 @@ def test_more_verified_samples_than_there_are(tmp_path):
     assert len(list((tmp_path / "out" / "samples").glob("verify-*.npz"))) == 2
 
 
-FOUR = "samples.approaches=['multi-scale','fast','classical','joint']"
+FOUR = "samples.approaches=['multi-scale','parametric','classical','joint']"
 
 
 def test_four_approaches_in_one_scene(tmp_path):
     """Each has its own number, design and inputs; families are told apart in one basis."""
-    small = ["samples.fast.n=6", "samples.fast.design=rbd-fast", "samples.joint.n=3", "samples.n=4"]
+    small = [
+        "samples.parametric.n=6",
+        "samples.parametric.design=rbd-fast",
+        "samples.joint.n=3",
+        "samples.n=4",
+    ]
     run(BLOCK, COMM, tmp_path / "out", [*ROUGH, MU, G13, FOUR, *small])
     samples = rows(tmp_path / "out" / "samples.csv")
-    counts = {a: sum(s["approach"] == a for s in samples) for a in ("multi-scale", "fast", "joint")}
-    assert counts == {"multi-scale": 4, "fast": 6, "joint": 3}
+    counts = {
+        a: sum(s["approach"] == a for s in samples) for a in ("multi-scale", "parametric", "joint")
+    }
+    assert counts == {"multi-scale": 4, "parametric": 6, "joint": 3}
     assert {s["status"] for s in samples} == {"ok"}
     drawn = [s for s in samples if s["materials.lining.G_13"]]
-    assert {s["approach"] for s in drawn} == {"fast", "joint"}
+    assert {s["approach"] for s in drawn} == {"parametric", "joint"}
     assert len({s["materials.lining.G_13"] for s in drawn}) == 9
     modes = rows(tmp_path / "out" / "modes.csv")
     assert min(int(m["family"]) for m in modes if m["approach"] != "classical") >= 0
-    robust = rows(tmp_path / "out" / "robustness.csv")
+    robust = rows(tmp_path / "out" / "probabilities.csv")
     unstable = {(m["approach"], m["sample"]) for m in modes if m["verdict"] == "unstable"}
     for approach, n in counts.items():
         whole = next(r for r in robust if (r["approach"], r["where"]) == (approach, "0-20000"))

@@ -193,7 +193,7 @@ def test_penalty_is_that_of_perfect_contact_alone():
     [
         (SPEED, "start='1 m/s', stop='2 m/s'", [], "nothing depends on the speed"),
         (SPEED, "start='1 rad/s', stop='2 rad/s'", [FALLING], "wrong unit"),
-        (PENALTY, "start='1e12 Pa/m', stop='1e13 Pa/m'", [], "add classical or fast"),
+        (PENALTY, "start='1e12 Pa/m', stop='1e13 Pa/m'", [], "add classical or parametric"),
         (PENALTY, "start='1 bar', stop='2 bar'", [], "wrong unit"),
         ("materials.lining.loss", "start=0, stop=0.1", [], "loss = true"),
         ("materials.rubber.loss", "start=0, stop=0.1", [], "there are iron, lining"),

@@ -1,7 +1,7 @@
 """Tables of a study: which input moves what, what squeals how often, how both settle.
 
 sensitivity.csv   first-order and total indices of every outcome for every random input
-robustness.csv    probability of squeal of every band and family, its median damping and severity
+probabilities.csv probability of squeal of every band and family, its median damping and severity
                   (the product of both), who moves it, and the shares of the variance of its growth
 convergence.csv   the probabilities after so many samples
 
@@ -35,7 +35,7 @@ SENSITIVITY = (
     "total_high", "method", "samples", "filled",
 )  # fmt: skip
 SHARES = {"friction": "contact.", "materials": "materials.", "loads": "loads."}
-ROBUSTNESS = (
+PROBABILITIES = (
     *WHERE, "samples", "squeal_samples", "probability", "low", "high", "median_damping", "severity",
     "above_limit", "dominant_input", "correlation", "correlation_low", "correlation_high",
     *(f"share_{name}" for name in SHARES), "share_rest",
@@ -54,11 +54,11 @@ def write_causes(folder: Path, samples: Samples, found: Sequence[Ensemble]) -> d
     Returns:
         Figures for the summary.
     """
-    write_rows(folder / "robustness.csv", ROBUSTNESS, robustness_rows(samples, found))
+    write_rows(folder / "probabilities.csv", PROBABILITIES, probability_rows(samples, found))
     write_rows(folder / "convergence.csv", CONVERGENCE, convergence_rows(samples, found))
     if any(e.names for e in found):
         write_rows(folder / "sensitivity.csv", SENSITIVITY, sensitivity_rows(samples, found))
-    return robust_facts(samples, found)
+    return probability_facts(samples, found)
 
 
 def _place(e: Ensemble, o: Outcome) -> list[Any]:
@@ -107,8 +107,8 @@ def _interval(value: float, half: float) -> list[float | None]:
     return [float(v) if np.isfinite(v) else None for v in numbers]
 
 
-def robustness_rows(samples: Samples, found: Sequence[Ensemble]) -> Iterator[list[Any]]:
-    """Rows of robustness.csv.
+def probability_rows(samples: Samples, found: Sequence[Ensemble]) -> Iterator[list[Any]]:
+    """Rows of probabilities.csv.
 
     ``above_limit`` says whether the probability lies above ``samples.limit``: yes or no where its
     whole interval does, else open. ``dominant_input`` is the input with the strongest rank
@@ -177,7 +177,7 @@ def _beginnings(n: int) -> list[int]:
     return [*found, n]
 
 
-def robust_facts(samples: Samples, found: Sequence[Ensemble]) -> dict[str, Any]:
+def probability_facts(samples: Samples, found: Sequence[Ensemble]) -> dict[str, Any]:
     """Figures for the summary."""
     facts: dict[str, Any] = {
         "stable_modes": "count as growth 0 in every index",

@@ -9,12 +9,12 @@ from scipy import stats
 from brake_fenicsx.scene import Distribution, Samples
 from brake_fenicsx.uncertainty.distributions import quantile
 from brake_fenicsx.uncertainty.outcomes import Ensemble, Outcome, ensembles
-from brake_fenicsx.uncertainty.robustness import (
+from brake_fenicsx.uncertainty.probabilities import (
     CONVERGENCE,
-    ROBUSTNESS,
+    PROBABILITIES,
     SENSITIVITY,
     convergence_rows,
-    robustness_rows,
+    probability_rows,
     sensitivity_rows,
     write_causes,
 )
@@ -49,7 +49,7 @@ def test_probability_of_a_border_in_one_parameter():
     """Flutter beyond mu_c = 0.54: P = 1 - Phi(0.8), within the interval; mu dominates."""
     x, _ = drawn(4000)
     growth = 300.0 * np.sqrt(np.maximum(x[:, 0] - 0.54, 0.0))
-    row = table(ROBUSTNESS, robustness_rows(SAMPLES, [ensemble(x, growth)]))[1]
+    row = table(PROBABILITIES, probability_rows(SAMPLES, [ensemble(x, growth)]))[1]
     assert row["low"] <= stats.norm.sf(0.8) <= row["high"]
     assert row["dominant_input"] == MU
     assert row["correlation_low"] > 0.5
@@ -65,7 +65,7 @@ def test_shares_of_the_variance_of_a_sum():
         [(x[:, 0] - 0.5) / 0.05, (x[:, 1] - 2e9) / (0.4e9 / np.sqrt(12)) / 2, rng.normal(size=4000)]
     )
     growth = 100 + z @ terms
-    row = table(ROBUSTNESS, robustness_rows(SAMPLES, [ensemble(x, growth)]))[0]
+    row = table(PROBABILITIES, probability_rows(SAMPLES, [ensemble(x, growth)]))[0]
     exact = np.array([4.0, np.var(z[:, 1]), 1.0])
     exact /= exact.sum()
     found = [row["share_friction"], row["share_materials"], row["share_rest"]]
@@ -82,7 +82,7 @@ def test_failed_samples_count_for_nothing():
     x, _ = drawn(100)
     good = np.arange(100) % 4 > 0
     growth = np.where(good, 5.0, 0.0)
-    row = table(ROBUSTNESS, robustness_rows(SAMPLES, [ensemble(x, growth, good)]))[0]
+    row = table(PROBABILITIES, probability_rows(SAMPLES, [ensemble(x, growth, good)]))[0]
     assert (row["samples"], row["squeal_samples"], row["probability"]) == (75, 75, 1.0)
     assert row["above_limit"] == "yes"
     assert row["median_damping"] == row["severity"] * -1 == pytest.approx(-5e-4)
@@ -145,7 +145,7 @@ def test_a_threshold_takes_weak_modes_out_of_the_outcomes(results):
     growth = {(o.scope, o.where): o.growth[:2].tolist() for o in e.outcomes}
     assert growth["band", "0-16000"] == [3.0, 0.0]
     assert ("family", "4") not in growth
-    rows = table(ROBUSTNESS, robustness_rows(SAMPLES, [e]))
+    rows = table(PROBABILITIES, probability_rows(SAMPLES, [e]))
     assert {row["threshold"] for row in rows} == {2e-4}
     assert (rows[0]["probability"], rows[0]["squeal_samples"]) == (0.5, 1)
 
@@ -155,7 +155,7 @@ def test_families_are_ranked_by_share_times_damping(results):
     (e,) = ensembles(results, (0.0, 16e3))
     found = [o for o in e.outcomes if o.scope == "family"]
     assert [o.where for o in found] == ["0", "4"]
-    first = table(ROBUSTNESS, robustness_rows(SAMPLES, [e]))[len(e.outcomes) - 2]
+    first = table(PROBABILITIES, probability_rows(SAMPLES, [e]))[len(e.outcomes) - 2]
     assert first["median_damping"] == pytest.approx(-6.0 / (2e3 * np.pi))
     assert first["severity"] == pytest.approx(0.5 * 6.0 / (2e3 * np.pi))
 
@@ -164,5 +164,5 @@ def test_tables_are_written_and_the_summary_says_how_stable_modes_count(results,
     facts = write_causes(tmp_path, SAMPLES, ensembles(results, (0.0, 16e3)))
     assert facts["stable_modes"] == "count as growth 0 in every index"
     assert facts["joint"]["probability_of_any"] == 1.0
-    for name in ("sensitivity", "robustness", "convergence"):
+    for name in ("sensitivity", "probabilities", "convergence"):
         assert (tmp_path / f"{name}.csv").read_text().startswith("approach,threshold,scope,where")
