@@ -9,12 +9,11 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.report.counts import families, representative_modes
+from brake_fenicsx.report.counts import families
 from brake_fenicsx.report.html import render_page, write_report
-from brake_fenicsx.report.mode_cards import SHAPE_COLUMNS, SHAPES, ModePictures
+from brake_fenicsx.report.mode_cards import ModePictures
 from brake_fenicsx.report.rundata import RunData, read_run
 from brake_fenicsx.report.sections import percent
 from brake_fenicsx.report.squeal_map import squeal_map
@@ -185,23 +184,10 @@ def test_conditions_come_from_the_summary(drawn):
     assert meta == "2026-01-02 03:04 UTC · scene 0123456789ab · brake_fenicsx 0.1.0"
 
 
-def test_every_picture_of_a_mode_is_on_the_page_once(drawn, tmp_path):
+def test_every_picture_of_a_mode_is_on_the_page_once(shaped):
     """Those of the candidates on the first screen, with their pattern; the others in a section."""
-    directory = tmp_path / "run"
-    shutil.copytree(drawn[0], directory)
-    folder = directory / "figures"
-    for old in folder.glob("mode_*.png"):
-        old.unlink()
+    directory, rows = shaped
     run = read_run(directory)
-    rows = []
-    for approach in run.approaches:
-        for mode in representative_modes(run, approach):
-            name = f"mode_{approach}_{mode.frequency:05.0f}Hz"
-            frames = [Image.new("RGB", (60, 40), colour) for colour in ("red", "blue")]
-            frames[0].save(folder / f"{name}.webp", save_all=True, append_images=frames[1:])
-            place = [approach, mode.family.family, mode.sample, mode.mode, mode.frequency]
-            rows.append([*place, mode.damping, name, "disc", 7, "out of plane", 0.9])
-    write_rows(folder / SHAPES, SHAPE_COLUMNS, rows)
     root = ElementTree.fromstring(render_page(run))
     pictures = [i for i in root.iter(f"{X}img") if (i.get("id") or "").startswith("shape-")]
     assert sorted(i.get("id") for i in pictures) == sorted(f"shape-{row[6]}" for row in rows)

@@ -147,7 +147,8 @@
         make("path", { d: path, fill: "none", stroke: colours[kind], "stroke-linecap": "round",
           "stroke-width": many ? 4 : 6.5, "stroke-opacity": many ? 0.5 : 0.8, "class": kind });
       }
-      at("map-count").textContent = hits + " squeal modes in " + samples.size + " samples"
+      const counted = (n, what) => n + " " + what + (n === 1 ? "" : "s");
+      at("map-count").textContent = counted(hits, "squeal mode") + " in " + counted(samples.size, "sample")
         + (data.thinned ? " (of the modes shown)" : "");
       mark(shown.includes(chosen) ? chosen : -1);
     }
