@@ -633,11 +633,13 @@ def report(directory: Path) -> None:
     from brake_fenicsx.report.inputs import contact_maps
     from brake_fenicsx.report.overview import summary_table, write_tables
     from brake_fenicsx.report.rundata import read_run
+    from brake_fenicsx.report.surface_tables import write_surface_tables
 
     contact_maps(directory)
     data = read_run(directory)
     make_figures(data)
     write_tables(data)
+    write_surface_tables(data)
     write_report(data, redraw=False)
     if data.samples is None and any((directory / "samples").glob("*.*")):
         logger.warning(

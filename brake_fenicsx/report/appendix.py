@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import numpy as np
-
 from brake_fenicsx.tables import Value
 
 from .accuracy import ERROR_COLUMNS, SPEED_COLUMNS, error_rows, speed_rows, stage_rows
@@ -13,24 +11,12 @@ from .blocks import Block, Heading, Picture, Preformatted, Section, Table, Text,
 from .picture import heading_of
 from .rundata import RunData
 from .sections import figures
-from .surface_figures import surface_statistics
+from .surface_section import law_blocks, of_surface, surface_blocks
 
 SPEED_HEADS = {
     "seconds_per_equilibrium": "equilibrium [s per sample]",
     "seconds_per_stability": "modes [s per sample]",
 }
-STATISTICS = (
-    ("mean", "mean height over the instrument's zero [µm]", 1e6),
-    ("median", "median height over the instrument's zero [µm]", 1e6),
-    ("S_q", "S_q, root mean square [µm]", 1e6),
-    ("S_sk", "S_sk, skewness [-]", 1.0),
-    ("S_ku", "S_ku, kurtosis [-]", 1.0),
-    ("c1", "c1, slope below q_c [-]", 1.0),
-    ("c2", "c2, slope above q_c [-]", 1.0),
-    ("q_c", "q_c, crossover [rad/m]", 1.0),
-    ("C0", "C0, level of the spectrum at q_c [m⁴]", 1.0),
-    ("fit_rms", "root mean square of ln(spectrum / fit) [-]", 1.0),
-)
 SHOWN = {  # of the summary, elsewhere on the page
     "settings", "in_effect", "versions", "seeds", "seconds", "peak_memory_mb", "process_memory_mb",
     "name", "warnings", "friction", "contact_forces", "finished", "scene_sha256",
@@ -44,9 +30,12 @@ def appendix_sections(run: RunData) -> list[Section]:
         run: the results; pictures are read from its ``figures`` folder.
     """
     meshes = sorted((run.directory / "figures").glob("mesh*.png"))
+    own = [] if of_surface(run) else [
+        Section("laws", "Contact laws", law_blocks(run)),
+        Section("surface", "Surface", surface_blocks(run)),
+    ]  # fmt: skip
     sections = [
-        Section("laws", "Contact laws", figures(run, "figure8_laws", "figure7_contact_maps")),
-        Section("surface", "Surface", _surface(run)),
+        *own,
         Section("samples", "Families and convergence over the samples",
                 figures(run, "squeal_families", "convergence")),
         Section("mesh", "Mesh", [Picture(path, heading_of(path)) for path in meshes]),
@@ -54,29 +43,6 @@ def appendix_sections(run: RunData) -> list[Section]:
         Section("settings", "Settings, seeds and versions", _settings(run)),
     ]  # fmt: skip
     return [section for section in sections if section.blocks]
-
-
-def _surface(run: RunData) -> list[Block]:
-    if run.surface is None:
-        return []
-    stats = surface_statistics(run.surface)
-    by_numbers = "heights" not in run.surface
-    rows: list[list[Value]] = []
-    for key, text, factor in STATISTICS:
-        value, error = stats.get(key), stats.get(f"{key}_error")
-        if by_numbers and key in ("mean", "median", "fit_rms"):
-            continue
-        if not isinstance(value, int | float) or not np.isfinite(value):
-            continue
-        if isinstance(of_log := stats.get(f"ln_{key}_error"), int | float):
-            error = of_log * value
-        spread = float(error) * factor if isinstance(error, int | float) else np.nan
-        rows.append([text, float(value) * factor, spread if np.isfinite(spread) else None])
-    blocks = figures(run, "figure4_topography", "figure5_statistics", "figure6_artificial")
-    if by_numbers:
-        said = "The scene gives statistics in place of a scan; the figures show these, and there"
-        blocks = [Text(f"{said} is no fit."), *blocks]
-    return [*blocks, Table(["quantity", "value", "standard error"], rows)] if rows else blocks
 
 
 def _accuracy(run: RunData) -> list[Block]:

@@ -10,6 +10,7 @@ from .figures import make_figures
 from .mode_cards import ModePictures
 from .rundata import RunData, read_run
 from .sections import main_sections
+from .surface_section import of_surface, surface_sections, surface_verdict
 from .template import render, write_page
 from .verdict import leading_approach, make_verdict
 
@@ -42,6 +43,15 @@ def render_page(run: RunData) -> str:
     Returns:
         HTML that is well-formed XML too; sections without content are left out.
     """
+    if of_surface(run):
+        return render(
+            "page.html.j2",
+            title=f"Surface and contact laws: {_name(run)}",
+            meta=_meta(run),
+            verdict=surface_verdict(run),
+            sections=surface_sections(run),
+            appendix=appendix_sections(run),
+        )
     found = {name: families(run, name) for name in run.approaches}
     pictures, lead = ModePictures(run), leading_approach(run)
     verdict = make_verdict(run, found, lead, pictures)

@@ -53,7 +53,7 @@ def test_page_needs_no_network(page):
     namespaces = re.sub(r'xmlns="[^"]*"', "", without_images)
     assert not re.search(r"https?:|//|@import|<link|<iframe|url\(|fetch|XMLHttp", namespaces)
     sources = re.findall(r'src="([^"]*)"', text)
-    assert len(sources) == 21
+    assert len(sources) == 22
     assert all(re.match(r"data:image/(png|webp);base64,", source) for source in sources)
     assert "default-src 'none'; img-src data:" in text
 
@@ -272,11 +272,11 @@ def test_damping_is_named_and_an_open_count_admitted(drawn, tmp_path):
 def test_every_parameter_of_the_fit_has_its_error(page):
     """Those of q_c and C0 are stored as errors of their logarithms."""
     rows = [[c.text for c in r] for r in ElementTree.parse(page).getroot().iter(f"{X}tr")]
-    found = {row[0].split(",")[0]: row[1:] for row in rows if len(row) == 3}
-    assert found["c1"] == ["-2.01", "0.04"]
-    assert found["q_c"] == ["3e+04", "900"]
-    assert found["C0"] == ["1.2e-18", "1.2e-19"]
-    assert found["root mean square of ln(spectrum / fit) [-]"] == ["0.2", "-"]
+    found = {row[0].split(",")[0]: row[1:] for row in rows if len(row) == 4}
+    assert found["c1"] == ["-2.01", "0.04", "-"]
+    assert found["q_c"] == ["30", "0.9", "rad/mm"]
+    assert found["C0"] == ["1.2e-18", "1.2e-19", "m⁴"]
+    assert found["root mean square of ln(spectrum / fit)"] == ["0.2", "-", "-"]
 
 
 def test_every_image_has_a_text(page):
@@ -298,11 +298,27 @@ def test_shares_have_no_negative_zero():
     ]  # fmt: skip
 
 
-def test_a_run_of_the_surface_alone_has_no_other_sections(run_directory, tmp_path):
-    shutil.copy(run_directory / "surface.npz", tmp_path)
+def test_the_page_of_a_surface_alone_names_its_parameters(run_directory, tmp_path):
+    for name in ("surface.npz", "laws.npz"):
+        shutil.copy(run_directory / name, tmp_path)
     root = ElementTree.parse(write_report(tmp_path)).getroot()
-    assert [s.get("id") for s in root.iter(f"{X}section")] == ["surface"]
-    assert len(list(root.iter(f"{X}img"))) == 3
+    assert [s.get("id") for s in root.iter(f"{X}section")] == ["surface", "laws"]
+    assert root.find(f".//{X}h1").text == f"Surface and contact laws: {tmp_path.name}"
+    assert len(list(root.iter(f"{X}img"))) == 5
+    assert "squeal" not in "".join(root.find(f"{X}body/{X}header").itertext())
+    facts = dict(facts_of(root))
+    assert facts["S_sk, skewness"] == "-0.241"
+    assert facts["S_q, root mean square height"] == "33 µm"
+
+
+def test_parameters_that_a_scan_hardly_determines_are_warned_of(run_directory, tmp_path):
+    with np.load(run_directory / "surface.npz") as file:
+        arrays = dict(file)
+    stats = json.loads(str(arrays["stats"])) | {"c1": -2.1, "c1_error": 1.7}
+    np.savez(tmp_path / "surface.npz", **arrays | {"stats": np.array(json.dumps(stats))})
+    page = render_page(read_run(tmp_path))
+    said = "the standard error of c1, slope of the power spectrum below q_c is 1.7 at a value"
+    assert page.count("<li>Warning: ") == 1 and f"<li>Warning: {said} of -2.1" in page
 
 
 def test_an_empty_summary_leaves_no_empty_section(tmp_path):
