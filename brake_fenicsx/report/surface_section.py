@@ -79,7 +79,8 @@ def surface_blocks(run: RunData) -> list[Block]:
         blocks.append(Text(
             "Names of ISO 25178-2. The form was removed (surface.level); there is no S-filter"
             " beyond the pixel and no L-filter, so that S_dq and S_dr depend on the size of the"
-            " pixel. Standard errors: of heights from blocks of the scan, of the spectrum from its fit."
+            " pixel. Standard errors: of heights from blocks of the scan, of the spectrum from its"
+            " fit."
         ))  # fmt: skip
     return [
         *blocks,
@@ -115,7 +116,7 @@ def _rows(run: RunData) -> list[tuple[str, list[Value]]]:
 
 def parameter_rows(run: RunData) -> list[list[Value]]:
     """Name, value, standard error and unit of every parameter of the surface."""
-    return [[str(row[0]).partition(",")[0], *row[1:]] for _, row in _rows(run)]
+    return [[key, *row[1:]] for key, row in _rows(run)]
 
 
 def _unsure(run: RunData) -> list[str]:

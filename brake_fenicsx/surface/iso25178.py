@@ -65,7 +65,8 @@ def _gradients(z: Array, topo: Topography) -> tuple[float, float]:
     """Root mean square gradient, and how much larger the surface is than its projection."""
     from SurfaceTopography import Topography as Pixels
 
-    heights: Any = np.ma.array(z, mask=~np.isfinite(z))
+    ma: Any = np.ma  # without types in older releases of NumPy
+    heights = ma.array(z, mask=~np.isfinite(z))
     pixels = Pixels(heights, tuple(topo.size), periodic=topo.periodic)
     if heights.mask.any():
         pixels = pixels.interpolate_undefined_data_with_harmonic_function()
