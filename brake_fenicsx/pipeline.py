@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -602,6 +603,8 @@ def draw_mesh(this: Run, brake: Brake) -> None:
 
 def write_summary(this: Run) -> None:
     """summary.json: settings, sizes, times, versions."""
+    # Once: the page, written after the first summary, carries this date.
+    this.facts.setdefault("finished", f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC")
     seeds = {"samples": this.scene.samples.seed}
     if this.scene.micro is not None:
         seeds["laws"] = this.scene.micro.seed
@@ -609,6 +612,7 @@ def write_summary(this: Run) -> None:
         "summary.json",
         {
             "name": this.scene.file.stem,
+            "scene_sha256": this.store.digest,
             **this.facts,
             "processes": this.comm.size,
             "seconds": {name: round(value, 3) for name, value in this.seconds.items()},
@@ -629,11 +633,13 @@ def report(directory: Path) -> None:
     from brake_fenicsx.report.inputs import contact_maps
     from brake_fenicsx.report.overview import summary_table, write_tables
     from brake_fenicsx.report.rundata import read_run
+    from brake_fenicsx.report.surface_tables import write_surface_tables
 
     contact_maps(directory)
     data = read_run(directory)
     make_figures(data)
     write_tables(data)
+    write_surface_tables(data)
     write_report(data, redraw=False)
     if data.samples is None and any((directory / "samples").glob("*.*")):
         logger.warning(

@@ -38,8 +38,11 @@ _FILES = {
     "equilibrium": ("cache", "samples"),
     "stability": ("cache", "samples"),
     "uncertainty": ("samples",),
-    "report": ("figures", "fields", "report.html", "contact_faces.npz"),
-}
+    "report": (
+        "figures", "fields", "report.html", "contact_faces.npz", "laws.csv",
+        "artificial_surface.csv", "artificial_surface.npz",
+    ),
+}  # fmt: skip
 
 
 # Arrays begin at multiples of so many bytes in a file; the number of the zip field that pads them

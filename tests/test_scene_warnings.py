@@ -94,7 +94,7 @@ def test_laws_of_the_mesh_and_warnings_of_a_run(tmp_path):
         log = (tmp_path / patch / "log.txt").read_text()
         assert facts["friction"] == {"multi-scale": "0.1", "classical": "0.1"}
         assert "friction: multi-scale 0.1, classical 0.1" in log
-        assert "Friction coefficient: " in page
+        assert "<dt>Friction coefficient</dt><dd>0.1</dd>" in page
         told = "micro.patch = 1 mm: contact elements have"
         if patch == "mesh":
             assert side == pytest.approx(1e-3 * facts["mean_patch_mm"], rel=1e-5)

@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import base64
-import io
-import os
 from collections.abc import Mapping, Sequence
-from html import escape
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from brake_fenicsx.tables import Value
 
-from .html_parts import table
-from .page_style import CSS
-from .style import BLACK, BLUE, GREY, house_style, light_grid, new_figure
+from .blocks import Block, Picture, Table, Text
+from .style import BLACK, BLUE, GREY, drawn, light_grid, new_figure
+from .template import render, write_page
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -41,33 +38,19 @@ def write_budget_page(directory: Path, rows: Sequence[Row], name: str) -> Path:
         The page.
     """
     key = worst_family(rows)
-    parts = [f"<p>{escape(sentence(rows))}</p>"]
+    blocks: list[Block] = [Text(sentence(rows))]
     if key is not None:
-        with house_style():
-            data = io.BytesIO()
-            _figure(rows, key).savefig(data, format="png", dpi=200, facecolor="white")
-        picture = base64.b64encode(data.getvalue()).decode("ascii")
         text = (
             "Change of the probability of the family that changes most, with its 95 % interval, by"
             " size; the band is the interval of the scene's own samples. Hollow: independent"
             " samples."
         )
-        parts.append(
-            f'<figure class="plot"><img alt="{text}" src="data:image/png;base64,{picture}"/>'
-            f"<figcaption>{text}</figcaption></figure>"
-        )
-    parts.append(table(HEADS, [_shown(row) for row in rows]))
-    page = (
-        '<!DOCTYPE html>\n<html xmlns="http://www.w3.org/1999/xhtml" lang="en">\n<head>\n'
-        f'<meta charset="utf-8"/>\n<title>Error budget of {escape(name)}</title>\n'
-        f"<style>\n{CSS}</style>\n</head>\n<body>\n<header>\n<h1>Error budget of {escape(name)}"
-        "</h1>\n</header>\n<main>\n" + "\n".join(parts) + "\n</main>\n</body>\n</html>\n"
+        blocks.append(Picture(drawn(partial(_figure, rows, key)), text))
+    blocks.append(Table(HEADS, [_shown(row) for row in rows]))
+    page = render(
+        "plain.html.j2", title=f"Error budget of {name}", intro=[], blocks=blocks, links=[]
     )
-    path = directory / "budget.html"
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    part.write_text(page, encoding="utf-8")
-    os.replace(part, path)
-    return path
+    return write_page(directory / "budget.html", page)
 
 
 def worst_family(rows: Sequence[Row]) -> tuple[Value, Value] | None:

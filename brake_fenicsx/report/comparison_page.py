@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import base64
-import io
-import os
-from html import escape
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from brake_fenicsx.tables import Value, text_table, write_rows
 
+from .blocks import Picture, Table, Text
 from .comparison import COLUMNS, compare_runs
-from .html_parts import table
-from .page_style import CSS
 from .rundata import RunData, read_run
-from .style import BLUE, GREY, VERMILION, house_style, light_grid, new_figure
+from .style import BLUE, GREY, VERMILION, drawn, light_grid, new_figure
+from .template import render, write_page
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -45,11 +42,7 @@ def write_comparison(a: str | Path, b: str | Path, directory: str | Path) -> Pat
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
     write_rows(folder / "compare.csv", COLUMNS, rows)
-    path = folder / "compare.html"
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    part.write_text(_page(one, two, rows), encoding="utf-8")
-    os.replace(part, path)
-    return path
+    return write_page(folder / "compare.html", _page(one, two, rows))
 
 
 def comparison_text(rows: list[list[Value]]) -> str:
@@ -75,28 +68,28 @@ def _shown(row: dict[str, Value]) -> list[Value]:
 
 def _page(one: RunData, two: RunData, rows: list[list[Value]]) -> str:
     named = [dict(zip(COLUMNS, row, strict=True)) for row in rows]
-    body = table(HEADS, [_shown(row) for row in named])
     paired = any(row["paired"] == "yes" for row in named)
     how = (
         "Samples of the same number have the same random numbers in both runs: the interval is that"
         " of paired shares." if paired else "The intervals are those of independent samples."
     )  # fmt: skip
-    with house_style():
-        figure = _figure(named)
-        data = io.BytesIO()
-        figure.savefig(data, format="png", dpi=200, facecolor="white")
-    picture = base64.b64encode(data.getvalue()).decode("ascii")
     text = "Share of samples in which a family squeals, with the 95 % interval of its change."
-    return (
-        '<!DOCTYPE html>\n<html xmlns="http://www.w3.org/1999/xhtml" lang="en">\n<head>\n'
-        '<meta charset="utf-8"/>\n<title>Two runs compared</title>\n'
-        f"<style>\n{CSS}</style>\n</head>\n<body>\n<header>\n<h1>Two runs compared</h1>\n"
-        f"<p>A: {escape(str(one.directory.resolve()))} ({one.criterion})</p>\n"
-        f"<p>B: {escape(str(two.directory.resolve()))} ({two.criterion})</p>\n</header>\n<main>\n"
-        f"<p>Families are matched by shape (modal assurance criterion at the nodes); a family "
-        f"without a match does not squeal in the other run. {how}</p>\n"
-        f'<figure class="plot"><img alt="{text}" src="data:image/png;base64,{picture}"/>'
-        f"<figcaption>{text}</figcaption></figure>\n{body}\n</main>\n</body>\n</html>\n"
+    return render(
+        "plain.html.j2",
+        title="Two runs compared",
+        intro=[
+            Text(f"{name}: {run.directory.resolve()} ({run.criterion})")
+            for name, run in (("A", one), ("B", two))
+        ],
+        blocks=[
+            Text(
+                "Families are matched by shape (modal assurance criterion at the nodes); a family"
+                f" without a match does not squeal in the other run. {how}"
+            ),
+            Picture(drawn(partial(_figure, named)), text),
+            Table(HEADS, [_shown(row) for row in named]),
+        ],
+        links=[],
     )
 
 

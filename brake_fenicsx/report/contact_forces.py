@@ -5,17 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from .html_parts import table
+from .blocks import Block, Table, Text
 from .rundata import RunData
 
+ROUND_OFF = 1e-6  # relative scatter that is none
 FORCES = ("normal_N", "friction_N", "torque_N_m", "effective_radius_mm")
 
 
-def forces_section(run: RunData) -> str:
+def forces_blocks(run: RunData) -> list[Block]:
     """Forces of the braking equilibrium on each pad, means over the samples of an approach."""
     found = run.summary.get("contact_forces")
     if not isinstance(found, Mapping):
-        return ""
+        return []
     rows = []
     for approach, pads in found.items():
         for name, pad in pads.items():
@@ -31,17 +32,20 @@ def forces_section(run: RunData) -> str:
                 ]
             )  # fmt: skip
     if not rows:
-        return ""
+        return []
     heads = [
         "approach", "pad", "normal force [N]", "friction force [N]", "brake torque [N m]",
         "effective radius [mm]", "face in contact", "largest pressure [MPa]",
         "centre of pressure towards the leading edge [mm]", "force on the leading half",
     ]  # fmt: skip
-    return table(heads, rows) + (
-        "<p>Means over the samples, with their standard deviation. The disc enters beneath the pad "
-        "at the leading edge. Torque: of this pad against the rotation of the disc; effective "
-        "radius: torque over friction coefficient times normal force.</p>"
-    )
+    return [
+        Table(heads, rows),
+        Text(
+            "Means over the samples, with their standard deviation. The disc enters beneath the pad"
+            " at the leading edge. Torque: of this pad against the rotation of the disc; effective"
+            " radius: torque over friction coefficient times normal force."
+        ),
+    ]
 
 
 def _with_std(numbers: Mapping[str, Any], name: str) -> str:
@@ -49,4 +53,6 @@ def _with_std(numbers: Mapping[str, Any], name: str) -> str:
     value, spread = numbers.get(name), numbers.get(f"{name}_std")
     if value is None:
         return "-"
-    return f"{value:.4g}" if spread is None else f"{value:.4g} +- {spread:.2g}"
+    if spread is None or spread < ROUND_OFF * abs(value):
+        return f"{value:.4g}"
+    return f"{value:.4g} +- {spread:.2g}"

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import base64
-import io
-import os
 from collections.abc import Mapping, Sequence
-from html import escape
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,10 +13,10 @@ from brake_fenicsx.scene.units import quantity_text
 from brake_fenicsx.sweeps.smallest_change import MOST
 from brake_fenicsx.tables import Value, text_table, write_rows
 
+from .blocks import Picture, Table, Text
 from .counts import FamilyCount
-from .html_parts import table
-from .page_style import CSS
-from .style import BLUE, GREY, VERMILION, house_style, light_grid, new_figure
+from .style import BLUE, GREY, VERMILION, drawn, light_grid, new_figure
+from .template import render, write_page
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -53,11 +50,8 @@ def write_countermeasures(
         The page.
     """
     write_rows(folder / "countermeasures.csv", COLUMNS, rows)
-    path = folder / "countermeasures.html"
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    part.write_text(_page(worst, [dict(zip(COLUMNS, r, strict=True)) for r in rows]), "utf-8")
-    os.replace(part, path)
-    return path
+    named: list[Row] = [dict(zip(COLUMNS, r, strict=True)) for r in rows]
+    return write_page(folder / "countermeasures.html", _page(worst, named))
 
 
 def countermeasures_text(rows: Sequence[Row]) -> str:
@@ -93,32 +87,36 @@ def _percent(value: Value) -> str:
 
 
 def _page(worst: FamilyCount, rows: list[Row]) -> str:
-    with house_style():
-        data = io.BytesIO()
-        draw_shares(rows).savefig(data, format="png", dpi=200, facecolor="white")
-    picture = base64.b64encode(data.getvalue()).decode("ascii")
     text = (
         "Share of samples that squeal before and after each change, with its 95 % interval: the"
         " worst family, and any family (small marks)."
     )
-    links = "".join(
-        f'<li>{row["rank"]}: {escape(str(row["key"]))}: <a href="after-{row["rank"]}/compare.html">'
-        "the scene before and after</a></li>\n"
-        for row in rows if row["any_after"] is not None
-    )  # fmt: skip
-    return (
-        '<!DOCTYPE html>\n<html xmlns="http://www.w3.org/1999/xhtml" lang="en">\n<head>\n'
-        '<meta charset="utf-8"/>\n<title>Countermeasures</title>\n'
-        f"<style>\n{CSS}</style>\n</head>\n<body>\n<header>\n<h1>Countermeasures</h1>\n"
-        f"<p>Worst family: {worst.frequency / 1e3:.3f} kHz, squeals in {worst.share.hits} of"
-        f" {worst.share.n} samples of {escape(worst.approach)}.</p>\n</header>\n<main>\n"
-        "<p>For each number the smallest change after which the worst family squeals in at most"
-        f" {_percent(MOST)} of the samples, ranked by first-order effect. Verified: a whole run"
-        " with the change has been compared with that of the scene.</p>\n"
-        f'<figure class="plot"><img alt="{text}" src="data:image/png;base64,{picture}"/>'
-        f"<figcaption>{text}</figcaption></figure>\n"
-        f"{table(HEADS, [_shown(row) for row in rows])}\n<ul>\n{links}</ul>\n</main>\n</body>\n"
-        "</html>\n"
+    return render(
+        "plain.html.j2",
+        title="Countermeasures",
+        intro=[
+            Text(
+                f"Worst family: {worst.frequency / 1e3:.3f} kHz, squeals in {worst.share.hits} of"
+                f" {worst.share.n} samples of {worst.approach}."
+            )
+        ],
+        blocks=[
+            Text(
+                "For each number the smallest change after which the worst family squeals in at"
+                f" most {_percent(MOST)} of the samples, ranked by first-order effect. Verified: a"
+                " whole run with the change has been compared with that of the scene."
+            ),
+            Picture(drawn(partial(draw_shares, rows)), text),
+            Table(HEADS, [_shown(row) for row in rows]),
+        ],
+        links=[
+            (
+                f"after-{row['rank']}/compare.html",
+                f"{row['rank']}: {row['key']}: the scene before and after",
+            )
+            for row in rows
+            if row["any_after"] is not None
+        ],
     )
 
 

@@ -22,7 +22,12 @@ from .squeal_figures import (
     draw_squeal_map,
 )
 from .style import house_style, save
-from .surface_figures import draw_artificial, draw_statistics, draw_topography
+from .surface_figures import (
+    draw_artificial,
+    draw_bearing_curve,
+    draw_statistics,
+    draw_topography,
+)
 from .sweep_figures import draw_branches, draw_chart, draw_critical, draw_worst
 
 if TYPE_CHECKING:
@@ -51,6 +56,12 @@ PLOTS = (
         "agree with the whole scan, its spectrum is reliable. Below: ratio of measured spectrum "
         "and fit, on a logarithmic scale.",
         draw_statistics,
+    ),
+    Plot(
+        "bearing_curve",
+        "Bearing curve (material ratio curve, Abbott curve): share of the surface that lies above "
+        "a height.",
+        draw_bearing_curve,
     ),
     Plot(
         "figure6_artificial",

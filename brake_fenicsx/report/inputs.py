@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 # Figure 7: pixels of the surface, and the loads it is pressed with, p / E*.
 MAP_PIXELS = 512
+MOMENT_ERRORS = ("mean_error", "S_q_error", "S_sk_error", "S_ku_error")
 MAP_LOADS = (1e-4, 1e-3, 1e-2, 5e-2)
 
 
@@ -37,6 +38,12 @@ def surface_arrays(stats: SurfaceStatistics, recipe: LawRecipe | None) -> dict[s
     numbers |= {n: getattr(fit, n) for n in ("c1", "c2", "q_c", "C0")}
     numbers |= {f"{n}_error": e for n, e in zip(names, fit.errors, strict=True)}
     numbers["fit_rms"] = fit.rms
+    if stats.topography is not None:
+        from brake_fenicsx.surface.iso25178 import iso_parameters
+
+        found = iso_parameters(stats.topography)
+        found |= dict(zip(MOMENT_ERRORS, stats.errors, strict=True))
+        numbers |= {n: v for n, v in found.items() if np.isfinite(v)}
     out: dict[str, Any] = {
         "fit_q": q, "fit_C": fit(q), "q_band": np.array(fit.band),
         "hdf_z": z, "hdf_density": stats.hdf.pdf(z), "stats": np.array(json.dumps(numbers)),

@@ -11,10 +11,13 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.processes import in_turns, on_first
 from brake_fenicsx.sample_files import Task
+from brake_fenicsx.scene.friction import slides
 from brake_fenicsx.scene.in_effect import in_effect
-from brake_fenicsx.tables import read_columns
+from brake_fenicsx.tables import Value, read_columns, write_rows
 
 from .counts import ModeKey, representative_modes
+from .mode_cards import SHAPE_COLUMNS, SHAPES
+from .nodal_diameters import nodal_pattern
 from .rundata import RunData
 
 if TYPE_CHECKING:
@@ -24,7 +27,7 @@ MOST = 4  # modes drawn for each approach, of the most severe families
 
 
 def write_mode_fields(study: Study, first: Mapping[Task, Mapping[str, Any]]) -> None:
-    """Write fields/*.xdmf, figures/mode_*.png and contact_faces.npz; collective.
+    """Write fields/*.xdmf, figures/mode_* and contact_faces.npz; collective.
 
     Equilibrium and contact are those of the first sample of each approach; modes are of its most
     severe families, of each the squeal mode of median damping.
@@ -38,17 +41,17 @@ def write_mode_fields(study: Study, first: Mapping[Task, Mapping[str, Any]]) -> 
         shutil.rmtree(store.path("fields"), ignore_errors=True)
         for name in ("fields", "figures"):
             store.path(name).mkdir(exist_ok=True)
-        for old in store.path("figures").glob("mode_*.png"):
+        for old in store.path("figures").glob("mode_*.*"):
             old.unlink()
     comm.Barrier()
     faces = contact_faces(study)
     for task, data in first.items():
         _write_equilibrium(study, task, data, faces)
     run, drawn = _severe(study)
-    for chosen in drawn:
-        _write_modes(study, run, chosen)
+    rows = [row for chosen in drawn for row in _write_modes(study, run, chosen)]
     if comm.rank > 0:
         return
+    write_rows(store.path("figures", SHAPES), SHAPE_COLUMNS, rows)
     from .fields import say_once
 
     say_once(study.brake.elastic.free.V, store.path("fields"))
@@ -131,19 +134,24 @@ def _severe(study: Study) -> tuple[RunData, list[list[ModeKey]]]:
     return study.comm.bcast(found, root=0)
 
 
-def _write_modes(study: Study, run: RunData, chosen: list[ModeKey]) -> None:
-    """Real and imaginary part of some modes of an approach, one period of each, and its picture.
+def _write_modes(study: Study, run: RunData, chosen: list[ModeKey]) -> list[list[Value]]:
+    """Real and imaginary part of some modes of an approach, one period of each, and its pictures.
 
     The processes take the modes in turns.
+
+    Returns:
+        Rows of `SHAPE_COLUMNS`.
     """
+    from brake_fenicsx.report.animation import animate_mode
     from brake_fenicsx.report.render import render_mode
     from brake_fenicsx.report.style import label
 
     from .fields import write_fields, write_phases
 
     store, name, V = study.store, chosen[0].approach, study.brake.elastic.free.V
+    rotors = _rotors(study)
 
-    def draw(i: int) -> tuple[str, NDArray[np.complex128]]:
+    def draw(i: int) -> tuple[str, NDArray[np.complex128], list[Value]]:
         mode = chosen[i]
         task = (name, mode.sample)
         x = displacements(study, task, study.stored(task), np.array([mode.mode]))[:, 0]
@@ -155,12 +163,45 @@ def _write_modes(study: Study, run: RunData, chosen: list[ModeKey]) -> None:
             f"{label(run, name)}, sample {mode.sample}: {mode.frequency:.0f} Hz,"
             f" damping {mode.damping:.2e}{often}"
         )
-        render_mode(store.path("figures", f"mode_{name}_{hertz}.png"), V, shape, title)
-        return f"mode_{hertz}", shape
+        picture = f"mode_{name}_{hertz}"
+        render_mode(store.path("figures", f"{picture}.png"), V, shape, title)
+        animate_mode(store.path("figures", f"{picture}.webp"), V, shape)
+        row: list[Value] = [
+            name, mode.family.family, mode.sample, mode.mode, mode.frequency, mode.damping,
+            picture, *_nodal_cells(rotors, V, shape),
+        ]  # fmt: skip
+        return f"mode_{hertz}", shape, row
 
-    fields = dict(in_turns(len(chosen), draw, study.comm))
+    done = list(in_turns(len(chosen), draw, study.comm))
     if study.comm.rank == 0:
+        fields = {key: shape for key, shape, _ in done}
         write_fields(store.path("fields", f"modes_{name}.xdmf"), V, fields)
+    return [row for *_, row in done]
+
+
+def _rotors(study: Study) -> dict[str, NDArray[np.intp]]:
+    """Nodes of each part that turns about z, by its name."""
+    scene, mesh, V = study.scene, study.brake.mesh, study.brake.elastic.free.V
+    if scene.motion is None or scene.motion.axis is None:
+        return {}
+    found = {}
+    for name, table in scene.contact.items():
+        part = table.faces[1].partition(".")[0]
+        if slides(scene, name) and part not in found:
+            tags = [tag for layer, tag in mesh.layers.items() if layer.partition(".")[0] == part]
+            cells = mesh.cell_tags.indices[np.isin(mesh.cell_tags.values, tags)]
+            found[part] = np.unique([V.dofmap.cell_dofs(int(c)) for c in cells])
+    return found
+
+
+def _nodal_cells(rotors: Mapping[str, NDArray], V: Any, shape: NDArray) -> list[Value]:
+    """The rotor that is a closed ring, and the strongest harmonic of its rim."""
+    points, u = V.tabulate_dof_coordinates(), shape.reshape(-1, V.dofmap.index_map_bs)
+    for name, nodes in rotors.items():
+        pattern = nodal_pattern(points[nodes], u[nodes])
+        if pattern is not None:
+            return [name, pattern.diameters, pattern.direction, pattern.share]
+    return [None, None, None, None]
 
 
 def displacements(

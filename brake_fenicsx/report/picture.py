@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,3 +69,10 @@ def compose(
         figure.savefig(
             path, dpi=200, facecolor="white", metadata={"Software": None, "Title": title}
         )
+
+
+def heading_of(path: Path) -> str:
+    """The heading drawn in a picture, or the name of its file."""
+    pillow: Any = import_module("PIL.Image")  # comes with matplotlib
+    with pillow.open(path) as drawn:
+        return str(drawn.info.get("Title", path.stem.replace("_", " ")))

@@ -6,7 +6,8 @@ them.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +21,9 @@ PIXELS = (1500, 900)
 LIGHT: dict[str, Any] = {"ambient": 0.45, "diffuse": 0.65, "specular": 0.0}
 
 
-def _pyvista() -> Any:
+def pyvista() -> Any:
     """The drawing library, imported when the first picture is drawn."""
-    import pyvista
-
-    return pyvista
+    return import_module("pyvista")
 
 
 def _cells_of_space(V: Any) -> tuple[NDArray, NDArray, NDArray]:
@@ -62,13 +61,9 @@ def render_mode(
     Returns:
         The path.
     """
-    turned = values * _phase(values)
-    grid = _grid(V)
-    u = turned.reshape(-1, V.dofmap.index_map_bs)
-    grid.point_data["re"], grid.point_data["im"] = u.real, u.imag
-    surface = grid.extract_surface(nonlinear_subdivision=1, algorithm="dataset_surface")
-    surface.point_data["level"] = _levels(surface)
-    images = _photographs(_warp(surface, scale), "amplitude", distance)
+    surface, moved = mode_surface(V, values, scale)
+    surface.points = np.asarray(surface.points) + np.real(moved(surface))
+    images = _photographs(surface, "amplitude", distance)
     compose(Path(path), images, title, _note(values, scale))
     return Path(path)
 
@@ -104,6 +99,37 @@ def render_mesh(
     return Path(path)
 
 
+def mode_surface(V: Any, values: NDArray, scale: float) -> tuple[Any, Callable[[Any], NDArray]]:
+    """Surface of all bodies at rest with the amplitude of a mode, and how it moves.
+
+    Args:
+        V: vector function space of Lagrange elements, on a mesh of this process.
+        values: all dofs, real or complex, shape (dofs,).
+        scale: largest displacement as drawn, as a share of the model's radius.
+
+    Returns:
+        The surface, with point data ``amplitude``, 1 at its maximum, and ``level``; and a function
+        from a mesh made of it to the complex displacements as drawn [m], shape (points, 3), at
+        the phase of the largest motion.
+    """
+    grid = _grid(V)
+    u = (values * _phase(values)).reshape(-1, V.dofmap.index_map_bs)
+    grid.point_data["re"], grid.point_data["im"] = u.real, u.imag
+    surface = grid.extract_surface(nonlinear_subdivision=1, algorithm="dataset_surface")
+    surface.point_data["level"] = _levels(surface)
+    re, im = (np.asarray(surface.point_data[name]) for name in ("re", "im"))
+    amplitude = np.sqrt((re**2 + im**2).sum(axis=1))
+    top = max(float(amplitude.max()), 1e-300)
+    surface.point_data["amplitude"] = amplitude / top
+    factor = scale * _radius(surface) / top
+
+    def moved(mesh: Any) -> NDArray:
+        re, im = (np.asarray(mesh.point_data[name]) for name in ("re", "im"))
+        return factor * (re + 1j * im)
+
+    return surface, moved
+
+
 def _phase(values: NDArray) -> complex:
     """Unit factor that turns a complex mode to the phase of its largest real part."""
     return complex(np.exp(-0.5j * np.angle(np.sum(values.astype(complex) ** 2))))
@@ -113,7 +139,7 @@ def _grid(V: Any, parts: NDArray | None = None) -> Any:
     """Pyvista grid of the nodes of V, with the number of each point's body and each cell's part."""
     cells, types, points = _cells_of_space(V)
     head = np.full((len(cells), 1), cells.shape[1])
-    grid = _pyvista().UnstructuredGrid(np.hstack([head, cells]).ravel(), types, points)
+    grid = pyvista().UnstructuredGrid(np.hstack([head, cells]).ravel(), types, points)
     grid.point_data["body"] = _bodies(len(points), cells)
     grid.cell_data["part"] = (
         np.zeros(len(cells), dtype=int) if parts is None else parts[: len(cells)]
@@ -144,7 +170,7 @@ def _levels(surface: Any) -> NDArray:
     return level[np.searchsorted(bodies, region)]
 
 
-def _in_a_row(surface: Any, view: NDArray, side: float, distance: float) -> Any:
+def in_a_row(surface: Any, view: NDArray, side: float, distance: float) -> Any:
     """A copy whose levels stand beside each other as seen along ``view``, the lowest to the left.
 
     Args:
@@ -172,28 +198,17 @@ def _radius(surface: Any) -> float:
     return 0.5 * float(np.linalg.norm(box))
 
 
-def _warp(surface: Any, scale: float) -> Any:
-    re, im = (np.asarray(surface.point_data[name]) for name in ("re", "im"))
-    amplitude = np.sqrt((re**2 + im**2).sum(axis=1))
-    top = max(float(amplitude.max()), 1e-300)
-    motion = scale * _radius(surface) * re / top
-    surface.point_data["amplitude"] = amplitude / top
-    surface.points = np.asarray(surface.points) + motion
-    return surface
-
-
 def _photographs(surface: Any, scalars: str, distance: float) -> list[NDArray]:
     """Both views of a surface, cut to the same frame, RGB arrays."""
-    with _pyvista().vtk_verbosity("off"):  # without a display VTK warns, then draws all the same
+    with pyvista().vtk_verbosity("off"):  # without a display VTK warns, then draws all the same
         return trim([_photograph(surface, side, scalars, distance) for _, side in VIEWS])
 
 
 def _photograph(surface: Any, side: float, scalars: str, distance: float) -> NDArray:
     """Picture of a surface from obliquely above (side = 1) or below (side = -1), RGB array."""
-    view = _view(surface, side)
-    surface = _in_a_row(surface, view, side, distance)
-    plotter = _pyvista().Plotter(off_screen=True, window_size=list(PIXELS))
-    plotter.set_background("white")
+    view = view_of(surface, side)
+    surface = in_a_row(surface, view, side, distance)
+    plotter = open_plotter(surface, view, side, PIXELS)
     if scalars == "part":
         found = np.unique(surface.cell_data["part"])
         for j in found:
@@ -215,18 +230,25 @@ def _photograph(surface: Any, side: float, scalars: str, distance: float) -> NDA
         edges = surface.extract_feature_edges(40.0, manifold_edges=False)
         if edges.n_points:
             plotter.add_mesh(edges, color="#202020", line_width=1.5)
-    focus = np.asarray(surface.center)
-    far = focus + 6 * _radius(surface) * view / np.linalg.norm(view)
-    plotter.camera_position = [tuple(far), tuple(focus), (0.0, 0.0, side)]
     plotter.reset_camera()
-    plotter.enable_parallel_projection()
     plotter.enable_anti_aliasing("ssaa")
     image = np.asarray(plotter.screenshot(return_img=True))
     plotter.close()
     return image
 
 
-def _view(surface: Any, side: float) -> NDArray:
+def open_plotter(surface: Any, view: NDArray, side: float, pixels: tuple[int, int]) -> Any:
+    """A plotter without a window that looks at a surface in parallel projection."""
+    plotter = pyvista().Plotter(off_screen=True, window_size=list(pixels))
+    plotter.set_background("white")
+    focus = np.asarray(surface.center)
+    far = focus + 6 * _radius(surface) * view / np.linalg.norm(view)
+    plotter.camera_position = [tuple(far), tuple(focus), (0.0, 0.0, side)]
+    plotter.enable_parallel_projection()
+    return plotter
+
+
+def view_of(surface: Any, side: float) -> NDArray:
     """Direction to the eye: on the side away from the pads, so that their arcs open towards it."""
     points = np.asarray(surface.points)
     centre = points.mean(axis=0)

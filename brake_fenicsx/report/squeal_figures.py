@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
 MANY_POINTS = 2000  # beyond this a scatter is rasterised inside the SVG
 KHZ = "frequency [kHz]"
+NARROW = 4.6  # [in] of figures that stand two in a row
 LINEAR_DAMPING = 1e-4  # the squeal map's damping axis is logarithmic beyond
 
 
@@ -129,7 +130,7 @@ def draw_counts(run: RunData) -> Figure | None:
     shown = _sampled(run)
     if not shown:
         return None
-    figure, axes = new_figure(1, 1, height=3.2)
+    figure, axes = new_figure(1, 1, height=3.0, width=NARROW)
     axis = axes[0, 0]
     records = [count(run, approach) for approach in shown]
     top = max(int(r.per_sample.max()) for r in records)
@@ -154,7 +155,7 @@ def draw_counts(run: RunData) -> Figure | None:
     axis.set(xlabel=f"squeal modes ({run.criterion}) per sample [-]", ylabel="share of samples [-]")
     axis.xaxis.get_major_locator().set_params(integer=True)
     light_grid(axis, axis="y")
-    axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncol=2)
+    axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0))
     return figure
 
 
@@ -165,7 +166,7 @@ def draw_probability(run: RunData) -> Figure | None:
         return None
     edges = band_edges(run)
     figure, axes = new_figure(
-        len(shown), 1, height=1.0 + 1.7 * len(shown), sharex=True, sharey=True
+        len(shown), 1, height=1.0 + 1.7 * len(shown), width=NARROW, sharex=True, sharey=True
     )
     centre, width = (edges[1:] + edges[:-1]) / 2e3, np.diff(edges) / 1e3
     for axis, approach in zip(axes.flat, shown, strict=True):
@@ -176,7 +177,7 @@ def draw_probability(run: RunData) -> Figure | None:
         axis.bar(centre, value, 0.94 * width, color=colour, alpha=0.75)
         axis.errorbar(centre, value, reach, fmt="none", ecolor=BLACK, elinewidth=1, capsize=2)
         n = shares[0].n
-        axis.set_title(f"{label(run, approach)}: {n} samples; bars: 95 % Wilson interval")
+        axis.set_title(f"{label(run, approach)}: {n} samples")
         axis.set(ylim=(0, 1.08), xlim=(0, edges[-1] / 1e3))
         axis.set_ylabel("probability of\nsqueal [-]")
         light_grid(axis, axis="y")
@@ -186,7 +187,7 @@ def draw_probability(run: RunData) -> Figure | None:
     elif calm := _single(run):
         names = ", ".join(label(run, name) for name in calm)
         axes[0, 0].set_title(f"{names}: no squeal mode in the one run", loc="right", size=8)
-    axes[-1, 0].set_xlabel(f"{KHZ}, bands of {width[0] * 1e3:g} Hz; squeal: {run.criterion}")
+    axes[-1, 0].set_xlabel(f"{KHZ}, bands of {width[0] * 1e3:g} Hz\nsqueal: {run.criterion}")
     return figure
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import io
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -106,6 +107,18 @@ def save(figure: Figure, directory: Path, name: str) -> list[Path]:
     figure.set_layout_engine("none")
     figure.savefig(svg, dpi=200, facecolor="white", metadata={"Date": None, "Creator": None})
     return [png, svg]
+
+
+def drawn(draw: Callable[[], Figure]) -> bytes:
+    """Content of the PNG of a figure that is made in the look of all figures.
+
+    Args:
+        draw: makes the figure.
+    """
+    data = io.BytesIO()
+    with house_style():
+        draw().savefig(data, format="png", dpi=200, facecolor="white", metadata={"Software": None})
+    return data.getvalue()
 
 
 def look(approach: str) -> tuple[str, str]:

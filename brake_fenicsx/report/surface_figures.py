@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.surface.iso25178 import bearing_curve
+
 from .rundata import Arrays, RunData
 from .style import (
     BLACK,
@@ -119,6 +121,27 @@ def draw_artificial(run: RunData) -> Figure | None:
     for axis in axes[1]:
         light_grid(axis)
         axis.legend(loc="best")
+    return figure
+
+
+def draw_bearing_curve(run: RunData) -> Figure | None:
+    """Bearing curve of the scan and of an artificial surface: height against material ratio."""
+    if run.surface is None or "heights" not in run.surface:
+        return None
+    figure, axes = new_figure(1, 1, height=3.0, width=4.6)
+    axis = axes[0, 0]
+    for name, text, colour, line in (
+        ("heights", "scan", BLUE, "-"), ("artificial", "artificial", ORANGE, "--"),
+    ):  # fmt: skip
+        z = run.surface.get(name)
+        if z is not None and np.isfinite(z).any() and np.nanstd(z) > 0:
+            share, height = bearing_curve(z - np.nanmean(z))
+            axis.plot(100 * share, height * UM, color=colour, ls=line, label=text)
+    if not axis.lines:
+        return None
+    axis.set(xlabel="material ratio [%]", ylabel="height over the mean plane [µm]", xlim=(0, 100))
+    light_grid(axis)
+    axis.legend(loc="best")
     return figure
 
 

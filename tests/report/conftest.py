@@ -6,8 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
+from brake_fenicsx.report.counts import representative_modes
 from brake_fenicsx.report.figures import make_figures
+from brake_fenicsx.report.mode_cards import SHAPE_COLUMNS, SHAPES
+from brake_fenicsx.report.rundata import read_run
 from brake_fenicsx.sweeps.tables import CHART, CRITICAL, CURVE, EVENTS
 from brake_fenicsx.sweeps.tables import MODES as SWEEP
 from brake_fenicsx.tables import CONTACT, MODES, SAMPLES, write_rows
@@ -330,3 +334,23 @@ def drawn(run_directory, tmp_path_factory) -> tuple[Path, list[Path]]:
 def run_directory(tmp_path_factory) -> Path:
     """One complete synthetic run, not to be changed by a test."""
     return make_run(tmp_path_factory.mktemp("run"), small=True)
+
+
+@pytest.fixture(scope="session")
+def shaped(drawn, tmp_path_factory) -> tuple[Path, list[list]]:
+    """The drawn run with the animated pictures that a run would draw, and their rows."""
+    directory = tmp_path_factory.mktemp("shaped") / "run"
+    shutil.copytree(drawn[0], directory)
+    folder = directory / "figures"
+    for old in folder.glob("mode_*.png"):
+        old.unlink()
+    run, rows = read_run(directory), []
+    for approach in run.approaches:
+        for mode in representative_modes(run, approach):
+            name = f"mode_{approach}_{mode.frequency:05.0f}Hz"
+            frames = [Image.new("RGB", (60, 40), colour) for colour in ("red", "blue")]
+            frames[0].save(folder / f"{name}.webp", save_all=True, append_images=frames[1:])
+            place = [approach, mode.family.family, mode.sample, mode.mode, mode.frequency]
+            rows.append([*place, mode.damping, name, "disc", 7, "out of plane", 0.9])
+    write_rows(folder / SHAPES, SHAPE_COLUMNS, rows)
+    return directory, rows

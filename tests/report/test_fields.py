@@ -13,6 +13,7 @@ h5py = pytest.importorskip("h5py")
 
 from dolfinx import fem, mesh  # noqa: E402
 
+from brake_fenicsx.report.animation import animate_mode  # noqa: E402
 from brake_fenicsx.report.contact_fields import (  # noqa: E402
     facet_means,
     write_facets,
@@ -272,7 +273,7 @@ def test_mode_picture_shows_both_views_in_colour(tmp_path, space):
 
 def test_bodies_in_a_row_hide_nothing():
     """Three boxes on each other: side by side, lowest first, in both views."""
-    from brake_fenicsx.report.render import _in_a_row, _levels, _view
+    from brake_fenicsx.report.render import _levels, in_a_row, view_of
 
     boxes = [pyvista.Box((-1, 1, -1, 1, z, z + 0.9)) for z in (0.0, 1.0, 2.0)]
     merged = pyvista.merge(boxes, merge_points=False)
@@ -281,8 +282,8 @@ def test_bodies_in_a_row_hide_nothing():
     surface.point_data["level"] = level = _levels(surface)
     assert np.array_equal(level, surface.point_data["body"])
     for side in (1.0, -1.0):
-        view = _view(surface, side)
-        row = _in_a_row(surface, view, side, 0.1)
+        view = view_of(surface, side)
+        row = in_a_row(surface, view, side, 0.1)
         right = np.cross([0.0, 0.0, side], view)
         reach = [(row.points[level == j] @ right / np.linalg.norm(right)) for j in range(3)]
         assert reach[0].max() < reach[1].min()
@@ -297,6 +298,28 @@ def test_the_picture_does_not_depend_on_the_phase_or_the_size_of_the_mode(tmp_pa
     first = imread(render_mode(tmp_path / "a.png", space, values))
     second = imread(render_mode(tmp_path / "b.png", space, turned))
     assert np.mean(np.abs(first - second)) < 1e-3
+
+
+def test_animated_mode_is_one_period_from_the_largest_motion(tmp_path, space):
+    """A standing wave: at rest after a quarter of the period, mirrored after half of it."""
+    from PIL import Image
+
+    values = np.real(values_on(space)) * np.exp(0.4j)
+    path = animate_mode(tmp_path / "mode.webp", space, values, frames=8, width=200)
+    with Image.open(path) as film:
+        assert (film.n_frames, film.width) == (8, 200)
+        frames = []
+        for j in range(8):
+            film.seek(j)
+            frames.append(np.asarray(film.convert("RGB"), float))
+    away = [np.abs(frame - frames[2]).mean() for frame in frames]
+    # Lossy compression keeps what hardly differs from the frame before.
+    assert away[6] < 0.5 * min(away[0], away[4])
+    assert np.abs(frames[1] - frames[7]).mean() < 0.5 * away[0]
+    assert np.abs(frames[0] - frames[4]).mean() > away[0]
+    assert animate_mode(tmp_path / "b.webp", space, values, 8, 200).read_bytes() == (
+        path.read_bytes()
+    )
 
 
 def test_mesh_picture_has_one_colour_per_part(tmp_path, space):

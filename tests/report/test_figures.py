@@ -41,7 +41,12 @@ NEEDS = {
     },
     "contact.csv": {"contact_pressure"},
     "laws.npz": {"figure8_laws"},
-    "surface.npz": {"figure4_topography", "figure5_statistics", "figure6_artificial"},
+    "surface.npz": {
+        "figure4_topography",
+        "figure5_statistics",
+        "bearing_curve",
+        "figure6_artificial",
+    },
     "contact_maps.npz": {"figure7_contact_maps"},
     "summary.json": {"stages"},
 }

@@ -1,0 +1,190 @@
+"""Pictures of mode shapes on the page, each with the numbers of its family."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from brake_fenicsx.squeal import squeals
+from brake_fenicsx.tables import Value, read_rows
+
+from .counts import WIDTH, FamilyCount, representative_modes
+from .picture import heading_of
+from .rundata import RunData
+
+SHAPES = "mode_shapes.csv"  # in figures/: what the pictures of modes show
+SHAPE_COLUMNS = (
+    "approach", "family", "sample", "mode", "frequency_hz", "damping", "picture", "rotor",
+    "nodal_diameters", "direction", "nodal_share",
+)  # fmt: skip
+CLEAR = 0.5  # share of a harmonic above which a mode is named by it alone
+LEAST = 0.1  # shares of the kinetic energy that are named
+
+
+@dataclass(frozen=True, slots=True)
+class Card:
+    """A mode shape with a few facts.
+
+    Attributes:
+        frequency: heading of the card.
+        facts: names and values.
+        key: name of its picture; empty without one.
+        still: the picture; None without one.
+        moving: the animated picture; None without one.
+        rank: "1" of the most severe family; empty outside the first screen.
+    """
+
+    frequency: str
+    facts: list[tuple[str, str]]
+    key: str = ""
+    still: Path | None = None
+    moving: Path | None = None
+    rank: str = ""
+
+
+class ModePictures:
+    """Pictures of mode shapes in a results folder.
+
+    Attributes:
+        paths: still picture of each key; an animated WebP where the run has drawn it, or a PNG.
+        by_mode: key of the picture of (approach, sample, mode).
+    """
+
+    def __init__(self, run: RunData):
+        folder = run.directory / "figures"
+        self.paths = {p.stem: p for p in sorted(folder.glob("mode_*.png"))}
+        self.paths |= {p.stem: p for p in sorted(folder.glob("mode_*.webp"))}
+        table = folder / SHAPES
+        rows = read_rows(table) if table.is_file() else []
+        self._facts = {str(row["picture"]): row for row in rows if row["picture"] in self.paths}
+        self._family: dict[tuple[str, int, float], str] = {}
+        self.by_mode: dict[tuple[str, int, int], str] = {}
+        for approach in run.approaches:
+            for m in representative_modes(run, approach):
+                key = f"mode_{approach}_{m.frequency:05.0f}Hz"
+                if key in self.paths:
+                    self._family[_family_key(m.family)] = key
+                    self.by_mode[approach, m.sample, m.mode] = key
+
+    def of_family(self, family: FamilyCount) -> str:
+        """Key of the picture of a family; empty if none was drawn."""
+        return self._family.get(_family_key(family), "")
+
+    def pattern(self, key: str) -> tuple[str, str, str] | None:
+        """Nodal diameters of the rotor in a picture; None if they are not known.
+
+        Args:
+            key: of the picture.
+
+        Returns:
+            Name of the rotor, a short text and a long one.
+        """
+        row = self._facts.get(key)
+        if row is None or row["nodal_diameters"] is None:
+            return None
+        number, share = int(row["nodal_diameters"]), float(row["nodal_share"] or 0)
+        said = f"{number or 'no'} nodal diameter{'' if number == 1 else 's'}, {row['direction']}"
+        percent = f"({100 * share:.0f} % of the rim's motion)"
+        if share < CLEAR:
+            return str(row["rotor"]), "mixed", f"mixed; strongest: {said} {percent}"
+        return str(row["rotor"]), f"{number}, {row['direction']}", f"{said} {percent}"
+
+    def moving(self, key: str) -> Path | None:
+        """The animated picture of a key, where there is one."""
+        path = self.paths.get(key)
+        return path if path is not None and path.suffix == ".webp" else None
+
+
+def family_card(
+    run: RunData, family: FamilyCount, pictures: ModePictures, rank: int = 0, named: bool = False
+) -> Card:
+    """Picture and numbers of a family.
+
+    Args:
+        run: the results.
+        family: the family.
+        pictures: of the run.
+        rank: its place in the order of severity, 0 if it is not shown.
+        named: whether the card names the approach.
+    """
+    key = pictures.of_family(family)
+    facts = [("approach", run.label(family.approach))] if named else []
+    facts.append(("damping", _damping_text(family)))
+    if family.share.n > 1:
+        s = family.share
+        facts.append(
+            (
+                "samples",
+                f"{s.hits} of {s.n}: {100 * s.value:.0f} % ({100 * s.low:.0f} to"
+                f" {100 * s.high:.0f} %)",
+            )
+        )
+    if parts := moving_parts(run, family):
+        facts.append(("moving parts", ", ".join(f"{p} {100 * x:.0f} %" for p, x in parts)))
+    if (pattern := pictures.pattern(key)) is not None:
+        facts.append((pattern[0], pattern[2]))
+    return Card(
+        f"{family.frequency / 1e3:.2f} kHz", facts, key, pictures.paths.get(key),
+        pictures.moving(key), str(rank) if rank else "",
+    )  # fmt: skip
+
+
+def other_cards(pictures: ModePictures, shown: set[str]) -> list[Card]:
+    """Cards of the pictures that belong to no card so far."""
+    left = [key for key in pictures.paths if key not in shown]
+    return [
+        Card(heading_of(p), [], key, p, pictures.moving(key))
+        for key in left if (p := pictures.paths[key])
+    ]  # fmt: skip
+
+
+def moving_parts(run: RunData, family: FamilyCount) -> list[tuple[str, float]]:
+    """Parts that carry the kinetic energy of a family's squeal modes, with their mean shares.
+
+    Args:
+        run: the results.
+        family: the family.
+
+    Returns:
+        Names and shares [-] of at least 10 %, the largest first.
+    """
+    modes = run.modes or {}
+    columns = [name for name in modes if name.startswith("share_")]
+    if not columns:
+        return []
+    own = (modes["approach"] == family.approach) & squeals(modes, run.threshold)
+    if family.family >= 0:
+        own &= modes["family"] == family.family
+    else:
+        own &= np.abs(modes["frequency_hz"] - family.frequency) <= WIDTH
+    rows = np.flatnonzero(own)
+    layers = [name.removeprefix("share_") for name in columns]
+    parts = [layer.partition(".")[0] for layer in layers]
+    found = []
+    for name, layer, part in zip(columns, layers, parts, strict=True):
+        values = modes[name][rows]
+        values = values[np.isfinite(values)]
+        text = part if parts.count(part) == 1 else layer.replace(".", " ")
+        if values.size and (share := float(values.mean())) >= LEAST:
+            found.append((text, share))
+    return sorted(found, key=lambda pair: -pair[1])
+
+
+def family_table_cells(run: RunData, family: FamilyCount, pictures: ModePictures) -> list[Value]:
+    """Moving parts and nodal diameters of a family, as cells of a table."""
+    parts = ", ".join(f"{p} {100 * x:.0f} %" for p, x in moving_parts(run, family))
+    pattern = pictures.pattern(pictures.of_family(family))
+    return [parts or None, None if pattern is None else pattern[1]]
+
+
+def _damping_text(family: FamilyCount) -> str:
+    if family.share.n == 1 or family.median == family.worst:
+        return f"{family.median:.2g}"
+    return f"median {family.median:.2g}, lowest {family.worst:.2g}"
+
+
+def _family_key(family: FamilyCount) -> tuple[str, int, float]:
+    """Modes of no family are told apart by their frequency."""
+    return family.approach, family.family, family.frequency if family.family < 0 else 0.0

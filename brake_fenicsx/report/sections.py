@@ -1,0 +1,263 @@
+"""Sections of the page before its appendix, for who decides on the brake."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from brake_fenicsx.tables import Value
+
+from .blocks import Block, Picture, Section, Special, Table, Text
+from .contact_forces import forces_blocks
+from .counts import FamilyCount
+from .figures import PLOTS
+from .mode_cards import ModePictures, family_card, family_table_cells, other_cards
+from .overview import approach_rows, cause_rows, share_text
+from .rundata import RunData
+from .squeal_map import squeal_map
+
+FAMILIES = 12  # rows of the tables of families, at least 3 of each approach
+CAPTIONS = {plot.name: plot.caption for plot in PLOTS}
+JUDGED = {  # figures of what squeals
+    "figure9_squeal_map", "squeal_families", "probability_per_band", "unstable_per_sample",
+    "convergence", "input_correlations", "sensitivity", "drivers", "sweep_branches",
+    "sweep_critical", "sweep_samples", "sweep_chart",
+}  # fmt: skip
+
+
+def main_sections(
+    run: RunData,
+    families: Mapping[str, list[FamilyCount]],
+    lead: str,
+    pictures: ModePictures,
+    shown: set[str],
+) -> list[Section]:
+    """All sections before the appendix; those without content are left out.
+
+    Args:
+        run: the results; pictures are read from its ``figures`` folder.
+        families: of each approach, the most severe first.
+        lead: approach that the first screen is about.
+        pictures: pictures of mode shapes.
+        shown: keys of the pictures on the first screen.
+    """
+    sections = [
+        Section("squeal", "Squeal map", _squeal(run, families, lead, pictures)),
+        Section("shapes", "More mode shapes", _shapes(run, families, pictures, shown)),
+        Section("probability", "Probability of squeal", [
+            *figures(run, "probability_per_band", "unstable_per_sample", look="half"),
+        ]),
+        Section("sweep", "Lock-in over the parameter", _sweep(run)),
+        Section("inputs", "Which inputs cause it", _inputs(run)),
+        Section("drivers", "What drives a mode", figures(run, "drivers", "driver_maps")),
+        Section("pressure", "Contact pressure and forces", [
+            *figures(run, "contact_pressure"), *forces_blocks(run),
+        ]),
+    ]  # fmt: skip
+    return [section for section in sections if section.blocks]
+
+
+def figures(run: RunData, *names: str, look: str = "plot") -> list[Block]:
+    """Figures of a run that are there, each with its caption.
+
+    Args:
+        run: the results.
+        names: of the figures.
+        look: see `Picture`.
+    """
+    said = {name: f" Squeal: {run.criterion}." if name in JUDGED else "" for name in names}
+    paths = {name: run.directory / "figures" / f"{name}.png" for name in names}
+    return [
+        Picture(path, CAPTIONS[name] + said[name], look)
+        for name, path in paths.items() if path.is_file()
+    ]  # fmt: skip
+
+
+def rows_of_each(run: RunData) -> int:
+    """Rows of each approach in the tables of families."""
+    return max(3, FAMILIES // max(len(run.approaches), 1))
+
+
+def _squeal(
+    run: RunData, families: Mapping[str, list[FamilyCount]], lead: str, pictures: ModePictures
+) -> list[Block]:
+    found = squeal_map(run, families, lead, pictures)
+    if found is None:
+        return []
+    return [
+        Text(
+            "Every point is a complex mode of a sample with the eigenvalue alpha + i omega; its"
+            " damping is -2 alpha / |omega|, twice the damping ratio. Negative damping: the mode"
+            f" is unstable. It counts as squeal with {run.criterion} (stability.threshold of the"
+            " scene). A linear analysis does not predict the amplitude."
+        ),
+        Special("map", found),
+        *figures(run, "figure9_squeal_map", look="still"),
+        _approaches(run),
+        Text(
+            "Neutral: the sign of the growth rate is uncertain within its numerical error, or the"
+            " mode is a rigid-body motion. Shares have 95 % Wilson intervals, which describe the"
+            " sampling error and not the error of the model."
+        ),
+        *_families(run, families, pictures),
+    ]
+
+
+def _approaches(run: RunData) -> Table:
+    heads = [
+        "approach", "samples", "failed", "modes", "unstable modes", "neutral modes",
+        f"squeal modes ({run.criterion})", "squeal samples", "share of squeal samples",
+    ]  # fmt: skip
+    rows = [
+        [run.label(str(row[0])), *row[1:6], *row[7:9], share_text(row[9:12])]
+        for row in approach_rows(run)
+    ]
+    return Table(heads, rows)
+
+
+def _families(
+    run: RunData, families: Mapping[str, list[FamilyCount]], pictures: ModePictures
+) -> list[Block]:
+    """The most severe families of each approach."""
+    rows: list[list[Value]] = []
+    for approach, found in families.items():
+        for f in found[: rows_of_each(run)]:
+            share = [f.share.value, f.share.low, f.share.high] if f.share.n > 1 else []
+            rows.append([
+                run.label(approach), "by frequency" if f.family < 0 else f.family,
+                f"{f.frequency / 1e3:.3f}", f"{f.spread:.2g}",
+                f.share.hits, share_text(share), f.median, f.worst,
+                *family_table_cells(run, f, pictures),
+            ])  # fmt: skip
+    if not rows:
+        return []
+    heads = [
+        "approach", "family", "frequency [kHz]", "standard deviation [Hz]",
+        f"squeal samples ({run.criterion})", "share", "median damping [-]", "lowest damping [-]",
+        "moving parts (kinetic energy)", "nodal diameters",
+    ]  # fmt: skip
+    left = sum(map(len, families.values())) - len(rows)
+    rest = "family" if left == 1 else "families"
+    more = f" {left} less severe {rest}: tables/families.csv." if left else ""
+    note = (
+        "A family is the same mode recognised in many samples. Families are ranked by severity:"
+        " the share of samples in which the family squeals, times the median of its damping there."
+    )
+    return [Text(note + more), _without_empty(heads, rows)]
+
+
+def _shapes(
+    run: RunData,
+    families: Mapping[str, list[FamilyCount]],
+    pictures: ModePictures,
+    shown: set[str],
+) -> list[Block]:
+    """Cards of all families with a picture that the first screen does not show."""
+    drawn = [f for found in families.values() for f in found if pictures.of_family(f)]
+    cards = [
+        family_card(run, f, pictures, named=True)
+        for f in drawn if pictures.of_family(f) not in shown
+    ]  # fmt: skip
+    cards += other_cards(pictures, shown | {card.key for card in cards})
+    blocks: list[Block] = []
+    if cards:
+        blocks = [
+            Text(
+                "Of each of the most severe families the squeal mode of median damping, at the"
+                " phase of largest motion; bodies side by side, the bottom one on the left. Colour:"
+                " displacement relative to its maximum. Pictures from both sides: figures/."
+            ),
+            Special("shapes", cards),
+        ]
+    calm = [run.label(name) for name, found in families.items() if not found]
+    if calm and pictures.paths:
+        blocks.append(Text(f"No mode of any sample squeals: {', '.join(calm)}."))
+    return blocks
+
+
+def _sweep(run: RunData) -> list[Block]:
+    """Branches over the parameter, and where each family begins to squeal."""
+    drawn = figures(run, "sweep_branches", "sweep_critical", "sweep_samples", "sweep_chart")
+    critical = run.sweep.get("critical")
+    if critical is None or not critical["family"].size:
+        return drawn
+    rows: list[list[Value]] = []
+    for i, family in enumerate(critical["family"]):
+        low, middle, high = (critical[f"value_{p}"][i] for p in (5, 50, 95))
+        interval = [critical[f"value_50_{end}"][i] for end in ("low", "high")]
+        rows.append([
+            "any" if np.isnan(family) else int(family), f"{critical['frequency_hz'][i] / 1e3:.3f}",
+            int(critical["samples"][i]), int(critical["squeal_samples"][i]),
+            *(_censored(v) for v in (low, middle, *interval, high)),
+        ])  # fmt: skip
+    heads = [
+        "family", "frequency [kHz]", "samples", "squeal samples", "5 % squeal by", "50 % squeal by",
+        "lower end of its 95 % interval", "upper end", "95 % squeal by",
+    ]  # fmt: skip
+    note = (
+        f"Value of {critical['parameter'][0]} (SI units) at which a family begins to squeal, over"
+        " the rough samples; a dash lies outside the values that were followed."
+    )
+    return [*drawn, Text(note), Table(heads, rows)]
+
+
+def _inputs(run: RunData) -> list[Block]:
+    """Which inputs move the growth rate, and the probabilities of the most severe families."""
+    rows: list[list[Value]] = [
+        [
+            run.label(str(row[0])), row[1], share_text(row[2:5]), *row[5:7], row[7] or None,
+            interval_text(row[8:11]), *(percent(v) for v in row[11:]),
+        ]
+        for row in cause_rows(run, rows_of_each(run))
+    ]  # fmt: skip
+    heads = [
+        "approach", "where", f"probability of squeal ({run.criterion})", "median damping [-]",
+        "likely to squeal", "strongest input", "rank correlation", "friction", "materials",
+        "loads", "rest",
+    ]  # fmt: skip
+    limit = run.summary.get("in_effect", {}).get("samples", {}).get("limit")
+    limit = f"{100 * limit:g} %" if isinstance(limit, int | float) else "the limit of the scene"
+    notes = [
+        f"Likely to squeal: yes if the 95 % interval of the probability lies above {limit}, open"
+        " if it contains that limit."
+    ]
+    if any(row[5] is not None for row in rows):
+        notes.append(
+            "Strongest input: the random input with the strongest rank correlation with squeal;"
+            " none where all samples or no sample squeal."
+        )
+    if any(row[7] is not None for row in rows):
+        notes.append(
+            "Friction, materials, loads: their shares of the variance of the growth rate (sums of"
+            " first-order indices). The rest is interactions, and roughness where contact is"
+            " rough. Negative shares are sampling error."
+        )
+    if rows and all(row[5] is None for row in rows):
+        notes.append(
+            "The scene has no random input, or too few samples to separate their effects; random"
+            " inputs are named in [samples.random], and stability.drivers gives derivatives."
+        )
+    told: list[Block] = [Text(" ".join(notes)), _without_empty(heads, rows)] if rows else []
+    return [*figures(run, "sensitivity", "input_correlations"), *told]
+
+
+def _without_empty(heads: Sequence[str], rows: Sequence[Sequence[Value]]) -> Table:
+    """A table without the columns that no row has a value for."""
+    full = [j for j in range(len(heads)) if any(row[j] not in ("-", None) for row in rows)]
+    return Table([heads[j] for j in full], [[row[j] for j in full] for row in rows])
+
+
+def _censored(value: float) -> str:
+    return f"{value:.4g}" if np.isfinite(value) else "-"
+
+
+def interval_text(values: Sequence[Value]) -> str | None:
+    """A number with its interval; None without."""
+    numbers = [float(v) for v in values if isinstance(v, float)]
+    return "{:.2f} ({:.2f} to {:.2f})".format(*numbers) if len(numbers) == 3 else None
+
+
+def percent(value: Value) -> str | None:
+    """A share in per cent, without "-0 %"."""
+    return f"{round(100 * value) + 0} %" if isinstance(value, float) else None

@@ -1,0 +1,80 @@
+"""Surface and laws as tables for other programs: parameters, spectrum, bearing curve, laws."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.surface.iso25178 import bearing_curve
+from brake_fenicsx.tables import Value, write_rows
+
+from .rundata import Arrays, RunData
+from .surface_figures import surface_statistics
+from .surface_section import of_surface, parameter_rows
+
+LAW_COLUMNS = ("law", "step", "d_m", "p_Pa", "k_Pa_per_m")
+PARAMETER_COLUMNS = ("parameter", "value", "standard_error", "unit")
+HEIGHTS = "artificial_surface"
+
+
+def write_surface_tables(run: RunData) -> list[Path]:
+    """Write laws.csv, and the tables of the surface into ``tables``.
+
+    A run of a surface alone also gets its first artificial surface: artificial_surface.npz and, in
+    metres, artificial_surface.csv.
+
+    Args:
+        run: the results.
+
+    Returns:
+        Paths written; what the run has no numbers for is left out.
+    """
+    folder, tables, written = run.directory, run.directory / "tables", list[Path]()
+    if run.laws is not None and "count" in run.laws:
+        ratio = ("k_vibration_Pa_per_m",) if "ratio" in run.laws else ()
+        rows = _law_rows(run.laws)
+        written.append(write_rows(folder / "laws.csv", (*LAW_COLUMNS, *ratio), rows))
+    if (s := run.surface) is None:
+        return written
+    tables.mkdir(exist_ok=True)
+    if surface_statistics(s):
+        path = tables / "surface.csv"
+        written.append(write_rows(path, PARAMETER_COLUMNS, parameter_rows(run)))
+    if "q" in s:
+        spectrum = zip(s["q"], s["C"], strict=True)
+        written.append(write_rows(tables / "spectrum.csv", ("q_rad_per_m", "C_m4"), spectrum))
+    if "heights" in s and np.isfinite(s["heights"]).any():
+        curve = zip(*bearing_curve(s["heights"]), strict=True)
+        path = tables / "bearing_curve.csv"
+        written.append(write_rows(path, ("material_ratio", "height_m"), curve))
+    if of_surface(run) and "artificial" in s:
+        written += _write_heights(folder, s["artificial"], s["artificial_size"])
+    return written
+
+
+def _law_rows(laws: Arrays) -> Iterator[list[Value]]:
+    """One row for each step of each law."""
+    for i, count in enumerate(laws["count"]):
+        for j in range(int(count)):
+            row: list[Value] = [i, j, *(float(laws[name][i, j]) for name in "dpk")]
+            if "ratio" in laws:
+                row.append(float(laws["k"][i, j] * laws["ratio"][i, j]))
+            yield row
+
+
+def _write_heights(folder: Path, heights: NDArray, size: NDArray) -> list[Path]:
+    """Heights [m], shape (nx, ny), and their size [m], as npz and as text with a row for each x."""
+    paths = [folder / f"{HEIGHTS}.npz", folder / f"{HEIGHTS}.csv"]
+    for path in paths:
+        part = path.with_name(f".{path.name}.{os.getpid()}.part")
+        with part.open("wb") as file:
+            if path.suffix == ".npz":
+                np.savez(file, heights=heights, size=size)
+            else:
+                np.savetxt(file, heights, fmt="%.7e", delimiter=",")
+        os.replace(part, path)
+    return paths

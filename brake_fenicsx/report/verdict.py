@@ -1,0 +1,216 @@
+"""The first screen of the page: verdict, strongest candidates, conditions, warnings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from brake_fenicsx.squeal import wilson
+
+from .blocks import Block
+from .counts import ApproachCount, FamilyCount, count
+from .mode_cards import Card, ModePictures, family_card
+from .overview import open_points
+from .rundata import RunData
+
+CANDIDATES = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What a reader sees first.
+
+    Attributes:
+        text: the verdict in one sentence; empty if the run has none.
+        level: "squeal", "open" or "calm", for its colour.
+        more: sentences that follow it.
+        cards: the strongest candidates.
+        facts: conditions of the run, name and value.
+        warnings: warnings of the run, without a full stop.
+        blocks: what follows them.
+    """
+
+    text: str = ""
+    level: str = ""
+    more: list[str] = field(default_factory=list)
+    cards: list[Card] = field(default_factory=list)
+    facts: list[tuple[str, str]] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    blocks: list[Block] = field(default_factory=list)
+
+
+def make_verdict(
+    run: RunData, families: Mapping[str, list[FamilyCount]], lead: str, pictures: ModePictures
+) -> Verdict:
+    """The first screen of a run with modes.
+
+    Args:
+        run: the results.
+        families: of each approach, the most severe first.
+        lead: approach that the verdict is about; empty without one.
+        pictures: pictures of mode shapes.
+    """
+    facts, warnings = conditions(run, lead), warnings_of(run)
+    if not lead:
+        return Verdict("This run computed no modes.", facts=facts, warnings=warnings)
+    text, level = _sentence(run, count(run, lead))
+    others = [name for name in families if name != lead]
+    more = [_other(run, count(run, name), families[name]) for name in others]
+    chosen = families[lead][:CANDIDATES]
+    cards = [family_card(run, f, pictures, rank) for rank, f in enumerate(chosen, start=1)]
+    return Verdict(text, level, more, cards, facts, warnings)
+
+
+def leading_approach(run: RunData) -> str:
+    """The approach with the most of what varies, of those with good samples; several of them first.
+
+    Args:
+        run: the results.
+
+    Returns:
+        Its name; empty without modes and samples.
+    """
+    counts = [count(run, name) for name in run.approaches]
+    several = [c.approach for c in counts if c.samples > 1]
+    good = [c.approach for c in counts if c.samples]
+    return (several or good or run.approaches or [""])[-1]
+
+
+def warnings_of(run: RunData) -> list[str]:
+    """Warnings of the run, and what its computation leaves open."""
+    found = run.summary.get("warnings")
+    lines = [str(text) for text in found] if isinstance(found, list) else []
+    return [*lines, text] if (text := open_points(run)) else lines
+
+
+def conditions(run: RunData, lead: str) -> list[tuple[str, str]]:
+    """Under which conditions the brake was studied, name and value.
+
+    Args:
+        run: the results; its summary is read.
+        lead: approach whose forces are shown.
+    """
+    return [
+        (name, text)
+        for name, text in (
+            ("Friction coefficient", _friction(run)),
+            ("Load", _loads(run)),
+            ("Damping", _damping(run)),
+            ("Speed", _speed(run)),
+            *_forces(run, lead),
+            ("Samples", _samples(run)),
+            ("Frequency band", _band(run)),
+            ("Squeal", f"unstable mode with {run.criterion}" if run.modes else ""),
+        )
+        if text
+    ]
+
+
+def _sentence(run: RunData, c: ApproachCount) -> tuple[str, str]:
+    name, share = run.label(c.approach), wilson(c.squeal_samples, c.samples)
+    if c.samples == 0:
+        return f"No verdict: all {c.failed} samples failed ({name}).", ""
+    if c.samples == 1:
+        if c.squeal:
+            modes = "mode" if c.squeal == 1 else "modes"
+            return f"Squeal is predicted: {c.squeal} squeal {modes} in one run ({name}).", "squeal"
+        return f"No squeal mode in one run ({name}).", "calm"
+    interval = f"95 % interval {100 * share.low:.0f} to {100 * share.high:.0f} %"
+    said = (
+        f"{c.squeal_samples} of {c.samples} samples have a squeal mode"
+        f" ({100 * share.value:.0f} %, {interval}; {name})."
+    )
+    limit = _settings(run, "samples").get("limit", 0.5)
+    if c.squeal_samples == 0:
+        return f"No squeal was found: {said}", "calm"
+    if share.low > limit:
+        return f"Squeal is likely: {said}", "squeal"
+    if share.high < limit:
+        return f"Squeal is possible: {said}", "open"
+    return (
+        f"Squeal is possible, its probability may lie on either side of {100 * limit:g} %: {said}",
+        "open",
+    )
+
+
+def _other(run: RunData, c: ApproachCount, found: list[FamilyCount]) -> str:
+    """One sentence about an approach that the verdict is not about."""
+    name = run.label(c.approach)
+    if c.samples == 0:
+        return f"{name}: all samples failed."
+    if not found:
+        return f"{name}: no squeal mode."
+    most = f"most severe {found[0].frequency / 1e3:.2f} kHz (damping {found[0].median:.2g})"
+    if c.samples == 1:
+        return f"{name}: {c.squeal} squeal mode{'' if c.squeal == 1 else 's'}, {most}."
+    return f"{name}: {c.squeal_samples} of {c.samples} samples squeal, {most}."
+
+
+def _settings(run: RunData, section: str) -> Mapping[str, Any]:
+    found = run.summary.get("in_effect", {}).get(section)
+    return found if isinstance(found, Mapping) else {}
+
+
+def _friction(run: RunData) -> str:
+    found = run.summary.get("friction")
+    if not isinstance(found, Mapping) or not found:
+        return ""
+    if len({*found.values()}) == 1:
+        return str(next(iter(found.values())))
+    return ", ".join(f"{run.label(name)} {text}" for name, text in found.items())
+
+
+def _loads(run: RunData) -> str:
+    said = []
+    for face, load in _settings(run, "loads").items():
+        if isinstance(load, Mapping):
+            if (p := load.get("pressure")) is not None:
+                said.append(f"{p / 1e6:.4g} MPa on {face}")
+            if (force := load.get("force")) is not None:
+                said.append(f"force ({', '.join(f'{x:.4g}' for x in force)}) N on {face}")
+            said += [f"{kind} on {face}" for kind in ("moment", "displacement") if kind in load]
+    return ", ".join(said)
+
+
+def _damping(run: RunData) -> str:
+    if run.modes is None or not run.summary.get("in_effect"):
+        return ""
+    terms = run.summary.get("damping")
+    return ", ".join(map(str, terms)) if isinstance(terms, Mapping) and terms else "none named"
+
+
+def _speed(run: RunData) -> str:
+    return str(_settings(run, "motion").get("speed") or "")
+
+
+def _forces(run: RunData, lead: str) -> list[tuple[str, str]]:
+    """Normal force of each pad and brake torque of all, means over the samples."""
+    found = run.summary.get("contact_forces")
+    pads = found.get(lead) if isinstance(found, Mapping) else None
+    if not isinstance(pads, Mapping) or not pads:
+        return []
+    normal = [f"{pad['normal_N']:.4g} N" for pad in pads.values()]
+    said = ", ".join(dict.fromkeys(normal))
+    if len(normal) > 1:
+        said += f" on each of {len(normal)} pads" if len({*normal}) == 1 else ""
+    facts = [("Normal force", said)]
+    torques = [pad.get("torque_N_m") for pad in pads.values()]
+    if all(isinstance(x, int | float) for x in torques):
+        facts.append(("Brake torque", f"{sum(torques):.4g} N m"))
+    return facts
+
+
+def _samples(run: RunData) -> str:
+    counts = [count(run, name) for name in run.approaches]
+    return ", ".join(
+        f"{run.label(c.approach)} {c.samples}" + (f" ({c.failed} failed)" if c.failed else "")
+        for c in counts
+    )
+
+
+def _band(run: RunData) -> str:
+    band = _settings(run, "stability").get("band")
+    if not isinstance(band, list) or len(band) != 2:
+        return ""
+    return f"{band[0] / 1e3:g} to {band[1] / 1e3:g} kHz"
