@@ -19,11 +19,14 @@ extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 source_suffix = {".md": "markdown", ".py": "markdown"}  # scripts of the gallery, see below
 exclude_patterns = ["conf.py"]
 
+highlight_language = "none"  # of blocks without a name
 myst_heading_anchors = 4
 myst_enable_extensions = ["attrs_block", "colon_fence", "deflist"]
 
 html_theme = "furo"
 html_title = f"brake_fenicsx {release}"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
 html_show_sphinx = False
 html_copy_source = False
 
