@@ -30,7 +30,7 @@ from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.shares import Share
 from brake_fenicsx.tables import FORMAT
 
-# What to forget when a stage is run afresh; later stages lose theirs too.
+# What to forget when a stage is run again; later stages lose theirs too.
 RUNNING = "running"
 _FILES = {
     "surface": ("surface.npz",),
@@ -195,7 +195,7 @@ def result_digest(scene: Scene) -> str:
         table["sweep"] = changing
     content = {**table, "samples": samples, "files": file_digests(scene), "format": FORMAT}
     s = scene.samples
-    # The points of a design hang together; parametric and joint take the inputs from multi-scale.
+    # The points of a design belong together; parametric and joint take the inputs from multi-scale.
     whole = [s.plan(a) for a in s.approaches if s.takes_random(a) and not s.plan(a).grows]
     if whole:
         content["designs"] = [[p.n, p.design, p.curves] for p in whole]

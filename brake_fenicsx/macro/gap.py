@@ -97,7 +97,7 @@ def draw_waviness(
         rng: random numbers of the sample.
 
     Returns:
-        Shape (n,); positive where the patch stands proud.
+        Shape (n,); positive where the patch protrudes.
     """
     heights = np.zeros(len(points))
     one_side = normal @ normal[0] >= 0.0

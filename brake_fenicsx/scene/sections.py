@@ -110,7 +110,7 @@ class Micro:
         patch: side of the square patch; "mesh": that of the mean contact element.
         pixels: points along a side; "scan": as many as resolve what the scan measured reliably.
         boundary: half-space without neighbours, or periodic.
-        laws: number of laws in the library; "per-sample": each sample makes its own afresh.
+        laws: number of laws in the library; "per-sample": new ones for each sample.
         laws_per_sample: how many it makes then.
         E: Young's modulus of the lining across the surface.
         nu: Poisson's ratio that goes with it; E* = E / (1 - nu^2).

@@ -84,7 +84,7 @@ def test_no_load_at_all(two_blocks):
 
 @pytest.mark.parametrize("mu", [0.0, 0.5])
 def test_one_closed_patch(two_blocks, mu):
-    """One element stands proud by far: it alone carries the load, all others stay open."""
+    """One element protrudes by far: it alone carries the load, all others stay open."""
     scene = two_blocks("upright", pressure=1e4)
     n = scene.w.size
     one = int(np.argmin(np.linalg.norm(scene.contact.points, axis=1)))
