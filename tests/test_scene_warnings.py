@@ -1,6 +1,7 @@
 """What is allowed and most probably not meant: said by check, in the log and on the page."""
 
 import json
+import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -94,6 +95,10 @@ def test_laws_of_the_mesh_and_warnings_of_a_run(tmp_path):
         log = (tmp_path / patch / "log.txt").read_text()
         assert facts["friction"] == {"multi-scale": "0.1", "classical": "0.1"}
         assert "friction: multi-scale 0.1, classical 0.1" in log
+        digest = (tmp_path / patch / "scene.sha256").read_text()
+        assert facts["scene_sha256"] == digest
+        assert f'<p class="meta">{facts["finished"]} · scene {digest[:12]} · ' in page
+        assert re.fullmatch(r"\d{4}-\d\d-\d\d \d\d:\d\d UTC", facts["finished"])
         assert "<dt>Friction coefficient</dt><dd>0.1</dd>" in page
         told = "micro.patch = 1 mm: contact elements have"
         if patch == "mesh":

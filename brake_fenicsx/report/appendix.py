@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from brake_fenicsx.tables import Value
 
 from .accuracy import ERROR_COLUMNS, SPEED_COLUMNS, error_rows, speed_rows, stage_rows
-from .blocks import Block, Heading, Picture, Preformatted, Section, Table, Text, pairs
+from .blocks import Block, Heading, Picture, Preformatted, Section, Special, Table, Text, pairs
+from .mode_cards import Card
 from .picture import heading_of
 from .rundata import RunData
 from .sections import figures
@@ -23,11 +24,12 @@ SHOWN = {  # of the summary, elsewhere on the page
 }  # fmt: skip
 
 
-def appendix_sections(run: RunData) -> list[Section]:
+def appendix_sections(run: RunData, cards: Sequence[Card] = ()) -> list[Section]:
     """Sections for specialists; those without content are left out.
 
     Args:
         run: the results; pictures are read from its ``figures`` folder.
+        cards: mode shapes that are not shown before the appendix.
     """
     meshes = sorted((run.directory / "figures").glob("mesh*.png"))
     own = [] if of_surface(run) else [
@@ -35,6 +37,10 @@ def appendix_sections(run: RunData) -> list[Section]:
         Section("surface", "Surface", surface_blocks(run)),
     ]  # fmt: skip
     sections = [
+        Section("more-shapes", "Mode shapes of less severe families", [
+            *([Special("shapes", cards)] if cards else []),
+        ]),
+        Section("driver-maps", "Drivers over the pads", figures(run, "driver_maps")),
         *own,
         Section("samples", "Families and convergence over the samples",
                 figures(run, "squeal_families", "convergence")),

@@ -36,8 +36,8 @@ class Picture:
     Attributes:
         source: file of the picture, or its bytes.
         caption: the text below it.
-        look: "plot", "half" (two in a row where there is room) or "still" (only in print and
-            without scripts).
+        look: "plot", "tall" (higher in print), "half" (two in a row where there is room) or
+            "still" (only in print and without scripts).
     """
 
     source: Path | bytes

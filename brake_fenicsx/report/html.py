@@ -9,7 +9,7 @@ from .counts import families
 from .figures import make_figures
 from .mode_cards import ModePictures
 from .rundata import RunData, read_run
-from .sections import main_sections
+from .sections import CARDS, main_sections, more_cards
 from .surface_section import of_surface, surface_sections, surface_verdict
 from .template import render, write_page
 from .verdict import leading_approach, make_verdict
@@ -55,14 +55,14 @@ def render_page(run: RunData) -> str:
     found = {name: families(run, name) for name in run.approaches}
     pictures, lead = ModePictures(run), leading_approach(run)
     verdict = make_verdict(run, found, lead, pictures)
-    shown = {card.key for card in verdict.cards if card.key}
+    cards = more_cards(run, found, pictures, {card.key for card in verdict.cards if card.key})
     return render(
         "page.html.j2",
         title=f"Brake squeal study: {_name(run)}",
         meta=_meta(run),
         verdict=verdict,
-        sections=main_sections(run, found, lead, pictures, shown),
-        appendix=appendix_sections(run),
+        sections=main_sections(run, found, lead, pictures, cards),
+        appendix=appendix_sections(run, cards[CARDS:]),
     )
 
 

@@ -12,12 +12,13 @@ from .blocks import Block, Picture, Section, Special, Table, Text
 from .contact_forces import forces_blocks
 from .counts import FamilyCount
 from .figures import PLOTS
-from .mode_cards import ModePictures, family_card, family_table_cells, other_cards
+from .mode_cards import Card, ModePictures, family_card, family_table_cells, other_cards
 from .overview import approach_rows, cause_rows, share_text
 from .rundata import RunData
 from .squeal_map import squeal_map
 
-FAMILIES = 12  # rows of the tables of families, at least 3 of each approach
+FAMILIES = 8  # rows of the tables of families, at least 2 of each approach
+CARDS = 6  # mode shapes before the appendix, beside those of the first screen
 CAPTIONS = {plot.name: plot.caption for plot in PLOTS}
 JUDGED = {  # figures of what squeals
     "figure9_squeal_map", "squeal_families", "probability_per_band", "unstable_per_sample",
@@ -31,7 +32,7 @@ def main_sections(
     families: Mapping[str, list[FamilyCount]],
     lead: str,
     pictures: ModePictures,
-    shown: set[str],
+    cards: list[Card],
 ) -> list[Section]:
     """All sections before the appendix; those without content are left out.
 
@@ -40,19 +41,19 @@ def main_sections(
         families: of each approach, the most severe first.
         lead: approach that the first screen is about.
         pictures: pictures of mode shapes.
-        shown: keys of the pictures on the first screen.
+        cards: those that the first screen does not show, see `more_cards`.
     """
     sections = [
         Section("squeal", "Squeal map", _squeal(run, families, lead, pictures)),
-        Section("shapes", "More mode shapes", _shapes(run, families, pictures, shown)),
+        Section("shapes", "More mode shapes", _shapes(run, families, pictures, cards)),
         Section("probability", "Probability of squeal", [
             *figures(run, "probability_per_band", "unstable_per_sample", look="half"),
         ]),
         Section("sweep", "Lock-in over the parameter", _sweep(run)),
         Section("inputs", "Which inputs cause it", _inputs(run)),
-        Section("drivers", "What drives a mode", figures(run, "drivers", "driver_maps")),
+        Section("drivers", "What drives a mode", figures(run, "drivers", look="tall")),
         Section("pressure", "Contact pressure and forces", [
-            *figures(run, "contact_pressure"), *forces_blocks(run),
+            *figures(run, "contact_pressure", look="tall"), *forces_blocks(run),
         ]),
     ]  # fmt: skip
     return [section for section in sections if section.blocks]
@@ -76,7 +77,7 @@ def figures(run: RunData, *names: str, look: str = "plot") -> list[Block]:
 
 def rows_of_each(run: RunData) -> int:
     """Rows of each approach in the tables of families."""
-    return max(3, FAMILIES // max(len(run.approaches), 1))
+    return max(2, FAMILIES // max(len(run.approaches), 1))
 
 
 def _squeal(
@@ -93,7 +94,6 @@ def _squeal(
             " scene). A linear analysis does not predict the amplitude."
         ),
         Special("map", found),
-        *figures(run, "figure9_squeal_map", look="still"),
         _approaches(run),
         Text(
             "Neutral: the sign of the growth rate is uncertain within its numerical error, or the"
@@ -101,6 +101,7 @@ def _squeal(
             " sampling error and not the error of the model."
         ),
         *_families(run, families, pictures),
+        *figures(run, "figure9_squeal_map", look="still"),
     ]
 
 
@@ -123,18 +124,19 @@ def _families(
     rows: list[list[Value]] = []
     for approach, found in families.items():
         for f in found[: rows_of_each(run)]:
-            share = [f.share.value, f.share.low, f.share.high] if f.share.n > 1 else []
+            often = f"{f.share.hits} of {f.share.n}"
+            if f.share.n > 1:
+                often += f": {share_text([f.share.value, f.share.low, f.share.high])}"
             rows.append([
                 run.label(approach), "by frequency" if f.family < 0 else f.family,
-                f"{f.frequency / 1e3:.3f}", f"{f.spread:.2g}",
-                f.share.hits, share_text(share), f.median, f.worst,
+                f"{f.frequency / 1e3:.3f}", often, f.median, f.worst,
                 *family_table_cells(run, f, pictures),
             ])  # fmt: skip
     if not rows:
         return []
     heads = [
-        "approach", "family", "frequency [kHz]", "standard deviation [Hz]",
-        f"squeal samples ({run.criterion})", "share", "median damping [-]", "lowest damping [-]",
+        "approach", "family", "frequency [kHz]", f"squeal samples ({run.criterion})",
+        "median damping [-]", "lowest damping [-]",
         "moving parts (kinetic energy)", "nodal diameters",
     ]  # fmt: skip
     left = sum(map(len, families.values())) - len(rows)
@@ -147,28 +149,49 @@ def _families(
     return [Text(note + more), _without_empty(heads, rows)]
 
 
-def _shapes(
+def more_cards(
     run: RunData,
     families: Mapping[str, list[FamilyCount]],
     pictures: ModePictures,
     shown: set[str],
-) -> list[Block]:
-    """Cards of all families with a picture that the first screen does not show."""
-    drawn = [f for found in families.values() for f in found if pictures.of_family(f)]
+) -> list[Card]:
+    """Cards of all pictures that the first screen does not show, the most severe families first.
+
+    Args:
+        run: the results.
+        families: of each approach, the most severe first.
+        pictures: pictures of mode shapes.
+        shown: keys of the pictures on the first screen.
+    """
+    # Of every approach the first, then of every approach the second, ...
+    ranked = sorted(
+        ((rank, name) for name, found in families.items() for rank in range(len(found))),
+        key=lambda place: place[0],
+    )
+    chosen = [families[name][rank] for rank, name in ranked]
     cards = [
         family_card(run, f, pictures, named=True)
-        for f in drawn if pictures.of_family(f) not in shown
+        for f in chosen if (key := pictures.of_family(f)) and key not in shown
     ]  # fmt: skip
-    cards += other_cards(pictures, shown | {card.key for card in cards})
+    return cards + other_cards(pictures, shown | {card.key for card in cards})
+
+
+def _shapes(
+    run: RunData, families: Mapping[str, list[FamilyCount]], pictures: ModePictures,
+    cards: list[Card],
+) -> list[Block]:  # fmt: skip
+    """The first of the cards that the first screen does not show."""
     blocks: list[Block] = []
     if cards:
+        left = len(cards) - CARDS
+        more = f" {left} more: appendix." if left > 0 else ""
         blocks = [
             Text(
                 "Of each of the most severe families the squeal mode of median damping, at the"
                 " phase of largest motion; bodies side by side, the bottom one on the left. Colour:"
-                " displacement relative to its maximum. Pictures from both sides: figures/."
+                f" displacement relative to its maximum. Pictures from both sides: figures/.{more}"
             ),
-            Special("shapes", cards),
+            Special("shapes", cards[:CARDS]),
         ]
     calm = [run.label(name) for name, found in families.items() if not found]
     if calm and pictures.paths:

@@ -100,8 +100,7 @@ def conditions(run: RunData, lead: str) -> list[tuple[str, str]]:
             ("Speed", _speed(run)),
             *_forces(run, lead),
             ("Samples", _samples(run)),
-            ("Frequency band", _band(run)),
-            ("Squeal", f"unstable mode with {run.criterion}" if run.modes else ""),
+            ("Squeal", _squeal(run)),
         )
         if text
     ]
@@ -209,8 +208,11 @@ def _samples(run: RunData) -> str:
     )
 
 
-def _band(run: RunData) -> str:
-    band = _settings(run, "stability").get("band")
-    if not isinstance(band, list) or len(band) != 2:
+def _squeal(run: RunData) -> str:
+    """What counts as squeal, and in which band."""
+    if run.modes is None:
         return ""
-    return f"{band[0] / 1e3:g} to {band[1] / 1e3:g} kHz"
+    band, where = _settings(run, "stability").get("band"), ""
+    if isinstance(band, list) and len(band) == 2:
+        where = f", {band[0] / 1e3:g} to {band[1] / 1e3:g} kHz"
+    return f"unstable mode with {run.criterion}{where}"
