@@ -41,7 +41,7 @@ class Disc:
         bolt_circle: radius of the circle of bolt holes [m].
         bolt_diameter: diameter of the bolt holes [m].
         size: mesh size [m].
-        face_size: finer mesh size at the friction faces [m]; inwards the size grows.
+        face_size: finer mesh size at the friction faces [m]; it grows towards the inside.
     """
 
     radius: float = field(default=144e-3, metadata={"unit": "m"})
