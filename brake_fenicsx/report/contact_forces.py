@@ -41,8 +41,8 @@ def forces_blocks(run: RunData) -> list[Block]:
     return [
         Table(heads, rows),
         Text(
-            "Means over the samples, with their standard deviation. The disc enters beneath the pad"
-            " at the leading edge. Torque: of this pad against the rotation of the disc; effective"
+            "Means over the samples, with their standard deviation. The disc enters the pad"
+            " at the leading edge. Torque: torque of this pad against the rotation; effective"
             " radius: torque over friction coefficient times normal force."
         ),
     ]

@@ -84,8 +84,8 @@ PLOTS = (
         "Library of pressure-gap laws, one line each: mean pressure of a patch against the "
         "separation of rigid plane and mean plane, linear and logarithmic, and stiffness against "
         "pressure, with the range of pressures on the pads. Steps at low pressure occur because "
-        "only a few points touch. Under a hardness a law has two stiffnesses: that of loading, "
-        "which the equilibrium follows, and that of small vibrations, which the modes take.",
+        "only a few points touch. With a hardness a law has two stiffnesses: the loading stiffness "
+        "for the equilibrium, and the vibration stiffness for the modes.",
         draw_laws,
     ),
     Plot(
@@ -111,7 +111,7 @@ PLOTS = (
     ),
     Plot(
         "unstable_per_sample",
-        "How many squeal modes a sample has: share of samples with each number.",
+        "Number of squeal modes per sample: share of samples with each number.",
         draw_counts,
     ),
     Plot(
@@ -128,7 +128,7 @@ PLOTS = (
     ),
     Plot(
         "sensitivity",
-        "Share of the variance of the growth rate (0 where none squeals) that each random input "
+        "Share of the variance of the growth rate (0 where no mode squeals) that each random input "
         "explains alone, with 95 % intervals, in the whole band and in the most severe families. "
         "Diamonds: total share with interactions, where the design provides it. Empty bars: too "
         "few samples for an interval. Negative shares are sampling error of the estimate.",
@@ -136,27 +136,27 @@ PLOTS = (
     ),
     Plot(
         "sweep_branches",
-        "Modes of the scene's own brake followed over the parameter: frequency above, damping "
+        "Modes of the nominal brake of the scene over the parameter: frequency above, damping "
         "below. Dots: two modes merge (lock-in); squares: they split; diamonds: two damped modes "
-        "pass next to a merging. Coloured: branches that squeal, named by their frequency at the "
+        "pass next to a merging point. Coloured: branches that squeal, with their frequency at the "
         "last value. Dotted: the threshold of squeal.",
         draw_branches,
     ),
     Plot(
         "sweep_critical",
         "Distribution of the critical value: share of the rough samples in which each family "
-        "squeals by a value of the parameter, with 95 % Wilson intervals.",
+        "squeals up to a value of the parameter, with 95 % Wilson intervals.",
         draw_critical,
     ),
     Plot(
         "sweep_samples",
-        "Band over the samples that are followed: lowest damping of any mode of a sample, and "
+        "Range over the samples of the sweep: lowest damping of any mode of a sample, and "
         "number of its squeal modes.",
         draw_worst,
     ),
     Plot(
         "sweep_chart",
-        "Stability chart over two parameters: number of squeal modes of the scene's own brake, "
+        "Stability chart over two parameters: number of squeal modes of the nominal brake, "
         "and its largest negative damping. White line: where squeal begins.",
         draw_chart,
     ),
@@ -165,7 +165,7 @@ PLOTS = (
         "What drives the most severe families: change of the growth rate alpha [1/s] to first "
         "order by a friction coefficient larger by 0.01, a loss factor larger by 0.001, and "
         "pressures, stiffnesses and masses larger by 1 %. Bars: first sample of the approach; "
-        "hollow ones are not trusted, because the mode merges with another one nearby. Diamonds: "
+        "hollow bars are not reliable, because the mode nearly merges with another one. Diamonds: "
         "median over the samples where the family squeals. Above: mean frequency of the family, "
         "and alpha, the median where there is one.",
         draw_drivers,
@@ -173,10 +173,10 @@ PLOTS = (
     Plot(
         "driver_maps",
         "Most unstable mode of the first sample of each approach, over the contact elements of "
-        "both pads: derivative of the growth rate to the logarithm of the contact stiffness (red: "
-        "a stiffer element feeds the mode), and work of friction over a period relative to the "
-        "energy of the mode (red: friction feeds energy in). Both per area; the scales end at "
-        "98 %.",
+        "both pads: derivative of the growth rate with respect to the logarithm of the contact "
+        "stiffness (red: a stiffer element raises the growth rate), and work of friction over a "
+        "period relative to the energy of the mode (red: friction feeds energy in). Both per area; "
+        "the scales end at 98 %.",
         draw_driver_maps,
     ),
     Plot(

@@ -187,9 +187,10 @@ def _shapes(
         more = f" {left} more: appendix." if left > 0 else ""
         blocks = [
             Text(
-                "Of each of the most severe families the squeal mode of median damping, at the"
-                " phase of largest motion; bodies side by side, the bottom one on the left. Colour:"
-                f" displacement relative to its maximum. Pictures from both sides: figures/.{more}"
+                "Squeal mode of median damping of each of the most severe families, at the"
+                " phase of largest motion. Bodies are side by side, the bottom one on the left."
+                " Colour: displacement relative to its maximum. Pictures from both sides: figures/."
+                f"{more}"
             ),
             Special("shapes", cards[:CARDS]),
         ]
@@ -220,7 +221,7 @@ def _sweep(run: RunData) -> list[Block]:
     ]  # fmt: skip
     note = (
         f"Value of {critical['parameter'][0]} (SI units) at which a family begins to squeal, over"
-        " the rough samples; a dash lies outside the values that were followed."
+        " the rough samples. A dash means a value outside the range of the sweep."
     )
     return [*drawn, Text(note), Table(heads, rows)]
 
@@ -259,7 +260,7 @@ def _inputs(run: RunData) -> list[Block]:
     if rows and all(row[5] is None for row in rows):
         notes.append(
             "The scene has no random input, or too few samples to separate their effects; random"
-            " inputs are named in [samples.random], and stability.drivers gives derivatives."
+            " inputs are listed in [samples.random], and stability.drivers gives derivatives."
         )
     told: list[Block] = [Text(" ".join(notes)), _without_empty(heads, rows)] if rows else []
     return [*figures(run, "sensitivity", "input_correlations"), *told]
