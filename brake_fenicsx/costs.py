@@ -1,8 +1,8 @@
 """What a run will cost: seconds and memory of each stage, estimated from its sizes alone.
 
-Every constant is a measured figure of docs/benchmarks.md (tables of stages, of the size ladder, of one
-equilibrium, of micro-contact), on one 2.6 GHz core with OpenBLAS on one thread; exponents are the
-ladder's. With
+Every constant is a measured figure of docs/benchmarks.md (tables of stages, of the size ladder, of
+one equilibrium, of micro-contact), on one 2.6 GHz core with OpenBLAS on one thread; exponents are
+the ladder's. With
 
     n free dofs, m contact elements, r real modes below 1.8 times the band, b modes in the band,
     v = 0.0213 s (n / 105e3)^1.22, one vector of a blocked solve,
