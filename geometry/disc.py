@@ -34,14 +34,14 @@ class Disc:
         vane_width: tangential width of a vane [m].
         cheek: thickness of each cheek of a vented disc [m].
         hat: height of the hat above the upper friction face [m]; 0: no hat.
-        hat_wall: thickness of its wall, outside the bore [m].
-        flange: thickness of its flange [m].
+        hat_wall: thickness of the wall of the hat, outside the bore [m].
+        flange: thickness of the flange of the hat [m].
         hub: inner radius of the flange [m].
         bolts: number of bolt holes in the flange.
-        bolt_circle: radius of their circle [m].
-        bolt_diameter: their diameter [m].
+        bolt_circle: radius of the circle of bolt holes [m].
+        bolt_diameter: diameter of the bolt holes [m].
         size: mesh size [m].
-        face_size: finer mesh size at the friction faces [m]; inwards the size grows.
+        face_size: finer mesh size at the friction faces [m]; it grows towards the inside.
     """
 
     radius: float = field(default=144e-3, metadata={"unit": "m"})

@@ -42,12 +42,12 @@ class Pad:
         shim_layers: number of equal layers of a shim of one thickness.
         ear_length: tangential length of an ear [m]; 0: no ears.
         ear_width: radial width of an ear [m].
-        piston_diameter: diameter of the loaded circle on the outermost layer [m]; what reaches
-            beyond the outline of lining and plate is cut off.
+        piston_diameter: diameter of the loaded circle on the outermost layer [m]; the part of the
+            circle outside lining and plate is cut off.
         chamfer: tangential length of the chamfers at both ends of the lining [m]; 0: none.
-        chamfer_depth: their depth at the ends [m]; as long as deep if not given.
+        chamfer_depth: depth of the chamfers at the ends [m]; equal to ``chamfer`` if not given.
         slot: width of a radial slot in the middle of the lining [m]; 0: none.
-        slot_depth: its depth [m]; the whole lining if not given.
+        slot_depth: depth of the slot [m]; the whole lining if not given.
         size: mesh size of the lining's friction face [m].
         plate_size: mesh size of the plate [m].
         shim_size: mesh size of the shim [m]; the plate's if not given.

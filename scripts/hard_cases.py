@@ -19,7 +19,7 @@ HEAD = """\
 
 Written by `scripts/hard_cases.py` from the tests with pytest's marker `hard`; do not edit it here.
 
-Each case either gives the correct result or stops with a named error of one line.
+Each case either gives the correct result or stops with an error message of one line.
 `python -m pytest -m hard` runs them all.
 """
 

@@ -28,27 +28,27 @@ HEAD = """\
 Written by `scripts/scene_reference.py` from the dataclasses that read a scene, where every key is
 explained; do not edit it here.
 
-A scene is one TOML file. A quantity is a string with its unit, `"5 bar"`, `"2.825 mm"`; any unit
-of the right dimension will do, and the one named below is an example. Numbers are positive unless
-their row says "zero or more" or "any sign". A key without default has **required** there; one whose
-default is a dash may be left out. `brake-fenicsx check SCENE.toml` refuses unknown keys, wrong
-units and what does not fit together; `--set section.key=value` replaces any key from the command
-line. `brake-fenicsx schema > scene.json` writes a JSON Schema of all of it, by which an editor
-completes and checks keys as they are typed: for Even Better TOML write `#:schema ./scene.json` as
-the scene's first line. Paths start at the scene's folder; `~` is the home folder.
+A scene is one TOML file. A quantity is a string with its unit, `"5 bar"`, `"2.825 mm"`. Any unit
+of the right dimension is accepted; the unit in the tables is an example. Numbers are positive
+unless their row says "zero or more" or "any sign". A key without default is marked **required**. A
+key whose default is a dash may be left out. `brake-fenicsx check SCENE.toml` rejects unknown keys,
+wrong units and inconsistent combinations. `--set section.key=value` replaces any key from the
+command line. `brake-fenicsx schema > scene.json` writes a JSON Schema of the scene, with which an
+editor completes and checks keys: for Even Better TOML write `#:schema ./scene.json` as the scene's
+first line. Paths are relative to the scene's folder; `~` is the home folder.
 """
 
 STAGES_TEXT = """\
 ## stages
 
 `stages = [...]`, **required**: which of {stages}
-are run, always in this order. Only what they need is built and imported.
+are run, always in this order. Parts of the program that these stages do not need are skipped.
 """
 
 SUPPORTS = """\
 ## [supports]
 
-`"part.face" = "clamped"`, or a list of the directions held: `"pad.ears" = ["x", "y"]`.
+`"part.face" = "clamped"`, or a list of the fixed directions: `"pad.ears" = ["x", "y"]`.
 """
 
 

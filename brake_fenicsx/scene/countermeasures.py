@@ -31,9 +31,9 @@ class Countermeasure:
     """[[countermeasures]]: a number of the scene that may change to stop the squeal.
 
     Attributes:
-        key: dotted key of a number that the scene writes
+        key: dotted key of a number that the scene contains
             ([countermeasures.md](countermeasures.md)).
-        to: farthest acceptable value, with its unit; the scene's own value is the other end.
+        to: farthest acceptable value, with its unit; the search starts at the value in the scene.
         start: value in the scene, SI.
         stop: farthest value, SI.
         unit: SI unit of both.

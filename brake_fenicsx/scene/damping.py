@@ -45,11 +45,13 @@ class Damping:
     Attributes:
         rayleigh: alpha [1/s] of the mass and beta [s] of the elastic stiffness.
         loss: whether the loss factors of the materials act, ``materials.NAME.loss``.
-        omega_ref: frequency at which these hold, "2 kHz" or "12566 rad/s"; needed with loss.
-        sliding: whether friction turns with the direction of sliding.
+        omega_ref: frequency at which the loss factors are exact, "2 kHz" or "12566 rad/s"; needed
+            with loss.
+        sliding: whether friction rotates with the direction of sliding.
         slope: whether friction changes with the speed of sliding.
-        gyroscopic: whether the second bodies of the interfaces turn; or the parts that do.
-        modal: damping ratio of the modes that each part has without contact; reduced models only.
+        gyroscopic: whether the second bodies of the interfaces rotate; or the names of the rotating
+            parts.
+        modal: damping ratio of the modes of a part without contact; only for reduced models.
     """
 
     rayleigh: tuple[float, ...] | None = key(default=None, units=("1/s", "s"), sign="zero")

@@ -28,21 +28,22 @@ class MeshTable:
 
     Attributes:
         cells: kind of the builders' cells; hexahedra only for swept parts. The hexahedra of the
-            reference disc take about half the unknowns of tetrahedra at equal error, and leave its
-            double modes double to 1e-13 (tetrahedra of 12 mm: 4e-4 apart).
-        order: order of the geometry. 1 (straight edges) is enough for flat contact; 2 puts middle
-            nodes on curved faces, as curved contact (Hertz) needs.
+            reference disc take about half the unknowns of tetrahedra at equal error, and keep the
+            frequencies of double modes equal to 1e-13 (tetrahedra of 12 mm: 4e-4 apart).
+        order: order of the geometry. 1 (straight edges) is enough for flat contact; 2 puts mid-side
+            nodes on curved faces, which curved contact (Hertz) needs.
         degree: polynomial degree of the displacements. 1 is for comparison with decks of linear
-            elements: fully integrated, they are too stiff in bending and lock near nu = 0.5.
-        mass: consistent, or lumped: the sum of each row on the diagonal, of linear elements alone.
-        growth: how fast cells grow away from finer ones, size per distance.
-        quality: a mesh with a worse cell is refused: 3 r / R of tetrahedra, scaled Jacobian of
-            hexahedra.
+            elements: these elements are fully integrated, too stiff in bending and lock near nu =
+            0.5.
+        mass: consistent, or lumped (the sum of each row on the diagonal; linear elements only).
+        growth: growth rate of the cell size away from finer cells, size per distance.
+        quality: lowest accepted cell quality: 3 r / R of tetrahedra, scaled Jacobian of hexahedra.
         file: mesh file, relative to the scene's folder.
         unit: unit of the file's coordinates.
         groups: group of the file -> "part.layer" for cells, "part.face" for surfaces or nodes.
-        split: face whose nodes are doubled -> the face left on the other body.
-        extent: smallest and largest extent [m] that is taken for a brake's.
+        split: face whose nodes are duplicated -> face of the other body with the original nodes.
+        extent: smallest and largest accepted extent [m] of the mesh; other meshes are rejected as a
+            mistake in the unit.
     """
 
     cells: str = key(default="tetrahedra", choices=("tetrahedra", "hexahedra"))

@@ -26,11 +26,11 @@ class Matrices:
             CalculiX), Nastran DMIG, or npz.
         mass: file of the mass.
         nodes: table of the nodes: number, x, y, z and the sets that each is in.
-        units: consistent units of length, mass and time in all files: `["mm", "t", "s"]`.
+        units: consistent units of length, mass and time in all files: ``["mm", "t", "s"]``.
         damping: file of the damping.
-        dofs: file that names node and component of each row, where the matrices do not; without it
-            the displacements of the nodes come first, in their order.
-        modal: number of modal coordinates, the last rows, where nothing names the rows.
+        dofs: file with node and component of each row, if the matrix files do not contain them;
+            without ``dofs``, the displacements of the nodes come first, in their order.
+        modal: number of modal coordinates in the last rows, if no file gives the order of the rows.
     """
 
     stiffness: str
@@ -79,11 +79,11 @@ class PartKeys:
     """[parts.NAME]: keys of every part.
 
     Attributes:
-        builder: shape to build; without it the cells come from the file in `[mesh]`.
-        material: one `[materials]` name, or one for each layer:
-            `{ lining = "..", plate = ".." }`.
-        axis: direction of the part's axis 1: angle from x about z; of a pad the tangent at mid pad
-            if not given, of another part 0.
+        builder: shape to build; without it the cells come from the file in ``[mesh]``.
+        material: one ``[materials]`` name, or one for each layer:
+            ``{ lining = "..", plate = ".." }``.
+        axis: direction of the part's axis 1: angle from x about z; default for a pad: the tangent
+            at mid pad; for other parts: 0.
     """
 
     material: str | dict[str, str]

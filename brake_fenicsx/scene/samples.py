@@ -56,7 +56,7 @@ class Classical:
 
     Attributes:
         penalty: contact stiffness.
-        friction: coefficient; that of each interface if not given.
+        friction: friction coefficient; the coefficient of each interface if not given.
     """
 
     penalty: float = key("Pa/m", default=2e13, band=(1e9, 1e17))
@@ -68,9 +68,9 @@ class Design:
     """[samples.parametric], [samples.joint]: number and design of one approach's samples.
 
     Attributes:
-        n: samples; those of [samples] if not given. FAST and Saltelli's design use the largest
-            number not above it that their structure allows.
-        design: see [studies.md](studies.md); that of [samples] if not given (of
+        n: samples; the number in [samples] if not given. FAST and Saltelli's design use the largest
+            possible number not above ``n``.
+        design: see [studies.md](studies.md); the design of [samples] if not given (default of
             "parametric": RBD-FAST, which needs fewer samples than FAST).
         curves: independent search curves of FAST for each input: intervals come from their spread.
     """
@@ -86,12 +86,13 @@ class Distribution:
 
     Attributes:
         law: "normal", "lognormal", "uniform", or "measured" values.
-        mean: mean value; of the lognormal law too, not of the logarithm.
-        sd: standard deviation, likewise.
-        min: no value lies below; any law may be cut.
-        max: no value lies above.
+        mean: mean of the value, also for the lognormal law (not of the logarithm).
+        sd: standard deviation of the value, also for the lognormal law.
+        min: lower bound; truncates any distribution.
+        max: upper bound; truncates any distribution.
         spread: uniform between (1 - spread) and (1 + spread) times the value in the scene.
-        values: measured values, at least two; each is drawn as it is, with equal chance.
+        values: measured values, at least two; each value is drawn unchanged, with equal
+            probability.
         file: text file of numbers, or npz, in place of ``values``.
         array: name of the array in an npz file that holds several.
         unit: unit of the numbers in the file.
@@ -116,11 +117,11 @@ class Samples:
     """[samples]: how many, of which approaches.
 
     Attributes:
-        n: samples of each approach that is random.
-        seed: seed of all of them.
+        n: number of samples of each random approach.
+        seed: seed of all samples.
         design: points of the random inputs ([studies.md](studies.md)).
         curves: independent search curves of FAST for each input.
-        approaches: of "multi-scale", "classical", "parametric", "joint".
+        approaches: list of approaches, from "multi-scale", "classical", "parametric", "joint".
         classical: perfect contact.
         parametric: number and design of its samples.
         joint: number and design of its samples.

@@ -40,8 +40,8 @@ class Statistics:
 
     Attributes:
         S_q: root mean square of the heights.
-        S_sk: their skewness.
-        S_ku: their kurtosis; 3 for a Gaussian surface.
+        S_sk: skewness of the heights.
+        S_ku: kurtosis of the heights; 3 for a Gaussian surface.
         c1: slope of the power spectrum below ``q_c``.
         c2: slope above it.
         q_c: wave number of the crossover.
@@ -62,24 +62,25 @@ class Surface:
     Attributes:
         scan: file of the scan, relative to the scene's folder: npz, text, or an instrument's.
         level: what is subtracted from the heights: nothing, a plane, or a second-order surface.
-        size: lengths of the scan's sides, where the file does not say them.
-        height_unit: unit of the heights, where the file does not say it ("um").
-        rows: what changes from one row of a table of heights to the next; "y" as in an image.
-        statistics: numbers in place of a scan.
-        form: file of a longer, coarser scan of the face, for the waves longer than ``scan``; it
-            must hold its size and units (npz, or an instrument's).
+        size: lengths of the scan's sides, if the file does not contain them.
+        height_unit: unit of the heights, if the file does not contain it ("um").
+        rows: coordinate that changes from one row of a table of heights to the next; "y" as in an
+            image.
+        statistics: statistics instead of a scan.
+        form: file of a longer, coarser scan of the face, for the waves longer than ``scan``; the
+            file must contain size and units (npz, or an instrument's).
         cutoff: shortest wavelength the instrument resolves; two pixels if not given.
         window: the part of ``scan`` that is used, [smallest x, smallest y, largest x, largest y];
             all of it if not given.
         decimation: every how many-th point of ``scan`` is used, along x and along y.
         noise: standard deviation of white noise that is added to every height of ``scan``, drawn
             from ``samples.seed``.
-        low: the spectrum below the scan's lowest wave number: held flat, or extended.
-        S_q: variance of the artificial surfaces: that of the scan's spectrum on a patch, or that of
-            the scan itself, to which the spectrum is then scaled (the paper's reading).
-        distribution: shape of their height distribution: the measured heights, Johnson's
-            distribution of the same four moments, or the normal one; measured for a scan and
-            johnson for statistics if not given.
+        low: spectrum below the scan's lowest wave number: constant, or the power law extrapolated.
+        S_q: variance of the artificial surfaces: from the scan's spectrum on a patch, or equal to
+            the variance of the scan, to which the spectrum is scaled (as in the paper).
+        distribution: shape of the height distribution of the artificial surfaces: the measured
+            heights, Johnson's distribution of the same four moments, or the normal one; measured
+            for a scan and johnson for statistics if not given.
         synthesis: heights drawn independently and placed by rank, or a Gaussian field mapped to
             the distribution; projection for measured heights and translation for others if not
             given.
@@ -108,17 +109,18 @@ class Micro:
 
     Attributes:
         patch: side of the square patch; "mesh": that of the mean contact element.
-        pixels: points along a side; "scan": as many as resolve what the scan measured reliably.
+        pixels: points along a side; "scan": as many as resolve the wavelengths that the scan
+            measured reliably.
         boundary: half-space without neighbours, or periodic.
         laws: number of laws in the library; "per-sample": new ones for each sample.
-        laws_per_sample: how many it makes then.
+        laws_per_sample: number of laws of each sample if ``laws`` is "per-sample".
         E: Young's modulus of the lining across the surface.
-        nu: Poisson's ratio that goes with it; E* = E / (1 - nu^2).
+        nu: Poisson's ratio of the lining, which belongs to ``E``; E* = E / (1 - nu^2).
         tolerance: largest duality gap of a contact solution, relative to the work done.
         max_pressure: highest mean pressure of a law, relative to E*; 0.1 if not given, and no more
             than a tenth of the hardness.
         steps: load steps of a law, equal in log load.
-        bulk_compliance: whether a law keeps the half-space's own compliance, which the
+        bulk_compliance: whether a law keeps the compliance of the half-space, which the
             finite-element lining already has.
         seed: seed of the artificial surfaces.
         hardness: pressure at which a point yields; elastic at any pressure if not given, as in
@@ -185,7 +187,7 @@ class MaterialTable:
         C44: likewise, shear 23.
         C55: likewise, shear 13.
         C66: likewise, shear 12.
-        axis: turns axis 1 further from that of the part.
+        axis: additional rotation of axis 1, relative to axis 1 of the part.
         loss: loss factor.
     """
 
@@ -214,7 +216,7 @@ class Law:
     Attributes:
         linear: stiffness of a linear penalty, p = linear * penetration.
         p0: pressure at zero gap of an exponential law, p = p0 exp(-g / u0).
-        u0: its decay length.
+        u0: decay length of the exponential law.
         table: file of a measured law, in two columns: gap and pressure.
         units: units of these columns.
         steps: gaps, falling, and pressures of the table.
@@ -235,7 +237,7 @@ class Friction:
     Attributes:
         static: coefficient at rest.
         kinetic: coefficient at high speed.
-        decay: speed over which it falls.
+        decay: decay constant of the coefficient over the speed.
     """
 
     static: float = key(sign="zero", band=FRICTION)
@@ -269,18 +271,19 @@ class Contact:
     Attributes:
         faces: two faces "part.face", the pad's first.
         law: "library": laws of the rough surface; or a table.
-        discretisation: what a contact element is: a facet, a Gauss point, or a node
+        discretisation: kind of contact element: a facet, a Gauss point, or a node
             ([contact.md](contact.md)).
-        gap: critical gap of every element: none, drawn from the height distribution (the paper's
-            reading), or the waviness of the face, its waves longer than a patch
+        gap: critical gap of every element: none, drawn from the height distribution (as in the
+            paper), or the waviness of the face, its waves longer than a patch
             ([contact.md](contact.md)).
-        friction: coefficient; or a table, where it depends on the speed.
-        friction_in_equilibrium: whether friction acts in the equilibrium too.
+        friction: friction coefficient, or a table if it depends on the speed.
+        friction_in_equilibrium: whether friction also acts in the equilibrium.
         search: largest gap at which facets are paired; the largest facet if not given.
         zone: part of the faces that the interface is restricted to; all of them if not given.
-        slip: along the scene's motion; or none, the faces stick to each other
+        slip: "motion": the faces slide along the scene's motion; "stuck": they do not slide
             ([contact.md](contact.md#faces-that-stick)).
-        tangential_stiffness: that of faces that stick, in all directions along them; required then.
+        tangential_stiffness: tangential stiffness of faces that stick, equal in all tangential
+            directions; required with ``slip = "stuck"``.
     """
 
     faces: tuple[str, ...]
@@ -302,9 +305,10 @@ class Load:
     Attributes:
         pressure: the pressure, towards the body.
         force: total force, along axes 1 and 2 of the part and along z, spread evenly over the area.
-        moment: about the area's centroid, about these axes, spread linearly over it.
-        displacement: of a face whose support holds these directions, in the modes too:
-            `{ z = "-0.1 mm" }`.
+        moment: total moment about axes through the area's centroid, parallel to axes 1 and 2 of the
+            part and z, distributed linearly over the area.
+        displacement: imposed displacement of a face that is supported in these directions; the face
+            is also fixed in the modes: ``{ z = "-0.1 mm" }``.
         steps: equal load steps, taken only if the full load at once does not converge.
     """
 
@@ -317,12 +321,14 @@ class Load:
 
 @dataclass(frozen=True, slots=True)
 class Tie:
-    """[ties.NAME]: two faces glued where they lie upon each other ([meshes.md](meshes.md)).
+    """[ties.NAME]: two faces glued where they touch each other ([meshes.md](meshes.md)).
 
     Attributes:
         faces: two faces "part.face"; their meshes need not match.
-        stiffness: that of the layer between them; from the neighbouring materials if not given.
-        search: largest distance that is glued; a twentieth of a facet's side if not given.
+        stiffness: stiffness of the layer between the faces; from the neighbouring materials if not
+            given.
+        search: largest distance at which the faces are glued; a twentieth of a facet's side if not
+            given.
     """
 
     faces: tuple[str, ...]
@@ -332,17 +338,19 @@ class Tie:
 
 @dataclass(frozen=True, slots=True)
 class Spring:
-    """[springs]: a face joined to the ground, by its name "part.face"; two faces, by any name.
+    """[springs]: springs from the face of this name to the ground, or between two faces.
 
-    Springs to the ground are spread evenly over the face; those between two faces join their mean
-    displacements ([meshes.md](meshes.md#springs-and-masses)). All along axes 1 and 2 of the (first)
-    face's part and along z.
+    Springs to the ground are named "part.face" and are distributed evenly over the face. Springs
+    between two faces have any name and connect the mean displacements of the faces
+    ([meshes.md](meshes.md#springs-and-masses)). All act along axes 1 and 2 of the (first) face's
+    part and along z.
 
     Attributes:
-        faces: two faces that the springs join, in place of a face and the ground.
+        faces: two faces connected by the springs, instead of a face and the ground.
         stiffness: total.
-        stiffness_per_area: that of a bedding to the ground, beside the total.
-        damping: total of dashpots that lie beside the springs; it acts in the complex modes.
+        stiffness_per_area: stiffness per area of an elastic foundation to the ground, in addition
+            to the total.
+        damping: total of dashpots parallel to the springs; they act in the complex modes.
     """
 
     faces: tuple[str, ...] | None = key(default=None)
@@ -358,7 +366,7 @@ class AddedMass:
     Attributes:
         mass: total.
         inertia: moments of inertia of the added body about the face's centroid, about axes 1 and 2
-            of the part and about z, beside those of the spread mass.
+            of the part and about z, in addition to the inertia of the distributed mass.
     """
 
     mass: float = key("kg")
@@ -409,16 +417,16 @@ class Stability:
         method: every sample at full order, or by one reduced model shared by all.
         cutoff: real modes of the bodies are kept up to here; 1.8 times the band if not given, more
             where materials change.
-        tolerance: relative error of the eigenvalues that the reduced model is made for.
-        on_tolerance: what becomes of a sample with a mode whose estimated error is larger: a count
-            in the log and in samples.csv ("warn"), or its modes at full order ("full order").
-        zeta_max: modes that decay with a larger damping ratio are not looked for; below 0.7.
+        tolerance: relative error of the eigenvalues for which the reduced model is built.
+        on_tolerance: treatment of a sample with a mode whose estimated error is larger: it is
+            counted in the log and in samples.csv ("warn"), or solved at full order ("full order").
+        zeta_max: full order omits modes that decay with a larger damping ratio; below 0.7.
         verify: samples of the reduced model that are solved at full order as well.
         threshold: an unstable mode counts as squeal where its damping -2 alpha / |omega| lies below
             minus this; 0: every unstable mode.
-        drivers: whether derivatives of the unstable modes, to friction, loads, contact and layers,
-            are computed ([stability.md](stability.md#what-drives-a-mode)).
-        damping: terms of the damping; none where the section is left out.
+        drivers: whether derivatives of the unstable modes with respect to friction, loads, contact
+            and layers are computed ([stability.md](stability.md#what-drives-a-mode)).
+        damping: terms of the damping; without the section there is no damping.
     """
 
     band: tuple[float, ...] = key("Hz", sign="zero", band=(0.0, 1e5))

@@ -31,7 +31,7 @@ class Range:
         start: first value.
         stop: last value; it may lie below ``start``.
         steps: number of values, equally spaced, both ends included.
-        values: the values themselves, rising or falling, in place of these.
+        values: list of values, rising or falling, instead of ``start``, ``stop`` and ``steps``.
     """
 
     start: float | None = key("*", default=None, sign="any")
@@ -54,7 +54,7 @@ class Sweep:
     Attributes:
         parameters: values of one or two scalars, by dotted key; the first one is followed, the
             second one makes a chart.
-        samples: rough samples, the first ones of the scene, whose modes are followed too.
+        samples: rough samples, the first ones of the scene, whose modes are also followed.
     """
 
     parameters: dict[str, Range] = field(

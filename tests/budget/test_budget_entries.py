@@ -164,7 +164,7 @@ def test_page_names_the_family_and_the_largest_change(tmp_path):
 
 @pytest.mark.hard
 def test_budget_of_a_scene_without_squeal_says_so(tmp_path):
-    """No family squeals: a sentence that says so, and a page without a picture."""
+    """No family squeals: the sentence says this, and the page has no picture."""
     f, d = draw(np.random.default_rng(7), 10)
     scene = synthetic(tmp_path / "a", f, np.abs(d))
     rows = [*statistical(scene), *entries(scene, scene, True)]
@@ -174,7 +174,7 @@ def test_budget_of_a_scene_without_squeal_says_so(tmp_path):
 
 @pytest.mark.hard
 def test_family_that_a_variant_silences_changes_by_its_whole_probability(tmp_path):
-    """The family is not found in the variant: its probability there is zero, its bias unknown."""
+    """The family has no match in the variant: its probability is zero and its bias unknown."""
     f, d = draw(np.random.default_rng(8), 30)
     quiet = d.copy()
     quiet[:, 1] = 0.01
@@ -186,7 +186,7 @@ def test_family_that_a_variant_silences_changes_by_its_whole_probability(tmp_pat
 
 @pytest.mark.hard
 def test_family_that_only_a_variant_has_is_named(tmp_path):
-    """It has no place in the picture, which is of a family of the scene: the sentence says it."""
+    """The picture shows a family of the scene; the sentence reports the other family."""
     f, d = draw(np.random.default_rng(9), 30)
     quiet = np.column_stack([d[:, 0], np.full(30, 0.01)])
     scene = synthetic(tmp_path / "a", f, quiet)
@@ -202,7 +202,7 @@ def test_family_that_only_a_variant_has_is_named(tmp_path):
 
 @pytest.mark.hard
 def test_scene_of_one_sample_has_no_interval(tmp_path):
-    """Nothing is drawn: a change is what it is, and the sentence claims no interval."""
+    """One deterministic sample: the change and the sentence have no interval."""
     f, d = np.array([[2000.0, 6000.0]]), np.array([[-0.01, -0.03]])
     one, two = synthetic(tmp_path / "a", f, d), synthetic(tmp_path / "b", f + 3.0, d)
     rows = statistical(one)

@@ -94,7 +94,7 @@ def test_budget_end_to_end_is_interrupted_and_goes_on(few, tmp_path, monkeypatch
 
 @pytest.mark.hard
 def test_budget_without_time_names_what_it_left_out(few, tmp_path):
-    """Time for the scene alone: every variant is a row that says about how long it takes."""
+    """Time only for the scene: the row of every variant gives its estimated time."""
     assert main(["budget", str(BLOCK), "-o", str(tmp_path / "b"), "--minutes", "1e-3",
                  *(w for text in ROUGH for w in ("--set", text))]) == 0  # fmt: skip
     assert few == ["reference"]
@@ -104,7 +104,7 @@ def test_budget_without_time_names_what_it_left_out(few, tmp_path):
 
 @pytest.mark.hard
 def test_variant_that_fails_is_a_row_and_the_others_go_on(few, tmp_path, monkeypatch):
-    """The error's line stands in the table; the failed variant is tried again next time."""
+    """The table shows the error message; the next call repeats the failed variant."""
     counted = pipeline.run
 
     def failing(scene, comm, directory, *args, **keys):

@@ -1,4 +1,4 @@
-"""Countermeasures at the edge: squeal that comes back, values that make no brake."""
+"""Hard cases of countermeasures: squeal that returns, values without a valid brake."""
 
 from mpi4py import MPI
 
@@ -16,7 +16,7 @@ COMM = MPI.COMM_SELF
 
 
 def test_squeal_that_comes_back_beyond_the_smallest_change():
-    """Stable between 0.3 and 0.5 of the range alone: the first border is found."""
+    """The brake is stable only between 0.3 and 0.5 of the range: the first border is found."""
     found = smallest_change(
         lambda x: iter([not 0.3 <= x <= 0.5] * 40), (0.0, 1.0), 40, 8, 0.01
     )  # fmt: skip
@@ -24,13 +24,13 @@ def test_squeal_that_comes_back_beyond_the_smallest_change():
 
 
 def test_one_sample_must_be_stable_itself():
-    """Of fewer than twenty samples none may squeal."""
+    """With fewer than twenty samples, no sample may squeal."""
     found = smallest_change(lambda x: iter([x < 0.4, False]), (0.0, 1.0), 2, 8, 0.01)
     assert 0.4 <= found.value <= 0.41 and found.share.hits == 0
 
 
 def test_a_window_narrower_than_a_step_is_not_seen():
-    """Stable within 2 % of the range between two values: no value is enough, and that is said."""
+    """Stable only in 2 % of the range between two values: reported as "no value is enough"."""
     found = smallest_change(
         lambda x: iter([abs(x - 0.44) > 0.01] * 40), (0.0, 1.0), 40, 8, 0.01
     )  # fmt: skip
@@ -38,7 +38,7 @@ def test_a_window_narrower_than_a_step_is_not_seen():
 
 
 def test_values_without_an_equilibrium_are_no_remedy(tmp_path):
-    """The block tips beyond a friction of about 0.9: samples that fail count as squeal."""
+    """The block tips above a friction of about 0.9: failed samples count as squeal."""
     page = module.find_countermeasures(
         BLOCK, COMM, tmp_path, [*ROUGH, "samples.n=2", levers((FRICTION, "2.5"))]
     )
@@ -48,7 +48,7 @@ def test_values_without_an_equilibrium_are_no_remedy(tmp_path):
 
 
 def test_a_length_that_makes_no_brake_is_named(tmp_path, monkeypatch):
-    """No mesh at some heights: the row says why, and the other countermeasure is found."""
+    """Some heights have no mesh: the row gives the reason, the other countermeasure is found."""
     whole = module.prepare
 
     def meshed(scene, overrides, *rest):
@@ -66,7 +66,7 @@ def test_a_length_that_makes_no_brake_is_named(tmp_path, monkeypatch):
 
 
 def test_a_single_sample_has_no_families(tmp_path):
-    """Its modes squeal and are no family: a named error, not "nothing squeals"."""
+    """The modes squeal but form no family: an error message, not "nothing squeals"."""
     with pytest.raises(SceneError, match="raise samples"):
         module.find_countermeasures(
             BLOCK, COMM, tmp_path, [*ROUGH, "samples.n=1", levers((FRICTION, "0.1"))]

@@ -1,4 +1,4 @@
-"""Hard cases of geometry and meshes: each a right answer or a named error."""
+"""Hard cases of geometry and meshes: each gives a correct result or an error message."""
 
 import numpy as np
 import pytest
@@ -53,7 +53,7 @@ def test_odd_pads(values, cells):
 
 
 def test_nodes_of_no_cell_are_left_out():
-    """A construction point beside a box gets a node; DOLFINx would crash on it, or worse."""
+    """A construction point near a box gets a node without a cell: the node is removed."""
     with gmsh_session() as gmsh:
         gmsh.model.add("box")
         gmsh.model.occ.addBox(0, 0, 0, 1, 1, 1)
@@ -68,7 +68,7 @@ def test_nodes_of_no_cell_are_left_out():
 
 
 def test_one_vane_many_vanes_and_none():
-    """Vanes that nearly close the channels, and a single one: one body each."""
+    """Vanes that nearly close the channels, and a single vane: each disc is one body."""
     for vanes in (1, 24):
         d = disc.Disc(vanes=vanes, vane_width=14e-3, thickness=24e-3, size=12e-3)
         m = mesh(disc, d)
@@ -77,7 +77,7 @@ def test_one_vane_many_vanes_and_none():
 
 
 def test_thin_ring_of_hexahedra_keeps_positive_jacobians():
-    """Cells as long as a tenth of the circumference, curved: inside out is refused, never used."""
+    """Curved cells of a tenth of the circumference: inverted cells are rejected."""
     thin = disc.Disc(radius=100e-3, bore=97e-3, thickness=3e-3, size=3e-3)
     assert check_cells(mesh(disc, thin, cells="hexahedra", order=2), MeshTable()).distortion > 0.5
     coarse = disc.Disc(radius=100e-3, bore=97e-3, thickness=3e-3, size=60e-3)
@@ -91,7 +91,7 @@ def test_thin_ring_of_hexahedra_keeps_positive_jacobians():
 
 
 def test_very_fine_contact_on_a_large_ball():
-    """Sizes from 5 um to 10 mm, a ratio of two thousand: graded without a sliver."""
+    """Mesh sizes from 5 um to 10 mm, a ratio of two thousand: no sliver elements."""
     ball = hertz_sphere.Sphere(50e-3, 60e-6, 5e-6, 10e-3)
     m = mesh(hertz_sphere, ball, order=2)
     assert check_cells(m, MeshTable()).distortion > 0.3
@@ -99,13 +99,13 @@ def test_very_fine_contact_on_a_large_ball():
 
 
 def test_no_process_is_left_waiting():
-    """An error of gmsh itself, a size beyond reason, is one named line."""
+    """An impossible size makes gmsh fail: an error message of one line."""
     with pytest.raises(SceneError, match=r"parts\.p: the mesh cannot be built"):
         mesh(block, block.Block(length=0.0, size=1e-3))
 
 
 def test_gmsh_order_is_its_own_inverse_for_corners_and_agrees_with_positions():
-    """The nodes of VTK's cells, placed in gmsh's order, lie where gmsh's tables say."""
+    """VTK nodes in gmsh's order have the positions of gmsh's tables."""
     corner = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
     corner = np.concatenate([corner, corner + np.array([0, 0, 1.0])])
     edges = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4),
@@ -122,7 +122,7 @@ def test_gmsh_order_is_its_own_inverse_for_corners_and_agrees_with_positions():
 
 
 def test_serendipity_is_exact_for_quadratic_maps():
-    """Middle nodes of faces and body reproduce x^2 + y z on a bent cube; catches a wrong weight."""
+    """Mid-face and centre nodes reproduce x^2 + y z on a curved cube."""
     m = mesh(block, block.Block(size=10e-3), cells="hexahedra", order=2)
 
     def bend(x):
@@ -134,7 +134,7 @@ def test_serendipity_is_exact_for_quadratic_maps():
 
 
 def test_facets_are_told_apart_by_their_corners():
-    """No two facets of a mesh share a key, in the last bits of many nodes too."""
+    """No two facets of a mesh have the same key, also for large node numbers."""
     big = np.array([[2_600_000, 2_600_001, 2_600_002], [2_600_000, 2_600_001, 2_600_003]])
     assert len(np.unique(facet_keys(big))) == 2
     m = mesh(block, block.Block(size=5e-3), cells="hexahedra")

@@ -1,4 +1,4 @@
-"""Hard cases of the braking equilibrium: each a right answer or a named error."""
+"""Hard cases of the braking equilibrium: each gives a correct result or an error message."""
 
 from types import SimpleNamespace
 
@@ -65,7 +65,7 @@ def full_residual(scene, laws, eq):
 @pytest.mark.parametrize("mu", [0.0, 0.5])
 @pytest.mark.parametrize("law", [linear_law(1e12), exponential_law(1e5, 1e-6)])
 def test_pulled_apart(two_blocks, law, mu):
-    """A load away from the plate has no equilibrium: said, not computed."""
+    """A load away from the plate has no equilibrium: error message."""
     scene = two_blocks("guided", pressure=-1e5)
     laws = EnrichedGap(OneLaw(law), np.zeros(scene.w.size, int), np.zeros(scene.w.size))
     with pytest.raises(Separated):
@@ -73,7 +73,7 @@ def test_pulled_apart(two_blocks, law, mu):
 
 
 def test_no_load_at_all(two_blocks):
-    """Nothing presses, nothing is in contact."""
+    """Without a load, no contact element is closed."""
     scene = two_blocks("guided", pressure=0.0)
     laws = EnrichedGap(
         OneLaw(linear_law(1e12)), np.zeros(scene.w.size, int), np.zeros(scene.w.size)
@@ -84,7 +84,7 @@ def test_no_load_at_all(two_blocks):
 
 @pytest.mark.parametrize("mu", [0.0, 0.5])
 def test_one_closed_patch(two_blocks, mu):
-    """One element protrudes by far: it alone carries the load, all others stay open."""
+    """One element protrudes by far: it carries the whole load, all others stay open."""
     scene = two_blocks("upright", pressure=1e4)
     n = scene.w.size
     one = int(np.argmin(np.linalg.norm(scene.contact.points, axis=1)))
@@ -104,7 +104,7 @@ def test_one_closed_patch(two_blocks, mu):
 
 @pytest.mark.parametrize("mu", [0.0, 0.5])
 def test_one_law_a_million_times_stiffer(two_blocks, mu):
-    """Against a sparse solve on the elements found closed; the others must then be open."""
+    """Compared with a sparse solve on the closed elements; all others must be open."""
     scene = two_blocks("guided")
     n = scene.w.size
     k = np.full(n, 1e10)
@@ -129,7 +129,7 @@ def test_one_law_a_million_times_stiffer(two_blocks, mu):
 
 @pytest.mark.parametrize("ratio", [1e-3, 1.0, 1e3, 1e6])
 def test_law_from_a_thousandth_to_a_million_of_the_bulk(two_blocks, ratio):
-    """Stiffness of the bulk: E / height, about 3e11 Pa/m. The load balance holds throughout."""
+    """Law stiffness relative to E / height, about 3e11 Pa/m: the loads balance in all cases."""
     scene = two_blocks("guided")
     n = scene.w.size
     laws = EnrichedGap(OneLaw(linear_law(3e11 * ratio)), np.zeros(n, int), np.zeros(n))
@@ -141,7 +141,7 @@ def test_law_from_a_thousandth_to_a_million_of_the_bulk(two_blocks, ratio):
 @pytest.mark.parametrize("penalty", [1e15, 1e17, 1e19])
 @pytest.mark.parametrize("steps", [1, 4])
 def test_stiff_penalty_where_the_block_lifts(two_blocks, penalty, steps):
-    """1e3 to 1e7 times E / h of the lining, its leading edge open: against a sparse solve.
+    """Penalty 1e3 to 1e7 times E / h, leading edge open: compared with a sparse solve.
 
     Springs that hold open elements on the way must not be stiffer than the block.
     """
@@ -158,7 +158,7 @@ def test_stiff_penalty_where_the_block_lifts(two_blocks, penalty, steps):
 
 
 def test_critical_gaps_beyond_any_closure(two_blocks):
-    """A third of the elements can never touch; the rest carries everything."""
+    """A third of the elements cannot touch: the other elements carry the load."""
     scene = two_blocks("guided")
     n = scene.w.size
     g_cr = np.zeros(n)
@@ -174,7 +174,7 @@ def test_critical_gaps_beyond_any_closure(two_blocks):
 @pytest.mark.parametrize("mu", [0.0, 0.5, 0.8])
 @pytest.mark.parametrize("seed", range(3))
 def test_critical_gaps_far_wider_than_the_elastic_closure(two_blocks, scatter, mu, seed):
-    """Few patches carry, the tilt of the free pad decides which: in one load step.
+    """Few patches carry the load, depending on the tilt of the free pad; one load step.
 
     Catches a start from which Newton's step flings the pad away (singular tangent, overflow).
     """
@@ -189,7 +189,7 @@ def test_critical_gaps_far_wider_than_the_elastic_closure(two_blocks, scatter, m
 
 @pytest.mark.parametrize("mu", [0.0, 0.5, 0.8])
 def test_penalty_and_critical_gaps_of_millimetres(two_blocks, mu):
-    """Two or a few more elements carry, found from nearly all being open: 25 seeds.
+    """Only a few elements carry the load; the start has nearly all open: 25 seeds.
 
     Springs that hold the open elements must not be taken away too early.
     """
@@ -203,7 +203,7 @@ def test_penalty_and_critical_gaps_of_millimetres(two_blocks, mu):
 
 
 def test_friction_that_tips_the_block_over(two_blocks):
-    """Guided 6 mm above a face 12 mm long: at mu = 1 the pressure would have to stand on the edge.
+    """Guided 6 mm above a face 12 mm long: at mu = 1 all pressure would be at the edge.
 
     Moments: the centre of pressure lies mu x 6 mm behind the middle, and the block ends there.
     """
@@ -219,7 +219,7 @@ def test_friction_that_tips_the_block_over(two_blocks):
 
 @pytest.mark.alone
 def test_friction_beyond_tipping_from_an_equilibrium_nearby():
-    """Tipped, the matrix is singular to round-off, and gaps of a million metres have no residual.
+    """In the tipped state the matrix is singular; large gaps must not pass as a solution.
 
     With the kernels of some processors; with others the iteration does not end.
     """
@@ -232,7 +232,7 @@ def test_friction_beyond_tipping_from_an_equilibrium_nearby():
 
 
 def test_pad_that_rests_by_contact_alone(two_blocks, comm):
-    """K is singular: alone it cannot be factored, with the contact springs it can."""
+    """K is singular; the matrix with contact springs can be factored."""
     scene = two_blocks("guided")
     from brake_fenicsx.macro.solver import Factor
 
@@ -242,14 +242,14 @@ def test_pad_that_rests_by_contact_alone(two_blocks, comm):
 
 
 def test_part_without_any_hold_is_named(two_blocks):
-    """Frictionless contact holds no sliding: the loose pad has three rigid motions left."""
+    """Frictionless contact does not prevent sliding: the error reports three rigid motions."""
     scene = two_blocks("loose")
     with pytest.raises(InaccurateResult, match="neither supported nor in contact"):
         compliance(scene.elastic.K, scene.N, scene.T, scene.w, scene.f, scene.k0, scene.comm)
 
 
 def test_initial_gap_is_closed_by_the_ramp(two_blocks):
-    """The pad starts a millimetre above the plate; being free along z, it makes no difference."""
+    """A pad free along z starts 1 mm above the plate: the same equilibrium."""
     scene = two_blocks(
         "guided",
         pad=(("length", 12e-3), ("width", 8e-3), ("height", 6e-3), ("z", 1e-3), ("size", 4e-3)),

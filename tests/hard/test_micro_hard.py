@@ -1,4 +1,4 @@
-"""Hard cases of the micro-contact: each ends in a right answer or in a named error."""
+"""Hard cases of the micro-contact: each gives a correct result or an error message."""
 
 import logging
 
@@ -22,7 +22,7 @@ def rough(shape=(48, 48), size=SIZE, seed=0):
 
 @pytest.mark.parametrize("solver", ["auto", "active-set", "pcg"])
 def test_one_touching_pixel(solver):
-    """The law of one pixel is its own compliance: p = overlap / K(0)."""
+    """The law of one pixel follows from its compliance: p = overlap / K(0)."""
     topo = rough()
     h = topo.heights - topo.heights.mean()
     second = np.sort(h, axis=None)[-2]
@@ -69,7 +69,7 @@ def test_law_of_a_flat_surface_is_refused():
 
 
 def test_single_spike():
-    """One pixel alone until the plane reaches the flat; then a stiff law, still monotone."""
+    """One pixel touches until the plane reaches the flat; the law then is stiff and monotone."""
     h = np.zeros((32, 32))
     h[10, 20] = 1e-3
     law = contact_law(make_topography(h, (1.0, 1.0)), 1.0)
@@ -116,7 +116,7 @@ def test_warm_start_from_a_bad_contact_set(start, solver):
 
 
 def test_full_contact_free():
-    """Pressed flat: every pixel touches and the displacement is the overlap."""
+    """Full contact: every pixel touches, and the displacement equals the overlap."""
     h = 1e-6 * np.random.default_rng(0).standard_normal((16, 16))
     found = solve_contact(h, (1.0, 1.0), 1.0, separation=-1.0, tol=1e-14)
     assert found.area_fraction == 1.0
@@ -126,7 +126,7 @@ def test_full_contact_free():
 
 @pytest.mark.parametrize("boundary", ["free", "periodic"])
 def test_law_of_a_surface_that_closes(boundary):
-    """A smooth surface is flat long before 0.1 E*: the law ends there and goes on straight."""
+    """A smooth surface closes far below 0.1 E*: the law is extrapolated linearly."""
     h = 1e-7 * np.random.default_rng(1).standard_normal((24, 24))
     law = contact_law(make_topography(h, (1.0, 1.0)), 1.0, boundary=boundary)
     d, p, k = law.steps[:3]
@@ -164,7 +164,7 @@ def test_odd_grids(shape, boundary):
 
 
 def test_anisotropic_pixels():
-    """A sphere seen by pixels of 1 : 3 still has Hertz's radius and approach."""
+    """A sphere on pixels with an aspect ratio of 1 : 3 has Hertz's radius and approach."""
     nx, ny, R = 192, 64, 10.0
     x, y = (np.arange(nx) - nx // 2) / nx, (np.arange(ny) - ny // 2) / ny
     h = -(x[:, None] ** 2 + y[None, :] ** 2) / (2 * R)
@@ -175,7 +175,7 @@ def test_anisotropic_pixels():
 
 
 def test_steep_surface_is_said_to_be_beyond_small_strain(caplog):
-    """Slopes above one are solved, with a warning that small strain does not hold."""
+    """Slopes above one: a solution, and a warning that small strain is not valid."""
     steep = np.random.default_rng(0).standard_normal((16, 16)) * 5.0
     topo = make_topography(steep, (16.0, 16.0), source="steep")
     with caplog.at_level(logging.WARNING, logger="brake_fenicsx"):
@@ -231,7 +231,7 @@ WORN = [
 @pytest.mark.parametrize("kind", WORN)
 @pytest.mark.parametrize("boundary", ["free", "periodic"])
 def test_law_of_a_worn_surface(kind, boundary):
-    """Plateaus touch at once: the law is there, monotone, and true to single contacts."""
+    """Plateaus touch at once: the law is monotone and agrees with single contacts."""
     topo = make_topography(worn(kind), SIZE)
     settings = {"boundary": boundary, "bulk_compliance": "keep"}
     law = contact_law(topo, 1.0, max_pressure=3e-2, **settings)
@@ -246,7 +246,7 @@ def test_law_of_a_worn_surface(kind, boundary):
 
 
 def test_checkerboard_against_its_closed_form():
-    """Crests carry 2 P and sink by 2 P / (E* |q|) at the shortest wave: a straight law.
+    """Crests carry 2 P and sink by 2 P / (E* |q|) at the shortest wave: a linear law.
 
     It ends where the valleys close, at P = |q| times the amplitude over two.
     """
@@ -295,14 +295,14 @@ def test_profiles_and_empty_maps_are_named(shape):
 
 @pytest.mark.parametrize("solver", ["auto", "pcg"])
 def test_start_of_another_shape_is_named(solver):
-    """Pressures to start from belong to the pixels of the patch."""
+    """Initial pressures must have the shape of the patch."""
     for start in (np.ones((4, 4)), np.ones(48), 1.0):
         with pytest.raises(SceneError, match="start of shape"):
             solve_contact(rough().heights, SIZE, 1.0, load=1e-9, start=start, solver=solver)
 
 
 def test_heights_that_are_no_real_numbers_are_named():
-    """Complex numbers and texts are refused; masked points are missing ones."""
+    """Complex numbers and texts are rejected; masked points count as missing."""
     h = rough().heights
     for wrong in (h + 1j * h, h.astype(str)):
         with pytest.raises(SurfaceError, match="real numbers"):

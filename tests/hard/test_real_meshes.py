@@ -49,7 +49,7 @@ def agree(m, exact, tolerance=1e-7):
 
 @pytest.mark.parametrize("mu, beta", turns([(0.0,), (0.5,), (1.0,)], [(None,), (1e-8,)]))
 def test_contact_face_without_mass(two_blocks, mu, beta):
-    """A third of the dofs: against the stiffness condensed on the others.
+    """A third of the dofs has no mass: compared with the condensed stiffness.
 
     Catches infinite eigenvalues that come back as finite ones, and modes lost with them.
     """
@@ -162,7 +162,7 @@ SOFT = [
 
 @pytest.mark.parametrize("mu", [pytest.param(0.0, marks=pytest.mark.slow), 0.5])
 def test_solid_shim_ten_thousand_times_softer_than_steel(mu):
-    """A steel sheet on 1 mm of it, meshed as layers: all modes of the band as ARPACK finds them."""
+    """A steel sheet on a soft layer of 1 mm: all modes of the band as from ARPACK."""
     b = assemble_brake(read_scene(SCENES / "disc_brake_demo.toml", SOFT), MPI.COMM_SELF)
     K, M = b.K, b.M
     k = np.full(b.w.size, 1e10)

@@ -1,4 +1,4 @@
-"""The reduced model, stretched: a right answer within the stated error, or a named error."""
+"""Hard cases of the reduced model: correct within the estimated error, or an error message."""
 
 from itertools import pairwise
 
@@ -17,7 +17,7 @@ pytestmark = [pytest.mark.hard, pytest.mark.alone]
 
 @pytest.mark.parametrize("case", ["undamped", "rayleigh"])
 def test_all_contacts_open(two_blocks, case):
-    """The bodies alone: the pad's rigid motions are neutral, not stable; nothing is unstable."""
+    """The bodies have no contact: rigid motions of the pad are neutral, no mode is unstable."""
     scene = two_blocks("coarse")
     sample = Sample(scene, case, k=np.zeros(scene.w.size))
     found = sample.modes(offline(scene, case))
@@ -31,7 +31,7 @@ def test_all_contacts_open(two_blocks, case):
 @pytest.mark.parametrize("factor", [1e-3, 0.1, 1e3, 1e4, 1e5])
 @pytest.mark.parametrize("share", [1.0, 0.5])
 def test_contact_softer_and_stiffer_than_usual(two_blocks, factor, share):
-    """Throughout or in half of the elements: within the tolerance of 1e-5, no mode lost."""
+    """In all or half of the elements: error within the tolerance of 1e-5, no mode is missing."""
     scene = two_blocks("coarse")
     k = np.full(scene.w.size, K0)
     k[: int(share * k.size)] *= factor
@@ -53,14 +53,14 @@ def test_stiffness_from_a_thousandth_to_a_million(two_blocks, mu):
 @pytest.mark.parametrize("x", [(), (-1.0, 1.0)], ids=["constant", "changing"])
 @pytest.mark.parametrize("k", [2e13, 1e16])
 def test_penalty_of_perfect_contact(two_blocks, k, x):
-    """The interface is all but a constraint: errors grow, stated errors with them."""
+    """The interface is nearly a constraint: errors and estimated errors grow together."""
     scene = two_blocks("coarse")
     sample = Sample(scene, x=x, mu=0.5, k=np.full(scene.w.size, k))
     assert sample.agrees(sample.modes(offline(scene, changing=bool(x)))) < 1e-4
 
 
 def test_contact_all_but_rigid_and_damped(two_blocks):
-    """At 1e6 K0 the dense spectrum has few digits left: the answer is that of 1e5 K0."""
+    """At 1e6 K0 the dense solution is inaccurate: compared with the modes at 1e5 K0."""
     scene = two_blocks("coarse")
     model, found = offline(scene, "loss"), []
     for stiff in (1e5, 1e6):
@@ -97,7 +97,7 @@ def test_friction_that_couples_modes_far_apart(two_blocks):
 
 
 def test_moduli_within_a_half(two_blocks):
-    """Compliances by a factor of three: the cutoff rises, errors are larger, and stated so."""
+    """Compliance changes by a factor of three: a higher cutoff, larger estimated errors."""
     scene = two_blocks("coarse")
     model = offline(scene, changing=True, spread=0.5)
     assert model.complete_up_to > 1.7 * BAND[1]
@@ -109,7 +109,7 @@ def test_moduli_within_a_half(two_blocks):
 @pytest.mark.parametrize("x", [(1.1, -1.1), (-1.1, -1.1)])
 @pytest.mark.parametrize("case", ["undamped", "layers"])
 def test_points_hardly_beyond_the_box(two_blocks, case, x):
-    """A tenth of its half width: less accurate, and the estimates say so."""
+    """Outside the range by a tenth of its half width: larger errors, also in the estimates."""
     scene = two_blocks("coarse")
     sample = Sample(scene, case, x, seed=3)
     assert sample.agrees(sample.modes(offline(scene, case, changing=True))) < 5e-5
@@ -117,7 +117,7 @@ def test_points_hardly_beyond_the_box(two_blocks, case, x):
 
 @pytest.mark.parametrize("case", ["contrast", "layers"])
 def test_losses_a_thousand_times_apart(two_blocks, case):
-    """Between the bodies, and within the one that changes: far from any proportion."""
+    """Loss factors of two bodies, and within the changing body: non-proportional damping."""
     scene = two_blocks("coarse")
     for x, mu in (((-1.0, -1.0), 1.0), ((0.6, -0.3), 0.0)):
         sample = Sample(scene, case, x, mu, seed=2)
@@ -126,7 +126,7 @@ def test_losses_a_thousand_times_apart(two_blocks, case):
 
 @pytest.mark.parametrize("case", ["layers", pytest.param("all", marks=pytest.mark.slow)])
 def test_nothing_held_but_by_contact(two_blocks, case):
-    """Both bodies free, damped out of proportion, one of them turning: rigid modes are neutral."""
+    """Free bodies, non-proportional damping, one rotates: rigid-body modes are neutral."""
     scene = two_blocks("free")
     sample = Sample(scene, case, (0.5, -0.8), 0.3, seed=5)
     found = sample.modes(offline(scene, case, changing=True))
@@ -137,14 +137,14 @@ def test_nothing_held_but_by_contact(two_blocks, case):
 
 
 def test_damping_beyond_the_series(two_blocks):
-    """One layer all but a dashpot: refused by name, no sample is solved."""
+    """One layer is nearly a dashpot: an error message before any sample is solved."""
     scene = two_blocks("coarse")
     with pytest.raises(InaccurateResult, match=r"damping too strong|not positive definite"):
         offline(scene, "dashpot", changing=True)
 
 
 def test_rates_that_vanish(two_blocks):
-    """Only rates at contact, and they are nil: the undamped problem, on the imaginary axis."""
+    """Damping only at the contact, and zero: the modes of the undamped problem."""
     scene = two_blocks("coarse")
     sample = Sample(scene, "sliding", mu=0.0, seed=6)
     found = sample.modes(offline(scene, "sliding"))
@@ -153,7 +153,7 @@ def test_rates_that_vanish(two_blocks):
 
 
 def test_material_that_is_not_positive_definite_somewhere(two_blocks):
-    """A corner of the box where the lining would give energy away: named, before any sample."""
+    """A corner of the range has an indefinite lining: error message before any sample."""
     scene = two_blocks("coarse")
     box = Parameters(2, lambda x: np.array([[0.0, -2.4e9 * (x[1] > 0.5)], [0.0, 0.0]]), 1.0)
     with pytest.raises(InaccurateResult, match="not positive definite"):
@@ -161,7 +161,7 @@ def test_material_that_is_not_positive_definite_somewhere(two_blocks):
 
 
 def test_cutoff_inside_the_band(two_blocks):
-    """Modes between cutoff and band would be missing without a word: refused."""
+    """A cutoff below the end of the band would omit modes: rejected."""
     scene = two_blocks("coarse")
     with pytest.raises(SceneError, match="must lie above the band"):
         ReducedModel.offline(
@@ -171,7 +171,7 @@ def test_cutoff_inside_the_band(two_blocks):
 
 @pytest.mark.parametrize("top", [1e3, 8e3, 11e3])
 def test_few_modes_or_none(two_blocks, top):
-    """Little is kept but rigid motions: the residual flexibility does the rest."""
+    """Few kept modes except rigid motions: the residual flexibility gives the modes."""
     scene, band = two_blocks("guided"), (0.0, top)
     model = Reduced(scene.K, scene.M, scene.N, scene.T, scene.w, K0, band)
     assert model.model.bodies[-1].modes.stop <= 6
@@ -182,7 +182,7 @@ def test_few_modes_or_none(two_blocks, top):
 
 
 def test_clamped_bodies_without_a_mode(two_blocks):
-    """Nothing is kept at all: no row, no error."""
+    """Clamped bodies without kept modes: no row, no error."""
     scene = two_blocks("guided")
     K = (scene.K + 1e14 * sp.identity(scene.K.shape[0])).tocsr()
     model = Reduced(K, scene.M, scene.N, scene.T, scene.w, K0, (0.0, 1e3))
@@ -203,7 +203,7 @@ def onsets(number, most=1.0):
 
 @pytest.mark.parametrize("seed", [6, pytest.param(8, marks=pytest.mark.slow)])
 def test_next_to_the_merging_of_two_modes(two_blocks, seed):
-    """On both sides of every onset of flutter, down to 1e-9: none lost, none twice, none wrong.
+    """Both sides of every onset of flutter, down to 1e-9: no missing, double or wrong mode.
 
     The stated error is never too small though two modes move by the root of what is left out.
     """
@@ -225,7 +225,7 @@ def test_next_to_the_merging_of_two_modes(two_blocks, seed):
 
 
 def test_merging_modes_of_damped_and_changed_bodies(two_blocks):
-    """The friction at which two modes of a sample are most alike; little damping parts them."""
+    """The friction at which two modes are most similar; weak damping separates them."""
     scene, x = two_blocks("coarse"), (-0.5, 0.7)
     model = offline(scene, "little", changing=True)
     k = np.full(scene.w.size, 3 * K0)
@@ -243,7 +243,7 @@ def test_merging_modes_of_damped_and_changed_bodies(two_blocks):
 
 @pytest.mark.slow
 def test_merging_of_two_real_modes_of_a_large_random_system():
-    """A thousand dofs; both sides of the point where two real kappa become a pair."""
+    """A thousand dofs, on both sides of the point where two real kappa become a pair."""
     rng = np.random.default_rng(3)
     n, m = 1000, 12
     values = np.sort(rng.uniform(0.05, 40, n)) * 1e9
@@ -281,7 +281,7 @@ def test_merging_of_two_real_modes_of_a_large_random_system():
 
 
 def test_free_blocks_at_full_order_have_their_rigid_modes(two_blocks):
-    """An unsupported pair of blocks has twelve, none of them a divergence."""
+    """Two unsupported blocks have twelve rigid modes, none of them a divergence."""
     scene = two_blocks("free")
     found = complex_modes(scene.M, None, scene.K, (0.0, 60e3))
     kappa = la.eigvalsh(scene.K.toarray(), scene.M.toarray())
@@ -299,7 +299,7 @@ def test_matrix_of_one_degree_of_freedom():
 
 
 def test_singular_mass_leaves_no_finite_mode_behind():
-    """A massless dof is condensed by the spectral transformation; the mode with mass is right."""
+    """The spectral transformation condenses a massless dof; the other mode is correct."""
     K = sp.csr_matrix(np.array([[2.0, -1.0], [-1.0, 1.0]]))
     M = sp.csr_matrix(np.diag([1.0, 0.0]))
     found = complex_modes(M, None, K, (0.0, 1.0))

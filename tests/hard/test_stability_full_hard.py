@@ -1,4 +1,4 @@
-"""Hard cases of the full order: each a right answer or a named error."""
+"""Hard cases of the full order: each gives a correct result or an error message."""
 
 import numpy as np
 import pytest
@@ -50,7 +50,7 @@ def compared(modes, exact, highest=BAND[1], tolerance=1e-7):
 
 
 def test_exact_doublets():
-    """A square grid: every doublet is there twice."""
+    """A square grid: both modes of every doublet are found."""
     K, kappa = grid(22, 22)
     edge = 0.5 * (kappa[99] + kappa[100])
     assert kappa[100] > kappa[99] * 1.0001
@@ -74,7 +74,7 @@ def test_close_pairs_are_kept():
 
 @pytest.mark.parametrize("n", [25, 400])
 def test_band_edge_inside_a_cluster_and_on_an_eigenvalue(n):
-    """Ten modes within 1e-6 about the edge: those below it, by their own frequency."""
+    """Ten modes within 1e-6 of the band edge: exactly the modes below the edge are listed."""
     cluster = 2.0 * (1 + 1e-6 * np.linspace(-0.45, 0.55, 10))
     kappa = np.sort(np.r_[cluster, np.linspace(0.5, 1.8, 8), np.linspace(2.5, 90.0, n - 18)])
     m = complex_modes(one(n), None, sp.diags(kappa).tocsr(), (0.0, np.sqrt(2.0) / TWO_PI))
@@ -86,7 +86,7 @@ def test_band_edge_inside_a_cluster_and_on_an_eigenvalue(n):
 
 @pytest.mark.parametrize("n", [40, 400])
 def test_shift_exactly_on_an_eigenvalue(n):
-    """kappa = sigma of either method: no division by zero."""
+    """kappa = sigma in both methods: no division by zero."""
     high = (TWO_PI * 0.5) ** 2
     for at in (high, 0.49 * high * (1 + 1.234e-7)):
         kappa = np.sort(np.r_[at, high * np.linspace(0.1, 0.95, 7), high * np.linspace(2, 90, n)])
@@ -96,7 +96,7 @@ def test_shift_exactly_on_an_eigenvalue(n):
 
 @pytest.mark.parametrize("mu", [0.0, 0.4, 1.0])
 def test_band_without_a_mode_and_a_third_of_the_patches_open(two_blocks, mu):
-    """The rest over two decades; below the first mode there is nothing, and that is proven."""
+    """The other patches span two decades; the count proves that the band has no mode."""
     scene = two_blocks("guided")
     rng = np.random.default_rng(5)
     k = 3e11 * 10 ** rng.uniform(-1, 1, scene.w.size)
@@ -116,7 +116,7 @@ def test_band_without_a_mode_and_a_third_of_the_patches_open(two_blocks, mu):
 
 
 def test_all_contacts_open_with_friction_is_symmetric(two_blocks):
-    """No spring, no friction: rigid motion of the pad at zero, nothing invented."""
+    """No closed element, no friction: only the pad's rigid motion, at zero."""
     scene = two_blocks("guided")
     k = np.zeros(scene.w.size)
     face = contact_interface(scene.N, scene.T, scene.w * k, 0.5)
@@ -126,7 +126,7 @@ def test_all_contacts_open_with_friction_is_symmetric(two_blocks):
 
 
 def test_rigid_modes_with_friction(two_blocks):
-    """Two free blocks in contact: six rigid modes, none of them lost, none a divergence."""
+    """Two free blocks in contact: six rigid modes, no missing mode, no divergence."""
     scene = two_blocks("loose")
     k = np.full(scene.w.size, 1e11)
     m = complex_modes(scene.M, None, scene.tangent(k, 0.0), (0.0, 60e3))
@@ -141,7 +141,7 @@ def test_rigid_modes_with_friction(two_blocks):
 
 @pytest.mark.parametrize("n", [60, 420])
 def test_springs_of_a_trillion_times_the_mean(n):
-    """1e12: the backward error says nothing then, a constraint is the reference.
+    """At 1e12 the backward error is no criterion; the reference is a constraint.
 
     Catches low modes drowned in the round-off of the stiff ones.
     """
@@ -173,7 +173,7 @@ def test_massless_contact_dofs(n, alpha):
 
 @pytest.mark.parametrize("nu", [0.49, 0.499])
 def test_nearly_incompressible_layer(nu):
-    """The sliding layer's exact dispersion relation, its lining all but incompressible."""
+    """Exact dispersion relation of a sliding layer with a nearly incompressible lining."""
     import importlib.util
     from pathlib import Path
 
@@ -190,7 +190,7 @@ def test_nearly_incompressible_layer(nu):
 
 @pytest.mark.parametrize("n", [30, 400])
 def test_spring_ten_thousand_times_softer(n):
-    """Two stiff chains through one soft spring: the low mode is the two masses on it."""
+    """Two stiff chains on one soft spring: the lowest mode is that of two masses on it."""
     k = np.full(n + 1, 1e4)
     k[n // 2], k[0], k[-1] = 1.0, 0.0, 0.0
     K = sp.diags([k[:-1] + k[1:], -k[1:-1], -k[1:-1]], [0, 1, -1]).tocsr()
@@ -205,7 +205,7 @@ def test_spring_ten_thousand_times_softer(n):
 
 @pytest.mark.parametrize("n", [40, 330])
 def test_damping_contrast_of_a_thousand(n):
-    """Half a chain with eta = 0.1, half with 1e-4: against the dense companion matrix."""
+    """A chain with eta = 0.1 and 1e-4 in its halves: compared with the companion matrix."""
     k = 1e6
     links = sp.diags([np.ones(n), -np.ones(n - 1)], [0, -1], shape=(n, n)).tocsr()
     parts = [(links.T @ sp.diags(k * half) @ links).tocsr()
@@ -252,7 +252,7 @@ def test_overdamped_modes_within_the_band(zeta, whole):
 
 @pytest.mark.parametrize("above", [1.032, 1.036, 1.049])
 def test_damped_mode_just_beyond_the_band(above):
-    """Modes close above the band's end, the last at the rim of the search: the count knows it.
+    """A mode just above the band, at the limit of the search: the count is still correct.
 
     With that one unseen, the counted region reached over it: one mode more than found.
     """
@@ -270,7 +270,7 @@ def test_damped_mode_just_beyond_the_band(above):
 
 @pytest.mark.parametrize("excess", [-1e-8, 0.0, 1e-8])
 def test_exceptional_point_in_a_large_problem(excess):
-    """A pair at the onset of flutter among 400 modes: neutral or right, condition large."""
+    """A pair at the onset of flutter among 400 modes: neutral or correct, large condition."""
     n, d = 400, 1e-3
     a = d * (1 + excess)
     K = sp.lil_matrix((n, n))

@@ -1,4 +1,4 @@
-"""Hard cases of the surface stage: each ends in a right answer or in a named error."""
+"""Hard cases of the surface stage: each gives a correct result or an error message."""
 
 import numpy as np
 import pytest
@@ -27,7 +27,7 @@ def test_flat_scan_is_refused(tilt):
 
 
 def test_third_of_the_points_missing():
-    """Moments come from the valid points alone; the spectrum keeps its slope."""
+    """Moments are computed from valid points; the slope of the spectrum does not change."""
     topo = scan()
     rng = np.random.default_rng(1)
     holes = topo.heights.copy()
@@ -71,7 +71,7 @@ def test_spikes_do_not_change_the_moments():
 
 
 def test_spectrum_below_the_reach_of_the_instrument():
-    """Everything shorter than the cutoff is noise: the band ends there, too few rings are said."""
+    """Waves shorter than the cutoff are noise: with too few rings left, an error message."""
     topo = scan(32)
     with pytest.raises(SurfaceError, match="rings"):
         characterise(topo, cutoff=0.5e-3)
@@ -90,7 +90,7 @@ def test_units_only_scale(unit):
 
 
 def test_tiny_and_odd_patches_can_be_made():
-    """Artificial surfaces from 2 x 2 pixels on, of odd sizes too."""
+    """Artificial surfaces of 2 x 2 pixels and more, also with odd numbers of pixels."""
     for shape in ((2, 2), (3, 3), (127, 129), (2, 64)):
         topo = synthesise(PAPER.bifractal, PAPER.hdf, shape, (1e-3, 1e-3), np.random.default_rng(0))
         assert np.isfinite(topo.heights).all() and topo.heights.std() > 0.0
@@ -98,7 +98,7 @@ def test_tiny_and_odd_patches_can_be_made():
 
 @pytest.mark.parametrize(("c1", "c2"), [(1.0, -2.0), (-0.1, -1.5), (-3.0, -8.0), (-2.8, -3.2)])
 def test_steep_and_rising_spectra(c1, c2):
-    """Slopes of real scans go from rising to -8: the fit returns what is there."""
+    """Spectra with slopes from positive to -8, as in real scans: the fit finds the slope."""
     n, length, q_c = 256, 2.8e-3, 3e4
     k = 2 * np.pi * np.hypot(*np.meshgrid(*2 * [np.fft.fftfreq(n, length / n)], indexing="ij"))
     x = np.where(k > 0, k, q_c) / q_c

@@ -1,4 +1,4 @@
-"""Branches where following is hard: a right answer, or a cut that says so, never a silent swap."""
+"""Hard cases of sweeps: branches are continued correctly or cut with a record, never swapped."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def kinds(events, *wanted):
 
 
 def test_merging_exactly_at_a_computed_value():
-    """The defective state itself is computed: branches pass it, and the merging is there."""
+    """A value lies exactly on a merging point: branches continue, the merging is found."""
     values = [0.0, 0.3, MERGED, 0.9, 1.2]
     solve = solver(hoffmann)
     followed = follow(solve, values, WIDE)
@@ -30,7 +30,7 @@ def test_merging_exactly_at_a_computed_value():
 
 
 def test_falling_values_give_the_events_of_rising_ones():
-    """A sweep from the last value to the first splits where the other one merges."""
+    """A sweep with falling values has a splitting where the rising sweep has a merging."""
     solve = solver(hoffmann)
     ((kind, x),) = kinds(
         find_events(follow(solve, np.linspace(1.2, 0, 7), WIDE), solve, 0.0, 1e-4),
@@ -91,7 +91,7 @@ def test_two_doublets_cross_at_one_value():
 
 @pytest.mark.parametrize("coupling", [1e-3, 1e-5, 1e-7])
 def test_weak_veering_never_leaves_a_gap_or_a_jump(coupling):
-    """Narrower than the smallest step a veering is a crossing: either way branches are smooth."""
+    """A veering narrower than the smallest step counts as a crossing: smooth branches."""
     K = lambda x: np.array([[1.0 + x, coupling], [coupling, 1.5 - x]])  # noqa: E731
     solve = solver(lambda x: (np.eye(2), NONE, K(x)))
     followed = follow(solve, np.linspace(0, 0.5, 6), WIDE)
@@ -102,7 +102,7 @@ def test_weak_veering_never_leaves_a_gap_or_a_jump(coupling):
 
 
 def test_a_doublet_that_stays_together_costs_no_steps():
-    """Two equal modes up to round-off of either sign, along all values, beside one that moves."""
+    """Two modes equal to round-off at all values, and a third one that changes."""
     rng = np.random.default_rng(5)
 
     def K(x):
@@ -115,7 +115,7 @@ def test_a_doublet_that_stays_together_costs_no_steps():
 
 
 def test_defective_everywhere():
-    """Two modes that stay merged, a Jordan block for every value: no branch is invented."""
+    """Two modes are merged at every value (Jordan block): no spurious branch."""
     K = lambda x: np.array([[1.0 + x, 1.0], [0.0, 1.0 + x]])  # noqa: E731
     solve = solver(lambda x: (np.eye(2), NONE, K(x)))
     followed = follow(solve, np.linspace(0, 0.5, 4), WIDE)
@@ -124,7 +124,7 @@ def test_defective_everywhere():
 
 
 def test_jump_of_the_contact_state():
-    """An element opens at 0.3: the modes jump, the likeliest go on, and a row says so."""
+    """An element opens at 0.3 and modes jump: the most similar continue, with a row `jump`."""
 
     def solve(x):
         opened = x > 0.3
@@ -142,7 +142,7 @@ def test_jump_of_the_contact_state():
 
 
 def test_modes_that_jump_are_cut_once():
-    """Two modes turned by 50 degrees at 0.43, both 10 % higher: cut there, and followed beyond."""
+    """Two modes rotate by 50 degrees and rise by 10 % at 0.43: cut, then followed again."""
     turn = np.deg2rad(50.0)
     R = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
 
@@ -160,7 +160,7 @@ def test_modes_that_jump_are_cut_once():
 
 
 def test_modes_that_are_noise_end():
-    """Other modes at every value: cut everywhere, with about as many values as were asked for."""
+    """Random modes at every value: branches are cut, without many extra values."""
     rng = np.random.default_rng(0)
 
     def matrices(x):
@@ -173,7 +173,7 @@ def test_modes_that_are_noise_end():
 
 
 def test_no_equilibrium_beyond_a_value():
-    """Branches end at the last value that has an equilibrium; without any it is an error."""
+    """Branches end at the last value with an equilibrium; no equilibrium at all is an error."""
 
     def solve(x):
         if x > 0.5:

@@ -43,7 +43,7 @@ def tied(kappa, supports, loads, shift=0.0):
 
 @pytest.mark.parametrize(("times", "error"), [(1e-8, 1e-9), (1e4, 1e-7), (1e8, 1e-3)])
 def test_stiffness_of_a_tie_a_hundred_million_times_off(times, error):
-    """Patch test: the error is round-off times how far the layer is off, no more."""
+    """Patch test: the error is at most round-off times the factor of the stiffness."""
     usual = tied(None, HELD, {})[1].stiffness
     p, kappa = 1e6, times * usual
     elastic, _ = tied(kappa, HELD, {"high.top": p})
@@ -59,7 +59,7 @@ def test_stiffness_of_a_tie_a_hundred_million_times_off(times, error):
 
 @pytest.mark.parametrize("width", [1e-3, 1e-6, 1e-9])
 def test_sliver_of_a_common_part(width):
-    """The blocks share a strip: its area to round-off, and no rigid motion strains it."""
+    """The blocks share a strip: exact area, no strain from rigid motions."""
     elastic, tie = tied(1e15, {}, {}, 10e-3 - width)
     assert tie.area == pytest.approx(8e-3 * width, rel=1e-6)
     K = elastic.K

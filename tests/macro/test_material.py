@@ -138,7 +138,7 @@ def test_orthotropic_refusals():
 
 @pytest.mark.hard
 def test_ratio_of_ten_thousand_and_nearly_incompressible():
-    """Stays positive definite, and the constants come back to what the condition allows."""
+    """The matrix is positive definite; constants are recovered as the condition allows."""
     C = orthotropic(np.array([1e13, 1e9, 1e9]), np.array([0.3, 0.3, 0.3]), np.full(3, 1e8))
     assert engineering_constants(C)["E_x"] == pytest.approx(1e13, rel=1e-10)
     C = isotropic(1e9, 0.5 - 1e-9)

@@ -1,4 +1,4 @@
-"""Runs at the edge: one of everything, nothing closed, nothing unstable, failed samples only."""
+"""Hard cases of the report: single items, open contact, no unstable mode, failed samples only."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def test_one_neutral_mode_without_error_estimate(tmp_path):
 
 
 def test_no_mode_in_the_band(tmp_path):
-    """No mode at all: tables and the counts, and no squeal map."""
+    """No mode in the band: tables and counts, but no squeal map."""
     write_rows(tmp_path / "modes.csv", MODES, [])
     write_rows(tmp_path / "samples.csv", SAMPLES, [["parametric", k, "ok", k] for k in range(5)])
     drawn = names(tmp_path)

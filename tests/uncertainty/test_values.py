@@ -167,7 +167,7 @@ def test_speed_moves_friction_and_its_damping():
 
 @pytest.mark.hard
 def test_strong_damping_of_sliding_at_low_speed():
-    """mu p / V about the impedance of the lining's waves: errors as stated; far beyond: refused."""
+    """mu p / V near the impedance of the lining: errors as estimated; far above: rejected."""
     changes = [*COARSE, FALLING, "stability.damping={ sliding=true, slope=true }"]
     prepared = model.prepare(BLOCK, changes, parameters={SPEED: (0.02, 4.0)})
     for speed in (0.2, 0.5):
