@@ -238,7 +238,7 @@ def _undamped(state: State) -> bool:
     return bool(np.all(apart <= 1e-9 * np.abs(state.s)))
 
 
-def _merges(state: State, pair: tuple[int, int]) -> bool:
+def _merges(state: State, pair: Sequence[int]) -> bool:
     """Whether two modes of an undamped brake are a pair that merges, or one that has merged."""
     on_axis = np.abs(state.s.real[list(pair)]) <= 1e-9 * np.abs(state.s[list(pair)])
     return bool(on_axis.all()) or conjugate_pair(state, pair)
