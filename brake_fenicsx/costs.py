@@ -1,8 +1,8 @@
 """What a run will cost: seconds and memory of each stage, estimated from its sizes alone.
 
-Every constant is a measured figure of the README (tables of stages, of the size ladder, of one
-equilibrium, of micro-contact), on one 2.6 GHz core with OpenBLAS on one thread; exponents are the
-ladder's. With
+Every constant is a measured figure of docs/benchmarks.md (tables of stages, of the size ladder, of
+one equilibrium, of micro-contact), on one 2.6 GHz core with OpenBLAS on one thread; exponents are
+the ladder's. With
 
     n free dofs, m contact elements, r real modes below 1.8 times the band, b modes in the band,
     v = 0.0213 s (n / 105e3)^1.22, one vector of a blocked solve,
@@ -10,7 +10,7 @@ ladder's. With
     laws       0.05 s (pixels / 402)^2 + 0.2 s (min(pixels, 192) / 128)^2.5, each; periodic, where
                every product is one of all pixels, 0.85 s (pixels / 402)^2, with hardness 2 s
     brake      2.7 s (n / 105e3)^0.87
-    offline    4.4 s (n / 105e3)^1.63 for the factor; then 15 r v for the real modes and 4.5 m v for
+    offline    4.4 s (n / 105e3)^1.63 for the factor; then 8 r v for the real modes and 2.2 m v for
                the interface of the reduced model; without it 0.45 m v for the compliance;
                12 (a m + r) v for damping in it;
                0.10 m v for each moment at each point where materials change: a moment of degree
@@ -211,7 +211,7 @@ def _mechanics(scene: Scene, c: Counts) -> list[Cost]:
     r = REAL_MODES_PER_HZ * cutoff
     vector = 0.0213 * (n / 105e3) ** 1.22
     shared = 4.4 * (n / 105e3) ** 1.63 + (
-        15 * r * vector + 4.5 * m * vector if c.reduced or c.changing else 0.45 * m * vector
+        8 * r * vector + 2.2 * m * vector if c.reduced or c.changing else 0.45 * m * vector
     )
     one = 0.2 * (m / 1368) ** 2.5
     reduced = c.reduced * (0.1 * (r / 150) ** 3 + 0.1 * (m / 1e3) ** 2)
@@ -247,7 +247,7 @@ def _mechanics(scene: Scene, c: Counts) -> list[Cost]:
     solver = 30e-6 * n if c.full else 0.0
     solver += 19e-6 * n if c.damped else 0.0
     peak = held + model + solver
-    pictures = PICTURES * 1.7 * len(scene.samples.approaches) if top else 0.0
+    pictures = PICTURES * 2.5 * len(scene.samples.approaches) if top else 0.0
     written = 1.0 + (pictures + anew if "report" in scene.stages else 0.0)
     return [
         Cost("brake", 2.7 * (n / 105e3) ** 0.87, 0.2 + 4e-6 * n),

@@ -18,7 +18,7 @@ SCENES = ROOT / "scripts" / "scenes"
 # Sizes as the page gives them: dofs, contact elements, samples, reduced, full order.
 RUNS = {
     "disc_brake": (Counts(152_479, 1368, 300, 300, 0), 2, 1),
-    "disc_brake_study": (Counts(152_479, 1368, 701, 300, 2, 400), 2, 3),
+    "disc_brake_study": (Counts(152_479, 1368, 1401, 301, 1, 1100), 2, 3),
     "disc_brake_demo": (Counts(40_745, 576, 21, 20, 2), 1, 5),
 }
 SHARED = ("micro", "offline", "samples")

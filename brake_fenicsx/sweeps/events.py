@@ -238,6 +238,12 @@ def _undamped(state: State) -> bool:
     return bool(np.all(apart <= 1e-9 * np.abs(state.s)))
 
 
+def _merges(state: State, pair: Sequence[int]) -> bool:
+    """Whether two modes of an undamped brake are a pair that merges, or one that has merged."""
+    on_axis = np.abs(state.s.real[list(pair)]) <= 1e-9 * np.abs(state.s[list(pair)])
+    return bool(on_axis.all()) or conjugate_pair(state, pair)
+
+
 def _zero(x: float, d: complex, y: float, e: complex) -> complex:
     """Zero of the straight line through two values of d."""
     if e == d:
@@ -372,4 +378,8 @@ def _same_group(old: State, group: tuple[int, ...], new: State) -> tuple[int, ..
     candidates: list[tuple[int, ...]] = [(int(i),) for i in order]
     if len(group) == 2:
         candidates = [(int(i), int(j)) for n, i in enumerate(order) for j in order[n + 1 :]]
+        if _undamped(new):
+            # Among three modes of nearly one shape a growing one may be taken for either of the
+            # two that merge: Re d of it and a mode on the axis passes zero where nothing merges.
+            candidates = [pair for pair in candidates if _merges(new, pair)] or candidates
     return min(candidates, key=lambda chosen: abs(group_likeness(old, group, new, chosen) - 1.0))

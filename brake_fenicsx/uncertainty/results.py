@@ -164,7 +164,8 @@ class Results:
 
     def samples(self) -> Iterator[list[Any]]:
         """Rows of samples.csv."""
-        names = self._inputs()
+        # Each of these looks at all samples.
+        names, counts, proofs = self._inputs(), self._rejected(), self._proofs()
         for task in self.tasks:
             data = self.stored.get(task)
             if data is None:
@@ -181,7 +182,7 @@ class Results:
                 left = {"tolerance_missed": int(data["tolerance_missed"]), "complete": proven}
             yield [
                 *task, data["status"], seed, data["mean_mu"], *values,
-                *(rejected for _ in self._rejected()), *(left[name] for name in self._proofs()),
+                *(rejected for _ in counts), *(left[name] for name in proofs),
             ]  # fmt: skip
 
     def mode_columns(self, first: Sequence[str]) -> list[str]:

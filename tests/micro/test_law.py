@@ -159,8 +159,11 @@ def test_any_law_is_monotone_and_its_derivatives_fit(seed, n):
     h = 1e-5 * span / n
     corner = np.concatenate([d, [law.first_touch]])
     far = np.abs(x[:, None] - corner).min(axis=1) > 2 * h
+    # Their error, h^2 / 6 times the third derivative, is large between two steps that are close.
+    order = np.sort(corner)
+    far &= np.diff(np.r_[-np.inf, order, np.inf])[np.searchsorted(order, x)] > 1e3 * h
     slope = (law.pressure(x[far] - h) - law.pressure(x[far] + h)) / (2 * h)
-    np.testing.assert_allclose(slope, k[far], rtol=1e-3, atol=1e-6 * k.max())
+    np.testing.assert_allclose(slope, k[far], rtol=1e-3, atol=1e-5 * k.max())
     push = (law.energy(x[far] - h) - law.energy(x[far] + h)) / (2 * h)
     np.testing.assert_allclose(push, p[far], rtol=1e-3, atol=1e-6 * p.max())
 

@@ -250,3 +250,20 @@ def test_branches_of_the_demo_brake_are_the_modes_of_full_order():
         distance = np.abs(np.subtract.outer(full.s, here)).min(axis=1)
         # Next to a merging the error of an eigenvalue is the root of that of its square.
         assert np.all(distance <= 1e-5 * np.abs(full.s) * np.maximum(1, full.condition))
+
+
+def test_a_merging_next_to_a_third_mode_is_that_of_the_two_that_merge():
+    """Three modes within 1 %: on either side of each event the number of growing modes differs.
+
+    A growing mode and the third one have Re (lambda_1 - lambda_2)^2 = 0 where nothing merges.
+    """
+    block = prepare(BLOCK.with_name("squealing_block.toml"), ["samples.n=1"])
+    for values in (np.linspace(0.0, 0.8, 21), np.linspace(0.0, 0.8, 41), np.linspace(0.3, 0.6, 11)):
+        found = block.sweep(KEY, values).events
+        assert found
+        for event in found:
+            sides = [
+                block.modes({KEY: event.x + side * event.error}).verdict for side in (-5.0, 5.0)
+            ]
+            before, after = (sum(v == "unstable" for v in verdicts) for verdicts in sides)
+            assert before != after, event.kind
