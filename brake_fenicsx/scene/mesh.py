@@ -24,7 +24,7 @@ def _names_type() -> Any:
 
 @dataclass(frozen=True, slots=True)
 class MeshTable:
-    """[mesh]: how parts are meshed, or which file holds them.
+    """[mesh]: how parts are meshed, or the file that contains the mesh.
 
     Attributes:
         cells: kind of the builders' cells; hexahedra only for swept parts. The hexahedra of the

@@ -300,7 +300,7 @@ class Contact:
 
 @dataclass(frozen=True, slots=True)
 class Load:
-    """[loads]: what acts on a face, by its name "part.face".
+    """[loads]: loads on a face, by its name "part.face".
 
     Attributes:
         pressure: the pressure, towards the body.
