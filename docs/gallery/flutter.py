@@ -30,7 +30,8 @@ model = prepare(
     ],
 )
 found = model.sweep("contact.block_plate.friction", np.linspace(0.0, 0.8, 81))
-(merging,) = (event for event in found.events if event.kind == "merging")
+onset = next(event for event in found.events if event.kind == "onset of squeal")
+merging = [e for e in found.events if e.kind == "merging" and e.x <= onset.x][-1]
 print(f"two modes merge at a friction coefficient of {merging.x:.4f},")
 print(f"at {merging.s.imag / (2e3 * np.pi):.3f} kHz")
 # -
