@@ -133,6 +133,8 @@ def test_formats_of_other_codes(tmp_path, cap, kind):
     """The same matrices, whatever the order of the rows in the files."""
     if kind == "dmig":
         pytest.importorskip("pyNastran")
+        if np.lib.NumpyVersion(np.__version__) >= "2.0.0":
+            pytest.skip("pyNastran's DMIG reader fails with NumPy 2; the program says so")
     K, M, points = cap
     write_nodes(tmp_path, points)
     labels = [(100 + i // 3, 1 + i % 3) for i in range(K.shape[0])]
