@@ -8,7 +8,6 @@ entry: Abaqus FORMAT=MATRIX INPUT and LABELS); Nastran DMIG, by pyNastran; SciPy
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -132,11 +131,15 @@ def _columns(path: Path) -> LabelledMatrix:
     if width == 3:
         i, j = table[:, :2].astype(int).T - 1
         return LabelledMatrix(_filled(i, j, table[:, 2], int(max(i.max(), j.max())) + 1), None)
-    pairs = table[:, :4].astype(int).reshape(-1, 2)
-    labels, place = np.unique(pairs, axis=0, return_inverse=True)
+    return _labelled(table[:, :4].astype(int), table[:, 4])
+
+
+def _labelled(pairs: NDArray[np.int_], values: NDArray[np.float64]) -> LabelledMatrix:
+    """A matrix from node, component, node and component of each entry."""
+    labels, place = np.unique(pairs.reshape(-1, 2), axis=0, return_inverse=True)
     i, j = place.reshape(-1, 2).T
     names = [(int(node), int(component)) for node, component in labels]
-    return LabelledMatrix(_filled(i, j, table[:, 4], len(names)), names)
+    return LabelledMatrix(_filled(i, j, values, len(names)), names)
 
 
 def _filled(i: NDArray, j: NDArray, values: NDArray, size: int) -> sp.csr_matrix:
@@ -160,12 +163,17 @@ def _dmig(path: Path) -> LabelledMatrix:
     except ImportError:
         raise SceneError("Nastran DMIG is read by pyNastran: pip install pyNastran") from None
     deck = BDF(debug=None)
-    deck.read_bdf(str(path), validate=False, xref=False, punch=True)
+    try:
+        deck.read_bdf(str(path), validate=False, xref=False, punch=True)
+    except Exception as error:  # pyNastran raises errors of many classes, of several lines
+        raise SceneError(f"pyNastran cannot read it: {str(error).partition(chr(10))[0]}") from None
     if len(deck.dmig) != 1:
         raise SceneError(
             f"DMIG matrices {', '.join(deck.dmig) or 'none'}; write one matrix to each file"
         )
-    A, rows, _ = next(iter(deck.dmig.values())).get_matrix(is_sparse=True)
+    # Its entries, not its get_matrix, which in some releases fails with NumPy 2.
+    A = next(iter(deck.dmig.values()))
+    if A.is_complex:
+        raise SceneError("a complex DMIG matrix; real matrices are needed")
     # Scalar points have the component 0; they are no displacements.
-    names: Sequence[Label] = [(int(rows[i][0]), int(rows[i][1])) for i in range(len(rows))]
-    return LabelledMatrix(sp.csr_matrix(A), [*names])
+    return _labelled(np.hstack([A.GCi, A.GCj]).astype(int), np.asarray(A.Real, dtype=float))

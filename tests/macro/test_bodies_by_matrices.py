@@ -133,8 +133,6 @@ def test_formats_of_other_codes(tmp_path, cap, kind):
     """The same matrices, whatever the order of the rows in the files."""
     if kind == "dmig":
         pytest.importorskip("pyNastran")
-        if np.lib.NumpyVersion(np.__version__) >= "2.0.0":
-            pytest.skip("pyNastran's DMIG reader fails with NumPy 2; the program says so")
     K, M, points = cap
     write_nodes(tmp_path, points)
     labels = [(100 + i // 3, 1 + i % 3) for i in range(K.shape[0])]
@@ -374,6 +372,24 @@ def test_entries_given_twice_are_refused(tmp_path):
     (tmp_path / "K.txt").write_text("1 1 2.0\n1 1 2.0\n")
     with pytest.raises(SceneError, match="given twice"):
         read_matrix(tmp_path / "K.txt")
+
+
+@pytest.mark.parametrize(
+    ("lines", "said"),
+    [
+        (["DMIG    A       1       1               x       1       2.5"], "pyNastran cannot read it"),
+        (
+            ["DMIG    A              0       6       4       0",
+             "DMIG    A              1       1               1       1     2.5     1.5"],
+            "complex",
+        ),
+    ],
+)  # fmt: skip
+def test_dmig_that_is_no_real_matrix(tmp_path, lines, said):
+    pytest.importorskip("pyNastran")
+    (tmp_path / "K.bdf").write_text("\n".join(lines) + "\n")
+    with pytest.raises(SceneError, match=said):
+        read_matrix(tmp_path / "K.bdf")
 
 
 def test_units_are_asked_for(exported):
