@@ -571,6 +571,8 @@ def mechanics(
         return
     have_alone(this)
     with this.stage("results"):
+        if this.comm.rank == 0:
+            this.store.forget_tables()
         first = study.write()
         if sweep is not None:
             this.facts |= sweep.write()
@@ -637,6 +639,8 @@ def report(directory: Path) -> None:
 
     contact_maps(directory)
     data = read_run(directory)
+    # Those of an earlier run with other stages or keys.
+    shutil.rmtree(directory / "tables", ignore_errors=True)
     make_figures(data)
     write_tables(data)
     write_surface_tables(data)

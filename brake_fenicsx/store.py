@@ -44,6 +44,13 @@ _FILES = {
     ),
 }  # fmt: skip
 
+# What is made of the samples and the lines of a sweep at the end of every run.
+MADE_OF_SAMPLES = (
+    "samples.csv", "modes.csv", "contact.csv", "drivers.csv", "drivers_contact.csv",
+    "probabilities.csv", "convergence.csv", "sensitivity.csv", "shapes.npz",
+    "sweep.csv", "lock_in.csv", "chart.csv", "critical.csv", "critical_curve.csv",
+)  # fmt: skip
+
 
 # Arrays begin at multiples of so many bytes in a file; the number of the zip field that pads them
 # (any reader skips it); arrays from this size on are mapped [bytes].
@@ -118,6 +125,11 @@ class Store:
         for name in ("cache", "samples"):
             self.path(name).mkdir(exist_ok=True)
         _write(self.path("scene.toml"), scene.file.read_text())
+
+    def forget_tables(self) -> None:
+        """Remove the tables of an earlier run, of which this one may not make all."""
+        for name in MADE_OF_SAMPLES:
+            self.path(name).unlink(missing_ok=True)
 
     def save(self, name: str, **arrays: Any) -> None:
         """Write arrays under a name relative to the folder."""

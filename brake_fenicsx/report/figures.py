@@ -221,4 +221,7 @@ def make_figures(directory: str | Path | RunData) -> list[Path]:
             figure = plot.draw(run)
             if figure is not None:
                 written += save(figure, folder, plot.name)
+                continue
+            for old in folder.glob(f"{plot.name}.*"):
+                old.unlink()  # of an earlier run with other stages or keys
     return written

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -14,6 +15,7 @@ import pytest
 from brake_fenicsx import prepare, sweep
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.pipeline import run
+from brake_fenicsx.report.rundata import SWEEP as SWEEP_TABLES
 from brake_fenicsx.report.rundata import read_run
 from brake_fenicsx.report.sweep_figures import draw_chart
 from processes import parallel
@@ -134,6 +136,15 @@ def test_a_sweep_of_an_earlier_run_keeps_its_samples(swept, tmp_path):
         assert (out / name).read_bytes() == (swept / name).read_bytes()
     assert (out / "figures" / "sweep_branches.png").is_file()
     assert "Lock-in over the parameter" in (out / "report.html").read_text()
+
+
+def test_tables_of_a_sweep_go_with_it(swept, tmp_path):
+    """A later run with another threshold and no sweep leaves no onsets of the earlier threshold."""
+    out = tmp_path / "out"
+    shutil.copytree(swept, out)
+    run(BLOCK, COMM, out, [*ROUGH, "stability.threshold=5e-2"])
+    assert not any((out / f"{name}.csv").exists() for name in SWEEP_TABLES)
+    assert (out / "modes.csv").exists()
 
 
 def test_two_processes_give_the_tables_of_one(swept, tmp_path):
