@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from brake_fenicsx.cache import SharedCache
 from brake_fenicsx.checks import check
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.extensions import Extensions
 from brake_fenicsx.pipeline import Run, before_samples, make_study
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.samples import unit_of
@@ -171,6 +172,7 @@ def prepare(
     cache: str | Path | None = None,
     parameters: Mapping[str, Sequence[float]] | None = None,
     comm: MPI.Comm | None = None,
+    extensions: Extensions | None = None,
 ) -> Model:
     """Make what the samples of a scene share: brake, laws, reduced model; collective.
 
@@ -182,11 +184,19 @@ def prepare(
         parameters: dotted key -> lowest and highest value, SI, of scalars that enter the matrices
             of the bodies and will take other values than in the scene.
         comm: processes; this process alone if None.
+        extensions: friction laws, damping terms and laws of inputs in place of the scene's; then
+            without directory and cache, whose files are known by the scene alone.
 
     Raises:
         SceneError: the scene is wrong, or has no stage equilibrium.
     """
     parsed, comm = read_scene(scene, overrides), MPI.COMM_SELF if comm is None else comm
+    if extensions is not None:
+        if directory is not None or cache is not None:
+            raise SceneError(
+                f"{parsed.file}: extensions: leave out directory and cache, whose files are known"
+                " by the scene alone"
+            )
     if "equilibrium" not in parsed.stages:
         raise SceneError(f"{parsed.file}: stages: 'equilibrium' is missing")
     ranges = {key: Range(values=tuple(map(float, v))) for key, v in (parameters or {}).items()}
@@ -203,6 +213,8 @@ def prepare(
     store = Store(Path(directory))
     store.check(parsed)
     stats = check(parsed, comm)
+    if extensions is not None:
+        parsed = extensions.applied(parsed)
     this = Run(parsed, comm, store, SharedCache(store, None if cache is None else Path(cache)))
     store.open(parsed)
     brake, library = before_samples(this, stats)

@@ -11,13 +11,16 @@ import pytest
 from brake_fenicsx.geometry.part import Part, faces_where, flat_at
 
 from brake_fenicsx import assemble, prepare, sample
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.extensions import Extensions
 from brake_fenicsx.macro import build_mesh, equilibrium
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.material import Material, isotropic
+from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability import Reduced, complex_modes
 
 BLOCK = Path(__file__).parents[1] / "scripts" / "scenes" / "squealing_block.toml"
-FRICTION = "contact.block_plate.friction"
+FRICTION, ROUGH = "contact.block_plate.friction", "joint"
 
 
 @pytest.fixture(scope="module")
@@ -86,6 +89,104 @@ def test_a_part_of_ones_own():
     # Euler and Bernoulli's cantilever, without shear: a few per cent above the finite elements.
     beam = 1.8751**2 / (2 * np.pi) * np.sqrt(207e9 / 7820.0) * rod.radius / 2 / rod.length**2
     assert first == pytest.approx(beam, rel=0.06)
+
+
+@dataclass(frozen=True)
+class Stribeck:
+    """mu = high + (low - high) / (1 + V / V_s): the protocol ``extensions.FrictionLaw``."""
+
+    low: float
+    high: float
+    V_s: float  # [m/s]
+
+    def coefficient(self, V):
+        fall = 1 / (1 + V / self.V_s)
+        return (
+            self.high + (self.low - self.high) * fall,
+            -(self.low - self.high) / self.V_s * fall**2,
+        )
+
+
+def test_a_friction_law_of_ones_own():
+    """The modes of the table of the scene that has the same coefficient and slope at the speed."""
+    own, slope = Stribeck(0.6, 0.3, 0.5), "stability.damping={ slope = true }"
+    speed = read_scene(BLOCK).motion.rate
+    (mu,), (fall,) = own.coefficient(np.array([speed]))
+    # kinetic + a exp(-V / decay) with the decay of the speed.
+    a = -fall * speed * np.e
+    table = f"{{ static = {mu - a / np.e + a}, kinetic = {mu - a / np.e}, decay = '{speed} m/s' }}"
+    # The term needs a friction that depends on the speed in the scene; the own law replaces it.
+    other = f"{FRICTION}={{ static = 0.3, kinetic = 0.2, decay = '1 m/s' }}"
+    model = prepare(
+        BLOCK,
+        ["countermeasures=[]", other, slope],
+        extensions=Extensions(friction={"block_plate": own}),
+    )
+    given = prepare(BLOCK, ["countermeasures=[]", f"{FRICTION}={table}", slope])
+    np.testing.assert_allclose(sample(model).s, sample(given).s, rtol=1e-8)
+    undamped = prepare(BLOCK, [f"{FRICTION}={mu}"])
+    assert not np.allclose(sample(model).s, sample(undamped).s, rtol=1e-6)
+
+
+@dataclass(frozen=True)
+class MassDamping:
+    """C = 2 a M, which moves every eigenvalue by -a: protocol ``DampingTerm``."""
+
+    a: float  # [1/s]
+
+    def matrix(self, brake):
+        return (2 * self.a * brake.M).tocsr()
+
+
+@pytest.mark.parametrize("method", ["full", "reduced"])
+def test_a_damping_term_of_ones_own_in_a_scene(method):
+    changes = [f"stability.method={method}", "samples.n=2"]
+    damped = sample(prepare(BLOCK, changes, extensions=Extensions(damping=[MassDamping(40.0)])))
+    plain = sample(prepare(BLOCK, changes))
+    shifted = -40.0 + 1j * np.sqrt(-(plain.s**2) - 40.0**2)
+    distance = abs(np.subtract.outer(shifted, damped.s)).min(axis=1)
+    assert plain.s.size == damped.s.size and np.all(distance < 1e-5 * abs(shifted))
+
+
+@dataclass(frozen=True)
+class Triangular:
+    """Symmetric triangle around the value in the scene: protocol ``InputLaw``."""
+
+    share: float
+
+    def quantile(self, u, nominal):
+        u = np.asarray(u)
+        right = 1 - np.sqrt(2 * (1 - np.maximum(u, 0.5)))
+        return nominal * (1 + self.share * np.where(u < 0.5, np.sqrt(2 * u) - 1, right))
+
+
+def test_a_law_of_a_random_input_of_ones_own():
+    """The modes of a sample are those of the value that it drew."""
+    own = Extensions(random={FRICTION: Triangular(0.2)})
+    given = f"samples.random.'{FRICTION}'={{ law = 'uniform', spread = 0.5 }}"
+    changes = ["countermeasures=[]", given, "samples.joint.n=40", "samples.approaches=['joint']"]
+    model = prepare(BLOCK, changes, extensions=own)
+    nominal = read_scene(BLOCK).contact["block_plate"].friction
+    drawn = np.array([model.study.work((ROUGH, k))["random"][0] for k in range(40)])
+    assert np.all(abs(drawn / nominal - 1) <= 0.2) and np.ptp(drawn) > 0.1 * nominal
+    np.testing.assert_allclose(
+        model.modes(approach=ROUGH, sample=3).s,
+        model.modes({FRICTION: drawn[3]}, ROUGH, 3).s,
+        rtol=1e-12,
+    )
+
+
+@pytest.mark.parametrize(
+    ("own", "more", "said"),
+    [
+        (Extensions(friction={"pad": Stribeck(1, 1, 1)}), {}, "no interface 'pad'; .*block_plate"),
+        (Extensions(random={"contact.pad.friction": Triangular(0.1)}), {}, "no .contact.pad"),
+        (Extensions(damping=[MassDamping(1.0)]), {"cache": "cache"}, "leave out .*cache"),
+    ],
+)  # fmt: skip
+def test_extensions_that_fit_no_scene(own, more, said):
+    with pytest.raises(SceneError, match=said):
+        prepare(BLOCK, extensions=own, **more)
 
 
 def test_random_inputs_of_ones_own():

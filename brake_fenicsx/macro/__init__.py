@@ -12,7 +12,7 @@ from brake_fenicsx.macro.braking import equilibrium
 from brake_fenicsx.macro.equilibrium import Equilibrium, displacement
 from brake_fenicsx.macro.gap import EnrichedGap, draw_critical_gaps, draw_waviness
 
-_HOME = {"assemble_brake": "brake", "Brake": "brake", "build_mesh": "mesh"}
+_HOME = {"assemble_brake": "brake", "Brake": "brake", "build_mesh": "mesh", "PartBuilder": "mesh"}
 __all__ = [
     "Equilibrium",
     "EnrichedGap",

@@ -90,24 +90,6 @@ def tangent_frame(normal: Array) -> tuple[Array, Array]:
     return s, np.cross(normal, s)
 
 
-def velocity_friction(V: Array, static: float, kinetic: float, decay: float) -> tuple[Array, Array]:
-    """Friction that falls from a static to a kinetic value, and its slope.
-
-    mu(V) = kinetic + (static - kinetic) exp(-V / decay).
-
-    Args:
-        V: sliding speeds [m/s], any shape.
-        static: coefficient at rest [-].
-        kinetic: coefficient at high speed [-].
-        decay: speed over which the difference falls by e [m/s].
-
-    Returns:
-        mu [-] and mu'(V) [s/m], shape of V.
-    """
-    fall = (static - kinetic) * np.exp(-np.asarray(V, float) / decay)
-    return kinetic + fall, np.asarray(-fall / decay, float)
-
-
 def friction_traction(p: Array, mu: float | Array) -> Array:
     """Coulomb's traction on the pad along s, mu p [Pa].
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from mpi4py import MPI
 
@@ -15,13 +15,28 @@ import numpy as np
 
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.geometry.part import Part
 from brake_fenicsx.scene.mesh import MeshTable
 
 from .meshing.gmsh_mesh import discrete_model, gmsh_session, mesh_part, swept_part
 from .meshing.quality import Quality, orientation, quality
 from .meshing.rawmesh import RawMesh, facet_nodes, joined
 
-Builder = tuple[Any, Any]
+
+class PartBuilder(Protocol):
+    """A shape: a module, or any object with this function."""
+
+    def build(self, occ: Any, parameters: Any) -> Part:
+        """Volumes and faces of one part by name, in the current gmsh model.
+
+        Args:
+            occ: ``gmsh.model.occ``.
+            parameters: dimensions and mesh sizes [m].
+        """
+
+
+Builder = tuple[PartBuilder, Any]
+
 Result = TypeVar("Result")
 
 # Cells of one part beyond which its size is taken for a slip: gmsh would mesh for hours.

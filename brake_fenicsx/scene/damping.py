@@ -9,12 +9,12 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene.friction import one_friction, rubs, slides
+from brake_fenicsx.scene.friction import depends_on_speed, one_friction, rubs, slides
 from brake_fenicsx.scene.tables import dotted, key
 from brake_fenicsx.scene.units import to_si
 
@@ -52,6 +52,7 @@ class Damping:
         gyroscopic: whether the second bodies of the interfaces rotate; or the names of the rotating
             parts.
         modal: damping ratio of the modes of a part without contact; only for reduced models.
+        own: terms of a user's own (``extensions.DampingTerm``).
     """
 
     rayleigh: tuple[float, ...] | None = key(default=None, units=("1/s", "s"), sign="zero")
@@ -61,6 +62,7 @@ class Damping:
     slope: bool = False
     gyroscopic: bool | tuple[str, ...] = False
     modal: dict[str, ModalDamping] = field(default_factory=dict)
+    own: tuple[Any, ...] = key(default=(), internal=True)
 
     @property
     def reference(self) -> float:
@@ -97,7 +99,7 @@ def active_terms(scene: Scene, approach: str) -> tuple[str, ...]:
     if stability is None or "stability" not in scene.stages:
         return ()
     table = stability.damping
-    named = [n for n in TERMS if table and getattr(table, n)]
+    named = [n for n in (*TERMS, "own") if table and getattr(table, n)]
     if damped_springs(scene):
         named.append("springs")
     if damped_bodies(scene):
@@ -151,7 +153,7 @@ def check_damping(scene: Scene) -> None:
     if table is None:
         return
     _check_loss(scene, table)
-    if not any(getattr(table, name) for name in TERMS):
+    if not any(getattr(table, name) for name in (*TERMS, "own")):
         raise SceneError(
             f"{WHERE}: no term; name {', '.join(TERMS[:-1])} or {TERMS[-1]}, or leave the section"
             " out"
@@ -188,7 +190,7 @@ def _check_friction(scene: Scene, table: Damping) -> None:
     if not table.slope:
         return
     frictions = [c.friction for name, c in scene.contact.items() if slides(scene, name)]
-    if not any(not isinstance(f, float | int) and f.static != f.kinetic for f in frictions):
+    if not any(depends_on_speed(f) for f in frictions):
         raise SceneError(
             f"{WHERE}.slope: no friction depends on the speed; write"
             " contact.NAME.friction = { static = .., kinetic = .., decay = .. }"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from brake_fenicsx.scene.sections import Friction, Scene
@@ -32,6 +32,13 @@ def friction_of(scene: Scene, approach: str, interface: str) -> float | Friction
     return own if approach in PERFECT and own is not None else scene.contact[interface].friction
 
 
+def depends_on_speed(friction: Any) -> bool:
+    """Whether a coefficient, a table of it or a law of a user's own may change with the speed."""
+    if isinstance(friction, float | int):
+        return False
+    return bool(getattr(friction, "static", 1.0) != getattr(friction, "kinetic", 0.0))
+
+
 def rubs(scene: Scene, approach: str) -> bool:
     """Whether some element of an approach's samples has friction."""
     other = [*scene.samples.random] if scene.samples.takes_random(approach) else []
@@ -39,7 +46,7 @@ def rubs(scene: Scene, approach: str) -> bool:
     if any(name.endswith(".friction") for name in other):
         return True
     found = (friction_of(scene, approach, name) for name in scene.contact)
-    return any(f if isinstance(f, float | int) else f.static or f.kinetic for f in found)
+    return any(f if isinstance(f, float | int) else depends_on_speed(f) or f.static for f in found)
 
 
 def friction_texts(scene: Scene) -> dict[str, str]:
@@ -67,4 +74,6 @@ def _text(scene: Scene, approach: str, interface: str) -> str:
     if law is not None and scene.samples.takes_random(approach):
         return "random"
     f = friction_of(scene, approach, interface)
-    return f"{f:g}" if isinstance(f, float | int) else f"{f.static:g} to {f.kinetic:g}"
+    if isinstance(f, float | int):
+        return f"{f:g}"
+    return f"{f.static:g} to {f.kinetic:g}" if hasattr(f, "static") else repr(f)

@@ -26,7 +26,7 @@ def unusual(scene: Scene) -> list[str]:
         about = {f.name: dict(f.metadata) for cls in kinds for f in fields(cls)}
         own = about.get(last) or about.get(last.partition("_")[0], {})
         for word in ("mean", "min", "max", "values"):
-            lines += _outside(("samples", "random", name, word), own, getattr(law, word))
+            lines += _outside(("samples", "random", name, word), own, getattr(law, word, None))
     for name, table in scene.materials.items():
         modulus = min(v for v in (*_flat(table.E), *_flat(table.C11), METAL_MODULUS))
         if table.rho > METAL_DENSITY and MODULI[0] <= modulus < METAL_MODULUS:

@@ -14,6 +14,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import BeforeValidator, WithJsonSchema
 
 from brake_fenicsx.scene.countermeasures import Countermeasure
@@ -24,6 +26,8 @@ from brake_fenicsx.scene.samples import Samples
 from brake_fenicsx.scene.sweep import Sweep
 from brake_fenicsx.scene.tables import key
 from brake_fenicsx.scene.units import to_si
+
+Array = NDArray[np.float64]
 
 DIRECTIONS = ("x", "y", "z")
 STAGES = ("surface", "micro", "equilibrium", "stability", "uncertainty", "report")
@@ -243,6 +247,11 @@ class Friction:
     static: float = key(sign="zero", band=FRICTION)
     kinetic: float = key(sign="zero", band=FRICTION)
     decay: float = key("m/s")
+
+    def coefficient(self, V: Array) -> tuple[Array, Array]:
+        """Coefficient mu [-] and mu'(V) [s/m] at speeds V [m/s], each of the shape of V."""
+        fall = (self.static - self.kinetic) * np.exp(-np.asarray(V, float) / self.decay)
+        return self.kinetic + fall, -fall / self.decay
 
 
 @dataclass(frozen=True, slots=True)

@@ -80,6 +80,8 @@ def _terms_of_bodies(scene: Scene, brake: Brake, table: Damping) -> Iterator[sp.
         turns = set(turning_parts(scene))
         density = {n: m.rho for n, m in layers.items() if n.partition(".")[0] in turns}
         yield gyroscopic(brake.mesh, brake.elastic.free, density, motion.speed)
+    for term in table.own:
+        yield term.matrix(brake)
 
 
 def damping_of_sample(
@@ -161,6 +163,8 @@ def record(scene: Scene, contact: Contact) -> dict[str, Any]:
     if table.gyroscopic:
         speed = scene.motion.rate if scene.motion else 0.0
         facts["gyroscopic"] = {"speed_rad_s": speed, "parts": turning_parts(scene)}
+    if table.own:
+        facts["own"] = {"terms": [repr(term) for term in table.own]}
     if table.modal:
         facts["modal"] = {name: asdict(given) for name, given in table.modal.items()}
     for term, numbers in facts.items():

@@ -12,7 +12,7 @@ passes; a mode then begins to squeal where its own damping passes the threshold.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +68,7 @@ class Event:
     error: float
     s: complex
     branches: tuple[int, int]
-    vector: Complex
+    vector: Complex = field(repr=False)
 
 
 def find_events(

@@ -113,10 +113,12 @@ class SweepStudy:
             facts["mergings"],
         )  # fmt: skip
         if critical := facts.get("critical_value_any_family"):
+            ends = (critical[name] for name in ("median", "low", "high"))
+            numbers = ["beyond the sweep" if v is None else f"{v:.4g}" for v in ends]
+            said = "median {}, 95 % interval from {} to {}".format(*numbers)
             logger.info(
-                "%s at which a sample begins to squeal (SI): median %.4g (%.4g to %.4g), %d of %d",
-                self.key, critical["median"], critical["low"], critical["high"],
-                critical["squeal_samples"], critical["samples"],
+                "%s at which a sample begins to squeal (SI): %d of %d samples do; %s",
+                self.key, critical["squeal_samples"], critical["samples"], said,
             )  # fmt: skip
         if facts["failed_lines"]:
             logger.warning("sweep: %d lines failed; see the log", facts["failed_lines"])

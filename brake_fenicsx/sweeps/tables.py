@@ -200,9 +200,10 @@ class SweepTables:
             ),
         }  # fmt: skip
         if found:
-            middle = found[0].quantile(0.5)
+            # JSON has no infinity, the value of a median beyond the sweep.
+            median, low, high = (v if np.isfinite(v) else None for v in found[0].quantile(0.5))
             facts["critical_value_any_family"] = {
-                "median": middle[0], "low": middle[1], "high": middle[2],
+                "median": median, "low": low, "high": high,
                 "samples": found[0].values.size, "squeal_samples": found[0].reached,
             }  # fmt: skip
         return facts

@@ -10,28 +10,29 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.extensions import InputLaw
 from brake_fenicsx.scene import Distribution
 
 Array = NDArray[np.float64]
 
 
-def quantile(d: Distribution, u: ArrayLike, nominal: float | None = None) -> Array:
+def quantile(d: Distribution | InputLaw, u: ArrayLike, nominal: float = np.nan) -> Array:
     """Values of a law at some probabilities.
 
     Args:
-        d: the law, in SI units.
+        d: the law, in SI units, or one of a user's own.
         u: probabilities, in [0, 1].
-        nominal: the value in the scene, which ``spread`` refers to.
+        nominal: the value in the scene, which ``spread`` refers to, SI.
 
     Returns:
         Values, same shape.
     """
     u = np.asarray(u, float)
+    if not isinstance(d, Distribution):
+        return d.quantile(u, nominal)
     if d.law == "uniform":
         low, high = d.min, d.max
         if d.spread is not None:
-            if nominal is None:
-                raise SceneError("samples.random: spread needs a value in the scene")
             low, high = nominal * (1 - d.spread), nominal * (1 + d.spread)
         return np.asarray(low + u * (high - low))
     if d.law == "measured":

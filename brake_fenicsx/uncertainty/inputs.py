@@ -84,11 +84,11 @@ def draw_inputs(
         InaccurateResult: the point of a rigid design is rejected, or every draw is.
     """
     random = dict(sorted(scene.samples.random.items()))
-    nominal = {name: nominal_value(scene, name) for name, d in random.items() if d.spread}
+    nominal = {name: nominal_value(scene, name) for name in random}
     u = rng.random(len(random)) if point is None else point
     for rejected in range(MOST_DRAWS):
         values = {
-            name: float(quantile(d, x, nominal.get(name)))
+            name: float(quantile(d, x, nominal[name]))
             for (name, d), x in zip(random.items(), u, strict=True)
         }
         try:

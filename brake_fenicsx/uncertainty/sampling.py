@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.extensions import FrictionLaw
 from brake_fenicsx.macro.contact import Contact
-from brake_fenicsx.macro.friction import velocity_friction
 from brake_fenicsx.macro.gap import EnrichedGap, draw_critical_gaps, draw_waviness
 from brake_fenicsx.micro import OneLaw, exponential_law, linear_law, make_library
 from brake_fenicsx.micro.joined import join_laws
 from brake_fenicsx.micro.law import Laws
 from brake_fenicsx.micro.scaled import scaled_laws
 from brake_fenicsx.scene import Contact as ContactTable
-from brake_fenicsx.scene import Friction, Law, Scene
+from brake_fenicsx.scene import Law, Scene
 from brake_fenicsx.scene.friction import friction_of
 from brake_fenicsx.scene.sections import LAWS
 
@@ -208,11 +208,11 @@ def _laws(
     return library, rng.integers(0, len(library), elements).astype(np.intp)
 
 
-def coefficient(friction: float | Friction, speed: Array) -> tuple[Array, Array]:
+def coefficient(friction: float | FrictionLaw, speed: Array) -> tuple[Array, Array]:
     """Friction coefficient of contact elements at some speeds [m/s], and its slope [s/m]."""
-    if isinstance(friction, Friction):
-        return velocity_friction(speed, friction.static, friction.kinetic, friction.decay)
-    return np.full(speed.shape, float(friction)), np.zeros(speed.shape)
+    if isinstance(friction, float | int):
+        return np.full(speed.shape, float(friction)), np.zeros(speed.shape)
+    return friction.coefficient(speed)
 
 
 def one_law(law: Law) -> OneLaw:

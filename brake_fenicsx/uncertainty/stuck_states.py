@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.macro.brake import Brake
 from brake_fenicsx.macro.stuck import StuckState
 from brake_fenicsx.sample_files import Task
-from brake_fenicsx.scene import Friction, Scene
+from brake_fenicsx.scene import Scene
 
 Array = NDArray[np.float64]
 
@@ -74,8 +74,9 @@ def stuck_warnings(scene: Scene, states: Mapping[str, Mapping[str, Any]]) -> lis
 def _limit(scene: Scene, name: str) -> float | None:
     """Friction coefficient at rest of an interface; None where the scene gives none."""
     friction = scene.contact[name].friction
-    value = friction.static if isinstance(friction, Friction) else friction
-    return value or None
+    if isinstance(friction, float | int):
+        return friction or None
+    return float(friction.coefficient(np.zeros(1))[0][0]) or None
 
 
 def _numbers(state: StuckState, limit: float | None) -> dict[str, Any]:

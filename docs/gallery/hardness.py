@@ -30,7 +30,7 @@ pressure = np.geomspace(2e4, 5e6, 40)
 
 
 def stiffness(hardness):
-    """Median stiffness of loading and of small vibrations [Pa/m] at the pressures."""
+    """Median loading stiffness and vibration stiffness [Pa/m] at the pressures."""
     laws = law_library(replace(recipe, hardness=hardness), 4, seed=1)
     ratio = np.ones_like(laws.k) if laws.ratio is None else laws.ratio
     both = [

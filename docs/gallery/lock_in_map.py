@@ -50,6 +50,6 @@ figure.savefig("lock_in_map.png", dpi=120)
 
 # The friction coefficient at which squeal begins, at the lowest and at the highest pressure:
 
-onset = [friction[np.argmax(row < -1e-3)] for row in (lowest[0], lowest[-1])]
+onset = [friction[row < -1e-3].min(initial=np.inf) for row in (lowest[0], lowest[-1])]
 print(f"squeal begins at {onset[0]:.2f} at 2 bar and at {onset[1]:.2f} at 20 bar")
 assert abs(onset[1] - 0.42) < 0.03 and onset[0] > onset[1] + 0.1

@@ -8,11 +8,10 @@ import pytest
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.braking import with_compliance
 from brake_fenicsx.macro.equilibrium import equilibrium
-from brake_fenicsx.macro.friction import velocity_friction
 from brake_fenicsx.micro import OneLaw, exponential_law, linear_law
 from brake_fenicsx.micro.joined import join_laws
 from brake_fenicsx.pipeline import assemble, run
-from brake_fenicsx.scene import read_scene
+from brake_fenicsx.scene import Friction, read_scene
 from brake_fenicsx.uncertainty.sampling import draw_sample
 
 # A plate that slides between two blocks, pressed from above.
@@ -120,11 +119,11 @@ def test_friction_table_is_refused_where_it_makes_no_sense(scene):
 
 
 def test_friction_falls_from_static_to_kinetic():
-    V = np.array([0.0, 0.5, 50.0])
-    mu, slope = velocity_friction(V, 0.6, 0.4, 0.5)
+    law, V = Friction(0.6, 0.4, 0.5), np.array([0.0, 0.5, 50.0])
+    mu, slope = law.coefficient(V)
     np.testing.assert_allclose(mu, [0.6, 0.4 + 0.2 / np.e, 0.4], atol=1e-12)
     h = 1e-6
-    up, down = (velocity_friction(V + e, 0.6, 0.4, 0.5)[0] for e in (h, -h))
+    up, down = (law.coefficient(V + e)[0] for e in (h, -h))
     np.testing.assert_allclose(slope, (up - down) / (2 * h), atol=1e-9)
 
 
