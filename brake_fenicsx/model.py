@@ -191,12 +191,11 @@ def prepare(
         SceneError: the scene is wrong, or has no stage equilibrium.
     """
     parsed, comm = read_scene(scene, overrides), MPI.COMM_SELF if comm is None else comm
-    if extensions is not None:
-        if directory is not None or cache is not None:
-            raise SceneError(
-                f"{parsed.file}: extensions: leave out directory and cache, whose files are known"
-                " by the scene alone"
-            )
+    if extensions is not None and (directory is not None or cache is not None):
+        raise SceneError(
+            f"{parsed.file}: extensions: leave out directory and cache, whose files are known"
+            " by the scene alone"
+        )
     if "equilibrium" not in parsed.stages:
         raise SceneError(f"{parsed.file}: stages: 'equilibrium' is missing")
     ranges = {key: Range(values=tuple(map(float, v))) for key, v in (parameters or {}).items()}
