@@ -21,7 +21,7 @@ from brake_fenicsx.scene.tables import shown
 from brake_fenicsx.scene.units import with_unit
 
 if TYPE_CHECKING:
-    from brake_fenicsx.scene.sections import Contact, Scene
+    from brake_fenicsx.scene.sections import Contact, Scene, Surface
 
 # Stages that build on another one.
 PREDECESSORS = (
@@ -80,18 +80,7 @@ def _check_stages(s: Scene) -> None:
         if stage in s.stages and before not in s.stages:
             raise SceneError(f"stages: {stage!r} needs {before!r}")
     if "surface" in s.stages and s.surface:
-        scan = s.surface.scan
-        if not scan and not s.surface.statistics:
-            raise SceneError("surface: name a scan or statistics")
-        if scan and s.surface.statistics:
-            raise SceneError(
-                f"surface.scan = {scan!r}: surface.statistics are there in its place; leave one out"
-            )
-        for name, file in (("scan", scan), ("form", s.surface.form)):
-            if file and not os.path.isfile(s.path(file)):
-                raise SceneError(
-                    f"surface.{name} = {file!r}: no such file; paths start at the scene's folder"
-                )
+        _check_scans(s, s.surface)
     if s.micro and s.micro.patch == "mesh" and "equilibrium" not in s.stages:
         raise SceneError('micro.patch = "mesh": needs the stage equilibrium; write a length')
     if s.micro and s.micro.pixels != "scan" and not 2 <= s.micro.pixels <= MOST_PIXELS:
@@ -142,6 +131,32 @@ def _check_stages(s: Scene) -> None:
         raise SceneError(
             f"stability.zeta_max = {s.stability.zeta_max:g}: must lie below {ZETA_LIMIT:g}"
         )
+
+
+def _check_scans(s: Scene, surface: Surface) -> None:
+    """Scans or statistics; every file is there, and named once."""
+    scan, files = surface.scan, surface.scans
+    if scan == ():
+        raise SceneError("surface.scan = []: an empty list; name the file of a scan, or several")
+    if not scan and not surface.statistics:
+        raise SceneError("surface: name a scan or statistics")
+    if scan and surface.statistics:
+        raise SceneError(
+            f"surface.scan = {shown(scan)}: surface.statistics are there in its place; leave one"
+            " out"
+        )
+    long = (surface.form,) if surface.form else ()
+    for name, file in [*(("scan", f) for f in files), *(("form", f) for f in long)]:
+        if not os.path.isfile(s.path(file)):
+            raise SceneError(
+                f"surface.{name} = {file!r}: no such file; paths start at the scene's folder"
+            )
+    for one, other in combinations(files, 2):
+        if os.path.samefile(s.path(one), s.path(other)):
+            raise SceneError(
+                f"surface.scan: {other!r} is the same file as {one!r} and would count twice; leave"
+                " it out"
+            )
 
 
 def _check_mesh(mesh: MeshTable) -> None:

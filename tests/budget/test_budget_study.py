@@ -125,7 +125,7 @@ def test_variant_that_fails_is_a_row_and_the_others_go_on(few, tmp_path, monkeyp
 
 def test_knobs_of_the_demo_are_scenes_that_can_be_read():
     scene = read_scene(DEMO)
-    found = {knob.name: knob for knob in knobs(scene, 625, read_surface(scene).topography)}
+    found = {knob.name: knob for knob in knobs(scene, 625, read_surface(scene).topographies)}
     assert all(bool(k.variants) != bool(k.reason) for k in found.values())
     assert {n for n, k in found.items() if not k.variants} == {"variance"}
     for knob in found.values():
