@@ -94,7 +94,7 @@ def surface_numbers(stats: SurfaceStatistics) -> dict[str, Any]:
         # What surfaces are not made from has its mean over the scans.
         own = [n for n in common if n not in numbers]
         found |= {n: mean[n] for n in own}
-        found |= {f"{n}_error": std[n] / np.sqrt(len(each)) for n in own}
+        found |= {f"{n}_error": std[n] / np.sqrt(len(each)) for n in (*own, "median")}
         files = [Path(t.source).name for t in stats.topographies]
         counts = [{"missing": s.missing, "outliers": s.outliers} for s in stats.scans]
         rows = zip(files, counts, each, strict=True)
