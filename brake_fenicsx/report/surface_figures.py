@@ -88,7 +88,7 @@ def _maps(scans: NDArray, size: NDArray, surface: Arrays) -> Figure:
     columns = min(len(shown), MAPS_IN_A_ROW)
     rows = -(-len(shown) // columns)
     ratio = float(size[1] / size[0])
-    height = min(max(rows * (0.75 + WIDTH / columns * 0.8 * ratio), 2.4), 9.0)
+    height = min(max(rows * (0.8 + WIDTH / columns * 0.6 * ratio), 2.4), 9.0)
     figure, axes = new_figure(rows, columns, height=height)
     limits = _height_limits(shown)
     files = [str(scan["file"]) for scan in surface_statistics(surface).get("scans", [])]
@@ -106,10 +106,11 @@ def _maps(scans: NDArray, size: NDArray, surface: Arrays) -> Figure:
     return figure
 
 
-def _short(name: str, most: int = 16) -> str:
-    """The end of a long name of a file, for a title."""
-    name = name.replace("$", r"\$")
-    return name if len(name) <= most else f"...{name[-most:]}"
+def _short(name: str, most: int = 14) -> str:
+    """Beginning and end of a long name of a file, for a title."""
+    half = most // 2
+    name = name if len(name) <= most else f"{name[:half]}...{name[-half:]}"
+    return name.replace("$", r"\$")
 
 
 def draw_statistics(run: RunData) -> Figure | None:
