@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
@@ -122,14 +124,15 @@ def with_pixels(scene: Scene, stats: SurfaceStatistics | None) -> Scene:
 
 def read_surface(scene: Scene) -> SurfaceStatistics:
     """Scan to statistics: height distribution, power spectrum, bi-fractal fit."""
-    from brake_fenicsx.surface import given_statistics
+    from brake_fenicsx.surface import averaged, characterise, given_statistics
 
     table = scene.surface
     if table is None:
         raise SceneError(f"{scene.file}: surface: the section is missing")
     long = None
     if table.form is not None:
-        form = _characterised(scene, "form", table.form, table.level, None, "johnson")
+        with _named(scene, "form", table.form):
+            form = characterise(_read(scene, table.form), table.level, distribution="johnson")
         long = form.bifractal
     if table.statistics is not None:
         t, shape = table.statistics, table.distribution or "johnson"
@@ -139,9 +142,9 @@ def read_surface(scene: Scene) -> SurfaceStatistics:
             raise SceneError(f"{scene.file}: surface: {error}") from None
     else:
         shape = table.distribution or "measured"
-        found = _characterised(
-            scene, "scan", str(table.scan), table.level, table.cutoff, shape, table
-        )
+        each = _each_scan(scene, table, shape)
+        with _named(scene, "scan", list(table.scans)):
+            found = averaged(each, table.cutoff, shape)
     if long is None:
         return found
     if long.band[1] < found.bifractal.band[0]:
@@ -159,26 +162,45 @@ def read_surface(scene: Scene) -> SurfaceStatistics:
     return replace(found, bifractal=replace(found.bifractal, form=long))
 
 
-def _characterised(
-    scene: Scene, name: str, file: str, level: str, cutoff: float | None, distribution: str,
-    table: Surface | None = None,
-) -> SurfaceStatistics:  # fmt: skip
-    """Statistics of a scan file; ``table`` holds its size and units where the file has none."""
-    from brake_fenicsx.surface import characterise, read_topography
-    from brake_fenicsx.surface.topography import measured_less
+def _each_scan(scene: Scene, table: Surface, distribution: str) -> list[SurfaceStatistics]:
+    """Statistics of every scan, or of the part of it that is used."""
+    from brake_fenicsx.surface import characterise
+    from brake_fenicsx.surface.topography import measured_less, on_grid_of
 
-    size = None if table is None or table.size is None else (table.size[0], table.size[-1])
-    unit, rows = (None, "x") if table is None else (table.height_unit, table.rows)
-    try:
-        scan = read_topography(scene.path(file), size, unit, rows=rows)
-        _check_scan(scan)
-        if table is not None:
-            child = np.random.SeedSequence(scene.samples.seed, spawn_key=(NOISE_SEED,))
-            rng = np.random.default_rng(child)
+    size = None if table.size is None else (table.size[0], table.size[-1])
+    child = np.random.SeedSequence(scene.samples.seed, spawn_key=(NOISE_SEED,))
+    rng = np.random.default_rng(child)
+    used: list[Topography] = []
+    found = []
+    for file in table.scans:
+        with _named(scene, "scan", file):
+            scan = _read(scene, file, size, table.height_unit, table.rows)
             scan = measured_less(scan, table.window, table.decimation, table.noise or 0.0, rng)
-        return characterise(scan, level, cutoff=cutoff, distribution=distribution)
+            used.append(on_grid_of(used[0], scan) if used else scan)
+            found.append(characterise(used[-1], table.level, cutoff=table.cutoff,
+                                      distribution=distribution))  # fmt: skip
+    return found
+
+
+def _read(
+    scene: Scene, file: str, size: tuple[float, float] | None = None, unit: str | None = None,
+    rows: str = "x",
+) -> Topography:  # fmt: skip
+    """A scan file whose heights and sides go together."""
+    from brake_fenicsx.surface import read_topography
+
+    scan = read_topography(scene.path(file), size, unit, rows=rows)
+    _check_scan(scan)
+    return scan
+
+
+@contextmanager
+def _named(scene: Scene, name: str, value: Any) -> Iterator[None]:
+    """What is wrong with a surface, with the scene's file, the key and its value."""
+    try:
+        yield
     except BrakeError as error:
-        raise SceneError(f"{scene.file}: surface.{name} = {file!r}: {error}") from None
+        raise SceneError(f"{scene.file}: surface.{name} = {value!r}: {error}") from None
 
 
 def _check_scan(scan: Topography) -> None:

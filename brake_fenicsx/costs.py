@@ -147,7 +147,8 @@ def estimate(scene: Scene, counts: Counts) -> list[Cost]:
     stages = scene.stages
     costs = []
     if "surface" in stages:
-        costs.append(Cost("surface", 0.1, 0.2))
+        scans = len(scene.surface.scans) if scene.surface else 0
+        costs.append(Cost("surface", 0.1 * max(scans, 1), 0.2))
     if "micro" in stages:
         costs.append(Cost("micro", _laws(scene, counts.samples), 0.25))
     if "equilibrium" in stages:

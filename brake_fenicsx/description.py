@@ -34,13 +34,14 @@ def describe(
     parsed = read_scene(scene, overrides)
     stats = check(parsed, comm)
     lines = [f"{parsed.file}: stages {', '.join(parsed.stages)}"]
-    scan = stats.topography if stats else None
-    if scan is not None:
+    for one in stats.each if stats else ():
+        if (scan := one.topography) is None:
+            continue
         nx, ny = scan.shape
         lx, ly = (1e3 * v for v in scan.size)
         lines.append(f"scan: {nx} x {ny} points, {lx:.4g} x {ly:.4g} mm, {scan.source}")
-        if stats and stats.missing + stats.outliers:
-            lines[-1] += f"; {stats.missing} points missing, {stats.outliers} outliers masked"
+        if one.missing + one.outliers:
+            lines[-1] += f"; {one.missing} points missing, {one.outliers} outliers masked"
     counts, mean_patch = Counts(), None
     sizes: dict[str, Any] = {}
     doubts: tuple[str, ...] = ()

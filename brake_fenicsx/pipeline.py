@@ -359,9 +359,14 @@ def surface_stage(this: Run, stats: SurfaceStatistics) -> None:
     """Write what is known of the surface."""
     with this.stage("surface"):
         fit = stats.bifractal
-        if stats.missing + stats.outliers:
-            found = stats.missing, stats.outliers
-            logger.info("scan: %d points missing, %d outliers masked", *found)
+        for one in stats.each:
+            if one.missing + one.outliers:
+                name = Path(one.topography.source).name if one.topography else ""
+                found = name, one.missing, one.outliers
+                logger.info("scan %s: %d points missing, %d outliers masked", *found)
+        if stats.scans:
+            logger.info("means over %d scans, each of %d x %d points", len(stats.scans),
+                        *stats.topographies[0].shape)  # fmt: skip
         logger.info(
             "S_q %.2f um, S_sk %.3f, S_ku %.3f; slopes %.2f and %.2f, corner %.1f /mm",
             stats.S_q * 1e6, stats.S_sk, stats.S_ku, fit.c1, fit.c2, fit.q_c / 1e3,

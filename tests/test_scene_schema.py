@@ -53,6 +53,7 @@ def test_there_are_scenes_in_both_places():
         "micro={ laws='many' }", "surface={ level='flat' }", "mesh.order=3",
         "materials.iron.rho=7200", "countermeasures=[{ key = 'motion.speed' }]",
         "countermeasures=[{ key = 'motion.speed', to = ['2 m/s'] }]",
+        "surface={ scan = 1 }", "surface={ scan = ['a.npz', 1] }",
         "surface={ window = '1 mm' }", "surface={ decimation = 0 }", "surface={ noise = 1 }",
         "equilibrium.tolerance='tight'",
     ],

@@ -8,6 +8,7 @@ physics. A knob that a scene does not use says why.
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -70,15 +71,15 @@ class Knob:
     perfect: bool = False
 
 
-def knobs(scene: Scene, pixels: int | None, scan: Topography | None) -> list[Knob]:
+def knobs(scene: Scene, pixels: int | None, scans: Sequence[Topography]) -> list[Knob]:
     """All knobs, those that the scene does not use too.
 
     Args:
         scene: the scene.
         pixels: points along a side of its laws' patches; None where it has no laws.
-        scan: the part of the scan that it uses, levelled; None where it has none.
+        scans: the part of each scan that it uses, levelled, on one grid.
     """
-    surface = _surface(scene, scan)
+    surface = _surface(scene, scans)
     return [*_laws(scene, pixels), *surface, *_meshes(scene), *_solution(scene)]
 
 
@@ -130,7 +131,7 @@ def _laws(scene: Scene, pixels: int | None) -> list[Knob]:
     ]
 
 
-def _surface(scene: Scene, scan: Topography | None) -> list[Knob]:
+def _surface(scene: Scene, scans: Sequence[Topography]) -> list[Knob]:
     """Readings of the surface, and of the scan."""
     surface = scene.surface if "surface" in scene.stages else None
     gaps = {name: c.gap for name, c in scene.contact.items()}
@@ -170,17 +171,18 @@ def _surface(scene: Scene, scan: Topography | None) -> list[Knob]:
              reason="" if wavy else "no interface has critical gaps"),
     ]  # fmt: skip
     if surface is None or not rough:
-        return [*found, *_scan(None, None, none)]
-    return [*found, *_scan(surface, scan, "" if scan is not None else "the scene has no scan")]
+        return [*found, *_scan(None, (), none)]
+    return [*found, *_scan(surface, scans, "" if scans else "the scene has no scan")]
 
 
-def _scan(surface: Surface | None, scan: Topography | None, reason: str) -> list[Knob]:
+def _scan(surface: Surface | None, scans: Sequence[Topography], reason: str) -> list[Knob]:
     """What a smaller, coarser or noisier scan would say."""
     quarters: tuple[Variant, ...] = ()
     sparse: tuple[Variant, ...] = ()
     noisy: tuple[Variant, ...] = ()
     small = reason
-    if surface is not None and scan is not None:
+    if surface is not None and scans:
+        scan = scans[0]
         small = f"fewer than {LEAST} pixels of the scan would be left along a side"
         x, y = surface.window[:2] if surface.window else (0.0, 0.0)
         a, b = (0.5 * float(v) for v in scan.size)
@@ -197,7 +199,7 @@ def _scan(surface: Surface | None, scan: Topography | None, reason: str) -> list
             for n, nth in ((2, "second"), (4, "fourth"))
             if min(scan.shape) >= n * LEAST
         )
-        most = noise_bound(scan)
+        most = noise_bound(scans)
         total = (most**2 + (surface.noise or 0.0) ** 2) ** 0.5
         noisy = (_one("surface.noise", f'"{1e6 * total:.4g} um"', f"{1e6 * most:.2g} um more"),)
     rows = (

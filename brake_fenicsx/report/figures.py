@@ -46,21 +46,24 @@ class Plot:
 PLOTS = (
     Plot(
         "figure4_topography",
-        "Levelled scan of the pad surface [µm], and profiles through its centre.",
+        "Levelled scan of the pad surface [µm], and profiles through its centre; of several scans "
+        "the maps at one scale. Red: points that are missing or masked.",
         draw_topography,
     ),
     Plot(
         "figure5_statistics",
         "Height distribution, and radial power spectrum C(q) of the scan with its bi-fractal fit "
         "(2 pi times the integral of q C is the variance). Where sub-windows and decimated scans "
-        "agree with the whole scan, its spectrum is reliable. Below: ratio of measured spectrum "
+        "agree with the whole scan, its spectrum is reliable. Of several scans, thin lines are the "
+        "scans and the thick line is their mean. Below: ratio of measured spectrum "
         "and fit, on a logarithmic scale.",
         draw_statistics,
     ),
     Plot(
         "bearing_curve",
         "Bearing curve (material ratio curve, Abbott curve): share of the surface that lies above "
-        "a height.",
+        "a height. Of several scans, thin lines are the scans and the thick line is all heights "
+        "together.",
         draw_bearing_curve,
     ),
     Plot(

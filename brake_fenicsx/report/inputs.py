@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 # Figure 7: pixels of the surface, and the loads it is pressed with, p / E*.
 MAP_PIXELS = 512
+MOMENTS = ("mean", "median", "S_q", "S_sk", "S_ku")
 MOMENT_ERRORS = ("mean_error", "S_q_error", "S_sk_error", "S_ku_error")
 MAP_LOADS = (1e-4, 1e-3, 1e-2, 5e-2)
 
@@ -33,24 +34,15 @@ def surface_arrays(stats: SurfaceStatistics, recipe: LawRecipe | None) -> dict[s
     fit = stats.bifractal
     q = np.asarray(np.geomspace(*fit.band, 200), float)
     z = np.linspace(-5, 5, 401) * stats.S_q
-    names = ("c1", "c2", "ln_q_c", "ln_C0")
-    numbers = {n: getattr(stats, n) for n in ("mean", "median", "S_q", "S_sk", "S_ku")}
-    numbers |= {n: getattr(fit, n) for n in ("c1", "c2", "q_c", "C0")}
-    numbers |= {f"{n}_error": e for n, e in zip(names, fit.errors, strict=True)}
-    numbers["fit_rms"] = fit.rms
-    if stats.topography is not None:
-        from brake_fenicsx.surface.iso25178 import iso_parameters
-
-        found = iso_parameters(stats.topography)
-        found |= dict(zip(MOMENT_ERRORS, stats.errors, strict=True))
-        numbers |= {n: v for n, v in found.items() if np.isfinite(v)}
+    numbers = surface_numbers(stats)
     out: dict[str, Any] = {
         "fit_q": q, "fit_C": fit(q), "q_band": np.array(fit.band),
         "hdf_z": z, "hdf_density": stats.hdf.pdf(z), "stats": np.array(json.dumps(numbers)),
     }  # fmt: skip
-    if stats.psd is not None and stats.topography is not None:
+    if stats.psd is not None and (topos := stats.topographies):
         out |= {"q": stats.psd.q, "C": stats.psd.C, "q_band": np.array(stats.psd.band)}
-        out |= {"heights": stats.topography.heights, "size": stats.topography.size}
+        heights = topos[0].heights if len(topos) == 1 else np.array([t.heights for t in topos])
+        out |= {"heights": heights, "size": topos[0].size}
         longest = max((o.q.size for o in stats.others), default=0)
         for name in ("q", "C"):
             rows = [np.pad(getattr(o, name), (0, longest - o.q.size), constant_values=np.nan)
@@ -71,11 +63,54 @@ def surface_arrays(stats: SurfaceStatistics, recipe: LawRecipe | None) -> dict[s
     return out
 
 
+def surface_numbers(stats: SurfaceStatistics) -> dict[str, Any]:
+    """Parameters of a surface, and with several scans those of each.
+
+    Args:
+        stats: statistics of scans, or given by numbers.
+
+    Returns:
+        Values in SI units by name; a name with ``_error`` is a standard error. ``scans``: the same
+        of each scan, with its file; ``scan_mean`` and ``scan_std``: mean and standard deviation
+        over the scans of what all of them define.
+    """
+    fit = stats.bifractal
+    names = ("c1", "c2", "ln_q_c", "ln_C0")
+    numbers: dict[str, Any] = {n: getattr(stats, n) for n in MOMENTS}
+    numbers |= {n: getattr(fit, n) for n in ("c1", "c2", "q_c", "C0")}
+    numbers |= {f"{n}_error": e for n, e in zip(names, fit.errors, strict=True)}
+    numbers["fit_rms"] = fit.rms
+    found: dict[str, Any] = {}
+    if stats.topography is not None:
+        from brake_fenicsx.surface.iso25178 import iso_parameters
+
+        found = dict(iso_parameters(stats.topography))
+    each = [surface_numbers(scan) for scan in stats.scans]
+    if each:
+        common = [n for n in each[0] if not n.endswith("_error") and all(n in e for e in each)]
+        columns = {n: np.array([e[n] for e in each]) for n in common}
+        mean = {n: float(v.mean()) for n, v in columns.items()}
+        std = {n: float(v.std(ddof=1)) for n, v in columns.items()}
+        # What surfaces are not made from has its mean over the scans.
+        own = [n for n in common if n not in numbers]
+        found |= {n: mean[n] for n in own}
+        found |= {f"{n}_error": std[n] / np.sqrt(len(each)) for n in (*own, "median")}
+        files = [Path(t.source).name for t in stats.topographies]
+        counts = [{"missing": s.missing, "outliers": s.outliers} for s in stats.scans]
+        rows = zip(files, counts, each, strict=True)
+        numbers["scans"] = [{"file": file, **lost, **row} for file, lost, row in rows]
+        numbers |= {"scan_mean": mean, "scan_std": std}
+    if stats.each:
+        found |= dict(zip(MOMENT_ERRORS, stats.errors, strict=True))
+    return numbers | {n: v for n, v in found.items() if np.isfinite(v)}
+
+
 def contact_maps(directory: Path) -> None:
     """Press one artificial surface of 512 x 512 points at several loads; writes contact_maps.npz.
 
     The surface has the statistics of the run's laws; nothing is done without laws, or twice.
     """
+    from brake_fenicsx.report.rundata import scan_heights
     from brake_fenicsx.store import Store
 
     store = Store(directory)
@@ -85,7 +120,7 @@ def contact_maps(directory: Path) -> None:
         return
     from brake_fenicsx.micro import load_laws, solve_contact
     from brake_fenicsx.surface import BiFractal, synthesise
-    from brake_fenicsx.surface.hdf import HeightDistribution, Measured
+    from brake_fenicsx.surface.hdf import HeightDistribution, Measured, pooled
     from brake_fenicsx.surface.statistics import matched
 
     how = load_laws(store.path("laws.npz")).settings
@@ -102,8 +137,7 @@ def contact_maps(directory: Path) -> None:
     psd = BiFractal(how["c1"], how["c2"], how["q_c"], how["C0"], tuple(how["band"]), form=long)
     hdf: HeightDistribution
     if how["distribution"] == "measured":
-        z = surface["heights"][np.isfinite(surface["heights"])]
-        hdf = Measured(np.sort(z - z.mean()))
+        hdf = Measured(pooled(scan_heights(surface)))
     else:
         S_q, S_sk, S_ku = (numbers[name] for name in ("S_q", "S_sk", "S_ku"))
         hdf = matched(S_q, S_sk, S_ku, how["distribution"])

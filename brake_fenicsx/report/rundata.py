@@ -90,6 +90,13 @@ def sort_approaches(names: set[str]) -> list[str]:
     return known + sorted(names - set(ORDER))
 
 
+def scan_heights(surface: Arrays) -> list[NDArray]:
+    """Heights of each scan of a surface [m], shape (nx, ny) each; none with numbers alone."""
+    if "heights" not in surface:
+        return []
+    return [*surface["heights"].reshape(-1, *surface["heights"].shape[-2:])]
+
+
 def read_run(directory: str | Path | RunData) -> RunData:
     """Read all that a run has written.
 

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.surface.hdf import pooled
 from brake_fenicsx.surface.iso25178 import bearing_curve
 
-from .rundata import Arrays, RunData
+from .rundata import Arrays, RunData, scan_heights
 from .style import (
     BLACK,
     BLUE,
@@ -19,6 +20,7 @@ from .style import (
     ORANGE,
     SKY,
     VERMILION,
+    WIDTH,
     light_grid,
     new_figure,
     panel,
@@ -29,7 +31,16 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 UM, MM = 1e6, 1e3
+MOST_MAPS, MAPS_IN_A_ROW = 9, 3  # of several scans
 Q_LABEL, PSD_LABEL = "wave number $q$ [rad/m]", "radial PSD $C$ [m$^4$]"
+
+
+# What stands beside the spectrum, by the first word of its name.
+SUBSETS: dict[str, tuple[str, dict[str, Any]]] = {
+    "window": ("sub-windows", {"color": SKY}),
+    "scan": ("each scan", {"color": SKY}),
+    "every": ("decimated scans", {"color": ORANGE, "ls": "--"}),
+}
 
 
 def surface_statistics(surface: Arrays) -> dict[str, Any]:
@@ -41,10 +52,15 @@ def surface_statistics(surface: Arrays) -> dict[str, Any]:
 
 
 def draw_topography(run: RunData) -> Figure | None:
-    """Figure 4: the levelled scan with its missing points, and two profiles through its centre."""
+    """Figure 4: the levelled scan with its missing points, and two profiles through its centre.
+
+    Of several scans the maps.
+    """
     if run.surface is None or "heights" not in run.surface:
         return None
     z, size = run.surface["heights"] * UM, run.surface["size"] * MM
+    if z.ndim > 2:
+        return _maps(z, size, run.surface)
     figure, axes = new_figure(1, 2, height=3.3, gridspec_kw={"width_ratios": [1.25, 1]})
     image = _map(axes[0, 0], z, size, _height_limits(z))
     lost = int(np.isnan(z).sum())
@@ -64,6 +80,37 @@ def draw_topography(run: RunData) -> Figure | None:
     light_grid(axes[0, 1])
     axes[0, 1].set_title("(b) profiles through the centre", pad=32)
     return figure
+
+
+def _maps(scans: NDArray, size: NDArray, surface: Arrays) -> Figure:
+    """Maps of several scans [um], shape (scans, nx, ny), at one scale of heights."""
+    shown = scans[:MOST_MAPS]
+    columns = min(len(shown), MAPS_IN_A_ROW)
+    rows = -(-len(shown) // columns)
+    ratio = float(size[1] / size[0])
+    height = min(max(rows * (0.8 + WIDTH / columns * 0.6 * ratio), 2.4), 9.0)
+    figure, axes = new_figure(rows, columns, height=height)
+    limits = _height_limits(shown)
+    files = [str(scan["file"]) for scan in surface_statistics(surface).get("scans", [])]
+    for k, axis in enumerate(axes.ravel()):
+        if k >= len(shown):
+            axis.set_visible(False)
+            continue
+        image = _map(axis, shown[k], size, limits)
+        name = f"scan {k + 1}" + (f": {_short(files[k])}" if files else "")
+        lost = int(np.isnan(shown[k]).sum())
+        axis.set_title(f"{name}\n{f'{lost} points missing' if lost else 'all valid'}", fontsize=8)
+    figure.colorbar(image, ax=list(axes.ravel()), label="height [µm]", shrink=0.9)
+    if len(shown) < len(scans):
+        figure.suptitle(f"the first {len(shown)} of {len(scans)} scans", fontsize=9)
+    return figure
+
+
+def _short(name: str, most: int = 14) -> str:
+    """Beginning and end of a long name of a file, for a title."""
+    half = most // 2
+    name = name if len(name) <= most else f"{name[:half]}...{name[-half:]}"
+    return name.replace("$", r"\$")
 
 
 def draw_statistics(run: RunData) -> Figure | None:
@@ -97,8 +144,10 @@ def draw_artificial(run: RunData) -> Figure | None:
         return None
     s = run.surface
     shown = [("artificial surface", s["artificial"] * UM, s["artificial_size"])]
-    if "heights" in s:
-        shown = [("scan", s["heights"] * UM, s["size"]), *shown]
+    scans = scan_heights(s)
+    if len(scans):
+        name = "scan" if len(scans) == 1 else f"scan 1 of {len(scans)}"
+        shown = [(name, scans[0] * UM, s["size"]), *shown]
     figure, axes = new_figure(2, 2, height=6.2, gridspec_kw={"height_ratios": [1.15, 1]})
     for axis in axes[0, len(shown) :]:
         axis.set_visible(False)
@@ -125,24 +174,42 @@ def draw_artificial(run: RunData) -> Figure | None:
 
 
 def draw_bearing_curve(run: RunData) -> Figure | None:
-    """Bearing curve of the scan and of an artificial surface: height against material ratio."""
+    """Bearing curve of scan and artificial surface; of several scans each, and all together."""
     if run.surface is None or "heights" not in run.surface:
         return None
     figure, axes = new_figure(1, 1, height=3.0, width=4.6)
     axis = axes[0, 0]
-    for name, text, colour, line in (
-        ("heights", "scan", BLUE, "-"), ("artificial", "artificial", ORANGE, "--"),
-    ):  # fmt: skip
-        z = run.surface.get(name)
-        if z is not None and np.isfinite(z).any() and np.nanstd(z) > 0:
-            share, height = bearing_curve(z - np.nanmean(z))
-            axis.plot(100 * share, height * UM, color=colour, ls=line, label=text)
+    z = run.surface["heights"]
+    if np.isfinite(z).any() and np.nanstd(z) > 0:
+        share, whole, scans = bearing_curves(run.surface)
+        for k, height in enumerate(scans):
+            text = None if k else "each scan"
+            axis.plot(100 * share, height * UM, color=SKY, lw=0.7, label=text)
+        text, width = (f"all {len(scans)} scans", 1.9) if scans else ("scan", 1.3)
+        axis.plot(100 * share, whole * UM, color=BLUE, lw=width, label=text)
+    made = run.surface.get("artificial")
+    if made is not None and np.nanstd(made) > 0:
+        share, height = bearing_curve(made - np.nanmean(made))
+        axis.plot(100 * share, height * UM, color=ORANGE, ls="--", label="artificial")
     if not axis.lines:
         return None
     axis.set(xlabel="material ratio [%]", ylabel="height over the mean plane [µm]", xlim=(0, 100))
     light_grid(axis)
     axis.legend(loc="best")
     return figure
+
+
+def bearing_curves(surface: Arrays) -> tuple[NDArray, NDArray, list[NDArray]]:
+    """Material ratios [-], heights [m] of all scans together, and of each where there are several.
+
+    Args:
+        surface: arrays of a run with scans.
+    """
+    each = [bearing_curve(z) for z in scan_heights(surface)]
+    if len(each) == 1:
+        return *each[0], []
+    share, whole = bearing_curve(pooled(scan_heights(surface)))
+    return share, whole, [height for _, height in each]
 
 
 def _map(axes: Axes, z: NDArray, size: NDArray, limits: tuple[float, float]) -> Any:
@@ -175,10 +242,12 @@ def _height_limits(z: NDArray) -> tuple[float, float]:
 
 
 def _draw_heights(axes: Axes, surface: Arrays) -> None:
-    z = surface.get("heights", np.zeros(0)) * UM
+    scans = scan_heights(surface)
+    z = (pooled(scans) if len(scans) > 1 else np.ravel(scans)) * UM
     z = z[np.isfinite(z)]
     if z.size:
-        axes.hist(z, bins=64, density=True, color="#c9dcea", label="heights of the scan")
+        what = "heights of the scan" if len(scans) == 1 else f"heights of {len(scans)} scans"
+        axes.hist(z, bins=64, density=True, color="#c9dcea", label=what)
     if "hdf_z" in surface:
         heights, density = surface["hdf_z"] * UM, surface["hdf_density"] / UM
         text = "kernel density" if z.size else "as given"
@@ -218,9 +287,10 @@ def _draw_psd(axes: Axes, surface: Arrays) -> None:
     _draw_subsets(axes, surface)
     if "q" in surface:
         positive = surface["C"] > 0
-        axes.loglog(
-            surface["q"][positive], surface["C"][positive], color=BLUE, lw=1.6, label="whole scan"
-        )
+        scans = len(scan_heights(surface))
+        text, width = ("whole scan", 1.6) if scans == 1 else (f"mean of {scans} scans", 1.9)
+        q, C = surface["q"][positive], surface["C"][positive]
+        axes.loglog(q, C, color=BLUE, lw=width, label=text)
     stats = surface_statistics(surface)
     if "fit_q" in surface:
         axes.loglog(
@@ -261,19 +331,18 @@ def _draw_band(axes: Axes, surface: Arrays) -> None:
 
 
 def _draw_subsets(axes: Axes, surface: Arrays) -> None:
-    """PSDs of sub-windows, named "window ..." (sky blue), and of decimated scans (orange)."""
+    """PSDs of sub-windows or of each scan (sky blue), and of decimated scans (orange)."""
     if "sub_q" not in surface:
         return
     names = [str(name) for name in np.atleast_1d(surface.get("sub_name", np.array([])))]
-    counts = {True: 0, False: 0}
+    labelled = set()
     for j, (q, c) in enumerate(zip(surface["sub_q"], surface["sub_C"], strict=True)):
-        thin = j < len(names) and not names[j].startswith("window")
+        kind = names[j].partition(" ")[0] if j < len(names) else "window"
+        text, style = SUBSETS.get(kind, SUBSETS["every"])
         good = np.isfinite(q) & np.isfinite(c) & (c > 0)
-        style: dict[str, Any] = {"color": ORANGE, "ls": "--"} if thin else {"color": SKY}
-        first = counts[thin] == 0
-        counts[thin] += 1
-        text = ("decimated scans" if thin else "sub-windows") if first else None
-        axes.loglog(q[good], c[good], lw=0.8, label=text, **style)
+        label = None if text in labelled else text
+        labelled.add(text)
+        axes.loglog(q[good], c[good], lw=0.8, label=label, **style)
 
 
 def _draw_residual(axes: Axes, surface: Arrays) -> None:
@@ -288,7 +357,8 @@ def _draw_residual(axes: Axes, surface: Arrays) -> None:
     _draw_band(axes, surface)
     axes.semilogx(q[inside], ratio, color=BLUE, lw=0.9)
     axes.axhline(1.0, color=BLACK, lw=0.7, ls="--")
-    axes.set(yscale="log", xlabel=Q_LABEL, ylabel="scan / fit [-]")
+    what = "scan" if len(scan_heights(surface)) == 1 else "mean"
+    axes.set(yscale="log", xlabel=Q_LABEL, ylabel=f"{what} / fit [-]")
     reach = max(2.2, 1.1 * float(np.max(np.maximum(ratio, 1 / ratio))))
     axes.set_ylim(1 / reach, reach)
     ticks = [t for t in (0.01, 0.1, 0.5, 1.0, 2.0, 10.0, 100.0) if 1 / reach < t < reach]
@@ -299,7 +369,8 @@ def _draw_residual(axes: Axes, surface: Arrays) -> None:
 
 def _compare(axes: Axes, s: Arrays, x: str, y: str, x_unit: float, y_unit: float) -> None:
     """The same curve of the scan, or as given, and of the artificial surface."""
-    first = ("", "scan", BLUE, "-")
+    scans = len(scan_heights(s))
+    first = ("", "scan" if scans == 1 else f"{scans} scans", BLUE, "-")
     if "heights" not in s:
         first = ("" if x in s else "fit_", "as given", BLUE, "-")
     for prefix, text, colour, line in (

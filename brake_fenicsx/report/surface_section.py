@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 
 from brake_fenicsx.tables import Value
@@ -24,6 +27,11 @@ STATISTICS = (
     ("S_p", "S_p, maximum peak height", "µm", 1e6),
     ("S_v", "S_v, maximum pit depth", "µm", 1e6),
     ("S_z", "S_z, maximum height", "µm", 1e6),
+    ("S_k", "S_k, core height", "µm", 1e6),
+    ("S_pk", "S_pk, reduced peak height", "µm", 1e6),
+    ("S_vk", "S_vk, reduced valley depth", "µm", 1e6),
+    ("S_mr1", "S_mr1, material ratio at the upper end of the core", "%", 100.0),
+    ("S_mr2", "S_mr2, material ratio at the lower end of the core", "%", 100.0),
     ("S_dq", "S_dq, root mean square gradient", "-", 1.0),
     ("S_dr", "S_dr, developed interfacial area ratio", "%", 100.0),
     ("S_al", "S_al, autocorrelation length (decay to 0.2)", "µm", 1e6),
@@ -36,6 +44,8 @@ STATISTICS = (
 )
 SCANNED = ("mean", "median", "fit_rms")  # nothing where numbers are given in place of a scan
 FIRST = ("S_a", "S_q", "S_z", "S_sk", "S_ku", "S_dq", "S_dr", "S_al")
+PARAMETER_COLUMNS = ("parameter", "value", "standard_error", "unit")
+MOST_COLUMNS = 6  # of scans in a table
 UNSURE = 0.5  # standard error over the value
 
 
@@ -48,10 +58,9 @@ def of_surface(run: RunData) -> bool:
 def surface_verdict(run: RunData) -> Verdict:
     """The first screen of the page of a surface: its main parameters, and warnings."""
     rows = {key: row for key, row in _rows(run)}
-    facts = [
-        (str(rows[key][0]), f"{_number(rows[key][1])} {rows[key][3]}".removesuffix(" -"))
-        for key in FIRST if key in rows
-    ]  # fmt: skip
+    facts = [(str(rows[key][0]), _fact(rows[key])) for key in FIRST if key in rows]
+    if scans := scans_of(run):
+        facts.insert(0, ("Scans", f"{len(scans)}; ±: standard deviation over the scans"))
     return Verdict(facts=[*facts, *_law_facts(run)], warnings=[*warnings_of(run), *_unsure(run)])
 
 
@@ -75,18 +84,44 @@ def surface_blocks(run: RunData) -> list[Block]:
         blocks.append(Text(f"{said} is no fit."))
     blocks += figures(run, "figure4_topography", "figure5_statistics")
     if rows:
-        blocks.append(Table(["quantity", "value", "standard error", "unit"], rows))
-        blocks.append(Text(
-            "Names of ISO 25178-2. The form was removed (surface.level); there is no S-filter"
-            " beyond the pixel and no L-filter, so that S_dq and S_dr depend on the size of the"
-            " pixel. Standard errors: of heights from blocks of the scan, of the spectrum from its"
-            " fit."
-        ))  # fmt: skip
+        blocks += _parameter_blocks(rows, scans_of(run))
     return [
         *blocks,
         *figures(run, "bearing_curve", look="half"),
         *figures(run, "figure6_artificial"),
     ]
+
+
+def _parameter_blocks(rows: list[list[Value]], scans: list[dict[str, Any]]) -> list[Block]:
+    """Tables of the parameters, and what they are."""
+    names = (
+        "Names of ISO 25178-2; S_k, S_pk, S_vk, S_mr1 and S_mr2 from the least steep secant over"
+        " 40 % of the bearing curve (ISO 13565-2). The form was removed (surface.level); there is"
+        " no S-filter beyond the pixel and no L-filter, so that S_dq and S_dr depend on the size of"
+        " the pixel."
+    )
+    heads = ["quantity", "value", "standard error", "unit"]
+    if not scans:
+        errors = "of heights from blocks of the scan, of the spectrum from its fit."
+        return [Table(heads, rows), Text(f"{names} Standard errors: {errors}")]
+    over = ["mean", "standard deviation"]
+    first = Table([*heads[:3], *over, "unit"], [[*r[:3], *r[4:6], r[3]] for r in rows])
+    blocks: list[Block] = [first, Text(
+        f"{names} Value: of the mean variance, of the heights of all scans about the mean plane of"
+        " each (S_sk, S_ku) and of the mean spectrum (c1, c2, q_c, C0), from which artificial"
+        " surfaces are made; of other parameters the mean over the scans. Standard errors: of the"
+        " spectrum from its fit, else the standard deviation over the root of the number of scans."
+        " Mean and standard deviation (n - 1) are those of the scans below."
+    )]  # fmt: skip
+    numbers = range(1, len(scans) + 1)
+    lost = [[k, s["file"], s["missing"], s["outliers"]]
+            for k, s in zip(numbers, scans, strict=True)]  # fmt: skip
+    blocks.append(Table(["scan", "file", "missing points", "masked outliers"], lost))
+    for start in range(0, len(scans), MOST_COLUMNS):
+        part = [*numbers][start : start + MOST_COLUMNS]
+        cells = [[r[0], *(r[5 + k] for k in part), r[3]] for r in rows]
+        blocks.append(Table(["quantity", *(f"scan {k}" for k in part), "unit"], cells))
+    return blocks
 
 
 def law_blocks(run: RunData) -> list[Block]:
@@ -95,27 +130,50 @@ def law_blocks(run: RunData) -> list[Block]:
 
 
 def _rows(run: RunData) -> list[tuple[str, list[Value]]]:
-    """Keys and rows of the table of parameters: name, value, standard error, unit."""
+    """Keys and rows of the table of parameters: name, value, standard error, unit.
+
+    With several scans mean and standard deviation follow, and the value of each scan.
+    """
     if run.surface is None:
         return []
     stats, by_numbers = surface_statistics(run.surface), "heights" not in run.surface
+    scans = scans_of(run)
+    over = [stats["scan_mean"], stats["scan_std"], *scans] if scans else []
     rows: list[tuple[str, list[Value]]] = []
     for key, text, unit, factor in STATISTICS:
-        value, error = stats.get(key), stats.get(f"{key}_error")
         if by_numbers and key in SCANNED:
             continue
-        if not isinstance(value, int | float) or not np.isfinite(value):
-            continue
-        if isinstance(of_log := stats.get(f"ln_{key}_error"), int | float):
+        value, error = _scaled(stats, key, factor), _scaled(stats, f"{key}_error", factor)
+        if value is not None and (of_log := _scaled(stats, f"ln_{key}_error", 1.0)) is not None:
             error = of_log * value
-        spread = float(error) * factor if isinstance(error, int | float) else np.nan
-        shown = spread if np.isfinite(spread) else None
-        rows.append((key, [text, float(value) * factor, shown, unit]))
+        each = [_scaled(table, key, factor) for table in over]
+        if value is not None or any(v is not None for v in each):
+            rows.append((key, [text, value, error, unit, *each]))
     return rows
 
 
+def _scaled(table: Mapping[str, Any], key: str, factor: float) -> float | None:
+    """A finite number of a table times a factor; None if there is none."""
+    value = table.get(key)
+    if not isinstance(value, int | float) or not np.isfinite(value):
+        return None
+    return float(value) * factor
+
+
+def scans_of(run: RunData) -> list[dict[str, Any]]:
+    """Parameters of each scan, where several are averaged."""
+    found = surface_statistics(run.surface).get("scans") if run.surface else None
+    return found if isinstance(found, list) else []
+
+
+def parameter_columns(run: RunData) -> tuple[str, ...]:
+    """Names of the columns of ``parameter_rows``."""
+    scans = [f"scan_{k}" for k in range(1, len(scans_of(run)) + 1)]
+    return (*PARAMETER_COLUMNS, *(["mean", "standard_deviation", *scans] if scans else []))
+
+
 def parameter_rows(run: RunData) -> list[list[Value]]:
-    """Name, value, standard error and unit of every parameter of the surface."""
+    """Key, value, standard error and unit of every parameter; mean, scatter, and each scan."""
     return [[key, *row[1:]] for key, row in _rows(run)]
 
 
@@ -144,6 +202,12 @@ def _law_facts(run: RunData) -> list[tuple[str, str]]:
         facts.append(("Young's modulus", f"{micro['E'] / 1e6:.4g} MPa, nu {micro.get('nu')}"))
     said = f"{hardness / 1e6:.4g} MPa" if isinstance(hardness, float) else "none (elastic)"
     return [*facts, ("Hardness", said)]
+
+
+def _fact(row: list[Value]) -> str:
+    """Value and unit, with the standard deviation over several scans."""
+    scatter = f" ± {row[5]:.2g}" if len(row) > 5 and isinstance(row[5], float) else ""
+    return f"{_number(row[1])}{scatter} {row[3]}".removesuffix(" -")
 
 
 def _number(value: Value) -> str:

@@ -9,15 +9,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.surface.iso25178 import bearing_curve
 from brake_fenicsx.tables import Value, write_rows
 
 from .rundata import Arrays, RunData
-from .surface_figures import surface_statistics
-from .surface_section import of_surface, parameter_rows
+from .surface_figures import bearing_curves, surface_statistics
+from .surface_section import of_surface, parameter_columns, parameter_rows, scans_of
 
 LAW_COLUMNS = ("law", "step", "d_m", "p_Pa", "k_Pa_per_m")
-PARAMETER_COLUMNS = ("parameter", "value", "standard_error", "unit")
 HEIGHTS = "artificial_surface"
 
 
@@ -43,14 +41,18 @@ def write_surface_tables(run: RunData) -> list[Path]:
     tables.mkdir(exist_ok=True)
     if surface_statistics(s):
         path = tables / "surface.csv"
-        written.append(write_rows(path, PARAMETER_COLUMNS, parameter_rows(run)))
+        written.append(write_rows(path, parameter_columns(run), parameter_rows(run)))
     if "q" in s:
-        spectrum = zip(s["q"], s["C"], strict=True)
-        written.append(write_rows(tables / "spectrum.csv", ("q_rad_per_m", "C_m4"), spectrum))
+        each = [*s["sub_C"]] if scans_of(run) else []
+        names = ("q_rad_per_m", "C_m4", *(f"C_scan_{k}_m4" for k in range(1, len(each) + 1)))
+        spectrum = zip(s["q"], s["C"], *each, strict=True)
+        written.append(write_rows(tables / "spectrum.csv", names, spectrum))
     if "heights" in s and np.isfinite(s["heights"]).any():
-        curve = zip(*bearing_curve(s["heights"]), strict=True)
+        share, whole, scans = bearing_curves(s)
+        names = ("material_ratio", "height_m")
+        names += tuple(f"height_scan_{k}_m" for k in range(1, len(scans) + 1))
         path = tables / "bearing_curve.csv"
-        written.append(write_rows(path, ("material_ratio", "height_m"), curve))
+        written.append(write_rows(path, names, zip(share, whole, *scans, strict=True)))
     if of_surface(run) and "artificial" in s:
         written += _write_heights(folder, s["artificial"], s["artificial_size"])
     return written

@@ -16,8 +16,13 @@ def file_digests(scene: Scene) -> dict[str, str]:
     """
     table = scene.table
     named = {"mesh.file": (table.get("mesh") or {}).get("file")}
-    for name in ("scan", "form"):
-        named[f"surface.{name}"] = (table.get("surface") or {}).get(name)
+    surface = table.get("surface") or {}
+    named["surface.form"] = surface.get("form")
+    scans = surface.get("scan")
+    if isinstance(scans, list):
+        named |= {f"surface.scan.{k}": file for k, file in enumerate(scans, 1)}
+    else:
+        named["surface.scan"] = scans
     for name, part in scene.parts.items():
         for f in fields(part.matrices) if part.matrices else ():
             if isinstance(value := getattr(part.matrices, f.name), str):

@@ -77,6 +77,8 @@ def _override(table: dict[str, Any], text: str) -> None:
 
 def _scene(path: Path, table: dict[str, Any]) -> Scene:
     scene: Scene = read_table(Scene, table)
+    if scene.surface and len(scene.surface.scans) == 1:  # a list of one is that one, in hashes too
+        table = {**table, "surface": {**table["surface"], "scan": scene.surface.scans[0]}}
     random = {n: complete(d, n, path.parent) for n, d in scene.samples.random.items()}
     contact = {n: with_table(c, n, path.parent) for n, c in scene.contact.items()}
     scene = replace(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import fields
 from itertools import combinations
 from typing import TYPE_CHECKING
@@ -16,6 +15,7 @@ from brake_fenicsx.scene.parts import BUILDERS, part_lengths
 from brake_fenicsx.scene.samples import APPROACHES, split_key
 from brake_fenicsx.scene.scalars import check_scalar
 from brake_fenicsx.scene.sections import LAWS, STAGES
+from brake_fenicsx.scene.surface import check_surface
 from brake_fenicsx.scene.sweep import check_sweep
 from brake_fenicsx.scene.tables import shown
 from brake_fenicsx.scene.units import with_unit
@@ -49,6 +49,7 @@ def check_consistent(s: Scene) -> None:
         SceneError: the key, its value and the remedy.
     """
     _check_stages(s)
+    check_surface(s)
     _check_mesh(s.mesh)
     _check_parts(s)
     for name, contact in s.contact.items():
@@ -79,19 +80,6 @@ def _check_stages(s: Scene) -> None:
     for stage, before in PREDECESSORS:
         if stage in s.stages and before not in s.stages:
             raise SceneError(f"stages: {stage!r} needs {before!r}")
-    if "surface" in s.stages and s.surface:
-        scan = s.surface.scan
-        if not scan and not s.surface.statistics:
-            raise SceneError("surface: name a scan or statistics")
-        if scan and s.surface.statistics:
-            raise SceneError(
-                f"surface.scan = {scan!r}: surface.statistics are there in its place; leave one out"
-            )
-        for name, file in (("scan", scan), ("form", s.surface.form)):
-            if file and not os.path.isfile(s.path(file)):
-                raise SceneError(
-                    f"surface.{name} = {file!r}: no such file; paths start at the scene's folder"
-                )
     if s.micro and s.micro.patch == "mesh" and "equilibrium" not in s.stages:
         raise SceneError('micro.patch = "mesh": needs the stage equilibrium; write a length')
     if s.micro and s.micro.pixels != "scan" and not 2 <= s.micro.pixels <= MOST_PIXELS:
@@ -107,29 +95,6 @@ def _check_stages(s: Scene) -> None:
                 f"micro.max_pressure = {s.micro.max_pressure:g} E*, {highest / 1e6:.4g} MPa: must"
                 f" lie below micro.hardness = {s.micro.hardness / 1e6:.4g} MPa; leave it out"
             )
-    if s.surface and s.surface.S_q == "scan":
-        if s.surface.form:
-            raise SceneError(
-                'surface.S_q = "scan": the variance is that of the scan, and surface.form adds'
-                " longer waves; leave one out"
-            )
-        if any(c.gap == "waviness" for c in s.contact.values()):
-            raise SceneError(
-                'surface.S_q = "scan": gap = "waviness" shares the variance of the spectrum; write'
-                ' surface.S_q = "spectrum", or gap = "hdf"'
-            )
-    if s.surface and s.surface.statistics:
-        for name in ("cutoff", "size", "height_unit", "window", "noise", "decimation"):
-            if getattr(s.surface, name) not in (None, 1):
-                raise SceneError(f"surface.{name}: there is no scan, but statistics; leave it out")
-    window = s.surface.window if s.surface else None
-    if window is not None and not (
-        len(window) == 4 and window[0] < window[2] and window[1] < window[3]
-    ):
-        raise SceneError(
-            f"surface.window = {list(window)!r} m: write [smallest x, smallest y, largest x,"
-            ' largest y], such as ["0 mm", "0 mm", "1 mm", "1 mm"]'
-        )
     low, high = NEWTON
     if not low <= s.equilibrium.tolerance <= high:
         raise SceneError(

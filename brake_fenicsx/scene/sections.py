@@ -64,7 +64,9 @@ class Surface:
     """[surface]: the scan, or statistics in its place.
 
     Attributes:
-        scan: file of the scan, relative to the scene's folder: npz, text, or an instrument's.
+        scan: file of the scan, relative to the scene's folder: npz, text, or an instrument's; or a
+            list of several scans of one pad with the same pixels, of which spectrum and variance
+            are averaged and heights pooled. The other keys hold for each scan.
         level: what is subtracted from the heights: nothing, a plane, or a second-order surface.
         size: lengths of the scan's sides, if the file does not contain them.
         height_unit: unit of the heights, if the file does not contain it ("um").
@@ -78,7 +80,7 @@ class Surface:
             all of it if not given.
         decimation: every how many-th point of ``scan`` is used, along x and along y.
         noise: standard deviation of white noise that is added to every height of ``scan``, drawn
-            from ``samples.seed``.
+            from ``samples.seed``, for each scan anew.
         low: spectrum below the scan's lowest wave number: constant, or the power law extrapolated.
         S_q: variance of the artificial surfaces: from the scan's spectrum on a patch, or equal to
             the variance of the scan, to which the spectrum is scaled (as in the paper).
@@ -90,7 +92,7 @@ class Surface:
             given.
     """
 
-    scan: str | None = key(default=None)
+    scan: str | tuple[str, ...] | None = key(default=None)
     level: str = key(default="plane", choices=("none", "plane", "second-order"))
     size: tuple[float, ...] | None = key("m", default=None)
     height_unit: str | None = key(default=None)
@@ -105,6 +107,11 @@ class Surface:
     S_q: str = key(default="spectrum", choices=("spectrum", "scan"))
     distribution: str | None = key(default=None, choices=("measured", "johnson", "normal"))
     synthesis: str | None = key(default=None, choices=("projection", "translation"))
+
+    @property
+    def scans(self) -> tuple[str, ...]:
+        """Files of the scans; none where there are statistics in their place."""
+        return (self.scan,) if isinstance(self.scan, str) else self.scan or ()
 
 
 @dataclass(frozen=True, slots=True)

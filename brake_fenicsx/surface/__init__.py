@@ -3,7 +3,12 @@
 from brake_fenicsx.surface.hdf import HeightDistribution, match_moments
 from brake_fenicsx.surface.psd import BiFractal, RadialPsd, fit_bifractal, radial_psd
 from brake_fenicsx.surface.readers import read_topography
-from brake_fenicsx.surface.statistics import SurfaceStatistics, characterise, given_statistics
+from brake_fenicsx.surface.statistics import (
+    SurfaceStatistics,
+    averaged,
+    characterise,
+    given_statistics,
+)
 from brake_fenicsx.surface.synthesis import SynthesisRecord, synthesise
 from brake_fenicsx.surface.topography import Topography, make_topography
 
@@ -14,6 +19,7 @@ __all__ = [
     "SurfaceStatistics",
     "SynthesisRecord",
     "Topography",
+    "averaged",
     "characterise",
     "fit_bifractal",
     "given_statistics",

@@ -9,6 +9,7 @@ Reference: N. L. Johnson, Biometrika 36 (1949) 149, doi:10.1093/biomet/36.1-2.14
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -171,6 +172,22 @@ class Measured:
     def pdf(self, z: Array) -> Array:
         """Probability density [1/m] at heights ``z`` [m], by a kernel density estimate."""
         return kernel_density(self.sorted_heights, np.asarray(z, dtype=float))
+
+
+def pooled(scans: Sequence[Array]) -> Array:
+    """Heights of all scans about the mean of each [m], ascending, shape (n,).
+
+    Their variance is the mean of the variances of the scans, however many points each has.
+
+    Args:
+        scans: heights of each [m], any shape; nan where missing.
+    """
+    centred = [z[np.isfinite(z)] for z in scans]
+    centred = [z - z.mean() for z in centred]
+    heights = np.sort(np.concatenate(centred))
+    if len(centred) == 1:
+        return heights
+    return heights * np.sqrt(np.mean([z.var() for z in centred]) / heights.var())
 
 
 def kernel_density(heights: Array, z: Array, most: int = 5000) -> Array:

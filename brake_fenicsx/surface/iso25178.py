@@ -1,7 +1,8 @@
 """Areal surface texture parameters by the names of ISO 25178-2, and the bearing curve.
 
 Gradients are differences of neighbouring pixels that were both measured. There is no S-filter
-beyond the pixel and no L-filter beyond the form that was removed from the scan.
+beyond the pixel and no L-filter beyond the form that was removed from the scan. S_k and its
+relatives are those of ISO 13565-2, from the secant of the bearing curve.
 """
 
 from __future__ import annotations
@@ -16,17 +17,19 @@ from brake_fenicsx.surface.topography import Topography
 Array = NDArray[np.float64]
 DECAY = 0.2  # of the autocorrelation, for S_al and S_tr
 DIRECTIONS = 180
+CORE = 0.4  # share of the bearing curve below the secant that defines the core
 
 
 def iso_parameters(topo: Topography) -> dict[str, float]:
-    """Height, hybrid and spatial parameters of a levelled surface.
+    """Height, hybrid, spatial and functional parameters of a levelled surface.
 
     Args:
         topo: heights about their mean plane [m].
 
     Returns:
-        S_a, S_p, S_v, S_z, S_al [m], S_dq, S_dr, S_tr [-]; nan where the surface does not define
-        one: S_al and S_tr where the autocorrelation does not fall to 0.2 inside the scan.
+        S_a, S_p, S_v, S_z, S_al [m], S_dq, S_dr, S_tr [-], and those of ``core_parameters``; nan
+        where the surface does not define one: S_al and S_tr where the autocorrelation does not fall
+        to 0.2 inside the scan.
     """
     z = topo.heights - np.nanmean(topo.heights)
     h = z[np.isfinite(z)]
@@ -41,6 +44,47 @@ def iso_parameters(topo: Topography) -> dict[str, float]:
         "S_dr": S_dr,
         "S_al": S_al,
         "S_tr": S_tr,
+        **core_parameters(h),
+    }
+
+
+def core_parameters(heights: Array) -> dict[str, float]:
+    """Core, peaks and valleys of the bearing curve, by ISO 13565-2 and ISO 25178-2.
+
+    The core is where the secant over 40 % of the curve is least steep, the uppermost such place
+    where there are several. The line that fits the curve there in the mean square has the heights
+    of the core's ends at the ratios 0 and 1. Peaks above and valleys below are replaced by
+    triangles of their area.
+
+    Args:
+        heights: heights [m], any shape; nan where missing.
+
+    Returns:
+        S_k, S_pk, S_vk [m] and the material ratios S_mr1, S_mr2 [-] at the upper and the lower end
+        of the core.
+    """
+    z = np.sort(heights[np.isfinite(heights)])[::-1]
+    n = z.size
+    span = min(max(round(CORE * n), 1), n - 1)
+    drop = z[: n - span] - z[span:]
+    # Sums of rounded heights differ in their last digits where the curve is straight.
+    least = float(drop.min()) + 1e-12 * float(z[0] - z[-1])
+    start = int(np.argmax(drop <= least))
+    core = z[start : start + span + 1]
+    ratio = (np.arange(start, start + span + 1) + 0.5) / n
+    centred = ratio - ratio.mean()
+    slope = float(centred @ core / (centred @ centred))
+    upper = float(core.mean() - slope * ratio.mean())
+    lower = upper + slope
+    # Within rounding of the line a height is of the core.
+    room = 1e-9 * float(z[0] - z[-1])
+    peaks, valleys = z[z > upper + room] - upper, lower - z[z < lower - room]
+    return {
+        "S_k": upper - lower,
+        "S_pk": 2.0 * float(peaks.mean()) if peaks.size else 0.0,
+        "S_vk": 2.0 * float(valleys.mean()) if valleys.size else 0.0,
+        "S_mr1": peaks.size / n,
+        "S_mr2": 1.0 - valleys.size / n,
     }
 
 

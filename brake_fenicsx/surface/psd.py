@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from brake_fenicsx.errors import SurfaceError
-from brake_fenicsx.surface.topography import Array, Topography, fill, form
+from brake_fenicsx.surface.topography import Array, Scans, Topography, fill, first, form
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,12 +121,15 @@ def half_plane_weights(shape: tuple[int, int]) -> Array:
     return weights
 
 
-def psd_2d(topo: Topography) -> Array:
+def psd_2d(topo: Scans) -> Array:
     """Two-dimensional PSD [m^4] on the half plane of ``rfft2``, shape (nx, ny // 2 + 1).
 
     A scan that is not periodic is multiplied by a Hann window in both directions, scaled so that
-    the variance is kept on average. Missing points are filled first.
+    the variance is kept on average. Missing points are filled first. The density of several scans
+    is their mean at every wave vector (Bartlett's method).
     """
+    if not isinstance(topo, Topography):
+        return np.asarray(np.mean([psd_2d(scan) for scan in topo], axis=0))
     h = fill(topo.heights)
     if not topo.periodic:
         window = np.outer(*(np.hanning(n + 2)[1:-1] for n in h.shape))
@@ -138,12 +141,12 @@ def psd_2d(topo: Topography) -> Array:
 
 
 def radial_psd(
-    topo: Topography, cutoff: float | None = None, rings: int = 12, label: str = "scan"
+    topo: Scans, cutoff: float | None = None, rings: int = 12, label: str = "scan"
 ) -> RadialPsd:
     """Radial mean of the PSD with its reliable band.
 
     Args:
-        topo: levelled scan.
+        topo: levelled scan, or several.
         cutoff: shortest wave length the instrument resolves [m]; two pixels if not given.
         rings: rings per factor e of the wave number where the grid is fine enough; ring edges
             stand at least one grid step apart.
@@ -154,7 +157,8 @@ def radial_psd(
         levelling take from the lowest waves) to the instrument's cutoff, or to where the density
         sinks to ten times that of the instrument's white noise.
     """
-    C, q = psd_2d(topo), wave_numbers(topo.shape, topo.size)
+    C, topo = psd_2d(topo), first(topo)
+    q = wave_numbers(topo.shape, topo.size)
     weights = np.broadcast_to(half_plane_weights(topo.shape) / 2.0, C.shape)
     step = 2.0 * np.pi / topo.size.min()
     nyquist = np.pi / topo.pixel.max()
@@ -174,19 +178,20 @@ def radial_psd(
     return RadialPsd(mean_q, mean_C, scatter, (lo, hi), label)
 
 
-def noise_bound(topo: Topography) -> float:
+def noise_bound(topo: Scans) -> float:
     """Standard deviation of the white noise that the spectrum of a scan allows at most [m].
 
     It alone would be the density in the corners of the wave-vector square, beyond 1.2 of the
     Nyquist wave number: the instrument's noise where the surface no longer rules there, else more.
 
     Args:
-        topo: levelled scan.
+        topo: levelled scan, or several.
     """
+    C, topo = psd_2d(topo), first(topo)
     q = wave_numbers(topo.shape, topo.size)
     corners = q > 1.2 * np.pi / topo.pixel.max()
     weights = np.broadcast_to(half_plane_weights(topo.shape), q.shape)[corners]
-    density = float(np.average(psd_2d(topo)[corners], weights=weights))
+    density = float(np.average(C[corners], weights=weights))
     return float(np.sqrt(density * 4.0 * np.pi**2 / np.prod(topo.pixel)))
 
 
@@ -241,18 +246,18 @@ def _ring_edges(step: float, nyquist: float, rings: int) -> Array:
     return np.array(edges)
 
 
-def anisotropy(topo: Topography, band: tuple[float, float]) -> tuple[float, float]:
+def anisotropy(topo: Scans, band: tuple[float, float]) -> tuple[float, float]:
     """How far the PSD depends on the direction, and the direction of the strongest waves.
 
     Args:
-        topo: levelled scan.
+        topo: levelled scan, or several.
         band: wave numbers looked at (lo, hi) [rad/m].
 
     Returns:
         Second angular harmonic of C over its radial mean (0 isotropic, about 1 a grooved
         surface) [-], and the angle of the wave vectors with the largest C from the x axis [rad].
     """
-    C = psd_2d(topo)
+    C, topo = psd_2d(topo), first(topo)
     qx = 2.0 * np.pi * np.fft.fftfreq(topo.shape[0], topo.pixel[0])[:, None]
     qy = 2.0 * np.pi * np.fft.rfftfreq(topo.shape[1], topo.pixel[1])[None, :]
     q = np.hypot(qx, qy)

@@ -1,8 +1,9 @@
-"""From a scan to its statistics: what the artificial surfaces have to share with it."""
+"""From scans to their statistics: what the artificial surfaces have to share with them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from brake_fenicsx.surface.hdf import (
     Measured,
     match_moments,
     moments,
+    pooled,
 )
 from brake_fenicsx.surface.psd import (
     BiFractal,
@@ -32,7 +34,7 @@ PAPER_BAND = (2.0 * np.pi / 1.8e-3, np.pi * 256 / 1.8e-3)
 
 @dataclass(frozen=True, slots=True)
 class SurfaceStatistics:
-    """Statistics of a scan, or given by numbers alone (then without heights and PSD).
+    """Statistics of scans, or given by numbers alone (then without heights and PSD).
 
     Attributes:
         mean: mean height over the instrument's zero [m].
@@ -40,18 +42,21 @@ class SurfaceStatistics:
         S_q: root-mean-square height about the mean plane [m].
         S_sk: skewness [-].
         S_ku: kurtosis, 3 for a normal distribution [-].
-        errors: standard errors of (mean, S_q, S_sk, S_ku) from blocks of the scan; nan if given.
+        errors: standard errors of (mean, S_q, S_sk, S_ku), from blocks of the scan, or from the
+            scatter of several scans; nan if given.
         hdf: distribution new heights are drawn from, zero mean.
         bifractal: broken power law of the PSD.
-        psd: radial PSD of the scan.
-        others: radial PSDs of sub-windows and of the decimated scan.
+        psd: radial PSD of the scan, or the mean of several.
+        others: radial PSDs of sub-windows and of the decimated scan, or of each scan.
         spread: rms of ln(C_other / C) between these and ``psd`` [-].
         anisotropy: second angular harmonic of the PSD, 0 for an isotropic surface [-].
         direction: angle of the strongest waves from the x axis [rad].
-        topography: levelled heights, zero mean, outliers and missing points nan.
+        topography: levelled heights, zero mean, outliers and missing points nan; None for several
+            scans, each of which has its own.
         level: form that was removed.
-        missing: points without a height in the scan.
+        missing: points without a height in the scans.
         outliers: points masked by the outlier rule.
+        scans: statistics of each scan, where several are averaged.
     """
 
     mean: float
@@ -71,6 +76,17 @@ class SurfaceStatistics:
     level: str = "none"
     missing: int = 0
     outliers: int = 0
+    scans: tuple[SurfaceStatistics, ...] = ()
+
+    @property
+    def each(self) -> tuple[SurfaceStatistics, ...]:
+        """Statistics of each scan, also of a single one; none where numbers were given."""
+        return self.scans or ((self,) if self.topography is not None else ())
+
+    @property
+    def topographies(self) -> tuple[Topography, ...]:
+        """Levelled heights of each scan, on one grid; none where numbers were given."""
+        return tuple(s.topography for s in self.each if s.topography is not None)
 
     @property
     def pixel(self) -> float:
@@ -92,10 +108,10 @@ class SurfaceStatistics:
 
     @property
     def heights(self) -> Array:
-        """Levelled valid heights about the mean plane [m], shape (n,)."""
-        if self.topography is None:
+        """Levelled valid heights of all scans about their mean planes [m], shape (n,)."""
+        if not self.topographies:
             raise SurfaceError("these statistics were given by numbers; there is no scan in them")
-        return self.topography.heights[self.topography.valid]
+        return np.concatenate([t.heights[t.valid] for t in self.topographies])
 
 
 def characterise(
@@ -121,10 +137,6 @@ def characterise(
     Raises:
         SurfaceError: a flat scan, or too few valid points.
     """
-    if distribution not in DISTRIBUTIONS:
-        raise SurfaceError(
-            f"distribution = {distribution!r}; choose one of {', '.join(DISTRIBUTIONS)}"
-        )
     level = "mean" if topo.periodic and level != "none" else level  # it cannot have a tilt
     levelled, marked = _clean(topo, level, outlier_rule, threshold)
     h = levelled.heights[levelled.valid]
@@ -136,15 +148,49 @@ def characterise(
     psd = radial_psd(levelled, cutoff)
     others = sub_psds(levelled, cutoff)
     strength, direction = anisotropy(levelled, psd.band)
-    hdf: HeightDistribution = (
-        Measured(np.sort(h - mean))
-        if distribution == "measured"
-        else matched(S_q, S_sk, S_ku, distribution)
-    )
     return SurfaceStatistics(
-        zero, zero + float(np.median(h)) - mean, S_q, S_sk, S_ku, _moment_errors(levelled), hdf,
+        zero, zero + float(np.median(h)) - mean, S_q, S_sk, S_ku, _moment_errors(levelled),
+        _distribution(pooled([h]), distribution, (S_q, S_sk, S_ku)),
         fit_bifractal(psd), psd, others, psd_spread(psd, others), strength, direction,
         levelled, level, missing, marked,
+    )  # fmt: skip
+
+
+def averaged(
+    scans: Sequence[SurfaceStatistics],
+    cutoff: float | None = None,
+    distribution: str = "measured",
+) -> SurfaceStatistics:
+    """Statistics of several scans of one surface together; those of one scan as they are.
+
+    Variance, spectrum, mean and median are means over the scans, all of one weight; skewness,
+    kurtosis and distribution are those of all heights about the mean plane of each scan.
+
+    Args:
+        scans: statistics of each scan, on one grid (``topography.on_grid_of``).
+        cutoff: shortest wave length the instrument resolves [m].
+        distribution: as for ``characterise``.
+    """
+    if len(scans) == 1:
+        return scans[0]
+    topos = [t for scan in scans for t in scan.topographies]
+    z = pooled([t.heights for t in topos])
+    _, S_q, S_sk, S_ku = moments(z)
+    psd = radial_psd(topos, cutoff, label=f"mean of {len(topos)} scans")
+    others = tuple(
+        replace(scan.psd, label=f"scan {k}")
+        for k, scan in enumerate(scans, 1) if scan.psd is not None
+    )  # fmt: skip
+    each = np.array([(s.mean, s.S_q, s.S_sk, s.S_ku, s.median) for s in scans])
+    errors = each.std(axis=0, ddof=1) / np.sqrt(len(scans))
+    strength, direction = anisotropy(topos, psd.band)
+    return SurfaceStatistics(
+        float(each[:, 0].mean()), float(each[:, 4].mean()), S_q, S_sk, S_ku,
+        (float(errors[0]), float(errors[1]), float(errors[2]), float(errors[3])),
+        _distribution(z, distribution, (S_q, S_sk, S_ku)),
+        fit_bifractal(psd), psd, others, psd_spread(psd, others), strength, direction,
+        None, scans[0].level, sum(s.missing for s in scans), sum(s.outliers for s in scans),
+        tuple(scans),
     )  # fmt: skip
 
 
@@ -199,6 +245,17 @@ def matched(S_q: float, S_sk: float, S_ku: float, distribution: str) -> Johnson:
         distribution: ``"johnson"`` or ``"normal"``.
     """
     return match_moments(S_q) if distribution == "normal" else match_moments(S_q, S_sk, S_ku)
+
+
+def _distribution(
+    heights: Array, distribution: str, of: tuple[float, float, float]
+) -> HeightDistribution:
+    """Distribution of ascending heights [m], or of their (S_q, S_sk, S_ku)."""
+    if distribution not in DISTRIBUTIONS:
+        raise SurfaceError(
+            f"distribution = {distribution!r}; choose one of {', '.join(DISTRIBUTIONS)}"
+        )
+    return Measured(heights) if distribution == "measured" else matched(*of, distribution)
 
 
 def _clean(topo: Topography, level: str, rule: str, threshold: float) -> tuple[Topography, int]:

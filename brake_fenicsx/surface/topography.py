@@ -5,7 +5,8 @@ Every treatment has a name and a count: nothing is masked, filled or rescaled si
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 LEAST = 16  # pixels along a side of what is left of a scan
+SAME_PIXEL = 1e-6  # relative difference that the rounding of a file explains
 LEVELS = ("none", "mean", "plane", "second-order")
 
 
@@ -92,6 +94,44 @@ def make_topography(
     if np.isnan(h).all():
         raise SurfaceError(f"{source}: no valid point in the scan; measure again or mask less")
     return Topography(h, lengths, periodic, source, warnings)
+
+
+Scans = Topography | Sequence[Topography]  # of one surface, on the same grid
+
+
+def first(scans: Scans) -> Topography:
+    """The scan, or the first of several: all have its grid."""
+    return scans if isinstance(scans, Topography) else scans[0]
+
+
+def on_grid_of(reference: Topography, scan: Topography) -> Topography:
+    """A scan that can be averaged with another one, with exactly the lengths of that.
+
+    Args:
+        reference: the other scan.
+        scan: the scan, whose pixels may differ by rounding.
+
+    Raises:
+        SurfaceError: pixels of another size, or another number of them: the spectra would not
+            have the same wave vectors.
+    """
+    if not np.allclose(scan.pixel, reference.pixel, rtol=SAME_PIXEL, atol=0.0):
+        one, other = (
+            " x ".join(f"{1e6 * float(v):.6g}" for v in t.pixel) for t in (scan, reference)
+        )
+        raise SurfaceError(
+            f"pixels of {one} um, and of {other} um in {reference.source}: scans are averaged on"
+            " one grid; measure them alike, or correct surface.size, which holds for all"
+        )
+    if scan.shape != reference.shape:
+        (nx, ny), (mx, my) = scan.shape, reference.shape
+        common = scan.pixel * np.minimum(scan.shape, reference.shape)
+        corner = ", ".join(f'"{1e3 * float(v):.12g} mm"' for v in common)
+        raise SurfaceError(
+            f"{nx} x {ny} pixels, and {mx} x {my} in {reference.source}: scans are averaged on one"
+            f' grid; take the same part of each, surface.window = ["0 mm", "0 mm", {corner}]'
+        )
+    return replace(scan, size=reference.size)
 
 
 def measured_less(

@@ -125,7 +125,7 @@ def test_variant_that_fails_is_a_row_and_the_others_go_on(few, tmp_path, monkeyp
 
 def test_knobs_of_the_demo_are_scenes_that_can_be_read():
     scene = read_scene(DEMO)
-    found = {knob.name: knob for knob in knobs(scene, 625, read_surface(scene).topography)}
+    found = {knob.name: knob for knob in knobs(scene, 625, read_surface(scene).topographies)}
     assert all(bool(k.variants) != bool(k.reason) for k in found.values())
     assert {n for n, k in found.items() if not k.variants} == {"variance"}
     for knob in found.values():
@@ -142,7 +142,7 @@ def test_knobs_of_the_demo_are_scenes_that_can_be_read():
 
 
 def test_knobs_of_a_smooth_scene_say_why_they_are_not_turned():
-    found = {k.name: k for k in knobs(read_scene(BLOCK), None, None)}
+    found = {k.name: k for k in knobs(read_scene(BLOCK), None, ())}
     assert "no laws" in found["pixels"].reason and "full order" in found["cutoff"].reason
     assert "no approach 'classical'" in found["penalty"].reason and found["body-mesh"].variants
 
@@ -186,6 +186,23 @@ def test_what_less_of_a_scan_says(rough_scan):
     assert 0.2e-6 < np.nanstd(added) < 1e-6
     opposite = 'surface.window=["0.675 mm", "0.4375 mm", "1.125 mm", "0.7875 mm"]'
     assert planned["scan-window-2"].variant.overrides == (opposite,)
+
+
+def test_what_less_of_several_scans_says(rough_scan, tmp_path):
+    """The same part, the same pixels and as much noise of each scan, drawn anew for each."""
+    with np.load(SCENES / "pad_scan.npz") as file:
+        np.savez(tmp_path / "turned.npz", **{**file, "heights": file["heights"][::-1]})
+    both = f"surface.scan=['{SCENES / 'pad_scan.npz'}', '{tmp_path / 'turned.npz'}']"
+    budget, planned = rough_scan(both, "micro.pixels=48")
+    assert len(planned) == 6 and all(p.paired and not p.refused for p in planned.values())
+    own = read_surface(budget.scene).topographies
+    changes = planned["scan-noise-1"].variant.overrides
+    noisy = read_surface(read_scene(BLOCK, [*budget.overrides, *changes])).topographies
+    added = [a.heights - b.heights for a, b in zip(noisy, own, strict=True)]
+    assert len(added) == 2 and all(np.nanstd(a) > 0 for a in added)
+    changes = planned["scan-window-2"].variant.overrides
+    part = read_surface(read_scene(BLOCK, [*budget.overrides, *changes])).topographies
+    assert [t.shape for t in part] == [(128, 128)] * 2
 
 
 def test_laws_of_another_number_of_points_are_of_independent_samples(rough_scan):

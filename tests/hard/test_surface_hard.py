@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from brake_fenicsx.errors import SurfaceError
+from brake_fenicsx.checks import read_surface
+from brake_fenicsx.errors import SceneError, SurfaceError
+from brake_fenicsx.scene import read_scene
 from brake_fenicsx.surface import characterise, given_statistics, make_topography, synthesise
 
 pytestmark = pytest.mark.hard
@@ -140,3 +142,67 @@ def test_unknown_settings_are_named(setting):
     """A misspelt setting: named error with the choices."""
     with pytest.raises(SurfaceError, match="choose"):
         characterise(scan(32), **setting)
+
+
+def scene_of(tmp_path, scans, files):
+    """A scene of some files, with heights and sizes by name."""
+    for name, (heights, size) in files.items():
+        np.savez(tmp_path / name, heights=heights, size=np.array(size))
+    path = tmp_path / "scene.toml"
+    path.write_text(f'stages = ["surface"]\n[surface]\nscan = {scans}\n')
+    return path
+
+
+@pytest.mark.parametrize(
+    ("scans", "other", "named"),
+    [
+        ("[]", None, r"surface.scan = \[\]: an empty list; name the file"),
+        ('["a.npz", "none.npz"]', None, "surface.scan = 'none.npz': no such file"),
+        ('["a.npz", ""]', None, "surface.scan = '': no such file"),
+        ('["a.npz", "./a.npz"]', None, "'./a.npz' is the same file as 'a.npz'"),
+        ('["a.npz", "b.npz"]', "coarse", "surface.scan = 'b.npz': pixels of 30 x 30 um, and of"),
+        ('["a.npz", "b.npz"]', "short", r"surface.scan = 'b.npz': 96 x 128 pixels, .* 128 x 128"),
+        ('["a.npz", "b.npz"]', "missing", "surface.scan = 'b.npz': .*no valid point"),
+        ('["a.npz", "b.npz"]', "flat", "surface.scan = 'b.npz': .*the scan is flat"),
+    ],
+)
+def test_lists_of_scans_that_cannot_be_averaged(tmp_path, scans, other, named):
+    """No scan, a file twice or not there, other pixels, one scan empty or flat: named error."""
+    first = scan()
+    others = {
+        "coarse": (scan(64, 1).heights, (1.92e-3, 1.92e-3)),
+        "short": (scan(128, 1).heights[:96], (1.35e-3, 1.8e-3)),
+        "missing": (np.full((128, 128), np.nan), (1.8e-3, 1.8e-3)),
+        "flat": (np.zeros((128, 128)), (1.8e-3, 1.8e-3)),
+    }
+    files = {"a.npz": (first.heights, first.size)}
+    files |= {"b.npz": others[other]} if other else {}
+    path = scene_of(tmp_path, scans, files)
+    with pytest.raises(SceneError, match=named) as said:
+        read_surface(read_scene(path))
+    assert "\n" not in str(said.value) and str(path) in str(said.value)
+
+
+def test_sizes_rounded_by_a_file_are_the_same_pixels(tmp_path):
+    """Pixels that differ in the seventh digit: the scans are averaged on the grid of the first."""
+    first, second = scan(128, 0), scan(128, 1)
+    files = {
+        "a.npz": (first.heights, first.size),
+        "b.npz": (second.heights, 1.0000003 * first.size),
+    }
+    found = read_surface(read_scene(scene_of(tmp_path, '["a.npz", "b.npz"]', files)))
+    assert all(np.array_equal(t.size, first.size) for t in found.topographies)
+    assert np.array_equal(found.others[0].q, found.others[1].q)
+
+
+def test_one_of_two_scans_is_mostly_missing(tmp_path):
+    """Both scans weigh the same: the variance is the mean, not that of most of the points."""
+    first, second = scan(128, 0), scan(128, 1)
+    holes = 2 * second.heights
+    holes[np.random.default_rng(2).random(holes.shape) < 0.6] = np.nan
+    files = {"a.npz": (first.heights, first.size), "b.npz": (holes, first.size)}
+    found = read_surface(read_scene(scene_of(tmp_path, '["a.npz", "b.npz"]', files)))
+    each = [s.S_q for s in found.scans]
+    assert found.S_q == pytest.approx(np.sqrt(np.mean(np.square(each))), rel=1e-12)
+    assert found.hdf.S_q == pytest.approx(found.S_q, rel=1e-12)
+    assert found.missing == np.isnan(holes).sum()

@@ -2,10 +2,13 @@
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
+from scipy.optimize import brentq
 from scipy.special import ellipe
+from scipy.stats import expon, norm
 
 from brake_fenicsx.surface import make_topography
-from brake_fenicsx.surface.iso25178 import bearing_curve, iso_parameters
+from brake_fenicsx.surface.iso25178 import bearing_curve, core_parameters, iso_parameters
 
 SIZE, SHAPE = (2e-3, 1.5e-3), (1000, 600)
 A, WAVES = 5e-6, 8
@@ -66,3 +69,88 @@ def test_a_surface_without_roughness_has_no_decay_length():
     flat = iso_parameters(make_topography(np.zeros((32, 32)), (1e-3, 1e-3)))
     assert np.isnan(flat["S_al"]) and np.isnan(flat["S_tr"])
     assert flat["S_dr"] == flat["S_dq"] == flat["S_z"] == 0.0
+
+
+def core_of(curve):
+    """S_k, S_pk, S_vk, S_mr1, S_mr2 of a bearing curve by quadrature; its core is named by hand."""
+    height, (a, b) = curve
+    # Straight line of least squares over the core: moments of the heights by quadrature.
+    middle, width = (a + b) / 2, b - a
+    mean = quad(height, a, b)[0] / width
+    slope = quad(lambda m: (m - middle) * height(m), a, b)[0] / (width**3 / 12)
+    upper = mean - slope * middle
+    lower = upper + slope
+    first = brentq(lambda m: height(m) - upper, 1e-12, middle)
+    second = brentq(lambda m: height(m) - lower, middle, 1 - 1e-12)
+    peaks = quad(lambda m: height(m) - upper, 0, first)[0]
+    valleys = quad(lambda m: lower - height(m), second, 1)[0]
+    return upper - lower, 2 * peaks / first, 2 * valleys / (1 - second), first, second
+
+
+NAMES = ("S_k", "S_pk", "S_vk", "S_mr1", "S_mr2")
+
+
+def test_a_straight_bearing_curve_is_all_core():
+    heights = A * np.random.default_rng(0).permutation(np.linspace(-1, 1, 90000)).reshape(300, 300)
+    found = core_parameters(heights)
+    assert found["S_k"] == pytest.approx(2 * A, rel=1e-4)
+    assert [found[n] for n in NAMES[1:]] == pytest.approx([0, 0, 0, 1], abs=1e-9)
+
+
+def test_core_of_a_normal_surface():
+    """Quantiles of the normal distribution; its curve is least steep about the middle."""
+    n = 200_000
+    found = core_parameters(norm.ppf((np.arange(n) + 0.5) / n))
+    expected = core_of((lambda m: norm.ppf(1 - m), (0.3, 0.7)))
+    assert [found[name] for name in NAMES] == pytest.approx(expected, rel=1e-3)
+    # The symmetry of the distribution.
+    assert found["S_pk"] == pytest.approx(found["S_vk"], rel=1e-3)
+    assert found["S_mr1"] + found["S_mr2"] == pytest.approx(1, abs=1e-4)
+    # Independent heights: the place of the core scatters, the parameters hardly do.
+    drawn = core_parameters(np.random.default_rng(1).standard_normal((600, 600)))
+    assert [drawn[name] for name in NAMES] == pytest.approx(expected, rel=0.03)
+
+
+def test_core_of_a_skewed_surface():
+    """An exponential distribution of depths: the core is at the top, and there are no peaks."""
+    n = 200_000
+    depth = expon.ppf((np.arange(n) + 0.5) / n)
+    found = core_parameters(-depth)
+    a, b = 0.0, 0.4
+    middle = (a + b) / 2
+    mean = -quad(expon.ppf, a, b)[0] / (b - a)
+    slope = -quad(lambda m: (m - middle) * expon.ppf(m), a, b)[0] / ((b - a) ** 3 / 12)
+    upper = mean - slope * middle
+    lower = upper + slope
+    second = expon.cdf(-lower)
+    assert found["S_k"] == pytest.approx(-slope, rel=1e-3)
+    assert found["S_mr2"] == pytest.approx(second, rel=1e-3)
+    # Depths below the core have the same exponential distribution: their mean is 1.
+    assert found["S_vk"] == pytest.approx(2.0, rel=1e-2)
+
+
+@pytest.mark.parametrize("holes", [0, 5000])
+def test_core_of_a_plateau_with_valleys(holes):
+    """A straight core of 80 %, valleys with a straight curve of depth D: S_vk is D, S_mr2 is 0.8.
+
+    Points without a height change nothing.
+    """
+    n, share, D = 100_000, 0.8, 20e-6
+    core = np.linspace(A, -A, int(share * n))
+    end = A - 2 * A / share  # the line of the core, at the ratio 1
+    valleys = end - np.linspace(0, D, n - core.size)
+    z = np.random.default_rng(2).permutation(np.concatenate([core, valleys, holes * [np.nan]]))
+    found = core_parameters(z)
+    assert found["S_k"] == pytest.approx(2 * A / share, rel=1e-4)
+    assert found["S_vk"] == pytest.approx(D, rel=1e-3)
+    assert found["S_mr2"] == pytest.approx(share, abs=1e-4)
+    assert (found["S_pk"], found["S_mr1"]) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("heights", [np.zeros((8, 8)), np.array([[0.0, 1.0]])])
+def test_core_of_surfaces_of_few_heights(heights):
+    """A flat surface has none; two heights are a core."""
+    found = core_parameters(heights)
+    assert all(np.isfinite(v) for v in found.values())
+    assert found["S_pk"] == found["S_vk"] == 0.0 and found["S_mr2"] == 1.0
+    assert found["S_k"] == pytest.approx(2 * np.ptp(heights))

@@ -204,3 +204,36 @@ def test_too_few_rings_are_named():
     topo = make_topography(np.random.default_rng(0).standard_normal((6, 6)), (1.0, 1.0))
     with pytest.raises(SurfaceError, match="rings"):
         fit_bifractal(radial_psd(topo))
+
+
+@pytest.mark.parametrize("K", [1, 4, 16])
+def test_the_mean_of_k_spectra_is_as_much_closer_to_the_truth(K):
+    """Gaussian fields of a known spectrum: the density at a wave vector is exponential.
+
+    The squared relative error of the mean of K is 1 / K, with the variance (2 + 6 / K) / K^2; so
+    much does their mean over M independent wave vectors scatter.
+    """
+    n, length = 96, 1e-3
+    size = np.array([length, length])
+    q = wave_numbers((n, n), size)
+    C = given_statistics(1e-6, c1=-1.0, c2=-3.0, q_c=5e4).bifractal(q)
+    amplitude = np.sqrt(C * 4 * np.pi**2 / length**2) * n
+    rng = np.random.default_rng(11)
+    scans = [
+        make_topography(
+            np.fft.irfft2(np.fft.rfft2(rng.standard_normal((n, n))) * amplitude, s=(n, n)),
+            size, periodic=True,
+        )
+        for _ in range(K)
+    ]  # fmt: skip
+    ratio = (psd_2d(scans)[:, 1 : n // 2] / C[:, 1 : n // 2]).ravel()
+    scatter = np.sqrt((2 + 6 / K) / ratio.size)
+    assert K * np.mean((ratio - 1) ** 2) == pytest.approx(1, abs=5 * scatter)
+    # What a ring says of its own scatter, from which the fit has its weights.
+    rings, first = radial_psd(scans), radial_psd(scans[0])
+    said = np.median(rings.scatter / first.scatter)
+    assert said == pytest.approx(1 / K, abs=5 * scatter / K + 5 * np.sqrt(8 / ratio.size) / K)
+    inside = rings.reliable
+    truth = given_statistics(1e-6, c1=-1.0, c2=-3.0, q_c=5e4).bifractal(rings.q[inside])
+    chi = np.mean((rings.C[inside] / truth - 1) ** 2 / rings.scatter[inside])
+    assert chi < 1 + 5 * np.sqrt(2 / inside.sum())
