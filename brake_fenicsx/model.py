@@ -17,7 +17,7 @@ from brake_fenicsx.cache import SharedCache
 from brake_fenicsx.checks import check
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import Extensions
-from brake_fenicsx.pipeline import Run, before_samples, make_study
+from brake_fenicsx.pipeline import Run, before_samples, check_folder, make_study
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.samples import unit_of
 from brake_fenicsx.scene.scalars import check_scalar
@@ -210,7 +210,7 @@ def prepare(
             folder = tempfile.TemporaryDirectory(prefix="brake_fenicsx-")
         directory = comm.bcast(folder.name if folder is not None else None)
     store = Store(Path(directory))
-    store.check(parsed)
+    check_folder(store, parsed, comm)
     stats = check(parsed, comm)
     if extensions is not None:
         parsed = extensions.applied(parsed)

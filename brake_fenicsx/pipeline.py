@@ -175,7 +175,7 @@ def run(
         directory = Path.cwd() / f"{parsed.file.stem}-results"
     store = Store(Path(directory))
     store.share = share
-    store.check(parsed)
+    check_folder(store, parsed, comm)
     if not (parsed.samples.approaches and "equilibrium" in parsed.stages) and (share or prepare):
         raise SceneError(f"{parsed.file}: has no samples to be shared; write `run`, no --share")
     stats = check(parsed, comm)
@@ -330,6 +330,20 @@ def _together(comm: MPI.Comm, where: str) -> Iterator[None]:
     said = comm.bcast(said, root=0)
     if said is not None:
         raise SceneError(said)
+
+
+def check_folder(store: Store, scene: Scene, comm: MPI.Comm) -> None:
+    """Refuse a folder of another scene; collective.
+
+    The first process alone looks into it: it may be writing there already while others look.
+
+    Raises:
+        SceneError: as ``Store.check``.
+    """
+    with _together(comm, f"-o {store.directory}"):
+        if comm.rank == 0:
+            store.check(scene)
+    store.digest = comm.bcast(store.digest, root=0)
 
 
 def have_alone(this: Run) -> None:

@@ -7,6 +7,7 @@ from mpi4py import MPI
 import numpy as np
 
 from brake_fenicsx import prepare
+from brake_fenicsx.store import Store
 
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 ROUGH = [
@@ -23,3 +24,14 @@ def test_processes_share_the_folder_that_none_was_named_for():
     together = prepare(BLOCK, ROUGH, comm=MPI.COMM_WORLD).modes()
     assert len(alone) == len(together) > 3
     np.testing.assert_allclose(together.s, alone.s, rtol=1e-6)
+
+
+def test_the_first_process_alone_looks_into_the_folder(monkeypatch):
+    """It may have begun to write there before another process looks."""
+
+    def look(self, scene):
+        raise AssertionError("a process that is not the first looks into the folder")
+
+    if MPI.COMM_WORLD.rank:
+        monkeypatch.setattr(Store, "check", look)
+    assert len(prepare(BLOCK, ROUGH, comm=MPI.COMM_WORLD).modes()) > 3
