@@ -53,6 +53,9 @@ def draw_drivers(run: RunData) -> Figure | None:
     """
     rows = [(name, _families(run, name)) for name in run.approaches]
     rows = [(name, found) for name, found in rows if found]
+    if len(rows) > 2:
+        # The simplest approach, and that of the most random inputs: a page has no room for more.
+        rows = [rows[0], rows[-1]]
     if run.drivers is None or not rows:
         return None
     names = _parameters(run.drivers)

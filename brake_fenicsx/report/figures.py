@@ -167,7 +167,8 @@ PLOTS = (
         "drivers",
         "What drives the most severe families: change of the growth rate alpha [1/s] to first "
         "order by a friction coefficient larger by 0.01, a loss factor larger by 0.001, and "
-        "pressures, stiffnesses and masses larger by 1 %. Bars: first sample of the approach; "
+        "pressures, stiffnesses and masses larger by 1 %. Of more than two approaches: the first "
+        "and the last, which has the most random inputs. Bars: first sample of the approach; "
         "hollow bars are not reliable, because the mode nearly merges with another one. Diamonds: "
         "median over the samples where the family squeals. Above: mean frequency of the family, "
         "and alpha, the median where there is one.",
@@ -175,8 +176,8 @@ PLOTS = (
     ),
     Plot(
         "driver_maps",
-        "Most unstable mode of the first sample of each approach, over the contact elements of "
-        "both pads: derivative of the growth rate with respect to the logarithm of the contact "
+        "Most unstable mode of the first sample of each approach, over the contact elements: "
+        "derivative of the growth rate with respect to the logarithm of the contact "
         "stiffness (red: a stiffer element raises the growth rate), and work of friction over a "
         "period relative to the energy of the mode (red: friction feeds energy in). Both per area; "
         "the scales end at 98 %.",
@@ -184,7 +185,7 @@ PLOTS = (
     ),
     Plot(
         "contact_pressure",
-        "Contact pressure [MPa] at equilibrium, first sample of each approach, both pads seen "
+        "Contact pressure [MPa] at equilibrium, first sample of each approach, seen "
         "along the disc axis from one side. Empty patches are open elements; the mean refers to "
         "the whole face. The colour scale ends at the 98 % quantile of closed elements.",
         draw_contact_pressure,
