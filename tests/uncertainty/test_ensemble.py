@@ -1,29 +1,16 @@
 """Samples over processes: all done once, failures kept, defects not hidden."""
 
-from pathlib import Path
-
 from mpi4py import MPI
 
 import numpy as np
 import pytest
 
 from brake_fenicsx.errors import NotConverged
-from brake_fenicsx.store import Store
 from brake_fenicsx.uncertainty.ensemble import run_ensemble
 from brake_fenicsx.uncertainty.results import Results
 
 COMM = MPI.COMM_WORLD
 TASKS = [("multi-scale", k) for k in range(12)]
-
-
-@pytest.fixture
-def store(tmp_path):
-    """One folder for all processes."""
-    folder = Path(COMM.bcast(str(tmp_path), root=0))
-    if COMM.rank == 0:
-        (folder / "samples").mkdir()
-    COMM.Barrier()
-    return Store(folder)
 
 
 def value(store, task):

@@ -10,7 +10,6 @@ import pytest
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.brake import assemble_brake
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.store import Store
 from brake_fenicsx.uncertainty.numbering import FILE, Numbering
 
 COMM = MPI.COMM_WORLD
@@ -36,16 +35,6 @@ LUMPED = ["mesh.degree=1", "mesh.mass='lumped'"]
 def brake(comm, *changes):
     made = assemble_brake(read_scene(BLOCK, [*COARSE, *changes]), comm)
     return made, made.K
-
-
-@pytest.fixture
-def store(tmp_path):
-    """One folder for all processes."""
-    folder = Path(COMM.bcast(str(tmp_path), root=0))
-    if COMM.rank == 0:
-        (folder / "cache").mkdir()
-    COMM.Barrier()
-    return Store(folder)
 
 
 @pytest.mark.parametrize("changes", [[], TIED, [*TIED, *LUMPED]])

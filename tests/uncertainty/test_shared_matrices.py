@@ -24,16 +24,6 @@ def brake():
     return assemble(BLOCK, COMM, SIZES)
 
 
-@pytest.fixture
-def store(tmp_path):
-    """One folder for all processes."""
-    folder = Path(COMM.bcast(str(tmp_path), root=0))
-    if COMM.rank == 0:
-        (folder / "cache").mkdir()
-    COMM.Barrier()
-    return Store(folder)
-
-
 def mapped(A):
     return not A.data.flags.writeable
 
