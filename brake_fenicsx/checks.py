@@ -19,6 +19,7 @@ from brake_fenicsx.scene.friction import rubs
 from brake_fenicsx.scene.plausible import unusual
 from brake_fenicsx.scene.rules import MOST_PIXELS
 from brake_fenicsx.scene.sections import Surface
+from brake_fenicsx.scene.tables import dotted
 
 if TYPE_CHECKING:
     from brake_fenicsx.surface import SurfaceStatistics
@@ -61,7 +62,7 @@ def warnings(scene: Scene, mean_patch: float | None = None) -> list[str]:
         scene: the scene.
         mean_patch: side of the mean contact element [m], once it is known.
     """
-    lines = [*unusual(scene), *_undamped(scene)]
+    lines = [*unusual(scene), *_clamped(scene), *_undamped(scene)]
     if mean_patch is not None and scene.micro and "micro" in scene.stages:
         patch = mean_patch if scene.micro.patch == "mesh" else float(scene.micro.patch)
         area = (mean_patch / patch) ** 2
@@ -74,13 +75,29 @@ def warnings(scene: Scene, mean_patch: float | None = None) -> list[str]:
     return lines
 
 
+def _clamped(scene: Scene) -> list[str]:
+    """Masses, springs and loads on faces that cannot move."""
+    held = {face for face, directions in scene.supports.items() if len({*directions}) == 3}
+    loaded = {f for f, load in scene.loads.items() if load.pressure or load.force or load.moment}
+    to_ground = {f for f, spring in scene.springs.items() if spring.faces is None}
+    sections = (("masses", {*scene.masses}), ("springs", to_ground), ("loads", loaded))
+    return [
+        f"{dotted(section, face)}: the face is held in all directions by supports, so that this has"
+        f" no effect; leave it out, or change {dotted('supports', face)}"
+        for section, faces in sections
+        for face in sorted(faces & held)
+    ]
+
+
 def _undamped(scene: Scene) -> list[str]:
     """Friction, modes, and nothing that takes energy from them."""
     stability = scene.stability
     if stability is None or "stability" not in scene.stages:
         return []
     damping = stability.damping
-    if damping and (damping.rayleigh or damping.loss or damping.sliding or damping.modal):
+    if damping and (damping.rayleigh or damping.loss or damping.sliding):
+        return []
+    if damping and (damping.modal or damping.own):
         return []
     if damped_springs(scene) or damped_bodies(scene):
         return []

@@ -157,3 +157,14 @@ def test_a_scene_with_friction_and_without_damping_is_warned_of(changes, warned)
 def test_contact_without_roughness_is_not_called_multi_scale():
     assert listed(read_scene(BLOCK)) == "smooth contact 0.5"
     assert listed(read_scene(BLOCK, [*ROUGH, SMALL % "1 mm"])).startswith("multi-scale 0.1")
+
+
+def test_what_acts_on_a_clamped_face_is_warned_of():
+    on = 'masses={ "plate.bottom"={ mass="1 kg" }, "plate.top"={ mass="1 kg" } }'
+    push = 'loads."plate.bottom"={ pressure="1 bar" }'
+    spring = 'springs={ "plate.bottom"={ stiffness=["1 N/m", "1 N/m", "1 N/m"] } }'
+    said = [text for text in warnings(read_scene(BLOCK, [on, push, spring])) if "no effect" in text]
+    assert [text.partition(": ")[0] for text in said] == [
+        f'{section}."plate.bottom"' for section in ("masses", "springs", "loads")
+    ]
+    assert not any("no effect" in text for text in warnings(read_scene(BLOCK)))
