@@ -197,8 +197,8 @@ def unit_of(name: str) -> str:
             return unit
     if split_key(name)[0] == "parts":
         raise KeyMistake(
-            "keys of the parts change the mesh or the matrices that all samples share; run the scene"
-            f" once for each value, with --set {name}=VALUE", name,
+            "keys of the parts change the mesh or the matrices that all samples share; run the"
+            f" scene once for each value, with --set {name}=VALUE", name,
         )  # fmt: skip
     raise KeyMistake(
         "cannot be random or swept; contact.NAME.friction, loads.FACE.pressure,"
