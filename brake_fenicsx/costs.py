@@ -174,7 +174,7 @@ def cost_lines(costs: list[Cost], processes: int) -> list[str]:
     every = f", {whole:.1f} GB on {processes} processes" if processes > 1 else ""
     lean = next((c for c in costs if c.lean), None)
     shares = "" if lean is None else (
-        f"; a process of run --share {lean.lean:.1f} GB, beside {lean.shared:.1f} GB once on a node"
+        f"; a process of run --share {lean.lean:.1f} GB, and {lean.shared:.1f} GB once on each node"
     )  # fmt: skip
     return [
         f"memory: about {peak:.1f} GB{every}{shares}",

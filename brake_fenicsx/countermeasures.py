@@ -109,17 +109,17 @@ class Search:
             there = {p.name for p in self.folder.glob("[!.]*")}
             if there and "before" not in there:
                 raise SceneError(
-                    f"-o {self.folder}: holds {min(there)!r} and no countermeasures; {remedy}"
+                    f"-o {self.folder}: contains {min(there)!r} and no countermeasures; {remedy}"
                 )
             return {}
         try:
             stored = json.loads(path.read_text(encoding="utf-8"))
         except ValueError:
-            raise SceneError(f"{path}: damaged; remove it, and the search begins anew") from None
+            raise SceneError(f"{path}: damaged; remove it, and the search begins again") from None
         if stored["mark"] != self._mark:
             raise SceneError(
-                f"-o {self.folder}: holds countermeasures of another scene or others of this one;"
-                f" {remedy}"
+                f"-o {self.folder}: contains countermeasures of another scene or others of this"
+                f" one; {remedy}"
             )
         return dict(stored["found"])
 

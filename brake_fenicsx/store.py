@@ -101,13 +101,13 @@ class Store:
         if mark.exists():
             if mark.read_text() != self.digest:
                 raise SceneError(
-                    f"{folder}: holds results of another scene, or of other content of a file"
+                    f"{folder}: contains results of another scene, or of other content of a file"
                     f" that it names; {remedy}, or remove it"
                 )
         else:
             found = sorted(p.name for p in folder.glob("[!.]*") if p.name != RUNNING)
             if found:
-                raise SceneError(f"-o {folder}: holds {found[0]!r} and no results; {remedy}")
+                raise SceneError(f"-o {folder}: contains {found[0]!r} and no results; {remedy}")
 
     def open(self, scene: Scene, from_stage: str | None = None) -> None:
         """Make the folder, or enter it; forget what ``from_stage`` and later stages left."""

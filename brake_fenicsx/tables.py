@@ -207,7 +207,7 @@ def _format(value: Value | np.generic) -> str:
         return str(int(value))
     if isinstance(value, float | np.floating):
         return repr(float(value))
-    raise TypeError(f"a table holds text, int, float or None, not {type(value).__name__}")
+    raise TypeError(f"a table contains text, int, float or None, not {type(value).__name__}")
 
 
 def _read(path: Path) -> Iterator[tuple[list[str], list[list[str]]]]:

@@ -172,7 +172,7 @@ def test_a_folder_of_other_countermeasures_is_refused(found, capsys):
     assert main(words(out, *ROUGH, levers((FRICTION, "0.1")))) == 2
     assert "choose another folder with -o" in capsys.readouterr().err
     assert main(words(out / "before", *ROUGH, LEVERS)) == 2
-    assert "holds 'cache' and no countermeasures" in capsys.readouterr().err
+    assert "contains 'cache' and no countermeasures" in capsys.readouterr().err
 
 
 def test_nothing_to_stop(tmp_path, capsys):

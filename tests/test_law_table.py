@@ -65,7 +65,7 @@ def test_modes_under_a_table(tmp_path):
         (["0,1", "1,0.5", "1,0.4", "3,0.1"], '["um", "MPa"]', "must rise as the gap falls"),
         (["0,1", "1,0.5", "2,0.2", "3,0"], '["um", "MPa"]', "leave out rows without pressure"),
         (["0,1", "1,0.5", "2,0.2"], '["um", "MPa"]', "3 rows; a law needs 4"),
-        (["0,1", "1,0.5", "a,b", "3,0"], '["um", "MPa"]', "line 3: 'a,b' holds no two"),
+        (["0,1", "1,0.5", "a,b", "3,0"], '["um", "MPa"]', "line 3: 'a,b' does not contain two"),
         (["0;1", "1;0,5", "2;0,2", "3;0,1"], '["um", "MPa"]', "line 2: .* decimal points"),
         (["0,1,2", "1,0.5,2"], '["um", "MPa"]', "write a gap and a pressure"),
         (["0,1", "1,nan"], '["um", "MPa"]', "write a gap and a pressure"),
@@ -87,7 +87,7 @@ def test_missing_table_and_two_laws(tmp_path):
     (tmp_path / "law.csv").unlink()
     with pytest.raises(SceneError, match="no such file"):
         read_scene(scene)
-    with pytest.raises(SceneError, match="stands alone"):
+    with pytest.raises(SceneError, match="table replaces linear"):
         read_scene(scene, ['contact.block_plate.law.linear="1e13 Pa/m"'])
     with pytest.raises(SceneError, match="write linear, or p0 and u0"):
         read_scene(BLOCK, ['contact.block_plate.law.linear="1e13 Pa/m"'])

@@ -136,7 +136,7 @@ def test_commands_know_lists(scene, tmp_path, capsys):
     assert settings["surface"]["scan"] == ["a.npz", "b.npz"]
     # Another list is another scene.
     assert main(["run", str(file), "-o", out, "--set", 'surface.scan=["a.npz", "c.npz"]']) == 2
-    assert "holds results of another scene" in capsys.readouterr().err
+    assert "contains results of another scene" in capsys.readouterr().err
 
 
 def check_results(folder, count):

@@ -70,16 +70,16 @@ def read_modes(path: str | Path) -> Measured:
     if not modes:
         if RESPONSES in kinds:
             raise SceneError(
-                f"{file}: holds frequency responses (dataset 58) and no modes; identify the modes"
-                " in the test software, or with sdypy-EMA, and export them as dataset 55"
+                f"{file}: contains frequency responses (dataset 58) and no modes; identify the"
+                " modes in the test software, or with sdypy-EMA, and export them as dataset 55"
             )
         raise SceneError(
-            f"{file}: holds no modes (dataset 55 of normal or complex modes);"
-            f" it holds {_listed(kinds)}: export modes and nodes"
+            f"{file}: contains no modes (dataset 55 of normal or complex modes);"
+            f" it contains {_listed(kinds)}: export modes and nodes"
         )
     if not set(NODES) & set(kinds):
         raise SceneError(
-            f"{file}: holds no nodes (dataset 15 or 2411); export the geometry of the test too"
+            f"{file}: contains no nodes (dataset 15 or 2411); export the geometry of the test too"
         )
     modes.sort(key=lambda s: abs(_eigenvalue(s).imag))  # type: ignore[union-attr]
     scale = next((1 / s["length"] for s in sets if s["type"] == UNITS), 1.0)

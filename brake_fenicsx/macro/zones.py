@@ -58,7 +58,7 @@ def zone_of(contact: Contact, zone: Zone, where: str) -> Contact:
             low, high = (quantity_text(float(v), unit) for v in (x.min(), x.max()))
             there.append(f"{name} {low} to {high}")
         raise SceneError(
-            f"{where}.zone: holds no centre of a contact element; they lie at"
+            f"{where}.zone: contains no centre of a contact element; they lie at"
             f" {', '.join(there)}; widen the zone, or refine the mesh"
         )
     return restricted(contact, kept)

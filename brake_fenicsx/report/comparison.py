@@ -69,7 +69,9 @@ def compare_runs(
     one, two = read_run(a), read_run(b)
     for run in (one, two):
         if run.modes is None or run.samples is None:
-            raise SceneError(f"{run.directory}: holds no modes; run the scene with stability first")
+            raise SceneError(
+                f"{run.directory}: contains no modes; run the scene with stability first"
+            )
     common = [name for name in one.approaches if name in two.approaches]
     if not common:
         raise SceneError(

@@ -30,7 +30,7 @@ LOSS = (
     "mesh; its mid-edge values are not in this file."
 )
 LOGGED = "values at vertices; mid-edge values are not exported to XDMF"
-VTX_TOO = "{} holds the full quadratic field"
+VTX_TOO = "{} contains the full quadratic field"
 NO_VTX = "VTX files of the full quadratic field need a DOLFINx with ADIOS2"
 NO_LOSS = "Values at all nodes of the mesh, one for every dof of the field."
 

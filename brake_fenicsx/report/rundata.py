@@ -132,7 +132,7 @@ def read_run(directory: str | Path | RunData) -> RunData:
     )
     if not any((run.modes, run.samples, run.contact, run.laws, run.surface, run.maps, run.summary)):
         raise SceneError(
-            f"{root}: holds no result of a run (modes.csv, laws.npz, surface.npz, ...)"
+            f"{root}: contains no result of a run (modes.csv, laws.npz, surface.npz, ...)"
         )
     return run
 
@@ -170,5 +170,5 @@ def _json(path: Path) -> dict[str, Any]:
     except ValueError as error:
         raise SceneError(f"{path}: not JSON ({error}); run the scene again") from error
     if not isinstance(content, dict):
-        raise SceneError(f"{path}: holds {type(content).__name__}, not a table of names")
+        raise SceneError(f"{path}: contains {type(content).__name__}, not a table of names")
     return content

@@ -50,7 +50,7 @@ def export_modes(directory: str | Path) -> Path:
     stored = [(key, shape) for name in _approaches(run) for key, shape in _shapes(run, name)]
     if not stored:
         raise SceneError(
-            f"{directory}/fields: holds no mode shapes; a run stores those of its most severe"
+            f"{directory}/fields: contains no mode shapes; a run stores those of its most severe"
             ' squeal modes: run the scene with stages = [..., "stability",'
             ' "report"] and, if no mode squeals, a lower stability.threshold or more friction'
         )

@@ -31,7 +31,7 @@ def with_table(contact: Contact, name: str, folder: Path) -> Contact:
     if not isinstance(law, Law) or law.table is None:
         return contact
     if law.linear is not None or law.p0 is not None or law.u0 is not None:
-        raise SceneError(f"{where}: table stands alone; leave out linear, p0 and u0")
+        raise SceneError(f"{where}: table replaces linear, p0 and u0; leave these out")
     if len(law.units) != 2:
         raise SceneError(
             f'{where}.units = {list(law.units)!r}: write those of both columns, ["um", "MPa"]'
@@ -84,8 +84,8 @@ def _columns(path: Path, said: str) -> np.ndarray:
                 heading = True
                 continue
             raise SceneError(
-                f"{said}: line {number}: {line.strip()!r} holds no two numbers; write a gap and a"
-                " pressure with decimal points, separated by a blank or a comma"
+                f"{said}: line {number}: {line.strip()!r} does not contain two numbers; write a"
+                " gap and a pressure with decimal points, separated by a blank or a comma"
             ) from None
         if len(values) != 2 or not np.isfinite(values).all():
             raise SceneError(

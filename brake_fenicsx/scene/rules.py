@@ -116,7 +116,7 @@ def _check_mesh(mesh: MeshTable) -> None:
     if mesh.degree == 2 and mesh.mass == "lumped":
         raise SceneError(
             'mesh.mass = "lumped": corners of quadratic elements would have no or negative mass;'
-            " write mesh.degree = 1 beside it"
+            " write mesh.degree = 1 as well"
         )
     for name in ("unit", "groups", "split") if mesh.file is None else ():
         if getattr(mesh, name):
@@ -181,7 +181,7 @@ def _check_contact(s: Scene, where: str, contact: Contact) -> None:
     if contact.slip == "motion" and k_t is not None:
         raise SceneError(
             f"{where}.tangential_stiffness = {k_t:g} Pa/m: acts where faces stick; write"
-            ' slip = "stuck" beside it, or leave it out'
+            ' slip = "stuck" as well, or leave it out'
         )
     if contact.gap != "none" and "surface" not in s.stages:
         raise SceneError(f'{where}.gap = "{contact.gap}": needs the stage surface')

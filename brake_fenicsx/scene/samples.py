@@ -316,7 +316,7 @@ def _measured(d: Distribution, unit: str, folder: Path, where: str) -> tuple[flo
             with np.load(path, allow_pickle=False) as data:
                 names = data.files if d.array is None else [d.array]
                 if len(names) != 1 or names[0] not in data.files:
-                    raise SceneError(f"{said}: holds {', '.join(data.files)}; name one as array")
+                    raise SceneError(f"{said}: contains {', '.join(data.files)}; name one as array")
                 values = np.ravel(data[names[0]]).astype(float)
         else:
             values = np.ravel(np.loadtxt(path, ndmin=1))
@@ -325,5 +325,5 @@ def _measured(d: Distribution, unit: str, folder: Path, where: str) -> tuple[flo
     except (ValueError, OSError) as error:
         raise SceneError(f"{said}: cannot be read as numbers: {error}") from None
     if not np.isfinite(values).all():
-        raise SceneError(f"{said}: holds values that are no numbers; remove them")
+        raise SceneError(f"{said}: contains values that are not numbers; remove them")
     return tuple(float(v) * factor for v in values)

@@ -121,7 +121,7 @@ def on_grid_of(reference: Topography, scan: Topography) -> Topography:
         )
         raise SurfaceError(
             f"pixels of {one} um, and of {other} um in {reference.source}: scans are averaged on"
-            " one grid; measure them alike, or correct surface.size, which holds for all"
+            " one grid; measure them alike, or correct surface.size, which applies to all"
         )
     if scan.shape != reference.shape:
         (nx, ny), (mx, my) = scan.shape, reference.shape

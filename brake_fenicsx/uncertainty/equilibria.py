@@ -71,7 +71,10 @@ class Equilibria:
                     change = materials.change(sample.materials)
                     return corrected_equilibrium(bodies, change, laws, mu, tolerance=self.tolerance)
                 except NotConverged:
-                    logger.info("the materials of a sample are far from the scene's: factored anew")
+                    logger.info(
+                        "the materials of a sample are far from those of the scene: the matrices are"
+                        " factored again"
+                    )
         bodies = self.bodies(approach, sample, reduced)
         if start is not None:
             with suppress(NotConverged):

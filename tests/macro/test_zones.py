@@ -138,7 +138,7 @@ def test_wrong_zones(zone, said):
     [
         (
             [interface("a", LAW, '{ radius = ["80 mm", "90 mm"], z = ["-1 mm", "1 mm"] }')],
-            r"contact.a.zone: holds no centre of a contact element; they lie at radius [\d.]+ mm"
+            r"contact.a.zone: contains no centre of a contact element; they lie at radius [\d.]+ mm"
             r" to [\d.]+ mm, z 0 mm to 0 mm; widen the zone",
         ),
         (

@@ -216,7 +216,7 @@ def test_vtx_gets_every_dof_where_there_is_adios2(tmp_path, space, monkeypatch, 
     logging.getLogger("brake_fenicsx").propagate = True
     with caplog.at_level(logging.DEBUG, logger="brake_fenicsx"):
         write_fields(tmp_path / "m.xdmf", space, {"mode": values})
-    assert "m.bp holds the full quadratic field" in caplog.text
+    assert "m.bp contains the full quadratic field" in caplog.text
     made = Recorder.made
     assert Path(made.path).name == "m.bp"
     assert [f.name for f in made.functions] == ["mode_re", "mode_im"]

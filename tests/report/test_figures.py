@@ -400,7 +400,7 @@ def test_stages_have_units(run):
 def test_directories_without_results_are_named(tmp_path):
     with pytest.raises(SceneError, match="no such run directory"):
         make_figures(tmp_path / "nowhere")
-    with pytest.raises(SceneError, match="holds no result"):
+    with pytest.raises(SceneError, match="contains no result"):
         make_figures(tmp_path)
     (tmp_path / "laws.npz").write_bytes(b"not a zip")
     with pytest.raises(SceneError, match=r"laws\.npz"):

@@ -72,7 +72,7 @@ def test_a_folder_without_shapes_is_refused(tmp_path, capsys):
     finished_run(tmp_path, with_shapes=False)
     assert main(["export", str(tmp_path)]) == 2
     said = capsys.readouterr().err
-    assert said.count("\n") == 1 and f"{tmp_path}/fields: holds no mode shapes" in said
+    assert said.count("\n") == 1 and f"{tmp_path}/fields: contains no mode shapes" in said
     assert "stages" in said and "stability.threshold" in said
     assert not (tmp_path / "modes.unv").exists()
 

@@ -165,7 +165,7 @@ def test_values_of_npz_by_name(tmp_path):
     key = "contact.block_plate.friction"
     s = read_scene(target, [*ROUGH, random(key, "{ law='measured', file='mu.npz', array='b' }")])
     assert s.samples.random[key].values == (0.6, 0.7)
-    with pytest.raises(SceneError, match="holds a, b; name one"):
+    with pytest.raises(SceneError, match="contains a, b; name one"):
         read_scene(target, [*ROUGH, random(key, "{ law='measured', file='mu.npz' }")])
 
 
