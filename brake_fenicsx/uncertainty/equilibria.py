@@ -72,8 +72,8 @@ class Equilibria:
                     return corrected_equilibrium(bodies, change, laws, mu, tolerance=self.tolerance)
                 except NotConverged:
                     logger.info(
-                        "the materials of a sample are far from those of the scene: the matrices are"
-                        " factored again"
+                        "the materials of a sample are far from those of the scene: the matrices"
+                        " are factored again"
                     )
         bodies = self.bodies(approach, sample, reduced)
         if start is not None:
