@@ -14,10 +14,15 @@ import pytest
 
 
 def pytest_collection_modifyitems(config, items):
-    """Tests in tests/hard are hard. Several processes run only tests that they do together."""
+    """Tests in tests/hard are hard. Several processes run only tests that they do together.
+
+    Files go whole to one worker, and so do all tests of the drawn run, whose figures take long.
+    """
     for item in items:
         if item.path.parent.name == "hard":
             item.add_marker("hard")
+        shared = "drawn" if "drawn" in item.fixturenames else str(item.path)
+        item.add_marker(pytest.mark.xdist_group(shared))
     if MPI.COMM_WORLD.size > 1:
         config.hook.pytest_deselected(items=[item for item in items if _alone(item)])
         items[:] = [item for item in items if not _alone(item)]
