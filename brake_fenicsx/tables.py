@@ -112,7 +112,7 @@ def read_rows(path: str | Path) -> list[dict[str, Value]]:
         path: the CSV file.
 
     Returns:
-        One mapping per row: text for the columns of names, int, float or None for the others.
+        One mapping per row, with text in the columns of names and int, float or None in the others.
 
     Raises:
         SceneError: the file is missing, has no heading or has a row of another length.
@@ -132,7 +132,7 @@ def read_columns(path: str | Path, required: Sequence[str] = ()) -> Columns:
         required: columns that must be there.
 
     Returns:
-        Arrays of shape (n_rows,) by name: int64, float64 (None becomes nan) or str.
+        Arrays of shape (n_rows,) by name, of int64, float64 (None becomes nan) or str.
 
     Raises:
         SceneError: the file or a required column is missing.

@@ -7,8 +7,13 @@ from pathlib import Path
 from sphinx.application import Sphinx
 
 import brake_fenicsx
+from brake_fenicsx import macro, micro
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.tables import json_schema
+
+# Names that are imported on use, so that autodoc finds them.
+for package in (macro, micro):
+    vars(package).update({name: getattr(package, name) for name in package.__all__})
 
 project = "brake_fenicsx"
 author = "brake_fenicsx developers"

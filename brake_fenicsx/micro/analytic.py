@@ -58,7 +58,7 @@ class ExponentialLaw:
 
     @property
     def first_touch(self) -> float:
-        """Separation [m] where p has fallen to p0 / 1e6: it never becomes zero."""
+        """Separation [m] where p has fallen to p0 / 1e6, since it never becomes zero."""
         return float(self.u0 * np.log(1e6))
 
     def pressure(self, d: ArrayLike) -> Array:

@@ -66,16 +66,18 @@ class Surface:
     Attributes:
         scan: file of the scan, relative to the scene's folder: npz, text, or an instrument's; or a
             list of several scans of one pad with the same pixels, of which spectrum and variance
-            are averaged and heights pooled. The other keys hold for each scan.
+            are averaged and heights pooled. The other keys apply to each scan. An npz contains
+            ``heights`` and ``size`` in metres ([own scan](own_scan_own_mesh.md)).
         level: what is subtracted from the heights: nothing, a plane, or a second-order surface.
         size: lengths of the scan's sides, if the file does not contain them.
         height_unit: unit of the heights, if the file does not contain it ("um").
         rows: coordinate that changes from one row of a table of heights to the next; "y" as in an
-            image.
+            image. In a text whose header gives the sides, x is the width.
         statistics: statistics instead of a scan.
         form: file of a longer, coarser scan of the face, for the waves longer than ``scan``; the
             file must contain size and units (npz, or an instrument's).
-        cutoff: shortest wavelength the instrument resolves; two pixels if not given.
+        cutoff: shortest wavelength the instrument resolves; it limits the spectrum and with it the
+            artificial surfaces, and filters no height; two pixels if not given, or if longer.
         window: the part of ``scan`` that is used, [smallest x, smallest y, largest x, largest y];
             all of it if not given.
         decimation: every how many-th point of ``scan`` is used, along x and along y.

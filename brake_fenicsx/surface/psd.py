@@ -153,9 +153,9 @@ def radial_psd(
         label: name for figures.
 
     Returns:
-        The band runs from the scan length (twice its wave number for a windowed scan: window and
-        levelling take from the lowest waves) to the instrument's cutoff, or to where the density
-        sinks to ten times that of the instrument's white noise.
+        The PSD. Its reliable band runs from the scan length (from twice its wave number for a
+        windowed scan, since window and levelling take from the lowest waves) to the cutoff, or to
+        where the density sinks to ten times that of the instrument's white noise.
     """
     C, topo = psd_2d(topo), first(topo)
     q = wave_numbers(topo.shape, topo.size)

@@ -46,7 +46,8 @@ def read_topography(
         height_unit: unit of the numbers in the file, a name (``"um"``) or its length [m];
             replaces what the file says.
         channel: which channel of the file, the file's default if not given.
-        rows: what changes from one row of a table to the next: "x", or "y" as in an image.
+        rows: what changes from one row of a table to the next: "x", or "y" as in an image. In text
+            whose header gives the sides x is the width, along a row.
 
     Raises:
         SurfaceError: no such file, unknown format, no valid point, or no size.
@@ -58,17 +59,20 @@ def read_topography(
         height_unit = _metres(height_unit, str(file))
     own = {".npz": _read_npz, ".h5": _read_hdf5, ".hdf5": _read_hdf5, ".tmd": _read_truemap}
     read, table = own.get(file.suffix.lower()), None
+    text = read is None and (_is_text(file) or file.suffix.lower() == ".npy")
     if read is not None:
         heights, found = read(file, height_unit)
     elif (table := _read_numbers(file, height_unit)) is not None:
         heights, found = table
     else:
         heights, found = _read_instrument(file, height_unit, size, channel)
+        text = text and found is None
+        if text:  # SurfaceTopography takes the columns of text for x
+            heights = heights.T
     if rows == "y":
-        if table is None and file.suffix.lower() not in ENDINGS:
+        if not text:
             raise SurfaceError(f"{file}: rows = 'y' has no meaning: the file itself says it")
         heights = heights.T
-        found = None if found is None else np.asarray(found)[::-1]
     lengths = found if size is None else size
     if lengths is None:
         raise SurfaceError(f"{file}: the file names no lateral size; give it as 'size'")
@@ -77,6 +81,11 @@ def read_topography(
     for text in warnings:
         logger.warning("%s", text)
     return Topography(topo.heights, topo.size, source=str(file), warnings=warnings)
+
+
+def _is_text(file: Path) -> bool:
+    """Whether a file is a table of text: some instruments give binary files such an ending."""
+    return file.suffix.lower() in ENDINGS and b"\0" not in file.read_bytes()
 
 
 def implausible(topo: Topography) -> tuple[str, ...]:
@@ -181,14 +190,17 @@ def _read_numbers(file: Path, unit: float | None) -> Read | None:
     ending = file.suffix.lower()
     if ending == ".npy":
         heights = read_npy(file)
-    elif ending in ENDINGS and b"\0" not in file.read_bytes():
+    elif _is_text(file):
         heights, kind = read_table(file)
         if kind == "matrix" and delimiter_of(file) is None:
             return None
     else:
         return None
     if unit is None:
-        raise SurfaceError(f"{file}: a table of numbers; give its unit as 'height_unit'")
+        raise SurfaceError(
+            f"{file}: a table of numbers names no unit of its heights; give 'height_unit', such as"
+            " \"um\""
+        )
     return heights * unit, None
 
 
@@ -227,9 +239,9 @@ def _read_instrument(
     heights[missing_points(file, heights / (info.height_scale_factor or 1.0))] = np.nan
     length = METRES.get(topo.unit or "")
     if length is None and (size is None or unit is None):
-        raise SurfaceError(
-            f"{file}: unit {topo.unit!r} of the file is unknown; give 'size' and 'height_unit'"
-        )
+        named = f"its unit {topo.unit!r} is unknown" if topo.unit else "the file names no unit"
+        needed = [n for n, v in (("size", size), ("height_unit", unit)) if v is None]
+        raise SurfaceError(f"{file}: {named}; give {' and '.join(map(repr, needed))}")
     if unit is not None:
         scale = info.height_scale_factor
         heights = heights / (1.0 if scale is None else scale) * unit

@@ -29,6 +29,8 @@ from brake_fenicsx.surface.topography import Array, Topography, form, outliers
 
 # The paper's scan: 256 pixels over 1.8 mm; the band of statistics that come without a scan.
 DISTRIBUTIONS = ("measured", "johnson", "normal")
+NOISE = -1.0  # white noise has a slope of 0; a steeper spectrum is that of a rough surface
+MISSED = 2.0  # times the measured variance of an octave
 PAPER_BAND = (2.0 * np.pi / 1.8e-3, np.pi * 256 / 1.8e-3)
 
 
@@ -90,21 +92,34 @@ class SurfaceStatistics:
 
     @property
     def pixel(self) -> float:
-        """Half of the shortest wave length of the reliable band [m]: what was measured."""
+        """Half of the shortest wave length of the reliable band [m], which the scan resolves."""
         band = self.bifractal.band if self.psd is None else self.psd.band
         return float(np.pi / band[1])
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What is doubtful about the statistics, one line each."""
-        fit = self.bifractal
-        if not fit.convex:
-            return ()
-        return (
-            f"the spectrum falls more slowly beyond {fit.q_c:.3g} rad/m (slope {fit.c2:.2f} after"
-            f" {fit.c1:.2f}): that is usually the instrument's noise; cut there with"
-            f' surface.cutoff = "{2e6 * np.pi / fit.q_c:.3g} um"',
-        )
+        fit, found = self.bifractal, []
+        if fit.convex:
+            cut = f'surface.cutoff = "{2e6 * np.pi / fit.q_c:.3g} um"'
+            why = f"that is usually the instrument's noise; cut there with {cut}"
+            if fit.c2 < NOISE:
+                why = (
+                    "the bi-fractal form is meant for a spectrum that falls more steeply there;"
+                    f" compare both in the figure, and name {cut} only if these waves are noise"
+                )
+            found.append(
+                f"the spectrum falls more slowly beyond {fit.q_c:.3g} rad/m (slope {fit.c2:.2f}"
+                f" after {fit.c1:.2f}): {why}"
+            )
+        wave, ratio = (np.nan, 1.0) if self.psd is None else worst_octave(self.psd, fit)
+        if not 1 / MISSED < ratio < MISSED:
+            more, times = ("more", ratio) if ratio > 1 else ("less", 1 / ratio)
+            found.append(
+                f"the bi-fractal fit misses the spectrum: about a wavelength of {1e6 * wave:.3g} um"
+                f" artificial surfaces have {times:.1f} times {more} variance than the scan"
+            )
+        return tuple(found)
 
     @property
     def heights(self) -> Array:
@@ -233,6 +248,25 @@ def given_statistics(
     bifractal = BiFractal(c1, c2, q_c, S_q**2 / unit.variance(*band), band)
     nan = float("nan")
     return SurfaceStatistics(mean, mean, S_q, S_sk, S_ku, (nan, nan, nan, nan), hdf, bifractal)
+
+
+def worst_octave(psd: RadialPsd, fit: BiFractal) -> tuple[float, float]:
+    """Where a fit is worst: wavelength [m] at the middle of the octave, and variance over measured.
+
+    Args:
+        psd: measured spectrum.
+        fit: of it.
+    """
+    q, C = psd.q[psd.reliable], psd.C[psd.reliable]
+    octave = np.floor(np.log2(q / q[0]))
+    found = []
+    for n in np.unique(octave):
+        own = octave == n
+        ratio = float(q[own] @ fit(q[own]) / (q[own] @ C[own]))
+        middle = float(np.sqrt(q[own][0] * q[own][-1]))
+        found.append((abs(np.log(ratio)), 2 * np.pi / middle, ratio))
+    _, wave, ratio = max(found)
+    return wave, ratio
 
 
 def matched(S_q: float, S_sk: float, S_ku: float, distribution: str) -> Johnson:

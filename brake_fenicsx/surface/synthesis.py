@@ -200,8 +200,9 @@ def _doubts(record: SynthesisRecord) -> tuple[str, ...]:
     if record.low_share > UNSEEN:
         flat = " or hold the PSD 'flat'" if record.low == "extend" else ""
         found.append(
-            f"{record.low_share:.0%} of the variance lies in waves longer than the scan (low = "
-            f"{record.low!r}); scan a larger area, make smaller patches{flat}"
+            f"{record.low_share:.0%} of the variance lies in waves longer than those that the scan"
+            f" measures reliably (low = {record.low!r}); scan a larger area, make smaller"
+            f" patches{flat}"
         )
     return tuple(f"artificial surface: {text}" for text in found)
 

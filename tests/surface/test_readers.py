@@ -75,6 +75,8 @@ def xyz(delimiter, order=1):
         ("comma.csv", table()),
         ("semicolon.csv", table(delimiter=";", end=";\r\n")),
         ("tab.txt", table(delimiter="\t")),
+        ("blank.txt", table(delimiter=" ")),
+        ("blanks.asc", table(delimiter="  ")),
         ("byte_order_mark.csv", "\ufeff" + table()),
         ("header.csv", table(header='"Instrument","VK-X"\n"Unit","um"\n\nHeight\n')),
         ("numbers_above.csv", table(header="12,9\n")),
