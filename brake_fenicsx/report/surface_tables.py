@@ -44,8 +44,15 @@ def write_surface_tables(run: RunData) -> list[Path]:
         written.append(write_rows(path, parameter_columns(run), parameter_rows(run)))
     if "q" in s:
         each = [*s["sub_C"]] if scans_of(run) else []
-        names = ("q_rad_per_m", "C_m4", *(f"C_scan_{k}_m4" for k in range(1, len(each) + 1)))
-        spectrum = zip(s["q"], s["C"], *each, strict=True)
+        names = ("q_rad_per_m", "C_m4", "fit_m4", "reliable")
+        names += tuple(f"C_scan_{k}_m4" for k in range(1, len(each) + 1))
+        low, high = s["q_band"]
+        # The fit is a power law on both sides of a corner, which its own table resolves.
+        fit = np.exp(np.interp(np.log(s["q"]), np.log(s["fit_q"]), np.log(s["fit_C"])))
+        inside = (s["q"] >= low) & (s["q"] <= high)
+        within = [float(c) if i else None for c, i in zip(fit, inside, strict=True)]
+        reliable = ["yes" if i else "no" for i in inside]
+        spectrum = zip(s["q"], s["C"], within, reliable, *each, strict=True)
         written.append(write_rows(tables / "spectrum.csv", names, spectrum))
     if "heights" in s and np.isfinite(s["heights"]).any():
         share, whole, scans = bearing_curves(s)

@@ -47,7 +47,10 @@ def test_parameters_spectrum_and_bearing_curve(written):
     rows = {row["parameter"]: row for row in read_rows(paths["surface.csv"])}
     assert rows["S_q"]["value"] == pytest.approx(1e6 * np.nanstd(run.surface["heights"]))
     assert rows["c1"] == {"parameter": "c1", "value": -2.01, "standard_error": 0.04, "unit": "-"}
-    assert np.array_equal(read_columns(paths["spectrum.csv"])["C_m4"], run.surface["C"])
+    spectrum = read_columns(paths["spectrum.csv"])
+    assert np.array_equal(spectrum["C_m4"], run.surface["C"])
+    inside = (spectrum["reliable"] == "yes") & (spectrum["fit_m4"] > 0)
+    assert inside.any() and np.array_equal(inside, np.isfinite(spectrum["fit_m4"]))
     curve = read_columns(paths["bearing_curve.csv"])
     assert curve["height_m"][0] == np.nanmax(run.surface["heights"])
 
