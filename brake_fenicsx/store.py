@@ -189,8 +189,10 @@ class Store:
             raise damaged(path) from None
 
     def save_json(self, name: str, content: Mapping[str, Any] | list[str]) -> None:
-        """Write a JSON file."""
-        _write(self.path(name), json.dumps(content, indent=1, default=_plain) + "\n")
+        """Write a JSON file; infinity and nan, which JSON does not have, become null."""
+        text = json.dumps(content, default=_plain)
+        strict = json.loads(text, parse_constant=lambda _: None)
+        _write(self.path(name), json.dumps(strict, indent=1) + "\n")
 
 
 def result_digest(scene: Scene) -> str:

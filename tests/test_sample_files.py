@@ -1,5 +1,6 @@
 """Finished samples on disk: single files, archives of full blocks, other scenes, damage."""
 
+import json
 import os
 import tracemalloc
 from types import SimpleNamespace
@@ -153,3 +154,15 @@ def test_tables_need_some_hundred_bytes_for_a_mode():
     # Those of the first sample and the families are in both.
     assert (after - before - before) / (200 * modes) < 200
     assert len(list(many.modes())) == 220 * modes
+
+
+def test_json_of_a_folder_is_strict(tmp_path):
+    """JSON knows neither infinity nor nan; readers other than Python's refuse them."""
+
+    def refuse(constant):
+        raise ValueError(constant)
+
+    store = Store(tmp_path)
+    store.save_json("a.json", {"a": float("inf"), "b": [np.float64("nan"), 0.1], "c": np.int64(2)})
+    found = json.loads((tmp_path / "a.json").read_text(), parse_constant=refuse)
+    assert found == {"a": None, "b": [None, 0.1], "c": 2}

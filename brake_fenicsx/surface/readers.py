@@ -199,7 +199,7 @@ def _read_numbers(file: Path, unit: float | None) -> Read | None:
     if unit is None:
         raise SurfaceError(
             f"{file}: a table of numbers names no unit of its heights; give 'height_unit', such as"
-            " \"um\""
+            ' "um"'
         )
     return heights * unit, None
 
