@@ -142,7 +142,8 @@ PLOTS = (
         "Modes of the nominal brake of the scene over the parameter: frequency above, damping "
         "below. Dots: two modes merge (lock-in); squares: they split; diamonds: two damped modes "
         "pass next to a merging point. Coloured: branches that squeal, with their frequency at the "
-        "last value. Dotted: the threshold of squeal.",
+        "onset and the values at which squeal begins and ends (filled and hollow triangles). "
+        "Lines are straight between computed points. Dotted: the threshold of squeal.",
         draw_branches,
     ),
     Plot(

@@ -29,6 +29,10 @@ from brake_fenicsx.report.squeal_figures import (
 )
 from brake_fenicsx.report.style import GREY, save
 from brake_fenicsx.report.surface_figures import draw_artificial, draw_statistics, draw_topography
+from brake_fenicsx.report.sweep_figures import draw_branches
+from brake_fenicsx.sweeps.tables import EVENTS
+from brake_fenicsx.sweeps.tables import MODES as SWEEP
+from brake_fenicsx.tables import MODES, write_rows
 
 NEEDS = {
     "modes.csv": {
@@ -414,3 +418,55 @@ def test_a_broken_summary_is_named(tmp_path):
     (tmp_path / "summary.json").write_text("[1]")
     with pytest.raises(SceneError, match="list"):
         read_run(tmp_path)
+
+
+def branches_of(directory, events, threshold):
+    """Drawn damping curves, marks and legend of one branch at the values 0, 0.2, ... 0.8."""
+    x = np.linspace(0.0, 0.8, 5)
+    rows = [["joint", None, v, n, 0, 2e3, 0.0, 0.0, 1.0, "stable"] for n, v in enumerate(x)]
+    write_rows(directory / "sweep.csv", ("approach", "sample", "value", *SWEEP), rows)
+    write_rows(directory / "lock_in.csv", ("approach", "sample", *EVENTS), [
+        ["joint", None, kind, at, 0.0, 1e-4, 2.1e3, 0.0, 0, other, 3] for kind, at, other in events
+    ])  # fmt: skip
+    write_rows(directory / "modes.csv", MODES, [["joint", 0, 0, *[1.0] * 6, "stable", 0]])
+    summary = {"in_effect": {"stability": {"threshold": threshold}}}
+    run = replace(read_run(directory), summary=summary)
+    axis = draw_branches(run).axes[1]
+    (line,) = (line for line in axis.lines if len(line.get_xdata()) > 2)
+    marks = [tuple(c.get_offsets()[0]) for c in axis.collections if len(c.get_offsets()) == 1]
+    legend = axis.get_legend()
+    return line.get_xydata(), marks, [t.get_text() for t in legend.get_texts()] if legend else []
+
+
+def test_a_window_of_squeal_between_two_values_is_drawn_and_named(tmp_path):
+    """All computed values are stable; the events alone tell of the window."""
+    events = [("merging", 0.622, 1), ("onset of squeal", 0.623, None),
+              ("end of squeal", 0.631, None), ("splitting", 0.632, 1)]  # fmt: skip
+    curve, marks, texts = branches_of(tmp_path, events, 0.01)
+    assert texts == ["2.10 kHz from 0.623 to 0.631"]
+    assert marks == [(0.623, -0.01), (0.631, -0.01)]
+    new = [[0.622, 0.0], [0.623, -0.01], [0.631, -0.01], [0.632, 0.0]]
+    assert np.allclose(curve, [[0, 0], [0.2, 0], [0.4, 0], [0.6, 0], *new, [0.8, 0]])
+
+
+@pytest.mark.parametrize(
+    ("events", "said"),
+    [
+        ([("onset of squeal", 0.4413, None)], "2.10 kHz from 0.441"),
+        ([("onset of squeal", 0.81487, None), ("end of squeal", 0.8151, None)],
+         "2.10 kHz from 0.81487 to 0.8151"),
+        ([("squeals from the first value", 0.0, None), ("end of squeal", 0.1, None),
+          ("onset of squeal", 0.5, None)], "2.10 kHz from 0 to 0.1, from 0.5"),
+        ([("end of squeal", 0.3, None)], "2.10 kHz to 0.3"),
+        ([(kind, x, None) for x in (0.1, 0.3, 0.5, 0.7)
+          for kind, x in (("onset of squeal", x), ("end of squeal", x + 0.1))],
+         "2.10 kHz from 0.1 to 0.2, from 0.3 to 0.4, from 0.5 to 0.6 and 1 more"),
+    ],
+)  # fmt: skip
+def test_windows_of_squeal_have_digits_that_tell_them_apart(tmp_path, events, said):
+    assert branches_of(tmp_path, events, 0.0)[2] == [said]
+
+
+def test_branches_without_events_are_drawn_without_marks(tmp_path):
+    curve, marks, texts = branches_of(tmp_path, [], 0.0)
+    assert len(curve) == 5 and not marks and not texts
