@@ -429,3 +429,18 @@ def test_importing_the_report_imports_no_heavy_library():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_forces_of_a_pad_on_a_disc_explain_the_missing_friction(tmp_path):
+    """Straight sliding has no torque, and its friction force is mu times the normal force."""
+    pad = {
+        "normal_N": 1029.0, "friction_N": 498.0, "contact_area_mm2": 1.0, "face_area_mm2": 2.0,
+        "largest_pressure_MPa": 1.0, "centre_towards_leading_edge_mm": 1.0,
+        "leading_half_share": 0.5,
+    }  # fmt: skip
+    turning = {**pad, "torque_N_m": 62.0, "effective_radius_mm": 120.0}
+    write_rows(tmp_path / "modes.csv", MODES, [mode("joint", 0, 0, 1e3, -0.02, 0)])
+    for forces, said in ((pad, False), (turning, True)):
+        summary = {"contact_forces": {"joint": {"pad": forces}}}
+        page = render_page(replace(read_run(tmp_path), summary=summary))
+        assert ("the direction of friction turns along the pad" in page) == said
