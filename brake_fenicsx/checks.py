@@ -52,7 +52,7 @@ def remarks(scene: Scene, comm: MPI.Comm) -> list[str]:
         return []
     from brake_fenicsx.macro.parts import cut_loads
 
-    return cut_loads(scene)
+    return [*cut_loads(scene), *_undamped(scene, counted=True)]
 
 
 def warnings(scene: Scene, mean_patch: float | None = None) -> list[str]:
@@ -89,8 +89,14 @@ def _clamped(scene: Scene) -> list[str]:
     ]
 
 
-def _undamped(scene: Scene) -> list[str]:
-    """Friction, modes, and nothing that takes energy from them."""
+def _undamped(scene: Scene, counted: bool = False) -> list[str]:
+    """Friction, modes, and nothing that takes energy from them.
+
+    Args:
+        scene: the scene.
+        counted: the line of a scene whose threshold takes the place of damping, else the warning
+            of one that has neither.
+    """
     stability = scene.stability
     if stability is None or "stability" not in scene.stages:
         return []
@@ -103,10 +109,15 @@ def _undamped(scene: Scene) -> list[str]:
         return []
     if not any(rubs(scene, approach) for approach in scene.samples.approaches):
         return []
-    or_else = "" if stability.threshold else ", or a stability.threshold for what counts as squeal"
+    if counted != bool(stability.threshold):
+        return []
+    if counted:
+        return [
+            f"the model has no damping; squeal is counted below {-stability.threshold:g} instead"
+        ]
     return [
         "no damping is named in the scene, and modes that hardly grow are unstable too; write"
-        f" [stability.damping]{or_else}"
+        " [stability.damping], or a stability.threshold for what counts as squeal"
     ]
 
 

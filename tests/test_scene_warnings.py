@@ -141,7 +141,7 @@ def test_friction_that_depends_on_the_speed_is_inherited_too():
     ("changes", "warned"),
     [
         ([], True),
-        (["stability.threshold=0.01"], True),
+        (["stability.threshold=0.01"], False),
         ([FALLING, "stability.damping={ slope=true }"], True),
         (["stability.damping={ rayleigh=['50 1/s','0 s'] }"], False),
         (["stability.damping={ sliding=true }"], False),
@@ -152,6 +152,15 @@ def test_friction_that_depends_on_the_speed_is_inherited_too():
 def test_a_scene_with_friction_and_without_damping_is_warned_of(changes, warned):
     said = [line for line in warnings(read_scene(BLOCK, changes)) if "no damping" in line]
     assert len(said) == warned
+
+
+def test_a_threshold_in_place_of_damping_is_said_and_no_warning(capsys):
+    line = "the model has no damping; squeal is counted below -0.01 instead"
+    for changes, said in (([], False), (["stability.threshold=0.01"], True)):
+        describe(BLOCK, MPI.COMM_SELF, [*changes])
+        lines = capsys.readouterr().out.splitlines()
+        assert (line in lines) == said
+        assert any("warning: no damping" in text for text in lines) != said
 
 
 def test_contact_without_roughness_is_not_called_multi_scale():

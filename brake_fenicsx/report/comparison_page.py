@@ -45,9 +45,22 @@ def write_comparison(a: str | Path, b: str | Path, directory: str | Path) -> Pat
     return write_page(folder / "compare.html", _page(one, two, rows))
 
 
-def comparison_text(rows: list[list[Value]]) -> str:
-    """The comparison for the terminal."""
-    return text_table(HEADS, [_shown(dict(zip(COLUMNS, row, strict=True))) for row in rows])
+def comparison_text(a: str | Path | RunData, b: str | Path | RunData) -> str:
+    """The comparison of two runs for the terminal, see `write_comparison`."""
+    one, two = read_run(a), read_run(b)
+    rows = [_shown(dict(zip(COLUMNS, row, strict=True))) for row in compare_runs(one, two)]
+    return "\n".join([text_table(HEADS, rows), *_two_limits(one, two)])
+
+
+def _two_limits(one: RunData, two: RunData) -> list[str]:
+    """A warning where the runs do not count the same modes as squeal."""
+    if one.threshold == two.threshold:
+        return []
+    a, b = (f"{-run.threshold if run.threshold else 0:g}" for run in (one, two))
+    return [
+        f"A counts squeal below {a}, B below {b}; set one stability.threshold and run both again"
+        " (no sample is computed again)"
+    ]
 
 
 def _shown(row: dict[str, Value]) -> list[Value]:
@@ -80,7 +93,8 @@ def _page(one: RunData, two: RunData, rows: list[list[Value]]) -> str:
         intro=[
             Text(f"{name}: {run.directory.resolve()} ({run.criterion})")
             for name, run in (("A", one), ("B", two))
-        ],
+        ]
+        + [Text(f"Warning: {text}.") for text in _two_limits(one, two)],
         blocks=[
             Text(
                 "Families are matched by shape (modal assurance criterion at the nodes); a family"

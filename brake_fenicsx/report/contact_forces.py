@@ -38,12 +38,17 @@ def forces_blocks(run: RunData) -> list[Block]:
         "effective radius [mm]", "face in contact", "largest pressure [MPa]",
         "centre of pressure towards the leading edge [mm]", "force on the leading half",
     ]  # fmt: skip
+    turns = any(pad.get("torque_N_m") for pads in found.values() for pad in pads.values())
+    less = (
+        " Friction force: its resultant, which is less than the friction coefficient times the"
+        " normal force, because the direction of friction turns along the pad."
+    )
     return [
         Table(heads, rows),
         Text(
             "Means over the samples, with their standard deviation. The disc enters the pad"
-            " at the leading edge. Torque: torque of this pad against the rotation; effective"
-            " radius: torque over friction coefficient times normal force."
+            f" at the leading edge.{less if turns else ''} Torque: torque of this pad against the"
+            " rotation; effective radius: torque over friction coefficient times normal force."
         ),
     ]
 

@@ -11,7 +11,7 @@ from .accuracy import draw_errors, draw_stages
 from .contact_figures import draw_contact_pressure
 from .correlation_figures import draw_correlations
 from .driver_figures import draw_driver_maps, draw_drivers
-from .micro_figures import draw_contact_maps, draw_laws
+from .micro_figures import draw_contact_maps, draw_laws, laws_caption
 from .rundata import RunData, read_run
 from .sensitivity_figures import draw_sensitivity
 from .squeal_figures import (
@@ -27,6 +27,7 @@ from .surface_figures import (
     draw_bearing_curve,
     draw_statistics,
     draw_topography,
+    topography_caption,
 )
 from .sweep_figures import draw_branches, draw_chart, draw_critical, draw_worst
 
@@ -39,15 +40,18 @@ class Plot:
     """One figure: the name of its files, its caption, and how it is drawn."""
 
     name: str
-    caption: str
+    caption: str | Callable[[RunData], str]
     draw: Callable[[RunData], Figure | None]
+
+    def told(self, run: RunData) -> str:
+        """The caption of the figure of a run."""
+        return self.caption if isinstance(self.caption, str) else self.caption(run)
 
 
 PLOTS = (
     Plot(
         "figure4_topography",
-        "Levelled scan of the pad surface [µm], and profiles through its centre; of several scans "
-        "the maps at one scale. Red: points that are missing or masked.",
+        topography_caption,
         draw_topography,
     ),
     Plot(
@@ -84,11 +88,7 @@ PLOTS = (
     ),
     Plot(
         "figure8_laws",
-        "Library of pressure-gap laws, one line each: mean pressure of a patch against the "
-        "separation of rigid plane and mean plane, linear and logarithmic, and stiffness against "
-        "pressure, with the range of pressures on the pads. Steps at low pressure occur because "
-        "only a few points touch. With a hardness a law has two stiffnesses: the loading stiffness "
-        "for the equilibrium, and the vibration stiffness for the modes.",
+        laws_caption,
         draw_laws,
     ),
     Plot(
@@ -142,7 +142,8 @@ PLOTS = (
         "Modes of the nominal brake of the scene over the parameter: frequency above, damping "
         "below. Dots: two modes merge (lock-in); squares: they split; diamonds: two damped modes "
         "pass next to a merging point. Coloured: branches that squeal, with their frequency at the "
-        "last value. Dotted: the threshold of squeal.",
+        "onset and the values at which squeal begins and ends (filled and hollow triangles). "
+        "Lines are straight between computed points. Dotted: the threshold of squeal.",
         draw_branches,
     ),
     Plot(

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 MOST_MAPS = 6
 FEW_POINTS = 300  # fewer touching points are circled
+FEW_LAWS = 5  # fewer have no band
 
 
 def draw_contact_maps(run: RunData) -> Figure | None:
@@ -65,21 +66,35 @@ def draw_laws(run: RunData) -> Figure | None:
     text = "$p/E^*$ [-]" if E_star else "mean pressure $p$ [MPa]"
     axes[0, 1].set(yscale="log", xlabel="separation $d$ [µm]", ylabel=text)
     panel(axes[0, 1], "b", f"log, $E^*$ = {E_star / 1e6:.0f} MPa" if E_star else "log")
-    _draw_bundle(axes[0, 2], p / 1e6, k / 1e9, median=False)
-    if "ratio" in laws:
-        for own_p, own_v in zip(p / 1e6, k * laws["ratio"] / 1e9, strict=True):
-            axes[0, 2].plot(own_p, own_v, color=ORANGE, lw=0.5, alpha=0.4)
-        axes[0, 2].plot([], [], color=BLUE, label="of loading")
-        axes[0, 2].plot([], [], color=ORANGE, label="of small vibrations")
-        axes[0, 2].legend(loc="upper left", fontsize=7.5)
-    axes[0, 2].set(xscale="log", yscale="log")
-    axes[0, 2].set(xlabel="mean pressure $p$ [MPa]", ylabel="stiffness $-p'(d)$ [N/mm$^3$]")
-    panel(axes[0, 2], "c", "stiffness")
+    _draw_stiffness(axes[0, 2], p / 1e6, k / 1e9, laws.get("ratio"))
     _mark_braking(axes[0, 2], run)
     for axis in axes.flat:
         light_grid(axis)
     axes[0, 0].legend(loc="upper right")
+    handles, names = axes[0, 2].get_legend_handles_labels()
+    shown = [(h, n) for h, n in zip(handles, names, strict=True) if n != "each law"]
+    if shown:
+        axes[0, 2].legend(*zip(*shown, strict=True), loc="lower right", fontsize=7.5)
     return figure
+
+
+def laws_caption(run: RunData) -> str:
+    """Caption of figure 8."""
+    laws = run.laws or {}
+    said = [
+        "Library of pressure-gap laws, one line each: mean pressure of a patch against the"
+        " separation of rigid plane and mean plane, linear and logarithmic, and stiffness against"
+        f" pressure{', with the range of pressures on the pads' if _braking(run) else ''}.",
+        "Steps at low pressure occur because only a few points touch.",
+    ]
+    if laws and len(laws["d"]) >= FEW_LAWS:
+        said.append("Stiffness: also its median over the laws, and the band of 5 to 95 % of them.")
+    if "ratio" in laws:
+        said.append(
+            "With a hardness a law has two stiffnesses: the loading stiffness for the equilibrium,"
+            " and the vibration stiffness for the modes."
+        )
+    return " ".join(said)
 
 
 def _modulus(laws: Arrays) -> float | None:
@@ -147,12 +162,14 @@ def _limits(positive: NDArray) -> tuple[float, float]:
     return float(low), float(max(high, 1.5 * low))
 
 
-def _draw_bundle(axes: Axes, x: NDArray, y: NDArray, median: bool = True) -> None:
+def _draw_bundle(
+    axes: Axes, x: NDArray, y: NDArray, median: bool = True, faint: float = 1.0
+) -> None:
     """All laws as thin lines, and in bold the median separation at each pressure."""
     from matplotlib.collections import LineCollection
 
     y = np.where(y > 0, y, np.nan)
-    alpha = float(np.clip(12 / len(x), 0.15, 0.8))
+    alpha = faint * float(np.clip(12 / len(x), 0.15, 0.8))
     lines = LineCollection(
         [np.column_stack(pair) for pair in zip(x, y, strict=True)],
         colors=BLUE,
@@ -163,33 +180,60 @@ def _draw_bundle(axes: Axes, x: NDArray, y: NDArray, median: bool = True) -> Non
     axes.add_collection(lines)
     axes.autoscale_view()
     if median and len(x) > 2:
-        axes.plot(*_median_law(x, y), color=BLACK, lw=1.6, label="median separation")
+        rows, at = _at_common_pressures(x, y)
+        axes.plot(np.median(rows, axis=0), at, color=BLACK, lw=1.6, label="median separation")
 
 
-def _median_law(d: NDArray, p: NDArray) -> tuple[NDArray, NDArray]:
-    """Median of the separations at pressures that all laws reach."""
+def _draw_stiffness(axes: Axes, p: NDArray, k: NDArray, ratio: NDArray | None) -> None:
+    """Stiffness of each law, and median and band over the laws."""
+    faint = 0.4 if len(p) >= FEW_LAWS else 1.0  # below the band
+    _draw_bundle(axes, p, k, median=False, faint=faint)
+    if ratio is not None:
+        for own_p, own_k in zip(p, k * ratio, strict=True):
+            axes.plot(own_p, own_k, color=ORANGE, lw=0.5, alpha=0.4 * faint)
+        axes.plot([], [], color=BLUE, label="of loading")
+        axes.plot([], [], color=ORANGE, label="of small vibrations")
+    if len(p) >= FEW_LAWS:
+        for values, colour, text in (
+            (k, BLUE, "median, 5 to 95 %"),
+            *(((k * ratio, ORANGE, None),) if ratio is not None else ()),
+        ):
+            rows, at = _at_common_pressures(values, p)
+            low, middle, high = np.quantile(rows, [0.05, 0.5, 0.95], axis=0)
+            axes.fill_between(at, low, high, color=colour, alpha=0.35, lw=0, zorder=2.5)
+            axes.plot(at, middle, color=BLACK, lw=1.6, label=text, zorder=3)
+    axes.set(xscale="log", yscale="log")
+    axes.set(xlabel="mean pressure $p$ [MPa]", ylabel="stiffness $-p'(d)$ [N/mm$^3$]")
+    panel(axes, "c", "stiffness")
+
+
+def _at_common_pressures(values: NDArray, p: NDArray) -> tuple[NDArray, NDArray]:
+    """A quantity of each law at pressures that all laws reach, and these pressures."""
     known = [np.isfinite(row) for row in p]
     low = max(row[k].min() for row, k in zip(p, known, strict=True))
     high = min(row[k].max() for row, k in zip(p, known, strict=True))
     at = np.geomspace(low, max(high, low), 200)
     rows = []
-    for own_d, own_p, k in zip(d, p, known, strict=True):
+    for own, own_p, k in zip(values, p, known, strict=True):
         order = np.argsort(own_p[k])
-        rows.append(np.interp(np.log(at), np.log(own_p[k][order]), own_d[k][order]))
-    return np.median(rows, axis=0), at
+        rows.append(np.interp(np.log(at), np.log(own_p[k][order]), own[k][order]))
+    return np.array(rows), at
 
 
 def _mark_braking(axes: Axes, run: RunData) -> None:
     """Shade the pressures that the closed contact elements of the run really see."""
+    if (found := _braking(run)) is not None:
+        axes.axvspan(
+            *found, color=ORANGE, alpha=0.18, lw=0, label="5 to 95 % of the\nbrake's patches"
+        )
+
+
+def _braking(run: RunData) -> tuple[float, float] | None:
+    """Range of the pressures on closed contact elements with a law [MPa], if there is a brake."""
     if run.contact is None:
-        return
+        return None
     closed = run.contact["p"][(run.contact["p"] > 0) & (run.contact["law"] >= 0)]
     if closed.size < 2:
-        return
+        return None
     low, high = np.quantile(closed, [0.05, 0.95]) / 1e6
-    axes.axvspan(
-        low, high, color=ORANGE, alpha=0.18, lw=0, label="5 to 95 % of the\nbrake's patches"
-    )
-    handles, names = axes.get_legend_handles_labels()
-    shown = [(h, n) for h, n in zip(handles, names, strict=True) if n != "each law"]
-    axes.legend(*zip(*shown, strict=True), loc="upper left", fontsize=7.5)
+    return float(low), float(high)

@@ -19,7 +19,7 @@ from .squeal_map import squeal_map
 
 FAMILIES = 8  # rows of the tables of families, at least 2 of each approach
 CARDS = 6  # mode shapes before the appendix, beside those of the first screen
-CAPTIONS = {plot.name: plot.caption for plot in PLOTS}
+NAMED = {plot.name: plot for plot in PLOTS}
 JUDGED = {  # figures of what squeals
     "figure9_squeal_map", "squeal_families", "probability_per_band", "unstable_per_sample",
     "convergence", "input_correlations", "sensitivity", "drivers", "sweep_branches",
@@ -70,7 +70,7 @@ def figures(run: RunData, *names: str, look: str = "plot") -> list[Block]:
     said = {name: f" Squeal: {run.criterion}." if name in JUDGED else "" for name in names}
     paths = {name: run.directory / "figures" / f"{name}.png" for name in names}
     return [
-        Picture(path, CAPTIONS[name] + said[name], look)
+        Picture(path, NAMED[name].told(run) + said[name], look)
         for name, path in paths.items() if path.is_file()
     ]  # fmt: skip
 

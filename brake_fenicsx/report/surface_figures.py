@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 UM, MM = 1e6, 1e3
+ROUND_OFF = 1e-4  # of a mean height, relative to S_q
 MOST_MAPS, MAPS_IN_A_ROW = 9, 3  # of several scans
 Q_LABEL, PSD_LABEL = "wave number $q$ [rad/m]", "radial PSD $C$ [m$^4$]"
 
@@ -82,13 +83,21 @@ def draw_topography(run: RunData) -> Figure | None:
     return figure
 
 
+def topography_caption(run: RunData) -> str:
+    """Caption of figure 4."""
+    several = run.surface is not None and len(scan_heights(run.surface)) > 1
+    one = "Levelled scan of the pad surface [µm], and profiles through its centre."
+    shown = "Levelled scans of the pad surface [µm] at one scale of heights." if several else one
+    return f"{shown} Red: points that are missing or masked."
+
+
 def _maps(scans: NDArray, size: NDArray, surface: Arrays) -> Figure:
     """Maps of several scans [um], shape (scans, nx, ny), at one scale of heights."""
     shown = scans[:MOST_MAPS]
     columns = min(len(shown), MAPS_IN_A_ROW)
     rows = -(-len(shown) // columns)
     ratio = float(size[1] / size[0])
-    height = min(max(rows * (0.8 + WIDTH / columns * 0.6 * ratio), 2.4), 9.0)
+    height = min(max(rows * (0.95 + WIDTH / columns * 0.65 * ratio), 2.4), 9.5)
     figure, axes = new_figure(rows, columns, height=height)
     limits = _height_limits(shown)
     files = [str(scan["file"]) for scan in surface_statistics(surface).get("scans", [])]
@@ -246,7 +255,7 @@ def _draw_heights(axes: Axes, surface: Arrays) -> None:
     z = (pooled(scans) if len(scans) > 1 else np.ravel(scans)) * UM
     z = z[np.isfinite(z)]
     if z.size:
-        what = "heights of the scan" if len(scans) == 1 else f"heights of {len(scans)} scans"
+        what = "scan" if len(scans) == 1 else f"{len(scans)} scans"
         axes.hist(z, bins=64, density=True, color="#c9dcea", label=what)
     if "hdf_z" in surface:
         heights, density = surface["hdf_z"] * UM, surface["hdf_density"] / UM
@@ -263,7 +272,7 @@ def _draw_heights(axes: Axes, surface: Arrays) -> None:
     axes.text(0.03, 0.97, text, transform=axes.transAxes, va="top", fontsize=7.5)
     axes.set(xlabel="height over the mean plane $z$ [µm]", ylabel="density $P(z)$ [1/µm]")
     axes.set_ylim(0, 1.45 * axes.get_ylim()[1])
-    axes.legend(loc="upper right", fontsize=7.5)
+    axes.legend(loc="upper right", fontsize=7.5, handlelength=1.2)
     panel(axes, "a", "height distribution")
 
 
@@ -275,10 +284,14 @@ def _moments(stats: dict[str, Any]) -> str:
         ("S_sk", "$S_{sk}$", 1.0, ""),
         ("S_ku", "$S_{ku}$", 1.0, ""),
     ]
+    known = {key: value for key, value in stats.items() if isinstance(value, int | float)}
+    for key in ("mean", "median"):
+        if abs(known.get(key, 0.0)) < ROUND_OFF * known.get("S_q", 0.0):
+            known[key] = 0.0  # after levelling
     return "\n".join(
-        f"{text} = ${stats[key] * factor:.3g}$ {unit}".rstrip()
+        f"{text} = ${known[key] * factor:.3g}$ {unit}".rstrip()
         for key, text, factor, unit in rows
-        if isinstance(stats.get(key), int | float)
+        if key in known
     )
 
 

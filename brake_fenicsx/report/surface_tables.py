@@ -44,8 +44,6 @@ def write_surface_tables(run: RunData) -> list[Path]:
         written.append(write_rows(path, parameter_columns(run), parameter_rows(run)))
     if "q" in s:
         each = [*s["sub_C"]] if scans_of(run) else []
-        names = ("q_rad_per_m", "C_m4", "fit_m4", "reliable")
-        names += tuple(f"C_scan_{k}_m4" for k in range(1, len(each) + 1))
         low, high = s["q_band"]
         # The fit is a power law on both sides of a corner, which its own table resolves.
         fit = np.exp(np.interp(np.log(s["q"]), np.log(s["fit_q"]), np.log(s["fit_C"])))
@@ -53,13 +51,15 @@ def write_surface_tables(run: RunData) -> list[Path]:
         within = [float(c) if i else None for c, i in zip(fit, inside, strict=True)]
         reliable = ["yes" if i else "no" for i in inside]
         spectrum = zip(s["q"], s["C"], within, reliable, *each, strict=True)
-        written.append(write_rows(tables / "spectrum.csv", names, spectrum))
+        of_scans = [f"C_scan_{k}_m4" for k in range(1, len(each) + 1)]
+        heads = ["q_rad_per_m", "C_m4", "fit_m4", "reliable", *of_scans]
+        written.append(write_rows(tables / "spectrum.csv", heads, spectrum))
     if "heights" in s and np.isfinite(s["heights"]).any():
         share, whole, scans = bearing_curves(s)
-        names = ("material_ratio", "height_m")
-        names += tuple(f"height_scan_{k}_m" for k in range(1, len(scans) + 1))
+        of_scans = [f"height_scan_{k}_m" for k in range(1, len(scans) + 1)]
+        heads = ["material_ratio", "height_m", *of_scans]
         path = tables / "bearing_curve.csv"
-        written.append(write_rows(path, names, zip(share, whole, *scans, strict=True)))
+        written.append(write_rows(path, heads, zip(share, whole, *scans, strict=True)))
     if of_surface(run) and "artificial" in s:
         written += _write_heights(folder, s["artificial"], s["artificial_size"])
     return written

@@ -23,8 +23,10 @@ from .style import (
     new_figure,
     panel,
 )
+from .sweep_events import END, MERGING, NEAR, ONSET, SPLITTING, SweepEvents
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 # Branches and families with a colour of their own.
@@ -60,16 +62,18 @@ def draw_branches(run: RunData) -> Figure | None:
     for column, approach in enumerate(approaches):
         rows = _chosen(table, own & (table["approach"] == approach))
         top, bottom = axes[0, column], axes[1, column]
-        colours = _loud(rows, run.threshold)
+        events = SweepEvents(run, approach)
+        colours = _loud(rows, run.threshold, events)
         for number in np.unique(rows["branch"]):
-            one = rows["branch"] == number
             colour = colours.get(int(number))
             style: dict[str, Any] = {"color": colour or "#bbbbbb", "lw": 1.6 if colour else 0.6}
-            x, f = factor * rows["value"][one], rows["frequency_hz"][one] / 1e3
-            text = f"{f[-1]:.2f} kHz" if colour else None
-            top.plot(x, f, zorder=3 if colour else 2, **style)
-            bottom.plot(x, rows["damping"][one], label=text, zorder=3 if colour else 2, **style)
-        _mark_mergings(top, run, approach, factor)
+            style["zorder"] = 3 if colour else 2
+            x, f, damping = events.curve(rows, int(number))
+            text = events.windows(int(number), factor) or f"{f[-1] / 1e3:.2f} kHz"
+            top.plot(factor * x, f / 1e3, **style)
+            bottom.plot(factor * x, damping, label=text if colour else None, **style)
+        _mark_mergings(top, events, factor)
+        _mark_onsets(bottom, events, factor, colours)
         panel(top, "ab"[column], label(run, approach))
         bottom.axhline(-run.threshold, color=BLACK, lw=0.6, ls=":")
         bottom.set_yscale("symlog", linthresh=LINEAR_DAMPING, linscale=0.6)
@@ -77,7 +81,8 @@ def draw_branches(run: RunData) -> Figure | None:
         for axis in (top, bottom):
             light_grid(axis)
         if colours:
-            bottom.legend(ncol=2, title="squeals, at the last value", fontsize=7, loc="best")
+            bottom.legend(title="squeals (frequency at the onset)", fontsize=7,
+                          title_fontsize=8, loc="best")  # fmt: skip
     axes[0, 0].set_ylabel(KHZ)
     axes[1, 0].set_ylabel(DAMPING_LABEL)
     return figure
@@ -87,37 +92,43 @@ def _chosen(table: Columns, rows: NDArray[np.bool_]) -> Columns:
     return {name: column[rows] for name, column in table.items()}
 
 
-def _loud(rows: Columns, threshold: float) -> dict[int, str]:
+def _loud(rows: Columns, threshold: float, events: SweepEvents) -> dict[int, str]:
     """Colour of the branches that squeal, the worst ones of them."""
     worst = {}
     for number in np.unique(rows["branch"]):
         one = (rows["branch"] == number) & (rows["verdict"] == "unstable")
         lowest = rows["damping"][one].min(initial=0.0)
-        if lowest < -threshold:
+        if lowest < -threshold or events.windows(int(number)):
             worst[int(number)] = lowest
     chosen = sorted(worst, key=lambda n: float(worst[n]))[:MOST]
     return {n: CYCLE[i % len(CYCLE)] for i, n in enumerate(sorted(chosen))}
 
 
-def _mark_mergings(axes: Any, run: RunData, approach: str, factor: float) -> None:
+def _mark_mergings(axes: Axes, events: SweepEvents, factor: float) -> None:
     """Where modes merge and split."""
-    events = run.sweep.get("lock_in")
-    if events is None:
-        return
-    own = np.isnan(events["sample"]) & (events["approach"] == approach)
     looks = {
-        "merging": (MARKERS[0], BLACK), "splitting": (MARKERS[1], "white"),
-        "near merging": (MARKERS[3], GREY),
+        MERGING: (MARKERS[0], BLACK), SPLITTING: (MARKERS[1], "white"), NEAR: (MARKERS[3], GREY),
     }  # fmt: skip
     for kind, (marker, colour) in looks.items():
-        here = own & (events["kind"] == kind)
-        if here.any():
+        x, f, _ = events.of(kind)
+        if x.size:
             axes.scatter(
-                factor * events["value"][here], events["frequency_hz"][here] / 1e3, s=13,
+                factor * x, f / 1e3, s=13,
                 marker=marker, facecolor=colour, edgecolor=BLACK, lw=0.6, zorder=4, label=kind,
             )  # fmt: skip
     if axes.get_legend_handles_labels()[0]:
         axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncol=3, fontsize=7)
+
+
+def _mark_onsets(axes: Axes, events: SweepEvents, factor: float, colours: dict[int, str]) -> None:
+    """Where branches begin and end to squeal: filled and hollow."""
+    for kind in (ONSET, END):
+        x, _, branch = events.of(kind)
+        for at, number in zip(factor * x, branch, strict=True):
+            colour = colours.get(int(number), "#bbbbbb")
+            face = colour if kind == ONSET else "white"
+            axes.scatter(at, -events.threshold, s=22, marker=MARKERS[2], facecolor=face,
+                         edgecolor=colour, lw=1.0, zorder=5)  # fmt: skip
 
 
 def draw_critical(run: RunData) -> Figure | None:

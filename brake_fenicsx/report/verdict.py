@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -9,12 +11,14 @@ from typing import Any
 from brake_fenicsx.squeal import wilson
 
 from .blocks import Block
-from .counts import ApproachCount, FamilyCount, count
+from .candidates import CANDIDATES, beside_candidates
+from .counts import ApproachCount, FamilyCount, count, good_modes
 from .mode_cards import Card, ModePictures, family_card
 from .overview import open_points
 from .rundata import RunData
 
-CANDIDATES = 3
+UNDAMPED = "none named"
+USUAL_LIMIT = 0.01  # of -2 alpha / |omega| in Abaqus
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +30,7 @@ class Verdict:
         level: "squeal", "open" or "calm", for its colour.
         more: sentences that follow it.
         cards: the strongest candidates.
+        notes: sentences about the candidates, below them.
         facts: conditions of the run, name and value.
         warnings: warnings of the run, without a full stop.
         blocks: what follows them.
@@ -35,6 +40,7 @@ class Verdict:
     level: str = ""
     more: list[str] = field(default_factory=list)
     cards: list[Card] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
     facts: list[tuple[str, str]] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     blocks: list[Block] = field(default_factory=list)
@@ -54,12 +60,17 @@ def make_verdict(
     facts, warnings = conditions(run, lead), warnings_of(run)
     if not lead:
         return Verdict("This run computed no modes.", facts=facts, warnings=warnings)
-    text, level = _sentence(run, count(run, lead))
+    counted = count(run, lead)
+    text, level = _sentence(run, counted)
     others = [name for name in families if name != lead]
-    more = [_other(run, count(run, name), families[name]) for name in others]
-    chosen = families[lead][:CANDIDATES]
-    cards = [family_card(run, f, pictures, rank) for rank, f in enumerate(chosen, start=1)]
-    return Verdict(text, level, more, cards, facts, warnings)
+    more = [*_failure(run, counted), *_limit(run, counted)]
+    more += [_other(run, count(run, name), families[name]) for name in others]
+    cards = [
+        family_card(run, f, pictures, rank, named=True)
+        for rank, f in enumerate(families[lead][:CANDIDATES], start=1)
+    ]
+    notes = beside_candidates(run, families, lead)
+    return Verdict(text, level, more, cards, notes, facts, warnings)
 
 
 def leading_approach(run: RunData) -> str:
@@ -109,35 +120,66 @@ def conditions(run: RunData, lead: str) -> list[tuple[str, str]]:
 def _sentence(run: RunData, c: ApproachCount) -> tuple[str, str]:
     name, share = run.label(c.approach), wilson(c.squeal_samples, c.samples)
     if c.samples == 0:
-        return f"No verdict: all {c.failed} samples failed ({name}).", ""
+        said = "the only sample" if c.failed == 1 else f"all {c.failed} samples"
+        return f"No verdict: {said} failed ({name}).", ""
+    limit = f"with a {run.criterion}"
     if c.samples == 1:
         if c.squeal:
-            modes = "mode" if c.squeal == 1 else "modes"
-            return f"Squeal is predicted: {c.squeal} squeal {modes} in one run ({name}).", "squeal"
-        return f"No squeal mode in one run ({name}).", "calm"
+            modes = f"{c.squeal} squeal mode{'' if c.squeal == 1 else 's'}"
+            return f"Squeal is predicted: {modes} {limit} in one run ({name}).", "squeal"
+        return f"No squeal mode {limit} in one run ({name}).", "calm"
     interval = f"95 % interval {100 * share.low:.0f} to {100 * share.high:.0f} %"
     said = (
-        f"{c.squeal_samples} of {c.samples} samples have a squeal mode"
+        f"{c.squeal_samples} of {c.samples} samples have a squeal mode {limit}"
         f" ({100 * share.value:.0f} %, {interval}; {name})."
     )
-    limit = _settings(run, "samples").get("limit", 0.5)
+    most = _settings(run, "samples").get("limit", 0.5)
     if c.squeal_samples == 0:
         return f"No squeal was found: {said}", "calm"
-    if share.low > limit:
+    if share.low > most:
         return f"Squeal is likely: {said}", "squeal"
-    if share.high < limit:
+    if share.high < most:
         return f"Squeal is possible: {said}", "open"
     return (
-        f"Squeal is possible, its probability may lie on either side of {100 * limit:g} %: {said}",
+        f"Squeal is possible, its probability may lie on either side of {100 * most:g} %: {said}",
         "open",
     )
+
+
+def _failure(run: RunData, c: ApproachCount) -> list[str]:
+    """The most frequent error, where all samples of an approach failed."""
+    if c.samples or not c.failed or run.samples is None:
+        return []
+    own = run.samples["approach"] == c.approach
+    texts = [str(text) for text in run.samples["status"][own]]
+    kinds = [re.sub(r"\d+", "0", text) for text in texts]  # their numbers differ between samples
+    kind, number = Counter(kinds).most_common(1)[0]
+    first = kinds.index(kind)
+    sample, text = run.samples["sample"][own][first], texts[first].rstrip(".")
+    often = f"The most frequent error ({number} of {c.failed}), here of sample {sample}"
+    return [f"{often if c.failed > 1 else 'Its error'}: {text}."]
+
+
+def _limit(run: RunData, c: ApproachCount) -> list[str]:
+    """What the usual limit of another program would count, and that nothing is damped."""
+    said = []
+    if c.squeal and run.threshold < USUAL_LIMIT:
+        modes = good_modes(run, c.approach, squeal=True)
+        loud = modes["sample"][modes["damping"] < -USUAL_LIMIT]
+        number = f"{len({*loud})} of {c.samples} samples"
+        if c.samples == 1:
+            number = f"{loud.size} of {c.squeal} squeal modes"
+        said.append(f"With a damping below {-USUAL_LIMIT:g}, a usual limit in Abaqus: {number}.")
+    if c.samples and _damping(run) == UNDAMPED:
+        said.append("The model has no damping.")
+    return said
 
 
 def _other(run: RunData, c: ApproachCount, found: list[FamilyCount]) -> str:
     """One sentence about an approach that the verdict is not about."""
     name = run.label(c.approach)
     if c.samples == 0:
-        return f"{name}: all samples failed."
+        return " ".join([f"{name}: all samples failed.", *_failure(run, c)])
     if not found:
         return f"{name}: no squeal mode."
     most = f"most severe {found[0].frequency / 1e3:.2f} kHz (damping {found[0].median:.2g})"
@@ -176,7 +218,7 @@ def _damping(run: RunData) -> str:
     if run.modes is None or not run.summary.get("in_effect"):
         return ""
     terms = run.summary.get("damping")
-    return ", ".join(map(str, terms)) if isinstance(terms, Mapping) and terms else "none named"
+    return ", ".join(map(str, terms)) if isinstance(terms, Mapping) and terms else UNDAMPED
 
 
 def _speed(run: RunData) -> str:

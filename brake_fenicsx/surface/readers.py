@@ -59,18 +59,18 @@ def read_topography(
         height_unit = _metres(height_unit, str(file))
     own = {".npz": _read_npz, ".h5": _read_hdf5, ".hdf5": _read_hdf5, ".tmd": _read_truemap}
     read, table = own.get(file.suffix.lower()), None
-    text = read is None and (_is_text(file) or file.suffix.lower() == ".npy")
+    by_rows = read is None and (_is_text(file) or file.suffix.lower() == ".npy")
     if read is not None:
         heights, found = read(file, height_unit)
     elif (table := _read_numbers(file, height_unit)) is not None:
         heights, found = table
     else:
         heights, found = _read_instrument(file, height_unit, size, channel)
-        text = text and found is None
-        if text:  # SurfaceTopography takes the columns of text for x
+        by_rows = by_rows and found is None
+        if by_rows:  # SurfaceTopography takes the columns of text for x
             heights = heights.T
     if rows == "y":
-        if not text:
+        if not by_rows:
             raise SurfaceError(f"{file}: rows = 'y' has no meaning: the file itself says it")
         heights = heights.T
     lengths = found if size is None else size

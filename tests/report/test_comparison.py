@@ -1,6 +1,8 @@
 """Two runs compared: published intervals, the same run, another mesh, another friction."""
 
 import csv
+import json
+import shutil
 from pathlib import Path
 
 from mpi4py import MPI
@@ -104,6 +106,22 @@ def test_families_that_are_gone_have_no_match(runs, capsys):
         assert len(list(csv.DictReader(file))) == len(rows)
     page = (out / "compare.html").read_text()
     assert "Two runs compared" in page and "<script" not in page
+    assert "Warning" not in page
+
+
+def test_runs_with_two_thresholds_are_warned_of(runs, tmp_path, capsys):
+    """Their shares are not those of the same modes."""
+    other = shutil.copytree(runs / "coarse", tmp_path / "other")
+    summary = json.loads((other / "summary.json").read_text())
+    summary["in_effect"]["stability"]["threshold"] = 0.045
+    (other / "summary.json").write_text(json.dumps(summary))
+    said = (
+        "A counts squeal below -0.045, B below 0; set one stability.threshold and run both again"
+        " (no sample is computed again)"
+    )
+    assert main(["compare", str(other), str(runs / "coarse"), "-o", str(tmp_path)]) == 0
+    assert said in capsys.readouterr().out.splitlines()
+    assert f"<p>Warning: {said}.</p>" in (tmp_path / "compare.html").read_text()
 
 
 def test_mistakes_are_one_line(runs, tmp_path, capsys):

@@ -1,5 +1,6 @@
 """Every figure from a synthetic run: it is there, it shows the data, and only where data are."""
 
+import json
 import shutil
 import warnings
 from dataclasses import replace
@@ -10,6 +11,7 @@ import matplotlib.colors
 import matplotlib.image
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PathCollection, PolyCollection
 
 from brake_fenicsx.errors import SceneError
@@ -18,7 +20,7 @@ from brake_fenicsx.report.contact_figures import draw_contact_pressure
 from brake_fenicsx.report.counts import count, families
 from brake_fenicsx.report.driver_figures import draw_driver_maps
 from brake_fenicsx.report.figures import PLOTS, make_figures
-from brake_fenicsx.report.micro_figures import draw_contact_maps, draw_laws
+from brake_fenicsx.report.micro_figures import draw_contact_maps, draw_laws, laws_caption
 from brake_fenicsx.report.rundata import read_run
 from brake_fenicsx.report.squeal_figures import (
     draw_convergence,
@@ -27,8 +29,17 @@ from brake_fenicsx.report.squeal_figures import (
     draw_probability,
     draw_squeal_map,
 )
-from brake_fenicsx.report.style import GREY, save
-from brake_fenicsx.report.surface_figures import draw_artificial, draw_statistics, draw_topography
+from brake_fenicsx.report.style import BLACK, GREY, house_style, save
+from brake_fenicsx.report.surface_figures import (
+    draw_artificial,
+    draw_statistics,
+    draw_topography,
+    topography_caption,
+)
+from brake_fenicsx.report.sweep_figures import draw_branches
+from brake_fenicsx.sweeps.tables import EVENTS
+from brake_fenicsx.sweeps.tables import MODES as SWEEP
+from brake_fenicsx.tables import MODES, write_rows
 
 NEEDS = {
     "modes.csv": {
@@ -124,6 +135,50 @@ def test_topography_shows_the_heights_with_x_to_the_right(run):
     ) + (figure.axes[0].get_title())
 
 
+def inside(figure, box):
+    """Whether a box lies on the page of a figure [px], within one pixel."""
+    page = figure.bbox
+    corners = np.array([[box.x0, box.y0], [box.x1, box.y1]])
+    return np.all(corners >= page.p0 - 1) and np.all(corners <= page.p1 + 1)
+
+
+@pytest.mark.parametrize("scans", [2, 3, 5, 9, 12])
+@pytest.mark.parametrize("ratio", [0.5, 1.0, 1.5])
+def test_labels_of_several_maps_stand_on_the_figure(tmp_path, scans, ratio):
+    z = np.random.default_rng(1).normal(size=(scans, 8, 8)) * 1e-6
+    np.savez(tmp_path / "surface.npz", heights=z, size=np.array([1e-3, ratio * 1e-3]))
+    run = read_run(tmp_path)
+    with house_style():
+        figure = draw_topography(run)
+        FigureCanvasAgg(figure).draw()
+        shown = [axis for axis in figure.axes if axis.get_visible()]
+        assert all(inside(figure, axis.get_tightbbox()) for axis in shown)
+    maps = [axis for axis in shown if axis.images]
+    assert len(maps) == min(scans, 9) and all(axis.get_xlabel() for axis in maps)
+    assert "profiles" not in topography_caption(run)
+
+
+def test_heights_are_drawn_with_the_words_of_one_scan_or_of_several(run):
+    assert "profiles through its centre" in topography_caption(run)
+
+
+@pytest.mark.parametrize(
+    ("mean", "said"), [(7.48e-12, "$0$ µm"), (-1.03e-7, "$-0.103$ µm"), (2.56e-5, "$25.6$ µm")]
+)
+def test_numbers_of_the_heights_stand_beside_the_legend(run, mean, said):
+    """A mean that levelling has made zero up to round-off is zero."""
+    stats = {"mean": mean, "median": -7.94e-8, "S_q": 1.07e-6, "S_sk": -0.09, "S_ku": 2.82}
+    surface = {**run.surface, "stats": np.array(json.dumps(stats))}
+    with house_style():
+        figure = draw_statistics(replace(run, surface=surface))
+        FigureCanvasAgg(figure).draw()
+        axis = figure.axes[0]
+        (text,) = (t for t in axis.texts if "scan mean" in t.get_text())
+        legend = axis.get_legend().get_window_extent()
+        assert not text.get_window_extent().overlaps(legend)
+    assert f"scan mean = {said}\n" in text.get_text()
+
+
 def test_statistics_show_fit_band_subsets_and_residual(run):
     figure = draw_statistics(run)
     heights, psd, residual = figure.axes
@@ -214,6 +269,46 @@ def test_laws_are_all_drawn_on_linear_and_log_axes(run):
     assert np.allclose(first[:, 1], run.laws["p"][3] / 1e6)
     assert figure.axes[1].get_ylabel() == "$p/E^*$ [-]"
     assert figure.axes[2].get_ylabel() == "stiffness $-p'(d)$ [N/mm$^3$]"
+
+
+def stiffness_band(run, number):
+    """Panel of the stiffness of a number of laws, its black lines and its filled bands."""
+    laws = {n: a[:number] if n in ("d", "p", "k", "ratio") else a for n, a in run.laws.items()}
+    axis = draw_laws(replace(run, laws=laws)).axes[2]
+    lines = [line for line in axis.lines if line.get_color() == BLACK]
+    return axis, lines, [c for c in axis.collections if isinstance(c, PolyCollection)]
+
+
+def test_stiffness_of_many_laws_has_its_median_and_band(run):
+    """At one pressure: the stiffness of each law is p / u0, whose quantiles are known."""
+    for number, drawn in ((4, False), (5, True), (30, True)):
+        _, lines, bands = stiffness_band(run, number)
+        assert len(lines) == len(bands) == drawn
+    ((p, k),) = (line.get_data() for line in lines)
+    u0 = run.laws["p"][:, 0] / run.laws["k"][:, 0]
+    np.testing.assert_allclose(1e9 * k / (1e6 * p), np.median(1 / u0), rtol=2e-2)
+    corners = bands[0].get_paths()[0].vertices
+    share = 1e9 * corners[:, 1] / (1e6 * corners[:, 0])
+    low, high = np.quantile(1 / u0, [0.05, 0.95])
+    assert share.min() == pytest.approx(low, rel=2e-2)
+    assert share.max() == pytest.approx(high, rel=2e-2)
+    assert "its median over the laws" in laws_caption(run)
+
+
+def test_both_stiffnesses_of_laws_with_a_hardness_have_a_band(run):
+    hard = replace(run, laws={**run.laws, "ratio": np.full_like(run.laws["k"], 3.0)})
+    _, lines, bands = stiffness_band(hard, 30)
+    assert len(lines) == len(bands) == 2
+    np.testing.assert_allclose(lines[1].get_ydata(), 3 * lines[0].get_ydata())
+    assert "two stiffnesses" in laws_caption(hard) and "two stiffnesses" not in laws_caption(run)
+
+
+def test_pressures_on_the_pads_are_drawn_and_told_where_there_are_pads(run):
+    for contact, told in ((run.contact, True), (None, False)):
+        own = replace(run, contact=contact)
+        names = draw_laws(own).axes[2].get_legend_handles_labels()[1]
+        assert any("brake's patches" in name for name in names) == told
+        assert ("pressures on the pads" in laws_caption(own)) == told
 
 
 def points(axes, marker):
@@ -414,3 +509,55 @@ def test_a_broken_summary_is_named(tmp_path):
     (tmp_path / "summary.json").write_text("[1]")
     with pytest.raises(SceneError, match="list"):
         read_run(tmp_path)
+
+
+def branches_of(directory, events, threshold):
+    """Drawn damping curves, marks and legend of one branch at the values 0, 0.2, ... 0.8."""
+    x = np.linspace(0.0, 0.8, 5)
+    rows = [["joint", None, v, n, 0, 2e3, 0.0, 0.0, 1.0, "stable"] for n, v in enumerate(x)]
+    write_rows(directory / "sweep.csv", ("approach", "sample", "value", *SWEEP), rows)
+    write_rows(directory / "lock_in.csv", ("approach", "sample", *EVENTS), [
+        ["joint", None, kind, at, 0.0, 1e-4, 2.1e3, 0.0, 0, other, 3] for kind, at, other in events
+    ])  # fmt: skip
+    write_rows(directory / "modes.csv", MODES, [["joint", 0, 0, *[1.0] * 6, "stable", 0]])
+    summary = {"in_effect": {"stability": {"threshold": threshold}}}
+    run = replace(read_run(directory), summary=summary)
+    axis = draw_branches(run).axes[1]
+    (line,) = (line for line in axis.lines if len(line.get_xdata()) > 2)
+    marks = [tuple(c.get_offsets()[0]) for c in axis.collections if len(c.get_offsets()) == 1]
+    legend = axis.get_legend()
+    return line.get_xydata(), marks, [t.get_text() for t in legend.get_texts()] if legend else []
+
+
+def test_a_window_of_squeal_between_two_values_is_drawn_and_named(tmp_path):
+    """All computed values are stable; the events alone tell of the window."""
+    events = [("merging", 0.622, 1), ("onset of squeal", 0.623, None),
+              ("end of squeal", 0.631, None), ("splitting", 0.632, 1)]  # fmt: skip
+    curve, marks, texts = branches_of(tmp_path, events, 0.01)
+    assert texts == ["2.10 kHz from 0.623 to 0.631"]
+    assert marks == [(0.623, -0.01), (0.631, -0.01)]
+    new = [[0.622, 0.0], [0.623, -0.01], [0.631, -0.01], [0.632, 0.0]]
+    assert np.allclose(curve, [[0, 0], [0.2, 0], [0.4, 0], [0.6, 0], *new, [0.8, 0]])
+
+
+@pytest.mark.parametrize(
+    ("events", "said"),
+    [
+        ([("onset of squeal", 0.4413, None)], "2.10 kHz from 0.441"),
+        ([("onset of squeal", 0.81487, None), ("end of squeal", 0.8151, None)],
+         "2.10 kHz from 0.81487 to 0.8151"),
+        ([("squeals from the first value", 0.0, None), ("end of squeal", 0.1, None),
+          ("onset of squeal", 0.5, None)], "2.10 kHz from 0 to 0.1, from 0.5"),
+        ([("end of squeal", 0.3, None)], "2.10 kHz to 0.3"),
+        ([(kind, x, None) for x in (0.1, 0.3, 0.5, 0.7)
+          for kind, x in (("onset of squeal", x), ("end of squeal", x + 0.1))],
+         "2.10 kHz from 0.1 to 0.2, from 0.3 to 0.4, from 0.5 to 0.6 and 1 more"),
+    ],
+)  # fmt: skip
+def test_windows_of_squeal_have_digits_that_tell_them_apart(tmp_path, events, said):
+    assert branches_of(tmp_path, events, 0.0)[2] == [said]
+
+
+def test_branches_without_events_are_drawn_without_marks(tmp_path):
+    curve, marks, texts = branches_of(tmp_path, [], 0.0)
+    assert len(curve) == 5 and not marks and not texts

@@ -18,7 +18,7 @@ from brake_fenicsx.report.rundata import RunData, read_run
 from brake_fenicsx.report.sections import percent
 from brake_fenicsx.report.squeal_map import squeal_map
 from brake_fenicsx.report.template import SMALL
-from brake_fenicsx.tables import MODES, write_rows
+from brake_fenicsx.tables import MODES, SAMPLES, write_rows
 from brake_fenicsx.uncertainty.probabilities import PROBABILITIES
 
 X = "{http://www.w3.org/1999/xhtml}"
@@ -115,7 +115,9 @@ def test_the_first_screen_names_verdict_candidates_and_conditions(page):
     verdict = next(d for d in head.iter(f"{X}div") if "verdict" in d.get("class"))
     assert verdict.get("class") == "verdict squeal"
     text = "".join(verdict.itertext())
-    assert text.startswith("Squeal is likely: 54 of 60 samples have a squeal mode (90 %, 95 %")
+    assert text.startswith(
+        "Squeal is likely: 54 of 60 samples have a squeal mode with a damping below 0 (90 %, 95 %"
+    )
     assert "Classical: 2 squeal modes" in text
     run = read_run(page.parent)
     strongest = families(run, "multi-scale")[:3]
@@ -123,6 +125,7 @@ def test_the_first_screen_names_verdict_candidates_and_conditions(page):
     assert [c.find(f".//{X}h3").text for c in cards] == [
         f"{f.frequency / 1e3:.2f} kHz" for f in strongest
     ]
+    assert all("Multi-scale" in "".join(card.itertext()) for card in cards)
     said = "".join(cards[0].itertext())
     assert f"{strongest[0].share.hits} of 60:" in said and f"{strongest[0].median:.2g}" in said
     facts = dict(facts_of(head))
@@ -140,12 +143,16 @@ def facts_of(head):
 @pytest.mark.parametrize(
     ("hits", "samples", "starts"),
     [
-        (0, 20, "No squeal was found: 0 of 20 samples"),
+        (
+            0,
+            20,
+            "No squeal was found: 0 of 20 samples have a squeal mode with a damping below 0 (0",
+        ),
         (2, 20, "Squeal is possible: 2 of 20 samples"),
         (9, 20, "Squeal is possible, its probability may lie on either side of 50 %: 9 of 20"),
         (18, 20, "Squeal is likely: 18 of 20"),
-        (1, 1, "Squeal is predicted: 1 squeal mode in one run"),
-        (0, 1, "No squeal mode in one run"),
+        (1, 1, "Squeal is predicted: 1 squeal mode with a damping below 0 in one run"),
+        (0, 1, "No squeal mode with a damping below 0 in one run"),
     ],
 )
 def test_the_verdict_says_what_the_interval_allows(tmp_path, hits, samples, starts):
@@ -156,6 +163,81 @@ def test_the_verdict_says_what_the_interval_allows(tmp_path, hits, samples, star
     write_rows(tmp_path / "modes.csv", MODES, rows)
     page = ElementTree.fromstring(render_page(read_run(tmp_path)))
     assert page.find(f".//{X}header//{X}strong").text.startswith(starts)
+
+
+def mode(approach, sample, number, f, damping, family):
+    """A row of modes.csv."""
+    verdict = "unstable" if damping < 0 else "stable"
+    return [approach, sample, number, f, 1.0, damping, 0.0, 0.0, 1.0, verdict, family]
+
+
+def first_screen(directory, rows, **settings):
+    """What the page of some modes says above its sections, and the limit of their damping."""
+    write_rows(directory / "modes.csv", MODES, rows)
+    summary = {"in_effect": {"stability": settings}}
+    page = render_page(replace(read_run(directory), summary=summary))
+    return "".join(ElementTree.fromstring(page).find(f".//{X}header").itertext())
+
+
+@pytest.mark.parametrize(
+    ("threshold", "said"), [(1e-3, "3 of 4 samples"), (0.0, "3 of 4 samples"), (0.01, "")]
+)
+def test_the_verdict_names_its_limit_and_what_another_one_would_count(tmp_path, threshold, said):
+    """Samples of damping -0.003, -0.02, -0.03 and -0.04."""
+    dampings = (-0.003, -0.02, -0.03, -0.04)
+    rows = [mode("joint", k, 0, 1e3, x, 0) for k, x in enumerate(dampings)]
+    text = first_screen(tmp_path, rows, threshold=threshold)
+    hits = sum(x < -threshold for x in dampings)
+    limit = f"{-threshold if threshold else 0:g}"
+    assert f"{hits} of 4 samples have a squeal mode with a damping below {limit} (" in text
+    assert (f"With a damping below -0.01, a usual limit in Abaqus: {said}." in text) == bool(said)
+    assert "The model has no damping." in text
+
+
+def test_the_usual_limit_counts_the_modes_of_a_single_run(tmp_path):
+    rows = [mode("joint", 0, n, 1e3 * n, x, -1) for n, x in ((1, -0.003), (2, -0.02))]
+    text = first_screen(tmp_path, rows, threshold=1e-3)
+    assert "a usual limit in Abaqus: 1 of 2 squeal modes." in text
+
+
+def test_families_that_may_be_a_doublet_are_counted_together(tmp_path):
+    """One squeals in samples 0 and 1, the other in 1 and 2, and one 2 % beside them in 3."""
+    place = {(0, 0): 3150.0, (1, 0): 3150.0, (1, 1): 3140.0, (2, 1): 3140.0, (3, 2): 3215.0}
+    rows = [mode("joint", k, n, f, -0.02 + 0.001 * n, n) for (k, n), f in place.items()]
+    text = first_screen(tmp_path, rows)
+    assert text.count("lie close together") == 1
+    assert (
+        "3.15 and 3.14 kHz lie close together and may be one doublet: at least one squeals in 3 of"
+        " 4 samples." in text
+    )
+
+
+def test_a_worse_mode_of_another_approach_is_named(tmp_path):
+    """With its own frequency, and only where it is worse than all candidates."""
+    rough = [mode("multi-scale", k, 0, 2e3, -0.02, 0) for k in range(4)]
+    for lowest, named in ((-0.05, True), (-0.01, False)):
+        perfect = [mode("classical", 0, n, 1e3 * n, lowest / (6 - n), n) for n in (4, 5)]
+        text = first_screen(tmp_path, rough + perfect)
+        said = "Another approach has a mode with a lower damping: 5.00 kHz, damping -0.05 (Classic"
+        assert (said in text) == named == ("Another approach" in text)
+
+
+@pytest.mark.parametrize(
+    ("errors", "said"),
+    [
+        (["no equilibrium at 1.2."], "the only sample failed (Joint). Its error: no equilibrium "),
+        (
+            ["sample lost", "no equilibrium at 1.2", "no equilibrium at 1.35"],
+            "all 3 samples failed (Joint). The most frequent error (2 of 3), here of sample 1: no"
+            " equilibrium at 1.2.",
+        ),
+    ],
+)
+def test_a_run_without_a_good_sample_names_its_most_frequent_error(tmp_path, errors, said):
+    rows = [["joint", k, text, 1] for k, text in enumerate(errors)]
+    write_rows(tmp_path / "samples.csv", SAMPLES, rows)
+    text = first_screen(tmp_path, [])
+    assert f"No verdict: {said}" in text and ".." not in text
 
 
 def test_conditions_come_from_the_summary(drawn):
@@ -347,3 +429,18 @@ def test_importing_the_report_imports_no_heavy_library():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_forces_of_a_pad_on_a_disc_explain_the_missing_friction(tmp_path):
+    """Straight sliding has no torque, and its friction force is mu times the normal force."""
+    pad = {
+        "normal_N": 1029.0, "friction_N": 498.0, "contact_area_mm2": 1.0, "face_area_mm2": 2.0,
+        "largest_pressure_MPa": 1.0, "centre_towards_leading_edge_mm": 1.0,
+        "leading_half_share": 0.5,
+    }  # fmt: skip
+    turning = {**pad, "torque_N_m": 62.0, "effective_radius_mm": 120.0}
+    write_rows(tmp_path / "modes.csv", MODES, [mode("joint", 0, 0, 1e3, -0.02, 0)])
+    for forces, said in ((pad, False), (turning, True)):
+        summary = {"contact_forces": {"joint": {"pad": forces}}}
+        page = render_page(replace(read_run(tmp_path), summary=summary))
+        assert ("the direction of friction turns along the pad" in page) == said
