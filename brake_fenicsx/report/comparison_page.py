@@ -127,7 +127,7 @@ def _figure(rows: list[dict[str, Value]]) -> Figure:
             f"{row['approach']}, " + ("any" if whole else f"{float(f or 0) / 1e3:.2f} kHz")
         )
     left.set_yticks(range(len(rows)), names)
-    left.invert_yaxis()
+    left.set_ylim(len(rows) - 0.5, -0.5)
     left.set_xlim(-0.03, 1.03)
     left.set_xlabel("share of samples that squeal [-]")
     right.set_xlabel("change from A to B [-]")
