@@ -494,6 +494,7 @@ def beyond_elasticity(this: Run, recipe: LawRecipe) -> list[str]:
 def brake_stage(this: Run) -> Brake:
     """Operators of the brake; the side of the mean contact element where laws are to have it."""
     from brake_fenicsx.macro.brake import assemble_brake
+    from brake_fenicsx.macro.inventory import placement_doubts
 
     with this.stage("brake"):
         brake = assemble_brake(this.scene, this.comm)
@@ -518,7 +519,9 @@ def brake_stage(this: Run) -> Brake:
         brake = with_shared_matrices(brake, this.store, this.comm)
     mean_patch = 1e-3 * float(this.facts["mean_patch_mm"])
     this.scene = with_patch(this.scene, mean_patch)
-    note_warnings(this, [*brake.elastic.doubts, *warnings(this.scene, mean_patch)])
+    doubts = [*brake.mesh.unread.changing, *brake.elastic.doubts]
+    doubts += placement_doubts(this.scene, brake)
+    note_warnings(this, [*doubts, *warnings(this.scene, mean_patch)])
     this.facts["friction"] = friction_texts(this.scene)
     logger.info("friction: %s", listed(this.scene))
     return brake
