@@ -10,7 +10,14 @@ from typing import Any
 
 from mpi4py import MPI
 
-from brake_fenicsx.checks import check, remarks, warnings, with_patch, with_pixels
+from brake_fenicsx.checks import (
+    check,
+    remarks,
+    surface_warnings,
+    warnings,
+    with_patch,
+    with_pixels,
+)
 from brake_fenicsx.costs import Counts, cost_lines, count_solves, estimate
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.damping import active_terms
@@ -100,7 +107,7 @@ def describe(
             f" a side of {1e3 * patch:.4g} mm{factor}"
         )
     costs = estimate(parsed, counts)
-    noted = [*doubts, *warnings(parsed, mean_patch), *(stats.warnings if stats else ())]
+    noted = [*doubts, *warnings(parsed, mean_patch), *surface_warnings(parsed, stats)]
     lines += cost_lines(costs, comm.size) + [f"warning: {text}" for text in noted]
     if comm.rank == 0 and as_json:
         content = {

@@ -21,7 +21,14 @@ from mpi4py import MPI
 import numpy as np
 
 from brake_fenicsx.cache import SharedCache, laws_key
-from brake_fenicsx.checks import check, remarks, warnings, with_patch, with_pixels
+from brake_fenicsx.checks import (
+    check,
+    remarks,
+    surface_warnings,
+    warnings,
+    with_patch,
+    with_pixels,
+)
 from brake_fenicsx.errors import BrakeError, NotConverged, SceneError
 from brake_fenicsx.lock import Lock
 from brake_fenicsx.log import Progress, logger, start_log
@@ -385,7 +392,7 @@ def surface_stage(this: Run, stats: SurfaceStatistics) -> None:
             "S_q %.2f um, S_sk %.3f, S_ku %.3f; slopes %.2f and %.2f, corner %.1f /mm",
             stats.S_q * 1e6, stats.S_sk, stats.S_ku, fit.c1, fit.c2, fit.q_c / 1e3,
         )  # fmt: skip
-        note_warnings(this, list(stats.warnings))
+        note_warnings(this, surface_warnings(this.scene, stats))
         if this.comm.rank == 0:
             from brake_fenicsx.report.inputs import surface_arrays
 
