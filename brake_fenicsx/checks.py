@@ -15,7 +15,7 @@ from scipy.fft import next_fast_len
 from brake_fenicsx.errors import BrakeError, SceneError, SurfaceError
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.damping import damped_bodies, damped_springs
-from brake_fenicsx.scene.friction import rubs
+from brake_fenicsx.scene.friction import rubs, slides
 from brake_fenicsx.scene.plausible import unusual
 from brake_fenicsx.scene.rules import MOST_PIXELS
 from brake_fenicsx.scene.sections import Surface
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 PATCH_FACTOR = 2.0  # in area, between contact elements and the patches of their laws
 LONGEST_SCAN = 0.5  # m
 LEAST_PIXELS = 16  # along a side of a patch
+COARSE = 2.0  # pixels of the laws over those that the scan resolves
+LARGE_SCAN = 0.05  # m, longest side of most scans
 # Child of the scene's seed for the noise of the scan, beside those of the designs.
 NOISE_SEED = 2**32 - 4
 
@@ -62,7 +64,7 @@ def warnings(scene: Scene, mean_patch: float | None = None) -> list[str]:
         scene: the scene.
         mean_patch: side of the mean contact element [m], once it is known.
     """
-    lines = [*unusual(scene), *_clamped(scene), *_undamped(scene)]
+    lines = [*unusual(scene), *_clamped(scene), *_swapped(scene), *_undamped(scene)]
     if mean_patch is not None and scene.micro and "micro" in scene.stages:
         patch = mean_patch if scene.micro.patch == "mesh" else float(scene.micro.patch)
         area = (mean_patch / patch) ** 2
@@ -87,6 +89,65 @@ def _clamped(scene: Scene) -> list[str]:
         for section, faces in sections
         for face in sorted(faces & held)
     ]
+
+
+def _swapped(scene: Scene) -> list[str]:
+    """Sliding interfaces whose second body is pressed and whose first is not."""
+    if "equilibrium" not in scene.stages:
+        return []
+    of = {name: {name} for name in scene.parts}
+    stuck = [one.faces for name, one in scene.contact.items() if not slides(scene, name)]
+    sprung = [one.faces for one in scene.springs.values() if one.faces]
+    for faces in (*stuck, *sprung, *(tie.faces for tie in scene.ties.values())):
+        joined = set().union(*(of.get(face.partition(".")[0], set()) for face in faces))
+        of |= dict.fromkeys(joined, joined)
+    loaded = {
+        face.partition(".")[0]
+        for face, load in scene.loads.items()
+        if load.pressure or load.force or load.moment
+    }
+    lines = []
+    for name, table in scene.contact.items():
+        first, second = (face.partition(".")[0] for face in table.faces)
+        pressed = [bool(of.get(part, {part}) & loaded) for part in (first, second)]
+        if slides(scene, name) and pressed == [False, True]:
+            lines.append(
+                f"{dotted('contact', name)}.faces: the second face belongs to the body that moves,"
+                f" here {second!r}, which has a load; write the pad's face first"
+            )
+    return lines
+
+
+def surface_warnings(scene: Scene, stats: SurfaceStatistics | None) -> list[str]:
+    """What is doubtful about scans and about the pixels of the laws: a line each.
+
+    Args:
+        scene: the scene, its patch in metres where it is known.
+        stats: statistics of its surface.
+    """
+    if stats is None:
+        return []
+    lines = list(stats.warnings)
+    for one in stats.each:
+        if one.topography is not None and one.topography.size.max() > LARGE_SCAN:
+            x, y = 1e3 * one.topography.size
+            lines.append(
+                f"surface.scan: a scan of {x:.4g} x {y:.4g} mm: unusually large; `size` in an npz"
+                " is in metres; correct it, or surface.size"
+            )
+    micro = scene.micro
+    if micro is None or "micro" not in scene.stages or not stats.each:
+        return lines
+    if isinstance(micro.patch, str) or isinstance(micro.pixels, str):
+        return lines
+    own, fine = micro.patch / micro.pixels, stats.pixel
+    if own > COARSE * fine:
+        lines.append(
+            f"micro.pixels = {micro.pixels}: pixels of {1e6 * own:.3g} um; the scan resolves"
+            f" {1e6 * fine:.3g} um ({round(micro.patch / fine)} pixels, micro.pixels ="
+            ' "scan"): the stiffness at low pressure may be several times wrong'
+        )
+    return lines
 
 
 def _undamped(scene: Scene, counted: bool = False) -> list[str]:

@@ -10,7 +10,14 @@ from typing import Any
 
 from mpi4py import MPI
 
-from brake_fenicsx.checks import check, remarks, warnings, with_patch, with_pixels
+from brake_fenicsx.checks import (
+    check,
+    remarks,
+    surface_warnings,
+    warnings,
+    with_patch,
+    with_pixels,
+)
 from brake_fenicsx.costs import Counts, cost_lines, count_solves, estimate
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.damping import active_terms
@@ -44,14 +51,26 @@ def describe(
             lines[-1] += f"; {one.missing} points missing, {one.outliers} outliers masked"
     counts, mean_patch = Counts(), None
     sizes: dict[str, Any] = {}
-    doubts: tuple[str, ...] = ()
+    built: dict[str, Any] = {}
+    told: list[str] = []
+    doubts: list[str] = []
     samples: dict[str, int] = {}
     if "equilibrium" in parsed.stages:
         from brake_fenicsx.macro.brake import assemble_brake
+        from brake_fenicsx.macro.inventory import (
+            interfaces_of,
+            inventory_lines,
+            parts_of,
+            placement_doubts,
+        )
         from brake_fenicsx.uncertainty.sampling import sample_count
 
         brake = assemble_brake(parsed, comm)
-        sizes, doubts = brake.size(), brake.elastic.doubts
+        sizes = brake.size()
+        doubts = [*brake.mesh.unread.changing, *brake.elastic.doubts]
+        doubts += placement_doubts(parsed, brake)
+        told = [*remarks(parsed, comm), *brake.mesh.unread.other]
+        built = {"parts": parts_of(parsed, brake), "contact": interfaces_of(parsed, brake)}
         mean_patch = 1e-3 * sizes["mean_patch_mm"]
         parsed = with_patch(parsed, mean_patch)
         samples = {name: sample_count(parsed, name) for name in parsed.samples.approaches}
@@ -64,7 +83,7 @@ def describe(
             f" {sizes['contact_elements']} contact elements"
             f" with a mean side of {sizes['mean_patch_mm']:.3f} mm"
         )
-        lines += remarks(parsed, comm)
+        lines += inventory_lines(parsed, brake) + told
         ways = {
             "reduced": counts.reduced, "reduced with materials of their own": counts.changing,
             "at full order": counts.full,
@@ -88,12 +107,12 @@ def describe(
             f" a side of {1e3 * patch:.4g} mm{factor}"
         )
     costs = estimate(parsed, counts)
-    noted = [*doubts, *warnings(parsed, mean_patch), *(stats.warnings if stats else ())]
+    noted = [*doubts, *warnings(parsed, mean_patch), *surface_warnings(parsed, stats)]
     lines += cost_lines(costs, comm.size) + [f"warning: {text}" for text in noted]
     if comm.rank == 0 and as_json:
         content = {
-            "scene": str(parsed.file), "stages": parsed.stages, **sizes, "samples": samples,
-            "remarks": remarks(parsed, comm), "warnings": noted,
+            "scene": str(parsed.file), "stages": parsed.stages, **sizes, **built,
+            "samples": samples, "remarks": told, "warnings": noted,
             "seconds": {cost.stage: round(cost.seconds, 3) for cost in costs},
             "gigabytes_of_a_share": max((round(c.lean, 3) for c in costs), default=0.0),
             "gigabytes_once_on_a_node": max((round(c.shared, 3) for c in costs), default=0.0),

@@ -21,7 +21,14 @@ from mpi4py import MPI
 import numpy as np
 
 from brake_fenicsx.cache import SharedCache, laws_key
-from brake_fenicsx.checks import check, remarks, warnings, with_patch, with_pixels
+from brake_fenicsx.checks import (
+    check,
+    remarks,
+    surface_warnings,
+    warnings,
+    with_patch,
+    with_pixels,
+)
 from brake_fenicsx.errors import BrakeError, NotConverged, SceneError
 from brake_fenicsx.lock import Lock
 from brake_fenicsx.log import Progress, logger, start_log
@@ -385,7 +392,7 @@ def surface_stage(this: Run, stats: SurfaceStatistics) -> None:
             "S_q %.2f um, S_sk %.3f, S_ku %.3f; slopes %.2f and %.2f, corner %.1f /mm",
             stats.S_q * 1e6, stats.S_sk, stats.S_ku, fit.c1, fit.c2, fit.q_c / 1e3,
         )  # fmt: skip
-        note_warnings(this, list(stats.warnings))
+        note_warnings(this, surface_warnings(this.scene, stats))
         if this.comm.rank == 0:
             from brake_fenicsx.report.inputs import surface_arrays
 
@@ -494,6 +501,7 @@ def beyond_elasticity(this: Run, recipe: LawRecipe) -> list[str]:
 def brake_stage(this: Run) -> Brake:
     """Operators of the brake; the side of the mean contact element where laws are to have it."""
     from brake_fenicsx.macro.brake import assemble_brake
+    from brake_fenicsx.macro.inventory import placement_doubts
 
     with this.stage("brake"):
         brake = assemble_brake(this.scene, this.comm)
@@ -518,7 +526,9 @@ def brake_stage(this: Run) -> Brake:
         brake = with_shared_matrices(brake, this.store, this.comm)
     mean_patch = 1e-3 * float(this.facts["mean_patch_mm"])
     this.scene = with_patch(this.scene, mean_patch)
-    note_warnings(this, [*brake.elastic.doubts, *warnings(this.scene, mean_patch)])
+    doubts = [*brake.mesh.unread.changing, *brake.elastic.doubts]
+    doubts += placement_doubts(this.scene, brake)
+    note_warnings(this, [*doubts, *warnings(this.scene, mean_patch)])
     this.facts["friction"] = friction_texts(this.scene)
     logger.info("friction: %s", listed(this.scene))
     return brake

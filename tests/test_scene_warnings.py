@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.cache import laws_key
-from brake_fenicsx.checks import warnings, with_patch
+from brake_fenicsx.checks import read_surface, surface_warnings, warnings, with_patch, with_pixels
 from brake_fenicsx.description import describe
 from brake_fenicsx.micro import load_laws
 from brake_fenicsx.pipeline import run
@@ -52,7 +52,8 @@ SMALL = "micro={ patch='%s', pixels=16, laws=1, steps=8 }"
 def test_values_outside_their_band_are_named(change, key, band):
     """A slip of the unit, which no sign or dimension shows."""
     (line,) = unusual(read_scene(BLOCK, [change]))
-    assert key in line and band in line and "correct the unit" in line
+    assert key in line and band in line
+    assert ("check the value" if "friction" in key else "correct the unit") in line
 
 
 def test_random_inputs_have_the_band_of_their_key():
@@ -177,3 +178,55 @@ def test_what_acts_on_a_clamped_face_is_warned_of():
         f'{section}."plate.bottom"' for section in ("masses", "springs", "loads")
     ]
     assert not any("no effect" in text for text in warnings(read_scene(BLOCK)))
+
+
+CAP = [
+    "parts.cap={ builder='block', z='20 mm', material='iron' }", "loads={}",
+    "loads.'cap.top'={ pressure='1 bar' }", "ties.cap.faces=['cap.bottom', 'block.top']",
+]  # fmt: skip
+SWAPPED = "contact.block_plate.faces=['plate.top', 'block.bottom']"
+
+
+@pytest.mark.parametrize(
+    ("changes", "warned"),
+    [
+        ([], False),
+        ([SWAPPED], True),
+        # A load on both bodies says nothing, nor do faces that stick.
+        ([SWAPPED, "loads.'plate.top'={ pressure='1 bar' }"], False),
+        ([SWAPPED, "contact.block_plate.slip=stuck",
+          "contact.block_plate.tangential_stiffness='1e13 Pa/m'"], False),
+        # A pad that a loaded body presses on through a tie.
+        ([SWAPPED, *CAP], True),
+        (CAP, False),
+    ],
+)  # fmt: skip
+def test_swapped_faces_are_warned_of(changes, warned):
+    said = [text for text in warnings(read_scene(BLOCK, changes)) if "body that moves" in text]
+    assert len(said) == warned
+    assert all("contact.block_plate.faces" in text and "'block'" in text for text in said)
+
+
+def test_coarse_pixels_and_scans_in_millimetres_are_warned_of(tmp_path):
+    """Pixels of 1/51 of a patch of 100 resolved pixels pass, those of 1/40 do not."""
+    content = dict(np.load(SCENES / "pad_scan.npz"))
+    (tmp_path / "s.toml").write_text('stages = ["surface", "micro"]\n')
+
+    def said(size, patch, pixels):
+        np.savez(tmp_path / "scan.npz", **content | {"size": [size, size]})
+        micro = f"micro={{ patch='{patch} mm', pixels={pixels} }}"
+        scene = read_scene(tmp_path / "s.toml", ["surface.scan=scan.npz", micro])
+        stats = read_surface(scene)
+        return stats.pixel, surface_warnings(with_pixels(scene, stats), stats)
+
+    fine, lines = said(1.8e-3, 1, "'scan'")
+    assert not any("micro.pixels" in text or "metres" in text for text in lines)
+    _, lines = said(1.8e-3, 1e5 * fine, 51)
+    assert not any("micro.pixels" in text for text in lines)
+    _, lines = said(1.8e-3, 1e5 * fine, 40)
+    (line,) = [text for text in lines if "micro.pixels" in text]
+    assert f"micro.pixels = 40: pixels of {2.5e6 * fine:.3g} um" in line
+    assert "(100 pixels" in line
+    _, lines = said(0.4, 1, 64)
+    (line,) = [text for text in lines if "metres" in text]
+    assert "a scan of 400 x 400 mm" in line

@@ -45,6 +45,8 @@ class Brake:
         lift: prescribed displacements on the dofs of the mesh [m]; None without any.
         compliance: the bodies seen from the contact elements, once computed.
         stuck: interfaces whose faces stick, by name; their springs are in the stiffness.
+        faced: interface -> area of its first face that lies opposite to the second, and the whole
+            area of the first [m^2], regardless of its zone.
     """
 
     mesh: Mesh
@@ -56,6 +58,7 @@ class Brake:
     lift: Array | None = None
     compliance: Compliance | None = None
     stuck: dict[str, Stuck] = field(default_factory=dict)
+    faced: dict[str, tuple[float, float]] = field(default_factory=dict)
 
     @property
     def K(self) -> sp.csr_matrix:
@@ -127,6 +130,7 @@ def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
     motion = scene_motion(scene)
     found: dict[str, Contact] = {}
     stuck: dict[str, Stuck] = {}
+    faced: dict[str, tuple[float, float]] = {}
     for name, table in scene.contact.items():
         pair = table.faces[0], table.faces[1]
         try:
@@ -136,6 +140,8 @@ def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
             )  # fmt: skip
         except SceneError as error:
             raise SceneError(f"{scene.file}: {error}") from None
+        opposite = float(one.w.sum())
+        faced[name] = opposite, opposite + one.uncovered
         if table.zone is not None:
             from .zones import zone_of
 
@@ -156,7 +162,8 @@ def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
     pressed = pressing(scene, mesh, float(contact.w.sum()))
     moved = lift(scene, mesh, elastic.free)
     return Brake(
-        mesh, elastic, contact, vectors @ sizes, pressed, vectors, moved, stuck=stuck
+        mesh, elastic, contact, vectors @ sizes, pressed, vectors, moved, stuck=stuck,
+        faced=faced,
     )  # fmt: skip
 
 

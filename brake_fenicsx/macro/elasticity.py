@@ -130,6 +130,7 @@ class Elastic:
             y, z, shape (3 nodes, free dofs).
         masses: bodies given by matrices -> their mass [kg] on all free dofs.
         doubts: what is unlikely of such bodies.
+        bodies: bodies given by matrices -> mass [kg] and sides of the box around the nodes [m].
     """
 
     K: sp.csr_matrix
@@ -141,6 +142,7 @@ class Elastic:
     sets: dict[str, sp.csr_matrix] = field(default_factory=dict)
     masses: dict[str, sp.csr_matrix] = field(default_factory=dict)
     doubts: tuple[str, ...] = ()
+    bodies: dict[str, tuple[float, tuple[float, ...]]] = field(default_factory=dict)
 
 
 def free_dofs(mesh: Mesh, V: Any, supports: Mapping[str, list[str]]) -> FreeDofs:

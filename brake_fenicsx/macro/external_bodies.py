@@ -19,7 +19,7 @@ from brake_fenicsx.scene import Scene
 
 from .elasticity import COMPONENTS, Elastic, FreeDofs
 from .faces import Face, gather_face
-from .mesh import Mesh
+from .mesh import Mesh, extent
 from .projection import search
 from .superelement import Superelement, read_superelement
 from .superelement_doubts import doubts
@@ -50,6 +50,7 @@ def with_superelements(scene: Scene, mesh: Mesh, elastic: Elastic) -> Elastic:
         SceneError: the file, key, value and remedy.
     """
     bodies: dict[str, tuple[Superelement, sp.csr_matrix, Index]] = {}
+    weighed: dict[str, tuple[float, tuple[float, ...]]] = {}
     size, found = elastic.free.size, list(elastic.doubts)
     for name, part in scene.parts.items():
         if part.matrices is None:
@@ -65,10 +66,11 @@ def with_superelements(scene: Scene, mesh: Mesh, elastic: Elastic) -> Elastic:
         bodies[name] = body, tied, kept
         ones = np.where(body.rows[:, 0] >= 0, body.rows[:, 0], 0)
         along = np.bincount(ones, body.rows[:, 0] >= 0, body.K.shape[0])
+        weighed[name] = float(along @ body.M @ along), extent(body.points)
         logger.info(
             "body %s: %d coordinates, %d of them displacements of %d nodes, %d kept; mass %.4g kg",
             name, body.K.shape[0], np.count_nonzero(body.rows >= 0), len(body.points), kept.size,
-            along @ body.M @ along,
+            weighed[name][0],
         )  # fmt: skip
         found += [f"parts.{name}.matrices: {doubt}" for doubt in doubts(body)]
     total = size + sum(kept.size for _, _, kept in bodies.values())
@@ -81,7 +83,7 @@ def with_superelements(scene: Scene, mesh: Mesh, elastic: Elastic) -> Elastic:
         number += kept.size
         out = _added(scene, name, body, T, out)
     free = replace(out.free, places=np.concatenate(places))
-    return replace(out, free=free, doubts=tuple(found))
+    return replace(out, free=free, doubts=tuple(found), bodies=weighed)
 
 
 def _added(

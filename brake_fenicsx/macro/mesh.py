@@ -6,12 +6,13 @@ All bodies live in one mesh, as components that share no node; layers of one par
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar
 
 from mpi4py import MPI
 
 import numpy as np
+from numpy.typing import NDArray
 
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
@@ -19,8 +20,9 @@ from brake_fenicsx.geometry.part import Part
 from brake_fenicsx.scene.mesh import MeshTable
 
 from .meshing.gmsh_mesh import discrete_model, gmsh_session, mesh_part, swept_part
-from .meshing.quality import Quality, orientation, quality
+from .meshing.quality import Quality, orientation, quality, volumes
 from .meshing.rawmesh import RawMesh, facet_nodes, joined
+from .meshing.unread import Unread
 
 
 class PartBuilder(Protocol):
@@ -57,6 +59,9 @@ class Mesh:
             tetrahedra, smallest scaled Jacobian of hexahedra.
         worst: all measures of the worst cells.
         shape: "tetrahedron" or "hexahedron".
+        volumes: "part.layer" -> volume [m^3].
+        extents: part -> sides of the box around it along x, y, z [m].
+        unread: what the mesh file holds beside, which is not read.
     """
 
     domain: Any
@@ -67,6 +72,9 @@ class Mesh:
     quality: float
     worst: Quality | None = None
     shape: str = "tetrahedron"
+    volumes: dict[str, float] = field(default_factory=dict)
+    extents: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    unread: Unread = field(default_factory=Unread)
 
 
 def build_mesh(
@@ -133,7 +141,18 @@ def tagged_mesh(make: Callable[[], RawMesh], comm: MPI.Comm, table: MeshTable) -
     with gmsh_session() as gmsh:
         model = discrete_model(gmsh, raw, facets)
         domain, cell_tags, facet_tags = compat.mesh_from_gmsh(model)
-    return Mesh(domain, cell_tags, facet_tags, raw.layers, raw.faces, worst.worst, worst, raw.shape)
+    volume = volumes(raw)
+    return Mesh(
+        domain, cell_tags, facet_tags, raw.layers, raw.faces, worst.worst, worst, raw.shape,
+        {n: float(volume[raw.cell_tag == tag].sum()) for n, tag in raw.layers.items()},
+        {n: extent(raw.points[raw.cells[raw.part(n)].reshape(-1)]) for n in raw.parts()},
+        raw.unread,
+    )  # fmt: skip
+
+
+def extent(points: NDArray) -> tuple[float, ...]:
+    """Sides of the box around points [m], shape (n, 3)."""
+    return tuple(map(float, np.ptp(points, axis=0)))
 
 
 def check_cells(mesh: RawMesh, table: MeshTable) -> Quality:

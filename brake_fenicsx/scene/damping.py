@@ -15,7 +15,7 @@ import numpy as np
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.friction import depends_on_speed, one_friction, rubs, slides
-from brake_fenicsx.scene.tables import dotted, key
+from brake_fenicsx.scene.tables import dotted, key, shown
 from brake_fenicsx.scene.units import to_si
 
 if TYPE_CHECKING:
@@ -141,6 +141,28 @@ def reduced_approaches(scene: Scene, counts: Mapping[str, int]) -> set[str]:
     modal = stability.damping is not None and bool(stability.damping.modal)
     paid = {damped[name] for name, count in counts.items() if count > 1 or scene.sweep or modal}
     return {name for name in counts if damped[name] in paid}
+
+
+def check_modal_names(table: Mapping[str, Any]) -> None:
+    """Refuse a ratio that is written without its part.
+
+    Args:
+        table: the scene as it is written.
+
+    Raises:
+        SceneError: the key, its value, and the parts there are.
+    """
+    modal: Any = table
+    for name in (*WHERE.split("."), "modal"):
+        modal = modal.get(name) if isinstance(modal, dict) else None
+    for name, value in modal.items() if isinstance(modal, dict) else ():
+        if name in ("ratio", "frequency") and not isinstance(value, dict):
+            parts = table.get("parts")
+            known = ", ".join(parts) if isinstance(parts, dict) else "none"
+            raise SceneError(
+                f"{WHERE}.modal.{name} = {shown(value)}: {name!r} is no part; write"
+                f" {WHERE}.modal.PART = {{ {name} = .. }}, PART one of {known}"
+            )
 
 
 def check_damping(scene: Scene) -> None:

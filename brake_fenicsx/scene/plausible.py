@@ -50,7 +50,7 @@ def _outside(keys: tuple[str, ...], about: Mapping[str, Any], value: Any) -> Ite
             said = [with_unit(float(x), about["unit"]) for x in (v, low, high)]
             yield (
                 f"{dotted(*keys)} = {said[0]}: unusual, not between {said[1]} and {said[2]};"
-                " correct the unit if it is wrong"
+                f" {'correct the unit if it is wrong' if about['unit'] else 'check the value'}"
             )
 
 

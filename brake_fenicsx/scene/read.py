@@ -11,6 +11,7 @@ from typing import Any
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.countermeasures import with_ends
+from brake_fenicsx.scene.damping import check_modal_names
 from brake_fenicsx.scene.law_table import with_table
 from brake_fenicsx.scene.rules import check_consistent
 from brake_fenicsx.scene.samples import complete
@@ -76,6 +77,7 @@ def _override(table: dict[str, Any], text: str) -> None:
 
 
 def _scene(path: Path, table: dict[str, Any]) -> Scene:
+    check_modal_names(table)
     scene: Scene = read_table(Scene, table)
     if scene.surface and len(scene.surface.scans) == 1:  # a list of one is that one, in hashes too
         table = {**table, "surface": {**table["surface"], "scan": scene.surface.scans[0]}}

@@ -95,6 +95,15 @@ def _check_stages(s: Scene) -> None:
                 f"micro.max_pressure = {s.micro.max_pressure:g} E*, {highest / 1e6:.4g} MPa: must"
                 f" lie below micro.hardness = {s.micro.hardness / 1e6:.4g} MPa; leave it out"
             )
+    if s.micro and s.micro.hardness and not s.micro.max_pressure:
+        # The ends of a law of ``micro.law_of_surface``.
+        first, last = 1e-6 * s.micro.E / (1.0 - s.micro.nu**2), 0.1 * s.micro.hardness
+        if last <= first:
+            raise SceneError(
+                f"micro.hardness = {s.micro.hardness:g} Pa: laws end at a tenth of it,"
+                f" {last:.3g} Pa, and begin at 1e-6 E*, {first:.3g} Pa; correct the unit, the"
+                ' hardness of linings is "50 MPa" to "400 MPa"'
+            )
     low, high = NEWTON
     if not low <= s.equilibrium.tolerance <= high:
         raise SceneError(

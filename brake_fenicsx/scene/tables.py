@@ -295,6 +295,8 @@ def _line(error: Any, table: Any) -> str:
     keys = [k for k in error["loc"] if isinstance(k, str) and not re.fullmatch(r"\(.*\)", k)]
     keys += getattr(cause, "keys", ())
     text = str(cause) if cause else TEXTS.get(error["type"], error["msg"])
+    if keys == ["stability", "threshold"] and error["type"] == "greater_than_equal":
+        text += "; 0.01 counts modes with a damping below -0.01"
     for name in keys:
         if not isinstance(table, dict) or name not in table:
             return f"{dotted(*keys)}: {text}"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from difflib import SequenceMatcher
 from functools import cache
 from typing import Any
 
@@ -67,11 +69,55 @@ def _quantity(value: str, unit: str) -> float:
         quantity = _registry().Quantity(value)
         return _turns(quantity, unit) * float(quantity.to(_registry().Unit(unit)).magnitude)
     except pint.DimensionalityError:
+        try:
+            float(value)
+        except ValueError:
+            pass
+        else:
+            raise ValueError(
+                f"no unit; write a {DIMENSIONS[unit].partition(' [')[0]} with its unit, such as"
+                f" '{value.strip()} {usual_unit(unit)}'"
+            ) from None
         raise ValueError(f"wrong unit; a {DIMENSIONS[unit]} is needed") from None
     except OverflowError:
         raise
+    except pint.UndefinedUnitError as error:
+        if not any(c.isdigit() for c in value):
+            raise ValueError(f"not a quantity, write {DIMENSIONS[unit]}") from None
+        names = error.unit_names
+        name = names if isinstance(names, str) else next(iter(names))
+        raise ValueError(f"unknown unit {name!r}; {_nearest(name, unit)}") from None
     except Exception:
         raise ValueError(f"not a quantity, write {DIMENSIONS[unit]}") from None
+
+
+def _nearest(name: str, unit: str) -> str:
+    """A unit of the quantity that is written almost so, or what to write."""
+    symbols = {part for text in (unit, usual_unit(unit)) for part in re.split(r"[\s/^\d]+", text)}
+    symbols |= {"m", "g", "s", "N", "Pa", "Hz", "bar", "rad", "deg"}
+    known = {f"{p}{s}" for p in ("", "n", "u", "m", "c", "k", "M", "G") for s in symbols if s}
+    likeness = {k: SequenceMatcher(None, name, k).ratio() + (name.lower() == k.lower())
+                for k in sorted(known) if _suits(k, unit)}  # fmt: skip
+    best = max(likeness, key=likeness.__getitem__, default=None)
+    if best is None or likeness[best] < 0.6:
+        return f"write {DIMENSIONS[unit]}"
+    return f"did you mean {best!r}?"
+
+
+def _suits(name: str, unit: str) -> bool:
+    """Whether a unit is one of the wanted quantity, or may be a factor of it."""
+    import pint
+
+    try:
+        found = _registry().Unit(name)
+    except pint.UndefinedUnitError:
+        return False
+    return " " in unit or "/" in unit or found.is_compatible_with(_registry().Unit(unit))
+
+
+def usual_unit(unit: str) -> str:
+    """The unit that ``DIMENSIONS`` names for an SI unit; empty for a plain number."""
+    return DIMENSIONS[unit].partition("[")[2].rstrip("]")
 
 
 def with_unit(value: Any, unit: str) -> Any:
@@ -80,7 +126,7 @@ def with_unit(value: Any, unit: str) -> Any:
         return tuple(with_unit(v, unit) for v in value)
     if unit in ("", "*") or isinstance(value, str | bool):
         return value
-    usual = DIMENSIONS[unit].partition("[")[2].rstrip("]")
+    usual = usual_unit(unit)
     number = _registry().Quantity(value, unit).to(_registry().Unit(usual)).magnitude
     return f"{number:.10g} {usual}"
 

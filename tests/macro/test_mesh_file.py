@@ -13,6 +13,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.mesh import check_cells, tagged_mesh
 from brake_fenicsx.macro.meshing.abaqus import read_abaqus
 from brake_fenicsx.macro.meshing.groups import mesh_of_file
+from brake_fenicsx.macro.meshing.nastran import unread_cards
 from brake_fenicsx.macro.meshing.quality import orientation
 from brake_fenicsx.scene.mesh import MeshTable
 
@@ -280,6 +281,85 @@ def test_the_assembly_is_the_mesh_built_directly(tmp_path, meshes):
         np.testing.assert_allclose(*centres, atol=1e-12)
     for name in flat.faces:
         assert area(cae, name) == pytest.approx(area(flat, name), rel=1e-9)
+
+
+DECK = """*ELEMENT, TYPE=S3, ELSET=SHIM
+90001, 10, 11, 12
+*ELEMENT, TYPE=MASS, ELSET=LUMP
+90002, 10
+*ELEMENT, TYPE=SPRINGA, ELSET=SPRINGS
+90003, 10, 11
+90004, 10, 12
+*SOLID SECTION, ELSET=PAD_LINING, MATERIAL=IRON
+*TIE, NAME=GLUE
+PAD_TOP, PLATE_TOP
+*COUPLING, CONSTRAINT NAME=C, REF NODE=10, SURFACE=PAD_TOP
+*MATERIAL, NAME=IRON
+*MATERIAL, NAME=LINING
+*STEP
+*BOUNDARY
+PLATE_BOTTOM, 1, 3
+*END STEP
+"""
+
+
+def test_what_an_abaqus_deck_holds_beside_its_mesh_is_said(tmp_path, meshes):
+    file = tmp_path / "two_boxes.inp"
+    meshes.write_abaqus(meshes.boxes(), file)
+    assert read(file).unread.changing == ()
+    with file.open("a") as deck:
+        deck.write(DECK)
+    found = read(file).unread
+    assert found.changing == (
+        "two_boxes.inp: not read: 1 S3, 1 MASS and 2 SPRINGA elements, *TIE, *COUPLING, *BOUNDARY;"
+        " docs/howto_abaqus_deck.md says what to write instead",
+    )
+    (other,) = found.other
+    assert other.endswith("*HEADING, *SOLID SECTION, 2 *MATERIAL, *STEP")
+
+
+def test_shells_that_mark_a_face_are_no_loss(tmp_path, meshes):
+    """Of a set that the scene names; two instances of a part have its masses twice."""
+    mesh = meshes.boxes()
+    file = tmp_path / "marked.inp"
+    meshes.write_abaqus(mesh, file)
+    facets = 10 + mesh.facets[mesh.facet_tag == mesh.faces["pad.top"]]
+    rows = [f"{90000 + i}, " + ", ".join(map(str, f)) for i, f in enumerate(facets)]
+    with file.open("a") as deck:
+        deck.write("\n".join(["*ELEMENT, TYPE=S3, ELSET=SKIN", *rows, ""]))
+    named = {n: t for n, t in GROUPS.items() if t != "pad.back"}
+    assert read(file, groups=named | {"SKIN": "pad.back"}).unread.changing == ()
+    (line,) = read(file).unread.changing
+    assert f"{len(facets)} S3 elements" in line
+    part = "*PART, NAME=P\n" + file.read_text() + "*ELEMENT, TYPE=MASS\n99999, 10\n*END PART\n"
+    pair = "".join(f"*INSTANCE, NAME=I{k}, PART=P\n{50 * k}\n*END INSTANCE\n" for k in (1, 2))
+    file.write_text(part + "*ASSEMBLY, NAME=A\n" + pair.replace("\n*END I", ", 0, 0\n*END I")
+                    + "*END ASSEMBLY\n")  # fmt: skip
+    assert read_abaqus(file).elements == {"MASS": 2}
+
+
+def test_what_an_ansys_file_holds_beside_its_mesh_is_said(tmp_path, meshes):
+    file = tmp_path / "two.cdb"
+    meshes.write_ansys(meshes.boxes(), file)
+    file.write_text(file.read_text() + "MPTEMP,R5.0, 1, 1,  0.0\nD, 10,UX, 0.0\nD, 10,UY, 0.0\n")
+    found = read(file).unread
+    assert found.changing == (
+        "two.cdb: not read: 1 CONTA174 element, 2 D; docs/coming_from_other_codes.md says what to"
+        " write instead",
+    )
+    assert found.other[0].endswith("MPTEMP")
+
+
+def test_cards_of_nastran_that_are_not_read(tmp_path):
+    file = tmp_path / "deck.bdf"
+    file.write_text(
+        "SOL 103\nSPC = 1\nBEGIN BULK\nGRID,1,,0.,0.,0.\nCTETRA         1       1       1\n"
+        "+              2\n$ a comment\nCONM2*  7\n*       1\nCELAS2,8,1.,1,1\nRBE2,9,1,123,2\n"
+        "SPC1,1,123,1\nSPC1,1,123,2\nMAT1,1,2.1+11,,.3\nENDDATA\n"
+    )
+    elements, cards = unread_cards(file)
+    assert elements == {"CONM2": 1, "CELAS2": 1}
+    assert cards == {"RBE2": 1, "SPC1": 2, "MAT1": 1}
 
 
 @pytest.mark.parametrize("cells, order", KINDS)

@@ -158,7 +158,7 @@ def test_a_run_with_sliding_and_stuck_faces(tmp_path, comm):
     assert 0.4 < mu < 0.6
     np.testing.assert_allclose(state["normal_force_N"], [0, 0, load], atol=1e-5 * load)
     np.testing.assert_allclose(state["tangential_force_N"], [mu * load, 0, 0], atol=1e-5 * load)
-    (line,) = [w for w in summary["warnings"] if "contact.stay" in w]
+    (line,) = [w for w in summary["warnings"] if "contact.stay: stuck" in w]
     said = r"contact.stay: stuck, .* \(joint\) .* % of its area is open and .* % is beyond"
     assert re.match(said, line)
     assert summary["friction"] == {"joint": "random (block_plate), stuck (stay)"}

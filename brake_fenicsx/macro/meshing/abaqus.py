@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,6 +28,8 @@ _NODES = {"wedge": 6, "wedge15": 15, "hexahedron27": 27} | {k: n for k, (_, n) i
 _SKINS = {"S3": 3, "S4": 4, "S6": 6, "S8": 8, "M3D3": 3, "M3D4": 4, "M3D6": 6, "M3D8": 8,
           "CPS3": 3, "CPS4": 4, "CPS6": 6, "CPS8": 8,
           "SFM3D3": 3, "SFM3D4": 4, "SFM3D6": 6, "SFM3D8": 8, "STRI3": 3, "STRI65": 6}  # fmt: skip
+# Elements without stiffness or mass in a deck of solids: they mark faces and edges at most.
+_MARKS = ("CPS", "SFM")
 _DATA = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE")
 # Blocks with an end of their own.
 _CLOSED = ("PART", "INSTANCE", "ASSEMBLY")
@@ -44,6 +47,7 @@ class _Deck:
         open: part or instance being read.
         place: rotation and shift of the instance being read.
         surfaces: of the scope being read, name -> rows; sets they name may follow.
+        keywords: what is not read -> number of blocks.
     """
 
     whole: Scope = field(default_factory=Scope)
@@ -51,6 +55,7 @@ class _Deck:
     open: Scope | None = None
     place: Rows = field(default_factory=list)
     surfaces: dict[str, Rows] = field(default_factory=dict)
+    keywords: Counter[str] = field(default_factory=Counter)
 
     @property
     def scope(self) -> Scope:
@@ -90,7 +95,9 @@ def read_abaqus(path: Path) -> FileMesh:
         for part in deck.parts.values():
             deck.whole.take(part, np.eye(3), np.zeros(3))
     deck.whole.share()
-    return _mesh(deck.whole)
+    mesh = _mesh(deck.whole)
+    mesh.keywords = deck.keywords
+    return mesh
 
 
 def _blocks(path: Path) -> Iterator[tuple[str, Options, Rows, str]]:
@@ -163,6 +170,8 @@ def _take(deck: _Deck, keyword: str, options: Options, rows: Rows) -> None:
             raise SceneError("combined surfaces are not read; write their faces")
         else:
             deck.surfaces[options["NAME"]] = rows
+    elif not keyword.startswith("END ") and keyword != "ASSEMBLY":
+        deck.keywords[f"*{keyword}"] += 1
 
 
 def _instance(deck: _Deck, options: Options) -> Scope:
@@ -178,8 +187,8 @@ def _instance(deck: _Deck, options: Options) -> Scope:
     # Sets may be added to within the instance.
     nsets, elsets = ({n: [*m] for n, m in sets.items()} for sets in (part.nsets, part.elsets))
     return Scope(
-        name, dict(part.nodes), dict(part.solids), dict(part.skins), nsets, elsets,
-        dict(part.surfaces),
+        name, dict(part.nodes), dict(part.solids), dict(part.skins), Counter(part.others), nsets,
+        elsets, dict(part.surfaces),
     )  # fmt: skip
 
 
@@ -192,12 +201,16 @@ def _close(deck: _Deck) -> None:
 
 
 def _elements(scope: Scope, options: Options, rows: Rows) -> None:
-    """Solids, and shells that mark faces; other elements are no part of the mesh."""
+    """Solids, and shells that may mark faces; others are counted and are no part of the mesh."""
     name = options.get("TYPE", "").upper()
     kind = _KINDS.get(name.rstrip("HIMRTSEF"))
     skin = _SKINS.get(name) or _SKINS.get(name.rstrip("RSW5"))
     count = _NODES[kind] if kind else skin
     if count is None:
+        # gmsh writes the curves of its geometry as trusses.
+        curve = name.startswith("T3D") and options.get("ELSET", "").startswith("Line")
+        if not curve:
+            scope.others[name] += len(rows)
         return
     words = [int(word) for row in rows for word in row if word]
     if len(words) % (count + 1):
@@ -207,7 +220,7 @@ def _elements(scope: Scope, options: Options, rows: Rows) -> None:
         if kind:
             scope.solids[number] = (kind, nodes)
         else:
-            scope.skins[number] = nodes[: 3 if count in (3, 6) else 4]
+            scope.skins[number] = name, nodes[: 3 if count in (3, 6) else 4]
     if "ELSET" in options:
         scope.add(scope.elsets, options["ELSET"], [int(n) for n in table[:, 0]])
 
@@ -237,10 +250,15 @@ def _mesh(scope: Scope) -> FileMesh:
     """The assembly with nodes and cells numbered from 0."""
     mesh, _, node, _ = numbered(scope.nodes, scope.solids, scope.elsets, scope.nsets)
     for name, numbers in scope.elsets.items():
-        skins = [[node[i] for i in scope.skins[n]] for n in numbers if n in scope.skins]
+        skins = [[node[i] for i in scope.skins[n][1]] for n in numbers if n in scope.skins]
         if skins:
             mesh.facet_groups[name] = np.array(skins)
     for name, facets in scope.surfaces.items():
         if facets:
             mesh.facet_groups[name] = np.array([[node[i] for i in facet] for facet in facets])
+    mesh.elements = scope.others
+    for kind in dict.fromkeys(kind for kind, _ in scope.skins.values()):
+        if not kind.startswith(_MARKS):
+            own = [nodes for one, nodes in scope.skins.values() if one == kind]
+            mesh.shells[kind] = np.array([[node[i] for i in nodes] for nodes in own])
     return mesh

@@ -6,6 +6,7 @@ offset; what belongs to an instance is named "INSTANCE.NAME", and "NAME" stands 
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -39,7 +40,8 @@ class Scope:
         name: of the part or instance; "" for the assembly, or a deck without parts.
         nodes: number -> position.
         solids: number -> kind and nodes.
-        skins: number -> corner nodes of shells and membranes, which mark faces.
+        skins: number -> kind and corner nodes of shells and membranes, which mark faces.
+        others: kind of any other element -> number of them.
         nsets: name -> numbers of nodes.
         elsets: name -> numbers of elements.
         surfaces: name -> corner nodes of each facet.
@@ -50,7 +52,8 @@ class Scope:
     name: str = ""
     nodes: dict[int, list[float]] = field(default_factory=dict)
     solids: dict[int, tuple[str, list[int]]] = field(default_factory=dict)
-    skins: dict[int, list[int]] = field(default_factory=dict)
+    skins: dict[int, tuple[str, list[int]]] = field(default_factory=dict)
+    others: Counter[str] = field(default_factory=Counter)
     nsets: dict[str, list[int]] = field(default_factory=dict)
     elsets: dict[str, list[int]] = field(default_factory=dict)
     surfaces: dict[str, list[list[int]]] = field(default_factory=dict)
@@ -107,7 +110,7 @@ class Scope:
         for member, *side in rows:
             for number in self.members(self.elsets, [member], ""):
                 if number in self.skins:
-                    found.append(self.skins[number])
+                    found.append(self.skins[number][1])
                 elif number in self.solids:
                     found.append(self._facet(name, number, side[0] if side else ""))
         return found
@@ -135,7 +138,8 @@ class Scope:
             x = np.array(list(other.nodes.values())) @ turn.T + shift
             self.nodes |= {n + by: [*map(float, p)] for n, p in zip(other.nodes, x, strict=True)}
         self.solids |= {n + by: (k, [i + by for i in c]) for n, (k, c) in other.solids.items()}
-        self.skins |= {n + by: [i + by for i in c] for n, c in other.skins.items()}
+        self.skins |= {n + by: (k, [i + by for i in c]) for n, (k, c) in other.skins.items()}
+        self.others += other.others
         every = [n + by for n in other.solids]
         nsets, elsets, surfaces = self.common
         pairs = ((self.nsets, nsets, other.nsets), (self.elsets, elsets, other.elsets))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,8 +17,20 @@ from .filemesh import FileMesh, numbered
 
 Ints = NDArray[np.int64]
 
-# Solid elements by their routine number; others, as of contact and loads, are no part of the mesh.
+# Solid elements by their routine number; others, as of contact, are counted and left out.
 _SOLIDS = {45, 64, 65, 73, 92, 95, 185, 186, 187, 285}
+_NAMES = {
+    14: "COMBIN14", 21: "MASS21", 61: "SHELL61", 63: "SHELL63", 154: "SURF154", 169: "TARGE169",
+    170: "TARGE170", 172: "CONTA172", 173: "CONTA173", 174: "CONTA174", 175: "CONTA175",
+    178: "CONTA178", 179: "PRETS179", 180: "LINK180", 181: "SHELL181", 184: "MPC184",
+    188: "BEAM188", 189: "BEAM189", 190: "SOLSH190", 214: "COMBI214", 250: "COMBI250",
+    281: "SHELL281",
+}  # fmt: skip
+# Meshing facets, which only gmsh's and Ansys' own meshers use.
+_FACETS = 200
+# Commands that join, hold or load nodes and elements; materials and options.
+_COMMANDS = ("CE", "CP", "D", "F", "SF", "SFE", "BF", "BFE", "MPTEMP", "MPDATA", "MP", "TB", "R",
+             "RLBLOCK", "SECTYPE")  # fmt: skip
 # Places of a tetrahedron's nodes in a brick that is degenerate, corners and middles.
 _TETRA_IN_BRICK = (0, 1, 2, 4, 8, 9, 11, 16, 17, 18)
 _BY_CORNERS = {8: "hexahedron", 6: "wedge", 5: "pyramid", 4: "tetra"}
@@ -32,6 +45,8 @@ class _Deck:
     solids: dict[int, tuple[str, list[int]]] = field(default_factory=dict)
     elements: dict[str, list[int]] = field(default_factory=dict)
     nodesets: dict[str, list[int]] = field(default_factory=dict)
+    others: Counter[str] = field(default_factory=Counter)
+    commands: Counter[str] = field(default_factory=Counter)
 
 
 def read_ansys(path: Path) -> FileMesh:
@@ -60,6 +75,8 @@ def read_ansys(path: Path) -> FileMesh:
             _elements(deck, lines)
         elif command == "CMBLOCK":
             _component(deck, words, lines)
+        elif command in _COMMANDS:
+            deck.commands[command] += 1
     if not deck.nodes:
         raise SceneError("no NBLOCK; write the file with CDWRITE in blocked format")
     return _mesh(deck)
@@ -101,7 +118,10 @@ def _elements(deck: _Deck, lines: Iterator[str]) -> None:
         material, kind, count, number, nodes = row[0], row[1], row[8], row[10], row[11:]
         while len(nodes) < count:
             nodes += [int(word) for word in _fields(next(lines), width) if word]
-        if deck.routine.get(kind, 185) in _SOLIDS:
+        routine = deck.routine.get(kind, 185)
+        if routine not in _SOLIDS and routine != _FACETS:
+            deck.others[_NAMES.get(routine, f"type {routine}")] += 1
+        elif routine in _SOLIDS:
             deck.solids[number] = _solid(nodes[:count])
             for name in (f"MAT{material}", f"TYPE{kind}"):
                 deck.elements.setdefault(name, []).append(number)
@@ -136,4 +156,6 @@ def _component(deck: _Deck, words: list[str], lines: Iterator[str]) -> None:
 
 def _mesh(deck: _Deck) -> FileMesh:
     """The deck with nodes and cells numbered from 0."""
-    return numbered(deck.nodes, deck.solids, deck.elements, deck.nodesets)[0]
+    mesh = numbered(deck.nodes, deck.solids, deck.elements, deck.nodesets)[0]
+    mesh.elements, mesh.keywords = deck.others, deck.commands
+    return mesh

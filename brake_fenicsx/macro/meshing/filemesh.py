@@ -44,6 +44,9 @@ class FileMesh:
         cell_groups: name -> numbers of cells.
         facet_groups: name -> corner nodes of facets.
         node_groups: name -> nodes.
+        shells: kind of shell or membrane -> corner nodes of each, shape (shells, 3 or 4).
+        elements: kind of element that is not read -> number of them.
+        keywords: keyword or command that is not read -> number of them.
     """
 
     points: Array
@@ -52,6 +55,9 @@ class FileMesh:
     cell_groups: dict[str, Ints] = field(default_factory=dict)
     facet_groups: dict[str, Ints] = field(default_factory=dict)
     node_groups: dict[str, Ints] = field(default_factory=dict)
+    shells: dict[str, Ints] = field(default_factory=dict)
+    elements: Mapping[str, int] = field(default_factory=dict)
+    keywords: Mapping[str, int] = field(default_factory=dict)
 
 
 def numbered(

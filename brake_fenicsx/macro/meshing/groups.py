@@ -26,6 +26,7 @@ from .rawmesh import (
     turned,
     without_unused_nodes,
 )
+from .unread import Unread, unread
 
 Ints = NDArray[np.int64]
 Faces = dict[str, Ints]
@@ -62,7 +63,20 @@ def mesh_of_file(folder: Path, table: MeshTable, parts: Iterable[str]) -> RawMes
         for group, target in table.groups.items()
         if kinds[group][0] != "cells"
     }
+    mesh = replace(mesh, unread=_unread(Path(str(table.file)).name, found, kinds.values()))
     return without_unused_nodes(_turned_right(_apart(mesh, faces, table.split)))
+
+
+def _unread(file: str, found: FileMesh, used: Iterable[tuple[str, str]]) -> Unread:
+    """What of the file is in no body and no face; shells of named groups mark faces."""
+    marks = [facet_keys(found.facet_groups[name]) for kind, name in used if kind == "facets"]
+    marked = np.concatenate([np.zeros(0, dtype=np.uint64), *marks])
+    elements = {
+        kind: int(np.count_nonzero(~np.isin(facet_keys(shells), marked)))
+        for kind, shells in found.shells.items()
+    }
+    elements = {kind: n for kind, n in (elements | dict(found.elements)).items() if n}
+    return unread(file, elements, found.keywords)
 
 
 def _metres(found: FileMesh, table: MeshTable) -> float:

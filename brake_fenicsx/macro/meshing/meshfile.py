@@ -17,6 +17,7 @@ from .abaqus import read_abaqus
 from .ansys import read_ansys
 from .filemesh import SOLIDS, FileMesh, gmsh_order, one_kind
 from .gmsh_mesh import gmsh_session
+from .nastran import SHELLS, SUFFIXES, unread_cards
 
 Ints = NDArray[np.int64]
 
@@ -129,6 +130,12 @@ def read_other(path: Path) -> FileMesh:
             mesh.facet_groups[name] = np.concatenate(facets).astype(np.int64)
     for name, nodes in read.point_sets.items():
         mesh.node_groups[name] = np.asarray(nodes, dtype=np.int64)
+    if path.suffix in SUFFIXES:
+        mesh.elements, mesh.keywords = unread_cards(path)
+        for name in SHELLS:
+            own = [b.data[:, : _SKINS[name]] for b in read.cells if b.type == name]
+            if own:
+                mesh.shells[SHELLS[name]] = np.concatenate(own).astype(np.int64)
     return mesh
 
 

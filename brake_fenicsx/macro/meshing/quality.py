@@ -15,6 +15,8 @@ Array = NDArray[np.float64]
 _NEIGHBOURS = np.array(
     [[1, 3, 4], [2, 0, 5], [3, 1, 6], [0, 2, 7], [7, 5, 0], [4, 6, 1], [5, 7, 2], [6, 4, 3]]
 )
+# Corners around the nodes that follow the corners of a 27-node hexahedron.
+_MIDDLES = (*EDGES["hexahedron"], *FACETS["hexahedron"], tuple(range(8)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,6 +140,24 @@ def jacobians(mesh: RawMesh) -> Array:
     return np.asarray(np.linalg.det(np.einsum("cni,pnj->cpij", x, gradient)))
 
 
+def volumes(mesh: RawMesh) -> Array:
+    """Volumes of the cells [m^3], shape (cells,); of curved ones by a rule of third order."""
+    x = mesh.points[mesh.corners]
+    if mesh.shape == "tetrahedron":
+        if mesh.order == 1:
+            return _volume6(x) / 6
+        # Integrals of the ten shape functions.
+        return np.asarray(jacobians(mesh) @ np.repeat([-1 / 120, 1 / 30], [4, 6]))
+    if mesh.order == 1:
+        middles = [x[:, list(s)].mean(axis=1, keepdims=True) for s in _MIDDLES]
+        x = np.concatenate([x, *middles], axis=1)
+        J = np.linalg.det(np.einsum("cni,pnj->cpij", x, _hexahedron_gradients()))
+    else:
+        J = jacobians(mesh)
+    # Simpson's rule along each direction.
+    return np.asarray(J @ (np.repeat([1, 4, 16, 64], [8, 12, 6, 1]) / 216))
+
+
 def _tetrahedron_gradients() -> Array:
     """Gradients of the 10 shape functions at the 10 nodes, shape (node, function, 3)."""
     edges = np.array(EDGES["tetrahedron"])
@@ -156,8 +176,7 @@ def _hexahedron_gradients() -> Array:
     corner = np.array(
         [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]]
     )
-    sets = [*EDGES["hexahedron"], *FACETS["hexahedron"], tuple(range(8))]
-    at = np.vstack([2 * corner, [2 * corner[list(s)].mean(axis=0) for s in sets]]).astype(int)
+    at = np.vstack([2 * corner, [2 * corner[list(s)].mean(axis=0) for s in _MIDDLES]]).astype(int)
     # Values and slopes of the three quadratic functions at 0, 1/2, 1.
     value = np.eye(3)
     slope = np.array([[-3.0, 4, -1], [-1, 0, 1], [1, -4, 3]])

@@ -8,10 +8,12 @@ and the centre.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
+from .unread import Unread
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -47,6 +49,7 @@ class RawMesh:
         facet_tag: tag of each facet, by ``faces``.
         layers: "part.layer" -> tag.
         faces: "part.face" -> tag.
+        unread: what its file holds beside, which is not read.
     """
 
     points: Array
@@ -57,6 +60,7 @@ class RawMesh:
     facet_tag: Ints
     layers: dict[str, int]
     faces: dict[str, int]
+    unread: Unread = field(default_factory=Unread)
 
     @property
     def order(self) -> int:
@@ -139,6 +143,7 @@ def joined(meshes: Sequence[RawMesh]) -> RawMesh:
         np.concatenate([m.points for m in meshes]), meshes[0].shape,
         np.concatenate(cells), np.concatenate(cell_tag),
         np.concatenate(facets), np.concatenate(facet_tag), layers, faces,
+        Unread(*(sum((getattr(m.unread, f.name) for m in meshes), ()) for f in fields(Unread))),
     )  # fmt: skip
 
 
