@@ -74,9 +74,9 @@ PLOTS = (
         "figure6_artificial",
         "Scan and one artificial surface at the same length and height scale, with the height "
         "distribution and spectrum of the artificial surface. A patch longer than the scan has "
-        'longer waves too: with surface.S_q = "spectrum" both spectra agree in the measured band '
-        'and the variance follows; with "scan" the artificial spectrum lies lower, so that the '
-        "variance is that of the scan.",
+        'longer waves too: with surface.S_q = "spectrum" the artificial spectrum follows the fit '
+        'of the measured one, and the variance follows from it; with "scan" the artificial '
+        "spectrum lies lower, so that the variance is that of the scan.",
         draw_artificial,
     ),
     Plot(

@@ -84,7 +84,7 @@ def surface_blocks(run: RunData) -> list[Block]:
         blocks.append(Text(f"{said} is no fit."))
     blocks += figures(run, "figure4_topography", "figure5_statistics")
     if rows:
-        blocks += _parameter_blocks(rows, scans_of(run))
+        blocks += _parameter_blocks(run, rows)
     return [
         *blocks,
         *figures(run, "bearing_curve", look="half"),
@@ -92,15 +92,19 @@ def surface_blocks(run: RunData) -> list[Block]:
     ]
 
 
-def _parameter_blocks(rows: list[list[Value]], scans: list[dict[str, Any]]) -> list[Block]:
+def _parameter_blocks(run: RunData, rows: list[list[Value]]) -> list[Block]:
     """Tables of the parameters, and what they are."""
+    level = run.summary.get("in_effect", {}).get("surface", {}).get("level", "")
+    form = {"plane": "The least-squares plane", "second-order": "The second-order polynomial"}
     names = (
-        "Names of ISO 25178-2; S_k, S_pk, S_vk, S_mr1 and S_mr2 from the least steep secant over"
-        " 40 % of the bearing curve (ISO 13565-2). The form was removed (surface.level); there is"
-        " no S-filter beyond the pixel and no L-filter, so that S_dq and S_dr depend on the size of"
-        " the pixel."
+        "Names of ISO 25178-2; S_k, S_pk, S_vk, S_mr1 and S_mr2 from the line through the least"
+        " steep 40 % of the bearing curve (ISO 13565-2)."
+        f" {form.get(level, 'The mean height')} was removed (surface.level); there is no S-filter"
+        " beyond the pixel and no L-filter, so that S_dq and S_dr, from differences of neighbouring"
+        " pixels, depend on the size of the pixel. All values are without masked outliers, points"
+        " far from the median of their neighbours."
     )
-    heads = ["quantity", "value", "standard error", "unit"]
+    heads, scans = ["quantity", "value", "standard error", "unit"], scans_of(run)
     if not scans:
         errors = "of heights from blocks of the scan, of the spectrum from its fit."
         return [Table(heads, rows), Text(f"{names} Standard errors: {errors}")]
