@@ -18,7 +18,8 @@ from brake_fenicsx.scene.friction import slides
 
 from .condensation import Compliance
 from .contact import Contact, contact_elements, join
-from .elasticity import Elastic, FaceAddition, assemble_elastic
+from .elasticity import Elastic, assemble_elastic
+from .face_additions import added_to_face
 from .friction import Motion, Rotation, Translation
 from .loads import lift, load_vectors, pressing
 from .material_table import layer_materials, scene_materials
@@ -201,31 +202,6 @@ def _on_matrices(scene: Scene, face: str) -> bool:
     """Whether a face is a set of nodes of a body given by matrices."""
     part = scene.parts.get(face.partition(".")[0])
     return part is not None and part.matrices is not None
-
-
-def added_to_face(scene: Scene, face: str) -> FaceAddition:
-    """Springs, dashpots and mass that a scene adds to a face, in x, y, z axes."""
-    spring, mass = scene.springs.get(face), scene.masses.get(face)
-    turn, none = part_axes(scene, face), np.zeros(3)
-
-    def turned(values: tuple[float, ...] | None) -> Array:
-        return np.asarray(turn @ np.diag(none if values is None else values) @ turn.T)
-
-    given = (
-        (None, None, None)
-        if spring is None
-        else (spring.stiffness, spring.stiffness_per_area, spring.damping)
-    )
-    total, bedding, damping = map(turned, given)
-    return FaceAddition(face, total, 0.0 if mass is None else mass.mass, bedding, damping)
-
-
-def part_axes(scene: Scene, face: str) -> Array:
-    """Axes 1, 2 and z of the part of a face as columns, shape (3, 3)."""
-    part = scene.parts.get(face.partition(".")[0])
-    angle = 0.0 if part is None else part.axis
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def check_brake(scene: Scene, comm: MPI.Comm) -> None:

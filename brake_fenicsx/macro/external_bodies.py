@@ -18,6 +18,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import Scene
 
 from .elasticity import COMPONENTS, Elastic, FreeDofs
+from .face_additions import added_to_face
 from .faces import Face, gather_face
 from .mesh import Mesh, extent
 from .projection import search
@@ -90,8 +91,6 @@ def _added(
     scene: Scene, name: str, body: Superelement, T: sp.csr_matrix, elastic: Elastic
 ) -> Elastic:
     """Add one body, and what a scene adds to its sets of nodes."""
-    from .brake import added_to_face
-
     K, C = (T.T @ body.K @ T).tocsr(), elastic.C
     M = (T.T @ body.M @ T).tocsr()
     if body.C is not None:

@@ -12,8 +12,8 @@ import scipy.sparse as sp
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import Scene
 
-from .brake import part_axes
 from .elasticity import Elastic
+from .face_additions import part_axes
 from .faces import gather_face
 from .material import Material
 from .mean_motion import check_size, mean_displacement, mean_of_nodes, mean_rotation

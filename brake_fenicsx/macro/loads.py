@@ -18,6 +18,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import Scene
 
 from .elasticity import COMPONENTS, Elastic, FreeDofs, face_area, stiffness_action, unit_loads
+from .face_additions import part_axes
 from .faces import gather_face
 from .material_table import layer_materials, scene_materials
 from .mean_motion import mean_displacement, mean_of_nodes, mean_rotation
@@ -84,8 +85,6 @@ def pressing(scene: Scene, mesh: Mesh, area: float) -> float:
 
 
 def _vector(scene: Scene, mesh: Mesh, elastic: Elastic, face: str) -> Array:
-    from .brake import part_axes
-
     load, free = scene.loads[face], elastic.free
     if load.pressure is not None:
         return unit_loads(mesh, free, face)
