@@ -64,3 +64,12 @@ def test_tests_that_pages_name_are_there():
         for file, name in re.findall(r"`?(tests/[\w/]+\.py)(?:::(\w+))?", page.read_text()):
             text = (ROOT / file).read_text()
             assert not name or f"def {name}(" in text, (page.name, file, name)
+
+
+def test_the_example_of_an_array_of_heights_runs(capsys):
+    page = (DOCS / "tutorial_surface.md").read_text()
+    exec(re.search(r"```python\n# own_array.py\n(.*?)```", page, re.S)[1], {})
+    pressure, area = re.search(
+        r"p = ([\d.e+]+) Pa at .*\n.*: ([\d.]+) % of the area", capsys.readouterr().out
+    ).groups()
+    assert float(pressure) >= 1e6 and 0.1 < float(area) < 50
