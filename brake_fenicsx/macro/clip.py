@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# A triangle cut by three half planes has six corners at most.
-CORNERS = 6
+# A triangle cut by three half planes has six corners at most. Where corners coincide to rounding, an
+# edge may seem to cross a line again and again: a cut then makes four, six and nine of them at most.
+CORNERS = 9
 
 # Middles of the edges of the reference triangle.
 MIDDLES = (np.array([[0.5, 0.0], [0.5, 0.5], [0.0, 0.5]]), np.full(3, 1 / 6))
@@ -22,7 +23,7 @@ def clip_triangles(subject: Array, window: Array) -> tuple[Array, NDArray[np.int
         window: corners of the second triangles, shape (pairs, 3, 2), either orientation.
 
     Returns:
-        Polygon corners, shape (pairs, 6, 2), and how many of them count, shape (pairs,);
+        Polygon corners, shape (pairs, CORNERS, 2), and how many of them count, shape (pairs,);
         fewer than three: no common part.
     """
     pairs = len(subject)
@@ -40,7 +41,7 @@ def polygon_triangles(polygon: Array, count: NDArray[np.int64]) -> tuple[Array, 
     """Convex polygons cut into triangles about their first corner.
 
     Args:
-        polygon: corners, shape (pairs, 6, 2).
+        polygon: corners, shape (pairs, CORNERS, 2).
         count: corners that count, shape (pairs,).
 
     Returns:

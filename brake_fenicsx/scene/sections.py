@@ -260,7 +260,7 @@ class Friction:
     def coefficient(self, V: Array) -> tuple[Array, Array]:
         """Coefficient mu [-] and mu'(V) [s/m] at speeds V [m/s], each of the shape of V."""
         fall = (self.static - self.kinetic) * np.exp(-np.asarray(V, float) / self.decay)
-        return self.kinetic + fall, -fall / self.decay
+        return np.asarray(self.kinetic + fall, float), np.asarray(-fall / self.decay, float)
 
 
 @dataclass(frozen=True, slots=True)

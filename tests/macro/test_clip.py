@@ -104,6 +104,20 @@ def test_agrees_with_brute_force(pair):
     assert area == pytest.approx(common_area(p, q[::-1]), abs=1e-12)
 
 
+def test_corners_that_coincide_to_rounding():
+    """Matching meshes: a part that is common is found from either side, whatever the last digits."""
+    rng = np.random.default_rng(0)
+    for _ in range(8):
+        p, q = rng.integers(0, 4, (2, 20_000, 3, 2)).astype(float)
+        scale = 10.0 ** -rng.integers(6, 25, (len(p), 1, 1))
+        p, q = (t + scale * rng.normal(size=t.shape) for t in (p, q))
+        flat = [abs(cross(t[:, 1] - t[:, 0], t[:, 2] - t[:, 0])) < 1e-3 for t in (p, q)]
+        p, q = p[~(flat[0] | flat[1])], q[~(flat[0] | flat[1])]
+        found = areas(p, q)
+        for other in (areas(q, p), areas(p, q[:, ::-1]), areas(p[:, ::-1], q)):
+            np.testing.assert_allclose(found, other, atol=1e-12)
+
+
 @given(seed=st.integers(0, 10**6), scale=st.sampled_from([1e-4, 1.0, 1e3]))
 @settings(max_examples=50, deadline=None)
 def test_a_tiling_covers_a_triangle_once(seed, scale):
