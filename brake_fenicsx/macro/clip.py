@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# A triangle cut by three half planes has six corners at most. Where corners coincide to rounding, an
-# edge may seem to cross a line again and again: a cut then makes four, six and nine of them at most.
+# A triangle cut by three half planes has six corners at most. Where corners coincide to rounding,
+# edges may seem to cross a line more than twice: three cuts then make 4, 6 and 9 corners at most.
 CORNERS = 9
 
 # Middles of the edges of the reference triangle.

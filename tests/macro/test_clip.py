@@ -105,7 +105,7 @@ def test_agrees_with_brute_force(pair):
 
 
 def test_corners_that_coincide_to_rounding():
-    """Matching meshes: a part that is common is found from either side, whatever the last digits."""
+    """Matching meshes: the common part is the same from either side, whatever the last digits."""
     rng = np.random.default_rng(0)
     for _ in range(8):
         p, q = rng.integers(0, 4, (2, 20_000, 3, 2)).astype(float)
