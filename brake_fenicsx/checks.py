@@ -80,15 +80,19 @@ def warnings(scene: Scene, mean_patch: float | None = None) -> list[str]:
 def _clamped(scene: Scene) -> list[str]:
     """Masses, springs and loads on faces that cannot move."""
     held = {face for face, directions in scene.supports.items() if len({*directions}) == 3}
-    loaded = {f for f, load in scene.loads.items() if load.pressure or load.force or load.moment}
     to_ground = {f for f, spring in scene.springs.items() if spring.faces is None}
-    sections = (("masses", {*scene.masses}), ("springs", to_ground), ("loads", loaded))
+    sections = (("masses", {*scene.masses}), ("springs", to_ground), ("loads", _loaded(scene)))
     return [
         f"{dotted(section, face)}: the face is held in all directions by supports, so that this has"
         f" no effect; leave it out, or change {dotted('supports', face)}"
         for section, faces in sections
         for face in sorted(faces & held)
     ]
+
+
+def _loaded(scene: Scene) -> set[str]:
+    """Faces with a pressure, a force or a moment."""
+    return {f for f, load in scene.loads.items() if load.pressure or load.force or load.moment}
 
 
 def _swapped(scene: Scene) -> list[str]:
@@ -101,11 +105,7 @@ def _swapped(scene: Scene) -> list[str]:
     for faces in (*stuck, *sprung, *(tie.faces for tie in scene.ties.values())):
         joined = set().union(*(of.get(face.partition(".")[0], set()) for face in faces))
         of |= dict.fromkeys(joined, joined)
-    loaded = {
-        face.partition(".")[0]
-        for face, load in scene.loads.items()
-        if load.pressure or load.force or load.moment
-    }
+    loaded = {face.partition(".")[0] for face in _loaded(scene)}
     lines = []
     for name, table in scene.contact.items():
         first, second = (face.partition(".")[0] for face in table.faces)
@@ -161,10 +161,8 @@ def _undamped(scene: Scene, counted: bool = False) -> list[str]:
     stability = scene.stability
     if stability is None or "stability" not in scene.stages:
         return []
-    damping = stability.damping
-    if damping and (damping.rayleigh or damping.loss or damping.sliding):
-        return []
-    if damping and (damping.modal or damping.own):
+    d = stability.damping
+    if d and (d.rayleigh or d.loss or d.sliding or d.modal or d.own):
         return []
     if damped_springs(scene) or damped_bodies(scene):
         return []
