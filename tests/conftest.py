@@ -13,10 +13,12 @@ import numpy as np
 import pytest
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config, items):
     """Tests in tests/hard are hard. Several processes run only tests that they do together.
 
-    Files go whole to one worker, and so do all tests of the drawn run, whose figures take long.
+    Files go whole to one worker, and so do all tests of the drawn run, whose figures take long;
+    first of all plugins, since pytest-xdist reads the groups in this hook.
     """
     for item in items:
         if item.path.parent.name == "hard":
@@ -37,9 +39,10 @@ def _alone(item):
 def _collect_together(request):
     """PETSc objects are destroyed by all processes together, between tests and nowhere else."""
     yield
-    gc.collect()
-    if not _alone(request.node):
-        MPI.COMM_WORLD.Barrier()
+    if MPI.COMM_WORLD.size > 1:
+        gc.collect()
+        if not _alone(request.node):
+            MPI.COMM_WORLD.Barrier()
 
 
 @pytest.fixture(autouse=True)
