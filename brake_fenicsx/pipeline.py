@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from mpi4py import MPI
 
@@ -43,6 +43,8 @@ from brake_fenicsx.versions import versions
 if TYPE_CHECKING:
     from brake_fenicsx.macro.brake import Brake
     from brake_fenicsx.micro import LawLibrary, LawRecipe
+    from brake_fenicsx.micro.halfspace import Boundary
+    from brake_fenicsx.micro.settings import BulkCompliance
     from brake_fenicsx.surface import SurfaceStatistics
     from brake_fenicsx.uncertainty.study import Study
 
@@ -404,28 +406,26 @@ def law_recipe(scene: Scene, stats: SurfaceStatistics) -> LawRecipe | None:
     micro = scene.micro
     if micro is None or "micro" not in scene.stages:
         return None
-    from brake_fenicsx.micro import LawRecipe, plane_strain_modulus
+    from brake_fenicsx.micro import LawRecipe, LawSettings, plane_strain_modulus
 
     surface = scene.surface
     if surface is None:
         raise SceneError(f"{scene.file}: surface: the section is missing")
     E_star = plane_strain_modulus(micro.E, micro.nu)
-    return LawRecipe(
-        stats.bifractal,
-        stats.hdf,
+    settings = LawSettings(
         E_star,
-        shape=(int(micro.pixels),) * 2,
-        size=(float(micro.patch),) * 2,
-        low=surface.low,
-        synthesis=surface.synthesis,
-        variance=surface.S_q,
         max_pressure=None if micro.max_pressure is None else micro.max_pressure * E_star,
         steps=micro.steps,
-        boundary=micro.boundary,
-        bulk_compliance=micro.bulk_compliance,
+        boundary=cast("Boundary", micro.boundary),
+        bulk_compliance=cast("BulkCompliance", micro.bulk_compliance),
         tolerance=micro.tolerance,
         hardness=micro.hardness,
     )
+    pixels, side = int(micro.pixels), float(micro.patch)
+    return LawRecipe(
+        stats.bifractal, stats.hdf, settings, (pixels, pixels), (side, side), surface.low,
+        surface.synthesis, surface.S_q,
+    )  # fmt: skip
 
 
 def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
@@ -461,7 +461,7 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
             notes = comm.bcast(
                 [*first.warnings, *beyond_elasticity(this, recipe)] if comm.rank == 0 else None
             )
-            settings = {**recipe.settings(), "seed": micro.seed, "notes": notes}
+            settings = {**recipe.record(), "seed": micro.seed, "notes": notes}
             library = make_library([steps[i] for i in range(number)], list(range(number)), settings)
             if comm.rank == 0:
                 part = path.with_name(".laws.part")
@@ -479,11 +479,12 @@ def beyond_elasticity(this: Run, recipe: LawRecipe) -> list[str]:
 
     pressed, area = this.facts.get("pressed_N"), this.facts.get("face_area_mm2")
     mean = 1e6 * pressed / area if pressed and area else BRAKING
-    if recipe.hardness is not None:
-        if mean < recipe.highest:
+    highest = recipe.settings.highest
+    if recipe.settings.hardness is not None:
+        if mean < highest:
             return []
         return [
-            f"laws end at {recipe.highest / 1e6:.3g} MPa, and the mean pressure of the contact is"
+            f"laws end at {highest / 1e6:.3g} MPa, and the mean pressure of the contact is"
             f" {mean / 1e6:.3g} MPa: raise micro.max_pressure or micro.hardness"
         ]
     try:

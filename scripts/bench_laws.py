@@ -3,7 +3,7 @@
 
     scripts/bench_laws.py pixels [--surfaces 20]      resolution, with bias and scatter kept apart
     scripts/bench_laws.py hardness [--surfaces 10]    stiffness of loading and of vibrations
-    scripts/bench_laws.py grids [--surfaces 4]        two grids over one, elastic and at 200 MPa
+    scripts/bench_laws.py grids [--surfaces 4]        a cascade of grids over one, elastic and at 200 MPa
     scripts/bench_laws.py scans                       measured surfaces and artificial ones
 
 ``pixels``: the same surfaces of 804 x 804 pixels, low-passed to fewer ("bias": median and rms of
@@ -20,6 +20,7 @@ import logging
 import os
 import time
 from pathlib import Path
+from typing import get_args
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -27,8 +28,10 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 
 from brake_fenicsx.errors import BrakeError
+from brake_fenicsx.micro import LawSettings
 from brake_fenicsx.micro.law_of_surface import law_steps, low_passed
 from brake_fenicsx.micro.loading import rms_slope
+from brake_fenicsx.micro.settings import Grids
 from brake_fenicsx.surface import characterise, make_topography, read_topography, synthesise
 from brake_fenicsx.surface.topography import Topography, fill
 
@@ -46,14 +49,15 @@ def at_pressures(
     topo: Topography,
     at: np.ndarray | None = None,
     hardness: float | None = None,
-    grids: str = "two",
+    grids: Grids = "cascade",
 ) -> np.ndarray:
     """Rows d [m], k and v [Pa/m] at the pressures, p at separations over the pressures, the rest.
 
     The last row holds first touch [m] and seconds.
     """
     start = time.perf_counter()
-    d, p, k, v = law_steps(topo, E_STAR, 6e6, steps=20, hardness=hardness, grids=grids)
+    law = law_steps(topo, LawSettings(E_STAR, 6e6, steps=20, hardness=hardness, grids=grids))
+    d, p, k, v = law[:4]
     seconds = time.perf_counter() - start
     x = np.log(PRESSURES)
     rows = [np.interp(x, np.log(p), d)]
@@ -132,15 +136,15 @@ def grids(surfaces: int) -> None:
     print(
         f"p = {cells(PRESSURES / 1e6)} MPa; smallest and largest of {surfaces} surfaces, 405 pixels"
     )
-    print("| hardness [MPa] | k, two grids over one | k of vibrations |")
+    print("| hardness [MPa] | k, cascade over one grid | k of vibrations |")
     print("|" + " --- |" * 3)
     for hard in (None, 200e6):
         ratios = []
         for s in range(surfaces):
             rng = np.random.default_rng(s)
             topo = synthesise(stats.bifractal, stats.hdf, (405, 405), SIZE, rng)
-            two, one = (at_pressures(topo, hardness=hard, grids=name) for name in ("two", "one"))
-            ratios.append(two[1:3] / one[1:3])
+            cascade, one = (at_pressures(topo, hardness=hard, grids=g) for g in get_args(Grids))
+            ratios.append(cascade[1:3] / one[1:3])
         text = "elastic" if hard is None else f"{hard / 1e6:.0f}"
         spans = [
             f"{cells(a)} to {cells(b)}"
@@ -152,7 +156,7 @@ def grids(surfaces: int) -> None:
 def braking(heights: np.ndarray, size: np.ndarray, p: float) -> tuple[float, float]:
     """Ln k and separation [m] at the mean pressure p of a surface with E* = 1 GPa."""
     h = make_topography(heights, (float(size[0]), float(size[1])))
-    d, pressure, k, _ = law_steps(h, 1e9, 3 * p, p / 100, steps=20)
+    d, pressure, k, *_ = law_steps(h, LawSettings(1e9, 3 * p, p / 100, steps=20))
     x = np.log(pressure)
     return float(np.interp(np.log(p), x, np.log(k))), float(np.interp(np.log(p), x, d))
 

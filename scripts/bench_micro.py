@@ -23,6 +23,7 @@ import numpy as np  # noqa: E402
 
 from brake_fenicsx.micro import (  # noqa: E402
     LawRecipe,
+    LawSettings,
     contact_law,
     law_library,
     plane_strain_modulus,
@@ -142,7 +143,7 @@ def laws(sizes: list[int]) -> None:
 
 
 def libraries(n_laws: int) -> None:
-    recipe = LawRecipe(PAPER.bifractal, PAPER.hdf, E_STAR)
+    recipe = LawRecipe(PAPER.bifractal, PAPER.hdf, LawSettings(E_STAR))
     for processes in (1, 2):
         start = time.perf_counter()
         law_library(recipe, n_laws, seed=1, processes=processes)

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from brake_fenicsx.errors import NotConverged, SceneError
-from brake_fenicsx.micro.analytic import OneLaw
-from brake_fenicsx.micro.joined import join_laws
+from brake_fenicsx.micro.combined import OneLaw, join_laws
 from brake_fenicsx.micro.law import Law, Laws
 
 from .condensation import Compliance, compliance
@@ -112,14 +111,14 @@ def reference_stiffness(laws: EnrichedGap, pressure: float) -> float:
     high = np.where(np.isfinite(high), high, 0.0)
     width = np.full(high.shape, 1e-9)
     # Laws fall monotonically: widen until all carry the pressure, then halve.
-    while np.any(short := laws.laws.pressure(laws.index, high - width) < pressure):
+    while np.any(short := laws.laws.loading(laws.index, high - width)[0] < pressure):
         width = np.where(short, 2 * width, width)
     low = high - width
     for _ in range(60):
         middle = 0.5 * (low + high)
-        enough = laws.laws.pressure(laws.index, middle) >= pressure
+        enough = laws.laws.loading(laws.index, middle)[0] >= pressure
         low, high = np.where(enough, middle, low), np.where(enough, high, middle)
-    return float(np.median(laws.laws.vibration(laws.index, low)))
+    return float(np.median(laws.laws.vibration(laws.index, low)[0]))
 
 
 def _library(laws: Law | Laws | Sequence[Law], index: Index | None, n: int) -> tuple[Laws, Index]:

@@ -162,7 +162,7 @@ def record(
     """What a ramp found, as an equilibrium; the clock was started at ``start`` [s]."""
     (g, _), counts, history = found
     return Equilibrium(
-        g, laws.pressure(g), laws.stiffness(g), laws.vibration(g), mu, tuple(counts), history[-1],
+        g, *laws.loading(g), laws.vibration(g)[0], mu, tuple(counts), history[-1],
         tuple(history), time.perf_counter() - start, u,
     )  # fmt: skip
 

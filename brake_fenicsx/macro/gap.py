@@ -51,14 +51,18 @@ class EnrichedGap:
 
     def pressure(self, g: Array) -> Array:
         """A law of its own for each contact element: pressure P_i(g_i - g_cr_i) [Pa], Eq. (15)."""
-        return self.laws.pressure(self.index, self.delta(g))
+        return self.loading(g)[0]
 
     def stiffness(self, g: Array) -> Array:
         """Contact stiffness k = -dp/dg [Pa/m], shape (elements,)."""
-        return self.laws.stiffness(self.index, self.delta(g))
+        return self.loading(g)[1]
 
-    def vibration(self, g: Array) -> Array:
-        """Stiffness of small vibrations about the state reached by loading to g [Pa/m]."""
+    def loading(self, g: Array) -> tuple[Array, Array]:
+        """Pressure [Pa] and stiffness [Pa/m] together, each of shape (elements,)."""
+        return self.laws.loading(self.index, self.delta(g))
+
+    def vibration(self, g: Array) -> tuple[Array, Array]:
+        """Stiffness v of small vibrations about the state at g [Pa/m], and dv/dg [Pa/m^2]."""
         return self.laws.vibration(self.index, self.delta(g))
 
     def energy(self, g: Array) -> Array:

@@ -144,8 +144,8 @@ class Newton:
             # the residual, so that the last steps are Newton's. Beside a stiff penalty they too are
             # stiffer than the bodies and let an element open by a small part of its way in each
             # step: after a while they are halved every time.
-            p = self.laws.pressure(g)
-            k = self.laws.stiffness(g) + hold * min(history[-1], 0.5 ** max(i - PATIENCE, 0))
+            p, k = self.laws.loading(g)
+            k = k + hold * min(history[-1], 0.5 ** max(i - PATIENCE, 0))
             g_new = self.system.linear(load, p + k * g, k)
             t_new = p - k * (g_new - g)
             s = self._line_search(g, t, g_new - g, t_new - t)

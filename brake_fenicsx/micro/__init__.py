@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     from brake_fenicsx.micro.analytic import (
         ExponentialLaw,
         LinearLaw,
-        OneLaw,
         exponential_law,
         linear_law,
     )
-    from brake_fenicsx.micro.law import ComputedLaw, Law, LawLibrary, Laws, make_library
+    from brake_fenicsx.micro.combined import OneLaw, join_laws, scaled_laws
+    from brake_fenicsx.micro.law import ComputedLaw, Law, LawLibrary, Laws, LawSteps, make_library
     from brake_fenicsx.micro.law_of_surface import contact_law, law_steps
     from brake_fenicsx.micro.library import (
         LawRecipe,
@@ -27,11 +27,14 @@ if TYPE_CHECKING:
     )
     from brake_fenicsx.micro.loading import ContactSolution, solve_contact
     from brake_fenicsx.micro.modulus import plane_strain_modulus, transversely_isotropic_modulus
+    from brake_fenicsx.micro.settings import LawSettings
 
 _HOME = {
     "ExponentialLaw": "analytic",
     "LinearLaw": "analytic",
-    "OneLaw": "analytic",
+    "OneLaw": "combined",
+    "join_laws": "combined",
+    "scaled_laws": "combined",
     "exponential_law": "analytic",
     "linear_law": "analytic",
     "contact_law": "law_of_surface",
@@ -39,9 +42,11 @@ _HOME = {
     "ComputedLaw": "law",
     "Law": "law",
     "LawLibrary": "law",
+    "LawSteps": "law",
     "Laws": "law",
     "make_library": "law",
     "LawRecipe": "library",
+    "LawSettings": "settings",
     "force_above": "library",
     "law_library": "library",
     "load_laws": "library",
@@ -58,12 +63,15 @@ __all__ = [
     "Law",
     "LawLibrary",
     "LawRecipe",
+    "LawSettings",
+    "LawSteps",
     "Laws",
     "LinearLaw",
     "OneLaw",
     "contact_law",
     "exponential_law",
     "force_above",
+    "join_laws",
     "law_library",
     "law_steps",
     "linear_law",
@@ -71,6 +79,7 @@ __all__ = [
     "make_library",
     "plane_strain_modulus",
     "save_laws",
+    "scaled_laws",
     "solve_contact",
     "transversely_isotropic_modulus",
 ]

@@ -1,19 +1,18 @@
-"""Laws without a surface: a penalty, an exponential, and one law in the place of many."""
+"""Laws that a formula gives: a linear penalty and an exponential."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from brake_fenicsx.micro.law import Array, Index, Law, positive, same_shape
+from brake_fenicsx.micro.law import Array, positive
 
 
 @dataclass(frozen=True, slots=True)
 class LinearLaw:
-    """Penalty p = k <-d>, also as a library of one law.
+    """Penalty p = k <-d>.
 
     Attributes:
         k: stiffness [Pa/m].
@@ -30,18 +29,11 @@ class LinearLaw:
         """Stiffness -dp/dd [Pa/m]."""
         return np.where(np.asarray(d, dtype=float) < 0.0, self.k, 0.0)
 
-    def vibration(self, d: ArrayLike) -> Array:
-        """Stiffness of small vibrations [Pa/m]: that of loading."""
-        return self.stiffness(d)
+    vibration = stiffness
 
     def energy(self, d: ArrayLike) -> Array:
         """Energy per area, the integral of p from d to infinity [J/m^2]."""
         return 0.5 * self.k * np.maximum(-np.asarray(d, dtype=float), 0.0) ** 2
-
-    def scaled(self, factor: float) -> LinearLaw:
-        """The same law with all pressures multiplied by ``factor``."""
-        positive(factor=factor)
-        return LinearLaw(self.k * factor)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,57 +61,11 @@ class ExponentialLaw:
         """Stiffness -dp/dd [Pa/m]."""
         return np.asarray(self.pressure(d) / self.u0, float)
 
-    def vibration(self, d: ArrayLike) -> Array:
-        """Stiffness of small vibrations [Pa/m]: that of loading."""
-        return self.stiffness(d)
+    vibration = stiffness
 
     def energy(self, d: ArrayLike) -> Array:
         """Energy per area, the integral of p from d to infinity [J/m^2]."""
         return self.pressure(d) * self.u0
-
-    def scaled(self, factor: float) -> ExponentialLaw:
-        """The same law with all pressures multiplied by ``factor``."""
-        positive(factor=factor)
-        return ExponentialLaw(self.p0 * factor, self.u0)
-
-
-@dataclass(frozen=True, slots=True)
-class OneLaw:
-    """A single law seen as ``Laws``: every index means the same law.
-
-    Attributes:
-        law: the law.
-    """
-
-    law: Law
-
-    def __len__(self) -> int:
-        """One."""
-        return 1
-
-    def __iter__(self) -> Iterator[Law]:
-        """The law itself."""
-        return iter((self.law,))
-
-    def first_touch(self, index: Index) -> Array:
-        """Separations [m] at which the pressures become zero, shape of ``index``."""
-        return np.full(np.shape(index), self.law.first_touch)
-
-    def pressure(self, index: Index, d: Array) -> Array:
-        """Pressures [Pa] at the separations d [m], same shapes."""
-        return self.law.pressure(same_shape(index, d)[1])
-
-    def stiffness(self, index: Index, d: Array) -> Array:
-        """Stiffnesses -dp/dd [Pa/m]."""
-        return self.law.stiffness(same_shape(index, d)[1])
-
-    def vibration(self, index: Index, d: Array) -> Array:
-        """Stiffnesses of small vibrations [Pa/m]."""
-        return self.law.vibration(same_shape(index, d)[1])
-
-    def energy(self, index: Index, d: Array) -> Array:
-        """Energies per area [J/m^2]."""
-        return self.law.energy(same_shape(index, d)[1])
 
 
 def linear_law(k: float) -> LinearLaw:

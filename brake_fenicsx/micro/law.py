@@ -3,14 +3,15 @@
 A computed law interpolates ln p over d by monotone cubics through the solved steps with their
 exact slopes. Beyond the first step towards separation stands a quadratic foot, so that p and p'
 vanish together at first touch; beyond the last step the law goes on as a straight line. Pressure,
-stiffness -p' and energy int_d^inf p belong to one and the same function.
+stiffness -p' and energy int_d^inf p belong to one and the same function. The stiffness of small
+vibrations, which the modes read, is interpolated by itself (``vibration.py``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +20,27 @@ from brake_fenicsx.errors import SceneError
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
+DIFFERENCE = 1e-10  # half a step of central differences over the separation [m]
+
+
+class LawSteps(NamedTuple):
+    """Solved points of a law, from light to heavy load; arrays of one shape (steps,).
+
+    Attributes:
+        d: separations [m], falling.
+        p: pressures [Pa], rising.
+        k: stiffnesses of loading -dp/dd [Pa/m].
+        v: stiffnesses of small vibrations [Pa/m]; None where they are those of loading.
+        slope: dv/dd of the smooth curve through them [Pa/m^2], negative or zero; None without v.
+        area: share of the patch that touches [-]; None where it is not known.
+    """
+
+    d: Array
+    p: Array
+    k: Array
+    v: Array | None = None
+    slope: Array | None = None
+    area: Array | None = None
 
 
 class Law(Protocol):
@@ -50,14 +72,11 @@ class Laws(Protocol):
     def first_touch(self, index: Index) -> Array:
         """Separations [m] at which the pressures become zero, shape of ``index``."""
 
-    def pressure(self, index: Index, d: Array) -> Array:
-        """Pressures [Pa] at the separations d [m], same shapes."""
+    def loading(self, index: Index, d: Array) -> tuple[Array, Array]:
+        """Pressures [Pa] and stiffnesses -dp/dd [Pa/m] at the separations d [m], same shapes."""
 
-    def stiffness(self, index: Index, d: Array) -> Array:
-        """Stiffnesses -dp/dd [Pa/m]."""
-
-    def vibration(self, index: Index, d: Array) -> Array:
-        """Stiffnesses of small vibrations about states reached by loading to d [Pa/m]."""
+    def vibration(self, index: Index, d: Array) -> tuple[Array, Array]:
+        """Stiffnesses v of small vibrations [Pa/m] and their slopes dv/dd [Pa/m^2]."""
 
     def energy(self, index: Index, d: Array) -> Array:
         """Energies per area [J/m^2]."""
@@ -81,8 +100,10 @@ class LawLibrary:
         count: number of steps of each law, shape (n,).
         seed: seed of the surface behind each law, shape (n,).
         settings: how the laws were made, for the record.
-        ratio: stiffness of small vibrations over that of loading at the steps [-], shape (n, m);
-            None for elastic surfaces. Under a hardness unloading is elastic, and it exceeds one.
+        v: stiffnesses of small vibrations at the steps [Pa/m], shape (n, m); None where they are
+            those of loading.
+        slope: dv/dd at the steps [Pa/m^2], shape (n, m).
+        area: share of the patch that touches at the steps [-], shape (n, m).
     """
 
     d: Array
@@ -91,7 +112,9 @@ class LawLibrary:
     count: Index
     seed: NDArray[np.int64]
     settings: dict[str, Any] = field(default_factory=dict)
-    ratio: Array | None = None
+    v: Array | None = None
+    slope: Array | None = None
+    area: Array | None = None
     _tail: Array = field(init=False, repr=False, compare=False)
     _flat: tuple[Array, ...] = field(init=False, repr=False, compare=False)
 
@@ -119,33 +142,8 @@ class LawLibrary:
         i = np.asarray(index, dtype=np.intp)
         return self.d[i, 0] + 2.0 * self.p[i, 0] / self.k[i, 0]
 
-    def pressure(self, index: Index, d: Array) -> Array:
-        """Pressures [Pa] at the separations d [m], same shapes."""
-        return self.evaluate(index, d)[0]
-
-    def stiffness(self, index: Index, d: Array) -> Array:
-        """Stiffnesses -dp/dd [Pa/m]."""
-        return self.evaluate(index, d)[1]
-
-    def vibration(self, index: Index, d: Array) -> Array:
-        """Stiffnesses of small vibrations about states reached by loading to d [Pa/m].
-
-        The ratio of both stiffnesses, one or more, is interpolated over d between the steps; it is
-        that of the first step in the foot and that of the last one beyond.
-        """
-        k = self.evaluate(index, d)[1]
-        if self.ratio is None:
-            return k
-        i, x = same_shape(index, d)
-        at, place = self._find(i, x)
-        flat, ratio = self._flat[0], self.ratio.ravel()
-        nxt = np.minimum(at + 1, ratio.size - 1)
-        inside = (place >= 0) & (place < self.count[i] - 1)
-        t = np.where(inside, (flat[at] - x) / np.where(inside, flat[at] - flat[nxt], 1.0), 0.0)
-        return k * (ratio[at] + t * (ratio[nxt] - ratio[at]))
-
-    def evaluate(self, index: Index, d: Array) -> tuple[Array, Array]:
-        """Pressures [Pa] and stiffnesses [Pa/m] together, for the price of one."""
+    def loading(self, index: Index, d: Array) -> tuple[Array, Array]:
+        """Pressures [Pa] and stiffnesses -dp/dd [Pa/m] at the separations d [m], same shapes."""
         i, x = same_shape(index, d)
         at, place = self._find(i, x)
         p, k = self._inside(at, x)
@@ -157,6 +155,29 @@ class LawLibrary:
         p = np.where(first, p0 * foot**2, np.where(last, p0 + k0 * (d0 - x), p))
         k = np.where(first, k0 * foot, np.where(last, k0, k))
         return p, k
+
+    def vibration(self, index: Index, d: Array) -> tuple[Array, Array]:
+        """Stiffnesses v of small vibrations [Pa/m] and their slopes dv/dd [Pa/m^2].
+
+        Between the steps ln v and the slope are interpolated over d. In the foot v falls to zero
+        at first touch; beyond the last step it stays.
+        """
+        if self.v is None or self.slope is None:
+            return smooth_vibration(lambda x: self.loading(index, x)[1], d)
+        i, x = same_shape(index, d)
+        at, place = self._find(i, x)
+        d0, p0, k0 = (a[at] for a in self._flat)
+        v, slope = self.v.ravel(), self.slope.ravel()
+        inside = (place >= 0) & (place < self.count[i] - 1)
+        nxt = np.where(inside, at + 1, at)
+        width = np.where(inside, d0 - self._flat[0][nxt], 1.0)
+        t = np.where(inside, (d0 - x) / width, 0.0)
+        between = v[at] ** (1.0 - t) * v[nxt] ** t
+        foot = 0.5 * k0 / p0  # one over its length
+        share = np.where(place < 0, np.clip(1.0 - (x - d0) * foot, 0.0, 1.0), 1.0)
+        fall = np.where(inside, (1.0 - t) * slope[at] + t * slope[nxt], 0.0)
+        fall = np.where((place < 0) & (share > 0.0), -v[at] * foot, fall)
+        return between * share, fall
 
     def energy(self, index: Index, d: Array) -> Array:
         """Energies per area [J/m^2], integrals of the pressures from d to infinity."""
@@ -174,12 +195,6 @@ class LawLibrary:
         points = x[inner][:, None] + y[inner][:, None] * _NODES
         e[inner] += y[inner] * (self._inside(at[inner][:, None], points)[0] @ _WEIGHTS)
         return e.reshape(np.broadcast_shapes(np.shape(index), np.shape(d)))
-
-    def scaled(self, factor: float) -> LawLibrary:
-        """The same laws with all pressures multiplied by ``factor`` (another modulus)."""
-        positive(factor=factor)
-        p, k = self.p * factor, self.k * factor
-        return LawLibrary(self.d, p, k, self.count, self.seed, self.settings, self.ratio)
 
     def _find(self, i: Index, x: Array) -> tuple[Index, Index]:
         """Flat address of the step left of x (the first step in the foot), and its number."""
@@ -242,43 +257,42 @@ class ComputedLaw:
         return float(self.library.first_touch(np.array(self.number)))
 
     @property
-    def steps(self) -> tuple[Array, Array, Array, Array]:
-        """Separations [m], pressures [Pa], stiffnesses of loading and vibration [Pa/m] of steps."""
-        n, lib = int(self.library.count[self.number]), self.library
-        d, p, k = (row[self.number, :n] for row in (lib.d, lib.p, lib.k))
-        return d, p, k, k if lib.ratio is None else k * lib.ratio[self.number, :n]
+    def steps(self) -> LawSteps:
+        """The solved points that the law goes through."""
+        n = int(self.library.count[self.number])
+        rows: Any = (getattr(self.library, name) for name in LawSteps._fields)
+        return LawSteps(*(None if a is None else a[self.number, :n] for a in rows))
 
     def pressure(self, d: ArrayLike) -> Array:
         """Pressure p [Pa] at the separation d [m]."""
-        return self.library.pressure(np.array(self.number), np.asarray(d, dtype=float))
+        return self.library.loading(self._index, np.asarray(d, dtype=float))[0]
 
     def stiffness(self, d: ArrayLike) -> Array:
         """Stiffness -dp/dd [Pa/m]."""
-        return self.library.stiffness(np.array(self.number), np.asarray(d, dtype=float))
+        return self.library.loading(self._index, np.asarray(d, dtype=float))[1]
 
     def vibration(self, d: ArrayLike) -> Array:
         """Stiffness of small vibrations about a state reached by loading to d [Pa/m]."""
-        return self.library.vibration(np.array(self.number), np.asarray(d, dtype=float))
+        return self.library.vibration(self._index, np.asarray(d, dtype=float))[0]
 
     def energy(self, d: ArrayLike) -> Array:
         """Energy per area, the integral of p from d to infinity [J/m^2]."""
-        return self.library.energy(np.array(self.number), np.asarray(d, dtype=float))
+        return self.library.energy(self._index, np.asarray(d, dtype=float))
 
-    def scaled(self, factor: float) -> ComputedLaw:
-        """The same law with all pressures multiplied by ``factor``."""
-        return make_library([self.steps], [int(self.library.seed[self.number])]).scaled(factor)[0]
+    @property
+    def _index(self) -> Index:
+        return np.array(self.number)
 
 
 def make_library(
-    steps: Sequence[tuple[Array, ...]],
+    steps: Sequence[LawSteps],
     seeds: list[int] | None = None,
     settings: dict[str, Any] | None = None,
 ) -> LawLibrary:
     """Put laws into arrays of one size.
 
     Args:
-        steps: for each law separations [m] falling, pressures [Pa] rising, stiffnesses [Pa/m], and
-            where they differ from these the stiffnesses of small vibrations [Pa/m].
+        steps: the points of each law; either all laws have ``v`` and ``slope``, or none.
         seeds: seed of the surface behind each law; -1 if not given.
         settings: how the laws were made.
 
@@ -287,24 +301,25 @@ def make_library(
     """
     if not steps:
         raise SceneError("a law library needs at least one law")
-    width = max(len(law[0]) for law in steps)
-    plastic = any(len(law) > 3 and not np.array_equal(law[2], law[3]) for law in steps)
-    table = np.empty((4 if plastic else 3, len(steps), width))
-    for row, (d, p, k, *rest) in enumerate(steps):
+    for row, (d, p, k, *_) in enumerate(steps):
         if not (np.all(np.diff(d) < 0.0) and np.all(np.diff(p) > 0.0) and np.all(p > 0.0)):
             raise SceneError(f"law {row}: the pressure must rise as the separation falls")
         if not np.all(k > 0.0):
             raise SceneError(f"law {row}: the stiffness of every step must be positive")
-        columns = [d, p, limited(d, p, k)]
-        if plastic:
-            columns.append(np.maximum(rest[0] / k, 1.0) if rest else np.ones_like(k))
-        for column, values in enumerate(columns):
-            table[column, row, : len(d)] = values
-            table[column, row, len(d) :] = values[-1]
-    count = np.array([len(law[0]) for law in steps], dtype=np.intp)
+    steps = [law._replace(k=limited(law.d, law.p, law.k)) for law in steps]
+    width = max(len(law.d) for law in steps)
+    rows: dict[str, Any] = {
+        name: None if any(c is None for c in column) else _filled_up(column, width)
+        for name, column in zip(LawSteps._fields, zip(*steps, strict=True), strict=True)
+    }
+    count = np.array([len(law.d) for law in steps], dtype=np.intp)
     seed = np.array(seeds if seeds is not None else [-1] * len(steps), dtype=np.int64)
-    ratio = table[3] if plastic else None
-    return LawLibrary(table[0], table[1], table[2], count, seed, settings or {}, ratio)
+    return LawLibrary(count=count, seed=seed, settings=settings or {}, **rows)
+
+
+def _filled_up(rows: Sequence[Array], width: int) -> Array:
+    """Rows of different lengths in one array, filled up with their last values."""
+    return np.array([np.pad(row, (0, width - len(row)), mode="edge") for row in rows])
 
 
 def limited(d: Array, p: Array, k: Array) -> Array:
@@ -320,6 +335,16 @@ def limited(d: Array, p: Array, k: Array) -> Array:
     most[1:] = 3.0 * chord
     most[:-1] = np.minimum(most[:-1], 3.0 * chord)
     return np.asarray(np.minimum(k / p, most) * p)
+
+
+def smooth_vibration(k: Callable[[Array], Array], d: Array) -> tuple[Array, Array]:
+    """Stiffness of vibrations of a law whose loading is smooth: that of loading, and its slope.
+
+    Args:
+        k: stiffness [Pa/m] as a function of the separation [m].
+        d: separations [m].
+    """
+    return k(d), (k(d + DIFFERENCE) - k(d - DIFFERENCE)) / (2.0 * DIFFERENCE)
 
 
 def positive(**values: float) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import logging
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.micro.law import Array, LawLibrary, make_library
-from brake_fenicsx.micro.law_of_surface import highest_pressure, law_steps
+from brake_fenicsx.micro.law import LawLibrary, LawSteps, make_library
+from brake_fenicsx.micro.law_of_surface import law_steps
 from brake_fenicsx.micro.loading import solve_contact
+from brake_fenicsx.micro.settings import LawSettings
 from brake_fenicsx.surface import BiFractal, HeightDistribution, Topography, synthesise
 
 logger = logging.getLogger("brake_fenicsx")
@@ -29,43 +30,22 @@ class LawRecipe:
     Attributes:
         psd: spectrum of the surfaces.
         hdf: distribution of their heights.
-        E_star: composite modulus [Pa].
+        settings: how they are pressed.
         shape: pixels of a patch (nx, ny).
         size: lengths of a patch [m].
         low: treatment of waves longer than the scan, ``"flat"`` or ``"extend"``.
         synthesis: ``"projection"``, ``"translation"`` or None: see ``synthesise``.
         variance: ``"spectrum"`` or ``"scan"``: see ``synthesise``.
-        max_pressure: mean pressure the law is computed to [Pa]; 0.1 E* if None.
-        min_pressure: mean pressure of the first step [Pa]; 1e-6 E* if None.
-        steps: steps of the law, see ``contact_law``.
-        boundary: ``"free"`` or ``"periodic"``.
-        bulk_compliance: ``"remove"`` or ``"keep"``.
-        tolerance: duality gap over the work of each step [-].
-        hardness: pressure at which a surface yields [Pa]; None for elastic ones.
     """
 
     psd: BiFractal
     hdf: HeightDistribution
-    E_star: float
+    settings: LawSettings
     shape: tuple[int, int] = (128, 128)
     size: tuple[float, float] = (2.825e-3, 2.825e-3)
     low: str = "flat"
     synthesis: str | None = None
     variance: str = "spectrum"
-    max_pressure: float | None = None
-    min_pressure: float | None = None
-    steps: int = 40
-    boundary: str = "free"
-    bulk_compliance: str = "remove"
-    tolerance: float = 1e-6
-    hardness: float | None = None
-
-    @property
-    def highest(self) -> float:
-        """Mean pressure that the laws are computed to [Pa]."""
-        if self.max_pressure is not None:
-            return self.max_pressure
-        return highest_pressure(self.E_star, self.hardness)
 
     def surface(self, seed: int, number: int) -> Topography:
         """Artificial surface ``number`` of the family of ``seed``.
@@ -78,23 +58,18 @@ class LawRecipe:
             self.psd, self.hdf, self.shape, self.size, rng, self.low, self.synthesis, self.variance
         )
 
-    def law(self, seed: int, number: int) -> tuple[Array, Array, Array, Array]:
+    def law(self, seed: int, number: int) -> LawSteps:
         """Steps of the law of that surface, see ``law_steps``."""
-        return law_steps(
-            self.surface(seed, number), self.E_star, self.max_pressure, self.min_pressure,
-            self.steps, self.boundary, self.bulk_compliance, self.tolerance, self.hardness,
-        )  # fmt: skip
+        return law_steps(self.surface(seed, number), self.settings)
 
-    def settings(self) -> dict[str, Any]:
+    def record(self) -> dict[str, Any]:
         """What the laws were made with, for the record on disk."""
-        names = ("E_star", "shape", "size", "low", "synthesis", "variance", "max_pressure")
-        more = ("min_pressure", "steps", "boundary", "bulk_compliance", "tolerance", "hardness")
-        found: dict[str, Any] = {name: getattr(self, name) for name in (*names, *more)}
-        found |= {name: getattr(self.psd, name) for name in ("c1", "c2", "q_c", "C0", "band")}
-        form = self.psd.form
-        if form is not None:
-            found["form"] = (form.c1, form.c2, form.q_c, form.C0, form.band)
-        return found | {"S_q": self.hdf.S_q, "distribution": self.hdf.name}
+        own = {name: getattr(self, name) for name in ("shape", "size", "low", "synthesis")}
+        spectrum = {name: getattr(self.psd, name) for name in ("c1", "c2", "q_c", "C0", "band")}
+        if (form := self.psd.form) is not None:
+            spectrum["form"] = (form.c1, form.c2, form.q_c, form.C0, form.band)
+        heights = {"variance": self.variance, "S_q": self.hdf.S_q, "distribution": self.hdf.name}
+        return own | asdict(self.settings) | spectrum | heights
 
 
 def force_above(
@@ -116,8 +91,9 @@ def force_above(
         topo = recipe.surface(seed, number)
         load = mean_pressure * float(np.prod(topo.size))
         p = solve_contact(
-            topo.heights, topo.size, recipe.E_star, load=load, boundary=recipe.boundary,
-            tol=recipe.tolerance, hardness=recipe.hardness,
+            topo.heights, topo.size, recipe.settings.E_star, load=load,
+            boundary=recipe.settings.boundary, tol=recipe.settings.tolerance,
+            hardness=recipe.settings.hardness,
         ).pressure  # fmt: skip
         shares.append(float(p[p > limit].sum() / p.sum()))
     return float(np.median(shares))
@@ -142,39 +118,36 @@ def law_library(recipe: LawRecipe, n: int, seed: int, processes: int = 1) -> Law
         # Forked workers share what is already imported; they start no threads and no MPI calls.
         with ProcessPoolExecutor(processes, get_context("fork")) as pool:
             steps = list(pool.map(partial(recipe.law, seed), range(n), chunksize=4))
-    settings = {**recipe.settings(), "seed": seed}
+    settings = {**recipe.record(), "seed": seed}
     return make_library(steps, list(range(n)), settings)
 
 
 def save_laws(path: str | Path, laws: LawLibrary) -> None:
-    """Write a library: arrays d, p, k, count, seed, the settings as JSON, ratio under a hardness.
+    """Write a library: its arrays under their names, and the settings as JSON.
 
     Args:
         path: ``.npz`` file to write.
         laws: the library.
     """
-    settings = json.dumps(laws.settings, sort_keys=True)
-    arrays: dict[str, Any] = {
-        name: getattr(laws, name) for name in ("d", "p", "k", "count", "seed")
-    }
-    if laws.ratio is not None:
-        arrays["ratio"] = laws.ratio
+    arrays = {name: getattr(laws, name) for name in ("count", "seed", *LawSteps._fields)}
+    arrays = {name: array for name, array in arrays.items() if array is not None}
     with Path(path).open("wb") as file:
-        np.savez(file, settings=np.array(settings), **arrays)
+        np.savez(file, settings=np.array(json.dumps(laws.settings, sort_keys=True)), **arrays)
 
 
 def load_laws(path: str | Path) -> LawLibrary:
     """Read a library that ``save_laws`` wrote.
 
     Raises:
-        SceneError: no such file, or not a library.
+        SceneError: no such file, not a library, or one of an earlier version.
     """
     file = Path(path)
     try:
         with np.load(file, allow_pickle=False) as data:
-            d, p, k, count, seed = (data[name] for name in ("d", "p", "k", "count", "seed"))
+            arrays = {name: data[name] for name in data.files if name != "settings"}
             settings = json.loads(str(data["settings"]))
-            ratio = data["ratio"] if "ratio" in data.files else None
-    except (OSError, KeyError, ValueError) as error:
+        if "ratio" in arrays:
+            raise ValueError("laws of an earlier version, which were wrong between their steps")
+        return LawLibrary(settings=settings, **arrays)
+    except (OSError, KeyError, TypeError, ValueError) as error:
         raise SceneError(f"{file}: not a library of laws ({error}); run the micro stage") from error
-    return LawLibrary(d, p, k, count, seed, settings, ratio)

@@ -18,10 +18,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg.blas import daxpy
 
 from brake_fenicsx.errors import NotConverged
-from brake_fenicsx.micro.halfspace import Array, HalfSpace, Mask
+from brake_fenicsx.micro.halfspace import Array, HalfSpace, Mask, add_to
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,7 +191,7 @@ def projected_cg(
         z = space.precondition(r)
         z *= mask
         if load_control:
-            _add(z, -float(z.sum()) / push, unit)
+            add_to(z, -float(z.sum()) / push, unit)
         new = float(np.vdot(z, r))
         # Polak-Ribiere: forgets the last direction by itself where the touching set changes.
         t *= max(0.0, (new - float(np.vdot(z, before))) / old) if old > 0.0 else 0.0
@@ -205,13 +204,13 @@ def projected_cg(
             watch.force()
             continue
         step = slope / curvature
-        _add(p, -step, t)
+        add_to(p, -step, t)
         if p.min() < 0.0 or (bounded and p.max() > cap):
             p = _projected(p, total, cap, free)
             g = space.apply(p)
             g -= h
         else:
-            _add(g, -step, moved)
+            add_to(g, -step, moved)
     raise NotConverged(
         f"contact on {h.shape[0]} x {h.shape[1]} pixels: certificate {certificate.gap:.2g} after "
         f"{max_iterations} iterations, wanted {tolerance:.2g}; loosen 'tolerance'"
@@ -313,37 +312,3 @@ def _level(g: Array, elastic: Mask, top: Mask | None) -> float:
     if top is None or elastic.any():
         return float(np.vdot(g, elastic.astype(float))) / np.count_nonzero(elastic)
     return 0.5 * (float(g[top].max()) + float(g[~top].min()))
-
-
-def _add(y: Array, a: float, x: Array) -> None:
-    """Add a x to y in place, in one pass through the memory; both in the order of C."""
-    daxpy(x.reshape(-1), y.reshape(-1), a=a)
-
-
-def unit_answer(space: HalfSpace, touching: Mask, x: Array, tolerance: float = 1e-2) -> Array:
-    """Pressures -dp/dd [1/m] on fixed touching pixels that displace them by one.
-
-    Their sum has the square of the error of x, so ``tolerance`` 1e-2 gives it to about 1e-4.
-
-    Args:
-        space: the half-space.
-        touching: touching pixels, shape (nx, ny).
-        x: guess [1/m], shape (nx, ny).
-        tolerance: energy norm of the error over that of x, as the preconditioner measures it [-].
-    """
-    mask = np.ascontiguousarray(touching, dtype=float)
-    x = np.ascontiguousarray(mask * x)
-    r = mask * (1.0 - space.apply(x))
-    t, old = np.zeros_like(x), 1.0
-    for _ in range(200):
-        z = mask * space.precondition(r)
-        new = float(np.vdot(z, r))
-        if new <= tolerance**2 * float(x.sum()):
-            return x
-        t *= new / old
-        t += z
-        moved = mask * space.apply(t)
-        step, old = new / float(np.vdot(t, moved)), new
-        _add(x, step, t)
-        _add(r, -step, moved)
-    raise NotConverged("stiffness of the touching pixels: 200 iterations were not enough")

@@ -22,9 +22,11 @@ from brake_fenicsx.micro.active import (
     elastic_answer,
 )
 from brake_fenicsx.micro.halfspace import Array, HalfSpace, Index
-from brake_fenicsx.micro.loading import FEW, dense, first_guess
-from brake_fenicsx.micro.qp import certify, projected_cg, unit_answer
+from brake_fenicsx.micro.loading import dense, first_guess
+from brake_fenicsx.micro.qp import certify, projected_cg
 
+# Candidates up to which a sweep, which uses their dense influence many times, does without FFT.
+HIGHEST = 3000
 CORNERS = 100  # touching pixels up to which the corners of a law need the finest steps
 
 
@@ -67,7 +69,7 @@ class Reached:
 
 def sweep(
     space: HalfSpace, h: Array, lowest: float, highest: float, fine: int, coarse: int,
-    tolerance: float, hardness: float | None = None, few: int | None = None,
+    tolerance: float, hardness: float | None = None, stop: int | None = None,
 ) -> list[Step]:  # fmt: skip
     """Press a surface from one touching pixel to a high load.
 
@@ -80,7 +82,7 @@ def sweep(
         coarse: steps per decade when many touch.
         tolerance: of the certificate of each step [-].
         hardness: pressure over E* at which a pixel yields [-]; None for an elastic surface.
-        few: end where more pixels than these touch; None to go on with many.
+        stop: end where more pixels than these touch; None to go on to ``highest``.
 
     Returns:
         Steps of rising load. A periodic surface may close before ``highest``: then the sweep ends,
@@ -98,13 +100,14 @@ def sweep(
             f"hardness = {cap:.4g} E* under a mean pressure of {highest / h.size:.4g} E*: the "
             "hardness must be higher; lower the highest pressure of the law"
         )
-    most = dense(h.size) if few is None else few
+    limit = h.size if stop is None else stop
     rates = fine, coarse
-    steps, reached = _few_steps(space, h, lowest, highest, rates, tolerance, cap, most)
-    if few is not None or steps[-1].total >= highest * (1.0 - 1e-9) or _closed(space, steps[-1]):
+    few = dense(h.size) if stop is None else min(stop, 2 * dense(h.size))
+    steps, reached = _few_steps(space, h, lowest, highest, rates, tolerance, cap, few)
+    if steps[-1].total >= highest * (1.0 - 1e-9) or _closed(space, steps[-1]):
         return steps
     many = _many_steps if hardness is None else _many_loads
-    return steps + many(space, h, highest, rates, tolerance, steps[-1], reached, cap)
+    return steps + many(space, h, highest, rates, tolerance, steps[-1], reached, cap, limit)
 
 
 def _few_steps(
@@ -148,15 +151,14 @@ def _closed(space: HalfSpace, step: Step) -> bool:
 
 def _highest(space: HalfSpace, h: Array, order: Index, count: int) -> Pixels:
     """The highest pixels, or all where these are too many or the boundary is periodic."""
-    if space.boundary == "free" and count <= FEW:
+    if space.boundary == "free" and count < min(h.size, HIGHEST):
         return HighPixels(space, h, order[:count])
     return AllPixels(space, h)
 
 
 def _suffice(pixels: HighPixels, h: Array, order: Index, solved: Touching | None) -> bool:
     """Whether all pixels that are not among the highest stay below the plane."""
-    count = pixels.height.size
-    return solved is not None and (count == h.size or h.ravel()[order[count]] <= solved.d)
+    return solved is not None and bool(h.ravel()[order[pixels.height.size]] <= solved.d)
 
 
 def _translate(pixels: Pixels, order: Index, found: Touching) -> Touching:
@@ -181,7 +183,7 @@ def _by_gradients(
     guess = first_guess(space, h, None, total, cap) if p is None else p
     solved = projected_cg(space, h, None, total, guess, tolerance, cap=cap)
     elastic, top = (solved.p > 0.0) & (solved.p < cap), solved.p >= cap
-    unit = unit_answer(space, elastic, np.zeros_like(h))
+    unit = space.unit_answer(elastic, np.zeros_like(h))
     points = np.concatenate([np.flatnonzero(elastic), np.flatnonzero(top)])
     return Touching(
         points, solved.p.ravel()[points], unit.ravel()[points], solved.w.ravel(), solved.d,
@@ -214,12 +216,12 @@ def _spread(pixels: Pixels, found: Touching, h: Array, order: Index) -> Reached:
 
 def _many_steps(
     space: HalfSpace, h: Array, highest: float, rates: tuple[int, int], tolerance: float,
-    last: Step, reached: Reached, cap: float,
+    last: Step, reached: Reached, cap: float, limit: int,
 ) -> list[Step]:  # fmt: skip
     """Continue with conjugate gradients, the separation chosen for even steps in load."""
     found: list[Step] = []
     p, unit = reached.p, reached.unit
-    while last.total < highest and not _closed(space, last):
+    while last.total < highest and last.touching <= limit and not _closed(space, last):
         ratio = _ratio(rates, last.touching)
         # Along constant d(ln p)/dd, which falls as the load rises: a little short of the ratio.
         d = last.d - last.total / last.stiffness * np.log(ratio)
@@ -228,7 +230,7 @@ def _many_steps(
         guess = np.maximum(p + (last.d - d) * unit, 0.0)
         solved = projected_cg(space, h, float(d), None, guess, tolerance)
         p = solved.p
-        unit = unit_answer(space, p > 0.0, unit)
+        unit = space.unit_answer(p > 0.0, unit)
         count, k = int(np.count_nonzero(p)), float(unit.sum())
         last = Step(solved.d, float(p.sum()), k, k, count, solved.gap)
         found.append(last)
@@ -237,19 +239,20 @@ def _many_steps(
 
 def _many_loads(
     space: HalfSpace, h: Array, highest: float, rates: tuple[int, int], tolerance: float,
-    last: Step, reached: Reached, cap: float,
+    last: Step, reached: Reached, cap: float, limit: int,
 ) -> list[Step]:  # fmt: skip
     """The same at given loads: towards the hardness the load hardly answers to the separation."""
     found: list[Step] = []
     p, unit, whole = reached.p, reached.unit, reached.unit
-    while last.total < highest * (1.0 - 1e-9) and not _closed(space, last):
+    end = highest * (1.0 - 1e-9)
+    while last.total < end and last.touching <= limit and not _closed(space, last):
         total = min(last.total * _ratio(rates, last.touching), highest)
         guess = np.maximum(p + (total - last.total) / last.stiffness * unit, 0.0)
         solved = projected_cg(space, h, None, total, guess, tolerance, cap=cap)
         p = solved.p
         touching, elastic = p > 0.0, (p > 0.0) & (p < cap)
-        unit = unit_answer(space, elastic, unit)
-        whole = unit_answer(space, touching, whole)
+        unit = space.unit_answer(elastic, unit)
+        whole = space.unit_answer(touching, whole)
         count, k = int(np.count_nonzero(touching)), float(unit.sum())
         last = Step(solved.d, total, k, float(whole.sum()), count, solved.gap)
         found.append(last)

@@ -66,7 +66,7 @@ def draw_laws(run: RunData) -> Figure | None:
     text = "$p/E^*$ [-]" if E_star else "mean pressure $p$ [MPa]"
     axes[0, 1].set(yscale="log", xlabel="separation $d$ [µm]", ylabel=text)
     panel(axes[0, 1], "b", f"log, $E^*$ = {E_star / 1e6:.0f} MPa" if E_star else "log")
-    _draw_stiffness(axes[0, 2], p / 1e6, k / 1e9, laws.get("ratio"))
+    _draw_stiffness(axes[0, 2], p / 1e6, k / 1e9, laws["v"] / 1e9 if "v" in laws else None)
     _mark_braking(axes[0, 2], run)
     for axis in axes.flat:
         light_grid(axis)
@@ -89,10 +89,11 @@ def laws_caption(run: RunData) -> str:
     ]
     if laws and len(laws["d"]) >= FEW_LAWS:
         said.append("Stiffness: also its median over the laws, and the band of 5 to 95 % of them.")
-    if "ratio" in laws:
+    if "v" in laws:
         said.append(
-            "With a hardness a law has two stiffnesses: the loading stiffness for the equilibrium,"
-            " and the vibration stiffness for the modes."
+            "The equilibrium takes the loading stiffness, the modes the vibration stiffness: with a"
+            " hardness that of elastic unloading, without one the mean loading stiffness over a"
+            " third of a decade of pressure."
         )
     return " ".join(said)
 
@@ -184,19 +185,19 @@ def _draw_bundle(
         axes.plot(np.median(rows, axis=0), at, color=BLACK, lw=1.6, label="median separation")
 
 
-def _draw_stiffness(axes: Axes, p: NDArray, k: NDArray, ratio: NDArray | None) -> None:
+def _draw_stiffness(axes: Axes, p: NDArray, k: NDArray, v: NDArray | None) -> None:
     """Stiffness of each law, and median and band over the laws."""
     faint = 0.4 if len(p) >= FEW_LAWS else 1.0  # below the band
     _draw_bundle(axes, p, k, median=False, faint=faint)
-    if ratio is not None:
-        for own_p, own_k in zip(p, k * ratio, strict=True):
-            axes.plot(own_p, own_k, color=ORANGE, lw=0.5, alpha=0.4 * faint)
+    if v is not None:
+        for law_p, law_v in zip(p, v, strict=True):
+            axes.plot(law_p, law_v, color=ORANGE, lw=0.5, alpha=0.4 * faint)
         axes.plot([], [], color=BLUE, label="of loading")
         axes.plot([], [], color=ORANGE, label="of small vibrations")
     if len(p) >= FEW_LAWS:
         for values, colour, text in (
             (k, BLUE, "median, 5 to 95 %"),
-            *(((k * ratio, ORANGE, None),) if ratio is not None else ()),
+            *(((v, ORANGE, None),) if v is not None else ()),
         ):
             rows, at = _at_common_pressures(values, p)
             low, middle, high = np.quantile(rows, [0.05, 0.5, 0.95], axis=0)

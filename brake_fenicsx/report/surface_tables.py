@@ -15,7 +15,13 @@ from .rundata import Arrays, RunData
 from .surface_figures import bearing_curves, surface_statistics
 from .surface_section import of_surface, parameter_columns, parameter_rows, scans_of
 
-LAW_COLUMNS = ("law", "step", "d_m", "p_Pa", "k_Pa_per_m")
+LAW_COLUMNS = {
+    "d": "d_m",
+    "p": "p_Pa",
+    "k": "k_Pa_per_m",
+    "v": "k_vibration_Pa_per_m",
+    "area": "touching_share",
+}
 HEIGHTS = "artificial_surface"
 
 
@@ -33,9 +39,9 @@ def write_surface_tables(run: RunData) -> list[Path]:
     """
     folder, tables, written = run.directory, run.directory / "tables", list[Path]()
     if run.laws is not None and "count" in run.laws:
-        ratio = ("k_vibration_Pa_per_m",) if "ratio" in run.laws else ()
+        heads = [head for name, head in LAW_COLUMNS.items() if name in run.laws]
         rows = _law_rows(run.laws)
-        written.append(write_rows(folder / "laws.csv", (*LAW_COLUMNS, *ratio), rows))
+        written.append(write_rows(folder / "laws.csv", ("law", "step", *heads), rows))
     if (s := run.surface) is None:
         return written
     tables.mkdir(exist_ok=True)
@@ -67,12 +73,10 @@ def write_surface_tables(run: RunData) -> list[Path]:
 
 def _law_rows(laws: Arrays) -> Iterator[list[Value]]:
     """One row for each step of each law."""
+    arrays = [laws[name] for name in LAW_COLUMNS if name in laws]
     for i, count in enumerate(laws["count"]):
         for j in range(int(count)):
-            row: list[Value] = [i, j, *(float(laws[name][i, j]) for name in "dpk")]
-            if "ratio" in laws:
-                row.append(float(laws["k"][i, j] * laws["ratio"][i, j]))
-            yield row
+            yield [i, j, *(float(array[i, j]) for array in arrays)]
 
 
 def _write_heights(folder: Path, heights: NDArray, size: NDArray) -> list[Path]:

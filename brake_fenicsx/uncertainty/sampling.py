@@ -18,10 +18,16 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import FrictionLaw
 from brake_fenicsx.macro.contact import Contact
 from brake_fenicsx.macro.gap import EnrichedGap, draw_critical_gaps, draw_waviness
-from brake_fenicsx.micro import OneLaw, exponential_law, linear_law, make_library
-from brake_fenicsx.micro.joined import join_laws
+from brake_fenicsx.micro import (
+    LawSteps,
+    OneLaw,
+    exponential_law,
+    join_laws,
+    linear_law,
+    make_library,
+    scaled_laws,
+)
 from brake_fenicsx.micro.law import Laws
-from brake_fenicsx.micro.scaled import scaled_laws
 from brake_fenicsx.scene import Contact as ContactTable
 from brake_fenicsx.scene import Law, Scene
 from brake_fenicsx.scene.friction import friction_of
@@ -221,7 +227,7 @@ def one_law(law: Law) -> OneLaw:
         d, p = np.array(law.steps)
         # Slopes of ln p of the monotone cubic through the rows (Fritsch and Carlson).
         k = -p[::-1] * PchipInterpolator(d[::-1], np.log(p[::-1])).derivative()(d[::-1])
-        return OneLaw(make_library([(d, p, k[::-1])])[0])
+        return OneLaw(make_library([LawSteps(d, p, k[::-1])])[0])
     if law.linear is not None:
         return OneLaw(linear_law(law.linear))
     if law.p0 is None or law.u0 is None:

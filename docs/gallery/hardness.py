@@ -17,25 +17,28 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from brake_fenicsx.micro import LawRecipe, law_library, plane_strain_modulus
+from brake_fenicsx.micro import LawRecipe, LawSettings, law_library, plane_strain_modulus
 from brake_fenicsx.surface import characterise, read_topography
 
 HERE = Path(globals().get("__file__", "notebook")).resolve().parent
 scan = read_topography(HERE.parents[1] / "scripts" / "scenes" / "pad_scan.npz")
 stats = characterise(scan)
 recipe = LawRecipe(
-    stats.bifractal, stats.hdf, plane_strain_modulus(1983.3e6, 0.4054), shape=(256, 256)
+    stats.bifractal,
+    stats.hdf,
+    LawSettings(plane_strain_modulus(1983.3e6, 0.4054)),
+    shape=(256, 256),
 )
 pressure = np.geomspace(2e4, 5e6, 40)
 
 
 def stiffness(hardness):
     """Median loading stiffness and vibration stiffness [Pa/m] at the pressures."""
-    laws = law_library(replace(recipe, hardness=hardness), 4, seed=1)
-    ratio = np.ones_like(laws.k) if laws.ratio is None else laws.ratio
+    settings = replace(recipe.settings, hardness=hardness)
+    laws = [law.steps for law in law_library(replace(recipe, settings=settings), 4, seed=1)]
     both = [
-        [np.exp(np.interp(np.log(pressure), np.log(p[:n]), np.log(k[:n]))) for k in (k, k * r)]
-        for p, k, r, n in zip(laws.p, laws.k, ratio, laws.count, strict=True)
+        [np.exp(np.interp(np.log(pressure), np.log(s.p), np.log(k))) for k in (s.k, s.v)]
+        for s in laws
     ]
     return np.median(both, axis=0)
 

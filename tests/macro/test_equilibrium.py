@@ -14,6 +14,7 @@ from brake_fenicsx.macro.equilibrium import equilibrium
 from brake_fenicsx.macro.gap import separation_density
 from brake_fenicsx.micro import (
     LawRecipe,
+    LawSettings,
     OneLaw,
     exponential_law,
     law_library,
@@ -31,7 +32,7 @@ def operators(scene):
 def computed_library():
     """Four laws of rough patches, on few pixels: kinks, feet and tails as real laws have them."""
     found = given_statistics(3.31e-6, -0.2410, 3.6549)
-    recipe = LawRecipe(found.bifractal, found.hdf, 2.3734e9, shape=(32, 32), tolerance=1e-8)
+    recipe = LawRecipe(found.bifractal, found.hdf, LawSettings(2.3734e9, tolerance=1e-8), (32, 32))
     return law_library(recipe, 4, seed=5)
 
 

@@ -9,7 +9,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.braking import with_compliance
 from brake_fenicsx.macro.equilibrium import equilibrium
 from brake_fenicsx.micro import OneLaw, exponential_law, linear_law
-from brake_fenicsx.micro.joined import join_laws
+from brake_fenicsx.micro.combined import join_laws
 from brake_fenicsx.pipeline import assemble, run
 from brake_fenicsx.scene import Friction, read_scene
 from brake_fenicsx.uncertainty.sampling import draw_sample

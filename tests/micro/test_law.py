@@ -9,6 +9,8 @@ from scipy.integrate import quad
 from brake_fenicsx.errors import SceneError, SurfaceError
 from brake_fenicsx.micro import (
     LawRecipe,
+    LawSettings,
+    LawSteps,
     OneLaw,
     contact_law,
     exponential_law,
@@ -17,6 +19,7 @@ from brake_fenicsx.micro import (
     load_laws,
     make_library,
     save_laws,
+    scaled_laws,
     solve_contact,
 )
 from brake_fenicsx.surface import given_statistics, make_topography, synthesise
@@ -142,7 +145,7 @@ def random_steps(rng, n):
     """Steps of a monotone law with slopes that need not fit the chords."""
     d = np.cumsum(-rng.exponential(1e-6, n)) + 1e-4
     p = np.cumsum(rng.exponential(1.0, n)) * 10.0 ** rng.uniform(-2, 8)
-    return d, p, rng.exponential(1.0, n) * p / 1e-6
+    return LawSteps(d, p, rng.exponential(1.0, n) * p / 1e-6)
 
 
 @settings(max_examples=60, deadline=None)
@@ -174,8 +177,10 @@ def test_library_is_its_laws():
     laws = make_library([random_steps(rng, n) for n in (5, 1, 30, 17)], [3, 1, 4, 1])
     index = rng.integers(0, 4, 200)
     d = rng.uniform(laws.d.min() - 1e-6, laws.first_touch(np.arange(4)).max() + 1e-6, 200)
-    for name in ("pressure", "stiffness", "energy"):
-        many = getattr(laws, name)(index, d)
+    p, k = laws.loading(index, d)
+    every = {"pressure": p, "stiffness": k, "energy": laws.energy(index, d)}
+    every["vibration"], _ = laws.vibration(index, d)
+    for name, many in every.items():
         one = [getattr(laws[i], name)(x) for i, x in zip(index, d, strict=True)]
         np.testing.assert_array_equal(many, one)
     np.testing.assert_array_equal(
@@ -186,19 +191,22 @@ def test_library_is_its_laws():
         laws[4]
 
 
-def test_scaled_law_is_stiffer_everywhere(law):
-    """Another modulus: p, -p' and energy grow by one factor, first touch stays."""
-    x = np.linspace(law.steps[0][-1] - 1e-5, law.first_touch, 50)
-    for other in (law.scaled(1.7), law.library.scaled(1.7)[0]):
-        for name in ("pressure", "stiffness", "energy"):
-            wanted = 1.7 * getattr(law, name)(x)
-            # At first touch itself powers of round-off are left.
-            np.testing.assert_allclose(getattr(other, name)(x), wanted, 1e-12, 1e-15 * wanted[0])
-        assert other.first_touch == pytest.approx(law.first_touch, rel=1e-14)
+def test_scaled_laws_are_stiffer_everywhere(law):
+    """Another modulus: p, -p', v, dv/dd and energy grow by one factor, first touch stays."""
+    x = np.linspace(law.steps.d[-1] - 1e-5, law.first_touch, 50)
+    index = np.zeros(50, dtype=int)
+    other = scaled_laws(law.library, 1.7)
+    assert scaled_laws(law.library, 1.0) is law.library
+    for name in ("loading", "vibration", "energy"):
+        wanted = 1.7 * np.array(getattr(law.library, name)(index, x))
+        np.testing.assert_allclose(getattr(other, name)(index, x), wanted, 1e-12)
+    np.testing.assert_array_equal(other.first_touch(index), law.library.first_touch(index))
 
 
 def test_save_and_load(tmp_path, law):
-    laws = make_library([law.steps, law.scaled(2.0).steps], [11, 12], {"E_star": E_STAR})
+    laws = make_library(
+        [law.steps, contact_law(surface(3, 32), E_STAR).steps], [11, 12], {"E_star": E_STAR}
+    )
     save_laws(tmp_path / "laws.npz", laws)
     back = load_laws(tmp_path / "laws.npz")
     assert back.settings == {"E_star": E_STAR}
@@ -206,6 +214,7 @@ def test_save_and_load(tmp_path, law):
     x = np.linspace(-1e-4, 2e-4, 100)
     for i in range(2):
         np.testing.assert_array_equal(back[i].energy(x), laws[i].energy(x))
+        np.testing.assert_array_equal(back[i].vibration(x), laws[i].vibration(x))
 
 
 def test_loading_something_else_is_named(tmp_path):
@@ -216,8 +225,16 @@ def test_loading_something_else_is_named(tmp_path):
         load_laws(tmp_path / "other.npz")
 
 
+def test_laws_of_an_earlier_version_are_refused(tmp_path):
+    """They stored the ratio of both stiffnesses, whose product was wrong between the steps."""
+    table = np.ones((1, 2))
+    np.savez(tmp_path / "laws.npz", d=table, p=table, k=table, ratio=table, settings="{}")
+    with pytest.raises(SceneError, match="earlier version"):
+        load_laws(tmp_path / "laws.npz")
+
+
 def test_library_does_not_depend_on_the_number_of_processes():
-    recipe = LawRecipe(PAPER.bifractal, PAPER.hdf, E_STAR, shape=(32, 32))
+    recipe = LawRecipe(PAPER.bifractal, PAPER.hdf, LawSettings(E_STAR), shape=(32, 32))
     one, two = (law_library(recipe, 3, seed=7, processes=n) for n in (1, 2))
     for name in ("d", "p", "k", "count", "seed"):
         np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
@@ -236,9 +253,12 @@ def test_analytic_laws():
     np.testing.assert_allclose(soft.pressure(d), 1e6 * np.exp([2.0, 0.0, -1.0]))
     np.testing.assert_allclose(soft.stiffness(d), 1e12 * np.exp([2.0, 0.0, -1.0]))
     np.testing.assert_allclose(soft.energy(d), np.exp([2.0, 0.0, -1.0]))
-    assert spring.scaled(0.5).k == 1e13 and soft.scaled(2.0).p0 == 2e6
     many = OneLaw(spring)
-    np.testing.assert_array_equal(many.pressure(np.array([0, 5, 9]), d), spring.pressure(d))
+    index = np.array([0, 5, 9])
+    np.testing.assert_array_equal(many.loading(index, d), [spring.pressure(d), spring.stiffness(d)])
+    v, slope = OneLaw(soft).vibration(index, d)
+    np.testing.assert_array_equal(v, soft.stiffness(d))
+    np.testing.assert_allclose(slope, -soft.stiffness(d) / 1e-6, rtol=1e-6)
     assert len(many) == 1 and many.first_touch(np.zeros(3, dtype=int)).shape == (3,)
 
 
@@ -249,18 +269,23 @@ def test_analytic_laws():
         lambda: exponential_law(1.0, 0.0),
         lambda: exponential_law(np.nan, 1.0),
         lambda: make_library([]),
-        lambda: make_library([(np.array([1.0, 2.0]), np.array([1.0, 2.0]), np.ones(2))]),
-        lambda: make_library([(np.array([2.0, 1.0]), np.array([1.0, 1.0]), np.ones(2))]),
-        lambda: make_library([(np.array([2.0, 1.0]), np.array([1.0, 2.0]), np.zeros(2))]),
-        lambda: make_library([(np.array([1.0, 1.0]), np.array([1.0, 2.0]), np.ones(2))]),
-        lambda: make_library([(np.array([2.0, 1.0]), np.array([0.0, 2.0]), np.ones(2))]),
+        lambda: make_library([LawSteps(np.array([1.0, 2.0]), np.array([1.0, 2.0]), np.ones(2))]),
+        lambda: make_library([LawSteps(np.array([2.0, 1.0]), np.array([1.0, 1.0]), np.ones(2))]),
+        lambda: make_library([LawSteps(np.array([2.0, 1.0]), np.array([1.0, 2.0]), np.zeros(2))]),
+        lambda: make_library([LawSteps(np.array([1.0, 1.0]), np.array([1.0, 2.0]), np.ones(2))]),
+        lambda: make_library([LawSteps(np.array([2.0, 1.0]), np.array([0.0, 2.0]), np.ones(2))]),
         lambda: contact_law(surface(0, 8), -1.0),
         lambda: contact_law(surface(0, 8), 1.0, max_pressure=1e-9, min_pressure=1e-6),
         lambda: contact_law(surface(0, 8), 1.0, max_pressure=0.1, hardness=0.05),
-        lambda: contact_law(surface(0, 8), 1.0, grids="three"),
+        lambda: contact_law(surface(0, 8), 1.0, grids="two"),
+        lambda: contact_law(surface(0, 8), "a"),
+        lambda: contact_law(surface(0, 8), 1.0, tolerance=np.nan),
+        lambda: contact_law(surface(0, 8), 1.0, tolerance=10.0),
+        lambda: contact_law(surface(0, 8), 1.0, hardness=[0.1, 0.2]),
+        lambda: contact_law(surface(0, 8), 1.0, steps=10**6),
         lambda: contact_law(surface(0, 8), 1.0, bulk_compliance="half"),
         lambda: contact_law(surface(0, 8), 1.0, boundary="open"),
-        lambda: law_library(LawRecipe(PAPER.bifractal, PAPER.hdf, 1.0), 0, 1),
+        lambda: law_library(LawRecipe(PAPER.bifractal, PAPER.hdf, LawSettings(1.0)), 0, 1),
     ],
 )
 def test_laws_that_cannot_be(make):

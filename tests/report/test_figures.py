@@ -273,7 +273,7 @@ def test_laws_are_all_drawn_on_linear_and_log_axes(run):
 
 def stiffness_band(run, number):
     """Panel of the stiffness of a number of laws, its black lines and its filled bands."""
-    laws = {n: a[:number] if n in ("d", "p", "k", "ratio") else a for n, a in run.laws.items()}
+    laws = {n: a[:number] if n in ("d", "p", "k", "v") else a for n, a in run.laws.items()}
     axis = draw_laws(replace(run, laws=laws)).axes[2]
     lines = [line for line in axis.lines if line.get_color() == BLACK]
     return axis, lines, [c for c in axis.collections if isinstance(c, PolyCollection)]
@@ -296,7 +296,7 @@ def test_stiffness_of_many_laws_has_its_median_and_band(run):
 
 
 def test_both_stiffnesses_of_laws_with_a_hardness_have_a_band(run):
-    hard = replace(run, laws={**run.laws, "ratio": np.full_like(run.laws["k"], 3.0)})
+    hard = replace(run, laws={**run.laws, "v": 3.0 * run.laws["k"]})
     _, lines, bands = stiffness_band(hard, 30)
     assert len(lines) == len(bands) == 2
     np.testing.assert_allclose(lines[1].get_ydata(), 3 * lines[0].get_ydata())

@@ -18,7 +18,7 @@ def written(run_directory, tmp_path):
     with np.load(run_directory / "laws.npz") as file:
         laws = dict(file)
     laws["count"] = np.array([60 - i for i in range(30)])
-    laws["ratio"] = np.full(laws["k"].shape, 2.0)
+    laws["v"] = 2.0 * laws["k"]
     np.savez(tmp_path / "laws.npz", **laws)
     run = read_run(tmp_path)
     return run, {path.name: path for path in write_surface_tables(run)}

@@ -1,0 +1,138 @@
+"""Libraries made of other laws: one law for all elements, another modulus, several libraries."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from brake_fenicsx.micro.law import Array, Index, Law, Laws, same_shape, smooth_vibration
+
+
+@dataclass(frozen=True, slots=True)
+class OneLaw:
+    """A single smooth law seen as ``Laws``: every index means the same law.
+
+    Attributes:
+        law: the law.
+    """
+
+    law: Law
+
+    def __len__(self) -> int:
+        """One."""
+        return 1
+
+    def __iter__(self) -> Iterator[Law]:
+        """The law itself."""
+        return iter((self.law,))
+
+    def first_touch(self, index: Index) -> Array:
+        """See ``Laws``."""
+        return np.full(np.shape(index), self.law.first_touch)
+
+    def loading(self, index: Index, d: Array) -> tuple[Array, Array]:
+        """See ``Laws``."""
+        x = same_shape(index, d)[1]
+        return self.law.pressure(x), self.law.stiffness(x)
+
+    def vibration(self, index: Index, d: Array) -> tuple[Array, Array]:
+        """See ``Laws``."""
+        return smooth_vibration(self.law.vibration, same_shape(index, d)[1])
+
+    def energy(self, index: Index, d: Array) -> Array:
+        """See ``Laws``."""
+        return self.law.energy(same_shape(index, d)[1])
+
+
+@dataclass(frozen=True, slots=True)
+class ScaledLaws:
+    """Laws of another modulus: all pressures multiplied by one factor, without a copy.
+
+    Attributes:
+        laws: the library.
+        factor: the factor, positive.
+    """
+
+    laws: Laws
+    factor: float
+
+    def __len__(self) -> int:
+        return len(self.laws)
+
+    def first_touch(self, index: Index) -> Array:
+        """See ``Laws``: no pressure is moved."""
+        return self.laws.first_touch(index)
+
+    def loading(self, index: Index, d: Array) -> tuple[Array, Array]:
+        """See ``Laws``."""
+        p, k = self.laws.loading(index, d)
+        return self.factor * p, self.factor * k
+
+    def vibration(self, index: Index, d: Array) -> tuple[Array, Array]:
+        """See ``Laws``."""
+        v, slope = self.laws.vibration(index, d)
+        return self.factor * v, self.factor * slope
+
+    def energy(self, index: Index, d: Array) -> Array:
+        """See ``Laws``."""
+        return self.factor * self.laws.energy(index, d)
+
+
+@dataclass(frozen=True, slots=True)
+class JoinedLaws:
+    """Libraries one after the other, for interfaces that follow laws of different kinds.
+
+    Attributes:
+        parts: the libraries; law i of part j has number ``start[j] + i``.
+        start: number of the first law of each part, shape (parts,).
+    """
+
+    parts: tuple[Laws, ...]
+    start: Index
+
+    def __len__(self) -> int:
+        return sum(len(part) for part in self.parts)
+
+    def first_touch(self, index: Index) -> Array:
+        """See ``Laws``."""
+        return self._each("first_touch", index)[0]
+
+    def loading(self, index: Index, d: Array) -> tuple[Array, Array]:
+        """See ``Laws``."""
+        p, k = self._each("loading", index, d)
+        return p, k
+
+    def vibration(self, index: Index, d: Array) -> tuple[Array, Array]:
+        """See ``Laws``."""
+        v, slope = self._each("vibration", index, d)
+        return v, slope
+
+    def energy(self, index: Index, d: Array) -> Array:
+        """See ``Laws``."""
+        return self._each("energy", index, d)[0]
+
+    def _each(self, name: str, index: Index, *d: Array) -> Array:
+        """What the part of each element answers, shape (answers, *shape of index)."""
+        index = np.asarray(index)
+        owner = np.searchsorted(self.start, index, side="right") - 1
+        out = np.empty((2 if name in ("loading", "vibration") else 1, *index.shape))
+        for j, part in enumerate(self.parts):
+            if (here := owner == j).any():
+                values = (np.asarray(v)[here] for v in d)
+                out[:, here] = getattr(part, name)(index[here] - self.start[j], *values)
+        return out
+
+
+def scaled_laws(laws: Laws, factor: float) -> Laws:
+    """The library for a modulus ``factor`` times its own; itself where nothing changes."""
+    return laws if factor == 1.0 else ScaledLaws(laws, factor)
+
+
+def join_laws(parts: Sequence[Laws]) -> Laws:
+    """One library of several; a single one is returned as it is."""
+    if len(parts) == 1:
+        return parts[0]
+    sizes = [len(part) for part in parts]
+    return JoinedLaws(tuple(parts), np.cumsum([0, *sizes[:-1]]).astype(np.intp))
