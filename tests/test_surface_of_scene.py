@@ -136,7 +136,7 @@ def test_elastic_laws_say_what_they_carry(scene, tmp_path, hardness):
     assert len(texts) == (1 if hardness is None else 0)
     with np.load(tmp_path / "out" / "laws.npz") as laws:
         if hardness is not None:
-            assert np.all(laws["ratio"] >= 1) and np.any(laws["ratio"] > 1.5)
+            assert np.median(laws["v"] / laws["k"]) > 1.5
 
 
 @pytest.mark.parametrize(

@@ -21,12 +21,8 @@ from brake_fenicsx.surface import characterise, read_topography
 HERE = Path(globals().get("__file__", "notebook")).resolve().parent
 scan = read_topography(HERE.parents[1] / "scripts" / "scenes" / "pad_scan.npz")
 stats = characterise(scan)
-recipe = LawRecipe(
-    stats.bifractal,
-    stats.hdf,
-    LawSettings(plane_strain_modulus(1983.3e6, 0.4054)),
-    shape=(256, 256),
-)
+settings = LawSettings(plane_strain_modulus(1983.3e6, 0.4054))
+recipe = LawRecipe(stats.bifractal, stats.hdf, settings, shape=(256, 256))
 laws = law_library(recipe, 6, seed=1)
 print(f"S_q {1e6 * stats.S_q:.1f} um, skewness {stats.S_sk:.2f}, kurtosis {stats.S_ku:.2f}")
 # -
