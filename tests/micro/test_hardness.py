@@ -7,7 +7,7 @@ from scipy.optimize import lsq_linear
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.micro import solve_contact
 from brake_fenicsx.micro.active import AllPixels, active_set
-from brake_fenicsx.micro.closed_forms import Hertz
+from contact_closed_forms import Hertz
 from brake_fenicsx.micro.halfspace import half_space
 from brake_fenicsx.micro.qp import certify, projected_cg
 from brake_fenicsx.micro.sweep import sweep
