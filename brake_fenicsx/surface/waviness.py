@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from brake_fenicsx.errors import SurfaceError
-from brake_fenicsx.surface.psd import BiFractal, half_plane_weights
+from brake_fenicsx.surface.psd import half_plane_weights
+from brake_fenicsx.surface.spectrum import BiFractal
 from brake_fenicsx.surface.topography import Array
 
 PER_PATCH = 4  # grid points along a patch: the averaged field has no shorter waves than a patch
