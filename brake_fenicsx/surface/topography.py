@@ -100,12 +100,15 @@ def real(name: str, values: Any) -> Array:
     Raises:
         SurfaceError: complex numbers, text or objects.
     """
-    given = np.ma.getdata(values)
+    mask = getattr(values, "mask", False)
+    try:
+        given = np.asarray(values.data if np.any(mask) else values)
+    except ValueError:  # rows of different lengths
+        given = np.array(None)
     if given.dtype.kind not in "biuf":
         raise SurfaceError(f"{name}: values of type {given.dtype}; give real numbers")
     numbers = given.astype(float)
-    numbers[np.ma.getmaskarray(values) | ~np.isfinite(numbers)] = np.nan
-    return np.asarray(numbers)
+    return np.where(mask | ~np.isfinite(numbers), np.nan, numbers)
 
 
 def positive(name: str, value: Any) -> float:
