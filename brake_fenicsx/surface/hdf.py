@@ -4,9 +4,8 @@ Heights follow z = xi + lam f((x - gamma) / delta) with x normal: Johnson's syst
 (SU, unbounded) or the logistic function (SB, bounded), matched to four moments; or they are the
 measured heights themselves, of which the highest follow a smooth tail.
 
-Reference: N. L. Johnson, Biometrika 36 (1949) 149, doi:10.1093/biomet/36.1-2.149; A. C. Davison,
-R. L. Smith, J. R. Stat. Soc. B 52 (1990) 393, doi:10.1111/j.2517-6161.1990.tb01796.x (the tail);
-S. G. Coles, M. J. Dixon, Extremes 2 (1999) 5, doi:10.1023/A:1009905222644 (penalised likelihood).
+Reference: N. L. Johnson, Biometrika 36 (1949) 149, doi:10.1093/biomet/36.1-2.149; M. B. Wilk,
+R. Gnanadesikan, Biometrika 55 (1968) 1, doi:10.1093/biomet/55.1.1 (lines over normal quantiles).
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label
-from scipy.optimize import least_squares, minimize
+from scipy.optimize import least_squares
 from scipy.special import expit, logit, ndtr, ndtri
 from scipy.stats import gaussian_kde
 
@@ -53,7 +52,7 @@ class HeightDistribution(Protocol):
 
 TAIL = 0.1  # share of the heights that follow the smooth tail at most
 ENOUGH = 100  # independent heights in the tail, beyond which it begins higher
-NORMAL = (-0.15, 0.1)  # shape of the tail of normal heights; how far others are from it [-]
+EQUAL = 0.01  # share of the tail at its highest height that no rough surface has
 NEAR = 5e-3  # distance kept from the kurtosis of the lognormal distribution
 
 
@@ -137,24 +136,22 @@ _SHAPES = {
 
 @dataclass(frozen=True, slots=True)
 class Tail:
-    """Generalised Pareto distribution of the highest heights.
+    """Upper tail of a normal distribution, which the highest heights follow.
 
     Attributes:
         share: share of the surface that is higher than ``threshold`` [-].
         threshold: height where the tail begins [m].
-        shape: xi; below zero there is a highest height, ``threshold - scale / shape`` [-].
-        scale: sigma [m].
+        spread: height over a standard deviation of the normal distribution [m].
     """
 
     share: float
     threshold: float
-    shape: float
-    scale: float
+    spread: float
 
     def height(self, above: Array) -> Array:
         """Height [m] of which a share ``above`` of the surface is higher, up to ``share``."""
-        ln = np.log(np.maximum(above, 1e-300) / self.share)
-        return self.threshold + self.scale * np.expm1(-self.shape * ln) / self.shape
+        x = ndtri(self.share) - ndtri(np.maximum(above, 1e-300))
+        return np.asarray(self.threshold + self.spread * x)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -211,10 +208,12 @@ def summits(scans: Sequence[Array]) -> int:
 
 
 def fit_tail(heights: Array, independent: int) -> Tail | None:
-    """Tail of maximum likelihood of the highest heights, of a shape not far from normal.
+    """Tail of the highest heights: the line that fits them best over normal quantiles.
 
-    Neighbouring pixels are of one summit: the likelihood counts these. Few of them leave the shape
-    open; its penalty is a normal distribution about that of normal heights.
+    Neighbouring pixels belong to one summit, and a scan has few summits: more than the slope of a
+    line cannot be told from them. Of scans of known distributions the heights that 0.1 to 0.001 %
+    of the surface exceed come out nearer to the truth than by a generalised Pareto distribution or
+    by a parabola (docs/laws.md).
 
     Args:
         heights: ascending heights [m].
@@ -224,25 +223,14 @@ def fit_tail(heights: Array, independent: int) -> Tail | None:
         The tail above the highest tenth, or above the highest 100 independent heights; None where
         the highest are equal: a plateau ends there, or the instrument's range.
     """
-    share = TAIL * min(1.0, ENOUGH / max(independent, 1))
-    count = max(int(share * heights.size), 1)
+    n = heights.size
+    count = max(int(TAIL * min(1.0, ENOUGH / max(independent, 1)) * n), 1)
     threshold = float(heights[-count - 1])
     over = heights[-count:] - threshold
-    if np.mean(over >= over[-1]) > 0.01 + 1.0 / count:
+    if np.mean(over >= over[-1]) > EQUAL + 1.0 / count:
         return None
-    y = np.quantile(over, (np.arange(1000) + 0.5) / 1000) / over.mean()
-
-    def lack(v: Array) -> float:
-        t = 1.0 + v[0] * y * np.exp(-v[1])
-        if abs(v[0]) < 1e-9 or t.min() <= 0.0:
-            return 1e9
-        likelihood = v[1] + (1.0 + 1.0 / v[0]) * np.mean(np.log(t))
-        penalty = 0.5 * ((v[0] - NORMAL[0]) / NORMAL[1]) ** 2
-        return float(min(independent, ENOUGH) * likelihood + penalty)
-
-    start = [NORMAL[0], np.log(max(1.0 - NORMAL[0], -1.1 * NORMAL[0] * y[-1]))]
-    shape, scale = minimize(lack, start, method="Nelder-Mead").x
-    return Tail(count / heights.size, threshold, float(shape), float(np.exp(scale) * over.mean()))
+    x = ndtri(count / n) - ndtri((np.arange(count)[::-1] + 0.5) / n)
+    return Tail(count / n, threshold, float(x @ over / (x @ x)))
 
 
 def pooled(scans: Sequence[Array]) -> Array:
