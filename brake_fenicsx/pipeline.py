@@ -424,7 +424,7 @@ def law_recipe(scene: Scene, stats: SurfaceStatistics) -> LawRecipe | None:
     pixels, side = int(micro.pixels), float(micro.patch)
     return LawRecipe(
         stats.spectrum, stats.hdf, settings, (pixels, pixels), (side, side), surface.low,
-        surface.synthesis, surface.S_q,
+        surface.S_q,
     )  # fmt: skip
 
 
