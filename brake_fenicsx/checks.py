@@ -29,6 +29,7 @@ PATCH_FACTOR = 2.0  # in area, between contact elements and the patches of their
 LONGEST_SCAN = 0.5  # m
 LEAST_PIXELS = 16  # along a side of a patch
 COARSE = 2.0  # pixels of the laws over those that the scan resolves
+SMOOTH = (1e-7, 1e-3)  # S_q [m] and rms slope of the smoothest linings
 LARGE_SCAN = 0.05  # m, longest side of most scans
 
 
@@ -125,7 +126,7 @@ def surface_warnings(scene: Scene, stats: SurfaceStatistics | None) -> list[str]
     """
     if stats is None:
         return []
-    lines = list(stats.warnings)
+    lines = [*stats.warnings, *_too_smooth(scene, stats)]
     for one in stats.each:
         if one.topography is not None and one.topography.size.max() > LARGE_SCAN:
             x, y = 1e3 * one.topography.size
@@ -146,6 +147,20 @@ def surface_warnings(scene: Scene, stats: SurfaceStatistics | None) -> list[str]
             ' "scan"): the stiffness at low pressure may be several times wrong'
         )
     return lines
+
+
+def _too_smooth(scene: Scene, stats: SurfaceStatistics) -> list[str]:
+    """The pad of a brake that is smoother than any lining: heights in a wrong unit, as a rule."""
+    from brake_fenicsx.surface.iso25178 import gradients
+
+    slopes = [gradients(t.heights, t.pixel)[0] for t in stats.topographies]
+    if not scene.contact or (stats.S_q >= SMOOTH[0] and min(slopes, default=1.0) >= SMOOTH[1]):
+        return []
+    slope = f" and an rms slope of {min(slopes):.2g}" if slopes else ""
+    return [
+        f"surface: S_q of {1e6 * stats.S_q:.3g} um{slope}: smooth as a mirror, which no lining is;"
+        " correct surface.height_unit or surface.size"
+    ]
 
 
 def _undamped(scene: Scene, counted: bool = False) -> list[str]:

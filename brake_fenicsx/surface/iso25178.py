@@ -34,7 +34,7 @@ def iso_parameters(topo: Topography) -> dict[str, float]:
     z = topo.heights - np.nanmean(topo.heights)
     h = z[np.isfinite(z)]
     S_al, S_tr = _decay(np.where(np.isfinite(z), z, 0.0), np.isfinite(z), topo.pixel)
-    S_dq, S_dr = _gradients(z, topo.pixel)
+    S_dq, S_dr = gradients(z, topo.pixel)
     return {
         "S_a": float(np.mean(np.abs(h))),
         "S_p": float(h.max()),
@@ -103,7 +103,7 @@ def bearing_curve(heights: Array, points: int = 201) -> tuple[Array, Array]:
     return share, np.asarray(np.nanquantile(heights, 1.0 - share))
 
 
-def _gradients(z: Array, pixel: Array) -> tuple[float, float]:
+def gradients(z: Array, pixel: Array) -> tuple[float, float]:
     """Root mean square gradient, and how much larger the surface is than its projection."""
     corner = z[:-1, :-1]
     along, across = (z[1:, :-1] - corner) / pixel[0], (z[:-1, 1:] - corner) / pixel[1]

@@ -97,15 +97,14 @@ class SurfaceStatistics:
     def warnings(self) -> tuple[str, ...]:
         """What is doubtful about the statistics, one line each."""
         fit, found = self.bifractal, []
-        fitted, noisy = self.spectrum.misfit is None, fit.c2 > NOISE
-        if fit.convex and (fitted or noisy):
+        fitted = self.spectrum.misfit is None
+        if fit.convex:
             cut = f'surface.cutoff = "{2e6 * np.pi / fit.q_c:.3g} um"'
-            why = (
-                f"that is usually the instrument's noise; cut there with {cut}"
-                if noisy
-                else "the bi-fractal form is meant for a spectrum that falls more steeply there;"
-                f' use surface.spectrum = "measured", or {cut} if these waves are noise'
-            )
+            why = f"that is usually the instrument's noise; cut there with {cut}"
+            if fit.c2 < NOISE:
+                why = f"if these waves are the instrument's noise, cut there with {cut}" + (
+                    '; if not, use surface.spectrum = "measured"' if fitted else ""
+                )
             found.append(
                 f"the spectrum falls more slowly beyond {fit.q_c:.3g} rad/m (slope {fit.c2:.2f}"
                 f" after {fit.c1:.2f}): {why}"
