@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label
 from scipy.optimize import least_squares
-from scipy.special import expit, logit, ndtr, ndtri
+from scipy.special import expit, logit, ndtri
 from scipy.stats import gaussian_kde
 
 from brake_fenicsx.errors import SurfaceError
@@ -97,10 +97,6 @@ class Johnson:
     def sample(self, n: int, rng: np.random.Generator) -> Array:
         """Draw ``n`` independent heights [m]."""
         return self._height(rng.standard_normal(n))
-
-    def cdf(self, z: Array) -> Array:
-        """Share of the surface below height ``z`` [m]."""
-        return np.asarray(ndtr(self._normal(np.asarray(z, dtype=float))))
 
     def pdf(self, z: Array) -> Array:
         """Probability density [1/m] at heights ``z`` [m] above the mean plane."""

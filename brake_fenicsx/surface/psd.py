@@ -15,15 +15,7 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
-from brake_fenicsx.surface.topography import (
-    Array,
-    Scans,
-    Topography,
-    fill,
-    first,
-    form,
-    positive,
-)
+from brake_fenicsx.surface.topography import Array, Scans, Topography, fill, first, form, positive
 
 Density = Callable[[Array], Array]
 
@@ -52,11 +44,16 @@ class RadialPsd:
         return (self.q >= self.band[0]) & (self.q <= self.band[1]) & (self.C > 0.0)
 
 
-def wave_numbers(shape: tuple[int, int], size: Array) -> Array:
-    """Wave numbers |q| [rad/m] of ``rfft2``, shape (nx, ny // 2 + 1)."""
+def wave_vectors(shape: tuple[int, int], size: Array) -> tuple[Array, Array]:
+    """Components of the wave vectors of ``rfft2`` [rad/m], shape (nx, 1) and (1, ny // 2 + 1)."""
     qx = 2.0 * np.pi * np.fft.fftfreq(shape[0], size[0] / shape[0])
     qy = 2.0 * np.pi * np.fft.rfftfreq(shape[1], size[1] / shape[1])
-    return np.hypot(qx[:, None], qy[None, :])
+    return qx[:, None], qy[None, :]
+
+
+def wave_numbers(shape: tuple[int, int], size: Array) -> Array:
+    """Wave numbers |q| [rad/m] of ``rfft2``, shape (nx, ny // 2 + 1)."""
+    return np.hypot(*wave_vectors(shape, size))
 
 
 def half_plane_weights(shape: tuple[int, int]) -> Array:
@@ -195,11 +192,8 @@ def _ring_means(ring: NDArray[np.intp], w: Array, q: Array, C: Array) -> tuple[A
         mean = np.bincount(ring, w * detrended) / count
     relative = np.bincount(ring, w * (detrended / mean[ring] - 1.0) ** 2)
     full = count > 2.0
-    share = (
-        float(relative[full].sum() / np.maximum(count[full] - 1.0, 1.0).sum())
-        if full.any()
-        else 1.0
-    )
+    freedom = np.maximum(count[full] - 1.0, 1.0).sum()
+    share = float(relative[full].sum() / freedom) if full.any() else 1.0
     return middle, mean, share / count
 
 
@@ -223,8 +217,7 @@ def anisotropy(topo: Scans, band: tuple[float, float]) -> tuple[float, float]:
         surface) [-], and the angle of the wave vectors with the largest C from the x axis [rad].
     """
     C, topo = psd_2d(topo), first(topo)
-    qx = 2.0 * np.pi * np.fft.fftfreq(topo.shape[0], topo.pixel[0])[:, None]
-    qy = 2.0 * np.pi * np.fft.rfftfreq(topo.shape[1], topo.pixel[1])[None, :]
+    qx, qy = wave_vectors(topo.shape, topo.size)
     q = np.hypot(qx, qy)
     inside = (q >= band[0]) & (q <= band[1])
     if inside.sum() < 8:

@@ -18,14 +18,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.surface.missing import missing_points, pile_at_an_end
 from brake_fenicsx.surface.table import ACCEPTED, ENDINGS, delimiter_of, read_npy, read_table
-from brake_fenicsx.surface.topography import (
-    Array,
-    Topography,
-    chosen,
-    make_topography,
-    positive,
-    real,
-)
+from brake_fenicsx.surface.topography import Topography, chosen, make_topography, positive, real
 
 logger = logging.getLogger("brake_fenicsx")
 
@@ -96,7 +89,7 @@ def read_topography(
     return Topography(topo.heights, topo.size, source=str(file), warnings=warnings)
 
 
-def _check_coordinates(file: Path, spans: Array, size: Any, shape: tuple[int, ...]) -> None:
+def _check_coordinates(file: Path, spans: NDArray[Any], size: Any, shape: tuple[int, ...]) -> None:
     """Refuse a size that no unit of the coordinates in a file explains."""
     ratio = real("size", size) / spans
     room = 0.01 + 1.0 / min(shape)  # a size may be that from the first to the last point

@@ -8,13 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from brake_fenicsx.errors import SurfaceError
-from brake_fenicsx.surface.hdf import (
-    HeightDistribution,
-    matched,
-    measured,
-    moments,
-    pooled,
-)
+from brake_fenicsx.surface.hdf import HeightDistribution, matched, measured, moments, pooled
 from brake_fenicsx.surface.psd import RadialPsd, anisotropy, psd_spread, radial_psd, sub_psds
 from brake_fenicsx.surface.spectrum import BiFractal, fit_bifractal, spectrum_of
 from brake_fenicsx.surface.topography import Array, Topography, chosen, form, outliers
@@ -90,8 +84,7 @@ class SurfaceStatistics:
     @property
     def pixel(self) -> float:
         """Half of the shortest wave length of the reliable band [m], which the scan resolves."""
-        band = self.bifractal.band if self.psd is None else self.psd.band
-        return float(np.pi / band[1])
+        return float(np.pi / self.bifractal.band[1])
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -279,15 +272,12 @@ def worst_octave(psd: RadialPsd, fit: BiFractal) -> tuple[float, float]:
         fit: of it.
     """
     q, C = psd.q[psd.reliable], psd.C[psd.reliable]
-    octave = np.floor(np.log2(q / q[0]))
-    found = []
-    for n in np.unique(octave):
-        own = octave == n
-        ratio = float(q[own] @ fit(q[own]) / (q[own] @ C[own]))
-        middle = float(np.sqrt(q[own][0] * q[own][-1]))
-        found.append((abs(np.log(ratio)), 2 * np.pi / middle, ratio))
-    _, wave, ratio = max(found)
-    return wave, ratio
+    octave = np.floor(np.log2(q / q[0])).astype(int)
+    many = np.bincount(octave) > 0
+    own, other = (np.bincount(octave, q * density)[many] for density in (C, fit(q)))
+    worst = int(np.argmax(np.abs(np.log(other / own))))
+    middle = q[0] * 2.0 ** (np.flatnonzero(many)[worst] + 0.5)
+    return float(2.0 * np.pi / middle), float(other[worst] / own[worst])
 
 
 def _distribution(

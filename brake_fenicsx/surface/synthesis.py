@@ -86,45 +86,38 @@ def synthesise(
     chosen("variance", variance, VARIANCES)
     chosen("low", low, LOW)
     grid = (shape[0], shape[1]), (float(size[0]), float(size[1]))
-    target, field = _family(psd, hdf, *grid, low)
-    S_q = hdf.S_q if variance == "scan" else float(np.sqrt(target.variance))
+    asked, low_share, field = _family(psd, hdf, *grid, low)
+    S_q = hdf.S_q if variance == "scan" else float(np.sqrt(asked))
     heights = S_q * field.sample(rng)
     record = SynthesisRecord(
-        field.psd_error, field.slope_ratio, S_q**2 / target.variance, S_q, low, target.low_share
+        field.psd_error, field.slope_ratio, S_q**2 / asked, S_q, low, low_share
     )
     lengths = np.array(size, dtype=float)
     surface = heights - heights.mean()
     return Topography(surface, lengths, True, "artificial surface", _doubts(record), record)
 
 
-@dataclass(frozen=True, slots=True)
-class _Target:
-    """Spectrum on a grid: shares of the variance [-], the variance [m^2], the share below band."""
-
-    shares: Array
-    variance: float
-    low_share: float
-
-
 @functools.lru_cache(maxsize=4)
 def _family(
     psd: BiFractal | Density, hdf: HeightDistribution, shape: tuple[int, int],
     size: tuple[float, float], low: str,
-) -> tuple[_Target, TranslationField]:  # fmt: skip
-    """Spectrum and translation field of all surfaces of a grid, prepared once."""
-    target = _target(psd, shape, np.array(size), low)
-    field = translation_field(target.shares, hdf, shape, np.array(size))
+) -> tuple[float, float, TranslationField]:  # fmt: skip
+    """Of all surfaces of a grid, once: variance [m^2], its share below the band, the field."""
+    powers, variance, low_share = _powers(psd, shape, np.array(size), low)
+    field = translation_field(powers / variance, hdf, shape, np.array(size))
     if not abs(field.slope_ratio - 1.0) < WRONG:
         raise SurfaceError(
             f"artificial surfaces of {shape[0]} x {shape[1]} pixels have {field.slope_ratio:.3g}"
             " times the rms slope of the spectrum: no surface has these heights and this spectrum;"
             " check the scan for steps and noise, or choose another 'distribution'"
         )
-    return target, field
+    return variance, low_share, field
 
 
-def _target(psd: BiFractal | Density, shape: tuple[int, int], size: Array, low: str) -> _Target:
-    """The spectrum that surfaces of this grid are to have."""
+def _powers(
+    psd: BiFractal | Density, shape: tuple[int, int], size: Array, low: str
+) -> tuple[Array, float, float]:
+    """Variance of every wave vector [m^2], of all, and the share of those below the band [-]."""
     q = wave_numbers(shape, size)
     if isinstance(psd, BiFractal):
         C, lo = psd(q, low), (psd.form or psd).band[0]
@@ -139,7 +132,7 @@ def _target(psd: BiFractal | Density, shape: tuple[int, int], size: Array, low: 
             " some roughness, and a finite one"
         )
     below = float(weighted[q < lo * (1.0 - 1e-12)].sum()) / variance
-    return _Target(powers / variance, variance, below)
+    return powers, variance, below
 
 
 def _doubts(record: SynthesisRecord) -> tuple[str, ...]:

@@ -232,30 +232,22 @@ def fill(heights: Array) -> Array:
     missing = np.isnan(heights)
     if not missing.any():
         return heights
+    count = int(missing.sum())
     number = np.full(heights.shape, -1)
-    number[missing] = np.arange(missing.sum())
-    rows, columns, rhs = [], [], np.zeros(missing.sum())
-    degree = np.zeros(missing.sum())
-    for axis, step in ((0, 1), (0, -1), (1, 1), (1, -1)):
-        inner = _has_neighbour(heights.shape, axis, step) & missing
-        own = number[inner]
-        other, height = (np.roll(a, -step, axis)[inner] for a in (number, heights))
-        degree[own] += 1.0
-        open_ = other >= 0
-        rows.append(own[open_])
-        columns.append(other[open_])
-        np.add.at(rhs, own[~open_], height[~open_])
-    i, j = np.concatenate(rows), np.concatenate(columns)
-    matrix = sp.diags(degree) - sp.csr_matrix((np.ones(i.size), (i, j)), (degree.size,) * 2)
+    number[missing] = np.arange(count)
+    # A rim of one pixel that is no neighbour: number -2.
+    numbers = np.pad(number, 1, constant_values=-2)
+    around = np.pad(heights, 1)
+    rows, columns, rhs, degree = [], [], np.zeros(count), np.zeros(count)
+    nx, ny = heights.shape
+    for i, j in ((0, 1), (2, 1), (1, 0), (1, 2)):
+        other, height = (a[i : i + nx, j : j + ny][missing] for a in (numbers, around))
+        degree += other > -2
+        rows.append(np.flatnonzero(other >= 0))
+        columns.append(other[other >= 0])
+        rhs += np.where(other == -1, height, 0.0)
+    row, column = np.concatenate(rows), np.concatenate(columns)
+    matrix = sp.diags(degree) - sp.csr_matrix((np.ones(row.size), (row, column)), (count, count))
     filled = heights.copy()
     filled[missing] = spsolve(matrix.tocsc(), rhs)
     return filled
-
-
-def _has_neighbour(shape: tuple[int, ...], axis: int, step: int) -> NDArray[np.bool_]:
-    """Pixels whose neighbour at ``step`` along ``axis`` is inside the grid."""
-    inside = np.ones(shape, dtype=bool)
-    edge = [slice(None), slice(None)]
-    edge[axis] = slice(-1, None) if step == 1 else slice(0, 1)
-    inside[tuple(edge)] = False
-    return inside

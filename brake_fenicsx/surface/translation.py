@@ -78,7 +78,7 @@ def translation_field(
     """
     weights = half_plane_weights(shape)
     x: Array = np.linspace(-REACH, REACH, 8001, dtype=float)
-    z, powers = _expansion(hdf, x)
+    z, powers = expansion(hdf, x)
     r = np.linspace(-1.0, 1.0, 4001)
     g = _polynomial.polyval(r, powers)
     wanted: Array = np.asarray(shares / float((weights * shares).sum()), float)
@@ -105,14 +105,13 @@ def translation_field(
     return TranslationField(amplitude, x, z, shape, lowest, slope)
 
 
-def mapped_correlation(hdf: HeightDistribution, r: Array) -> Array:
-    """Correlation of the mapped heights where that of the Gaussian field is ``r`` [-]."""
-    x: Array = np.linspace(-REACH, REACH, 8001, dtype=float)
-    return np.asarray(_polynomial.polyval(r, _expansion(hdf, x)[1]))
+def expansion(hdf: HeightDistribution, x: Array) -> tuple[Array, Array]:
+    """Heights T(x) of zero mean and unit variance, and the squares t_k^2, whose sum is one.
 
-
-def _expansion(hdf: HeightDistribution, x: Array) -> tuple[Array, Array]:
-    """Heights T(x) of zero mean and unit variance, and the squares t_k^2, whose sum is one."""
+    Args:
+        hdf: distribution of the heights.
+        x: normal heights [-], evenly spaced from -7 to 7.
+    """
     weight = np.exp(-0.5 * x**2)
     weight = weight / weight.sum()
     z = hdf.ppf(ndtr(x))

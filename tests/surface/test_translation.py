@@ -6,10 +6,15 @@ import pytest
 from brake_fenicsx.surface import given_statistics, synthesise
 from brake_fenicsx.surface.hdf import match_moments, moments
 from brake_fenicsx.surface.psd import half_plane_weights, psd_2d, wave_numbers
-from brake_fenicsx.surface.translation import mapped_correlation
+from brake_fenicsx.surface.translation import expansion
 
 PAPER = given_statistics(33.1e-6, -0.2410, 3.6549)
 SIZE = (2.825e-3, 2.825e-3)
+
+
+def mapped_correlation(hdf, r):
+    """Correlation of the mapped heights where that of the Gaussian field is r."""
+    return np.polynomial.polynomial.polyval(r, expansion(hdf, np.linspace(-7, 7, 8001))[1])
 
 
 def made(seeds, n=64, stats=PAPER, hdf=None):

@@ -92,7 +92,7 @@ def test_two_patch_sizes_close_a_rigid_pad_alike():
         laws = [
             contact_law(
                 synthesise(psd, PAPER.hdf, (pixels, pixels), (patch, patch),
-                           np.random.default_rng(seed)), 2.4e9, 5e7, steps=20,
+                           np.random.default_rng(seed)), 2.4e9, max_pressure=5e7, steps=20,
             )
             for seed in range(40)
         ]  # fmt: skip
