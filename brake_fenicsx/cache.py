@@ -109,11 +109,9 @@ def bodies_key(scene: Scene) -> dict[str, Any]:
 
 def laws_key(scene: Scene) -> dict[str, Any]:
     """Key of the laws: what the laws of a scene depend on."""
-    surface = scene.table.get("surface") or {}
+    surface = scene.table.get("surface")
     out = {"surface": surface, "micro": scene.table.get("micro"), "versions": [__version__, FORMAT]}
     out["patch"] = scene.micro.patch if scene.micro else None  # that of the mesh as a length
-    if "noise" in surface:
-        out["seed"] = scene.samples.seed
     return {**out, "files": _files(scene, "surface.")}
 
 

@@ -29,9 +29,8 @@ PATCH_FACTOR = 2.0  # in area, between contact elements and the patches of their
 LONGEST_SCAN = 0.5  # m
 LEAST_PIXELS = 16  # along a side of a patch
 COARSE = 2.0  # pixels of the laws over those that the scan resolves
+SMOOTH = (1e-7, 1e-3)  # S_q [m] and rms slope of the smoothest linings
 LARGE_SCAN = 0.05  # m, longest side of most scans
-# Child of the scene's seed for the noise of the scan, beside those of the designs.
-NOISE_SEED = 2**32 - 4
 
 
 def check(scene: Scene, comm: MPI.Comm) -> SurfaceStatistics | None:
@@ -127,7 +126,7 @@ def surface_warnings(scene: Scene, stats: SurfaceStatistics | None) -> list[str]
     """
     if stats is None:
         return []
-    lines = list(stats.warnings)
+    lines = [*stats.warnings, *_too_smooth(scene, stats)]
     for one in stats.each:
         if one.topography is not None and one.topography.size.max() > LARGE_SCAN:
             x, y = 1e3 * one.topography.size
@@ -148,6 +147,20 @@ def surface_warnings(scene: Scene, stats: SurfaceStatistics | None) -> list[str]
             ' "scan"): the stiffness at low pressure may be several times wrong'
         )
     return lines
+
+
+def _too_smooth(scene: Scene, stats: SurfaceStatistics) -> list[str]:
+    """The pad of a brake that is smoother than any lining: heights in a wrong unit, as a rule."""
+    from brake_fenicsx.surface.iso25178 import gradients
+
+    slopes = [gradients(t.heights, t.pixel)[0] for t in stats.topographies]
+    if not scene.contact or (stats.S_q >= SMOOTH[0] and min(slopes, default=1.0) >= SMOOTH[1]):
+        return []
+    slope = f" and an rms slope of {min(slopes):.2g}" if slopes else ""
+    return [
+        f"surface: S_q of {1e6 * stats.S_q:.3g} um{slope}: smooth as a mirror, which no lining is;"
+        " correct surface.height_unit or surface.size"
+    ]
 
 
 def _undamped(scene: Scene, counted: bool = False) -> list[str]:
@@ -219,8 +232,9 @@ def read_surface(scene: Scene) -> SurfaceStatistics:
     long = None
     if table.form is not None:
         with _named(scene, "form", table.form):
-            form = characterise(_read(scene, table.form), table.level, distribution="johnson")
-        long = form.bifractal
+            form = characterise(_read(scene, table.form), table.level, distribution="johnson",
+                                spectrum=table.spectrum)  # fmt: skip
+        long = form.spectrum
     if table.statistics is not None:
         t, shape = table.statistics, table.distribution or "johnson"
         try:
@@ -231,7 +245,7 @@ def read_surface(scene: Scene) -> SurfaceStatistics:
         shape = table.distribution or "measured"
         each = _each_scan(scene, table, shape)
         with _named(scene, "scan", list(table.scans)):
-            found = averaged(each, table.cutoff, shape)
+            found = averaged(each, table.cutoff, shape, table.spectrum)
     if long is None:
         return found
     if long.band[1] < found.bifractal.band[0]:
@@ -246,26 +260,24 @@ def read_surface(scene: Scene) -> SurfaceStatistics:
             f" {2e3 * np.pi / long.band[0]:.3g} mm is not longer than that of the scan,"
             f" {2e3 * np.pi / found.bifractal.band[0]:.3g} mm; name a longer scan, or none"
         )
-    return replace(found, bifractal=replace(found.bifractal, form=long))
+    return replace(found, spectrum=replace(found.spectrum, form=long))
 
 
 def _each_scan(scene: Scene, table: Surface, distribution: str) -> list[SurfaceStatistics]:
-    """Statistics of every scan, or of the part of it that is used."""
+    """Statistics of every scan; of several each has the fit, and all together the spectrum."""
     from brake_fenicsx.surface import characterise
-    from brake_fenicsx.surface.topography import measured_less, on_grid_of
+    from brake_fenicsx.surface.topography import on_grid_of
 
     size = None if table.size is None else (table.size[0], table.size[-1])
-    child = np.random.SeedSequence(scene.samples.seed, spawn_key=(NOISE_SEED,))
-    rng = np.random.default_rng(child)
+    spectrum = table.spectrum if len(table.scans) == 1 else "fit"
     used: list[Topography] = []
     found = []
     for file in table.scans:
         with _named(scene, "scan", file):
             scan = _read(scene, file, size, table.height_unit, table.rows)
-            scan = measured_less(scan, table.window, table.decimation, table.noise or 0.0, rng)
             used.append(on_grid_of(used[0], scan) if used else scan)
             found.append(characterise(used[-1], table.level, cutoff=table.cutoff,
-                                      distribution=distribution))  # fmt: skip
+                                      distribution=distribution, spectrum=spectrum))  # fmt: skip
     return found
 
 

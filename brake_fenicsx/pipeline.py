@@ -423,8 +423,8 @@ def law_recipe(scene: Scene, stats: SurfaceStatistics) -> LawRecipe | None:
     )
     pixels, side = int(micro.pixels), float(micro.patch)
     return LawRecipe(
-        stats.bifractal, stats.hdf, settings, (pixels, pixels), (side, side), surface.low,
-        surface.synthesis, surface.S_q,
+        stats.spectrum, stats.hdf, settings, (pixels, pixels), (side, side), surface.low,
+        surface.S_q,
     )  # fmt: skip
 
 
@@ -446,9 +446,9 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
             if first.record is not None:
                 r = first.record
                 logger.info(
-                    "artificial surfaces: %d x %d points by %s; S_q %.2f um, that of the scan %.2f"
-                    " um; spectrum of the scan times %.2f; %.0f %% of the variance in longer waves",
-                    *first.shape, r.method, 1e6 * r.S_q, 1e6 * stats.S_q, r.C0_scale,
+                    "artificial surfaces: %d x %d points; S_q %.2f um, that of the scan %.2f um;"
+                    " spectrum of the scan times %.2f; %.0f %% of the variance in longer waves",
+                    *first.shape, 1e6 * r.S_q, 1e6 * stats.S_q, r.C0_scale,
                     100 * r.low_share,
                 )  # fmt: skip
             what = "laws" if comm.size == 1 else "laws of the first process"
@@ -567,7 +567,7 @@ def make_study(
     if named and stats and surface and micro:
         from brake_fenicsx.surface.waviness import Waviness
 
-        waviness = Waviness(stats.bifractal, float(micro.patch), surface.low)
+        waviness = Waviness(stats.spectrum, float(micro.patch), surface.low)
     study = Study(
         this.scene, brake, library, hdf, this.store, this.comm, recipe, this.cache, waviness
     )

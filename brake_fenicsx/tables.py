@@ -52,7 +52,7 @@ CONTACT = (
     "law",
 )
 # Format of laws and samples on disk: what older programs wrote is not read as current.
-FORMAT = 2
+FORMAT = 3
 TEXT = frozenset(
     {
         "approach",

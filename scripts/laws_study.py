@@ -33,7 +33,7 @@ from brake_fenicsx.squeal import squeals
 
 SOURCE = [
     "surface.low=extend", "surface.S_q=scan", "surface.distribution=johnson",
-    "surface.synthesis=projection", "micro.pixels=128", "micro.max_pressure=0.1",
+    "surface.spectrum=fit", "micro.pixels=128", "micro.max_pressure=0.1",
 ]  # fmt: skip
 CASES = {
     "source: spectrum lowered, 128 pixels, elastic": [*SOURCE, "contact.pad_disc.gap=hdf"],

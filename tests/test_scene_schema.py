@@ -54,7 +54,7 @@ def test_there_are_scenes_in_both_places():
         "materials.iron.rho=7200", "countermeasures=[{ key = 'motion.speed' }]",
         "countermeasures=[{ key = 'motion.speed', to = ['2 m/s'] }]",
         "surface={ scan = 1 }", "surface={ scan = ['a.npz', 1] }",
-        "surface={ window = '1 mm' }", "surface={ decimation = 0 }", "surface={ noise = 1 }",
+        "surface={ window = '1 mm' }", "surface={ spectrum = 'raw' }",
         "equilibrium.tolerance='tight'",
     ],
 )  # fmt: skip

@@ -168,10 +168,7 @@ def extrapolate(rows: list[Row], knob: str, ratio: float, scene: RunData) -> Non
             start = float(np.median([v[i] for v in values.values()]))
             unit = "_hz" if i == 0 else ""
             middle, last = start + float(first), start + float(second)
-            if ratio < 1.0:  # of coarser variants the scene is the finest
-                limit = richardson(last, middle, start, 1.0 / ratio)
-            else:
-                limit = richardson(start, middle, last, ratio)
+            limit = richardson(start, middle, last, ratio)
             if limit is None:
                 said = f"{name} does not settle: no order"
                 row["reason"] = f"{row['reason']}; {said}" if row["reason"] else said

@@ -1,27 +1,18 @@
 """Knobs of a scene: settings of the computation that a user cannot measure, and their variants.
 
-A resolution has two refinements of one ratio, so that an order of convergence can be observed, or
-two coarser variants where nothing finer was measured; a choice has other readings of the same
-physics. A knob that a scene does not use says why.
+A resolution has two refinements of one ratio, so that an order of convergence can be observed; a
+choice has other readings of the same physics. A knob that a scene does not use says why.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from brake_fenicsx.checks import LEAST_PIXELS
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.rules import MOST_PIXELS, NEWTON
 from brake_fenicsx.scene.tables import dotted
-from brake_fenicsx.surface.psd import noise_bound
-from brake_fenicsx.surface.topography import LEAST
-
-if TYPE_CHECKING:
-    from brake_fenicsx.scene.sections import Surface
-    from brake_fenicsx.surface import Topography
 
 RESOLUTION, CHOICE = "resolution", "choice"
 MESH, FINER = 1.25, 2.0
@@ -56,7 +47,7 @@ class Knob:
         paired: whether the samples of its variants are the scene's own, number by number, where
             the laws keep their number of points.
         variants: the runs; the n-th one of a resolution is ``ratio**n`` times finer.
-        ratio: of two refinements [-]; less than 1 where they are coarser; 1 for a choice.
+        ratio: of two refinements [-]; 1 for a choice.
         reason: why there are no variants.
         perfect: whether it concerns the classical approach alone.
     """
@@ -71,16 +62,14 @@ class Knob:
     perfect: bool = False
 
 
-def knobs(scene: Scene, pixels: int | None, scans: Sequence[Topography]) -> list[Knob]:
+def knobs(scene: Scene, pixels: int | None) -> list[Knob]:
     """All knobs, those that the scene does not use too.
 
     Args:
         scene: the scene.
         pixels: points along a side of its laws' patches; None where it has no laws.
-        scans: the part of each scan that it uses, levelled, on one grid.
     """
-    surface = _surface(scene, scans)
-    return [*_laws(scene, pixels), *surface, *_meshes(scene), *_solution(scene)]
+    return [*_laws(scene, pixels), *_surface(scene), *_meshes(scene), *_solution(scene)]
 
 
 def _laws(scene: Scene, pixels: int | None) -> list[Knob]:
@@ -131,8 +120,8 @@ def _laws(scene: Scene, pixels: int | None) -> list[Knob]:
     ]
 
 
-def _surface(scene: Scene, scans: Sequence[Topography]) -> list[Knob]:
-    """Readings of the surface, and of the scan."""
+def _surface(scene: Scene) -> list[Knob]:
+    """Readings of the surface."""
     surface = scene.surface if "surface" in scene.stages else None
     gaps = {name: c.gap for name, c in scene.contact.items()}
     keys = {
@@ -140,6 +129,8 @@ def _surface(scene: Scene, scans: Sequence[Topography]) -> list[Knob]:
                 ("flat", "extend")),
         "S_q": ("variance", "the variance of the artificial surfaces", True, ("spectrum", "scan")),
         "distribution": ("heights", "the shape of the height distribution", False, ()),
+        "spectrum": ("spectrum", "the spectrum of the artificial surfaces", True,
+                     ("fit", "measured")),
         "level": ("level", "what is subtracted from the scan", True, ("plane", "second-order")),
     }  # fmt: skip
     none = "the scene has no rough surface"
@@ -153,7 +144,7 @@ def _surface(scene: Scene, scans: Sequence[Topography]) -> list[Knob]:
         if key == "distribution":
             now = now or ("measured" if surface.scan else "johnson")
             values = ("johnson", "normal")
-        if key == "level" and not surface.scan:
+        if key in ("level", "spectrum") and not surface.scan:
             found.append(Knob(name, says, CHOICE, paired, reason="the scene has no scan"))
             continue
         if key == "S_q" and "waviness" in gaps.values():
@@ -170,47 +161,7 @@ def _surface(scene: Scene, scans: Sequence[Topography]) -> list[Knob]:
         Knob("gap", "the critical gaps", CHOICE, True, (off,) if wavy else (),
              reason="" if wavy else "no interface has critical gaps"),
     ]  # fmt: skip
-    if surface is None or not rough:
-        return [*found, *_scan(None, (), none)]
-    return [*found, *_scan(surface, scans, "" if scans else "the scene has no scan")]
-
-
-def _scan(surface: Surface | None, scans: Sequence[Topography], reason: str) -> list[Knob]:
-    """What a smaller, coarser or noisier scan would say."""
-    quarters: tuple[Variant, ...] = ()
-    sparse: tuple[Variant, ...] = ()
-    noisy: tuple[Variant, ...] = ()
-    small = reason
-    if surface is not None and scans:
-        scan = scans[0]
-        small = f"fewer than {LEAST} pixels of the scan would be left along a side"
-        x, y = surface.window[:2] if surface.window else (0.0, 0.0)
-        a, b = (0.5 * float(v) for v in scan.size)
-        if min(scan.shape) >= 2 * LEAST:
-            quarters = tuple(
-                _one("surface.window", json.dumps([f"{1e3 * v:.12g} mm" for v in corners]), says)
-                for corners, says in (
-                    ((x, y, x + a, y + b), "a quarter"),
-                    ((x + a, y + b, x + 2 * a, y + 2 * b), "the opposite quarter"),
-                )
-            )
-        sparse = tuple(
-            _one("surface.decimation", str(n * surface.decimation), f"every {nth} pixel")
-            for n, nth in ((2, "second"), (4, "fourth"))
-            if min(scan.shape) >= n * LEAST
-        )
-        most = noise_bound(scans)
-        total = (most**2 + (surface.noise or 0.0) ** 2) ** 0.5
-        noisy = (_one("surface.noise", f'"{1e6 * total:.4g} um"', f"{1e6 * most:.2g} um more"),)
-    rows = (
-        ("scan-window", "the part of the scan", CHOICE, quarters, 1.0),
-        ("scan-decimation", "the pixels of the scan", RESOLUTION, sparse, 0.5),
-        ("scan-noise", "the noise of the scan", CHOICE, noisy, 1.0),
-    )
-    return [
-        Knob(name, says, kind, True, variants, ratio, "" if variants else small)
-        for name, says, kind, variants, ratio in rows
-    ]
+    return found
 
 
 def _meshes(scene: Scene) -> list[Knob]:

@@ -192,7 +192,7 @@ def plan(budget: Budget) -> tuple[list[Knob], list[Planned]]:
     patch = 1e-3 * float(sizes["mean_patch_mm"])
     own = with_pixels(with_patch(scene, patch), stats)
     pixels = int(own.micro.pixels) if own.micro and stats and "micro" in own.stages else None
-    found = knobs(scene, pixels, () if stats is None else stats.topographies)
+    found = knobs(scene, pixels)
     total = sum(_seconds(own, sizes, Variant((), "")).values())
     scale = budget.record[REFERENCE]["seconds"] / max(total, 1.0)
     planned = []

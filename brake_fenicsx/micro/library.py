@@ -34,7 +34,6 @@ class LawRecipe:
         shape: pixels of a patch (nx, ny).
         size: lengths of a patch [m].
         low: treatment of waves longer than the scan, ``"flat"`` or ``"extend"``.
-        synthesis: ``"projection"``, ``"translation"`` or None: see ``synthesise``.
         variance: ``"spectrum"`` or ``"scan"``: see ``synthesise``.
     """
 
@@ -44,7 +43,6 @@ class LawRecipe:
     shape: tuple[int, int] = (128, 128)
     size: tuple[float, float] = (2.825e-3, 2.825e-3)
     low: str = "flat"
-    synthesis: str | None = None
     variance: str = "spectrum"
 
     def surface(self, seed: int, number: int) -> Topography:
@@ -54,9 +52,7 @@ class LawRecipe:
         """
         child = np.random.SeedSequence(seed, spawn_key=(number,))
         rng = np.random.default_rng(child)
-        return synthesise(
-            self.psd, self.hdf, self.shape, self.size, rng, self.low, self.synthesis, self.variance
-        )
+        return synthesise(self.psd, self.hdf, self.shape, self.size, rng, self.low, self.variance)
 
     def law(self, seed: int, number: int) -> LawSteps:
         """Steps of the law of that surface, see ``law_steps``."""
@@ -64,7 +60,7 @@ class LawRecipe:
 
     def record(self) -> dict[str, Any]:
         """What the laws were made with, for the record on disk."""
-        own = {name: getattr(self, name) for name in ("shape", "size", "low", "synthesis")}
+        own = {name: getattr(self, name) for name in ("shape", "size", "low")}
         spectrum = {name: getattr(self.psd, name) for name in ("c1", "c2", "q_c", "C0", "band")}
         if (form := self.psd.form) is not None:
             spectrum["form"] = (form.c1, form.c2, form.q_c, form.C0, form.band)

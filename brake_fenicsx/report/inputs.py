@@ -39,6 +39,10 @@ def surface_arrays(stats: SurfaceStatistics, recipe: LawRecipe | None) -> dict[s
         "fit_q": q, "fit_C": fit(q), "q_band": np.array(fit.band),
         "hdf_z": z, "hdf_density": stats.hdf.pdf(z), "stats": np.array(json.dumps(numbers)),
     }  # fmt: skip
+    lowest, highest = (stats.spectrum.form or fit).band[0], fit.band[1]
+    out["spectrum_q"] = np.geomspace(1e-2 * lowest, 10 * highest, 1000)
+    low = recipe.low if recipe else "flat"
+    out["spectrum_C"] = stats.spectrum(out["spectrum_q"], low)
     if stats.psd is not None and (topos := stats.topographies):
         out |= {"q": stats.psd.q, "C": stats.psd.C, "q_band": np.array(stats.psd.band)}
         heights = topos[0].heights if len(topos) == 1 else np.array([t.heights for t in topos])
@@ -119,33 +123,28 @@ def contact_maps(directory: Path) -> None:
     if surface is None or not made:
         return
     from brake_fenicsx.micro import load_laws, solve_contact
-    from brake_fenicsx.surface import BiFractal, synthesise
-    from brake_fenicsx.surface.hdf import HeightDistribution, Measured, pooled
-    from brake_fenicsx.surface.statistics import matched
+    from brake_fenicsx.surface import synthesise
+    from brake_fenicsx.surface.hdf import HeightDistribution, matched, measured
 
     how = load_laws(store.path("laws.npz")).settings
-    if "distribution" not in how:
+    if "distribution" not in how or "spectrum_q" not in surface:
         raise SceneError(
             f"{store.path('laws.npz')}: made by an older version; run the scene again in a new"
             " folder"
         )
     numbers = json.loads(str(surface["stats"]))
-    long = None
-    if "form" in how:
-        c1, c2, q_c, C0, band = how["form"]
-        long = BiFractal(c1, c2, q_c, C0, tuple(band))
-    psd = BiFractal(how["c1"], how["c2"], how["q_c"], how["C0"], tuple(how["band"]), form=long)
+    ln_q, ln_C = np.log(surface["spectrum_q"]), np.log(surface["spectrum_C"])
     hdf: HeightDistribution
     if how["distribution"] == "measured":
-        hdf = Measured(pooled(scan_heights(surface)))
+        hdf = measured(scan_heights(surface))
     else:
         S_q, S_sk, S_ku = (numbers[name] for name in ("S_q", "S_sk", "S_ku"))
         hdf = matched(S_q, S_sk, S_ku, how["distribution"])
     size, E_star = tuple(how["size"]), how["E_star"]
     shape = (MAP_PIXELS, MAP_PIXELS)
     topography = synthesise(
-        psd, hdf, shape, size, np.random.default_rng(0), how["low"], how["synthesis"],
-        how["variance"],
+        lambda q: np.exp(np.interp(np.log(q), ln_q, ln_C)), hdf, shape, size,
+        np.random.default_rng(0), variance=how["variance"],
     )  # fmt: skip
     solved = [
         solve_contact(

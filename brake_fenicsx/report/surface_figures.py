@@ -313,6 +313,11 @@ def _draw_psd(axes: Axes, surface: Arrays) -> None:
             ls="--",
             label=_fit_text(stats, "bi-fractal fit" if "q" in surface else "as given"),
         )
+    if _measured(surface):
+        inside = surface["spectrum_q"] <= surface["fit_q"].max()
+        inside &= surface["spectrum_q"] >= 0.7 * surface["fit_q"].min()
+        q, C = surface["spectrum_q"][inside], surface["spectrum_C"][inside]
+        axes.loglog(q, C, color=VERMILION, lw=1.1, label="artificial surfaces")
     q_c = stats.get("q_c")
     if isinstance(q_c, int | float) and q_c > 0:
         axes.axvline(q_c, color=GREY, lw=0.8, ls=":")
@@ -323,6 +328,14 @@ def _draw_psd(axes: Axes, surface: Arrays) -> None:
     light_grid(axes)
     axes.legend(loc="lower left", fontsize=7.5)
     panel(axes, "b", "radial power spectrum")
+
+
+def _measured(surface: Arrays) -> bool:
+    """Whether artificial surfaces have the measured spectrum in place of its fit."""
+    if "spectrum_C" not in surface or "q" not in surface:
+        return False
+    used = np.interp(surface["fit_q"], surface["spectrum_q"], surface["spectrum_C"])
+    return not np.allclose(used, surface["fit_C"], rtol=0.02)
 
 
 def _fit_text(stats: dict[str, Any], what: str) -> str:
@@ -370,6 +383,9 @@ def _draw_residual(axes: Axes, surface: Arrays) -> None:
     _draw_band(axes, surface)
     axes.semilogx(q[inside], ratio, color=BLUE, lw=0.9)
     axes.axhline(1.0, color=BLACK, lw=0.7, ls="--")
+    if _measured(surface):
+        used = np.interp(fit_q, surface["spectrum_q"], surface["spectrum_C"])
+        axes.semilogx(fit_q, used / surface["fit_C"], color=VERMILION, lw=0.9)
     what = "scan" if len(scan_heights(surface)) == 1 else "mean"
     axes.set(yscale="log", xlabel=Q_LABEL, ylabel=f"{what} / fit [-]")
     reach = max(2.2, 1.1 * float(np.max(np.maximum(ratio, 1 / ratio))))

@@ -78,20 +78,13 @@ class Surface:
             file must contain size and units (npz, or an instrument's).
         cutoff: shortest wavelength the instrument resolves; it limits the spectrum and with it the
             artificial surfaces, and filters no height; two pixels if not given, or if longer.
-        window: the part of ``scan`` that is used, [smallest x, smallest y, largest x, largest y];
-            all of it if not given.
-        decimation: every how many-th point of ``scan`` is used, along x and along y.
-        noise: standard deviation of white noise that is added to every height of ``scan``, drawn
-            from ``samples.seed``, for each scan anew.
+        spectrum: spectrum of the artificial surfaces: that of the scan, or its bi-fractal fit.
         low: spectrum below the scan's lowest wave number: constant, or the power law extrapolated.
         S_q: variance of the artificial surfaces: from the scan's spectrum on a patch, or equal to
             the variance of the scan, to which the spectrum is scaled (as in the paper).
         distribution: shape of the height distribution of the artificial surfaces: the measured
             heights, Johnson's distribution of the same four moments, or the normal one; measured
             for a scan and johnson for statistics if not given.
-        synthesis: heights drawn independently and placed by rank, or a Gaussian field mapped to
-            the distribution; projection for measured heights and translation for others if not
-            given.
     """
 
     scan: str | tuple[str, ...] | None = key(default=None)
@@ -102,13 +95,10 @@ class Surface:
     rows: str = key(default="x", choices=("x", "y"))
     form: str | None = key(default=None)
     cutoff: float | None = key("m", default=None)
-    window: tuple[float, ...] | None = key("m", default=None, sign="zero")
-    decimation: int = key(default=1)
-    noise: float | None = key("m", default=None, band=(1e-10, 1e-4))
+    spectrum: str = key(default="measured", choices=("fit", "measured"))
     low: str = key(default="flat", choices=("flat", "extend"))
     S_q: str = key(default="spectrum", choices=("spectrum", "scan"))
     distribution: str | None = key(default=None, choices=("measured", "johnson", "normal"))
-    synthesis: str | None = key(default=None, choices=("projection", "translation"))
 
     @property
     def scans(self) -> tuple[str, ...]:

@@ -35,17 +35,9 @@ def check_surface(s: Scene) -> None:
                 ' surface.S_q = "spectrum", or gap = "hdf"'
             )
     if s.surface.statistics:
-        for name in ("cutoff", "size", "height_unit", "window", "noise", "decimation"):
-            if getattr(s.surface, name) not in (None, 1):
+        for name in ("cutoff", "size", "height_unit"):
+            if getattr(s.surface, name) is not None:
                 raise SceneError(f"surface.{name}: there is no scan, but statistics; leave it out")
-    window = s.surface.window
-    if window is not None and not (
-        len(window) == 4 and window[0] < window[2] and window[1] < window[3]
-    ):
-        raise SceneError(
-            f"surface.window = {list(window)!r} m: write [smallest x, smallest y, largest x,"
-            ' largest y], such as ["0 mm", "0 mm", "1 mm", "1 mm"]'
-        )
 
 
 def _check_scans(s: Scene, surface: Surface) -> None:

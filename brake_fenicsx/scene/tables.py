@@ -44,6 +44,12 @@ ANY_UNIT = {"anyOf": [QUANTITY, {"type": "number"}]}
 SIGNS = {"positive": Gt(0), "zero": Ge(0), "any": None}
 # Names of version 0.1 and what replaced them.
 RENAMED = {"fast": "parametric"}
+# Keys of version 0.2 that are gone, and what to do in their place.
+GONE = {
+    **dict.fromkeys(("window", "decimation"), "cut or thin the scan itself"),
+    "noise": "add noise to the scan itself",
+    "synthesis": "all artificial surfaces are translation fields",
+}
 TEXTS = {
     "missing": "missing; it has no default", "dict_type": "write a table",
     "string_type": "write text", "bool_type": "write true or false",
@@ -243,7 +249,8 @@ def _known(table: Any, names: tuple[str, ...]) -> Any:
     """Refuse unknown keys, with the nearest known one."""
     for name in table if isinstance(table, dict) else ():
         if name not in names:
-            hint = _near(name, names) or f"; known: {', '.join(sorted(names))}"
+            gone = f"; version 0.2 had it: {GONE[name]}" if name in GONE else ""
+            hint = gone or _near(name, names) or f"; known: {', '.join(sorted(names))}"
             raise KeyMistake(f"unknown key{hint}", name)
     return table
 

@@ -1,8 +1,10 @@
 """Scan -> statistics -> artificial surfaces. Imports no dolfinx."""
 
+from brake_fenicsx.surface.bootstrap import resampled
 from brake_fenicsx.surface.hdf import HeightDistribution, match_moments
-from brake_fenicsx.surface.psd import BiFractal, RadialPsd, fit_bifractal, radial_psd
+from brake_fenicsx.surface.psd import RadialPsd, radial_psd
 from brake_fenicsx.surface.readers import read_topography
+from brake_fenicsx.surface.spectrum import BiFractal, fit_bifractal
 from brake_fenicsx.surface.statistics import (
     SurfaceStatistics,
     averaged,
@@ -27,5 +29,6 @@ __all__ = [
     "match_moments",
     "radial_psd",
     "read_topography",
+    "resampled",
     "synthesise",
 ]

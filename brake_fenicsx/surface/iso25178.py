@@ -34,7 +34,7 @@ def iso_parameters(topo: Topography) -> dict[str, float]:
     z = topo.heights - np.nanmean(topo.heights)
     h = z[np.isfinite(z)]
     S_al, S_tr = _decay(np.where(np.isfinite(z), z, 0.0), np.isfinite(z), topo.pixel)
-    S_dq, S_dr = _gradients(z, topo.pixel)
+    S_dq, S_dr = gradients(z, topo.pixel)
     return {
         "S_a": float(np.mean(np.abs(h))),
         "S_p": float(h.max()),
@@ -103,7 +103,7 @@ def bearing_curve(heights: Array, points: int = 201) -> tuple[Array, Array]:
     return share, np.asarray(np.nanquantile(heights, 1.0 - share))
 
 
-def _gradients(z: Array, pixel: Array) -> tuple[float, float]:
+def gradients(z: Array, pixel: Array) -> tuple[float, float]:
     """Root mean square gradient, and how much larger the surface is than its projection."""
     corner = z[:-1, :-1]
     along, across = (z[1:, :-1] - corner) / pixel[0], (z[:-1, 1:] - corner) / pixel[1]
@@ -134,22 +134,18 @@ def _decay(z: Array, valid: NDArray[np.bool_], pixel: Array) -> tuple[float, flo
     angle = np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     direction = np.array([np.cos(angle), np.sin(angle)])
     # Lengths along each ray in steps of the finer pixel, up to the end of the scan's half.
-    reach = np.array(half) * pixel
-    with np.errstate(divide="ignore"):
-        ends = np.min(reach[:, None] / np.abs(direction), axis=0)
     step = float(pixel.min())
-    found = []
-    for (x, y), end in zip(direction.T, ends, strict=True):
-        s = step * np.arange(int(end / step * (1 + 1e-12)) + 1)
-        places = np.array([half[0] + s * x / pixel[0], s * y / pixel[1]])
-        along = map_coordinates(acf, places, order=1, mode="nearest")
-        below = np.flatnonzero(along <= DECAY)
-        if below.size == 0:
-            found.append(np.inf)
-            continue
-        j = int(below[0])
-        found.append(s[j] - step * (DECAY - along[j]) / (along[j - 1] - along[j]))
-    shortest, longest = min(found), max(found)
-    if not np.isfinite(shortest):
+    with np.errstate(divide="ignore"):
+        ends = np.min((np.array(half) * pixel)[:, None] / np.abs(direction), axis=0)
+    s = step * np.arange(int(ends.max() / step * (1 + 1e-12)) + 1)
+    x, y = direction[:, :, None] * s / pixel[:, None, None]
+    along = map_coordinates(acf, [half[0] + x, y], order=1, mode="nearest")
+    along[s > ends[:, None] * (1 + 1e-12)] = np.inf
+    j = np.argmax(along <= DECAY, axis=1)
+    if not j.any():
         return float("nan"), float("nan")
-    return float(shortest), float(shortest / longest) if np.isfinite(longest) else float("nan")
+    ray = np.arange(DIRECTIONS)
+    part = (DECAY - along[ray, j]) / (along[ray, np.maximum(j - 1, 0)] - along[ray, j])
+    lag = np.where(j > 0, s[j] - step * part, np.inf)
+    ratio = float(lag.min() / lag.max())
+    return float(lag.min()), ratio if ratio > 0 else float("nan")

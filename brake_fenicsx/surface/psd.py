@@ -1,4 +1,4 @@
-"""Power spectral density of a surface, and its bi-fractal model.
+"""Power spectral density of a surface, as a scan shows it.
 
 Convention: C(q) [m^4] is the two-dimensional density over the wave vector q [rad/m], so that the
 integral of C over both components of q is the variance of the heights; for an isotropic surface
@@ -8,15 +8,16 @@ h_q = mean(h exp(-i q x)) give C = |h_q|^2 A / (4 pi^2).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
-from brake_fenicsx.errors import SurfaceError
-from brake_fenicsx.surface.topography import Array, Scans, Topography, fill, first, form
+from brake_fenicsx.surface.topography import Array, Scans, Topography, fill, first, form, positive
+
+Density = Callable[[Array], Array]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,73 +44,16 @@ class RadialPsd:
         return (self.q >= self.band[0]) & (self.q <= self.band[1]) & (self.C > 0.0)
 
 
-@dataclass(frozen=True, slots=True)
-class BiFractal:
-    """Continuous broken power law: C0 (q/q_c)^c1 below q_c, C0 (q/q_c)^c2 above.
-
-    Attributes:
-        c1: slope below the corner, log C over log q [-].
-        c2: slope above the corner [-].
-        q_c: corner wave number [rad/m].
-        C0: density at the corner [m^4].
-        band: wave numbers the parameters were taken from (lo, hi) [rad/m].
-        errors: standard errors of (c1, c2, ln q_c, ln C0); nan where the parameters are given.
-        rms: root-mean-square deviation of ln C from the fit; nan where given.
-        form: spectrum of a longer, coarser scan, taken below the band; None where there is none.
-    """
-
-    c1: float
-    c2: float
-    q_c: float
-    C0: float
-    band: tuple[float, float]
-    errors: tuple[float, float, float, float] = (np.nan, np.nan, np.nan, np.nan)
-    rms: float = np.nan
-    form: BiFractal | None = None
-
-    def __call__(self, q: Array, low: str = "extend") -> Array:
-        """Bi-fractal spectrum: density [m^4] at wave numbers q > 0 [rad/m], Eq. (17).
-
-        Args:
-            q: wave numbers [rad/m]; the density at q = 0 is zero (the mean plane).
-            low: below the band's lower end, ``"extend"`` the power law or hold it ``"flat"``;
-                with a ``form``, below the band of that.
-        """
-        if low not in ("extend", "flat"):
-            raise SurfaceError(f"low = {low!r}; choose 'extend' or 'flat'")
-        q = np.asarray(q, dtype=float)
-        x = np.where(q > 0.0, q, self.q_c)
-        if low == "flat":
-            x = np.maximum(x, self.band[0])
-        x = x / self.q_c
-        C = self.C0 * np.where(x < 1.0, x**self.c1, x**self.c2)
-        if self.form is not None:
-            C = np.where(q < self.band[0], self.form(q, low), C)
-        return np.where(q > 0.0, C, 0.0)
-
-    @property
-    def convex(self) -> bool:
-        """Whether the spectrum falls more slowly above the corner, beyond its standard errors."""
-        doubt = np.nan_to_num(np.hypot(self.errors[0], self.errors[1]))
-        return bool(self.c2 - self.c1 > 2.0 * doubt)
-
-    def variance(self, lo: float, hi: float) -> float:
-        """Variance [m^2] of the wave numbers between ``lo`` and ``hi`` [rad/m]."""
-        total = 0.0
-        pieces = ((lo, min(hi, self.q_c), self.c1), (max(lo, self.q_c), hi, self.c2))
-        for start, end, slope in pieces:
-            if end > start:
-                a, b = start / self.q_c, end / self.q_c
-                n = slope + 2.0
-                total += np.log(b / a) if abs(n) < 1e-12 else (b**n - a**n) / n
-        return 2.0 * np.pi * self.C0 * self.q_c**2 * total
+def wave_vectors(shape: tuple[int, int], size: Array) -> tuple[Array, Array]:
+    """Components of the wave vectors of ``rfft2`` [rad/m], shape (nx, 1) and (1, ny // 2 + 1)."""
+    qx = 2.0 * np.pi * np.fft.fftfreq(shape[0], size[0] / shape[0])
+    qy = 2.0 * np.pi * np.fft.rfftfreq(shape[1], size[1] / shape[1])
+    return qx[:, None], qy[None, :]
 
 
 def wave_numbers(shape: tuple[int, int], size: Array) -> Array:
     """Wave numbers |q| [rad/m] of ``rfft2``, shape (nx, ny // 2 + 1)."""
-    qx = 2.0 * np.pi * np.fft.fftfreq(shape[0], size[0] / shape[0])
-    qy = 2.0 * np.pi * np.fft.rfftfreq(shape[1], size[1] / shape[1])
-    return np.hypot(qx[:, None], qy[None, :])
+    return np.hypot(*wave_vectors(shape, size))
 
 
 def half_plane_weights(shape: tuple[int, int]) -> Array:
@@ -132,7 +76,7 @@ def psd_2d(topo: Scans) -> Array:
         return np.asarray(np.mean([psd_2d(scan) for scan in topo], axis=0))
     h = fill(topo.heights)
     if not topo.periodic:
-        window = np.outer(*(np.hanning(n + 2)[1:-1] for n in h.shape))
+        window = _window(topo.shape)
         h = h - np.sum(window * h) / window.sum()
         h = h * window / np.sqrt(np.mean(window**2))
     h_q = scipy.fft.rfft2(h) / h.size
@@ -158,41 +102,59 @@ def radial_psd(
         where the density sinks to ten times that of the instrument's white noise.
     """
     C, topo = psd_2d(topo), first(topo)
-    q = wave_numbers(topo.shape, topo.size)
-    weights = np.broadcast_to(half_plane_weights(topo.shape) / 2.0, C.shape)
-    step = 2.0 * np.pi / topo.size.min()
-    nyquist = np.pi / topo.pixel.max()
-    edges = _ring_edges(step, nyquist, rings)
-    ring = np.digitize(q.ravel(), edges) - 1
-    inside = (ring >= 0) & (ring < edges.size - 1)
-    mean_q, mean_C, scatter = _ring_means(
-        ring[inside], weights.ravel()[inside], q.ravel()[inside], C.ravel()[inside]
-    )
+    mean_q, mean_C, scatter = radial_mean(C, topo, rings)
     if not topo.periodic:
         scatter = scatter * 2.25  # the window ties neighbouring wave vectors to each other
+    q = wave_numbers(topo.shape, topo.size)
+    weights = np.broadcast_to(half_plane_weights(topo.shape), C.shape)
+    step, nyquist = 2.0 * np.pi / topo.size.min(), np.pi / topo.pixel.max()
     lo = (0.99 if topo.periodic else 2.0) * step
-    hi = nyquist if cutoff is None else min(nyquist, 2.0 * np.pi / cutoff)
+    hi = nyquist if cutoff is None else min(nyquist, 2.0 * np.pi / positive("cutoff", cutoff))
     floor = 0.0 if topo.periodic else 10.0 * _noise(C, q, weights, nyquist)
     below = (mean_C < floor) & (mean_q > 2.0 * lo)
     hi = min(hi, float(mean_q[below][0])) if below.any() else hi
     return RadialPsd(mean_q, mean_C, scatter, (lo, hi), label)
 
 
-def noise_bound(topo: Scans) -> float:
-    """Standard deviation of the white noise that the spectrum of a scan allows at most [m].
-
-    It alone would be the density in the corners of the wave-vector square, beyond 1.2 of the
-    Nyquist wave number: the instrument's noise where the surface no longer rules there, else more.
+def radial_mean(C: Array, topo: Topography, rings: int = 12) -> tuple[Array, Array, Array]:
+    """Wave number [rad/m], mean density [m^4] and its relative variance [-] of each ring.
 
     Args:
-        topo: levelled scan, or several.
+        C: density on the half plane of ``rfft2`` [m^4].
+        topo: scan whose grid it has.
+        rings: as for ``radial_psd``.
     """
-    C, topo = psd_2d(topo), first(topo)
-    q = wave_numbers(topo.shape, topo.size)
-    corners = q > 1.2 * np.pi / topo.pixel.max()
-    weights = np.broadcast_to(half_plane_weights(topo.shape), q.shape)[corners]
-    density = float(np.average(C[corners], weights=weights))
-    return float(np.sqrt(density * 4.0 * np.pi**2 / np.prod(topo.pixel)))
+    q = wave_numbers(topo.shape, topo.size).ravel()
+    weights = np.broadcast_to(half_plane_weights(topo.shape) / 2.0, C.shape).ravel()
+    edges = _ring_edges(2.0 * np.pi / topo.size.min(), np.pi / topo.pixel.max(), rings)
+    ring = np.digitize(q, edges) - 1
+    inside = (ring >= 0) & (ring < edges.size - 1)
+    return _ring_means(ring[inside], weights[inside], q[inside], C.ravel()[inside])
+
+
+def seen_through_the_window(C: Density, topo: Topography) -> Array:
+    """Radial mean that ``radial_psd`` finds on average in scans of a spectrum [m^4], shape (n,).
+
+    The Hann window multiplies the correlation of the heights by its own correlation.
+
+    Args:
+        C: density [m^4] of the wave number [rad/m].
+        topo: a scan of the size and the grid; nothing is done to a periodic one.
+    """
+    if topo.periodic:
+        return radial_mean(C(wave_numbers(topo.shape, topo.size)), topo)[1]
+    twice = (2 * topo.shape[0], 2 * topo.shape[1])
+    padded = np.zeros(twice)
+    padded[: topo.shape[0], : topo.shape[1]] = _window(topo.shape)
+    window = scipy.fft.irfft2(np.abs(scipy.fft.rfft2(padded)) ** 2, s=twice)
+    correlation = scipy.fft.irfft2(C(wave_numbers(twice, 2.0 * topo.size)), s=twice)
+    seen = scipy.fft.rfft2(correlation * window / window[0, 0]).real
+    return radial_mean(np.maximum(seen[::2, ::2], 0.0), topo)[1]
+
+
+def _window(shape: tuple[int, int]) -> Array:
+    """Hann window in both directions, shape (nx, ny)."""
+    return np.outer(*(np.hanning(n + 2)[1:-1] for n in shape))
 
 
 def _noise(C: Array, q: Array, weights: Array, nyquist: float) -> float:
@@ -230,11 +192,8 @@ def _ring_means(ring: NDArray[np.intp], w: Array, q: Array, C: Array) -> tuple[A
         mean = np.bincount(ring, w * detrended) / count
     relative = np.bincount(ring, w * (detrended / mean[ring] - 1.0) ** 2)
     full = count > 2.0
-    share = (
-        float(relative[full].sum() / np.maximum(count[full] - 1.0, 1.0).sum())
-        if full.any()
-        else 1.0
-    )
+    freedom = np.maximum(count[full] - 1.0, 1.0).sum()
+    share = float(relative[full].sum() / freedom) if full.any() else 1.0
     return middle, mean, share / count
 
 
@@ -258,8 +217,7 @@ def anisotropy(topo: Scans, band: tuple[float, float]) -> tuple[float, float]:
         surface) [-], and the angle of the wave vectors with the largest C from the x axis [rad].
     """
     C, topo = psd_2d(topo), first(topo)
-    qx = 2.0 * np.pi * np.fft.fftfreq(topo.shape[0], topo.pixel[0])[:, None]
-    qy = 2.0 * np.pi * np.fft.rfftfreq(topo.shape[1], topo.pixel[1])[None, :]
+    qx, qy = wave_vectors(topo.shape, topo.size)
     q = np.hypot(qx, qy)
     inside = (q >= band[0]) & (q <= band[1])
     if inside.sum() < 8:
@@ -273,72 +231,6 @@ def anisotropy(topo: Scans, band: tuple[float, float]) -> tuple[float, float]:
     angle = np.arctan2(np.broadcast_to(qy, C.shape), np.broadcast_to(qx, C.shape))[inside]
     harmonic = np.average(relative * np.exp(2j * angle), weights=weights)
     return float(abs(harmonic)), float(np.angle(harmonic) / 2.0)
-
-
-def fit_bifractal(psd: RadialPsd) -> BiFractal:
-    """Least-squares fit of the broken power law to ln C over ln q in the reliable band.
-
-    ln C of a ring has the variance of its scatter and lies half of it low; what the model itself
-    misses is estimated from the residual and added, so that a real surface weighs all rings alike
-    and an ideal one weighs them by their wave vectors. The corner leaves two rings or more
-    on either side and is sought from several starts;
-    standard errors follow from the Jacobian and the residual.
-
-    Raises:
-        SurfaceError: fewer than six rings in the band.
-    """
-    use = psd.reliable
-    if use.sum() < 6:
-        raise SurfaceError(
-            f"bi-fractal fit: {use.sum()} rings between {psd.band[0]:.3g} and {psd.band[1]:.3g} "
-            "rad/m, at least 6 are needed; scan a larger area or give 'statistics'"
-        )
-    scatter = psd.scatter[use]
-    x, y = np.log(psd.q[use]), np.log(psd.C[use]) + 0.5 * scatter
-    missed = 0.01
-    for _ in range(3):
-        weights = 1.0 / np.sqrt(scatter + missed)
-        v, jacobian, cost = _best_start(x, y, weights)
-        residual = _broken(x, v) - y
-        missed = max(float(np.mean(residual**2 - scatter)), 1e-6)
-    spread = 2.0 * cost / max(x.size - 4, 1)
-    e = np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian) * spread))
-    errors = (float(e[1]), float(e[2]), float(e[3]), float(e[0]))
-    rms = float(np.sqrt(np.mean(residual**2)))
-    q_c, C0 = float(np.exp(v[3])), float(np.exp(v[0]))
-    return BiFractal(float(v[1]), float(v[2]), q_c, C0, psd.band, errors, rms)
-
-
-def _best_start(x: Array, y: Array, weights: Array) -> tuple[Array, Array, float]:
-    """Parameters, Jacobian and cost of the best of several fits with different corners."""
-    fits = []
-    for share in (0.2, 0.35, 0.5, 0.65, 0.8):
-        corner = x[2] + share * (x[-3] - x[2])
-        fits.append(
-            least_squares(
-                lambda v: weights * (_broken(x, v) - y),
-                [*_linear_part(x, y, weights, corner), corner],
-                bounds=([-np.inf] * 3 + [x[2] - 1e-9], [np.inf] * 3 + [x[-3] + 1e-9]),
-                x_scale="jac",
-            )
-        )
-    best = min(fits, key=lambda fit: fit.cost)
-    return best.x, best.jac, float(best.cost)
-
-
-def _broken(x: Array, v: Array) -> Array:
-    """Model ln C(ln q) with v = (ln C0, c1, c2, ln q_c)."""
-    t = x - v[3]
-    return v[0] + np.where(t < 0.0, v[1], v[2]) * t
-
-
-def _linear_part(x: Array, y: Array, weights: Array, corner: float) -> list[float]:
-    """Best (ln C0, c1, c2) for a fixed corner."""
-    t = x - corner
-    columns = np.stack([np.ones_like(t), np.minimum(t, 0.0), np.maximum(t, 0.0)], axis=1)
-    return [
-        float(c) for c in np.linalg.lstsq(columns * weights[:, None], y * weights, rcond=None)[0]
-    ]
 
 
 def sub_psds(topo: Topography, cutoff: float | None = None) -> tuple[RadialPsd, ...]:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.surface.missing import missing_points, pile_at_an_end
 from brake_fenicsx.surface.table import ACCEPTED, ENDINGS, delimiter_of, read_npy, read_table
-from brake_fenicsx.surface.topography import Topography, make_topography
+from brake_fenicsx.surface.topography import Topography, chosen, make_topography, positive, real
 
 logger = logging.getLogger("brake_fenicsx")
 
@@ -42,7 +42,8 @@ def read_topography(
         path: ``.npz`` or ``.h5`` with ``heights`` and ``size``, ``.tmd``, ``.npy``, text (see
             ``table``), or any format that SurfaceTopography reads (Keyence, Olympus, Sensofar,
             Zygo, Wyko, SUR, X3P, ...).
-        size: lengths of the scan [m]; replaces what the file says.
+        size: lengths of the scan [m]; replaces what the file says, but for coordinates x and y,
+            which must fit it in some unit. Without it they have the unit of the heights.
         height_unit: unit of the numbers in the file, a name (``"um"``) or its length [m];
             replaces what the file says.
         channel: which channel of the file, the file's default if not given.
@@ -57,6 +58,7 @@ def read_topography(
         raise SurfaceError(f"{file}: no such file; give the path of a scan")
     if height_unit is not None:
         height_unit = _metres(height_unit, str(file))
+    chosen(f"{file}: rows", rows, ("x", "y"))
     own = {".npz": _read_npz, ".h5": _read_hdf5, ".hdf5": _read_hdf5, ".tmd": _read_truemap}
     read, table = own.get(file.suffix.lower()), None
     by_rows = read is None and (_is_text(file) or file.suffix.lower() == ".npy")
@@ -69,10 +71,14 @@ def read_topography(
         by_rows = by_rows and found is None
         if by_rows:  # SurfaceTopography takes the columns of text for x
             heights = heights.T
+    if channel is not None and (read is not None or table is not None):
+        raise SurfaceError(f"{file}: channel = {channel} has no meaning: the file has no channels")
     if rows == "y":
         if not by_rows:
             raise SurfaceError(f"{file}: rows = 'y' has no meaning: the file itself says it")
-        heights = heights.T
+        heights, found = heights.T, None if found is None else found[::-1]
+    if table is not None and found is not None and size is not None:
+        _check_coordinates(file, found / float(height_unit or 1.0), size, heights.shape)
     lengths = found if size is None else size
     if lengths is None:
         raise SurfaceError(f"{file}: the file names no lateral size; give it as 'size'")
@@ -81,6 +87,18 @@ def read_topography(
     for text in warnings:
         logger.warning("%s", text)
     return Topography(topo.heights, topo.size, source=str(file), warnings=warnings)
+
+
+def _check_coordinates(file: Path, spans: NDArray[Any], size: Any, shape: tuple[int, ...]) -> None:
+    """Refuse a size that no unit of the coordinates in a file explains."""
+    ratio = real("size", size) / spans
+    room = 0.01 + 1.0 / min(shape)  # a size may be that from the first to the last point
+    fits = [np.allclose(ratio, unit, rtol=room, atol=0.0) for unit in METRES.values()]
+    if not any(fits):
+        raise SurfaceError(
+            f"{file}: x and y of the file span {spans[0]:.6g} x {spans[1]:.6g}, which no unit makes"
+            f" {size[0]:.6g} x {size[1]:.6g} m; correct 'size' or leave it out"
+        )
 
 
 def _is_text(file: Path) -> bool:
@@ -116,10 +134,10 @@ def implausible(topo: Topography) -> tuple[str, ...]:
 
 def _metres(unit: str | float, source: str) -> float:
     """Length of a height unit [m]."""
-    value = METRES.get(unit) if isinstance(unit, str) else float(unit)
-    if value is None or not np.isfinite(value) or value <= 0.0:
-        raise SurfaceError(f"{source}: height_unit = {unit!r}; choose one of {', '.join(METRES)}")
-    return value
+    if not isinstance(unit, str):
+        return positive(f"{source}: height_unit", unit)
+    chosen(f"{source}: height_unit", unit, tuple(METRES))
+    return METRES[unit]
 
 
 Read = tuple[NDArray[Any], Any]
@@ -155,11 +173,11 @@ def _from_arrays(file: Path, found: dict[str, NDArray[Any]], unit: float | None)
     if "heights" not in found:
         raise SurfaceError(f"{file}: no array 'heights' (found: {', '.join(found) or 'nothing'})")
     raw = found["heights"]
-    heights = raw.astype(float)
+    heights = real(f"{file}: heights", raw)
     if raw.dtype == np.int16:
         heights[raw == MISSING] = np.nan
-    scale = unit if unit is not None else float(found.get("scale", np.array(1.0)))
-    return heights * scale, found.get("size")
+    scale = positive(f"{file}: scale", found.get("scale", 1.0))
+    return heights * (scale if unit is None else unit), found.get("size")
 
 
 def _read_truemap(file: Path, unit: float | None) -> Read:
@@ -185,14 +203,15 @@ def _read_numbers(file: Path, unit: float | None) -> Read | None:
     """Heights [m] of .npy, of text that is not separated by blanks, and of columns x, y, z.
 
     Returns:
-        None for a matrix in text with blanks, whose header may say its size, and for other files.
+        With the lengths of columns x, y, z [m]. None for a matrix in text with blanks, whose header
+        may say its size, and for other files.
     """
-    ending = file.suffix.lower()
-    if ending == ".npy":
+    lengths = None
+    if file.suffix.lower() == ".npy":
         heights = read_npy(file)
     elif _is_text(file):
-        heights, kind = read_table(file)
-        if kind == "matrix" and delimiter_of(file) is None:
+        heights, lengths = read_table(file)
+        if lengths is None and delimiter_of(file) is None:
             return None
     else:
         return None
@@ -201,7 +220,16 @@ def _read_numbers(file: Path, unit: float | None) -> Read | None:
             f"{file}: a table of numbers names no unit of its heights; give 'height_unit', such as"
             ' "um"'
         )
-    return heights * unit, None
+    return heights * unit, None if lengths is None else lengths * unit
+
+
+def _failed(file: Path, error: Exception) -> SurfaceError:
+    """What a reader of SurfaceTopography stumbled over, in one line."""
+    text = " ".join(str(error).split())[:80] or type(error).__name__
+    return SurfaceError(
+        f"{file}: cannot be read ({text}): cut short or damaged, or of a kind that the reader does"
+        f" not know; copy it again, or export it as text: {ACCEPTED}"
+    )
 
 
 def _read_instrument(
@@ -218,13 +246,11 @@ def _read_instrument(
             f"{file}: no reader knows this format; export it as text: {ACCEPTED}"
         ) from None
     except Exception as error:
-        raise SurfaceError(
-            f"{file}: the reader fails ({error}); export it as text: {ACCEPTED}"
-        ) from error
+        raise _failed(file, error) from error
     channels = reader.channels
     index = reader.default_channel.index if channel is None else channel
-    if not 0 <= index < len(channels):
-        raise SurfaceError(f"{file}: channel = {channel}, the file has {len(channels)}")
+    if index not in range(len(channels)):
+        raise SurfaceError(f"{file}: channel = {channel!r}, the file has {len(channels)}, from 0")
     info = channels[index]
     if info.dim != 2:
         raise SurfaceError(f"{file}: channel {index} is a line scan; a map is needed")
@@ -233,10 +259,12 @@ def _read_instrument(
         if size is None:
             raise SurfaceError(f"{file}: the file names no lateral size; give it as 'size'")
         settings["physical_sizes"] = tuple(size)
-    topo = reader.topography(channel_index=index, **settings)
-    raw = topo.heights().astype(float)  # A masked array where points are missing.
-    heights = np.asarray(raw.filled(np.nan) if hasattr(raw, "filled") else raw)
-    heights[missing_points(file, heights / (info.height_scale_factor or 1.0))] = np.nan
+    try:
+        topo = reader.topography(channel_index=index, **settings)
+        heights = real("heights", topo.heights())  # A masked array where points are missing.
+        heights[missing_points(file, heights / (info.height_scale_factor or 1.0))] = np.nan
+    except Exception as error:
+        raise _failed(file, error) from error
     length = METRES.get(topo.unit or "")
     if length is None and (size is None or unit is None):
         named = f"its unit {topo.unit!r} is unknown" if topo.unit else "the file names no unit"

@@ -8,29 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from brake_fenicsx.errors import SurfaceError
-from brake_fenicsx.surface.hdf import (
-    HeightDistribution,
-    Johnson,
-    Measured,
-    match_moments,
-    moments,
-    pooled,
-)
-from brake_fenicsx.surface.psd import (
-    BiFractal,
-    RadialPsd,
-    anisotropy,
-    fit_bifractal,
-    psd_spread,
-    radial_psd,
-    sub_psds,
-)
-from brake_fenicsx.surface.topography import Array, Topography, form, outliers
+from brake_fenicsx.surface.hdf import HeightDistribution, matched, measured, moments, pooled
+from brake_fenicsx.surface.psd import RadialPsd, anisotropy, psd_spread, radial_psd, sub_psds
+from brake_fenicsx.surface.spectrum import BiFractal, fit_bifractal, spectrum_of
+from brake_fenicsx.surface.topography import Array, Topography, chosen, form, outliers
 
 # The paper's scan: 256 pixels over 1.8 mm; the band of statistics that come without a scan.
 DISTRIBUTIONS = ("measured", "johnson", "normal")
 NOISE = -1.0  # white noise has a slope of 0; a steeper spectrum is that of a rough surface
 MISSED = 2.0  # times the measured variance of an octave
+FORM = 0.5  # share of the variance in a second-order form that is worth a warning
 PAPER_BAND = (2.0 * np.pi / 1.8e-3, np.pi * 256 / 1.8e-3)
 
 
@@ -48,6 +35,7 @@ class SurfaceStatistics:
             scatter of several scans; nan if given.
         hdf: distribution new heights are drawn from, zero mean.
         bifractal: broken power law of the PSD.
+        spectrum: what artificial surfaces are made from: that, or the measured one.
         psd: radial PSD of the scan, or the mean of several.
         others: radial PSDs of sub-windows and of the decimated scan, or of each scan.
         spread: rms of ln(C_other / C) between these and ``psd`` [-].
@@ -58,6 +46,7 @@ class SurfaceStatistics:
         level: form that was removed.
         missing: points without a height in the scans.
         outliers: points masked by the outlier rule.
+        curvature: share of the variance in a second-order form, largest of the scans [-].
         scans: statistics of each scan, where several are averaged.
     """
 
@@ -69,6 +58,7 @@ class SurfaceStatistics:
     errors: tuple[float, float, float, float]
     hdf: HeightDistribution
     bifractal: BiFractal
+    spectrum: BiFractal
     psd: RadialPsd | None = None
     others: tuple[RadialPsd, ...] = ()
     spread: float = np.nan
@@ -78,6 +68,7 @@ class SurfaceStatistics:
     level: str = "none"
     missing: int = 0
     outliers: int = 0
+    curvature: float = 0.0
     scans: tuple[SurfaceStatistics, ...] = ()
 
     @property
@@ -93,31 +84,37 @@ class SurfaceStatistics:
     @property
     def pixel(self) -> float:
         """Half of the shortest wave length of the reliable band [m], which the scan resolves."""
-        band = self.bifractal.band if self.psd is None else self.psd.band
-        return float(np.pi / band[1])
+        return float(np.pi / self.bifractal.band[1])
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """What is doubtful about the statistics, one line each."""
         fit, found = self.bifractal, []
+        fitted = self.spectrum.misfit is None
         if fit.convex:
             cut = f'surface.cutoff = "{2e6 * np.pi / fit.q_c:.3g} um"'
             why = f"that is usually the instrument's noise; cut there with {cut}"
             if fit.c2 < NOISE:
-                why = (
-                    "the bi-fractal form is meant for a spectrum that falls more steeply there;"
-                    f" compare both in the figure, and name {cut} only if these waves are noise"
+                why = f"if these waves are the instrument's noise, cut there with {cut}" + (
+                    '; if not, use surface.spectrum = "measured"' if fitted else ""
                 )
             found.append(
                 f"the spectrum falls more slowly beyond {fit.q_c:.3g} rad/m (slope {fit.c2:.2f}"
                 f" after {fit.c1:.2f}): {why}"
             )
-        wave, ratio = (np.nan, 1.0) if self.psd is None else worst_octave(self.psd, fit)
+        wave, ratio = worst_octave(self.psd, fit) if self.psd and fitted else (np.nan, 1.0)
         if not 1 / MISSED < ratio < MISSED:
             more, times = ("more", ratio) if ratio > 1 else ("less", 1 / ratio)
             found.append(
                 f"the bi-fractal fit misses the spectrum: about a wavelength of {1e6 * wave:.3g} um"
-                f" artificial surfaces have {times:.1f} times {more} variance than the scan"
+                f" artificial surfaces have {times:.1f} times {more} variance than the scan; use"
+                ' surface.spectrum = "measured"'
+            )
+        if self.level != "second-order" and self.curvature > FORM:
+            found.append(
+                f"level = {self.level!r} leaves a bow or bend with {self.curvature:.0%} of the"
+                " variance of the scan, which is form and not roughness: remove it with"
+                ' surface.level = "second-order"'
             )
         return tuple(found)
 
@@ -128,6 +125,15 @@ class SurfaceStatistics:
             raise SurfaceError("these statistics were given by numbers; there is no scan in them")
         return np.concatenate([t.heights[t.valid] for t in self.topographies])
 
+    def pixels_above(self, height: float, S_q: float) -> int:
+        """How many pixels of the scans carry an artificial surface where it is pressed this far.
+
+        Args:
+            height: separation of the plane from the mean of the artificial surface [m].
+            S_q: root-mean-square height of the artificial surfaces [m].
+        """
+        return int(np.count_nonzero(self.heights * S_q > height * self.hdf.S_q))
+
 
 def characterise(
     topo: Topography,
@@ -136,6 +142,7 @@ def characterise(
     threshold: float = 6.0,
     cutoff: float | None = None,
     distribution: str = "measured",
+    spectrum: str = "measured",
 ) -> SurfaceStatistics:
     """Level a scan, clean it, and take its moments, height distribution and spectrum.
 
@@ -148,6 +155,7 @@ def characterise(
         cutoff: shortest wave length the instrument resolves [m].
         distribution: ``hdf`` is ``"measured"`` (the heights themselves), ``"johnson"`` (matched to
             the four moments) or ``"normal"``.
+        spectrum: ``"measured"`` or its ``"fit"``, see ``spectrum.spectrum_of``.
 
     Raises:
         SurfaceError: a flat scan, or too few valid points.
@@ -163,11 +171,13 @@ def characterise(
     psd = radial_psd(levelled, cutoff)
     others = sub_psds(levelled, cutoff)
     strength, direction = anisotropy(levelled, psd.band)
+    fit = fit_bifractal(psd)
+    bow = 0.0 if topo.periodic else float(np.nanvar(form(levelled, "second-order")) / S_q**2)
     return SurfaceStatistics(
         zero, zero + float(np.median(h)) - mean, S_q, S_sk, S_ku, _moment_errors(levelled),
-        _distribution(pooled([h]), distribution, (S_q, S_sk, S_ku)),
-        fit_bifractal(psd), psd, others, psd_spread(psd, others), strength, direction,
-        levelled, level, missing, marked,
+        _distribution([levelled.heights], distribution, (S_q, S_sk, S_ku)),
+        fit, spectrum_of(levelled, psd, fit, spectrum), psd, others, psd_spread(psd, others),
+        strength, direction, levelled, level, missing, marked, bow,
     )  # fmt: skip
 
 
@@ -175,6 +185,7 @@ def averaged(
     scans: Sequence[SurfaceStatistics],
     cutoff: float | None = None,
     distribution: str = "measured",
+    spectrum: str = "measured",
 ) -> SurfaceStatistics:
     """Statistics of several scans of one surface together; those of one scan as they are.
 
@@ -185,12 +196,13 @@ def averaged(
         scans: statistics of each scan, on one grid (``topography.on_grid_of``).
         cutoff: shortest wave length the instrument resolves [m].
         distribution: as for ``characterise``.
+        spectrum: as for ``characterise``.
     """
     if len(scans) == 1:
         return scans[0]
     topos = [t for scan in scans for t in scan.topographies]
-    z = pooled([t.heights for t in topos])
-    _, S_q, S_sk, S_ku = moments(z)
+    heights = [t.heights for t in topos]
+    _, S_q, S_sk, S_ku = moments(pooled(heights))
     psd = radial_psd(topos, cutoff, label=f"mean of {len(topos)} scans")
     others = tuple(
         replace(scan.psd, label=f"scan {k}")
@@ -199,13 +211,14 @@ def averaged(
     each = np.array([(s.mean, s.S_q, s.S_sk, s.S_ku, s.median) for s in scans])
     errors = each.std(axis=0, ddof=1) / np.sqrt(len(scans))
     strength, direction = anisotropy(topos, psd.band)
+    fit = fit_bifractal(psd)
     return SurfaceStatistics(
         float(each[:, 0].mean()), float(each[:, 4].mean()), S_q, S_sk, S_ku,
         (float(errors[0]), float(errors[1]), float(errors[2]), float(errors[3])),
-        _distribution(z, distribution, (S_q, S_sk, S_ku)),
-        fit_bifractal(psd), psd, others, psd_spread(psd, others), strength, direction,
-        None, scans[0].level, sum(s.missing for s in scans), sum(s.outliers for s in scans),
-        tuple(scans),
+        _distribution(heights, distribution, (S_q, S_sk, S_ku)),
+        fit, spectrum_of(topos, psd, fit, spectrum), psd, others, psd_spread(psd, others),
+        strength, direction, None, scans[0].level, sum(s.missing for s in scans),
+        sum(s.outliers for s in scans), max(s.curvature for s in scans), tuple(scans),
     )  # fmt: skip
 
 
@@ -247,7 +260,8 @@ def given_statistics(
     unit = BiFractal(c1, c2, q_c, 1.0, band)
     bifractal = BiFractal(c1, c2, q_c, S_q**2 / unit.variance(*band), band)
     nan = float("nan")
-    return SurfaceStatistics(mean, mean, S_q, S_sk, S_ku, (nan, nan, nan, nan), hdf, bifractal)
+    errors = (nan, nan, nan, nan)
+    return SurfaceStatistics(mean, mean, S_q, S_sk, S_ku, errors, hdf, bifractal, bifractal)
 
 
 def worst_octave(psd: RadialPsd, fit: BiFractal) -> tuple[float, float]:
@@ -258,38 +272,20 @@ def worst_octave(psd: RadialPsd, fit: BiFractal) -> tuple[float, float]:
         fit: of it.
     """
     q, C = psd.q[psd.reliable], psd.C[psd.reliable]
-    octave = np.floor(np.log2(q / q[0]))
-    found = []
-    for n in np.unique(octave):
-        own = octave == n
-        ratio = float(q[own] @ fit(q[own]) / (q[own] @ C[own]))
-        middle = float(np.sqrt(q[own][0] * q[own][-1]))
-        found.append((abs(np.log(ratio)), 2 * np.pi / middle, ratio))
-    _, wave, ratio = max(found)
-    return wave, ratio
-
-
-def matched(S_q: float, S_sk: float, S_ku: float, distribution: str) -> Johnson:
-    """Johnson's distribution of the four moments, or the normal one of the first two.
-
-    Args:
-        S_q: root-mean-square height [m].
-        S_sk: skewness [-].
-        S_ku: kurtosis [-].
-        distribution: ``"johnson"`` or ``"normal"``.
-    """
-    return match_moments(S_q) if distribution == "normal" else match_moments(S_q, S_sk, S_ku)
+    octave = np.floor(np.log2(q / q[0])).astype(int)
+    many = np.bincount(octave) > 0
+    own, other = (np.bincount(octave, q * density)[many] for density in (C, fit(q)))
+    worst = int(np.argmax(np.abs(np.log(other / own))))
+    middle = q[0] * 2.0 ** (np.flatnonzero(many)[worst] + 0.5)
+    return float(2.0 * np.pi / middle), float(other[worst] / own[worst])
 
 
 def _distribution(
-    heights: Array, distribution: str, of: tuple[float, float, float]
+    scans: Sequence[Array], distribution: str, of: tuple[float, float, float]
 ) -> HeightDistribution:
-    """Distribution of ascending heights [m], or of their (S_q, S_sk, S_ku)."""
-    if distribution not in DISTRIBUTIONS:
-        raise SurfaceError(
-            f"distribution = {distribution!r}; choose one of {', '.join(DISTRIBUTIONS)}"
-        )
-    return Measured(heights) if distribution == "measured" else matched(*of, distribution)
+    """Distribution of the heights of scans [m], or of their (S_q, S_sk, S_ku)."""
+    chosen("distribution", distribution, DISTRIBUTIONS)
+    return measured(scans) if distribution == "measured" else matched(*of, distribution)
 
 
 def _clean(topo: Topography, level: str, rule: str, threshold: float) -> tuple[Topography, int]:

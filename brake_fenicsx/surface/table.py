@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SurfaceError
+from brake_fenicsx.surface.topography import real
 
 Array = NDArray[np.float64]
 
@@ -42,7 +43,7 @@ def delimiter_of(file: Path) -> str | None:
     return "," if "," in line and not all(map(_COMMA.fullmatch, line.split())) else None
 
 
-def read_table(file: Path) -> tuple[Array, str]:
+def read_table(file: Path) -> tuple[Array, Array | None]:
     """Heights of a text file in its own numbers.
 
     Args:
@@ -50,10 +51,11 @@ def read_table(file: Path) -> tuple[Array, str]:
 
     Returns:
         Heights, shape (rows, columns), of columns x, y, z shape (nx, ny), nan where missing; and
-        "matrix" or "xyz".
+        the lengths of columns x, y, z, shape (2,), None of a matrix.
 
     Raises:
-        SurfaceError: decimal commas, rows of different lengths, or cells that are no numbers.
+        SurfaceError: decimal commas, rows of different lengths, cells that are no numbers, or
+            numbers of rows or columns among the heights.
     """
     delimiter = delimiter_of(file)
     lines = file.read_text("utf-8-sig", "replace").splitlines()
@@ -76,17 +78,32 @@ def read_table(file: Path) -> tuple[Array, str]:
     if values.shape[1] > 1 and np.isnan(values[:, -1]).all():
         values = values[:, :-1]  # every line ends with its delimiter
     if values.shape[1] == 3 and len(values) > 3:
-        return _grid(file, values), "xyz"
-    return values, "matrix"
+        return _grid(file, values)
+    for name, edge, beside in (
+        ("column", values[:, 0], values[:, 1:2].ravel()),
+        ("row", values[0], values[1:2].ravel()),
+    ):
+        if _counts(edge) and not _counts(beside):
+            raise SurfaceError(
+                f"{file}: the first {name} counts {edge[-3]:g}, {edge[-2]:g}, {edge[-1]:g}: no"
+                " heights, but numbers of rows or columns; export the heights alone (pandas:"
+                " index=False, header=False)"
+            )
+    return values, None
 
 
 def read_npy(file: Path) -> Array:
     """Heights of a .npy file in its own numbers, shape (rows, columns)."""
     try:
-        values = np.load(file, allow_pickle=False)
-        return np.asarray(values, dtype=float)
+        return real(f"{file}: heights", np.load(file, allow_pickle=False))
     except (ValueError, OSError, EOFError) as error:
         raise SurfaceError(f"{file}: not a readable npy file of numbers ({error})") from error
+
+
+def _counts(edge: Array) -> bool:
+    """Whether numbers are equally spaced to the last digit, but for the first, which may lack."""
+    steps = np.diff(edge[np.isnan(edge[:1]).sum() :])
+    return steps.size > 4 and steps[0] != 0 and bool(np.all(np.abs(np.diff(steps)) < 1e-9))
 
 
 def _cells(line: str, delimiter: str | None) -> list[str]:
@@ -119,9 +136,9 @@ def _row(file: Path, number: int, row: Sequence[str], width: int) -> list[float]
     return [np.nan if _MISSING.fullmatch(cell) else float(cell) for cell in row]
 
 
-def _grid(file: Path, values: Array) -> Array:
-    """Heights of columns x, y, z on their grid; points that are not listed are missing."""
-    places = []
+def _grid(file: Path, values: Array) -> tuple[Array, Array]:
+    """Heights of columns x, y, z on their grid, whose unlisted points are missing; its lengths."""
+    places, lengths = [], []
     for name, column in zip("xy", values[:, :2].T, strict=True):
         unique, place = np.unique(column, return_inverse=True)
         steps = np.diff(unique)
@@ -131,8 +148,9 @@ def _grid(file: Path, values: Array) -> Array:
                 f" lie on no regular grid; {ACCEPTED}"
             )
         places.append(place)
+        lengths.append(float(steps.mean()) * unique.size)
     heights = np.full((places[0].max() + 1, places[1].max() + 1), np.nan)
     if heights.size > 10 * len(values):
         raise SurfaceError(f"{file}: columns x, y, z that fill no grid; {ACCEPTED}")
     heights[places[0], places[1]] = values[:, 2]
-    return heights
+    return heights, np.array(lengths)

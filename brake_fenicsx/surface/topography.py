@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-LEAST = 16  # pixels along a side of what is left of a scan
 SAME_PIXEL = 1e-6  # relative difference that the rounding of a file explains
 LEVELS = ("none", "mean", "plane", "second-order")
+OUTLIERS = ("spike", "mad", "none")
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +73,7 @@ def make_topography(
     """Check heights and size and put them together.
 
     Args:
-        heights: heights [m], shape (nx, ny); nan or inf where missing.
+        heights: heights [m], shape (nx, ny); nan, inf or masked where missing.
         size: lengths [m], shape (2,).
         periodic: whether the surface repeats itself.
         source: name for messages.
@@ -82,18 +82,55 @@ def make_topography(
     Raises:
         SurfaceError: not a two-dimensional array, no valid point, or a size that is not positive.
     """
-    h = np.array(heights, dtype=float)
-    lengths = np.array(size, dtype=float)
+    h, lengths = real(f"{source}: heights", heights), real(f"{source}: size", size)
     if h.ndim != 2 or min(h.shape) < 2:
         raise SurfaceError(
             f"{source}: heights of shape {h.shape}; a scan has at least 2 x 2 pixels"
         )
-    if lengths.shape != (2,) or not np.all(np.isfinite(lengths)) or np.any(lengths <= 0.0):
+    if lengths.shape != (2,) or not np.all(lengths > 0.0):
         raise SurfaceError(f"{source}: size {size} m; give two positive lengths as 'size'")
-    h[~np.isfinite(h)] = np.nan
     if np.isnan(h).all():
         raise SurfaceError(f"{source}: no valid point in the scan; measure again or mask less")
     return Topography(h, lengths, periodic, source, warnings)
+
+
+def real(name: str, values: Any) -> Array:
+    """Values as a new array of real numbers; masked, infinite and undefined ones are nan.
+
+    Raises:
+        SurfaceError: complex numbers, text or objects.
+    """
+    mask = getattr(values, "mask", False)
+    try:
+        given = np.asarray(values.data if np.any(mask) else values)
+    except ValueError:  # rows of different lengths
+        given = np.array(None)
+    if given.dtype.kind not in "biuf":
+        raise SurfaceError(f"{name}: values of type {given.dtype}; give real numbers")
+    numbers = given.astype(float)
+    return np.where(mask | ~np.isfinite(numbers), np.nan, numbers)
+
+
+def positive(name: str, value: Any) -> float:
+    """A positive number.
+
+    Raises:
+        SurfaceError: anything else: text, an array, zero, nan.
+    """
+    number = real(name, value)
+    if number.shape != () or not number > 0.0:
+        raise SurfaceError(f"{name} = {value!r}; give one positive number")
+    return float(number)
+
+
+def chosen(name: str, value: object, choices: Sequence[str]) -> None:
+    """Refuse a word that is none of the choices.
+
+    Raises:
+        SurfaceError: the name, the value and the choices.
+    """
+    if value not in choices:
+        raise SurfaceError(f"{name} = {value!r}; choose one of {', '.join(choices)}")
 
 
 Scans = Topography | Sequence[Topography]  # of one surface, on the same grid
@@ -125,57 +162,11 @@ def on_grid_of(reference: Topography, scan: Topography) -> Topography:
         )
     if scan.shape != reference.shape:
         (nx, ny), (mx, my) = scan.shape, reference.shape
-        common = scan.pixel * np.minimum(scan.shape, reference.shape)
-        corner = ", ".join(f'"{1e3 * float(v):.12g} mm"' for v in common)
         raise SurfaceError(
             f"{nx} x {ny} pixels, and {mx} x {my} in {reference.source}: scans are averaged on one"
-            f' grid; take the same part of each, surface.window = ["0 mm", "0 mm", {corner}]'
+            f" grid; cut both to {min(nx, mx)} x {min(ny, my)} pixels"
         )
     return replace(scan, size=reference.size)
-
-
-def measured_less(
-    topo: Topography,
-    window: tuple[float, ...] | None = None,
-    every: int = 1,
-    noise: float = 0.0,
-    rng: np.random.Generator | None = None,
-) -> Topography:
-    """A scan as a smaller, coarser or noisier measurement of the same surface would be.
-
-    Args:
-        topo: the scan.
-        window: smallest x and y, largest x and y of the part that is kept [m], to whole pixels.
-        every: every how many-th pixel of that part is kept, along x and along y.
-        noise: standard deviation of white noise [m]; a pixel's does not depend on the window.
-        rng: source of the noise.
-
-    Raises:
-        SurfaceError: the window ends outside the scan, or too few pixels are left.
-    """
-    heights, pixel = topo.heights, topo.pixel
-    if noise and rng is not None:
-        heights = heights + noise * rng.standard_normal(topo.shape)
-    if window is not None:
-        corners = np.reshape(window, (2, 2))
-        if np.any(corners[1] > topo.size * (1 + 1e-9)):
-            x, y, sx, sy = (1e3 * v for v in (*corners[1], *topo.size))
-            raise SurfaceError(
-                f"surface.window ends at {x:.4g} x {y:.4g} mm, the scan at {sx:.4g} x {sy:.4g} mm;"
-                " choose a window inside it"
-            )
-        (i, j), (k, n) = np.round(corners / pixel).astype(int)
-        heights = heights[i:k, j:n]
-    if window is not None or every > 1:
-        nx, ny = (n - n % every for n in heights.shape)
-        heights, pixel = heights[:nx:every, :ny:every], every * pixel
-        if min(heights.shape) < LEAST:
-            raise SurfaceError(
-                f"surface.window and surface.decimation leave {heights.shape[0]} x"
-                f" {heights.shape[1]} pixels; leave {LEAST} or more along each side"
-            )
-    size = pixel * np.array(heights.shape)
-    return make_topography(heights, size, topo.periodic, topo.source, topo.warnings)
 
 
 def form(topo: Topography, level: str) -> Array:
@@ -186,8 +177,7 @@ def form(topo: Topography, level: str) -> Array:
         level: ``"none"`` (zero), ``"mean"``, ``"plane"`` or ``"second-order"`` (all terms x^i y^j
             with i + j <= 2).
     """
-    if level not in LEVELS:
-        raise SurfaceError(f"level = {level!r}; choose one of {', '.join(LEVELS)}")
+    chosen("level", level, LEVELS)
     if level == "none":
         return np.zeros(topo.shape)
     x, y = (np.linspace(-1.0, 1.0, n) for n in topo.shape)
@@ -218,8 +208,8 @@ def outliers(heights: Array, rule: str = "spike", threshold: float = 6.0) -> NDA
             from the median of all heights. ``"none"``.
         threshold: distance in robust standard deviations [-].
     """
-    if rule not in ("spike", "mad", "none"):
-        raise SurfaceError(f"outliers = {rule!r}; choose 'spike', 'mad' or 'none'")
+    chosen("outliers", rule, OUTLIERS)
+    positive("threshold", threshold)
     valid = np.isfinite(heights)
     middle = np.median(heights[valid])
     spread = 1.4826 * np.median(np.abs(heights[valid] - middle))
@@ -242,30 +232,22 @@ def fill(heights: Array) -> Array:
     missing = np.isnan(heights)
     if not missing.any():
         return heights
+    count = int(missing.sum())
     number = np.full(heights.shape, -1)
-    number[missing] = np.arange(missing.sum())
-    rows, columns, rhs = [], [], np.zeros(missing.sum())
-    degree = np.zeros(missing.sum())
-    for axis, step in ((0, 1), (0, -1), (1, 1), (1, -1)):
-        inner = _has_neighbour(heights.shape, axis, step) & missing
-        own = number[inner]
-        other, height = (np.roll(a, -step, axis)[inner] for a in (number, heights))
-        degree[own] += 1.0
-        open_ = other >= 0
-        rows.append(own[open_])
-        columns.append(other[open_])
-        np.add.at(rhs, own[~open_], height[~open_])
-    i, j = np.concatenate(rows), np.concatenate(columns)
-    matrix = sp.diags(degree) - sp.csr_matrix((np.ones(i.size), (i, j)), (degree.size,) * 2)
+    number[missing] = np.arange(count)
+    # A rim of one pixel that is no neighbour: number -2.
+    numbers = np.pad(number, 1, constant_values=-2)
+    around = np.pad(heights, 1)
+    rows, columns, rhs, degree = [], [], np.zeros(count), np.zeros(count)
+    nx, ny = heights.shape
+    for i, j in ((0, 1), (2, 1), (1, 0), (1, 2)):
+        other, height = (a[i : i + nx, j : j + ny][missing] for a in (numbers, around))
+        degree += other > -2
+        rows.append(np.flatnonzero(other >= 0))
+        columns.append(other[other >= 0])
+        rhs += np.where(other == -1, height, 0.0)
+    row, column = np.concatenate(rows), np.concatenate(columns)
+    matrix = sp.diags(degree) - sp.csr_matrix((np.ones(row.size), (row, column)), (count, count))
     filled = heights.copy()
     filled[missing] = spsolve(matrix.tocsc(), rhs)
     return filled
-
-
-def _has_neighbour(shape: tuple[int, ...], axis: int, step: int) -> NDArray[np.bool_]:
-    """Pixels whose neighbour at ``step`` along ``axis`` is inside the grid."""
-    inside = np.ones(shape, dtype=bool)
-    edge = [slice(None), slice(None)]
-    edge[axis] = slice(-1, None) if step == 1 else slice(0, 1)
-    inside[tuple(edge)] = False
-    return inside

@@ -21,8 +21,7 @@ import scipy.fft
 from scipy.special import ndtr
 
 from brake_fenicsx.surface.hdf import HeightDistribution
-from brake_fenicsx.surface.psd import half_plane_weights
-from brake_fenicsx.surface.rings import Rings
+from brake_fenicsx.surface.psd import half_plane_weights, wave_numbers
 from brake_fenicsx.surface.topography import Array
 
 _polynomial: Any = np.polynomial.polynomial
@@ -40,7 +39,9 @@ class TranslationField:
         x: Gaussian heights of the table [-], ascending.
         z: heights they are mapped to, of zero mean and unit variance [-].
         shape: pixels (nx, ny).
-        psd_error: rms over the rings of the family's mean spectrum over the wanted one, minus one.
+        psd_error: rms over the rings of the family's mean spectrum over the wanted one, minus one;
+            rings weigh as in the mean square slope.
+        slope_ratio: rms slope of the family over that of the wanted spectrum [-].
     """
 
     amplitude: Array
@@ -48,6 +49,7 @@ class TranslationField:
     z: Array
     shape: tuple[int, int]
     psd_error: float
+    slope_ratio: float
 
     def sample(self, rng: np.random.Generator) -> Array:
         """One surface of unit variance in the mean of the family [-], shape (nx, ny)."""
@@ -76,37 +78,40 @@ def translation_field(
     """
     weights = half_plane_weights(shape)
     x: Array = np.linspace(-REACH, REACH, 8001, dtype=float)
-    z, powers = _expansion(hdf, x)
+    z, powers = expansion(hdf, x)
     r = np.linspace(-1.0, 1.0, 4001)
     g = _polynomial.polyval(r, powers)
     wanted: Array = np.asarray(shares / float((weights * shares).sum()), float)
     own = _spectrum(np.interp(_correlation(wanted, shape), g, r), shape)
-    rings, best, lowest = Rings(shape, size, wanted), own, np.inf
+    q = wave_numbers(shape, size)
+    ring, slopes = np.rint(q / q[q > 0.0].min()).astype(np.intp).ravel(), weights * q**2
+    best, lowest, slope = own, np.inf, np.inf
     for _ in range(iterations):
         own = np.maximum(own, 0.0)
         own[0, 0] = 0.0
         own /= float((weights * own).sum())
         mapped = _polynomial.polyval(_correlation(own, shape), powers)
         found = _spectrum(mapped, shape)
-        error = rings.error(rings.ratio(found))
+        asked, got = (np.bincount(ring, (slopes * a).ravel()) for a in (wanted, found))
+        missed = np.divide(got - asked, asked, out=np.zeros_like(got), where=asked > 0.0)
+        error = float(np.sqrt(asked @ missed**2 / asked.sum()))
         if error < lowest:
-            best, lowest = own, error
+            best, lowest, slope = own, error, float(np.sqrt(got.sum() / asked.sum()))
         if lowest <= ENOUGH or error > 2.0 * lowest:
             break
         ratio = np.divide(wanted, found, out=np.ones_like(found), where=found > 0.0)
         own = own * np.clip(ratio, 0.5, 2.0)
-    count = shape[0] * shape[1]
-    return TranslationField(np.asarray(np.sqrt(best * count), float), x, z, shape, lowest)
+    amplitude = np.asarray(np.sqrt(best * (shape[0] * shape[1])), float)
+    return TranslationField(amplitude, x, z, shape, lowest, slope)
 
 
-def mapped_correlation(hdf: HeightDistribution, r: Array) -> Array:
-    """Correlation of the mapped heights where that of the Gaussian field is ``r`` [-]."""
-    x: Array = np.linspace(-REACH, REACH, 8001, dtype=float)
-    return np.asarray(_polynomial.polyval(r, _expansion(hdf, x)[1]))
+def expansion(hdf: HeightDistribution, x: Array) -> tuple[Array, Array]:
+    """Heights T(x) of zero mean and unit variance, and the squares t_k^2, whose sum is one.
 
-
-def _expansion(hdf: HeightDistribution, x: Array) -> tuple[Array, Array]:
-    """Heights T(x) of zero mean and unit variance, and the squares t_k^2, whose sum is one."""
+    Args:
+        hdf: distribution of the heights.
+        x: normal heights [-], evenly spaced from -7 to 7.
+    """
     weight = np.exp(-0.5 * x**2)
     weight = weight / weight.sum()
     z = hdf.ppf(ndtr(x))

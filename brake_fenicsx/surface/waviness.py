@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import map_coordinates
 
 from brake_fenicsx.errors import SurfaceError
-from brake_fenicsx.surface.psd import BiFractal, half_plane_weights
+from brake_fenicsx.surface.psd import half_plane_weights, wave_vectors
+from brake_fenicsx.surface.spectrum import BiFractal
 from brake_fenicsx.surface.topography import Array
 
 PER_PATCH = 4  # grid points along a patch: the averaged field has no shorter waves than a patch
@@ -82,9 +83,7 @@ class Waviness:
 
     def _powers(self, shape: tuple[int, int], size: Array) -> NDArray[np.float64]:
         """Variance of every wave vector of ``rfft2`` [m^2]."""
-        step = size / shape
-        qx = 2.0 * np.pi * np.fft.fftfreq(shape[0], step[0])[:, None]
-        qy = 2.0 * np.pi * np.fft.rfftfreq(shape[1], step[1])[None, :]
+        qx, qy = wave_vectors(shape, size)
         # numpy's sinc(x) is sin(pi x) / (pi x).
         mean = np.sinc(qx * self.patch / (2.0 * np.pi)) * np.sinc(qy * self.patch / (2.0 * np.pi))
         C = self.psd(np.hypot(qx, qy), self.low)

@@ -8,14 +8,12 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-import numpy as np
 import pytest
 
 from brake_fenicsx import pipeline
 from brake_fenicsx.budget import study
 from brake_fenicsx.budget.knobs import RESOLUTION, Knob, Variant, knobs
-from brake_fenicsx.budget.study import REFERENCE, Budget, plan, run_budget
-from brake_fenicsx.checks import read_surface
+from brake_fenicsx.budget.study import run_budget
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import NotConverged, SceneError
 from brake_fenicsx.scene import read_scene
@@ -46,7 +44,7 @@ def few(monkeypatch):
         return run(scene, comm, directory, *args, **keys)
 
     monkeypatch.setattr(pipeline, "run", counted)
-    wanted = ("body-mesh", "reduction", "scan-window")
+    wanted = ("body-mesh", "reduction", "level")
     monkeypatch.setattr(study, "knobs", lambda *a: [k for k in knobs(*a) if k.name in wanted])
     return started
 
@@ -76,15 +74,15 @@ def test_budget_end_to_end_is_interrupted_and_goes_on(few, tmp_path, monkeypatch
     page = run_budget(BLOCK, COMM, tmp_path / "b", ROUGH)
     assert len(few) == 4 and page.is_file()
     rows = table(tmp_path / "b")
-    assert {r["knob"] for r in rows} == {"samples", "body-mesh", "reduction", "scan-window"}
+    assert {r["knob"] for r in rows} == {"samples", "body-mesh", "reduction", "level"}
     own = [r for r in rows if r["knob"] == "reduction" and r["family"] not in ("", "any")]
     assert own
     for row in own:  # a knob without effect: the model was made for 1e-5 of the eigenvalues
         assert row["paired"] == "yes" and float(row["change"]) == 0.0
         assert float(row["change_low"]) <= 0.0 <= float(row["change_high"])
         assert abs(float(row["frequency_bias_hz"])) < 1e-4 * float(row["frequency_hz"])
-    (window,) = (r for r in rows if r["knob"] == "scan-window")
-    assert window["status"] == "not run" and window["reason"] == "the scene has no scan"
+    (level,) = (r for r in rows if r["knob"] == "level")
+    assert level["status"] == "not run" and level["reason"] == "the scene has no scan"
     fine = [json.loads((tmp_path / "b" / n / "summary.json").read_text())["dofs"]
             for n in ("reference", "body-mesh-1", "body-mesh-2")]  # fmt: skip
     assert fine == sorted(fine) and len(set(fine)) == 3
@@ -125,7 +123,7 @@ def test_variant_that_fails_is_a_row_and_the_others_go_on(few, tmp_path, monkeyp
 
 def test_knobs_of_the_demo_are_scenes_that_can_be_read():
     scene = read_scene(DEMO)
-    found = {knob.name: knob for knob in knobs(scene, 625, read_surface(scene).topographies)}
+    found = {knob.name: knob for knob in knobs(scene, 625)}
     assert all(bool(k.variants) != bool(k.reason) for k in found.values())
     assert {n for n, k in found.items() if not k.variants} == {"variance"}
     for knob in found.values():
@@ -142,74 +140,9 @@ def test_knobs_of_the_demo_are_scenes_that_can_be_read():
 
 
 def test_knobs_of_a_smooth_scene_say_why_they_are_not_turned():
-    found = {k.name: k for k in knobs(read_scene(BLOCK), None, ())}
+    found = {k.name: k for k in knobs(read_scene(BLOCK), None)}
     assert "no laws" in found["pixels"].reason and "full order" in found["cutoff"].reason
     assert "no approach 'classical'" in found["penalty"].reason and found["body-mesh"].variants
-
-
-@pytest.fixture
-def rough_scan(tmp_path, monkeypatch):
-    """A scene whose laws come from a scan, and some of its budget's plan; nothing is run."""
-    wanted = ("scan-window", "scan-decimation", "scan-noise", "newton")
-    monkeypatch.setattr(study, "knobs", lambda *a: [k for k in knobs(*a) if k.name in wanted])
-    (tmp_path / REFERENCE).mkdir()
-    sizes = {"dofs": 2000, "contact_elements": 50, "mean_patch_mm": 0.5}
-    (tmp_path / REFERENCE / "summary.json").write_text(json.dumps(sizes))
-
-    def planned(*changes):
-        laws = [
-            "stages=['surface','micro','equilibrium','stability','uncertainty']",
-            f"surface.scan='{SCENES / 'pad_scan.npz'}'", "micro.patch=mesh",
-            "contact.block_plate.law=library", "samples.n=4", *changes,
-        ]  # fmt: skip
-        budget = Budget(BLOCK, COMM, tmp_path, laws, tmp_path / "cache")
-        budget.record[REFERENCE] = {"seconds": 10.0}
-        return budget, {p.name: p for p in plan(budget)[1]}
-
-    return planned
-
-
-def test_what_less_of_a_scan_says(rough_scan):
-    """Two opposite quarters, every second and fourth pixel, and as much noise as it may hold."""
-    window = "surface.window=['0.225 mm','0.0875 mm','1.125 mm','0.7875 mm']"
-    budget, planned = rough_scan("surface.noise='0.3 um'", "micro.pixels=48", window)
-    assert all(p.paired and not p.refused for p in planned.values())
-    own = read_surface(budget.scene).topography
-    found = {
-        name: read_surface(read_scene(BLOCK, [*budget.overrides, *p.variant.overrides])).topography
-        for name, p in planned.items() if name.startswith("scan-")
-    }  # fmt: skip
-    assert [found[f"scan-window-{n}"].shape for n in (1, 2)] == [(64, 64)] * 2
-    assert [found[f"scan-decimation-{n}"].shape[0] for n in (1, 2)] == [64, 32]
-    np.testing.assert_allclose(found["scan-decimation-2"].size, own.size)
-    added = found["scan-noise-1"].heights - own.heights
-    assert 0.2e-6 < np.nanstd(added) < 1e-6
-    opposite = 'surface.window=["0.675 mm", "0.4375 mm", "1.125 mm", "0.7875 mm"]'
-    assert planned["scan-window-2"].variant.overrides == (opposite,)
-
-
-def test_what_less_of_several_scans_says(rough_scan, tmp_path):
-    """The same part, the same pixels and as much noise of each scan, drawn anew for each."""
-    with np.load(SCENES / "pad_scan.npz") as file:
-        np.savez(tmp_path / "turned.npz", **{**file, "heights": file["heights"][::-1]})
-    both = f"surface.scan=['{SCENES / 'pad_scan.npz'}', '{tmp_path / 'turned.npz'}']"
-    budget, planned = rough_scan(both, "micro.pixels=48")
-    assert len(planned) == 6 and all(p.paired and not p.refused for p in planned.values())
-    own = read_surface(budget.scene).topographies
-    changes = planned["scan-noise-1"].variant.overrides
-    noisy = read_surface(read_scene(BLOCK, [*budget.overrides, *changes])).topographies
-    added = [a.heights - b.heights for a, b in zip(noisy, own, strict=True)]
-    assert len(added) == 2 and all(np.nanstd(a) > 0 for a in added)
-    changes = planned["scan-window-2"].variant.overrides
-    part = read_surface(read_scene(BLOCK, [*budget.overrides, *changes])).topographies
-    assert [t.shape for t in part] == [(128, 128)] * 2
-
-
-def test_laws_of_another_number_of_points_are_of_independent_samples(rough_scan):
-    """A coarser scan resolves coarser laws, where the scene does not name their points."""
-    _, planned = rough_scan()
-    names = ("scan-window-1", "scan-window-2", "scan-decimation-1", "newton-1")
-    assert [planned[n].paired for n in names] == [True, True, False, True]
 
 
 @pytest.mark.slow
@@ -247,7 +180,7 @@ def test_two_processes_give_the_rows_of_one(few, tmp_path):
         "study.run_budget(sys.argv[1], MPI.COMM_WORLD, sys.argv[2], sys.argv[4:])"
     )
     call = ["mpirun", "-n", "2", "--oversubscribe", sys.executable, "-c", code, str(BLOCK)]
-    call += [str(tmp_path / "two"), "body-mesh reduction scan-window", *ROUGH]
+    call += [str(tmp_path / "two"), "body-mesh reduction level", *ROUGH]
     subprocess.run(call, check=True, capture_output=True, **parallel())
     run_budget(BLOCK, COMM, tmp_path / "one", ROUGH)
     one, two = (table(tmp_path / name) for name in ("one", "two"))

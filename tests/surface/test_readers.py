@@ -130,6 +130,82 @@ def test_tables_that_are_none(tmp_path, text, said):
         read_topography(tmp_path / "a.csv", SIZE, "um")
 
 
+def test_coordinates_are_the_size_of_columns(tmp_path):
+    """In the unit of the heights if nothing else is said; a size may only name their unit."""
+    file = tmp_path / "a.csv"
+    file.write_text(xyz(","))
+    np.testing.assert_allclose(read_topography(file, height_unit="um").size, [1.2e-6, 0.9e-6])
+    turned = read_topography(file, height_unit="um", rows="y")
+    np.testing.assert_allclose(turned.size, [0.9e-6, 1.2e-6])
+    # From the first to the last point, as some give it.
+    read_topography(file, (1.1e-3, 0.8e-3), "um")
+    for size in ((0.9e-3, 1.2e-3), (2.4e-3, 1.8e-3), (1.2e-3, 0.9e-6)):
+        with pytest.raises(SurfaceError, match=r"span 1.2 x 0.9, which no unit makes"):
+            read_topography(file, size, "um")
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        (lambda t: "".join(f"{i},{row}\n" for i, row in enumerate(t)), "column"),
+        (lambda t: "x,a,b,c\n" + "".join(f"{i},{row}\n" for i, row in enumerate(t)), "column"),
+        (lambda t: "," + ",".join(map(str, range(9))) + "\n" + "".join(
+            f"{i},{row}\n" for i, row in enumerate(t)), "column"),
+        (lambda t: ",".join(map(str, range(9))) + "\n" + "\n".join(t), "row"),
+        (lambda t: "".join(f"{0.5 * i + 3} {row.replace(',', ' ')}\n"
+                           for i, row in enumerate(t)), "column"),
+    ],
+)  # fmt: skip
+def test_numbers_of_rows_are_no_heights(tmp_path, text, what):
+    """As pandas writes a table, with an index and a header of numbers."""
+    file = tmp_path / "a.csv"
+    file.write_text(text(table().splitlines()))
+    with pytest.raises(SurfaceError, match=rf"the first {what} counts .*index=False"):
+        read_topography(file, SIZE, "um")
+    # An exact tilt is like its neighbours.
+    tilt = 0.25 * np.arange(12)[:, None] + 0.5 * np.arange(9)
+    np.savetxt(file, tilt, delimiter=",")
+    np.testing.assert_allclose(read_topography(file, SIZE, "um").heights, 1e-6 * tilt)
+
+
+@pytest.mark.parametrize(
+    ("changes", "settings", "named"),
+    [
+        ({"scale": -1.0}, {}, "scale = .*positive number"),
+        ({"scale": 0.0}, {}, "scale = .*positive number"),
+        ({"scale": np.ones(3)}, {}, "scale = .*positive number"),
+        ({"scale": "um"}, {}, "scale.*real numbers"),
+        ({"size": "1 mm"}, {}, "size.*real numbers"),
+        ({"size": [1e-3, 1e-3, 1e-3]}, {}, "two positive lengths"),
+        ({"heights": HEIGHTS + 1j}, {}, "heights.*complex128; give real numbers"),
+        ({}, {"rows": "z"}, "rows = 'z'; choose one of x, y"),
+        ({}, {"channel": 99}, "channel = 99 has no meaning"),
+        ({}, {"height_unit": -1.0}, "height_unit = -1.0; give one positive number"),
+        ({}, {"height_unit": [1.0, 2.0]}, "height_unit = .*one positive number"),
+    ],
+)
+def test_arrays_and_settings_that_mean_nothing(tmp_path, changes, settings, named):
+    file = tmp_path / "a.npz"
+    np.savez(file, **({"heights": HEIGHTS, "size": SIZE} | changes))
+    with pytest.raises(SurfaceError, match=named) as said:
+        read_topography(file, **settings)
+    assert "a.npz" in str(said.value) and "\n" not in str(said.value)
+
+
+@needs_scans
+@pytest.mark.parametrize("name", ["alicona_200x296.al3d", "wyko_wli_736x480.opd",
+                                  "sensofar_768x576.plu", "truemap_300x300.tmd"])  # fmt: skip
+def test_files_cut_short_are_named_in_one_line(tmp_path, name):
+    """Whatever the reader stumbles over: its header alone, half of the heights, a byte too few."""
+    whole = (Path(SCANS) / name).read_bytes()
+    for size in (1, 60, 3000, 20_000, len(whole) // 2):
+        (tmp_path / name).write_bytes(whole[:size])
+        try:
+            read_topography(tmp_path / name)
+        except SurfaceError as error:
+            assert "\n" not in str(error) and len(str(error)) < 600 and name in str(error)
+
+
 def test_rows_have_no_meaning_where_the_file_says_it(tmp_path):
     np.savez(tmp_path / "a.npz", heights=HEIGHTS, size=SIZE)
     with pytest.raises(SurfaceError, match="rows = 'y'"):

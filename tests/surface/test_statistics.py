@@ -22,9 +22,7 @@ def test_scan_with_tilt_noise_and_holes():
     """Everything an instrument adds is taken off or counted, and the statistics return."""
     rng = np.random.default_rng(1)
     size = (5.65e-3, 5.65e-3)
-    clean = synthesise(
-        PAPER.bifractal, PAPER.hdf, (256, 256), size, rng, "extend", "projection", "scan", 4e-3
-    ).heights
+    clean = synthesise(PAPER.bifractal, PAPER.hdf, (256, 256), size, rng, "extend", "scan").heights
     h = clean + 7e-6 + 3e-3 * np.linspace(-1, 1, 256)[:, None] * 2e-3
     h += rng.normal(0.0, 20e-9, h.shape)
     h[10:14, 200:205] = np.nan
@@ -67,13 +65,29 @@ def test_measured_heights_are_kept_on_request():
     stats = characterise(topo, distribution="measured")
     assert isinstance(stats.hdf, Measured)
     assert stats.hdf.S_q == pytest.approx(stats.S_q, rel=1e-12)
-    tops = stats.hdf.ppf(np.array([0.0, 1.0]))
-    np.testing.assert_allclose(tops, [stats.heights.min(), stats.heights.max()], rtol=1e-9)
+    u = np.array([0.0, 0.1, 0.5, 0.85])
+    np.testing.assert_allclose(
+        stats.hdf.ppf(u), np.quantile(stats.heights, u, method="hazen"), rtol=1e-9, atol=1e-20
+    )
 
 
 def test_second_order_form_is_removed():
     x = np.linspace(-1, 1, 128)
     topo = short_waved(3)
     bowl = make_topography(topo.heights + 50e-6 * np.add.outer(x**2, -(x**2)), topo.size)
-    assert characterise(bowl).S_q > 10e-6
-    assert characterise(bowl, level="second-order").S_q == pytest.approx(1e-6, rel=0.01)
+    plane, second = characterise(bowl), characterise(bowl, level="second-order")
+    assert plane.S_q > 10e-6
+    (text,) = [t for t in plane.warnings if "bow" in t]
+    assert "100% of the variance" in text and 'surface.level = "second-order"' in text
+    assert second.S_q == pytest.approx(1e-6, rel=0.01) and second.curvature < 1e-6
+    assert not any("bow" in t for t in (*second.warnings, *characterise(topo).warnings))
+
+
+def test_pixels_of_the_scan_above_a_separation():
+    """Counted on the scan in the measure of surfaces that are twice as rough."""
+    stats = characterise(short_waved(0))
+    for share in (0.5, 0.9, 0.999):
+        height = 2 * np.quantile(stats.heights, share)
+        count = stats.pixels_above(height, 2 * stats.S_q)
+        assert count == pytest.approx((1 - share) * stats.heights.size, abs=2)
+    assert stats.pixels_above(1.0, stats.S_q) == 0

@@ -5,7 +5,7 @@ import pytest
 
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.surface import make_topography
-from brake_fenicsx.surface.topography import fill, form, measured_less, outliers
+from brake_fenicsx.surface.topography import fill, form, outliers, positive, real
 
 
 def grid(nx=40, ny=30):
@@ -91,6 +91,10 @@ def test_spikes_are_found_and_summits_are_not():
         (np.full((3, 3), np.nan), (1.0, 1.0), "no valid point"),
         (np.zeros((3, 3)), (1.0, 0.0), "size"),
         (np.zeros((3, 3)), (np.nan, 1.0), "size"),
+        (np.zeros((3, 3)), "wide", "size.*real numbers"),
+        (np.eye(3) + 1j, (1.0, 1.0), "complex128; give real numbers"),
+        ([[1, 2], [3]], (1.0, 1.0), "give real numbers"),
+        ([["a", "b"], ["c", "d"]], (1.0, 1.0), "give real numbers"),
     ],
 )
 def test_what_is_no_scan(heights, size, named):
@@ -110,41 +114,26 @@ def test_unknown_rules_are_named():
         form(make_topography(lonely, (1.0, 1.0)), "plane")
 
 
-def scan(nx=64, ny=40):
-    """Heights that name their pixel, of 10 x 20 um."""
-    heights = np.add.outer(1e-6 * np.arange(nx), 1e-9 * np.arange(ny))
-    return make_topography(heights, (nx * 10e-6, ny * 20e-6))
+def test_what_is_masked_is_missing():
+    """A masked array keeps a number under its mask, which is no height."""
+    h = np.random.default_rng(0).standard_normal((20, 20))
+    masked = np.ma.array(h, mask=np.zeros(h.shape, bool))
+    masked.data[3, 4], masked.data[5, 6] = 1e4, np.inf
+    masked.mask[3, 4] = True
+    topo = make_topography(masked, (1.0, 1.0))
+    assert np.argwhere(~topo.valid).tolist() == [[3, 4], [5, 6]]
+    assert np.nanmax(np.abs(topo.heights)) < 10
+    counts = np.ma.masked_equal(np.array([[1, 2], [-9, 4]], dtype=np.int16), -9)
+    np.testing.assert_array_equal(real("counts", counts), [[1, 2], [np.nan, 4]])
 
 
-def test_a_window_and_every_second_pixel_are_those_of_the_scan():
-    part = measured_less(scan(), (0.1e-3, 0.08e-3, 0.6e-3, 0.78e-3), 2)
-    np.testing.assert_array_equal(part.heights, scan().heights[10:60:2, 4:38:2])
-    # 35 pixels along y: the last one has no second beside it.
-    np.testing.assert_allclose(part.pixel, [20e-6, 40e-6])
-    whole = measured_less(scan())
-    np.testing.assert_array_equal(whole.heights, scan().heights)
-    np.testing.assert_allclose(whole.size, scan().size, rtol=1e-15)
+@pytest.mark.parametrize("value", [0, -1.0, np.nan, np.inf, "a", [1, 2], None, 1j])
+def test_what_is_no_positive_number(value):
+    with pytest.raises(SurfaceError, match=r"^cutoff"):
+        positive("cutoff", value)
+    with pytest.raises(SurfaceError, match="threshold"):
+        outliers(np.eye(4), "mad", value)
 
 
-def test_noise_is_white_has_its_deviation_and_stays_with_its_pixel():
-    topo = make_topography(np.zeros((128, 128)), (1e-3, 1e-3))
-    noisy = measured_less(topo, noise=2e-7, rng=np.random.default_rng(3)).heights
-    # Four standard errors of a deviation, and of a correlation, of 128^2 pixels.
-    assert noisy.std() == pytest.approx(2e-7, rel=4 / (2 * noisy.size) ** 0.5)
-    assert abs(np.corrcoef(noisy[1:].ravel(), noisy[:-1].ravel())[0, 1]) < 4 / 128
-    corner = (0.5e-3, 0.5e-3, 1e-3, 1e-3)
-    part = measured_less(topo, corner, 2, 2e-7, np.random.default_rng(3)).heights
-    np.testing.assert_array_equal(part, noisy[64::2, 64::2])
-
-
-@pytest.mark.parametrize(
-    ("window", "every", "says"),
-    [
-        ((0.0, 0.0, 0.3e-3, 0.9e-3), 1, r"ends at 0.3 x 0.9 mm, the scan at 0.64 x 0.8 mm"),
-        ((0.0, 0.0, 0.1e-3, 0.8e-3), 1, r"leave 10 x 40 pixels; leave 16 or more"),
-        (None, 3, r"leave 21 x 13 pixels"),
-    ],
-)
-def test_windows_that_cannot_be_are_named(window, every, says):
-    with pytest.raises(SurfaceError, match=says):
-        measured_less(scan(), window, every)
+def test_positive_numbers():
+    assert [positive("x", v) for v in (2, 0.5, np.float32(0.5), np.array(3))] == [2, 0.5, 0.5, 3]

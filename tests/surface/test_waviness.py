@@ -8,7 +8,7 @@ from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.macro import draw_waviness
 from brake_fenicsx.micro import contact_law
 from brake_fenicsx.surface import given_statistics, synthesise
-from brake_fenicsx.surface.psd import BiFractal
+from brake_fenicsx.surface.spectrum import BiFractal
 from brake_fenicsx.surface.waviness import Waviness
 
 PAPER = given_statistics(33.1e-6, -0.2410, 3.6549)
@@ -92,7 +92,7 @@ def test_two_patch_sizes_close_a_rigid_pad_alike():
         laws = [
             contact_law(
                 synthesise(psd, PAPER.hdf, (pixels, pixels), (patch, patch),
-                           np.random.default_rng(seed)), 2.4e9, 5e7, steps=20,
+                           np.random.default_rng(seed)), 2.4e9, max_pressure=5e7, steps=20,
             )
             for seed in range(40)
         ]  # fmt: skip

@@ -1,0 +1,58 @@
+"""Statistics of a surface as another scan of it would give them.
+
+The other scan is a cut of an artificial surface of the same statistics, twice as long as the scan:
+it has the scatter of long waves and of few summits, and is levelled and characterised like the scan
+(parametric bootstrap). Tiles of the scan drawn with replacement, the block bootstrap, scatter half
+as much as scans do: a scan holds few of its own longest waves.
+
+Reference: B. Efron, R. J. Tibshirani, An Introduction to the Bootstrap (1993), section 6.5,
+doi:10.1201/9780429246593.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from brake_fenicsx.errors import SurfaceError
+from brake_fenicsx.surface.statistics import SurfaceStatistics, averaged, characterise
+from brake_fenicsx.surface.synthesis import synthesise
+from brake_fenicsx.surface.topography import Topography
+
+
+def resampled(stats: SurfaceStatistics, rng: np.random.Generator) -> SurfaceStatistics:
+    """Statistics of as many other scans as they were taken from.
+
+    Args:
+        stats: statistics of scans.
+        rng: random numbers of the draw.
+
+    Raises:
+        SurfaceError: the statistics were given by numbers alone.
+    """
+    if stats.psd is None or not stats.topographies:
+        raise SurfaceError("statistics given by numbers have no scan that could be drawn anew")
+    kind = "fit" if stats.spectrum.misfit is None else "measured"
+    cutoff = 2.0 * np.pi / stats.psd.band[1]
+    each = kind if len(stats.topographies) == 1 else "fit"
+    scans = [
+        characterise(
+            _other(stats, scan, rng), stats.level, "none", cutoff=cutoff,
+            distribution=stats.hdf.name, spectrum=each,
+        )
+        for scan in stats.topographies
+    ]  # fmt: skip
+    found = averaged(scans, cutoff, stats.hdf.name, kind)
+    return replace(found, spectrum=replace(found.spectrum, form=stats.spectrum.form))
+
+
+def _other(stats: SurfaceStatistics, scan: Topography, rng: np.random.Generator) -> Topography:
+    """A scan of the size, the pixels and the missing points of another."""
+    (nx, ny), times = scan.shape, 1 if scan.periodic else 2
+    size = times * scan.size
+    whole = synthesise(
+        stats.spectrum, stats.hdf, (times * nx, times * ny), (size[0], size[1]), rng, "extend"
+    )
+    heights = np.where(scan.valid, whole.heights[:nx, :ny], np.nan)
+    return replace(scan, heights=heights, source=f"{scan.source}, drawn anew")

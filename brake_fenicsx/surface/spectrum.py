@@ -1,0 +1,188 @@
+"""The spectrum that artificial surfaces are made from: a bi-fractal fit, or that of the scan.
+
+The measured spectrum is the fit times its misfit, which is held beyond the reliable band. Both are
+thus continued alike: as power laws, or constant below the band.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from brake_fenicsx.errors import SurfaceError
+from brake_fenicsx.surface.psd import RadialPsd, seen_through_the_window
+from brake_fenicsx.surface.topography import Scans, chosen, first
+
+Array = NDArray[np.float64]
+LOW = ("extend", "flat")
+SPECTRA = ("fit", "measured")
+MODEL = 0.01  # variance of ln C that a ring has beyond its scatter
+SMOOTH = 0.1  # standard deviation over ln q of the weights of rings: one ring
+WINDOW = 0.5  # and over q, in grid steps: half the width of the window's transform
+ITERATIONS = 12
+
+
+@dataclass(frozen=True, slots=True)
+class BiFractal:
+    """Continuous broken power law, C0 (q/q_c)^c1 below q_c, C0 (q/q_c)^c2 above, times its misfit.
+
+    Attributes:
+        c1: slope below the corner, log C over log q [-].
+        c2: slope above the corner [-].
+        q_c: corner wave number [rad/m].
+        C0: density at the corner [m^4].
+        band: wave numbers the parameters were taken from (lo, hi) [rad/m].
+        errors: standard errors of (c1, c2, ln q_c, ln C0); nan where the parameters are given.
+        rms: root-mean-square deviation of ln C from the fit; nan where given.
+        misfit: ln q [rad/m] of rings, and ln of the measured density there over the power law;
+            none for the power law itself.
+        form: spectrum of a longer, coarser scan, taken below the band; None where there is none.
+    """
+
+    c1: float
+    c2: float
+    q_c: float
+    C0: float
+    band: tuple[float, float]
+    errors: tuple[float, float, float, float] = (np.nan, np.nan, np.nan, np.nan)
+    rms: float = np.nan
+    misfit: tuple[tuple[float, ...], tuple[float, ...]] | None = None
+    form: BiFractal | None = None
+
+    def __call__(self, q: Array, low: str = "extend") -> Array:
+        """Bi-fractal spectrum: density [m^4] at wave numbers q > 0 [rad/m], Eq. (17).
+
+        Args:
+            q: wave numbers [rad/m]; the density at q = 0 is zero (the mean plane).
+            low: below the band's lower end, ``"extend"`` the power law or hold it ``"flat"``;
+                with a ``form``, below the band of that.
+        """
+        chosen("low", low, LOW)
+        q = np.asarray(q, dtype=float)
+        x = np.where(q > 0.0, q, self.q_c)
+        if low == "flat":
+            x = np.maximum(x, self.band[0])
+        r = x / self.q_c
+        C = self.C0 * np.where(r < 1.0, r**self.c1, r**self.c2)
+        if self.misfit is not None:
+            C = C * np.exp(np.interp(np.log(x), *self.misfit))
+        if self.form is not None:
+            C = np.where(q < self.band[0], self.form(q, low), C)
+        return np.where(q > 0.0, C, 0.0)
+
+    @property
+    def convex(self) -> bool:
+        """Whether the spectrum falls more slowly above the corner, beyond its standard errors."""
+        doubt = np.nan_to_num(np.hypot(self.errors[0], self.errors[1]))
+        return bool(self.c2 - self.c1 > 2.0 * doubt)
+
+    def variance(self, lo: float, hi: float) -> float:
+        """Variance [m^2] of the wave numbers between ``lo`` and ``hi`` [rad/m]."""
+        total = 0.0
+        pieces = ((lo, min(hi, self.q_c), self.c1), (max(lo, self.q_c), hi, self.c2))
+        for start, end, slope in pieces:
+            if end > start:
+                a, b = start / self.q_c, end / self.q_c
+                n = slope + 2.0
+                total += np.log(b / a) if abs(n) < 1e-12 else (b**n - a**n) / n
+        return 2.0 * np.pi * self.C0 * self.q_c**2 * total
+
+
+def spectrum_of(scans: Scans, psd: RadialPsd, fit: BiFractal, kind: str) -> BiFractal:
+    """The fit of a measured spectrum, or the spectrum of which scans show the measured one.
+
+    The variance of rings, summed with the weights of a normal curve over ln q, is compared with
+    that which the window would show of the spectrum, and their ratio corrects the spectrum
+    (Richardson-Lucy iteration, stopped early, so that single rings are not copied).
+
+    Args:
+        scans: levelled scan, or several.
+        psd: their radial mean.
+        fit: of that.
+        kind: ``"fit"`` or ``"measured"``.
+
+    Reference: L. B. Lucy, Astron. J. 79 (1974) 745, doi:10.1086/111605.
+    """
+    chosen("spectrum", kind, SPECTRA)
+    if kind == "fit":
+        return fit
+    use = psd.reliable
+    x = np.log(psd.q[use])
+    width = np.hypot(SMOOTH, WINDOW * psd.q[0] / psd.q[use])[:, None]
+    kernel = np.exp(-0.5 * ((x[:, None] - x) / width) ** 2) * (psd.q * np.gradient(psd.q))[use]
+    found, ln_ratio = fit, np.zeros(x.size)
+    for _ in range(ITERATIONS):
+        seen = seen_through_the_window(partial(found, low="flat"), first(scans))[use]
+        ln_ratio = ln_ratio + np.log((kernel @ psd.C[use]) / (kernel @ seen))
+        found = replace(fit, misfit=(tuple(map(float, x)), tuple(map(float, ln_ratio))))
+    return found
+
+
+def fit_bifractal(psd: RadialPsd) -> BiFractal:
+    """Least-squares fit of the broken power law to ln C over ln q in the reliable band.
+
+    ln C of a ring has the variance of its scatter and lies half of it low; what the model itself
+    misses is estimated from the residual and added, so that a real surface weighs all rings alike
+    and an ideal one weighs them by their wave vectors. The corner leaves two rings or more
+    on either side and is sought from several starts;
+    standard errors follow from the Jacobian and the residual.
+
+    Raises:
+        SurfaceError: fewer than six rings in the band.
+    """
+    use = psd.reliable
+    if use.sum() < 6:
+        raise SurfaceError(
+            f"bi-fractal fit: {use.sum()} rings between {psd.band[0]:.3g} and {psd.band[1]:.3g} "
+            "rad/m, at least 6 are needed; scan a larger area or give 'statistics'"
+        )
+    scatter = psd.scatter[use]
+    x, y = np.log(psd.q[use]), np.log(psd.C[use]) + 0.5 * scatter
+    missed = MODEL
+    for _ in range(3):
+        weights = 1.0 / np.sqrt(scatter + missed)
+        v, jacobian, cost = _best_start(x, y, weights)
+        residual = _broken(x, v) - y
+        missed = max(float(np.mean(residual**2 - scatter)), 1e-6)
+    spread = 2.0 * cost / max(x.size - 4, 1)
+    e = np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian) * spread))
+    errors = (float(e[1]), float(e[2]), float(e[3]), float(e[0]))
+    rms = float(np.sqrt(np.mean(residual**2)))
+    q_c, C0 = float(np.exp(v[3])), float(np.exp(v[0]))
+    return BiFractal(float(v[1]), float(v[2]), q_c, C0, psd.band, errors, rms)
+
+
+def _best_start(x: Array, y: Array, weights: Array) -> tuple[Array, Array, float]:
+    """Parameters, Jacobian and cost of the best of several fits with different corners."""
+    fits = []
+    for share in (0.2, 0.35, 0.5, 0.65, 0.8):
+        corner = x[2] + share * (x[-3] - x[2])
+        fits.append(
+            least_squares(
+                lambda v: weights * (_broken(x, v) - y),
+                [*_linear_part(x, y, weights, corner), corner],
+                bounds=([-np.inf] * 3 + [x[2] - 1e-9], [np.inf] * 3 + [x[-3] + 1e-9]),
+                x_scale="jac",
+            )
+        )
+    best = min(fits, key=lambda fit: fit.cost)
+    return best.x, best.jac, float(best.cost)
+
+
+def _broken(x: Array, v: Array) -> Array:
+    """Model ln C(ln q) with v = (ln C0, c1, c2, ln q_c)."""
+    t = x - v[3]
+    return v[0] + np.where(t < 0.0, v[1], v[2]) * t
+
+
+def _linear_part(x: Array, y: Array, weights: Array, corner: float) -> list[float]:
+    """Best (ln C0, c1, c2) for a fixed corner."""
+    t = x - corner
+    columns = np.stack([np.ones_like(t), np.minimum(t, 0.0), np.maximum(t, 0.0)], axis=1)
+    return [
+        float(c) for c in np.linalg.lstsq(columns * weights[:, None], y * weights, rcond=None)[0]
+    ]
