@@ -22,7 +22,7 @@ HERE = Path(globals().get("__file__", "notebook")).resolve().parent
 scan = read_topography(HERE.parents[1] / "scripts" / "scenes" / "pad_scan.npz")
 stats = characterise(scan)
 recipe = LawRecipe(
-    stats.bifractal,
+    stats.spectrum,
     stats.hdf,
     LawSettings(plane_strain_modulus(1983.3e6, 0.4054)),
     shape=(256, 256),
@@ -44,6 +44,7 @@ figure, axes = plt.subplots(1, 3, figsize=(11, 3.6), layout="constrained")
 psd = stats.psd
 axes[0].loglog(psd.q, psd.C, ".", ms=3, color="0.5", label="scan")
 axes[0].loglog(psd.q, stats.bifractal(psd.q), color="tab:red", label="fit, Eq. (17)")
+axes[0].loglog(psd.q, stats.spectrum(psd.q), color="k", lw=0.8, label="artificial surfaces")
 axes[0].set(xlabel="wave number [rad/m]", ylabel="radial power spectrum [m$^4$]")
 axes[0].legend()
 surface = recipe.surface(1, 0)
@@ -60,4 +61,4 @@ figure.savefig("rough_law.png", dpi=110)
 # The median stiffness of the six patches:
 
 print(f"median {np.median(stiffness):.3g} Pa/m")
-assert abs(np.median(stiffness) / 1.09e10 - 1) < 0.1
+assert 1.5e10 < np.median(stiffness) < 4e10
