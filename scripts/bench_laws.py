@@ -73,7 +73,7 @@ def cells(values: np.ndarray, digits: str = ".2f") -> str:
 
 def pixels(surfaces: int) -> None:
     stats = characterise(read_topography(SCAN))
-    fine = [synthesise(stats.bifractal, stats.hdf, (804, 804), SIZE, np.random.default_rng(s))
+    fine = [synthesise(stats.spectrum, stats.hdf, (804, 804), SIZE, np.random.default_rng(s))
             for s in range(surfaces)]  # fmt: skip
     S_q = float(np.mean([topo.heights.std() for topo in fine]))
     true = np.array([at_pressures(topo, grids="one") for topo in fine])
@@ -92,7 +92,7 @@ def pixels(surfaces: int) -> None:
         ratio = same[:, 1] / true[:, 1]
         start = time.perf_counter()
         drawn = [
-            synthesise(stats.bifractal, stats.hdf, (n, n), SIZE, np.random.default_rng(1000 + s))
+            synthesise(stats.spectrum, stats.hdf, (n, n), SIZE, np.random.default_rng(1000 + s))
             for s in range(surfaces)
         ]
         made = (time.perf_counter() - start) / surfaces
@@ -117,9 +117,7 @@ def hardness(surfaces: int) -> None:
         for n in (128, 256, 402):
             found = []
             for s in range(surfaces):
-                topo = synthesise(
-                    stats.bifractal, stats.hdf, (n, n), SIZE, np.random.default_rng(s)
-                )
+                topo = synthesise(stats.spectrum, stats.hdf, (n, n), SIZE, np.random.default_rng(s))
                 found.append(at_pressures(topo, hardness=hard))
             d, k, v, _, rest = np.median(found, axis=0)
             text = "elastic" if hard is None else f"{hard / 1e6:.0f}"
@@ -142,7 +140,7 @@ def grids(surfaces: int) -> None:
         ratios = []
         for s in range(surfaces):
             rng = np.random.default_rng(s)
-            topo = synthesise(stats.bifractal, stats.hdf, (405, 405), SIZE, rng)
+            topo = synthesise(stats.spectrum, stats.hdf, (405, 405), SIZE, rng)
             cascade, one = (at_pressures(topo, hardness=hard, grids=g) for g in get_args(Grids))
             ratios.append(cascade[1:3] / one[1:3])
         text = "elastic" if hard is None else f"{hard / 1e6:.0f}"
@@ -163,10 +161,8 @@ def braking(heights: np.ndarray, size: np.ndarray, p: float) -> tuple[float, flo
 
 def scans() -> None:
     folder = Path(os.environ["BRAKE_FENICSX_SCANS"])
-    ways = [
-        (d, m) for m in ("projection", "translation") for d in ("measured", "johnson", "normal")
-    ]
-    print("| scan | windows | scatter of ln k |" + "".join(f" {d}, {m} |" for d, m in ways))
+    ways = [(d, s) for s in ("measured", "fit") for d in ("measured", "johnson", "normal")]
+    print("| scan | windows | scatter of ln k |" + "".join(f" {d}, {s} |" for d, s in ways))
     print("|" + " --- |" * (3 + len(ways)))
     every: list[list[float]] = []
     for file, n in WINDOWS.items():
@@ -177,20 +173,20 @@ def scans() -> None:
         for i, j in corners:
             part = make_topography(scan.heights[i : i + n, j : j + n], tuple(scan.pixel * n))
             try:
-                kinds = {d: characterise(part, distribution=d) for d, _ in ways[:3]}
+                kinds = {way: characterise(part, distribution=way[0], spectrum=way[1])
+                         for way in ways}  # fmt: skip
             except BrakeError:
                 continue
-            levelled = kinds["measured"].topography
+            levelled = kinds[ways[0]].topography
             assert levelled is not None
             h = fill(levelled.heights)
             p = 1e-4 * rms_slope(h, part.pixel) * 1e9
             real, _ = braking(h, part.size, p)
             row = []
-            for distribution, method in ways:
-                stats = kinds[distribution]
+            for stats in kinds.values():
                 twins = [
-                    synthesise(stats.bifractal, stats.hdf, (n, n), tuple(part.size),
-                               np.random.default_rng(s), method=method, variance="scan").heights
+                    synthesise(stats.spectrum, stats.hdf, (n, n), tuple(part.size),
+                               np.random.default_rng(s), variance="scan").heights
                     for s in range(5)
                 ]  # fmt: skip
                 row.append(np.median([braking(t, part.size, p)[0] for t in twins]) - real)

@@ -46,9 +46,7 @@ ERRORS = ("error p", "error area", "error d/S_q")
 
 def surface(n: int, seed: int = 0) -> Topography:
     rng = np.random.default_rng(seed)
-    return synthesise(
-        PAPER.bifractal, PAPER.hdf, (n, n), SIZE, rng, "extend", "projection", "scan", 4e-3
-    )
+    return synthesise(PAPER.bifractal, PAPER.hdf, (n, n), SIZE, rng, "extend", "scan")
 
 
 def row(*cells: object) -> None:

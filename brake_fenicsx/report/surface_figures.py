@@ -335,7 +335,7 @@ def _measured(surface: Arrays) -> bool:
     if "spectrum_C" not in surface or "q" not in surface:
         return False
     used = np.interp(surface["fit_q"], surface["spectrum_q"], surface["spectrum_C"])
-    return not np.allclose(used, surface["fit_C"], rtol=0.02)
+    return not np.allclose(used, surface["fit_C"], rtol=0.02, atol=0.0)
 
 
 def _fit_text(stats: dict[str, Any], what: str) -> str:
