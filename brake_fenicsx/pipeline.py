@@ -433,6 +433,7 @@ def law_recipe(scene: Scene, stats: SurfaceStatistics) -> LawRecipe | None:
 def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
     """Artificial surfaces to a library of pressure-gap laws, shared by the processes."""
     from brake_fenicsx.micro import load_laws, make_library, save_laws
+    from brake_fenicsx.micro.law_of_surface import doubts
 
     scene, comm = this.scene, this.comm
     micro = scene.micro
@@ -461,7 +462,7 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
                 progress.advance()
             steps = {i: law for part in comm.allgather(own) for i, law in part.items()}
             notes = comm.bcast(
-                [*first.warnings, *beyond_elasticity(this, recipe)] if comm.rank == 0 else None
+                [*doubts(first), *beyond_elasticity(this, recipe)] if comm.rank == 0 else None
             )
             support = support_of_laws(this, recipe, stats)
             if support is not None and (doubt := support.warning()):

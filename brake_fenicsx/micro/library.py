@@ -15,7 +15,7 @@ import numpy as np
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.micro.law import LawLibrary, LawSteps, make_library
-from brake_fenicsx.micro.law_of_surface import law_steps
+from brake_fenicsx.micro.law_of_surface import doubts, law_steps
 from brake_fenicsx.micro.loading import solve_contact
 from brake_fenicsx.micro.settings import LawSettings
 from brake_fenicsx.surface import BiFractal, HeightDistribution, Topography, synthesise
@@ -106,7 +106,7 @@ def law_library(recipe: LawRecipe, n: int, seed: int, processes: int = 1) -> Law
     """
     if n < 1 or processes < 1:
         raise SceneError(f"laws = {n} on {processes} processes: at least one of each")
-    for text in recipe.surface(seed, 0).warnings:  # what is doubtful about one is about all
+    for text in doubts(recipe.surface(seed, 0)):  # what is doubtful about one is about all
         logger.warning("%s", text)
     if processes == 1:
         steps = [recipe.law(seed, i) for i in range(n)]
