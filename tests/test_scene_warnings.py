@@ -56,6 +56,25 @@ def test_values_outside_their_band_are_named(change, key, band):
     assert ("check the value" if "friction" in key else "correct the unit") in line
 
 
+MANY = "stages=['equilibrium','stability','uncertainty']"
+FRICTION = 'samples.random."contact.block_plate.friction"'
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (FRICTION + "={ law='normal', mean=0.2, sd=0.3 }", "25 % of a normal law .* negative"),
+        (FRICTION + "={ law='measured', values=[0.4, 0.4] }", "all measured values are equal"),
+        ("stability.verify=100", "stability.verify = 100: there are 1 samples"),
+    ],
+)
+def test_draws_that_are_cut_or_do_not_differ_are_named(change, words):
+    (line,) = unusual(read_scene(BLOCK, [MANY, change]))
+    assert re.search(words, line)
+    narrow = FRICTION + "={ law='normal', mean=0.5, sd=0.05 }"
+    assert unusual(read_scene(BLOCK, [MANY, narrow])) == []
+
+
 def test_random_inputs_have_the_band_of_their_key():
     stages = "stages=['equilibrium','stability','uncertainty']"
     law = "{ law='normal', mean='5 GPa', sd='1 bar', min='2 bar' }"

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
+from statistics import NormalDist
 from typing import Any
 
 from brake_fenicsx.scene.parts import part_lengths
-from brake_fenicsx.scene.samples import Classical, split_key
+from brake_fenicsx.scene.samples import Classical, Distribution, split_key
 from brake_fenicsx.scene.sections import MODULI, Contact, Load, MaterialTable, Scene
 from brake_fenicsx.scene.tables import dotted
 from brake_fenicsx.scene.units import with_unit
 
 METAL_DENSITY, METAL_MODULUS = 4000.0, 5e9  # kg/m^3, Pa: above the one, below the other is no metal
+CUT = 0.01  # share of a normal law below zero that is worth a warning
 LENGTHS = (10e-3, 1.0)  # m: longest length of a part
 
 
@@ -27,6 +29,13 @@ def unusual(scene: Scene) -> list[str]:
         own = about.get(last) or about.get(last.partition("_")[0], {})
         for word in ("mean", "min", "max", "values"):
             lines += _outside(("samples", "random", name, word), own, getattr(law, word, None))
+        lines += _doubtful(name, law, own.get("sign") == "any")
+    count = max(scene.samples.plan(name).n for name in scene.samples.approaches)
+    if scene.stability and scene.stability.verify > count:
+        lines.append(
+            f"stability.verify = {scene.stability.verify}: there are {count} samples, all of which"
+            " are then verified"
+        )
     for name, table in scene.materials.items():
         modulus = min(v for v in (*_flat(table.E), *_flat(table.C11), METAL_MODULUS))
         if table.rho > METAL_DENSITY and MODULI[0] <= modulus < METAL_MODULUS:
@@ -41,6 +50,21 @@ def unusual(scene: Scene) -> list[str]:
             band = {"unit": "m", "band": LENGTHS}
             lines += _outside(("parts", name, longest[0]), band, longest[1])
     return lines
+
+
+def _doubtful(name: str, law: Distribution, signed: bool) -> Iterator[str]:
+    """Draws that the law itself cuts off, and values that do not differ."""
+    where = dotted("samples", "random", name)
+    if law.law == "normal" and law.mean and law.sd and law.mean > 0.0 >= law.min and not signed:
+        share = NormalDist(law.mean, law.sd).cdf(0.0)
+        if share > CUT:
+            yield (
+                f"{where}: {100 * share:.2g} % of a normal law of mean {law.mean:g} and sd"
+                f" {law.sd:g} are negative, which this input cannot be;"
+                ' take law = "lognormal" or a smaller sd'
+            )
+    if law.law == "measured" and len({*law.values}) == 1:
+        yield f"{where}: all measured values are equal; nothing is random"
 
 
 def _outside(keys: tuple[str, ...], about: Mapping[str, Any], value: Any) -> Iterator[str]:

@@ -112,6 +112,22 @@ def _check_stages(s: Scene) -> None:
         )
     if s.stability and (len(s.stability.band) != 2 or s.stability.band[0] >= s.stability.band[1]):
         raise SceneError(f"stability.band = {list(s.stability.band)!r} Hz: write [lowest, highest]")
+    if s.stability and s.stability.method == "reduced":
+        cutoff, top = s.stability.cutoff, s.stability.band[1]
+        if cutoff is not None and cutoff <= top:
+            raise SceneError(
+                f"stability.cutoff = {cutoff:g} Hz: must lie above the band's {top:g} Hz; raise it,"
+                " or leave it out"
+            )
+    if s.stability and s.stability.threshold >= 1.0:
+        raise SceneError(
+            f"stability.threshold = {s.stability.threshold:g}: no mode has so large a damping;"
+            " write a fraction, such as 0.01"
+        )
+    if not s.samples.limit < 1.0:
+        raise SceneError(
+            f"samples.limit = {s.samples.limit:g}: a share of the samples; write a fraction below 1"
+        )
     if s.stability and not s.stability.zeta_max < ZETA_LIMIT:
         raise SceneError(
             f"stability.zeta_max = {s.stability.zeta_max:g}: must lie below {ZETA_LIMIT:g}"

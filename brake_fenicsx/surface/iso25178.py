@@ -145,7 +145,8 @@ def _decay(z: Array, valid: NDArray[np.bool_], pixel: Array) -> tuple[float, flo
     if not j.any():
         return float("nan"), float("nan")
     ray = np.arange(DIRECTIONS)
-    part = (DECAY - along[ray, j]) / (along[ray, np.maximum(j - 1, 0)] - along[ray, j])
+    with np.errstate(divide="ignore"):  # rays on which it does not fall: not used below
+        part = (DECAY - along[ray, j]) / (along[ray, np.maximum(j - 1, 0)] - along[ray, j])
     lag = np.where(j > 0, s[j] - step * part, np.inf)
     ratio = float(lag.min() / lag.max())
     return float(lag.min()), ratio if ratio > 0 else float("nan")

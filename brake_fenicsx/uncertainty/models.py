@@ -266,7 +266,7 @@ class Models:
             logger.info("damping, %s: %s", term, said)
 
     def _reduce(self, damped: bool, names: list[str]) -> None:
-        """Reduced model of some approaches, or full order for them."""
+        """Reduced model of some approaches; full order for them only if the scene says so."""
         file = f"cache/{'damped' if damped else 'undamped'}.npz"
         changing = any(self.changes_bodies(n) for n in self.by_reduction)
         try:
@@ -277,6 +277,12 @@ class Models:
         except BrakeError as error:
             if any(self._by_ratio(name) for name in names):
                 raise
+            if self.stability is None or self.stability.on_tolerance != "full order":
+                raise SceneError(
+                    f'{self._scene.file}: stability.method = "reduced": {error}; write'
+                    ' stability.method = "full", or allow full order, which may cost a hundred'
+                    ' times as much, by stability.on_tolerance = "full order"'
+                ) from error
             logger.warning("no reduced model: %s; full order", error)
             self.by_reduction |= dict.fromkeys(names, False)
             return
@@ -354,7 +360,11 @@ class Models:
 
     def _known(self, file: str) -> dict[str, NDArray] | None:
         """What an earlier run left: processes of a machine hold the large arrays once."""
-        stored = self._store.load(file, mapped=True)
+        try:
+            stored = self._store.load(file, mapped=True)
+        except SceneError as error:  # cut short, by a full disc or a killed copy
+            logger.warning("%s: made again", error)
+            return None
         if stored is None or int(stored.get("layout", 0)) != LAYOUT:
             return None
         return stored if str(stored["dofs"]) == self.numbering.mark else None

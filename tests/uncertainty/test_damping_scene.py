@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.brake import assemble_brake
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.scene import read_scene
@@ -252,9 +253,12 @@ def test_undamped_approach_beside_a_damped_one(tmp_path):
 
 
 @pytest.mark.slow
-def test_damping_too_strong_for_the_reduced_model_goes_to_full_order(tmp_path):
-    """Its own decay lies within the band: said in the log, solved all the same."""
+def test_damping_too_strong_for_the_reduced_model_goes_to_full_order_if_asked(tmp_path):
+    """Its own decay lies within the band: refused with the remedy, never solved in silence."""
     strong = ["stability.damping={ loss=true, omega_ref='8 kHz' }", "materials.lining.loss=0.8"]
+    with pytest.raises(SceneError, match=r"damping too strong .*on_tolerance = .full order"):
+        run(BLOCK, SELF, tmp_path / "no", [*MANY, *strong, "stability.method=reduced"])
+    strong.append("stability.on_tolerance='full order'")
     run(BLOCK, SELF, tmp_path, [*MANY, *strong, "stability.method=reduced", "samples.n=2"])
     log = (tmp_path / "log.txt").read_text()
     assert "no reduced model: damping too strong for the reduced model" in log

@@ -253,8 +253,12 @@ def _mesh(scope: Scope) -> FileMesh:
         skins = [[node[i] for i in scope.skins[n][1]] for n in numbers if n in scope.skins]
         if skins:
             mesh.facet_groups[name] = np.array(skins)
+            mesh.shell_sets.add(name)
+    shells = {tuple(nodes) for _, nodes in scope.skins.values()}
     for name, facets in scope.surfaces.items():
         if facets:
+            if shells.issuperset(map(tuple, facets)):
+                mesh.shell_sets.add(name)
             mesh.facet_groups[name] = np.array([[node[i] for i in facet] for facet in facets])
     mesh.elements = scope.others
     for kind in dict.fromkeys(kind for kind, _ in scope.skins.values()):

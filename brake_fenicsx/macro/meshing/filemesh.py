@@ -44,6 +44,7 @@ class FileMesh:
         cell_groups: name -> numbers of cells.
         facet_groups: name -> corner nodes of facets.
         node_groups: name -> nodes.
+        shell_sets: names of those facet groups that are sets of shells.
         shells: kind of shell or membrane -> corner nodes of each, shape (shells, 3 or 4).
         elements: kind of element that is not read -> number of them.
         keywords: keyword or command that is not read -> number of them.
@@ -55,6 +56,7 @@ class FileMesh:
     cell_groups: dict[str, Ints] = field(default_factory=dict)
     facet_groups: dict[str, Ints] = field(default_factory=dict)
     node_groups: dict[str, Ints] = field(default_factory=dict)
+    shell_sets: set[str] = field(default_factory=set)
     shells: dict[str, Ints] = field(default_factory=dict)
     elements: Mapping[str, int] = field(default_factory=dict)
     keywords: Mapping[str, int] = field(default_factory=dict)

@@ -68,8 +68,12 @@ def mesh_of_file(folder: Path, table: MeshTable, parts: Iterable[str]) -> RawMes
 
 
 def _unread(file: str, found: FileMesh, used: Iterable[tuple[str, str]]) -> Unread:
-    """What of the file is in no body and no face; shells of named groups mark faces."""
-    marks = [facet_keys(found.facet_groups[name]) for kind, name in used if kind == "facets"]
+    """What of the file is in no body and no face; shells of sets that the scene names mark faces.
+
+    A shell that only lies on a named face, as a shim on a back plate, is part of the brake.
+    """
+    sets = [name for kind, name in used if kind == "facets" and name in found.shell_sets]
+    marks = [facet_keys(found.facet_groups[name]) for name in sets]
     marked = np.concatenate([np.zeros(0, dtype=np.uint64), *marks])
     elements = {
         kind: int(np.count_nonzero(~np.isin(facet_keys(shells), marked)))

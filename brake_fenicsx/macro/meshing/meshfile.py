@@ -128,6 +128,7 @@ def read_other(path: Path) -> FileMesh:
         facets = [read.cells[i].data[members[i]][:, :corners] for i in skin if len(members[i])]
         if facets:
             mesh.facet_groups[name] = np.concatenate(facets).astype(np.int64)
+            mesh.shell_sets.add(name)
     for name, nodes in read.point_sets.items():
         mesh.node_groups[name] = np.asarray(nodes, dtype=np.int64)
     if path.suffix in SUFFIXES:
