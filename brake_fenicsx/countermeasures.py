@@ -154,8 +154,8 @@ class Search:
     def _needs_own_brake(self, c: Countermeasure) -> bool:
         """Whether the samples of one brake cannot have several values of a number.
 
-        So it is with the mesh; and with constants of the material behind the laws, which scale the
-        laws in samples of one brake, and do not in the scene.
+        So it is with the mesh; and with constants of the material behind computed laws, which scale
+        the laws in samples of one brake, and do not in the scene.
         """
         if not c.is_scalar or not is_constant(c.key):
             return not c.is_scalar

@@ -182,7 +182,8 @@ def prepare(
         directory: results folder, kept; a temporary one if not given.
         cache: folder of laws and reduced models that runs of similar scenes share.
         parameters: dotted key -> lowest and highest value, SI, of scalars that enter the matrices
-            of the bodies and will take other values than in the scene.
+            of the bodies and will take other values than in the scene. A library of laws follows
+            E* of the lining, laws that the scene writes do not.
         comm: processes; this process alone if None.
         extensions: friction laws, damping terms and laws of inputs in place of the scene's; then
             without directory and cache, whose files are known by the scene alone.

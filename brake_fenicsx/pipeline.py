@@ -10,8 +10,8 @@ import json
 import shutil
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, cast
 from mpi4py import MPI
 
 import numpy as np
+from numpy.typing import NDArray
 
 from brake_fenicsx.cache import SharedCache, laws_key
 from brake_fenicsx.checks import (
@@ -45,6 +46,7 @@ if TYPE_CHECKING:
     from brake_fenicsx.micro import LawLibrary, LawRecipe
     from brake_fenicsx.micro.halfspace import Boundary
     from brake_fenicsx.micro.settings import BulkCompliance
+    from brake_fenicsx.micro.support import LawSupport
     from brake_fenicsx.surface import SurfaceStatistics
     from brake_fenicsx.uncertainty.study import Study
 
@@ -431,6 +433,7 @@ def law_recipe(scene: Scene, stats: SurfaceStatistics) -> LawRecipe | None:
 def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
     """Artificial surfaces to a library of pressure-gap laws, shared by the processes."""
     from brake_fenicsx.micro import load_laws, make_library, save_laws
+    from brake_fenicsx.micro.law_of_surface import doubts
 
     scene, comm = this.scene, this.comm
     micro = scene.micro
@@ -459,9 +462,14 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
                 progress.advance()
             steps = {i: law for part in comm.allgather(own) for i, law in part.items()}
             notes = comm.bcast(
-                [*first.warnings, *beyond_elasticity(this, recipe)] if comm.rank == 0 else None
+                [*doubts(first), *beyond_elasticity(this, recipe)] if comm.rank == 0 else None
             )
+            support = support_of_laws(this, recipe, stats)
+            if support is not None and (doubt := support.warning()):
+                notes.append(doubt)
             settings = {**recipe.record(), "seed": micro.seed, "notes": notes}
+            if support is not None:
+                settings["support"] = {k: v.tolist() for k, v in asdict(support).items()}
             library = make_library([steps[i] for i in range(number)], list(range(number)), settings)
             if comm.rank == 0:
                 part = path.with_name(".laws.part")
@@ -471,6 +479,27 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
         library = load_laws(path)
         note_warnings(this, library.settings["notes"])
         return library
+
+
+def support_of_laws(this: Run, recipe: LawRecipe, stats: SurfaceStatistics) -> LawSupport | None:
+    """Pixels behind the laws and their scatter over scans; None without a scan or a band."""
+    from brake_fenicsx.micro.support import PRESSURES, drawn_law, law_support
+
+    micro, comm = this.scene.micro, this.comm
+    highest = recipe.settings.highest
+    if micro is None or not (micro.scans and stats.topographies and max(PRESSURES) < highest):
+        return None
+    draws: dict[int, NDArray[np.float64]] = {}
+    for i in range(comm.rank, micro.scans, comm.size):
+        with suppress(BrakeError):  # a scan drawn anew may be too poor for a fit
+            draws[i] = drawn_law(recipe, stats, micro.seed, i)
+    every = {i: law for part in comm.allgather(draws) for i, law in part.items()}
+    if len(every) < 0.8 * micro.scans:
+        logger.warning(
+            "only %d of %d scans drawn anew gave a law: no band", len(every), micro.scans
+        )
+        return None
+    return law_support([every[i] for i in sorted(every)])
 
 
 def beyond_elasticity(this: Run, recipe: LawRecipe) -> list[str]:

@@ -3,7 +3,7 @@
 
     scripts/bench_laws.py pixels [--surfaces 20]      resolution, with bias and scatter kept apart
     scripts/bench_laws.py hardness [--surfaces 10]    stiffness of loading and of vibrations
-    scripts/bench_laws.py grids [--surfaces 4]        a cascade of grids over one, elastic and at 200 MPa
+    scripts/bench_laws.py grids [--surfaces 4]        a cascade of grids over one grid
     scripts/bench_laws.py scans                       measured surfaces and artificial ones
 
 ``pixels``: the same surfaces of 804 x 804 pixels, low-passed to fewer ("bias": median and rms of

@@ -142,12 +142,12 @@ def laws(sizes: list[int]) -> None:
 
 def libraries(n_laws: int) -> None:
     recipe = LawRecipe(PAPER.bifractal, PAPER.hdf, LawSettings(E_STAR))
-    for processes in (1, 2):
-        start = time.perf_counter()
-        law_library(recipe, n_laws, seed=1, processes=processes)
-        seconds = time.perf_counter() - start
-        what = f"{n_laws} laws /{processes}"
-        row(what, 128, "free", "to 0.1", 1e-6, seconds, peak_megabytes(), "-", "-", "-", "-")
+    start = time.perf_counter()
+    law_library(recipe, n_laws, seed=1)
+    seconds = time.perf_counter() - start
+    row(
+        f"{n_laws} laws", 128, "free", "to 0.1", 1e-6, seconds, peak_megabytes(), "-", "-", "-", "-"
+    )
 
 
 def peers(sizes: list[int]) -> None:

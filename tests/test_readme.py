@@ -51,6 +51,16 @@ def test_friction_sweep_of_the_readme_finds_an_onset(monkeypatch, capsys):
     assert 0.4 < float(onset) < 0.5 and 14e3 < float(frequency) < 16e3
 
 
+def test_two_commands_set_up_run_and_test():
+    """On a fresh machine: ``scripts/demo`` runs the main job, ``scripts/test`` passes the tests."""
+    words = [line.split("#")[0].split() for line in code("sh")[0].splitlines()]
+    first = [line[0] for line in words[:2]]
+    assert first == ["scripts/demo", "scripts/test"]
+    for name in first:
+        file = ROOT / name
+        assert file.stat().st_mode & 0o111 and "setup" in file.read_text()
+
+
 def test_commands_of_the_readme_are_read_and_its_scene_is_checked(monkeypatch, capsys):
     lines = [line.split("#")[0].split() for line in "".join(code("sh")).splitlines()]
     commands = [words[1:] for words in lines if words[0] == "brake-fenicsx"]

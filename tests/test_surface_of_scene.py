@@ -29,6 +29,7 @@ scan = "scan.npz"
 [micro]
 patch = "1 mm"
 laws = 2
+scans = 4
 {micro}
 """
 

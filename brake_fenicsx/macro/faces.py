@@ -7,10 +7,13 @@ which holds geometries of the same or of a lower degree exactly.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
 
 from brake_fenicsx import compat
 from brake_fenicsx.errors import InaccurateResult
@@ -115,6 +118,29 @@ def gather_face(mesh: Mesh, free: FreeDofs, face: str) -> Face:
     straight = _straight(flat - x, corners, normal)
     x = np.where(straight[:, None, None], flat, x)
     return Face(element, x, normal, turn, columns, number, straight)
+
+
+def body_of_nodes(V: Any) -> NDArray[np.intp]:
+    """Number of the body of each node, by the cells alone: joints join no bodies here.
+
+    Args:
+        V: vector function space of the displacement.
+    """
+    topology, size = V.mesh.topology, V.dofmap.index_map.size_local
+    node = compat.cell_dofs(V, np.arange(topology.index_map(topology.dim).size_local))
+    first = np.repeat(node[:, 0], node.shape[1])
+    links = sp.coo_matrix((np.ones(first.size), (first, node.reshape(-1))), (size, size))
+    return np.asarray(connected_components(links, directed=False)[1], dtype=np.intp)
+
+
+def faces_of_bodies(free: FreeDofs, face: Face) -> list[Face]:
+    """The parts of a face that lie on one body each."""
+    body = body_of_nodes(free.V)[face.number[:, 0]]
+    names = ("nodes", "normal", "turn", "columns", "number", "straight")
+    return [
+        replace(face, **{name: getattr(face, name)[body == one] for name in names})
+        for one in np.unique(body)
+    ]
 
 
 def _cyclic(key: Index) -> Index:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import scipy.sparse as sp
@@ -14,7 +15,8 @@ from brake_fenicsx.scene import Scene
 
 from .elasticity import Elastic
 from .face_additions import part_axes
-from .faces import gather_face
+from .faces import Face, faces_of_bodies, gather_face
+from .integrals import facet_areas
 from .material import Material
 from .mean_motion import check_size, mean_displacement, mean_of_nodes, mean_rotation
 from .mesh import Mesh
@@ -79,29 +81,49 @@ def _tied(
 
 
 def _sprung(scene: Scene, name: str, mesh: Mesh, elastic: Elastic) -> Elastic:
-    """Add springs and dashpots between the mean displacements of two faces."""
+    """Add springs and dashpots between the mean displacements of two faces, body by body."""
     spring, free = scene.springs[name], elastic.free
     ends = spring.faces or ()
-    faces = {face: gather_face(mesh, free, face) for face in ends if face not in elastic.sets}
-    check_size([*faces.values()])
-    means = {face: mean_displacement(own, free.size) for face, own in faces.items()}
-    means |= {face: mean_of_nodes(elastic.sets[face]) for face in ends if face in elastic.sets}
+    faces = {f: _on_bodies(mesh, elastic, f) for f in ends if f not in elastic.sets}
+    check_size([part for parts in faces.values() for part, _ in parts])
+    means = {
+        face: [(mean_displacement(part, free.size), share) for part, share in parts]
+        for face, parts in faces.items()
+    }
+    means |= {f: [(mean_of_nodes(elastic.sets[f]), 1.0)] for f in ends if f in elastic.sets}
     first, second = (means[face] for face in ends)
-    axes = part_axes(scene, (spring.faces or ("",))[0])
-    J = (sp.csr_matrix(axes.T) @ (first - second)).tocsr()
-    if spring.stiffness is not None:
-        elastic = replace(elastic, K=with_interface(elastic.K, J, np.array(spring.stiffness), J))
-    if spring.damping is None:
-        return elastic
-    C = sp.csr_matrix(elastic.K.shape) if elastic.C is None else elastic.C
-    return replace(elastic, C=with_interface(C, J, np.array(spring.damping), J))
+    if min(len(first), len(second)) > 1:
+        raise SceneError(
+            f"faces = {list(ends)!r}: {len(first)} bodies have the first face and {len(second)} the"
+            " second, and which of them the springs join is open; give each body a part of its own"
+        )
+    axes = sp.csr_matrix(part_axes(scene, ends[0]).T)
+    for (one, share), (other, rest) in product(first, second):
+        J = (axes @ (one - other)).tocsr()
+        if spring.stiffness is not None:
+            k = share * rest * np.array(spring.stiffness)
+            elastic = replace(elastic, K=with_interface(elastic.K, J, k, J))
+        if spring.damping is not None:
+            C = sp.csr_matrix(elastic.K.shape) if elastic.C is None else elastic.C
+            c = share * rest * np.array(spring.damping)
+            elastic = replace(elastic, C=with_interface(C, J, c, J))
+    return elastic
 
 
 def _inert(scene: Scene, name: str, mesh: Mesh, elastic: Elastic) -> Elastic:
-    """Add the moments of inertia on a face to the mass."""
-    face = gather_face(mesh, elastic.free, name)
-    check_size([face])
+    """Add the moments of inertia on a face to the mass, to each body its share."""
+    faces = _on_bodies(mesh, elastic, name)
+    check_size([face for face, _ in faces])
     turn = sp.csr_matrix(part_axes(scene, name).T)
-    J = (turn @ mean_rotation(face, elastic.free.size)).tocsr()
-    inertia = np.array(scene.masses[name].inertia)
-    return replace(elastic, M=with_interface(elastic.M, J, inertia, J))
+    for face, share in faces:
+        J = (turn @ mean_rotation(face, elastic.free.size)).tocsr()
+        inertia = share * np.array(scene.masses[name].inertia)
+        elastic = replace(elastic, M=with_interface(elastic.M, J, inertia, J))
+    return elastic
+
+
+def _on_bodies(mesh: Mesh, elastic: Elastic, name: str) -> list[tuple[Face, float]]:
+    """The parts of a face that lie on one body each, with their shares of its area."""
+    faces = faces_of_bodies(elastic.free, gather_face(mesh, elastic.free, name))
+    areas = np.array([facet_areas(face).sum() for face in faces])
+    return [*zip(faces, areas / areas.sum(), strict=True)]

@@ -19,7 +19,7 @@ from brake_fenicsx.scene import Scene
 
 from .elasticity import COMPONENTS, Elastic, FreeDofs, face_area, stiffness_action, unit_loads
 from .face_additions import part_axes
-from .faces import gather_face
+from .faces import faces_of_bodies, gather_face
 from .material_table import layer_materials, scene_materials
 from .mean_motion import mean_displacement, mean_of_nodes, mean_rotation
 from .mesh import Mesh
@@ -101,6 +101,11 @@ def _vector(scene: Scene, mesh: Mesh, elastic: Elastic, face: str) -> Array:
             raise SceneError(
                 f'{scene.file}: loads."{face}".moment: a set of nodes has no rotation; write forces'
                 " on sets that lie apart"
+            )
+        if len(faces_of_bodies(free, given)) > 1:
+            raise SceneError(
+                f'{scene.file}: loads."{face}".moment: the face lies on several bodies; give each a'
+                " part of its own, and a load on the face of each"
             )
         f += mean_rotation(given, free.size).T @ (axes @ load.moment)
     return f

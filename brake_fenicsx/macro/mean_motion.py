@@ -5,7 +5,8 @@ the rigid motion nearest to the displacement u over the area,
 
     S theta = integral of r x u,     S = integral of (r.r 1 - r r'),
 
-r from the centroid; both are exact where the face moves rigidly. One row each in x, y and z.
+r from the centroid; both are exact where the face moves rigidly. One row each in x, y and z. A
+face of several bodies, such as that of two pads, has a mean motion on each of them.
 """
 
 from __future__ import annotations

@@ -260,8 +260,8 @@ class ComputedLaw:
     def steps(self) -> LawSteps:
         """The solved points that the law goes through."""
         n = int(self.library.count[self.number])
-        rows: Any = (getattr(self.library, name) for name in LawSteps._fields)
-        return LawSteps(*(None if a is None else a[self.number, :n] for a in rows))
+        whole: list[Any] = [getattr(self.library, name) for name in LawSteps._fields]
+        return LawSteps._make(None if a is None else a[self.number, :n] for a in whole)
 
     def pressure(self, d: ArrayLike) -> Array:
         """Pressure p [Pa] at the separation d [m]."""

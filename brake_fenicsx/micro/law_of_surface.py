@@ -48,7 +48,17 @@ def contact_law(surface: Topography, E_star: float, **settings: Any) -> Computed
         SurfaceError: missing points or a flat surface.
         NotConverged: a step misses the tolerance.
     """
-    return make_library([law_steps(surface, LawSettings(E_star, **settings))])[0]
+    law = make_library([law_steps(surface, LawSettings(E_star, **settings))])[0]
+    for text in doubts(surface):
+        logger.warning("%s", text)
+    return law
+
+
+def doubts(surface: Topography) -> list[str]:
+    """What is doubtful about a surface under a half-space model, one line each."""
+    slope = rms_slope(surface.heights, surface.pixel)
+    steep = f"{surface.source}: rms slope {slope:.2g}; the half-space supposes small slopes"
+    return [*surface.warnings, *([steep] if slope > 1.0 else [])]
 
 
 def law_steps(surface: Topography, settings: LawSettings) -> LawSteps:
@@ -64,11 +74,6 @@ def law_steps(surface: Topography, settings: LawSettings) -> LawSteps:
     h = surface.heights - surface.heights.mean()
     if not np.isfinite(h).all():
         raise SurfaceError(f"{surface.source}: missing points; fill them before the contact")
-    slope = rms_slope(h, surface.pixel)
-    if slope > 1.0:
-        logger.warning(
-            "%s: rms slope %.2g; the half-space supposes small slopes", surface.source, slope
-        )
     grids = [h]
     while settings.grids == "cascade" and surface.periodic and min(h.shape) >= 2 * COARSEST:
         h = low_passed(h, (h.shape[0] // 2, h.shape[1] // 2))

@@ -1,13 +1,10 @@
-"""Libraries of laws: many surfaces of one kind, in parallel, and on disk."""
+"""Libraries of laws: many surfaces of one kind, and their files."""
 
 from __future__ import annotations
 
 import json
 import logging
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
-from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +12,7 @@ import numpy as np
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.micro.law import LawLibrary, LawSteps, make_library
-from brake_fenicsx.micro.law_of_surface import law_steps
+from brake_fenicsx.micro.law_of_surface import doubts, law_steps
 from brake_fenicsx.micro.loading import solve_contact
 from brake_fenicsx.micro.settings import LawSettings
 from brake_fenicsx.surface import BiFractal, HeightDistribution, Topography, synthesise
@@ -95,25 +92,19 @@ def force_above(
     return float(np.median(shares))
 
 
-def law_library(recipe: LawRecipe, n: int, seed: int, processes: int = 1) -> LawLibrary:
-    """Make ``n`` laws; the result does not depend on the number of processes.
+def law_library(recipe: LawRecipe, n: int, seed: int) -> LawLibrary:
+    """Make ``n`` laws on this process; a run spreads them over its processes.
 
     Args:
         recipe: what all laws share.
         n: number of laws.
         seed: seed of the library; law i belongs to its child i.
-        processes: how many work at once.
     """
-    if n < 1 or processes < 1:
-        raise SceneError(f"laws = {n} on {processes} processes: at least one of each")
-    for text in recipe.surface(seed, 0).warnings:  # what is doubtful about one is about all
+    if n < 1:
+        raise SceneError(f"laws = {n}: at least one")
+    for text in doubts(recipe.surface(seed, 0)):  # what is doubtful about one is about all
         logger.warning("%s", text)
-    if processes == 1:
-        steps = [recipe.law(seed, i) for i in range(n)]
-    else:
-        # Forked workers share what is already imported; they start no threads and no MPI calls.
-        with ProcessPoolExecutor(processes, get_context("fork")) as pool:
-            steps = list(pool.map(partial(recipe.law, seed), range(n), chunksize=4))
+    steps = [recipe.law(seed, i) for i in range(n)]
     settings = {**recipe.record(), "seed": seed}
     return make_library(steps, list(range(n)), settings)
 

@@ -27,7 +27,7 @@ from brake_fenicsx.micro.qp import certify, projected_cg
 
 # Candidates up to which a sweep, which uses their dense influence many times, does without FFT.
 HIGHEST = 3000
-CORNERS = 100  # touching pixels up to which the corners of a law need the finest steps
+CORNERS = 200  # touching pixels up to which the corners of a law need the finest steps
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,8 +106,7 @@ def sweep(
     steps, reached = _few_steps(space, h, lowest, highest, rates, tolerance, cap, few)
     if steps[-1].total >= highest * (1.0 - 1e-9) or _closed(space, steps[-1]):
         return steps
-    many = _many_steps if hardness is None else _many_loads
-    return steps + many(space, h, highest, rates, tolerance, steps[-1], reached, cap, limit)
+    return steps + _many_steps(space, h, highest, rates, tolerance, steps[-1], reached, cap, limit)
 
 
 def _few_steps(
@@ -218,30 +217,7 @@ def _many_steps(
     space: HalfSpace, h: Array, highest: float, rates: tuple[int, int], tolerance: float,
     last: Step, reached: Reached, cap: float, limit: int,
 ) -> list[Step]:  # fmt: skip
-    """Continue with conjugate gradients, the separation chosen for even steps in load."""
-    found: list[Step] = []
-    p, unit = reached.p, reached.unit
-    while last.total < highest and last.touching <= limit and not _closed(space, last):
-        ratio = _ratio(rates, last.touching)
-        # Along constant d(ln p)/dd, which falls as the load rises: a little short of the ratio.
-        d = last.d - last.total / last.stiffness * np.log(ratio)
-        if d <= 0.0 and space.boundary == "periodic":
-            break
-        guess = np.maximum(p + (last.d - d) * unit, 0.0)
-        solved = projected_cg(space, h, float(d), None, guess, tolerance)
-        p = solved.p
-        unit = space.unit_answer(p > 0.0, unit)
-        count, k = int(np.count_nonzero(p)), float(unit.sum())
-        last = Step(solved.d, float(p.sum()), k, k, count, solved.gap)
-        found.append(last)
-    return found
-
-
-def _many_loads(
-    space: HalfSpace, h: Array, highest: float, rates: tuple[int, int], tolerance: float,
-    last: Step, reached: Reached, cap: float, limit: int,
-) -> list[Step]:  # fmt: skip
-    """The same at given loads: towards the hardness the load hardly answers to the separation."""
+    """Continue at given loads with conjugate gradients."""
     found: list[Step] = []
     p, unit, whole = reached.p, reached.unit, reached.unit
     end = highest * (1.0 - 1e-9)
@@ -251,8 +227,10 @@ def _many_loads(
         solved = projected_cg(space, h, None, total, guess, tolerance, cap=cap)
         p = solved.p
         touching, elastic = p > 0.0, (p > 0.0) & (p < cap)
+        if space.boundary == "periodic" and elastic.all():  # the separation cannot fall further
+            break
         unit = space.unit_answer(elastic, unit)
-        whole = space.unit_answer(touching, whole)
+        whole = unit if cap == np.inf else space.unit_answer(touching, whole)
         count, k = int(np.count_nonzero(touching)), float(unit.sum())
         last = Step(solved.d, total, k, float(whole.sum()), count, solved.gap)
         found.append(last)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.tables import Value, write_rows
 
+from .micro_figures import settings_of
 from .rundata import Arrays, RunData
 from .surface_figures import bearing_curves, surface_statistics
 from .surface_section import of_surface, parameter_columns, parameter_rows, scans_of
@@ -22,6 +23,10 @@ LAW_COLUMNS = {
     "v": "k_vibration_Pa_per_m",
     "area": "touching_share",
 }
+SUPPORT_COLUMNS = (
+    "p_Pa", "scan_pixels", "grid_pixels",
+    *(f"{name}_{share}_Pa_per_m" for name in ("k", "k_vibration") for share in ("5", "50", "95")),
+)  # fmt: skip
 HEIGHTS = "artificial_surface"
 
 
@@ -42,6 +47,11 @@ def write_surface_tables(run: RunData) -> list[Path]:
         heads = [head for name, head in LAW_COLUMNS.items() if name in run.laws]
         rows = _law_rows(run.laws)
         written.append(write_rows(folder / "laws.csv", ("law", "step", *heads), rows))
+    if run.laws is not None and (support := settings_of(run.laws).get("support")):
+        tables.mkdir(exist_ok=True)
+        columns = [support[name] for name in ("pressure", "scan_pixels", "grid_pixels")]
+        table = zip(*columns, *support["k"], *support["v"], strict=True)
+        written.append(write_rows(tables / "law_support.csv", SUPPORT_COLUMNS, table))
     if (s := run.surface) is None:
         return written
     tables.mkdir(exist_ok=True)

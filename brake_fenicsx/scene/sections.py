@@ -126,6 +126,8 @@ class Micro:
         bulk_compliance: whether a law keeps the compliance of the half-space, which the
             finite-element lining already has.
         seed: seed of the artificial surfaces.
+        scans: scans of the same surface that are drawn anew for the band of the stiffness that the
+            page states; 0: no band.
         hardness: pressure at which a point yields; elastic at any pressure if not given, as in
             the paper.
     """
@@ -142,6 +144,7 @@ class Micro:
     steps: int = key(default=40)
     bulk_compliance: str = key(default="remove", choices=("remove", "keep"))
     seed: int = key(default=1, sign="zero")
+    scans: int = key(default=20, sign="zero")
     hardness: float | None = key("Pa", default=None, band=(1e6, 2e10))
 
     @property

@@ -12,11 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
+from brake_fenicsx.log import logger
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.samples import is_constant, split_key
 
@@ -24,6 +26,7 @@ from .designs import RIGID, design_points, design_size
 from .distributions import quantile
 
 Array = NDArray[np.float64]
+Value = TypeVar("Value")
 
 # Draws of one sample before its laws are called impossible.
 MOST_DRAWS = 1000
@@ -133,15 +136,14 @@ def inputs_of(
     Raises:
         SceneError: no brake has these values.
     """
-    groups: dict[str, dict[str, float]] = {}
     pressures = {}
     for name, value in values.items():
         section, table, last = split_key(name)
         if isinstance(value, str):
             raise SceneError(f"{name} = {value!r}: write a number, in SI units")
         if is_constant(name):
-            groups.setdefault(table, {})[last] = value
-        elif name == "motion.speed" and not value * nominal_value(scene, name) > 0:
+            continue
+        if name == "motion.speed" and not value * nominal_value(scene, name) > 0:
             raise SceneError(f"{name} = {value:g}: must not be zero, and have the scene's sign")
         elif last == "penalty" and not value > 0:
             raise SceneError(f"{name} = {value:g}: must be positive")
@@ -149,11 +151,20 @@ def inputs_of(
             raise SceneError(f"{name} = {value:g}: must be zero or more")
         if section == "loads":
             pressures[table] = value
-    materials = _stiffnesses(scene, groups)
+    materials = _stiffnesses(scene, by_material(values))
     if materials and approach not in PERFECT:
         for interface in scaled_interfaces(scene):
             law_factor(scene, interface, materials)
     return Inputs(dict(values), materials, pressures, rejected)
+
+
+def by_material(values: Mapping[str, Value]) -> dict[str, dict[str, Value]]:
+    """Those of some scalars that are constants of materials: material -> constant -> value."""
+    groups: dict[str, dict[str, Value]] = {}
+    for name in filter(is_constant, values):
+        _, material, constant = split_key(name)
+        groups.setdefault(material, {})[constant] = values[name]
+    return groups
 
 
 def _stiffnesses(scene: Scene, groups: Mapping[str, Mapping[str, float]]) -> dict[str, Array]:
@@ -193,17 +204,29 @@ def law_material(scene: Scene, interface: str) -> str:
 
 
 def scaled_interfaces(scene: Scene) -> list[str]:
-    """Interfaces whose laws stand for a surface; a penalty is a number of the method.
+    """Interfaces with computed laws; those that a scene writes stay as written in all samples.
 
     Raises:
         SceneError: which material the laws scale with is not said.
     """
-    found = []
-    for name, table in scene.contact.items():
-        if isinstance(table.law, str) or table.law.linear is None:
-            law_material(scene, name)
-            found.append(name)
+    found = [name for name, table in scene.contact.items() if isinstance(table.law, str)]
+    for name in found:
+        law_material(scene, name)
     return found
+
+
+def note_laws(scene: Scene) -> None:
+    """Say which laws follow the moduli that are random or swept."""
+    changing = {split_key(name)[1] for name in scene.varied if is_constant(name)}
+    followed = scaled_interfaces(scene) if changing else []
+    for name in scene.contact if changing else ():
+        if name not in followed:
+            logger.info("contact.%s.law: as written, whatever the moduli of a sample", name)
+        elif (material := law_material(scene, name)) in changing:
+            logger.info(
+                "contact.%s.law: pressures of the library times E*(sample) / E*(scene) of %s",
+                name, material,
+            )  # fmt: skip
 
 
 def law_factor(scene: Scene, interface: str, materials: Mapping[str, Array]) -> float:

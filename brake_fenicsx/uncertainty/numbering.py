@@ -11,13 +11,11 @@ import hashlib
 from mpi4py import MPI
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import connected_components
 
-from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.brake import Brake
+from brake_fenicsx.macro.faces import body_of_nodes
 from brake_fenicsx.store import Store
 
 from .shapes import body_centres
@@ -73,15 +71,11 @@ def dof_points(brake: Brake) -> NDArray:
 
 
 def _bodies(brake: Brake) -> NDArray[np.intp]:
-    """Body of each free dof, by the cells: ties and springs join bodies in the stiffness."""
-    free, topology = brake.elastic.free, brake.mesh.domain.topology
-    node = compat.cell_dofs(free.V, np.arange(topology.index_map(topology.dim).size_local))
-    first = np.repeat(node[:, 0], node.shape[1])
-    size = free.V.dofmap.index_map.size_local
-    links = sp.coo_matrix((np.ones(first.size), (first, node.reshape(-1))), (size, size))
-    label = connected_components(links, directed=False)[1]
+    """Body of each free dof; ties and springs join bodies in the stiffness."""
+    free = brake.elastic.free
+    label = body_of_nodes(free.V)
     # A body that is held everywhere has no free dof.
-    given = size + free.places[:, 4].astype(int)
+    given = label.size + free.places[:, 4].astype(int)
     every = np.concatenate([label[free.local // 3], given])
     return np.asarray(np.unique(every, return_inverse=True)[1], dtype=np.intp)
 

@@ -29,7 +29,7 @@ from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.scene.sweep import Range
 
 from .distributions import quantile
-from .inputs import nominal_value
+from .inputs import by_material, nominal_value
 
 Array = NDArray[np.float64]
 
@@ -84,11 +84,7 @@ class Box:
 
 def changed_materials(scene: Scene, values: Mapping[str, float]) -> dict[str, Array]:
     """Stiffness [Pa] of the materials of which some constants are given, each of shape (6, 6)."""
-    groups: dict[str, dict[str, float]] = {}
-    for name in filter(is_constant, values):
-        _, material, constant = split_key(name)
-        groups.setdefault(material, {})[constant] = values[name]
-    return {m: varied_stiffness(scene.materials[m], c) for m, c in groups.items()}
+    return {m: varied_stiffness(scene.materials[m], c) for m, c in by_material(values).items()}
 
 
 def _spanning(scene: Scene, name: str) -> list[float]:
@@ -211,12 +207,10 @@ def assemble_random(scene: Scene, brake: Brake) -> RandomMaterials:
         scene: the scene.
         brake: its operators.
     """
-    by_material: dict[str, list[str]] = {}
-    for _, table, last in map(split_key, filter(is_constant, scene.varied)):
-        by_material.setdefault(table, []).append(last)
+    varied = by_material(dict.fromkeys(scene.varied))
     keys, directions = [], []
-    for material, names in by_material.items():
-        for constant in _moved(scene, material, names):
+    for material, constants_of in varied.items():
+        for constant in _moved(scene, material, [*constants_of]):
             keys.append((material, constant))
             directions.append(unit_change(scene, brake, material, constant))
     mesh, free = brake.mesh, brake.elastic.free
@@ -237,7 +231,7 @@ def assemble_random(scene: Scene, brake: Brake) -> RandomMaterials:
     return RandomMaterials(
         scene,
         box,
-        {name: stiffness(scene.materials[name]) for name in by_material},
+        {name: stiffness(scene.materials[name]) for name in varied},
         dict(zip(keys, parts, strict=True)),
         slopes,
     )

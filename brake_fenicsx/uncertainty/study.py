@@ -31,7 +31,7 @@ from brake_fenicsx.tables import CONTACT, MODES, SAMPLES, write_rows
 from .ensemble import run_ensemble
 from .equilibria import Equilibria
 from .forces import forces_of_sample, forces_of_samples
-from .inputs import PERFECT, points_of
+from .inputs import PERFECT, note_laws, points_of
 from .models import Models
 from .numbering import dof_points
 from .outcomes import ensembles
@@ -105,6 +105,7 @@ class Study:
     def prepare(self) -> None:
         """Factor the reference, and make or load the reduced models."""
         brake, models = self.brake, self.models
+        note_laws(self.scene)
         pressure = brake.pressed / float(brake.w.sum())
         # Any value serves; a round one is that of similar scenes too.
         k0 = float(f"{reference_stiffness(self._reference_laws(), pressure):.1e}")

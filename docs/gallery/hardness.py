@@ -23,19 +23,15 @@ from brake_fenicsx.surface import characterise, read_topography
 HERE = Path(globals().get("__file__", "notebook")).resolve().parent
 scan = read_topography(HERE.parents[1] / "scripts" / "scenes" / "pad_scan.npz")
 stats = characterise(scan)
-recipe = LawRecipe(
-    stats.spectrum,
-    stats.hdf,
-    LawSettings(plane_strain_modulus(1983.3e6, 0.4054)),
-    shape=(256, 256),
-)
+settings = LawSettings(plane_strain_modulus(1983.3e6, 0.4054))
+recipe = LawRecipe(stats.spectrum, stats.hdf, settings, shape=(256, 256))
 pressure = np.geomspace(2e4, 5e6, 40)
 
 
 def stiffness(hardness):
     """Median loading stiffness and vibration stiffness [Pa/m] at the pressures."""
-    settings = replace(recipe.settings, hardness=hardness)
-    laws = [law.steps for law in law_library(replace(recipe, settings=settings), 4, seed=1)]
+    pressed = replace(recipe, settings=replace(settings, hardness=hardness))
+    laws = [law.steps for law in law_library(pressed, 4, seed=1)]
     both = [
         [np.exp(np.interp(np.log(pressure), np.log(s.p), np.log(k))) for k in (s.k, s.v)]
         for s in laws

@@ -21,12 +21,8 @@ from brake_fenicsx.surface import characterise, read_topography
 HERE = Path(globals().get("__file__", "notebook")).resolve().parent
 scan = read_topography(HERE.parents[1] / "scripts" / "scenes" / "pad_scan.npz")
 stats = characterise(scan)
-recipe = LawRecipe(
-    stats.spectrum,
-    stats.hdf,
-    LawSettings(plane_strain_modulus(1983.3e6, 0.4054)),
-    shape=(256, 256),
-)
+settings = LawSettings(plane_strain_modulus(1983.3e6, 0.4054))
+recipe = LawRecipe(stats.spectrum, stats.hdf, settings, shape=(256, 256))
 laws = law_library(recipe, 6, seed=1)
 print(f"S_q {1e6 * stats.S_q:.1f} um, skewness {stats.S_sk:.2f}, kurtosis {stats.S_ku:.2f}")
 # -
@@ -43,7 +39,7 @@ print(f"stiffness at 0.2 MPa: {min(stiffness):.2g} to {max(stiffness):.2g} Pa/m"
 figure, axes = plt.subplots(1, 3, figsize=(11, 3.6), layout="constrained")
 psd = stats.psd
 axes[0].loglog(psd.q, psd.C, ".", ms=3, color="0.5", label="scan")
-axes[0].loglog(psd.q, stats.bifractal(psd.q), color="tab:red", label="fit, Eq. (17)")
+axes[0].loglog(psd.q, stats.spectrum(psd.q), color="tab:red", label="fit, Eq. (17)")
 axes[0].loglog(psd.q, stats.spectrum(psd.q), color="k", lw=0.8, label="artificial surfaces")
 axes[0].set(xlabel="wave number [rad/m]", ylabel="radial power spectrum [m$^4$]")
 axes[0].legend()

@@ -7,11 +7,11 @@ from scipy.optimize import lsq_linear
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.micro import solve_contact
 from brake_fenicsx.micro.active import AllPixels, active_set
-from brake_fenicsx.micro.closed_forms import Hertz
 from brake_fenicsx.micro.halfspace import half_space
 from brake_fenicsx.micro.qp import certify, projected_cg
 from brake_fenicsx.micro.sweep import sweep
 from brake_fenicsx.surface import given_statistics, synthesise
+from contact_closed_forms import Hertz
 
 PAPER = given_statistics(33.1e-6, -0.2410, 3.6549)
 SIZE = (2.825e-3, 2.825e-3)

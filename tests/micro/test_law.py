@@ -233,14 +233,12 @@ def test_laws_of_an_earlier_version_are_refused(tmp_path):
         load_laws(tmp_path / "laws.npz")
 
 
-def test_library_does_not_depend_on_the_number_of_processes():
+def test_a_law_of_a_library_can_be_made_again_alone():
+    """Law i draws from its own child of the seed, so that any process may make it."""
     recipe = LawRecipe(PAPER.bifractal, PAPER.hdf, LawSettings(E_STAR), shape=(32, 32))
-    one, two = (law_library(recipe, 3, seed=7, processes=n) for n in (1, 2))
-    for name in ("d", "p", "k", "count", "seed"):
-        np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
-    alone = recipe.law(7, 2)
-    np.testing.assert_array_equal(one[2].steps[0], alone[0])
-    assert one[0].first_touch != one[1].first_touch
+    laws = law_library(recipe, 3, seed=7)
+    np.testing.assert_array_equal(laws[2].steps.d, recipe.law(7, 2).d)
+    assert laws[0].first_touch != laws[1].first_touch
 
 
 def test_analytic_laws():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.micro import solve_contact
-from brake_fenicsx.micro.closed_forms import (
+from contact_closed_forms import (
     BUSH_GIBSON_THOMAS_AREA,
     PERSSON_AREA,
     SQUARE_PUNCH,

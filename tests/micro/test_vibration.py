@@ -1,5 +1,7 @@
 """The stiffness that the modes read, between the steps of a law and against a dense sweep."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -43,18 +45,16 @@ def test_exponential_law_in_closed_form():
 def errors_between_steps(seed, hardness, n=625, side=4.345e-3):
     """Ratios law over dense sweep of v, dv/dd and p where the brake presses, .05 to .45 MPa.
 
-    The dense sweep has 25 times the steps, 1000 per decade of load. Of it v under a hardness is
-    the solver's, point by point; without one, and dv/dd, are regressions over its points.
+    The dense sweep has 25 times the steps, 1000 per decade of load, on the same grid. Its v under
+    a hardness is the solver's, point by point; its v without one, and its dv/dd, are regressions.
     """
     rng = np.random.default_rng(seed)
     topo = synthesise(PAPER.bifractal, PAPER.hdf, (n, n), (side, side), rng)
     top = 0.9e6  # half a width above the pressures that are looked at
-    library = make_library([law_steps(topo, LawSettings(E_STAR, top, hardness=hardness))])
-    dense = law_steps(
-        topo,
-        LawSettings(E_STAR, top, 2.5e4, steps=round(1000 * np.log10(top / 2.5e4)),
-                    hardness=hardness, grids="one"),
-    )  # fmt: skip
+    usual = LawSettings(E_STAR, top, hardness=hardness, grids="one")
+    library = make_library([law_steps(topo, usual)])
+    steps = round(1000 * np.log10(top / 2.5e4))
+    dense = law_steps(topo, replace(usual, min_pressure=2.5e4, steps=steps))
     x = np.log(dense.p)
     at = np.flatnonzero((dense.p > 5e4) & (dense.p < 4.5e5))[::7]
     d_line = np.array([regression(x, dense.d, x[i])[1] for i in at])
@@ -78,9 +78,8 @@ def rms(ratios):
 @pytest.mark.parametrize("hardness", [None, 400e6])
 def test_laws_are_right_between_their_steps(hardness):
     """A patch of 402 pixels; the slow test looks at the demo's patch and more surfaces."""
-    v, slope, p = zip(
-        *[errors_between_steps(s, hardness, 402, 2.825e-3) for s in (0, 1)], strict=True
-    )
+    found = [errors_between_steps(seed, hardness, 402, 2.825e-3) for seed in (0, 1)]
+    v, slope, p = zip(*found, strict=True)
     assert rms(v) < 0.03 and rms(slope) < 0.15 and rms(p) < 0.006, (rms(v), rms(slope), rms(p))
     assert np.concatenate(slope).min() > 0.0
 
@@ -88,6 +87,6 @@ def test_laws_are_right_between_their_steps(hardness):
 @pytest.mark.slow
 @pytest.mark.parametrize("hardness", [None, 100e6, 200e6, 400e6])
 def test_laws_are_right_between_their_steps_on_the_patch_of_the_demo(hardness):
-    v, slope, p = zip(*[errors_between_steps(seed, hardness) for seed in range(6)], strict=True)
+    v, slope, p = zip(*[errors_between_steps(seed, hardness) for seed in range(2)], strict=True)
     assert rms(v) < 0.02 and rms(slope) < 0.15 and rms(p) < 0.004, (rms(v), rms(slope), rms(p))
     assert np.concatenate(slope).min() > 0.0

@@ -9,10 +9,10 @@ from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.macro.material import engineering_constants
 from brake_fenicsx.macro.material_sample import constants, varied_stiffness
 from brake_fenicsx.macro.material_table import stiffness
-from brake_fenicsx.scene import MaterialTable, read_scene
+from brake_fenicsx.scene import Law, MaterialTable, read_scene
 from brake_fenicsx.store import result_digest
 from brake_fenicsx.uncertainty.inputs import draw_inputs, law_factor, points_of
-from brake_fenicsx.uncertainty.sampling import draw_sample, sample_count
+from brake_fenicsx.uncertainty.sampling import draw_sample, one_law, sample_count
 
 pytestmark = pytest.mark.alone
 
@@ -191,19 +191,33 @@ def test_multi_scale_beside_joint_is_roughness_alone(fake_contact):
     assert points_of(s, "parametric").shape == (500, 2)
 
 
-def test_laws_scale_with_the_modulus_of_the_sample(fake_contact):
+LIBRARY = [
+    STAGES.replace("'equilibrium'", "'micro','equilibrium'"), "micro={ patch='3 mm', pixels=16 }",
+    "contact.block_plate.law=library",
+]  # fmt: skip
+
+
+def test_computed_laws_scale_with_the_modulus_of_the_sample(fake_contact):
     """E* = E_3 / (1 - nu_13^2) with nu_13 = nu_31 E_1 / E_3: not the ratio of E_3 alone."""
-    s = scene(E3)
-    d = draw_sample(s, "multi-scale", 3, fake_contact, None, heights())
+    s = scene(E3, *LIBRARY)
+    library = one_law(Law(p0=10e6, u0=1e-5))
+    d = draw_sample(s, "multi-scale", 3, fake_contact, library, heights())
     c, E = constants(s.materials["lining"]), d.random["materials.lining.E_3"]
     star = lambda e: e / (1 - (c["nu_31"] * c["E_1"] / e) ** 2)  # noqa: E731
     expected = star(E) / star(c["E_3"])
     assert law_factor(s, "block_plate", d.materials) == pytest.approx(expected, rel=1e-9)
     g = d.laws.g_cr + 1e-6
     assert d.laws.pressure(g) == pytest.approx(expected * 10e6 * np.exp(-0.1), rel=1e-9)
-    penalty = scene(E3, "contact.block_plate.law={ linear = '2e13 Pa/m' }")
-    d = draw_sample(penalty, "multi-scale", 3, fake_contact, None, heights())
-    assert d.laws.stiffness(d.laws.g_cr - 1e-6) == pytest.approx(2e13)
+
+
+def test_written_laws_stay_as_written(fake_contact):
+    for law in ("{ linear = '2e13 Pa/m' }", "{ p0 = '10 MPa', u0 = '10 um' }"):
+        s = scene(E3, f"contact.block_plate.law={law}")
+        d = draw_sample(s, "multi-scale", 3, fake_contact, None, heights())
+        same = one_law(s.contact["block_plate"].law)
+        g = np.full(d.laws.g_cr.size, -1e-6)
+        found, expected = d.laws.stiffness(d.laws.g_cr + g), same.stiffness(0 * d.laws.index, g)
+        np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
 def heights():

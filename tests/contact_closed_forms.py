@@ -1,4 +1,4 @@
-"""Closed forms of contact mechanics, shared by tests, benchmarks and reports.
+"""Closed forms of contact mechanics, shared by tests.
 
 References: K. L. Johnson, Contact Mechanics (1985), chapters 4 and 13; H. M. Westergaard, J. Appl.
 Mech. 6 (1939) A49; K. L. Johnson, J. A. Greenwood, J. G. Higginson, Int. J. Mech. Sci. 27 (1985)
