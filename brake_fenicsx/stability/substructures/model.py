@@ -27,11 +27,10 @@ from ..modes import Complex, Count, Modes
 from .component import AtPoint, Component
 from .contact import ContactLinearisation
 from .displacements import mode_displacements
-from .errors import ROUND_OFF, corrected, distances, stated_error
+from .errors import Corrected, corrected
 from .moments import SIGMA, Rows
 from .parameters import CONSTANT, Parameters
 from .placed import image_arrays, originals_and_images, placed
-from .polynomials import Zeros
 from .reduction import Accuracy, Reduction, kept_modes
 from .sample import Sample
 from .static import BodyCompliance, body_compliance, static_compliance
@@ -194,19 +193,12 @@ class ReducedModel:
         """
         start = time.perf_counter()
         sample = self._sample(p, contact)
-        found = sample.zeros(*self._searched)
-        q = sample.quotient(found)
-        size = np.abs(q.slope)
-        first = q.truncated + sample.interpolation_errors(found.z, q) + ROUND_OFF / size
-        gap = distances(found.every, found.chosen)
-        error = stated_error(first, np.abs(q.step), gap)
-        return self._rows(corrected(found.z, q.step, gap), found, size, error, zeta_max, start)
+        found = self._corrected(sample)
+        return self._rows(found, zeta_max, start)
 
     def zeros(self, p: ArrayLike, contact: ContactLinearisation) -> Complex:
         """Eigenvalues lambda [1/s] near the band, conjugates included, shape (zeros,)."""
-        sample = self._sample(p, contact)
-        found = sample.zeros(*self._searched)
-        z = corrected(found.z, sample.quotient(found).step, distances(found.every, found.chosen))
+        z = self._corrected(self._sample(p, contact)).zeros.z
         z = np.r_[z, z[z.imag > 0].conj()]
         z = z + self.rows.shift if self.rows.damped else np.sqrt(SIGMA - z + 0j)
         return np.asarray(self._omega * z)
@@ -345,6 +337,12 @@ class ReducedModel:
             )
         return Sample(self.bodies, self.at(p), contact, self._w, self.rows, self._omega)
 
+    def _corrected(self, sample: Sample) -> Corrected:
+        """Zeros in the band or a little beyond, and their errors."""
+        found = sample.zeros(*self._searched)
+        q = sample.quotient(found)
+        return corrected(found, q, sample.interpolation_errors(found.z, q))
+
     @property
     def _searched(self) -> tuple[float, Callable[[Complex], NDArray[np.intp]]]:
         """Reach of the search in z, and which zeros lie in the band or a little beyond.
@@ -359,16 +357,12 @@ class ReducedModel:
             (np.abs(z - centre) <= limit) & (z.imag >= 0)
         )
 
-    def _rows(
-        self, z: Complex, found: Zeros, slope: Array, error: Array, zeta_max: float, start: float
-    ) -> Modes:
+    def _rows(self, found: Corrected, zeta_max: float, start: float) -> Modes:
         """Rows of the band from corrected zeros."""
-        omega = self._omega
-        right, left = found.right, found.left.conj()
+        omega, z, slope, error = self._omega, found.zeros.z, found.slope, found.error
+        right, left = found.zeros.right, found.zeros.left.conj()
         if self.rows.damped:
             s = omega * (z + self.rows.shift)
-            # A real zero is simple in its neighbourhood and stays real.
-            s = np.where(found.z.imag == 0, s.real, s)
             condition = np.maximum(2 * np.abs(s) / omega / slope, 1.0)
             spread = omega * error
             order, lam = damped_rows(s, right, spread, (2 * np.pi * self.band[0], omega), zeta_max)
@@ -377,7 +371,6 @@ class ReducedModel:
             spread, real = spread[order], np.zeros(order.size, dtype=bool)
         else:
             kappa = omega**2 * (z - SIGMA)
-            kappa = np.where(found.z.imag == 0, kappa.real, kappa)
             # Both of a pair are rows: lambda grows, -conj(lambda) decays.
             both = np.r_[np.arange(kappa.size), np.flatnonzero(kappa.imag)]
             kappa, right = with_conjugates(kappa, right)

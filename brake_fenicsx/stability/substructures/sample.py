@@ -7,7 +7,7 @@ what the kept modes leave out gives, exactly,
     E(z) y = source(z) a,             E = 1 + D_OI J,          source = O W - D_OX,
 
 and T(z) = own + forced E^-1 source. T is expanded in powers of z; its zeros come from a
-companion matrix, and one step of the two-sided Rayleigh quotient with all moments corrects each:
+companion matrix, and the two-sided Rayleigh quotient with all moments corrects them (``errors``):
 b'T(z)a is evaluated with y and the left motions eta solved for, which makes its error of second
 order (Schwetlick and Schreiber, Linear Algebra Appl. 436, 2012; Guettel and Tisseur, Acta Numerica
 26, 2017, doi:10.1017/S0962492917000034).
@@ -30,7 +30,8 @@ from .component import AtPoint
 from .contact import ContactForces, ContactLinearisation
 from .moments import SIGMA, Rows
 from .placed import Placed, square_of
-from .polynomials import Zeros, applied, zeros
+from .errors import ROUND_OFF
+from .polynomials import Coefficients, Zeros, applied, zeros
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -44,9 +45,9 @@ LEAST, MOST, SETTLED = {False: 2, True: 4}, 16, 1e-3
 # Last known terms that tell what is truncated.
 TAIL = {False: 2, True: 4}
 
-# Powers of z that the left motions eta take into account, beyond the constant one. The error of the
-# quotient is the product of those of y and eta: more change no digit that its truncation leaves.
-LEFT_POWERS = {False: 1, True: 4}
+# Steps at most of the motions y and eta, and the share of the truncation of the moments, or the
+# round-off, that the error which they leave in the quotient may have.
+STEPS, SHARE = 8, 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,15 +79,16 @@ class Quotient:
     """What the two-sided quotient finds of some zeros of T, in z.
 
     Attributes:
-        step: correction of each zero.
+        products: b_i' T(z_j) a_j of left vectors i and zeros j, shape (zeros, zeros); and those of
+            the left vectors' conjugates.
         slope: b' T'(z) a.
         truncated: what the moments beyond the last add, over the slope: the last known terms, which
-            fall by |z| over the distance of the nearest pole; and what the next step of eta would.
+            fall by |z| over the distance of the nearest pole; and what y and eta leave.
         right: [J y; a], the loads that act on what is left out.
         left: [eta; b], its motions that are seen.
     """
 
-    step: Complex
+    products: tuple[Complex, Complex]
     slope: Complex
     truncated: Array
     right: Complex
@@ -218,38 +220,54 @@ class Sample:
         return zeros(self.T, 2 if self._rows.damped else 1, reach, near)
 
     def quotient(self, found: Zeros) -> Quotient:
-        """One step of the two-sided quotient with all moments, for some zeros."""
+        """The two-sided quotient with all moments, for some zeros."""
         z, a, b = found.z, found.right, found.left
-        y = self.motions(z, a)
-        eta, change = self._left_motions(z, b)
-        damped, count = self._rows.damped, len(self.E)
-        terms = np.zeros((count, z.size), complex)
-        unsolved = np.zeros_like(y)
-        for sign, coefficients, x in ((-1.0, self.E, y), (1.0, self.source, a)):
-            for n, A in enumerate(coefficients):
-                product = sign * times(A, x)
-                terms[n] += _paired(eta, product)
-                unsolved += z**n * product
-        for coefficients, x in ((self.forced, y), (self.own, a)):
-            for n, A in enumerate(coefficients):
-                terms[n] += _paired(b, times(A, x))
+        count, damped = len(self.E), self._rows.damped
         powers = np.arange(count)[:, None]
-        value = np.sum(terms * z**powers, axis=0)
-        slope = np.sum((powers * terms)[1:] * z ** powers[:-1], axis=0)
-        slope = np.where(np.abs(slope) > 1e-300, slope, 1e-300)
         reach = min(body.component.reach for body in self.bodies)
         pole = np.hypot(reach, self._rows.shift) if damped else reach**2 + SIGMA
         fall = np.minimum(np.abs(z) / pole, 0.9)
-        # One term alone may be nought by chance.
         tail = powers[-TAIL[damped] :]
-        last = np.max(np.abs(terms[tail[:, 0]] * z**tail) * fall ** (count - 1 - tail), axis=0)
-        truncated = last * fall / (1 - fall)
-        # What the left motions gained at last, and would gain in the next step at the same rate.
-        rate = np.minimum(la.norm(change, axis=0) / np.maximum(la.norm(eta, axis=0), 1e-300), 0.9)
-        truncated += np.abs(_paired(change, unsolved)) * rate / (1 - rate)
-        truncated /= np.abs(slope)
+        kept = self._terms([(self.own, a)], z, b)
+        source = [times(A, a) for A in self.source]
+        y, last = self.motions(z, a), np.full(z.size, np.inf)
+        forced = applied(self.forced, z, b, transpose=True)
+        eta = self.solve(forced, 1)
+        for _ in range(STEPS):
+            moved = [-times(A, y) for A in self.E]
+            for n, product in enumerate(source):
+                moved[n] = moved[n] + product
+            unsolved = np.sum([z**n * x for n, x in enumerate(moved)], axis=0)
+            change = self.solve(forced - applied(self.E, z, eta, transpose=True), 1)
+            eta = eta + change
+            terms = kept + self._terms([(self.forced, y)], z, b)
+            terms += np.array([_paired(eta, x) for x in moved])
+            slope = np.sum((powers * terms)[1:] * z ** powers[:-1], axis=0)
+            slope = np.where(np.abs(slope) > 1e-300, slope, 1e-300)
+            # One term alone may be nought by chance.
+            ends = np.abs(terms[tail[:, 0]] * z**tail) * fall ** (count - 1 - tail)
+            truncated = np.max(ends, axis=0) * fall / (1 - fall)
+            # eta gains by both steps what it gained by this one, y what it did.
+            gained = np.abs(_paired(change, unsolved))
+            size = la.norm(change, axis=0) / np.maximum(la.norm(eta, axis=0), 1e-300)
+            rate = np.minimum(np.maximum(size, np.sqrt(gained / last)), 0.9)
+            left = gained * rate / (1 - rate)
+            if np.all(left <= np.maximum(SHARE * truncated, ROUND_OFF)):
+                break
+            y, last = y + self.solve(unsolved), np.maximum(gained, 1e-300)
+        rest = applied(self.own, z, a) + applied(self.forced, z, y)
+        products = b.T @ rest + eta.T @ unsolved, b.conj().T @ rest + eta.conj().T @ unsolved
         right = np.vstack([self.forces(z, y), a])
-        return Quotient(-value / slope, slope, truncated, right, np.vstack([eta, b]))
+        truncated = (truncated + left) / np.abs(slope)
+        return Quotient(products, slope, truncated, right, np.vstack([eta, b]))
+
+    def _terms(self, parts: list[tuple[Coefficients, Complex]], z: Complex, b: Complex) -> Complex:
+        """Coefficients of b' A(z) x, as many as there are moments, shape (moments, zeros)."""
+        terms = np.zeros((len(self.E), z.size), complex)
+        for coefficients, x in parts:
+            for n, A in enumerate(coefficients):
+                terms[n] += _paired(b, times(A, x))
+        return terms
 
     def interpolation_errors(self, z: Complex, q: Quotient) -> Array:
         """Estimated errors of z that the interpolation of the moments makes, all bodies added."""
@@ -282,14 +300,6 @@ class Sample:
     def motions(self, z: Complex, a: Complex) -> Complex:
         """E^-1 source a as far as it is expanded, shape (followed rows, zeros)."""
         return applied(self._Y, z, a)
-
-    def _left_motions(self, z: Complex, b: Complex) -> tuple[Complex, Complex]:
-        """Solution of E(z)' eta = forced(z)' b to a few powers, and what they changed."""
-        forced = applied(self.forced, z, b, transpose=True)
-        powers = self.E[1 : 1 + LEFT_POWERS[self._rows.damped]]
-        first = self.solve(forced, 1)
-        change = -self.solve(z * applied(powers, z, first, transpose=True), 1)
-        return first + change, change
 
     def solve(self, x: Complex, trans: int = 0) -> Complex:
         """E_0^-1 x, or its transpose."""
