@@ -50,3 +50,16 @@ def test_cache_of_another_layout_is_made_again(tmp_path):
     run(BLOCK, COMM, tmp_path, GIVEN)
     np.testing.assert_array_equal(modes(tmp_path), first)
     np.testing.assert_array_equal(store.load(FILE)[name], content[name])
+
+
+@pytest.mark.parametrize("length", [0, 200, 4000])
+def test_damaged_cache_is_made_again(tmp_path, length):
+    """Cut short by a full disc: the samples of the run are of one kind, as those before."""
+    run(BLOCK, COMM, tmp_path, GIVEN)
+    first, path = modes(tmp_path), Store(tmp_path).path(FILE)
+    whole = path.read_bytes()
+    path.unlink()
+    path.write_bytes(whole[:length])
+    run(BLOCK, COMM, tmp_path, GIVEN)
+    np.testing.assert_array_equal(modes(tmp_path), first)
+    assert "made again" in (tmp_path / "log.txt").read_text()
