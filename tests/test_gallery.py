@@ -9,9 +9,16 @@ import pytest
 
 GALLERY = Path(__file__).parents[1] / "docs" / "gallery"
 SCRIPTS = sorted(GALLERY.glob("*.py"))
+FAST = ("flutter", "hertz", "rough_law")  # a brake, a contact, a surface; the others are slow
 
 
-@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "script",
+    [
+        pytest.param(path, marks=[] if path.stem in FAST else pytest.mark.slow, id=path.stem)
+        for path in SCRIPTS
+    ],
+)
 def test_script(script, tmp_path):
     done = subprocess.run(
         [sys.executable, str(script)], capture_output=True, text=True, cwd=tmp_path
