@@ -77,7 +77,7 @@ def warnings(scene: Scene, mean_patch: float | None = None) -> list[str]:
 
 
 def _clamped(scene: Scene) -> list[str]:
-    """Masses, springs and loads on faces that cannot move."""
+    """What faces that cannot move make idle, and loads that do not press contact faces."""
     held = {face for face, directions in scene.supports.items() if len({*directions}) == 3}
     to_ground = {f for f, spring in scene.springs.items() if spring.faces is None}
     sections = (("masses", {*scene.masses}), ("springs", to_ground), ("loads", _loaded(scene)))
@@ -86,7 +86,28 @@ def _clamped(scene: Scene) -> list[str]:
         f" no effect; leave it out, or change {dotted('supports', face)}"
         for section, faces in sections
         for face in sorted(faces & held)
+    ] + [
+        f"{dotted('contact', name)}.faces: {face}, {why}"
+        for name, table in scene.contact.items()
+        for face in table.faces
+        for why in _not_pressing(scene, face, held)
     ]
+
+
+def _not_pressing(scene: Scene, face: str, held: set[str]) -> list[str]:
+    """Why loads on a contact face or on its part do not press the faces together."""
+    if face in scene.loads and scene.loads[face].pressure:
+        return [
+            f"has a pressure of its own, {dotted('loads', face)}, which pushes the faces apart;"
+            " load another face"
+        ]
+    part = face.partition(".")[0]
+    if face in held and any(other.partition(".")[0] == part for other in _loaded(scene)):
+        return [
+            f"is held in all directions by supports, so that the loads on {part} do not press the"
+            f" faces together; change {dotted('supports', face)}"
+        ]
+    return []
 
 
 def _loaded(scene: Scene) -> set[str]:

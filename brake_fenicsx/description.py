@@ -57,6 +57,7 @@ def describe(
     samples: dict[str, int] = {}
     if "equilibrium" in parsed.stages:
         from brake_fenicsx.macro.brake import assemble_brake
+        from brake_fenicsx.macro.free_motions import check_free_motions
         from brake_fenicsx.macro.inventory import (
             interfaces_of,
             inventory_lines,
@@ -68,7 +69,7 @@ def describe(
         brake = assemble_brake(parsed, comm)
         sizes = brake.size()
         doubts = [*brake.mesh.unread.changing, *brake.elastic.doubts]
-        doubts += placement_doubts(parsed, brake)
+        doubts += [*placement_doubts(parsed, brake), *check_free_motions(parsed, brake)]
         told = [*remarks(parsed, comm), *brake.mesh.unread.other]
         built = {"parts": parts_of(parsed, brake), "contact": interfaces_of(parsed, brake)}
         mean_patch = 1e-3 * sizes["mean_patch_mm"]

@@ -21,9 +21,12 @@ from .material import Material
 from .mean_motion import check_size, mean_displacement, mean_of_nodes, mean_rotation
 from .mesh import Mesh
 from .solver import with_interface
-from .tie import tied_faces
+from .tie import Tie, tied_faces
 
 logger = logging.getLogger(__name__)
+
+# Share of a face that its ties glue, below which it is said.
+GLUED = 0.95
 
 
 def joined_bodies(
@@ -43,13 +46,16 @@ def joined_bodies(
     Raises:
         SceneError: faces that do not touch, or are too large.
     """
+    layers: dict[str, Tie] = {}
     for name, tie in scene.ties.items():
         if any(face in elastic.sets for face in tie.faces):
             continue
         try:
-            elastic = _tied(scene, name, mesh, elastic, materials)
+            layers[name] = _layer(scene, name, mesh, elastic, materials)
         except SceneError as error:
             raise SceneError(f"{scene.file}: ties.{name}: {error}") from None
+        elastic = replace(elastic, K=elastic.K + layers[name].K)
+    elastic = replace(elastic, doubts=(*elastic.doubts, *_glued_in_part(scene, layers)))
     for name, spring in scene.springs.items():
         if spring.faces is not None:
             try:
@@ -65,10 +71,10 @@ def joined_bodies(
     return elastic
 
 
-def _tied(
+def _layer(
     scene: Scene, name: str, mesh: Mesh, elastic: Elastic, materials: Mapping[str, Material]
-) -> Elastic:
-    """Add a tie to the stiffness."""
+) -> Tie:
+    """The layer of a tie."""
     tie = scene.ties[name]
     faces = tie.faces[0], tie.faces[1]
     found = tied_faces(mesh, elastic.free, faces, materials, tie.stiffness, tie.search)
@@ -77,7 +83,26 @@ def _tied(
         name, 1e6 * found.area, 1e6 * max(found.uncovered, 0.0), faces[0], found.stiffness,
         1e3 * found.gap,
     )  # fmt: skip
-    return replace(elastic, K=elastic.K + found.K)
+    return found
+
+
+def _glued_in_part(scene: Scene, layers: Mapping[str, Tie]) -> list[str]:
+    """Ties both faces of which are larger than what is glued of them, by these ties together."""
+    whole: dict[str, float] = {}
+    glued: dict[str, float] = {}
+    for name, layer in layers.items():
+        for face, area in zip(scene.ties[name].faces, layer.areas, strict=True):
+            whole[face] = area
+            glued[face] = glued.get(face, 0.0) + layer.area
+    lines = []
+    for name in layers:
+        face = max(scene.ties[name].faces, key=lambda face: glued[face] / whole[face])
+        if glued[face] < GLUED * whole[face]:
+            lines.append(
+                f"ties.{name}: {1e6 * glued[face]:.4g} of {1e6 * whole[face]:.4g} mm^2 of {face}"
+                f" are glued; correct the place of the parts, the faces, or ties.{name}.search"
+            )
+    return lines
 
 
 def _sprung(scene: Scene, name: str, mesh: Mesh, elastic: Elastic) -> Elastic:

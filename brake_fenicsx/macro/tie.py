@@ -60,6 +60,7 @@ class Tie:
         stiffness: kappa [Pa/m].
         area: area that is glued [m^2].
         uncovered: area of the first face that is not [m^2].
+        second: area of the second face [m^2].
         gap: largest distance that is glued [m].
     """
 
@@ -67,7 +68,13 @@ class Tie:
     stiffness: float
     area: float
     uncovered: float
+    second: float
     gap: float
+
+    @property
+    def areas(self) -> tuple[float, float]:
+        """Areas of the two faces [m^2]."""
+        return self.area + self.uncovered, self.second
 
 
 def tied_faces(
@@ -118,7 +125,7 @@ def tied_faces(
                 K = K + _layer(first, second, o, np.where(near, stiffness, 0.0), free.size)
     if not area > 0:
         raise SceneError(_apart(faces, first, second, gaps[0], reach))
-    return Tie(K, stiffness, area, float(areas[0].sum()) - area, gaps[1])
+    return Tie(K, stiffness, area, float(areas[0].sum()) - area, float(areas[1].sum()), gaps[1])
 
 
 def _stiffest(faces: tuple[str, str], materials: Mapping[str, Material]) -> float:
