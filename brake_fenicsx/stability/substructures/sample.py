@@ -28,9 +28,9 @@ from ..eigensolvers.complex_columns import on_parts, times
 from ..modes import Complex
 from .component import AtPoint
 from .contact import ContactForces, ContactLinearisation
+from .errors import ROUND_OFF
 from .moments import SIGMA, Rows
 from .placed import Placed, square_of
-from .errors import ROUND_OFF
 from .polynomials import Coefficients, Zeros, applied, zeros
 
 Array = NDArray[np.float64]
