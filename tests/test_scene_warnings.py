@@ -249,3 +249,17 @@ def test_coarse_pixels_and_scans_in_millimetres_are_warned_of(tmp_path):
     _, lines = said(0.4, 1, 64)
     (line,) = [text for text in lines if "metres" in text]
     assert "a scan of 400 x 400 mm" in line
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ('loads={ "block.bottom"={ pressure="5 bar" } }',
+         'block.bottom, has a pressure of its own, loads."block.bottom", which pushes'),
+        ("supports={ 'plate.bottom'='clamped', 'block.bottom'='clamped' }",
+         "block.bottom, is held in all directions by supports, so that the loads on block do not"),
+    ],
+)  # fmt: skip
+def test_loads_that_do_not_press_the_contact_faces_together_are_named(change, said):
+    (line,) = warnings(read_scene(BLOCK, [*ROUGH, SMALL % "mesh", change]))
+    assert line.startswith(f"contact.block_plate.faces: {said}")
