@@ -21,6 +21,7 @@ from itertools import combinations
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.optimize import nnls
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
@@ -43,6 +44,8 @@ ROUND_OFF = 1e-12, 1e-7
 FREE, SAME = 1e-5, 1e-3
 # Nodes of two pieces closer than this share of the size of their part coincide.
 COINCIDENT = 1e-5
+# Share of the loads that no contact force balances.
+UNBALANCED = 1e-3
 # Keywords of mesh files that join or hold parts.
 JOINING = ("*TIE", "*COUPLING", "*BOUNDARY")
 
@@ -77,7 +80,7 @@ def check_free_motions(scene: Scene, brake: Brake) -> list[str]:
         brake: its operators.
 
     Returns:
-        Parts in several pieces with coincident nodes, a line each.
+        Parts in several pieces with coincident nodes, and bodies that rest on contact unpressed.
 
     Raises:
         SceneError: the parts, the directions and the remedy.
@@ -94,7 +97,48 @@ def check_free_motions(scene: Scene, brake: Brake) -> list[str]:
     pieces = _pieces(brake, joined)
     if motions:
         raise SceneError(f"{scene.file}: {_refusal(scene, brake, motions, pieces)}")
-    return [f"{said}; merge them in the mesh" for said in pieces.values()]
+    return [
+        *(f"{said}; merge them in the mesh" for said in pieces.values()),
+        *_unpressed(brake, bodies, joints, joined, names),
+    ]
+
+
+def _unpressed(
+    brake: Brake, bodies: _Bodies, joints: sp.csr_matrix, joined: Index, names: list[list[str]]
+) -> list[str]:
+    """Bodies that contact alone holds in some directions, and that the loads do not press on it.
+
+    Forces P >= 0 of the contact elements, without friction, that balance the loads on the free
+    motions Q of the joined bodies, Q' R' (f + N' P) = 0; a displacement of supports presses too.
+    """
+    if brake.lift is not None:
+        return []
+    numbers, spaces = range(joined.max() + 1), []
+    for number in numbers:
+        columns = (6 * np.flatnonzero(joined == number)[:, None] + np.arange(6)).ravel()
+        free = _null_space(_constraints(joints, columns))
+        space = np.zeros((6 * len(joined), free.shape[1]))
+        space[columns] = free
+        spaces.append(space)
+    gaps = [(brake.N @ bodies.R) @ space for space in spaces]
+    loads = [space.T @ (bodies.R.T @ brake.f) for space in spaces]
+    if not sum(map(len, loads)):
+        return []
+    P = nnls(np.hstack(gaps).T, -np.concatenate(loads))[0]
+    lines = []
+    for number, gap, load in zip(numbers, gaps, loads, strict=True):
+        left = np.linalg.norm(gap.T @ P + load)
+        pressed = P @ np.abs(gap).sum(axis=1)
+        # Without a gap that opens it moves nothing: a body of few coordinates.
+        if not gap.any() or (pressed > 0 and left < UNBALANCED * brake.pressed):
+            continue
+        why = "pushed away from it" if left >= UNBALANCED * brake.pressed else "not pressed on it"
+        listed = " and ".join(_parts(names, np.flatnonzero(joined == number)))
+        lines.append(
+            f"part {listed}: held by contact alone in some directions, and {why} by the loads;"
+            " correct the loads, or write supports, ties or springs"
+        )
+    return lines
 
 
 def _refusal(
@@ -177,8 +221,7 @@ def _free_in_group(
         Names of the parts, and how they move.
     """
     columns = (6 * group[:, None] + np.arange(6)).ravel()
-    own = A[:, columns]
-    own = np.asarray(np.linalg.qr(own[np.diff(own.indptr) > 0].toarray(), mode="r"))
+    own = _constraints(A, columns)
     dimension = _null_space(own).shape[1]
     each = [np.flatnonzero(joined[group] == number) for number in np.unique(joined[group])]
     every = np.arange(len(group))
@@ -202,6 +245,12 @@ def _free_in_group(
 def _parts(names: list[list[str]], bodies: Index) -> tuple[str, ...]:
     """Parts of some bodies."""
     return tuple(dict.fromkeys(name for body in bodies for name in names[body]))
+
+
+def _constraints(A: sp.csr_matrix, columns: Index) -> Array:
+    """Some columns of A as a small matrix of the same products."""
+    own = A[:, columns]
+    return np.asarray(np.linalg.qr(own[np.diff(own.indptr) > 0].toarray(), mode="r"))
 
 
 def _null_space(A: Array) -> Array:

@@ -91,7 +91,7 @@ def named(text):
         [],
         [*CAP, GLUE],
         [BELOW, GROUND % ["1e3 N/m", "1e3 N/m", "0 N/m"]],
-        [*CAP, "springs={ 'cap.top'={ stiffness=['1 N/m', '1 N/m', '1 N/m'] } }"],
+        [CAP[0], "springs={ 'cap.top'={ stiffness=['1 N/m', '1 N/m', '1 N/m'] } }"],
         [BELOW, "motion={}", STUCK + ", slip='stuck', tangential_stiffness='1e12 Pa/m' }"],
         ["mesh.cells=hexahedra", "mesh.degree=1", "mesh.order=1"],
     ],
@@ -99,6 +99,29 @@ def named(text):
 def test_what_is_held_is_not_named(changes):
     """A block that is free along z is held by contact; soft springs hold as stiff ones do."""
     assert checked(*changes)[0] == []
+
+
+# 400 N on a lever; the edge of the block is 10 mm from its middle.
+LEVER = (
+    'loads={ "block.top"={ force=["0 N", "0 N", "-400 N"], moment=["%g N m", "0 N m", "0 N m"] }}'
+)
+CLAMPED = "supports={ 'plate.bottom'='clamped', 'block.top'=['x', 'y'], 'cap.top'='clamped' }"
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ([*CAP, CLAMPED], "part block: .* not pressed on it by the loads"),
+        (['loads={ "block.top"={ force=["0 N", "0 N", "9 N"] } }'], "part block: .* pushed away"),
+        ([*CAP, GLUE, 'loads={ "cap.top"={ force=["0 N", "0 N", "9 N"] } }'],
+         "part block and cap: .* pushed away"),
+        ([LEVER % 4.4], "part block: .* pushed away"),
+    ],
+)  # fmt: skip
+def test_parts_that_rest_on_contact_and_are_not_pressed_are_named(changes, said):
+    (line,) = checked(*changes)[0]
+    assert re.match(said, line)
+    assert checked(LEVER % 2)[0] == []
 
 
 @pytest.mark.parametrize("path", SCENES.glob("*.toml"), ids=lambda path: path.stem)
