@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from numbers import Real
 from typing import Any, get_args
 
 import numpy as np
 
 from brake_fenicsx.errors import SceneError
 
+REAL = int, float, np.integer, np.floating
+LIMIT = 1e100  # numbers beyond overflow in products of two or three
+
 
 def number(name: str, value: Any, unit: str = "", least: float = -np.inf) -> float:
-    """A finite real number, refused if it is anything else.
+    """A real number below 1e100, refused if it is anything else.
 
     Args:
         name: of the argument.
@@ -20,10 +22,10 @@ def number(name: str, value: Any, unit: str = "", least: float = -np.inf) -> flo
         least: smallest number allowed; of zero, more than it must be given.
 
     Raises:
-        SceneError: no number, not finite, or too small.
+        SceneError: no number, not finite, too small or too large.
     """
-    real = isinstance(value, Real) or (isinstance(value, np.ndarray) and value.ndim == 0)
-    if not (real and np.isfinite(float(value)) and (float(value) > least or least == -np.inf)):
+    scalar = value[()] if isinstance(value, np.ndarray) and value.ndim == 0 else value
+    if not (isinstance(scalar, REAL) and -LIMIT < scalar < LIMIT and scalar > least):
         kind = "positive" if least == 0.0 else "finite"
         raise SceneError(f"{name} = {value!r}{unit and ' ' + unit}; give one {kind} number")
     return float(value)

@@ -11,13 +11,17 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from brake_fenicsx.errors import NotConverged, SceneError, SurfaceError
 from brake_fenicsx.micro.active import AllPixels, HighPixels, Pixels, active_set
-from brake_fenicsx.micro.halfspace import Array, HalfSpace, half_space
+from brake_fenicsx.micro.arguments import number, one_of, positive
+from brake_fenicsx.micro.halfspace import Array, Boundary, HalfSpace, half_space
 from brake_fenicsx.micro.qp import State, certify, projected_cg
+
+Solver = Literal["auto", "active-set", "pcg"]
 
 FEW = 1000  # candidates up to which their dense influence is faster than FFT products
 
@@ -72,9 +76,9 @@ def solve_contact(
     E_star: float,
     separation: float | None = None,
     load: float | None = None,
-    boundary: str = "free",
+    boundary: Boundary = "free",
     tol: float = 1e-8,
-    solver: str = "auto",
+    solver: Solver = "auto",
     start: Array | None = None,
     max_iterations: int = 2000,
     hardness: float | None = None,
@@ -100,13 +104,16 @@ def solve_contact(
         NotConverged: the certificate stays above ``tol``.
     """
     began = time.perf_counter()
-    h, lengths = _checked(heights, size, E_star, tol, solver)
+    h, lengths = _checked(heights, size)
+    one_of("solver", solver, Solver)
+    one_of("boundary", boundary, Boundary)
+    positive(E_star=E_star, tol=tol, max_iterations=max_iterations)
     if (separation is None) == (load is None):
         raise SceneError("solve_contact: give either 'separation' or 'load'")
-    if load is not None and not (np.isfinite(load) and load >= 0.0):
+    if load is not None and number("load", load, "N") < 0.0:
         raise SceneError(f"load = {load} N; a contact only pushes, give zero or more")
-    if separation is not None and not np.isfinite(separation):
-        raise SceneError(f"separation = {separation} m; give a finite number")
+    if separation is not None:
+        number("separation", separation, "m")
     if boundary == "periodic" and separation is not None and separation <= 0.0:
         raise SceneError(
             f"separation = {separation} m: a periodic surface is flat at 0 and the pressure is "
@@ -118,7 +125,8 @@ def solve_contact(
     total = None if load is None else load / (E_star * area)
     cap = _cap(hardness, E_star, load, area * h.size)
     guess = None if start is None else np.asarray(_guess(start, h.shape) / E_star, float)
-    state, name = solve(space, h, separation, total, guess, tol, solver, max_iterations, cap)
+    most = int(max_iterations)
+    state, name = solve(space, h, separation, total, guess, tol, solver, most, cap)
     found = float(state.p.sum())
     plastic = state.p >= cap
     return ContactSolution(
@@ -137,7 +145,7 @@ def solve(
     total: float | None,
     guess: Array | None,
     tolerance: float,
-    solver: str = "auto",
+    solver: Solver = "auto",
     max_iterations: int = 2000,
     cap: float = np.inf,
 ) -> tuple[State, str]:
@@ -194,11 +202,9 @@ def rms_slope(h: Array, pixel: Array) -> float:
     return float(np.sqrt(sum(squares)))
 
 
-def _checked(
-    heights: Array, size: Array | tuple[float, float], E_star: float, tol: float, solver: str
-) -> tuple[Array, Array]:
+def _checked(heights: Array, size: Array | tuple[float, float]) -> tuple[Array, Array]:
     """Heights over their mean and the patch lengths, or a named error."""
-    h, lengths = _real("heights", heights), np.array(size, dtype=float)
+    h, lengths = _real("heights", heights), np.array(size, dtype=object)
     if h.ndim != 2 or min(h.shape) < 2:
         raise SurfaceError(
             f"heights of shape {h.shape}; a patch has two dimensions, of two pixels or more"
@@ -207,15 +213,9 @@ def _checked(
         raise SurfaceError(
             f"heights: {np.count_nonzero(~np.isfinite(h))} points are missing; fill them first"
         )
-    if lengths.shape != (2,) or not (np.isfinite(lengths).all() and lengths.min() > 0.0):
+    if lengths.shape != (2,):
         raise SceneError(f"size = {size} m; give two positive lengths")
-    if not (np.isfinite(E_star) and E_star > 0.0):
-        raise SceneError(f"E_star = {E_star} Pa; a modulus is positive")
-    if not 0.0 < tol < np.inf:
-        raise SceneError(f"tol = {tol}; give a positive number, such as 1e-8")
-    if solver not in ("auto", "active-set", "pcg"):
-        raise SceneError(f"solver = {solver!r}; choose 'auto', 'active-set' or 'pcg'")
-    return h - h.mean(), lengths
+    return h - h.mean(), np.array([number("size", length, "m", 0.0) for length in lengths])
 
 
 def _by_active_set(
@@ -272,10 +272,7 @@ def _cap(hardness: float | None, E_star: float, load: float | None, area: float)
     """Hardness over E*, infinite if there is none."""
     if hardness is None:
         return float("inf")
-    if not (np.isfinite(hardness) and hardness > 0.0):
-        raise SceneError(
-            f"hardness = {hardness} Pa; give a positive number, or none for an elastic surface"
-        )
+    positive(hardness=hardness)
     if load is not None and load >= hardness * area:
         raise SceneError(
             f"load = {load} N: the mean pressure {load / area:.4g} Pa is not below the hardness "

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.micro.arguments import number, positive
 
 
 def plane_strain_modulus(E: float, nu: float) -> float:
@@ -16,8 +17,9 @@ def plane_strain_modulus(E: float, nu: float) -> float:
         E: Young's modulus [Pa], positive.
         nu: Poisson's ratio [-], between -1 and 0.5.
     """
-    if not (np.isfinite(E) and E > 0.0 and -1.0 < nu <= 0.5):
-        raise SceneError(f"E = {E} Pa, nu = {nu}: E must be positive and -1 < nu <= 0.5")
+    positive(E=E)
+    if not -1.0 < number("nu", nu) <= 0.5:
+        raise SceneError(f"nu = {nu}: Poisson's ratio lies between -1 and 0.5")
     return E / (1.0 - nu**2)
 
 

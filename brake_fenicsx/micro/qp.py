@@ -22,6 +22,8 @@ import numpy as np
 from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.micro.halfspace import Array, HalfSpace, Mask, add_to
 
+ROUND_OFF = 1e-12  # of sums over all pixels, relative to their largest parts
+
 
 @dataclass(frozen=True, slots=True)
 class State:
@@ -59,16 +61,21 @@ def certify(
     space: HalfSpace, h: Array, p: Array, w: Array, d: float, load_control: bool,
     cap: float = np.inf,
 ) -> Certificate:  # fmt: skip
-    """Bound on the distance from the optimum, whatever the solver.
+    """Upper bound on the energy above its minimum, whatever the solver.
 
-    At a given load the Frank-Wolfe gap g'p - min g'q over all admissible q bounds the energy above
-    its minimum. At a given separation the pressures of an elastic surface are not bounded; a
-    feasible point of the dual program does the same. With v the largest penetration, free
-    boundary: q = p + v r, where the uniform r displaces every pixel by one to c, c < 2, gives at
-    most p'w + c (v F + v^2 sum(r) / 2).
-    Periodic: q = (1 - t) p + t p_full with the full-contact pressure and t = v / (v + d) gives the
-    value computed below. With a hardness c both have one more term, c times the penetrations that
-    q leaves, and q = p is admissible too: p'w + c sum max(-w, 0).
+    v is the largest penetration, F the sum of the pressures. Each case bounds by an admissible q:
+
+    - Given load: g'p - min g'q over all q of the same sum (the gap of Frank and Wolfe), which
+      is p'w + v F for an elastic surface.
+    - Given separation: the pressures have no bound, so q is a feasible point of the dual program.
+      Free boundary: q = p + v r with a uniform r that displaces every pixel by one to c < 2; the
+      bound is p'w + c (v F + v^2 sum(r) / 2). Periodic: q = (1 - t) p + t p_full with the pressure
+      of full contact and t = v / (v + d), see ``_excess``.
+    - Hardness c: as before plus c times the penetrations that q leaves, or q = p itself with the
+      bound sum of p max(w, 0) + (c - p) max(-w, 0); the smallest counts.
+
+    A bound cannot be negative but for rounding errors: one below minus the rounding errors of its
+    parts is an error of the products and counts as infinite.
     """
     slack, total = float(np.vdot(p, w)), float(p.sum())
     high = float(np.vdot(p, h))
@@ -88,7 +95,8 @@ def certify(
         gap = slack + _excess(space, h, p, w, d, v)[0]
     if work <= 0.0:
         return Certificate(0.0 if total == 0.0 and v == 0.0 else np.inf, v, 0.0)
-    return Certificate(abs(gap) / work, v, abs(slack) / work)
+    wrong = gap < -ROUND_OFF * (work + abs(high) + abs(d * total))
+    return Certificate(np.inf if wrong else abs(gap) / work, v, abs(slack) / work)
 
 
 def _excess(
@@ -118,7 +126,7 @@ def _bounded_gap(
         full = min(int(total / cap), w.size - 1)
         lowest = np.partition(w, full, axis=None)[: full + 1]
         least = cap * float(lowest[:-1].sum()) + (total - full * cap) * float(lowest[-1])
-        bounds.append(abs(float(np.vdot(p, w)) - least))
+        bounds.append(float(np.vdot(p, w)) - least)
     elif v > 0.0:
         excess, gap = _excess(space, h, p, w, d, v)
         left = cap * float(np.maximum(-gap, 0.0).sum())

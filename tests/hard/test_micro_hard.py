@@ -8,6 +8,7 @@ import pytest
 from brake_fenicsx.errors import SceneError, SurfaceError
 from brake_fenicsx.micro import contact_law, solve_contact
 from brake_fenicsx.micro.halfspace import half_space
+from brake_fenicsx.micro.qp import certify
 from brake_fenicsx.surface import given_statistics, make_topography, synthesise
 
 pytestmark = pytest.mark.hard
@@ -309,3 +310,41 @@ def test_heights_that_are_no_real_numbers_are_named():
             solve_contact(wrong, SIZE, 1.0, load=1e-9)
     with pytest.raises(SurfaceError, match="missing"):
         solve_contact(np.ma.masked_greater(h, 2.0 * h.std()), SIZE, 1.0, load=1e-9)
+
+
+@pytest.mark.parametrize(
+    "value", ["a", [1.0, 2.0], 1.0 + 1.0j, np.nan, np.inf, 1e300, -1e300, None]
+)
+@pytest.mark.parametrize(
+    "name", ["E_star", "separation", "load", "tol", "hardness", "size", "max_iterations"]
+)
+def test_numbers_without_meaning_are_named(name, value):
+    """Words, lists, complex and overflowing numbers: one line that names the argument."""
+    given = {"size": SIZE, "E_star": 1.0, "hardness": 1.0, "load": 1e-9}
+    if name == "separation":
+        given.pop("load")
+    given[name] = (value, SIZE[1]) if name == "size" else value
+    if name == "hardness" and value is None:
+        return
+    with pytest.raises(SceneError, match=f"{name}.* = |'{name}'") as error:
+        solve_contact(rough().heights, **given)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("name", ["boundary", "solver"])
+@pytest.mark.parametrize("value", ["none", 3, ["free"], None])
+def test_words_without_meaning_are_named(name, value):
+    with pytest.raises(SceneError, match=f"{name} = .* choose"):
+        solve_contact(rough().heights, SIZE, 1.0, load=1e-9, **{name: value})
+
+
+@pytest.mark.parametrize("boundary", ["free", "periodic"])
+def test_a_negative_gap_is_no_certificate(boundary):
+    """Suction on open pixels lowers the gap below zero; its magnitude may be any."""
+    h = rough().heights - rough().heights.mean()
+    found = solve_contact(h, SIZE, 1.0, load=1e-3 * SIZE[0] ** 2, boundary=boundary, tol=1e-12)
+    space = half_space(h.shape, (SIZE[0] / 48, SIZE[1] / 48), boundary)
+    w = np.maximum(found.gap, 0.0)
+    assert certify(space, h, found.pressure, w, found.separation, False).gap < 1e-11
+    suction = np.where(w > 0.0, -1e-8, 0.0)
+    assert certify(space, h, found.pressure + suction, w, found.separation, False).gap == np.inf
