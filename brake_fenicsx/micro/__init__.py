@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from brake_fenicsx.micro.combined import OneLaw as OneLaw
     from brake_fenicsx.micro.combined import join_laws as join_laws
     from brake_fenicsx.micro.combined import scaled_laws as scaled_laws
+    from brake_fenicsx.micro.hardness import HardnessFit as HardnessFit
+    from brake_fenicsx.micro.hardness import fit_hardness as fit_hardness
     from brake_fenicsx.micro.law import ComputedLaw as ComputedLaw
     from brake_fenicsx.micro.law import Law as Law
     from brake_fenicsx.micro.law import LawLibrary as LawLibrary
@@ -40,6 +42,7 @@ if TYPE_CHECKING:
 _NAMES = {
     "analytic": "ExponentialLaw LinearLaw exponential_law linear_law",
     "combined": "OneLaw join_laws scaled_laws",
+    "hardness": "HardnessFit fit_hardness",
     "law": "ComputedLaw Law LawLibrary LawSteps Laws make_library",
     "law_of_surface": "contact_law law_steps",
     "library": "LawRecipe force_above law_library load_laws save_laws",
