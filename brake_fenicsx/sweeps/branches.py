@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.stability.modes import Complex
 
-from .matching import Match, match
+from .matching import Match, conjugate_pair, match
 from .state import State
 
 Array = NDArray[np.float64]
@@ -29,9 +28,10 @@ Solve = Callable[[float], State]
 # longer one on, modes may jump where a contact element opens or closes.
 LEAST, JUMP = 1e-5, 1e-3
 
-# Modes meet within a step if the square of their gap is expected to fall to this share of what it
-# is at either end, or below; and not within this share of the step from its ends.
-MEETING, AWAY = 0.1, 0.02
+# Modes meet within a step if the square of their gap is expected to fall to the first share of what
+# it is at either end, or to the second of the larger of both; and not so near to its ends, relative
+# to the whole range.
+MEETING, ROUGH, AWAY = 0.1, 0.05, 1e-4
 
 # Ends of a branch.
 FIRST, LAST = "first value", "last value"
@@ -120,6 +120,11 @@ def follow(
     work = _Follower(solve, band, abs(values[-1] - values[0]), matters)
     work.begin(values[0])
     try:
+        if matters is None and len(values) > 1 and work.done.states[0].undamped:
+            # How fast gaps change at the first value: where modes meet within the first step.
+            start, next_ = values[:2]
+            step = min(0.5 * JUMP * abs(values[-1] - start), 0.5 * abs(next_ - start))
+            work.advance(work.solved(start + np.copysign(step, next_ - start)))
         for x in values[1:]:
             work.advance(work.solved(x))
     except NotConverged as error:
@@ -142,6 +147,8 @@ class _Follower:
         # Branch of each mode of the last state, and dlambda/dx there.
         self._branch: dict[int, Branch] = {}
         self._speed: Complex | None = None
+        # The step from the last state that was halved at last.
+        self._beyond: Match | None = None
 
     def solved(self, x: float) -> State:
         self.done.solves += 1
@@ -172,9 +179,11 @@ class _Follower:
             if between is None or smallest:
                 ahead.pop()
                 self._take(found)
+                self._beyond = None
                 wider = 2.0 if between is not None else 0.5
                 self._smallest = max(2 * LEAST, wider * self._smallest)
             else:
+                self._beyond = found
                 ahead.append(self.solved(a.x + between * (b.x - a.x)))
 
     def _between(self, found: Match) -> float | None:
@@ -192,35 +201,51 @@ class _Follower:
     def _look_between(self, found: Match) -> float | None:
         """Place of a step, 0 to 1, where two undamped modes meet or nearly do; None for none.
 
-        They cross without coupling there, or they merge and split again within the step.
+        They cross without coupling there, or they merge and split again within the step. Modes of
+        a growing pair stand at their common frequency.
         """
         a, b = found.a, found.b
-        order = [i for i in np.argsort(a.s.imag) if a.s[i].real == 0 and int(i) in found.pairs]
-        for i, j in pairwise(map(int, order)):
-            k, m = found.pairs[i], found.pairs[j]
-            if b.s[k].real or b.s[m].real:
-                continue
-            gap, then = (a.s[j] - a.s[i]).imag, (b.s[m] - b.s[k]).imag
-            place = gap / (gap - then) if gap * then < 0 else self._closest(i, j, found, then)
-            if place is not None and AWAY < place < 1 - AWAY:
-                return float(place)
+        away = AWAY * self._width / abs(b.x - a.x)
+        if not (a.undamped and b.undamped):
+            return None
+        order = [int(i) for i in np.argsort(a.s.imag) if int(i) in found.pairs]
+        for number, i in enumerate(order):
+            for j in order[number + 1 : number + 3]:
+                k, m = found.pairs[i], found.pairs[j]
+                if conjugate_pair(a, (i, j)) or conjugate_pair(b, (k, m)):
+                    continue
+                gap, then, place = (a.s[j] - a.s[i]).imag, (b.s[m] - b.s[k]).imag, None
+                grow = np.any(a.s[[i, j]].real) or np.any(b.s[[k, m]].real)
+                if gap * then < 0:
+                    place = gap / (gap - then)
+                elif grow or j == order[number + 1]:
+                    # Between a mode and one of a pair stands the other one of the pair.
+                    place = self._closest(i, j, found, then)
+                if place is not None and away < place < 1 - away:
+                    return float(place)
         return None
 
     def _closest(self, i: int, j: int, found: Match, then: float) -> float | None:
-        """Where the parabola through three squares of a gap is lowest, if that is nearly zero."""
+        """Where the parabola through three squares of a gap is lowest, if that is nearly zero.
+
+        The third value is the one beyond, where a step to it was halved, or the one before.
+        """
         states, one, two = self.done.states, self._branch[i], self._branch[j]
-        if min(len(one.states), len(two.states)) < 2:
+        beyond, a, b = self._beyond, found.a, found.b
+        if beyond is not None and {i, j} <= {*beyond.pairs}:
+            third, (p, q) = beyond.b, (beyond.pairs[i], beyond.pairs[j])
+        elif min(len(one.states), len(two.states)) > 1:
+            third, (p, q) = states[-2], (one.modes[-2], two.modes[-2])
+        else:
             return None
-        last, a, b = states[-2], found.a, found.b
-        x = (np.array([last.x, b.x]) - a.x) / (b.x - a.x)
-        before = last.s[one.modes[-2]] - last.s[two.modes[-2]]
+        x = (np.array([third.x, b.x]) - a.x) / (b.x - a.x)
+        before = (third.s[p] - third.s[q]).imag ** 2
         now = (a.s[i] - a.s[j]).imag ** 2
-        if before.real:
-            return None
-        rise = np.array([before.imag**2, then**2]) - now
         # now + c x + d x^2
+        rise = np.array([before, then**2]) - now
         d, c = np.linalg.solve(np.column_stack([x**2, x]), rise)
-        if not d > 0 or not now - c**2 / (4 * d) < MEETING * min(now, then**2):
+        ends = now, then**2
+        if not d > 0 or not now - c**2 / (4 * d) < max(MEETING * min(ends), ROUGH * max(ends)):
             return None
         return float(-c / (2 * d))
 

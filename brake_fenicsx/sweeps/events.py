@@ -212,7 +212,7 @@ def _near_mergings(followed: Followed, solve: Solve, range_: float, width: float
     """Damped pairs that pass next to a merging: zeros of d at complex values near the real axis."""
     found: list[Event] = []
     for state in range(len(followed.states) - 1):
-        if _undamped(followed.states[state]):
+        if followed.states[state].undamped:
             continue
         here = [b for b in followed.branches if {state, state + 1} <= {*b.states}]
         a, b = followed.states[state], followed.states[state + 1]
@@ -230,12 +230,6 @@ def _near_mergings(followed: Followed, solve: Solve, range_: float, width: float
                     if event is not None and abs(event.imaginary) <= BESIDE * range_:
                         found.append(event)
     return found
-
-
-def _undamped(state: State) -> bool:
-    """Whether every mode has its mirror image -conj(lambda), as without damping."""
-    apart = np.abs(state.s[:, None] + state.s[None, :].conj()).min(axis=1, initial=np.inf)
-    return bool(np.all(apart <= 1e-9 * np.abs(state.s)))
 
 
 def _merges(state: State, pair: Sequence[int]) -> bool:
@@ -378,7 +372,7 @@ def _same_group(old: State, group: tuple[int, ...], new: State) -> tuple[int, ..
     candidates: list[tuple[int, ...]] = [(int(i),) for i in order]
     if len(group) == 2:
         candidates = [(int(i), int(j)) for n, i in enumerate(order) for j in order[n + 1 :]]
-        if _undamped(new):
+        if new.undamped:
             # Among three modes of nearly one shape a growing one may be taken for either of the
             # two that merge: Re d of it and a mode on the axis passes zero where nothing merges.
             candidates = [pair for pair in candidates if _merges(new, pair)] or candidates

@@ -75,6 +75,12 @@ class State:
         """-2 alpha / |omega| [-]."""
         return np.asarray(-2 * self.s.real / self.s.imag)
 
+    @property
+    def undamped(self) -> bool:
+        """Whether every mode has its mirror image -conj(lambda), as without damping."""
+        apart = np.abs(self.s[:, None] + self.s[None, :].conj()).min(axis=1, initial=np.inf)
+        return bool(np.all(apart <= 1e-9 * np.abs(self.s)))
+
     def turned(self, group: Sequence[int], other: State, theirs: Sequence[int]) -> State:
         """This state with the vectors of equal eigenvalues turned to those of another state.
 
