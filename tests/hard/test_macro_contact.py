@@ -31,13 +31,11 @@ class ManyLinear:
     def first_touch(self, index):
         return np.zeros(np.shape(index))
 
-    def pressure(self, index, d):
-        return self.k[index] * np.maximum(-d, 0)
+    def loading(self, index, d):
+        return self.k[index] * np.maximum(-d, 0), np.where(d < 0, self.k[index], 0.0)
 
-    def stiffness(self, index, d):
-        return np.where(d < 0, self.k[index], 0.0)
-
-    vibration = stiffness
+    def vibration(self, index, d):
+        return self.loading(index, d)[1], np.zeros(np.shape(index))
 
     def energy(self, index, d):
         return 0.5 * self.k[index] * np.maximum(-d, 0) ** 2

@@ -196,11 +196,14 @@ def test_materials_and_load_in_the_reduced_model(tmp_path):
     assert "zeros of T(z)" in str(one["counted"])
 
 
+FULL_ORDER = "stability.on_tolerance='full order'"
+
+
 def test_materials_that_no_box_can_hold_go_to_full_order(tmp_path):
     """Draws that are possible may span a box whose corners are not."""
     names = ("nu_12", "nu_31")
     odd = [random(f"materials.lining.{n}", "{ law='uniform', min=0.0, max=0.95 }") for n in names]
-    run(BLOCK, COMM, tmp_path / "a", [*COARSE, *odd, "samples.n=12"])
+    run(BLOCK, COMM, tmp_path / "a", [*COARSE, *odd, FULL_ORDER, "samples.n=12"])
     one = np.load(tmp_path / "a" / "samples" / "multi-scale-00000.npz")
     assert "zeros of T(z)" not in str(one["counted"])
     assert "full order" in (tmp_path / "a" / "log.txt").read_text()

@@ -216,7 +216,7 @@ def test_written_laws_stay_as_written(fake_contact):
         d = draw_sample(s, "multi-scale", 3, fake_contact, None, heights())
         same = one_law(s.contact["block_plate"].law)
         g = np.full(d.laws.g_cr.size, -1e-6)
-        found, expected = d.laws.stiffness(d.laws.g_cr + g), same.stiffness(0 * d.laws.index, g)
+        found, expected = d.laws.loading(d.laws.g_cr + g), same.loading(0 * d.laws.index, g)
         np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
