@@ -395,10 +395,10 @@ def test_face_size_of_the_disc():
 
 
 def test_thin_layers_are_meshed_in_layers(caplog):
-    """A shim layer of 0.2 mm with cells of 5 mm: no slivers, the same names and volume."""
+    """A shim layer of 0.2 mm: tetrahedra have a quality of 0.01 there, layers of prisms 0.06."""
     values = dict(side="top", shape="rectangle", shim=(1e-3, 0.2e-3, 1e-3), size=8e-3)
     with caplog.at_level("INFO", logger="brake_fenicsx"):
-        m = mesh("pad", plate_size=5e-3, **values)
+        m = mesh("pad", plate_size=5e-3, quality=0.03, **values)
     assert "meshed in layers" in caplog.text
     w = 236e-3 * np.sin(np.pi / 6)
     assert volume(m) == pytest.approx(44e-3 * w * 18.2e-3 + 2 * 16e-3 * 10e-3 * 6e-3, rel=1e-9)
