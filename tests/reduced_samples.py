@@ -6,6 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from brake_fenicsx.macro.elasticity import affine_parts
+from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.stability import (
     ContactLinearisation,
     Parameters,
@@ -69,7 +70,7 @@ def damping(scene, case):
     C = alpha * scene.M + beta * scene.K + pad * layers[0] + plate * layers[1]
     C = C + shear * MODULI[1] * unit_changes(scene)[1]
     if terms.get("turn"):
-        G = gyroscopic(scene.mesh, scene.free, {"plate.body": 7200.0}, terms["turn"])
+        G = gyroscopic(scene.mesh, scene.free, {"plate.body": 7200.0}, Rotation(terms["turn"]))
         C = C + G
     C = C.tocsr()
     C.eliminate_zeros()

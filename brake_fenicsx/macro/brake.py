@@ -236,10 +236,5 @@ def scene_motion(scene: Scene) -> Motion:
     if motion is None:
         return Rotation(1.0)
     if motion.direction is not None:
-        d = motion.direction
-        if len(d) != 3 or not any(d):
-            raise SceneError(
-                f"{scene.file}: motion.direction = {list(d)!r}: write three numbers, not all zero"
-            )
-        return Translation((d[0], d[1], d[2]), motion.rate)
-    return Rotation(motion.rate)
+        return Translation(motion.direction, motion.rate)
+    return Rotation(motion.rate, motion.turns_about, motion.point or (0.0, 0.0, 0.0))

@@ -14,17 +14,34 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Rotation:
-    """The disc turns about z.
+    """The disc turns about an axis.
 
     Attributes:
         speed: angular velocity [rad/s]; its sign is the sense.
+        axis: direction of the axis, any length, shape (3,).
+        point: a point of it [m], shape (3,).
     """
 
     speed: float
+    axis: tuple[float, ...] = (0.0, 0.0, 1.0)
+    point: tuple[float, ...] = (0.0, 0.0, 0.0)
+
+    @property
+    def frame(self) -> Array:
+        """Unit vectors across and along the axis as rows; x, y and z for the axis z."""
+        along = np.asarray(self.axis, float) / np.linalg.norm(self.axis)
+        across = np.eye(3)[(int(np.argmax(np.abs(along))) + 1) % 3]
+        across = across - (across @ along) * along
+        across = across / np.linalg.norm(across)
+        return np.array([across, np.cross(along, across), along])
+
+    def local(self, x: Array) -> Array:
+        """Coordinates of points in the frame, from the point of the axis [m], shape (n, 3)."""
+        return np.asarray((x - np.array(self.point)) @ self.frame.T)
 
     def velocity(self, x: Array) -> Array:
         """Velocity of the disc [m/s] at points x [m], shape (n, 3)."""
-        return self.speed * np.stack([-x[:, 1], x[:, 0], np.zeros(len(x))], axis=1)
+        return np.asarray(np.cross(self.speed * self.frame[2], x - np.array(self.point)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +53,7 @@ class Translation:
         speed: speed [m/s].
     """
 
-    direction: tuple[float, float, float]
+    direction: tuple[float, ...]
     speed: float
 
     def velocity(self, x: Array) -> Array:

@@ -9,9 +9,11 @@ from scipy.spatial import cKDTree
 
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.friction import slides
+from brake_fenicsx.scene.sections import Motion
 
-from .brake import Brake
+from .brake import Brake, scene_motion
 from .faces import Face, gather_face
+from .friction import Rotation
 from .material_table import layer_materials, scene_materials
 
 ALONE = 0.05  # share of a first face that faces nothing, from which it is said
@@ -70,7 +72,8 @@ def inventory_lines(scene: Scene, brake: Brake) -> list[str]:
             along = ", ".join(f"{x:g}" for x in motion.direction)
             said = f"{disc!r} slides over {pad!r} along ({along}) at {motion.speed or '1 m/s'}"
         else:
-            said = f"{disc!r} turns about z under {pad!r} at {motion.speed or '1 rad/s'}"
+            speed = motion.speed or "1 rad/s"
+            said = f"{disc!r} turns about {_axis(motion)} under {pad!r} at {speed}"
         low, high = one["gap_um"]
         lines.append(
             f"contact {name}: {said}; area {one['area_mm2']:.4g} mm^2,"
@@ -99,6 +102,7 @@ def placement_doubts(scene: Scene, brake: Brake) -> list[str]:
                 f"contact.{', contact.'.join(named)}: {1e6 * alone:.4g} of {1e6 * whole:.4g} mm^2"
                 f" of {first} face nothing; correct the place of the parts, or the faces"
             )
+    lines += _axis_doubts(scene, brake)
     for i, (name, table) in enumerate(scene.contact.items()):
         g0 = brake.g0[brake.contact.interface == i]
         apart, overlap = float(g0.min()), -float(g0.max())
@@ -115,6 +119,33 @@ def placement_doubts(scene: Scene, brake: Brake) -> list[str]:
                 f"contact.{name}: the faces {said} before the load; correct the place of the parts"
             )
     return lines
+
+
+def _axis_doubts(scene: Scene, brake: Brake) -> list[str]:
+    """Interfaces that an axis of rotation passes through."""
+    motion = None if scene.motion is None else scene_motion(scene)
+    if not isinstance(motion, Rotation):
+        return []
+    lines = []
+    for i, name in enumerate(scene.contact):
+        own = (brake.contact.interface == i) & (brake.contact.speed > 0)
+        arm = np.linalg.norm(motion.local(brake.points[own])[:, :2], axis=1)
+        if np.any(arm**2 < brake.w[own]):
+            lines.append(
+                f"contact.{name}: the axis of the motion passes through the faces, which turn"
+                " there on the spot; correct motion.axis or motion.point, or write"
+                " motion.direction"
+            )
+    return lines
+
+
+def _axis(motion: Motion) -> str:
+    """The axis of a rotation in words."""
+    axis = motion.axis or "z"
+    named = axis if isinstance(axis, str) else f"({', '.join(f'{a:g}' for a in axis)})"
+    if motion.point is None:
+        return named
+    return f"{named} through ({', '.join(f'{1e3 * a:g}' for a in motion.point)}) mm"
 
 
 def _rounded(value: float) -> float:

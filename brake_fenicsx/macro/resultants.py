@@ -26,8 +26,8 @@ class PadForces:
         name: the interface, and the side where it has two.
         normal: normal force [N].
         friction: friction force on the pad [N], shape (3,); its size is that of this vector.
-        torque: moment of the friction on the disc about z against its rotation [N m]; nan without
-            a rotation.
+        torque: moment of the friction on the disc about its axis against the rotation [N m]; nan
+            without a rotation.
         effective_radius: torque over the sum of mu w p [m]; nan likewise.
         area: area of the elements in contact [m^2].
         nominal_area: area of all elements [m^2].
@@ -35,7 +35,7 @@ class PadForces:
         centre: centre of pressure [m], shape (3,).
         towards_leading: its distance from the middle of the face against s [m].
         leading_share: share of the normal force on the leading half of the face [-].
-        edges: angle about z of leading and trailing edge [rad], or place along s [m].
+        edges: angle about the axis of leading and trailing edge [rad], or place along s [m].
     """
 
     name: str
@@ -68,8 +68,9 @@ def pad_forces(
     for i, name in enumerate(names):
         # Faces that stick have no sliding direction, nor edges.
         own = (contact.interface == i) & (contact.speed > 0)
-        top = contact.normal[:, 2] > 0
-        sides = [("z > 0", own & top), ("z < 0", own & ~top)]
+        axis = motion.frame[2] if isinstance(motion, Rotation) else np.eye(3)[2]
+        top, name_of = contact.normal @ axis > 0, "z" if axis[2] == 1 else "axis"
+        sides = [(f"{name_of} > 0", own & top), (f"{name_of} < 0", own & ~top)]
         two = all(side.any() for _, side in sides)
         for side, chosen in sides:
             if chosen.any():
@@ -87,13 +88,14 @@ def _forces(
     total, middle = float(force.sum()), w @ x / w.sum()
     torque, radius = np.nan, np.nan
     if isinstance(motion, Rotation):
-        sense = np.sign(motion.speed)
-        torque = sense * float(drag @ (x[:, 0] * s[:, 1] - x[:, 1] * s[:, 0]))
+        sense, at, slip = np.sign(motion.speed), motion.local(x), s @ motion.frame.T
+        torque = sense * float(drag @ (at[:, 0] * slip[:, 1] - at[:, 1] * slip[:, 0]))
         radius = torque / drag.sum() if drag.any() else np.nan
         # Arcs of the middle's radius, from the middle towards the trailing edge.
-        turn = np.angle((x[:, 0] + 1j * x[:, 1]) / (middle[0] + 1j * middle[1]))
-        along = sense * turn * np.hypot(*middle[:2])
-        angles = turn + np.arctan2(middle[1], middle[0])
+        one, two, _ = w @ at / w.sum()
+        turn = np.angle((at[:, 0] + 1j * at[:, 1]) / (one + 1j * two))
+        along = sense * turn * np.hypot(one, two)
+        angles = turn + np.arctan2(two, one)
         edges = angles[along.argmin()], angles[along.argmax()]
     else:
         along = (x - middle) @ (w @ s / np.linalg.norm(w @ s))

@@ -182,7 +182,7 @@ def _write_modes(study: Study, run: RunData, chosen: list[ModeKey]) -> list[list
 def _rotors(study: Study) -> dict[str, NDArray[np.intp]]:
     """Nodes of each part that turns about z, by its name."""
     scene, mesh, V = study.scene, study.brake.mesh, study.brake.elastic.free.V
-    if scene.motion is None or scene.motion.axis is None:
+    if scene.motion is None or scene.motion.axis != "z" or scene.motion.point:
         return {}
     found = {}
     for name, table in scene.contact.items():

@@ -392,6 +392,19 @@ def _check_motion(s: Scene) -> None:
     if "equilibrium" in s.stages and sliding and s.motion is None:
         raise SceneError("motion: friction needs a section [motion]")
     if s.motion:
+        for name in ("axis", "point"):
+            value = getattr(s.motion, name)
+            if value is not None and s.motion.direction is not None:
+                raise SceneError(
+                    f"motion.{name} = {shown(value)}: a disc turns about an axis or slides along a"
+                    f" direction; leave motion.{name} or motion.direction out"
+                )
+        for name in ("axis", "direction", "point"):
+            value = getattr(s.motion, name)
+            zero = isinstance(value, tuple) and not any(value) and name != "point"
+            if isinstance(value, tuple) and (len(value) != 3 or zero):
+                more = "" if name == "point" else ", not all zero"
+                raise SceneError(f"motion.{name} = {list(value)!r}: write three numbers{more}")
         try:
             _ = s.motion.rate
         except ValueError as error:

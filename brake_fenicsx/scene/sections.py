@@ -386,18 +386,28 @@ class AddedMass:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """[motion]: rotation about z, or a direction.
+    """[motion]: rotation about an axis, or a direction.
 
     Attributes:
-        axis: axis of the disc's rotation.
+        axis: axis of the disc's rotation, "z" if neither it nor a direction is given; or its
+            direction, as ``[0, 1, 1]``.
+        point: a point of the axis [m]; the origin if not given.
         direction: direction in which the second body slides, in place of ``axis``.
         speed: angular speed about the axis, 1 rad/s if not given, or speed along the direction,
             1 m/s if not given.
     """
 
-    axis: str | None = key(default=None, choices=("z",))
+    axis: Literal["x", "y", "z"] | tuple[float, ...] | None = key(default=None, sign="any")
+    point: tuple[float, ...] | None = key("m", default=None, sign="any")
     direction: tuple[float, ...] | None = key(default=None, sign="any")
     speed: str | None = key(default=None)
+
+    @property
+    def turns_about(self) -> tuple[float, ...]:
+        """Direction of the axis of rotation."""
+        if isinstance(self.axis, tuple):
+            return self.axis
+        return {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0)}.get(self.axis or "z", (0.0, 0.0, 1.0))
 
     @property
     def rate(self) -> float:

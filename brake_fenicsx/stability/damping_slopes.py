@@ -8,11 +8,13 @@ the damping takes the share beta + loss_m / omega_ref of it, whatever the scalar
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import scipy.sparse as sp
 
-from brake_fenicsx.macro.brake import Brake
+from brake_fenicsx.macro.brake import Brake, scene_motion
 from brake_fenicsx.macro.elasticity import affine_parts
+from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.material_table import layer_material, layer_materials, scene_materials
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.damping import Damping, turning_parts
@@ -66,7 +68,10 @@ def _slope(scene: Scene, table: Damping, brake: Brake, name: str) -> sp.csr_matr
     if name == "motion.speed":
         turns = set(turning_parts(scene))
         density = {n: m.rho for n, m in layers.items() if n.partition(".")[0] in turns}
-        A, factor = gyroscopic(mesh, free, density, 1.0), 1.0
+        motion = scene_motion(scene)
+        if not isinstance(motion, Rotation):
+            raise ValueError("the gyroscopic term needs a rotation")
+        A, factor = gyroscopic(mesh, free, density, replace(motion, speed=1.0)), 1.0
     else:
         _, material, _ = split_key(name)
         own = {n: m.C for n, m in layers.items() if _material(scene, n) == material}

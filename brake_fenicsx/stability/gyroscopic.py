@@ -1,4 +1,4 @@
-"""Gyroscopic term of a disc that turns about z, seen in the fixed frame.
+"""Gyroscopic term of a disc that turns about an axis, here z, seen in the fixed frame.
 
 The pads stand still, so the problem is written at fixed places: a particle that passes x moves
 with Omega e_z x x + u' + Omega ((e_z x x) . grad) u. Its acceleration beyond that of the rigid
@@ -30,33 +30,33 @@ from dolfinx.fem import petsc as fem_petsc
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.elasticity import FreeDofs, on_free_dofs
+from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.mesh import Mesh
 
 
-def gyroscopic_form(u: Any, v: Any, rho: Any, x: Any, dx: Any) -> Any:
-    """Skew half of 2 int rho v . ((e_z x x) . grad) u.
+def gyroscopic_form(u: Any, v: Any, rho: Any, c: Any, dx: Any) -> Any:
+    """Skew half of 2 int rho v . (c . grad) u.
 
     Args:
         u: displacement.
         v: test function.
         rho: density [kg/m^3].
-        x: coordinates [m], the axis through the origin.
+        c: velocity of the rotation over its angular velocity [m].
         dx: measure of the turning body.
     """
-    c = ufl.as_vector([-x[1], x[0], 0 * x[0]])
     return rho * (ufl.inner(ufl.grad(u) * c, v) - ufl.inner(ufl.grad(v) * c, u)) * dx
 
 
 def gyroscopic(
-    mesh: Mesh, free: FreeDofs, density: Mapping[str, float], speed: float
+    mesh: Mesh, free: FreeDofs, density: Mapping[str, float], rotation: Rotation
 ) -> sp.csr_matrix:
     """Omega G on the free dofs, to be added to the damping.
 
     Args:
-        mesh: the tagged mesh; the axis of rotation is z, through the origin.
+        mesh: the tagged mesh.
         free: numbering of the free dofs.
         density: layer name -> density [kg/m^3] of the layers that turn: the disc's and no other.
-        speed: angular velocity Omega [rad/s], its sign the sense.
+        rotation: axis and angular velocity Omega [rad/s], its sign the sense.
 
     Returns:
         Omega G [N s/m], skew.
@@ -72,10 +72,11 @@ def gyroscopic(
     u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
     whole = ufl.Measure("dx", domain=mesh.domain)
     G = fem_petsc.create_matrix(fem.form(ufl.inner(u, v) * whole))
-    x = ufl.SpatialCoordinate(mesh.domain)
+    axis, point = (fem.Constant(mesh.domain, a) for a in (rotation.frame[2], rotation.point))
+    c = ufl.cross(axis, ufl.SpatialCoordinate(mesh.domain) - point)
     for layer, rho in density.items():
         cells = compat.meshtags(mesh.domain, 3, mesh.cell_tags.find(mesh.layers[layer]), 1)
         dx = ufl.Measure("dx", domain=mesh.domain, subdomain_data=cells)(1)
-        factor = fem.Constant(mesh.domain, PETSc.ScalarType(rho * speed))
-        fem_petsc.assemble_matrix(G, fem.form(gyroscopic_form(u, v, factor, x, dx)))
+        factor = fem.Constant(mesh.domain, PETSc.ScalarType(rho * rotation.speed))
+        fem_petsc.assemble_matrix(G, fem.form(gyroscopic_form(u, v, factor, c, dx)))
     return on_free_dofs(G, free)

@@ -79,7 +79,7 @@ def _terms_of_bodies(scene: Scene, brake: Brake, table: Damping) -> Iterator[sp.
     if table.gyroscopic and isinstance(motion, Rotation):
         turns = set(turning_parts(scene))
         density = {n: m.rho for n, m in layers.items() if n.partition(".")[0] in turns}
-        yield gyroscopic(brake.mesh, brake.elastic.free, density, motion.speed)
+        yield gyroscopic(brake.mesh, brake.elastic.free, density, motion)
     for term in table.own:
         yield term.matrix(brake)
 

@@ -132,7 +132,7 @@ def scene_layers(
         part, _, inner = name.partition(".")
         own, G = layer_material(scene.parts[part].material, inner), None
         if part in turns and isinstance(motion, Rotation):
-            G = gyroscopic(mesh, free, {name: material.rho}, motion.speed)
+            G = gyroscopic(mesh, free, {name: material.rho}, motion)
         changes = {
             constant: stiffness(unit_change(scene, brake, own, constant)[name], name)
             for other, constant in random

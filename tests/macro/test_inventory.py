@@ -88,7 +88,7 @@ def test_two_bodies_below_one_face_cover_it_together():
     scene, _ = built()
     table = scene.contact["block_plate"]
     other = SimpleNamespace(faces=("block.bottom", "other.top"), slip="motion")
-    both = SimpleNamespace(contact={"one": table, "two": other})
+    both = SimpleNamespace(contact={"one": table, "two": other}, motion=None)
     contact = SimpleNamespace(interface=np.array([0, 1]))
     brake = SimpleNamespace(contact=contact, g0=np.zeros(2), faced={"one": (5e-4, 8e-4)})
     brake.faced["two"] = (3e-4, 8e-4)
@@ -129,7 +129,7 @@ def test_plane_facets_of_curved_faces_are_not_taken_for_a_gap(lift, warned):
     faces = ("shoe.inner", "drum.outer")
     contact = contact_elements(mesh, elastic.free, faces, Rotation(1.0))
     assert 10e-6 + lift < contact.g0.min() < contact.g0.max() < 70e-6 + lift
-    scene = SimpleNamespace(contact={"pair": SimpleNamespace(faces=faces)})
+    scene = SimpleNamespace(contact={"pair": SimpleNamespace(faces=faces)}, motion=None)
     area = float(contact.w.sum())
     brake = SimpleNamespace(
         mesh=mesh, elastic=elastic, contact=contact, g0=contact.g0, faced={"pair": (area, area)}

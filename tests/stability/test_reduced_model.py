@@ -11,6 +11,7 @@ import scipy.sparse as sp
 
 from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
 from brake_fenicsx.macro.condensation import compliance
+from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.solver import petsc_matrix
 from brake_fenicsx.stability import (
     ContactLinearisation,
@@ -306,7 +307,7 @@ def test_a_body_that_turns_the_other_way_is_no_image(two_blocks, sense, images):
 
     scene = two_blocks("coarse", alone=True)
     twin = mirrored(scene)
-    G = gyroscopic(scene.mesh, scene.free, {"plate.body": 7200.0}, 1.0)
+    G = gyroscopic(scene.mesh, scene.free, {"plate.body": 7200.0}, Rotation(1.0))
     changes = [sp.block_diag([G, sense * twin.P @ G @ twin.P.T]).tocsr(), twin.M]
     bodies = split_substructures(
         twin.K, twin.M, twin.interface, changes=changes, C=twin.M, points=twin.points

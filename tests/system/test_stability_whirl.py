@@ -6,6 +6,7 @@ import scipy.sparse as sp
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.elasticity import assemble_elastic
+from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.material import Material, isotropic
 from brake_fenicsx.macro.mesh import build_mesh
 from brake_fenicsx.stability import complex_modes
@@ -21,7 +22,7 @@ def annulus(comm, thickness, size, supports):
     shape = disc.Disc(radius=144e-3, bore=75e-3, thickness=thickness, size=size)
     mesh = build_mesh({"disc": (disc, shape)}, comm)
     solved = assemble_elastic(mesh, {"disc.body": IRON}, supports, {})
-    return mesh, solved, gyroscopic(mesh, solved.free, {"disc.body": RHO}, SPEED)
+    return mesh, solved, gyroscopic(mesh, solved.free, {"disc.body": RHO}, Rotation(SPEED))
 
 
 def field(solved, values):
@@ -102,7 +103,7 @@ def test_a_wave_pair_splits_by_two_m_omega():
 
 def test_without_speed_there_is_no_term_and_other_layers_are_refused(comm):
     mesh, solved, _ = annulus(comm, 20e-3, 20e-3, {})
-    assert gyroscopic(mesh, solved.free, {"disc.body": RHO}, 0.0).count_nonzero() == 0
+    assert gyroscopic(mesh, solved.free, {"disc.body": RHO}, Rotation(0.0)).count_nonzero() == 0
     with pytest.raises(SceneError, match=r"pad\.lining.*disc\.body"):
-        gyroscopic(mesh, solved.free, {"pad.lining": RHO}, 1.0)
+        gyroscopic(mesh, solved.free, {"pad.lining": RHO}, Rotation(1.0))
     assert isinstance(solved.K, sp.csr_matrix)

@@ -70,7 +70,10 @@ def test_second_run_takes_from_the_first(folder):
         assert names == {"laws", "dofs", "undamped"}
         log = (folder / "second" / "log.txt").read_text()
         assert "laws.npz: from" in log and "reduced model: from the cache" in log
-        assert "laws: 1 of" not in log and "from the cache" not in (folder / "first/log.txt").read_text()
+        assert (
+            "laws: 1 of" not in log
+            and "from the cache" not in (folder / "first/log.txt").read_text()
+        )
         own, taken = (
             np.load(folder / name / "samples" / "multi-scale-00000.npz")["s"]
             for name in ("alone", "second")

@@ -12,6 +12,7 @@ import scipy.sparse as sp
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.brake import assemble_brake
+from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.damping import active_terms
@@ -180,7 +181,7 @@ def test_terms_of_the_bodies_do_not_depend_on_the_number_of_processes(comm):
     np.testing.assert_allclose(invariants(together), invariants(alone), rtol=1e-10)
     # Of it the skew part is the disc's alone, for the speed and the sense of the scene.
     b = brakes[1]
-    G = gyroscopic(b.mesh, b.elastic.free, {"disc.body": 7200.0}, 5.0)
+    G = gyroscopic(b.mesh, b.elastic.free, {"disc.body": 7200.0}, Rotation(5.0))
     skew = 0.5 * (alone - alone.T)
     assert abs(skew - G).max() < 1e-12 * abs(G).max()
     sets = [*changes, "motion.speed='-5 rad/s'"]
