@@ -287,6 +287,12 @@ class Models:
             self.by_reduction |= dict.fromkeys(names, False)
             return
         self.reduced[damped] = model
+        if damped and any(self._by_ratio(name) for name in names):
+            logger.info(
+                "damping, modal: of the modes of the parts up to %.0f Hz; the flexibility beyond is"
+                " not damped, which a higher stability.cutoff tells the effect of",
+                model.complete_up_to,
+            )  # fmt: skip
         self.facts["damped_model" if damped else "reduced_model"] = {
             "kept_modes": model.bodies[-1].modes.stop,
             "bodies": len(model.bodies),

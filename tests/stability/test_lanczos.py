@@ -40,3 +40,13 @@ def test_lowest_modes_below_everything_and_above_everything():
     np.testing.assert_allclose(
         lowest_modes(factor, sp.identity(4, format="csr"), 1e3).Lambda, values, rtol=1e-12
     )
+
+
+def test_one_degree_of_freedom():
+    """The block of vectors is used up exactly after one step, without round-off."""
+    one = sp.csr_matrix([[1.0]])
+    factor = factored(4 * one)
+    found = lowest_modes(factor, one, 10.0)
+    factor.destroy()
+    np.testing.assert_allclose(found.Lambda, [4.0], rtol=1e-14)
+    assert abs(found.Phi[0, 0]) == 1.0

@@ -77,6 +77,7 @@ def test_free_bodies(two_blocks, case):
     rigid = np.abs(found.s) <= 10.0
     assert np.sum(rigid) >= 6
     assert "unstable" not in np.array(found.verdict)[rigid]
+    assert found.residual.max() <= 2.0
 
 
 @pytest.mark.alone

@@ -120,4 +120,6 @@ def _orthonormalise(W: Array, MW: Array) -> tuple[Array, Array, Array]:
         turn = vectors[:, good] / np.sqrt(values[good])
         back = (vectors[:, good] * np.sqrt(values[good])).T @ back
         W, MW = W @ turn, MW @ turn
+        if not W.shape[1]:
+            break
     return W, MW, back

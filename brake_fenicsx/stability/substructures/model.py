@@ -186,7 +186,8 @@ class ReducedModel:
 
         Returns:
             The modes; ``right`` and ``left`` in the coordinates of the kept modes of all bodies.
-            ``residual`` is twice the stated error over condition and |lambda|.
+            ``residual`` is twice the stated error over condition and |lambda|, or the band's end,
+            and 2 at most, where lambda is less than its error.
 
         Raises:
             SceneError: a number of contact elements other than the model's.
@@ -378,7 +379,9 @@ class ReducedModel:
             condition = np.maximum(1 / slope, 1.0)[both]
             order, lam, spread, real = undamped_rows(kappa, omega**2 * error[both], self.band)
         condition = condition[order]
-        size = np.maximum(np.abs(lam), 1e-300)
+        # Of rigid modes, which are less than their errors, relative to the larger of these and the
+        # band's end.
+        size = np.where(np.abs(lam) > spread, np.abs(lam), np.maximum(spread, omega))
         return Modes(
             lam, right[:, order], left[:, order], 2 * spread / condition / size, spread, condition,
             Count(lam.size, COUNTED), 0, time.perf_counter() - start, real,
