@@ -27,7 +27,7 @@ class LawSettings:
         min_pressure: mean pressure of the first step [Pa]; 1e-6 E* if not given, less where the
             foot would be longer than 0.02 S_q.
         steps: number of steps, equal in the logarithm of the load; 40 per decade or more
-            while fewer than two hundred pixels touch.
+            while fewer than three hundred pixels touch.
         boundary: ``"free"`` or ``"periodic"``.
         bulk_compliance: ``"remove"`` the sinking of the whole free patch, which the pad's finite
             elements already have, or ``"keep"`` it.

@@ -27,7 +27,7 @@ from brake_fenicsx.micro.qp import certify, projected_cg
 
 # Candidates up to which a sweep, which uses their dense influence many times, does without FFT.
 HIGHEST = 3000
-CORNERS = 200  # touching pixels up to which the corners of a law need the finest steps
+CORNERS = 300  # touching pixels up to which the corners of a law need the finest steps
 
 
 @dataclass(frozen=True, slots=True)
