@@ -29,7 +29,8 @@ def unusual(scene: Scene) -> list[str]:
         own = about.get(last) or about.get(last.partition("_")[0], {})
         for word in ("mean", "min", "max", "values"):
             lines += _outside(("samples", "random", name, word), own, getattr(law, word, None))
-        lines += _doubtful(name, law, own.get("sign") == "any")
+        if isinstance(law, Distribution):  # a law of one's own says nothing of its draws
+            lines += _doubtful(name, law, own.get("sign") == "any")
     count = max(scene.samples.plan(name).n for name in scene.samples.approaches)
     if scene.stability and scene.stability.verify > count:
         lines.append(

@@ -334,6 +334,7 @@ def test_numbers_without_meaning_are_named(name, value):
 @pytest.mark.parametrize("name", ["boundary", "solver"])
 @pytest.mark.parametrize("value", ["none", 3, ["free"], None])
 def test_words_without_meaning_are_named(name, value):
+    """A word that is no choice of the argument: named error with the choices."""
     with pytest.raises(SceneError, match=f"{name} = .* choose"):
         solve_contact(rough().heights, SIZE, 1.0, load=1e-9, **{name: value})
 
