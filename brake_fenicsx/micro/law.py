@@ -347,13 +347,6 @@ def smooth_vibration(k: Callable[[Array], Array], d: Array) -> tuple[Array, Arra
     return k(d), (k(d + DIFFERENCE) - k(d - DIFFERENCE)) / (2.0 * DIFFERENCE)
 
 
-def positive(**values: float) -> None:
-    """Refuse what is not a positive finite number."""
-    for name, value in values.items():
-        if not (np.isfinite(value) and value > 0.0):
-            raise SceneError(f"law: {name} = {value}; give a positive number")
-
-
 def same_shape(index: Index, d: Array) -> tuple[Index, Array]:
     """Index and separation broadcast to one shape."""
     i, x = np.broadcast_arrays(np.asarray(index, dtype=np.intp), np.asarray(d, dtype=float))

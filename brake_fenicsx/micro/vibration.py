@@ -1,8 +1,8 @@
 """Stiffness of small vibrations as a smooth function of the separation.
 
 While few pixels touch, a law is a staircase: every pixel that comes into contact is a corner of
-p(d), and its slope jumps there. A facet of a brake holds many patches' worth of such corners, and
-a vibration of a micrometre passes over several. The modes therefore read the slope of the local
+p(d), and its slope jumps there. The corners belong to the pixels: the summits of a facet of a brake
+are rounded and come into contact gradually. The modes therefore read the slope of the local
 regression line over a third of a decade of pressure, not the slope between two corners. Under a
 hardness the stiffness of vibrations counts all touching pixels and is smooth by itself: only its
 derivative needs the line.
