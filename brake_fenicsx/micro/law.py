@@ -344,7 +344,7 @@ def smooth_vibration(k: Callable[[Array], Array], d: Array) -> tuple[Array, Arra
         k: stiffness [Pa/m] as a function of the separation [m].
         d: separations [m].
     """
-    return k(d), (k(d + DIFFERENCE) - k(d - DIFFERENCE)) / (2.0 * DIFFERENCE)
+    return k(d), (k(d + DIFFERENCE) - k(d - DIFFERENCE)) * (0.5 / DIFFERENCE)
 
 
 def same_shape(index: Index, d: Array) -> tuple[Index, Array]:

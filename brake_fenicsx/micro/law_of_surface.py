@@ -96,7 +96,8 @@ def first_load(h: Array, surface: Topography, settings: LawSettings) -> float:
 
 def _press(grids: list[Array], size: Array, settings: LawSettings, first: float) -> LawSteps:
     """Points of the law over a cascade of grids, from the finest on, in Pa."""
-    table, last = np.empty((5, 0)), settings.highest / settings.E_star
+    table: Array = np.empty((5, 0))
+    last = settings.highest / settings.E_star
     for h, coarser in zip(grids, [*grids[1:], None], strict=True):
         stop = None if coarser is None else round(TOUCHING * h.size / coarser.size)
         rows = _rows(h, size, settings, (first, last), stop)

@@ -154,7 +154,8 @@ def seen_through_the_window(C: Density, topo: Topography) -> Array:
 
 def _window(shape: tuple[int, int]) -> Array:
     """Hann window in both directions, shape (nx, ny)."""
-    return np.outer(*(np.hanning(n + 2)[1:-1] for n in shape))
+    rows, columns = (np.hanning(n + 2)[1:-1].astype(float) for n in shape)
+    return np.outer(rows, columns)
 
 
 def _noise(C: Array, q: Array, weights: Array, nyquist: float) -> float:

@@ -104,7 +104,7 @@ def _family(
 ) -> tuple[float, float, TranslationField]:  # fmt: skip
     """Of all surfaces of a grid, once: variance [m^2], its share below the band, the field."""
     powers, variance, low_share = _powers(psd, shape, np.array(size), low)
-    field = translation_field(powers / variance, hdf, shape, np.array(size))
+    field = translation_field(powers * (1.0 / variance), hdf, shape, np.array(size))
     if not abs(field.slope_ratio - 1.0) < WRONG:
         raise SurfaceError(
             f"artificial surfaces of {shape[0]} x {shape[1]} pixels have {field.slope_ratio:.3g}"
@@ -123,7 +123,7 @@ def _powers(
         C, lo = psd(q, low), (psd.form or psd).band[0]
     else:
         C, lo = np.where(q > 0.0, psd(np.where(q > 0.0, q, q[q > 0.0].min())), 0.0), 0.0
-    powers = C * 4.0 * np.pi**2 / np.prod(size)
+    powers = C * (4.0 * np.pi**2 / float(np.prod(size)))
     weighted = half_plane_weights(shape) * powers
     variance = float(weighted.sum())
     if not 0.0 < variance < np.inf:
