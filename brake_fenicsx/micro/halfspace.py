@@ -40,13 +40,14 @@ Mask = NDArray[np.bool_]
 Boundary = Literal["free", "periodic"]
 
 MARGIN = 8  # pixels beyond a free patch in its approximate inverse: a seventh fewer iterations
+LARGE = 2**19  # pixels of a grid whose transform as a whole no longer stays in a cache
 BLOCK = 2**18  # bytes of columns transformed together: they stay in the second-level cache
 
 
 class Product(Protocol):
     """A real convolution on a zero-padded grid."""
 
-    def __call__(self, p: Array) -> Array:
+    def __call__(self, p: Array, out: Array) -> Array:
         """Inverse transform of the symbol times the transform of p, cut to the shape of p."""
 
 
@@ -56,13 +57,14 @@ class _Scipy:
     def __init__(self, shape: tuple[int, int], padded: tuple[int, int], symbol: Array):
         self.shape, self.padded, self.symbol = shape, padded, symbol
 
-    def __call__(self, p: Array) -> Array:
+    def __call__(self, p: Array, out: Array) -> Array:
         nx, ny = self.shape
         rows = scipy.fft.rfft(p, self.padded[1], axis=1)
         waves = scipy.fft.fft(rows, self.padded[0], axis=0)
         waves *= self.symbol
         rows = scipy.fft.ifft(waves, axis=0, overwrite_x=True)[:nx]
-        return np.asarray(scipy.fft.irfft(rows, self.padded[1], axis=1)[:, :ny])
+        out[:] = scipy.fft.irfft(rows, self.padded[1], axis=1)[:, :ny]
+        return out
 
 
 class _Whole:
@@ -83,21 +85,23 @@ class _Whole:
         self.back = plan(waves, self.real, direction="FFTW_BACKWARD")
         self.symbol = _twice(symbol / self.real.size)
 
-    def __call__(self, p: Array) -> Array:
+    def __call__(self, p: Array, out: Array) -> Array:
         for margin in self.margins:
             margin[:] = 0.0
         self.inner[:] = p
         self.forth.execute()
         self.parts *= self.symbol
         self.back.execute()
-        return np.asarray(self.inner.copy())
+        out[:] = self.inner
+        return out
 
 
 class _Padded:
     """Zero-padded convolution with FFTW.
 
     Rows known to be zero are not transformed; columns are transformed, multiplied and transformed
-    back block by block, so that the padded grid never goes through the memory as a whole.
+    back block by block, so that the padded grid never goes through the memory as a whole. That
+    pays for large grids without padding, too.
     """
 
     def __init__(self, shape: tuple[int, int], padded: tuple[int, int], symbol: Array):
@@ -120,7 +124,7 @@ class _Padded:
             for j in range(0, columns, width)
         ]
 
-    def __call__(self, p: Array) -> Array:
+    def __call__(self, p: Array, out: Array) -> Array:
         self.real[:, : self.ny] = p
         self.rows.execute()
         for block, symbol in self.blocks:
@@ -132,7 +136,8 @@ class _Padded:
             self.columns_back.execute()
             block[:] = self.some[:count, : self.nx]
         self.rows_back.execute()
-        return np.asarray(self.result[:, : self.ny].copy())
+        out[:] = self.result[:, : self.ny]
+        return out
 
 
 def _twice(symbol: Array) -> Array:
@@ -144,7 +149,8 @@ def _product(shape: tuple[int, int], padded: tuple[int, int], symbol: Array) -> 
     """The fastest convolution at hand."""
     if pyfftw is None:
         return _Scipy(shape, padded, symbol)
-    kind = _Padded if max(padded[0] / shape[0], padded[1] / shape[1]) > 1.5 else _Whole
+    wide = max(padded[0] / shape[0], padded[1] / shape[1]) > 1.5
+    kind = _Padded if wide or padded[0] * padded[1] > LARGE else _Whole
     return kind(shape, padded, symbol)
 
 
@@ -183,14 +189,14 @@ class HalfSpace:
         self._flattened: tuple[Array, Array] | None = None
         self.products = 0
 
-    def apply(self, p: Array) -> Array:
-        """Displacement [m] of the pressure p / E* [-], both of the grid's shape."""
+    def apply(self, p: Array, out: Array | None = None) -> Array:
+        """Displacement [m] of the pressure p / E* [-], both of the grid's shape; in ``out``."""
         self.products += 1
-        return self._influence(p)
+        return self._influence(p, np.empty(self.shape) if out is None else out)
 
-    def precondition(self, r: Array) -> Array:
+    def precondition(self, r: Array, out: Array | None = None) -> Array:
         """Pressure whose displacement is about r [m]: |q| r / 2 on the periodic grid."""
-        return self._inverse(r)
+        return self._inverse(r, np.empty(self.shape) if out is None else out)
 
     def full_contact(self, h: Array) -> Array:
         """Pressure of zero mean that makes the periodic heights h [m] flat; the last is kept."""
@@ -205,7 +211,7 @@ class HalfSpace:
 
         Its sum [1/m], and the largest displacement, less than two [m].
         """
-        u = self._influence(np.ones(self.shape))
+        u = self._influence(np.ones(self.shape), np.empty(self.shape))
         return float(u.size / u.min()), float(u.max() / u.min())
 
     @functools.cached_property

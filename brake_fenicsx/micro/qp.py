@@ -23,6 +23,7 @@ from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.micro.halfspace import Array, HalfSpace, Mask, add_to
 
 ROUND_OFF = 1e-12  # of sums over all pixels, relative to their largest parts
+RENEW = 0.1  # share of the free pixels that have changed when their answer is computed anew
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,20 +164,26 @@ def projected_cg(
     h = np.ascontiguousarray(h)
     # A new array, changed in place below.
     p = np.ascontiguousarray(_within(np.maximum(p, 0.0), total, cap))
-    g = space.apply(p) - h  # gap without d
-    t, before, old = np.zeros_like(h), np.zeros_like(h), 0.0
+    g, old = space.apply(p), 0.0
+    g -= h  # gap without d
+    # Work arrays: what is allocated anew in every iteration has to be paged in anew.
+    w = np.empty_like(h)
+    r, before, z, t, moved, mask, answer, unit = np.zeros((8, *h.shape))
     certificate, watch = Certificate(np.inf, np.inf, np.inf), _Watch()
-    among, mask = np.zeros(h.shape, dtype=bool), np.zeros_like(h)  # the free pixels
-    unit, push = mask, 1.0  # at a given load their answer to a unit gap, and its sum
+    among = answered = np.zeros(h.shape, dtype=bool)  # the free pixels
+    # At a given load the answer of about these pixels to a unit gap, that of the free ones alone
+    # and its sum: any directions of zero sum will do, as the next one forgets the last by itself.
+    push = 1.0
     for iteration in range(max_iterations + 1):
         touching = p > 0.0
         top = p >= cap if bounded else None
         elastic = touching if top is None else touching & ~top
         if load_control:
-            d = -_level(g, elastic, top)
+            np.copyto(moved, elastic)
+            d = -_level(g, elastic, top, moved)
         assert d is not None
-        w = g + d
-        entering = ~touching & (w < 0.0)
+        np.add(g, d, out=w)
+        entering = (w < 0.0) > touching
         if top is not None:
             entering |= top & (w > 0.0)
         certificate = certify(space, h, p, w, d, load_control, cap)
@@ -185,18 +192,23 @@ def projected_cg(
             return State(p, w, d, c.gap, c.penetration, c.complementarity, iteration)
         if watch.stalls(certificate.gap):
             p = _safe_step(p, np.asarray(w / space.largest, float), total, cap)
-            g, old = space.apply(p) - h, 0.0
+            g, old = space.apply(p, g), 0.0
+            g -= h
             continue
         free = elastic | entering
         if not np.array_equal(free, among):
-            among, mask = free, free.astype(float)
+            among = free
+            np.copyto(mask, free)
             t *= mask
             if load_control:
-                unit = mask * space.precondition(mask)
+                if np.count_nonzero(free ^ answered) > RENEW * np.count_nonzero(free):
+                    answered = free
+                    space.precondition(mask, answer)
+                np.multiply(mask, answer, out=unit)
                 push = float(unit.sum())
-                t -= float(t.sum()) / push * unit
-        r = mask * w
-        z = space.precondition(r)
+                add_to(t, -float(t.sum()) / push, unit)
+        np.multiply(mask, w, out=r)
+        space.precondition(r, z)
         z *= mask
         if load_control:
             add_to(z, -float(z.sum()) / push, unit)
@@ -204,10 +216,8 @@ def projected_cg(
         # Polak-Ribiere: forgets the last direction by itself where the touching set changes.
         t *= max(0.0, (new - float(np.vdot(z, before))) / old) if old > 0.0 else 0.0
         t += z
-        before, old = r, new
-        moved = space.apply(t)
-        curvature = float(np.vdot(t, moved))
-        slope = float(np.vdot(r, t))
+        slope, curvature = float(np.vdot(r, t)), float(np.vdot(t, space.apply(t, moved)))
+        before, r, old = r, before, new
         if not (curvature > 0.0 and slope > 0.0):
             watch.force()
             continue
@@ -215,7 +225,7 @@ def projected_cg(
         add_to(p, -step, t)
         if p.min() < 0.0 or (bounded and p.max() > cap):
             p = _projected(p, total, cap, free)
-            g = space.apply(p)
+            space.apply(p, g)
             g -= h
         else:
             add_to(g, -step, moved)
@@ -267,17 +277,21 @@ def _within(p: Array, total: float | None, cap: float) -> Array:
 
 
 def _scaled(p: Array, total: float | None) -> Array:
-    """Pressures with the given sum, if one is given."""
+    """Pressures with the given sum, if one is given, in place."""
     if total is None:
         return p
-    found = float(p.sum())
-    return p * (total / found) if found > 0.0 else np.full_like(p, total / p.size)
+    now = float(p.sum())
+    if now > 0.0:
+        p *= total / now
+    else:
+        p[:] = total / p.size
+    return p
 
 
 def _projected(p: Array, total: float | None, cap: float, free: Mask) -> Array:
     """Pressures brought back between the bounds; only the free ones change."""
     if not np.isfinite(cap):
-        return _scaled(np.maximum(p, 0.0), total)
+        return _scaled(np.maximum(p, 0.0, out=p), total)
     return np.clip(p, 0.0, cap) if total is None else _shifted(p, total, cap, free)
 
 
@@ -312,11 +326,11 @@ def _shifted(p: Array, total: float, cap: float, free: Mask) -> Array:
     return p
 
 
-def _level(g: Array, elastic: Mask, top: Mask | None) -> float:
+def _level(g: Array, elastic: Mask, top: Mask | None, weight: Array) -> float:
     """Value [m] that the plane takes from the gaps without d: their mean where pixels give way.
 
     Where all touching pixels yield, any value between their gaps and those of the others.
     """
     if top is None or elastic.any():
-        return float(np.vdot(g, elastic.astype(float))) / np.count_nonzero(elastic)
+        return float(np.vdot(g, weight)) / np.count_nonzero(elastic)
     return 0.5 * (float(g[top].max()) + float(g[~top].min()))
