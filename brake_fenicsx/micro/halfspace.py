@@ -25,8 +25,8 @@ import scipy.fft
 from numpy.typing import NDArray
 from scipy.linalg.blas import daxpy
 
+from brake_fenicsx.arguments import one_of
 from brake_fenicsx.errors import NotConverged
-from brake_fenicsx.micro.arguments import one_of
 
 try:
     import pyfftw

@@ -18,8 +18,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 from scipy.stats import t as student
 
+from brake_fenicsx.arguments import number, positive
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.micro.arguments import number, positive
 from brake_fenicsx.micro.halfspace import Array, Mask, half_space
 from brake_fenicsx.micro.library import LawRecipe
 from brake_fenicsx.micro.loading import solve_contact

@@ -15,9 +15,9 @@ from typing import Literal
 
 import numpy as np
 
+from brake_fenicsx.arguments import number, one_of, positive, real
 from brake_fenicsx.errors import NotConverged, SceneError, SurfaceError
 from brake_fenicsx.micro.active import AllPixels, HighPixels, Pixels, active_set
-from brake_fenicsx.micro.arguments import number, one_of, positive
 from brake_fenicsx.micro.halfspace import Array, Boundary, HalfSpace, half_space
 from brake_fenicsx.micro.qp import State, certify, projected_cg
 
@@ -204,7 +204,7 @@ def rms_slope(h: Array, pixel: Array) -> float:
 
 def _checked(heights: Array, size: Array | tuple[float, float]) -> tuple[Array, Array]:
     """Heights over their mean and the patch lengths, or a named error."""
-    h, lengths = _real("heights", heights), np.array(size, dtype=object)
+    h, lengths = real("heights", heights), np.array(size, dtype=object)
     if h.ndim != 2 or min(h.shape) < 2:
         raise SurfaceError(
             f"heights of shape {h.shape}; a patch has two dimensions, of two pixels or more"
@@ -252,17 +252,9 @@ def _gap_residual(h: Array, state: State) -> float:
     return gap / span if span > 0.0 else 0.0 if gap <= 0.0 else float("inf")
 
 
-def _real(name: str, values: Array) -> Array:
-    """Values as a new array of real numbers, masked ones as missing."""
-    found = np.asarray(values)
-    if found.dtype.kind not in "biuf":
-        raise SurfaceError(f"{name} of type {found.dtype}; give real numbers")
-    return np.where(getattr(values, "mask", False), np.nan, np.asarray(values, dtype=float))
-
-
 def _guess(start: Array, shape: tuple[int, ...]) -> Array:
     """Pressures to start from [Pa]; undefined ones are none."""
-    p = _real("start", start)
+    p = real("start", start)
     if p.shape != shape:
         raise SceneError(f"start of shape {p.shape}; give pressures of shape {shape}, or none")
     return np.where(np.isfinite(p), p, 0.0)

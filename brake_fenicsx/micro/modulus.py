@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from brake_fenicsx.arguments import number, positive
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.micro.arguments import number, positive
 
 
 def plane_strain_modulus(E: float, nu: float) -> float:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
+from brake_fenicsx.arguments import one_of, positive
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.micro.arguments import one_of, positive
 from brake_fenicsx.micro.halfspace import Boundary
 
 BulkCompliance = Literal["remove", "keep"]

@@ -12,14 +12,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label
 from scipy.optimize import least_squares
-from scipy.special import expit, logit, ndtri
-from scipy.stats import gaussian_kde
+from scipy.special import expit, ndtr, ndtri
+from scipy.stats import gaussian_kde, johnsonsb, johnsonsu, norm
 
 from brake_fenicsx.errors import SurfaceError
 
@@ -85,49 +85,26 @@ class Johnson:
         """``"johnson"`` or ``"normal"``."""
         return self.family.partition("-")[0]
 
-    def _height(self, x: Array) -> Array:
-        """Height [m] of the normal variate x."""
-        y = (x - self.gamma) / self.delta
-        return self.xi + self.lam * _SHAPES[self.family][0](y)
+    @property
+    def _law(self) -> Any:
+        """The distribution as SciPy has it."""
+        shapes = () if self.family == "normal" else (self.gamma, self.delta)
+        return _FAMILIES[self.family](*shapes, loc=self.xi, scale=self.lam)
 
     def ppf(self, u: Array) -> Array:
         """Height [m] below which a share ``u`` of the surface lies."""
-        return self._height(ndtri(np.asarray(u, dtype=float)))
+        return np.asarray(self._law.ppf(u))
 
     def sample(self, n: int, rng: np.random.Generator) -> Array:
         """Draw ``n`` independent heights [m]."""
-        return self._height(rng.standard_normal(n))
+        return self.ppf(ndtr(rng.standard_normal(n)))
 
     def pdf(self, z: Array) -> Array:
         """Probability density [1/m] at heights ``z`` [m] above the mean plane."""
-        z = np.asarray(z, dtype=float)
-        x = self._normal(z)
-        t = (z - self.xi) / self.lam
-        if self.family == "johnson-su":
-            slope = self.delta / np.sqrt(1.0 + t**2)
-        elif self.family == "johnson-sb":
-            inside = (t > 0.0) & (t < 1.0)
-            slope = np.where(inside, self.delta / np.where(inside, t * (1.0 - t), 1.0), 0.0)
-        else:
-            slope = np.full(t.shape, self.delta)
-        with np.errstate(over="ignore", invalid="ignore"):
-            density = np.exp(-0.5 * x**2) * slope / (self.lam * np.sqrt(2.0 * np.pi))
-        return np.where(np.isfinite(x), density, 0.0)
-
-    def _normal(self, z: Array) -> Array:
-        """Normal variate of the height z [m]; infinite outside the range of the family."""
-        t = (z - self.xi) / self.lam
-        inverse = _SHAPES[self.family][1]
-        if self.family == "johnson-sb":
-            t = np.clip(t, 0.0, 1.0)
-        return self.gamma + self.delta * inverse(t)
+        return np.asarray(self._law.pdf(z))
 
 
-_SHAPES = {
-    "normal": (lambda y: y, lambda t: t),
-    "johnson-su": (np.sinh, np.arcsinh),
-    "johnson-sb": (expit, logit),
-}
+_FAMILIES = {"normal": norm, "johnson-su": johnsonsu, "johnson-sb": johnsonsb}
 
 
 @dataclass(frozen=True, slots=True)
@@ -330,7 +307,7 @@ def _family_moments(family: str, gamma: float, delta: float) -> tuple[float, flo
 
     The trapezoidal rule over the normal density converges faster than any power.
     """
-    y = _SHAPES[family][0]((_X - gamma) / delta)
+    y = (np.sinh if family == "johnson-su" else expit)((_X - gamma) / delta)
     mean = float(_WEIGHT @ y)
     spread = float(np.sqrt(_WEIGHT @ (y - mean) ** 2))
     z = (y - mean) / spread

@@ -15,7 +15,8 @@ import numpy as np
 import scipy.fft
 from numpy.typing import NDArray
 
-from brake_fenicsx.surface.topography import Array, Scans, Topography, fill, first, form, positive
+from brake_fenicsx.arguments import number
+from brake_fenicsx.surface.topography import Array, Scans, Topography, fill, first, form
 
 Density = Callable[[Array], Array]
 
@@ -109,7 +110,11 @@ def radial_psd(
     weights = np.broadcast_to(half_plane_weights(topo.shape), C.shape)
     step, nyquist = 2.0 * np.pi / topo.size.min(), np.pi / topo.pixel.max()
     lo = (0.99 if topo.periodic else 2.0) * step
-    hi = nyquist if cutoff is None else min(nyquist, 2.0 * np.pi / positive("cutoff", cutoff))
+    hi = (
+        nyquist
+        if cutoff is None
+        else min(nyquist, 2.0 * np.pi / number("cutoff", cutoff, least=0.0))
+    )
     floor = 0.0 if topo.periodic else 10.0 * _noise(C, q, weights, nyquist)
     below = (mean_C < floor) & (mean_q > 2.0 * lo)
     hi = min(hi, float(mean_q[below][0])) if below.any() else hi

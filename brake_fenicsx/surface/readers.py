@@ -15,10 +15,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import number, one_of, real
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.surface.missing import missing_points, pile_at_an_end
 from brake_fenicsx.surface.table import ACCEPTED, ENDINGS, delimiter_of, read_npy, read_table
-from brake_fenicsx.surface.topography import Topography, chosen, make_topography, positive, real
+from brake_fenicsx.surface.topography import Topography, make_topography
 
 logger = logging.getLogger("brake_fenicsx")
 
@@ -58,7 +59,7 @@ def read_topography(
         raise SurfaceError(f"{file}: no such file; give the path of a scan")
     if height_unit is not None:
         height_unit = _metres(height_unit, str(file))
-    chosen(f"{file}: rows", rows, ("x", "y"))
+    one_of(f"{file}: rows", rows, ("x", "y"))
     own = {".npz": _read_npz, ".h5": _read_hdf5, ".hdf5": _read_hdf5, ".tmd": _read_truemap}
     read, table = own.get(file.suffix.lower()), None
     by_rows = read is None and (_is_text(file) or file.suffix.lower() == ".npy")
@@ -135,8 +136,8 @@ def implausible(topo: Topography) -> tuple[str, ...]:
 def _metres(unit: str | float, source: str) -> float:
     """Length of a height unit [m]."""
     if not isinstance(unit, str):
-        return positive(f"{source}: height_unit", unit)
-    chosen(f"{source}: height_unit", unit, tuple(METRES))
+        return number(f"{source}: height_unit", unit, least=0.0)
+    one_of(f"{source}: height_unit", unit, tuple(METRES))
     return METRES[unit]
 
 
@@ -176,7 +177,7 @@ def _from_arrays(file: Path, found: dict[str, NDArray[Any]], unit: float | None)
     heights = real(f"{file}: heights", raw)
     if raw.dtype == np.int16:
         heights[raw == MISSING] = np.nan
-    scale = positive(f"{file}: scale", found.get("scale", 1.0))
+    scale = number(f"{file}: scale", found.get("scale", 1.0), least=0.0)
     return heights * (scale if unit is None else unit), found.get("size")
 
 

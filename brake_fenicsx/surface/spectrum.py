@@ -6,16 +6,17 @@ thus continued alike: as power laws, or constant below the band.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from brake_fenicsx.arguments import one_of
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.surface.psd import RadialPsd, seen_through_the_window
-from brake_fenicsx.surface.topography import Scans, chosen, first
+from brake_fenicsx.surface.topography import Scans, first
 
 Array = NDArray[np.float64]
 LOW = ("extend", "flat")
@@ -48,8 +49,9 @@ class BiFractal:
     q_c: float
     C0: float
     band: tuple[float, float]
-    errors: tuple[float, float, float, float] = (np.nan, np.nan, np.nan, np.nan)
-    rms: float = np.nan
+    # Undefined numbers equal nothing, and equal spectra share the fields made from them.
+    errors: tuple[float, float, float, float] = field(default=(np.nan,) * 4, compare=False)
+    rms: float = field(default=np.nan, compare=False)
     misfit: tuple[tuple[float, ...], tuple[float, ...]] | None = None
     form: BiFractal | None = None
 
@@ -61,7 +63,7 @@ class BiFractal:
             low: below the band's lower end, ``"extend"`` the power law or hold it ``"flat"``;
                 with a ``form``, below the band of that.
         """
-        chosen("low", low, LOW)
+        one_of("low", low, LOW)
         q = np.asarray(q, dtype=float)
         x = np.where(q > 0.0, q, self.q_c)
         if low == "flat":
@@ -107,7 +109,7 @@ def spectrum_of(scans: Scans, psd: RadialPsd, fit: BiFractal, kind: str) -> BiFr
 
     Reference: L. B. Lucy, Astron. J. 79 (1974) 745, doi:10.1086/111605.
     """
-    chosen("spectrum", kind, SPECTRA)
+    one_of("spectrum", kind, SPECTRA)
     if kind == "fit":
         return fit
     use = psd.reliable

@@ -7,11 +7,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from brake_fenicsx.arguments import one_of
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.surface.hdf import HeightDistribution, matched, measured, moments, pooled
 from brake_fenicsx.surface.psd import RadialPsd, anisotropy, psd_spread, radial_psd, sub_psds
 from brake_fenicsx.surface.spectrum import BiFractal, fit_bifractal, spectrum_of
-from brake_fenicsx.surface.topography import Array, Topography, chosen, form, outliers
+from brake_fenicsx.surface.topography import Array, Topography, form, outliers
 
 # The paper's scan: 256 pixels over 1.8 mm; the band of statistics that come without a scan.
 DISTRIBUTIONS = ("measured", "johnson", "normal")
@@ -284,7 +285,7 @@ def _distribution(
     scans: Sequence[Array], distribution: str, of: tuple[float, float, float]
 ) -> HeightDistribution:
     """Distribution of the heights of scans [m], or of their (S_q, S_sk, S_ku)."""
-    chosen("distribution", distribution, DISTRIBUTIONS)
+    one_of("distribution", distribution, DISTRIBUTIONS)
     return measured(scans) if distribution == "measured" else matched(*of, distribution)
 
 

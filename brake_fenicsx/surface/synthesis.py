@@ -14,11 +14,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from brake_fenicsx.arguments import one_of
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.surface.hdf import HeightDistribution
 from brake_fenicsx.surface.psd import Density, half_plane_weights, wave_numbers
 from brake_fenicsx.surface.spectrum import LOW, BiFractal
-from brake_fenicsx.surface.topography import Array, Topography, chosen
+from brake_fenicsx.surface.topography import Array, Topography
 from brake_fenicsx.surface.translation import TranslationField, translation_field
 
 VARIANCES = ("spectrum", "scan")
@@ -83,8 +84,8 @@ def synthesise(
     """
     if min(shape) < 2 or min(size) <= 0.0:
         raise SurfaceError(f"surface of {shape} pixels and {size} m; at least 2 x 2 and positive")
-    chosen("variance", variance, VARIANCES)
-    chosen("low", low, LOW)
+    one_of("variance", variance, VARIANCES)
+    one_of("low", low, LOW)
     grid = (shape[0], shape[1]), (float(size[0]), float(size[1]))
     asked, low_share, field = _family(psd, hdf, *grid, low)
     S_q = hdf.S_q if variance == "scan" else float(np.sqrt(asked))

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import real
 from brake_fenicsx.errors import SurfaceError
-from brake_fenicsx.surface.topography import real
 
 Array = NDArray[np.float64]
 

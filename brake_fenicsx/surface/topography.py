@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.sparse.linalg import spsolve
 
+from brake_fenicsx.arguments import one_of, positive, real
 from brake_fenicsx.errors import SurfaceError
 
 if TYPE_CHECKING:
@@ -94,45 +95,6 @@ def make_topography(
     return Topography(h, lengths, periodic, source, warnings)
 
 
-def real(name: str, values: Any) -> Array:
-    """Values as a new array of real numbers; masked, infinite and undefined ones are nan.
-
-    Raises:
-        SurfaceError: complex numbers, text or objects.
-    """
-    mask = getattr(values, "mask", False)
-    try:
-        given = np.asarray(values.data if np.any(mask) else values)
-    except ValueError:  # rows of different lengths
-        given = np.array(None)
-    if given.dtype.kind not in "biuf":
-        raise SurfaceError(f"{name}: values of type {given.dtype}; give real numbers")
-    numbers = given.astype(float)
-    return np.where(mask | ~np.isfinite(numbers), np.nan, numbers)
-
-
-def positive(name: str, value: Any) -> float:
-    """A positive number.
-
-    Raises:
-        SurfaceError: anything else: text, an array, zero, nan.
-    """
-    number = real(name, value)
-    if number.shape != () or not number > 0.0:
-        raise SurfaceError(f"{name} = {value!r}; give one positive number")
-    return float(number)
-
-
-def chosen(name: str, value: object, choices: Sequence[str]) -> None:
-    """Refuse a word that is none of the choices.
-
-    Raises:
-        SurfaceError: the name, the value and the choices.
-    """
-    if value not in choices:
-        raise SurfaceError(f"{name} = {value!r}; choose one of {', '.join(choices)}")
-
-
 Scans = Topography | Sequence[Topography]  # of one surface, on the same grid
 
 
@@ -177,7 +139,7 @@ def form(topo: Topography, level: str) -> Array:
         level: ``"none"`` (zero), ``"mean"``, ``"plane"`` or ``"second-order"`` (all terms x^i y^j
             with i + j <= 2).
     """
-    chosen("level", level, LEVELS)
+    one_of("level", level, LEVELS)
     if level == "none":
         return np.zeros(topo.shape)
     x, y = (np.linspace(-1.0, 1.0, n) for n in topo.shape)
@@ -208,8 +170,8 @@ def outliers(heights: Array, rule: str = "spike", threshold: float = 6.0) -> NDA
             from the median of all heights. ``"none"``.
         threshold: distance in robust standard deviations [-].
     """
-    chosen("outliers", rule, OUTLIERS)
-    positive("threshold", threshold)
+    one_of("outliers", rule, OUTLIERS)
+    positive(threshold=threshold)
     valid = np.isfinite(heights)
     middle = np.median(heights[valid])
     spread = 1.4826 * np.median(np.abs(heights[valid] - middle))

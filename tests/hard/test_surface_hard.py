@@ -140,7 +140,7 @@ def test_heights_of_statistics_without_a_scan():
 )
 def test_unknown_settings_are_named(setting):
     """A misspelt setting: named error with the choices."""
-    with pytest.raises(SurfaceError, match="choose"):
+    with pytest.raises(SceneError, match="choose"):
         characterise(scan(32), **setting)
 
 

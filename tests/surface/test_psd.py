@@ -6,7 +6,7 @@ import scipy.fft
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from brake_fenicsx.errors import SurfaceError
+from brake_fenicsx.errors import SceneError, SurfaceError
 from brake_fenicsx.surface import (
     characterise,
     fit_bifractal,
@@ -86,7 +86,7 @@ def test_model_below_the_band():
     q = np.array([0.0, 100.0, 1e3, 1e4, 1e5])
     np.testing.assert_allclose(psd(q), [0.0, 1e4, 100.0, 1.0, 10**-4.5])
     np.testing.assert_allclose(psd(q, "flat"), [0.0, 100.0, 100.0, 1.0, 10**-4.5])
-    with pytest.raises(SurfaceError, match="extend"):
+    with pytest.raises(SceneError, match="extend"):
         psd(q, "none")
 
 

@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 import pytest
 
-from brake_fenicsx.errors import SurfaceError
+from brake_fenicsx.errors import SceneError, SurfaceError
 from brake_fenicsx.surface import characterise, read_topography
 from brake_fenicsx.surface.missing import missing_points
 from brake_fenicsx.surface.readers import MISSING
@@ -174,7 +174,7 @@ def test_numbers_of_rows_are_no_heights(tmp_path, text, what):
         ({"scale": -1.0}, {}, "scale = .*positive number"),
         ({"scale": 0.0}, {}, "scale = .*positive number"),
         ({"scale": np.ones(3)}, {}, "scale = .*positive number"),
-        ({"scale": "um"}, {}, "scale.*real numbers"),
+        ({"scale": "um"}, {}, "scale.*positive number"),
         ({"size": "1 mm"}, {}, "size.*real numbers"),
         ({"size": [1e-3, 1e-3, 1e-3]}, {}, "two positive lengths"),
         ({"heights": HEIGHTS + 1j}, {}, "heights.*complex128; give real numbers"),
@@ -187,7 +187,7 @@ def test_numbers_of_rows_are_no_heights(tmp_path, text, what):
 def test_arrays_and_settings_that_mean_nothing(tmp_path, changes, settings, named):
     file = tmp_path / "a.npz"
     np.savez(file, **({"heights": HEIGHTS, "size": SIZE} | changes))
-    with pytest.raises(SurfaceError, match=named) as said:
+    with pytest.raises(SceneError, match=named) as said:
         read_topography(file, **settings)
     assert "a.npz" in str(said.value) and "\n" not in str(said.value)
 
@@ -335,7 +335,7 @@ def test_missing_file_and_bad_arguments(tmp_path):
     with pytest.raises(SurfaceError, match="no such file"):
         read_topography(tmp_path / "none.npz")
     np.savez(tmp_path / "a.npz", heights=HEIGHTS, size=SIZE)
-    with pytest.raises(SurfaceError, match="height_unit"):
+    with pytest.raises(SceneError, match="height_unit"):
         read_topography(tmp_path / "a.npz", height_unit="inch")
     np.savez(tmp_path / "b.npz", h=HEIGHTS)
     with pytest.raises(SurfaceError, match="heights"):

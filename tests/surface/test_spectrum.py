@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from brake_fenicsx.errors import SurfaceError
+from brake_fenicsx.errors import SceneError
 from brake_fenicsx.surface import (
     characterise,
     given_statistics,
@@ -123,5 +123,5 @@ def test_both_spectra_are_continued_alike():
 
 def test_unknown_spectra_are_named():
     scan = worn("plateau", 96)
-    with pytest.raises(SurfaceError, match="spectrum = 'raw'; choose one of fit, measured"):
+    with pytest.raises(SceneError, match="spectrum = 'raw'; choose one of fit, measured"):
         characterise(scan, spectrum="raw")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from brake_fenicsx.errors import SurfaceError
+from brake_fenicsx.errors import SceneError, SurfaceError
 from brake_fenicsx.surface import characterise, given_statistics, radial_psd, synthesise
 from brake_fenicsx.surface.hdf import Measured, moments
 from brake_fenicsx.surface.psd import half_plane_weights, psd_2d, wave_numbers
@@ -168,5 +168,5 @@ def test_any_function_of_q_is_a_spectrum():
 )
 def test_what_cannot_be_made(arguments):
     settings = {"psd": PAPER.bifractal, "hdf": PAPER.hdf, "rng": np.random.default_rng(0)}
-    with pytest.raises(SurfaceError):
+    with pytest.raises(SceneError):
         synthesise(**(settings | arguments))

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from brake_fenicsx.errors import SurfaceError
+from brake_fenicsx.arguments import number, real
+from brake_fenicsx.errors import SceneError, SurfaceError
 from brake_fenicsx.surface import make_topography
-from brake_fenicsx.surface.topography import fill, form, outliers, positive, real
+from brake_fenicsx.surface.topography import fill, form, outliers
 
 
 def grid(nx=40, ny=30):
@@ -104,9 +105,9 @@ def test_what_is_no_scan(heights, size, named):
 
 def test_unknown_rules_are_named():
     topo = make_topography(np.eye(4), (1.0, 1.0))
-    with pytest.raises(SurfaceError, match="second-order"):
+    with pytest.raises(SceneError, match="second-order"):
         form(topo, "cubic")
-    with pytest.raises(SurfaceError, match="spike"):
+    with pytest.raises(SceneError, match="spike"):
         outliers(topo.heights, "sigma")
     lonely = np.full((4, 4), np.nan)
     lonely[0, 0] = 1.0
@@ -129,11 +130,16 @@ def test_what_is_masked_is_missing():
 
 @pytest.mark.parametrize("value", [0, -1.0, np.nan, np.inf, "a", [1, 2], None, 1j])
 def test_what_is_no_positive_number(value):
-    with pytest.raises(SurfaceError, match=r"^cutoff"):
-        positive("cutoff", value)
-    with pytest.raises(SurfaceError, match="threshold"):
+    with pytest.raises(SceneError, match=r"^cutoff"):
+        number("cutoff", value, least=0.0)
+    with pytest.raises(SceneError, match="threshold"):
         outliers(np.eye(4), "mad", value)
 
 
 def test_positive_numbers():
-    assert [positive("x", v) for v in (2, 0.5, np.float32(0.5), np.array(3))] == [2, 0.5, 0.5, 3]
+    assert [number("x", v, least=0.0) for v in (2, 0.5, np.float32(0.5), np.array(3))] == [
+        2,
+        0.5,
+        0.5,
+        3,
+    ]

@@ -5,8 +5,11 @@ from __future__ import annotations
 from typing import Any, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
-from brake_fenicsx.errors import SceneError
+from brake_fenicsx.errors import SceneError, SurfaceError
+
+Array = NDArray[np.float64]
 
 REAL = int, float, np.integer, np.floating
 LIMIT = 1e100  # numbers beyond overflow in products of two or three
@@ -38,6 +41,24 @@ def positive(**values: Any) -> None:
 
 
 def one_of(name: str, value: Any, choices: Any) -> None:
-    """Refuse what is not among the words of a ``Literal``."""
-    if value not in get_args(choices):
-        raise SceneError(f"{name} = {value!r}; choose {' or '.join(map(repr, get_args(choices)))}")
+    """Refuse what is not among the words of a ``Literal`` or a sequence."""
+    words = get_args(choices) or choices
+    if value not in words:
+        raise SceneError(f"{name} = {value!r}; choose one of {', '.join(words)}")
+
+
+def real(name: str, values: Any) -> Array:
+    """Values as a new array of real numbers; masked, infinite and undefined ones are nan.
+
+    Raises:
+        SurfaceError: complex numbers, text or objects.
+    """
+    mask = getattr(values, "mask", False)
+    try:
+        given = np.asarray(values.data if np.any(mask) else values)
+    except ValueError:  # rows of different lengths
+        given = np.array(None)
+    if given.dtype.kind not in "biuf":
+        raise SurfaceError(f"{name}: values of type {given.dtype}; give real numbers")
+    numbers = given.astype(float)
+    return np.where(mask | ~np.isfinite(numbers), np.nan, numbers)
