@@ -17,7 +17,7 @@ from collections.abc import Sequence  # noqa: E402
 from typing import Any, NoReturn  # noqa: E402
 
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError  # noqa: E402
-from brake_fenicsx.termination import STATUS, Terminated, watching  # noqa: E402
+from brake_fenicsx.folder.termination import STATUS, Terminated, watching  # noqa: E402
 
 STAGES = ("surface", "micro", "equilibrium", "stability", "uncertainty", "report")
 
@@ -192,7 +192,7 @@ class _Version(argparse.Action):
         super().__init__(option_strings, dest, nargs=0, help=help)
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
-        from brake_fenicsx.versions import solver_versions
+        from brake_fenicsx.folder.versions import solver_versions
 
         print("\n".join(f"{name} {number}" for name, number in solver_versions().items()))
         parser.exit()
@@ -294,7 +294,7 @@ def _end(comm: Any, verbose: bool, said: str, status: int) -> int:
 
 def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
     """Do what was asked."""
-    from brake_fenicsx.log import start_log
+    from brake_fenicsx.folder.log import start_log
 
     level = "WARNING" if options.quiet else "DEBUG" if options.verbose else "INFO"
     start_log(comm.rank, level=level)
@@ -303,7 +303,7 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
 
         petsc4py.init(["brake-fenicsx", *petsc])
     from brake_fenicsx import pipeline
-    from brake_fenicsx.shares import read_share
+    from brake_fenicsx.folder.shares import read_share
 
     if options.command == "prepare":
         pipeline.run(

@@ -19,10 +19,11 @@ import numpy as np
 
 from brake_fenicsx import pipeline
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
-from brake_fenicsx.log import logger, start_log
+from brake_fenicsx.folder.log import logger, start_log
+from brake_fenicsx.folder.processes import on_first
+from brake_fenicsx.folder.store import Store, result_digest
 from brake_fenicsx.macro.brake import check_brake
 from brake_fenicsx.model import Model, prepare
-from brake_fenicsx.processes import on_first
 from brake_fenicsx.report.comparison import COLUMNS as COMPARED
 from brake_fenicsx.report.comparison import compare_runs
 from brake_fenicsx.report.comparison_page import write_comparison
@@ -35,7 +36,6 @@ from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.scene.sweep import ROUGH
 from brake_fenicsx.scene.units import quantity_text
 from brake_fenicsx.squeal import Share, wilson
-from brake_fenicsx.store import Store, result_digest
 from brake_fenicsx.sweeps.smallest_change import MOST, Change, enough, smallest_change
 from brake_fenicsx.tables import Value
 from brake_fenicsx.uncertainty.inputs import law_material, scaled_interfaces

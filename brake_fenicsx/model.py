@@ -13,17 +13,17 @@ from mpi4py import MPI
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from brake_fenicsx.cache import SharedCache
 from brake_fenicsx.checks import check
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import Extensions
+from brake_fenicsx.folder.cache import SharedCache
+from brake_fenicsx.folder.store import Store
 from brake_fenicsx.pipeline import Run, before_samples, check_folder, make_study
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.samples import unit_of
 from brake_fenicsx.scene.scalars import check_scalar
 from brake_fenicsx.scene.sweep import Range, Sweep
 from brake_fenicsx.scene.tables import KeyMistake
-from brake_fenicsx.store import Store
 
 if TYPE_CHECKING:
     from brake_fenicsx.macro.equilibrium import Equilibrium

@@ -21,7 +21,6 @@ from mpi4py import MPI
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.cache import SharedCache, laws_key
 from brake_fenicsx.checks import (
     check,
     remarks,
@@ -31,15 +30,16 @@ from brake_fenicsx.checks import (
     with_pixels,
 )
 from brake_fenicsx.errors import BrakeError, NotConverged, SceneError
-from brake_fenicsx.lock import Lock
-from brake_fenicsx.log import Progress, logger, start_log
-from brake_fenicsx.memory import peak_memory, release_memory
+from brake_fenicsx.folder.cache import SharedCache, laws_key
+from brake_fenicsx.folder.lock import Lock
+from brake_fenicsx.folder.log import Progress, logger, start_log
+from brake_fenicsx.folder.memory import peak_memory, release_memory
+from brake_fenicsx.folder.shares import Share
+from brake_fenicsx.folder.store import RUNNING, Store
+from brake_fenicsx.folder.versions import versions
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.friction import friction_texts, listed
 from brake_fenicsx.scene.in_effect import in_effect
-from brake_fenicsx.shares import Share
-from brake_fenicsx.store import RUNNING, Store
-from brake_fenicsx.versions import versions
 
 if TYPE_CHECKING:
     from brake_fenicsx.macro.brake import Brake
@@ -553,7 +553,7 @@ def brake_stage(this: Run) -> Brake:
             this.facts,
         )
     if this.comm.size > 1 or not this.whole:
-        from brake_fenicsx.shared_matrices import with_shared_matrices
+        from brake_fenicsx.folder.shared_matrices import with_shared_matrices
 
         brake = with_shared_matrices(brake, this.store, this.comm)
     mean_patch = 1e-3 * float(this.facts["mean_patch_mm"])

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
-from brake_fenicsx.processes import in_turns
+from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.report.counts import FamilyCount, families, good_modes, good_samples
 from brake_fenicsx.report.rundata import RunData
 from brake_fenicsx.squeal import Share, wilson

@@ -10,7 +10,7 @@ from pathlib import Path
 from mpi4py import MPI
 
 from brake_fenicsx import pipeline
-from brake_fenicsx.log import start_log
+from brake_fenicsx.folder.log import start_log
 
 # What adds forms to those of the smallest scene: springs and dashpots on a face, a rotation; a mass
 # on a face, which no rotation may have beside it.

@@ -14,14 +14,14 @@ import numpy as np
 import pytest
 
 from brake_fenicsx import pipeline
-from brake_fenicsx.cache import SharedCache
 from brake_fenicsx.cli import main
-from brake_fenicsx.log import Progress, logger, start_log
+from brake_fenicsx.folder.cache import SharedCache
+from brake_fenicsx.folder.log import Progress, logger, start_log
+from brake_fenicsx.folder.store import Store
+from brake_fenicsx.folder.termination import Terminated
 from brake_fenicsx.pipeline import Run
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.store import Store
 from brake_fenicsx.surface import read_topography
-from brake_fenicsx.termination import Terminated
 from brake_fenicsx.uncertainty.ensemble import run_ensemble
 
 pytestmark = pytest.mark.alone
@@ -162,7 +162,7 @@ def test_a_full_disc_ends_the_samples_by_its_name(tmp_path):
 
 
 def test_a_cache_that_cannot_be_written_does_not_stop_the_run(tmp_path, monkeypatch, caplog):
-    from brake_fenicsx import cache as module
+    from brake_fenicsx.folder import cache as module
 
     def full(source, target):
         raise OSError(28, "No space left on device")

@@ -14,8 +14,8 @@ import pytest
 
 from brake_fenicsx import pipeline
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.lock import SILENCE, Lock
-from brake_fenicsx.store import RUNNING, Store
+from brake_fenicsx.folder.lock import SILENCE, Lock
+from brake_fenicsx.folder.store import RUNNING, Store
 from brake_fenicsx.uncertainty.ensemble import run_ensemble
 
 pytestmark = pytest.mark.alone
@@ -26,7 +26,7 @@ ELSEWHERE = "another-machine-7-7"
 DIES = """
 import os, sys
 from pathlib import Path
-from brake_fenicsx.lock import Lock
+from brake_fenicsx.folder.lock import Lock
 lock = Lock(Path(sys.argv[1]))
 assert lock.claim("folder") is None
 print(lock.name, flush=True)

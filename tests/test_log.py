@@ -5,7 +5,7 @@ import sys
 
 CODE = """
 import logging
-from brake_fenicsx.log import logger, start_log
+from brake_fenicsx.folder.log import logger, start_log
 
 start_log({rank})
 # As distutils does when the first form is compiled.

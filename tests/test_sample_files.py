@@ -10,9 +10,9 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from brake_fenicsx import sample_files
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.store import Store
+from brake_fenicsx.folder import sample_files
+from brake_fenicsx.folder.store import Store
 from brake_fenicsx.uncertainty.ensemble import run_ensemble
 from brake_fenicsx.uncertainty.results import Results
 

@@ -10,9 +10,9 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from brake_fenicsx.cache import laws_key
 from brake_fenicsx.checks import read_surface, surface_warnings, warnings, with_patch, with_pixels
 from brake_fenicsx.description import describe
+from brake_fenicsx.folder.cache import laws_key
 from brake_fenicsx.micro import load_laws
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.report.html import render_page

@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from brake_fenicsx import sample_files
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.shares import Share, read_share
+from brake_fenicsx.folder import sample_files
+from brake_fenicsx.folder.shares import Share, read_share
 
 pytestmark = pytest.mark.alone
 ROOT = Path(__file__).parents[1]
@@ -29,7 +29,7 @@ SETS = [word for change in STUDY for word in ("--set", change)]
 TABLES = ("modes", "samples", "contact", "probabilities", "convergence")
 PROGRAM = """
 import sys
-from brake_fenicsx import sample_files
+from brake_fenicsx.folder import sample_files
 sample_files.BLOCK = 4
 from brake_fenicsx.cli import main
 sys.exit(main(sys.argv[1:]))

@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
-from brake_fenicsx.memory import release_memory
+from brake_fenicsx.folder.memory import release_memory
 
 Array = NDArray[np.float64]
 

@@ -21,9 +21,9 @@ from xml.etree import ElementTree
 import numpy as np
 from numpy.typing import NDArray
 
-from ..compat import vector_space, vtx_writer
-from ..log import logger
-from .xdmf_text import write_tree
+from brake_fenicsx.compat import vector_space, vtx_writer
+from brake_fenicsx.folder.log import logger
+from brake_fenicsx.report.xdmf_text import write_tree
 
 LOSS = (
     "Vertex values: the second-order field was interpolated into the first-order space of the same "

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.processes import in_turns, on_first
-from brake_fenicsx.sample_files import Task
+from brake_fenicsx.folder.processes import in_turns, on_first
+from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.scene.friction import slides
 from brake_fenicsx.scene.in_effect import in_effect
 from brake_fenicsx.tables import Value, read_columns, write_rows

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.log import logger
-from brake_fenicsx.processes import on_first
-from brake_fenicsx.sample_files import Task
+from brake_fenicsx.folder.log import logger
+from brake_fenicsx.folder.processes import on_first
+from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.sweep import ROUGH
 from brake_fenicsx.uncertainty.ensemble import run_ensemble

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from brake_fenicsx.sample_files import Task
+from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.scene.scalars import si_unit
 from brake_fenicsx.stability.modes import Complex
 from brake_fenicsx.tables import write_rows

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.sample_files import Task
+from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.squeal import squeals
 from brake_fenicsx.tables import write_rows
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import NotConverged
-from brake_fenicsx.log import logger
+from brake_fenicsx.folder.log import logger
 from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.macro.equilibrium_change import EquilibriumChange, equilibrium_change
 from brake_fenicsx.scene import Scene

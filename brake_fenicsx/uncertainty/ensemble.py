@@ -12,11 +12,11 @@ from mpi4py import MPI
 import numpy as np
 
 from brake_fenicsx.errors import BrakeError
-from brake_fenicsx.log import Progress, logger
-from brake_fenicsx.processes import on_first
-from brake_fenicsx.sample_files import Task
-from brake_fenicsx.store import Store
-from brake_fenicsx.termination import Terminated, asked, finishing
+from brake_fenicsx.folder.log import Progress, logger
+from brake_fenicsx.folder.processes import on_first
+from brake_fenicsx.folder.sample_files import Task
+from brake_fenicsx.folder.store import Store
+from brake_fenicsx.folder.termination import Terminated, asked, finishing
 
 # Beyond all samples: how a run that is to end keeps its processes from taking more.
 _NO_MORE = 2**40

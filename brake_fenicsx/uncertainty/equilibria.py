@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import NotConverged
-from brake_fenicsx.log import logger
+from brake_fenicsx.folder.log import logger
 from brake_fenicsx.macro.condensation import compliance, reference_factor
 from brake_fenicsx.macro.corrected import Bodies, corrected_equilibrium
 from brake_fenicsx.macro.equilibrium import (

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.macro.brake import Brake, scene_motion
 from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.resultants import PadForces, pad_forces
-from brake_fenicsx.sample_files import Task
 from brake_fenicsx.scene import Scene
 
 Array = NDArray[np.float64]

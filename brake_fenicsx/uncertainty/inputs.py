@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
-from brake_fenicsx.log import logger
+from brake_fenicsx.folder.log import logger
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.samples import is_constant, split_key
 

@@ -19,20 +19,20 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from brake_fenicsx.cache import SharedCache, bodies_key
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
-from brake_fenicsx.log import Progress, logger
+from brake_fenicsx.folder.cache import SharedCache, bodies_key
+from brake_fenicsx.folder.log import Progress, logger
+from brake_fenicsx.folder.memory import release_memory
+from brake_fenicsx.folder.processes import on_first
+from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.brake import Brake
 from brake_fenicsx.macro.condensation import Compliance, Solves, compliance
 from brake_fenicsx.macro.equilibrium import Condensed
 from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.macro.material_table import layer_materials, scene_materials
-from brake_fenicsx.memory import release_memory
-from brake_fenicsx.processes import on_first
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.damping import active_terms, reduced_approaches
 from brake_fenicsx.scene.scalars import changes_bodies
-from brake_fenicsx.store import Store
 
 from .numbering import FILE as DOFS
 from .numbering import Numbering, dof_points

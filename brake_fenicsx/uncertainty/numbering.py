@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.brake import Brake
 from brake_fenicsx.macro.faces import body_of_nodes
-from brake_fenicsx.store import Store
 
 from .shapes import body_centres
 

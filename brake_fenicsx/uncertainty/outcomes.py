@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.sample_files import Task
+from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.squeal import squeals
 
 from .results import Results

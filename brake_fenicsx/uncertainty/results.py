@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.folder.sample_files import Task
+from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.contact import Contact
-from brake_fenicsx.sample_files import Task
 from brake_fenicsx.squeal import squeals
-from brake_fenicsx.store import Store
 
 from .families import ModeFamilies
 

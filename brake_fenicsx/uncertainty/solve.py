@@ -10,7 +10,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
-from brake_fenicsx.log import logger
+from brake_fenicsx.folder.log import logger
 from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.stability import Modes, complex_modes, contact_interface
 from brake_fenicsx.stability.operators import tangent

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.macro.brake import Brake
 from brake_fenicsx.macro.stuck import StuckState
-from brake_fenicsx.sample_files import Task
 from brake_fenicsx.scene import Scene
 
 Array = NDArray[np.float64]

@@ -12,18 +12,18 @@ from mpi4py import MPI
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.cache import SharedCache
 from brake_fenicsx.errors import InaccurateResult, SceneError
+from brake_fenicsx.folder.cache import SharedCache
+from brake_fenicsx.folder.processes import on_first
+from brake_fenicsx.folder.sample_files import Task
+from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.brake import Brake
 from brake_fenicsx.macro.braking import reference_stiffness
 from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.micro import LawRecipe, make_library
 from brake_fenicsx.micro.law import Laws
-from brake_fenicsx.processes import on_first
-from brake_fenicsx.sample_files import Task
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.scalars import changes_bodies
-from brake_fenicsx.store import Store
 from brake_fenicsx.surface.hdf import HeightDistribution
 from brake_fenicsx.surface.waviness import Waviness
 from brake_fenicsx.tables import CONTACT, MODES, SAMPLES, write_rows

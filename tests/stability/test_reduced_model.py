@@ -10,6 +10,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 
 from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
+from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.condensation import compliance
 from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.solver import petsc_matrix
@@ -24,7 +25,6 @@ from brake_fenicsx.stability.substructures import CONSTANT, reduction
 from brake_fenicsx.stability.substructures.parameters import Interpolation
 from brake_fenicsx.stability.substructures.polynomials import zeros
 from brake_fenicsx.stability.substructures.substructure import mirror_image
-from brake_fenicsx.store import Store
 from dense_reference import agrees, all_lambda
 from reduced_samples import (
     BAND,
@@ -167,7 +167,7 @@ def test_what_was_made_earlier_gives_the_same_bytes(two_blocks, changing, tmp_pa
         substructures(scene, "loss", changing), scene.w, BAND, parameters,
         keep=lambda arrays: store.save("model.npz", **arrays) or arrays,
     )  # fmt: skip
-    monkeypatch.setattr("brake_fenicsx.store.MAPPED", 1000)
+    monkeypatch.setattr("brake_fenicsx.folder.store.MAPPED", 1000)
     mapped = store.load("model.npz", mapped=True)
     assert isinstance(mapped["1.W"].base, np.memmap)
     again = ReducedModel(mapped, scene.w, BAND, parameters)

@@ -6,7 +6,7 @@ from mpi4py import MPI
 
 import pytest
 
-from brake_fenicsx.store import Store
+from brake_fenicsx.folder.store import Store
 
 COMM = MPI.COMM_WORLD
 

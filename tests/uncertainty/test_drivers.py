@@ -9,9 +9,9 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
+from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.brake import assemble_brake
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.store import Store
 from brake_fenicsx.tables import read_columns
 from brake_fenicsx.uncertainty.driver_tables import CONTACT_DRIVERS, DRIVERS, write_drivers
 from brake_fenicsx.uncertainty.results import Results

@@ -7,8 +7,8 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
+from brake_fenicsx.folder.store import Store
 from brake_fenicsx.pipeline import run
-from brake_fenicsx.store import Store
 from brake_fenicsx.uncertainty.models import LAYOUT
 
 pytestmark = pytest.mark.alone

@@ -7,7 +7,7 @@ from mpi4py import MPI
 import numpy as np
 
 from brake_fenicsx import prepare
-from brake_fenicsx.store import Store
+from brake_fenicsx.folder.store import Store
 
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 ROUGH = [

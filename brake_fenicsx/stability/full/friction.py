@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.memory import release_memory
+from brake_fenicsx.folder.memory import release_memory
 
 from ..eigensolvers.arnoldi import nearest_modes
 from ..eigensolvers.complex_columns import with_conjugates

@@ -19,7 +19,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.processes import in_turns
+from brake_fenicsx.folder.processes import in_turns
 
 from ..eigensolvers.complex_columns import with_conjugates
 from ..eigensolvers.rows import damped_rows, undamped_rows

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.macro.solver import Factor
-from brake_fenicsx.processes import in_turns
 
 from ..eigensolvers.lanczos import lowest_modes
 from ..eigensolvers.symmetric import count_below

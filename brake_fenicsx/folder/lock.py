@@ -18,7 +18,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from brake_fenicsx.log import logger
+from brake_fenicsx.folder.log import logger
 
 BEAT, SILENCE = 30.0, 600.0  # [s]
 _CLAIM, _RUN = ".claim", ".run"

@@ -21,7 +21,7 @@ import numpy as np
 from brake_fenicsx.errors import SceneError
 
 if TYPE_CHECKING:
-    from brake_fenicsx.store import Store
+    from brake_fenicsx.folder.store import Store
 
 Task = tuple[str, int]
 

@@ -1,0 +1,1 @@
+"""The results folder of a run, and the processes that work in it."""
