@@ -136,7 +136,7 @@ class Run:
 
 
 def assemble(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -> Brake:
-    """Operators of a scene's brake.
+    """Assemble a scene's brake: stiffness, mass, contact operators and loads.
 
     Args:
         scene: path of the scene.
@@ -144,7 +144,9 @@ def assemble(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -
         overrides: "key=value" replacements in the scene.
 
     Returns:
-        ``.K .M .N .T .R .w .f .points .mesh``.
+        ``K`` [N/m] and ``M`` [kg], the matrices of the bodies; ``N``, ``T``, ``R``, the gap and the
+        slips along and across the sliding direction of every contact element; ``w`` [m^2], their
+        areas; ``f`` [N], the loads; ``points`` [m], ``mesh``.
     """
     from brake_fenicsx.macro.brake import assemble_brake
 
@@ -161,14 +163,14 @@ def run(
     share: Share | None = None,
     prepare: bool = False,
 ) -> Run:
-    """Run a scene: every stage it names, continuing what an earlier run left.
+    """Run all stages of a scene, reusing existing results.
 
     Args:
         scene: path of the scene.
         comm: processes of the run.
         directory: results folder; SCENE-results in the working directory if not given.
         overrides: "key=value" replacements in the scene.
-        from_stage: forget the results of this stage and of all later ones first.
+        from_stage: recompute from this stage on.
         cache: folder of laws and reduced models that runs of similar scenes share; none if not
             given.
         share: compute this part of the samples alone, in a folder that was prepared.

@@ -74,8 +74,8 @@ class Factor:
             )
         if F.getMumpsInfog(28) > 0:
             raise InaccurateResult(
-                f"the stiffness is singular: {F.getMumpsInfog(28)} null pivots;"
-                " a part is neither supported nor in contact"
+                "the stiffness is singular: a part can move freely; add supports (the command"
+                " check names part and direction)"
             )
         self.negative_pivots = int(F.getMumpsInfog(12))
         self.gigabytes = F.getMumpsInfog(22) / 1e3

@@ -216,7 +216,8 @@ def draw_chart(run: RunData) -> Figure | None:
             grid[j, i] = data
             mesh = axis.pcolormesh(fx * x, fy * y, grid, shading="nearest", cmap="viridis")
             figure.colorbar(mesh, ax=axis, label=text)
-            axis.contour(fx * x, fy * y, grid, levels=[1e-9], colors="white", linewidths=0.8)
+            if grid.min() <= 0.0 < grid.max():  # a chart without an onset has no contour
+                axis.contour(fx * x, fy * y, grid, levels=[1e-9], colors="white", linewidths=0.8)
         row[0].set_ylabel(y_name)
         panel(row[0], "ab"[approaches.index(approach)], label(run, approach))
     for axis in axes[-1]:

@@ -10,7 +10,7 @@ from typing import Any
 
 from brake_fenicsx.squeal import wilson
 
-from .blocks import Block
+from .blocks import Block, Table
 from .candidates import CANDIDATES, beside_candidates
 from .counts import ApproachCount, FamilyCount, count, good_modes
 from .mode_cards import Card, ModePictures, family_card
@@ -28,6 +28,7 @@ class Verdict:
     Attributes:
         text: the verdict in one sentence; empty if the run has none.
         level: "squeal", "open" or "calm", for its colour.
+        limits: how many squeal at the limit chosen and at the usual one.
         more: sentences that follow it.
         cards: the strongest candidates.
         notes: sentences about the candidates, below them.
@@ -38,6 +39,7 @@ class Verdict:
 
     text: str = ""
     level: str = ""
+    limits: list[Block] = field(default_factory=list)
     more: list[str] = field(default_factory=list)
     cards: list[Card] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -63,14 +65,16 @@ def make_verdict(
     counted = count(run, lead)
     text, level = _sentence(run, counted)
     others = [name for name in families if name != lead]
-    more = [*_failure(run, counted), *_limit(run, counted)]
+    more = _failure(run, counted)
+    if counted.samples and _damping(run) == UNDAMPED:
+        more.append("The model has no damping.")
     more += [_other(run, count(run, name), families[name]) for name in others]
     cards = [
         family_card(run, f, pictures, rank, named=True)
         for rank, f in enumerate(families[lead][:CANDIDATES], start=1)
     ]
     notes = beside_candidates(run, families, lead)
-    return Verdict(text, level, more, cards, notes, facts, warnings)
+    return Verdict(text, level, _limits(run, counted), more, cards, notes, facts, warnings)
 
 
 def leading_approach(run: RunData) -> str:
@@ -137,7 +141,7 @@ def _sentence(run: RunData, c: ApproachCount) -> tuple[str, str]:
     if c.squeal_samples == 0:
         return f"No squeal was found: {said}", "calm"
     if share.low > most:
-        return f"Squeal is likely: {said}", "squeal"
+        return f"Squeal is likely at the limit chosen: {said}", "squeal"
     if share.high < most:
         return f"Squeal is possible: {said}", "open"
     return (
@@ -160,19 +164,19 @@ def _failure(run: RunData, c: ApproachCount) -> list[str]:
     return [f"{often if c.failed > 1 else 'Its error'}: {text}."]
 
 
-def _limit(run: RunData, c: ApproachCount) -> list[str]:
-    """What the usual limit of another program would count, and that nothing is damped."""
-    said = []
-    if c.squeal and run.threshold < USUAL_LIMIT:
-        modes = good_modes(run, c.approach, squeal=True)
-        loud = modes["sample"][modes["damping"] < -USUAL_LIMIT]
-        number = f"{len({*loud})} of {c.samples} samples"
-        if c.samples == 1:
-            number = f"{loud.size} of {c.squeal} squeal modes"
-        said.append(f"With a damping below {-USUAL_LIMIT:g}, a usual limit in Abaqus: {number}.")
-    if c.samples and _damping(run) == UNDAMPED:
-        said.append("The model has no damping.")
-    return said
+def _limits(run: RunData, c: ApproachCount) -> list[Block]:
+    """What the usual limit of another program would count, beside that of the scene."""
+    if not c.squeal or run.threshold >= USUAL_LIMIT:
+        return []
+    modes = good_modes(run, c.approach, squeal=True)
+    loud = modes["sample"][modes["damping"] < -USUAL_LIMIT]
+    what, numbers = "squeal modes", (f"{c.squeal}", f"{loud.size}")
+    if c.samples > 1:
+        hits = (c.squeal_samples, len({*loud}))
+        what, numbers = "samples that squeal", tuple(f"{n} of {c.samples}" for n in hits)
+    chosen, usual = (f"{-limit or 0:g}" for limit in (run.threshold, USUAL_LIMIT))
+    rows = [["limit chosen", chosen, numbers[0]], ["usual limit in Abaqus", usual, numbers[1]]]
+    return [Table(["limit", "damping below", what], rows)]
 
 
 def _other(run: RunData, c: ApproachCount, found: list[FamilyCount]) -> str:
