@@ -10,14 +10,20 @@ for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 # PETSc would answer a closed pipe and SIGTERM with its own banner and MPI_Abort.
 os.environ["PETSC_OPTIONS"] = f"-no_signal_handler {os.environ.get('PETSC_OPTIONS', '')}"
 
-import argparse  # noqa: E402
-import sys  # noqa: E402
-import traceback  # noqa: E402
-from collections.abc import Sequence  # noqa: E402
-from typing import Any, NoReturn  # noqa: E402
+INTERRUPTED = "brake-fenicsx: interrupted; the same command resumes the run"
+try:
+    import argparse
+    import sys
+    import traceback
+    from collections.abc import Sequence
+    from typing import Any, NoReturn
 
-from brake_fenicsx.errors import BrakeError, SceneError, StorageError  # noqa: E402
-from brake_fenicsx.folder.termination import STATUS, Terminated, watching  # noqa: E402
+    from brake_fenicsx.errors import BrakeError, SceneError, StorageError
+    from brake_fenicsx.folder.termination import STATUS, Terminated, watching
+except KeyboardInterrupt:
+    # Ctrl-C in the first moments; no other module is sure to be there.
+    os.write(2, f"{INTERRUPTED}\n".encode())
+    raise SystemExit(130) from None
 
 STAGES = ("surface", "micro", "equilibrium", "stability", "uncertainty", "report")
 
@@ -253,7 +259,7 @@ def _main(words: list[str]) -> int:
             comm.Abort(status)  # it may be the only one that writes, and the others wait
         return status
     except KeyboardInterrupt:
-        return _end(comm, verbose, "interrupted; the same command resumes the run", 130)
+        return _end(comm, verbose, INTERRUPTED, 130)
     except Terminated as error:
         said = "terminated; finished samples are stored, the same command resumes the run"
         status = _end(comm, verbose, said, STATUS)
@@ -289,7 +295,8 @@ def _end(comm: Any, verbose: bool, said: str, status: int) -> int:
     if comm is None or comm.rank == 0:
         if verbose:
             traceback.print_exc()
-        print(f"brake-fenicsx: {' '.join(said.split())}", file=sys.stderr)
+        said = f"brake-fenicsx: {said.removeprefix('brake-fenicsx: ')}"
+        print(" ".join(said.split()), file=sys.stderr)
     return status
 
 

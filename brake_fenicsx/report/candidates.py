@@ -44,7 +44,7 @@ def _doublets(run: RunData, found: list[FamilyCount], chosen: list[FamilyCount])
         modes = good_modes(run, low.approach, squeal=True)
         own = np.isin(modes["family"], [f.family for f in pair])
         hits = np.unique(modes["sample"][own]).size
-        one, two = (f"{f.frequency / 1e3:.2f}" for f in sorted(pair, key=found.index))
+        one, two = (f"{f.frequency / 1e3:.3f}" for f in sorted(pair, key=found.index))
         said.append(
             f"{one} and {two} kHz lie close together and may be one doublet: at least one squeals"
             f" in {hits} of {low.share.n} samples."
@@ -68,6 +68,6 @@ def _worse(
     modes = good_modes(run, worst.approach, squeal=True)
     frequency = modes["frequency_hz"][np.argmin(modes["damping"])]
     return [
-        f"Another approach has a mode with a lower damping: {frequency / 1e3:.2f} kHz, damping"
+        f"Another approach has a mode with a lower damping: {frequency / 1e3:.3f} kHz, damping"
         f" {worst.worst:.2g} ({run.label(worst.approach)})."
     ]

@@ -176,7 +176,7 @@ def cause_rows(run: RunData, most: int = 12) -> list[list[Value]]:
             kilo = _number(row["frequency_hz"]) / 1e3
             where = "whole band"
             if row["scope"] == "family":
-                where = f"{kilo:.2f} kHz, family {row['where']}"
+                where = f"{kilo:.3f} kHz, family {row['where']}"
             chosen = (*CAUSE_COLUMNS, *(name for name in row if name.startswith("share_")))
             rows.append([approach, where, *(row[name] for name in chosen)])
     return rows
@@ -281,4 +281,4 @@ def _share_cells(share: Share) -> list[Value]:
 
 def _family_text(f: FamilyCount) -> str:
     often = f"{f.share.hits}/{f.share.n}, " if f.share.n > 1 else ""
-    return f"{f.frequency / 1e3:.2f} kHz ({often}{f.median:.2g})"
+    return f"{f.frequency / 1e3:.3f} kHz ({often}{f.median:.2g})"

@@ -186,7 +186,7 @@ def _other(run: RunData, c: ApproachCount, found: list[FamilyCount]) -> str:
         return " ".join([f"{name}: all samples failed.", *_failure(run, c)])
     if not found:
         return f"{name}: no squeal mode."
-    most = f"most severe {found[0].frequency / 1e3:.2f} kHz (damping {found[0].median:.2g})"
+    most = f"most severe {found[0].frequency / 1e3:.3f} kHz (damping {found[0].median:.2g})"
     if c.samples == 1:
         return f"{name}: {c.squeal} squeal mode{'' if c.squeal == 1 else 's'}, {most}."
     return f"{name}: {c.squeal_samples} of {c.samples} samples squeal, {most}."

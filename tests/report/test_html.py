@@ -102,7 +102,9 @@ def test_the_scene_file_is_shown_where_nothing_else_names_the_settings(tmp_path)
 
 def test_numbers_of_the_answer_stand_in_the_first_table(page):
     root = ElementTree.parse(page).getroot()
-    rows = [[c.text for c in row] for row in root.find(f".//{X}table").iter(f"{X}tr")]
+    limits, table = root.findall(f".//{X}table")[:2]
+    assert ["limit chosen", "0", "54 of 60"] in [[c.text for c in row] for row in limits.iter(f"{X}tr")]
+    rows = [[c.text for c in row] for row in table.iter(f"{X}tr")]
     assert rows[3][:8] == ["Multi-scale", "60", "0", "1920", "96", "1728", "96", "54"]
     assert rows[3][8] == "90 % (80 to 95 %)"
     assert rows[1][8] == "-"
@@ -116,14 +118,15 @@ def test_the_first_screen_names_verdict_candidates_and_conditions(page):
     assert verdict.get("class") == "verdict squeal"
     text = "".join(verdict.itertext())
     assert text.startswith(
-        "Squeal is likely: 54 of 60 samples have a squeal mode with a damping below 0 (90 %, 95 %"
+        "Squeal is likely at the limit chosen: 54 of 60 samples have a squeal mode with a damping"
+        " below 0 (90 %, 95 %"
     )
     assert "Classical: 2 squeal modes" in text
     run = read_run(page.parent)
     strongest = families(run, "multi-scale")[:3]
     cards = [d for d in head.iter(f"{X}div") if d.get("class") == "card shape"]
     assert [c.find(f".//{X}h3").text for c in cards] == [
-        f"{f.frequency / 1e3:.2f} kHz" for f in strongest
+        f"{f.frequency / 1e3:.3f} kHz" for f in strongest
     ]
     assert all("Multi-scale" in "".join(card.itertext()) for card in cards)
     said = "".join(cards[0].itertext())
