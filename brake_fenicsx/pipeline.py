@@ -713,6 +713,10 @@ def report(directory: Path) -> None:
             "%s: samples without tables; `run` of the scene, with -o %s, makes them", directory,
             directory,
         )  # fmt: skip
+    elif data.modes is None and (data.summary or {}).get("in_effect", {}).get("stability"):
+        logger.warning(
+            "%s: modes.csv is missing, and the page has no modes; `run` makes it again", directory
+        )
     if data.modes is not None:
         # Line by line: the time stamp of the file would shift the heading alone.
         for line in summary_table(data).splitlines():

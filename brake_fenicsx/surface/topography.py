@@ -51,7 +51,7 @@ class Topography:
     def __repr__(self) -> str:
         """One line."""
         (nx, ny), (lx, ly) = self.shape, 1e3 * self.size
-        return f"Topography({self.source or 'heights'}: {nx} x {ny} points, {lx:.4g} x {ly:.4g} mm)"
+        return f"Topography({self.source}: {nx} x {ny} points, {lx:.4g} x {ly:.4g} mm)"
 
     @property
     def shape(self) -> tuple[int, int]:
