@@ -170,13 +170,14 @@ def _limits(run: RunData, c: ApproachCount) -> list[Block]:
         return []
     modes = good_modes(run, c.approach, squeal=True)
     loud = modes["sample"][modes["damping"] < -USUAL_LIMIT]
-    what, numbers = "squeal modes", (f"{c.squeal}", f"{loud.size}")
-    if c.samples > 1:
-        hits = (c.squeal_samples, len({*loud}))
-        what, numbers = "samples that squeal", tuple(f"{n} of {c.samples}" for n in hits)
-    chosen, usual = (f"{-limit or 0:g}" for limit in (run.threshold, USUAL_LIMIT))
-    rows = [["limit chosen", chosen, numbers[0]], ["usual limit in Abaqus", usual, numbers[1]]]
-    return [Table(["limit", "damping below", what], rows)]
+    several, number = c.samples > 1, f" of {c.samples}" if c.samples > 1 else ""
+    hits = (c.squeal_samples, len({*loud})) if several else (c.squeal, loud.size)
+    limits = {"limit chosen": run.threshold, "usual limit in Abaqus": USUAL_LIMIT}
+    rows = [
+        [name, f"{-limit or 0:g}", f"{n}{number}"]
+        for (name, limit), n in zip(limits.items(), hits, strict=True)
+    ]
+    return [Table(["limit", "damping below", "samples that squeal" if several else "squeal modes"], rows)]
 
 
 def _other(run: RunData, c: ApproachCount, found: list[FamilyCount]) -> str:
