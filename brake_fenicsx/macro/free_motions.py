@@ -19,22 +19,11 @@ from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import Scene
 
+from . import rigid_motions as rigid
 from .brake import Brake
 from .faces import body_of_nodes
 from .parts import file_parts
-from .rigid_motions import (
-    Array,
-    Index,
-    RigidMotions,
-    acting,
-    as_one,
-    columns_of,
-    constraints,
-    groups,
-    members,
-    null_space,
-    rigid_motions,
-)  # fmt: skip
+from .rigid_motions import Array, Index
 
 # Round-off of a row of K R and of N R over the sum of the magnitudes of its terms.
 ROUND_OFF = 1e-12, 1e-7
@@ -61,15 +50,15 @@ def check_free_motions(scene: Scene, brake: Brake) -> list[str]:
     Raises:
         SceneError: the parts, the directions and the remedy.
     """
-    bodies = rigid_motions(brake.elastic.free)
+    bodies = rigid.rigid_motions(brake.elastic.free)
     cells = _cell_bodies(brake)
     names = _names(scene, *cells, len(bodies.size))
-    joints = sp.vstack([bodies.held, acting(brake.elastic.K, bodies.R, ROUND_OFF[0])]).tocsr()
-    A = sp.vstack([joints, acting(brake.N, bodies.R, ROUND_OFF[1])]).tocsr()
-    joined = groups(joints)
+    joints = sp.vstack([bodies.held, rigid.acting(brake.elastic.K, bodies.R, ROUND_OFF[0])]).tocsr()
+    A = sp.vstack([joints, rigid.acting(brake.N, bodies.R, ROUND_OFF[1])]).tocsr()
+    joined = rigid.groups(joints)
     pieces = _pieces(brake, *cells, joined)
     motions: Counter[tuple[tuple[str, ...], str]] = Counter()
-    for group in members(groups(A)):
+    for group in rigid.members(rigid.groups(A)):
         for chosen, how in _free_motions(A, bodies, group, joined[group]):
             motions[_parts(names, group[chosen]), how] += 1
     if motions:
@@ -79,18 +68,19 @@ def check_free_motions(scene: Scene, brake: Brake) -> list[str]:
 
 
 def _unpressed(
-    brake: Brake, bodies: RigidMotions, joints: sp.csr_matrix, joined: Index, names: list[list[str]]
-) -> list[str]:
+    brake: Brake, bodies: rigid.RigidMotions, joints: sp.csr_matrix, joined: Index,
+    names: list[list[str]],
+) -> list[str]:  # fmt: skip
     """Bodies that contact alone holds in some directions, and that the loads do not press on it.
 
     Forces P >= 0 of the contact elements, without friction, that balance the loads on the free
     motions Q of the joined bodies, Q' R' (f + N' P) = 0; a displacement of supports presses too.
     """
     gaps, loads = [], []
-    every = members(joined)
+    every = rigid.members(joined)
     for group in every:
-        columns = columns_of(group)
-        motion = bodies.R[:, columns] @ null_space(constraints(joints, columns))
+        columns = rigid.columns_of(group)
+        motion = bodies.R[:, columns] @ rigid.null_space(rigid.constraints(joints, columns))
         gaps.append(brake.N @ motion)
         loads.append(motion.T @ brake.f)
     if brake.lift is not None or not sum(map(len, loads)):
@@ -116,8 +106,8 @@ def _refusal(
     """What moves freely, and the remedies."""
     said = []
     for (parts, how), count in motions.items():
-        bodies = f"{count} pieces of part" if count > 1 else "parts" if len(parts) > 1 else "part"
-        together = " together" if len(parts) > 1 else ""
+        one, together = ("parts", " together") if len(parts) > 1 else ("part", "")
+        bodies = f"{count} pieces of part" if count > 1 else one
         said.append(f"{bodies} {' and '.join(parts)}{together}: free to {how}")
     free = {name for parts, _ in motions for name in parts}
     said += [f"{text}: merge them in the mesh" for name, text in pieces.items() if name in free]
@@ -139,24 +129,24 @@ def _parts(names: list[list[str]], bodies: Index) -> tuple[str, ...]:
 
 
 def _free_motions(
-    A: sp.csr_matrix, bodies: RigidMotions, group: Index, joined: Index
+    A: sp.csr_matrix, bodies: rigid.RigidMotions, group: Index, joined: Index
 ) -> list[tuple[Index, str]]:
     """Free motions of bodies that touch: of each alone, of those that are joined, and of all.
 
     Returns:
         Which of the bodies, and how they move.
     """
-    columns, every = columns_of(group), np.arange(len(group))
-    own = constraints(A, columns)
-    dimension = null_space(own).shape[1]
+    columns, every = rigid.columns_of(group), np.arange(len(group))
+    own = rigid.constraints(A, columns)
+    dimension = rigid.null_space(own).shape[1]
     # Bodies given by matrices may have so few coordinates that some motions move none of them.
     moved = sp.vstack([bodies.held[:, columns], bodies.R[:, columns]])
-    named = null_space((moved.T @ moved).toarray())
+    named = rigid.null_space((moved.T @ moved).toarray())
     motions = []
-    for chosen in [*every[:, None], *members(joined), every]:
+    for chosen in [*every[:, None], *rigid.members(joined), every]:
         if named.shape[1] < dimension:
-            E = as_one(bodies, group, chosen)
-            said, named = _directions(null_space(own @ E), E, named)
+            E = rigid.as_one(bodies, group, chosen)
+            said, named = _directions(rigid.null_space(own @ E), E, named)
             motions += [(chosen, said)] if said else []
     if left := dimension - named.shape[1]:
         motions.append((every, f"move against each other in {left} ways"))

@@ -170,14 +170,12 @@ def _limits(run: RunData, c: ApproachCount) -> list[Block]:
         return []
     modes = good_modes(run, c.approach, squeal=True)
     loud = modes["sample"][modes["damping"] < -USUAL_LIMIT]
-    several, number = c.samples > 1, f" of {c.samples}" if c.samples > 1 else ""
-    hits = (c.squeal_samples, len({*loud})) if several else (c.squeal, loud.size)
-    limits = {"limit chosen": run.threshold, "usual limit in Abaqus": USUAL_LIMIT}
-    rows = [
-        [name, f"{-limit or 0:g}", f"{n}{number}"]
-        for (name, limit), n in zip(limits.items(), hits, strict=True)
-    ]
-    return [Table(["limit", "damping below", "samples that squeal" if several else "squeal modes"], rows)]
+    of, what, hits = "", "squeal modes", (c.squeal, loud.size)
+    if c.samples > 1:
+        of, what, hits = f" of {c.samples}", "samples that squeal", (c.squeal_samples, len({*loud}))
+    limits = ("limit chosen", run.threshold), ("usual limit in Abaqus", USUAL_LIMIT)
+    rows = [[name, f"{-x or 0:g}", f"{n}{of}"] for (name, x), n in zip(limits, hits, strict=True)]
+    return [Table(["limit", "damping below", what], rows)]
 
 
 def _other(run: RunData, c: ApproachCount, found: list[FamilyCount]) -> str:
