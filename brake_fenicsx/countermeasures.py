@@ -19,9 +19,10 @@ import numpy as np
 
 from brake_fenicsx import pipeline
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
+from brake_fenicsx.folder.files import digest
 from brake_fenicsx.folder.log import logger, start_log
 from brake_fenicsx.folder.processes import on_first
-from brake_fenicsx.folder.store import Store, result_digest
+from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.brake import check_brake
 from brake_fenicsx.model import Model, prepare
 from brake_fenicsx.report.comparison import COLUMNS as COMPARED
@@ -29,8 +30,9 @@ from brake_fenicsx.report.comparison import compare_runs
 from brake_fenicsx.report.comparison_page import write_comparison
 from brake_fenicsx.report.countermeasure_page import write_countermeasures
 from brake_fenicsx.report.rundata import read_run
-from brake_fenicsx.scene import Scene, read_scene
+from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.countermeasures import Countermeasure
+from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.scene.samples import is_constant, split_key
 from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.scene.sweep import ROUGH
@@ -100,7 +102,7 @@ class Search:
             stability.threshold if stability else 0.0,
         ]
         ends = [[c.key, c.start, c.stop] for c in named]
-        self._mark = Scene.hash([result_digest(self.scene), *about, ends])
+        self._mark = digest([result_digest(self.scene), *about, ends])
         self.found: dict[str, dict[str, Any]] = on_first(self._stored, comm)
 
     def _stored(self) -> dict[str, dict[str, Any]]:
@@ -175,7 +177,7 @@ class Search:
 
     def _prepared(self, changes: list[str], ranges: dict[str, list[float]]) -> Model:
         self._clean()
-        name = Scene.hash([changes, ranges])[:12]
+        name = digest([changes, ranges])[:12]
         folder, overrides = self.folder / "models" / name, [*self._plain, *changes]
         return prepare(self._file, overrides, folder, self._cache, ranges, self.comm)
 

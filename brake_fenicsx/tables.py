@@ -51,8 +51,6 @@ CONTACT = (
     "k_vibration",
     "law",
 )
-# Format of laws and samples on disk: what older programs wrote is not read as current.
-FORMAT = 3
 TEXT = frozenset(
     {
         "approach",

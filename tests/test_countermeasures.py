@@ -12,12 +12,12 @@ import pytest
 from brake_fenicsx import countermeasures as module
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import NotConverged, SceneError
-from brake_fenicsx.folder.store import result_digest
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.report.comparison import COLUMNS, compare_runs
 from brake_fenicsx.report.counts import families
 from brake_fenicsx.report.rundata import read_run
 from brake_fenicsx.scene import read_scene
+from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.tables import read_rows
 from coarse_block import BLOCK, FRICTION, HEIGHT, ROUGH, levers
 from processes import parallel

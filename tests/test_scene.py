@@ -11,8 +11,8 @@ import pytest
 
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.store import result_digest
 from brake_fenicsx.scene import read_scene
+from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.scene.in_effect import in_effect
 from brake_fenicsx.scene.units import to_si
 

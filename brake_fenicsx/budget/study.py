@@ -22,13 +22,13 @@ from brake_fenicsx import pipeline
 from brake_fenicsx.checks import check, read_surface, with_patch, with_pixels
 from brake_fenicsx.costs import count_solves, estimate
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
-from brake_fenicsx.folder.cache import laws_key
+from brake_fenicsx.folder.files import digest
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.memory import release_memory
-from brake_fenicsx.folder.store import result_digest
 from brake_fenicsx.report.budget_page import sentence, write_budget_page
 from brake_fenicsx.report.rundata import read_run
 from brake_fenicsx.scene import Scene, read_scene
+from brake_fenicsx.scene.digest import laws_key, result_digest
 from brake_fenicsx.tables import write_rows
 from brake_fenicsx.uncertainty.sampling import sample_count
 
@@ -117,7 +117,7 @@ class Budget:
     def _asked(self, overrides: Sequence[str]) -> str:
         scene = read_scene(self.file, [*self.overrides, *overrides])
         samples = scene.table.get("samples", {})
-        return scene.hash([result_digest(scene), {**samples, "random": None}])
+        return digest([result_digest(scene), {**samples, "random": None}])
 
 
 def run_budget(

@@ -7,8 +7,6 @@ unit ("unit"), the allowed sign ("sign": positive if absent, "zero", "any") and 
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -508,8 +506,3 @@ class Scene:
         """Name of an approach to a person: "multi-scale" is said of rough contact alone."""
         rough = any(c.law == "library" or c.gap != "none" for c in self.contact.values())
         return approach if rough or approach != "multi-scale" else "smooth contact"
-
-    @staticmethod
-    def hash(content: Any) -> str:
-        """Hash of some content of a scene."""
-        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
