@@ -334,7 +334,7 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
     elif options.command == "countermeasures":
         from brake_fenicsx.countermeasures import find_countermeasures
         from brake_fenicsx.report.countermeasure_page import countermeasures_text
-        from brake_fenicsx.tables import read_rows
+        from brake_fenicsx.results.tables import read_rows
 
         found = find_countermeasures(
             options.scene, comm, options.directory, options.set, options.cache

@@ -24,21 +24,20 @@ from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.store import Store, result_digest
 from brake_fenicsx.macro.brake import check_brake
 from brake_fenicsx.model import Model, prepare
-from brake_fenicsx.report.comparison import COLUMNS as COMPARED
-from brake_fenicsx.report.comparison import compare_runs
 from brake_fenicsx.report.comparison_page import write_comparison
 from brake_fenicsx.report.countermeasure_page import write_countermeasures
-from brake_fenicsx.report.rundata import read_run
+from brake_fenicsx.results.run import read_run
+from brake_fenicsx.results.statistics import Share, wilson
+from brake_fenicsx.results.tables import Value
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.countermeasures import Countermeasure
 from brake_fenicsx.scene.samples import is_constant, split_key
 from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.scene.sweep import ROUGH
 from brake_fenicsx.scene.units import quantity_text
-from brake_fenicsx.squeal import Share, wilson
 from brake_fenicsx.sweeps.smallest_change import MOST, Change, enough, smallest_change
-from brake_fenicsx.tables import Value
 from brake_fenicsx.uncertainty.inputs import law_material, scaled_interfaces
+from brake_fenicsx.variants.comparison import compare_runs
 from brake_fenicsx.worst_family import Trial, Worst, worst_family
 
 # Values tried from the scene's one outward, and accuracy of the smallest change relative to the
@@ -300,10 +299,9 @@ def _compared(folder: Path, after: Path, worst: Worst) -> tuple[Share, Share]:
     """Shares of samples after a change in which the worst family and any family squeal."""
     before = folder / "before"
     write_comparison(before, after, after)
-    rows = [dict(zip(COMPARED, row, strict=True)) for row in compare_runs(before, after)]
-    mine = [row for row in rows if row["approach"] == worst.count.approach]
+    mine = [row for row in compare_runs(before, after) if row["approach"] == worst.count.approach]
     # The first row is that of all families together.
-    same = next(row for row in mine if row["family_a"] == worst.count.family)
+    same = next(row for row in mine if row["family_a"] == worst.count.key)
     n = int(mine[0]["samples_b"] or 0)
     own, loud = (wilson(round(float(r["probability_b"] or 0) * n), n) for r in (same, mine[0]))
     return own, loud

@@ -578,7 +578,7 @@ def note_warnings(this: Run, lines: list[str]) -> None:
 def note_open_points(this: Run) -> None:
     """Log what the modes of the samples leave open; the page says it from the summary."""
     from brake_fenicsx.report.overview import open_points
-    from brake_fenicsx.report.rundata import RunData
+    from brake_fenicsx.results.run import RunData
 
     summary = {**this.facts, "in_effect": in_effect(this.scene)}
     if text := open_points(RunData(this.store.directory, summary=summary)):
@@ -634,7 +634,9 @@ def mechanics(
     with this.stage("results"):
         if this.comm.rank == 0:
             this.store.forget_tables()
-        first = study.write()
+        from brake_fenicsx.results.write import write_results
+
+        first = write_results(study)
         if sweep is not None:
             this.facts |= sweep.write()
         this.facts |= study.facts
@@ -694,9 +696,10 @@ def report(directory: Path) -> None:
     from brake_fenicsx.report.figures import make_figures
     from brake_fenicsx.report.html import write_report
     from brake_fenicsx.report.inputs import contact_maps
-    from brake_fenicsx.report.overview import summary_table, write_tables
-    from brake_fenicsx.report.rundata import read_run
+    from brake_fenicsx.report.overview import summary_table
     from brake_fenicsx.report.surface_tables import write_surface_tables
+    from brake_fenicsx.results.answer import write_tables
+    from brake_fenicsx.results.run import read_run
 
     contact_maps(directory)
     data = read_run(directory)

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
 from brake_fenicsx.folder.processes import in_turns
-from brake_fenicsx.report.counts import FamilyCount, families, good_modes, good_samples
-from brake_fenicsx.report.rundata import RunData
-from brake_fenicsx.squeal import Share, wilson
+from brake_fenicsx.results.families import RESEMBLES, known_numbers
+from brake_fenicsx.results.run import RunData
+from brake_fenicsx.results.squeal import Family, least_damped
+from brake_fenicsx.results.statistics import Share, wilson
 from brake_fenicsx.sweeps.points import Points
 from brake_fenicsx.sweeps.state import State, likeness
-from brake_fenicsx.sweeps.tables import RESEMBLES, known_numbers
 from brake_fenicsx.uncertainty.numbering import dof_points
 from brake_fenicsx.uncertainty.shapes import FILE as SHAPES
 from brake_fenicsx.uncertainty.shapes import shapes_at_dofs
@@ -45,7 +45,7 @@ class Worst:
         threshold: a mode squeals where its damping lies below minus this.
     """
 
-    count: FamilyCount
+    count: Family
     any: Share
     samples: list[int]
     damping: dict[int, float]
@@ -60,25 +60,21 @@ def worst_family(run: RunData, approach: str) -> Worst | None:
     Raises:
         SceneError: modes squeal, and have no family.
     """
-    modes = good_modes(run, approach, squeal=True)
-    if not modes["family"].size:
+    modes = run.squeal.squeal_modes(approach)
+    if not len(modes):
         return None
-    found = [f for f in families(run, approach) if f.family >= 0]
+    found = [f for f in run.squeal.families(approach) if f.key >= 0]
     if not found:
         raise SceneError(
             f"{run.directory}: modes of a single sample belong to no family; raise samples.n"
         )
     worst = max(found, key=lambda f: (f.share.value, -f.median))
-    own = modes["family"] == worst.family
-    damping = {
-        int(k): float(modes["damping"][own & (modes["sample"] == k)].min())
-        for k in np.unique(modes["sample"][own])
-    }
-    loud = wilson(np.unique(modes["sample"]).size, worst.share.n)
-    samples = [int(k) for k in good_samples(run, approach)[0]]
+    damping = least_damped(run.squeal.squeal_modes(approach, worst.key)).damping.to_dict()
+    loud = wilson(modes["sample"].nunique(), worst.share.n)
+    samples = run.squeal.good(approach).tolist()
     with np.load(run.directory / SHAPES, allow_pickle=False) as data:
         shapes = {name: data[name] for name in data.files}
-    column = int(np.flatnonzero(shapes["families"] == worst.family)[0])
+    column = int(np.flatnonzero(shapes["families"] == worst.key)[0])
     return Worst(worst, loud, samples, damping, shapes, column, run.threshold)
 
 

@@ -14,11 +14,10 @@ from brake_fenicsx.cli import main
 from brake_fenicsx.errors import NotConverged, SceneError
 from brake_fenicsx.folder.store import result_digest
 from brake_fenicsx.pipeline import run
-from brake_fenicsx.report.comparison import COLUMNS, compare_runs
-from brake_fenicsx.report.counts import families
-from brake_fenicsx.report.rundata import read_run
+from brake_fenicsx.results.run import read_run
+from brake_fenicsx.results.tables import read_rows
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.tables import read_rows
+from brake_fenicsx.variants.comparison import compare_runs
 from coarse_block import BLOCK, FRICTION, HEIGHT, ROUGH, levers
 from processes import parallel
 
@@ -36,7 +35,7 @@ def words(out, *changes):
 
 def loud(before, after):
     """Share in which the worst family of a run squeals in another one, and frequency before."""
-    rows = [dict(zip(COLUMNS, row, strict=True)) for row in compare_runs(before, after)]
+    rows = compare_runs(before, after)
     worst = max(rows[1:], key=lambda r: (r["probability_a"], -(r["median_damping_a"] or 0)))
     return worst["probability_b"], worst["frequency_a_hz"]
 
@@ -114,7 +113,7 @@ def test_another_mode_that_wakes_is_told(found):
     out, rows = found
     for row in rows.values():
         if row["any_after"] is not None:
-            count = families(read_run(out / f"after-{row['rank']}"), "multi-scale")
+            count = read_run(out / f"after-{row['rank']}").squeal.families("multi-scale")
             told = "other modes squeal" in (row["note"] or "")
             assert told == any(f.share.value > 0.05 for f in count)
 

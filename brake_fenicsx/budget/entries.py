@@ -13,12 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.report.comparison import COLUMNS as COMPARED
-from brake_fenicsx.report.comparison import compare_runs
-from brake_fenicsx.report.counts import good_modes
-from brake_fenicsx.report.rundata import RunData
-from brake_fenicsx.squeal import wilson
-from brake_fenicsx.tables import Value
+from brake_fenicsx.results.run import RunData
+from brake_fenicsx.results.squeal import least_damped
+from brake_fenicsx.results.statistics import wilson
+from brake_fenicsx.results.tables import Value
+from brake_fenicsx.variants.comparison import compare_runs
 
 Array = NDArray[np.float64]
 Row = dict[str, Value]
@@ -90,8 +89,7 @@ def entries(scene: RunData, variant: RunData, may_pair: bool) -> list[Row]:
         SceneError: a run holds no modes, or they have no approach in common.
     """
     rows = []
-    for compared in compare_runs(scene, variant, may_pair and _same_elements(scene, variant)):
-        c = dict(zip(COMPARED, compared, strict=True))
+    for c in compare_runs(scene, variant, may_pair and _same_elements(scene, variant)):
         a, b, paired = c["family_a"], c["family_b"], c["paired"] == "yes"
         whole = a is None and b is None
         changes: list[float | None] = [None] * 4
@@ -108,8 +106,6 @@ def entries(scene: RunData, variant: RunData, may_pair: bool) -> list[Row]:
             changes = [v for i in (0, 1) for v in bias_and_scatter(x[:, i], y[:, i], paired)]
         if whole:  # of all modes together the least damped one may be another one
             changes[:2] = None, None
-        if c["samples_a"] == c["samples_b"] == 1:  # nothing is drawn, so nothing is left to chance
-            c["change_low"] = c["change_high"] = None
         f = c["frequency_a_hz"] if c["frequency_a_hz"] is not None else c["frequency_b_hz"]
         rows.append(blank(
             status="run", approach=c["approach"], family="any" if whole else a, family_variant=b,
@@ -125,8 +121,7 @@ def entries(scene: RunData, variant: RunData, may_pair: bool) -> list[Row]:
 def statistical(scene: RunData) -> list[Row]:
     """The scene's own uncertainty: Wilson's interval, and a bootstrap of the medians."""
     rows = []
-    for compared in compare_runs(scene, scene):
-        c = dict(zip(COMPARED, compared, strict=True))
+    for c in compare_runs(scene, scene):
         n, p = int(c["samples_a"] or 0), float(c["probability_a"] or 0.0)
         share, family = wilson(round(p * n), n), c["family_a"]
         row = blank(
@@ -192,14 +187,9 @@ def family_values(
         approach: name of the approach.
         family: number of the family; None: all modes.
     """
-    modes = good_modes(run, approach)
-    own = np.ones(modes["family"].size, bool) if family is None else modes["family"] == family
-    found: dict[int, tuple[float, float]] = {}
-    columns = (modes[name][own] for name in ("sample", "frequency_hz", "damping"))
-    for k, f, d in zip(*columns, strict=True):
-        if int(k) not in found or d < found[int(k)][1]:
-            found[int(k)] = float(f), float(d)
-    return found
+    modes = run.squeal.modes(approach)
+    own = least_damped(modes if family is None else modes[modes.family == family])
+    return dict(own[["frequency_hz", "damping"]].apply(tuple, axis=1))
 
 
 def _same_elements(one: RunData, two: RunData) -> bool:

@@ -27,9 +27,9 @@ from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.folder.store import result_digest
 from brake_fenicsx.report.budget_page import sentence, write_budget_page
-from brake_fenicsx.report.rundata import read_run
+from brake_fenicsx.results.run import read_run
+from brake_fenicsx.results.tables import write_rows
 from brake_fenicsx.scene import Scene, read_scene
-from brake_fenicsx.tables import write_rows
 from brake_fenicsx.uncertainty.sampling import sample_count
 
 from .entries import COLUMNS, Row, blank, entries, extrapolate, statistical

@@ -21,9 +21,9 @@ from brake_fenicsx import __version__
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.store import Store
+from brake_fenicsx.folder.versions import FORMAT
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.files import file_digests
-from brake_fenicsx.tables import FORMAT
 
 # Keys of an interface that mesh, matrices and contact elements do not depend on.
 _LAWS = ("law", "gap", "friction", "friction_in_equilibrium")

@@ -25,10 +25,10 @@ from brake_fenicsx.errors import SceneError, StorageError
 from brake_fenicsx.folder.lock import Lock
 from brake_fenicsx.folder.sample_files import SampleFiles, damaged
 from brake_fenicsx.folder.shares import Share
+from brake_fenicsx.folder.versions import FORMAT
 from brake_fenicsx.scene import Law, Scene
 from brake_fenicsx.scene.files import file_digests
 from brake_fenicsx.scene.scalars import changes_bodies
-from brake_fenicsx.tables import FORMAT
 
 # What to forget when a stage is run again; later stages lose theirs too.
 RUNNING = "running"

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
-from brake_fenicsx.tables import Value
+from brake_fenicsx.results.tables import Value
 
 LONGEST = 60  # values of a list shown in full
 

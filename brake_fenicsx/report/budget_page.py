@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from brake_fenicsx.tables import Value
+from brake_fenicsx.results.tables import Value
 
 from .blocks import Block, Picture, Table, Text
 from .style import BLACK, BLUE, GREY, drawn, light_grid, new_figure

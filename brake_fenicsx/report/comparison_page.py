@@ -6,11 +6,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from brake_fenicsx.tables import Value, text_table, write_rows
+from brake_fenicsx.results.run import RunData, read_run
+from brake_fenicsx.results.tables import Value, text_table, write_rows
+from brake_fenicsx.variants.comparison import COLUMNS, compare_runs
 
 from .blocks import Picture, Table, Text
-from .comparison import COLUMNS, compare_runs
-from .rundata import RunData, read_run
 from .style import BLUE, GREY, VERMILION, drawn, light_grid, new_figure
 from .template import render, write_page
 
@@ -48,7 +48,7 @@ def write_comparison(a: str | Path, b: str | Path, directory: str | Path) -> Pat
 def comparison_text(a: str | Path | RunData, b: str | Path | RunData) -> str:
     """The comparison of two runs for the terminal, see `write_comparison`."""
     one, two = read_run(a), read_run(b)
-    rows = [_shown(dict(zip(COLUMNS, row, strict=True))) for row in compare_runs(one, two)]
+    rows = [_shown(row) for row in compare_runs(one, two)]
     return "\n".join([text_table(HEADS, rows), *_two_limits(one, two)])
 
 
@@ -79,8 +79,8 @@ def _shown(row: dict[str, Value]) -> list[Value]:
     ]  # fmt: skip
 
 
-def _page(one: RunData, two: RunData, rows: list[list[Value]]) -> str:
-    named = [dict(zip(COLUMNS, row, strict=True)) for row in rows]
+def _page(one: RunData, two: RunData, rows: list[dict[str, Value]]) -> str:
+    named = rows
     paired = any(row["paired"] == "yes" for row in named)
     how = (
         "Samples of the same number have the same random numbers in both runs: the interval is that"

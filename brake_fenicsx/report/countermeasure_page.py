@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from brake_fenicsx.results.squeal import Family
+from brake_fenicsx.results.tables import Value, text_table, write_rows
 from brake_fenicsx.scene.units import quantity_text
 from brake_fenicsx.sweeps.smallest_change import MOST
-from brake_fenicsx.tables import Value, text_table, write_rows
 
 from .blocks import Picture, Table, Text
-from .counts import FamilyCount
 from .style import BLUE, GREY, VERMILION, drawn, light_grid, new_figure
 from .template import render, write_page
 
@@ -36,9 +36,7 @@ HEADS = (
 Row = Mapping[str, Value]
 
 
-def write_countermeasures(
-    folder: Path, worst: FamilyCount, rows: Sequence[Sequence[Value]]
-) -> Path:
+def write_countermeasures(folder: Path, worst: Family, rows: Sequence[Sequence[Value]]) -> Path:
     """Write countermeasures.csv and countermeasures.html.
 
     Args:
@@ -86,7 +84,7 @@ def _percent(value: Value) -> str:
     return "-" if value is None else f"{100 * float(value):.0f} %"
 
 
-def _page(worst: FamilyCount, rows: list[Row]) -> str:
+def _page(worst: Family, rows: list[Row]) -> str:
     text = (
         "Share of samples that squeal before and after each change, with its 95 % interval: the"
         " worst family, and any family (small marks)."

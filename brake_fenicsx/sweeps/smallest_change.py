@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from brake_fenicsx.squeal import Share, wilson
+from brake_fenicsx.results.statistics import Share, wilson
 
 # Share of the samples that may still squeal.
 MOST = 0.05

@@ -14,8 +14,8 @@ from brake_fenicsx.budget.entries import (
     statistical,
 )
 from brake_fenicsx.report.budget_page import sentence, worst_family, write_budget_page
-from brake_fenicsx.report.rundata import RunData
-from brake_fenicsx.tables import write_rows
+from brake_fenicsx.results.run import RunData
+from brake_fenicsx.results.tables import write_rows
 
 pytestmark = pytest.mark.alone
 

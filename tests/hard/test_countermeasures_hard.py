@@ -6,8 +6,8 @@ import pytest
 
 from brake_fenicsx import countermeasures as module
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.results.tables import read_rows
 from brake_fenicsx.sweeps.smallest_change import smallest_change
-from brake_fenicsx.tables import read_rows
 from coarse_block import BLOCK, FRICTION, HEIGHT, ROUGH, levers
 
 pytestmark = [pytest.mark.hard, pytest.mark.alone]

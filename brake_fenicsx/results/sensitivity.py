@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from brake_fenicsx.scene.samples import Plan
-
-from .designs import HARMONICS, RIGID, library_seed, unit_problem
+from brake_fenicsx.uncertainty.designs import HARMONICS, RIGID, library_seed, unit_problem
 
 Array = NDArray[np.float64]
 
@@ -127,25 +126,3 @@ def _fast(plan: Plan, y: Array, inputs: int) -> tuple[Array, Array, Array, Array
         t = stats.t.ppf(0.5 + CONFIDENCE / 2, plan.curves - 1)
         half = t * found.std(axis=0, ddof=1) / np.sqrt(plan.curves) + BIAS
     return mean[:, 0], half[:, 0], mean[:, 1], half[:, 1]
-
-
-@dataclass(frozen=True, slots=True)
-class Correlation:
-    """Spearman's rank correlation with its 95 % interval."""
-
-    rho: float
-    low: float
-    high: float
-
-
-def rank_correlation(x: Array, y: Array) -> Correlation:
-    """Rank correlation of an input with an outcome, by Fisher's transform for the interval.
-
-    Reference: E. C. Fieller, H. O. Hartley, E. S. Pearson, Biometrika 44 (1957) 470: standard
-    error 1.03 / sqrt(n - 3) of the transform.
-    """
-    if x.size < 5 or np.ptp(x) == 0 or np.ptp(y) == 0:
-        return Correlation(np.nan, np.nan, np.nan)
-    rho = float(stats.spearmanr(x, y)[0])
-    z, half = np.arctanh(np.clip(rho, -1 + 1e-12, 1 - 1e-12)), 1.96 * 1.03 / np.sqrt(x.size - 3)
-    return Correlation(rho, float(np.tanh(z - half)), float(np.tanh(z + half)))

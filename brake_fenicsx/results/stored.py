@@ -11,15 +11,14 @@ from numpy.typing import NDArray
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.contact import Contact
-from brake_fenicsx.squeal import squeals
+from brake_fenicsx.stability.modes import relative_errors
 
 from .families import ModeFamilies
+from .squeal import squeals
 
 Array = NDArray[np.float64]
 Data = dict[str, Any]
 
-# Modes below this share of the highest frequency are rigid: their errors are no relative ones.
-RIGID_BELOW = 1e-3
 # Of every contact element or coordinate: kept of the first good sample of an approach alone, so
 # that 10^5 samples need some hundred bytes for each of their modes.
 LARGE = frozenset(
@@ -28,13 +27,6 @@ LARGE = frozenset(
         "driver_map", "driver_work",
     }
 )  # fmt: skip
-
-
-def relative_errors(s: NDArray[np.complex128], error: Array) -> Array:
-    """Estimated errors of eigenvalues over |lambda|, rigid modes aside, shape (elastic modes,)."""
-    size = np.abs(s)
-    elastic = size > RIGID_BELOW * size.max(initial=0.0)
-    return np.asarray(error[elastic] / size[elastic])
 
 
 class Results:
@@ -235,7 +227,8 @@ class Results:
                     "not_complete": sum(not _complete(d) for d in own),
                     "tolerance_missed": int(sum(d["tolerance_missed"] for d in own)),
                     "largest_error": max(
-                        float(relative_errors(d["s"], d["error"]).max(initial=0.0)) for d in own
+                        float(np.fmax.reduce(relative_errors(d["s"], d["error"]), initial=0.0))
+                        for d in own
                     ),
                     "unstable": int(sum((d["verdict"] == "unstable").sum() for d in own)),
                     "neutral": int(sum((d["verdict"] == "neutral").sum() for d in own)),

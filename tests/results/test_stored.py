@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from brake_fenicsx.tables import SAMPLES, read_rows, write_rows
-from brake_fenicsx.uncertainty.results import Results
+from brake_fenicsx.results.stored import Results
+from brake_fenicsx.results.tables import SAMPLES, read_rows, write_rows
 
 pytestmark = pytest.mark.alone
 

@@ -13,8 +13,9 @@ import pytest
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.pipeline import run
-from brake_fenicsx.report.comparison import COLUMNS, compare_runs, difference
 from brake_fenicsx.report.comparison_page import write_comparison
+from brake_fenicsx.results.statistics import difference
+from brake_fenicsx.variants.comparison import compare_runs
 
 pytestmark = pytest.mark.alone
 
@@ -43,7 +44,7 @@ def runs(tmp_path_factory):
 
 
 def named(rows):
-    return [dict(zip(COLUMNS, row, strict=True)) for row in rows]
+    return rows
 
 
 @pytest.mark.parametrize(

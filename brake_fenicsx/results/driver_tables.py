@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.folder.sample_files import Task
-from brake_fenicsx.squeal import squeals
-from brake_fenicsx.tables import write_rows
 
-from .results import Results
+from .squeal import squeals
+from .stored import Results
+from .tables import write_rows
 
 DRIVERS = (
     "approach", "sample", "family", "mode", "frequency_hz", "alpha", "damping", "condition",

@@ -1,23 +1,24 @@
 """Outcomes of samples and the tables of causes, against closed forms."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from scipy import stats
 
-from brake_fenicsx.scene import Distribution, Samples
-from brake_fenicsx.uncertainty.distributions import quantile
-from brake_fenicsx.uncertainty.outcomes import Ensemble, Outcome, ensembles
-from brake_fenicsx.uncertainty.probabilities import (
+from brake_fenicsx.results.probabilities import (
     CONVERGENCE,
     PROBABILITIES,
     SENSITIVITY,
+    Ensemble,
+    Outcome,
     convergence_rows,
+    ensembles,
     probability_rows,
     sensitivity_rows,
     write_causes,
 )
+from brake_fenicsx.results.run import RunData
+from brake_fenicsx.scene import Distribution, Samples
+from brake_fenicsx.uncertainty.distributions import quantile
 
 pytestmark = pytest.mark.alone
 
@@ -98,50 +99,45 @@ def test_probability_settles_with_the_samples():
     assert width[-1] < 0.5 * width[1]
 
 
-def stored(pitch, real, verdict):
-    s = np.array(real) + 2j * np.pi * np.array(pitch)
-    damping = -2 * s.real / np.abs(s)
-    return {
-        "s": s,
-        "damping": damping,
-        "verdict": np.array(verdict),
-        "random_names": np.array([MU]),
-        "random": [0.5],
-    }
-
-
-@pytest.fixture
-def results():
+def results(threshold=0.0):
     """Two samples and a failed one; a family that is stable in one of them."""
-    a = stored([1000.0, 1000.0, 9000.0], [-3.0, 3.0, 0.2], ["stable", "unstable", "neutral"])
-    b = stored([1010.0, 15999.0], [1e-9, 7.0], ["stable", "unstable"])
-    tasks = [("joint", 0), ("joint", 1), ("joint", 2), ("classical", 0)]
-    families = {tasks[0]: np.array([1, 0, 2]), tasks[1]: np.array([0, 4])}
-    return SimpleNamespace(
-        tasks=tasks, stored={tasks[0]: a, tasks[1]: b, tasks[2]: {"status": "no"}},
-        families=families,
-    )  # fmt: skip
+    rows = [
+        (0, 1000.0, -3.0, "stable", 1), (0, 1000.0, 3.0, "unstable", 0),
+        (0, 9000.0, 0.2, "neutral", 2), (1, 1010.0, 1e-9, "stable", 0),
+        (1, 15999.0, 7.0, "unstable", 4),
+    ]  # fmt: skip
+    sample, f, alpha, verdict, family = map(np.array, zip(*rows, strict=True))
+    modes = {
+        "approach": np.full(5, "joint"), "sample": sample, "mode": np.arange(5), "frequency_hz": f,
+        "real_1_s": alpha, "damping": -alpha / (np.pi * f), "verdict": verdict, "family": family,
+    }  # fmt: skip
+    samples = {
+        "approach": np.array(["joint"] * 3 + ["classical"]), "sample": np.array([0, 1, 2, 0]),
+        "status": np.array(["ok", "ok", "no", "ok"]), MU: np.array([0.5, 0.5, np.nan, np.nan]),
+    }  # fmt: skip
+    summary = {"in_effect": {"stability": {"threshold": threshold}}}
+    return RunData(None, modes=modes, samples=samples, summary=summary)
 
 
-def test_outcomes_of_bands_and_families(results):
-    """Decaying and neutral modes are no growth; the upper edge belongs to the last band."""
-    (e,) = ensembles(results, (0.0, 16e3))
+def test_outcomes_of_bands_and_families():
+    """Decaying and neutral modes are no growth; bands are those of probability_per_band.csv."""
+    (e,) = ensembles(results(), (0.0, 16e3))
     assert e.approach == "joint"
     np.testing.assert_array_equal(e.good, [True, True, False])
     np.testing.assert_array_equal(np.isnan(e.x[:, 0]), [False, False, True])
     growth = {(o.scope, o.where): o.growth[:2].tolist() for o in e.outcomes}
     assert growth["band", "0-16000"] == [3.0, 7.0]
-    assert growth["band", "0-2000"] == [3.0, 0.0]
-    assert growth["band", "8000-10000"] == [0.0, 0.0]
-    assert growth["band", "14000-16000"] == [0.0, 7.0]
+    assert growth["band", "1000-2000"] == [3.0, 0.0]
+    assert growth["band", "9000-10000"] == [0.0, 0.0]
+    assert growth["band", "15000-16000"] == [0.0, 7.0]
     assert growth["family", "0"] == [3.0, 0.0]
     assert growth["family", "4"] == [0.0, 7.0]
     assert ("family", "2") not in growth
 
 
-def test_a_threshold_takes_weak_modes_out_of_the_outcomes(results):
+def test_a_threshold_takes_weak_modes_out_of_the_outcomes():
     """Damping -9.5e-4 and -1.4e-4: one of the two is left."""
-    (e,) = ensembles(results, (0.0, 16e3), 2e-4)
+    (e,) = ensembles(results(2e-4), (0.0, 16e3))
     growth = {(o.scope, o.where): o.growth[:2].tolist() for o in e.outcomes}
     assert growth["band", "0-16000"] == [3.0, 0.0]
     assert ("family", "4") not in growth
@@ -150,9 +146,9 @@ def test_a_threshold_takes_weak_modes_out_of_the_outcomes(results):
     assert (rows[0]["probability"], rows[0]["squeal_samples"]) == (0.5, 1)
 
 
-def test_families_are_ranked_by_share_times_damping(results):
+def test_families_are_ranked_by_share_times_damping():
     """Each in one of two samples; the one that grows more slowly is damped less still."""
-    (e,) = ensembles(results, (0.0, 16e3))
+    (e,) = ensembles(results(), (0.0, 16e3))
     found = [o for o in e.outcomes if o.scope == "family"]
     assert [o.where for o in found] == ["0", "4"]
     first = table(PROBABILITIES, probability_rows(SAMPLES, [e]))[len(e.outcomes) - 2]
@@ -160,8 +156,8 @@ def test_families_are_ranked_by_share_times_damping(results):
     assert first["severity"] == pytest.approx(0.5 * 6.0 / (2e3 * np.pi))
 
 
-def test_tables_are_written_and_the_summary_says_how_stable_modes_count(results, tmp_path):
-    facts = write_causes(tmp_path, SAMPLES, ensembles(results, (0.0, 16e3)))
+def test_tables_are_written_and_the_summary_says_how_stable_modes_count(tmp_path):
+    facts = write_causes(tmp_path, SAMPLES, ensembles(results(), (0.0, 16e3)))
     assert facts["stable_modes"] == "count as growth 0 in every index"
     assert facts["joint"]["probability_of_any"] == 1.0
     for name in ("sensitivity", "probabilities", "convergence"):

@@ -1,5 +1,15 @@
 """Tables of a study: which input moves what, what squeals how often, how both settle.
 
+Each sample is asked whether the whole band, one part of it or one family squeals:
+
+    squeal     1 or 0
+    growth     largest real part [1/s] of the modes that squeal there, 0 if none does
+
+Any other mode counts as growth 0: without damping the real part of a stable one is zero but for
+round-off, and with damping how fast it decays says nothing about noise. Indices of growth thus
+answer for crossing the border and for the strength beyond it, those of squeal for the border alone.
+A family that has no mode in a sample does not squeal there.
+
 sensitivity.csv   first-order and total indices of every outcome for every random input
 probabilities.csv probability of squeal of every band and family, its median damping and severity
                   (the product of both), who moves it, and the shares of the variance of its growth
@@ -13,21 +23,28 @@ contact it is interactions alone.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.scene.samples import Plan, Samples
-from brake_fenicsx.squeal import wilson
-from brake_fenicsx.tables import write_rows
+from brake_fenicsx.uncertainty.designs import RIGID
 
-from .designs import RIGID
-from .outcomes import Ensemble, Outcome
-from .sensitivity import Indices, indices, rank_correlation
+from .run import RunData
+from .sensitivity import Indices, indices
+from .statistics import rank_correlation, wilson
+from .tables import write_rows
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Array = NDArray[np.float64]
+
+MOST_FAMILIES = 20  # looked at, the most severe first
 
 WHERE = ("approach", "threshold", "scope", "where", "frequency_hz")
 SENSITIVITY = (
@@ -41,6 +58,110 @@ PROBABILITIES = (
     *(f"share_{name}" for name in SHARES), "share_rest",
 )  # fmt: skip
 CONVERGENCE = (*WHERE, "samples", "probability", "low", "high")
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """One thing that may happen in every sample of an approach.
+
+    Attributes:
+        scope: "band" or "family".
+        where: "low-high" of the band [Hz], or the number of the family.
+        frequency: middle of the band, or mean frequency of the family's squeal modes [Hz].
+        growth: largest real part where it squeals, else 0 [1/s], shape (samples,).
+        damping: lowest damping where it squeals, else 0 [-], shape (samples,).
+    """
+
+    scope: str
+    where: str
+    frequency: float
+    growth: Array
+    damping: Array
+
+    @classmethod
+    def of(
+        cls, scope: str, where: str, frequency: float, loud: pd.DataFrame, samples: Array
+    ) -> Outcome:
+        """From the modes that squeal there, in samples of some numbers."""
+        each = loud.groupby("sample")
+        growth, damping = (
+            column.reindex(samples, fill_value=0.0).to_numpy(float)
+            for column in (each.real_1_s.max(), each.damping.min())
+        )
+        return cls(scope, where, frequency, growth, damping)
+
+    @property
+    def squeal(self) -> Array:
+        """1 where it squeals, else 0."""
+        return (self.growth > 0).astype(float)
+
+    @property
+    def median_damping(self) -> float | None:
+        """Median of the damping where it squeals; None where it never does."""
+        own = self.damping[self.growth > 0]
+        return float(np.median(own)) if own.size else None
+
+
+@dataclass(frozen=True, slots=True)
+class Ensemble:
+    """Samples of one approach: inputs and outcomes.
+
+    Attributes:
+        approach: its name.
+        names: random inputs.
+        x: their values, shape (samples, inputs); nan where a sample failed.
+        good: samples that ended well, shape (samples,).
+        outcomes: bands, the whole one first, then families, the most severe first.
+        threshold: a mode squeals where its damping lies below minus this.
+        indices: of the growth of each outcome, by scope and place, once they are computed.
+    """
+
+    approach: str
+    names: tuple[str, ...]
+    x: Array
+    good: NDArray[np.bool_]
+    outcomes: tuple[Outcome, ...]
+    threshold: float = 0.0
+    indices: dict[tuple[str, str], Indices] = field(default_factory=dict)
+
+
+def ensembles(run: RunData, band: Sequence[float]) -> list[Ensemble]:
+    """Approaches of a run that have several samples with modes.
+
+    Args:
+        run: its samples and modes.
+        band: the scene's band [Hz].
+    """
+    table, found = run.samples or {}, []
+    for approach in dict.fromkeys(map(str, table["approach"])):
+        own = table["approach"] == approach
+        numbers, good = table["sample"][own], table["status"][own] == "ok"
+        if len(numbers) < 2 or not good.any():
+            continue
+        # Random inputs have the dotted keys of the scene; another approach may have more of them.
+        inputs = {name: column[own] for name, column in table.items() if "." in name}
+        names = sorted(name for name, x in inputs.items() if np.isfinite(x).any())
+        x = np.array([inputs[name] for name in names], float).T.reshape(good.size, len(names))
+        outcomes = tuple(_outcomes(run, approach, band, numbers))
+        found.append(Ensemble(approach, tuple(names), x, good, outcomes, run.threshold))
+    return found
+
+
+def _outcomes(
+    run: RunData, approach: str, band: Sequence[float], samples: Array
+) -> Iterator[Outcome]:
+    """The whole band, its parts, and the most severe families."""
+    table, loud = run.squeal, run.squeal.squeal_modes(approach)
+    place, edges = table.bands(approach), table.edges
+    whole = f"{band[0]:.0f}-{band[1]:.0f}"
+    yield Outcome.of("band", whole, 0.5 * (band[0] + band[1]), loud, samples)
+    for j, (low, high) in enumerate(pairwise(map(float, edges))):
+        where = f"{low:.0f}-{high:.0f}"
+        yield Outcome.of("band", where, 0.5 * (low + high), loud[place == j], samples)
+    known = [f for f in table.families(approach) if f.key >= 0]
+    for f in known[:MOST_FAMILIES]:
+        own = table.squeal_modes(approach, f.key)
+        yield Outcome.of("family", str(f.key), f.frequency, own, samples)
 
 
 def write_causes(folder: Path, samples: Samples, found: Sequence[Ensemble]) -> dict[str, Any]:
@@ -128,7 +249,7 @@ def probability_rows(samples: Samples, found: Sequence[Ensemble]) -> Iterator[li
             )  # fmt: skip
             yield [
                 *_place(e, o), share.n, share.hits, share.value, share.low, share.high,
-                o.median_damping, o.severity(share.n), above,
+                o.median_damping, share.value * abs(o.median_damping or 0.0), above,
                 *_dominant_input(e, hits),
                 *_shares(_growth_indices(samples, e, o), e),
             ]  # fmt: skip

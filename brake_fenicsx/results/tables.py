@@ -10,14 +10,12 @@ import csv
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
-from itertools import islice
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import SceneError
+from brake_fenicsx.errors import SceneError
 
 Value = str | int | float | None
 Columns = dict[str, NDArray]
@@ -51,8 +49,6 @@ CONTACT = (
     "k_vibration",
     "law",
 )
-# Format of laws and samples on disk: what older programs wrote is not read as current.
-FORMAT = 3
 TEXT = frozenset(
     {
         "approach",
@@ -67,9 +63,6 @@ TEXT = frozenset(
         "parameter",
     }
 )
-
-# Rows that are read at a time.
-PIECE = 50_000
 
 _INTEGER = re.compile(r"[+-]?\d+")
 
@@ -117,37 +110,48 @@ def read_rows(path: str | Path) -> list[dict[str, Value]]:
     Raises:
         SceneError: the file is missing, has no heading or has a row of another length.
     """
+    lines = _lines(Path(path))
+    heading = next(lines)
     return [
-        {name: _parse(name, cell) for name, cell in zip(heading, row, strict=True)}
-        for heading, body in _read(Path(path))
-        for row in body
+        {name: _parse(name, cell) for name, cell in zip(heading, row, strict=True)} for row in lines
     ]
 
 
 def read_columns(path: str | Path, required: Sequence[str] = ()) -> Columns:
-    """Read a table as one array per column, a piece at a time: text takes ten times the memory.
+    """Read a table as one array per column.
 
     Args:
         path: the CSV file.
         required: columns that must be there.
 
     Returns:
-        Arrays of shape (n_rows,) by name, of int64, float64 (None becomes nan) or str.
+        Arrays of shape (n_rows,) by name, of whole numbers, float64 (None becomes nan) or str.
 
     Raises:
         SceneError: the file or a required column is missing.
     """
+    import pandas as pd
+
     path = Path(path)
-    pieces: dict[str, list[NDArray]] = {}
-    for heading, body in _read(path):
-        if missing := [name for name in required if name not in heading]:
-            raise SceneError(
-                f"{path}: column {', '.join(missing)} is missing; the heading is"
-                f" {','.join(heading)}: run the scene again to write it"
-            )
-        for j, name in enumerate(heading):
-            pieces.setdefault(name, []).append(_array(name, [row[j] for row in body]))
-    return {name: _joined(path, name, pieces.pop(name)) for name in list(pieces)}
+    lines = _lines(path)
+    heading = next(lines)
+    if missing := [name for name in required if name not in heading]:
+        raise SceneError(
+            f"{path}: column {', '.join(missing)} is missing; the heading is"
+            f" {','.join(heading)}: run the scene again to write it"
+        )
+    if not sum(1 for _ in lines):
+        return {name: np.empty(0, str if name in TEXT else int) for name in heading}
+    numbers = [name for name in heading if name not in TEXT]
+    table = pd.read_csv(
+        path, dtype=dict.fromkeys(TEXT.intersection(heading), str), keep_default_na=False,
+        na_values={name: ["", "nan"] for name in numbers}, float_precision="round_trip",
+        low_memory=False,
+    )  # fmt: skip
+    return {
+        name: column.fillna("").to_numpy(str) if column.dtype == object else column.to_numpy()
+        for name, column in table.items()
+    }
 
 
 def text_table(columns: Sequence[str], rows: Iterable[Sequence[Value]]) -> str:
@@ -210,8 +214,8 @@ def _format(value: Value | np.generic) -> str:
     raise TypeError(f"a table contains text, int, float or None, not {type(value).__name__}")
 
 
-def _read(path: Path) -> Iterator[tuple[list[str], list[list[str]]]]:
-    """The heading and some rows at a time, at least once."""
+def _lines(path: Path) -> Iterator[list[str]]:
+    """The heading, then every row that is not empty, each of the same length."""
     if not path.is_file():
         raise SceneError(f"{path}: no such table; run the scene first")
     if path.stat().st_size:
@@ -227,30 +231,14 @@ def _read(path: Path) -> Iterator[tuple[list[str], list[list[str]]]]:
         heading = next(lines, None)
         if heading is None:
             raise SceneError(f"{path}: the table is empty, not even a heading; run the scene again")
-        first = 2
-        while (body := list(islice(lines, PIECE))) or first == 2:
-            for number, row in enumerate(body, start=first):
-                if len(row) != len(heading):
-                    raise SceneError(
-                        f"{path}: line {number}: {len(row)} cells under {len(heading)} headings; "
-                        "the file was cut or edited: run the scene again"
-                    )
-            yield heading, body
-            if len(body) < PIECE:
-                return
-            first += PIECE
-
-
-def _joined(path: Path, name: str, pieces: list[NDArray]) -> NDArray:
-    """One array of the type that the whole column has."""
-    kinds = {piece.dtype.kind for piece in pieces}
-    if "U" in kinds and len(kinds) > 1:
-        # Text in some rows makes text of all, as it is written.
-        columns = ((heading.index(name), body) for heading, body in _read(path))
-        return np.array([row[j] for j, body in columns for row in body], dtype=str)
-    if "O" in kinds:
-        pieces = [piece.astype(float if "f" in kinds else object) for piece in pieces]
-    return np.concatenate(pieces)
+        yield heading
+        for number, row in enumerate(lines, start=2):
+            if len(row) != len(heading):
+                raise SceneError(
+                    f"{path}: line {number}: {len(row)} cells under {len(heading)} headings; "
+                    "the file was cut or edited: run the scene again"
+                )
+            yield row
 
 
 def _parse(name: str, cell: str) -> Value:
@@ -264,20 +252,3 @@ def _parse(name: str, cell: str) -> Value:
         return float(cell)
     except ValueError:
         return cell
-
-
-def _array(name: str, cells: list[str]) -> NDArray:
-    text = np.array(cells, dtype=str)
-    if name in TEXT:
-        return text
-    with suppress(ValueError, OverflowError):
-        return text.astype(np.int64)
-    if not any(map(_INTEGER.fullmatch, cells)):  # a whole number may be too long for a float
-        with suppress(ValueError):
-            return text.astype(np.float64)
-    values = [_parse(name, cell) for cell in cells]
-    if any(isinstance(value, str) for value in values):
-        return text
-    if all(isinstance(value, int) for value in values):
-        return np.array(values, dtype=object)
-    return np.array([np.nan if value is None else float(value) for value in values], dtype=float)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 
-from brake_fenicsx.uncertainty.families import ModeFamilies
+from brake_fenicsx.results.families import ModeFamilies
 
 pytestmark = pytest.mark.alone
 

@@ -1,28 +1,34 @@
-"""What a run directory holds, read once for figures, tables and page; any part may be absent."""
+"""What a run directory holds, read once; any part may be absent."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.tables import CONTACT, MODES, SAMPLES, Columns, read_columns
+from brake_fenicsx.errors import SceneError
 
-from ..errors import SceneError
-from .style import APPROACH_NAME, SMOOTH
+from .squeal import SquealTable
+from .tables import CONTACT, MODES, SAMPLES, Columns, read_columns
 
 Arrays = dict[str, NDArray]
 
-ORDER = ("classical", "parametric", "multi-scale", "joint")
+# Names of approaches as a person reads them, the simplest first.
+APPROACHES = {
+    "classical": "Classical", "parametric": "Parametric", "multi-scale": "Multi-scale",
+    "joint": "Joint",
+}  # fmt: skip
+SMOOTH = "Smooth contact"  # the approach "multi-scale" of a scene without roughness
 SWEEP = ("sweep", "lock_in", "chart", "critical", "critical_curve")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class RunData:
     """The results of one run; a part that the scene did not ask for is None or empty.
 
@@ -56,6 +62,11 @@ class RunData:
     summary: dict[str, Any] = field(default_factory=dict)
     scene: str | None = None
 
+    @cached_property
+    def squeal(self) -> SquealTable:
+        """Its modes that squeal, counted."""
+        return SquealTable(self.modes, self.samples, self.threshold)
+
     @property
     def approaches(self) -> list[str]:
         """Names of the approaches that were run, in the order of the figures."""
@@ -81,13 +92,13 @@ class RunData:
         rough = any(c.get("law") == "library" or c.get("gap", "none") != "none" for c in contacts)
         if approach == "multi-scale" and contacts and not rough:
             return SMOOTH
-        return APPROACH_NAME.get(approach, approach)
+        return APPROACHES.get(approach, approach)
 
 
 def sort_approaches(names: set[str]) -> list[str]:
     """Order approaches: the known ones from the simplest on, then the others by name."""
-    known = [name for name in ORDER if name in names]
-    return known + sorted(names - set(ORDER))
+    known = [name for name in APPROACHES if name in names]
+    return known + sorted(names - set(APPROACHES))
 
 
 def scan_heights(surface: Arrays) -> list[NDArray]:
