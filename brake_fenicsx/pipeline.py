@@ -36,6 +36,7 @@ from brake_fenicsx.folder.log import Progress, logger, start_log
 from brake_fenicsx.folder.memory import peak_memory, release_memory
 from brake_fenicsx.folder.shares import Share
 from brake_fenicsx.folder.store import RUNNING, Store
+from brake_fenicsx.folder.termination import end_of_stage
 from brake_fenicsx.folder.versions import versions
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.friction import friction_texts, listed
@@ -104,6 +105,7 @@ class Run:
             self.peak_memory_mb[name],
         )
         release_memory()
+        end_of_stage(self.comm)
 
     @property
     def page(self) -> Path | None:

@@ -20,6 +20,7 @@ ORDER = (
     "sweeps",
     "report",
     "correlation",
+    "variants",
 )
 # eigensolvers lie below full order and the reduced model, which do not know each other.
 BELOW = {

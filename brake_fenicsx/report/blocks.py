@@ -28,6 +28,12 @@ class Table:
     rows: Sequence[Sequence[Value]]
     kind: ClassVar[str] = "table"
 
+    @classmethod
+    def without_empty(cls, heads: Sequence[str], rows: Sequence[Sequence[Value]]) -> Table:
+        """A table without the columns that no row has a value for."""
+        full = [j for j in range(len(heads)) if any(row[j] not in ("-", "", None) for row in rows)]
+        return cls([heads[j] for j in full], [[row[j] for j in full] for row in rows])
+
 
 @dataclass(frozen=True, slots=True)
 class Picture:

@@ -147,7 +147,7 @@ def _families(
         "A family is the same mode recognised in many samples. Families are ranked by severity:"
         " the share of samples in which the family squeals, times the median of its damping there."
     )
-    return [Text(note + more), _without_empty(heads, rows)]
+    return [Text(note + more), Table.without_empty(heads, rows)]
 
 
 def more_cards(
@@ -263,14 +263,8 @@ def _inputs(run: RunData) -> list[Block]:
             "The scene has no random input, or too few samples to separate their effects; random"
             " inputs are listed in [samples.random], and stability.drivers gives derivatives."
         )
-    told: list[Block] = [Text(" ".join(notes)), _without_empty(heads, rows)] if rows else []
+    told: list[Block] = [Text(" ".join(notes)), Table.without_empty(heads, rows)] if rows else []
     return [*figures(run, "sensitivity", "input_correlations"), *told]
-
-
-def _without_empty(heads: Sequence[str], rows: Sequence[Sequence[Value]]) -> Table:
-    """A table without the columns that no row has a value for."""
-    full = [j for j in range(len(heads)) if any(row[j] not in ("-", None) for row in rows)]
-    return Table([heads[j] for j in full], [[row[j] for j in full] for row in rows])
 
 
 def _censored(value: float) -> str:

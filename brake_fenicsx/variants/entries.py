@@ -9,6 +9,7 @@ doi:10.1115/1.2910291; ASME V&V 20-2009, section 2).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,11 +18,16 @@ from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import least_damped
 from brake_fenicsx.results.statistics import wilson
 from brake_fenicsx.results.tables import Value
-from brake_fenicsx.variants.comparison import compare_runs
+
+from .comparison import Row, compare_runs
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Array = NDArray[np.float64]
-Row = dict[str, Value]
 
+# Of a family's least damped mode: column of modes.csv, its name in columns of the budget, unit.
+VALUES = (("frequency_hz", "frequency", "_hz"), ("damping", "damping", ""))
 SAFETY = 1.25  # of the index, for three grids
 BOOTSTRAP = 400  # resamples
 COLUMNS = (
@@ -92,29 +98,27 @@ def entries(scene: RunData, variant: RunData, may_pair: bool) -> list[Row]:
     for c in compare_runs(scene, variant, may_pair and _same_elements(scene, variant)):
         a, b, paired = c["family_a"], c["family_b"], c["paired"] == "yes"
         whole = a is None and b is None
-        changes: list[float | None] = [None] * 4
-        if whole or (a is not None and b is not None):
-            first, second = (
-                family_values(run, str(c["approach"]), None if n is None else int(n))
-                for run, n in ((scene, a), (variant, b))
-            )
-            keys = np.intersect1d(list(first), list(second)) if paired else None
-            x, y = (
-                np.array([v[k] for k in (v if keys is None else keys)], float).reshape(-1, 2)
-                for v in (first, second)
-            )
-            changes = [v for i in (0, 1) for v in bias_and_scatter(x[:, i], y[:, i], paired)]
-        if whole:  # of all modes together the least damped one may be another one
-            changes[:2] = None, None
-        f = c["frequency_a_hz"] if c["frequency_a_hz"] is not None else c["frequency_b_hz"]
-        rows.append(blank(
+        row = blank(
             status="run", approach=c["approach"], family="any" if whole else a, family_variant=b,
-            frequency_hz=None if whole else f, samples=c["samples_a"],
-            samples_variant=c["samples_b"], probability=c["probability_a"],
-            probability_variant=c["probability_b"], change=c["change"],
-            change_low=c["change_low"], change_high=c["change_high"], paired=c["paired"],
-            **dict(zip(COLUMNS[19:23], changes, strict=True)),
-        ))  # fmt: skip
+            samples=c["samples_a"], samples_variant=c["samples_b"],
+            probability=c["probability_a"], probability_variant=c["probability_b"],
+            **{name: c[name] for name in ("change", "change_low", "change_high", "paired")},
+        )  # fmt: skip
+        if not whole:
+            known = c["frequency_a_hz"] is not None
+            row["frequency_hz"] = c["frequency_a_hz" if known else "frequency_b_hz"]
+        if whole or (a is not None and b is not None):
+            first = family_values(scene, str(c["approach"]), a)
+            second = family_values(variant, str(c["approach"]), b)
+            if paired:
+                first, second = first.align(second, join="inner", axis=0)
+            for column, name, unit in VALUES:
+                if whole and name == "frequency":  # the least damped mode may be another one
+                    continue
+                x, y = (v[column].to_numpy() for v in (first, second))
+                bias, scatter = bias_and_scatter(x, y, paired)
+                row[f"{name}_bias{unit}"], row[f"{name}_scatter{unit}"] = bias, scatter
+        rows.append(row)
     return rows
 
 
@@ -133,9 +137,7 @@ def statistical(scene: RunData) -> list[Row]:
         if n > 1:
             row["change_low"], row["change_high"] = share.low - p, share.high - p
         if family is not None and n > 1:
-            values = np.array(
-                list(family_values(scene, str(c["approach"]), int(family)).values()), float
-            ).reshape(-1, 2)
+            values = family_values(scene, str(c["approach"]), family).to_numpy()
             drawn = np.random.default_rng(0).integers(0, len(values), (BOOTSTRAP, len(values)))
             scatter = np.median(values[drawn], axis=1).std(axis=0)
             row["frequency_scatter_hz"], row["damping_scatter"] = map(float, scatter)
@@ -151,19 +153,15 @@ def extrapolate(rows: list[Row], knob: str, ratio: float, scene: RunData) -> Non
         same = ("approach", "family")
         before = [r for r in rows if r["variant"] == f"{knob}-1"
                   and all(r[k] == row[k] for k in same)]  # fmt: skip
-        values = family_values(scene, str(row["approach"]), int(row["family"] or 0))
-        if not before or not values:
+        values = family_values(scene, str(row["approach"]), row["family"])
+        if not before or values.empty:
             continue
-        for i, (bias, name) in enumerate(
-            (("frequency_bias_hz", "frequency"), ("damping_bias", "damping"))
-        ):
-            first, second = before[0][bias], row[bias]
+        for column, name, unit in VALUES:
+            first, second = before[0][f"{name}_bias{unit}"], row[f"{name}_bias{unit}"]
             if first is None or second is None:
                 continue
-            start = float(np.median([v[i] for v in values.values()]))
-            unit = "_hz" if i == 0 else ""
-            middle, last = start + float(first), start + float(second)
-            limit = richardson(start, middle, last, ratio)
+            start = float(values[column].median())
+            limit = richardson(start, start + float(first), start + float(second), ratio)
             if limit is None:
                 said = f"{name} does not settle: no order"
                 row["reason"] = f"{row['reason']}; {said}" if row["reason"] else said
@@ -177,9 +175,7 @@ def blank(**cells: Value) -> Row:
     return dict.fromkeys(COLUMNS) | cells
 
 
-def family_values(
-    run: RunData, approach: str, family: int | None
-) -> dict[int, tuple[float, float]]:
+def family_values(run: RunData, approach: str, family: Value) -> pd.DataFrame:
     """Frequency [Hz] and damping [-] of a family's least damped mode, by number of the sample.
 
     Args:
@@ -189,7 +185,7 @@ def family_values(
     """
     modes = run.squeal.modes(approach)
     own = least_damped(modes if family is None else modes[modes.family == family])
-    return dict(own[["frequency_hz", "damping"]].apply(tuple, axis=1))
+    return own[[column for column, *_ in VALUES]]
 
 
 def _same_elements(one: RunData, two: RunData) -> bool:

@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
 from brake_fenicsx.folder.processes import in_turns
-from brake_fenicsx.results.families import RESEMBLES, known_numbers
+from brake_fenicsx.results.families import RESEMBLES, known_numbers, mac
 from brake_fenicsx.results.run import RunData
-from brake_fenicsx.results.squeal import Family, least_damped
+from brake_fenicsx.results.squeal import Family, least_damped, squeals
 from brake_fenicsx.results.statistics import Share, wilson
 from brake_fenicsx.sweeps.points import Points
 from brake_fenicsx.sweeps.state import State, likeness
@@ -123,8 +123,8 @@ class Trial:
 
     def _loud(self, state: State) -> list[int]:
         """Modes that squeal and are of the worst family."""
-        squeal = (state.verdict == "unstable") & (state.damping < -self._worst.threshold)
-        modes = np.flatnonzero(squeal)
+        known = {"verdict": state.verdict, "damping": state.damping}
+        modes = np.flatnonzero(squeals(known, self._worst.threshold))
         numbers = known_numbers([state.right[:, [i]] for i in modes], self._known)
         return [int(i) for i, n in zip(modes, numbers, strict=True) if n == self._worst.column]
 
@@ -150,7 +150,7 @@ class Trial:
         """
         k = min(self._worst.damping)
         there = self._state(x, k)
-        alike = np.abs(self._known[:, self._worst.column].conj() @ there.right) ** 2 >= RESEMBLES
+        alike = mac(self._known[:, [self._worst.column]], there.right)[0] >= RESEMBLES
         if not alike.any():
             return None
         return float(there.damping[alike].min()) - self._worst.damping[k]

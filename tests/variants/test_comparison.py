@@ -13,8 +13,8 @@ import pytest
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.pipeline import run
-from brake_fenicsx.report.comparison_page import write_comparison
 from brake_fenicsx.results.statistics import difference
+from brake_fenicsx.variants.compare import write_comparison
 from brake_fenicsx.variants.comparison import compare_runs
 
 pytestmark = pytest.mark.alone

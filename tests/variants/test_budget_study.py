@@ -11,12 +11,13 @@ from mpi4py import MPI
 import pytest
 
 from brake_fenicsx import pipeline
-from brake_fenicsx.budget import study
-from brake_fenicsx.budget.knobs import RESOLUTION, Knob, Variant, knobs
-from brake_fenicsx.budget.study import run_budget
 from brake_fenicsx.cli import main
-from brake_fenicsx.errors import NotConverged, SceneError
+from brake_fenicsx.errors import BrakeError, NotConverged, SceneError
 from brake_fenicsx.scene import read_scene
+from brake_fenicsx.variants import budget as study
+from brake_fenicsx.variants.budget import run_budget
+from brake_fenicsx.variants.knobs import RESOLUTION, Knob, Variant, knobs
+from brake_fenicsx.variants.runs import Runs
 from processes import parallel
 
 pytestmark = pytest.mark.alone
@@ -97,7 +98,74 @@ def test_budget_without_time_names_what_it_left_out(few, tmp_path):
                  *(w for text in ROUGH for w in ("--set", text))]) == 0  # fmt: skip
     assert few == ["reference"]
     left = [r for r in table(tmp_path / "b") if r["status"] == "not run" and r["variant"]]
-    assert len(left) == 3 and all(r["reason"].startswith("time: about") for r in left)
+    assert len(left) == 3 and all(r["reason"].startswith("no time is left for about") for r in left)
+
+
+def test_a_run_whose_time_is_over_is_stopped_and_goes_on_later(tmp_path):
+    """It ends by a named error, leaves a folder that goes on, and its tables are those of one run."""
+    runs = Runs(BLOCK, COMM, tmp_path / "limited", ROUGH)
+    with pytest.raises(BrakeError, match="stopped after 0 s, no time is left"):
+        runs.run("a", ["samples.n=3"], limit=1e-3)
+    assert "stopped" in runs.record["a"]["error"] and not runs.is_done("a", ["samples.n=3"])
+    whole = Runs(BLOCK, COMM, tmp_path / "whole", ROUGH).run("a", ["samples.n=3"])
+    folder = runs.run("a", ["samples.n=3"], limit=1e6)
+    assert (folder / "modes.csv").read_bytes() == (whole / "modes.csv").read_bytes()
+    assert runs.is_done("a", ["samples.n=3"]) and not runs.is_done("a", ["samples.n=2"])
+
+
+@pytest.mark.slow
+def test_processes_end_together_where_their_time_is_over(tmp_path):
+    code = (
+        "import sys; from mpi4py import MPI; from pathlib import Path\n"
+        "from brake_fenicsx.errors import BrakeError\n"
+        "from brake_fenicsx.variants.runs import Runs\n"
+        "runs = Runs(sys.argv[1], MPI.COMM_WORLD, Path(sys.argv[2]), sys.argv[3:])\n"
+        "try:\n    runs.run('a', limit=1e-3)\n"
+        "except BrakeError as error:\n    print(error)"
+    )
+    call = ["mpirun", "-n", "2", "--oversubscribe", sys.executable, "-c", code, str(BLOCK)]
+    call += [str(tmp_path / "two"), *ROUGH]
+    done = subprocess.run(call, check=True, capture_output=True, text=True, **parallel())
+    assert done.stdout.count("no time is left") == 2
+
+
+@pytest.mark.hard
+def test_budget_stops_a_variant_that_takes_longer_than_estimated(few, tmp_path, monkeypatch):
+    """The estimate lets it begin; it is stopped at the limit, named, and the next one is not run."""
+
+    class Clock:
+        """Time passes with every look at it."""
+
+        now = 0.0
+
+        def perf_counter(self):
+            self.now += 1.0
+            return self.now
+
+    monkeypatch.setattr(study, "time", Clock())
+    monkeypatch.setattr(study, "_seconds", lambda *_: {"samples": 1e-6})
+    run = Runs.run
+    monkeypatch.setattr(
+        Runs, "run", lambda self, name, changes=(), limit=None: run(
+            self, name, changes, limit and 1e-3
+        ),
+    )  # fmt: skip
+    run_budget(BLOCK, COMM, tmp_path / "b", ROUGH, minutes=2.5 / 60)
+    rows = [r for r in table(tmp_path / "b") if r["status"] == "not run" and r["variant"]]
+    stopped = [r for r in rows if r["reason"].startswith("stopped after")]
+    assert len(stopped) == 1 and len(rows) == 3
+    assert few == ["reference", stopped[0]["variant"]]
+    page = (tmp_path / "b" / "budget.html").read_text()
+    assert page.count("stopped after") == 1 and "<td>not run" not in page
+
+
+def test_a_variant_does_not_fall_back_to_full_order(few, tmp_path):
+    run_budget(BLOCK, COMM, tmp_path / "b", [*ROUGH, "stability.on_tolerance='full order'"])
+    settings = [
+        json.loads((tmp_path / "b" / name / "summary.json").read_text())["in_effect"]["stability"]
+        for name in ("reference", "body-mesh-1")
+    ]
+    assert [s["on_tolerance"] for s in settings] == ["full order", "warn"]
 
 
 @pytest.mark.hard
@@ -174,7 +242,7 @@ def test_frequency_of_a_refined_body_has_its_order(tmp_path, monkeypatch):
 @pytest.mark.slow
 def test_two_processes_give_the_rows_of_one(few, tmp_path):
     code = (
-        "import sys; from mpi4py import MPI; from brake_fenicsx.budget import study\n"
+        "import sys; from mpi4py import MPI; from brake_fenicsx.variants import budget as study\n"
         "every = study.knobs\n"
         "study.knobs = lambda *a: [k for k in every(*a) if k.name in sys.argv[3].split()]\n"
         "study.run_budget(sys.argv[1], MPI.COMM_WORLD, sys.argv[2], sys.argv[4:])"

@@ -9,7 +9,6 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from brake_fenicsx import countermeasures as module
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import NotConverged, SceneError
 from brake_fenicsx.folder.store import result_digest
@@ -17,6 +16,8 @@ from brake_fenicsx.pipeline import run
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.results.tables import read_rows
 from brake_fenicsx.scene import read_scene
+from brake_fenicsx.variants import countermeasures as module
+from brake_fenicsx.variants import runs
 from brake_fenicsx.variants.comparison import compare_runs
 from coarse_block import BLOCK, FRICTION, HEIGHT, ROUGH, levers
 from processes import parallel
@@ -103,7 +104,7 @@ def test_what_does_not_help_says_so(found):
     out, rows = found
     row = rows[STIFFNESS]
     assert row["smallest_value"] is None and row["verified"] == "no" and row["any_after"] is None
-    assert row["share_after"] == 1.0 and "no value is enough" in row["note"]
+    assert row["share_after"] == 1.0 and "not sufficient even at the limit" in row["note"]
     farthest = out.with_name("farthest")
     run(BLOCK, COMM, farthest, [*ROUGH, f"{STIFFNESS}=200 GPa"])
     assert loud(out / "before", farthest)[0] == 1.0
@@ -143,7 +144,7 @@ def test_what_is_finished_is_not_done_again(found, tmp_path, monkeypatch, capsys
     assert main(words(out, *ROUGH, LEVERS)) == 0
     assert (out / "countermeasures.csv").read_bytes() == table
     assert kept == {p: p.stat().st_mtime_ns for p in out.glob("*/samples/*.npz")}
-    assert "smallest change" in capsys.readouterr().out
+    assert "smallest sufficient value" in capsys.readouterr().out
     other = tmp_path / "other"
     assert main(words(other, *ROUGH, levers((FRICTION, "0.05")))) == 130
     monkeypatch.undo()
@@ -183,14 +184,14 @@ def test_nothing_to_stop(tmp_path, capsys):
 
 def test_a_run_that_fails_is_named(tmp_path, monkeypatch):
     """The search found a value, and the run with it ends in an error: a row that says so."""
-    whole = module.pipeline.run
+    whole = runs.pipeline.run
 
     def failing(scene, comm, directory, *rest, **more):
         if directory.name.startswith("after"):
             raise NotConverged("all samples failed")
         return whole(scene, comm, directory, *rest, **more)
 
-    monkeypatch.setattr(module.pipeline, "run", failing)
+    monkeypatch.setattr(runs.pipeline, "run", failing)
     changes = [*ROUGH, "samples.n=2", levers((FRICTION, "0.05"))]
     page = module.find_countermeasures(BLOCK, COMM, tmp_path, changes)
     (row,) = read_rows(page.with_suffix(".csv"))
