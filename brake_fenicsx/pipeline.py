@@ -36,7 +36,8 @@ from brake_fenicsx.folder.log import Progress, logger, start_log
 from brake_fenicsx.folder.memory import peak_memory, release_memory
 from brake_fenicsx.folder.shares import Share
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.folder.versions import versions
+from brake_fenicsx.folder.termination import end_of_stage
+from brake_fenicsx.results.versions import versions
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.digest import laws_key, result_digest
 from brake_fenicsx.scene.friction import friction_texts, listed
@@ -103,6 +104,7 @@ class Run:
             self.peak_memory_mb[name],
         )
         release_memory()
+        end_of_stage(self.comm)
 
     @property
     def page(self) -> Path | None:
@@ -467,7 +469,7 @@ def note_warnings(this: Run, lines: list[str]) -> None:
 def note_open_points(this: Run) -> None:
     """Log what the modes of the samples leave open; the page says it from the summary."""
     from brake_fenicsx.report.overview import open_points
-    from brake_fenicsx.report.rundata import RunData
+    from brake_fenicsx.results.run import RunData
 
     summary = {**this.facts, "in_effect": in_effect(this.scene)}
     if text := open_points(RunData(this.store.directory, summary=summary)):
@@ -520,7 +522,9 @@ def mechanics(
     with this.stage("results"):
         if this.comm.rank == 0:
             this.store.forget_tables()
-        first = study.write()
+        from brake_fenicsx.results.write import write_results
+
+        first = write_results(study)
         if sweep is not None:
             this.facts |= sweep.write()
         this.facts |= study.facts
@@ -580,9 +584,10 @@ def report(directory: Path) -> None:
     from brake_fenicsx.report.figures import make_figures
     from brake_fenicsx.report.html import write_report
     from brake_fenicsx.report.inputs import contact_maps
-    from brake_fenicsx.report.overview import summary_table, write_tables
-    from brake_fenicsx.report.rundata import read_run
+    from brake_fenicsx.report.overview import summary_table
     from brake_fenicsx.report.surface_tables import write_surface_tables
+    from brake_fenicsx.results.answer import write_tables
+    from brake_fenicsx.results.run import read_run
 
     contact_maps(directory)
     data = read_run(directory)

@@ -10,15 +10,18 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "brake_fenicsx"
 BLOCK = PACKAGE.parent / "scripts" / "scenes" / "block_on_plate.toml"
 ORDER = (
+    "folder",
     "scene",
     "surface",
     "micro",
     "macro",
     "stability",
     "uncertainty",
+    "results",
     "sweeps",
     "report",
-    "budget",
+    "correlation",
+    "variants",
 )
 # eigensolvers lie below full order and the reduced model, which do not know each other.
 BELOW = {
@@ -78,7 +81,10 @@ def test_one_module_connects_full_order_and_the_reduced_model():
     ("command", "left_out"),
     [
         (["--help"], ["mpi4py.MPI", "numpy", "dolfinx"]),
-        (["check", str(BLOCK)], ["brake_fenicsx.surface", "scipy.stats", "matplotlib", "SALib"]),
+        (
+            ["check", str(BLOCK)],
+            ["brake_fenicsx.surface", "scipy.stats", "pandas", "matplotlib", "SALib"],
+        ),
     ],
 )
 def test_a_command_starts_without_what_it_does_not_need(command, left_out):

@@ -13,8 +13,8 @@ import pytest
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder import sample_files
 from brake_fenicsx.folder.store import Store
+from brake_fenicsx.results.stored import Results
 from brake_fenicsx.uncertainty.ensemble import run_ensemble
-from brake_fenicsx.uncertainty.results import Results
 
 pytestmark = pytest.mark.alone
 TASKS = [("parametric", k) for k in range(10)]

@@ -15,7 +15,7 @@ from brake_fenicsx.description import describe
 from brake_fenicsx.micro import load_laws
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.report.html import render_page
-from brake_fenicsx.report.rundata import read_run
+from brake_fenicsx.results.run import read_run
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.digest import laws_key
 from brake_fenicsx.scene.friction import friction_texts, listed

@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.folder.files import whole_file
-from brake_fenicsx.tables import Value, write_rows
+from brake_fenicsx.results.run import Arrays, RunData
+from brake_fenicsx.results.tables import Value, write_rows
 
 from .micro_figures import settings_of
-from .rundata import Arrays, RunData
 from .surface_figures import bearing_curves, surface_statistics
 from .surface_section import of_surface, parameter_columns, parameter_rows, scans_of
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.tables import Columns
-
-from .rundata import RunData
+from brake_fenicsx.results.run import RunData
+from brake_fenicsx.results.tables import Columns
 
 # Kinds of lock_in.csv, as in sweeps.events, which the report does not import: it needs the solver.
 MERGING, SPLITTING, NEAR = "merging", "splitting", "near merging"

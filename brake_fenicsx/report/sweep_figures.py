@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.tables import Columns
+from brake_fenicsx.results.run import RunData
+from brake_fenicsx.results.tables import Columns
 
-from .rundata import RunData
 from .squeal_figures import KHZ, LINEAR_DAMPING
 from .style import (
     BLACK,

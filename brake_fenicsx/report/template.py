@@ -12,7 +12,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 
 from brake_fenicsx.folder.files import whole_file
-from brake_fenicsx.tables import Value, show
+from brake_fenicsx.results.tables import Value, show
 
 WIDEST = 1440  # pixels of a picture inside a page
 SMALL = 150_000  # bytes up to which a PNG is stored as it is

@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.files import whole_file
+from brake_fenicsx.results.run import RunData, read_run
+from brake_fenicsx.results.squeal import ModeKey
 
-from .counts import ModeKey, representative_modes
 from .mode_fields import MOST
-from .rundata import RunData, read_run
 
 FILE = "modes.unv"
 SI = {"units_code": 1, "units_description": "SI: metre, newton", "temp_mode": 1,
@@ -88,7 +88,7 @@ def _shapes(run: RunData, approach: str) -> list[tuple[ModeKey, NDArray[np.compl
     found = []
     with h5py.File(_file(run, approach)) as file:
         fields = file["Function"]
-        for key in representative_modes(run, approach, MOST):
+        for key in run.squeal.representatives(approach, MOST):
             name = f"mode_{key.frequency:05.0f}Hz"
             if f"{name}_re" in fields:
                 re, im = (fields[f"{name}_{part}"]["0"][:] for part in ("re", "im"))

@@ -8,14 +8,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from brake_fenicsx.squeal import wilson
+from brake_fenicsx.results.run import RunData
+from brake_fenicsx.results.squeal import ApproachCount, Family
+from brake_fenicsx.results.statistics import wilson
 
 from .blocks import Block
 from .candidates import CANDIDATES, beside_candidates
-from .counts import ApproachCount, FamilyCount, count, good_modes
 from .mode_cards import Card, ModePictures, family_card
 from .overview import open_points
-from .rundata import RunData
 
 UNDAMPED = "none named"
 USUAL_LIMIT = 0.01  # of -2 alpha / |omega| in Abaqus
@@ -47,7 +47,7 @@ class Verdict:
 
 
 def make_verdict(
-    run: RunData, families: Mapping[str, list[FamilyCount]], lead: str, pictures: ModePictures
+    run: RunData, families: Mapping[str, list[Family]], lead: str, pictures: ModePictures
 ) -> Verdict:
     """The first screen of a run with modes.
 
@@ -60,11 +60,11 @@ def make_verdict(
     facts, warnings = conditions(run, lead), warnings_of(run)
     if not lead:
         return Verdict("This run computed no modes.", facts=facts, warnings=warnings)
-    counted = count(run, lead)
+    counted = run.squeal.count(lead)
     text, level = _sentence(run, counted)
     others = [name for name in families if name != lead]
     more = [*_failure(run, counted), *_limit(run, counted)]
-    more += [_other(run, count(run, name), families[name]) for name in others]
+    more += [_other(run, run.squeal.count(name), families[name]) for name in others]
     cards = [
         family_card(run, f, pictures, rank, named=True)
         for rank, f in enumerate(families[lead][:CANDIDATES], start=1)
@@ -82,7 +82,7 @@ def leading_approach(run: RunData) -> str:
     Returns:
         Its name; empty without modes and samples.
     """
-    counts = [count(run, name) for name in run.approaches]
+    counts = [run.squeal.count(name) for name in run.approaches]
     several = [c.approach for c in counts if c.samples > 1]
     good = [c.approach for c in counts if c.samples]
     return (several or good or run.approaches or [""])[-1]
@@ -164,7 +164,7 @@ def _limit(run: RunData, c: ApproachCount) -> list[str]:
     """What the usual limit of another program would count, and that nothing is damped."""
     said = []
     if c.squeal and run.threshold < USUAL_LIMIT:
-        modes = good_modes(run, c.approach, squeal=True)
+        modes = run.squeal.squeal_modes(c.approach)
         loud = modes["sample"][modes["damping"] < -USUAL_LIMIT]
         number = f"{len({*loud})} of {c.samples} samples"
         if c.samples == 1:
@@ -175,7 +175,7 @@ def _limit(run: RunData, c: ApproachCount) -> list[str]:
     return said
 
 
-def _other(run: RunData, c: ApproachCount, found: list[FamilyCount]) -> str:
+def _other(run: RunData, c: ApproachCount, found: list[Family]) -> str:
     """One sentence about an approach that the verdict is not about."""
     name = run.label(c.approach)
     if c.samples == 0:
@@ -243,7 +243,7 @@ def _forces(run: RunData, lead: str) -> list[tuple[str, str]]:
 
 
 def _samples(run: RunData) -> str:
-    counts = [count(run, name) for name in run.approaches]
+    counts = [run.squeal.count(name) for name in run.approaches]
     return ", ".join(
         f"{run.label(c.approach)} {c.samples}" + (f" ({c.failed} failed)" if c.failed else "")
         for c in counts

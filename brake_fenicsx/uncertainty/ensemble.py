@@ -15,7 +15,7 @@ from brake_fenicsx.folder.log import Progress, logger
 from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.folder.termination import Terminated, asked, finishing
+from brake_fenicsx.folder.termination import asked, ending, finishing
 
 # Beyond all samples: how a run that is to end keeps its processes from taking more.
 _NO_MORE = 2**40
@@ -79,12 +79,12 @@ def _run(
             defect = error
         except Exception:
             defect = RuntimeError(traceback.format_exc())
-        stopped = comm.allreduce(asked(), MPI.LOR)
+        stopped = ending(comm)
     defects = [d for d in comm.allgather(defect) if d is not None]
     if defects:
         raise defects[0]
-    if stopped:
-        raise Terminated(together=True)
+    if stopped is not None:
+        raise stopped
 
 
 def _one(task: Task, work: Work, store: Store) -> None:

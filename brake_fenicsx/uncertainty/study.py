@@ -1,4 +1,4 @@
-"""The samples of a scene: what they share, each one's equilibrium and modes, their tables."""
+"""The samples of a scene: what they share, and each one's equilibrium and modes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.folder.cache import SharedCache
-from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.brake import Brake
@@ -26,20 +25,12 @@ from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.surface.hdf import HeightDistribution
 from brake_fenicsx.surface.waviness import Waviness
-from brake_fenicsx.tables import CONTACT, MODES, SAMPLES, write_rows
 
 from .ensemble import run_ensemble
 from .equilibria import Equilibria
-from .forces import forces_of_sample, forces_of_samples
 from .inputs import PERFECT, note_laws, points_of
 from .models import Models
-from .numbering import dof_points
-from .outcomes import ensembles
-from .probabilities import write_causes
-from .results import Results
 from .sampling import SampleInput, draw_sample, sample_count
-from .shapes import FILE as SHAPES
-from .shapes import family_shapes
 
 if TYPE_CHECKING:
     from brake_fenicsx.macro.equilibrium import Equilibrium
@@ -233,56 +224,6 @@ class Study:
         numbers = range(k * micro.laws_per_sample, (k + 1) * micro.laws_per_sample)
         made = [self.recipe.law(micro.seed, i) for i in numbers]
         return make_library(made, list(numbers))
-
-    def write(self) -> dict[Task, dict[str, Any]]:
-        """modes.csv, samples.csv and contact.csv from the stored samples; collective.
-
-        Returns:
-            What was stored of the first good sample of each approach.
-        """
-        points = dof_points(self.brake)
-        first, facts = on_first(lambda: self._tables(points), self.comm)
-        self.facts |= facts
-        if self.brake.stuck:
-            from .stuck_states import stuck_states
-
-            self.facts["stuck_contact"] = on_first(
-                lambda: stuck_states(self.scene, self.brake, first, self.displacement), self.comm
-            )
-        return first
-
-    def _tables(self, points: Array) -> tuple[dict[Task, dict[str, Any]], dict[str, Any]]:
-        """The same on one process: all samples are read, and facts for the summary counted."""
-        path, stability = self.store.path, self.scene.stability
-        results = Results(
-            self.store, self.tasks, self.verify, self.verified,
-            stability.threshold if stability else 0.0, self.brake.contact.speed > 0,
-            forces_of_sample(self.scene, self.brake),
-        )  # fmt: skip
-        facts = results.facts()
-        facts["contact_forces"] = forces_of_samples(self.scene, results.derived)
-        write_rows(path("samples.csv"), results.sample_columns(SAMPLES), results.samples())
-        if "stability" in self.scene.stages:
-            write_rows(path("modes.csv"), results.mode_columns(MODES), results.modes())
-            if results.members.vectors:
-                self.families = np.array(results.members.vectors).T
-            self._write_shapes(points, results)
-        write_rows(path("contact.csv"), CONTACT, results.contact(self.brake.contact))
-        if stability is not None and self.drivers is not None:
-            from .driver_tables import write_drivers
-
-            write_drivers(path(), results, stability.threshold)
-        if stability is not None and {"stability", "uncertainty"} <= {*self.scene.stages}:
-            found = ensembles(results, stability.band, stability.threshold)
-            facts["probabilities"] = write_causes(path(), self.scene.samples, found)
-        return {task: results.stored[task] for task in results.first()}, facts
-
-    def _write_shapes(self, points: Array, results: Results) -> None:
-        """Shapes of the families that squeal, for comparisons with other runs."""
-        numbers, vectors = results.squealing_members()
-        if numbers:
-            u, body = self.models.shapes(vectors), self.models.numbering.body
-            self.store.save(SHAPES, **family_shapes(points, body, u, np.array(numbers)))
 
     def stored(self, task: Task) -> dict[str, Any]:
         """What was stored of a sample."""
