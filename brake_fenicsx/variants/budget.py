@@ -33,28 +33,23 @@ from .knobs import RESOLUTION, Knob, Variant, knobs
 from .runs import Runs
 
 REFERENCE = "reference"
-# A variant whose reduced model cannot be made is no variant of the scene's computation.
-NO_FALL_BACK = 'stability.on_tolerance="warn"'
 
 
 @dataclass(frozen=True, slots=True)
 class Planned:
     """A variant: its folder's name, the knob, its estimated cost [s], and why it is refused.
 
-    Its samples are ``paired`` with the scene's, number by number.
+    ``changes`` are the replacements "key=value" of its run. Its samples are ``paired`` with the
+    scene's, number by number.
     """
 
     name: str
     knob: Knob
     variant: Variant
+    changes: tuple[str, ...]
     seconds: float
     refused: str = ""
     paired: bool = False
-
-    @property
-    def changes(self) -> tuple[str, ...]:
-        """Replacements "key=value" of its run."""
-        return (*self.variant.overrides, NO_FALL_BACK)
 
 
 def run_budget(
@@ -144,16 +139,19 @@ def plan(runs: Runs) -> tuple[list[Knob], list[Planned]]:
     found = knobs(scene, pixels)
     total = sum(_seconds(own, sizes, Variant((), "")).values())
     scale = runs.record[REFERENCE]["seconds"] / max(total, 1.0)
+    # A variant that falls back to full order is no variant of the scene's computation.
+    falls_back = scene.stability is not None and scene.stability.on_tolerance == "full order"
+    no_fall_back = ('stability.on_tolerance="warn"',) if falls_back else ()
     planned = []
     for i, knob in enumerate(found):
         for n, variant in enumerate(knob.variants, 1):
-            name = f"{knob.name}-{n}"
+            about = f"{knob.name}-{n}", knob, variant, (*variant.overrides, *no_fall_back)
             try:
                 other = runs.read(variant.overrides)
                 read = stats if other.surface == scene.surface else read_surface(other)
                 other = with_pixels(with_patch(other, patch / variant.elements**0.5), read)
             except SceneError as error:
-                planned.append((n, Planned(name, knob, variant, 0.0, str(error))))
+                planned.append((n, Planned(*about, 0.0, str(error))))
                 continue
             if not knob.perfect and _most(other) < _most(scene):
                 found[i] = replace(knob, variants=(), reason="nothing is random without it")
@@ -166,7 +164,7 @@ def plan(runs: Runs) -> tuple[list[Knob], list[Planned]]:
                 own.micro is None or other.micro is None or other.micro.pixels == own.micro.pixels
             )
             cost = scale * sum(stages.values())
-            planned.append((n, Planned(name, knob, variant, cost, paired=paired)))
+            planned.append((n, Planned(*about, cost, paired=paired)))
     return found, [p for _, p in sorted(planned, key=lambda item: (item[0], item[1].seconds))]
 
 

@@ -27,8 +27,8 @@ OWN = (
     "scatter of the frequency [Hz]", "scatter of the damping",
 )  # fmt: skip
 HEADS = (
-    "setting", "variant", "time [s]", "memory [MB]", "samples", "approach", "family",
-    "change of the probability (95 % interval)", "frequency: bias (scatter) [Hz]",
+    "setting", "variant", "time [s]", "memory [MB]", "approach", "family",
+    "change of the probability (95 % interval)", "samples", "frequency: bias (scatter) [Hz]",
     "damping: bias (scatter)", "order", "limit and its uncertainty", "remark",
 )  # fmt: skip
 
@@ -66,7 +66,7 @@ def write_budget_page(directory: Path, rows: Sequence[Row], name: str) -> Path:
         picture,
         [
             Text("The scene itself: how far its number of samples leaves the probabilities open."),
-            Table.without_empty(OWN, [_of_scene(r) for r in scene]),
+            Table.without_empty(OWN, [_of_scene(r) for r in _telling(scene)]),
             Text("What each change of a setting does to them."),
             Table.without_empty(HEADS, _of_variants(rows)),
         ],
@@ -172,21 +172,27 @@ def _of_scene(row: Row) -> list[Value]:
 
 
 def _of_variants(rows: Sequence[Row]) -> list[list[Value]]:
-    """Each variant once, with a line for each family; all modes only where they tell more."""
+    """Each variant once, with a line for each family."""
     shown: list[list[Value]] = []
     run = [r for r in rows if r["status"] == "run" and r["knob"] != "samples"]
     for name in dict.fromkeys(r["variant"] for r in run):
-        own = [r for r in run if r["variant"] == name]
+        own = _telling([r for r in run if r["variant"] == name])
         about = [own[0][n] for n in ("says", "change_made", "seconds", "memory_mb")]
-        about.append({"yes": "the same", "no": "independent"}.get(str(own[0]["paired"])))
-        for approach in dict.fromkeys(r["approach"] for r in own):
-            mine = [r for r in own if r["approach"] == approach]
-            families = [r for r in mine if r["family"] != "any"]
-            alone = len(families) == 1 and families[0]["change"] == mine[0]["change"]
-            for r in families if alone else mine:
-                shown.append([*about, approach, *_change_cells(r)])
-                about = [None] * len(about)
+        for row in own:
+            shown.append([*about, row["approach"], *_change_cells(row)])
+            about = [""] * len(about)
     return shown
+
+
+def _telling(rows: Sequence[Row]) -> list[Row]:
+    """Rows without those of all modes together that say what an approach's only family says."""
+    families = [r for r in rows if r["family"] != "any"]
+    same = ("approach", "probability", "change", "change_low", "change_high")
+    alone = {
+        tuple(r[n] for n in same) for r in families
+        if sum(f["approach"] == r["approach"] for f in families) == 1
+    }  # fmt: skip
+    return [r for r in rows if r["family"] != "any" or tuple(r[n] for n in same) not in alone]
 
 
 def _change_cells(row: Row) -> list[Value]:
@@ -198,8 +204,11 @@ def _change_cells(row: Row) -> list[Value]:
         if row[f"{n}_limit{u}"] is not None
     ]
     return [
-        _family(row), change_of(row), _spread(row, "frequency", "_hz"),
-        _spread(row, "damping", ""), ", ".join(order), ", ".join(limits), row["reason"],
+        _family(row), change_of(row),
+        None if row["samples"] == 1 else "the same" if row["paired"] == "yes" else "independent",
+        _spread(row, "frequency", "_hz"),
+        _spread(row, "damping", ""), ", ".join(order) or None, ", ".join(limits) or None,
+        row["reason"],
     ]  # fmt: skip
 
 

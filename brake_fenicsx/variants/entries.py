@@ -130,7 +130,8 @@ def statistical(scene: RunData) -> list[Row]:
         share, family = wilson(round(p * n), n), c["family_a"]
         row = blank(
             knob="samples", says="the number of samples", kind="statistics", status="run",
-            variant="samples", change_made=f"{n} samples", approach=c["approach"],
+            variant="samples",
+            change_made="one sample" if n == 1 else f"{n} samples", approach=c["approach"],
             family="any" if family is None else family, frequency_hz=c["frequency_a_hz"],
             samples=n, probability=p, change=0.0,
         )  # fmt: skip

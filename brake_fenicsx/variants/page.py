@@ -89,7 +89,7 @@ def draw_changes(
     """Shares before and after, and beside them the changes where they have intervals."""
     both = any(line.change for line in lines)
     rows = sum(1 + 0.6 * line.label.count("\n") for line in lines)
-    figure, axes = new_figure(1, 1 + both, height=max(1.7, 0.3 * rows + 1.1), sharey=True)
+    figure, axes = new_figure(1, 1 + both, height=max(1.7, 0.25 * rows + 1.1), sharey=True)
     left = axes[0, 0]
     for y, line in enumerate(lines):
         after = np.nan if line.after is None else line.after

@@ -102,7 +102,7 @@ def test_budget_without_time_names_what_it_left_out(few, tmp_path):
 
 
 def test_a_run_whose_time_is_over_is_stopped_and_goes_on_later(tmp_path):
-    """A named error ends it; its folder goes on, and the tables are those of one run."""
+    """A named error; the same call goes on, and its tables are those of one run."""
     runs = Runs(BLOCK, COMM, tmp_path / "limited", ROUGH)
     with pytest.raises(BrakeError, match="stopped after 0 s, no time is left"):
         runs.run("a", ["samples.n=3"], limit=1e-3)
@@ -130,33 +130,23 @@ def test_processes_end_together_where_their_time_is_over(tmp_path):
 
 
 @pytest.mark.hard
-def test_budget_stops_a_variant_that_takes_longer_than_estimated(few, tmp_path, monkeypatch):
-    """The estimate lets it begin; it is stopped and named, and the next one is not run."""
+def test_budget_stops_a_variant_at_its_limit_and_names_it(few, tmp_path, monkeypatch):
+    """A variant gets what is left of the time; those that are stopped stand in one sentence."""
+    limits, run = [], Runs.run
 
-    class Clock:
-        """Time passes with every look at it."""
+    def limited(self, name, changes=(), limit=None):
+        limits.append(limit)
+        return run(self, name, changes, limit and 1e-3)
 
-        now = 0.0
-
-        def perf_counter(self):
-            self.now += 1.0
-            return self.now
-
-    monkeypatch.setattr(study, "time", Clock())
-    monkeypatch.setattr(study, "_seconds", lambda *_: {"samples": 1e-6})
-    run = Runs.run
-    monkeypatch.setattr(
-        Runs, "run", lambda self, name, changes=(), limit=None: run(
-            self, name, changes, limit and 1e-3
-        ),
-    )  # fmt: skip
-    run_budget(BLOCK, COMM, tmp_path / "b", ROUGH, minutes=2.5 / 60)
-    rows = [r for r in table(tmp_path / "b") if r["status"] == "not run" and r["variant"]]
-    stopped = [r for r in rows if r["reason"].startswith("stopped after")]
-    assert len(stopped) == 1 and len(rows) == 3
-    assert few == ["reference", stopped[0]["variant"]]
+    monkeypatch.setattr(Runs, "run", limited)
+    run_budget(BLOCK, COMM, tmp_path / "b", ROUGH, minutes=30)
+    assert limits[0] is None and all(0 < limit < 1800 for limit in limits[1:])
+    left = [r for r in table(tmp_path / "b") if r["variant"] != "samples" and r["variant"]]
+    assert len(left) == 3 == len(limits) - 1
+    assert all(r["reason"].startswith("stopped after") for r in left)
     page = (tmp_path / "b" / "budget.html").read_text()
-    assert page.count("stopped after") == 1 and "<td>not run" not in page
+    assert page.count("Not varied:") == 1 and page.count("the mesh of the bodies") == 2
+    assert "<td>not run" not in page
 
 
 def test_a_variant_does_not_fall_back_to_full_order(few, tmp_path):
