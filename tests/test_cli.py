@@ -270,10 +270,11 @@ def test_table_of_the_log_stands_under_its_heading(tmp_path, monkeypatch):
     from types import SimpleNamespace
 
     from brake_fenicsx.report import figures, html, inputs, overview, surface_tables
+    from brake_fenicsx.results import answer
     from brake_fenicsx.results import run as results
 
     for module, name in ((inputs, "contact_maps"), (figures, "make_figures"),
-                         (overview, "write_tables"), (html, "write_report"),
+                         (answer, "write_tables"), (html, "write_report"),
                          (surface_tables, "write_surface_tables")):  # fmt: skip
         monkeypatch.setattr(module, name, lambda *_, **__: None)
     monkeypatch.setattr(results, "read_run", lambda _: SimpleNamespace(modes=1, samples=1))
