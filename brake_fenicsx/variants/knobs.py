@@ -86,75 +86,62 @@ def _laws(scene: Scene, pixels: int | None) -> list[Knob]:
     if micro is None or pixels is None:
         return [Knob(*row[:4], reason="the scene has no laws of a rough surface") for row in names]
     other = "periodic" if micro.boundary == "free" else "free"
-    strict = f"{micro.tolerance / 100!r}"
     fine = [round(pixels * PIXELS**n) for n in (1, 2)]
-    found: dict[str, tuple[Variant, ...]] = {
-        "pixels": tuple(
-            _one("micro.pixels", str(n), f"{n} x {n} points") for n in fine
-            if LEAST_PIXELS <= n <= MOST_PIXELS
-        ),
-        "steps": tuple(
-            _one("micro.steps", str(n * micro.steps), f"{n * micro.steps} steps") for n in (2, 4)
-        ),
-        "contact-tolerance": (_one("micro.tolerance", strict, "a hundredth"),),
-        "boundary": (_one("micro.boundary", f'"{other}"', other),),
-        "laws": () if micro.fresh else tuple(
-            _one("micro.laws", str(n * micro.library_size), f"{n * micro.library_size} laws")
-            for n in (2, 4)
-        ),
-        "hardness": (),
-    }  # fmt: skip
-    reasons = {
-        "pixels": f"finer laws would have more than {MOST_PIXELS} points along a side",
-        "laws": "each sample makes its own laws",
-        "hardness": "the scene is elastic, and no hardness can be guessed: name micro.hardness",
-    }
-    if micro.hardness is not None:
-        found["hardness"] = tuple(
-            _one("micro.hardness", f'"{factor * micro.hardness / 1e6!r} MPa"', text)
-            for factor, text in ((2.0, "twice as hard"), (0.5, "half as hard"))
-        )
+    hard = micro.hardness or 0.0
+    # Variants, and why there may be none.
+    found = (
+        ([_one("micro.pixels", str(n), f"{n} x {n} points") for n in fine
+          if LEAST_PIXELS <= n <= MOST_PIXELS],
+         f"finer laws would have more than {MOST_PIXELS} points along a side"),
+        ([_one("micro.laws", str(n * micro.library_size), f"{n * micro.library_size} laws")
+          for n in (2, 4) if not micro.fresh], "each sample makes its own laws"),
+        ([_one("micro.steps", str(n * micro.steps), f"{n * micro.steps} steps") for n in (2, 4)],
+         ""),
+        ([_one("micro.tolerance", f"{micro.tolerance / 100!r}", "a hundredth")], ""),
+        ([_one("micro.hardness", f'"{factor * hard / 1e6!r} MPa"', f"{text} as hard")
+          for factor, text in ((2.0, "twice"), (0.5, "half")) if hard],
+         "the scene is elastic, and no hardness can be guessed: name micro.hardness"),
+        ([_one("micro.boundary", f'"{other}"', other)], ""),
+    )  # fmt: skip
     return [
-        Knob(*row[:4], found[row[0]], row[4], "" if found[row[0]] else reasons[row[0]])
-        for row in names
+        Knob(*row[:4], tuple(variants), row[4], "" if variants else why)
+        for row, (variants, why) in zip(names, found, strict=True)
     ]
 
 
+# Readings of the surface: name, what it is, key, values, whether samples stay the same.
+SURFACE = (
+    ("long-waves", "the spectrum below the scan's lowest wave number", "low", ("flat", "extend"),
+     True),
+    ("variance", "the variance of the artificial surfaces", "S_q", ("spectrum", "scan"), True),
+    ("heights", "the shape of the height distribution", "distribution", ("johnson", "normal"),
+     False),
+    ("spectrum", "the spectrum of the artificial surfaces", "spectrum", ("fit", "measured"), True),
+    ("level", "what is subtracted from the scan", "level", ("plane", "second-order"), True),
+)  # fmt: skip
+
+
 def _surface(scene: Scene) -> list[Knob]:
-    """Readings of the surface."""
+    """Readings of the surface, and what the critical gaps do."""
     surface = scene.surface if "surface" in scene.stages else None
     gaps = {name: c.gap for name, c in scene.contact.items()}
-    keys = {
-        "low": ("long-waves", "the spectrum below the scan's lowest wave number", True,
-                ("flat", "extend")),
-        "S_q": ("variance", "the variance of the artificial surfaces", True, ("spectrum", "scan")),
-        "distribution": ("heights", "the shape of the height distribution", False, ()),
-        "spectrum": ("spectrum", "the spectrum of the artificial surfaces", True,
-                     ("fit", "measured")),
-        "level": ("level", "what is subtracted from the scan", True, ("plane", "second-order")),
-    }  # fmt: skip
-    none = "the scene has no rough surface"
-    found = []
     rough = surface is not None and ("micro" in scene.stages or set(gaps.values()) != {"none"})
-    for key, (name, says, paired, values) in keys.items():
-        if surface is None or not rough:
-            found.append(Knob(name, says, CHOICE, paired, reason=none))
-            continue
-        now = getattr(surface, key)
-        if key == "distribution":
-            now = now or ("measured" if surface.scan else "johnson")
-            values = ("johnson", "normal")
-        if key in ("level", "spectrum") and not surface.scan:
-            found.append(Knob(name, says, CHOICE, paired, reason="the scene has no scan"))
-            continue
-        if key == "S_q" and "waviness" in gaps.values():
-            shared = "critical gaps of waviness share the variance of the spectrum"
-            found.append(Knob(name, says, CHOICE, paired, reason=shared))
-            continue
+    measured = surface is not None and bool(surface.scan)
+    found = []
+    for name, says, key, values, paired in SURFACE:
+        now = getattr(surface, key, None)
+        if key == "distribution" and now is None and not measured:
+            now = "johnson"
+        why = ""
+        if not rough:
+            why = "the scene has no rough surface"
+        elif key in ("level", "spectrum") and not measured:
+            why = "the scene has no scan"
+        elif key == "S_q" and "waviness" in gaps.values():
+            why = "critical gaps of waviness share the variance of the spectrum"
         other = next(v for v in values if v != now)
-        found.append(
-            Knob(name, says, CHOICE, paired, (_one(f"surface.{key}", f'"{other}"', other),))
-        )
+        variants = () if why else (_one(f"surface.{key}", f'"{other}"', other),)
+        found.append(Knob(name, says, CHOICE, paired, variants, reason=why))
     wavy = tuple(n for n, gap in gaps.items() if gap != "none")
     off = Variant(tuple(f'{dotted("contact", n, "gap")}="none"' for n in wavy), "none")
     found += [

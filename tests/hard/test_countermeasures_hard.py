@@ -30,7 +30,7 @@ def test_one_sample_must_be_stable_itself():
 
 
 def test_a_window_narrower_than_a_step_is_not_seen():
-    """Stable only in 2 % of the range between two values: reported as "no value is enough"."""
+    """Stable only in 2 % of the range between two values: reported as "not sufficient"."""
     found = smallest_change(
         lambda x: iter([abs(x - 0.44) > 0.01] * 40), (0.0, 1.0), 40, 8, 0.01
     )  # fmt: skip
