@@ -334,7 +334,7 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
     path = this.store.path("laws.npz")
     with this.stage("micro"), this.cache.shared("laws.npz", lambda: laws_key(scene), comm):
         if not comm.bcast(path.exists(), root=0):
-            recipe, number = law_recipe(scene, stats), micro.library_size
+            recipe, number = law_recipe(scene, stats), micro.laws
             if recipe is None:
                 raise SceneError(f"{scene.file}: stages: 'micro' is missing")
             first = recipe.surface(micro.seed, 0)
@@ -482,7 +482,6 @@ def make_study(
     """What the samples of a scene share, made or read from the folder; collective."""
     from brake_fenicsx.uncertainty.study import Study
 
-    recipe = law_recipe(this.scene, stats) if stats else None
     hdf = stats.hdf if stats else None
     waviness, surface, micro = None, this.scene.surface, this.scene.micro
     named = any(c.gap == "waviness" for c in this.scene.contact.values())
@@ -490,9 +489,7 @@ def make_study(
         from brake_fenicsx.surface.waviness import Waviness
 
         waviness = Waviness(stats.spectrum, float(micro.patch), surface.low)
-    study = Study(
-        this.scene, brake, library, hdf, this.store, this.comm, recipe, this.cache, waviness
-    )
+    study = Study(this.scene, brake, library, hdf, this.store, this.comm, this.cache, waviness)
     with this.stage("offline"):
         study.prepare()
         this.facts |= study.facts
