@@ -35,6 +35,7 @@ def test_every_key_is_shown():
     assert not [k for k in found if not re.search(rf"\b{k[1]}\"?\s*=|\.{k[1]}\b", text)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["vented_brake"])
 def test_scene_that_shows_the_builders_is_accepted(name, capsys):
     assert main(["check", str(ROOT / "scripts" / "scenes" / f"{name}.toml")]) == 0

@@ -27,7 +27,7 @@ from .study import SweepStudy, cut_branches
 
 MODES = ("point", "branch", "frequency_hz", "real_1_s", "damping", "error_estimate", "verdict")
 EVENTS = (
-    "kind", "value", "imaginary", "accuracy", "frequency_hz", "real_1_s", "branch", "with_branch",
+    "kind", "value", "accuracy", "frequency_hz", "real_1_s", "branch", "with_branch",
     "family",
 )  # fmt: skip
 CHART = ("approach", "value", "value_2", "unstable_modes", "squeal_modes", "worst_damping")
@@ -108,7 +108,7 @@ class SweepTables:
                 there = np.isfinite(e.s)
                 pair = [n if n >= 0 else None for n in e.branches]
                 yield [
-                    *first, e.kind, e.x, e.imaginary, e.error,
+                    *first, e.kind, e.x, e.error,
                     float(e.s.imag / (2 * np.pi)) if there else None,
                     float(e.s.real) if there else None, *pair, self._family.get((kind, task, i)),
                 ]  # fmt: skip
