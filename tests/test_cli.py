@@ -225,14 +225,17 @@ def test_sigterm_finishes_the_sample_and_nothing_new(tmp_path, monkeypatch, caps
 
 
 def test_sigterm_elsewhere_ends_at_once(tmp_path):
-    """While the program waits for another run in its folder."""
+    """While the program waits for a sign of life of another run in its folder."""
     out = tmp_path / "out"
     out.joinpath("running").mkdir(parents=True)
-    (out / "running" / "another-machine-7-7.run").touch()
+    other = out / "running" / "another-machine-7-7.run"
+    other.touch()
+    then = time.time() - 100.0
+    os.utime(other, (then, then))
     (out / "running" / "folder.claim").write_text("another-machine-7-7")
     words = [*PROGRAM, "run", str(BLOCK), "-o", str(out), *SURFACE]
     going = subprocess.Popen(words, stderr=subprocess.PIPE, text=True)
-    assert "waiting for another run" in going.stderr.readline()
+    assert "waiting for a sign of life" in going.stderr.readline()
     going.send_signal(signal.SIGTERM)
     assert going.communicate()[1].startswith("brake-fenicsx: terminated")
     assert going.returncode == 143

@@ -9,7 +9,6 @@ for Modal Analysis Testing, https://www.ceas3.uc.edu/sdrluff/.
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.files import whole_file
 from brake_fenicsx.results.run import RunData, read_run
 from brake_fenicsx.results.squeal import ModeKey
 
@@ -58,12 +58,8 @@ def export_modes(directory: str | Path) -> Path:
     sets = [_header(run), {"type": 164, **SI}, *_model(points, cells)]
     sets += [_mode(run, i, key, shape) for i, (key, shape) in enumerate(stored, start=1)]
     path = run.directory / FILE
-    part = path.with_name(f".{FILE}.{os.getpid()}.part")
-    try:
+    with whole_file(path) as part:
         pyuff.UFF(str(part)).write_sets(sets, mode="overwrite")
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
     return path
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.files import whole_file
 
 Value = str | int | float | None
 Columns = dict[str, NDArray]
@@ -83,18 +84,13 @@ def write_rows(
         The path written.
     """
     path = Path(path)
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with part.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(columns)
-            for number, row in enumerate(rows, start=1):
-                writer.writerow(_cells(path, columns, row, number))
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
+    with whole_file(path) as part, part.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(columns)
+        for number, row in enumerate(rows, start=1):
+            writer.writerow(_cells(path, columns, row, number))
+        file.flush()
+        os.fsync(file.fileno())
     return path
 
 

@@ -19,7 +19,6 @@ from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.brake import Brake
 from brake_fenicsx.macro.braking import reference_stiffness
 from brake_fenicsx.macro.gap import EnrichedGap
-from brake_fenicsx.micro import LawRecipe, make_library
 from brake_fenicsx.micro.law import Laws
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.scalars import changes_bodies
@@ -54,7 +53,6 @@ class Study:
         hdf: HeightDistribution | None,
         store: Store,
         comm: MPI.Comm,
-        recipe: LawRecipe | None = None,
         cache: SharedCache | None = None,
         waviness: Waviness | None = None,
     ):
@@ -67,12 +65,10 @@ class Study:
             hdf: height distribution, if the scene has a surface.
             store: the results folder.
             comm: processes that share the samples.
-            recipe: how laws are made, where each sample makes its own; ``library`` then holds
-                those of sample 0.
             cache: what the folder shares with others; nothing if None.
             waviness: mean heights of patches, where critical gaps are drawn from them.
         """
-        self.recipe, self.waviness = recipe, waviness
+        self.waviness = waviness
         self.scene, self.brake, self.library, self.hdf = scene, brake, library, hdf
         self.store, self.comm = store, comm
         self.facts: dict[str, Any] = {}
@@ -210,20 +206,10 @@ class Study:
     ) -> SampleInput:
         points = self.points[approach]
         point = None if points is None else points[k]
-        library = self.library if approach in PERFECT else self._laws(k)
         return draw_sample(
-            self.scene, approach, k, self.brake.contact, library, self.hdf, point, self.waviness,
-            values,
+            self.scene, approach, k, self.brake.contact, self.library, self.hdf, point,
+            self.waviness, values,
         )  # fmt: skip
-
-    def _laws(self, k: int) -> Laws | None:
-        """The library, or the laws that sample ``k`` makes for itself."""
-        micro = self.scene.micro
-        if micro is None or not micro.fresh or k == 0 or self.recipe is None:
-            return self.library
-        numbers = range(k * micro.laws_per_sample, (k + 1) * micro.laws_per_sample)
-        made = [self.recipe.law(micro.seed, i) for i in numbers]
-        return make_library(made, list(numbers))
 
     def stored(self, task: Task) -> dict[str, Any]:
         """What was stored of a sample."""

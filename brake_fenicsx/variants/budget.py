@@ -18,12 +18,12 @@ from mpi4py import MPI
 from brake_fenicsx.checks import check, read_surface, with_patch, with_pixels
 from brake_fenicsx.costs import count_solves, estimate
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
-from brake_fenicsx.folder.cache import laws_key
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.results.tables import write_rows
 from brake_fenicsx.scene import Scene, read_scene
+from brake_fenicsx.scene.digest import laws_key
 from brake_fenicsx.uncertainty.sampling import sample_count
 
 from .budget_page import sentence, write_budget_page

@@ -18,17 +18,19 @@ from mpi4py import MPI
 import numpy as np
 
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
+from brake_fenicsx.folder.files import digest
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import on_first
-from brake_fenicsx.folder.store import Store, result_digest
+from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.brake import check_brake
 from brake_fenicsx.model import Model, prepare
 from brake_fenicsx.report.blocks import Table, Text
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.results.statistics import Share, wilson
 from brake_fenicsx.results.tables import Value, text_table, write_rows
-from brake_fenicsx.scene import Scene, read_scene
+from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.countermeasures import Countermeasure
+from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.scene.samples import is_constant, split_key
 from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.scene.sweep import ROUGH
@@ -103,7 +105,7 @@ class Search:
             stability.threshold if stability else 0.0,
         ]  # fmt: skip
         ends = [[c.key, c.start, c.stop] for c in named]
-        self._mark = Scene.hash([result_digest(self.scene), *about, ends])
+        self._mark = digest([result_digest(self.scene), *about, ends])
         self.found: dict[str, dict[str, Any]] = on_first(self._stored, comm)
 
     def _stored(self) -> dict[str, dict[str, Any]]:
@@ -161,7 +163,7 @@ class Search:
         gc.collect()
         runs = self.runs
         runs.comm.Barrier()
-        folder = runs.folder / "models" / Scene.hash([changes, ranges])[:12]
+        folder = runs.folder / "models" / digest([changes, ranges])[:12]
         overrides = [*runs.overrides, *changes]
         return prepare(runs.file, overrides, folder, runs.cache, ranges, runs.comm)
 

@@ -93,8 +93,7 @@ def _laws(scene: Scene, pixels: int | None) -> list[Knob]:
         ([_one("micro.pixels", str(n), f"{n} x {n} points") for n in fine
           if LEAST_PIXELS <= n <= MOST_PIXELS],
          f"finer laws would have more than {MOST_PIXELS} points along a side"),
-        ([_one("micro.laws", str(n * micro.library_size), f"{n * micro.library_size} laws")
-          for n in (2, 4) if not micro.fresh], "each sample makes its own laws"),
+        ([_one("micro.laws", str(n * micro.laws), f"{n * micro.laws} laws") for n in (2, 4)], ""),
         ([_one("micro.steps", str(n * micro.steps), f"{n * micro.steps} steps") for n in (2, 4)],
          ""),
         ([_one("micro.tolerance", f"{micro.tolerance / 100!r}", "a hundredth")], ""),

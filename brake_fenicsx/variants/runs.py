@@ -15,12 +15,14 @@ from mpi4py import MPI
 
 from brake_fenicsx import pipeline
 from brake_fenicsx.errors import BrakeError
+from brake_fenicsx.folder.files import digest
 from brake_fenicsx.folder.log import logger, start_log
 from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.folder.processes import on_first
-from brake_fenicsx.folder.store import Store, result_digest
+from brake_fenicsx.folder.store import Store
 from brake_fenicsx.folder.termination import TimeUp, limited
 from brake_fenicsx.scene import Scene, read_scene
+from brake_fenicsx.scene.digest import result_digest
 
 RECORD = "runs.json"
 
@@ -111,7 +113,7 @@ class Runs:
 
     def _asked(self, changes: Sequence[str]) -> str:
         scene = self.read(changes)
-        return Scene.hash([result_digest(scene), scene.table])
+        return digest([result_digest(scene), scene.table])
 
 
 def _resident() -> float:

@@ -11,11 +11,11 @@ import pytest
 
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import NotConverged, SceneError
-from brake_fenicsx.folder.store import result_digest
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.results.tables import read_rows
 from brake_fenicsx.scene import read_scene
+from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.variants import countermeasures as module
 from brake_fenicsx.variants import runs
 from brake_fenicsx.variants.comparison import compare_runs

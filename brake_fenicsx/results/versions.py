@@ -10,8 +10,6 @@ from mpi4py import MPI
 
 from brake_fenicsx import __version__
 
-# Format of laws and samples on disk: what older programs wrote is not read as current.
-FORMAT = 3
 # Whose versions a run records, if it used them.
 LIBRARIES = (
     "numpy", "scipy", "dolfinx", "mpi4py", "petsc4py", "slepc4py", "gmsh", "meshio", "h5py", "pint",
