@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.contact import Contact
-from brake_fenicsx.stability.modes import relative_errors
 
 from .families import ModeFamilies
 from .squeal import squeals
@@ -221,6 +220,8 @@ class Results:
             own = [self.stored[t] for t in self.good() if t[0] == name]
             about: dict[str, Any] = {"good": len(own)}
             if own and "s" in own[0]:
+                from brake_fenicsx.stability.modes import relative_errors
+
                 about |= {
                     "modes": int(sum(d["s"].size for d in own)),
                     "counted_by": str(own[0]["counted"]),
