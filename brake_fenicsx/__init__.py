@@ -1,9 +1,14 @@
 """From a scan of the pad surface to the squealing modes of a disc brake."""
 
 from importlib import import_module
-from typing import Any
+
+TYPE_CHECKING = False  # as in typing, whose import would take longer than all else here
+if TYPE_CHECKING:
+    from .model import prepare, sample, sweep
+    from .pipeline import assemble, run
 
 __version__ = "0.2.0"
+__all__ = ["assemble", "prepare", "run", "sample", "sweep"]
 
 # Imported when first asked for: they bring DOLFINx and PETSc with them.
 _WHERE = {
@@ -12,8 +17,13 @@ _WHERE = {
 }  # fmt: skip
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     """Functions of the package."""
     if name in _WHERE:
         return getattr(import_module(f"{__name__}.{_WHERE[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    """Names for completion: the functions, and what a module has."""
+    return sorted({*globals(), *__all__} - {"TYPE_CHECKING", "import_module"})

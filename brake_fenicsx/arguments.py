@@ -47,6 +47,29 @@ def one_of(name: str, value: Any, choices: Any) -> None:
         raise SceneError(f"{name} = {value!r}; choose one of {', '.join(words)}")
 
 
+def of_kind(name: str, value: Any, kinds: type | tuple[type, ...], wanted: str) -> None:
+    """Refuse what is not an object of some classes."""
+    if not isinstance(value, kinds):
+        raise SceneError(f"{name}: an object of the type {type(value).__name__}; give {wanted}")
+
+
+def listed(name: str, values: Any) -> Array:
+    """One or more real numbers below 1e100, shape (numbers,)."""
+    given = np.asarray(values, object)
+    if given.ndim != 1 or not given.size:
+        raise SceneError(f"{name} = {given.tolist()!r}; give a list of numbers")
+    return np.array([number(name, value) for value in given])
+
+
+def frequency_band(band: Any) -> tuple[float, float]:
+    """Lowest and highest frequency [Hz]."""
+    ends = listed("band", band)
+    if ends.size != 2 or not 0 <= ends[0] < ends[1]:
+        said = " to ".join(f"{f:g}" for f in ends)
+        raise SceneError(f"band {said} Hz: from at least 0 up to a higher one")
+    return float(ends[0]), float(ends[1])
+
+
 def real(name: str, values: Any) -> Array:
     """Values as a new array of real numbers; masked, infinite and undefined ones are nan.
 

@@ -10,14 +10,20 @@ for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 # PETSc would answer a closed pipe and SIGTERM with its own banner and MPI_Abort.
 os.environ["PETSC_OPTIONS"] = f"-no_signal_handler {os.environ.get('PETSC_OPTIONS', '')}"
 
-import argparse  # noqa: E402
-import sys  # noqa: E402
-import traceback  # noqa: E402
-from collections.abc import Sequence  # noqa: E402
-from typing import Any, NoReturn  # noqa: E402
+INTERRUPTED = "brake-fenicsx: interrupted; the same command resumes the run"
+try:
+    import argparse
+    import sys
+    import traceback
+    from collections.abc import Sequence
+    from typing import Any, NoReturn
 
-from brake_fenicsx.errors import BrakeError, SceneError, StorageError  # noqa: E402
-from brake_fenicsx.folder.termination import STATUS, Terminated, watching  # noqa: E402
+    from brake_fenicsx.errors import BrakeError, SceneError, StorageError
+    from brake_fenicsx.folder.termination import STATUS, Terminated, watching
+except KeyboardInterrupt:
+    # Ctrl-C in the first moments; no other module is sure to be there.
+    os.write(2, f"{INTERRUPTED}\n".encode())
+    raise SystemExit(130) from None
 
 STAGES = ("surface", "micro", "equilibrium", "stability", "uncertainty", "report")
 
@@ -35,7 +41,7 @@ first steps:
   brake-fenicsx run brake.toml            results in ./brake-results; open its report.html
   brake-fenicsx run brake.toml            the same again: resumes an interrupted run
   brake-fenicsx prepare brake.toml        for a job array: then run --share 1/8, ... 8/8, run
-  brake-fenicsx report brake-results      draws figures and page again, without computing
+  brake-fenicsx report brake-results      regenerates figures and report, without computing
   brake-fenicsx countermeasures brake.toml    what would stop the squeal, if the scene names some
   brake-fenicsx export brake-results      mode shapes as a universal file, modes.unv
   brake-fenicsx correlate brake.toml disc.unv --part disc    modes of a part against its test
@@ -103,7 +109,7 @@ def parser() -> argparse.ArgumentParser:
     )
     top.add_argument("--version", action=_Version, help="versions of the program, DOLFINx, ...")
     top.add_argument("--completion", action=_Completion, choices=("bash", "zsh", "tcsh"),
-                     help="print what makes this shell complete command lines")  # fmt: skip
+                     help="print a shell-completion script")  # fmt: skip
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     raw = argparse.RawDescriptionHelpFormatter
     text = "read a scene; report what a run builds, and estimate its memory and time"
@@ -112,7 +118,7 @@ def parser() -> argparse.ArgumentParser:
     text = "run a scene, or resume its run"
     runs = commands.add_parser("run", help=text, description=text, epilog=AFTER_RUN,
                                formatter_class=raw)  # fmt: skip
-    text = "make what all samples of a scene share, for the tasks of a job array (run --share)"
+    text = "compute the data shared by all samples, the first step of a job array (run --share)"
     prepares = commands.add_parser("prepare", help=text, description=text)
     text = "run a scene and its refinements: how much each changes the probability of squeal"
     budgets = commands.add_parser("budget", help=text, description=text)
@@ -150,10 +156,11 @@ def parser() -> argparse.ArgumentParser:
     budgets.add_argument("--minutes", type=float, metavar="T",
                          help="run only the refinements that fit in this time")  # fmt: skip
     for command in (prepares, runs):
-        command.add_argument("petsc", nargs="*", metavar="-- PETSC_OPTIONS", help="go to PETSc")
+        command.add_argument("petsc", nargs="*", default=[], metavar="-- PETSC_OPTIONS",
+                             help="go to PETSc")  # fmt: skip
     text = "print the JSON Schema of a scene, by which editors complete and check its keys"
     schemas = commands.add_parser("schema", help=text, description=text)
-    text = "draw figures and page of a results folder again"
+    text = "regenerate the figures and the report of a results folder"
     reports = commands.add_parser("report", help=text, description=text)
     reports.add_argument("directory", metavar="DIR", help="results folder of a run")
     text = "write the stored mode shapes of a results folder as a universal file, modes.unv"
@@ -252,7 +259,7 @@ def _main(words: list[str]) -> int:
             comm.Abort(status)  # it may be the only one that writes, and the others wait
         return status
     except KeyboardInterrupt:
-        return _end(comm, verbose, "interrupted; the same command resumes the run", 130)
+        return _end(comm, verbose, INTERRUPTED, 130)
     except Terminated as error:
         said = "terminated; finished samples are stored, the same command resumes the run"
         status = _end(comm, verbose, said, STATUS)
@@ -288,7 +295,8 @@ def _end(comm: Any, verbose: bool, said: str, status: int) -> int:
     if comm is None or comm.rank == 0:
         if verbose:
             traceback.print_exc()
-        print(f"brake-fenicsx: {' '.join(said.split())}", file=sys.stderr)
+        said = f"brake-fenicsx: {said.removeprefix('brake-fenicsx: ')}"
+        print(" ".join(said.split()), file=sys.stderr)
     return status
 
 
@@ -330,7 +338,7 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
     elif options.command == "check":
         from brake_fenicsx.description import describe
 
-        describe(options.scene, comm, options.set, options.json)
+        describe(options.scene, comm, options.set, options.json, options.quiet)
     elif options.command == "countermeasures":
         from brake_fenicsx.results.tables import read_rows
         from brake_fenicsx.variants.countermeasures import (

@@ -188,7 +188,9 @@ def _time(seconds: float) -> str:
         return f"{seconds:.0f} s" if seconds >= 1 else "< 1 s"
     if seconds < 5400:
         return f"{seconds / 60:.0f} min"
-    return f"{seconds / 3600:.1f} h"
+    if seconds < 2e5:
+        return f"{seconds / 3600:.1f} h"
+    return f"{seconds / 86400:.3g} days" if seconds < 3e7 else f"{seconds / 31557600:.3g} years"
 
 
 def _laws(scene: Scene) -> float:

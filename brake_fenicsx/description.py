@@ -25,8 +25,9 @@ from brake_fenicsx.scene.friction import listed
 
 
 def describe(
-    scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = (), as_json: bool = False
-) -> None:
+    scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = (), as_json: bool = False,
+    quiet: bool = False,
+) -> None:  # fmt: skip
     """Check a scene and print what a run of it will build; nothing is written.
 
     Args:
@@ -34,6 +35,7 @@ def describe(
         comm: processes of the run.
         overrides: "key=value" replacements in the scene.
         as_json: print the counts and costs as JSON in place of lines.
+        quiet: print warnings alone.
 
     Raises:
         SceneError: the scene is wrong.
@@ -101,7 +103,7 @@ def describe(
         m = parsed.micro
         patch = float(m.patch)
         factor = "" if mean_patch is None else (
-            f"; contact elements have {(mean_patch / patch) ** 2:.3g} times their area on average"
+            f"; mean area of a contact element / patch = {(mean_patch / patch) ** 2:.3g}"
         )  # fmt: skip
         lines.append(
             f"laws: {m.laws} of {m.pixels} x {m.pixels} points, patches with"
@@ -109,7 +111,8 @@ def describe(
         )
     costs = estimate(parsed, counts)
     noted = [*doubts, *warnings(parsed, mean_patch), *surface_warnings(parsed, stats)]
-    lines += cost_lines(costs, comm.size) + [f"warning: {text}" for text in noted]
+    lines = [] if quiet else lines + cost_lines(costs, comm.size)
+    lines += [f"warning: {text}" for text in noted]
     if comm.rank == 0 and as_json:
         content = {
             "scene": str(parsed.file), "stages": parsed.stages, **sizes, **built,
@@ -120,5 +123,5 @@ def describe(
             "gigabytes_per_process": max((round(c.gigabytes, 3) for c in costs), default=0.0),
         }  # fmt: skip
         print(json.dumps(content, indent=1))
-    elif comm.rank == 0:
+    elif comm.rank == 0 and lines:
         print("\n".join(lines))

@@ -13,6 +13,7 @@ from mpi4py import MPI
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from brake_fenicsx.arguments import listed, number, of_kind
 from brake_fenicsx.checks import check
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import Extensions
@@ -108,8 +109,10 @@ class Model:
         sample: int = 0,
     ) -> tuple[Equilibrium, Modes]:
         """The same with the equilibrium."""
-        for key in values or {}:
+        of_kind("values", values or {}, Mapping, "a mapping of keys to numbers")
+        for key, value in (values or {}).items():
             _check_key(self.scene, key)
+            number(key, value)
         return self.study.solved(self._task(approach, sample), values or {})
 
     def sweep(
@@ -138,7 +141,7 @@ class Model:
         from brake_fenicsx.sweeps.points import Points
 
         _check_key(self.scene, key)
-        x = np.asarray(values, float)
+        x = listed("values", values)
         stability = self.scene.stability
         if stability is None:
             raise SceneError(f"{self.scene.file}: stability: the section is missing")
@@ -159,7 +162,7 @@ class Model:
         named = self.scene.samples.approaches
         chosen = named[0] if approach is None else approach
         count = sum(task[0] == chosen for task in self.study.tasks)
-        if not 0 <= sample < count:
+        if sample not in range(count):
             raise SceneError(
                 f"{self.scene.file}: sample {sample} of {chosen!r}: approaches are"
                 f" {', '.join(named)}, and it has {count} samples"
@@ -193,6 +196,7 @@ def prepare(
     Raises:
         SceneError: the scene is wrong, or has no stage equilibrium.
     """
+    of_kind("scene", scene, (str, Path), "the path of a scene file")
     parsed, comm = read_scene(scene, overrides), MPI.COMM_SELF if comm is None else comm
     if extensions is not None and (directory is not None or cache is not None):
         raise SceneError(
@@ -201,7 +205,8 @@ def prepare(
         )
     if "equilibrium" not in parsed.stages:
         raise SceneError(f"{parsed.file}: stages: 'equilibrium' is missing")
-    ranges = {key: Range(values=tuple(map(float, v))) for key, v in (parameters or {}).items()}
+    given = {key: listed(key, v) for key, v in (parameters or {}).items()}
+    ranges = {key: Range(values=tuple(map(float, v))) for key, v in given.items()}
     for key in ranges:
         _check_key(parsed, key)
     # A scene with a sweep prepares what many values share.
@@ -247,6 +252,7 @@ def sample(model: Model, inputs: Mapping[str, float] | None = None) -> Modes:
         SceneError: no such key.
         NotConverged: no equilibrium.
     """
+    of_kind("model", model, Model, "what `prepare` returns")
     return model.modes(inputs)
 
 
@@ -259,7 +265,7 @@ def sweep(scene: str | Path | Model, key: str, values: ArrayLike, **chosen: str 
         values: SI, rising or falling, shape (values,).
         **chosen: ``approach``, ``sample`` and ``tolerance`` of ``Model.sweep``.
     """
-    x = np.asarray(values, float)
+    x = listed("values", values)
     if not isinstance(scene, Model):
         scene = prepare(scene, parameters={key: [float(x.min()), float(x.max())]})
     return scene.sweep(key, x, **chosen)  # type: ignore[arg-type]

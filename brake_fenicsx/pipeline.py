@@ -137,7 +137,7 @@ class Run:
 
 
 def assemble(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -> Brake:
-    """Operators of a scene's brake.
+    """Assemble a scene's brake: stiffness, mass, contact operators and loads.
 
     Args:
         scene: path of the scene.
@@ -145,7 +145,9 @@ def assemble(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -
         overrides: "key=value" replacements in the scene.
 
     Returns:
-        ``.K .M .N .T .R .w .f .points .mesh``.
+        ``K`` [N/m] and ``M`` [kg], the matrices of the bodies; ``N``, ``T``, ``R``, the gap and the
+        slips along and across the sliding direction of every contact element; ``w`` [m^2], their
+        areas; ``f`` [N], the loads; ``points`` [m], ``mesh``.
     """
     from brake_fenicsx.macro.brake import assemble_brake
 
@@ -162,14 +164,14 @@ def run(
     share: Share | None = None,
     prepare: bool = False,
 ) -> Run:
-    """Run a scene: every stage it names, continuing what an earlier run left.
+    """Run all stages of a scene, reusing existing results.
 
     Args:
         scene: path of the scene.
         comm: processes of the run.
         directory: results folder; SCENE-results in the working directory if not given.
         overrides: "key=value" replacements in the scene.
-        from_stage: forget the results of this stage and of all later ones first.
+        from_stage: recompute from this stage on.
         cache: folder of laws and reduced models that runs of similar scenes share; none if not
             given.
         share: compute this part of the samples alone, in a folder that was prepared.
@@ -599,6 +601,10 @@ def report(directory: Path) -> None:
             "%s: samples without tables; `run` of the scene, with -o %s, makes them", directory,
             directory,
         )  # fmt: skip
+    elif data.modes is None and (data.summary or {}).get("in_effect", {}).get("stability"):
+        logger.warning(
+            "%s: modes.csv is missing, and the page has no modes; `run` makes it again", directory
+        )
     if data.modes is not None:
         # Line by line: the time stamp of the file would shift the heading alone.
         for line in summary_table(data).splitlines():

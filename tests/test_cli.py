@@ -15,12 +15,14 @@ import pytest
 
 from brake_fenicsx import pipeline
 from brake_fenicsx.cli import main
+from brake_fenicsx.costs import _time
 from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.log import Progress, logger, start_log
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.folder.termination import Terminated
 from brake_fenicsx.pipeline import Run
 from brake_fenicsx.scene import read_scene
+from brake_fenicsx.scene.units import several
 from brake_fenicsx.surface import read_topography
 from brake_fenicsx.uncertainty.ensemble import run_ensemble
 
@@ -87,6 +89,35 @@ def test_missing_points_are_said_once_and_stand_in_the_log(tmp_path, capsys):
         assert said.count("20 points at exactly 900 um") == 1
     assert main(["check", str(tmp_path / "s.toml")]) == 0
     assert capsys.readouterr().out.count(f"{lost} points missing") == 1
+
+
+def test_check_q_prints_warnings_alone(capsys):
+    """Nothing for a scene without a doubt."""
+    assert main(["check", str(BLOCK), "-q", *SURFACE]) == 0
+    assert capsys.readouterr() == ("", "")
+    assert main(["check", str(BLOCK), "-q", "--set", "parts.block.height=2 m"]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said and all(line.startswith("warning: ") for line in said)
+
+
+def test_a_missing_argument_is_named_and_no_option_that_may_be_left_out(capsys):
+    status, line = one_line(capsys, "run")
+    assert status == 2 and "required: SCENE.toml;" in line
+
+
+def test_words_of_the_program():
+    """Long times in days and years; numbers with their noun."""
+    assert [_time(x) for x in (1e5, 3e5, 1.29e9)] == ["27.8 h", "3.47 days", "40.9 years"]
+    said = several(1, "line"), several(2, "line"), several(2, "branch ends", "branches end")
+    assert said == ("1 line", "2 lines", "2 branches end")
+
+
+def test_a_report_without_modes_says_so(tmp_path, caplog):
+    stability = {"in_effect": {"stability": {"band": [0.0, 1e3]}}}
+    (tmp_path / "summary.json").write_text(json.dumps(stability))
+    with caplog.at_level("WARNING", "brake_fenicsx"):
+        pipeline.report(tmp_path)
+    assert "modes.csv is missing" in caplog.text
 
 
 def test_check_as_json(capsys):

@@ -96,6 +96,9 @@ MISTAKES = [
     ("stability.tolerance=0", "stability.tolerance", "positive"),
     ("stability.zeta_max=0.8", "stability.zeta_max", "below 0.7"),
     ("stability.damping={}", "stability.damping: no term", "rayleigh"),
+    ("motion.friction=0.3", "motion.friction", "friction belongs to [contact.NAME]"),
+    ("stability.hardness='1 MPa'", "stability.hardness", "hardness belongs to [micro]"),
+    ("surface.pressure='5 bar'", "surface.pressure", "pressure belongs to [loads.NAME]"),
     ("stability.damping.raleigh=[0, 0]", "raleigh", "did you mean 'rayleigh'"),
     ("stability.damping.rayleigh=['1 1/s']", "['1 1/s']", "2 values, [1/s, s]"),
     ("stability.damping.rayleigh=['1 s', '1 s']", "wrong unit", "rate"),
@@ -331,7 +334,7 @@ def test_scan_without_valid_point(tmp_path, capsys, monkeypatch):
 @pytest.mark.parametrize(
     ("change", "named", "ratio"),
     [
-        ("surface.statistics={ S_q='3 um' }", "surface.scan", "leave one out"),
+        ("surface.statistics={ S_q='3 um' }", "surface.scan", "give either surface.scan or"),
         ("surface.size=['1.8 m', '1.4 m']", "correct surface.size", " times the longer side of"),
         ("surface.height_unit=mm", "correct surface.height_unit", " times the longer side of"),
     ],

@@ -102,7 +102,7 @@ def test_patch_of_the_laws_is_compared_with_the_contact_elements(capsys):
     assert "friction: multi-scale 0.1, classical 0.1" in said
     describe(BLOCK, MPI.COMM_SELF, [*ROUGH, SMALL % "mesh"])
     said = capsys.readouterr().out
-    assert "contact elements have 1 times their area" in said and "warning" not in said
+    assert "mean area of a contact element / patch = 1" in said and "warning" not in said
 
 
 def test_laws_of_the_mesh_and_warnings_of_a_run(tmp_path):

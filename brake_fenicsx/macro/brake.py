@@ -61,6 +61,10 @@ class Brake:
     stuck: dict[str, Stuck] = field(default_factory=dict)
     faced: dict[str, tuple[float, float]] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        """One line."""
+        return f"Brake({self.K.shape[0]} dofs, {self.w.size} contact elements)"
+
     @property
     def K(self) -> sp.csr_matrix:
         """Stiffness [N/m]."""

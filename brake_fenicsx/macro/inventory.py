@@ -78,13 +78,13 @@ def inventory_lines(scene: Scene, brake: Brake) -> list[str]:
         lines.append(
             f"contact {name}: {said}; area {one['area_mm2']:.4g} mm^2,"
             f" {one['contact_elements']} elements; {one['faces_nothing_mm2']:.4g} mm^2 of"
-            f" {faces[0]} face nothing; gap before the load {low:.4g} to {high:.4g} um"
+            f" {faces[0]} have no opposite face; gap before the load {low:.4g} to {high:.4g} um"
         )
     return lines
 
 
 def placement_doubts(scene: Scene, brake: Brake) -> list[str]:
-    """First faces that face nothing in part, and faces that are apart or overlap before the load.
+    """First faces without an opposite face in part, and faces that are apart or overlap before the load.
 
     Distances within the accuracy of plane facets of curved faces are left out.
     """
@@ -100,7 +100,7 @@ def placement_doubts(scene: Scene, brake: Brake) -> list[str]:
         if alone > ALONE * whole:
             lines.append(
                 f"contact.{', contact.'.join(named)}: {1e6 * alone:.4g} of {1e6 * whole:.4g} mm^2"
-                f" of {first} face nothing; correct the place of the parts, or the faces"
+                f" of {first} have no opposite face; correct the place of the parts, or the faces"
             )
     lines += _axis_doubts(scene, brake)
     for i, (name, table) in enumerate(scene.contact.items()):

@@ -12,6 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from brake_fenicsx.arguments import of_kind
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.folder.memory import release_memory
 
@@ -74,8 +75,8 @@ class Factor:
             )
         if F.getMumpsInfog(28) > 0:
             raise InaccurateResult(
-                f"the stiffness is singular: {F.getMumpsInfog(28)} null pivots;"
-                " a part is neither supported nor in contact"
+                "the stiffness is singular: a part can move freely; add supports (the command"
+                " check names part and direction)"
             )
         self.negative_pivots = int(F.getMumpsInfog(12))
         self.gigabytes = F.getMumpsInfog(22) / 1e3
@@ -147,9 +148,13 @@ def petsc_matrix(A: sp.spmatrix) -> PETSc.Mat:
 
 
 def whole(A: Any) -> sp.csr_matrix:
-    """A SciPy or PETSc matrix as CSR; all of a distributed one on every process, collective."""
-    if sp.issparse(A):
-        return A.tocsr()
+    """A SciPy or PETSc matrix or an array as CSR; all of a distributed one on every process.
+
+    Collective.
+    """
+    if sp.issparse(A) or isinstance(A, np.ndarray):
+        return sp.csr_matrix(A)
+    of_kind("matrix", A, PETSc.Mat, "one of SciPy or PETSc, or an array")
     indptr, indices, data = A.getValuesCSR()
     rows = sp.csr_matrix((data, indices, indptr), shape=(indptr.size - 1, A.getSize()[1]))
     if A.comm.size == 1:

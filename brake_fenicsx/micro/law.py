@@ -123,6 +123,10 @@ class LawLibrary:
         object.__setattr__(self, "_flat", flat)
         object.__setattr__(self, "_tail", self._energies().ravel())
 
+    def __repr__(self) -> str:
+        """One line."""
+        return f"LawLibrary({len(self)} laws up to {self.p.max():.4g} Pa)"
+
     def __len__(self) -> int:
         """Number of laws."""
         return int(self.count.size)

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import scipy.fft
 
+from brake_fenicsx.arguments import of_kind
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.micro.halfspace import HalfSpace, half_space
 from brake_fenicsx.micro.law import Array, ComputedLaw, LawSteps, make_library
@@ -48,6 +49,7 @@ def contact_law(surface: Topography, E_star: float, **settings: Any) -> Computed
         SurfaceError: missing points or a flat surface.
         NotConverged: a step misses the tolerance.
     """
+    of_kind("surface", surface, Topography, "a Topography, see surface.make_topography")
     law = make_library([law_steps(surface, LawSettings(E_star, **settings))])[0]
     for text in doubts(surface):
         logger.warning("%s", text)

@@ -39,7 +39,7 @@ def _doublets(run: RunData, found: list[Family], chosen: list[Family]) -> list[s
             continue
         modes = run.squeal.squeal_modes(low.approach)
         hits = modes["sample"][modes.key.isin([f.key for f in pair])].nunique()
-        one, two = (f"{f.frequency / 1e3:.2f}" for f in sorted(pair, key=found.index))
+        one, two = (f"{f.frequency / 1e3:.3f}" for f in sorted(pair, key=found.index))
         said.append(
             f"{one} and {two} kHz lie close together and may be one doublet: at least one squeals"
             f" in {hits} of {low.share.n} samples."
@@ -63,6 +63,6 @@ def _worse(
     modes = run.squeal.squeal_modes(worst.approach)
     frequency = modes.frequency_hz[modes.damping.idxmin()]
     return [
-        f"Another approach has a mode with a lower damping: {frequency / 1e3:.2f} kHz, damping"
+        f"Another approach has a mode with a lower damping: {frequency / 1e3:.3f} kHz, damping"
         f" {worst.worst:.2g} ({run.label(worst.approach)})."
     ]

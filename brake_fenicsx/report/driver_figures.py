@@ -110,7 +110,7 @@ def draw_driver_maps(run: RunData) -> Figure | None:
             part = {name: column[inside] for name, column in table.items()}
             corners, shown = patches(part, run.faces, values[inside])
             image = draw_patches(axis, corners, shown, SIGNED, (-top, top))
-            where = f"{label(run, approach)}, {frequency / 1e3:.2f} kHz, {side}"
+            where = f"{label(run, approach)}, {frequency / 1e3:.3f} kHz, {side}"
             axis.set_title(where, fontsize=8)
             axis.set(ylabel="y [mm]", aspect="equal")
         figure.colorbar(image, ax=list(row), label=text, extend="both", shrink=0.9)
@@ -160,7 +160,7 @@ def _draw_bars(
     axis.axvline(0.0, color=BLACK, lw=0.7)
     light_grid(axis, axis="x")
     alpha = table["alpha"][median if median.any() else first][0]
-    axis.set_title(f"{family.frequency / 1e3:.2f} kHz\nalpha {alpha:.4g} 1/s", fontsize=8)
+    axis.set_title(f"{family.frequency / 1e3:.3f} kHz\nalpha {alpha:.4g} 1/s", fontsize=8)
     axis.tick_params(axis="x", labelsize=7)
     axis.locator_params(axis="x", nbins=4)
 

@@ -53,7 +53,7 @@ def cause_rows(run: RunData, most: int = 12) -> list[list[Value]]:
             kilo = _number(row["frequency_hz"]) / 1e3
             where = "whole band"
             if row["scope"] == "family":
-                where = f"{kilo:.2f} kHz, family {row['where']}"
+                where = f"{kilo:.3f} kHz, family {row['where']}"
             chosen = (*CAUSE_COLUMNS, *(name for name in row if name.startswith("share_")))
             rows.append([approach, where, *(row[name] for name in chosen)])
     return rows

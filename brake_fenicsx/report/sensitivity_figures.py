@@ -65,7 +65,7 @@ def _draw(axis: Axes, table: Columns, most: int) -> None:
     for j, (scope, where) in enumerate(groups):
         own = (table["scope"] == scope) & (table["where"].astype(str) == where)
         hertz = float(table["frequency_hz"][own][0])
-        family = f"{hertz / 1e3:.2f} kHz\n(family {where})"
+        family = f"{hertz / 1e3:.3f} kHz\n(family {where})"
         marks.append(f"{where} Hz" if scope == "band" else family)
         for i, key in enumerate(inputs):
             x = j - 0.4 + (i + 0.5) * width

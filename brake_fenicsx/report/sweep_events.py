@@ -101,7 +101,7 @@ class SweepEvents:
                 windows.append([np.nan, factor * x])
         said = ", ".join(map(_window, windows[:MOST]))
         more = f" and {len(windows) - MOST} more" if len(windows) > MOST else ""
-        return f"{self._table['frequency_hz'][own][0] / 1e3:.2f} kHz {said}{more}"
+        return f"{self._table['frequency_hz'][own][0] / 1e3:.3f} kHz {said}{more}"
 
 
 def _window(ends: list[float]) -> str:

@@ -68,7 +68,7 @@ def draw_branches(run: RunData) -> Figure | None:
             style: dict[str, Any] = {"color": colour or "#bbbbbb", "lw": 1.6 if colour else 0.6}
             style["zorder"] = 3 if colour else 2
             x, f, damping = events.curve(rows, int(number))
-            text = events.windows(int(number), factor) or f"{f[-1] / 1e3:.2f} kHz"
+            text = events.windows(int(number), factor) or f"{f[-1] / 1e3:.3f} kHz"
             top.plot(factor * x, f / 1e3, **style)
             bottom.plot(factor * x, damping, label=text if colour else None, **style)
         _mark_mergings(top, events, factor)
@@ -141,7 +141,7 @@ def draw_critical(run: RunData) -> Figure | None:
         own = np.isnan(curve["family"]) if any_ else curve["family"] == family
         x, colour = factor * curve["value"][own], BLACK if any_ else CYCLE[(i - 1) % len(CYCLE)]
         hits, n = int(families["squeal_samples"][i]), int(families["samples"][i])
-        text = "any family" if any_ else f"{families['frequency_hz'][i] / 1e3:.2f} kHz"
+        text = "any family" if any_ else f"{families['frequency_hz'][i] / 1e3:.3f} kHz"
         axis.plot(x, curve["share"][own], color=colour, lw=2.0 if any_ else 1.3,
                   ls="--" if any_ else "-", label=f"{text} ({hits} of {n})")  # fmt: skip
         # Bands of families that all squeal, or none, would lie upon one another.
@@ -213,7 +213,8 @@ def draw_chart(run: RunData) -> Figure | None:
             grid[j, i] = data
             mesh = axis.pcolormesh(fx * x, fy * y, grid, shading="nearest", cmap="viridis")
             figure.colorbar(mesh, ax=axis, label=text)
-            axis.contour(fx * x, fy * y, grid, levels=[1e-9], colors="white", linewidths=0.8)
+            if grid.min() <= 0.0 < grid.max():  # a chart without an onset has no contour
+                axis.contour(fx * x, fy * y, grid, levels=[1e-9], colors="white", linewidths=0.8)
         row[0].set_ylabel(y_name)
         panel(row[0], "ab"[approaches.index(approach)], label(run, approach))
     for axis in axes[-1]:

@@ -12,7 +12,7 @@ from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import ApproachCount, Family
 from brake_fenicsx.results.statistics import wilson
 
-from .blocks import Block
+from .blocks import Block, Table
 from .candidates import CANDIDATES, beside_candidates
 from .mode_cards import Card, ModePictures, family_card
 from .overview import open_points
@@ -28,6 +28,7 @@ class Verdict:
     Attributes:
         text: the verdict in one sentence; empty if the run has none.
         level: "squeal", "open" or "calm", for its colour.
+        limits: how many squeal at the limit chosen and at the usual one.
         more: sentences that follow it.
         cards: the strongest candidates.
         notes: sentences about the candidates, below them.
@@ -38,6 +39,7 @@ class Verdict:
 
     text: str = ""
     level: str = ""
+    limits: list[Block] = field(default_factory=list)
     more: list[str] = field(default_factory=list)
     cards: list[Card] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
@@ -63,14 +65,16 @@ def make_verdict(
     counted = run.squeal.count(lead)
     text, level = _sentence(run, counted)
     others = [name for name in families if name != lead]
-    more = [*_failure(run, counted), *_limit(run, counted)]
+    more = _failure(run, counted)
+    if counted.samples and _damping(run) == UNDAMPED:
+        more.append("The model has no damping.")
     more += [_other(run, run.squeal.count(name), families[name]) for name in others]
     cards = [
         family_card(run, f, pictures, rank, named=True)
         for rank, f in enumerate(families[lead][:CANDIDATES], start=1)
     ]
     notes = beside_candidates(run, families, lead)
-    return Verdict(text, level, more, cards, notes, facts, warnings)
+    return Verdict(text, level, _limits(run, counted), more, cards, notes, facts, warnings)
 
 
 def leading_approach(run: RunData) -> str:
@@ -137,7 +141,7 @@ def _sentence(run: RunData, c: ApproachCount) -> tuple[str, str]:
     if c.squeal_samples == 0:
         return f"No squeal was found: {said}", "calm"
     if share.low > most:
-        return f"Squeal is likely: {said}", "squeal"
+        return f"Squeal is likely at the limit chosen: {said}", "squeal"
     if share.high < most:
         return f"Squeal is possible: {said}", "open"
     return (
@@ -160,19 +164,19 @@ def _failure(run: RunData, c: ApproachCount) -> list[str]:
     return [f"{often if c.failed > 1 else 'Its error'}: {text}."]
 
 
-def _limit(run: RunData, c: ApproachCount) -> list[str]:
-    """What the usual limit of another program would count, and that nothing is damped."""
-    said = []
-    if c.squeal and run.threshold < USUAL_LIMIT:
-        modes = run.squeal.squeal_modes(c.approach)
-        loud = modes["sample"][modes["damping"] < -USUAL_LIMIT]
-        number = f"{len({*loud})} of {c.samples} samples"
-        if c.samples == 1:
-            number = f"{loud.size} of {c.squeal} squeal modes"
-        said.append(f"With a damping below {-USUAL_LIMIT:g}, a usual limit in Abaqus: {number}.")
-    if c.samples and _damping(run) == UNDAMPED:
-        said.append("The model has no damping.")
-    return said
+def _limits(run: RunData, c: ApproachCount) -> list[Block]:
+    """What the usual limit of another program would count, beside that of the scene."""
+    if not c.squeal or run.threshold >= USUAL_LIMIT:
+        return []
+    modes = run.squeal.squeal_modes(c.approach)
+    loud = modes["sample"][modes["damping"] < -USUAL_LIMIT]
+    what, numbers = "squeal modes", [f"{c.squeal}", f"{loud.size}"]
+    if c.samples > 1:
+        hits = (c.squeal_samples, len({*loud}))
+        what, numbers = "samples that squeal", [f"{n} of {c.samples}" for n in hits]
+    chosen, usual = (f"{-limit or 0:g}" for limit in (run.threshold, USUAL_LIMIT))
+    rows = [["limit chosen", chosen, numbers[0]], ["usual limit in Abaqus", usual, numbers[1]]]
+    return [Table(["limit", "damping below", what], rows)]
 
 
 def _other(run: RunData, c: ApproachCount, found: list[Family]) -> str:
@@ -182,7 +186,7 @@ def _other(run: RunData, c: ApproachCount, found: list[Family]) -> str:
         return " ".join([f"{name}: all samples failed.", *_failure(run, c)])
     if not found:
         return f"{name}: no squeal mode."
-    most = f"most severe {found[0].frequency / 1e3:.2f} kHz (damping {found[0].median:.2g})"
+    most = f"most severe {found[0].frequency / 1e3:.3f} kHz (damping {found[0].median:.2g})"
     if c.samples == 1:
         return f"{name}: {c.squeal} squeal mode{'' if c.squeal == 1 else 's'}, {most}."
     return f"{name}: {c.squeal_samples} of {c.samples} samples squeal, {most}."

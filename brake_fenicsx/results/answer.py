@@ -132,4 +132,4 @@ def _share_cells(share: Share) -> list[Value]:
 
 def _family_text(f: Family) -> str:
     often = f"{f.share.hits}/{f.share.n}, " if f.share.n > 1 else ""
-    return f"{f.frequency / 1e3:.2f} kHz ({often}{f.median:.2g})"
+    return f"{f.frequency / 1e3:.3f} kHz ({often}{f.median:.2g})"

@@ -15,7 +15,7 @@ from pydantic import BeforeValidator
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.samples import in_si_units, split_key
-from brake_fenicsx.scene.tables import key, value_type
+from brake_fenicsx.scene.tables import dotted, key, value_type
 
 if TYPE_CHECKING:
     from brake_fenicsx.scene.sections import Scene
@@ -95,11 +95,11 @@ def check_sweep(s: Scene) -> None:
             ' "contact.NAME.friction" = { start = 0.0, stop = 0.8, steps = 41 }'
         )
     for name, values in sweep.parameters.items():
-        _check_range(f'sweep.parameters."{name}"', name, values)
+        _check_range(dotted("sweep", "parameters", name), name, values)
     if sweep.samples and sweep.second:
         raise SceneError(
             f"sweep.samples = {sweep.samples}: samples are followed over one parameter; leave"
-            f' sweep.parameters."{sweep.second}" or sweep.samples out'
+            f" {dotted('sweep', 'parameters', sweep.second)} or sweep.samples out"
         )
     if sweep.samples and not {*ROUGH} & {*s.samples.approaches}:
         raise SceneError(

@@ -251,9 +251,22 @@ def _known(table: Any, names: tuple[str, ...]) -> Any:
     for name in table if isinstance(table, dict) else ():
         if name not in names:
             gone = f"; version 0.2 had it: {GONE[name]}" if name in GONE else ""
-            hint = gone or _near(name, names) or f"; known: {', '.join(sorted(names))}"
+            hint = gone or _elsewhere(name) or _near(name, names) or f"; known: {', '.join(sorted(names))}"
             raise KeyMistake(f"unknown key{hint}", name)
     return table
+
+
+def _elsewhere(name: str) -> str:
+    """The sections that have this key, if it is a key of others."""
+    from .sections import Scene
+
+    homes = [
+        f"[{section}.NAME]" if typing.get_origin(hint) is dict else f"[{section}]"
+        for section, hint in typing.get_type_hints(Scene).items()
+        for cls in (hint, *typing.get_args(hint))
+        if is_dataclass(cls) and name in cls.__dataclass_fields__
+    ]
+    return f"; {name} belongs to {' or '.join(homes)}" if homes else ""
 
 
 def _one_of(value: Any, choices: tuple[Any, ...]) -> Any:

@@ -142,3 +142,8 @@ def _turns(quantity: Any, unit: str) -> float:
     if unit == "Hz" and any(word in text for word in ("radian", "revolution", "turn", "degree")):
         return 0.5 / math.pi
     return 2 * math.pi if unit == "rad/s" and "hertz" in text else 1.0
+
+
+def several(number: int, one: str, more: str = "") -> str:
+    """A number of things in words: "1 line", "2 lines"."""
+    return f"{number} {one if number == 1 else more or one + 's'}"

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from brake_fenicsx.arguments import frequency_band
 from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
 from brake_fenicsx.macro.solver import whole
 
@@ -48,7 +49,7 @@ def complex_modes(
     """All complex modes of a frequency band of (lambda^2 M + lambda C + K) phi = 0.
 
     Args:
-        M: mass [kg], symmetric positive definite, SciPy sparse or PETSc.
+        M: mass [kg], symmetric positive definite, SciPy sparse, PETSc or an array.
         C: damping [N s/m]; None where there is none.
         K: stiffness [N/m], not symmetric where there is friction. The processes of a distributed
             matrix must call together; each gathers the whole of it and solves for itself.
@@ -71,8 +72,7 @@ def complex_modes(
     """
     if method != "full":
         raise SceneError(f"method {method!r}: complex_modes knows 'full'; see ReducedModel")
-    if not 0 <= band[0] < band[1]:
-        raise SceneError(f"band {band[0]:g} to {band[1]:g} Hz: from at least 0 up to a higher one")
+    band = frequency_band(band)
     start = time.perf_counter()
     problem = _problem(K, M, frictionless, friction)
     if C is not None:

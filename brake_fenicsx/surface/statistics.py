@@ -94,14 +94,14 @@ class SurfaceStatistics:
         fitted = self.spectrum.misfit is None
         if fit.convex:
             cut = f'surface.cutoff = "{2e6 * np.pi / fit.q_c:.3g} um"'
-            why = f"that is usually the instrument's noise; cut there with {cut}"
+            why = f"this is usually instrument noise; set {cut}"
             if fit.c2 < NOISE:
-                why = f"if these waves are the instrument's noise, cut there with {cut}" + (
-                    '; if not, use surface.spectrum = "measured"' if fitted else ""
+                why = f"if this is instrument noise, set {cut}" + (
+                    '; if not, surface.spectrum = "measured"' if fitted else ""
                 )
             found.append(
-                f"the spectrum falls more slowly beyond {fit.q_c:.3g} rad/m (slope {fit.c2:.2f}"
-                f" after {fit.c1:.2f}): {why}"
+                f"the PSD flattens above {fit.q_c:.3g} rad/m (slope {fit.c2:.2f} after"
+                f" {fit.c1:.2f}){', which the bi-fractal model cannot represent' * fitted}: {why}"
             )
         wave, ratio = worst_octave(self.psd, fit) if self.psd and fitted else (np.nan, 1.0)
         if not 1 / MISSED < ratio < MISSED:

@@ -48,6 +48,11 @@ class Topography:
     warnings: tuple[str, ...] = ()
     record: SynthesisRecord | None = field(default=None, compare=False)
 
+    def __repr__(self) -> str:
+        """One line."""
+        (nx, ny), (lx, ly) = self.shape, 1e3 * self.size
+        return f"Topography({self.source}: {nx} x {ny} points, {lx:.4g} x {ly:.4g} mm)"
+
     @property
     def shape(self) -> tuple[int, int]:
         """Numbers of pixels (nx, ny)."""

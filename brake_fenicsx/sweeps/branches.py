@@ -36,7 +36,7 @@ MEETING, ROUGH, AWAY = 0.1, 0.05, 1e-4
 # Ends of a branch.
 FIRST, LAST = "first value", "last value"
 ENTERED, LEFT = "entered the band", "left the band"
-CUT = "cut: no mode continues it with confidence"
+CUT = "cut: mode tracking was ambiguous"
 NO_EQUILIBRIUM = "no equilibrium at a value beyond"
 
 

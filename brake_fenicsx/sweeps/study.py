@@ -18,6 +18,7 @@ from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.scene.sweep import ROUGH
+from brake_fenicsx.scene.units import several
 from brake_fenicsx.uncertainty.ensemble import run_ensemble
 from brake_fenicsx.uncertainty.inputs import PERFECT, nominal_value
 from brake_fenicsx.uncertainty.study import Study
@@ -109,8 +110,8 @@ class SweepStudy:
     def _say(self, facts: dict[str, Any]) -> None:
         """What came out, and what is left open."""
         logger.info(
-            "sweep: %d lines, modes at %d values, %d mergings", facts["lines"], facts["points"],
-            facts["mergings"],
+            "sweep: %s, modes at %s, %s (coalescence, lock-in)", several(facts["lines"], "line"),
+            several(facts["points"], "value"), several(facts["mergings"], "merging"),
         )  # fmt: skip
         if critical := facts.get("critical_value_any_family"):
             ends = (critical[name] for name in ("median", "low", "high"))
@@ -121,7 +122,7 @@ class SweepStudy:
                 self.key, critical["squeal_samples"], critical["samples"], said,
             )  # fmt: skip
         if facts["failed_lines"]:
-            logger.warning("sweep: %d lines failed; see the log", facts["failed_lines"])
+            logger.warning("sweep: %s failed; see the log", several(facts["failed_lines"], "line"))
         if facts["lines_without_equilibrium"]:
             logger.warning(
                 "sweep: %d lines end at a value without an equilibrium",
@@ -129,8 +130,8 @@ class SweepStudy:
             )
         if facts["cut_branches"]:
             logger.warning(
-                "sweep: %d branches were cut where no mode continues them with confidence",
-                facts["cut_branches"],
+                "sweep: %s early: mode tracking was ambiguous",
+                several(facts["cut_branches"], "branch ends", "branches end"),
             )
 
     def _task(self, kind: str, task: Task) -> Task:

@@ -59,7 +59,7 @@ LAYERS = "cache/layers.npz"
 FAMILIES = 1.3
 
 # Number of the layout of a kept reduced model; one of another layout is made again.
-LAYOUT = 5
+LAYOUT = 6
 
 
 class Models:
@@ -290,8 +290,8 @@ class Models:
         self.reduced[damped] = model
         if damped and any(self._by_ratio(name) for name in names):
             logger.info(
-                "damping, modal: of the modes of the parts up to %.0f Hz; the flexibility beyond is"
-                " not damped, which a higher stability.cutoff tells the effect of",
+                "damping, modal: exact for the modes of the parts up to %.0f Hz; beyond, damping in"
+                " proportion to M and K",
                 model.complete_up_to,
             )  # fmt: skip
         self.facts["damped_model" if damped else "reduced_model"] = {

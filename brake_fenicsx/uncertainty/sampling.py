@@ -218,7 +218,20 @@ def coefficient(friction: float | FrictionLaw, speed: Array) -> tuple[Array, Arr
     """Friction coefficient of contact elements at some speeds [m/s], and its slope [s/m]."""
     if isinstance(friction, float | int):
         return np.full(speed.shape, float(friction)), np.zeros(speed.shape)
-    return friction.coefficient(speed)
+    given = friction.coefficient(speed)
+    try:
+        mu, slope = (np.broadcast_to(np.asarray(v, float), speed.shape) for v in given)
+    except (TypeError, ValueError):
+        raise SceneError(
+            f"{type(friction).__name__}.coefficient returns {given!r}; return mu and its slope"
+            " [s/m], arrays of one value for each speed"
+        ) from None
+    if not np.isfinite([mu, slope]).all():
+        raise SceneError(
+            f"{type(friction).__name__}.coefficient returns values that are not finite at sliding"
+            f" speeds from {speed.min():g} to {speed.max():g} m/s"
+        )
+    return mu, slope
 
 
 def one_law(law: Law) -> OneLaw:

@@ -1,5 +1,8 @@
 """Hard cases of the full order: each gives a correct result or an error message."""
 
+import importlib.util
+from pathlib import Path
+
 import numpy as np
 import pytest
 import scipy.linalg as la
@@ -171,21 +174,36 @@ def test_massless_contact_dofs(n, alpha):
     np.testing.assert_allclose(m.s, expected, rtol=1e-9)
 
 
-@pytest.mark.parametrize("nu", [0.49, 0.499])
-def test_nearly_incompressible_layer(nu):
-    """Exact dispersion relation of a sliding layer with a nearly incompressible lining."""
-    import importlib.util
-    from pathlib import Path
-
+@pytest.fixture(scope="module")
+def layer():
+    """The sliding layer of the system tests."""
     file = Path(__file__).parents[1] / "system" / "test_stability_layer.py"
     spec = importlib.util.spec_from_file_location("layer", file)
-    layer = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(layer)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("nu", [0.49, 0.499])
+def test_nearly_incompressible_layer(layer, nu):
+    """Exact dispersion relation of a sliding layer with a nearly incompressible lining."""
     exact = layer.in_band(layer.lambdas(layer.exact_modes(1.5 / layer.H, nu, 0.4)))
     m = layer.solved(*layer.constrained(layer.Layer(1.5 / layer.H, nu, 0.4), 16))
     assert len(m) == exact.size
     frequency, growth = layer.match(m.s, exact)
     assert frequency.max() < 1e-4 and growth.max() < 1e-3
+
+
+@pytest.mark.parametrize("mu", [0.3, 0.8, 1.5])
+def test_fine_sliding_layer_of_strong_friction(layer, mu):
+    """A fine layer, friction up to 1.5: all modes of the dispersion relation, and a proven count."""
+    k, nu = 1.5 / layer.H, 0.3
+    exact = layer.in_band(layer.lambdas(layer.exact_modes(k, nu, mu)))
+    smooth, _ = layer.constrained(layer.Layer(k, nu, 0.0), 150)
+    m = layer.solved(*layer.constrained(layer.Layer(k, nu, mu), 150), smooth)
+    assert len(m) == exact.size and "not" not in m.count.how
+    frequency, growth = layer.match(m.s, exact)
+    assert frequency.max() < 1e-6 and growth.max() < 1e-4
 
 
 @pytest.mark.parametrize("n", [30, 400])

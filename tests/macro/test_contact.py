@@ -128,7 +128,7 @@ def test_partly_covered_face(two_blocks):
 def test_faces_without_partner_are_an_error(two_blocks):
     s = two_blocks("loose")
     sliding = Translation((1.0, 0, 0), 1.0)
-    with pytest.raises(SceneError, match="face each other nowhere"):
+    with pytest.raises(SceneError, match="do not oppose each other anywhere"):
         contact_elements(s.mesh, s.free, ("pad.top", "plate.top"), sliding)
     with pytest.raises(SceneError, match=r"no face 'pad.friction'.*pad.bottom"):
         contact_elements(s.mesh, s.free, ("pad.friction", "plate.top"), sliding)
@@ -147,7 +147,7 @@ def test_search_reaches_across_a_wide_gap(comm):
     steel = Material(isotropic(2e11, 0.3), 7800.0)
     free = assemble_elastic(mesh, dict.fromkeys(mesh.layers, steel), {}, {}).free
     faces, sliding = ("pad.bottom", "plate.top"), Translation((1.0, 0, 0), 1.0)
-    with pytest.raises(SceneError, match="face each other nowhere"):
+    with pytest.raises(SceneError, match="do not oppose each other anywhere"):
         contact_elements(mesh, free, faces, sliding)
     found = contact_elements(mesh, free, faces, sliding, reach=30e-3)
     np.testing.assert_allclose(found.g0, 30e-3, rtol=1e-12)

@@ -501,6 +501,12 @@ def test_files_that_are_none(tmp_path):
         ("e.inp", "*NODE\n1,0,0,0\n*ELEMENT,TYPE=C3D4\n1,1,1", r"ends within \*ELEMENT.*amid"),
         ("f.inp", "*NODE\n1,0,0,0\n*ELEMENT,TYPE=C3D4\n1,1,1\n", "has not 4 nodes; is the file"),
         ("g.inp", "*NODE\n1,0,0,0\n2,0,\n*STEP\n", r"\*NODE: node 2 has not 3 coordinates"),
+        (
+            "k.inp",
+            "*PART, NAME=P\n*NODE\n1,0,0,0\n*ELEMENT,TYPE=C3D4\n1,1,2,3,4\n*END PART\n*ASSEMBLY, NAME=A\n"
+            "*INSTANCE, NAME=I-1, PART=P\n*END INSTANCE\n*END ASSEMBLY\n",
+            "node 2 of an element is not defined",
+        ),
         ("h.inp", "*INSTANCE, NAME=I-1, PART=P\n*END INSTANCE\n", "part 'P' is not defined"),
         ("i.inp", "*NODE\n1,0,0,0\n*NGEN\n1,3\n", r"\*NGEN: nodes and elements must be"),
         ("j.inp", "*INCLUDE, INPUT=none.inp\n", "none.inp: cannot be read"),

@@ -99,3 +99,17 @@ def test_verdicts_next_to_a_merging():
             full = complex_modes(M, None, tangent(seed, mu), (0.0, end))
             neutral += ["neutral" in found.verdict, "neutral" in full.verdict]
     assert neutral[0] <= 3 * max(neutral[1], 1)
+
+
+def test_two_real_modes_next_to_their_merging_are_no_pair():
+    """From 1e-5 of the merging on: as many growing modes as at full order, on either side."""
+    for seed in range(3):
+        _, M, _, _, k, end = system(seed)
+        model, critical = reduced(seed, 1e-5), merging(seed)
+        for share in np.r_[-np.logspace(-5, -3, 8), np.logspace(-5, -3, 8)]:
+            mu = critical * (1 + share)
+            exact = all_lambda(tangent(seed, mu), M)
+            exact = exact[exact.imag < 2 * np.pi * end]
+            found = model.modes(k, mu).s
+            growing = [np.sum(s.real > 1e-7 * np.abs(s)) for s in (found, exact)]
+            assert growing[0] == growing[1], f"seed {seed}, {share:.1e}: {growing}"

@@ -197,6 +197,10 @@ def test_chart_over_two_parameters(tmp_path):
         (['sweep.parameters."contact.none.friction"={ start = 0.0, stop = 1.0 }'], "no [contact"),
         (['sweep.parameters."parts.block.height"={ start = "1 mm", stop = "2 mm" }'], "mesh"),
         (["sweep.samples=3"], "0 keys"),
+        (
+            [*SWEEP, f'sweep.parameters."loads.\\"block.top\\".pressure"={VALUES}'],
+            'leave sweep.parameters."loads.\\"block.top\\".pressure" or sweep.samples out',
+        ),
         ([SWEEP[0], "sweep.samples=3", "stages=['equilibrium','stability']"], "uncertainty"),
         ([SWEEP[0], "stages=['equilibrium']"], "stage stability"),
     ],

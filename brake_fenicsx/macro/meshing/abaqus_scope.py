@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
 
-from .filemesh import SOLIDS
+from .filemesh import FAR, SOLIDS
 
 Array = NDArray[np.float64]
 
@@ -28,8 +28,6 @@ _FACES = {
 }  # fmt: skip
 Rows = list[list[str]]
 Sets = dict[str, list[int]]
-# Numbers of a deck are smaller.
-_FAR = 10**10
 
 
 @dataclass(slots=True)
@@ -133,7 +131,7 @@ class Scope:
             shift: x becomes ``turn @ x + shift``, shape (3,).
         """
         # The assembly has numbers of its own, as of reference points.
-        by = self.offsets[other.name] = _FAR * (1 + len(self.offsets))
+        by = self.offsets[other.name] = FAR * (1 + len(self.offsets))
         if other.nodes:
             x = np.array(list(other.nodes.values())) @ turn.T + shift
             self.nodes |= {n + by: [*map(float, p)] for n, p in zip(other.nodes, x, strict=True)}

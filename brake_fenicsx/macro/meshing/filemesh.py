@@ -21,6 +21,8 @@ SOLIDS = {
     "hexahedron": ("hexahedron", 8), "hexahedron20": ("hexahedron", 20),
     "hexahedron27": ("hexahedron", 27),
 }  # fmt: skip
+# Nodes and elements of an instance of a deck are numbered from a multiple of it on.
+FAR = 10**10
 # Edges whose middle nodes follow the corners, in the order of VTK, Abaqus and Ansys.
 _VTK_EDGES = {
     "tetrahedron": ((0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)),
@@ -89,7 +91,7 @@ def numbered(
     try:
         cells = np.array([[node[n] for n in own] for _, own in solids.values()])
     except KeyError as error:
-        raise SceneError(f"node {error} of an element is not defined") from None
+        raise SceneError(f"node {error.args[0] % FAR} of an element is not defined") from None
     points = np.array(list(nodes.values()), dtype=float)
     mesh = FileMesh(points, shape, cells[:, gmsh_order(shape, count)])
     for name, numbers in elements.items():

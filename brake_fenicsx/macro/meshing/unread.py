@@ -48,7 +48,7 @@ def unread(file: str, elements: Mapping[str, int], keywords: Mapping[str, int]) 
     lost = ", ".join([*_elements(elements), *_keywords(changing)])
     page = "howto_abaqus_deck" if file.endswith(".inp") else "coming_from_other_codes"
     said = f"{file}: not read: {lost}; docs/{page}.md says what to write instead"
-    rest = f"{file}: not read, the scene has its own: {', '.join(_keywords(other))}"
+    rest = f"{file}: ignored (defined in the scene instead): {', '.join(_keywords(other))}"
     return Unread((said,) if lost else (), (rest,) if other else ())
 
 

@@ -68,6 +68,7 @@ class Component:
         self.body = body = Substructure.from_arrays(arrays)
         self.W, self.kappa, self.reach = arrays["W"], arrays["kappa"], float(arrays["reach"])
         self.followed, self.acting = arrays["followed"], arrays["acting"]
+        self._beyond = arrays["beyond"]
         self.loads, self.coupled = body.loads.T @ self.W, coupled(body)
         self._rows, self._omega, self._parameters = rows, omega, parameters
         self._K, self._C = arrays["modal_K"], arrays["modal_C"]
@@ -87,7 +88,7 @@ class Component:
 
     def polynomial(self, x: Array) -> list[sp.csr_matrix]:
         """P_0, P_1, ... at a point of the box, at full order."""
-        return polynomial(self.body, self._parameters.coefficients(x), self._omega, self._rows)
+        return polynomial(self.body, self._parameters, x, self._omega, self._rows, self._beyond)
 
     def _modal(self, x: Array) -> Array:
         """W'P_n W in units of the band's end."""
@@ -104,6 +105,24 @@ class Component:
         return np.array([K + s * C + SIGMA * one, C + 2 * s * one, one])
 
 
-def polynomial(body: Substructure, c: Array, omega: float, rows: Rows) -> list[sp.csr_matrix]:
-    """P_0, P_1, ... of a body at full order under coefficients of all changes."""
-    return shifted_polynomial(body.stiffness(c), body.damping(c), body.M, omega, rows)
+def polynomial(
+    body: Substructure, parameters: Parameters, x: Array, omega: float, rows: Rows, beyond: Array
+) -> list[sp.csr_matrix]:
+    """P_0, P_1, ... of a body at full order at a point of the box.
+
+    Args:
+        body: the body.
+        parameters: of all bodies.
+        x: the point, shape (d,).
+        omega: end of the band [rad/s].
+        rows: blocks of its contact rows.
+        beyond: damping of what the kept modes leave out, see ``Substructure.damping_beyond``. It
+            couples nothing with the kept modes, of the same M and the K of the centre of the box.
+    """
+    c = parameters.coefficients(x)
+    C = body.damping(c)
+    if beyond.any():
+        K = body.stiffness(parameters.coefficients(np.zeros_like(x)))
+        left_out = beyond[0] * body.M + beyond[1] * K
+        C = left_out if C is None else C + left_out
+    return shifted_polynomial(body.stiffness(c), C, body.M, omega, rows)

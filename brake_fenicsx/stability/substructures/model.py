@@ -18,6 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
+from brake_fenicsx.arguments import frequency_band
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.processes import in_turns
 
@@ -131,10 +132,7 @@ class ReducedModel:
                 finds a mode missing, or damping is too strong for the series.
         """
         start, comm = time.perf_counter(), MPI.COMM_SELF if comm is None else comm
-        if not 0 <= band[0] < band[1]:
-            raise SceneError(
-                f"band {band[0]:g} to {band[1]:g} Hz: from at least 0 up to a higher one"
-            )
+        band = frequency_band(band)
         if cutoff is not None and not cutoff > band[1]:
             raise SceneError(f"cutoff {cutoff:g} Hz must lie above the band's {band[1]:g} Hz")
         damped = followed != "N" or any(body.C is not None or body.ratios for body in substructures)

@@ -66,6 +66,7 @@ class Reduction:
         self._body, (self._W, self._kappa) = body, modes
         self._rows, self._parameters, self._accuracy = rows, parameters, accuracy
         self._omega, self._comm = omega, comm
+        self._beyond = body.damping_beyond(accuracy.cutoff * omega)
         self._own = parameters.acting_on(list(body.changes))
         self._moments = InterpolatedMoments(self._own.size, accuracy.degrees)
         # Processes take points in turns, so that the factor of a point is made once; if there are
@@ -114,6 +115,7 @@ class Reduction:
             damping = [damping[0] + modal] if damping else [modal]
         return {
             **body.arrays(), **self._moments.arrays(), "W": W, "kappa": self._kappa,
+            "beyond": self._beyond,
             # Poles of what is left out lie beyond r cutoff^2 in kappa.
             "reach": np.array(self._accuracy.cutoff * np.sqrt(self._parameters.softening)),
             "degrees": np.array(self._accuracy.degrees),
@@ -126,7 +128,7 @@ class Reduction:
         """Moments at a point, as many as it needs; collective over ``comm``."""
         x = np.zeros(self._parameters.dimension)
         x[self._own] = self._moments.points[i]
-        P = polynomial(self._body, self._parameters.coefficients(x), self._omega, self._rows)
+        P = polynomial(self._body, self._parameters, x, self._omega, self._rows, self._beyond)
         count = self._moments.counts[i]
         return moments(self._body, P, self._W, self._rows, count, comm, progress)
 
@@ -138,10 +140,11 @@ class Reduction:
         """
         size = [float(np.linalg.norm(A)) for A in D]
         step = 2 if self._rows.damped else 1
-        if len(size) > 2 * step and size[-1] > size[-1 - step]:
+        # With rates they turn in the complex plane: a single one may be small by its phase.
+        if len(size) > 2 * step and max(size[-step:]) > max(size[-2 * step : -step]):
             raise InaccurateResult(
-                "damping too strong for the reduced model: its series in lambda does not reach the"
-                " end of the band"
+                "damping too large for the frequency expansion of the reduced model up to the end of"
+                " the band"
             )
 
 

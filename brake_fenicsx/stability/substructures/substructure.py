@@ -113,6 +113,28 @@ class Substructure:
         zeta = [part.at(omega / (2 * np.pi)) for part in self.ratios]
         return np.asarray(2 * np.average(zeta, axis=0, weights=weights) * omega)
 
+    def damping_beyond(self, omega: float) -> Array:
+        """Damping of the modes beyond a frequency by the ratios there: shares of M and K.
+
+        2 zeta omega of a mode at omega > omega_c is about 2 zeta omega_c + zeta omega^2 / (4
+        omega_c). This follows the square root of omega_c / omega, by which a mode weighs in the
+        flexibility, to 1/8.
+
+        Args:
+            omega: the frequency omega_c [rad/s].
+
+        Returns:
+            [1/s] and [s].
+        """
+        if not self.ratios:
+            return np.zeros(2)
+        at = np.array([omega / (2 * np.pi)])
+        zeta = np.average(
+            [part.at(at)[0] for part in self.ratios],
+            weights=[part.mass.sum() for part in self.ratios],
+        )
+        return float(zeta) * np.array([2 * omega, 1 / (4 * omega)])
+
     def arrays(self) -> dict[str, NDArray]:
         """What ``from_arrays`` makes the body of again; coordinates are left out."""
         matrices = {"K": self.K, "M": self.M, **self.interface}
