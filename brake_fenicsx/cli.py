@@ -187,7 +187,7 @@ class _Version(argparse.Action):
         super().__init__(option_strings, dest, nargs=0, help=help)
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
-        from brake_fenicsx.folder.versions import solver_versions
+        from brake_fenicsx.results.versions import solver_versions
 
         print("\n".join(f"{name} {number}" for name, number in solver_versions().items()))
         parser.exit()
@@ -316,7 +316,7 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
         if options.json and comm.rank == 0:
             _print_json(done.outcome())
     elif options.command == "budget":
-        from brake_fenicsx.budget.study import run_budget
+        from brake_fenicsx.variants.budget import run_budget
 
         page = run_budget(
             options.scene, comm, options.directory, options.set, options.cache, options.minutes
@@ -328,9 +328,11 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
 
         describe(options.scene, comm, options.set, options.json, options.quiet)
     elif options.command == "countermeasures":
-        from brake_fenicsx.countermeasures import find_countermeasures
-        from brake_fenicsx.report.countermeasure_page import countermeasures_text
-        from brake_fenicsx.tables import read_rows
+        from brake_fenicsx.results.tables import read_rows
+        from brake_fenicsx.variants.countermeasures import (
+            countermeasures_text,
+            find_countermeasures,
+        )
 
         found = find_countermeasures(
             options.scene, comm, options.directory, options.set, options.cache
@@ -344,7 +346,7 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
 
         _print_json(json_schema(Scene))
     elif comm.rank == 0 and options.command == "compare":
-        from brake_fenicsx.report.comparison_page import comparison_text, write_comparison
+        from brake_fenicsx.variants.compare import comparison_text, write_comparison
 
         page = write_comparison(options.first, options.second, options.directory)
         print(comparison_text(options.first, options.second))

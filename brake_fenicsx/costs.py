@@ -150,7 +150,7 @@ def estimate(scene: Scene, counts: Counts) -> list[Cost]:
         scans = len(scene.surface.scans) if scene.surface else 0
         costs.append(Cost("surface", 0.1 * max(scans, 1), 0.2))
     if "micro" in stages:
-        costs.append(Cost("micro", _laws(scene, counts.samples), 0.25))
+        costs.append(Cost("micro", _laws(scene), 0.25))
     if "equilibrium" in stages:
         costs += _mechanics(scene, counts)
     if "report" in stages:
@@ -193,11 +193,11 @@ def _time(seconds: float) -> str:
     return f"{seconds / 86400:.3g} days" if seconds < 3e7 else f"{seconds / 31557600:.3g} years"
 
 
-def _laws(scene: Scene, samples: int) -> float:
+def _laws(scene: Scene) -> float:
     micro = scene.micro
     if micro is None:
         return 0.0
-    number = micro.library_size * (max(samples, 1) if micro.fresh else 1)
+    number = micro.laws
     pixels = 402 if micro.pixels == "scan" else micro.pixels
     if micro.boundary == "periodic":
         return number * (0.85 if micro.hardness is None else 2.0) * (pixels / 402) ** 2

@@ -101,12 +101,12 @@ def describe(
     parsed = with_pixels(parsed, stats)
     if parsed.micro and "micro" in parsed.stages:
         m = parsed.micro
-        each, patch = " for each sample" if m.fresh else "", float(m.patch)
+        patch = float(m.patch)
         factor = "" if mean_patch is None else (
             f"; mean area of a contact element / patch = {(mean_patch / patch) ** 2:.3g}"
         )  # fmt: skip
         lines.append(
-            f"laws: {m.library_size}{each} of {m.pixels} x {m.pixels} points, patches with"
+            f"laws: {m.laws} of {m.pixels} x {m.pixels} points, patches with"
             f" a side of {1e3 * patch:.4g} mm{factor}"
         )
     costs = estimate(parsed, counts)

@@ -18,9 +18,11 @@ from brake_fenicsx.checks import check
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import Extensions
 from brake_fenicsx.folder.cache import SharedCache
+from brake_fenicsx.folder.entry import check_folder
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.pipeline import Run, before_samples, check_folder, make_study
+from brake_fenicsx.pipeline import Run, before_samples, make_study
 from brake_fenicsx.scene import Scene, read_scene
+from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.scene.samples import unit_of
 from brake_fenicsx.scene.scalars import check_scalar
 from brake_fenicsx.scene.sweep import Range, Sweep
@@ -216,12 +218,12 @@ def prepare(
             folder = tempfile.TemporaryDirectory(prefix="brake_fenicsx-")
         directory = comm.bcast(folder.name if folder is not None else None)
     store = Store(Path(directory))
-    check_folder(store, parsed, comm)
+    check_folder(store, result_digest(parsed), comm)
     stats = check(parsed, comm)
     if extensions is not None:
         parsed = extensions.applied(parsed)
     this = Run(parsed, comm, store, SharedCache(store, None if cache is None else Path(cache)))
-    store.open(parsed)
+    store.open(parsed.file.read_text())
     brake, library = before_samples(this, stats)
     if brake is None:
         raise SceneError(f"{parsed.file}: stages: 'equilibrium' is missing")

@@ -6,7 +6,6 @@ sample -> tables, figures, fields.
 
 from __future__ import annotations
 
-import json
 import shutil
 import time
 from collections.abc import Iterator, Sequence
@@ -30,14 +29,17 @@ from brake_fenicsx.checks import (
     with_pixels,
 )
 from brake_fenicsx.errors import BrakeError, NotConverged, SceneError
-from brake_fenicsx.folder.cache import SharedCache, laws_key
-from brake_fenicsx.folder.lock import Lock
+from brake_fenicsx.folder.cache import SharedCache
+from brake_fenicsx.folder.entry import PREPARED, check_folder, enter_prepared, open_folder
+from brake_fenicsx.folder.files import whole_file
 from brake_fenicsx.folder.log import Progress, logger, start_log
 from brake_fenicsx.folder.memory import peak_memory, release_memory
 from brake_fenicsx.folder.shares import Share
-from brake_fenicsx.folder.store import RUNNING, Store
-from brake_fenicsx.folder.versions import versions
+from brake_fenicsx.folder.store import Store
+from brake_fenicsx.folder.termination import end_of_stage
+from brake_fenicsx.results.versions import versions
 from brake_fenicsx.scene import Scene, read_scene
+from brake_fenicsx.scene.digest import laws_key, result_digest
 from brake_fenicsx.scene.friction import friction_texts, listed
 from brake_fenicsx.scene.in_effect import in_effect
 
@@ -50,8 +52,6 @@ if TYPE_CHECKING:
     from brake_fenicsx.surface import SurfaceStatistics
     from brake_fenicsx.uncertainty.study import Study
 
-FOLDER = "folder"  # all of a results folder, as a piece of work
-PREPARED = "cache/prepared.json"  # approaches that all is there for that their samples share
 # Hardness of a hard lining, a usual pressure of braking [Pa], and the share of the force beyond
 # the first at which elastic laws are doubtful.
 SOFT, BRAKING, SOME = 400e6, 0.2e6, 0.1
@@ -104,6 +104,7 @@ class Run:
             self.peak_memory_mb[name],
         )
         release_memory()
+        end_of_stage(self.comm)
 
     @property
     def page(self) -> Path | None:
@@ -188,7 +189,7 @@ def run(
         directory = Path.cwd() / f"{parsed.file.stem}-results"
     store = Store(Path(directory))
     store.share = share
-    check_folder(store, parsed, comm)
+    check_folder(store, result_digest(parsed), comm)
     if not (parsed.samples.approaches and "equilibrium" in parsed.stages) and (share or prepare):
         raise SceneError(f"{parsed.file}: has no samples to be shared; write `run`, no --share")
     stats = check(parsed, comm)
@@ -197,9 +198,10 @@ def run(
     new = not store.directory.exists()
     try:
         if share is None:
-            open_folder(this, from_stage)
+            open_folder(store, parsed.file.read_text(), from_stage, comm)
         else:
-            enter_prepared(this)
+            command = f"brake-fenicsx prepare {parsed.file} -o {store.directory}"
+            enter_prepared(store, parsed.samples.approaches, command, comm)
         log = "log.txt" if share is None else f"log-{share.number}-of-{share.of}.txt"
         start_log(comm.rank, this.store.path(log) if comm.rank == 0 else None)
         logger.info("%s -> %s, %d process(es)", parsed.file, this.store.directory, comm.size)
@@ -208,7 +210,7 @@ def run(
         note_warnings(this, warnings(parsed))
         _finish(this, stats, new)
     finally:
-        if comm.rank == 0 and store.lock is not None:
+        if store.lock is not None:
             store.lock.leave()
     if this.whole:
         refuse_if_all_failed(this)
@@ -223,8 +225,7 @@ def _finish(this: Run, stats: SurfaceStatistics | None, new: bool) -> None:
         compute(this, stats)
     except SceneError:
         # What only the mesh or the laws could tell; a folder with samples is kept.
-        mine = new and comm.rank == 0 and store.lock is not None and not store.lock.others()
-        if mine and not any(store.path("samples").iterdir()):
+        if new and comm.rank == 0 and not any(store.path("samples").iterdir()):
             shutil.rmtree(store.directory)
         raise
     if "report" in this.scene.stages and this.whole:
@@ -271,115 +272,6 @@ def compute(this: Run, stats: SurfaceStatistics | None) -> None:
     if this.comm.rank == 0 and this.whole:
         write_summary(this)
     this.comm.Barrier()
-
-
-def open_folder(this: Run, from_stage: str | None) -> None:
-    """Make or enter the results folder and have it alone; collective.
-
-    Raises:
-        SceneError: it cannot be written, belongs to another scene, or ``from_stage`` would take
-            results away from another run.
-    """
-    store, lock = this.store, _enter(this)
-    have_alone(this)
-    with _together(this.comm, f"-o {store.directory}"):
-        if this.comm.rank == 0:
-            # Another run may have been quicker with another scene.
-            store.check(this.scene)
-            if from_stage is not None and (others := lock.others()):
-                raise SceneError(
-                    f"--from {from_stage}: another run is working in {store.directory}:"
-                    f" {lock.described(others[0])}; wait for its end, or end it"
-                )
-            store.open(this.scene, from_stage)
-
-
-def enter_prepared(this: Run) -> None:
-    """Enter a folder that was prepared, which nobody writes but for samples; collective.
-
-    Raises:
-        SceneError: it was not prepared for all approaches of the scene.
-    """
-    store, wanted = this.store, {*this.scene.samples.approaches}
-    with _together(this.comm, f"-o {store.directory}"):
-        if this.comm.rank == 0:
-            mark = store.path(PREPARED)
-            missing = wanted - {*(json.loads(mark.read_text()) if mark.exists() else ())}
-            if missing:
-                raise SceneError(
-                    f"-o {store.directory}: not prepared for {', '.join(sorted(missing))};"
-                    f" brake-fenicsx prepare {this.scene.file} -o {store.directory}, with the same"
-                    " changes, makes what all shares need"
-                )
-    _enter(this)
-
-
-def _enter(this: Run) -> Lock:
-    """Say in the folder that this run is at work in it; collective."""
-    store = this.store
-    with _together(this.comm, f"-o {store.directory}"):
-        if this.comm.rank == 0:
-            store.lock = Lock(store.path(RUNNING))
-    name = this.comm.bcast(store.lock.name if store.lock else None, root=0)
-    store.lock = store.lock or Lock(store.path(RUNNING), name)
-    return store.lock
-
-
-@contextmanager
-def _together(comm: MPI.Comm, where: str) -> Iterator[None]:
-    """What goes wrong on the first process, raised on all; collective.
-
-    Raises:
-        SceneError: the folder, and what the system says, or what the first process says.
-    """
-    said = None
-    try:
-        yield
-    except SceneError as error:
-        said = str(error)
-    except OSError as error:
-        why = error.strerror or str(error)
-        said = f"{where}: cannot be written ({why}); choose another folder with -o"
-    said = comm.bcast(said, root=0)
-    if said is not None:
-        raise SceneError(said)
-
-
-def check_folder(store: Store, scene: Scene, comm: MPI.Comm) -> None:
-    """Refuse a folder of another scene; collective.
-
-    The first process alone looks into it: it may be writing there already while others look.
-
-    Raises:
-        SceneError: as ``Store.check``.
-    """
-    with _together(comm, f"-o {store.directory}"):
-        if comm.rank == 0:
-            store.check(scene)
-    store.digest = comm.bcast(store.digest, root=0)
-
-
-def have_alone(this: Run) -> None:
-    """Wait until no other run changes what the samples share, or the tables; collective."""
-    lock, told = this.store.lock, False
-    while lock is not None:
-        owner = None
-        with _together(this.comm, f"-o {this.store.directory}"):
-            if this.comm.rank == 0 and (owner := lock.claim(FOLDER)) is not None:
-                this.store.check(this.scene)
-        if (owner := this.comm.bcast(owner, root=0)) is None:
-            return
-        if not told:
-            logger.info("waiting for another run in this folder: %s", lock.described(owner))
-        told = True
-        time.sleep(0.5)
-
-
-def let_in(this: Run) -> None:
-    """Let other runs of the same scene into the folder, to take samples of it too; collective."""
-    this.comm.Barrier()
-    if this.comm.rank == 0 and this.store.lock is not None:
-        this.store.lock.release(FOLDER)
 
 
 def surface_stage(this: Run, stats: SurfaceStatistics) -> None:
@@ -444,7 +336,7 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
     path = this.store.path("laws.npz")
     with this.stage("micro"), this.cache.shared("laws.npz", lambda: laws_key(scene), comm):
         if not comm.bcast(path.exists(), root=0):
-            recipe, number = law_recipe(scene, stats), micro.library_size
+            recipe, number = law_recipe(scene, stats), micro.laws
             if recipe is None:
                 raise SceneError(f"{scene.file}: stages: 'micro' is missing")
             first = recipe.surface(micro.seed, 0)
@@ -474,9 +366,8 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
                 settings["support"] = {k: v.tolist() for k, v in asdict(support).items()}
             library = make_library([steps[i] for i in range(number)], list(range(number)), settings)
             if comm.rank == 0:
-                part = path.with_name(".laws.part")
-                save_laws(part, library)
-                part.rename(path)
+                with whole_file(path) as part:
+                    save_laws(part, library)
             comm.Barrier()
         library = load_laws(path)
         note_warnings(this, library.settings["notes"])
@@ -555,7 +446,7 @@ def brake_stage(this: Run) -> Brake:
             this.facts,
         )
     if this.comm.size > 1 or not this.whole:
-        from brake_fenicsx.folder.shared_matrices import with_shared_matrices
+        from brake_fenicsx.uncertainty.shared_matrices import with_shared_matrices
 
         brake = with_shared_matrices(brake, this.store, this.comm)
     mean_patch = 1e-3 * float(this.facts["mean_patch_mm"])
@@ -580,7 +471,7 @@ def note_warnings(this: Run, lines: list[str]) -> None:
 def note_open_points(this: Run) -> None:
     """Log what the modes of the samples leave open; the page says it from the summary."""
     from brake_fenicsx.report.overview import open_points
-    from brake_fenicsx.report.rundata import RunData
+    from brake_fenicsx.results.run import RunData
 
     summary = {**this.facts, "in_effect": in_effect(this.scene)}
     if text := open_points(RunData(this.store.directory, summary=summary)):
@@ -593,7 +484,6 @@ def make_study(
     """What the samples of a scene share, made or read from the folder; collective."""
     from brake_fenicsx.uncertainty.study import Study
 
-    recipe = law_recipe(this.scene, stats) if stats else None
     hdf = stats.hdf if stats else None
     waviness, surface, micro = None, this.scene.surface, this.scene.micro
     named = any(c.gap == "waviness" for c in this.scene.contact.values())
@@ -601,9 +491,7 @@ def make_study(
         from brake_fenicsx.surface.waviness import Waviness
 
         waviness = Waviness(stats.spectrum, float(micro.patch), surface.low)
-    study = Study(
-        this.scene, brake, library, hdf, this.store, this.comm, recipe, this.cache, waviness
-    )
+    study = Study(this.scene, brake, library, hdf, this.store, this.comm, this.cache, waviness)
     with this.stage("offline"):
         study.prepare()
         this.facts |= study.facts
@@ -615,10 +503,8 @@ def mechanics(
 ) -> None:
     """Shared reduction, and every sample's equilibrium and modes."""
     study = make_study(this, stats, library, brake)
-    if this.store.share is None:
-        if this.comm.rank == 0:
-            this.store.save_json(PREPARED, [*this.scene.samples.approaches])
-        let_in(this)
+    if this.store.share is None and this.comm.rank == 0:
+        this.store.save_json(PREPARED, [*this.scene.samples.approaches])
     if this.prepare:
         return
     with this.stage("samples"):
@@ -632,11 +518,12 @@ def mechanics(
             sweep.run()
     if not this.whole:
         return
-    have_alone(this)
     with this.stage("results"):
         if this.comm.rank == 0:
             this.store.forget_tables()
-        first = study.write()
+        from brake_fenicsx.results.write import write_results
+
+        first = write_results(study)
         if sweep is not None:
             this.facts |= sweep.write()
         this.facts |= study.facts
@@ -696,9 +583,10 @@ def report(directory: Path) -> None:
     from brake_fenicsx.report.figures import make_figures
     from brake_fenicsx.report.html import write_report
     from brake_fenicsx.report.inputs import contact_maps
-    from brake_fenicsx.report.overview import summary_table, write_tables
-    from brake_fenicsx.report.rundata import read_run
+    from brake_fenicsx.report.overview import summary_table
     from brake_fenicsx.report.surface_tables import write_surface_tables
+    from brake_fenicsx.results.answer import write_tables
+    from brake_fenicsx.results.run import read_run
 
     contact_maps(directory)
     data = read_run(directory)

@@ -17,8 +17,6 @@ from pathlib import Path
 import numpy as np
 from bench_ensemble import SCENE, study
 
-from brake_fenicsx.report.counts import good_modes
-from brake_fenicsx.report.rundata import RunData, read_run
 from brake_fenicsx.report.squeal_figures import KHZ, LINEAR_DAMPING
 from brake_fenicsx.report.style import (
     BLUE,
@@ -29,7 +27,8 @@ from brake_fenicsx.report.style import (
     new_figure,
     save,
 )
-from brake_fenicsx.squeal import squeals
+from brake_fenicsx.results.run import RunData, read_run
+from brake_fenicsx.results.squeal import squeals
 
 SOURCE = [
     "surface.low=extend", "surface.S_q=scan", "surface.distribution=johnson",
@@ -53,7 +52,7 @@ def row(name: str, run: RunData, seconds: dict[str, float]) -> None:
     own = run.contact["law"] >= 0
     p, k, v = (run.contact[n][own] for n in ("p", "k", "k_vibration"))
     closed = p > 0
-    modes = good_modes(run, "multi-scale")
+    modes = run.squeal.modes("multi-scale")
     squeal = squeals(modes, run.threshold)
     samples = np.unique(modes["sample"])
     counts = [
@@ -74,7 +73,7 @@ def draw(runs: dict[str, RunData], file: Path) -> None:
     with house_style():
         figure, axes = new_figure(len(runs), 1, height=1.8 * len(runs), sharex=True, sharey=True)
         for axis, (name, run) in zip(axes[:, 0], runs.items(), strict=True):
-            modes = good_modes(run, "multi-scale")
+            modes = run.squeal.modes("multi-scale")
             squeal = squeals(modes, run.threshold)
             unstable = (modes["verdict"] == "unstable") & ~squeal
             rest = ~squeal & ~unstable

@@ -256,14 +256,17 @@ def test_sigterm_finishes_the_sample_and_nothing_new(tmp_path, monkeypatch, caps
 
 
 def test_sigterm_elsewhere_ends_at_once(tmp_path):
-    """While the program waits for another run in its folder."""
+    """While the program waits for a sign of life of another run in its folder."""
     out = tmp_path / "out"
     out.joinpath("running").mkdir(parents=True)
-    (out / "running" / "another-machine-7-7.run").touch()
+    other = out / "running" / "another-machine-7-7.run"
+    other.touch()
+    then = time.time() - 100.0
+    os.utime(other, (then, then))
     (out / "running" / "folder.claim").write_text("another-machine-7-7")
     words = [*PROGRAM, "run", str(BLOCK), "-o", str(out), *SURFACE]
     going = subprocess.Popen(words, stderr=subprocess.PIPE, text=True)
-    assert "waiting for another run" in going.stderr.readline()
+    assert "waiting for a sign of life" in going.stderr.readline()
     going.send_signal(signal.SIGTERM)
     assert going.communicate()[1].startswith("brake-fenicsx: terminated")
     assert going.returncode == 143
@@ -297,20 +300,15 @@ def test_time_to_go_is_that_of_the_samples_left(caplog, monkeypatch):
 def test_table_of_the_log_stands_under_its_heading(tmp_path, monkeypatch):
     from types import SimpleNamespace
 
-    from brake_fenicsx.report import (
-        figures,
-        html,
-        inputs,
-        overview,
-        rundata,
-        surface_tables,
-    )
+    from brake_fenicsx.report import figures, html, inputs, overview, surface_tables
+    from brake_fenicsx.results import answer
+    from brake_fenicsx.results import run as results
 
     for module, name in ((inputs, "contact_maps"), (figures, "make_figures"),
-                         (overview, "write_tables"), (html, "write_report"),
+                         (answer, "write_tables"), (html, "write_report"),
                          (surface_tables, "write_surface_tables")):  # fmt: skip
         monkeypatch.setattr(module, name, lambda *_, **__: None)
-    monkeypatch.setattr(rundata, "read_run", lambda _: SimpleNamespace(modes=1, samples=1))
+    monkeypatch.setattr(results, "read_run", lambda _: SimpleNamespace(modes=1, samples=1))
     monkeypatch.setattr(overview, "summary_table", lambda _: "a  b\n1  2")
     start_log(0, tmp_path / "log.txt")
     pipeline.report(tmp_path)

@@ -1,8 +1,11 @@
-"""Which modules may import which: the folders stand in the data's order; what a command loads."""
+"""The order of the folders and their budgets of lines; what a command loads."""
 
 import ast
+import io
+import re
 import subprocess
 import sys
+import tokenize
 from pathlib import Path
 
 import pytest
@@ -10,15 +13,18 @@ import pytest
 PACKAGE = Path(__file__).parents[1] / "brake_fenicsx"
 BLOCK = PACKAGE.parent / "scripts" / "scenes" / "block_on_plate.toml"
 ORDER = (
+    "folder",
     "scene",
     "surface",
     "micro",
     "macro",
     "stability",
     "uncertainty",
+    "results",
     "sweeps",
     "report",
-    "budget",
+    "correlation",
+    "variants",
 )
 # eigensolvers lie below full order and the reduced model, which do not know each other.
 BELOW = {
@@ -57,6 +63,44 @@ def test_folders_import_those_before_them(folder):
     assert not {(file, name) for file, name in found if name in later}
 
 
+def code_lines(file):
+    """Lines of code of a module, without docstrings, comments and blank lines."""
+    text, lines = file.read_text(), set()
+    blank = {
+        tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT,
+        tokenize.ENDMARKER,
+    }  # fmt: skip
+    for token in tokenize.generate_tokens(io.StringIO(text).readline):
+        if token.type not in blank:
+            lines |= {*range(token.start[0], token.end[0] + 1)}
+    for node in ast.walk(ast.parse(text)):
+        kinds = ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef
+        if isinstance(node, kinds) and ast.get_docstring(node) is not None:
+            lines -= {*range(node.body[0].lineno, node.body[0].end_lineno + 1)}
+    return len(lines)
+
+
+def test_folders_keep_to_their_budgets_of_lines():
+    guide = (PACKAGE.parent / "docs" / "developer_guide.md").read_text()
+    budgets = {n: int(b) for n, b in re.findall(r"^\| `?(\w+)`? \|.*\| (\d+) \|$", guide, re.M)}
+    counted = {
+        name: sum(map(code_lines, (PACKAGE / name).rglob("*.py")))
+        for name in budgets.keys() - {"top"}
+    }
+    counted["top"] = sum(map(code_lines, PACKAGE.glob("*.py")))
+    assert sum(counted.values()) == sum(map(code_lines, PACKAGE.rglob("*.py")))
+    assert [*budgets] == [*ORDER, "top"]
+    assert not {n: (lines, budgets[n]) for n, lines in counted.items() if lines > budgets[n]}
+
+
+def test_code_lines_are_neither_comments_nor_docstrings(tmp_path):
+    file = tmp_path / "a.py"
+    file.write_text(
+        '"""Doc.\n\nMore."""\n\nx = [\n    1,  # one\n]\n# no\ndef f():\n    """F."""\n    return x'
+    )
+    assert code_lines(file) == 5
+
+
 @pytest.mark.parametrize("folder", list(BELOW))
 def test_full_order_and_reduced_model_share_what_lies_below(folder):
     files = sorted((PACKAGE / "stability" / folder).glob("*.py"))
@@ -78,7 +122,10 @@ def test_one_module_connects_full_order_and_the_reduced_model():
     ("command", "left_out"),
     [
         (["--help"], ["mpi4py.MPI", "numpy", "dolfinx"]),
-        (["check", str(BLOCK)], ["brake_fenicsx.surface", "scipy.stats", "matplotlib", "SALib"]),
+        (
+            ["check", str(BLOCK)],
+            ["brake_fenicsx.surface", "scipy.stats", "pandas", "matplotlib", "SALib"],
+        ),
     ],
 )
 def test_a_command_starts_without_what_it_does_not_need(command, left_out):

@@ -1,4 +1,4 @@
-"""Several runs in one folder: claims, stale claims, another scene, samples that are shared."""
+"""Several runs in one folder: claims, stale claims, another scene, runs that are refused."""
 
 import json
 import os
@@ -14,14 +14,13 @@ import pytest
 
 from brake_fenicsx import pipeline
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder import entry
 from brake_fenicsx.folder.lock import SILENCE, Lock
-from brake_fenicsx.folder.store import RUNNING, Store
-from brake_fenicsx.uncertainty.ensemble import run_ensemble
+from brake_fenicsx.folder.store import RUNNING
 
 pytestmark = pytest.mark.alone
 
 BLOCK = Path(__file__).parents[1] / "scripts" / "scenes" / "block_on_plate.toml"
-TASKS = [("multi-scale", k) for k in range(6)]
 ELSEWHERE = "another-machine-7-7"
 DIES = """
 import os, sys
@@ -47,33 +46,36 @@ def lock(tmp_path):
 
 @pytest.fixture
 def elsewhere(lock):
-    """A run on another machine that has the third sample."""
-    other = Lock(lock.folder, ELSEWHERE)
+    """A run on another machine that has the third share."""
     run = lock.folder / f"{ELSEWHERE}.run"
     run.write_text("2026-01-01 00:00:00")
-    assert other.claim("multi-scale-00003") is None
+    (lock.folder / "share-3-of-4.claim").write_text(ELSEWHERE)
     return run
 
 
-def test_a_piece_of_work_belongs_to_one_run(lock, elsewhere):
-    assert lock.claim("multi-scale-00003") == ELSEWHERE
+def silent_for(run, seconds):
+    then = time.time() - seconds
+    os.utime(run, (then, then))
+
+
+def test_a_share_belongs_to_one_run(lock, elsewhere):
+    assert lock.claim("share-3-of-4") == ELSEWHERE
     assert "another-machine, started 2026-01-01" in lock.described(ELSEWHERE)
-    assert lock.others() == [ELSEWHERE]
-    assert lock.claim("multi-scale-00004") is None
+    assert lock.claim("share-4-of-4") is None
+    assert lock.owner("share-*") == ELSEWHERE and lock.owner("folder") is None
 
 
 def test_a_lock_of_a_silent_machine_is_named_and_taken_over(lock, elsewhere, caplog):
-    old = time.time() - SILENCE - 60
-    os.utime(elsewhere, (old, old))
+    silent_for(elsewhere, SILENCE + 60)
     with caplog.at_level("INFO", logger="brake_fenicsx"):
-        assert lock.claim("multi-scale-00003") is None
+        assert lock.claim("share-3-of-4") is None
     assert "another-machine" in caplog.text and "stale" in caplog.text
-    assert lock.others() == []
+    assert lock.owner("share-*") is None
 
 
 def test_a_lock_is_free_once_its_run_is_removed_by_hand(lock, elsewhere):
     elsewhere.unlink()
-    assert lock.claim("multi-scale-00003") is None
+    assert lock.claim("share-3-of-4") is None
 
 
 def test_a_lock_of_a_dead_process_is_taken_over(lock, caplog):
@@ -104,33 +106,30 @@ def test_a_run_of_another_scene_started_at_the_same_time_is_refused(tmp_path, mo
     assert not (out / RUNNING).exists()
 
 
-def test_a_stage_is_not_taken_away_from_another_run(tmp_path):
-    pipeline.run(BLOCK, MPI.COMM_SELF, tmp_path / "out", surface_of(3))
-    running = tmp_path / "out" / RUNNING
+@pytest.mark.parametrize("claim", ["folder", "share-3-of-4"])
+def test_a_second_run_is_refused(tmp_path, claim):
+    """One line that names the first and the remedy; the folder is left as it was."""
+    out = tmp_path / "out"
+    pipeline.run(BLOCK, MPI.COMM_SELF, out, surface_of(3))
+    running = out / RUNNING
     running.mkdir()
     (running / f"{ELSEWHERE}.run").write_text("2026-01-01 00:00:00")
-    with pytest.raises(SceneError, match=r"--from surface.*process 7 on another-machine"):
-        pipeline.run(BLOCK, MPI.COMM_SELF, tmp_path / "out", surface_of(3), "surface")
+    (running / f"{claim}.claim").write_text(ELSEWHERE)
+    with pytest.raises(SceneError, match=r"process 7 on another-machine.*--share"):
+        pipeline.run(BLOCK, MPI.COMM_SELF, out, surface_of(3), "surface")
+    assert (out / "surface.npz").exists() and len(list(running.iterdir())) == 2
 
 
-def test_two_runs_share_the_samples_of_a_scene(lock, elsewhere, monkeypatch):
-    """The sample that another run has is waited for, not computed."""
-    store = Store(lock.folder.parent)
-    store.lock = lock
-    store.path("samples").mkdir()
-    done = []
-
-    def work(task):
-        done.append(task)
-        return {"x": np.array(task[1])}
-
-    def others_work(_):
-        store.samples.save(TASKS[3], status="ok", x=np.array(-1))
-
-    monkeypatch.setattr("brake_fenicsx.uncertainty.ensemble.time.sleep", others_work)
-    run_ensemble(TASKS, work, store, MPI.COMM_SELF)
-    assert done == TASKS[:3] + TASKS[4:]
-    stored = [int(store.samples.load(t)["x"]) for t in TASKS]
-    assert stored == [0, 1, 2, -1, 4, 5]
-    assert {p.suffix for p in lock.folder.iterdir()} == {".run", ".claim"}
-    assert len(list(lock.folder.glob("*.claim"))) == 1
+def test_a_run_that_missed_a_beat_is_waited_for(tmp_path, monkeypatch):
+    """A share that was killed on another machine does not refuse the run that makes the tables."""
+    out = tmp_path / "out"
+    pipeline.run(BLOCK, MPI.COMM_SELF, out, surface_of(3))
+    run = out / RUNNING / f"{ELSEWHERE}.run"
+    run.parent.mkdir()
+    run.write_text("2026-01-01 00:00:00")
+    (run.parent / "share-3-of-4.claim").write_text(ELSEWHERE)
+    ages = iter([100.0, SILENCE + 1])
+    silent_for(run, next(ages))
+    monkeypatch.setattr(entry.time, "sleep", lambda _: silent_for(run, next(ages)))
+    pipeline.run(BLOCK, MPI.COMM_SELF, out, surface_of(3))
+    assert next(ages, None) is None and not (out / RUNNING).exists()

@@ -14,8 +14,8 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from brake_fenicsx.folder.versions import LIBRARIES, version_of
 from brake_fenicsx.pipeline import assemble, run
+from brake_fenicsx.results.versions import LIBRARIES, version_of
 from processes import parallel
 
 SCENES = Path(__file__).parents[1] / "scripts" / "scenes"

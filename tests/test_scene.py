@@ -11,8 +11,8 @@ import pytest
 
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.store import result_digest
 from brake_fenicsx.scene import read_scene
+from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.scene.in_effect import in_effect
 from brake_fenicsx.scene.units import to_si
 
@@ -155,7 +155,7 @@ MISTAKES = [
     ("materials.iron.E={}", "materials.iron.E = {}", "modulus"),
     ("micro={ patch='msh' }", "micro.patch = 'msh'", 'write "mesh" or length'),
     ("stages=['equilbrium']", "stages = ['equilbrium']", "did you mean 'equilibrium'?"),
-    ("micro={ laws='many' }", "micro.laws = 'many'", 'whole number or "per-sample"'),
+    ("micro={ laws='many' }", "micro.laws = 'many'", "whole number"),
     ("stability.damping.gyroscopic=disc", "gyroscopic = 'disc'", "true or false or list of text"),
     ("mesh.order=true", "mesh.order = True", "use one of 1, 2"),
     # A comma is a decimal point to some readers and a separator to others.

@@ -12,12 +12,12 @@ import pytest
 
 from brake_fenicsx.checks import read_surface, surface_warnings, warnings, with_patch, with_pixels
 from brake_fenicsx.description import describe
-from brake_fenicsx.folder.cache import laws_key
 from brake_fenicsx.micro import load_laws
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.report.html import render_page
-from brake_fenicsx.report.rundata import read_run
+from brake_fenicsx.results.run import read_run
 from brake_fenicsx.scene import read_scene
+from brake_fenicsx.scene.digest import laws_key
 from brake_fenicsx.scene.friction import friction_texts, listed
 from brake_fenicsx.scene.plausible import unusual
 from brake_fenicsx.uncertainty.sampling import draw_sample

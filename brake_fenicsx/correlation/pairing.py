@@ -1,6 +1,4 @@
-"""Modal assurance criterion (MAC) and pairs of measured and computed modes.
-
-MAC(x, y) = |x^H y|^2 / (x^H x) (y^H y): 1 for the same shape, whatever its complex scale.
+"""Pairs of measured and computed modes by the modal assurance criterion (MAC).
 
 Computed modes of nearly equal frequencies, as the doublets of a disc, span a plane in which any
 combination is a mode: a measured shape is compared with its best approximation in it.
@@ -15,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
+
+from brake_fenicsx.results.families import mac
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -40,12 +40,6 @@ class Pairs:
     combined: NDArray[np.intp]
 
 
-def mac_matrix(x: Complex, y: Complex) -> Array:
-    """MAC of the rows of x and y, shape (rows of x, rows of y)."""
-    norms = np.outer(np.sum(np.abs(x) ** 2, axis=1), np.sum(np.abs(y) ** 2, axis=1))
-    return np.asarray(np.abs(x.conj() @ y.T) ** 2 / np.maximum(norms, 1e-300))
-
-
 def paired(measured: Complex, tested: Array, shapes: Array, frequency: Array) -> Pairs:
     """Pair measured with computed modes so that the sum of their MAC is largest.
 
@@ -65,7 +59,7 @@ def paired(measured: Complex, tested: Array, shapes: Array, frequency: Array) ->
     span[apart > np.log(FARTHEST)] = 0.0
     mode = np.full(len(measured), -1)
     # All of a group have the same MAC here: the one that has most of the measured shape.
-    alone = mac_matrix(measured, shapes.astype(complex))
+    alone = mac(measured.T, shapes.astype(complex).T)
     for i, j in zip(*linear_sum_assignment(-span - 1e-3 * alone), strict=True):
         if span[i, j] >= LEAST:
             mode[i] = j
@@ -74,7 +68,7 @@ def paired(measured: Complex, tested: Array, shapes: Array, frequency: Array) ->
         if len(own) > 1:
             combined[own] = _combined(shapes[own], own, measured, mode)
     size = np.array([len(members[g]) for g in group])
-    return Pairs(mac_matrix(measured, combined), mode, size)
+    return Pairs(mac(measured.T, combined.T), mode, size)
 
 
 def _in_span(measured: Complex, shapes: Array) -> Array:

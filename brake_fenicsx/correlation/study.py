@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.report.style import BLUE, GREY, VERMILION, house_style, new_figure, panel, save
+from brake_fenicsx.results.tables import Value, text_table, write_rows
 from brake_fenicsx.scene import Scene, read_scene
-from brake_fenicsx.tables import Value, text_table, write_rows
 
 from .measured import Measured, read_modes
 from .pairing import LEAST, Pairs, paired

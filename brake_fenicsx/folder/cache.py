@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,16 +16,10 @@ from typing import Any
 
 from mpi4py import MPI
 
-from brake_fenicsx import __version__
-from brake_fenicsx.errors import SceneError
+from brake_fenicsx.errors import SceneError, StorageError
+from brake_fenicsx.folder.files import digest, whole_file
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.files import file_digests
-from brake_fenicsx.tables import FORMAT
-
-# Keys of an interface that mesh, matrices and contact elements do not depend on.
-_LAWS = ("law", "gap", "friction", "friction_in_equilibrium")
 
 
 class SharedCache:
@@ -70,7 +63,7 @@ class SharedCache:
             yield
             return
         stem, suffix = os.path.splitext(os.path.basename(name))
-        there = self.directory / f"{stem}-{_digest(depends())}{suffix}"
+        there = self.directory / f"{stem}-{digest(depends())[:16]}{suffix}"
         own = self.store.path(name)
         if there.exists() and not own.exists():
             logger.info("%s: from %s", name, there)
@@ -80,57 +73,17 @@ class SharedCache:
         if own.exists() and not there.exists():
             try:
                 _link(own, there)
-            except OSError as error:
-                why = error.strerror or error
+            except StorageError as error:
+                why = error.__cause__
                 logger.warning(
                     "%s: cannot be written (%s); the run continues without it", there, why
                 )
 
 
-def bodies_key(scene: Scene) -> dict[str, Any]:
-    """Key of the bodies: what mesh, matrices and contact elements of a scene depend on."""
-    names = ("parts", "mesh", "materials", "supports", "springs", "masses")
-    out: dict[str, Any] = {name: scene.table.get(name) for name in names}
-    if "ties" in scene.table:
-        out["ties"] = scene.table["ties"]
-    out["contact"] = {
-        name: {k: v for k, v in table.items() if k not in _LAWS}
-        for name, table in scene.table.get("contact", {}).items()
-    }
-    out["loads"] = [
-        face if load.pressure is not None else [face, load.force, load.moment, load.displacement]
-        for face, load in sorted(scene.loads.items())
-    ]
-    out["motion"] = {k: v for k, v in scene.table.get("motion", {}).items() if k != "speed"}
-    out["files"] = _files(scene, "mesh.", "parts.")
-    versions = (getattr(sys.modules.get(name), "__version__", "") for name in ("dolfinx", "gmsh"))
-    return {**out, "versions": [__version__, *map(str, versions)]}
-
-
-def laws_key(scene: Scene) -> dict[str, Any]:
-    """Key of the laws: what the laws of a scene depend on."""
-    surface = scene.table.get("surface")
-    out = {"surface": surface, "micro": scene.table.get("micro"), "versions": [__version__, FORMAT]}
-    out["patch"] = scene.micro.patch if scene.micro else None  # that of the mesh as a length
-    return {**out, "files": _files(scene, "surface.")}
-
-
-def _digest(content: Any) -> str:
-    return Scene.hash(content)[:16]
-
-
-def _files(scene: Scene, *sections: str) -> dict[str, str]:
-    return {key: d for key, d in file_digests(scene).items() if key.startswith(sections)}
-
-
 def _link(source: Path, target: Path) -> None:
     """The same file where the file system allows it, else a copy; whole or not at all."""
-    part = target.with_name(f".{target.name}.{os.getpid()}.part")
-    try:
+    with whole_file(target) as part:
         try:
             os.link(source, part)
         except OSError:
             shutil.copyfile(source, part)
-        os.replace(part, target)
-    finally:
-        part.unlink(missing_ok=True)

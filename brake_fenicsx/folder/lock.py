@@ -1,12 +1,10 @@
-"""Several runs in one results folder: who is at work there, and who has which piece of work.
+"""Who is at work in a results folder: one run of all samples, or several of its shares.
 
 Every run keeps a file ``running/HOST-PROCESS-START.run`` in the folder and touches it twice a
-minute. A piece of work (the folder as a whole, or one sample) belongs to the run whose name stands
-in the claim file of that piece; creating this file is atomic (O_EXCL). A claim is stale if the file
-of its run is gone, if its process on this machine has ended, or if, on another machine, its file
-was not touched for ``SILENCE`` seconds. A stale claim is named in
-the log and taken over. A claim taken over by mistake costs time, never correctness: both runs write
-the same bytes, and every file is replaced whole.
+minute. The folder, or a share of its samples, belongs to the run whose name stands in its claim
+file; creating this file is atomic (O_EXCL). A claim is stale if the file of its run is gone, if its
+process on this machine has ended, or if, on another machine, its file was not touched for
+``SILENCE`` seconds. A stale claim is named in the log and taken over.
 """
 
 from __future__ import annotations
@@ -20,37 +18,37 @@ from pathlib import Path
 
 from brake_fenicsx.folder.log import logger
 
-BEAT, SILENCE = 30.0, 600.0  # [s]
+BEAT, SILENCE = 30.0, 240.0  # [s]
 _CLAIM, _RUN = ".claim", ".run"
 _UNKNOWN = "unknown-0-0"
 
 
 class Lock:
-    """Work in one folder, as one run of several processes sees it.
+    """Work in one folder, as one run sees it.
 
     Attributes:
         name: name of this run, HOST-PROCESS-START.
     """
 
     def __init__(self, folder: Path, name: str | None = None):
-        """Enter the folder, or act for a run that has entered it.
+        """Enter the folder.
 
         Args:
             folder: where the files of runs and claims are; made if it is not there.
-            name: name of the run that another of its processes has entered; enters if None.
+            name: of this run; by host and process if not given.
         """
         self.folder, self._ended = folder, threading.Event()
         self.name = name or f"{socket.gethostname()}-{os.getpid()}-{_start(os.getpid())}"
-        if name is None:
-            folder.mkdir(parents=True, exist_ok=True)
-            self._file(self.name).write_text(time.strftime("%Y-%m-%d %H:%M:%S"))
-            threading.Thread(target=self._beat, daemon=True).start()
+        folder.mkdir(parents=True, exist_ok=True)
+        self._file(self.name).write_text(time.strftime("%Y-%m-%d %H:%M:%S"))
+        threading.Thread(target=self._beat, daemon=True).start()
 
     def leave(self) -> None:
-        """Give back all claims of this run and remove its file."""
+        """Give back all claims of this run and remove its file, and those of runs that ended."""
         self._ended.set()
         for claim in self.folder.glob(f"*{_CLAIM}"):
-            if _read(claim) == self.name:
+            owner = _read(claim)
+            if owner == self.name or (owner and not self.alive(owner)):
                 claim.unlink(missing_ok=True)
         for path in self.folder.glob(f"*{_RUN}"):
             if not self.alive(path.name.removesuffix(_RUN)):
@@ -60,7 +58,7 @@ class Lock:
             self.folder.rmdir()
 
     def claim(self, work: str) -> str | None:
-        """Take a piece of work, from a run that has ended too.
+        """Take the folder or a share, from a run that has ended too.
 
         Returns:
             None if this run has it now, else the name of the run that has it.
@@ -90,14 +88,11 @@ class Lock:
                 aside.unlink()
         return owner or _UNKNOWN
 
-    def release(self, work: str) -> None:
-        """Give a piece of work back."""
-        self._claim(work).unlink(missing_ok=True)
-
-    def others(self) -> list[str]:
-        """Names of the other runs at work in the folder."""
-        names = (p.name.removesuffix(_RUN) for p in self.folder.glob(f"*{_RUN}"))
-        return sorted(n for n in names if n != self.name and self.alive(n))
+    def owner(self, pattern: str) -> str | None:
+        """Name of another run at work that has a claim of such a name; None if there is none."""
+        names = (_read(path) for path in self.folder.glob(f"{pattern}{_CLAIM}"))
+        others = (name for name in names if name not in (None, self.name))
+        return next((name for name in others if name and self.alive(name)), None)
 
     def described(self, name: str) -> str:
         """Process, machine and start of a run, and the file that stands for it."""
@@ -115,6 +110,12 @@ class Lock:
             return _start(int(process)) == start
         # Both times are those of the file system: clocks of two machines may differ.
         return (self._touched(self.name) or time.time()) - touched < SILENCE
+
+    def overdue(self, name: str) -> bool:
+        """Whether a run on another machine, not yet given up, has missed a sign of life."""
+        host, touched = name.rsplit("-", 2)[0], self._touched(name)
+        now = self._touched(self.name) or time.time()
+        return host != socket.gethostname() and touched is not None and now - touched > 2.0 * BEAT
 
     def _touched(self, name: str) -> float | None:
         """When the file of a run was touched last; None if there is no such file."""

@@ -61,14 +61,6 @@ class SampleFiles:
         if set(map(_single, block)) <= set(self._names()):
             self._pack(block)
 
-    def has(self, task: Task) -> bool:
-        """Whether a sample is stored; its arrays are not read.
-
-        Raises:
-            SceneError: its file is damaged, or belongs to another scene.
-        """
-        return self._in_archive(task) or self._is_single(_single(task)) or self._in_archive(task)
-
     def present(self) -> set[Task]:
         """All samples that are stored; their arrays are not read.
 

@@ -1,7 +1,7 @@
 """The results folder: every file appears whole or not at all, and a killed run finds its own.
 
 scene.toml            the scene as run, with the hash of what its results depend on
-running/              the runs at work in the folder, and what each of them works on (lock.py)
+running/              the runs at work in the folder (lock.py)
 surface.npz laws.npz  stages surface and micro
 cache/                what all samples share (interface compliance, reduced basis)
 samples/              finished samples (sample_files.py)
@@ -21,14 +21,11 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from brake_fenicsx.errors import SceneError, StorageError
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.files import whole_file
 from brake_fenicsx.folder.lock import Lock
 from brake_fenicsx.folder.sample_files import SampleFiles, damaged
 from brake_fenicsx.folder.shares import Share
-from brake_fenicsx.scene import Law, Scene
-from brake_fenicsx.scene.files import file_digests
-from brake_fenicsx.scene.scalars import changes_bodies
-from brake_fenicsx.tables import FORMAT
 
 # What to forget when a stage is run again; later stages lose theirs too.
 RUNNING = "running"
@@ -57,9 +54,6 @@ MADE_OF_SAMPLES = (
 ALIGNED, PADDING, MAPPED = 64, 0xD935, 2**20
 
 
-# Sections whose numbers change no result of a sample, or of which only some do.
-NO_RESULT = ("stages", "samples", "sweep", "countermeasures")
-
 # NumPy gives its own file format no types.
 npy: Any = np.lib.format
 
@@ -70,7 +64,7 @@ class Store:
     Attributes:
         directory: the folder.
         digest: hash of the scene whose results the folder holds; set by ``check``.
-        lock: what this run and others work on in the folder; None where nobody else can be there.
+        lock: of the run on its first process; None elsewhere.
         share: the part of the samples that this run computes; all of them if None.
         samples: the finished samples.
     """
@@ -85,14 +79,17 @@ class Store:
         """A path in the folder."""
         return self.directory.joinpath(*names)
 
-    def check(self, scene: Scene) -> None:
+    def check(self, digest: str) -> None:
         """Refuse a folder that holds results of another scene, or something else.
+
+        Args:
+            digest: hash of the scene.
 
         Raises:
             SceneError: the folder's scene differs in more than stages and number of samples; the
                 folder is none, or holds files that are no results.
         """
-        self.digest = result_digest(scene)
+        self.digest = digest
         folder, remedy = self.directory, "choose another folder with -o"
         if folder.is_symlink() and not folder.exists():
             raise SceneError(f"-o {folder}: a link to {os.readlink(folder)}, which is not there;"
@@ -109,8 +106,13 @@ class Store:
             if found:
                 raise SceneError(f"-o {folder}: contains {found[0]!r} and no results; {remedy}")
 
-    def open(self, scene: Scene, from_stage: str | None = None) -> None:
-        """Make the folder, or enter it; forget what ``from_stage`` and later stages left."""
+    def open(self, scene: str, from_stage: str | None = None) -> None:
+        """Make the folder, or enter it; forget what ``from_stage`` and later stages left.
+
+        Args:
+            scene: text of the scene's file.
+            from_stage: a stage, or None.
+        """
         self.directory.mkdir(parents=True, exist_ok=True)
         if from_stage is not None:
             later = list(_FILES)[list(_FILES).index(from_stage) :]
@@ -124,7 +126,7 @@ class Store:
         _write(self.path("scene.sha256"), self.digest)
         for name in ("cache", "samples"):
             self.path(name).mkdir(exist_ok=True)
-        _write(self.path("scene.toml"), scene.file.read_text())
+        _write(self.path("scene.toml"), scene)
 
     def forget_tables(self) -> None:
         """Remove the tables of an earlier run, of which this one may not make all."""
@@ -147,21 +149,13 @@ class Store:
         Raises:
             StorageError: the file cannot be written.
         """
-        path = self.path(name)
-        part = path.with_name(f".{path.name}.{os.getpid()}.part")
-        try:
-            with part.open("wb") as file:
-                # A full disc is noticed here; a zip file would raise once more at its end.
-                os.posix_fallocate(file.fileno(), 0, size)
-                content(file)
-                file.truncate()
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(part, path)
-        except OSError as error:
-            raise _not_written(path, error) from None
-        finally:
-            part.unlink(missing_ok=True)
+        with whole_file(self.path(name)) as part, part.open("wb") as file:
+            # A full disc is noticed here; a zip file would raise once more at its end.
+            os.posix_fallocate(file.fileno(), 0, size)
+            content(file)
+            file.truncate()
+            file.flush()
+            os.fsync(file.fileno())
 
     def load(
         self, name: str, keys: Sequence[str] | None = None, mapped: bool = False
@@ -193,34 +187,6 @@ class Store:
         text = json.dumps(content, default=_plain)
         strict = json.loads(text, parse_constant=lambda _: None)
         _write(self.path(name), json.dumps(strict, indent=1) + "\n")
-
-
-def result_digest(scene: Scene) -> str:
-    """Hash of all that the results of a sample depend on."""
-    left_out = ("n", "approaches", "limit")
-    samples = {k: v for k, v in scene.table.get("samples", {}).items() if k not in left_out}
-    table = {k: v for k, v in scene.table.items() if k not in NO_RESULT}
-    # What counts as squeal changes no result of a sample.
-    if "stability" in table:
-        table["stability"] = {k: v for k, v in table["stability"].items() if k != "threshold"}
-    # The reduced model of all samples reaches over the values of a sweep that changes the bodies.
-    swept = scene.sweep.parameters if scene.sweep else {}
-    if changing := {k: r.points for k, r in swept.items() if changes_bodies(scene, k)}:
-        table["sweep"] = changing
-    content = {**table, "samples": samples, "files": file_digests(scene), "format": FORMAT}
-    s = scene.samples
-    # The points of a design belong together; parametric and joint take the inputs from multi-scale.
-    whole = [s.plan(a) for a in s.approaches if s.takes_random(a) and not s.plan(a).grows]
-    if whole:
-        content["designs"] = [[p.n, p.design, p.curves] for p in whole]
-    if s.random and {"parametric", "joint"} & {*s.approaches}:
-        content["multi-scale"] = "roughness alone"
-    if measured := {name: d.digest for name, d in s.random.items() if d.digest}:
-        content["measured"] = measured
-    laws = {n: c.law.steps for n, c in scene.contact.items() if isinstance(c.law, Law)}
-    if laws := {n: steps for n, steps in laws.items() if steps}:
-        content["laws"] = laws
-    return Scene.hash(content)
 
 
 def _write_arrays(file: BinaryIO, arrays: Mapping[str, Any]) -> None:
@@ -260,21 +226,8 @@ def _mapped(path: Path) -> dict[str, np.ndarray]:
 
 
 def _write(path: Path, text: str) -> None:
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
+    with whole_file(path) as part:
         part.write_text(text)
-        os.replace(part, path)
-    except OSError as error:
-        raise _not_written(path, error) from None
-    finally:
-        part.unlink(missing_ok=True)
-
-
-def _not_written(path: Path, error: OSError) -> StorageError:
-    return StorageError(
-        f"{path}: cannot be written ({error.strerror or error}); the same command resumes the run"
-        " once it can"
-    )
 
 
 def _plain(value: Any) -> Any:

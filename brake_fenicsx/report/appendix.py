@@ -4,13 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from brake_fenicsx.tables import Value
+from brake_fenicsx.results.accuracy import (
+    ERROR_COLUMNS,
+    SPEED_COLUMNS,
+    error_rows,
+    speed_rows,
+    stage_rows,
+)
+from brake_fenicsx.results.run import RunData
+from brake_fenicsx.results.tables import Value
 
-from .accuracy import ERROR_COLUMNS, SPEED_COLUMNS, error_rows, speed_rows, stage_rows
 from .blocks import Block, Heading, Picture, Preformatted, Section, Special, Table, Text, pairs
 from .mode_cards import Card
 from .picture import heading_of
-from .rundata import RunData
 from .sections import figures
 from .surface_section import law_blocks, of_surface, surface_blocks
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
 
-from brake_fenicsx.tables import Value
+from brake_fenicsx.results.tables import Value
 
 LONGEST = 60  # values of a list shown in full
 
@@ -27,6 +27,12 @@ class Table:
     heads: Sequence[str]
     rows: Sequence[Sequence[Value]]
     kind: ClassVar[str] = "table"
+
+    @classmethod
+    def without_empty(cls, heads: Sequence[str], rows: Sequence[Sequence[Value]]) -> Table:
+        """A table without the columns that no row has a value for."""
+        full = [j for j in range(len(heads)) if any(row[j] not in ("-", "", None) for row in rows)]
+        return cls([heads[j] for j in full], [[row[j] for j in full] for row in rows])
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,18 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from itertools import pairwise
 
-import numpy as np
-
-from .counts import FamilyCount, good_modes
-from .rundata import RunData
+from brake_fenicsx.results.run import RunData
+from brake_fenicsx.results.squeal import Family
 
 CANDIDATES = 3
 CLOSE = 0.01  # relative distance of two frequencies that may be those of a doublet
 
 
-def beside_candidates(
-    run: RunData, families: Mapping[str, list[FamilyCount]], lead: str
-) -> list[str]:
+def beside_candidates(run: RunData, families: Mapping[str, list[Family]], lead: str) -> list[str]:
     """Sentences about the candidates, which are the most severe families of one approach.
 
     Args:
@@ -32,18 +28,17 @@ def beside_candidates(
     return [*_doublets(run, families[lead], chosen), *_worse(run, families, lead, chosen)]
 
 
-def _doublets(run: RunData, found: list[FamilyCount], chosen: list[FamilyCount]) -> list[str]:
+def _doublets(run: RunData, found: list[Family], chosen: list[Family]) -> list[str]:
     """Two modes of one shape turned by an angle may change their numbers between samples."""
-    numbered = [f for f in found if f.family >= 0 and f.share.n > 1]
+    numbered = [f for f in found if f.key >= 0 and f.share.n > 1]
     numbered.sort(key=lambda f: f.frequency)
     said = []
     for pair in pairwise(numbered):
         low, high = pair
         if high.frequency - low.frequency > CLOSE * high.frequency or not {*pair} & {*chosen}:
             continue
-        modes = good_modes(run, low.approach, squeal=True)
-        own = np.isin(modes["family"], [f.family for f in pair])
-        hits = np.unique(modes["sample"][own]).size
+        modes = run.squeal.squeal_modes(low.approach)
+        hits = modes["sample"][modes.key.isin([f.key for f in pair])].nunique()
         one, two = (f"{f.frequency / 1e3:.3f}" for f in sorted(pair, key=found.index))
         said.append(
             f"{one} and {two} kHz lie close together and may be one doublet: at least one squeals"
@@ -54,9 +49,9 @@ def _doublets(run: RunData, found: list[FamilyCount], chosen: list[FamilyCount])
 
 def _worse(
     run: RunData,
-    families: Mapping[str, list[FamilyCount]],
+    families: Mapping[str, list[Family]],
     lead: str,
-    chosen: list[FamilyCount],
+    chosen: list[Family],
 ) -> list[str]:
     """The mode of lowest damping of another approach, where no candidate has a lower one."""
     others = [f for name, found in families.items() if name != lead for f in found]
@@ -65,8 +60,8 @@ def _worse(
     worst = min(others, key=lambda f: f.worst)
     if worst.worst >= min(f.worst for f in chosen):
         return []
-    modes = good_modes(run, worst.approach, squeal=True)
-    frequency = modes["frequency_hz"][np.argmin(modes["damping"])]
+    modes = run.squeal.squeal_modes(worst.approach)
+    frequency = modes.frequency_hz[modes.damping.idxmin()]
     return [
         f"Another approach has a mode with a lower damping: {frequency / 1e3:.3f} kHz, damping"
         f" {worst.worst:.2g} ({run.label(worst.approach)})."

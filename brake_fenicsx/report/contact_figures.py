@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.tables import Columns
+from brake_fenicsx.results.run import Arrays, RunData, sort_approaches
+from brake_fenicsx.results.tables import Columns
 
 from .contact_fields import facet_means
-from .rundata import Arrays, RunData, sort_approaches
 from .style import PRESSURE, label, new_figure
 
 if TYPE_CHECKING:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from brake_fenicsx.results.run import RunData
+
 from .blocks import Block, Table, Text
-from .rundata import RunData
 
 ROUND_OFF = 1e-6  # relative scatter that is none
 FORCES = ("normal_N", "friction_N", "torque_N_m", "effective_radius_mm")

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from brake_fenicsx.tables import SAMPLES
+from brake_fenicsx.results.run import RunData
+from brake_fenicsx.results.statistics import Correlation, rank_correlation
+from brake_fenicsx.results.tables import SAMPLES
 
-from .counts import count
-from .rundata import RunData
 from .style import BLACK, label, light_grid, look, new_figure
 
 if TYPE_CHECKING:
@@ -21,17 +19,7 @@ NO_INPUT = (*SAMPLES, "rejected", "tolerance_missed")  # columns of samples.csv
 FEWEST = 10  # samples below which a correlation says nothing
 
 
-@dataclass(frozen=True, slots=True)
-class Correlation:
-    """Spearman correlation of one input with the number of squeal modes, 95 % interval."""
-
-    name: str
-    rho: float
-    low: float
-    high: float
-
-
-def correlations(run: RunData, approach: str) -> list[Correlation]:
+def correlations(run: RunData, approach: str) -> list[tuple[str, Correlation]]:
     """Rank correlation of every input that varies, the strongest first.
 
     A correlation is a first look, blind to inputs that act in opposite ways in different modes.
@@ -41,9 +29,9 @@ def correlations(run: RunData, approach: str) -> list[Correlation]:
         approach: name of the approach.
 
     Returns:
-        One record per input; none where there are few samples or the count never changes.
+        Names and correlations; none where there are few samples or the count never changes.
     """
-    per_sample = count(run, approach).per_sample
+    per_sample = run.squeal.count(approach).per_sample
     if run.samples is None or per_sample.size < FEWEST or np.ptp(per_sample) == 0:
         return []
     good = (run.samples["approach"] == approach) & (run.samples["status"] == "ok")
@@ -54,11 +42,11 @@ def correlations(run: RunData, approach: str) -> list[Correlation]:
             continue
         values = column[good][order].astype(float)
         if np.all(np.isfinite(values)) and np.ptp(values) > 0:
-            found.append(Correlation(name, *_spearman(values, per_sample)))
+            found.append((name, rank_correlation(values, per_sample)))
     # The mean friction says nothing beside the friction of the one interface it is the mean of.
-    frictions = [d for d in found if d.name.startswith("contact.")]
-    found = [d for d in found if d.name != "mu" or len(frictions) != 1]
-    return sorted(found, key=lambda d: -abs(d.rho))
+    frictions = [name for name, _ in found if name.startswith("contact.")]
+    found = [d for d in found if d[0] != "mu" or len(frictions) != 1]
+    return sorted(found, key=lambda d: -abs(d[1].rho))
 
 
 def draw_correlations(run: RunData, most: int = 12) -> Figure | None:
@@ -78,25 +66,15 @@ def draw_correlations(run: RunData, most: int = 12) -> Figure | None:
     )
     for axis, (approach, found) in zip(axes.flat, shown, strict=True):
         y = np.arange(len(found))[::-1]
-        rho = np.array([d.rho for d in found])
-        reach = np.array([[d.rho - d.low, d.high - d.rho] for d in found]).T
+        rho = np.array([c.rho for _, c in found])
+        reach = np.array([[c.rho - c.low, c.high - c.rho] for _, c in found]).T
         axis.barh(y, rho, 0.7, color=look(approach)[0], alpha=0.75)
         axis.errorbar(rho, y, xerr=reach, fmt="none", ecolor=BLACK, elinewidth=1, capsize=2)
         axis.axvline(0.0, color=BLACK, lw=0.7)
-        axis.set_yticks(y, [d.name for d in found])
+        axis.set_yticks(y, [name for name, _ in found])
         axis.set(xlim=(-1, 1), ylim=(-0.6, len(found) - 0.4))
-        axis.set_title(f"{label(run, approach)}: {count(run, approach).samples} samples")
+        axis.set_title(f"{label(run, approach)}: {run.squeal.count(approach).samples} samples")
         light_grid(axis, axis="x")
     what = f"the number of squeal modes ({run.criterion})"
     axes[-1, 0].set_xlabel(f"rank correlation with {what} [-]")
     return figure
-
-
-def _spearman(x: NDArray, y: NDArray) -> tuple[float, float, float]:
-    """Spearman's rho with its interval by Fisher's transformation."""
-    from scipy.stats import rankdata
-
-    rho = float(np.corrcoef(rankdata(x), rankdata(y))[0, 1])
-    half = 1.959963984540054 * 1.03 / np.sqrt(x.size - 3)
-    z = np.arctanh(np.clip(rho, -1 + 1e-12, 1 - 1e-12))
-    return rho, float(np.tanh(z - half)), float(np.tanh(z + half))

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.tables import Columns
+from brake_fenicsx.results.run import RunData
+from brake_fenicsx.results.squeal import Family
+from brake_fenicsx.results.tables import Columns
 
 from .contact_figures import draw_patches, pad_sides, patches, sliding_rows
-from .counts import FamilyCount, families
-from .rundata import RunData
 from .style import (
     BLACK,
     BLUE,
@@ -119,12 +119,12 @@ def draw_driver_maps(run: RunData) -> Figure | None:
     return figure
 
 
-def _families(run: RunData, approach: str) -> list[FamilyCount]:
+def _families(run: RunData, approach: str) -> list[Family]:
     """The most severe families of an approach that have derivatives."""
     if run.drivers is None:
         return []
     known = run.drivers["family"][run.drivers["approach"] == approach]
-    return [f for f in families(run, approach) if f.family in known][:MOST]
+    return [f for f in run.squeal.families(approach) if f.number in known][:MOST]
 
 
 def _parameters(table: Columns) -> list[tuple[str, str]]:
@@ -138,10 +138,10 @@ def _text(parameter: str, kind: str) -> str:
 
 
 def _draw_bars(
-    axis: Axes, table: Columns, approach: str, family: FamilyCount, names: list[tuple[str, str]]
+    axis: Axes, table: Columns, approach: str, family: Family, names: list[tuple[str, str]]
 ) -> None:
     """Bars of one family; of several modes of it in the first sample the most unstable one."""
-    own = (table["approach"] == approach) & (table["family"] == family.family)
+    own = (table["approach"] == approach) & (table["family"] == family.number)
     median = own & (table["sample"].astype(str) == MEDIAN)
     first = own & ~median
     if first.any():

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .accuracy import draw_errors, draw_stages
+from brake_fenicsx.results.run import RunData, read_run
+
 from .contact_figures import draw_contact_pressure
 from .correlation_figures import draw_correlations
 from .driver_figures import draw_driver_maps, draw_drivers
+from .error_figures import draw_errors
 from .micro_figures import draw_contact_maps, draw_laws, laws_caption
-from .rundata import RunData, read_run
 from .sensitivity_figures import draw_sensitivity
 from .squeal_figures import (
     draw_convergence,
@@ -196,11 +197,6 @@ PLOTS = (
         "Error estimates of the eigenvalues relative to |lambda|, by the solver or the reduced "
         "model.",
         draw_errors,
-    ),
-    Plot(
-        "stages",
-        "Time [s] of each stage, and peak memory [MB] of a node up to its end.",
-        draw_stages,
     ),
 )
 

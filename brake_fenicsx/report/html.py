@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from brake_fenicsx.results.run import RunData, read_run
+
 from .appendix import appendix_sections
-from .counts import families
 from .figures import make_figures
 from .mode_cards import ModePictures
-from .rundata import RunData, read_run
 from .sections import CARDS, main_sections, more_cards
 from .surface_section import of_surface, surface_sections, surface_verdict
 from .template import render, write_page
@@ -52,7 +52,7 @@ def render_page(run: RunData) -> str:
             sections=surface_sections(run),
             appendix=appendix_sections(run),
         )
-    found = {name: families(run, name) for name in run.approaches}
+    found = {name: run.squeal.families(name) for name in run.approaches}
     pictures, lead = ModePictures(run), leading_approach(run)
     verdict = make_verdict(run, found, lead, pictures)
     cards = more_cards(run, found, pictures, {card.key for card in verdict.cards if card.key})

@@ -115,7 +115,7 @@ def contact_maps(directory: Path) -> None:
     The surface has the statistics of the run's laws; nothing is done without laws, or twice.
     """
     from brake_fenicsx.folder.store import Store
-    from brake_fenicsx.report.rundata import scan_heights
+    from brake_fenicsx.results.run import scan_heights
 
     store = Store(directory)
     surface = store.load("surface.npz")

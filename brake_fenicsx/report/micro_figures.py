@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .rundata import Arrays, RunData
+from brake_fenicsx.results.run import Arrays, RunData
+
 from .style import BLACK, BLUE, ORANGE, light_grid, new_figure, panel
 
 if TYPE_CHECKING:

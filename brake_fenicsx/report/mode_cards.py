@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
+from brake_fenicsx.results.run import RunData
+from brake_fenicsx.results.squeal import Family
+from brake_fenicsx.results.tables import Value, read_rows
 
-from brake_fenicsx.squeal import squeals
-from brake_fenicsx.tables import Value, read_rows
-
-from .counts import WIDTH, FamilyCount, representative_modes
 from .picture import heading_of
-from .rundata import RunData
 
 SHAPES = "mode_shapes.csv"  # in figures/: what the pictures of modes show
 SHAPE_COLUMNS = (
@@ -59,18 +56,18 @@ class ModePictures:
         table = folder / SHAPES
         rows = read_rows(table) if table.is_file() else []
         self._facts = {str(row["picture"]): row for row in rows if row["picture"] in self.paths}
-        self._family: dict[tuple[str, int, float], str] = {}
+        self._family: dict[tuple[str, int], str] = {}
         self.by_mode: dict[tuple[str, int, int], str] = {}
         for approach in run.approaches:
-            for m in representative_modes(run, approach):
+            for m in run.squeal.representatives(approach):
                 key = f"mode_{approach}_{m.frequency:05.0f}Hz"
                 if key in self.paths:
-                    self._family[_family_key(m.family)] = key
+                    self._family[approach, m.family.key] = key
                     self.by_mode[approach, m.sample, m.mode] = key
 
-    def of_family(self, family: FamilyCount) -> str:
+    def of_family(self, family: Family) -> str:
         """Key of the picture of a family; empty if none was drawn."""
-        return self._family.get(_family_key(family), "")
+        return self._family.get((family.approach, family.key), "")
 
     def pattern(self, key: str) -> tuple[str, str, str] | None:
         """Nodal diameters of the rotor in a picture; None if they are not known.
@@ -98,7 +95,7 @@ class ModePictures:
 
 
 def family_card(
-    run: RunData, family: FamilyCount, pictures: ModePictures, rank: int = 0, named: bool = False
+    run: RunData, family: Family, pictures: ModePictures, rank: int = 0, named: bool = False
 ) -> Card:
     """Picture and numbers of a family.
 
@@ -140,7 +137,7 @@ def other_cards(pictures: ModePictures, shown: set[str]) -> list[Card]:
     ]  # fmt: skip
 
 
-def moving_parts(run: RunData, family: FamilyCount) -> list[tuple[str, float]]:
+def moving_parts(run: RunData, family: Family) -> list[tuple[str, float]]:
     """Parts that carry the kinetic energy of a family's squeal modes, with their mean shares.
 
     Args:
@@ -150,41 +147,28 @@ def moving_parts(run: RunData, family: FamilyCount) -> list[tuple[str, float]]:
     Returns:
         Names and shares [-] of at least 10 %, the largest first.
     """
-    modes = run.modes or {}
+    modes = run.squeal.squeal_modes(family.approach, family.key)
     columns = [name for name in modes if name.startswith("share_")]
     if not columns:
         return []
-    own = (modes["approach"] == family.approach) & squeals(modes, run.threshold)
-    if family.family >= 0:
-        own &= modes["family"] == family.family
-    else:
-        own &= np.abs(modes["frequency_hz"] - family.frequency) <= WIDTH
-    rows = np.flatnonzero(own)
     layers = [name.removeprefix("share_") for name in columns]
     parts = [layer.partition(".")[0] for layer in layers]
     found = []
     for name, layer, part in zip(columns, layers, parts, strict=True):
-        values = modes[name][rows]
-        values = values[np.isfinite(values)]
         text = part if parts.count(part) == 1 else layer.replace(".", " ")
-        if values.size and (share := float(values.mean())) >= LEAST:
+        if (share := float(modes[name].mean())) >= LEAST:
             found.append((text, share))
     return sorted(found, key=lambda pair: -pair[1])
 
 
-def family_table_cells(run: RunData, family: FamilyCount, pictures: ModePictures) -> list[Value]:
+def family_table_cells(run: RunData, family: Family, pictures: ModePictures) -> list[Value]:
     """Moving parts and nodal diameters of a family, as cells of a table."""
     parts = ", ".join(f"{p} {100 * x:.0f} %" for p, x in moving_parts(run, family))
     pattern = pictures.pattern(pictures.of_family(family))
     return [parts or None, None if pattern is None else pattern[1]]
 
 
-def _damping_text(family: FamilyCount) -> str:
+def _damping_text(family: Family) -> str:
     if family.share.n == 1 or family.median == family.worst:
         return f"{family.median:.2g}"
     return f"median {family.median:.2g}, lowest {family.worst:.2g}"
-
-
-def _family_key(family: FamilyCount) -> tuple[str, int, float]:
-    """Modes of no family are told apart by their frequency."""
-    return family.approach, family.family, family.frequency if family.family < 0 else 0.0

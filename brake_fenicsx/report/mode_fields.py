@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.folder.processes import in_turns, on_first
 from brake_fenicsx.folder.sample_files import Task
+from brake_fenicsx.results.run import RunData
+from brake_fenicsx.results.squeal import ModeKey
+from brake_fenicsx.results.tables import Value, read_columns, write_rows
 from brake_fenicsx.scene.friction import slides
 from brake_fenicsx.scene.in_effect import in_effect
-from brake_fenicsx.tables import Value, read_columns, write_rows
 
-from .counts import ModeKey, representative_modes
 from .mode_cards import SHAPE_COLUMNS, SHAPES
 from .nodal_diameters import nodal_pattern
-from .rundata import RunData
 
 if TYPE_CHECKING:
     from brake_fenicsx.uncertainty.study import Study
@@ -129,7 +129,7 @@ def _severe(study: Study) -> tuple[RunData, list[list[ModeKey]]]:
             samples=read_columns(folder / "samples.csv"),
             summary={"in_effect": in_effect(study.scene)},
         )
-        keys = (representative_modes(run, name, MOST) for name in run.approaches)
+        keys = (run.squeal.representatives(name, MOST) for name in run.approaches)
         found = run, [chosen for chosen in keys if chosen]
     return study.comm.bcast(found, root=0)
 
@@ -167,7 +167,7 @@ def _write_modes(study: Study, run: RunData, chosen: list[ModeKey]) -> list[list
         render_mode(store.path("figures", f"{picture}.png"), V, shape, title)
         animate_mode(store.path("figures", f"{picture}.webp"), V, shape)
         row: list[Value] = [
-            name, mode.family.family, mode.sample, mode.mode, mode.frequency, mode.damping,
+            name, mode.family.number, mode.sample, mode.mode, mode.frequency, mode.damping,
             picture, *_nodal_cells(rotors, V, shape),
         ]  # fmt: skip
         return f"mode_{hertz}", shape, row

@@ -6,15 +6,16 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from brake_fenicsx.tables import Value
+from brake_fenicsx.results.answer import approach_rows
+from brake_fenicsx.results.run import RunData
+from brake_fenicsx.results.squeal import Family
+from brake_fenicsx.results.tables import Value
 
 from .blocks import Block, Picture, Section, Special, Table, Text
 from .contact_forces import forces_blocks
-from .counts import FamilyCount
 from .figures import PLOTS
 from .mode_cards import Card, ModePictures, family_card, family_table_cells, other_cards
-from .overview import approach_rows, cause_rows, share_text
-from .rundata import RunData
+from .overview import cause_rows, share_text
 from .squeal_map import squeal_map
 
 FAMILIES = 8  # rows of the tables of families, at least 2 of each approach
@@ -29,7 +30,7 @@ JUDGED = {  # figures of what squeals
 
 def main_sections(
     run: RunData,
-    families: Mapping[str, list[FamilyCount]],
+    families: Mapping[str, list[Family]],
     lead: str,
     pictures: ModePictures,
     cards: list[Card],
@@ -81,7 +82,7 @@ def rows_of_each(run: RunData) -> int:
 
 
 def _squeal(
-    run: RunData, families: Mapping[str, list[FamilyCount]], lead: str, pictures: ModePictures
+    run: RunData, families: Mapping[str, list[Family]], lead: str, pictures: ModePictures
 ) -> list[Block]:
     found = squeal_map(run, families, lead, pictures)
     if found is None:
@@ -118,7 +119,7 @@ def _approaches(run: RunData) -> Table:
 
 
 def _families(
-    run: RunData, families: Mapping[str, list[FamilyCount]], pictures: ModePictures
+    run: RunData, families: Mapping[str, list[Family]], pictures: ModePictures
 ) -> list[Block]:
     """The most severe families of each approach."""
     rows: list[list[Value]] = []
@@ -128,7 +129,7 @@ def _families(
             if f.share.n > 1:
                 often += f": {share_text([f.share.value, f.share.low, f.share.high])}"
             rows.append([
-                run.label(approach), "by frequency" if f.family < 0 else f.family,
+                run.label(approach), "by frequency" if f.key < 0 else f.key,
                 f"{f.frequency / 1e3:.3f}", often, f.median, f.worst,
                 *family_table_cells(run, f, pictures),
             ])  # fmt: skip
@@ -146,12 +147,12 @@ def _families(
         "A family is the same mode recognised in many samples. Families are ranked by severity:"
         " the share of samples in which the family squeals, times the median of its damping there."
     )
-    return [Text(note + more), _without_empty(heads, rows)]
+    return [Text(note + more), Table.without_empty(heads, rows)]
 
 
 def more_cards(
     run: RunData,
-    families: Mapping[str, list[FamilyCount]],
+    families: Mapping[str, list[Family]],
     pictures: ModePictures,
     shown: set[str],
 ) -> list[Card]:
@@ -177,7 +178,7 @@ def more_cards(
 
 
 def _shapes(
-    run: RunData, families: Mapping[str, list[FamilyCount]], pictures: ModePictures,
+    run: RunData, families: Mapping[str, list[Family]], pictures: ModePictures,
     cards: list[Card],
 ) -> list[Block]:  # fmt: skip
     """The first of the cards that the first screen does not show."""
@@ -262,14 +263,8 @@ def _inputs(run: RunData) -> list[Block]:
             "The scene has no random input, or too few samples to separate their effects; random"
             " inputs are listed in [samples.random], and stability.drivers gives derivatives."
         )
-    told: list[Block] = [Text(" ".join(notes)), _without_empty(heads, rows)] if rows else []
+    told: list[Block] = [Text(" ".join(notes)), Table.without_empty(heads, rows)] if rows else []
     return [*figures(run, "sensitivity", "input_correlations"), *told]
-
-
-def _without_empty(heads: Sequence[str], rows: Sequence[Sequence[Value]]) -> Table:
-    """A table without the columns that no row has a value for."""
-    full = [j for j in range(len(heads)) if any(row[j] not in ("-", None) for row in rows)]
-    return Table([heads[j] for j in full], [[row[j] for j in full] for row in rows])
 
 
 def _censored(value: float) -> str:

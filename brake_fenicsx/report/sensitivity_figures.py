@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from brake_fenicsx.tables import Columns, read_columns
+from brake_fenicsx.results.run import RunData
+from brake_fenicsx.results.tables import Columns, read_columns
 
-from .rundata import RunData
 from .style import BLACK, CYCLE, label, light_grid, new_figure
 
 if TYPE_CHECKING:

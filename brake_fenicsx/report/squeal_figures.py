@@ -7,16 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.squeal import squeals, wilson
+from brake_fenicsx.results.run import RunData
+from brake_fenicsx.results.squeal import squeals
+from brake_fenicsx.results.statistics import wilson
 
-from .counts import (
-    band_edges,
-    count,
-    families,
-    good_modes,
-    probability_per_band,
-)
-from .rundata import RunData
 from .style import (
     BLACK,
     BLUE,
@@ -37,6 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MANY_POINTS = 2000  # beyond this a scatter is rasterised inside the SVG
+POINTS = 400  # of a curve over the samples
 KHZ = "frequency [kHz]"
 NARROW = 4.6  # [in] of figures that stand two in a row
 LINEAR_DAMPING = 1e-4  # the squeal map's damping axis is logarithmic beyond
@@ -60,7 +55,7 @@ def draw_squeal_map(run: RunData) -> Figure | None:
     # Room above the points for the legend; the panels share the axis.
     axes[0, 0].set_ylim(min(3 * low, -3e-3), max(20 * high, 2e-2))
     for axis, approach in zip(axes.flat, run.approaches, strict=True):
-        modes = good_modes(run, approach)
+        modes = run.squeal.modes(approach)
         f, damping, verdict = modes["frequency_hz"] / 1e3, modes["damping"], modes["verdict"]
         squeal = squeals(modes, run.threshold)
         for name, own, colour, marker, size in (
@@ -76,26 +71,26 @@ def draw_squeal_map(run: RunData) -> Figure | None:
 
 def draw_families(run: RunData, most: int = 7) -> Figure | None:
     """Squeal modes by family: families of about one frequency share a look in all panels."""
-    if run.modes is None or not np.any(own := squeals(run.modes, run.threshold)):
+    loud = [run.squeal.squeal_modes(approach) for approach in run.approaches]
+    if not any(map(len, loud)):
         return None
     looks = _family_looks(run, most)
     figure, axes = _panels(run, height=min(1.9, 7.0 / len(run.approaches)))
-    damping = run.modes["damping"][own]
+    lowest = min(float(modes.damping.min()) for modes in loud if len(modes))
     for axis in axes.flat:
         axis.set_yscale("symlog", linthresh=LINEAR_DAMPING, linscale=0.6)
         axis.set_yticks([-0.1, -0.01, -0.001, 0.0])
         axis.grid(axis="y", color="0.9", linewidth=0.6)
-    axes[0, 0].set_ylim(min(3 * float(damping.min()), -3e-3), 0.0)
-    for axis, approach in zip(axes.flat, run.approaches, strict=True):
-        modes = good_modes(run, approach, squeal=True)
-        f, damping, family = modes["frequency_hz"] / 1e3, modes["damping"], modes["family"]
+    axes[0, 0].set_ylim(min(3 * lowest, -3e-3), 0.0)
+    for axis, approach, modes in zip(axes.flat, run.approaches, loud, strict=True):
+        f, damping = modes.frequency_hz / 1e3, modes.damping
         rest = np.full(f.size, True)
-        for record in families(run, approach):
-            if record.family < 0 or (approach, record.family) not in looks:
+        for record in run.squeal.families(approach):
+            if (approach, record.key) not in looks:
                 continue
-            own = family == record.family
+            own = modes.key == record.key
             rest &= ~own
-            colour, marker = looks[approach, record.family]
+            colour, marker = looks[approach, record.key]
             often = "" if record.share.n == 1 else f"{record.share.hits} of {record.share.n}, "
             text = f"{record.frequency / 1e3:.3f} kHz: {often}{record.median:.2g}"
             _scatter(axis, f[own], damping[own], colour, marker, 20, text)
@@ -107,7 +102,7 @@ def draw_families(run: RunData, most: int = 7) -> Figure | None:
 
 def _family_looks(run: RunData, most: int) -> dict[tuple[str, int], tuple[str, str]]:
     """Colour and marker per family: the most severe ones, matched by frequency to within 3 %."""
-    every = [r for a in run.approaches for r in families(run, a) if r.family >= 0]
+    every = [r for a in run.approaches for r in run.squeal.families(a) if r.key >= 0]
     heads: list[float] = []
     looks: dict[tuple[str, int], tuple[str, str]] = {}
     taken: set[tuple[str, int]] = set()
@@ -121,7 +116,7 @@ def _family_looks(run: RunData, most: int) -> dict[tuple[str, int], tuple[str, s
             near = [len(heads) - 1]
         if near:
             taken.add((record.approach, near[0]))
-            looks[record.approach, record.family] = CYCLE[near[0]], MARKERS[near[0]]
+            looks[record.approach, record.key] = CYCLE[near[0]], MARKERS[near[0]]
     return looks
 
 
@@ -132,7 +127,7 @@ def draw_counts(run: RunData) -> Figure | None:
         return None
     figure, axes = new_figure(1, 1, height=3.0, width=NARROW)
     axis = axes[0, 0]
-    records = [count(run, approach) for approach in shown]
+    records = [run.squeal.count(approach) for approach in shown]
     top = max(int(r.per_sample.max()) for r in records)
     width = 0.8 / len(records)
     hatches = ("", "///", "...", "xxx")
@@ -164,13 +159,13 @@ def draw_probability(run: RunData) -> Figure | None:
     shown = _sampled(run)
     if run.modes is None or not shown:
         return None
-    edges = band_edges(run)
+    edges = run.squeal.edges
     figure, axes = new_figure(
         len(shown), 1, height=1.0 + 1.7 * len(shown), width=NARROW, sharex=True, sharey=True
     )
     centre, width = (edges[1:] + edges[:-1]) / 2e3, np.diff(edges) / 1e3
     for axis, approach in zip(axes.flat, shown, strict=True):
-        shares = probability_per_band(run, approach, edges)
+        shares = run.squeal.share_per_band(approach)
         value = np.array([s.value for s in shares])
         reach = np.array([[s.value - s.low, s.high - s.value] for s in shares]).T
         colour = look(approach)[0]
@@ -193,21 +188,22 @@ def draw_probability(run: RunData) -> Figure | None:
 
 def draw_convergence(run: RunData) -> Figure | None:
     """Share of samples that squeal and mean number of squeal modes as the samples come in."""
-    shown = [a for a in _sampled(run) if count(run, a).samples >= 3]
+    shown = [a for a in _sampled(run) if run.squeal.count(a).samples >= 3]
     if not shown:
         return None
     figure, axes = new_figure(1, 2, height=2.9)
     for approach in shown:
         colour, _ = look(approach)
-        per_sample = count(run, approach).per_sample
-        n = np.arange(1, per_sample.size + 1)
-        hits = np.cumsum(per_sample > 0)
+        per_sample = run.squeal.count(approach).per_sample
+        size = per_sample.size
+        n = np.unique(np.linspace(1, size, min(size, POINTS)).astype(int))
+        hits = np.cumsum(per_sample > 0)[n - 1]
         bounds = [wilson(int(h), int(m)) for h, m in zip(hits, n, strict=True)]
         line = stroke(approach)
         axes[0, 0].plot(n, hits / n, line, color=colour, label=label(run, approach))
         low, high = [s.low for s in bounds], [s.high for s in bounds]
         axes[0, 0].fill_between(n, low, high, color=colour, alpha=0.2, lw=0)
-        mean, error = _running_mean(per_sample)
+        mean, error = (x[n - 1] for x in _running_mean(per_sample))
         axes[0, 1].plot(n, mean, line, color=colour, label=label(run, approach))
         axes[0, 1].fill_between(n, mean - error, mean + error, color=colour, alpha=0.2, lw=0)
     axes[0, 0].set(ylabel="share of samples that squeal [-]", ylim=(-0.02, 1.02))
@@ -245,7 +241,7 @@ def _panels(run: RunData, height: float = 1.9) -> tuple[Figure, NDArray]:
 
 
 def _headline(run: RunData, approach: str) -> str:
-    record = count(run, approach)
+    record = run.squeal.count(approach)
     failed = f" ({record.failed} more failed)" if record.failed else ""
     modes = f"{record.squeal} of {record.modes} modes squeal"
     if record.samples == 1:
@@ -276,18 +272,18 @@ def _scatter(
 
 def _sampled(run: RunData) -> list[str]:
     """Approaches with more than one sample; a single run has no distribution."""
-    return [a for a in run.approaches if count(run, a).samples > 1]
+    return [a for a in run.approaches if run.squeal.count(a).samples > 1]
 
 
 def _single(run: RunData) -> list[str]:
-    return [a for a in run.approaches if count(run, a).samples == 1]
+    return [a for a in run.approaches if run.squeal.count(a).samples == 1]
 
 
 def _mark_single(axes: Axes, run: RunData) -> None:
     """A dashed line at the number of squeal modes of each approach of one run."""
     for approach in _single(run):
         colour, _ = look(approach)
-        number = int(count(run, approach).per_sample[0])
+        number = int(run.squeal.count(approach).per_sample[0])
         text = f"{label(run, approach)}: one run, {number}"
         axes.axvline(number, color=colour, ls="--", lw=1.4, label=text)
 
@@ -296,7 +292,7 @@ def _mark_deterministic(axes: Axes, run: RunData) -> None:
     """Markers on top where an approach of one run squeals."""
     for approach in _single(run):
         colour, marker = look(approach)
-        f = good_modes(run, approach, squeal=True)["frequency_hz"] / 1e3
+        f = run.squeal.squeal_modes(approach).frequency_hz / 1e3
         if not f.size:
             # An empty line beyond the axes has no extent that a layout could work with.
             continue

@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.squeal import squeals
+from brake_fenicsx.results.accuracy import eigenvalue_errors
+from brake_fenicsx.results.run import RunData
+from brake_fenicsx.results.squeal import Family, squeals
 
-from .accuracy import relative_errors
-from .counts import FamilyCount, good_samples
 from .mode_cards import ModePictures
-from .rundata import RunData
 
 MOST = 20_000  # modes that a page holds
 VERDICTS = {"stable": 0, "unstable": 1}
@@ -21,7 +20,7 @@ VERDICTS = {"stable": 0, "unstable": 1}
 
 def squeal_map(
     run: RunData,
-    families: Mapping[str, list[FamilyCount]],
+    families: Mapping[str, list[Family]],
     lead: str,
     pictures: ModePictures,
     most: int = MOST,
@@ -46,7 +45,7 @@ def squeal_map(
     for j, name in enumerate(names):
         own = modes["approach"] == name
         if run.samples is not None:
-            own &= np.isin(modes["sample"], good_samples(run, name)[0])
+            own &= np.isin(modes["sample"], run.squeal.good(name))
         number[own] = j
     hits = squeals(modes, run.threshold)
     total = int(np.sum(number >= 0))
@@ -54,7 +53,7 @@ def squeal_map(
     if chosen.size == 0:
         return None
     verdict = np.array([VERDICTS.get(str(v), 2) for v in modes["verdict"][chosen]])
-    own_errors = relative_errors({
+    own_errors = eigenvalue_errors({
         key: modes[key][chosen] for key in ("real_1_s", "frequency_hz", "error_estimate")
     })  # fmt: skip
     partner = modes["partner"][chosen] if "partner" in modes else np.full(chosen.size, np.nan)
@@ -71,12 +70,12 @@ def squeal_map(
         "p": np.where(np.isnan(partner.astype(float)), -1, partner).astype(int).tolist(),
         "thinned": chosen.size < total,
         "families": {
-            f"{names.index(name)}:{f.family}": {
-                "khz": f"{f.frequency / 1e3:.2f}",
+            f"{names.index(name)}:{f.key}": {
+                "khz": f"{f.frequency / 1e3:.3f}",
                 "share": f"{f.share.hits} of {f.share.n} samples",
                 "shape": pictures.of_family(f),
             }
-            for name, found in families.items() for f in found if f.family >= 0
+            for name, found in families.items() for f in found if f.key >= 0
         },
         "shapes": {
             f"{names.index(name)}:{sample}:{mode}": key

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from .rundata import RunData
+    from brake_fenicsx.results.run import RunData
 
 # Okabe and Ito: told apart with any colour vision, and by their grey value in print.
 BLACK, GREY = "#000000", "#8a8a8a"
@@ -28,13 +28,6 @@ APPROACH_LOOK = {
     "joint": (PURPLE, "D"),
 }
 APPROACH_LINE = {"classical": ":", "parametric": "--", "multi-scale": "-", "joint": "-."}
-APPROACH_NAME = {
-    "classical": "Classical",
-    "parametric": "Parametric",
-    "multi-scale": "Multi-scale",
-    "joint": "Joint",
-}
-SMOOTH = "Smooth contact"  # the approach "multi-scale" of a scene without roughness
 HEIGHTS, PRESSURE = "cividis", "viridis"
 DAMPING_LABEL = r"damping $-2\,\alpha/|\omega|$ [-]"
 WIDTH = 7.2  # [in] of a full page

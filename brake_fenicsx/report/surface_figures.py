@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.results.run import Arrays, RunData, scan_heights
 from brake_fenicsx.surface.hdf import pooled
 from brake_fenicsx.surface.iso25178 import bearing_curve
 
-from .rundata import Arrays, RunData, scan_heights
 from .style import (
     BLACK,
     BLUE,

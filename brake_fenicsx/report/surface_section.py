@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from brake_fenicsx.tables import Value
+from brake_fenicsx.results.run import RunData
+from brake_fenicsx.results.tables import Value
 
 from .blocks import Block, Section, Table, Text
-from .rundata import RunData
 from .sections import figures
 from .surface_figures import surface_statistics
 from .verdict import Verdict, warnings_of

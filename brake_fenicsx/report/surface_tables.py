@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.tables import Value, write_rows
+from brake_fenicsx.folder.files import whole_file
+from brake_fenicsx.results.run import Arrays, RunData
+from brake_fenicsx.results.tables import Value, write_rows
 
 from .micro_figures import settings_of
-from .rundata import Arrays, RunData
 from .surface_figures import bearing_curves, surface_statistics
 from .surface_section import of_surface, parameter_columns, parameter_rows, scans_of
 
@@ -93,11 +93,9 @@ def _write_heights(folder: Path, heights: NDArray, size: NDArray) -> list[Path]:
     """Heights [m], shape (nx, ny), and their size [m], as npz and as text with a row for each x."""
     paths = [folder / f"{HEIGHTS}.npz", folder / f"{HEIGHTS}.csv"]
     for path in paths:
-        part = path.with_name(f".{path.name}.{os.getpid()}.part")
-        with part.open("wb") as file:
+        with whole_file(path) as part, part.open("wb") as file:
             if path.suffix == ".npz":
                 np.savez(file, heights=heights, size=size)
             else:
                 np.savetxt(file, heights, fmt="%.7e", delimiter=",")
-        os.replace(part, path)
     return paths

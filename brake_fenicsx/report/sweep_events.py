@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.tables import Columns
-
-from .rundata import RunData
+from brake_fenicsx.results.run import RunData
+from brake_fenicsx.results.tables import Columns
 
 # Kinds of lock_in.csv, as in sweeps.events, which the report does not import: it needs the solver.
-MERGING, SPLITTING, NEAR = "merging", "splitting", "near merging"
+MERGING, SPLITTING = "merging", "splitting"
 ONSET, END, FROM_FIRST = "onset of squeal", "end of squeal", "squeals from the first value"
 MOST = 3  # windows of one branch that are named
 

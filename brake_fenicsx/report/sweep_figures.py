@@ -7,15 +7,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.tables import Columns
+from brake_fenicsx.results.run import RunData
+from brake_fenicsx.results.tables import Columns
 
-from .rundata import RunData
 from .squeal_figures import KHZ, LINEAR_DAMPING
 from .style import (
     BLACK,
     CYCLE,
     DAMPING_LABEL,
-    GREY,
     MARKERS,
     label,
     light_grid,
@@ -23,7 +22,7 @@ from .style import (
     new_figure,
     panel,
 )
-from .sweep_events import END, MERGING, NEAR, ONSET, SPLITTING, SweepEvents
+from .sweep_events import END, MERGING, ONSET, SPLITTING, SweepEvents
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -106,9 +105,7 @@ def _loud(rows: Columns, threshold: float, events: SweepEvents) -> dict[int, str
 
 def _mark_mergings(axes: Axes, events: SweepEvents, factor: float) -> None:
     """Where modes merge and split."""
-    looks = {
-        MERGING: (MARKERS[0], BLACK), SPLITTING: (MARKERS[1], "white"), NEAR: (MARKERS[3], GREY),
-    }  # fmt: skip
+    looks = {MERGING: (MARKERS[0], BLACK), SPLITTING: (MARKERS[1], "white")}
     for kind, (marker, colour) in looks.items():
         x, f, _ = events.of(kind)
         if x.size:

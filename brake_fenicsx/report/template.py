@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import io
-import os
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -12,7 +11,8 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 
-from brake_fenicsx.tables import Value, show
+from brake_fenicsx.folder.files import whole_file
+from brake_fenicsx.results.tables import Value, show
 
 WIDEST = 1440  # pixels of a picture inside a page
 SMALL = 150_000  # bytes up to which a PNG is stored as it is
@@ -55,9 +55,8 @@ def write_page(path: Path, text: str) -> Path:
     Returns:
         The path.
     """
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    part.write_text(text, encoding="utf-8")
-    os.replace(part, path)
+    with whole_file(path) as part:
+        part.write_text(text, encoding="utf-8")
     return path
 
 

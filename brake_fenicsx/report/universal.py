@@ -9,7 +9,6 @@ for Modal Analysis Testing, https://www.ceas3.uc.edu/sdrluff/.
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from typing import Any
 
@@ -18,10 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.files import whole_file
+from brake_fenicsx.results.run import RunData, read_run
+from brake_fenicsx.results.squeal import ModeKey
 
-from .counts import ModeKey, representative_modes
 from .mode_fields import MOST
-from .rundata import RunData, read_run
 
 FILE = "modes.unv"
 SI = {"units_code": 1, "units_description": "SI: metre, newton", "temp_mode": 1,
@@ -58,12 +58,8 @@ def export_modes(directory: str | Path) -> Path:
     sets = [_header(run), {"type": 164, **SI}, *_model(points, cells)]
     sets += [_mode(run, i, key, shape) for i, (key, shape) in enumerate(stored, start=1)]
     path = run.directory / FILE
-    part = path.with_name(f".{FILE}.{os.getpid()}.part")
-    try:
+    with whole_file(path) as part:
         pyuff.UFF(str(part)).write_sets(sets, mode="overwrite")
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
     return path
 
 
@@ -92,7 +88,7 @@ def _shapes(run: RunData, approach: str) -> list[tuple[ModeKey, NDArray[np.compl
     found = []
     with h5py.File(_file(run, approach)) as file:
         fields = file["Function"]
-        for key in representative_modes(run, approach, MOST):
+        for key in run.squeal.representatives(approach, MOST):
             name = f"mode_{key.frequency:05.0f}Hz"
             if f"{name}_re" in fields:
                 re, im = (fields[f"{name}_{part}"]["0"][:] for part in ("re", "im"))

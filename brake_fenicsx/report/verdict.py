@@ -8,14 +8,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from brake_fenicsx.squeal import wilson
+from brake_fenicsx.results.run import RunData
+from brake_fenicsx.results.squeal import ApproachCount, Family
+from brake_fenicsx.results.statistics import wilson
 
 from .blocks import Block, Table
 from .candidates import CANDIDATES, beside_candidates
-from .counts import ApproachCount, FamilyCount, count, good_modes
 from .mode_cards import Card, ModePictures, family_card
 from .overview import open_points
-from .rundata import RunData
 
 UNDAMPED = "none named"
 USUAL_LIMIT = 0.01  # of -2 alpha / |omega| in Abaqus
@@ -49,7 +49,7 @@ class Verdict:
 
 
 def make_verdict(
-    run: RunData, families: Mapping[str, list[FamilyCount]], lead: str, pictures: ModePictures
+    run: RunData, families: Mapping[str, list[Family]], lead: str, pictures: ModePictures
 ) -> Verdict:
     """The first screen of a run with modes.
 
@@ -62,13 +62,13 @@ def make_verdict(
     facts, warnings = conditions(run, lead), warnings_of(run)
     if not lead:
         return Verdict("This run computed no modes.", facts=facts, warnings=warnings)
-    counted = count(run, lead)
+    counted = run.squeal.count(lead)
     text, level = _sentence(run, counted)
     others = [name for name in families if name != lead]
     more = _failure(run, counted)
     if counted.samples and _damping(run) == UNDAMPED:
         more.append("The model has no damping.")
-    more += [_other(run, count(run, name), families[name]) for name in others]
+    more += [_other(run, run.squeal.count(name), families[name]) for name in others]
     cards = [
         family_card(run, f, pictures, rank, named=True)
         for rank, f in enumerate(families[lead][:CANDIDATES], start=1)
@@ -86,7 +86,7 @@ def leading_approach(run: RunData) -> str:
     Returns:
         Its name; empty without modes and samples.
     """
-    counts = [count(run, name) for name in run.approaches]
+    counts = [run.squeal.count(name) for name in run.approaches]
     several = [c.approach for c in counts if c.samples > 1]
     good = [c.approach for c in counts if c.samples]
     return (several or good or run.approaches or [""])[-1]
@@ -168,17 +168,18 @@ def _limits(run: RunData, c: ApproachCount) -> list[Block]:
     """What the usual limit of another program would count, beside that of the scene."""
     if not c.squeal or run.threshold >= USUAL_LIMIT:
         return []
-    modes = good_modes(run, c.approach, squeal=True)
+    modes = run.squeal.squeal_modes(c.approach)
     loud = modes["sample"][modes["damping"] < -USUAL_LIMIT]
-    of, what, hits = "", "squeal modes", (c.squeal, loud.size)
+    what, numbers = "squeal modes", [f"{c.squeal}", f"{loud.size}"]
     if c.samples > 1:
-        of, what, hits = f" of {c.samples}", "samples that squeal", (c.squeal_samples, len({*loud}))
-    limits = ("limit chosen", run.threshold), ("usual limit in Abaqus", USUAL_LIMIT)
-    rows = [[name, f"{-x or 0:g}", f"{n}{of}"] for (name, x), n in zip(limits, hits, strict=True)]
+        hits = (c.squeal_samples, len({*loud}))
+        what, numbers = "samples that squeal", [f"{n} of {c.samples}" for n in hits]
+    chosen, usual = (f"{-limit or 0:g}" for limit in (run.threshold, USUAL_LIMIT))
+    rows = [["limit chosen", chosen, numbers[0]], ["usual limit in Abaqus", usual, numbers[1]]]
     return [Table(["limit", "damping below", what], rows)]
 
 
-def _other(run: RunData, c: ApproachCount, found: list[FamilyCount]) -> str:
+def _other(run: RunData, c: ApproachCount, found: list[Family]) -> str:
     """One sentence about an approach that the verdict is not about."""
     name = run.label(c.approach)
     if c.samples == 0:
@@ -246,7 +247,7 @@ def _forces(run: RunData, lead: str) -> list[tuple[str, str]]:
 
 
 def _samples(run: RunData) -> str:
-    counts = [count(run, name) for name in run.approaches]
+    counts = [run.squeal.count(name) for name in run.approaches]
     return ", ".join(
         f"{run.label(c.approach)} {c.samples}" + (f" ({c.failed} failed)" if c.failed else "")
         for c in counts

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
+
+from brake_fenicsx.folder.files import whole_file
 
 
 def add_item(parent: ElementTree.Element, values: NDArray) -> None:
@@ -30,6 +31,5 @@ def write_tree(path: Path, root: ElementTree.Element, note: str = "") -> None:
     ElementTree.indent(root)
     comment = f"<!-- {note} -->\n" if note else ""
     text = ElementTree.tostring(root, encoding="unicode")
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    part.write_text(f'<?xml version="1.0" encoding="utf-8"?>\n{comment}{text}\n', encoding="utf-8")
-    os.replace(part, path)
+    with whole_file(path) as part:
+        part.write_text(f'<?xml version="1.0" encoding="utf-8"?>\n{comment}{text}\n', "utf-8")

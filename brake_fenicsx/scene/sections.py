@@ -7,8 +7,6 @@ unit ("unit"), the allowed sign ("sign": positive if absent, "zero", "any") and 
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -115,8 +113,7 @@ class Micro:
         pixels: points along a side; "scan": as many as resolve the wavelengths that the scan
             measured reliably.
         boundary: half-space without neighbours, or periodic.
-        laws: number of laws in the library; "per-sample": new ones for each sample.
-        laws_per_sample: number of laws of each sample if ``laws`` is "per-sample".
+        laws: number of laws in the library.
         E: Young's modulus of the lining across the surface.
         nu: Poisson's ratio of the lining, which belongs to ``E``; E* = E / (1 - nu^2).
         tolerance: largest duality gap of a contact solution, relative to the work done.
@@ -135,8 +132,7 @@ class Micro:
     patch: Literal["mesh"] | float = key("m", default=2.825e-3, band=(1e-5, 0.05))
     pixels: int | Literal["scan"] = key(default="scan")
     boundary: str = key(default="free", choices=("free", "periodic"))
-    laws: int | Literal["per-sample"] = key(default=100)
-    laws_per_sample: int = key(default=20)
+    laws: int = key(default=100)
     E: float = key("Pa", default=1983.3e6, band=MODULI)
     nu: float = key(default=0.4054, sign="any")
     tolerance: float = key(default=1e-6)
@@ -146,16 +142,6 @@ class Micro:
     seed: int = key(default=1, sign="zero")
     scans: int = key(default=20, sign="zero")
     hardness: float | None = key("Pa", default=None, band=(1e6, 2e10))
-
-    @property
-    def fresh(self) -> bool:
-        """Whether each sample makes its own laws."""
-        return self.laws == "per-sample"
-
-    @property
-    def library_size(self) -> int:
-        """Laws made before the samples; those of sample 0 where each makes its own."""
-        return self.laws_per_sample if isinstance(self.laws, str) else self.laws
 
 
 def _held(value: Any) -> Any:
@@ -508,8 +494,3 @@ class Scene:
         """Name of an approach to a person: "multi-scale" is said of rough contact alone."""
         rough = any(c.law == "library" or c.gap != "none" for c in self.contact.values())
         return approach if rough or approach != "multi-scale" else "smooth contact"
-
-    @staticmethod
-    def hash(content: Any) -> str:
-        """Hash of some content of a scene."""
-        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()

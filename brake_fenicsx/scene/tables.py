@@ -48,6 +48,7 @@ RENAMED = {"fast": "parametric"}
 GONE = {
     **dict.fromkeys(("window", "decimation"), "cut or thin the scan itself"),
     "noise": "add noise to the scan itself",
+    "laws_per_sample": "all samples draw from micro.laws laws",
     "synthesis": "all artificial surfaces are translation fields",
 }
 TEXTS = {

@@ -17,6 +17,8 @@ Complex = NDArray[np.complex128]
 
 # alpha beyond this share of |lambda| is called unstable; below it the model decides nothing.
 THRESHOLD = 1e-6
+# Modes below this share of the largest |lambda| are rigid.
+RIGID_BELOW = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,6 +97,16 @@ class Modes:
             "unstable" if a > l else "stable" if b < l else "neutral"
             for a, b, l in zip(low, high, limit, strict=True)
         ]
+
+
+def relative_errors(s: Complex, error: Array) -> Array:
+    """Estimated errors of eigenvalues over |lambda|, shape (modes,).
+
+    Those of rigid modes, whose |lambda| is round-off, are nan: below 1e-3 of the largest.
+    """
+    size = np.abs(s)
+    elastic = size > RIGID_BELOW * size.max(initial=0.0)
+    return np.where(elastic, error / np.where(elastic, size, 1.0), np.nan)
 
 
 def counted_rows(s: Complex, how: str, zeta_max: float) -> Count:

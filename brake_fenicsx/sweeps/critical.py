@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binom
 
-from brake_fenicsx.squeal import Share, wilson
+from brake_fenicsx.results.statistics import Share, wilson
 
 Array = NDArray[np.float64]
 

@@ -21,28 +21,18 @@ from scipy.optimize import brentq
 from brake_fenicsx.stability.modes import Complex
 
 from .branches import Branch, Followed, Solve
-from .matching import conjugate_pair, passes_zero, squared_distance
+from .matching import conjugate_pair, squared_distance
 from .state import State, group_likeness
 
 Array = NDArray[np.float64]
 
-MERGING, SPLITTING, NEAR = "merging", "splitting", "near merging"
+MERGING, SPLITTING = "merging", "splitting"
 ONSET, END = "onset of squeal", "end of squeal"
 FROM_FIRST = "squeals from the first value"
 JUMP = "jump"
 
-# A damped pair passes next to a merging if its complex value lies within this share of the range
-# from the real axis, and is looked for again this often at most.
-BESIDE, AGAIN = 0.05, 8
-
 # A root is looked for by polynomials through so many points, so many times.
 POINTS, SMOOTH = 4, 6
-
-# Change of the complex value, relative to its imaginary part, at which it is found.
-SETTLED = 0.05
-
-# Condition number of the two modes from which they are close to a common one.
-NEARLY_DEFECTIVE = 2.0
 
 # Modes among which a pair is looked for, by its likeness with the pair it was before.
 AROUND = 8
@@ -55,7 +45,6 @@ class Event:
     Attributes:
         kind: which of these.
         x: value of the parameter.
-        imaginary: imaginary part of the value where damped modes would merge.
         error: accuracy of the value.
         s: eigenvalue there [1/s].
         branches: the two branches that merge; one of a mode that begins to squeal, and -1.
@@ -64,7 +53,6 @@ class Event:
 
     kind: str
     x: float
-    imaginary: float
     error: float
     s: complex
     branches: tuple[int, int]
@@ -95,7 +83,6 @@ def find_events(
     if not onsets_alone:
         for kind, events in ((MERGING, followed.merged), (SPLITTING, followed.split)):
             found += [_merging(followed, solve, kind, at, (i, j), width) for at, i, j in events]
-        found += _near_mergings(followed, solve, abs(last - first), width)
         found += [_jump(followed, number) for number in followed.jumps]
     sign = 1.0 if last >= first else -1.0
     return sorted(found, key=lambda e: sign * e.x)
@@ -112,14 +99,14 @@ def _merging(
     x, error = search.root(lambda s, *at: (squared_distance(s, at) / start).real, a.x, b.x, width)
     there, (i, j) = search.at(x)
     mean = 0.5 * (there.s[i] + there.s[j])
-    return Event(kind, x, 0.0, error, complex(mean), pair, there.right[:, i])
+    return Event(kind, x, error, complex(mean), pair, there.right[:, i])
 
 
 def _jump(followed: Followed, number: int) -> Event:
     """Modes change at once between two states; no branch is named, and no vector."""
     a, b = followed.states[number - 1], followed.states[number]
     none = np.zeros(len(b.right), complex)
-    return Event(JUMP, b.x, 0.0, abs(b.x - a.x), complex("nan"), (-1, -1), none)
+    return Event(JUMP, b.x, abs(b.x - a.x), complex("nan"), (-1, -1), none)
 
 
 def _modes(followed: Followed, pair: tuple[int, int], state: int) -> tuple[int, int]:
@@ -137,7 +124,7 @@ def _crossings(
     if loud[0] and branch.states[0] == 0:
         first, mode = followed.states[0], branch.modes[0]
         s, vector = complex(first.s[mode]), first.right[:, mode]
-        found.append(Event(FROM_FIRST, first.x, 0.0, 0.0, s, (branch.number, -1), vector))
+        found.append(Event(FROM_FIRST, first.x, 0.0, s, (branch.number, -1), vector))
     for n in range(len(loud) - 1):
         if first_alone and found:
             break
@@ -185,7 +172,7 @@ def _crossing(
         there, chosen = search.at(x)
         i = max(chosen, key=lambda n: float(there.s[n].real))
     s, vector = complex(there.s[i]), there.right[:, i]
-    return Event(kind, x, 0.0, error, s, (branch.number, -1), vector)
+    return Event(kind, x, error, s, (branch.number, -1), vector)
 
 
 def _turning(followed: Followed, branch: Branch, state: int) -> tuple[int, int] | None:
@@ -208,84 +195,10 @@ def _mate(followed: Followed, branch: Branch, state: int) -> int | None:
     return None
 
 
-def _near_mergings(followed: Followed, solve: Solve, range_: float, width: float) -> list[Event]:
-    """Damped pairs that pass next to a merging: zeros of d at complex values near the real axis."""
-    found: list[Event] = []
-    for state in range(len(followed.states) - 1):
-        if followed.states[state].undamped:
-            continue
-        here = [b for b in followed.branches if {state, state + 1} <= {*b.states}]
-        a, b = followed.states[state], followed.states[state + 1]
-        here.sort(key=lambda br: a.s[followed.at(br, state)].imag)
-        for n, one in enumerate(here):
-            for two in here[n + 1 : n + 1 + AROUND]:
-                pair = one.number, two.number
-                now, then = _modes(followed, pair, state), _modes(followed, pair, state + 1)
-                if passes_zero(a, now, b, then):
-                    continue
-                z = _zero(a.x, squared_distance(a, now), b.x, squared_distance(b, then))
-                inside = 0 <= (z.real - a.x) / (b.x - a.x) < 1
-                if inside and abs(z.imag) <= BESIDE * range_:
-                    event = _near(solve, a, b, now, then, pair, width)
-                    if event is not None and abs(event.imaginary) <= BESIDE * range_:
-                        found.append(event)
-    return found
-
-
 def _merges(state: State, pair: Sequence[int]) -> bool:
     """Whether two modes of an undamped brake are a pair that merges, or one that has merged."""
     on_axis = np.abs(state.s.real[list(pair)]) <= 1e-9 * np.abs(state.s[list(pair)])
     return bool(on_axis.all()) or conjugate_pair(state, pair)
-
-
-def _zero(x: float, d: complex, y: float, e: complex) -> complex:
-    """Zero of the straight line through two values of d."""
-    if e == d:
-        return complex(np.inf, np.inf)
-    return x - d * (y - x) / (e - d)
-
-
-def _near(
-    solve: Solve, a: State, b: State, now: tuple[int, int], then: tuple[int, int],
-    pair: tuple[int, int], width: float,
-) -> Event | None:  # fmt: skip
-    """Complex value of a merging, from d at real values alone; None where there is none."""
-    search = _Search(solve, a, now)
-    search.known(b, then)
-    xs, ds = [a.x, b.x], [squared_distance(a, now), squared_distance(b, then)]
-    low, high = sorted(xs)
-    z, settled = _zero(xs[0], ds[0], xs[1], ds[1]), False
-    for _ in range(AGAIN):
-        x = float(np.clip(z.real, low, high))
-        there, chosen = search.at(x)
-        if x not in xs:
-            xs.append(x)
-            ds.append(squared_distance(there, chosen))
-        near = np.argsort(np.abs(np.array(xs) - z))[:3]
-        last, z = z, _root_of_parabola(np.array(xs)[near], np.array(ds)[near], z)
-        settled = bool(abs(z - last) <= max(width, SETTLED * abs(z.imag)))
-        if settled:
-            break
-    x = z.real
-    if not (settled and low <= x < high):
-        return None
-    there, chosen = search.at(x)
-    i, j = chosen
-    condition = max(there.condition[i], there.condition[j])
-    # Two modes that pass without coupling keep their vectors apart.
-    if condition < NEARLY_DEFECTIVE:
-        return None
-    mean = complex(0.5 * (there.s[i] + there.s[j]))
-    grows = i if there.s[i].real >= there.s[j].real else j
-    return Event(NEAR, x, float(z.imag), width, mean, pair, there.right[:, grows])
-
-
-def _root_of_parabola(x: Array, d: Complex, guess: complex) -> complex:
-    """Root nearest to a guess of the parabola through three values."""
-    roots = np.roots(np.polyfit(x - x[0], d, 2)) + x[0]
-    if not roots.size:
-        return guess
-    return complex(roots[np.argmin(np.abs(roots - guess))])
 
 
 def _search(followed: Followed, solve: Solve, group: tuple[int, ...], state: int) -> _Search:

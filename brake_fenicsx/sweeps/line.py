@@ -47,18 +47,10 @@ class Line:
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> Line:
         """From what ``line_arrays`` made."""
-        names: tuple[str, ...] = (
-            "kind",
-            "at",
-            "imaginary",
-            "accuracy",
-            "event_s",
-            "pair",
-            "vector",
-        )
+        names = "kind", "at", "accuracy", "event_s", "pair", "vector"
         events = [
-            Event(str(kind), float(x), float(y), float(e), complex(s), (int(p[0]), int(p[1])), v)
-            for kind, x, y, e, s, p, v in zip(*(data[name] for name in names), strict=True)
+            Event(str(kind), float(x), float(e), complex(s), (int(p[0]), int(p[1])), v)
+            for kind, x, e, s, p, v in zip(*(data[name] for name in names), strict=True)
         ]
         return cls(
             data["x"], data["branch"], data["state"], data["s"], data["error"], data["verdict"],
@@ -102,7 +94,6 @@ def line_arrays(followed: Followed, events: list[Event], numbers: list[int]) -> 
         "end": np.array([b.end for b in followed.branches], dtype=str),
         "kind": np.array([e.kind for e in events], dtype=str),
         "at": np.array([e.x for e in events]),
-        "imaginary": np.array([e.imaginary for e in events]),
         "accuracy": np.array([e.error for e in events]),
         "event_s": np.array([e.s for e in events], dtype=complex),
         "pair": np.array(pairs, dtype=np.intp).reshape(-1, 2),

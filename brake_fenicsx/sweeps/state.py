@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.results.families import mac
 from brake_fenicsx.stability.modes import Complex, Modes
 
 Array = NDArray[np.float64]
@@ -106,12 +107,7 @@ def likeness(a: State, b: State) -> Complex:
         Traces of the products of their projectors, shape (modes of a, modes of b); they are not
         bounded where a mode is nearly defective.
     """
-    G, H = a.left.conj().T @ b.right, b.left.conj().T @ a.right
-    own = np.einsum("im,im->m", a.left.conj(), a.right)
-    theirs = np.einsum("im,im->m", b.left.conj(), b.right)
-    scale = np.outer(own, theirs)
-    tiny = np.abs(scale) < 1e-300
-    return np.asarray(np.where(tiny, np.inf, G * H.T / np.where(tiny, 1.0, scale)))
+    return mac(a.right, b.right, a.left, b.left)
 
 
 def group_likeness(a: State, group: Sequence[int], b: State, theirs: Sequence[int]) -> float:

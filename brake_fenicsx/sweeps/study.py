@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.folder.files import digest
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.sample_files import Task
-from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.sweep import ROUGH
 from brake_fenicsx.scene.units import several
 from brake_fenicsx.uncertainty.ensemble import run_ensemble
@@ -63,7 +63,7 @@ class SweepStudy:
         most = min(sweep.samples, sum(task[0] == rough for task in study.tasks))
         self.samples: list[Task] = [(rough, k) for k in range(most)]
         # Lines of another sweep in the same folder are other files.
-        mark = Scene.hash([study.scene.table.get("sweep"), stability.threshold])[:8]
+        mark = digest([study.scene.table.get("sweep"), stability.threshold])[:8]
         self._name = {"own": f"sweep-{mark}-own", "sample": f"sweep-{mark}"}
 
     @property

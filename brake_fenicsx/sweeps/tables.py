@@ -13,13 +13,12 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 
 from brake_fenicsx.folder.sample_files import Task
+from brake_fenicsx.results.families import ModeFamilies, known_numbers
+from brake_fenicsx.results.tables import write_rows
 from brake_fenicsx.scene.scalars import si_unit
 from brake_fenicsx.stability.modes import Complex
-from brake_fenicsx.tables import write_rows
-from brake_fenicsx.uncertainty.families import ModeFamilies
 
 from .critical import Critical, critical_values
 from .events import FROM_FIRST, MERGING, ONSET
@@ -28,7 +27,7 @@ from .study import SweepStudy, cut_branches
 
 MODES = ("point", "branch", "frequency_hz", "real_1_s", "damping", "error_estimate", "verdict")
 EVENTS = (
-    "kind", "value", "imaginary", "accuracy", "frequency_hz", "real_1_s", "branch", "with_branch",
+    "kind", "value", "accuracy", "frequency_hz", "real_1_s", "branch", "with_branch",
     "family",
 )  # fmt: skip
 CHART = ("approach", "value", "value_2", "unstable_modes", "squeal_modes", "worst_damping")
@@ -38,10 +37,6 @@ CRITICAL = (
     "value_5", "value_50", "value_50_low", "value_50_high", "value_95",
 )  # fmt: skip
 CURVE = ("approach", "family", "value", "samples", "share", "low", "high")
-
-# Least MAC of a mode at its onset with the family that it is named after: that of a mode that is
-# made of two in equal parts, and of little else.
-RESEMBLES = 0.4
 
 
 class SweepTables:
@@ -113,7 +108,7 @@ class SweepTables:
                 there = np.isfinite(e.s)
                 pair = [n if n >= 0 else None for n in e.branches]
                 yield [
-                    *first, e.kind, e.x, e.imaginary, e.error,
+                    *first, e.kind, e.x, e.error,
                     float(e.s.imag / (2 * np.pi)) if there else None,
                     float(e.s.real) if there else None, *pair, self._family.get((kind, task, i)),
                 ]  # fmt: skip
@@ -207,22 +202,3 @@ class SweepTables:
                 "samples": found[0].values.size, "squeal_samples": found[0].reached,
             }  # fmt: skip
         return facts
-
-
-def known_numbers(founders: Sequence[Complex], known: Complex | None) -> list[int]:
-    """Number of each family: of the known one it is likest to, each given once; else a new one.
-
-    Args:
-        founders: vector of a mode of each family, shape (m, 1).
-        known: vectors of the known families, in the same coordinates, shape (m, families).
-    """
-    beyond = 0 if known is None else known.shape[1]
-    numbers = [beyond + n for n in range(len(founders))]
-    if known is None or not founders:
-        return numbers
-    X = np.hstack(founders)
-    mac = np.abs((known / np.linalg.norm(known, axis=0)).conj().T @ (X / np.linalg.norm(X, axis=0)))
-    for i, j in zip(*linear_sum_assignment(-(mac**2)), strict=True):
-        if mac[i, j] ** 2 >= RESEMBLES:
-            numbers[j] = int(i)
-    return numbers

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 import traceback
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -16,7 +15,7 @@ from brake_fenicsx.folder.log import Progress, logger
 from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.folder.termination import Terminated, asked, finishing
+from brake_fenicsx.folder.termination import asked, ending, finishing
 
 # Beyond all samples: how a run that is to end keeps its processes from taking more.
 _NO_MORE = 2**40
@@ -51,17 +50,8 @@ def run_ensemble(
     done = len(large) + len(tasks) - len(wanted)
     if comm.rank == 0 and done:
         logger.info("%d of %d %s were there already", done, len(large) + len(tasks), what)
-    waited = False
-    while wanted:
-        _run_unclaimed(wanted, work, store, comm, len(set(large) & set(wanted)), what)
-        # The tables are written by a run of all samples, which waits for them.
-        if store.lock is None or store.share is not None:
-            return
-        if wanted := _missing(wanted, store, comm):
-            if not waited:
-                logger.info("%d %s are being computed by another run; waiting", len(wanted), what)
-            waited = True
-            time.sleep(1.0)
+    if wanted:
+        _run(wanted, work, store, comm, len(set(large) & set(wanted)), what)
 
 
 def _missing(tasks: Sequence[Task], store: Store, comm: MPI.Comm) -> list[Task]:
@@ -74,48 +64,37 @@ def _missing(tasks: Sequence[Task], store: Store, comm: MPI.Comm) -> list[Task]:
     return on_first(missing, comm)
 
 
-def _run_unclaimed(
+def _run(
     wanted: Sequence[Task], work: Work, store: Store, comm: MPI.Comm, large: int, what: str
 ) -> None:
-    """Compute those of the wanted samples that no other run is computing; large ones come first."""
+    """Compute the samples, each on the process that takes it next; large ones come first."""
     progress = Progress(what, len(wanted), large)
     defect: Any = None
     with _Counter(comm) as counter, finishing():
         try:
             while (i := counter.next()) < len(wanted):
-                if _one(wanted[i], work, store):
-                    progress.advance(i + 1 - progress.done)
+                _one(wanted[i], work, store)
+                progress.advance(i + 1 - progress.done)
         except BrakeError as error:
             defect = error
         except Exception:
             defect = RuntimeError(traceback.format_exc())
-        stopped = comm.allreduce(asked(), MPI.LOR)
+        stopped = ending(comm)
     defects = [d for d in comm.allgather(defect) if d is not None]
     if defects:
         raise defects[0]
-    if stopped:
-        raise Terminated(together=True)
+    if stopped is not None:
+        raise stopped
 
 
-def _one(task: Task, work: Work, store: Store) -> bool:
-    """Compute a sample and store it, or its error; False if another run has it."""
-    lock, name = store.lock, f"{task[0]}-{task[1]:05d}"
-    if lock is not None:
-        if lock.claim(name) is not None:
-            return False
-        # The other run may have finished it since.
-        if store.samples.has(task):
-            lock.release(name)
-            return False
+def _one(task: Task, work: Work, store: Store) -> None:
+    """Compute a sample and store it, or its error."""
     try:
         result = {"status": "ok", **work(task)}
     except BrakeError as error:
         result = {"status": str(error)}
         logger.warning("%s %d: %s", *task, error)
     store.samples.save(task, **result)
-    if lock is not None:
-        lock.release(name)
-    return True
 
 
 class _Counter:

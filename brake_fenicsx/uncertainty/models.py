@@ -20,7 +20,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
-from brake_fenicsx.folder.cache import SharedCache, bodies_key
+from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.log import Progress, logger
 from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.folder.processes import on_first
@@ -32,6 +32,7 @@ from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.macro.material_table import layer_materials, scene_materials
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.damping import active_terms, reduced_approaches
+from brake_fenicsx.scene.digest import bodies_key
 from brake_fenicsx.scene.scalars import changes_bodies
 
 from .numbering import FILE as DOFS

@@ -13,13 +13,13 @@ from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.stability import Modes, complex_modes, contact_interface
+from brake_fenicsx.stability.modes import relative_errors
 from brake_fenicsx.stability.operators import tangent
 from brake_fenicsx.stability.participation import damped_partners, energy_shares, flutter_partners
 from brake_fenicsx.stability.substructures import ContactLinearisation
 from brake_fenicsx.stability.terms import damping_of_sample, rates_of_sample
 
 from .models import Models
-from .results import relative_errors
 
 if TYPE_CHECKING:
     from .sampling import SampleInput

@@ -1,4 +1,4 @@
-"""The samples of a scene: what they share, each one's equilibrium and modes, their tables."""
+"""The samples of a scene: what they share, and each one's equilibrium and modes."""
 
 from __future__ import annotations
 
@@ -14,32 +14,22 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.folder.cache import SharedCache
-from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.brake import Brake
 from brake_fenicsx.macro.braking import reference_stiffness
 from brake_fenicsx.macro.gap import EnrichedGap
-from brake_fenicsx.micro import LawRecipe, make_library
 from brake_fenicsx.micro.law import Laws
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.surface.hdf import HeightDistribution
 from brake_fenicsx.surface.waviness import Waviness
-from brake_fenicsx.tables import CONTACT, MODES, SAMPLES, write_rows
 
 from .ensemble import run_ensemble
 from .equilibria import Equilibria
-from .forces import forces_of_sample, forces_of_samples
 from .inputs import PERFECT, note_laws, points_of
 from .models import Models
-from .numbering import dof_points
-from .outcomes import ensembles
-from .probabilities import write_causes
-from .results import Results
 from .sampling import SampleInput, draw_sample, sample_count
-from .shapes import FILE as SHAPES
-from .shapes import family_shapes
 
 if TYPE_CHECKING:
     from brake_fenicsx.macro.equilibrium import Equilibrium
@@ -63,7 +53,6 @@ class Study:
         hdf: HeightDistribution | None,
         store: Store,
         comm: MPI.Comm,
-        recipe: LawRecipe | None = None,
         cache: SharedCache | None = None,
         waviness: Waviness | None = None,
     ):
@@ -76,12 +65,10 @@ class Study:
             hdf: height distribution, if the scene has a surface.
             store: the results folder.
             comm: processes that share the samples.
-            recipe: how laws are made, where each sample makes its own; ``library`` then holds
-                those of sample 0.
             cache: what the folder shares with others; nothing if None.
             waviness: mean heights of patches, where critical gaps are drawn from them.
         """
-        self.recipe, self.waviness = recipe, waviness
+        self.waviness = waviness
         self.scene, self.brake, self.library, self.hdf = scene, brake, library, hdf
         self.store, self.comm = store, comm
         self.facts: dict[str, Any] = {}
@@ -219,70 +206,10 @@ class Study:
     ) -> SampleInput:
         points = self.points[approach]
         point = None if points is None else points[k]
-        library = self.library if approach in PERFECT else self._laws(k)
         return draw_sample(
-            self.scene, approach, k, self.brake.contact, library, self.hdf, point, self.waviness,
-            values,
+            self.scene, approach, k, self.brake.contact, self.library, self.hdf, point,
+            self.waviness, values,
         )  # fmt: skip
-
-    def _laws(self, k: int) -> Laws | None:
-        """The library, or the laws that sample ``k`` makes for itself."""
-        micro = self.scene.micro
-        if micro is None or not micro.fresh or k == 0 or self.recipe is None:
-            return self.library
-        numbers = range(k * micro.laws_per_sample, (k + 1) * micro.laws_per_sample)
-        made = [self.recipe.law(micro.seed, i) for i in numbers]
-        return make_library(made, list(numbers))
-
-    def write(self) -> dict[Task, dict[str, Any]]:
-        """modes.csv, samples.csv and contact.csv from the stored samples; collective.
-
-        Returns:
-            What was stored of the first good sample of each approach.
-        """
-        points = dof_points(self.brake)
-        first, facts = on_first(lambda: self._tables(points), self.comm)
-        self.facts |= facts
-        if self.brake.stuck:
-            from .stuck_states import stuck_states
-
-            self.facts["stuck_contact"] = on_first(
-                lambda: stuck_states(self.scene, self.brake, first, self.displacement), self.comm
-            )
-        return first
-
-    def _tables(self, points: Array) -> tuple[dict[Task, dict[str, Any]], dict[str, Any]]:
-        """The same on one process: all samples are read, and facts for the summary counted."""
-        path, stability = self.store.path, self.scene.stability
-        results = Results(
-            self.store, self.tasks, self.verify, self.verified,
-            stability.threshold if stability else 0.0, self.brake.contact.speed > 0,
-            forces_of_sample(self.scene, self.brake),
-        )  # fmt: skip
-        facts = results.facts()
-        facts["contact_forces"] = forces_of_samples(self.scene, results.derived)
-        write_rows(path("samples.csv"), results.sample_columns(SAMPLES), results.samples())
-        if "stability" in self.scene.stages:
-            write_rows(path("modes.csv"), results.mode_columns(MODES), results.modes())
-            if results.members.vectors:
-                self.families = np.array(results.members.vectors).T
-            self._write_shapes(points, results)
-        write_rows(path("contact.csv"), CONTACT, results.contact(self.brake.contact))
-        if stability is not None and self.drivers is not None:
-            from .driver_tables import write_drivers
-
-            write_drivers(path(), results, stability.threshold)
-        if stability is not None and {"stability", "uncertainty"} <= {*self.scene.stages}:
-            found = ensembles(results, stability.band, stability.threshold)
-            facts["probabilities"] = write_causes(path(), self.scene.samples, found)
-        return {task: results.stored[task] for task in results.first()}, facts
-
-    def _write_shapes(self, points: Array, results: Results) -> None:
-        """Shapes of the families that squeal, for comparisons with other runs."""
-        numbers, vectors = results.squealing_members()
-        if numbers:
-            u, body = self.models.shapes(vectors), self.models.numbering.body
-            self.store.save(SHAPES, **family_shapes(points, body, u, np.array(numbers)))
 
     def stored(self, task: Task) -> dict[str, Any]:
         """What was stored of a sample."""

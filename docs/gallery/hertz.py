@@ -33,11 +33,15 @@ order = 2                     # curved facets
 [parts.cylinder]
 builder = "hertz_cylinder"
 radius = "50 mm"
+slice = "0.5 mm"              # of the plane problem
+elements = 1
 fine = "0.1 mm"
 material = "steel"
 
 [parts.base]
 builder = "hertz_slab"
+depth = "50 mm"
+slice = "0.5 mm"
 fine = "0.12 mm"
 material = "steel"
 

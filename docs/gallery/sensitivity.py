@@ -18,7 +18,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from brake_fenicsx import run
-from brake_fenicsx.tables import read_rows
+from brake_fenicsx.results.tables import read_rows
 
 HERE = Path(globals().get("__file__", "notebook")).resolve().parent
 SCENE = HERE.parents[1] / "scripts" / "scenes" / "block_on_plate.toml"

@@ -12,11 +12,12 @@ from scipy.optimize import brentq
 
 from brake_fenicsx.cli import main
 from brake_fenicsx.correlation.measured import read_modes
-from brake_fenicsx.correlation.pairing import mac_matrix, paired
+from brake_fenicsx.correlation.pairing import paired
 from brake_fenicsx.correlation.part_modes import part_modes, shapes_at
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.results.families import mac
+from brake_fenicsx.results.tables import read_columns
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.tables import read_columns
 
 pyuff = pytest.importorskip("pyuff")
 pytestmark = pytest.mark.alone
@@ -300,7 +301,7 @@ def test_doublet_of_which_one_mode_was_measured():
         tests, np.array([501.0, 600.0, 900.0]), shapes, np.array([200, 500, 500.5, 900.0])
     )
     assert list(found.mode) == [1, -1, 3] and list(found.combined) == [1, 2, 2, 1]
-    assert mac_matrix(tests[:1], shapes.astype(complex))[0, 1] == pytest.approx(np.cos(angle) ** 2)
+    assert mac(tests[:1].T, shapes.T)[0, 1] == pytest.approx(np.cos(angle) ** 2)
     assert found.mac == pytest.approx(
         np.array([[0, 1, 0, 0], [0, 0, 0, 0], [0, 0, 0, 1.0]]), abs=1e-12
     )

@@ -4,10 +4,10 @@ from mpi4py import MPI
 
 import pytest
 
-from brake_fenicsx import countermeasures as module
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.sweeps.smallest_change import smallest_change
-from brake_fenicsx.tables import read_rows
+from brake_fenicsx.results.tables import read_rows
+from brake_fenicsx.variants import countermeasures as module
+from brake_fenicsx.variants.smallest_change import smallest_change
 from coarse_block import BLOCK, FRICTION, HEIGHT, ROUGH, levers
 
 pytestmark = [pytest.mark.hard, pytest.mark.alone]
@@ -30,7 +30,7 @@ def test_one_sample_must_be_stable_itself():
 
 
 def test_a_window_narrower_than_a_step_is_not_seen():
-    """Stable only in 2 % of the range between two values: reported as "no value is enough"."""
+    """Stable only in 2 % of the range between two values: reported as "not sufficient"."""
     found = smallest_change(
         lambda x: iter([abs(x - 0.44) > 0.01] * 40), (0.0, 1.0), 40, 8, 0.01
     )  # fmt: skip
@@ -44,7 +44,7 @@ def test_values_without_an_equilibrium_are_no_remedy(tmp_path):
     )
     (row,) = read_rows(page.with_suffix(".csv"))
     assert row["smallest_value"] is None and row["verified"] == "no"
-    assert row["share_after"] == 1.0 and "no value is enough" in row["note"]
+    assert row["share_after"] == 1.0 and "not sufficient even at the limit" in row["note"]
 
 
 def test_a_length_that_makes_no_brake_is_named(tmp_path, monkeypatch):

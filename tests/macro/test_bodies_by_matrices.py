@@ -20,9 +20,9 @@ from brake_fenicsx.macro.matrix_files import read_matrix
 from brake_fenicsx.macro.superelement import read_superelement
 from brake_fenicsx.macro.superelement_doubts import doubts
 from brake_fenicsx.pipeline import run
+from brake_fenicsx.results.tables import read_columns
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.parts import Matrices
-from brake_fenicsx.tables import read_columns
 from brake_fenicsx.uncertainty.numbering import dof_points
 
 pytestmark = pytest.mark.alone

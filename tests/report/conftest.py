@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from brake_fenicsx.report.counts import representative_modes
 from brake_fenicsx.report.figures import make_figures
 from brake_fenicsx.report.mode_cards import SHAPE_COLUMNS, SHAPES
-from brake_fenicsx.report.rundata import read_run
+from brake_fenicsx.results.driver_tables import CONTACT_DRIVERS, DRIVERS
+from brake_fenicsx.results.probabilities import SENSITIVITY
+from brake_fenicsx.results.run import read_run
+from brake_fenicsx.results.tables import CONTACT, MODES, SAMPLES, write_rows
 from brake_fenicsx.sweeps.tables import CHART, CRITICAL, CURVE, EVENTS
 from brake_fenicsx.sweeps.tables import MODES as SWEEP
-from brake_fenicsx.tables import CONTACT, MODES, SAMPLES, write_rows
-from brake_fenicsx.uncertainty.driver_tables import CONTACT_DRIVERS, DRIVERS
-from brake_fenicsx.uncertainty.probabilities import SENSITIVITY
 
 E_STAR = 2373.4e6
 SAMPLED = {"classical": 1, "parametric": 40, "multi-scale": 60}
@@ -346,11 +345,11 @@ def shaped(drawn, tmp_path_factory) -> tuple[Path, list[list]]:
         old.unlink()
     run, rows = read_run(directory), []
     for approach in run.approaches:
-        for mode in representative_modes(run, approach):
+        for mode in run.squeal.representatives(approach):
             name = f"mode_{approach}_{mode.frequency:05.0f}Hz"
             frames = [Image.new("RGB", (60, 40), colour) for colour in ("red", "blue")]
             frames[0].save(folder / f"{name}.webp", save_all=True, append_images=frames[1:])
-            place = [approach, mode.family.family, mode.sample, mode.mode, mode.frequency]
+            place = [approach, mode.family.number, mode.sample, mode.mode, mode.frequency]
             rows.append([*place, mode.damping, name, "disc", 7, "out of plane", 0.9])
     write_rows(folder / SHAPES, SHAPE_COLUMNS, rows)
     return directory, rows

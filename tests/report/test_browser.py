@@ -6,8 +6,8 @@ import shutil
 import pytest
 
 from brake_fenicsx.report.html import write_report
-from brake_fenicsx.report.rundata import read_run
-from brake_fenicsx.squeal import squeals
+from brake_fenicsx.results.run import read_run
+from brake_fenicsx.results.squeal import squeals
 
 playwright = pytest.importorskip(
     "playwright.sync_api", reason="the browser tests need Playwright: pip install playwright"

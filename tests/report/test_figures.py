@@ -15,13 +15,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PathCollection, PolyCollection
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.report.accuracy import draw_errors, draw_stages
 from brake_fenicsx.report.contact_figures import draw_contact_pressure
-from brake_fenicsx.report.counts import count, families
 from brake_fenicsx.report.driver_figures import draw_driver_maps
+from brake_fenicsx.report.error_figures import draw_errors
 from brake_fenicsx.report.figures import PLOTS, make_figures
 from brake_fenicsx.report.micro_figures import draw_contact_maps, draw_laws, laws_caption
-from brake_fenicsx.report.rundata import read_run
 from brake_fenicsx.report.squeal_figures import (
     draw_convergence,
     draw_counts,
@@ -37,9 +35,10 @@ from brake_fenicsx.report.surface_figures import (
     topography_caption,
 )
 from brake_fenicsx.report.sweep_figures import draw_branches
+from brake_fenicsx.results.run import read_run
+from brake_fenicsx.results.tables import MODES, write_rows
 from brake_fenicsx.sweeps.tables import EVENTS
 from brake_fenicsx.sweeps.tables import MODES as SWEEP
-from brake_fenicsx.tables import MODES, write_rows
 
 NEEDS = {
     "modes.csv": {
@@ -59,7 +58,6 @@ NEEDS = {
         "figure6_artificial",
     },
     "contact_maps.npz": {"figure7_contact_maps"},
-    "summary.json": {"stages"},
 }
 
 
@@ -322,7 +320,7 @@ def test_squeal_map_shows_every_mode_of_every_good_sample(run):
     figure = draw_squeal_map(run)
     assert len(figure.axes) == 3
     for axis, approach in zip(figure.axes, run.approaches, strict=True):
-        c = count(run, approach)
+        c = run.squeal.count(approach)
         shown = {name: points(axis, name) for name in ("neutral", "stable", "squeal")}
         assert sum(map(len, shown.values())) == c.modes
         assert len(shown["squeal"]) == c.unstable > 0
@@ -344,7 +342,7 @@ def test_what_does_not_squeal_is_grey_above_the_line(run):
     strict = replace(run, summary={"in_effect": {"stability": {"threshold": threshold}}})
     lines, left_out = [], 0
     for axis, approach in zip(draw_squeal_map(strict).axes, run.approaches, strict=True):
-        c = count(strict, approach)
+        c = strict.squeal.count(approach)
         weak, squeal = points(axis, "unstable, no squeal"), points(axis, "squeal")
         assert len(weak) == c.unstable - c.squeal
         left_out += len(weak)
@@ -371,9 +369,9 @@ def test_legend_of_families_is_ranked(run):
     figure = draw_families(run)
     axis = figure.axes[run.approaches.index("multi-scale")]
     texts = [t.get_text() for t in axis.get_legend().get_texts()]
-    ranked = families(run, "multi-scale")
+    ranked = run.squeal.families("multi-scale")
     assert texts == [
-        f"{r.frequency / 1e3:.2f} kHz: {r.share.hits} of {r.share.n}, {r.median:.2g}"
+        f"{r.frequency / 1e3:.3f} kHz: {r.share.hits} of {r.share.n}, {r.median:.2g}"
         for r in ranked
     ]
     assert [r.severity for r in ranked] == sorted((r.severity for r in ranked), reverse=True)
@@ -383,7 +381,7 @@ def test_families_share_the_unstable_modes_among_them(run):
     figure = draw_families(run)
     for axis, approach in zip(figure.axes, run.approaches, strict=True):
         total = sum(len(c.get_offsets()) for c in axis.collections if isinstance(c, PathCollection))
-        assert total == count(run, approach).unstable
+        assert total == run.squeal.count(approach).unstable
 
 
 def test_probability_bars_are_the_shares(run):
@@ -420,7 +418,7 @@ def test_histogram_sums_to_one_per_approach(run):
 def test_convergence_ends_at_the_final_share(run):
     figure = draw_convergence(run)
     ends = [line.get_ydata()[-1] for line in figure.axes[0].lines]
-    final = [count(run, a) for a in ("parametric", "multi-scale")]
+    final = [run.squeal.count(a) for a in ("parametric", "multi-scale")]
     assert ends == [c.squeal_samples / c.samples for c in final]
 
 
@@ -484,13 +482,6 @@ def test_error_curves_end_at_the_largest_error_of_each_approach(run):
     assert [line.get_xdata()[-1] for line in excess.lines] == largest
     assert all(line.get_ydata()[0] == 1.0 for line in excess.lines)
     assert excess.get_xlabel() == "relative error estimate of the eigenvalue [-]"
-
-
-def test_stages_have_units(run):
-    stages = draw_stages(run)
-    assert [axis.get_xlabel() for axis in stages.axes] == ["time [s]", "peak memory [MB]"]
-    assert [t.get_text() for t in stages.axes[0].get_yticklabels()] == list(run.summary["seconds"])
-    assert [p.get_width() for p in stages.axes[0].patches] == list(run.summary["seconds"].values())
 
 
 def test_directories_without_results_are_named(tmp_path):

@@ -6,9 +6,10 @@ import pytest
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.report.figures import make_figures
 from brake_fenicsx.report.html import write_report
-from brake_fenicsx.report.overview import approach_rows, summary_table
-from brake_fenicsx.report.rundata import read_run
-from brake_fenicsx.tables import CONTACT, MODES, SAMPLES, write_rows
+from brake_fenicsx.report.overview import summary_table
+from brake_fenicsx.results.answer import approach_rows
+from brake_fenicsx.results.run import read_run
+from brake_fenicsx.results.tables import CONTACT, MODES, SAMPLES, write_rows
 
 pytestmark = pytest.mark.hard
 MODE = ["classical", 0, 0, 1000.0, 0.0, 0.0, 0.0, 0.0, float("nan"), "neutral", -1]

@@ -11,15 +11,14 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.report.counts import families
 from brake_fenicsx.report.html import render_page, write_report
 from brake_fenicsx.report.mode_cards import ModePictures
-from brake_fenicsx.report.rundata import RunData, read_run
 from brake_fenicsx.report.sections import percent
 from brake_fenicsx.report.squeal_map import squeal_map
 from brake_fenicsx.report.template import SMALL
-from brake_fenicsx.tables import MODES, SAMPLES, write_rows
-from brake_fenicsx.uncertainty.probabilities import PROBABILITIES
+from brake_fenicsx.results.probabilities import PROBABILITIES
+from brake_fenicsx.results.run import RunData, read_run
+from brake_fenicsx.results.tables import MODES, SAMPLES, write_rows
 
 X = "{http://www.w3.org/1999/xhtml}"
 
@@ -28,7 +27,7 @@ X = "{http://www.w3.org/1999/xhtml}"
 def page(drawn):
     directory, _ = drawn
     folder = directory / "figures"
-    shutil.copy(folder / "stages.png", folder / "mode_classical_0_3.png")
+    shutil.copy(folder / "eigenvalue_errors.png", folder / "mode_classical_0_3.png")
     return write_report(directory, redraw=False)
 
 
@@ -64,11 +63,11 @@ def test_small_pictures_are_the_files_of_the_run(page):
         base64.b64decode(source)
         for source in re.findall(r'src="data:image/png;base64,([^"]*)"', page.read_text())
     }
-    # The times of the stages are a table; of mode shapes the page has thumbnails.
+    # Of mode shapes the page has thumbnails.
     on_disk = {
         path.read_bytes()
         for path in (page.parent / "figures").glob("*.png")
-        if path.stem != "stages" and not path.stem.startswith("mode_")
+        if not path.stem.startswith("mode_")
     }
     assert inside and inside < on_disk
     assert all(len(data) <= SMALL for data in inside)
@@ -125,7 +124,7 @@ def test_the_first_screen_names_verdict_candidates_and_conditions(page):
     )
     assert "Classical: 2 squeal modes" in text
     run = read_run(page.parent)
-    strongest = families(run, "multi-scale")[:3]
+    strongest = run.squeal.families("multi-scale")[:3]
     cards = [d for d in head.iter(f"{X}div") if d.get("class") == "card shape"]
     assert [c.find(f".//{X}h3").text for c in cards] == [
         f"{f.frequency / 1e3:.3f} kHz" for f in strongest
@@ -293,7 +292,7 @@ def test_every_picture_of_a_mode_is_on_the_page_once(shaped):
 
 def test_the_map_holds_every_mode_or_says_which(drawn):
     run = read_run(drawn[0])
-    found = {name: families(run, name) for name in run.approaches}
+    found = {name: run.squeal.families(name) for name in run.approaches}
     every = squeal_map(run, found, "multi-scale", ModePictures(run))
     good = (run.modes["approach"] != "parametric") | (run.modes["sample"] != 39)
     assert every["shown"] == every["total"] == good.sum()

@@ -12,10 +12,10 @@ from brake_fenicsx.checks import read_surface
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.brake import assemble_brake
 from brake_fenicsx.report.mode_fields import _severe, displacements
+from brake_fenicsx.results.tables import MODES, SAMPLES, write_rows
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.operators import tangent
-from brake_fenicsx.tables import MODES, SAMPLES, write_rows
 from brake_fenicsx.uncertainty.study import Study
 
 pytestmark = pytest.mark.alone

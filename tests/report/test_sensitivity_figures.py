@@ -4,11 +4,11 @@ import shutil
 
 import numpy as np
 
-from brake_fenicsx.report.rundata import read_run
 from brake_fenicsx.report.sensitivity_figures import draw_sensitivity
 from brake_fenicsx.report.style import house_style
-from brake_fenicsx.tables import write_rows
-from brake_fenicsx.uncertainty.probabilities import SENSITIVITY
+from brake_fenicsx.results.probabilities import SENSITIVITY
+from brake_fenicsx.results.run import read_run
+from brake_fenicsx.results.tables import write_rows
 
 NAMES = ("contact.pad_disc.friction", "materials.lining.E_3")
 

@@ -5,10 +5,10 @@ import shutil
 import numpy as np
 import pytest
 
-from brake_fenicsx.report.rundata import read_run
 from brake_fenicsx.report.surface_tables import write_surface_tables
+from brake_fenicsx.results.run import read_run
+from brake_fenicsx.results.tables import read_columns, read_rows
 from brake_fenicsx.surface import read_topography
-from brake_fenicsx.tables import read_columns, read_rows
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import pytest
 from brake_fenicsx.cli import main
 from brake_fenicsx.compat import vector_space
 from brake_fenicsx.report.fields import write_fields
-from brake_fenicsx.tables import MODES, SAMPLES, write_rows
+from brake_fenicsx.results.tables import MODES, SAMPLES, write_rows
 
 pytestmark = pytest.mark.alone
 

@@ -15,9 +15,9 @@ import pytest
 from brake_fenicsx import prepare, sweep
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.pipeline import run
-from brake_fenicsx.report.rundata import SWEEP as SWEEP_TABLES
-from brake_fenicsx.report.rundata import read_run
 from brake_fenicsx.report.sweep_figures import draw_chart
+from brake_fenicsx.results.run import SWEEP as SWEEP_TABLES
+from brake_fenicsx.results.run import read_run
 from processes import parallel
 
 pytestmark = pytest.mark.alone

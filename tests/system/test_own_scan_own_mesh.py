@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from brake_fenicsx.report.rundata import read_run
+from brake_fenicsx.results.run import read_run
 
 # Four runs: minutes.
 pytestmark = pytest.mark.slow

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from brake_fenicsx.report.rundata import read_run
 from brake_fenicsx.report.style import label
+from brake_fenicsx.results.run import read_run
 
 pytestmark = pytest.mark.slow
 

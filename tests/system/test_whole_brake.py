@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.pipeline import run
-from brake_fenicsx.tables import read_columns
+from brake_fenicsx.results.tables import read_columns
 
 pytestmark = pytest.mark.alone
 

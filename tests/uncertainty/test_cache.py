@@ -10,9 +10,10 @@ import pytest
 from brake_fenicsx import pipeline
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.cache import SharedCache, bodies_key, laws_key
+from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.scene import read_scene
+from brake_fenicsx.scene.digest import bodies_key, laws_key
 
 COMM = MPI.COMM_WORLD
 SCENES = Path(__file__).parents[2] / "scripts" / "scenes"

@@ -11,10 +11,10 @@ import pytest
 
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.brake import assemble_brake
+from brake_fenicsx.results.driver_tables import CONTACT_DRIVERS, DRIVERS, write_drivers
+from brake_fenicsx.results.stored import Results
+from brake_fenicsx.results.tables import read_columns
 from brake_fenicsx.scene import read_scene
-from brake_fenicsx.tables import read_columns
-from brake_fenicsx.uncertainty.driver_tables import CONTACT_DRIVERS, DRIVERS, write_drivers
-from brake_fenicsx.uncertainty.results import Results
 from brake_fenicsx.uncertainty.solve import modes_of_sample, reduced_modes
 from brake_fenicsx.uncertainty.study import Study
 

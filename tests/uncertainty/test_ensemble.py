@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.errors import NotConverged
+from brake_fenicsx.results.stored import Results
 from brake_fenicsx.uncertainty.ensemble import run_ensemble
-from brake_fenicsx.uncertainty.results import Results
 
 COMM = MPI.COMM_WORLD
 TASKS = [("multi-scale", k) for k in range(12)]

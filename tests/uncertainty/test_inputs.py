@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.errors import InaccurateResult, SceneError
-from brake_fenicsx.folder.store import result_digest
 from brake_fenicsx.macro.material import engineering_constants
 from brake_fenicsx.macro.material_sample import constants, varied_stiffness
 from brake_fenicsx.macro.material_table import stiffness
 from brake_fenicsx.scene import Law, MaterialTable, read_scene
+from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.uncertainty.inputs import draw_inputs, law_factor, points_of
 from brake_fenicsx.uncertainty.sampling import draw_sample, one_law, sample_count
 

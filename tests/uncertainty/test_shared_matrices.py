@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.folder import store as store_module
-from brake_fenicsx.folder.shared_matrices import FILE, with_shared_matrices
 from brake_fenicsx.folder.shares import Share
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.pipeline import assemble, run
+from brake_fenicsx.uncertainty.shared_matrices import FILE, with_shared_matrices
 
 COMM = MPI.COMM_WORLD
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"

@@ -13,7 +13,6 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from brake_fenicsx.folder.store import Store
 from brake_fenicsx.pipeline import run
 
 pytestmark = pytest.mark.alone
@@ -78,29 +77,6 @@ def test_four_approaches_in_one_scene(tmp_path):
         whole = next(r for r in robust if (r["approach"], r["where"]) == (approach, "0-20000"))
         assert int(whole["samples"]) == n
         assert int(whole["squeal_samples"]) == sum(a == approach for a, _ in unstable)
-
-
-def test_laws_made_afresh_are_each_samples_own(tmp_path):
-    """Sample k makes laws k n ... k n + n - 1, whoever computes it and whatever ran before."""
-    fresh = [
-        "stages=['surface','micro','equilibrium','uncertainty']", "contact.block_plate.law=library",
-        "micro.laws=per-sample", "micro.laws_per_sample=2", "micro.pixels=16", "micro.steps=12",
-        "samples.n=3", "stability.method=full",
-    ]  # fmt: skip
-    run(BLOCK, COMM, tmp_path / "a", [*ROUGH, *fresh])
-    first = Store(tmp_path / "a").load("laws.npz")
-    assert first["seed"].tolist() == [0, 1]
-    a = [Store(tmp_path / "a").load(f"samples/multi-scale-{k:05d}.npz") for k in range(3)]
-    assert not np.array_equal(a[0]["p"], a[1]["p"])
-    (tmp_path / "a" / "samples" / "multi-scale-00002.npz").unlink()
-    run(BLOCK, COMM, tmp_path / "a", [*ROUGH, *fresh])
-    again = Store(tmp_path / "a").load("samples/multi-scale-00002.npz")
-    np.testing.assert_array_equal(again["p"], a[2]["p"])
-    whole = [*fresh, "micro.laws=6"]
-    run(BLOCK, COMM, tmp_path / "b", [*ROUGH, *whole])
-    library = Store(tmp_path / "b").load("laws.npz")
-    assert library["d"].shape[0] == 6
-    np.testing.assert_array_equal(library["d"][:2, :5], first["d"][:, :5])
 
 
 @pytest.mark.slow

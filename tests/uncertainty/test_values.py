@@ -10,10 +10,10 @@ import pytest
 
 from brake_fenicsx import model
 from brake_fenicsx.errors import InaccurateResult, SceneError
-from brake_fenicsx.folder.store import result_digest
 from brake_fenicsx.macro.brake import assemble_brake
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.scene import read_scene
+from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.stability import ContactLinearisation
 from brake_fenicsx.stability.terms import damping_terms
 from brake_fenicsx.uncertainty.sampling import draw_sample

@@ -1,0 +1,1 @@
+"""What was computed, counted: the only place that counts squeal."""

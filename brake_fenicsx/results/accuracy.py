@@ -1,0 +1,108 @@
+"""Speed beside error of the run itself: seconds and memory per stage, errors per approach."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .run import RunData
+from .tables import Columns, Value
+
+ERROR_COLUMNS = (
+    "approach", "modes", "residual_median", "residual_max", "error_median", "error_95",
+    "error_max", "condition_max",
+)  # fmt: skip
+STAGE_COLUMNS = ("stage", "seconds", "peak_memory_mb")
+SPEED_COLUMNS = (
+    "approach", "samples", "seconds_per_equilibrium", "seconds_per_stability", "error_median",
+    "error_max", "counted_by",
+)  # fmt: skip
+
+
+def error_rows(run: RunData) -> list[list[Value]]:
+    """Residuals and relative error estimates of the eigenvalues, one row per approach.
+
+    Args:
+        run: the results.
+
+    Returns:
+        Rows in the order of `ERROR_COLUMNS`; a figure that no mode has is None.
+    """
+    if run.modes is None:
+        return []
+    rows: list[list[Value]] = []
+    for approach in run.approaches:
+        mine = run.modes["approach"] == approach
+        residual, condition = run.modes["residual"][mine], run.modes["condition"][mine]
+        error = eigenvalue_errors(run.modes)[mine]
+        quantiles = [(residual, 0.5), (residual, 1.0), (error, 0.5), (error, 0.95), (error, 1.0)]
+        figures = (_quantile(values, share) for values, share in [*quantiles, (condition, 1.0)])
+        rows.append([approach, int(mine.sum()), *figures])
+    return rows
+
+
+def speed_rows(run: RunData) -> list[list[Value]]:
+    """What one sample cost and how exact it was, in the order of `SPEED_COLUMNS`.
+
+    Args:
+        run: the results; ``samples`` and ``verification`` of its summary are read.
+
+    Returns:
+        One row per approach with the solver's error estimates, and one with the true errors of the
+        samples that were solved at full order as well.
+    """
+    samples = run.summary.get("samples")
+    if not isinstance(samples, Mapping):
+        return []
+    errors = {str(row[0]): row for row in error_rows(run)}
+    rows: list[list[Value]] = []
+    for name in run.approaches:
+        about = samples.get(name, {})
+        known = [about.get(key) for key in ("good", *SPEED_COLUMNS[2:4])]
+        error = errors.get(name, [None] * len(ERROR_COLUMNS))
+        rows.append([name, *known, error[4], error[6], about.get("counted_by")])
+    checked = run.summary.get("verification")
+    if isinstance(checked, Mapping) and checked.get("samples_compared"):
+        verdicts = f"{checked.get('wrong_verdicts')} wrong of {checked.get('eigenvalues')} verdicts"
+        true = (checked.get(f"{kind}_relative_error") for kind in ("median", "largest"))
+        rows.append(
+            ["against full order", checked["samples_compared"], None, None, *true, verdicts]
+        )
+    return rows
+
+
+def eigenvalue_errors(modes: Columns) -> NDArray[np.float64]:
+    """Error estimates of the eigenvalues of a table over |lambda|; nan of rigid modes."""
+    from brake_fenicsx.stability.modes import relative_errors
+
+    s = modes["real_1_s"] + 2j * np.pi * modes["frequency_hz"]
+    return relative_errors(s, modes["error_estimate"])
+
+
+def stage_rows(summary: Mapping[str, Any]) -> list[list[Value]]:
+    """Seconds [s] and peak memory [MB] per stage, in the order of the run.
+
+    Args:
+        summary: content of ``summary.json``; the tables ``seconds`` and ``peak_memory_mb`` are
+            read, from stage to number.
+
+    Returns:
+        Rows in the order of `STAGE_COLUMNS`.
+    """
+    seconds, memory = (_numbers(summary.get(key)) for key in ("seconds", "peak_memory_mb"))
+    names = [*seconds, *(name for name in memory if name not in seconds)]
+    return [[name, seconds.get(name), memory.get(name)] for name in names]
+
+
+def _quantile(values: NDArray, share: float) -> float | None:
+    known = values[np.isfinite(values)]
+    return float(np.quantile(known, share)) if known.size else None
+
+
+def _numbers(table: object) -> dict[str, float]:
+    if not isinstance(table, Mapping):
+        return {}
+    return {str(k): float(v) for k, v in table.items() if isinstance(v, int | float)}

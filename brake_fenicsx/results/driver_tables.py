@@ -1,0 +1,122 @@
+"""drivers.csv and drivers_contact.csv: what drives the squeal modes, from stored samples.
+
+Rows of the first sample of each approach, mode by mode, and medians over all squeal modes of a
+family where the approach has several samples.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.folder.sample_files import Task
+
+from .squeal import squeals
+from .stored import Results
+from .tables import write_rows
+
+DRIVERS = (
+    "approach", "sample", "family", "mode", "frequency_hz", "alpha", "damping", "condition",
+    "parameter", "kind", "dalpha_dp_1_s", "df_dp_hz", "ddamping_dp", "trusted", "modes",
+)  # fmt: skip
+CONTACT_DRIVERS = (
+    "approach", "sample", "mode", "element", "dalpha_dlnk_1_s", "df_dlnk_hz", "friction_work",
+)  # fmt: skip
+MEDIAN = "median"
+
+
+def write_drivers(folder: Path, results: Results, threshold: float) -> None:
+    """Write both tables.
+
+    Args:
+        folder: where to.
+        results: stored samples.
+        threshold: a mode squeals where its damping lies below minus this.
+    """
+    write_rows(folder / "drivers.csv", DRIVERS, _rows(results, threshold))
+    write_rows(folder / "drivers_contact.csv", CONTACT_DRIVERS, _maps(results, threshold))
+
+
+def _squealing(data: dict[str, Any], threshold: float) -> NDArray[np.intp]:
+    """Places of the squeal modes among those that derivatives were computed for."""
+    if "driver_mode" not in data:
+        return np.zeros(0, dtype=np.intp)
+    return np.flatnonzero(squeals(data, threshold)[data["driver_mode"]])
+
+
+def _numbers(data: dict[str, Any], place: int) -> NDArray:
+    """Numbers of a mode for each parameter, shape (parameters, 8).
+
+    Frequency, alpha, damping and condition; derivatives of alpha, frequency and damping; 1 where
+    they are trusted, else 0.
+    """
+    mode = int(data["driver_mode"][place])
+    s, d = complex(data["s"][mode]), data["driver_value"][:, place]
+    damping = -2 * d.real / s.imag + 2 * s.real * d.imag / s.imag**2
+    own = [s.imag / (2 * np.pi), s.real, float(data["damping"][mode])]
+    columns = [*own, float(data["condition"][mode]), d.real, d.imag / (2 * np.pi), damping]
+    trusted = data["driver_trusted"][:, place].astype(float)
+    return np.stack([*(np.broadcast_to(c, d.shape) for c in columns), trusted], axis=1)
+
+
+def _row(numbers: NDArray, name: tuple[str, str], modes: int) -> list[Any]:
+    """Cells from the frequency on."""
+    values = [float(x) for x in numbers]
+    return [*values[:4], *name, *values[4:7], "yes" if values[7] >= 0.5 else "no", modes]
+
+
+def _names(data: dict[str, Any]) -> list[tuple[str, str]]:
+    pairs = zip(data["driver_parameter"], data["driver_kind"], strict=True)
+    return [(str(parameter), str(kind)) for parameter, kind in pairs]
+
+
+def _rows(results: Results, threshold: float) -> Iterator[list[Any]]:
+    families, first = results.families, dict(results.first())
+    for approach in dict.fromkeys(name for name, _ in results.good()):
+        own = [t for t in results.good() if t[0] == approach]
+        nominal = approach, first[approach]
+        data = results.stored[nominal]
+        for place in _squealing(data, threshold):
+            mode = int(data["driver_mode"][place])
+            for name, numbers in zip(_names(data), _numbers(data, place), strict=True):
+                place_of = [*nominal, int(families[nominal][mode]), mode]
+                yield [*place_of, *_row(numbers, name, 1)]
+        if len(own) > 1:
+            yield from _medians(results, own, threshold)
+
+
+def _medians(results: Results, tasks: list[Task], threshold: float) -> Iterator[list[Any]]:
+    """Of the modes of each family, parameters that all of them have."""
+    families = results.families
+    members: dict[int, list[dict[tuple[str, str], NDArray]]] = {}
+    for task in tasks:
+        data = results.stored[task]
+        for place in _squealing(data, threshold):
+            family = int(families[task][int(data["driver_mode"][place])])
+            rows = dict(zip(_names(data), _numbers(data, place), strict=True))
+            members.setdefault(family, []).append(rows)
+    members.pop(-1, None)
+    for family, own in sorted(members.items()):
+        for name in own[-1]:
+            if all(name in rows for rows in own):
+                each = np.array([rows[name] for rows in own])
+                median = np.r_[np.median(each[:, :7], axis=0), each[:, 7].mean()]
+                yield [tasks[0][0], MEDIAN, family, None, *_row(median, name, len(own))]
+
+
+def _maps(results: Results, threshold: float) -> Iterator[list[Any]]:
+    """Contact elements of the first samples."""
+    for task in results.first():
+        data = results.stored[task]
+        if "driver_map" not in data:
+            continue
+        for place in _squealing(data, threshold):
+            mode = int(data["driver_mode"][place])
+            pairs = zip(data["driver_map"][:, place], data["driver_work"][:, place], strict=True)
+            for element, (d, work) in enumerate(pairs):
+                values = float(d.real), float(d.imag / (2 * np.pi)), float(work)
+                yield [*task, mode, element, *values]

@@ -1,0 +1,135 @@
+"""Families: modes of different samples, runs or meshes that have the same shape.
+
+Two shapes are compared by the modal assurance criterion (MAC), 1 for the same shape, whatever its
+complex scale, and 0 for an orthogonal one (R. J. Allemang, Sound and Vibration 37(8) (2003) 14).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+
+
+# Modes of one shape have frequencies whose logarithms differ by less.
+FARTHEST = 0.3
+# Least MAC of a mode at its onset with the family that it is named after: that of a mode that is
+# made of two in equal parts, and of little else.
+RESEMBLES = 0.4
+
+
+def mac(
+    x: Complex, y: Complex, x_left: Complex | None = None, y_left: Complex | None = None
+) -> NDArray:
+    """Modal assurance criterion of every column of x with every column of y.
+
+    Args:
+        x: vectors in coordinates in which the mass is about the identity, shape (m, modes).
+        y: likewise, shape (m, others).
+        x_left: left vectors of modes that are not orthogonal; x itself if None.
+        y_left: likewise.
+
+    Returns:
+        Shape (modes, others): real, 0 of a zero vector; with left vectors complex traces of the
+        products of the modes' spectral projectors, infinite of a defective mode.
+    """
+    L, N = (x if x_left is None else x_left), (y if y_left is None else y_left)
+    own, theirs = (np.einsum("im,im->m", a.conj(), b) for a, b in ((L, x), (N, y)))
+    scale = np.outer(own, theirs)
+    tiny = np.abs(scale) < 1e-300
+    product = (L.conj().T @ y) * (N.conj().T @ x).T
+    if x_left is None and y_left is None:
+        return np.where(tiny, 0.0, product / np.where(tiny, 1.0, scale)).real
+    return np.where(tiny, np.inf, product / np.where(tiny, 1.0, scale))
+
+
+def same_families(
+    x: Complex, f: Array, y: Complex, g: Array, least: float = 0.5
+) -> list[tuple[int, int, float]]:
+    """Pairs of columns of x and y that are one mode: of largest MAC together.
+
+    Args:
+        x: vectors, shape (m, families).
+        f: their frequencies [Hz].
+        y: vectors in the same coordinates, shape (m, others).
+        g: their frequencies [Hz].
+        least: smallest MAC of a pair.
+
+    Returns:
+        Columns of x and of y, and their MAC.
+    """
+    likeness = np.where(_near(f, g), mac(x, y), 0.0)
+    pairs = zip(*linear_sum_assignment(-likeness), strict=True)
+    return [(int(i), int(j), float(likeness[i, j])) for i, j in pairs if likeness[i, j] >= least]
+
+
+def known_numbers(founders: list[Complex], known: Complex | None) -> list[int]:
+    """Number of each family: of the known one it is likest to, each given once; else a new one.
+
+    Args:
+        founders: vector of a mode of each family, shape (m, 1).
+        known: vectors of the known families, in the same coordinates, shape (m, families).
+    """
+    beyond = 0 if known is None else known.shape[1]
+    numbers = [beyond + n for n in range(len(founders))]
+    if known is None or not founders:
+        return numbers
+    anywhere = np.ones(beyond), np.ones(len(founders))
+    pairs = same_families(known, anywhere[0], np.hstack(founders), anywhere[1], RESEMBLES)
+    for i, j, _ in pairs:
+        numbers[j] = i
+    return numbers
+
+
+def _near(f: Array, g: Array) -> NDArray[np.bool_]:
+    return np.abs(np.log(g[None, :] / f[:, None])) < FARTHEST
+
+
+class ModeFamilies:
+    """Families of modes over samples, by the MAC in a common basis.
+
+    Each sample's modes are matched to the families' first members, best match first; a mode that
+    matches none founds a family.
+
+    Attributes:
+        vectors: the first member of each family, of length 1.
+        frequencies: its frequency [Hz], at least 1.
+    """
+
+    def __init__(self, least: float = 0.5):
+        """Begin without families.
+
+        Args:
+            least: smallest MAC of a match.
+        """
+        self.vectors: list[Complex] = []
+        self.frequencies: list[float] = []
+        self._least = least
+
+    def add(self, shapes: Complex, frequencies: Array) -> NDArray[np.intp]:
+        """Family of each mode of one more sample, shape (modes,).
+
+        Args:
+            shapes: the mode vectors in M-orthonormal coordinates, shape (m, modes).
+            frequencies: their frequencies [Hz], shape (modes,).
+        """
+        X = shapes / np.linalg.norm(shapes, axis=0)
+        f = np.maximum(frequencies, 1.0)
+        family = np.full(X.shape[1], -1)
+        if self.vectors:
+            near = _near(np.array(self.frequencies), f)
+            likeness = np.where(near, mac(np.array(self.vectors).T, X), 0.0)
+            for _ in range(min(likeness.shape)):
+                i, j = np.unravel_index(np.argmax(likeness), likeness.shape)
+                if likeness[i, j] < self._least:
+                    break
+                family[j] = i
+                likeness[i, :], likeness[:, j] = -1.0, -1.0
+        for j in np.flatnonzero(family < 0):
+            family[j] = len(self.vectors)
+            self.vectors.append(X[:, j].copy())
+            self.frequencies.append(float(f[j]))
+        return family

@@ -1,0 +1,317 @@
+"""Tables of a study: which input moves what, what squeals how often, how both settle.
+
+Each sample is asked whether the whole band, one part of it or one family squeals:
+
+    squeal     1 or 0
+    growth     largest real part [1/s] of the modes that squeal there, 0 if none does
+
+Any other mode counts as growth 0: without damping the real part of a stable one is zero but for
+round-off, and with damping how fast it decays says nothing about noise. Indices of growth thus
+answer for crossing the border and for the strength beyond it, those of squeal for the border alone.
+A family that has no mode in a sample does not squeal there.
+
+sensitivity.csv   first-order and total indices of every outcome for every random input
+probabilities.csv probability of squeal of every band and family, its median damping and severity
+                  (the product of both), who moves it, and the shares of the variance of its growth
+convergence.csv   the probabilities after so many samples
+
+Shares of the variance are sums of first-order indices: friction, materials, loads; what is left is
+roughness (which has its own seed in every sample) together with all interactions. Without rough
+contact it is interactions alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.scene.samples import Plan, Samples
+from brake_fenicsx.uncertainty.designs import RIGID
+
+from .run import RunData
+from .sensitivity import Indices, indices
+from .statistics import rank_correlation, wilson
+from .tables import write_rows
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+Array = NDArray[np.float64]
+
+MOST_FAMILIES = 20  # looked at, the most severe first
+
+WHERE = ("approach", "threshold", "scope", "where", "frequency_hz")
+SENSITIVITY = (
+    *WHERE, "outcome", "input", "first", "first_low", "first_high", "total", "total_low",
+    "total_high", "method", "samples", "filled",
+)  # fmt: skip
+SHARES = {"friction": "contact.", "materials": "materials.", "loads": "loads."}
+PROBABILITIES = (
+    *WHERE, "samples", "squeal_samples", "probability", "low", "high", "median_damping", "severity",
+    "above_limit", "dominant_input", "correlation", "correlation_low", "correlation_high",
+    *(f"share_{name}" for name in SHARES), "share_rest",
+)  # fmt: skip
+CONVERGENCE = (*WHERE, "samples", "probability", "low", "high")
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """One thing that may happen in every sample of an approach.
+
+    Attributes:
+        scope: "band" or "family".
+        where: "low-high" of the band [Hz], or the number of the family.
+        frequency: middle of the band, or mean frequency of the family's squeal modes [Hz].
+        growth: largest real part where it squeals, else 0 [1/s], shape (samples,).
+        damping: lowest damping where it squeals, else 0 [-], shape (samples,).
+    """
+
+    scope: str
+    where: str
+    frequency: float
+    growth: Array
+    damping: Array
+
+    @classmethod
+    def of(
+        cls, scope: str, where: str, frequency: float, loud: pd.DataFrame, samples: Array
+    ) -> Outcome:
+        """From the modes that squeal there, in samples of some numbers."""
+        each = loud.groupby("sample")
+        growth, damping = (
+            column.reindex(samples, fill_value=0.0).to_numpy(float)
+            for column in (each.real_1_s.max(), each.damping.min())
+        )
+        return cls(scope, where, frequency, growth, damping)
+
+    @property
+    def squeal(self) -> Array:
+        """1 where it squeals, else 0."""
+        return (self.growth > 0).astype(float)
+
+    @property
+    def median_damping(self) -> float | None:
+        """Median of the damping where it squeals; None where it never does."""
+        own = self.damping[self.growth > 0]
+        return float(np.median(own)) if own.size else None
+
+
+@dataclass(frozen=True, slots=True)
+class Ensemble:
+    """Samples of one approach: inputs and outcomes.
+
+    Attributes:
+        approach: its name.
+        names: random inputs.
+        x: their values, shape (samples, inputs); nan where a sample failed.
+        good: samples that ended well, shape (samples,).
+        outcomes: bands, the whole one first, then families, the most severe first.
+        threshold: a mode squeals where its damping lies below minus this.
+        indices: of the growth of each outcome, by scope and place, once they are computed.
+    """
+
+    approach: str
+    names: tuple[str, ...]
+    x: Array
+    good: NDArray[np.bool_]
+    outcomes: tuple[Outcome, ...]
+    threshold: float = 0.0
+    indices: dict[tuple[str, str], Indices] = field(default_factory=dict)
+
+
+def ensembles(run: RunData, band: Sequence[float]) -> list[Ensemble]:
+    """Approaches of a run that have several samples with modes.
+
+    Args:
+        run: its samples and modes.
+        band: the scene's band [Hz].
+    """
+    table, found = run.samples or {}, []
+    for approach in dict.fromkeys(map(str, table["approach"])):
+        own = table["approach"] == approach
+        numbers, good = table["sample"][own], table["status"][own] == "ok"
+        if len(numbers) < 2 or not good.any():
+            continue
+        # Random inputs have the dotted keys of the scene; another approach may have more of them.
+        inputs = {name: column[own] for name, column in table.items() if "." in name}
+        names = sorted(name for name, x in inputs.items() if np.isfinite(x).any())
+        x = np.array([inputs[name] for name in names], float).T.reshape(good.size, len(names))
+        outcomes = tuple(_outcomes(run, approach, band, numbers))
+        found.append(Ensemble(approach, tuple(names), x, good, outcomes, run.threshold))
+    return found
+
+
+def _outcomes(
+    run: RunData, approach: str, band: Sequence[float], samples: Array
+) -> Iterator[Outcome]:
+    """The whole band, its parts, and the most severe families."""
+    table, loud = run.squeal, run.squeal.squeal_modes(approach)
+    place, edges = table.bands(approach), table.edges
+    whole = f"{band[0]:.0f}-{band[1]:.0f}"
+    yield Outcome.of("band", whole, 0.5 * (band[0] + band[1]), loud, samples)
+    for j, (low, high) in enumerate(pairwise(map(float, edges))):
+        where = f"{low:.0f}-{high:.0f}"
+        yield Outcome.of("band", where, 0.5 * (low + high), loud[place == j], samples)
+    known = [f for f in table.families(approach) if f.key >= 0]
+    for f in known[:MOST_FAMILIES]:
+        own = table.squeal_modes(approach, f.key)
+        yield Outcome.of("family", str(f.key), f.frequency, own, samples)
+
+
+def write_causes(folder: Path, samples: Samples, found: Sequence[Ensemble]) -> dict[str, Any]:
+    """Write the three tables; sensitivity.csv only where some approach has random inputs.
+
+    Args:
+        folder: the results folder.
+        samples: the scene's [samples].
+        found: samples of each approach.
+
+    Returns:
+        Figures for the summary.
+    """
+    write_rows(folder / "probabilities.csv", PROBABILITIES, probability_rows(samples, found))
+    write_rows(folder / "convergence.csv", CONVERGENCE, convergence_rows(samples, found))
+    if any(e.names for e in found):
+        write_rows(folder / "sensitivity.csv", SENSITIVITY, sensitivity_rows(samples, found))
+    return probability_facts(samples, found)
+
+
+def _place(e: Ensemble, o: Outcome) -> list[Any]:
+    return [e.approach, e.threshold, o.scope, o.where, o.frequency]
+
+
+def _plan(samples: Samples, e: Ensemble) -> Plan:
+    return samples.plan(e.approach)
+
+
+def _indices(samples: Samples, e: Ensemble, y: Array) -> Indices:
+    return indices(_plan(samples, e), e.x, y, e.good)
+
+
+def _growth_indices(samples: Samples, e: Ensemble, o: Outcome) -> Indices:
+    """Two tables need them, and their intervals take most of the time of both."""
+    key = o.scope, o.where
+    if key not in e.indices:
+        e.indices[key] = _indices(samples, e, o.growth)
+    return e.indices[key]
+
+
+def sensitivity_rows(samples: Samples, found: Sequence[Ensemble]) -> Iterator[list[Any]]:
+    """Rows of sensitivity.csv; outcomes that never change have none.
+
+    Args:
+        samples: the scene's [samples].
+        found: samples of each approach.
+    """
+    for e in found:
+        for o in e.outcomes:
+            for name, y in (("growth", o.growth), ("squeal", o.squeal)):
+                if not e.names or np.ptp(y[e.good]) == 0:
+                    continue
+                x = _growth_indices(samples, e, o) if name == "growth" else _indices(samples, e, y)
+                for i, key in enumerate(e.names):
+                    first = _interval(x.first[i], x.first_half[i])
+                    total = _interval(x.total[i], x.total_half[i])
+                    counts = [x.method, x.used, x.filled]
+                    yield [*_place(e, o), name, key, *first, *total, *counts]
+
+
+def _interval(value: float, half: float) -> list[float | None]:
+    """Value and interval; empty cells where there is none."""
+    numbers = (value, value - half, value + half)
+    return [float(v) if np.isfinite(v) else None for v in numbers]
+
+
+def probability_rows(samples: Samples, found: Sequence[Ensemble]) -> Iterator[list[Any]]:
+    """Rows of probabilities.csv.
+
+    ``above_limit`` says whether the probability lies above ``samples.limit``: yes or no where its
+    whole interval does, else open. ``dominant_input`` is the input with the strongest rank
+    correlation with squeal; a negative one means that larger values make stable.
+
+    Args:
+        samples: the scene's [samples].
+        found: samples of each approach.
+    """
+    for e in found:
+        for o in e.outcomes:
+            hits = o.squeal[e.good]
+            share = wilson(int(hits.sum()), hits.size)
+            above = (
+                "yes" if share.low > samples.limit else "no" if share.high < samples.limit
+                else "open"
+            )  # fmt: skip
+            yield [
+                *_place(e, o), share.n, share.hits, share.value, share.low, share.high,
+                o.median_damping, share.value * abs(o.median_damping or 0.0), above,
+                *_dominant_input(e, hits),
+                *_shares(_growth_indices(samples, e, o), e),
+            ]  # fmt: skip
+
+
+def _dominant_input(e: Ensemble, hits: Array) -> list[Any]:
+    best: list[Any] = [None, None, None, None]
+    for i, name in enumerate(e.names):
+        c = rank_correlation(e.x[e.good, i], hits)
+        if np.isfinite(c.rho) and (best[0] is None or abs(c.rho) > abs(best[1])):
+            best = [name, c.rho, c.low, c.high]
+    return best
+
+
+def _shares(x: Indices, e: Ensemble) -> list[float | None]:
+    """Shares of the variance by kind of input, and the rest."""
+    if not e.names or not np.isfinite(x.first).all():
+        return [None] * (len(SHARES) + 1)
+    own = [[n.startswith(start) for n in e.names] for start in SHARES.values()]
+    shares = [float(x.first[np.array(chosen)].sum()) for chosen in own]
+    return [*shares, 1.0 - sum(shares)]
+
+
+def convergence_rows(samples: Samples, found: Sequence[Ensemble]) -> Iterator[list[Any]]:
+    """Rows of convergence.csv: the first samples, twice as many, ...
+
+    Rigid designs have no such beginnings: their samples mean something only all together.
+    """
+    for e in found:
+        rigid = bool(e.names) and _plan(samples, e).design in RIGID
+        for o in e.outcomes:
+            for n in [e.good.size] if rigid else _beginnings(e.good.size):
+                hits = o.squeal[:n][e.good[:n]]
+                share = wilson(int(hits.sum()), hits.size)
+                value = share.value if share.n else None
+                yield [*_place(e, o), share.n, value, share.low, share.high]
+
+
+def _beginnings(n: int) -> list[int]:
+    """10, 20, 40, ... and all."""
+    found = []
+    m = 10
+    while m < n:
+        found.append(m)
+        m *= 2
+    return [*found, n]
+
+
+def probability_facts(samples: Samples, found: Sequence[Ensemble]) -> dict[str, Any]:
+    """Figures for the summary."""
+    facts: dict[str, Any] = {
+        "stable_modes": "count as growth 0 in every index",
+        "limit": samples.limit,
+    }
+    for e in found:
+        rows = [o for o in e.outcomes if o.scope == "family"]
+        above = [o.where for o in rows if o.squeal[e.good].mean() > samples.limit]
+        whole = e.outcomes[0].squeal[e.good]
+        share = wilson(int(whole.sum()), whole.size)
+        facts[e.approach] = {
+            "threshold": e.threshold,
+            "probability_of_any": share.value, "interval": [share.low, share.high],
+            "families_above_limit": above,
+        }  # fmt: skip
+    return facts

@@ -1,0 +1,232 @@
+"""Squeal of a run as one table, from which every count, rank and share follows.
+
+A mode squeals where it is unstable and its damping lies below minus the threshold of the scene. A
+family is the same mode recognised in many samples; squeal modes of no family are gathered by
+frequency. Families are ranked by severity: the share of samples in which the family squeals, times
+the median of its damping there. Samples that failed do not count.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .statistics import Share, wilson
+from .tables import MODES, TEXT, Columns
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+WIDTH = 200.0  # [Hz] of the bands that gather squeal modes of no family
+MOST_BANDS = 20  # bands of frequency in which probabilities are given
+
+T = TypeVar("T")
+
+
+def squeals(modes: Mapping[str, Any], threshold: float) -> Any:
+    """Which modes count as squeal: unstable, and the damping below minus the threshold."""
+    return (modes["verdict"] == "unstable") & (modes["damping"] < -threshold)
+
+
+@dataclass(frozen=True, slots=True)
+class ApproachCount:
+    """Counts of one approach over its samples that ended well.
+
+    Attributes:
+        approach: its name.
+        samples: samples that ended well.
+        failed: samples that ended in an error.
+        modes: modes in the band, all samples.
+        unstable: unstable modes, all samples.
+        neutral: modes of which the computation cannot tell, all samples.
+        squeal: modes that squeal, all samples.
+        squeal_samples: samples with at least one mode that squeals.
+        per_sample: squeal modes of each sample, shape (samples,), in the order of the samples.
+    """
+
+    approach: str
+    samples: int
+    failed: int
+    modes: int
+    unstable: int
+    neutral: int
+    squeal: int
+    squeal_samples: int
+    per_sample: NDArray
+
+
+@dataclass(frozen=True, slots=True)
+class Family:
+    """One family of squeal modes.
+
+    Attributes:
+        approach: its approach.
+        key: number of the family; below zero one for each band of modes of no family.
+        frequency: mean frequency of its squeal modes [Hz].
+        spread: standard deviation of that frequency [Hz].
+        share: share of samples in which it squeals.
+        median: median over those samples of the lowest damping in each [-].
+        worst: lowest damping (most unstable) [-].
+    """
+
+    approach: str
+    key: int
+    frequency: float
+    spread: float
+    share: Share
+    median: float
+    worst: float
+
+    @property
+    def number(self) -> int:
+        """Number of the family; -1 for modes of no family."""
+        return max(self.key, -1)
+
+    @property
+    def severity(self) -> float:
+        """Share of samples that squeal, times their median damping without its sign."""
+        return self.share.value * abs(self.median)
+
+
+@dataclass(frozen=True, slots=True)
+class ModeKey:
+    """One mode of the tables: approach, sample, mode, frequency [Hz], damping [-], its family."""
+
+    approach: str
+    sample: int
+    mode: int
+    frequency: float
+    damping: float
+    family: Family
+
+
+class SquealTable:
+    """Samples that ended well, their modes, and which of these squeal; tables have pandas' form."""
+
+    def __init__(self, modes: Columns | None, samples: Columns | None, threshold: float):
+        """Take the tables of a run.
+
+        Args:
+            modes: columns of modes.csv; there are none if None.
+            samples: columns of samples.csv; without it the samples are those that have modes.
+            threshold: a mode squeals where its damping lies below minus this.
+        """
+        import pandas as pd
+
+        if modes is None:
+            modes = {name: np.empty(0, str if name in TEXT else float) for name in MODES}
+        self.threshold = threshold
+        self._modes = pd.DataFrame(modes)
+        if samples is None:
+            self._samples = self._modes[["approach", "sample"]].drop_duplicates()
+            self._samples["status"] = "ok"
+        else:
+            self._samples = pd.DataFrame({n: samples[n] for n in ("approach", "sample", "status")})
+        self._known: dict[tuple[str, ...], Any] = {}
+
+    def _once(self, key: tuple[str, ...], make: Callable[[], T]) -> T:
+        if key not in self._known:
+            self._known[key] = make()
+        return self._known[key]
+
+    def good(self, approach: str) -> NDArray[np.int64]:
+        """Numbers of the samples that ended well, ascending."""
+        own = self._samples[self._samples.approach == approach]
+        return np.unique(own["sample"][own.status == "ok"]).astype(np.int64)
+
+    def modes(self, approach: str) -> pd.DataFrame:
+        """All modes of the samples that ended well, with the columns of modes.csv."""
+
+        def chosen() -> pd.DataFrame:
+            own = self._modes[self._modes.approach == approach]
+            return own[own["sample"].isin(self.good(approach))].reset_index(drop=True)
+
+        return self._once(("modes", approach), chosen)
+
+    def squeal_modes(self, approach: str, family: int | None = None) -> pd.DataFrame:
+        """Modes that squeal, with the column ``key`` of their family beside those of modes.csv.
+
+        Args:
+            approach: name of the approach.
+            family: key of one family; all of them if None.
+        """
+
+        def chosen() -> pd.DataFrame:
+            modes = self.modes(approach)
+            loud = modes[squeals(modes, self.threshold)].reset_index(drop=True)
+            band = -1 - (loud.frequency_hz // WIDTH).astype(int)
+            return loud.assign(key=loud.family.where(loud.family >= 0, band).astype(int))
+
+        loud = self._once(("squeal", approach), chosen)
+        return loud if family is None else loud[loud.key == family].reset_index(drop=True)
+
+    def count(self, approach: str) -> ApproachCount:
+        """Count samples, modes, and modes that are unstable or squeal, of one approach."""
+        good, modes, loud = self.good(approach), self.modes(approach), self.squeal_modes(approach)
+        per_sample = loud.groupby("sample").size().reindex(good, fill_value=0).to_numpy()
+        return ApproachCount(
+            approach, good.size, int((self._samples.approach == approach).sum()) - good.size,
+            len(modes), int((modes.verdict == "unstable").sum()),
+            int((modes.verdict == "neutral").sum()), len(loud), int(np.count_nonzero(per_sample)),
+            per_sample,
+        )  # fmt: skip
+
+    def families(self, approach: str) -> list[Family]:
+        """Families with at least one mode that squeals, the most severe first."""
+
+        def ranked() -> list[Family]:
+            loud, n = self.squeal_modes(approach), self.good(approach).size
+            found = []
+            for key, own in loud.groupby("key"):
+                f, lowest = own.frequency_hz, own.groupby("sample").damping.min()
+                numbers = float(f.mean()), float(f.std(ddof=0)), wilson(lowest.size, n)
+                ends = float(lowest.median()), float(lowest.min())
+                found.append(Family(approach, int(key), *numbers, *ends))
+            return sorted(found, key=lambda r: (-r.severity, r.frequency))
+
+        return self._once(("families", approach), ranked)
+
+    def representatives(self, approach: str, most: int = 4) -> list[ModeKey]:
+        """Of each of the most severe families, at most ``most``, the squeal mode of median damping.
+
+        These are the modes that are drawn.
+        """
+        chosen = []
+        for family in self.families(approach)[:most]:
+            own = self.squeal_modes(approach, family.key).sort_values("damping", kind="stable")
+            row = own.iloc[len(own) // 2]
+            numbers = int(row["sample"]), int(row["mode"])
+            values = float(row["frequency_hz"]), float(row["damping"])
+            chosen.append(ModeKey(approach, *numbers, *values, family))
+        return chosen
+
+    @property
+    def edges(self) -> NDArray[np.float64]:
+        """Edges [Hz] of equal frequency bands over all modes: at most 20, of a round width."""
+        top = float(self._modes.frequency_hz.max()) if len(self._modes) else 1.0
+        decades = 10.0 ** np.arange(-3, 7)[:, None] * np.array([1.0, 2.0, 5.0])
+        width = float(decades[decades * MOST_BANDS >= top].min())
+        return width * np.arange(int(np.ceil(top / width * (1 - 1e-12))) + 1)
+
+    def bands(self, approach: str) -> NDArray[np.intp]:
+        """Band of each squeal mode, between the edges; the last one includes its upper edge."""
+        edges = self.edges
+        place = np.searchsorted(edges, self.squeal_modes(approach).frequency_hz, side="right") - 1
+        return np.clip(place, 0, len(edges) - 2)
+
+    def share_per_band(self, approach: str) -> list[Share]:
+        """Share of samples with a squeal mode in each band."""
+        hits = self.squeal_modes(approach)["sample"].groupby(self.bands(approach)).nunique()
+        hits = hits.reindex(range(len(self.edges) - 1), fill_value=0)
+        n = self.good(approach).size
+        return [wilson(int(k), n) for k in hits]
+
+
+def least_damped(modes: pd.DataFrame) -> pd.DataFrame:
+    """Of some modes that of lowest damping in each sample, by number of the sample."""
+    known = modes.dropna(subset="damping")
+    return known.loc[known.groupby("sample").damping.idxmin()].set_index("sample")

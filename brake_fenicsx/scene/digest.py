@@ -1,0 +1,81 @@
+"""What results depend on: hashes of a scene for its folder, and keys of what scenes share."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+from brake_fenicsx import __version__
+from brake_fenicsx.folder.files import digest
+from brake_fenicsx.scene import Law, Scene
+from brake_fenicsx.scene.files import file_digests
+from brake_fenicsx.scene.scalars import changes_bodies
+
+# Format of laws and samples on disk: what older programs wrote is not read as current.
+FORMAT = 3
+
+# Sections whose numbers change no result of a sample, or of which only some do.
+NO_RESULT = ("stages", "samples", "sweep", "countermeasures")
+
+# Keys of an interface that mesh, matrices and contact elements do not depend on.
+_LAWS = ("law", "gap", "friction", "friction_in_equilibrium")
+
+
+def result_digest(scene: Scene) -> str:
+    """Hash of all that the results of a sample depend on."""
+    left_out = ("n", "approaches", "limit")
+    samples = {k: v for k, v in scene.table.get("samples", {}).items() if k not in left_out}
+    table = {k: v for k, v in scene.table.items() if k not in NO_RESULT}
+    # What counts as squeal changes no result of a sample.
+    if "stability" in table:
+        table["stability"] = {k: v for k, v in table["stability"].items() if k != "threshold"}
+    # The reduced model of all samples reaches over the values of a sweep that changes the bodies.
+    swept = scene.sweep.parameters if scene.sweep else {}
+    if changing := {k: r.points for k, r in swept.items() if changes_bodies(scene, k)}:
+        table["sweep"] = changing
+    content = {**table, "samples": samples, "files": file_digests(scene), "format": FORMAT}
+    s = scene.samples
+    # The points of a design belong together; parametric and joint take the inputs from multi-scale.
+    whole = [s.plan(a) for a in s.approaches if s.takes_random(a) and not s.plan(a).grows]
+    if whole:
+        content["designs"] = [[p.n, p.design, p.curves] for p in whole]
+    if s.random and {"parametric", "joint"} & {*s.approaches}:
+        content["multi-scale"] = "roughness alone"
+    if measured := {name: d.digest for name, d in s.random.items() if d.digest}:
+        content["measured"] = measured
+    laws = {n: c.law.steps for n, c in scene.contact.items() if isinstance(c.law, Law)}
+    if laws := {n: steps for n, steps in laws.items() if steps}:
+        content["laws"] = laws
+    return digest(content)
+
+
+def bodies_key(scene: Scene) -> dict[str, Any]:
+    """Key of the bodies: what mesh, matrices and contact elements of a scene depend on."""
+    names = ("parts", "mesh", "materials", "supports", "springs", "masses")
+    out: dict[str, Any] = {name: scene.table.get(name) for name in names}
+    if "ties" in scene.table:
+        out["ties"] = scene.table["ties"]
+    out["contact"] = {
+        name: {k: v for k, v in table.items() if k not in _LAWS}
+        for name, table in scene.table.get("contact", {}).items()
+    }
+    out["loads"] = [
+        face if load.pressure is not None else [face, load.force, load.moment, load.displacement]
+        for face, load in sorted(scene.loads.items())
+    ]
+    out["motion"] = {k: v for k, v in scene.table.get("motion", {}).items() if k != "speed"}
+    out["files"] = _files(scene, "mesh.", "parts.")
+    versions = (getattr(sys.modules.get(name), "__version__", "") for name in ("dolfinx", "gmsh"))
+    return {**out, "versions": [__version__, *map(str, versions)]}
+
+
+def laws_key(scene: Scene) -> dict[str, Any]:
+    """Key of the laws: what the laws of a scene depend on."""
+    surface = scene.table.get("surface")
+    out = {"surface": surface, "micro": scene.table.get("micro"), "versions": [__version__, FORMAT]}
+    out["patch"] = scene.micro.patch if scene.micro else None  # that of the mesh as a length
+    return {**out, "files": _files(scene, "surface.")}
+
+
+def _files(scene: Scene, *sections: str) -> dict[str, str]:
+    return {key: d for key, d in file_digests(scene).items() if key.startswith(sections)}

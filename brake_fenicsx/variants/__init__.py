@@ -1,0 +1,1 @@
+"""A scene against changed scenes: two runs, countermeasures, settings of the computation."""

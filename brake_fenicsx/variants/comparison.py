@@ -1,0 +1,161 @@
+"""Two runs compared: families matched by shape, change of probability, frequency and damping.
+
+The interval of a change is that of paired shares where both runs have samples of the same random
+numbers, and of independent ones elsewhere. Approaches of a single sample have no interval: nothing
+of them is left to chance.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.results.families import same_families
+from brake_fenicsx.results.run import RunData, read_run
+from brake_fenicsx.results.statistics import difference
+from brake_fenicsx.results.tables import Value
+
+Row = dict[str, Value]
+Shapes = dict[str, NDArray]
+
+COLUMNS = (
+    "approach", "family_a", "family_b", "mac", "frequency_a_hz", "frequency_b_hz", "samples_a",
+    "samples_b", "probability_a", "probability_b", "change", "change_low", "change_high", "paired",
+    "median_damping_a", "median_damping_b",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Side:
+    """A family in one run.
+
+    Attributes:
+        number: of the family; None for all modes together, and where the run has no such family.
+        squeal: whether it squeals in each sample that ended well.
+        frequency: mean over its squeal modes [Hz]; None where there are none.
+        damping: median of the lowest one in each sample in which it squeals [-]; likewise.
+    """
+
+    number: int | None
+    squeal: NDArray[np.bool_]
+    frequency: float | None = None
+    damping: float | None = None
+
+
+def compare_runs(
+    a: str | Path | RunData, b: str | Path | RunData, may_pair: bool = True
+) -> list[Row]:
+    """Rows of the comparison, with the columns COLUMNS; all modes together first.
+
+    Args:
+        a: results folder of the first run, or its results.
+        b: of the second one.
+        may_pair: False where samples of the same seed are known to have other laws or gaps.
+
+    Raises:
+        SceneError: a folder holds no modes, or the runs have no approach in common.
+    """
+    one, two = read_run(a), read_run(b)
+    for run in (one, two):
+        if run.modes is None or run.samples is None:
+            raise SceneError(
+                f"{run.directory}: contains no modes; run the scene with stability first"
+            )
+    common = [name for name in one.approaches if name in two.approaches]
+    if not common:
+        raise SceneError(
+            f"{one.directory}, {two.directory}: no approach in common"
+            f" ({', '.join(one.approaches)}; {', '.join(two.approaches)})"
+        )
+    rows = []
+    for approach in common:
+        paired = may_pair and _paired(one, two, approach)
+        rows.append(_row(approach, _side(one, approach), _side(two, approach), None, paired))
+        rows += [_row(approach, *pair, paired) for pair in _matched(one, two, approach)]
+    return rows
+
+
+def _paired(one: RunData, two: RunData, approach: str) -> bool:
+    """Whether both runs have samples with the same random numbers."""
+    seeds = []
+    for table in (one.samples, two.samples):
+        if table is None:
+            return False
+        own = (table["approach"] == approach) & (table["status"] == "ok")
+        seeds.append((list(table["sample"][own]), list(table["seed"][own])))
+    return seeds[0] == seeds[1] and len(seeds[0][0]) > 1
+
+
+def _side(run: RunData, approach: str, family: int | None = None) -> Side:
+    """A family of a run, or all modes together."""
+    loud = run.squeal.squeal_modes(approach, family)
+    squeal = np.isin(run.squeal.good(approach), loud["sample"])
+    if not len(loud):
+        return Side(family, squeal)
+    lowest = loud.groupby("sample").damping.min()
+    return Side(family, squeal, float(loud.frequency_hz.mean()), float(lowest.median()))
+
+
+def _matched(one: RunData, two: RunData, approach: str) -> list[tuple[Side, Side, float | None]]:
+    """Pairs of families that are the same mode; one that a run lacks does not squeal there."""
+    first, second = (
+        sorted(f.key for f in run.squeal.families(approach) if f.key >= 0) for run in (one, two)
+    )
+    a, b = ([_side(run, approach, n) for n in own] for run, own in ((one, first), (two, second)))
+    shapes, pairs = (_shapes(one), _shapes(two)), []
+    if first and second and shapes[0] is not None and shapes[1] is not None:
+        X, Y = _at_common_nodes(shapes[0], first, shapes[1], second)
+        f, g = (np.array([side.frequency for side in own], float) for own in (a, b))
+        pairs = same_families(X, f, Y, g)
+    rows: list[tuple[Side, Side, float | None]] = [(a[i], b[j], mac) for i, j, mac in pairs]
+    silent = [Side(None, np.zeros(run.squeal.good(approach).size, bool)) for run in (one, two)]
+    rows += [(s, silent[1], None) for i, s in enumerate(a) if i not in {p[0] for p in pairs}]
+    rows += [(silent[0], s, None) for j, s in enumerate(b) if j not in {p[1] for p in pairs}]
+    return sorted(rows, key=lambda row: row[0].frequency or row[1].frequency or 0.0)
+
+
+def _shapes(run: RunData) -> Shapes | None:
+    path = run.directory / "shapes.npz"
+    if not path.is_file():
+        return None
+    with np.load(path, allow_pickle=False) as data:
+        return {name: data[name] for name in data.files}
+
+
+def _at_common_nodes(
+    one: Shapes, first: list[int], two: Shapes, second: list[int]
+) -> tuple[NDArray, NDArray]:
+    """Shapes of families at those nodes of the first run that the second one has too."""
+    size = np.ptp(one["points"], axis=0).max()
+    places = [np.column_stack([s["points"], s["body"]]) for s in (one, two)]
+    distance, nearest = KDTree(places[1]).query(places[0])
+    near = distance <= 0.05 * size
+    X, Y = _vectors(one, first)[:, near], _vectors(two, second)[:, nearest[near]]
+    return X.reshape(len(X), -1).T, Y.reshape(len(Y), -1).T
+
+
+def _vectors(shapes: Shapes, numbers: list[int]) -> NDArray[np.complex128]:
+    """Shapes of some families; zero where one was not kept."""
+    kept = {int(n): i for i, n in enumerate(shapes["families"])}
+    out = np.zeros((len(numbers), *shapes["shapes"].shape[1:]), complex)
+    for row, number in enumerate(numbers):
+        if number in kept:
+            out[row] = shapes["shapes"][kept[number]]
+    return out
+
+
+def _row(approach: str, a: Side, b: Side, mac: float | None, paired: bool) -> Row:
+    """One line of the comparison."""
+    change, low, high = difference(a.squeal, b.squeal, paired and a.squeal.size == b.squeal.size)
+    chance = max(a.squeal.size, b.squeal.size) > 1
+    cells = (
+        approach, a.number, b.number, mac, a.frequency, b.frequency, a.squeal.size, b.squeal.size,
+        float(a.squeal.mean()), float(b.squeal.mean()), change, low if chance else None,
+        high if chance else None, "yes" if paired else "no", a.damping, b.damping,
+    )  # fmt: skip
+    return dict(zip(COLUMNS, cells, strict=True))

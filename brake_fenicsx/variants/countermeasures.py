@@ -1,0 +1,381 @@
+"""What would stop the squeal: the smallest change of each countermeasure, verified by a run.
+
+The worst family of the rough samples is the one that squeals in most of them. A change is enough
+where it squeals in at most 5 % of the samples.
+"""
+
+from __future__ import annotations
+
+import gc
+import json
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+from mpi4py import MPI
+
+import numpy as np
+
+from brake_fenicsx.errors import BrakeError, SceneError, StorageError
+from brake_fenicsx.folder.files import digest
+from brake_fenicsx.folder.log import logger
+from brake_fenicsx.folder.processes import on_first
+from brake_fenicsx.folder.store import Store
+from brake_fenicsx.macro.brake import check_brake
+from brake_fenicsx.model import Model, prepare
+from brake_fenicsx.report.blocks import Table, Text
+from brake_fenicsx.results.run import read_run
+from brake_fenicsx.results.statistics import Share, wilson
+from brake_fenicsx.results.tables import Value, text_table, write_rows
+from brake_fenicsx.scene import read_scene
+from brake_fenicsx.scene.countermeasures import Countermeasure
+from brake_fenicsx.scene.digest import result_digest
+from brake_fenicsx.scene.samples import is_constant, split_key
+from brake_fenicsx.scene.scalars import changes_bodies
+from brake_fenicsx.scene.sweep import ROUGH
+from brake_fenicsx.scene.units import quantity_text
+from brake_fenicsx.uncertainty.inputs import law_material, scaled_interfaces
+
+from .compare import write_comparison
+from .comparison import compare_runs
+from .page import Line, Row, page_of_changes, picture_of, with_interval
+from .runs import Runs
+from .smallest_change import MOST, Change, enough, smallest_change
+from .trial import Trial, Worst, worst_family
+
+# Values tried from the scene's one outward, and accuracy of the smallest change relative to the
+# whole range: on one prepared brake, and where each value needs a brake of its own.
+ONE_BRAKE, MANY_BRAKES = (8, 0.01), (3, 0.1)
+
+OUTCOMES = "outcomes.json"
+COLUMNS = (
+    "rank", "key", "value_scene", "value_to", "unit", "first_order", "smallest_value",
+    "share_before", "share_after", "share_after_low", "share_after_high", "any_before",
+    "any_after", "verified", "note",
+)  # fmt: skip
+HEADS = (
+    "rank", "key of the scene", "value now", "acceptable limit",
+    "change of damping up to the limit, first order", "smallest sufficient value",
+    "worst family: samples that squeal now", "after the change (95 % interval)",
+    "any family: now", "after the change", "verified by a run", "note",
+)  # fmt: skip
+
+T = TypeVar("T")
+
+
+class Search:
+    """Countermeasures of a scene: its runs and trials, and what is known so far.
+
+    Attributes:
+        scene: the scene.
+        runs: the runs that verify.
+        approach: rough approach whose samples are looked at.
+        found: first-order effect and smallest change of each countermeasure, by its key.
+    """
+
+    def __init__(
+        self, scene: str | Path, comm: MPI.Comm, folder: Path, overrides: Sequence[str],
+        cache: str | Path | None,
+    ):  # fmt: skip
+        """Read the scene and what an earlier call found; nothing is written.
+
+        Raises:
+            SceneError: the scene is wrong or names no countermeasures, or the folder holds others.
+        """
+        self.scene = read_scene(scene, overrides)
+        self.runs = Runs(scene, comm, folder, [*overrides, "countermeasures=[]"], cache)
+        self._one_brake: Model | None = None
+        named = self.scene.countermeasures
+        if not named:
+            raise SceneError(
+                f"{self.scene.file}: countermeasures: there are none; write [[countermeasures]]"
+                ' with key = "contact.NAME.friction" and to = 0.3, for example'
+            )
+        for c in named:
+            try:
+                check_brake(self.runs.read([c.override(self.scene, c.stop)]), comm)
+            except SceneError as error:
+                raise SceneError(f"{error} (countermeasures.key = {c.key!r}, to)") from None
+        self._own_brake = {c.key for c in named if self._needs_own_brake(c)}
+        samples, stability = self.scene.samples, self.scene.stability
+        self.approach = next(a for a in ROUGH if a in samples.approaches)
+        about = [
+            self.approach, samples.plan(self.approach).n,
+            stability.threshold if stability else 0.0,
+        ]  # fmt: skip
+        ends = [[c.key, c.start, c.stop] for c in named]
+        self._mark = digest([result_digest(self.scene), *about, ends])
+        self.found: dict[str, dict[str, Any]] = on_first(self._stored, comm)
+
+    def _stored(self) -> dict[str, dict[str, Any]]:
+        folder, remedy = self.runs.folder, "choose another folder with -o"
+        path = folder / OUTCOMES
+        if not path.is_file():
+            there = {p.name for p in folder.glob("[!.]*")}
+            if there and "before" not in there:
+                raise SceneError(
+                    f"-o {folder}: contains {min(there)!r} and no countermeasures; {remedy}"
+                )
+            return {}
+        try:
+            stored = json.loads(path.read_text(encoding="utf-8"))
+        except ValueError:
+            raise SceneError(f"{path}: damaged; remove it, and the search begins again") from None
+        if stored["mark"] != self._mark:
+            raise SceneError(
+                f"-o {folder}: contains countermeasures of another scene or others of this one;"
+                f" {remedy}"
+            )
+        return dict(stored["found"])
+
+    def keep(self, c: Countermeasure, **found: Any) -> None:
+        """Store what is known of a countermeasure."""
+        self.found[c.key] = {**self.found.get(c.key, {}), **found}
+        if self.runs.comm.rank == 0:
+            content = {"mark": self._mark, "found": self.found}
+            Store(self.runs.folder).save_json(OUTCOMES, content)
+
+    def _needs_own_brake(self, c: Countermeasure) -> bool:
+        """Whether the samples of one brake cannot have several values of a number.
+
+        So it is with the mesh; and with constants of the material behind computed laws, which scale
+        the laws in samples of one brake, and do not in the scene.
+        """
+        if not c.is_scalar or not is_constant(c.key):
+            return not c.is_scalar
+        names = scaled_interfaces(self.scene)
+        return split_key(c.key)[1] in {law_material(self.scene, name) for name in names}
+
+    def trial(self, c: Countermeasure, worst: Worst, x: float) -> Trial:
+        """Samples that have a value, of a brake of its own if it needs one; collective."""
+        if c.key in self._own_brake:
+            model = self._prepared([c.override(self.scene, x)], {})
+            return Trial(model.study, worst, self.runs.comm)
+        if self._one_brake is None:
+            together = [q for q in self.scene.countermeasures if q.key not in self._own_brake]
+            changing = [q for q in together if changes_bodies(self.scene, q.key)]
+            self._one_brake = self._prepared([], {q.key: [q.start, q.stop] for q in changing})
+        return Trial(self._one_brake.study, worst, self.runs.comm, c.key)
+
+    def _prepared(self, changes: list[str], ranges: dict[str, list[float]]) -> Model:
+        # What an earlier brake left is destroyed on all processes together, as MPI asks for.
+        gc.collect()
+        runs = self.runs
+        runs.comm.Barrier()
+        folder = runs.folder / "models" / digest([changes, ranges])[:12]
+        overrides = [*runs.overrides, *changes]
+        return prepare(runs.file, overrides, folder, runs.cache, ranges, runs.comm)
+
+    def first_order(self, c: Countermeasure, worst: Worst) -> float | None:
+        """Change of the damping of the worst family up to the farthest value; collective."""
+        trial = self.trial(c, worst, c.stop)
+        if c.key in self._own_brake:
+            return on_first(lambda: trial.secant(c.stop), self.runs.comm)
+        return on_first(lambda: trial.slope(c.start, c.stop), self.runs.comm)
+
+    def smallest_change(self, c: Countermeasure, worst: Worst) -> Change:
+        """The smallest change that is enough; collective."""
+        trials: dict[str, Trial] = {}
+
+        def outcomes(x: float) -> Iterable[bool]:
+            logger.info("%s = %s: samples ...", c.key, quantity_text(x, c.unit))
+            if c.key in self._own_brake or not trials:
+                # The brake before it leaves the memory first.
+                trials.clear()
+                trials[c.key] = self.trial(c, worst, x)
+            return trials[c.key].outcomes(x)
+
+        steps = MANY_BRAKES if c.key in self._own_brake else ONE_BRAKE
+        return smallest_change(outcomes, (c.start, c.stop), len(worst.samples), *steps)
+
+
+def find_countermeasures(
+    scene: str | Path,
+    comm: MPI.Comm,
+    directory: str | Path | None = None,
+    overrides: Sequence[str] = (),
+    cache: str | Path | None = None,
+) -> Path | None:
+    """Find the smallest change of each countermeasure of a scene, and verify it; collective.
+
+    What an earlier call in the folder finished is not done again.
+
+    Args:
+        scene: path of the scene.
+        comm: processes that share the work.
+        directory: folder of the results; SCENE-countermeasures in the working directory if not
+            given.
+        overrides: "key=value" replacements in the scene.
+        cache: folder of laws and reduced models that runs share; one in the folder if not given.
+
+    Returns:
+        The page; None where nothing is to be stopped.
+
+    Raises:
+        SceneError: the scene is wrong or names none, or the folder holds others.
+        BrakeError: the run of the scene as it is failed.
+    """
+    folder = Path(directory or f"{Path(scene).stem}-countermeasures")
+    search = Search(scene, comm, folder, overrides, cache)
+    before = search.runs.run("before")
+    worst = on_first(lambda: worst_family(read_run(before), search.approach), comm)
+    if worst is None or enough(worst.count.share.hits, worst.count.share.n):
+        logger.info(
+            "%s: no family squeals in more than %.0f %% of the samples; there is nothing to stop",
+            search.approach, 100 * MOST,
+        )  # fmt: skip
+        return None
+    share = worst.count.share
+    logger.info(
+        "worst family: %.0f Hz, squeals in %d of %d samples", worst.count.frequency, share.hits,
+        share.n,
+    )  # fmt: skip
+    named = search.scene.countermeasures
+    for c in named:
+        if c.key not in search.found:
+            effect, _ = _or_note(partial(search.first_order, c, worst))
+            search.keep(c, first_order=effect)
+    known = {c.key: search.found[c.key]["first_order"] for c in named}
+    ranked = sorted(named, key=lambda c: np.inf if known[c.key] is None else -known[c.key])
+    cells = [[rank, *_row(search, c, worst, rank)] for rank, c in enumerate(ranked, 1)]
+    rows = [dict(zip(COLUMNS, row, strict=True)) for row in cells]
+    return on_first(lambda: write_countermeasures(folder, worst, rows), comm)
+
+
+def _or_note(work: Callable[[], T]) -> tuple[T | None, str]:
+    """What is found, or nothing and why."""
+    try:
+        return work(), ""
+    except StorageError:
+        raise
+    except BrakeError as error:
+        logger.warning("%s", error)
+        return None, str(error)
+
+
+def _row(search: Search, c: Countermeasure, worst: Worst, rank: int) -> list[Value]:
+    """One row of the table after its rank: the smallest change, and what a run with it says."""
+    if "note" not in search.found[c.key]:
+        change, note = _or_note(partial(search.smallest_change, c, worst))
+        share = None if change is None else [change.share.hits, change.share.n]
+        search.keep(c, value=change and change.value, share=share, note=note)
+    found = search.found[c.key]
+    value, notes = found["value"], [found["note"]] if found["note"] else []
+    after = wilson(*found["share"]) if found["share"] else None
+    loud, verified = None, False
+    if value is not None:
+        changes = [c.override(search.scene, value)]
+        folder, note = _or_note(partial(search.runs.run, f"after-{rank}", changes))
+        if folder is None:
+            notes.append(f"the run failed: {note}")
+        else:
+            before = search.runs.folder / "before"
+            after, loud = on_first(lambda: _compared(before, folder, worst), search.runs.comm)
+            verified = enough(after.hits, after.n)
+            if not verified:
+                notes.append("the run does not confirm the search")
+            elif not enough(loud.hits, loud.n):
+                notes.append("other modes squeal")
+    elif after is not None:
+        notes.append("not sufficient even at the limit; share given for the limit")
+    shares: list[Value] = [None] * 3 if after is None else [after.value, after.low, after.high]
+    return [
+        c.key, c.start, c.stop, c.unit, found["first_order"], value, worst.count.share.value,
+        *shares, worst.any.value, loud and loud.value, "yes" if verified else "no",
+        "; ".join(notes),
+    ]  # fmt: skip
+
+
+def _compared(before: Path, after: Path, worst: Worst) -> tuple[Share, Share]:
+    """Shares of samples after a change in which the worst family and any family squeal."""
+    write_comparison(before, after, after)
+    mine = [r for r in compare_runs(before, after) if r["approach"] == worst.count.approach]
+    # The first row is that of all families together.
+    same = next(row for row in mine if row["family_a"] == worst.count.key)
+    n = int(mine[0]["samples_b"] or 0)
+    own, loud = (wilson(round(float(r["probability_b"] or 0) * n), n) for r in (same, mine[0]))
+    return own, loud
+
+
+def write_countermeasures(folder: Path, worst: Worst, rows: Sequence[Row]) -> Path:
+    """Write countermeasures.csv and countermeasures.html.
+
+    Args:
+        folder: where they are written.
+        worst: the family that is to be stopped.
+        rows: with the columns COLUMNS, SI.
+
+    Returns:
+        The page.
+    """
+    write_rows(folder / "countermeasures.csv", COLUMNS, rows)
+    family, lines = worst.count, [line for row in rows for line in _lines(row)]
+    text = (
+        "Share of samples that squeal now and after each change, with its 95 % interval. Dotted:"
+        f" {100 * MOST:.0f} %."
+    )
+    return page_of_changes(
+        folder / "countermeasures.html", "Countermeasures",
+        [f"Worst family: {family.frequency / 1e3:.3f} kHz, squeals in {family.share.hits} of"
+         f" {family.share.n} samples of {family.approach}."],
+        picture_of(lines, ("now", "after the change"), text, limit=MOST),
+        [
+            Text(
+                "For each number of the scene the smallest change after which the worst family"
+                f" squeals in at most {100 * MOST:.0f} % of the samples, ranked by first-order"
+                " effect. Verified: a whole run with the change has been compared with that of the"
+                " scene."
+            ),
+            Table(HEADS, list(map(_shown, rows))),
+        ],
+        [
+            (f"after-{row['rank']}/compare.html",
+             f"{row['rank']}: {row['key']}: the scene before and after")
+            for row in rows if row["any_after"] is not None
+        ],
+    )  # fmt: skip
+
+
+def countermeasures_text(rows: Sequence[Row]) -> str:
+    """The table for the terminal.
+
+    Args:
+        rows: of countermeasures.csv.
+    """
+    return text_table(HEADS, [_shown(row) for row in rows])
+
+
+def _shown(row: Row) -> list[Value]:
+    first = row["first_order"]
+    now, any_now, any_after = (
+        "-" if row[name] is None else f"{100 * float(row[name] or 0):.0f} %"
+        for name in ("share_before", "any_before", "any_after")
+    )
+    return [
+        row["rank"], row["key"], _quantity(row, "value_scene"), _quantity(row, "value_to"),
+        "-" if first is None else f"{float(first):+.3g}", _quantity(row, "smallest_value"), now,
+        with_interval(row, "share_after"), any_now, any_after, row["verified"], row["note"] or "",
+    ]  # fmt: skip
+
+
+def _quantity(row: Row, name: str) -> str:
+    """A value of a row with its unit, in as many digits as the search has."""
+    value = row[name]
+    return "none" if value is None else quantity_text(float(f"{value:.4g}"), str(row["unit"] or ""))
+
+
+def _lines(row: Row) -> list[Line]:
+    """The worst family, and any family where a run tells."""
+    enough = row["smallest_value"] is not None
+    reached = _quantity(row, "smallest_value" if enough else "value_to")
+    change = f"{_quantity(row, 'value_scene')} to {reached}{'' if enough else ' (not sufficient)'}"
+    before, after, low, high, any_before, any_after = (
+        None if row[name] is None else float(row[name] or 0)
+        for name in (*COLUMNS[7:11], "any_before", "any_after")
+    )
+    ends = None if low is None or high is None else (low, high)
+    lines = [Line(f"{row['key']}\n{change}", before or 0.0, after, ends)]
+    if any_after is not None:
+        lines.append(Line("any family", any_before or 0.0, any_after))
+    return lines

@@ -1,0 +1,170 @@
+"""What the pages of two runs, of countermeasures and of a budget share: figure, cells, layout."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from brake_fenicsx.report.blocks import Block, Picture, Text
+from brake_fenicsx.report.overview import share_text
+from brake_fenicsx.report.style import BLUE, GREY, VERMILION, drawn, light_grid, new_figure
+from brake_fenicsx.report.template import render, write_page
+from brake_fenicsx.results.tables import Value
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Row = Mapping[str, Value]
+Ends = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A line of the figure: shares of samples that squeal before and after a change.
+
+    Attributes:
+        label: of the line.
+        before: share before the change.
+        after: share after it; None if it is not known.
+        ends: 95 % interval of the share after it.
+        change: 95 % interval of the change.
+        independent: whether the samples after it are other ones, drawn hollow.
+    """
+
+    label: str
+    before: float
+    after: float | None
+    ends: Ends | None = None
+    change: Ends | None = None
+    independent: bool = False
+
+
+def page_of_changes(
+    path: Path, title: str, intro: Sequence[str], picture: Picture | None,
+    blocks: Sequence[Block], links: Sequence[tuple[str, str]] = (),
+) -> Path:  # fmt: skip
+    """Write a page: sentences, a picture, tables, links.
+
+    Args:
+        path: of the page, in an existing folder.
+        title: its heading.
+        intro: sentences below it.
+        picture: of the changes, if there are any.
+        blocks: what follows.
+        links: address and text.
+    """
+    shown = [*([picture] if picture is not None else []), *blocks]
+    page = render(
+        "plain.html.j2", title=title, intro=list(map(Text, intro)), blocks=shown, links=list(links)
+    )
+    return write_page(path, page)
+
+
+def picture_of(
+    lines: Sequence[Line], names: tuple[str, str], caption: str, own: Ends | None = None,
+    limit: float | None = None,
+) -> Picture:  # fmt: skip
+    """Picture of some changes, the first one on top.
+
+    Args:
+        lines: the changes.
+        names: what is before and after them.
+        caption: text below it.
+        own: 95 % interval of the scene's own share, as a change.
+        limit: share that is marked.
+    """
+    return Picture(drawn(partial(draw_changes, lines, names, own, limit)), caption)
+
+
+def draw_changes(
+    lines: Sequence[Line], names: tuple[str, str], own: Ends | None = None,
+    limit: float | None = None,
+) -> Figure:  # fmt: skip
+    """Shares before and after, and beside them the changes where they have intervals."""
+    both = any(line.change for line in lines)
+    rows = sum(1 + 0.6 * line.label.count("\n") for line in lines)
+    figure, axes = new_figure(1, 1 + both, height=max(1.7, 0.25 * rows + 1.1), sharey=True)
+    left = axes[0, 0]
+    for y, line in enumerate(lines):
+        after = np.nan if line.after is None else line.after
+        a, b = names if y == 0 else (None, None)
+        left.plot([line.before, after], [y, y], color=GREY, lw=1.0, zorder=2)
+        if line.ends:
+            left.plot(line.ends, [y, y], color=GREY, lw=3.0, alpha=0.5, zorder=1)
+        left.scatter([line.before], [y], 50, facecolor="none", edgecolor=BLUE, lw=1.5, zorder=4,
+                     label=a)  # fmt: skip
+        left.scatter([after], [y], 22, color=VERMILION, marker="D", zorder=3, label=b)
+        if both:
+            _draw_change(axes[0, 1], y, line)
+    left.set_yticks(range(len(lines)), [line.label.replace("$", r"\$") for line in lines])
+    left.set(ylim=(len(lines) - 0.5, -0.5), xlim=(-0.03, 1.03))
+    left.set_xlabel("share of samples that squeal [-]")
+    left.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncol=2)
+    if limit is not None:
+        left.axvline(limit, color="black", lw=0.6, ls=":")
+    if both:
+        right = axes[0, 1]
+        right.axvline(0.0, color="black", lw=0.6)
+        right.set_xlabel("change, 95 % interval [-]")
+        if own:
+            right.axvspan(*own, color=GREY, alpha=0.25, lw=0, label="interval of the scene itself")
+            right.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0))
+    for axis in axes.flat:
+        light_grid(axis, axis="x")
+    return figure
+
+
+def _draw_change(axis: Axes, y: int, line: Line) -> None:
+    if line.after is None:
+        return
+    if line.change:
+        axis.plot(line.change, [y, y], color=GREY, lw=1.5)
+    face = "white" if line.independent else "black"
+    axis.scatter([line.after - line.before], [y], 16, facecolor=face, edgecolor="black", zorder=3)
+
+
+def kilohertz(hertz: Value) -> str:
+    """A frequency [Hz] in kHz, with the digits that tell two families apart."""
+    return "-" if hertz is None else f"{float(hertz) / 1e3:.3f}"
+
+
+def share_of(value: Value, samples: Value) -> str:
+    """Share of samples that squeal; of one sample whether it does."""
+    if value is None:
+        return "-"
+    if samples == 1:
+        return "yes" if float(value) else "no"
+    return f"{100 * float(value):.0f} % of {samples}"
+
+
+def with_interval(row: Row, name: str) -> str:
+    """A share of a row in per cent, with its interval where the row has one."""
+    values = [row[name], row[f"{name}_low"], row[f"{name}_high"]]
+    said = share_text(values)
+    return said if said != "-" or values[0] is None else f"{100 * float(values[0]):.0f} %"
+
+
+def change_of(row: Row) -> str:
+    """Change of a probability, with its interval where chance has a part in it."""
+    said = f"{number(row['change']):+.3f}"
+    if row["change_low"] is None:
+        return said
+    return f"{said} ({number(row['change_low']):+.3f} to {number(row['change_high']):+.3f})"
+
+
+def interval_of(row: Row) -> Ends | None:
+    """Ends of the interval of a change; None without."""
+    if row["change_low"] is None:
+        return None
+    return number(row["change_low"]), number(row["change_high"])
+
+
+def number(value: Value) -> float:
+    """A cell as a number; nan where it is empty."""
+    return float("nan") if value is None else float(value)

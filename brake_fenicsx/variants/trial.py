@@ -1,0 +1,156 @@
+"""The worst family of squeal modes of a run, and the same family in changed samples.
+
+Modes of changed samples get their family by shape, as those of a sweep do. The shapes of the run's
+families are taken to the brake at hand by the nearest nodes, so that its mesh may be another one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import BrakeError, SceneError, StorageError
+from brake_fenicsx.folder.processes import in_turns
+from brake_fenicsx.results.families import RESEMBLES, known_numbers, mac
+from brake_fenicsx.results.run import RunData
+from brake_fenicsx.results.squeal import Family, least_damped, squeals
+from brake_fenicsx.results.statistics import Share, wilson
+from brake_fenicsx.sweeps.points import Points
+from brake_fenicsx.sweeps.state import State, likeness
+from brake_fenicsx.uncertainty.numbering import dof_points
+from brake_fenicsx.uncertainty.shapes import FILE as SHAPES
+from brake_fenicsx.uncertainty.shapes import shapes_at_dofs
+from brake_fenicsx.uncertainty.study import Study
+
+# Step of the derivative, relative to the range.
+STEP = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Worst:
+    """The family that squeals in most samples of an approach; of equal ones the most unstable.
+
+    Attributes:
+        count: its approach, number, frequency and share.
+        any: share of samples in which any family squeals.
+        samples: numbers of the samples that ended well.
+        damping: its lowest damping in each sample in which it squeals.
+        shapes: of all families that squeal, at nodes.
+        column: its place among these.
+        threshold: a mode squeals where its damping lies below minus this.
+    """
+
+    count: Family
+    any: Share
+    samples: list[int]
+    damping: dict[int, float]
+    shapes: dict[str, NDArray]
+    column: int
+    threshold: float
+
+
+def worst_family(run: RunData, approach: str) -> Worst | None:
+    """The worst family of an approach; None where none squeals.
+
+    Raises:
+        SceneError: modes squeal, and have no family.
+    """
+    modes = run.squeal.squeal_modes(approach)
+    if not len(modes):
+        return None
+    found = [f for f in run.squeal.families(approach) if f.key >= 0]
+    if not found:
+        raise SceneError(
+            f"{run.directory}: modes of a single sample belong to no family; raise samples.n"
+        )
+    worst = max(found, key=lambda f: (f.share.value, -f.median))
+    damping = least_damped(run.squeal.squeal_modes(approach, worst.key)).damping.to_dict()
+    loud = wilson(modes["sample"].nunique(), worst.share.n)
+    samples = run.squeal.good(approach).tolist()
+    with np.load(run.directory / SHAPES, allow_pickle=False) as data:
+        shapes = {name: data[name] for name in data.files}
+    column = int(np.flatnonzero(shapes["families"] == worst.key)[0])
+    return Worst(worst, loud, samples, damping, shapes, column, run.threshold)
+
+
+class Trial:
+    """Samples of a prepared brake, and which of their modes are the worst family."""
+
+    def __init__(self, study: Study, worst: Worst, comm: MPI.Comm, key: str | None = None):
+        """Give the families coordinates of this brake; collective.
+
+        Args:
+            study: samples of the brake.
+            worst: the worst family.
+            comm: processes that share the samples.
+            key: of the number that samples take at other values on this brake, if there is one.
+        """
+        self._study, self._worst, self._comm, self._key = study, worst, comm, key
+        body = study.models.numbering.body
+        shapes = shapes_at_dofs(worst.shapes, dof_points(study.brake), body)
+        found = study.models.coordinates(shapes)
+        if found is None:
+            raise ValueError("a scene with a sweep has coordinates")
+        self._known = found / np.linalg.norm(found, axis=0)
+        self._points: dict[int, Points] = {}
+
+    def outcomes(self, x: float) -> Iterator[bool]:
+        """Whether the worst family squeals in each sample at a value; collective.
+
+        A sample without an equilibrium, or that no brake has, counts as one that squeals.
+        """
+        samples = self._worst.samples
+        return in_turns(len(samples), lambda i: self._squeals(x, samples[i]), self._comm)
+
+    def _squeals(self, x: float, k: int) -> bool:
+        try:
+            return bool(self._loud(self._state(x, k)))
+        except StorageError:
+            raise
+        except BrakeError:
+            return True
+
+    def _state(self, x: float, k: int) -> State:
+        task = self._worst.count.approach, k
+        if self._key is None:
+            return State.of(x, self._study.solved(task, {})[1])
+        return self._points.setdefault(k, Points(self._study, task, self._key))(x)
+
+    def _loud(self, state: State) -> list[int]:
+        """Modes that squeal and are of the worst family."""
+        known = {"verdict": state.verdict, "damping": state.damping}
+        modes = np.flatnonzero(squeals(known, self._worst.threshold))
+        numbers = known_numbers([state.right[:, [i]] for i in modes], self._known)
+        return [int(i) for i, n in zip(modes, numbers, strict=True) if n == self._worst.column]
+
+    def slope(self, start: float, stop: float) -> float | None:
+        """Change of damping between two values, from its derivative at the first one.
+
+        It is that of the first sample in which the worst family squeals; its mode is continued by
+        the likest one a small step away. None where there is no such sample.
+        """
+        for k in sorted(self._worst.damping):
+            a = self._state(start, k)
+            if own := self._loud(a):
+                i = min(own, key=lambda i: a.damping[i])
+                b = self._state(start + STEP * (stop - start), k)
+                j = int(np.argmin(np.abs(likeness(a, b)[i] - 1.0)))
+                return float(b.damping[j] - a.damping[i]) / STEP
+        return None
+
+    def secant(self, x: float) -> float | None:
+        """The same of a brake of its own: its damping minus that of the run, in the same sample.
+
+        Its mode is the least damped one that resembles the family; None where none does.
+        """
+        k = min(self._worst.damping)
+        there = self._state(x, k)
+        alike = mac(self._known[:, [self._worst.column]], there.right)[0] >= RESEMBLES
+        if not alike.any():
+            return None
+        return float(there.damping[alike].min()) - self._worst.damping[k]

@@ -1,0 +1,39 @@
+"""Families of modes over samples: permuted, mixed and new shapes."""
+
+import numpy as np
+import pytest
+import scipy.linalg as la
+
+from brake_fenicsx.results.families import ModeFamilies
+
+pytestmark = pytest.mark.alone
+
+
+def test_families_follow_permuted_modes():
+    """Shuffled, rescaled in the complex plane and slightly mixed: numbers stay with shapes."""
+    rng = np.random.default_rng(0)
+    X = la.qr(rng.normal(size=(12, 6)), mode="economic")[0].astype(complex)
+    f = np.linspace(1000, 1400, 6)
+    shapes, frequencies, wanted = [X], [f], [np.arange(6)]
+    for _ in range(8):
+        turn = rng.permutation(6)
+        noise = 0.1 * rng.normal(size=X.shape)
+        phase = np.exp(2j * np.pi * rng.random(6)) * rng.uniform(0.1, 10, 6)
+        shapes.append((X + noise)[:, turn] * phase)
+        frequencies.append(f[turn] * (1 + 0.01 * rng.normal(size=6)))
+        wanted.append(turn)
+    families = ModeFamilies()
+    for X, f, want in zip(shapes, frequencies, wanted, strict=True):
+        np.testing.assert_array_equal(families.add(X, f), want)
+
+
+def test_a_new_shape_founds_a_family_and_a_distant_frequency_too():
+    X = np.eye(4, dtype=complex)
+    first = (X[:, :2], np.array([100.0, 200.0]))
+    second = (X[:, [2, 0]], np.array([150.0, 101.0]))
+    third = (X[:, [0]], np.array([900.0]))
+    families = ModeFamilies()
+    got = [families.add(*sample).tolist() for sample in (first, second, third)]
+    assert got == [[0, 1], [2, 0], [3]]
+    np.testing.assert_array_equal(np.array(families.vectors).T, X[:, [0, 1, 2, 0]])
+    assert families.frequencies == [100.0, 200.0, 150.0, 900.0]

@@ -1,0 +1,63 @@
+"""Rows and figures of stored samples."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from brake_fenicsx.results.stored import Results
+from brake_fenicsx.results.tables import SAMPLES, read_rows, write_rows
+
+pytestmark = pytest.mark.alone
+
+
+def sample(how, missed):
+    mode = {"s": np.array([1j, 2j]), "verdict": np.array(["stable", "neutral"]), "counted": how,
+            "error": 1e-6 * (1 + missed) * np.array([1.0, 4.0])}  # fmt: skip
+    seconds = {f"{name}_seconds": 1.0 for name in ("stability", "equilibrium")}
+    return {
+        "status": "ok", "seed": 1, "mu": np.ones(2), "random_names": [], "random": [],
+        "tolerance_missed": missed, "equilibrium_iterations": 3, **mode, **seconds,
+    }  # fmt: skip
+
+
+def results(*samples):
+    """Of one approach, its stored samples."""
+    tasks = [("parametric", k) for k in range(len(samples))]
+    files = iter(samples)
+    store = SimpleNamespace(samples=SimpleNamespace(load=lambda task: next(files)))
+    return Results(store, tasks)
+
+
+def test_open_points_of_a_sample_reach_its_row_and_the_summary(tmp_path):
+    """What is not counted or not proven is not complete; a failed sample says nothing."""
+    found = results(
+        sample("inertia of K - kappa M", 0),
+        sample("not counted: friction is not of low rank", 3),
+        sample("winding number (remainder 1.2; not proven, it should be below 1)", 1),
+        {"status": "no equilibrium"},
+    )
+    write_rows(tmp_path / "samples.csv", found.sample_columns(SAMPLES), found.samples())
+    rows = read_rows(tmp_path / "samples.csv")
+    assert [row["complete"] for row in rows] == ["yes", "no", "no", ""]
+    assert [row["tolerance_missed"] for row in rows] == [0, 3, 1, None]
+    about = found.facts()["samples"]["parametric"]
+    assert (about["not_complete"], about["tolerance_missed"], about["neutral"]) == (2, 4, 3)
+    assert about["largest_error"] == pytest.approx(8e-6)
+
+
+def test_samples_without_modes_have_no_such_columns():
+    data = sample("", 0)
+    for name in ("s", "counted", "tolerance_missed"):
+        del data[name]
+    assert results(data).sample_columns(SAMPLES) == [*SAMPLES, "mu"]
+
+
+def test_rows_of_many_samples_look_at_all_of_them_a_few_times(monkeypatch):
+    """Once for each row made tables of 10^4 samples take minutes, and of 10^5 hours."""
+    found = results(*(sample("inertia", 0) for _ in range(40)))
+    looks = []
+    inner = Results.good
+    monkeypatch.setattr(Results, "good", lambda self: looks.append(1) or inner(self))
+    assert len(list(found.samples())) == 40
+    assert len(looks) < 10

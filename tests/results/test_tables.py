@@ -1,0 +1,124 @@
+import numpy as np
+import pytest
+
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.results.tables import (
+    MODES,
+    read_columns,
+    read_rows,
+    show,
+    text_table,
+    write_rows,
+)
+
+NAMES = ("approach", "sample", "seed", "x", "note")
+ROWS = [
+    ["parametric", 0, 2**64 - 1, 0.1 + 0.2, None],
+    ["a,b", np.int64(7), 3, np.float64(1e-300), 5e-324],
+    ['say "no"', 1, 0, float("inf"), float("nan")],
+    ["1", 2, 9, 1e22, -0.0],
+]
+
+
+def test_the_same_numbers_give_the_same_bytes_and_come_back_exactly(tmp_path):
+    first = write_rows(tmp_path / "a.csv", NAMES, ROWS)
+    rows = read_rows(first)
+    second = write_rows(tmp_path / "b.csv", NAMES, rows)
+    assert first.read_bytes() == second.read_bytes()
+    assert b"\r" not in first.read_bytes()
+    for row, given in zip(rows, ROWS, strict=True):
+        for name, value in zip(NAMES, given, strict=True):
+            expected = None if value is None else value
+            assert row[name] == expected or (row[name] != row[name] and value != value)
+
+
+def test_types_survive_the_file(tmp_path):
+    row = read_rows(write_rows(tmp_path / "a.csv", NAMES, ROWS))[3]
+    kinds = {name: type(value) for name, value in row.items()}
+    assert kinds == {"approach": str, "sample": int, "seed": int, "x": float, "note": float}
+
+
+def test_random_floats_are_exact(tmp_path):
+    bits = np.random.default_rng(1).integers(0, 2**63, 2000, dtype=np.uint64)
+    values = bits.view(float)
+    values = values[np.isfinite(values)]
+    path = write_rows(tmp_path / "a.csv", ["x"], [[v] for v in values])
+    assert np.array_equal(read_columns(path)["x"].view(np.uint64), values.view(np.uint64))
+
+
+def test_columns_have_their_types(tmp_path):
+    table = read_columns(write_rows(tmp_path / "a.csv", NAMES, ROWS))
+    assert table["sample"].dtype == np.int64
+    assert table["seed"][0] == 2**64 - 1
+    assert table["x"][0] == 0.1 + 0.2
+    assert np.isnan(table["note"][0])
+    assert table["approach"][3] == "1"
+
+
+def test_mapping_rows_may_come_in_any_order(tmp_path):
+    path = write_rows(tmp_path / "a.csv", ["x", "sample"], [{"sample": 3, "x": 0.5}])
+    assert path.read_text() == "x,sample\n0.5,3\n"
+
+
+@pytest.mark.parametrize("row", [[1], [1, 2, 3], {"x": 1}, {"x": 1, "sample": 2, "y": 3}], ids=repr)
+def test_a_wrong_row_is_named_and_the_old_file_stays(tmp_path, row):
+    path = write_rows(tmp_path / "a.csv", ["x", "sample"], [[1.0, 2]])
+    before = path.read_bytes()
+    with pytest.raises(ValueError, match="row 2"):
+        write_rows(path, ["x", "sample"], [[3.0, 4], row])
+    assert path.read_bytes() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["a.csv"]
+
+
+@pytest.mark.parametrize("value", [True, 1j, [1], b"x"], ids=repr)
+def test_other_types_are_refused(tmp_path, value):
+    with pytest.raises(TypeError):
+        write_rows(tmp_path / "a.csv", ["x"], [[value]])
+    assert not any(tmp_path.iterdir())
+
+
+def test_bad_files_are_named(tmp_path):
+    with pytest.raises(SceneError, match=r"missing\.csv"):
+        read_rows(tmp_path / "missing.csv")
+    (tmp_path / "empty.csv").write_text("")
+    with pytest.raises(SceneError, match="heading"):
+        read_rows(tmp_path / "empty.csv")
+    (tmp_path / "cut.csv").write_text("x,y\n1.0,2.0\n3.0\n")
+    with pytest.raises(SceneError, match="line 3"):
+        read_rows(tmp_path / "cut.csv")
+    for text in ("x,y\n1.0,2.0\n3.0,4", "x,y"):
+        (tmp_path / "end.csv").write_text(text)
+        with pytest.raises(SceneError, match="last line has no end"):
+            read_rows(tmp_path / "end.csv")
+    with pytest.raises(SceneError, match="frequency_hz"):
+        read_columns(write_rows(tmp_path / "a.csv", ["approach"], [["parametric"]]), MODES)
+
+
+def test_text_table_aligns_columns():
+    text = text_table(["name", "value"], [["long name", 1.5], ["b", 12345.678], ["c", None]])
+    lines = text.splitlines()
+    assert lines[0] == "name           value"
+    assert lines[2] == "long name        1.5"
+    assert lines[3] == "b          1.235e+04"
+    assert lines[4] == "c                  -"
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(None, "-"), (True, "yes"), (3, "3"), (0.00012345, "0.0001234"), ("a", "a")]
+)
+def test_show(value, text):
+    assert show(value) == text
+
+
+def test_columns_of_mixed_cells_have_one_type(tmp_path):
+    """Empty cells make numbers floats, words make text of all, as it is written."""
+    names = ("approach", "late", "word", "empty", "whole")
+    table = [["1", None if k < 4 else k, "all" if k > 4 else k, None, k] for k in range(6)]
+    columns = read_columns(write_rows(tmp_path / "a.csv", names, table))
+    assert columns["approach"].tolist() == ["1"] * 6
+    np.testing.assert_array_equal(columns["late"], [np.nan] * 4 + [4.0, 5.0])
+    assert columns["word"].tolist() == ["0", "1", "2", "3", "4", "all"]
+    assert np.isnan(columns["empty"]).all()
+    assert columns["whole"].dtype == np.int64
+    empty = read_columns(write_rows(tmp_path / "b.csv", names, []))
+    assert {values.size for values in empty.values()} == {0}
