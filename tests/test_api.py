@@ -125,5 +125,3 @@ def test_ctrl_c_while_the_command_is_imported_is_one_line():
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
     assert done.returncode == 130
     assert done.stderr == "brake-fenicsx: interrupted; the same command resumes the run\n"
-
-

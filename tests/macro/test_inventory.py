@@ -78,7 +78,9 @@ def test_a_pad_that_faces_nothing_in_part_is_warned_of():
     scene, brake = built("parts.plate.length='20 mm'")
     assert interfaces_of(scene, brake)["block_plate"]["faces_nothing_mm2"] == pytest.approx(400)
     (line,) = placement_doubts(scene, brake)
-    assert line.startswith("contact.block_plate: 400 of 800 mm^2 of block.bottom have no opposite face")
+    assert line.startswith(
+        "contact.block_plate: 400 of 800 mm^2 of block.bottom have no opposite face"
+    )
     # What a zone leaves out is meant.
     zone = "contact.block_plate.zone={ x=['-10 mm', '10 mm'] }"
     assert placement_doubts(*built(zone)) == []

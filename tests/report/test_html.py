@@ -102,7 +102,9 @@ def test_the_scene_file_is_shown_where_nothing_else_names_the_settings(tmp_path)
 def test_numbers_of_the_answer_stand_in_the_first_table(page):
     root = ElementTree.parse(page).getroot()
     limits, table = root.findall(f".//{X}table")[:2]
-    assert ["limit chosen", "0", "54 of 60"] in [[c.text for c in row] for row in limits.iter(f"{X}tr")]
+    assert ["limit chosen", "0", "54 of 60"] in [
+        [c.text for c in row] for row in limits.iter(f"{X}tr")
+    ]
     rows = [[c.text for c in row] for row in table.iter(f"{X}tr")]
     assert rows[3][:8] == ["Multi-scale", "60", "0", "1920", "96", "1728", "96", "54"]
     assert rows[3][8] == "90 % (80 to 95 %)"
@@ -181,9 +183,7 @@ def first_screen(directory, rows, **settings):
     return "".join(ElementTree.fromstring(page).find(f".//{X}header").itertext())
 
 
-@pytest.mark.parametrize(
-    ("threshold", "said"), [(1e-3, "3 of 4"), (0.0, "3 of 4"), (0.01, "")]
-)
+@pytest.mark.parametrize(("threshold", "said"), [(1e-3, "3 of 4"), (0.0, "3 of 4"), (0.01, "")])
 def test_the_verdict_names_its_limit_and_what_another_one_would_count(tmp_path, threshold, said):
     """Samples of damping -0.003, -0.02, -0.03 and -0.04."""
     dampings = (-0.003, -0.02, -0.03, -0.04)
