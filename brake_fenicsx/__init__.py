@@ -11,16 +11,13 @@ __version__ = "0.2.0"
 __all__ = ["assemble", "prepare", "run", "sample", "sweep"]
 
 # Imported when first asked for: they bring DOLFINx and PETSc with them.
-_WHERE = {
-    "run": "pipeline", "assemble": "pipeline", "prepare": "model", "sample": "model",
-    "sweep": "model",
-}  # fmt: skip
 
 
 def __getattr__(name: str) -> object:
     """Functions of the package."""
-    if name in _WHERE:
-        return getattr(import_module(f"{__name__}.{_WHERE[name]}"), name)
+    if name in __all__:
+        home = "pipeline" if name in ("assemble", "run") else "model"
+        return getattr(import_module(f"{__name__}.{home}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

@@ -159,7 +159,7 @@ def parser() -> argparse.ArgumentParser:
         command.add_argument("petsc", nargs="*", default=[], metavar="-- PETSC_OPTIONS",
                              help="go to PETSc")  # fmt: skip
     text = "print the JSON Schema of a scene, by which editors complete and check its keys"
-    schemas = commands.add_parser("schema", help=text, description=text)
+    commands.add_parser("schema", help=text, description=text)
     text = "regenerate the figures and the report of a results folder"
     reports = commands.add_parser("report", help=text, description=text)
     reports.add_argument("directory", metavar="DIR", help="results folder of a run")
@@ -172,21 +172,9 @@ def parser() -> argparse.ArgumentParser:
     compares.add_argument("second", metavar="B", help="results folder of another run")
     compares.add_argument("-o", dest="directory", metavar="DIR", default=".",
                           help="folder of the comparison, . if not given")  # fmt: skip
-    for command in (
-        checks,
-        prepares,
-        runs,
-        budgets,
-        remedies,
-        schemas,
-        reports,
-        exports,
-        compares,
-        correlates,
-    ):
-        command.add_argument(
-            "-q", dest="quiet", action="store_true", help="show only warnings and errors"
-        )
+    for command in commands.choices.values():
+        command.add_argument("-q", dest="quiet", action="store_true",
+                             help="show only warnings and errors")  # fmt: skip
         command.add_argument("-v", dest="verbose", action="store_true",
                              help="show more messages, and the traceback of an error")  # fmt: skip
     return top

@@ -81,16 +81,15 @@ class Extensions:
         Raises:
             SceneError: there is no such interface or key, or no section for it.
         """
-        for objects, method in (
-            (self.friction.values(), "coefficient"), (self.damping, "matrix"),
-            (self.random.values(), "quantile"),
-        ):  # fmt: skip
-            for one in objects:
-                if not callable(getattr(one, method, None)):
-                    raise SceneError(
-                        f"{scene.file}: extensions: an object of the type {type(one).__name__} has"
-                        f" no method {method!r}; see brake_fenicsx.extensions"
-                    )
+        given: list[tuple[object, str]] = [(law, "coefficient") for law in self.friction.values()]
+        given += [(term, "matrix") for term in self.damping]
+        given += [(law, "quantile") for law in self.random.values()]
+        for one, method in given:
+            if not callable(getattr(one, method, None)):
+                raise SceneError(
+                    f"{scene.file}: extensions: an object of the type {type(one).__name__} has no"
+                    f" method {method!r}; see brake_fenicsx.extensions"
+                )
         contact: dict[str, Any] = dict(scene.contact)
         for name, law in self.friction.items():
             if name not in contact:

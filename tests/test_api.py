@@ -88,7 +88,7 @@ def rubbed(given):
         (lambda m: complex_modes("M", None, I, (0.0, 1.0)), "matrix: an object of the type str"),
         (lambda m: contact_law(np.zeros((8, 8)), 1e9), "surface: an object of the type ndarray"),
         (lambda m: rubbed(0.3), "Coefficient.coefficient returns 0.3; return mu and its slope"),
-        (lambda m: rubbed((np.nan, 0.0)), "Coefficient.coefficient returns values that are not"),
+        (lambda m: rubbed((np.nan, 0.0)), "coefficient returns (nan, 0.0); return mu"),
         (
             lambda m: prepare(BLOCK, ROUGH, extensions=Extensions(damping=[I])),
             "extensions: an object of the type ndarray has no method 'matrix'",

@@ -74,7 +74,8 @@ def test_every_picture_of_a_page_has_its_command():
     assert named == {path.name for path in DOCS.glob("*.png")}
     drawn = "".join(path.read_text() for path in (ROOT / "brake_fenicsx/report").glob("*.py"))
     for _, command, source in rows:
-        assert (paths := re.findall(r"scripts/[\w/]+\.\w+|\(\w+\.md\)", command))
+        paths = re.findall(r"scripts/[\w/]+\.\w+|\(\w+\.md\)", command)
+        assert paths
         for path in paths:
             assert (ROOT / path if path[0] != "(" else DOCS / path.strip("()")).is_file(), path
         for figure in re.findall(r"(\w+)\.png", source):

@@ -84,7 +84,7 @@ def inventory_lines(scene: Scene, brake: Brake) -> list[str]:
 
 
 def placement_doubts(scene: Scene, brake: Brake) -> list[str]:
-    """First faces without an opposite face in part, and faces that are apart or overlap before the load.
+    """First faces partly without an opposite face; faces that are apart or overlap before the load.
 
     Distances within the accuracy of plane facets of curved faces are left out.
     """

@@ -49,9 +49,7 @@ def _check_scans(s: Scene, surface: Surface) -> None:
         raise SceneError("surface: name a scan or statistics")
     if scan and surface.statistics:
         named = shown(scan if isinstance(scan, str) else [*files])
-        raise SceneError(
-            f"surface.scan = {named}: give either surface.scan or surface.statistics"
-        )
+        raise SceneError(f"surface.scan = {named}: give either surface.scan or surface.statistics")
     long = (surface.form,) if surface.form else ()
     for name, file in [*(("scan", f) for f in files), *(("form", f) for f in long)]:
         if not os.path.isfile(s.path(file)):

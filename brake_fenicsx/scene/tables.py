@@ -251,7 +251,12 @@ def _known(table: Any, names: tuple[str, ...]) -> Any:
     for name in table if isinstance(table, dict) else ():
         if name not in names:
             gone = f"; version 0.2 had it: {GONE[name]}" if name in GONE else ""
-            hint = gone or _elsewhere(name) or _near(name, names) or f"; known: {', '.join(sorted(names))}"
+            hint = (
+                gone
+                or _elsewhere(name)
+                or _near(name, names)
+                or f"; known: {', '.join(sorted(names))}"
+            )
             raise KeyMistake(f"unknown key{hint}", name)
     return table
 

@@ -6,8 +6,9 @@ The modes w_j of a substructure without contact, with its supports, springs and 
 
 so that each alone has the ratio zeta_j. The sum is that of the modes that the reduced model keeps;
 those beyond its cutoff omega_c are damped by zeta_c (2 omega_c M + K / (4 omega_c)) with the ratio
-at the cutoff: near their ratio where they are flexible. In a complex mode of the brake the damping is what these
-modes contribute to it; a changing material leaves C as it is at the centre of its range.
+at the cutoff: near their ratio where they are flexible. In a complex mode of the brake the damping
+is what these modes contribute to it; a changing material leaves C as it is at the centre of its
+range.
 """
 
 from __future__ import annotations

@@ -121,18 +121,13 @@ class SweepStudy:
                 "%s at which a sample begins to squeal (SI): %d of %d samples do; %s",
                 self.key, critical["squeal_samples"], critical["samples"], said,
             )  # fmt: skip
-        if facts["failed_lines"]:
-            logger.warning("sweep: %s failed; see the log", several(facts["failed_lines"], "line"))
-        if facts["lines_without_equilibrium"]:
-            logger.warning(
-                "sweep: %d lines end at a value without an equilibrium",
-                facts["lines_without_equilibrium"],
-            )
-        if facts["cut_branches"]:
-            logger.warning(
-                "sweep: %s early: mode tracking was ambiguous",
-                several(facts["cut_branches"], "branch ends", "branches end"),
-            )
+        for key, one, more, why in (
+            ("failed_lines", "line", "lines", "failed; see the log"),
+            ("lines_without_equilibrium", "line ends", "lines end", "without an equilibrium"),
+            ("cut_branches", "branch ends", "branches end", "early: mode tracking was ambiguous"),
+        ):
+            if facts[key]:
+                logger.warning("sweep: %s %s", several(facts[key], one, more), why)
 
     def _task(self, kind: str, task: Task) -> Task:
         return f"{self._name[kind]}-{task[0]}", task[1]

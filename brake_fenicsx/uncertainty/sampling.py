@@ -7,6 +7,7 @@ nothing depends on the number of processes.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -219,19 +220,15 @@ def coefficient(friction: float | FrictionLaw, speed: Array) -> tuple[Array, Arr
     if isinstance(friction, float | int):
         return np.full(speed.shape, float(friction)), np.zeros(speed.shape)
     given = friction.coefficient(speed)
-    try:
-        mu, slope = (np.broadcast_to(np.asarray(v, float), speed.shape) for v in given)
-    except (TypeError, ValueError):
+    two = np.full((2, *speed.shape), np.nan)
+    with suppress(TypeError, ValueError):
+        two[0], two[1] = given
+    if not np.isfinite(two).all():
         raise SceneError(
-            f"{type(friction).__name__}.coefficient returns {given!r}; return mu and its slope"
-            " [s/m], arrays of one value for each speed"
-        ) from None
-    if not np.isfinite([mu, slope]).all():
-        raise SceneError(
-            f"{type(friction).__name__}.coefficient returns values that are not finite at sliding"
-            f" speeds from {speed.min():g} to {speed.max():g} m/s"
+            f"{type(friction).__name__}.coefficient returns {' '.join(repr(given).split())}; return"
+            " mu and its slope [s/m], finite numbers for each speed"
         )
-    return mu, slope
+    return two[0], two[1]
 
 
 def one_law(law: Law) -> OneLaw:

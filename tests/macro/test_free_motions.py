@@ -124,6 +124,15 @@ def test_parts_that_rest_on_contact_and_are_not_pressed_are_named(changes, said)
     assert checked(LEVER % 2)[0] == []
 
 
+def test_several_processes_name_the_same(comm):
+    """Each has the whole brake; all refuse together, in the same words."""
+    parsed = read_scene(BLOCK, [*COARSE, *CAP])
+    with pytest.raises(SceneError) as refused:
+        check_free_motions(parsed, assemble_brake(parsed, comm))
+    texts = comm.allgather(str(refused.value))
+    assert "part cap: free to move along x, y and z" in texts[0] and len({*texts}) == 1
+
+
 @pytest.mark.parametrize("path", SCENES.glob("*.toml"), ids=lambda path: path.stem)
 def test_shipped_scenes_hold_all_their_parts(path):
     if path.stem in ("disc_brake_resolved", "disc_brake_study"):

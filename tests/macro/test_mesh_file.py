@@ -503,8 +503,8 @@ def test_files_that_are_none(tmp_path):
         ("g.inp", "*NODE\n1,0,0,0\n2,0,\n*STEP\n", r"\*NODE: node 2 has not 3 coordinates"),
         (
             "k.inp",
-            "*PART, NAME=P\n*NODE\n1,0,0,0\n*ELEMENT,TYPE=C3D4\n1,1,2,3,4\n*END PART\n*ASSEMBLY, NAME=A\n"
-            "*INSTANCE, NAME=I-1, PART=P\n*END INSTANCE\n*END ASSEMBLY\n",
+            "*PART, NAME=P\n*NODE\n1,0,0,0\n*ELEMENT,TYPE=C3D4\n1,1,2,3,4\n*END PART\n"
+            "*ASSEMBLY, NAME=A\n*INSTANCE, NAME=I-1, PART=P\n*END INSTANCE\n*END ASSEMBLY\n",
             "node 2 of an element is not defined",
         ),
         ("h.inp", "*INSTANCE, NAME=I-1, PART=P\n*END INSTANCE\n", "part 'P' is not defined"),

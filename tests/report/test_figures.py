@@ -526,7 +526,7 @@ def test_a_window_of_squeal_between_two_values_is_drawn_and_named(tmp_path):
     events = [("merging", 0.622, 1), ("onset of squeal", 0.623, None),
               ("end of squeal", 0.631, None), ("splitting", 0.632, 1)]  # fmt: skip
     curve, marks, texts = branches_of(tmp_path, events, 0.01)
-    assert texts == ["2.10 kHz from 0.623 to 0.631"]
+    assert texts == ["2.100 kHz from 0.623 to 0.631"]
     assert marks == [(0.623, -0.01), (0.631, -0.01)]
     new = [[0.622, 0.0], [0.623, -0.01], [0.631, -0.01], [0.632, 0.0]]
     assert np.allclose(curve, [[0, 0], [0.2, 0], [0.4, 0], [0.6, 0], *new, [0.8, 0]])
@@ -535,15 +535,15 @@ def test_a_window_of_squeal_between_two_values_is_drawn_and_named(tmp_path):
 @pytest.mark.parametrize(
     ("events", "said"),
     [
-        ([("onset of squeal", 0.4413, None)], "2.10 kHz from 0.441"),
+        ([("onset of squeal", 0.4413, None)], "2.100 kHz from 0.441"),
         ([("onset of squeal", 0.81487, None), ("end of squeal", 0.8151, None)],
-         "2.10 kHz from 0.81487 to 0.8151"),
+         "2.100 kHz from 0.81487 to 0.8151"),
         ([("squeals from the first value", 0.0, None), ("end of squeal", 0.1, None),
-          ("onset of squeal", 0.5, None)], "2.10 kHz from 0 to 0.1, from 0.5"),
-        ([("end of squeal", 0.3, None)], "2.10 kHz to 0.3"),
+          ("onset of squeal", 0.5, None)], "2.100 kHz from 0 to 0.1, from 0.5"),
+        ([("end of squeal", 0.3, None)], "2.100 kHz to 0.3"),
         ([(kind, x, None) for x in (0.1, 0.3, 0.5, 0.7)
           for kind, x in (("onset of squeal", x), ("end of squeal", x + 0.1))],
-         "2.10 kHz from 0.1 to 0.2, from 0.3 to 0.4, from 0.5 to 0.6 and 1 more"),
+         "2.100 kHz from 0.1 to 0.2, from 0.3 to 0.4, from 0.5 to 0.6 and 1 more"),
     ],
 )  # fmt: skip
 def test_windows_of_squeal_have_digits_that_tell_them_apart(tmp_path, events, said):

@@ -211,8 +211,8 @@ def test_families_that_may_be_a_doublet_are_counted_together(tmp_path):
     text = first_screen(tmp_path, rows)
     assert text.count("lie close together") == 1
     assert (
-        "3.15 and 3.14 kHz lie close together and may be one doublet: at least one squeals in 3 of"
-        " 4 samples." in text
+        "3.150 and 3.140 kHz lie close together and may be one doublet: at least one squeals in"
+        " 3 of 4 samples." in text
     )
 
 
@@ -222,7 +222,7 @@ def test_a_worse_mode_of_another_approach_is_named(tmp_path):
     for lowest, named in ((-0.05, True), (-0.01, False)):
         perfect = [mode("classical", 0, n, 1e3 * n, lowest / (6 - n), n) for n in (4, 5)]
         text = first_screen(tmp_path, rough + perfect)
-        said = "Another approach has a mode with a lower damping: 5.00 kHz, damping -0.05 (Classic"
+        said = "Another approach has a mode with a lower damping: 5.000 kHz, damping -0.05 (Classic"
         assert (said in text) == named == ("Another approach" in text)
 
 

@@ -97,7 +97,7 @@ def test_tables_carry_the_numbers_of_the_run(run):
     assert (fast["samples"], fast["failed"], fast["unstable_modes"]) == (3, 1, 3)
     assert fast["share"] == 2 / 3
     assert classical["share"] is None
-    assert fast["most_severe"] == "0.96 kHz (2/3, -0.02); 1.05 kHz (1/3, -0.02)"
+    assert fast["most_severe"] == "0.960 kHz (2/3, -0.02); 1.050 kHz (1/3, -0.02)"
     assert read_columns(written["families"])["frequency_hz"].tolist() == [4000.0, 960.0, 1050.0]
     bands = read_rows(written["probability_per_band"])
     assert sum(row["squeal_samples"] for row in bands if row["approach"] == "parametric") == 3
@@ -190,7 +190,7 @@ def test_what_squeals_seldom_and_strongly_ranks_before_what_hardly_grows(tmp_pat
     assert (first.frequency, first.share.hits, first.median) == (1500.0, 2, pytest.approx(-0.075))
     assert first.severity == pytest.approx(0.5 * 0.075)
     assert second.severity == pytest.approx(8e-6)
-    assert approach_rows(run)[0][-1] == "1.50 kHz (2/4, -0.075); 14.00 kHz (4/4, -8e-06)"
+    assert approach_rows(run)[0][-1] == "1.500 kHz (2/4, -0.075); 14.000 kHz (4/4, -8e-06)"
     assert [m.frequency for m in run.squeal.representatives("parametric")] == [1500.0, 14e3]
     written = {path.stem: path for path in write_tables(run)}
     table = read_rows(written["families"])

@@ -198,7 +198,10 @@ def test_chart_over_two_parameters(tmp_path):
         (['sweep.parameters."parts.block.height"={ start = "1 mm", stop = "2 mm" }'], "mesh"),
         (["sweep.samples=3"], "0 keys"),
         (
-            [*SWEEP, f'sweep.parameters."loads.\\"block.top\\".pressure"={VALUES}'],
+            [
+                *SWEEP,
+                'sweep.parameters."loads.\\"block.top\\".pressure"={values=["1 bar","2 bar"]}',
+            ],
             'leave sweep.parameters."loads.\\"block.top\\".pressure" or sweep.samples out',
         ),
         ([SWEEP[0], "sweep.samples=3", "stages=['equilibrium','stability']"], "uncertainty"),

@@ -143,8 +143,8 @@ class Reduction:
         # With rates they turn in the complex plane: a single one may be small by its phase.
         if len(size) > 2 * step and max(size[-step:]) > max(size[-2 * step : -step]):
             raise InaccurateResult(
-                "damping too large for the frequency expansion of the reduced model up to the end of"
-                " the band"
+                "damping too large for the frequency expansion of the reduced model up to the end"
+                " of the band"
             )
 
 

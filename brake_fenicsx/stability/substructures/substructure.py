@@ -128,12 +128,9 @@ class Substructure:
         """
         if not self.ratios:
             return np.zeros(2)
-        at = np.array([omega / (2 * np.pi)])
-        zeta = np.average(
-            [part.at(at)[0] for part in self.ratios],
-            weights=[part.mass.sum() for part in self.ratios],
-        )
-        return float(zeta) * np.array([2 * omega, 1 / (4 * omega)])
+        zeta = [part.at(np.array(omega / (2 * np.pi))) for part in self.ratios]
+        mean = np.average(zeta, weights=[part.mass.sum() for part in self.ratios])
+        return float(mean) * np.array([2 * omega, 1 / (4 * omega)])
 
     def arrays(self) -> dict[str, NDArray]:
         """What ``from_arrays`` makes the body of again; coordinates are left out."""
