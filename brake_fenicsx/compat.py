@@ -145,10 +145,12 @@ def meshtags(mesh: Any, dim: int, entities: np.ndarray, value: int) -> Any:
     return dolfinx.mesh.meshtags(mesh, dim, entities, np.full(entities.size, value, np.int32))
 
 
-def vtx_writer(comm: MPI.Comm, path: Path, functions: list[Any]) -> Any:
-    """Writer of functions of one space with all their dofs; None where there is no ADIOS2."""
-    from dolfinx import io
+def vtk_cells(V: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """VTK cells (n, nodes) over the dofs of ``V``, their types, and the dofs' positions [m]."""
+    from dolfinx import plot
 
-    if not hasattr(io, "VTXWriter"):
-        return None
-    return io.VTXWriter(comm, str(path), functions)
+    make: Any = getattr(plot, "vtk_mesh", None) or getattr(plot, "create_vtk_mesh")  # noqa: B009
+    cells, types, points = make(V)
+    cells = np.asarray(cells)
+    nodes = int(cells[0]) if cells.size else 1
+    return cells.reshape(-1, nodes + 1)[:, 1:], np.asarray(types), np.asarray(points)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.results.run import Arrays, RunData, sort_approaches
 from brake_fenicsx.results.tables import Columns
 
-from .contact_fields import facet_means
+from .fields import facet_means
 from .style import PRESSURE, label, new_figure
 
 if TYPE_CHECKING:

@@ -1,223 +1,185 @@
-"""Fields for ParaView: displacements of the equilibrium and of complex modes.
+"""Fields for ParaView and pyvista: displacements, modes and contact, one VTKHDF file each.
 
-XDMF is written everywhere. It holds the values at the nodes of the mesh: on a mesh of straight
-cells its vertices. There a second-order field is first interpolated into the first-order space,
-openly: DOLFINx 0.5 would take the second-order field, write its vertex values and say nothing. Each
-file says so in a comment at its head, and the log says so too. A mesh of curved second-order cells
-has a node for every dof of a second-order field, and nothing is lost.
+All dofs of a second-order field are written, on quadratic cells; a complex mode as its real and its
+imaginary part, or as a series over one period. Files with steps need ParaView 5.12 or VTK 9.3.
 
-Where DOLFINx was built with ADIOS2 the same fields are written a second time as VTX (a folder
-``.bp``), with every dof. ParaView opens both.
+Reference: VTK File Formats, "VTKHDF File Format", https://docs.vtk.org/en/latest/vtk_file_formats.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
+import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.compat import vector_space, vtx_writer
-from brake_fenicsx.folder.log import logger
-from brake_fenicsx.report.xdmf_text import write_tree
+from brake_fenicsx.compat import vtk_cells
+from brake_fenicsx.folder.files import whole_file
 
-LOSS = (
-    "Vertex values: the second-order field was interpolated into the first-order space of the same "
-    "mesh; its mid-edge values are not in this file."
-)
-LOGGED = "values at vertices; mid-edge values are not exported to XDMF"
-VTX_TOO = "{} contains the full quadratic field"
-NO_VTX = "VTX files of the full quadratic field need a DOLFINx with ADIOS2"
-NO_LOSS = "Values at all nodes of the mesh, one for every dof of the field."
+VERTEX, TRIANGLE, QUADRILATERAL = 1, 5, 9  # types of VTK cells
+
+Fields = Mapping[str, NDArray]
 
 
-def _geometry_degree(mesh: Any) -> int:
-    """Order of the mesh's cells: 1 straight, 2 curved."""
-    cmap = mesh.geometry.cmaps[0] if hasattr(mesh.geometry, "cmaps") else mesh.geometry.cmap
-    return int(cmap.degree)
-
-
-def _nodal_space(V: Any) -> tuple[Any, str]:
-    """Space with one dof vector per node of the mesh, and what its files say of themselves."""
-    nodal = vector_space(V.mesh, _geometry_degree(V.mesh))
-    lost = V.dofmap.dof_layout.num_dofs > nodal.dofmap.dof_layout.num_dofs
-    return nodal, LOSS if lost else NO_LOSS
-
-
-def _function(V: Any, values: NDArray | float, name: str) -> Any:
-    """Real function of ``V`` with the given local dofs."""
-    from dolfinx import fem
-
-    f = fem.Function(V)
-    f.name = name
-    f.x.array[:] = values
-    return f
-
-
-@contextmanager
-def _xdmf(comm: Any, path: Path) -> Iterator[Any]:
-    """XDMF file open for writing."""
-    from dolfinx.io import XDMFFile
-
-    with XDMFFile(comm, str(path), "w") as file:
-        yield file
-
-
-def write_fields(path: str | Path, V: Any, fields: Mapping[str, NDArray]) -> Path:
-    """Write vector fields on one mesh for ParaView, at its nodes.
-
-    On a mesh of straight cells the fields of the second-order space are interpolated into the
-    first-order one before writing: what lies between the vertices is not in the file.
+def write_grid(
+    path: str | Path,
+    points: NDArray,
+    cells: NDArray,
+    kind: int,
+    at_points: Fields | None = None,
+    at_cells: Fields | None = None,
+    times: Sequence[float] = (),
+) -> Path:
+    """Write an unstructured grid of cells of one kind.
 
     Args:
-        path: the XDMF file; its data go beside it, into the same name with ``.h5`` (``.bp``: VTX).
+        path: the file.
+        points: positions [m], shape (n, 3).
+        cells: points of each cell in the order of VTK, shape (m, nodes).
+        kind: type of the cells as VTK numbers them.
+        at_points: values at the points by name, shape (n,) or (n, 3); with times (steps, n, 3).
+        at_cells: values of the cells by name, shape (m,) or (m, 3).
+        times: of the steps of the values at points; none: the values do not change.
+
+    Returns:
+        The path.
+    """
+    path = Path(path)
+    with whole_file(path) as part, h5py.File(part, "w") as file:
+        root = file.create_group("VTKHDF")
+        root.attrs["Version"] = (2, 0) if len(times) else (1, 0)
+        text = h5py.string_dtype("ascii", len("UnstructuredGrid"))
+        root.attrs.create("Type", b"UnstructuredGrid", dtype=text)
+        root["NumberOfPoints"], root["NumberOfCells"] = [len(points)], [len(cells)]
+        root["NumberOfConnectivityIds"] = [cells.size]
+        root["Points"], root["Connectivity"] = np.asarray(points, float), cells.ravel()
+        root["Offsets"] = cells.shape[1] * np.arange(len(cells) + 1)
+        root["Types"] = np.full(len(cells), kind, np.uint8)
+        for place, fields in (("PointData", at_points), ("CellData", at_cells)):
+            group = root.create_group(place)
+            for name, values in (fields or {}).items():
+                group[name] = np.concatenate(values) if len(times) else values
+        if len(times):
+            _write_steps(root, times, len(points), list(at_points or {}))
+    return path
+
+
+def _write_steps(root: Any, times: Sequence[float], points: int, names: Sequence[str]) -> None:
+    """The steps of a grid that does not change, but for its values at the points."""
+    steps, none = root.create_group("Steps"), np.zeros(len(times), dtype=np.int64)
+    steps.attrs["NSteps"], steps["Values"] = len(times), np.asarray(times, float)
+    steps["PartOffsets"], steps["NumberOfParts"], steps["PointOffsets"] = none, none + 1, none
+    steps["CellOffsets"] = steps["ConnectivityIdOffsets"] = none[:, None]
+    offsets = steps.create_group("PointDataOffsets")
+    for name in names:
+        offsets[name] = points * np.arange(len(times))
+
+
+def write_fields(path: str | Path, V: Any, fields: Fields) -> Path:
+    """Write vector fields of one space, with all their dofs.
+
+    Args:
+        path: the file.
         V: vector function space of Lagrange elements, on a mesh of this process.
         fields: by name, all dofs of a field of ``V``, shape (dofs,); a complex field is a mode,
             scaled so that its largest displacement is 1, and becomes ``name_re`` and ``name_im``.
 
     Returns:
-        The path of the XDMF file.
+        The path.
     """
-    path = Path(path)
-    parts = _parts(V, fields)
-    nodal, note = _nodal_space(V)
-    with _xdmf(V.mesh.comm, path) as file:
-        file.write_mesh(V.mesh)
-        for name, values in parts.items():
-            file.write_function(_at_nodes(nodal, V, values, name), 0.0)
-    _one_grid(path, note)
-    functions = [_function(V, values, name) for name, values in parts.items()]
-    _say(path, note, _write_vtx(path, functions, [(0.0, list(parts.values()))]))
-    return path
+    parts: dict[str, NDArray] = {}
+    for name, values in fields.items():
+        u = _vectors(V, name, values)
+        parts |= {f"{name}_re": u.real, f"{name}_im": u.imag} if np.iscomplexobj(u) else {name: u}
+    cells, types, points = vtk_cells(V)
+    return write_grid(path, points, cells, int(types[0]), parts)
 
 
 def write_phases(path: str | Path, V: Any, mode: NDArray, frames: int = 24) -> Path:
     """Write one period of a complex mode as a time series: Re(mode exp(i theta)) over theta.
 
     Growth or decay is left out: the phase alone runs. The mode is scaled so that its largest
-    displacement is 1. Values at the nodes, as in `write_fields`.
+    displacement is 1.
 
     Args:
-        path: the XDMF file.
+        path: the file.
         V: vector function space of Lagrange elements, on a mesh of this process.
         mode: all dofs of the mode, complex, shape (dofs,).
         frames: number of instants; the time in the file is the phase [rad], 0 to 2 pi.
 
     Returns:
-        The path of the XDMF file.
+        The path.
     """
-    path = Path(path)
-    _check_length(V, "mode", mode)
-    mode = _unit_amplitude(V, mode)
-    nodal, note = _nodal_space(V)
-    with _xdmf(V.mesh.comm, path) as file:
-        file.write_mesh(V.mesh)
-        for theta in 2 * np.pi * np.arange(frames) / frames:
-            instant = np.real(mode * np.exp(1j * theta))
-            file.write_function(_at_nodes(nodal, V, instant, "displacement"), float(theta))
-    _one_series(path, note)
-    angles = 2 * np.pi * np.arange(frames) / frames
-    steps = ((float(a), [np.real(mode * np.exp(1j * a))]) for a in angles)
-    _say(path, note, _write_vtx(path, [_function(V, 0.0, "displacement")], steps))
-    return path
+    theta = 2 * np.pi * np.arange(frames) / frames
+    u = np.real(_vectors(V, "mode", mode) * np.exp(1j * theta)[:, None, None])
+    cells, types, points = vtk_cells(V)
+    return write_grid(path, points, cells, int(types[0]), {"displacement": u}, times=theta.tolist())
 
 
-def _write_vtx(
-    path: Path, functions: list[Any], steps: Iterable[tuple[float, list[NDArray]]]
-) -> bool:
-    """Write functions with all their dofs beside ``path``; False where DOLFINx cannot.
+def write_points(path: str | Path, points: NDArray, fields: Fields) -> Path:
+    """Write contact elements as points with their pressure, gap, ...
 
     Args:
-        path: the XDMF file.
-        functions: of one space.
-        steps: time, and the dofs of every function.
+        path: the file.
+        points: positions [m], shape (n, 3).
+        fields: by name, shape (n,) or (n, 3).
+
+    Returns:
+        The path.
     """
-    comm = functions[0].function_space.mesh.comm
-    writer = vtx_writer(comm, path.with_suffix(".bp"), functions)
-    if writer is None:
-        return False
-    for time, values in steps:
-        for f, own in zip(functions, values, strict=True):
-            f.x.array[:] = own
-        writer.write(time)
-    writer.close()
-    return True
+    return write_grid(path, points, np.arange(len(points))[:, None], VERTEX, fields)
 
 
-def _say(path: Path, note: str, vtx: bool) -> None:
-    """Log what the file holds, and where the rest is."""
-    rest = VTX_TOO.format(path.with_suffix(".bp").name) if vtx else NO_VTX
-    logger.debug("%s: %s", path.name, f"{LOGGED}; {rest}" if note == LOSS else note)
+def write_facets(path: str | Path, corners: NDArray, fields: Fields) -> Path:
+    """Write the facets of a face with one value each.
+
+    Args:
+        path: the file.
+        corners: of each facet in cyclic order [m], shape (n, 3 or 4, 3).
+        fields: by name, shape (n,) or (n, 3).
+
+    Returns:
+        The path.
+    """
+    kind = {3: TRIANGLE, 4: QUADRILATERAL}[corners.shape[1]]
+    cells = np.arange(corners.shape[0] * corners.shape[1]).reshape(corners.shape[:2])
+    return write_grid(path, corners.reshape(-1, 3), cells, kind, at_cells=fields)
 
 
-def say_once(V: Any, folder: Path) -> None:
-    """Log what the files of a folder lack, if they lack anything."""
-    if _nodal_space(V)[1] == LOSS:
-        rest = VTX_TOO.format("*.bp") if any(folder.glob("*.bp")) else NO_VTX
-        logger.info("%s/*.xdmf: %s; %s", folder.name, LOGGED, rest)
+def facet_means(facet: NDArray, w: NDArray, values: NDArray, facets: int) -> NDArray:
+    """Means over the elements of each facet, weighted with their areas.
+
+    Args:
+        facet: facet of each element, -1: none, shape (elements,).
+        w: areas [m^2].
+        values: one per element.
+        facets: number of facets.
+
+    Returns:
+        One per facet, nan where a facet holds no element.
+    """
+    held = facet >= 0
+    total = np.bincount(facet[held], w[held], facets)
+    mean = np.full(facets, np.nan)
+    full = total > 0
+    mean[full] = np.bincount(facet[held], (w * values)[held], facets)[full] / total[full]
+    return mean
 
 
-def _parts(V: Any, fields: Mapping[str, NDArray]) -> dict[str, NDArray]:
-    """Real fields by name; a complex one gives its real and its imaginary part."""
-    parts: dict[str, NDArray] = {}
-    for name, values in fields.items():
-        _check_length(V, name, values)
-        if np.iscomplexobj(values):
-            values = _unit_amplitude(V, values)
-            parts[f"{name}_re"], parts[f"{name}_im"] = values.real, values.imag
-        else:
-            parts[name] = values
-    return parts
+def _vectors(V: Any, name: str, values: NDArray) -> NDArray:
+    """A field, shape (points, 3); a complex one, a mode, with a largest displacement of 1.
 
-
-def _unit_amplitude(V: Any, mode: NDArray) -> NDArray:
-    """A mode, which has no size of its own, with a largest displacement of 1."""
-    size = np.linalg.norm(np.abs(mode).reshape(-1, V.dofmap.index_map_bs), axis=1)
-    largest = float(size.max(initial=0.0))
-    return mode / largest if largest > 0 else mode
-
-
-def _check_length(V: Any, name: str, values: NDArray) -> None:
-    """Raise if a field has not one value per dof."""
+    Raises:
+        ValueError: the field has not one value per dof.
+    """
     n = V.dofmap.index_map.size_local * V.dofmap.index_map_bs
     if np.shape(values) != (n,):
         raise ValueError(f"field {name}: shape {np.shape(values)}, the space has {n} dofs")
-
-
-def _at_nodes(nodal: Any, V: Any, values: NDArray, name: str) -> Any:
-    f = _function(nodal, 0.0, name)
-    f.interpolate(_function(V, values, name))
-    return f
-
-
-def _one_grid(path: Path, note: str) -> None:
-    """Move all fields into the grid of the mesh, so that ParaView shows them as one data set."""
-    root = ElementTree.parse(path).getroot()
-    domain = root.find("Domain")
-    if domain is None:
-        raise OSError(f"{path}: no domain in the file just written")
-    mesh, *series = domain.findall("Grid")
-    for collection in series:
-        for attribute in collection.iter("Attribute"):
-            mesh.append(attribute)
-        domain.remove(collection)
-    write_tree(path, root, note)
-
-
-def _one_series(path: Path, note: str) -> None:
-    """Give every instant the mesh itself, so that ParaView shows no second, resting body."""
-    root = ElementTree.parse(path).getroot()
-    domain = root.find("Domain")
-    if domain is None:
-        raise OSError(f"{path}: no domain in the file just written")
-    mesh, series = domain.findall("Grid")
-    for instant in series:
-        for pointer in instant.findall("{http://www.w3.org/2001/XInclude}include"):
-            instant.remove(pointer)
-        instant[:0] = list(mesh)
-    domain.remove(mesh)
-    write_tree(path, root, note)
+    u = np.reshape(values, (-1, V.dofmap.index_map_bs))
+    if not np.iscomplexobj(u):
+        return u
+    largest = float(np.linalg.norm(u, axis=1).max(initial=0.0))
+    return u / largest if largest > 0 else u

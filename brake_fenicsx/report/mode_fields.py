@@ -27,7 +27,7 @@ MOST = 4  # modes drawn for each approach, of the most severe families
 
 
 def write_mode_fields(study: Study, first: Mapping[Task, Mapping[str, Any]]) -> None:
-    """Write fields/*.xdmf, figures/mode_* and contact_faces.npz; collective.
+    """Write fields/*.vtkhdf, figures/mode_* and contact_faces.npz; collective.
 
     Equilibrium and contact are those of the first sample of each approach; modes are of its most
     severe families, of each the squeal mode of median damping.
@@ -52,9 +52,6 @@ def write_mode_fields(study: Study, first: Mapping[Task, Mapping[str, Any]]) -> 
     if comm.rank > 0:
         return
     write_rows(store.path("figures", SHAPES), SHAPE_COLUMNS, rows)
-    from .fields import say_once
-
-    say_once(study.brake.elastic.free.V, store.path("fields"))
 
 
 def contact_faces(study: Study) -> dict[str, NDArray]:
@@ -93,8 +90,7 @@ def _write_equilibrium(
     study: Study, task: Task, data: Mapping[str, Any], faces: dict[str, NDArray]
 ) -> None:
     """Displacement; pressure, gap, stiffness and state of every contact element."""
-    from .contact_fields import facet_means, write_facets, write_points
-    from .fields import write_fields
+    from .fields import facet_means, write_facets, write_fields, write_points
 
     folder, name, V = study.store.path("fields"), task[0], study.brake.elastic.free.V
     # On one process: the factor of all bodies is large.
@@ -104,10 +100,10 @@ def _write_equilibrium(
     u = study.brake.elastic.free.expand(u)
     if study.brake.lift is not None:
         u = u + study.brake.lift
-    write_fields(folder / f"equilibrium_{name}.xdmf", V, {"u_e": u})
+    write_fields(folder / f"equilibrium_{name}.vtkhdf", V, {"u_e": u})
     values = {key: data[key] for key in ("g", "g_cr", "p", "k", "k_vibration")}
     values["active"] = (data["p"] > 0).astype(float)
-    write_points(folder / f"contact_{name}.xdmf", study.brake.points, values)
+    write_points(folder / f"contact_{name}.vtkhdf", study.brake.points, values)
     facet, corners = faces["facet"], faces["corners"]
     if np.any(facet >= 0):
         means = {
@@ -115,7 +111,7 @@ def _write_equilibrium(
         }
         held = np.isfinite(means["p"])
         means = {key: v[held] for key, v in means.items()}
-        write_facets(folder / f"pressure_{name}.xdmf", corners[held], means)
+        write_facets(folder / f"pressure_{name}.vtkhdf", corners[held], means)
 
 
 def _severe(study: Study) -> tuple[RunData, list[list[ModeKey]]]:
@@ -157,7 +153,7 @@ def _write_modes(study: Study, run: RunData, chosen: list[ModeKey]) -> list[list
         x = displacements(study, task, study.stored(task), np.array([mode.mode]))[:, 0]
         hertz, share = f"{mode.frequency:05.0f}Hz", mode.family.share
         shape = study.brake.elastic.free.expand(x)
-        write_phases(store.path("fields", f"phase_{name}_{hertz}.xdmf"), V, shape)
+        write_phases(store.path("fields", f"phase_{name}_{hertz}.vtkhdf"), V, shape)
         often = f"; family squeals in {share.hits} of {share.n} samples" if share.n > 1 else ""
         title = (
             f"{label(run, name)}, sample {mode.sample}: {mode.frequency:.0f} Hz,"
@@ -175,7 +171,7 @@ def _write_modes(study: Study, run: RunData, chosen: list[ModeKey]) -> list[list
     done = list(in_turns(len(chosen), draw, study.comm))
     if study.comm.rank == 0:
         fields = {key: shape for key, shape, _ in done}
-        write_fields(store.path("fields", f"modes_{name}.xdmf"), V, fields)
+        write_fields(store.path("fields", f"modes_{name}.vtkhdf"), V, fields)
     return [row for *_, row in done]
 
 

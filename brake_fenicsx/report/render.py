@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.compat import vtk_cells
+
 from .picture import SHAPE_COLOURS, VIEWS, compose, trim
 from .style import CYCLE
 
@@ -24,17 +26,6 @@ LIGHT: dict[str, Any] = {"ambient": 0.45, "diffuse": 0.65, "specular": 0.0}
 def pyvista() -> Any:
     """The drawing library, imported when the first picture is drawn."""
     return import_module("pyvista")
-
-
-def _cells_of_space(V: Any) -> tuple[NDArray, NDArray, NDArray]:
-    """VTK cells (n, nodes) over the dofs of ``V``, their type, and the dofs' positions."""
-    from dolfinx import plot
-
-    make = plot.vtk_mesh if hasattr(plot, "vtk_mesh") else plot.create_vtk_mesh
-    cells, types, points = make(V)
-    cells = np.asarray(cells)
-    nodes = int(cells[0]) if cells.size else 1
-    return cells.reshape(-1, nodes + 1)[:, 1:], np.asarray(types), np.asarray(points)
 
 
 def render_mode(
@@ -137,7 +128,7 @@ def _phase(values: NDArray) -> complex:
 
 def _grid(V: Any, parts: NDArray | None = None) -> Any:
     """Pyvista grid of the nodes of V, with the number of each point's body and each cell's part."""
-    cells, types, points = _cells_of_space(V)
+    cells, types, points = vtk_cells(V)
     head = np.full((len(cells), 1), cells.shape[1])
     grid = pyvista().UnstructuredGrid(np.hstack([head, cells]).ravel(), types, points)
     grid.point_data["body"] = _bodies(len(points), cells)

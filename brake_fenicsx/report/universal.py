@@ -26,8 +26,8 @@ from .mode_fields import MOST
 FILE = "modes.unv"
 SI = {"units_code": 1, "units_description": "SI: metre, newton", "temp_mode": 1,
       "length": 1.0, "force": 1.0, "temp": 1.0, "temp_offset": 273.15}  # fmt: skip
-# Nodes of a cell in XDMF -> corners and descriptor of the linear element. A line of dataset 2412
-# holds eight nodes, and pyuff writes one line: middle nodes have shapes, but stand in no element.
+# Nodes of a cell -> corners and descriptor of the linear element: a line of dataset 2412 holds eight
+# nodes, and pyuff writes one line.
 ELEMENTS = {4: (4, 111), 10: (4, 111), 8: (8, 115), 27: (8, 115)}
 # Codes of dataset 55.
 COMPLEX_EIGENVALUE, TRANSLATIONS, DISPLACEMENT = 3, 2, 8
@@ -54,9 +54,9 @@ def export_modes(directory: str | Path) -> Path:
             ' squeal modes: run the scene with stages = [..., "stability",'
             ' "report"] and, if no mode squeals, a lower stability.threshold or more friction'
         )
-    points, cells = _mesh(_file(run, stored[0][0].approach))
+    points, cells, used = _mesh(_file(run, stored[0][0].approach))
     sets = [_header(run), {"type": 164, **SI}, *_model(points, cells)]
-    sets += [_mode(run, i, key, shape) for i, (key, shape) in enumerate(stored, start=1)]
+    sets += [_mode(run, i, key, shape[used]) for i, (key, shape) in enumerate(stored, start=1)]
     path = run.directory / FILE
     with whole_file(path) as part:
         pyuff.UFF(str(part)).write_sets(sets, mode="overwrite")
@@ -80,27 +80,29 @@ def _approaches(run: RunData) -> list[str]:
 
 
 def _file(run: RunData, approach: str) -> Path:
-    return run.directory / "fields" / f"modes_{approach}.h5"
+    return run.directory / "fields" / f"modes_{approach}.vtkhdf"
 
 
 def _shapes(run: RunData, approach: str) -> list[tuple[ModeKey, NDArray[np.complex128]]]:
-    """Stored modes of an approach, shapes at the nodes of the mesh, (nodes, 3)."""
+    """Stored modes of an approach, shapes at the points of the file, (points, 3)."""
     found = []
     with h5py.File(_file(run, approach)) as file:
-        fields = file["Function"]
+        fields = file["VTKHDF/PointData"]
         for key in run.squeal.representatives(approach, MOST):
             name = f"mode_{key.frequency:05.0f}Hz"
             if f"{name}_re" in fields:
-                re, im = (fields[f"{name}_{part}"]["0"][:] for part in ("re", "im"))
+                re, im = (fields[f"{name}_{part}"][:] for part in ("re", "im"))
                 found.append((key, re + 1j * im))
     return found
 
 
-def _mesh(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Nodes [m] and cells in the order of XDMF."""
+def _mesh(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
+    """Corners of the cells [m], cells over them, and the point of the file of each corner."""
     with h5py.File(path) as file:
-        mesh = file["Mesh/mesh"]
-        return mesh["geometry"][:], mesh["topology"][:].astype(np.int64)
+        mesh = file["VTKHDF"]
+        cells = mesh["Connectivity"][:].reshape(len(mesh["Types"]), -1)
+        used, numbers = np.unique(cells[:, : ELEMENTS[cells.shape[1]][0]], return_inverse=True)
+        return mesh["Points"][used], numbers.reshape(len(cells), -1), used
 
 
 def _header(run: RunData) -> dict[str, Any]:
@@ -122,7 +124,7 @@ def _model(points: NDArray[np.float64], cells: NDArray[np.int64]) -> list[dict[s
     elements: list[dict[str, Any]] = [
         {"element_nums": i, "fe_descriptor": descriptor, "phys_table": 1, "mat_table": 1,
          "color": 0, "num_nodes": corners, "nodes_nums": cell.tolist()}
-        for i, cell in enumerate(cells[:, :corners] + 1, start=1)
+        for i, cell in enumerate(cells + 1, start=1)
     ]  # fmt: skip
     return [nodes, {"type": 2412, descriptor: elements}]
 

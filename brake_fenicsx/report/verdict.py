@@ -170,12 +170,11 @@ def _limits(run: RunData, c: ApproachCount) -> list[Block]:
         return []
     modes = run.squeal.squeal_modes(c.approach)
     loud = modes["sample"][modes["damping"] < -USUAL_LIMIT]
-    what, numbers = "squeal modes", [f"{c.squeal}", f"{loud.size}"]
+    of, what, hits = "", "squeal modes", (c.squeal, loud.size)
     if c.samples > 1:
-        hits = (c.squeal_samples, len({*loud}))
-        what, numbers = "samples that squeal", [f"{n} of {c.samples}" for n in hits]
-    chosen, usual = (f"{-limit or 0:g}" for limit in (run.threshold, USUAL_LIMIT))
-    rows = [["limit chosen", chosen, numbers[0]], ["usual limit in Abaqus", usual, numbers[1]]]
+        of, what, hits = f" of {c.samples}", "samples that squeal", (c.squeal_samples, len({*loud}))
+    limits = ("limit chosen", run.threshold), ("usual limit in Abaqus", USUAL_LIMIT)
+    rows = [[name, f"{-x or 0:g}", f"{n}{of}"] for (name, x), n in zip(limits, hits, strict=True)]
     return [Table(["limit", "damping below", what], rows)]
 
 

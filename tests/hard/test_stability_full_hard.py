@@ -196,7 +196,7 @@ def test_nearly_incompressible_layer(layer, nu):
 
 @pytest.mark.parametrize("mu", [0.3, 0.8, 1.5])
 def test_fine_sliding_layer_of_strong_friction(layer, mu):
-    """Friction up to 1.5 on a fine layer: modes of the dispersion relation, and a proven count."""
+    """A fine layer, friction up to 1.5: all modes of its dispersion relation, a proven count."""
     k, nu = 1.5 / layer.H, 0.3
     exact = layer.in_band(layer.lambdas(layer.exact_modes(k, nu, mu)))
     smooth, _ = layer.constrained(layer.Layer(k, nu, 0.0), 150)

@@ -1,7 +1,4 @@
-"""What ParaView gets: values at the vertices, both parts of a mode, on one and on two processes."""
-
-import logging
-from pathlib import Path
+"""What ParaView gets: every dof, both parts of a mode, its period; pictures of modes and meshes."""
 
 import numpy as np
 import pytest
@@ -9,17 +6,17 @@ import pytest
 MPI = pytest.importorskip("mpi4py.MPI")
 pytest.importorskip("dolfinx")
 pyvista = pytest.importorskip("pyvista")
-h5py = pytest.importorskip("h5py")
 
 from dolfinx import fem, mesh  # noqa: E402
 
 from brake_fenicsx.report.animation import animate_mode  # noqa: E402
-from brake_fenicsx.report.contact_fields import (  # noqa: E402
+from brake_fenicsx.report.fields import (  # noqa: E402
     facet_means,
     write_facets,
+    write_fields,
+    write_phases,
     write_points,
 )
-from brake_fenicsx.report.fields import write_fields, write_phases  # noqa: E402
 from brake_fenicsx.report.render import render_mesh, render_mode  # noqa: E402
 
 
@@ -47,47 +44,35 @@ def values_on(V):
     return field(V.tabulate_dof_coordinates().T).T.ravel()
 
 
-def read(path):
-    """The one grid of an XDMF file, read by VTK, an independent reader."""
-    from vtkmodules.vtkIOXdmf2 import vtkXdmfReader
-
-    reader = vtkXdmfReader()
-    reader.SetFileName(str(path))
-    reader.Update()
-    grid = pyvista.wrap(reader.GetOutputDataObject(0))
-    return grid[0] if isinstance(grid, pyvista.MultiBlock) else grid
-
-
 @pytest.fixture(scope="module")
 def space():
     return vector_space(MPI.COMM_SELF)
 
 
 @pytest.mark.parametrize("cell", ["tetrahedron", "hexahedron"])
-def test_vertices_carry_the_values_of_the_field(tmp_path, cell):
-    V = vector_space(MPI.COMM_SELF, cell=getattr(mesh.CellType, cell))
+@pytest.mark.parametrize("degree", [1, 2])
+def test_every_dof_is_read_back(tmp_path, cell, degree):
+    """By VTK, an independent reader: values, positions, and cells that fill the cube once."""
+    from brake_fenicsx.compat import vector_space as space_of_degree
+
+    V = space_of_degree(vector_space(MPI.COMM_SELF, cell=getattr(mesh.CellType, cell)).mesh, degree)
     values = values_on(V)
-    path = write_fields(tmp_path / "m.xdmf", V, {"mode": values, "static": values.real.copy()})
-    grid = read(path)
-    assert grid.n_points == 4**3
+    path = write_fields(tmp_path / "m.vtkhdf", V, {"mode": values, "static": values.real.copy()})
+    grid = pyvista.read(path)
+    assert grid.n_points == (3 * degree + 1) ** 3
     exact = field(grid.points.T.astype(float)).T
     assert sorted(grid.point_data.keys()) == ["mode_im", "mode_re", "static"]
     assert np.allclose(grid.point_data["mode_re"], exact.real / LARGEST, atol=1e-12)
     assert np.allclose(grid.point_data["mode_im"], exact.imag / LARGEST, atol=1e-12)
     assert np.allclose(grid.point_data["static"], exact.real, atol=1e-12)
+    assert grid.compute_cell_sizes().cell_data["Volume"].sum() == pytest.approx(1.0)
+    # Between the points the field is that of the cells: quadratic where they are.
+    x = np.array([[0.43, 0.21, 0.77], [0.13, 0.9, 0.5]])
+    probed = pyvista.PolyData(x).sample(grid).point_data["static"]
+    assert np.allclose(probed, field(x.T).real.T, atol=1e-9 if degree == 2 else 0.05)
 
 
-def test_a_first_order_field_loses_nothing(tmp_path):
-    from brake_fenicsx.compat import vector_space as space_of_degree
-
-    V = space_of_degree(vector_space(MPI.COMM_SELF).mesh, 1)
-    values = values_on(V).real.copy()
-    path = write_fields(tmp_path / "m.xdmf", V, {"u": values})
-    assert "all nodes" in path.read_text().splitlines()[1]
-    assert np.allclose(np.sort(read(path).point_data["u"], axis=None), np.sort(values))
-
-
-def test_a_curved_mesh_loses_nothing(tmp_path):
+def test_a_curved_mesh_keeps_its_middle_nodes(tmp_path):
     gmsh = pytest.importorskip("gmsh")
     from brake_fenicsx.compat import mesh_from_gmsh
 
@@ -102,77 +87,36 @@ def test_a_curved_mesh_loses_nothing(tmp_path):
     gmsh.model.mesh.setOrder(2)
     V = vector_space_on(mesh_from_gmsh(gmsh.model)[0])
     gmsh.finalize()
-    values = values_on(V).real.copy()
-    path = write_fields(tmp_path / "m.xdmf", V, {"u": values})
-    with h5py.File(path.with_suffix(".h5")) as file:
-        points, u = file["Mesh/mesh/geometry"][:], file["Function/u/0"][:]
-    assert len(points) > 3 * V.mesh.topology.index_map(0).size_local
-    assert np.allclose(u, field(points.T).real.T, atol=1e-10)
-    assert "all nodes" in path.read_text().splitlines()[1]
+    grid = pyvista.read(write_fields(tmp_path / "m.vtkhdf", V, {"u": values_on(V).real.copy()}))
+    assert grid.n_points > 3 * V.mesh.topology.index_map(0).size_local
+    assert np.allclose(grid.point_data["u"], field(grid.points.T).real.T, atol=1e-9)
+    # Straight cells of this size would miss the radius by a tenth.
+    assert np.hypot(*grid.points.T[:2]).max() == pytest.approx(1.0, abs=1e-6)
 
 
-def test_the_file_says_what_was_left_out(tmp_path, space, caplog):
-    with caplog.at_level(logging.DEBUG, logger="brake_fenicsx"):
-        logging.getLogger("brake_fenicsx").propagate = True
-        path = write_fields(tmp_path / "m.xdmf", space, {"u": values_on(space).real})
-    assert "interpolated into the first-order space" in path.read_text().splitlines()[1]
-    assert "mid-edge values are not exported to XDMF" in caplog.text
+def test_a_phase_turns_the_mode_once(tmp_path, space):
+    from vtkmodules.vtkCommonExecutionModel import vtkStreamingDemandDrivenPipeline
+    from vtkmodules.vtkIOHDF import vtkHDFReader
 
-
-def test_the_log_says_once_what_was_left_out(tmp_path, space, caplog):
-    from brake_fenicsx.report.fields import say_once
-
-    with caplog.at_level(logging.INFO, logger="brake_fenicsx"):
-        for name in ("a.xdmf", "b.xdmf"):
-            write_fields(tmp_path / name, space, {"u": values_on(space).real})
-        say_once(space, tmp_path)
-    assert [r.message.count("mid-edge values") for r in caplog.records] == [1]
-
-
-def test_phases_turn_the_mode_once(tmp_path, space):
-    values = values_on(space)
-    path = write_phases(tmp_path / "p.xdmf", space, values, frames=8)
-    with h5py.File(path.with_suffix(".h5")) as file:
-        data = file["Function"]["displacement"]
-        frames = [data[key][:] for key in sorted(data, key=lambda k: float(k.replace("_", ".")))]
-        points = file["Mesh"]["mesh"]["geometry"][:]
-    exact = field(points.T).T / LARGEST
-    assert len(frames) == 8
-    assert np.allclose(frames[0], exact.real, atol=1e-12)
-    assert np.allclose(frames[2], -exact.imag, atol=1e-12)
-    assert np.allclose(frames[4], -exact.real, atol=1e-12)
-
-
-def test_a_phase_is_one_body_that_moves(tmp_path, space):
-    """For VTK and meshio: no mesh at rest beside it, and its values at every instant."""
-    from vtkmodules.vtkIOXdmf2 import vtkXdmfReader
-
-    meshio = pytest.importorskip("meshio")
-    path = write_phases(tmp_path / "p.xdmf", space, values_on(space), frames=8)
-    reader = vtkXdmfReader()
+    path = write_phases(tmp_path / "p.vtkhdf", space, values_on(space), frames=8)
+    reader = vtkHDFReader()
     reader.SetFileName(str(path))
     reader.UpdateInformation()
-    for k in (0, 3):
-        theta = 2 * np.pi * k / 8
-        reader.UpdateTimeStep(theta)
-        grid = pyvista.wrap(reader.GetOutputDataObject(0))
-        if isinstance(grid, pyvista.MultiBlock):
-            (grid,) = grid
-        exact = np.real(field(grid.points.T.astype(float)).T * np.exp(1j * theta)) / LARGEST
-        assert np.allclose(grid.point_data["displacement"], exact, atol=1e-6)
-    with meshio.xdmf.TimeSeriesReader(path) as series:
-        points, _ = series.read_points_cells()
-        theta, data, _ = series.read_data(5)
-    assert theta == pytest.approx(2 * np.pi * 5 / 8)
-    exact = np.real(field(points.T).T * np.exp(1j * theta)) / LARGEST
-    assert np.allclose(data["displacement"], exact, atol=1e-12)
+    times = reader.GetOutputInformation(0).Get(vtkStreamingDemandDrivenPipeline.TIME_STEPS())
+    assert np.allclose(times, 2 * np.pi * np.arange(8) / 8)
+    for k in (0, 3, 7):
+        reader.UpdateTimeStep(times[k])
+        grid = pyvista.wrap(reader.GetOutput())
+        turned = field(grid.points.T.astype(float)).T * np.exp(1j * times[k])
+        assert np.allclose(grid.point_data["displacement"], turned.real / LARGEST, atol=1e-12)
+    assert grid.n_points == 7**3
 
 
 def test_contact_points_keep_every_digit(tmp_path):
     rng = np.random.default_rng(3)
     points, p = rng.normal(size=(5, 3)), rng.random(5)
-    path = write_points(tmp_path / "contact.xdmf", points, {"p": p, "slip": points[:, ::-1]})
-    cloud = read(path)
+    path = write_points(tmp_path / "contact.vtkhdf", points, {"p": p, "slip": points[:, ::-1]})
+    cloud = pyvista.read(path)
     assert np.array_equal(cloud.point_data["p"], p)
     assert np.array_equal(cloud.point_data["slip"], points[:, ::-1])
     assert np.allclose(cloud.points, points, rtol=1e-7)
@@ -184,77 +128,17 @@ def test_facets_carry_the_mean_of_their_elements(tmp_path):
     facet, w = np.array([0, 0, 1, -1]), np.array([1.0, 3.0, 2.0, 5.0])
     means = facet_means(facet, w, np.array([4.0, 8.0, 1.0, 100.0]), 3)
     assert np.allclose(means, [7.0, 1.0, np.nan], equal_nan=True)
-    path = write_facets(tmp_path / "p.xdmf", corners, {"p": means[:2]})
-    grid = read(path)
+    path = write_facets(tmp_path / "p.vtkhdf", corners, {"p": means[:2]})
+    grid = pyvista.read(path)
     assert (grid.n_cells, grid.n_points) == (2, 6)
     assert np.array_equal(grid.cell_data["p"], [7.0, 1.0])
     assert np.allclose(grid.compute_cell_sizes().cell_data["Area"], 0.5)
 
 
-class Recorder:
-    """Stands for DOLFINx's VTXWriter: keeps what it is given."""
-
-    def __init__(self, comm, path, functions):
-        self.path, self.functions, self.steps = path, functions, []
-        Recorder.made = self
-
-    def write(self, time):
-        self.steps.append((time, [f.x.array.copy() for f in self.functions]))
-
-    def close(self):
-        self.steps = tuple(self.steps)
-
-
-def test_vtx_gets_every_dof_where_there_is_adios2(tmp_path, space, monkeypatch, caplog):
-    """Second order, real and imaginary part apart, and every instant of the phase."""
-    import logging
-
-    from dolfinx import io
-
-    monkeypatch.setattr(io, "VTXWriter", Recorder, raising=False)
-    values = values_on(space)
-    logging.getLogger("brake_fenicsx").propagate = True
-    with caplog.at_level(logging.DEBUG, logger="brake_fenicsx"):
-        write_fields(tmp_path / "m.xdmf", space, {"mode": values})
-    assert "m.bp contains the full quadratic field" in caplog.text
-    made = Recorder.made
-    assert Path(made.path).name == "m.bp"
-    assert [f.name for f in made.functions] == ["mode_re", "mode_im"]
-    ((time, (re, im)),) = made.steps
-    assert time == 0.0
-    assert np.allclose(re + 1j * im, values / LARGEST, rtol=1e-14)
-    write_phases(tmp_path / "p.xdmf", space, values, frames=4)
-    assert np.allclose([t for t, _ in Recorder.made.steps], np.pi * np.arange(4) / 2)
-    assert np.allclose(Recorder.made.steps[1][1][0], -values.imag / LARGEST, atol=1e-12)
-
-
-def test_vtx_folder_is_written_by_dolfinx_itself(tmp_path, space):
-    from dolfinx import io
-
-    if not hasattr(io, "VTXWriter"):
-        pytest.skip("DOLFINx without ADIOS2")
-    write_fields(tmp_path / "m.xdmf", space, {"mode": values_on(space)})
-    size = sum(f.stat().st_size for f in (tmp_path / "m.bp").iterdir())
-    assert size > 8 * 2 * values_on(space).size
-
-
-def test_the_log_says_where_there_is_no_adios2(tmp_path, space, monkeypatch, caplog):
-    import logging
-
-    from dolfinx import io
-
-    monkeypatch.delattr(io, "VTXWriter", raising=False)
-    logging.getLogger("brake_fenicsx").propagate = True
-    with caplog.at_level(logging.DEBUG, logger="brake_fenicsx"):
-        write_fields(tmp_path / "m.xdmf", space, {"u": values_on(space).real.copy()})
-    assert "need a DOLFINx with ADIOS2" in caplog.text
-    assert not (tmp_path / "m.bp").exists()
-
-
 def test_a_field_of_another_length_is_refused(tmp_path, space):
     with pytest.raises(ValueError, match="field u: shape"):
-        write_fields(tmp_path / "m.xdmf", space, {"u": np.zeros(7)})
-    assert not (tmp_path / "m.xdmf").exists()
+        write_fields(tmp_path / "m.vtkhdf", space, {"u": np.zeros(7)})
+    assert not (tmp_path / "m.vtkhdf").exists()
 
 
 def test_mode_picture_shows_both_views_in_colour(tmp_path, space):

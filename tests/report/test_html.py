@@ -211,8 +211,8 @@ def test_families_that_may_be_a_doublet_are_counted_together(tmp_path):
     text = first_screen(tmp_path, rows)
     assert text.count("lie close together") == 1
     assert (
-        "3.150 and 3.140 kHz lie close together and may be one doublet: at least one squeals in 3"
-        " of 4 samples." in text
+        "3.150 and 3.140 kHz lie close together and may be one doublet: at least one squeals in"
+        " 3 of 4 samples." in text
     )
 
 

@@ -35,7 +35,7 @@ def finished_run(folder, cell="tetrahedron", with_shapes=True):
         V = vector_space(mesh.create_unit_cube(MPI.COMM_SELF, 2, 1, 2, kind), 2)
         x = V.tabulate_dof_coordinates()
         shape = np.exp(1j * x[:, [0]]) * np.column_stack([x[:, 1], 1 + x[:, 2], x[:, 0] * x[:, 1]])
-        write_fields(folder / "fields" / "modes_joint.xdmf", V, {"mode_08331Hz": shape.ravel()})
+        write_fields(folder / "fields" / "modes_joint.vtkhdf", V, {"mode_08331Hz": shape.ravel()})
 
 
 @pytest.mark.parametrize(
