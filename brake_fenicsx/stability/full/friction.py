@@ -12,7 +12,7 @@ from ..eigensolvers.complex_columns import with_conjugates
 from ..eigensolvers.eigenpairs import matched
 from ..eigensolvers.regions import RIM, undamped_reach, undamped_region
 from ..eigensolvers.symmetric import shifted_factor, symmetric_modes
-from .interface import MORE_ORDERS, Interface, Inverse, moments
+from .interface import MOST_ORDERS, ORDERS, Interface, Inverse, moments
 from .interface_count import InterfaceModes, at_interface, prove
 from .problem import Found, Problem, agree
 
@@ -52,15 +52,16 @@ def friction_modes(
     real = symmetric_modes(p.frictionless, p.M, factor, sigma, CUTOFF**2 * high)
     modes = at_interface(real, friction)
     del real
-    known = moments(factor, p.M, friction)
+    orders, known = ORDERS, moments(factor, p.M, friction)
     inverse = Inverse(factor, friction, known.RL[0])
     reach = undamped_reach(high, zeta_max) - sigma
     kappa, right, left, steps = _both_sides(p, inverse, modes, reach)
     region = undamped_region(kappa, low, high, zeta_max)
     proof = prove(modes, friction, known, region, kappa)
-    if not proof.remainder < 1:
+    while not proof.remainder < 1 and orders < MOST_ORDERS:
         # Stiff contact: more of what the kept modes leave out is needed.
-        known = moments(factor, p.M, friction, MORE_ORDERS)
+        orders += ORDERS
+        known = moments(factor, p.M, friction, orders)
         proof = prove(modes, friction, known, region, kappa)
     factor.destroy()
     unproven = "" if proof.remainder < 1 else f"; not proven, it should be below 1{p.remedy}"
