@@ -101,6 +101,11 @@ def correlate(
 def _part(scene: Scene, name: str | None) -> str:
     """The part that was named, or the only one."""
     known = [n for n, part in scene.parts.items() if part.matrices is None]
+    if not known:
+        raise SceneError(
+            f"{scene.file}: parts: the scene has no part, and a modal test is compared with the"
+            " modes of one; write [parts.NAME]"
+        )
     if name is None and len(known) != 1:
         raise SceneError(
             f"{scene.file}: parts: the scene has {', '.join(known)}; name one with --part"
