@@ -52,16 +52,15 @@ def friction_modes(
     real = symmetric_modes(p.frictionless, p.M, factor, sigma, CUTOFF**2 * high)
     modes = at_interface(real, friction)
     del real
-    orders, known = ORDERS, moments(factor, p.M, friction)
+    known = moments(factor, p.M, friction)
     inverse = Inverse(factor, friction, known.RL[0])
     reach = undamped_reach(high, zeta_max) - sigma
     kappa, right, left, steps = _both_sides(p, inverse, modes, reach)
     region = undamped_region(kappa, low, high, zeta_max)
     proof = prove(modes, friction, known, region, kappa)
-    while not proof.remainder < 1 and orders < MOST_ORDERS:
+    while not proof.remainder < 1 and len(known.RL) < MOST_ORDERS:
         # Stiff contact: more of what the kept modes leave out is needed.
-        orders += ORDERS
-        known = moments(factor, p.M, friction, orders)
+        known = moments(factor, p.M, friction, len(known.RL) + ORDERS)
         proof = prove(modes, friction, known, region, kappa)
     factor.destroy()
     unproven = "" if proof.remainder < 1 else f"; not proven, it should be below 1{p.remedy}"
