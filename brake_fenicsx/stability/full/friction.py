@@ -64,10 +64,8 @@ def friction_modes(
         proof = prove(modes, friction, known, region, kappa)
     factor.destroy()
     unproven = "" if proof.remainder < 1 else f"; not proven, it should be below 1{p.remedy}"
-    how = (
-        f"winding number on the interface of rank {friction.rank}"
-        f" (remainder {proof.remainder:.1g}{unproven})"
-    )
+    bound = f"remainder {proof.remainder:.1g}{unproven}"
+    how = f"winding number on the interface of rank {friction.rank} ({bound})"
     agree(int(region.holds(kappa).sum()), proof.count, high, f"the {how}")
     return Found(kappa, right, left, f"inertia without friction, {how}", steps)
 
