@@ -157,7 +157,11 @@ def test_a_folder_of_something_else_is_refused(tmp_path, capsys):
     nowhere, file = tmp_path / "link", tmp_path / "file"
     nowhere.symlink_to(tmp_path / "gone")
     file.touch()
-    for out, what in ((photos, "cat.png"), (nowhere, "a link to"), (file, "cannot be written")):
+    for out, what in (
+        (photos, "cat.png"),
+        (nowhere, "a broken symbolic link"),
+        (file, "cannot be written"),
+    ):
         status, said = one_line(capsys, "run", BLOCK, "-o", out, *SURFACE)
         assert status == 2 and what in said and str(out) in said
     assert os.listdir(photos) == ["cat.png"] and not (tmp_path / "gone").exists()

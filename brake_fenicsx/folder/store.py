@@ -92,8 +92,9 @@ class Store:
         self.digest = digest
         folder, remedy = self.directory, "choose another folder with -o"
         if folder.is_symlink() and not folder.exists():
-            raise SceneError(f"-o {folder}: a link to {os.readlink(folder)}, which is not there;"
-                             f" make it, or {remedy}")  # fmt: skip
+            raise SceneError(
+                f"-o {folder}: a broken symbolic link (to {os.readlink(folder)}); {remedy}"
+            )
         mark = self.path("scene.sha256")
         if mark.exists():
             if mark.read_text() != self.digest:

@@ -64,7 +64,9 @@ def compare_runs(
     for run in (one, two):
         if run.modes is None or run.samples is None:
             raise SceneError(
-                f"{run.directory}: contains no modes; run the scene with stability first"
+                f"{run.directory}: contains no modes, which compare needs; run the scene with"
+                " the stage stability. Surfaces and laws of runs without it stand in"
+                " tables/surface.csv, laws.csv and law_support.csv"
             )
     common = [name for name in one.approaches if name in two.approaches]
     if not common:

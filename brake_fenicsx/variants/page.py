@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from brake_fenicsx import __version__
 from brake_fenicsx.report.blocks import Block, Picture, Text
 from brake_fenicsx.report.overview import share_text
 from brake_fenicsx.report.style import BLUE, GREY, VERMILION, drawn, light_grid, new_figure
@@ -61,8 +63,9 @@ def page_of_changes(
     """
     shown = [*([picture] if picture is not None else []), *blocks]
     page = render(
-        "plain.html.j2", title=title, intro=list(map(Text, intro)), blocks=shown, links=list(links)
-    )
+        "plain.html.j2", title=title, intro=list(map(Text, intro)), blocks=shown,
+        links=list(links), version=__version__, written=f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC",
+    )  # fmt: skip
     return write_page(path, page)
 
 
