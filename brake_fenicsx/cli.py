@@ -74,7 +74,7 @@ AFTER_RUN = """\
 The results folder holds report.html, figures/ (PNG, SVG), tables (modes.csv, samples.csv, ...),
 fields/ for ParaView, summary.json (sizes, times, seeds, versions) and log.txt; docs/results.md
 lists them all. A folder that holds results of another scene is refused. Runs of one scene that are
-started together in one folder share its samples."""
+started together in one folder share its samples. Options after -- go to PETSc."""
 
 AFTER_COUNTERMEASURES = """\
 The results folder holds countermeasures.html and .csv, the run of the scene (before/), and one run
@@ -155,9 +155,6 @@ def parser() -> argparse.ArgumentParser:
                              " loads")  # fmt: skip
     budgets.add_argument("--minutes", type=float, metavar="T",
                          help="run only the refinements that fit in this time")  # fmt: skip
-    for command in (prepares, runs):
-        command.add_argument("petsc", nargs="*", default=[], metavar="-- PETSC_OPTIONS",
-                             help="go to PETSc")  # fmt: skip
     text = "print the JSON Schema of a scene, by which editors complete and check its keys"
     commands.add_parser("schema", help=text, description=text)
     text = "regenerate the figures and the report of a results folder"

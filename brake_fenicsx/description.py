@@ -59,19 +59,17 @@ def describe(
     samples: dict[str, int] = {}
     if "equilibrium" in parsed.stages:
         from brake_fenicsx.macro.brake import assemble_brake
-        from brake_fenicsx.macro.free_motions import check_free_motions
         from brake_fenicsx.macro.inventory import (
+            brake_doubts,
             interfaces_of,
             inventory_lines,
             parts_of,
-            placement_doubts,
         )
         from brake_fenicsx.uncertainty.sampling import sample_count
 
         brake = assemble_brake(parsed, comm)
         sizes = brake.size()
-        doubts = [*brake.mesh.unread.changing, *brake.elastic.doubts]
-        doubts += [*placement_doubts(parsed, brake), *check_free_motions(parsed, brake)]
+        doubts = brake_doubts(parsed, brake)
         told = [*remarks(parsed, comm), *brake.mesh.unread.other]
         built = {"parts": parts_of(parsed, brake), "contact": interfaces_of(parsed, brake)}
         mean_patch = 1e-3 * sizes["mean_patch_mm"]

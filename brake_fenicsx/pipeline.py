@@ -424,12 +424,11 @@ def beyond_elasticity(this: Run, recipe: LawRecipe) -> list[str]:
 def brake_stage(this: Run) -> Brake:
     """Operators of the brake; the side of the mean contact element where laws are to have it."""
     from brake_fenicsx.macro.brake import assemble_brake
-    from brake_fenicsx.macro.free_motions import check_free_motions
-    from brake_fenicsx.macro.inventory import placement_doubts
+    from brake_fenicsx.macro.inventory import brake_doubts
 
     with this.stage("brake"):
         brake = assemble_brake(this.scene, this.comm)
-        pieces = check_free_motions(this.scene, brake)
+        doubts = brake_doubts(this.scene, brake)
         this.facts |= brake.size()
         this.facts |= {
             "face_area_mm2": 1e6 * float(brake.w.sum()),
@@ -451,8 +450,6 @@ def brake_stage(this: Run) -> Brake:
         brake = with_shared_matrices(brake, this.store, this.comm)
     mean_patch = 1e-3 * float(this.facts["mean_patch_mm"])
     this.scene = with_patch(this.scene, mean_patch)
-    doubts = [*brake.mesh.unread.changing, *brake.elastic.doubts]
-    doubts += [*placement_doubts(this.scene, brake), *pieces]
     note_warnings(this, [*doubts, *warnings(this.scene, mean_patch)])
     this.facts["friction"] = friction_texts(this.scene)
     logger.info("friction: %s", listed(this.scene))

@@ -317,3 +317,11 @@ def test_table_of_the_log_stands_under_its_heading(tmp_path, monkeypatch):
     ends = [line[-4:] for line in (tmp_path / "log.txt").read_text().splitlines()]
     starts = {len(line) for line in (tmp_path / "log.txt").read_text().splitlines()}
     assert ends == ["a  b", "1  2"] and len(starts) == 1
+
+
+def test_words_that_mean_nothing_and_a_law_in_a_wrong_unit(capsys):
+    """A word after the scene was ignored; p0 of 10 Pa was taken."""
+    assert "unrecognized arguments: word" in one_line(capsys, "run", BLOCK, "word")[1]
+    law = "contact.block_plate.law={ p0 = '10 Pa', u0 = '0.3 um' }"
+    assert main(["check", "-q", str(BLOCK), "--set", law]) == 0
+    assert "law.p0 = 1e-05 MPa: unusual" in capsys.readouterr().out

@@ -3,6 +3,8 @@
 import subprocess
 import sys
 
+from brake_fenicsx.folder.log import logger, start_log
+
 CODE = """
 import logging
 from brake_fenicsx.folder.log import logger, start_log
@@ -27,3 +29,10 @@ def test_lines_of_the_compiler_are_not_shown_and_warnings_are():
     """28 of them stood in the log of the first run on a new machine."""
     assert shown(0) == ["of a library", "stage ..."]
     assert shown(1) == ["of a library"]
+
+
+def test_warnings_on_the_terminal_say_so(capsys):
+    start_log(0)
+    logger.warning("half.txt: implausible")
+    logger.info("stage")
+    assert capsys.readouterr().err == "warning: half.txt: implausible\nstage\n"

@@ -97,7 +97,7 @@ def test_patch_of_the_laws_is_compared_with_the_contact_elements(capsys):
         assert all(f"{factor} times the area" in line for line in lines)
     describe(BLOCK, MPI.COMM_SELF, [*ROUGH, SMALL % "1 mm"])
     said = capsys.readouterr().out
-    assert "with a side of 1 mm; contact elements have" in said
+    assert "with a side of 1 mm; mean area of a contact element" in said
     assert "warning: micro.patch = 1 mm: contact elements have" in said
     assert "friction: multi-scale 0.1, classical 0.1" in said
     describe(BLOCK, MPI.COMM_SELF, [*ROUGH, SMALL % "mesh"])

@@ -102,9 +102,10 @@ def _part(scene: Scene, name: str | None) -> str:
     """The part that was named, or the only one."""
     known = [n for n, part in scene.parts.items() if part.matrices is None]
     if name is None and len(known) != 1:
-        raise SceneError(
-            f"{scene.file}: parts: the scene has {', '.join(known)}; name one with --part"
+        which = (
+            f"{', '.join(known)}; name one with --part" if known else "no part; write [parts.NAME]"
         )
+        raise SceneError(f"{scene.file}: parts: the scene has {which}")
     if name is not None and name not in known:
         given = "given by matrices: correlate it in the code that wrote them"
         why = given if name in scene.parts else "no such part"

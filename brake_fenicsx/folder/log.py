@@ -37,7 +37,7 @@ def start_log(rank: int, file: Path | None = None, level: str | None = None) -> 
         return
     terminal = _Terminal(sys.stderr, keeps=file is None)
     terminal.setLevel(level or (before.level if before else logging.INFO))
-    terminal.setFormatter(logging.Formatter("%(message)s"))
+    terminal.setFormatter(_Lines("%(message)s"))
     logger.addHandler(terminal)
     if file is not None:
         handler = logging.FileHandler(file)
@@ -47,6 +47,14 @@ def start_log(rank: int, file: Path | None = None, level: str | None = None) -> 
         # What was said before there was a file.
         for record in before.said if before else ():
             handler.handle(record)
+
+
+class _Lines(logging.Formatter):
+    """Lines of the terminal; those of warnings say so."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """A line."""
+        return "warning: " * (record.levelno == logging.WARNING) + super().format(record)
 
 
 class _Terminal(logging.StreamHandler):

@@ -1,34 +1,52 @@
-"""Bodies that nothing holds make the stiffness singular: their parts, their directions, the remedy.
+"""Rigid motions of the bodies that nothing holds: they make the stiffness singular.
 
-Contact counts along its normal alone, as in the stiffness of the equilibrium. A free motion is
-named of the smallest set of bodies that moves as one: a body, bodies that are joined, all that
-touch. Bodies given by matrices of few digits are not named.
+Every body has six rigid motions, three translations and three rotations about the middle of all
+bodies, scaled by their size. A motion q of all bodies is free where no support, no stress, spring
+or tie and no closed contact resists it,
+
+    R_held q = 0,     K R q = 0,     N R q = 0,
+
+R the displacements of the motions and R_held those of held dofs. Each row of K R and of N R is
+compared with the sum of the magnitudes of its terms and then scaled to 1, so that a soft spring
+counts as much as a stiff one. Contact counts along its normal alone, as in the stiffness of the
+equilibrium. Bodies given by matrices of few digits resist rigid motions by their round-off, and are
+not named.
 """
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from itertools import combinations
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.optimize import nnls
+from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import Scene
 
-from . import rigid_motions as rigid
 from .brake import Brake
+from .elasticity import FreeDofs
 from .faces import body_of_nodes
 from .parts import file_parts
-from .rigid_motions import Array, Index
 
-# Round-off of a row of K R and of N R over the sum of the magnitudes of its terms.
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+# Names of the parts of each body.
+Names = list[tuple[str, ...]]
+# Parts that move, and how -> how many times.
+Motions = Counter[tuple[tuple[str, ...], str]]
+
+# Round-off of rows of K R and of N R over the sums of their magnitudes.
 ROUND_OFF = 1e-12, 1e-7
-# Distance of a direction from a space below which it lies in it.
-SAME = 1e-3
+# Singular values below which a motion counts as free, and distances at which one is named already.
+FREE, SAME = 1e-5, 1e-3
 # Nodes of two pieces closer than this share of the size of their part coincide.
 COINCIDENT = 1e-5
 # Share of the loads that no contact force balances.
@@ -50,195 +68,202 @@ def check_free_motions(scene: Scene, brake: Brake) -> list[str]:
     Raises:
         SceneError: the parts, the directions and the remedy.
     """
-    bodies = rigid.rigid_motions(brake.elastic.free)
-    cells = _cell_bodies(brake)
-    names = _names(scene, *cells, len(bodies.size))
-    joints = sp.vstack([bodies.held, rigid.acting(brake.elastic.K, bodies.R, ROUND_OFF[0])]).tocsr()
-    A = sp.vstack([joints, rigid.acting(brake.N, bodies.R, ROUND_OFF[1])]).tocsr()
-    joined = rigid.groups(joints)
-    pieces = _pieces(brake, *cells, joined)
-    motions: Counter[tuple[tuple[str, ...], str]] = Counter()
-    for group in rigid.members(rigid.groups(A)):
-        for chosen, how in _free_motions(A, bodies, group, joined[group]):
-            motions[_parts(names, group[chosen]), how] += 1
+    held, R = _rigid_motions(brake.elastic.free)
+    joints = sp.vstack([held, _resisted(brake.elastic.K, R, ROUND_OFF[0])]).tocsr()
+    every = sp.vstack([joints, _resisted(brake.N, R, ROUND_OFF[1])]).tocsr()
+    joined, touching = _connected(joints), _connected(every)
+    sets = [*np.arange(len(joined))[:, None], *_sets(joined), *_sets(touching)]
+    names, pieces = _names_and_pieces(scene, brake, joined)
+    moved = sp.vstack([held, R]).tocsc()
+    each = (_null_space(_triangle(moved[:, i : i + 6])) for i in range(0, moved.shape[1], 6))
+    motions = _named_motions(_triangle(every), block_diag(*each), sets, names)
     if motions:
         raise SceneError(f"{scene.file}: {_refusal(scene, brake, motions, pieces)}")
     merge = [f"{said}; merge them in the mesh" for said in pieces.values()]
-    return merge + _unpressed(brake, bodies, joints, joined, names)
+    return merge + _unpressed(brake, R, _triangle(joints), joined, names)
 
 
-def _unpressed(
-    brake: Brake, bodies: rigid.RigidMotions, joints: sp.csr_matrix, joined: Index,
-    names: list[list[str]],
-) -> list[str]:  # fmt: skip
-    """Bodies that contact alone holds in some directions, and that the loads do not press on it.
+def _rigid_motions(free: FreeDofs) -> tuple[sp.csr_matrix, sp.csr_matrix]:
+    """Six motions of each body of the mesh, and after them of those given by matrices.
 
-    Forces P >= 0 of the contact elements, without friction, that balance the loads on the free
-    motions Q of the joined bodies, Q' R' (f + N' P) = 0; a displacement of supports presses too.
+    Returns:
+        Displacements of held dofs, shape (held dofs, 6 bodies), and of free ones.
     """
-    gaps, loads = [], []
-    every = rigid.members(joined)
-    for group in every:
-        columns = rigid.columns_of(group)
-        motion = bodies.R[:, columns] @ rigid.null_space(rigid.constraints(joints, columns))
-        gaps.append(brake.N @ motion)
-        loads.append(motion.T @ brake.f)
-    if brake.lift is not None or not sum(map(len, loads)):
-        return []
-    P = nnls(np.hstack(gaps).T, -np.concatenate(loads))[0]
-    lines = []
-    for group, gap, load in zip(every, gaps, loads, strict=True):
-        lost = np.linalg.norm(gap.T @ P + load) >= UNBALANCED * brake.pressed
-        # Without a gap that opens it moves nothing: a body of few coordinates.
-        if gap.any() and (lost or not P @ np.abs(gap).sum(axis=1) > 0):
-            lines.append(
-                f"part {' and '.join(_parts(names, group))}: held by contact alone in some"
-                f" directions, and {'pushed away from it' if lost else 'not pressed on it'} by the"
-                " loads; correct the loads, or write supports, ties or springs"
-            )
-    return lines
+    x, body = free.V.tabulate_dof_coordinates(), body_of_nodes(free.V)
+    given = free.places[:, 4].astype(np.intp) + body.max() + 1
+    place = np.concatenate([np.repeat(x, 3, axis=0), free.places[:, :3]])
+    direction = np.concatenate([np.tile(np.arange(3), len(x)), free.places[:, 3].astype(np.intp)])
+    columns = 6 * np.concatenate([np.repeat(body, 3), given])[:, None] + np.arange(6)
+    away = place - (place.min(axis=0) + place.max(axis=0)) / 2
+    # omega x r has along direction c the component omega . (r x e_c); direction 3 is none.
+    along = np.eye(4, 3)[direction]
+    values = np.hstack([along, np.cross(away / np.linalg.norm(away, axis=1).max(), along)])
+    rows = np.repeat(np.arange(len(place)), 6)
+    motions = sp.csr_matrix((values.ravel(), (rows, columns.ravel())))
+    numbered = np.concatenate([free.local, np.arange(free.column.size, len(place))])
+    return motions[np.flatnonzero(free.column < 0)], motions[numbered]
 
 
-def _refusal(
-    scene: Scene, brake: Brake, motions: Counter[tuple[tuple[str, ...], str]],
-    pieces: dict[str, str],
-) -> str:  # fmt: skip
+def _resisted(A: sp.csr_matrix, R: sp.csr_matrix, limit: float) -> sp.csr_matrix:
+    """Rows of A R that are more than round-off, each scaled to 1."""
+    terms = np.asarray(abs(A).sum(axis=1)).ravel()
+    forces = (sp.diags(1 / np.where(terms > 0, terms, 1.0)) @ (A @ R)).tocsr()
+    forces.data[np.abs(forces.data) < limit] = 0.0
+    forces.eliminate_zeros()
+    size = abs(forces).max(axis=1).toarray().ravel()
+    return (sp.diags(1 / np.where(size > 0, size, 1.0)) @ forces).tocsr()
+
+
+def _triangle(A: sp.csr_matrix) -> Array:
+    """A small matrix of the same products A' A."""
+    rows = A.tocsr()
+    return np.asarray(np.linalg.qr(rows[np.diff(rows.indptr) > 0].toarray(), mode="r"))
+
+
+def _null_space(A: Array) -> Array:
+    """Unit vectors that A maps to nothing, as columns."""
+    _, values, right = np.linalg.svd(A)
+    return right[np.count_nonzero(values > FREE) :].T
+
+
+def _connected(A: sp.csr_matrix) -> Index:
+    """Number of the group of each body: those on which one row acts belong together."""
+    acts = (abs(A) @ sp.kron(sp.identity(A.shape[1] // 6), np.ones((6, 1)))).tocsr()
+    return np.asarray(connected_components(acts.T @ acts, directed=False)[1], dtype=np.intp)
+
+
+def _sets(group: Index) -> list[Index]:
+    """Bodies of each group."""
+    return [np.flatnonzero(group == number) for number in range(group.max() + 1)]
+
+
+def _named_motions(A: Array, known: Array, sets: list[Index], names: Names) -> Motions:
+    """Free motions of each set of bodies as one, less those of the sets before.
+
+    Args:
+        A: what resists, shape (any, 6 bodies).
+        known: motions that move nothing: bodies given by matrices may have few coordinates.
+        sets: bodies alone, those that are joined, those that touch.
+        names: of the parts.
+    """
+    motions: Motions = Counter()
+    for bodies in sets:
+        E = np.kron(np.isin(np.arange(len(names)), bodies)[:, None], np.eye(6))
+        Q = _null_space(A @ E)
+        new, weights = _beyond(E @ Q, known)
+        if new.size:
+            known = np.hstack([known, new])
+            motions[_parts(names, bodies), _directions(Q @ weights)] += 1
+    rest, _ = _beyond(_null_space(A), known)
+    if rest.size:
+        who = np.flatnonzero(np.abs(rest).reshape(len(names), -1).max(axis=1) > SAME)
+        motions[_parts(names, who), f"move against each other in {rest.shape[1]} ways"] += 1
+    return motions
+
+
+def _beyond(V: Array, known: Array) -> tuple[Array, Array]:
+    """Unit vectors that some motions add to known ones, and their weights in them, as columns."""
+    left, values, right = np.linalg.svd(V - known @ (known.T @ V), full_matrices=False)
+    return left[:, values > SAME], right[values > SAME].T
+
+
+def _directions(Q: Array) -> str:
+    """Directions of some motions of one body, shape (6, number)."""
+    turning, values, right = np.linalg.svd(Q[3:])
+    rank = np.count_nonzero(values > SAME)
+    spaces = {"move along": (Q @ right[rank:].T)[:3], "turn about": turning[:, :rank]}
+    axes = {word: _axes(space) for word, space in spaces.items() if space.size}
+    return " and ".join(
+        f"{word} {', '.join(names[:-1])}{' and ' * (len(names) > 1)}{names[-1]}"
+        for word, names in axes.items()
+    )
+
+
+def _axes(space: Array) -> list[str]:
+    """x, y and z in a space of directions, and components of what else spans it."""
+    inside = np.linalg.norm(space, axis=1) > 1 - SAME**2
+    left, values, _ = np.linalg.svd(np.where(inside[:, None], 0.0, space), full_matrices=False)
+    names = [name for name, there in zip("xyz", inside, strict=True) if there]
+    for v in left[:, values > 0.5].T:
+        upward = np.round(v * np.sign(v[np.abs(v) > SAME][0]), 3) + 0.0
+        names.append(f"({', '.join(f'{c:.3g}' for c in upward)})")
+    return names
+
+
+def _parts(names: Names, bodies: Iterable[int]) -> tuple[str, ...]:
+    """Parts of some bodies."""
+    return tuple(dict.fromkeys(name for body in bodies for name in names[body]))
+
+
+def _names_and_pieces(scene: Scene, brake: Brake, joined: Index) -> tuple[Names, dict[str, str]]:
+    """Parts of each body, several where they share nodes; and parts in pieces that nothing joins.
+
+    Returns:
+        The names, and of each part in pieces with nodes in the same places what is said of it.
+    """
+    V, mesh = brake.elastic.free.V, brake.mesh
+    cells = np.arange(mesh.domain.topology.index_map(mesh.domain.topology.dim).size_local)
+    body = body_of_nodes(V)[compat.cell_dofs(V, cells)[:, 0]]
+    nodes, x = compat.geometry_dofs(mesh.domain), mesh.domain.geometry.x
+    names: Names = [()] * (body.max() + 1)
+    pieces = {}
+    for part, sides in mesh.extents.items():
+        own = mesh.cells_of(part)
+        each = {int(b): own[body[own] == b] for b in np.unique(body[own])}
+        for b in each:
+            names[b] += (part,)
+        trees = {b: cKDTree(x[np.unique(nodes[its])]) for b, its in each.items()}
+        reach = COINCIDENT * max(sides)
+        apart = [(a, b) for a, b in combinations(each, 2) if joined[a] != joined[b]]
+        if pairs := sum(trees[a].count_neighbors(trees[b], reach) for a, b in apart):
+            pieces[part] = f"part {part}: {len(each)} pieces, {pairs} coincident node pairs"
+    given = [(name,) for name, part in scene.parts.items() if part.matrices is not None]
+    return (names + given)[: len(joined)], pieces
+
+
+def _refusal(scene: Scene, brake: Brake, motions: Motions, pieces: dict[str, str]) -> str:
     """What moves freely, and the remedies."""
     said = []
     for (parts, how), count in motions.items():
-        one, together = ("parts", " together") if len(parts) > 1 else ("part", "")
-        bodies = f"{count} pieces of part" if count > 1 else one
+        bodies = f"{count} pieces of part" if count > 1 else "parts" if len(parts) > 1 else "part"
+        together = " together" if len(parts) > 1 else ""
         said.append(f"{bodies} {' and '.join(parts)}{together}: free to {how}")
     free = {name for parts, _ in motions for name in parts}
     said += [f"{text}: merge them in the mesh" for name, text in pieces.items() if name in free]
     lost = [word for word in JOINING if word in " ".join(brake.mesh.unread.changing)]
     if lost and (of_file := [name for name in file_parts(scene) if name in free]):
-        said.append(
-            f"{scene.mesh.file}, the mesh of {' and '.join(of_file)}, has {' and '.join(lost)},"
-            " which is not read"
-        )
+        whose = f"{scene.mesh.file}, the mesh of {' and '.join(of_file)}"
+        said.append(f"{whose}, has {' and '.join(lost)}, which is not read")
     return (
         f"{'; '.join(said)}. Hold them by supports, ties or springs; contact holds along its"
         " normal alone"
     )
 
 
-def _parts(names: list[list[str]], bodies: Index) -> tuple[str, ...]:
-    """Parts of some bodies."""
-    return tuple(dict.fromkeys(name for body in bodies for name in names[body]))
+def _unpressed(
+    brake: Brake, R: sp.csr_matrix, joints: Array, joined: Index, names: Names
+) -> list[str]:  # fmt: skip
+    """Bodies that contact alone holds in some directions, and that the loads do not press on it.
 
-
-def _free_motions(
-    A: sp.csr_matrix, bodies: rigid.RigidMotions, group: Index, joined: Index
-) -> list[tuple[Index, str]]:
-    """Free motions of bodies that touch: of each alone, of those that are joined, and of all.
-
-    Returns:
-        Which of the bodies, and how they move.
+    Forces P >= 0 of the contact elements, without friction, that balance the loads on the free
+    motions Q of the joined bodies, Q' R' (f + N' P) = 0; a displacement of supports presses too.
     """
-    columns, every = rigid.columns_of(group), np.arange(len(group))
-    own = rigid.constraints(A, columns)
-    dimension = rigid.null_space(own).shape[1]
-    # Bodies given by matrices may have so few coordinates that some motions move none of them.
-    moved = sp.vstack([bodies.held[:, columns], bodies.R[:, columns]])
-    named = rigid.null_space((moved.T @ moved).toarray())
-    motions = []
-    for chosen in [*every[:, None], *rigid.members(joined), every]:
-        if named.shape[1] < dimension:
-            E = rigid.as_one(bodies, group, chosen)
-            said, named = _directions(rigid.null_space(own @ E), E, named)
-            motions += [(chosen, said)] if said else []
-    if left := dimension - named.shape[1]:
-        motions.append((every, f"move against each other in {left} ways"))
-    return motions
-
-
-def _directions(Q: Array, E: Array, named: Array) -> tuple[str, Array]:
-    """Directions of free motions of some bodies as one that are not named yet.
-
-    Args:
-        Q: the motions, shape (6, number).
-        E: motions of the bodies of the group for the six, shape (6 bodies, 6).
-        named: orthonormal motions of the group that are named, shape (6 bodies, number).
-
-    Returns:
-        The directions as text, and all motions that are named then.
-    """
-    turning, values, right = np.linalg.svd(Q[3:])
-    rank = np.count_nonzero(values > SAME)
-    shifts, turns = Q @ right[rank:].T, Q @ right[:rank].T / values[:rank]
-    said = []
-    for word, space, motion in (
-        ("move along", shifts[:3], shifts), ("turn about", turning[:, :rank], turns)
-    ):  # fmt: skip
-        labels: list[str] = []
-        for axis in _axes(space):
-            v = E @ motion @ (space.T @ axis)
-            new = v - named @ (named.T @ v)
-            if (size := np.linalg.norm(new)) > SAME * np.linalg.norm(v):
-                named = np.column_stack([named, new / size])
-                labels.append(_label(axis))
-        if labels:
-            first = ", ".join(labels[:-1]) + " and " * (len(labels) > 1)
-            said.append(f"{word} {first}{labels[-1]}")
-    return " and ".join(said), named
-
-
-def _axes(space: Array) -> list[Array]:
-    """Coordinate axes in a space of directions, and what else spans it."""
-    axes = [e for e in np.eye(3) if np.linalg.norm(e - space @ (space.T @ e)) < SAME]
-    rest = space - sum((np.outer(e, e @ space) for e in axes), np.zeros_like(space))
-    left, values, _ = np.linalg.svd(rest, full_matrices=False)
-    return [*axes, *left[:, values > 0.5].T]
-
-
-def _label(axis: Array) -> str:
-    """x, y, z or the components of a direction, the first of which is positive."""
-    if np.isclose(axis.max(), 1.0):
-        return "xyz"[int(axis.argmax())]
-    first = axis[np.abs(axis) > SAME][0]
-    return "(" + ", ".join(f"{c + 0.0:.3g}" for c in np.round(axis * np.sign(first), 3)) + ")"
-
-
-def _cell_bodies(brake: Brake) -> tuple[Index, dict[str, Index]]:
-    """Body of each cell, and the cells of each part."""
-    V, mesh = brake.elastic.free.V, brake.mesh
-    topology = mesh.domain.topology
-    cells = np.arange(topology.index_map(topology.dim).size_local)
-    parts: dict[str, list[Index]] = {}
-    for layer, tag in mesh.layers.items():
-        parts.setdefault(layer.partition(".")[0], []).append(mesh.cell_tags.find(tag))
-    body = body_of_nodes(V)[compat.cell_dofs(V, cells)[:, 0]]
-    return body, {name: np.concatenate(own) for name, own in parts.items()}
-
-
-def _names(
-    scene: Scene, body: Index, parts: dict[str, Index], count: int
-) -> list[list[str]]:  # fmt: skip
-    """The part or parts of each body; several where they share nodes."""
-    given = [name for name, part in scene.parts.items() if part.matrices is not None]
-    every: list[list[str]] = [[] for _ in range(int(body.max()) + 1)] + [[name] for name in given]
-    for name, cells in parts.items():
-        for one in np.unique(body[cells]):
-            every[one].append(name)
-    return every[:count]
-
-
-def _pieces(
-    brake: Brake, body: Index, parts: dict[str, Index], joined: Index
-) -> dict[str, str]:  # fmt: skip
-    """Parts in several pieces that no joint connects, with nodes in the same places."""
-    domain = brake.mesh.domain
-    nodes, said = compat.geometry_dofs(domain), {}
-    for name, cells in parts.items():
-        of = {one: np.unique(nodes[cells[body[cells] == one]]) for one in np.unique(body[cells])}
-        reach = COINCIDENT * max(brake.mesh.extents[name])
-        trees = {one: cKDTree(domain.geometry.x[own]) for one, own in of.items()}
-        pairs = sum(
-            trees[a].count_neighbors(trees[b], reach)
-            for a, b in combinations(of, 2)
-            if joined[a] != joined[b]
+    sets = _sets(joined)
+    columns = [(6 * own[:, None] + np.arange(6)).ravel() for own in sets]
+    spaces = [R[:, own] @ _null_space(joints[:, own]) for own in columns]
+    gaps, loads = [brake.N @ Q for Q in spaces], [Q.T @ brake.f for Q in spaces]
+    if brake.lift is not None or not sum(map(len, loads)):
+        return []
+    P = nnls(np.hstack(gaps).T, -np.concatenate(loads))[0]
+    lines = []
+    for own, gap, load in zip(sets, gaps, loads, strict=True):
+        unbalanced = np.linalg.norm(gap.T @ P + load) >= UNBALANCED * brake.pressed
+        # Without a gap that opens it moves nothing: a body of few coordinates.
+        if not gap.any() or (P @ np.abs(gap).sum(axis=1) > 0 and not unbalanced):
+            continue
+        why = "pushed away from it" if unbalanced else "not pressed on it"
+        lines.append(
+            f"part {' and '.join(_parts(names, own))}: held by contact alone in some directions,"
+            f" and {why} by the loads; correct the loads, or write supports, ties or springs"
         )
-        if pairs:
-            said[name] = f"part {name}: {len(of)} pieces, {pairs} coincident node pairs"
-    return said
+    return lines

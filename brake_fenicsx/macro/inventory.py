@@ -13,6 +13,7 @@ from brake_fenicsx.scene.sections import Motion
 
 from .brake import Brake, scene_motion
 from .faces import Face, gather_face
+from .free_motions import check_free_motions
 from .friction import Rotation
 from .material_table import layer_materials, scene_materials
 
@@ -81,6 +82,16 @@ def inventory_lines(scene: Scene, brake: Brake) -> list[str]:
             f" {faces[0]} have no opposite face; gap before the load {low:.4g} to {high:.4g} um"
         )
     return lines
+
+
+def brake_doubts(scene: Scene, brake: Brake) -> list[str]:
+    """What is doubtful of a brake: what is not read of its meshes, places, joints, loads.
+
+    Raises:
+        SceneError: a part moves freely.
+    """
+    said = [*check_free_motions(scene, brake), *placement_doubts(scene, brake)]
+    return [*brake.mesh.unread.changing, *brake.elastic.doubts, *said]
 
 
 def placement_doubts(scene: Scene, brake: Brake) -> list[str]:

@@ -76,6 +76,11 @@ class Mesh:
     extents: dict[str, tuple[float, ...]] = field(default_factory=dict)
     unread: Unread = field(default_factory=Unread)
 
+    def cells_of(self, part: str) -> NDArray[np.int32]:
+        """Cells of all layers of a part."""
+        tags = [tag for layer, tag in self.layers.items() if layer.partition(".")[0] == part]
+        return np.asarray(self.cell_tags.indices[np.isin(self.cell_tags.values, tags)])
+
 
 def build_mesh(
     parts: Mapping[str, Builder], comm: MPI.Comm, table: MeshTable | None = None
@@ -231,6 +236,7 @@ def known_names(parts: Mapping[str, Builder], table: MeshTable) -> tuple[list[st
         SceneError: a builder refuses its parameters; the part is named.
     """
     layers, faces = [], []
+    own: Collection[str]
     with gmsh_session() as gmsh:
         for name, (builder, values) in parts.items():
             gmsh.model.add(name)

@@ -16,7 +16,6 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.compat import vtk_cells
 from brake_fenicsx.folder.files import whole_file
 
 VERTEX, TRIANGLE, QUADRILATERAL = 1, 5, 9  # types of VTK cells
@@ -94,8 +93,7 @@ def write_fields(path: str | Path, V: Any, fields: Fields) -> Path:
     for name, values in fields.items():
         u = _vectors(V, name, values)
         parts |= {f"{name}_re": u.real, f"{name}_im": u.imag} if np.iscomplexobj(u) else {name: u}
-    cells, types, points = vtk_cells(V)
-    return write_grid(path, points, cells, int(types[0]), parts)
+    return write_grid(path, *_lagrange_cells(V), parts)
 
 
 def write_phases(path: str | Path, V: Any, mode: NDArray, frames: int = 24) -> Path:
@@ -115,8 +113,7 @@ def write_phases(path: str | Path, V: Any, mode: NDArray, frames: int = 24) -> P
     """
     theta = 2 * np.pi * np.arange(frames) / frames
     u = np.real(_vectors(V, "mode", mode) * np.exp(1j * theta)[:, None, None])
-    cells, types, points = vtk_cells(V)
-    return write_grid(path, points, cells, int(types[0]), {"displacement": u}, times=theta.tolist())
+    return write_grid(path, *_lagrange_cells(V), {"displacement": u}, times=theta.tolist())
 
 
 def write_points(path: str | Path, points: NDArray, fields: Fields) -> Path:
@@ -167,6 +164,14 @@ def facet_means(facet: NDArray, w: NDArray, values: NDArray, facets: int) -> NDA
     full = total > 0
     mean[full] = np.bincount(facet[held], (w * values)[held], facets)[full] / total[full]
     return mean
+
+
+def _lagrange_cells(V: Any) -> tuple[NDArray, NDArray, int]:
+    """Positions of the dofs of a space [m], its cells over them, and their type."""
+    from brake_fenicsx.compat import vtk_cells  # figures, which need no DOLFINx, import this module
+
+    cells, types, points = vtk_cells(V)
+    return points, cells, int(types[0])
 
 
 def _vectors(V: Any, name: str, values: NDArray) -> NDArray:

@@ -184,9 +184,7 @@ def _rotors(study: Study) -> dict[str, NDArray[np.intp]]:
     for name, table in scene.contact.items():
         part = table.faces[1].partition(".")[0]
         if slides(scene, name) and part not in found:
-            tags = [tag for layer, tag in mesh.layers.items() if layer.partition(".")[0] == part]
-            cells = mesh.cell_tags.indices[np.isin(mesh.cell_tags.values, tags)]
-            found[part] = np.unique([V.dofmap.cell_dofs(int(c)) for c in cells])
+            found[part] = np.unique([V.dofmap.cell_dofs(int(c)) for c in mesh.cells_of(part)])
     return found
 
 

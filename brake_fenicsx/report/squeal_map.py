@@ -71,7 +71,7 @@ def squeal_map(
         "thinned": chosen.size < total,
         "families": {
             f"{names.index(name)}:{f.key}": {
-                "khz": f"{f.frequency / 1e3:.2f}",
+                "khz": f"{f.frequency / 1e3:.3f}",
                 "share": f"{f.share.hits} of {f.share.n} samples",
                 "shape": pictures.of_family(f),
             }

@@ -26,7 +26,7 @@ from .mode_fields import MOST
 FILE = "modes.unv"
 SI = {"units_code": 1, "units_description": "SI: metre, newton", "temp_mode": 1,
       "length": 1.0, "force": 1.0, "temp": 1.0, "temp_offset": 273.15}  # fmt: skip
-# Nodes of a cell -> corners and descriptor of the linear element: a line of dataset 2412 holds eight
+# Nodes of a cell -> corners and descriptor of the linear element: a line of dataset 2412 holds 8
 # nodes, and pyuff writes one line.
 ELEMENTS = {4: (4, 111), 10: (4, 111), 8: (8, 115), 27: (8, 115)}
 # Codes of dataset 55.

@@ -99,8 +99,9 @@ class Results:
         mu = None
         if "mu" in data:
             chosen = data["mu"] if self._sliding is None else data["mu"][self._sliding]
+            ends = {float(chosen.min()), float(chosen.max())} if chosen.size else {0.0}
             # The mean of equal numbers is off by round-off.
-            mu = float(f"{np.mean(chosen):.12g}") if chosen.size else 0.0
+            mu = float(f"{chosen.mean():.12g}") if len(ends) > 1 else ends.pop()
         large = frozenset() if self._first.get(task[0]) == task else LARGE
         kept = {name: self._small(name, v) for name, v in data.items() if name not in large}
         return {**kept, "mean_mu": mu}

@@ -215,7 +215,7 @@ class Law:
     """
 
     linear: float | None = key("Pa/m", default=None, band=(1e9, 1e17))
-    p0: float | None = key("Pa", default=None)
+    p0: float | None = key("Pa", default=None, band=(1e3, 1e11))
     u0: float | None = key("m", default=None, band=(1e-9, 1e-3))
     table: str | None = None
     units: tuple[str, ...] = ()

@@ -56,8 +56,8 @@ class Reduced:
         Raises:
             SceneError: matrices of the wrong kind or shape, or a stiffness that is not positive.
         """
-        _checked(K, M, N, T, np.asarray(w, float), np.asarray(k0, float))
         own, mass = whole(K), whole(M)
+        _checked(own.shape[0], N, T, np.asarray(w, float), np.asarray(k0, float))
         bodies = split_substructures(own, mass, {"N": N.tocsr(), "T": T.tocsr()})
         self.model = ReducedModel.offline(bodies, w, band, tolerance=tolerance, comm=comm)
 
@@ -82,16 +82,12 @@ class Reduced:
         return self.model.displacements([], ContactLinearisation.of(k, mu), s, a)
 
 
-def _checked(K: Any, M: Any, N: Any, T: Any, w: Array, k0: Array) -> None:
+def _checked(dofs: int, N: Any, T: Any, w: Array, k0: Array) -> None:
     """Refuse what does not fit.
 
     Raises:
         SceneError: what it is, in one line.
     """
-    for name, A in (("K", K), ("M", M)):
-        if not (sp.issparse(A) or hasattr(A, "getValuesCSR")):
-            raise SceneError(f"{name}: a {type(A).__name__}; give a SciPy sparse or a PETSc matrix")
-    dofs = (K.shape if sp.issparse(K) else K.getSize())[0]
     for name, A in (("N", N), ("T", T)):
         if not sp.issparse(A) or A.shape != (w.size, dofs):
             raise SceneError(

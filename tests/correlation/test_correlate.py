@@ -286,6 +286,10 @@ def test_a_test_that_is_of_no_use_is_refused_with_one_line(tmp_path, capsys):
         said = refused("unit.unv", part, wrong)
         assert what in said and "dataset 164" in said
     assert "name one with --part" in refused("good.unv", where=str(BLOCK))
+    surface = tmp_path / "surface.toml"
+    surface.write_text('stages = ["surface"]\n[surface]\nstatistics = { S_q = "3 um" }\n')
+    assert main(["correlate", str(surface), str(tmp_path / "good.unv")]) == 2
+    assert "the scene has no part" in capsys.readouterr().err
     assert "there are block, plate" in refused("good.unv", ("--part", "disc"), where=str(BLOCK))
 
 

@@ -442,7 +442,6 @@ def test_a_twisted_hexahedron_is_refused(tmp_path, meshes):
 def test_serendipity_hexahedra_keep_their_curves(tmp_path, meshes):
     """C3D20 on a cylinder to 27 nodes: edges as in the file, volume within the element's order."""
     from brake_fenicsx.geometry import disc
-
     from brake_fenicsx.macro.mesh import raw_mesh
 
     parts = {"disc": (disc, disc.Disc(size=15e-3))}

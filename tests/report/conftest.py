@@ -271,7 +271,7 @@ def write_sweep(directory: Path) -> None:
                 row = [x, point, branch, s.imag / (2 * np.pi), s.real, damping, 1e-3, verdict]
                 modes.append([approach, sample, *row])
         kinds = ("merging", "onset of squeal") if sample is None else ("onset of squeal",)
-        events += [[approach, sample, kind, at, 0.0, 1e-4, 2e3, 0.0, 0, 1, 3] for kind in kinds]
+        events += [[approach, sample, kind, at, 1e-4, 2e3, 0.0, 0, 1, 3] for kind in kinds]
     write_rows(directory / "sweep.csv", ("approach", "sample", "value", *SWEEP), modes)
     write_rows(directory / "lock_in.csv", ("approach", "sample", *EVENTS), events)
     for family in (None, 3):

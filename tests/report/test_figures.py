@@ -371,7 +371,7 @@ def test_legend_of_families_is_ranked(run):
     texts = [t.get_text() for t in axis.get_legend().get_texts()]
     ranked = run.squeal.families("multi-scale")
     assert texts == [
-        f"{r.frequency / 1e3:.2f} kHz: {r.share.hits} of {r.share.n}, {r.median:.2g}"
+        f"{r.frequency / 1e3:.3f} kHz: {r.share.hits} of {r.share.n}, {r.median:.2g}"
         for r in ranked
     ]
     assert [r.severity for r in ranked] == sorted((r.severity for r in ranked), reverse=True)
@@ -509,7 +509,7 @@ def branches_of(directory, events, threshold):
     rows = [["joint", None, v, n, 0, 2e3, 0.0, 0.0, 1.0, "stable"] for n, v in enumerate(x)]
     write_rows(directory / "sweep.csv", ("approach", "sample", "value", *SWEEP), rows)
     write_rows(directory / "lock_in.csv", ("approach", "sample", *EVENTS), [
-        ["joint", None, kind, at, 0.0, 1e-4, 2.1e3, 0.0, 0, other, 3] for kind, at, other in events
+        ["joint", None, kind, at, 1e-4, 2.1e3, 0.0, 0, other, 3] for kind, at, other in events
     ])  # fmt: skip
     write_rows(directory / "modes.csv", MODES, [["joint", 0, 0, *[1.0] * 6, "stable", 0]])
     summary = {"in_effect": {"stability": {"threshold": threshold}}}

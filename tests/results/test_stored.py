@@ -61,3 +61,10 @@ def test_rows_of_many_samples_look_at_all_of_them_a_few_times(monkeypatch):
     monkeypatch.setattr(Results, "good", lambda self: looks.append(1) or inner(self))
     assert len(list(found.samples())) == 40
     assert len(looks) < 10
+
+
+def test_equal_friction_is_given_with_every_digit():
+    """samples.csv had it twice, in two precisions."""
+    mu, results = 0.24797111763653748, object.__new__(Results)
+    results._sliding, results._first, results._texts = None, {}, {}
+    assert results._kept(("joint", 0), {"mu": np.full(7, mu)})["mean_mu"] == mu

@@ -174,7 +174,7 @@ def test_stiff_contact_is_proven_with_more_moments(two_blocks, monkeypatch):
     given = scene.M, None, scene.tangent(k, 1.0), BAND
     monkeypatch.setattr(friction, "CUTOFF", 1.25)
     for more, proven in ((interface.ORDERS, False), (8, True)):
-        monkeypatch.setattr(friction, "MORE_ORDERS", more)
+        monkeypatch.setattr(friction, "MOST_ORDERS", more)
         how = complex_modes(*given, frictionless=scene.tangent(k, 0.0)).count.how
         assert ("not proven" in how) != proven
 

@@ -12,7 +12,7 @@ from ..eigensolvers.complex_columns import with_conjugates
 from ..eigensolvers.eigenpairs import matched
 from ..eigensolvers.regions import RIM, undamped_reach, undamped_region
 from ..eigensolvers.symmetric import shifted_factor, symmetric_modes
-from .interface import MORE_ORDERS, Interface, Inverse, moments
+from .interface import MOST_ORDERS, ORDERS, Interface, Inverse, moments
 from .interface_count import InterfaceModes, at_interface, prove
 from .problem import Found, Problem, agree
 
@@ -58,16 +58,14 @@ def friction_modes(
     kappa, right, left, steps = _both_sides(p, inverse, modes, reach)
     region = undamped_region(kappa, low, high, zeta_max)
     proof = prove(modes, friction, known, region, kappa)
-    if not proof.remainder < 1:
+    while not proof.remainder < 1 and len(known.RL) < MOST_ORDERS:
         # Stiff contact: more of what the kept modes leave out is needed.
-        known = moments(factor, p.M, friction, MORE_ORDERS)
+        known = moments(factor, p.M, friction, len(known.RL) + ORDERS)
         proof = prove(modes, friction, known, region, kappa)
     factor.destroy()
     unproven = "" if proof.remainder < 1 else f"; not proven, it should be below 1{p.remedy}"
-    how = (
-        f"winding number on the interface of rank {friction.rank}"
-        f" (remainder {proof.remainder:.1g}{unproven})"
-    )
+    bound = f"remainder {proof.remainder:.1g}{unproven}"
+    how = f"winding number on the interface of rank {friction.rank} ({bound})"
     agree(int(region.holds(kappa).sum()), proof.count, high, f"the {how}")
     return Found(kappa, right, left, f"inertia without friction, {how}", steps)
 

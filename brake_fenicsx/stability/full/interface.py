@@ -23,7 +23,7 @@ Array = NDArray[np.float64]
 
 # Moments of the interface that are kept at first: right S^-1 (M S^-1)^j left', j = 0, 1, 2; more
 # where they prove nothing.
-ORDERS, MORE_ORDERS = 3, 6
+ORDERS, MOST_ORDERS = 3, 12
 
 # Largest rank for which friction is treated on its interface: a proof holds some sixteen dense
 # matrices of this size, 128 MB each. Nor is the rank more than one in SHARE of all dofs.
