@@ -8,6 +8,7 @@ between two of these values is not seen.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -64,6 +65,7 @@ class SweepStudy:
         self.samples: list[Task] = [(rough, k) for k in range(most)]
         # Lines of another sweep in the same folder are other files.
         mark = digest([study.scene.table.get("sweep"), stability.threshold])[:8]
+        self._columns: dict[str, Followed] = {}
         self._name = {"own": f"sweep-{mark}-own", "sample": f"sweep-{mark}"}
 
     @property
@@ -159,14 +161,20 @@ class SweepStudy:
         numbers: list[int] | None = None
         if second is not None:
             # Branches of all lines are named as those of the first value of the first parameter.
-            across = Points(self.study, (approach, 0), second, fixed | {key: self.values[0]})
-            column = follow(across, self.second[: line + 1], self._band) if line else None
+            column = self._first_column(approach, fixed | {key: self.values[0]}) if line else None
             fixed[second] = self.second[line]
-            numbers = None if column is None else _last_branches(column)
+            numbers = None if column is None else _branches_at(column, fixed[second])
         solve = Points(self.study, (approach, 0), key, fixed)
         followed = follow(solve, self.values, self._band)
         events = find_events(followed, solve, self.threshold, FINE)
         return line_arrays(followed, events, _numbered(followed, numbers))
+
+    def _first_column(self, approach: str, fixed: Mapping[str, float]) -> Followed:
+        """The second parameter at the first value of the first; once for all lines."""
+        if approach not in self._columns:
+            across = Points(self.study, (approach, 0), str(self._sweep.second), fixed)
+            self._columns[approach] = follow(across, self.second, self._band)
+        return self._columns[approach]
 
     def _scene_values(self, approach: str) -> dict[str, float]:
         """The scene's own values of what is random in the samples of an approach."""
@@ -185,11 +193,13 @@ class SweepStudy:
         return np.asarray((state.verdict == "unstable") & loud)
 
 
-def _last_branches(column: Followed) -> list[int]:
-    """Branch of every mode of the last state."""
-    last = len(column.states) - 1
-    found = {column.at(b, last): b.number for b in column.branches if b.states[-1] == last}
-    return [found[mode] for mode in sorted(found)]
+def _branches_at(column: Followed, x: float) -> list[int] | None:
+    """Branch of every mode at a value; None where the column ends before."""
+    for n, state in enumerate(column.states):
+        if state.x == x:
+            modes = {column.at(b, n): b.number for b in column.branches if n in b.states}
+            return [modes[mode] for mode in sorted(modes)]
+    return None
 
 
 def _numbered(followed: Followed, first: list[int] | None) -> list[int]:
