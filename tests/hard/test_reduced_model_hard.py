@@ -115,7 +115,7 @@ def test_points_hardly_beyond_the_box(two_blocks, case, x):
     assert sample.agrees(sample.modes(offline(scene, case, changing=True))) < 5e-5
 
 
-@pytest.mark.parametrize("case", ["contrast", "layers"])
+@pytest.mark.parametrize("case", [pytest.param("contrast", marks=pytest.mark.slow), "layers"])
 def test_losses_a_thousand_times_apart(two_blocks, case):
     """Loss factors of two bodies, and within the changing body: non-proportional damping."""
     scene = two_blocks("coarse")

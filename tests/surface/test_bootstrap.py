@@ -57,6 +57,7 @@ def test_draws_have_the_statistics_of_the_scan_on_average():
     assert one.spectrum == same.spectrum and one.spectrum.misfit is not None
 
 
+@pytest.mark.slow
 def test_four_scans_tell_more_than_one():
     """The draws of four scans scatter about half as much."""
     scans = [scan(seed, spectrum="fit") for seed in range(4)]

@@ -101,7 +101,7 @@ def test_fit_returns_an_exact_broken_line():
 
 
 @pytest.mark.parametrize("c1", [-2.0, -0.8])
-@pytest.mark.parametrize("n", [128, 512])
+@pytest.mark.parametrize("n", [128, pytest.param(512, marks=pytest.mark.slow)])
 def test_recovery_from_artificial_surfaces(n, c1):
     """20 seeds, imposed amplitudes: slopes to 0.05, q_c to 5 %, S_q to 2 %."""
     given_ = given_statistics(33.1e-6, -0.2410, 3.6549, c1=c1, c2=-4.0, q_c=25e3)

@@ -48,7 +48,7 @@ def test_failing_sample_is_kept_with_its_error(store):
 def test_friction_is_printed_without_the_round_off_of_a_mean(store):
     task = TASKS[0]
     if COMM.rank == 0:
-        store.samples.save(task, status="ok", mu=np.array([0.09999999999999996]), random_names=[])
+        store.samples.save(task, status="ok", mu=np.full(7, 0.1), random_names=[])
     COMM.Barrier()
     assert next(Results(store, [task]).samples())[4] == 0.1
 
