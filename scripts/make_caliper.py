@@ -21,10 +21,10 @@ from mpi4py import MPI
 
 import numpy as np
 import scipy.sparse as sp
-from brake_fenicsx.geometry.part import Part
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from brake_fenicsx.geometry.part import Part
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.material import Material, isotropic
 from brake_fenicsx.macro.mesh import build_mesh

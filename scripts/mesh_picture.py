@@ -14,9 +14,9 @@ from mpi4py import MPI
 
 import numpy as np
 import pyvista as pv
-from brake_fenicsx.geometry import disc, pad
 from dolfinx import plot
 
+from brake_fenicsx.geometry import disc, pad
 from brake_fenicsx.macro.mesh import build_mesh
 from brake_fenicsx.scene.mesh import MeshTable
 

@@ -80,7 +80,6 @@ class TwoBlocks:
         discretisation="patch",
     ):
         from brake_fenicsx.geometry import block
-
         from brake_fenicsx.macro.contact import contact_elements
         from brake_fenicsx.macro.elasticity import assemble_elastic
         from brake_fenicsx.macro.friction import Translation

@@ -8,11 +8,11 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from brake_fenicsx.geometry.part import Part, faces_where, flat_at
 
 from brake_fenicsx import assemble, prepare, sample
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import Extensions
+from brake_fenicsx.geometry.part import Part, faces_where, flat_at
 from brake_fenicsx.macro import build_mesh, equilibrium
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.material import Material, isotropic

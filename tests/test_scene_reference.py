@@ -42,7 +42,6 @@ def test_every_section_a_scene_may_have_is_there(reference):
 def test_printed_defaults_are_read_back_to_the_same_number(reference):
     """A default shown in mm that is not the default in m would send a user astray."""
     from brake_fenicsx.geometry.pad import Pad
-
     from brake_fenicsx.scene import Micro, Statistics
     from brake_fenicsx.scene.samples import Classical
 

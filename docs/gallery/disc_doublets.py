@@ -15,8 +15,8 @@ from mpi4py import MPI
 
 import matplotlib.pyplot as plt
 import numpy as np
-from brake_fenicsx.geometry import disc
 
+from brake_fenicsx.geometry import disc
 from brake_fenicsx.macro import build_mesh
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.material import Material, isotropic

@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+
+from brake_fenicsx.errors import SceneError
 from brake_fenicsx.geometry import (
     block,
     disc,
@@ -11,8 +13,6 @@ from brake_fenicsx.geometry import (
     hertz_sphere,
     pad,
 )
-
-from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.mesh import check_cells, raw_mesh
 from brake_fenicsx.macro.meshing.gmsh_mesh import gmsh_session
 from brake_fenicsx.macro.meshing.quality import jacobians, quality

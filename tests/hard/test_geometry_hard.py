@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
-from brake_fenicsx.geometry import block, disc, hertz_sphere, pad
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.geometry import block, disc, hertz_sphere, pad
 from brake_fenicsx.macro.mesh import check_cells, raw_mesh
 from brake_fenicsx.macro.meshing.filemesh import FileMesh, completed, gmsh_order
 from brake_fenicsx.macro.meshing.gmsh_mesh import gathered, gmsh_session

@@ -6,8 +6,8 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from brake_fenicsx.geometry import block
 
+from brake_fenicsx.geometry import block
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.material import Material, isotropic
 from brake_fenicsx.macro.mesh import raw_mesh, tagged_mesh

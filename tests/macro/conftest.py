@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from brake_fenicsx.geometry import block
 
+from brake_fenicsx.geometry import block
 from brake_fenicsx.macro.mesh import raw_mesh
 from brake_fenicsx.macro.meshing.gmsh_mesh import discrete_model, gmsh_session
 from brake_fenicsx.macro.meshing.rawmesh import facet_nodes, joined, turned

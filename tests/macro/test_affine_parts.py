@@ -1,8 +1,8 @@
 """Stiffness by layers: of several at once it is the sum of each."""
 
 import numpy as np
-from brake_fenicsx.geometry import disc, pad
 
+from brake_fenicsx.geometry import disc, pad
 from brake_fenicsx.macro.elasticity import affine_parts, assemble_elastic
 from brake_fenicsx.macro.material import Material, isotropic
 from brake_fenicsx.macro.mesh import build_mesh

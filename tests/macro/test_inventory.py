@@ -44,7 +44,6 @@ def test_masses_and_extents_of_boxes(cells):
 def test_volumes_of_curved_cells(cells):
     """A ring of a disc: pi (R^2 - r^2) h, to the accuracy of second-order geometry."""
     from brake_fenicsx.geometry import disc
-
     from brake_fenicsx.macro.mesh import raw_mesh
 
     shape = disc.Disc(radius=100e-3, bore=60e-3, thickness=10e-3, size=15e-3)

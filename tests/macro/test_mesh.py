@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 import ufl
-from brake_fenicsx.geometry import block, disc, hertz_base, hertz_sphere, pad
 from dolfinx import fem
 from scipy.sparse.linalg import spsolve
 
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.geometry import block, disc, hertz_base, hertz_sphere, pad
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.material import Material, isotropic
 from brake_fenicsx.macro.mesh import build_mesh, raw_mesh

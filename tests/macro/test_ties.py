@@ -10,12 +10,12 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from brake_fenicsx.geometry import block
 from dolfinx import fem
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import eigsh, norm
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.geometry import block
 from brake_fenicsx.macro.brake import assemble_brake, check_brake
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.material import Material, isotropic

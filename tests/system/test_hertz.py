@@ -10,8 +10,8 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from brake_fenicsx.geometry import hertz_base, hertz_cylinder, hertz_slab, hertz_sphere
 
+from brake_fenicsx.geometry import hertz_base, hertz_cylinder, hertz_slab, hertz_sphere
 from brake_fenicsx.macro.condensation import compliance
 from brake_fenicsx.macro.contact import contact_elements
 from brake_fenicsx.macro.elasticity import assemble_elastic
