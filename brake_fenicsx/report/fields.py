@@ -113,7 +113,7 @@ def write_phases(path: str | Path, V: Any, mode: NDArray, frames: int = 24) -> P
     """
     theta = 2 * np.pi * np.arange(frames) / frames
     u = np.real(_vectors(V, "mode", mode) * np.exp(1j * theta)[:, None, None])
-    return write_grid(path, *_lagrange_cells(V), {"displacement": u}, times=theta.tolist())
+    return write_grid(path, *_lagrange_cells(V), {"displacement": u}, times=[*theta])
 
 
 def write_points(path: str | Path, points: NDArray, fields: Fields) -> Path:

@@ -210,7 +210,7 @@ class SquealTable:
         top = float(self._modes.frequency_hz.max()) if len(self._modes) else 1.0
         decades = 10.0 ** np.arange(-3, 7)[:, None] * np.array([1.0, 2.0, 5.0])
         width = float(decades[decades * MOST_BANDS >= top].min())
-        return width * np.arange(int(np.ceil(top / width * (1 - 1e-12))) + 1)
+        return width * np.arange(np.ceil(top / width * (1 - 1e-12)) + 1.0, dtype=float)
 
     def bands(self, approach: str) -> NDArray[np.intp]:
         """Band of each squeal mode, between the edges; the last one includes its upper edge."""

@@ -18,6 +18,7 @@ from brake_fenicsx.folder.files import digest
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.sample_files import Task
+from brake_fenicsx.results.squeal import squeals
 from brake_fenicsx.scene.sweep import ROUGH
 from brake_fenicsx.scene.units import several
 from brake_fenicsx.uncertainty.ensemble import run_ensemble
@@ -189,8 +190,8 @@ class SweepStudy:
 
     def squeals(self, state: State) -> NDArray[np.bool_]:
         """Which modes count as squeal."""
-        loud = state.damping < -self.threshold
-        return np.asarray((state.verdict == "unstable") & loud)
+        modes = {"damping": state.damping, "verdict": state.verdict}
+        return np.asarray(squeals(modes, self.threshold))
 
 
 def _branches_at(column: Followed, x: float) -> list[int] | None:

@@ -16,6 +16,7 @@ import numpy as np
 
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.results.families import ModeFamilies, known_numbers
+from brake_fenicsx.results.squeal import squeals
 from brake_fenicsx.results.tables import write_rows
 from brake_fenicsx.scene.scalars import si_unit
 from brake_fenicsx.stability.modes import Complex
@@ -148,15 +149,14 @@ class SweepTables:
         return found
 
     def _chart_rows(self) -> Iterator[list[Any]]:
-        threshold = self._sweep.threshold
         for first, _, _, line in self._lines():
-            damping = -2 * line.s.real / line.s.imag
-            unstable = line.verdict == "unstable"
+            modes = {"damping": -2 * line.s.real / line.s.imag, "verdict": line.verdict}
+            unstable, squeal = modes["verdict"] == "unstable", squeals(modes, self._sweep.threshold)
             for x in self._sweep.values:
                 here = np.flatnonzero(line.x[line.state] == x)
-                squeal = unstable[here] & (damping[here] < -threshold)
-                worst = float(damping[here].min()) if here.size else None
-                yield [first[0], x, first[2], int(unstable[here].sum()), int(squeal.sum()), worst]
+                worst = float(modes["damping"][here].min()) if here.size else None
+                counts = int(unstable[here].sum()), int(squeal[here].sum())
+                yield [first[0], x, first[2], *counts, worst]
 
     def _critical_rows(self, found: Sequence[Critical]) -> Iterator[list[Any]]:
         for c in found:

@@ -71,7 +71,7 @@ def worst_family(run: RunData, approach: str) -> Worst | None:
     worst = max(found, key=lambda f: (f.share.value, -f.median))
     damping = least_damped(run.squeal.squeal_modes(approach, worst.key)).damping.to_dict()
     loud = wilson(modes["sample"].nunique(), worst.share.n)
-    samples = run.squeal.good(approach).tolist()
+    samples = [int(k) for k in run.squeal.good(approach)]
     with np.load(run.directory / SHAPES, allow_pickle=False) as data:
         shapes = {name: data[name] for name in data.files}
     column = int(np.flatnonzero(shapes["families"] == worst.key)[0])
