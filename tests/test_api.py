@@ -1,5 +1,6 @@
 """What a user of Python meets: names and types of the package, and one line for each mistake."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -106,7 +107,7 @@ def test_objects_print_as_one_line(model):
     assert repr(surface) == "Topography(array: 32 x 32 points, 1 x 1 mm)"
     library = make_library([law_steps(surface, LawSettings(1e9, steps=5))])
     assert repr(library) == f"LawLibrary(1 laws up to {library.p.max():.4g} Pa)"
-    assert repr(model.study.brake).startswith("Brake(1725 dofs, ")
+    assert re.fullmatch(r"Brake\(\d+ dofs, \d+ contact elements\)", repr(model.study.brake))
 
 
 def test_arrays_serve_as_matrices():
