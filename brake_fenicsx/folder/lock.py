@@ -30,15 +30,14 @@ class Lock:
         name: name of this run, HOST-PROCESS-START.
     """
 
-    def __init__(self, folder: Path, name: str | None = None):
+    def __init__(self, folder: Path):
         """Enter the folder.
 
         Args:
             folder: where the files of runs and claims are; made if it is not there.
-            name: of this run; by host and process if not given.
         """
         self.folder, self._ended = folder, threading.Event()
-        self.name = name or f"{socket.gethostname()}-{os.getpid()}-{_start(os.getpid())}"
+        self.name = f"{socket.gethostname()}-{os.getpid()}-{_start(os.getpid())}"
         folder.mkdir(parents=True, exist_ok=True)
         self._file(self.name).write_text(time.strftime("%Y-%m-%d %H:%M:%S"))
         threading.Thread(target=self._beat, daemon=True).start()
@@ -91,8 +90,7 @@ class Lock:
     def owner(self, pattern: str) -> str | None:
         """Name of another run at work that has a claim of such a name; None if there is none."""
         names = (_read(path) for path in self.folder.glob(f"{pattern}{_CLAIM}"))
-        others = (name for name in names if name not in (None, self.name))
-        return next((name for name in others if name and self.alive(name)), None)
+        return next((n for n in names if n and n != self.name and self.alive(n)), None)
 
     def described(self, name: str) -> str:
         """Process, machine and start of a run, and the file that stands for it."""
