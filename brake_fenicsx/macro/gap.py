@@ -65,10 +65,6 @@ class EnrichedGap:
         """Stiffness v of small vibrations about the state at g [Pa/m], and dv/dg [Pa/m^2]."""
         return self.laws.vibration(self.index, self.delta(g))
 
-    def energy(self, g: Array) -> Array:
-        """Contact potential with critical gaps, per area: the integral of p [J/m^2], Eq. (14)."""
-        return self.laws.energy(self.index, self.delta(g))
-
     def first_touch(self) -> Array:
         """Gap at which each element begins to carry [m]."""
         return self.laws.first_touch(self.index) + self.g_cr

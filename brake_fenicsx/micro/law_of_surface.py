@@ -18,12 +18,12 @@ import scipy.fft
 
 from brake_fenicsx.arguments import of_kind
 from brake_fenicsx.errors import SurfaceError
-from brake_fenicsx.micro.halfspace import HalfSpace, half_space
+from brake_fenicsx.micro.halfspace import HalfSpace, half_space_of
 from brake_fenicsx.micro.law import Array, ComputedLaw, LawSteps, make_library
-from brake_fenicsx.micro.loading import rms_slope
 from brake_fenicsx.micro.settings import LawSettings
 from brake_fenicsx.micro.sweep import Step, sweep
 from brake_fenicsx.micro.vibration import with_vibration
+from brake_fenicsx.surface.iso25178 import gradients
 from brake_fenicsx.surface.topography import Topography
 
 logger = logging.getLogger("brake_fenicsx")
@@ -58,7 +58,7 @@ def contact_law(surface: Topography, E_star: float, **settings: Any) -> Computed
 
 def doubts(surface: Topography) -> list[str]:
     """What is doubtful about a surface under a half-space model, one line each."""
-    slope = rms_slope(surface.heights, surface.pixel)
+    slope, _ = gradients(surface.heights, surface.pixel)
     steep = f"{surface.source}: rms slope {slope:.2g}; the half-space supposes small slopes"
     return [*surface.warnings, *([steep] if slope > 1.0 else [])]
 
@@ -89,7 +89,7 @@ def first_load(h: Array, surface: Topography, settings: LawSettings) -> float:
 
     One pixel of compliance c takes the sum of pressures 0.02 S_q / c over the foot.
     """
-    space = _space(h, surface.size, settings)
+    space = half_space_of(h, surface.size, settings.boundary)
     first = min(settings.lowest / settings.E_star, FOOT * h.std() / (space.diagonal * h.size))
     if not first > 0.0:
         raise SurfaceError(f"{surface.source}: the surface is flat; use a linear law")
@@ -124,7 +124,7 @@ def _rows(
 
     Rows: d [m], p / E* [-], k / E* and v / E* [1/m], touching share [-].
     """
-    space = _space(h, size, settings)
+    space = half_space_of(h, size, settings.boundary)
     coarse = max(1, round(settings.steps / np.log10(settings.highest / settings.lowest)))
     cap = None if settings.hardness is None else settings.hardness / settings.E_star
     steps = sweep(
@@ -147,12 +147,6 @@ def low_passed(h: Array, shape: tuple[int, int]) -> Array:
     ]
     kept = scipy.fft.ifftshift(waves[parts[0], parts[1]])
     return np.asarray(scipy.fft.ifft2(kept).real * (shape[0] * shape[1] / h.size))
-
-
-def _space(h: Array, size: Array, settings: LawSettings) -> HalfSpace:
-    """Half-space on the grid of the heights."""
-    pixel = float(size[0] / h.shape[0]), float(size[1] / h.shape[1])
-    return half_space(h.shape, pixel, settings.boundary)
 
 
 def _without_bulk(steps: list[Step], space: HalfSpace, settings: LawSettings) -> Array:

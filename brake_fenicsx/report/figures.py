@@ -58,8 +58,7 @@ PLOTS = (
     Plot(
         "figure5_statistics",
         "Height distribution, and radial power spectrum C(q) of the scan with its bi-fractal fit "
-        "(2 pi times the integral of q C is the variance). Where sub-windows and decimated scans "
-        "agree with the whole scan, its spectrum is reliable. Of several scans, thin lines are the "
+        "(2 pi times the integral of q C is the variance). Of several scans, thin lines are the "
         "scans and the thick line is their mean. Below: ratio of measured spectrum "
         "and fit, on a logarithmic scale.",
         draw_statistics,

@@ -59,7 +59,7 @@ def write_surface_tables(run: RunData) -> list[Path]:
         path = tables / "surface.csv"
         written.append(write_rows(path, parameter_columns(run), parameter_rows(run)))
     if "q" in s:
-        each = [*s["sub_C"]] if scans_of(run) else []
+        each = [*s["scan_C"]] if scans_of(run) else []
         low, high = s["q_band"]
         # The fit is a power law on both sides of a corner, which its own table resolves.
         fit = np.exp(np.interp(np.log(s["q"]), np.log(s["fit_q"]), np.log(s["fit_C"])))
