@@ -46,7 +46,7 @@ class EnrichedGap:
     g_cr: Array
 
     def delta(self, g: Array) -> Array:
-        """Separation that the law sees, g - g_cr [m]."""
+        """Separation g - g_cr [m] in the contact potential with critical gaps, Eq. (14)."""
         return g - self.g_cr
 
     def pressure(self, g: Array) -> Array:

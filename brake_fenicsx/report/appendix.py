@@ -16,7 +16,7 @@ from brake_fenicsx.results.tables import Value
 
 from .blocks import Block, Heading, Picture, Preformatted, Section, Special, Table, Text, pairs
 from .mode_cards import Card
-from .picture import heading_of
+from .render import heading_of
 from .sections import figures
 from .surface_section import law_blocks, of_surface, surface_blocks
 

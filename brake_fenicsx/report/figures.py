@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING
 from brake_fenicsx.results.run import RunData, read_run
 
 from .contact_figures import draw_contact_pressure
-from .correlation_figures import draw_correlations
 from .driver_figures import draw_driver_maps, draw_drivers
 from .error_figures import draw_errors
 from .micro_figures import draw_contact_maps, draw_laws, laws_caption
-from .sensitivity_figures import draw_sensitivity
+from .sensitivity_figures import draw_correlations, draw_sensitivity
 from .squeal_figures import (
     draw_convergence,
     draw_counts,

@@ -9,7 +9,7 @@ from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import Family
 from brake_fenicsx.results.tables import Value, read_rows
 
-from .picture import heading_of
+from .render import heading_of
 
 SHAPES = "mode_shapes.csv"  # in figures/: what the pictures of modes show
 SHAPE_COLUMNS = (
