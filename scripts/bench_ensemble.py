@@ -101,7 +101,7 @@ def run(args: argparse.Namespace) -> None:
 
 def intervals(args: argparse.Namespace) -> None:
     """First-order indices of Ishigami's function: error, width and coverage of the intervals."""
-    from brake_fenicsx.results.statistics import indices
+    from brake_fenicsx.results.sensitivity import indices
     from brake_fenicsx.scene.samples import Plan
     from brake_fenicsx.uncertainty.designs import design_points, design_size
 

@@ -79,13 +79,6 @@ def compose(
         )
 
 
-def heading_of(path: Path) -> str:
-    """The heading drawn in a picture, or the name of its file."""
-    pillow: Any = import_module("PIL.Image")  # comes with matplotlib
-    with pillow.open(path) as drawn:
-        return str(drawn.info.get("Title", path.stem.replace("_", " ")))
-
-
 def pyvista() -> Any:
     """The drawing library, imported when the first picture is drawn."""
     return import_module("pyvista")

@@ -35,7 +35,8 @@ from brake_fenicsx.scene.samples import Plan, Samples
 from brake_fenicsx.uncertainty.designs import RIGID
 
 from .run import RunData
-from .statistics import Indices, indices, rank_correlation, wilson
+from .sensitivity import Indices, indices
+from .statistics import rank_correlation, wilson
 from .tables import write_rows
 
 if TYPE_CHECKING:

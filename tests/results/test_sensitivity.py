@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from brake_fenicsx.results.statistics import indices, rank_correlation
+from brake_fenicsx.results.sensitivity import indices
+from brake_fenicsx.results.statistics import rank_correlation
 from brake_fenicsx.scene import Distribution
 from brake_fenicsx.scene.samples import Plan
 from brake_fenicsx.uncertainty.designs import design_points, quantile
