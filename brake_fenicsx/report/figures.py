@@ -48,7 +48,7 @@ class Plot:
         return self.caption if isinstance(self.caption, str) else self.caption(run)
 
 
-PLOTS = (
+PLOTS: tuple[Plot, ...] = (
     Plot(
         "figure4_topography",
         topography_caption,
@@ -199,11 +199,12 @@ PLOTS = (
 )
 
 
-def make_figures(directory: str | Path | RunData) -> list[Path]:
+def make_figures(directory: str | Path | RunData, share: slice = slice(None)) -> list[Path]:
     """Draw every figure a run has data for, as PNG and SVG in ``directory/figures``.
 
     Args:
         directory: the run directory, or its results already read.
+        share: of the figures, where several processes draw them.
 
     Returns:
         Paths written, in the order of the figures.
@@ -216,7 +217,7 @@ def make_figures(directory: str | Path | RunData) -> list[Path]:
     folder.mkdir(exist_ok=True)
     written: list[Path] = []
     with house_style():
-        for plot in PLOTS:
+        for plot in PLOTS[share]:
             figure = plot.draw(run)
             if figure is not None:
                 written += save(figure, folder, plot.name)
