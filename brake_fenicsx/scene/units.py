@@ -18,6 +18,7 @@ DIMENSIONS = {
     "1/s": "rate [1/s]", "s": "time [us]",
     "": "a number", "*": "number with the unit of that key [2 bar]",
 }  # fmt: skip
+MODULI = (1e6, 2e12)  # usual ones, rubber to diamond [Pa]
 
 
 @cache
@@ -109,10 +110,10 @@ def _suits(name: str, unit: str) -> bool:
     import pint
 
     try:
-        found = _registry().Unit(name)
+        known = _registry().Unit(name)
     except pint.UndefinedUnitError:
         return False
-    return " " in unit or "/" in unit or found.is_compatible_with(_registry().Unit(unit))
+    return " " in unit or "/" in unit or known.is_compatible_with(_registry().Unit(unit))
 
 
 def usual_unit(unit: str) -> str:
