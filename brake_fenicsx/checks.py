@@ -14,7 +14,7 @@ from scipy.fft import next_fast_len
 
 from brake_fenicsx.errors import BrakeError, SceneError, SurfaceError
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.damping import damped_bodies, damped_springs
+from brake_fenicsx.scene.damping import active_terms
 from brake_fenicsx.scene.friction import rubs, slides
 from brake_fenicsx.scene.plausible import unusual
 from brake_fenicsx.scene.surface import MAX_PIXELS, Surface
@@ -193,15 +193,12 @@ def _undamped(scene: Scene, counted: bool = False) -> list[str]:
         counted: the line of a scene whose threshold takes the place of damping, else the warning
             of one that has neither.
     """
-    stability = scene.stability
+    approaches, stability = scene.samples.approaches, scene.stability
     if stability is None or "stability" not in scene.stages:
         return []
-    d = stability.damping
-    if d and (d.rayleigh or d.loss or d.sliding or d.modal or d.own):
-        return []
-    if damped_springs(scene) or damped_bodies(scene):
-        return []
-    if not any(rubs(scene, approach) for approach in scene.samples.approaches):
+    # These two take no energy.
+    damped = any({*active_terms(scene, a)} - {"slope", "gyroscopic"} for a in approaches)
+    if damped or not any(rubs(scene, a) for a in approaches):
         return []
     if counted != bool(stability.threshold):
         return []

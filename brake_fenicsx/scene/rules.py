@@ -89,10 +89,8 @@ def _motion(s: Scene) -> Iterator[str]:
 
 def _varied(s: Scene) -> Iterator[str]:
     """Scalars that may vary; no material is named in two ways."""
-    for section, names in (
-        ("samples.random", s.samples.random),
-        ("sweep.parameters", s.sweep.parameters if s.sweep else ()),
-    ):
+    swept = s.sweep.parameters if s.sweep else {}
+    for section, names in {"samples.random": s.samples.random, "sweep.parameters": swept}.items():
         for name in names:
             check_scalar(s, f'{section}."{name}"', name)
     ways: dict[str, set[bool]] = {}

@@ -29,7 +29,7 @@ import numpy as np
 from pydantic import BeforeValidator
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene.tables import KeyMistake, key, value_type
+from brake_fenicsx.scene.tables import KeyMistake, below, key, value_type
 from brake_fenicsx.scene.units import to_si
 
 APPROACHES = ("multi-scale", "classical", "parametric", "joint")
@@ -106,7 +106,7 @@ class Distribution:
     sd: float | None = key("*", default=None)
     min: float = key("*", default=-INFINITY, sign="any")
     max: float = key("*", default=INFINITY, sign="any")
-    spread: float | None = key(default=None)
+    spread: float | None = key(default=None, rule=below(1, "must be below 1"))
     values: tuple[float, ...] = key("*", default=(), sign="any")
     file: str | None = key(default=None)
     array: str | None = key(default=None)
@@ -140,8 +140,7 @@ class Samples:
     parametric: Design = field(default_factory=Design)
     joint: Design = field(default_factory=Design)
     limit: float = key(
-        default=0.5,
-        rule=(lambda share: share < 1, "a share of the samples; write a fraction below 1"),
+        default=0.5, rule=below(1, "a share of the samples; write a fraction below 1")
     )
     random: dict[str, Distribution] = field(
         default_factory=dict, metadata={"type": lambda: _random_type()}
@@ -298,8 +297,6 @@ def _mistakes(d: Distribution) -> Iterator[str]:
         yield ": a uniform law needs min and max, or spread"
     if d.spread is not None and (d.law != "uniform" or bounds.any()):
         yield ".spread: only for a uniform law, in place of min and max"
-    if d.spread is not None and not d.spread < 1:
-        yield f".spread = {d.spread:g}: must be below 1"
     if d.law == "measured" and sum(d.min <= v <= d.max for v in d.values) < 2:
         yield ": a measured law needs two values or more within min and max, in values or file"
     if d.law != "measured" and (d.values or d.file):

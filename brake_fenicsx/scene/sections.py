@@ -24,7 +24,7 @@ from brake_fenicsx.scene.parts import Part, parts_type
 from brake_fenicsx.scene.samples import Samples
 from brake_fenicsx.scene.surface import Micro, Surface
 from brake_fenicsx.scene.sweep import Sweep
-from brake_fenicsx.scene.tables import key, rising_pair, shown, vector
+from brake_fenicsx.scene.tables import below, key, rising_pair, shown, vector
 from brake_fenicsx.scene.units import MODULI, to_si
 
 STAGES = ("surface", "micro", "equilibrium", "stability", "uncertainty", "report")
@@ -175,17 +175,12 @@ class Stability:
     cutoff: float | None = key("Hz", default=None)
     tolerance: float = key(default=1e-5)
     on_tolerance: str = key(default="warn", choices=("warn", "full order"))
-    zeta_max: float = key(
-        default=0.1, rule=(lambda ratio: ratio < ZETA_LIMIT, f"must lie below {ZETA_LIMIT:g}")
-    )
+    zeta_max: float = key(default=0.1, rule=below(ZETA_LIMIT, f"must lie below {ZETA_LIMIT:g}"))
     verify: int = key(default=0, sign="zero")
     threshold: float = key(
         default=0.0,
         sign="zero",
-        rule=(
-            lambda damping: damping < 1,
-            "no mode has so large a damping; write a fraction, such as 0.01",
-        ),
+        rule=below(1, "no mode has so large a damping; write a fraction, such as 0.01"),
     )
     drivers: bool = False
     damping: Damping | None = None

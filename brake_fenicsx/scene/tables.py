@@ -82,6 +82,11 @@ def key(unit: str = "", default: Any = MISSING, **metadata: Any) -> Any:
     return field(default=default, metadata={"unit": unit, **metadata})
 
 
+def below(limit: float, remedy: str) -> tuple[Callable[[float], bool], str]:
+    """The rule that a number lies below a limit."""
+    return lambda value: value < limit, remedy
+
+
 def rising_pair(values: tuple[float, ...]) -> bool:
     """Whether a list is a lowest and a highest value."""
     return len(values) == 2 and values[0] < values[1]
@@ -293,12 +298,8 @@ def _known(table: Any, names: tuple[str, ...]) -> Any:
     for name in table if isinstance(table, dict) else ():
         if name not in names:
             gone = f"; version 0.2 had it: {GONE[name]}" if name in GONE else ""
-            hint = (
-                gone
-                or _elsewhere(name)
-                or _similar(name, names)
-                or f"; known: {', '.join(sorted(names))}"
-            )
+            known = f"; known: {', '.join(sorted(names))}"
+            hint = gone or _elsewhere(name) or _similar(name, names) or known
             raise KeyMistake(f"unknown key{hint}", name)
     return table
 
