@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.tables import key, shown
-from brake_fenicsx.scene.units import to_si, usual_unit, with_unit
+from brake_fenicsx.scene.units import factor_to_si, usual_unit, with_unit
 
 if TYPE_CHECKING:
     from brake_fenicsx.scene.sections import Scene
@@ -201,12 +201,8 @@ def with_table(contact: Contact, name: str, folder: Path) -> Contact:
     law, where = contact.law, f"contact.{name}.law"
     if not isinstance(law, Law) or law.table is None:
         return contact
-    factors = []
-    for unit, wanted in zip(law.units, ("m", "Pa"), strict=True):
-        try:
-            factors.append(to_si(f"1 {unit}", wanted))
-        except ValueError as error:
-            raise SceneError(f"{where}.units: {error}") from None
+    columns = zip(law.units, ("m", "Pa"), strict=True)
+    factors = [factor_to_si(name, unit, f"{where}.units") for name, unit in columns]
     at = f"{where}.table = {law.table!r}"
     d, p = _columns(folder / law.table, at) * np.array(factors)[:, None]
     order = np.argsort(-d, kind="stable")

@@ -30,7 +30,7 @@ from pydantic import BeforeValidator
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.tables import KeyMistake, below, key, value_type
-from brake_fenicsx.scene.units import to_si
+from brake_fenicsx.scene.units import factor_to_si, to_si
 
 APPROACHES = ("multi-scale", "classical", "parametric", "joint")
 ROUGH = ("multi-scale", "joint")  # of rough contact
@@ -242,20 +242,9 @@ def _converted(value: Any, unit: str, *where: str) -> Any:
     if isinstance(value, list):
         return [_converted(v, unit, *where) for v in value]
     try:
-        return _to_si(value, unit)
+        return to_si(value, unit)
     except ValueError as error:
         raise KeyMistake(str(error), *where) from None
-
-
-def _to_si(value: Any, unit: str) -> float:
-    """In the first unit of "rad/s or m/s" that the value has."""
-    first, _, second = unit.partition(" or ")
-    try:
-        return to_si(value, first)
-    except ValueError:
-        if not second:
-            raise
-        return to_si(value, second)
 
 
 def _random_type() -> Any:
@@ -311,10 +300,7 @@ def _measured(d: Distribution, unit: str, folder: Path, where: str) -> tuple[flo
     if unit:
         if d.unit is None:
             raise SceneError(f"{where}.unit: missing; say the unit of the numbers in {d.file}")
-        try:
-            factor = _to_si(f"1 {d.unit}", unit)
-        except ValueError as error:
-            raise SceneError(f"{where}.unit = {d.unit!r}: {error}") from None
+        factor = factor_to_si(d.unit, unit, f"{where}.unit = {d.unit!r}")
     try:
         if path.suffix == ".npz":
             with np.load(path, allow_pickle=False) as data:
