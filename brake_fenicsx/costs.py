@@ -38,8 +38,8 @@ class Sizes:
     Attributes:
         process: peak of a process, with all that processes of a machine share.
         shared: part of it that a machine holds once.
-        share: what a process of ``run --share`` holds beside that; 0: where a sample is solved at
-            full order.
+        share: what a process of ``run --share`` holds beside that, unless it verifies a sample;
+            0: where a sample is not solved by the reduced model.
         disc: the results folder.
     """
 
@@ -85,7 +85,8 @@ def run_sizes(scene: Scene, samples: Mapping[str, int], dofs: int, elements: int
         shared = 150e-9 * m**2 + 3e-6 * n + (350e-9 * m**2 if damped else 0.0)
         if solves["reduced with materials of their own"]:
             shared += 15e-9 * m**2 * comb(changing_moduli(scene) + 4, 4)
-        share = 0.0 if at_full else 0.2 + max(2.2e-6 * n, 0.12e-6 * m**2 * (4 if damped else 1))
+        if sum(solves.values()) == sum(samples.values()):
+            share = 0.2 + max(2.2e-6 * n, 0.12e-6 * m**2 * (4 if damped else 1))
     else:
         process += 40e-9 * m**2
     if at_full:

@@ -145,11 +145,12 @@ def test_damping_and_changing_materials_take_memory():
         for more in ([], [rayleigh])
     )
     assert damped.process - free.process == pytest.approx(0.78, rel=0.05)
-    study = read_scene(SCENES / "disc_brake_study.toml", ["stability.verify=0"])
+    study = read_scene(SCENES / "disc_brake_study.toml")
     one, many = (
         run_sizes(study, {name: 300}, 152_479, 1368) for name in ("multi-scale", "parametric")
     )
     assert many.shared > 2 * one.shared and many.share > 0
+    assert run_sizes(read_scene(demo, changes), {"multi-scale": 20}, 40_745, 576).share == 0
 
 
 def test_check_says_it_all_and_writes_nothing(tmp_path, monkeypatch, capsys):

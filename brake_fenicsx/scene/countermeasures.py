@@ -8,15 +8,16 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.friction import slides
-from brake_fenicsx.scene.samples import NO_ROUGH_SAMPLES, is_constant, split_key, unit_of
+from brake_fenicsx.scene.samples import NO_ROUGH_SAMPLES, SCALARS, is_constant, split_key
 from brake_fenicsx.scene.scalars import check_scalar, si_unit
-from brake_fenicsx.scene.tables import KeyMistake, dotted, key_parts
+from brake_fenicsx.scene.tables import dotted, key_parts
 from brake_fenicsx.scene.tables import key as scene_key
 
 if TYPE_CHECKING:
@@ -47,11 +48,7 @@ class Countermeasure:
     @property
     def is_scalar(self) -> bool:
         """Whether samples take other values of it on one prepared brake."""
-        try:
-            unit_of(self.key)
-        except KeyMistake:
-            return False
-        return True
+        return any(re.fullmatch(pattern, self.key) for pattern, _ in SCALARS)
 
     def override(self, scene: Scene, value: float | str) -> str:
         """The replacement "key=value" that gives the scene another value.
