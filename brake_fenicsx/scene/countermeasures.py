@@ -134,7 +134,7 @@ def _number(scene: Scene, name: str, where: str) -> tuple[float, str]:
                 )
             holder = scene.contact[interface].friction if below else scene.contact[interface]
         case ["motion", "speed"] if scene.motion is not None:
-            return _written(scene, parts, where, scene.motion.rate), si_unit(scene, name)
+            return _written(scene, parts, where, scene.motion.rate), si_unit(scene, "motion.speed")
         case [*above, ("alpha" | "beta") as which] if above == RAYLEIGH:
             if scene.damping and scene.damping.rayleigh:
                 i = ("alpha", "beta").index(which)
