@@ -6,7 +6,7 @@ the stage. With n free dofs, m contact elements and N samples, the work grows as
     surface    scans                         brake      n
     micro      laws, pixels; periodic        offline    n^1.6, a sparse factor
                ones, pixels^2
-    samples    N m^2 through a reduced model, N n at full order
+    samples    N m^2 through a reduced model, N n at full order, approach by approach
     sweep      as samples, for each value    results, report: as they were
 
 A process holds 0.2 GB, and 16 kB n with a factor of the bodies, 30 kB n more to solve at full
@@ -117,28 +117,38 @@ def scaled_seconds(
         dofs: its free dofs.
         elements: its contact elements.
     """
-    measured, solved = dict(facts["seconds"]), facts.get("samples", {})
-    good = {name: about["good"] for name, about in solved.items()}
-    before = _work(facts["in_effect"], good, facts.get("dofs", 0), facts.get("contact_elements", 0))
-    now = _work(in_effect(scene), samples, dofs, elements)
-    # A run that went on found samples and a reduced model there.
-    each = ("seconds_per_equilibrium", "seconds_per_stability")
-    solving = sum(
-        about["good"] * about.get(name, 0.0) for about in solved.values() for name in each
-    )
-    made = {"samples": solving / facts["processes"]}
-    made["offline"] = facts.get("reduced_model", {}).get("seconds", 0.0)
+    measured = dict(facts["seconds"])
+    before = _work(facts["in_effect"], facts.get("dofs", 0), facts.get("contact_elements", 0))
+    now = _work(in_effect(scene), dofs, elements)
+    # A run that went on found a reduced model and samples there.
+    if "offline" in measured:
+        made = facts.get("reduced_model", {}).get("seconds", 0.0)
+        measured["offline"] = max(measured["offline"], made)
+    if "samples" in measured:
+        solved = {name: about["good"] for name, about in facts["samples"].items()}
+        # What else the stage does is the verification at full order.
+        rest = max(measured["samples"] - _solving(facts, solved), 0.0)
+        measured["samples"] = rest + _solving(facts, samples)
     return {
-        stage: max(measured[stage], made.get(stage, 0.0)) * now[stage] / before[stage]
-        for stage in measured
+        stage: seconds * now[stage] / before[stage]
+        for stage, seconds in measured.items()
         if before.get(stage) and now.get(stage)
     }
 
 
-def _work(
-    settings: Mapping[str, Any], samples: Mapping[str, int], dofs: float, elements: float
-) -> dict[str, float]:
-    """Work of the stages of settings in effect, each in a unit of its own; 0 of those left out."""
+def _solving(facts: Mapping[str, Any], samples: Mapping[str, int]) -> float:
+    """Seconds for samples of each approach, as each took in a run; others as the dearest."""
+    each = {
+        name: about.get("seconds_per_equilibrium", 0.0) + about.get("seconds_per_stability", 0.0)
+        for name, about in facts.get("samples", {}).items()
+    }
+    dearest = max(each.values(), default=0.0)
+    total = sum(count * each.get(name, dearest) for name, count in samples.items())
+    return total / float(facts["processes"])
+
+
+def _work(settings: Mapping[str, Any], dofs: float, elements: float) -> dict[str, float]:
+    """Work of the stages of settings in effect, each in a unit of its own, and of one sample."""
     surface, micro, stability, sweep = (
         settings.get(name, {}) for name in ("surface", "micro", "stability", "sweep")
     )
@@ -150,7 +160,7 @@ def _work(
     work = {
         "surface": 1 if isinstance(scans, str) else len(scans),
         "micro": 0 if isinstance(pixels, str) else micro.get("laws", 0) * pixels**power,
-        "brake": dofs, "offline": dofs**1.6, "samples": sum(samples.values()) * one,
+        "brake": dofs, "offline": dofs**1.6, "samples": one,
         "sweep": prod(map(len, values)) * one if values else 0.0, "results": 1, "report": 1,
     }  # fmt: skip
     stages = {*settings["stages"]}

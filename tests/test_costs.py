@@ -61,7 +61,8 @@ def test_disc_of_many_samples():
 
 def facts_of(scene, count, dofs, elements, **seconds):
     """What a run of a scene would have written."""
-    solved = {name: {"good": n} for name, n in count.items()}
+    each = seconds.get("samples", 0.0) / max(sum(count.values()), 1)
+    solved = {name: {"good": n, "seconds_per_equilibrium": each} for name, n in count.items()}
     return {
         "in_effect": in_effect(scene), "samples": solved, "processes": 1, "seconds": seconds,
         "dofs": dofs, "contact_elements": elements,
@@ -114,6 +115,18 @@ def test_samples_that_were_there_already_count_with_their_solves():
     facts |= {"processes": 2, "reduced_model": {"seconds": 7.0}}
     seconds = scaled_seconds(facts, scene, {"multi-scale": 300}, 1000, 100)
     assert seconds == pytest.approx({"samples": 30.0, "offline": 7.0})
+
+
+def test_samples_verified_and_of_other_approaches_are_counted_apart():
+    """The demo: 20 samples of 0.2 s, one of 15 s at full order, and 27 s for one verified."""
+    scene = read_scene(SCENES / "disc_brake_demo.toml")
+    count = {"multi-scale": 20, "classical": 1}
+    facts = facts_of(scene, count, 40_745, 576, samples=46.0)
+    for name, each in (("multi-scale", 0.2), ("classical", 15.0)):
+        facts["samples"][name]["seconds_per_equilibrium"] = each
+    for n in (20, 200):
+        seconds = scaled_seconds(facts, scene, {"multi-scale": n, "classical": 1}, 40_745, 576)
+        assert seconds["samples"] == pytest.approx(0.2 * n + 15.0 + 27.0)
 
 
 def test_full_order_is_told_from_reduced():

@@ -89,8 +89,9 @@ def _motion(s: Scene) -> Iterator[str]:
 
 def _varied(s: Scene) -> Iterator[str]:
     """Scalars that may vary; no material is named in two ways."""
-    swept = s.sweep.parameters if s.sweep else {}
-    for section, names in {"samples.random": s.samples.random, "sweep.parameters": swept}.items():
+    swept = [*s.sweep.parameters] if s.sweep else []
+    scalars = {"samples.random": [*s.samples.random], "sweep.parameters": swept}
+    for section, names in scalars.items():
         for name in names:
             check_scalar(s, f'{section}."{name}"', name)
     ways: dict[str, set[bool]] = {}
