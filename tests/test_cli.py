@@ -304,13 +304,13 @@ def test_time_to_go_is_that_of_the_samples_left(caplog, monkeypatch):
 def test_table_of_the_log_stands_under_its_heading(tmp_path, monkeypatch):
     from types import SimpleNamespace
 
-    from brake_fenicsx.report import figures, html, inputs, overview, surface_tables
+    from brake_fenicsx.report import figures, html, inputs, overview, surface_section
     from brake_fenicsx.results import answer
     from brake_fenicsx.results import run as results
 
     for module, name in ((inputs, "contact_maps"), (figures, "make_figures"),
                          (answer, "write_tables"), (html, "write_report"),
-                         (surface_tables, "write_surface_tables")):  # fmt: skip
+                         (surface_section, "write_surface_tables")):  # fmt: skip
         monkeypatch.setattr(module, name, lambda *_, **__: None)
     monkeypatch.setattr(results, "read_run", lambda _: SimpleNamespace(modes=1, samples=1))
     monkeypatch.setattr(overview, "summary_table", lambda _: "a  b\n1  2")
