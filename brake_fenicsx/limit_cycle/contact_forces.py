@@ -45,9 +45,10 @@ class PatchForces:
         w: areas [m^2].
         g: gaps at equilibrium [m].
         mu: friction coefficient of each.
-        coefficient: friction over the speed; None where it does not depend on it.
         speed: sliding speeds V [m/s].
         followed: motions that forces follow: "N", then "T" and "R" where they follow rates.
+        coefficients: friction of each interface over the speed; none where it does not change.
+        interface: number of the interface of each element.
     """
 
     laws: EnrichedGap
@@ -56,8 +57,9 @@ class PatchForces:
     g: Array
     mu: Array
     speed: Array
-    coefficient: Coefficient | None = None
     followed: str = "N"
+    coefficients: tuple[Coefficient, ...] = ()
+    interface: NDArray[np.int64] | None = None
 
     def __call__(self, y: Array, v: Array) -> tuple[Array, Tangent]:
         """Forces beyond those of the equilibrium [N], and their tangent."""
@@ -111,7 +113,10 @@ class PatchForces:
         along, across = V - (v[t] if t > 0 else zero), v[r] if r > 0 else zero
         small = np.where(V > 0, SMOOTH * V, 1.0)
         size = np.sqrt(along**2 + across**2 + small**2)
-        mu, fall = (out[1], zero) if self.coefficient is None else self.coefficient(size)
+        mu, fall = out[1].copy(), zero.copy()
+        for i, coefficient in enumerate(self.coefficients):
+            own = self.interface == i
+            mu[own], fall[own] = coefficient(size[own])
         m, dm = mu / size, (fall - mu / size) / size**2
         out[1] = m * along
         if t > 0:

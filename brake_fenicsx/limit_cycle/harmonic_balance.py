@@ -109,7 +109,7 @@ class Vibration:
         a: coordinates of the bodies, shape (coordinates, harmonics + 1).
         y: motions of the contact [m], shape (followed rows, harmonics + 1).
         s: alpha + i omega [1/s].
-        amplitude: root mean square over the elements of |y_1| [m], see ``HarmonicBalance``.
+        amplitude: root mean square over the elements of |y_1| [m], see ``HarmonicBalance.size``.
     """
 
     a: Complex
@@ -173,9 +173,15 @@ class HarmonicBalance:
         out[:, 0] *= 0.5
         return out
 
-    def amplitude(self, y: Complex) -> float:
-        """Root mean square of |y_1| [m]."""
-        return float(np.sqrt(self._weights @ np.abs(y[:, 1]) ** 2))
+    def size(self, y: Complex) -> float:
+        """Root mean square of |y| [m] of one harmonic, shape (followed rows,)."""
+        return float(np.sqrt(self._weights @ np.abs(y) ** 2))
+
+    def at_rest(self, s: complex, a: Complex) -> Complex:
+        """Motions of the contact under the coordinates of a small vibration at lambda = s."""
+        still = np.zeros((self._weights.size, self.points))
+        response, tangent = self.bodies.at(s), self.forces(still, still)[1]
+        return _Preconditioner(response, tangent.mean(s)).seen @ a
 
     def start(self, s: complex, a: Complex, y: Complex, amplitude: float) -> Vibration:
         """A vibration along a linear mode.
@@ -186,7 +192,7 @@ class HarmonicBalance:
             y: its motions at the contact, shape (followed rows,).
             amplitude: of the vibration [m].
         """
-        factor = amplitude / float(np.sqrt(self._weights @ np.abs(y) ** 2))
+        factor = amplitude / self.size(y)
         both = np.zeros((a.size + y.size, self.harmonics + 1), complex)
         both[:, 1] = factor * np.r_[a, y]
         return Vibration(both[: a.size], both[a.size :], s, amplitude)
@@ -207,7 +213,7 @@ class HarmonicBalance:
         Raises:
             NotConverged: there is none nearby.
         """
-        found, phase = guess, self._weights * guess.y[:, 1].conj() / self.amplitude(guess.y)
+        found, phase = guess, self._weights * guess.y[:, 1].conj() / self.size(guess.y[:, 1])
         for iteration in range(1, ITERATIONS + 1):
             system = _Linearised(self, found, phase)
             fixed, along = system.solve()
@@ -338,8 +344,8 @@ class _Preconditioner:
         E = np.eye(len(r.D)) + self._through(r.D)
         self._E = la.lu_factor(E, check_finite=False)
         self._lead = self._through(r.lead)
-        self._seen = la.lu_solve(self._E, r.source, check_finite=False)
-        self._T = r.own + self._lead @ self._seen
+        self.seen = la.lu_solve(self._E, r.source, check_finite=False)
+        self._T = r.own + self._lead @ self.seen
         self._lu = la.lu_factor(self._T, check_finite=False)
 
     def _through(self, A: Complex) -> Complex:
@@ -357,7 +363,7 @@ class _Preconditioner:
         """Solution of one harmonic."""
         b, y = self._reduced(x)
         a = la.lu_solve(self._lu, b, check_finite=False)
-        return np.r_[a, y + self._seen @ a]
+        return np.r_[a, y + self.seen @ a]
 
     def bordered(
         self, slope: Complex, phase: Complex
@@ -365,12 +371,12 @@ class _Preconditioner:
         """The same with lambda as an unknown, and phase and amplitude of the motions given."""
         column, shift = self._reduced(slope)
         last = np.array([[-phase @ shift]])
-        A = np.block([[self._T, column[:, None]], [(phase @ self._seen)[None], last]])
+        A = np.block([[self._T, column[:, None]], [(phase @ self.seen)[None], last]])
         lu = la.lu_factor(A, check_finite=False)
 
         def solve(x: Complex, s: complex) -> tuple[Complex, complex]:
             b, y = self._reduced(x)
             *a, ds = la.lu_solve(lu, np.r_[b, s - phase @ y], check_finite=False)
-            return np.r_[a, y + self._seen @ np.array(a) - shift * ds], complex(ds)
+            return np.r_[a, y + self.seen @ np.array(a) - shift * ds], complex(ds)
 
         return solve

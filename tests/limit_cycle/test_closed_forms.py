@@ -224,10 +224,11 @@ def test_falling_friction():
     def coefficient(v):
         return mus - k1 * v + k3 * v**3, -k1 + 3 * k3 * v**2
 
-    law = patch(exponential_law(1.0, 1.0), mu=coefficient(vb)[0], followed="NT")
-    law.speed[:] = vb
-    law.w[:] = 1.0
-    object.__setattr__(law, "coefficient", coefficient)
+    law = patch(
+        exponential_law(1.0, 1.0), mu=coefficient(vb)[0], followed="NT",
+        coefficients=(coefficient,), interface=np.zeros(1, int),
+    )  # fmt: skip
+    law.speed[:], law.w[:] = vb, 1.0
     one = np.ones((1, 1))
     bodies = Matrices(one, c * one, one, np.array([[0.0], [1.0]]), np.array([[0.0], [1.0]]))
     problem = HarmonicBalance(bodies, law, np.array([0.0, 1.0]), 9, 64)
