@@ -30,6 +30,9 @@ ENDED = 0.02
 # The branch is followed up to this multiple of the amplitude of a stable cycle.
 BEYOND = 2.0
 
+# Tolerance of the points between the cycles.
+ROUGHLY = 1e-5
+
 STABLE, UNSTABLE, BOUND = "stable", "unstable", "bound"
 
 
@@ -83,7 +86,7 @@ def follow(
         NotConverged: not even the first vibration is found.
     """
     branch, size = Branch(), max(abs(start.s.real), 1e-3 * start.s.imag)
-    p, along, _ = problem.solve(start, _at_amplitude(start.amplitude))
+    p, along, _ = problem.solve(start, _at_amplitude(start.amplitude), ROUGHLY)
     direction, step, limit = np.array([1.0, 0.0]), FIRST, largest
     while True:
         branch.amplitude.append(p.amplitude)
@@ -101,7 +104,7 @@ def follow(
         while found is None:
             guess = p.moved(along, direction[0] * p.amplitude * step)
             try:
-                found = problem.solve(guess, _at_distance(p, direction, size, step))
+                found = problem.solve(guess, _at_distance(p, direction, size, step), ROUGHLY)
             except NotConverged:
                 step *= 0.4
                 if step < SMALLEST:

@@ -30,9 +30,9 @@ from brake_fenicsx.errors import NotConverged
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-# Newton's iterations at most; vectors of GMRES at most, and its relative residual; relative step of
-# differences over lambda.
-ITERATIONS, VECTORS, LINEAR, DIFFERENCE = 12, 120, 1e-4, 1e-6
+# Newton's iterations at most, and what each must gain with the factors of an earlier one; vectors of
+# GMRES at most, and its relative residual; relative step of differences over lambda.
+ITERATIONS, GAIN, VECTORS, LINEAR, DIFFERENCE = 12, 0.2, 150, 1e-3, 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,10 +50,6 @@ class Response:
     lead: Complex
     source: Complex
     D: Complex
-
-    def residual(self, a: Complex, y: Complex, F: Complex) -> Complex:
-        """What is not in balance, shape (coordinates + followed rows,)."""
-        return np.r_[self.own @ a - self.lead @ F, y - self.source @ a - self.D @ F]
 
 
 class Bodies(Protocol):
@@ -160,6 +156,11 @@ class HarmonicBalance:
         self.bodies, self.forces, self._weights = bodies, forces, weights
         self.harmonics, self.points = harmonics, points
 
+    def contact(self, at: Vibration) -> tuple[Complex, Tangent]:
+        """Harmonics of the forces of a vibration, and their tangent over time."""
+        F, tangent = self.forces(self.over_time(at.y), self.over_time(at.lam * at.y))
+        return self.harmonics_of(F), tangent
+
     def over_time(self, x: Complex) -> Array:
         """Values at the points of time of harmonics, shape (rows, harmonics + 1)."""
         full = np.zeros((len(x), self.points // 2 + 1), complex)
@@ -180,8 +181,8 @@ class HarmonicBalance:
     def at_rest(self, s: complex, a: Complex) -> Complex:
         """Motions of the contact under the coordinates of a small vibration at lambda = s."""
         still = np.zeros((self._weights.size, self.points))
-        response, tangent = self.bodies.at(s), self.forces(still, still)[1]
-        return _Preconditioner(response, tangent.mean(s)).seen @ a
+        J = self.forces(still, still)[1].mean(s)
+        return _Harmonic(self.bodies.at(s), J).seen @ a
 
     def start(self, s: complex, a: Complex, y: Complex, amplitude: float) -> Vibration:
         """A vibration along a linear mode.
@@ -214,9 +215,11 @@ class HarmonicBalance:
             NotConverged: there is none nearby.
         """
         found, phase = guess, self._weights * guess.y[:, 1].conj() / self.size(guess.y[:, 1])
+        factors, last = None, 0.0
         for iteration in range(1, ITERATIONS + 1):
-            system = _Linearised(self, found, phase)
-            fixed, along = system.solve()
+            if factors is None:
+                factors = _Factors(self, found, phase)
+            fixed, along = _Linearised(self, found, phase, factors).solve()
             value, to_alpha, to_amplitude = condition(found.moved(fixed))
             slope = to_alpha * along.s.real + to_amplitude * along.amplitude
             step = -value / slope if slope else np.inf
@@ -232,47 +235,148 @@ class HarmonicBalance:
                 break
             if size <= tolerance:
                 return found, along, iteration
+            if iteration > 1 and size > GAIN * last:
+                factors = None
+            last = size
         raise NotConverged(
             f"limit cycle: no vibration of amplitude near {1e6 * guess.amplitude:.3g} um; take"
             " more harmonics or points of time"
         )
 
 
-class _Linearised:
-    """Newton's linear system about a vibration, at a fixed amplitude."""
+class _Harmonic:
+    """The bodies at one harmonic, with a constant stiffness J at the contact."""
+
+    def __init__(self, r: Response, J: Complex):
+        self._r, self._J = r, J
+        E = np.eye(len(r.D)) + through(r.D, J)
+        self._E, self._lead = la.lu_factor(E, check_finite=False), through(r.lead, J)
+        self.seen = la.lu_solve(self._E, r.source, check_finite=False)
+        self._T = r.own + self._lead @ self.seen
+
+    def solve(self, x: Complex, border: tuple[Complex, Complex] | None = None) -> Complex:
+        """Solutions (a, y, change of lambda) of columns x, shape (coordinates + rows + 1, columns).
+
+        Args:
+            x: right-hand sides of own a + lead J y = . and y - source a + D J y = .; and in the
+                last row of the border.
+            border: column of lambda, and row of the motions; the change is zero if None.
+        """
+        m, T = len(self._r.own), self._T
+        y = la.lu_solve(self._E, x[m:-1], check_finite=False)
+        b = x[:m] - self._lead @ y
+        if border is None:
+            a, s = _solved(T, b), np.zeros((1, x.shape[1]))
+            return np.vstack([a, y + self.seen @ a, s])
+        column, row = border
+        shift = la.lu_solve(self._E, column[m:], check_finite=False)
+        side = (column[:m] - self._lead @ shift)[:, None]
+        A = np.block([[T, side], [(row @ self.seen)[None], -np.array([[row @ shift]])]])
+        both = _solved(A, np.vstack([b, x[-1:] - row @ y]))
+        a, s = both[:-1], both[-1:]
+        return np.vstack([a, y + self.seen @ a - shift[:, None] * s, s])
+
+
+def _solved(A: Complex, b: Complex) -> Complex:
+    """A^-1 b; a border in other units is no lack of accuracy that a warning should name."""
+    return np.asarray(la.lu_solve(la.lu_factor(A, check_finite=False), b, check_finite=False))
+
+
+def through(A: Complex, J: Complex) -> Complex:
+    """A J of rows A, shape (rows, followed rows); J: (acting blocks, followed blocks, elements)."""
+    g, f, c = J.shape
+    return np.einsum("rgc,gfc->rfc", A.reshape(len(A), g, c), J).reshape(len(A), f * c)
+
+
+class _Factors:
+    """Inverses of all harmonics with the tangent's mean, applied to the contact forces.
+
+    Attributes:
+        harmonics: one for each.
+        J: their stiffnesses at the contact, shape (harmonics + 1, acting, followed, elements).
+        slope: d residual / d lambda of each, shape (rows, harmonics + 1).
+        G: what unit forces move, shape (harmonics + 1, rows + 1, acting rows).
+        shifted: what a unit change of lambda moves, shape (harmonics + 1, rows + 1).
+        border: of the first harmonic.
+    """
 
     def __init__(self, problem: HarmonicBalance, at: Vibration, phase: Complex):
-        self._problem, self._at, self._phase = problem, at, phase
         lam = at.lam
-        y, v = problem.over_time(at.y), problem.over_time(lam * at.y)
-        F, self._tangent = problem.forces(y, v)
-        self._F = problem.harmonics_of(F)
-        self._responses = [problem.bodies.at(s) for s in lam]
-        self._residual = self._of_harmonics(self._responses, at.a, at.y, self._F)
-        steps = DIFFERENCE * np.abs(at.s)
-        moved = [problem.bodies.at(s + steps) for s in lam[1:]]
-        # d residual / d lambda_n.
-        self._slope = np.zeros_like(self._residual)
-        there = self._of_harmonics(moved, at.a[:, 1:], at.y[:, 1:], self._F[:, 1:])
-        self._slope[:, 1:] = (there - self._residual[:, 1:]) / steps
-        self._factors = [
-            _Preconditioner(r, self._tangent.mean(s)) for r, s in zip(self._responses, lam, strict=True)
-        ]  # fmt: skip
-        self._bordered = self._factors[1].bordered(self._slope[:, 1], phase)
+        F, tangent = problem.contact(at)
+        responses = [problem.bodies.at(s) for s in lam]
+        step = DIFFERENCE * abs(at.s)
+        moved = [problem.bodies.at(s + step) for s in lam]
+        self.slope = (residual(moved, at, F) - residual(responses, at, F)) / step
+        self.J = np.array([tangent.mean(s) for s in lam])
+        self.harmonics = [_Harmonic(r, J) for r, J in zip(responses, self.J, strict=True)]
+        self.border = self.slope[:, 1], phase
+        G, shifted = [], []
+        for n, (r, harmonic) in enumerate(zip(responses, self.harmonics, strict=True)):
+            loads = np.hstack([np.vstack([r.lead, r.D]), self.slope[:, [n]] * (n != 1)])
+            loads = np.vstack([loads, np.zeros(loads.shape[1])])
+            columns = harmonic.solve(loads, self.border if n == 1 else None)
+            G.append(columns[:, :-1])
+            shifted.append(columns[:, -1])
+        self.G, self.shifted = np.array(G), np.array(shifted)
+
+    def solve(self, x: Complex, s: complex) -> Complex:
+        """Solutions with right-hand sides x, shape (rows, harmonics + 1), and s of the border."""
+        last = np.zeros((1, x.shape[1]), complex)
+        last[0, 1] = s
+        columns = np.vstack([x, last])
+        return np.hstack([
+            harmonic.solve(columns[:, [n]], self.border if n == 1 else None)
+            for n, harmonic in enumerate(self.harmonics)
+        ])  # fmt: skip
+
+
+def residual(responses: list[Response], at: Vibration, F: Complex) -> Complex:
+    """What is not in balance, shape (coordinates + followed rows, harmonics + 1)."""
+    columns = zip(responses, at.a.T, at.y.T, F.T, strict=True)
+    return np.array([
+        np.r_[r.own @ a - r.lead @ f, y - r.source @ a - r.D @ f] for r, a, y, f in columns
+    ]).T  # fmt: skip
+
+
+class _Linearised:
+    """Newton's linear system about a vibration, on the motions of the contact and lambda alone."""
+
+    def __init__(
+        self, problem: HarmonicBalance, at: Vibration, phase: Complex, factors: _Factors
+    ):
+        self._problem, self._at, self._phase, self._factors = problem, at, phase, factors
+        F, self._tangent = problem.contact(at)
+        self._residual = residual([problem.bodies.at(s) for s in at.lam], at, F)
 
     def solve(self) -> tuple[Change, Change]:
         """Newton's step at the amplitude, and the change with the amplitude."""
-        at = self._at
+        at, factors = self._at, self._factors
         missing = at.amplitude - self._phase @ at.y[:, 1]
-        step = self._gmres(self._packed(-self._residual, missing))
-        along = self._gmres(self._packed(0 * self._residual, 1.0))
-        return self._change(step, 0.0), self._change(along, 1.0)
+        step = self._solved(factors.solve(-self._residual, missing), 0.0)
+        return step, self._solved(factors.solve(0 * self._residual, 1.0), 1.0)
 
-    def _of_harmonics(
-        self, responses: list[Response], a: Complex, y: Complex, F: Complex
-    ) -> Complex:
-        columns = zip(responses, a.T, y.T, F.T, strict=True)
-        return np.array([r.residual(*column) for r, *column in columns]).T
+    def _solved(self, x: Complex, amplitude: float) -> Change:
+        """The change of which the inverses without the rest of the tangent make x."""
+        m = len(self._at.a)
+        y, s = self._unpacked(self._gmres(self._packed(x[m:-1], x[-1, 1])))
+        more = self._rest(y, s)
+        return Change(x[:m] + more[:m], y, s, amplitude)
+
+    def _rest(self, y: Complex, s: complex) -> Complex:
+        """What the inverses make of the rest of the tangent, shape (rows + 1, harmonics + 1)."""
+        problem, factors, at = self._problem, self._factors, self._at
+        moved = 1j * s.imag * np.arange(y.shape[1])
+        moved[1] = s
+        dv = problem.over_time(at.lam * y + moved * at.y)
+        dF = problem.harmonics_of(self._tangent.times(problem.over_time(y), dv))
+        _, g, f, c = factors.J.shape
+        held = np.einsum("ngfc,fcn->gcn", factors.J, y.reshape(f, c, -1)).reshape(g * c, -1)
+        return (np.matmul(factors.G, (dF + held).T[..., None])[..., 0] - factors.shifted * moved[:, None]).T
+
+    def _times(self, v: Array) -> Array:
+        y, s = self._unpacked(v)
+        rest = self._rest(y, s)[-len(y) - 1 :]
+        return self._packed(y - rest[:-1], s - rest[-1, 1])
 
     def _packed(self, x: Complex, s: complex) -> Array:
         """Real unknowns: the mean, real and imaginary parts of the rest, then of lambda."""
@@ -280,103 +384,31 @@ class _Linearised:
         return np.concatenate([*parts, [s.real, complex(s).imag]])
 
     def _unpacked(self, v: Array) -> tuple[Complex, complex]:
-        rows, H = self._residual.shape[0], self._problem.harmonics
+        rows, H = self._at.y.shape[0], self._problem.harmonics
         x = np.zeros((rows, H + 1), complex)
         x[:, 0] = v[:rows]
         both = v[rows:-2].reshape(2, rows, H)
         x[:, 1:] = both[0] + 1j * both[1]
         return x, complex(v[-2], v[-1])
 
-    def _change(self, v: Array, amplitude: float) -> Change:
-        (x, s), m = self._unpacked(v), len(self._at.a)
-        return Change(x[:m], x[m:], s, amplitude)
-
-    def _times(self, v: Array) -> Array:
-        """Product with the Jacobian."""
-        problem, (x, s), m = self._problem, self._unpacked(v), len(self._at.a)
-        a, y = x[:m], x[m:]
-        moved = 1j * s.imag * np.arange(y.shape[1])
-        moved[1] = s
-        dv = problem.over_time(self._at.lam * y + moved * self._at.y)
-        dF = problem.harmonics_of(self._tangent.times(problem.over_time(y), dv))
-        out = self._of_harmonics(self._responses, a, y, dF) + self._slope * moved
-        return self._packed(out, self._phase @ y[:, 1])
-
-    def _nearly(self, v: Array) -> Array:
-        """Nearly the inverse: harmonic by harmonic, with the mean tangent."""
-        x, s = self._unpacked(v)
-        out = np.empty_like(x)
-        out[:, 1], s = self._bordered(x[:, 1], s)
-        moved = 1j * s.imag * np.arange(x.shape[1])
-        for n, factor in enumerate(self._factors):
-            if n != 1:
-                out[:, n] = factor(x[:, n] - self._slope[:, n] * moved[n])
-        return self._packed(out, s)
-
     def _gmres(self, b: Array) -> Array:
-        """Solution by GMRES (Saad and Schultz 1986), preconditioned from the right."""
+        """Solution by GMRES (Saad and Schultz, SIAM J. Sci. Stat. Comput. 7, 1986)."""
+        size, scale = la.norm(b), np.ones(b.size)
+        # Lambda and motions in units of the vibration.
+        scale[:-2], scale[-2:] = la.norm(self._at.y), abs(self._at.s)
+        b = b / scale
         size = la.norm(b)
-        if not size:
-            return b
-        Q, Z, H = [b / size], [], np.zeros((VECTORS + 1, VECTORS))
-        for j in range(VECTORS):
-            Z.append(self._nearly(Q[-1]))
-            w = self._times(Z[-1])
+        Q, H = np.zeros((VECTORS + 1, b.size)), np.zeros((VECTORS + 1, VECTORS))
+        Q[0] = b / size
+        for j in range(min(VECTORS, b.size)):
+            w = self._times(scale * Q[j]) / scale
             for _ in range(2):
-                basis = np.array(Q)
-                share = basis @ w
-                w, H[: j + 1, j] = w - share @ basis, H[: j + 1, j] + share
+                share = Q[: j + 1] @ w
+                w, H[: j + 1, j] = w - share @ Q[: j + 1], H[: j + 1, j] + share
             H[j + 1, j] = la.norm(w)
-            rhs = np.eye(j + 2, 1)[:, 0] * size
-            c, *_ = la.lstsq(H[: j + 2, : j + 1], rhs)
-            left = la.norm(H[: j + 2, : j + 1] @ c - rhs)
-            if left <= LINEAR * size or H[j + 1, j] <= 1e-14 * size:
-                return np.asarray(c @ np.array(Z))
-            Q.append(w / H[j + 1, j])
+            rhs = size * np.eye(j + 2, 1)[:, 0]
+            c = np.linalg.lstsq(H[: j + 2, : j + 1], rhs, rcond=None)[0]
+            if la.norm(H[: j + 2, : j + 1] @ c - rhs) <= LINEAR * size or H[j + 1, j] < 1e-14:
+                return np.asarray(scale * (c @ Q[: j + 1]))
+            Q[j + 1] = w / H[j + 1, j]
         raise NotConverged("limit cycle: the linear systems of a vibration do not converge")
-
-
-class _Preconditioner:
-    """Inverse for one harmonic, with a constant stiffness J at the contact."""
-
-    def __init__(self, r: Response, J: Complex):
-        self._r, self._J = r, J
-        E = np.eye(len(r.D)) + self._through(r.D)
-        self._E = la.lu_factor(E, check_finite=False)
-        self._lead = self._through(r.lead)
-        self.seen = la.lu_solve(self._E, r.source, check_finite=False)
-        self._T = r.own + self._lead @ self.seen
-        self._lu = la.lu_factor(self._T, check_finite=False)
-
-    def _through(self, A: Complex) -> Complex:
-        """A J of rows A, shape (rows, followed rows)."""
-        g, f, c = self._J.shape
-        return np.einsum("rgc,gfc->rfc", A.reshape(len(A), g, c), self._J).reshape(len(A), f * c)
-
-    def _reduced(self, x: Complex) -> tuple[Complex, Complex]:
-        """Right-hand side of the coordinates alone, and what the contact moves by itself."""
-        m = len(self._r.own)
-        y = la.lu_solve(self._E, x[m:], check_finite=False)
-        return x[:m] - self._lead @ y, y
-
-    def __call__(self, x: Complex) -> Complex:
-        """Solution of one harmonic."""
-        b, y = self._reduced(x)
-        a = la.lu_solve(self._lu, b, check_finite=False)
-        return np.r_[a, y + self.seen @ a]
-
-    def bordered(
-        self, slope: Complex, phase: Complex
-    ) -> Callable[[Complex, complex], tuple[Complex, complex]]:
-        """The same with lambda as an unknown, and phase and amplitude of the motions given."""
-        column, shift = self._reduced(slope)
-        last = np.array([[-phase @ shift]])
-        A = np.block([[self._T, column[:, None]], [(phase @ self.seen)[None], last]])
-        lu = la.lu_factor(A, check_finite=False)
-
-        def solve(x: Complex, s: complex) -> tuple[Complex, complex]:
-            b, y = self._reduced(x)
-            *a, ds = la.lu_solve(lu, np.r_[b, s - phase @ y], check_finite=False)
-            return np.r_[a, y + self.seen @ np.array(a) - shift * ds], complex(ds)
-
-        return solve
