@@ -46,9 +46,9 @@ class PatchForces:
         g: gaps at equilibrium [m].
         mu: friction coefficient of each.
         speed: sliding speeds V [m/s].
+        interface: number of the interface of each element.
         followed: motions that forces follow: "N", then "T" and "R" where they follow rates.
         coefficients: friction of each interface over the speed; none where it does not change.
-        interface: number of the interface of each element.
     """
 
     laws: EnrichedGap
@@ -57,9 +57,9 @@ class PatchForces:
     g: Array
     mu: Array
     speed: Array
+    interface: NDArray[np.int64]
     followed: str = "N"
     coefficients: tuple[Coefficient, ...] = ()
-    interface: NDArray[np.int64] | None = None
 
     def __call__(self, y: Array, v: Array) -> tuple[Array, Tangent]:
         """Forces beyond those of the equilibrium [N], and their tangent."""

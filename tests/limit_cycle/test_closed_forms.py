@@ -32,7 +32,7 @@ class Matrices:
 def patch(law, g=0.0, mu=0.0, **more):
     laws = EnrichedGap(OneLaw(law), np.zeros(1, dtype=np.intp), np.zeros(1))
     one = np.ones(1)
-    return PatchForces(laws, one < 0, AREA * one, g * one, mu * one, one, **more)
+    return PatchForces(laws, one < 0, AREA * one, g * one, mu * one, one, 0 * one, **more)
 
 
 def oscillator(force, to_x, to_v, c=0.0, harmonics=15, points=128):
@@ -226,7 +226,7 @@ def test_falling_friction():
 
     law = patch(
         exponential_law(1.0, 1.0), mu=coefficient(vb)[0], followed="NT",
-        coefficients=(coefficient,), interface=np.zeros(1, int),
+        coefficients=(coefficient,),
     )  # fmt: skip
     law.speed[:], law.w[:] = vb, 1.0
     one = np.ones((1, 1))

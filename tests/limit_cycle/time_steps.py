@@ -12,7 +12,7 @@ import scipy.sparse.linalg as sla
 class TimeSteps:
     """A sample about its equilibrium: x'' + C x' + K x = I (f(g) - f(g_e)), g = g_e + N x."""
 
-    def __init__(self, brake, eq, laws, mu, C=None, modes=80):
+    def __init__(self, brake, eq, laws, mu, C=None, modes=80, beyond=np.inf):
         """Project the matrices.
 
         Args:
@@ -22,6 +22,7 @@ class TimeSteps:
             mu: friction of each element.
             C: damping [N s/m]; none if None.
             modes: real modes in the basis.
+            beyond: modes above it have 3 % of critical damping more [Hz].
         """
         K, M, N, T, w = brake.K, brake.M, brake.N, brake.T, brake.w
         K0 = (K + N.T @ (N.multiply((w * eq.k)[:, None]))).tocsc()
@@ -35,6 +36,10 @@ class TimeSteps:
         self.K, self.N = B.T @ (K @ B), N @ B
         self.C = np.zeros_like(self.K) if C is None else B.T @ (C @ B)
         self.F = (self.N.T + (T @ B).T * mu) * w
+        # Modes far beyond the band, which no mesh of a band resolves, flutter too: they are damped.
+        kappa, V = la.eigh(self.K + self.N.T @ ((w * eq.k)[:, None] * self.N))
+        omega = np.sqrt(np.maximum(kappa, 0))
+        self.C += (V * np.where(omega > 2 * np.pi * beyond, 0.06 * omega, 0)) @ V.T
         self.laws, self.eq = laws, eq
 
     def linear(self):
