@@ -1,8 +1,8 @@
 """Growth of a mode over its amplitude, and the limit cycles where it is zero.
 
 The branch alpha(a) is followed from the linear mode by pseudo-arclength (Keller 1977), so that it
-may turn back. Where alpha falls through zero a cycle is stable against changes of its amplitude;
-where it rises, vibrations beyond it grow: a mode that is linearly stable then grows from a kick.
+may turn back. Where alpha falls through zero on the way, a cycle is stable along its branch; where it
+rises, vibrations beyond it grow: a mode that is linearly stable then grows from a kick.
 Without damping alpha ends at zero, where the mode parts into two that do not grow.
 """
 
@@ -21,17 +21,18 @@ from .harmonic_balance import Change, Condition, HarmonicBalance, Vibration
 Array = NDArray[np.float64]
 
 # First, largest and smallest step along the branch, in logarithms of the amplitude.
-FIRST, LARGEST, SMALLEST, POINTS = 0.4, 0.6, 1e-3, 80
+FIRST, LARGEST, SMALLEST, POINTS = 0.4, 0.8, 1e-3, 60
 
 # Share of the linear growth at which growth without damping counts as ended: alpha^2 falls
 # linearly in the amplitude there, and the amplitude is off by the square of this share.
 ENDED = 0.02
 
-# The branch is followed up to this multiple of the amplitude of a stable cycle.
-BEYOND = 2.0
+# Behind a stable cycle the branch is followed until decay is this share of the linear growth, or
+# until the amplitude has changed by these factors.
+DECAYS, BELOW, BEYOND = 0.5, 0.7, 2.0
 
 # Tolerance of the points between the cycles.
-ROUGHLY = 1e-5
+ROUGHLY = 1e-4
 
 STABLE, UNSTABLE, BOUND = "stable", "unstable", "bound"
 
@@ -87,13 +88,16 @@ def follow(
     """
     branch, size = Branch(), max(abs(start.s.real), 1e-3 * start.s.imag)
     p, along, _ = problem.solve(start, _at_amplitude(start.amplitude), ROUGHLY)
-    direction, step, limit = np.array([1.0, 0.0]), FIRST, largest
+    direction, step, low, high = np.array([1.0, 0.0]), FIRST, 0.0, largest
     while True:
         branch.amplitude.append(p.amplitude)
         branch.s.append(p.s)
         seen(p)
-        if p.amplitude >= limit or len(branch.s) == POINTS:
-            branch.end = "largest amplitude" if p.amplitude >= limit else "points"
+        if low and p.s.real < -DECAYS * abs(start.s.real) or not low < p.amplitude < high:
+            branch.end = "stable" if low else "largest amplitude"
+            return branch
+        if len(branch.s) == POINTS:
+            branch.end = "too many points"
             return branch
         if not damped and p.s.real <= ENDED * start.s.real:
             branch.cycles.append(Cycle(BOUND, p))
@@ -115,7 +119,7 @@ def follow(
             cycle = _crossing(problem, p, q)
             branch.cycles.append(cycle)
             if cycle.kind == STABLE:
-                limit = min(largest, BEYOND * cycle.at.amplitude)
+                low, high = BELOW * cycle.at.amplitude, min(largest, BEYOND * cycle.at.amplitude)
         p, step = q, min(LARGEST, step * (1.5 if iterations <= 5 else 0.8))
 
 
@@ -162,5 +166,5 @@ def _crossing(problem: HarmonicBalance, p: Vibration, q: Vibration) -> Cycle:
     """The cycle between two vibrations of which one grows and one decays."""
     share = p.s.real / (p.s.real - q.s.real)
     between = Change(q.a - p.a, q.y - p.y, q.s - p.s, q.amplitude - p.amplitude)
-    found, along, _ = problem.solve(p.moved(between, share), lambda v: (v.s.real, 1.0, 0.0))
-    return Cycle(STABLE if along.s.real < 0 else UNSTABLE, found)
+    found, _, _ = problem.solve(p.moved(between, share), lambda v: (v.s.real, 1.0, 0.0))
+    return Cycle(STABLE if p.s.real > 0 else UNSTABLE, found)

@@ -31,8 +31,9 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 # Newton's iterations at most, and what each must gain with the factors of an earlier one; vectors of
-# GMRES at most, and its relative residual; relative step of differences over lambda.
-ITERATIONS, GAIN, VECTORS, LINEAR, DIFFERENCE = 12, 0.2, 150, 1e-3, 1e-6
+# GMRES at most, every how many the residual is looked at, and how small it must be; relative step of
+# differences over lambda.
+ITERATIONS, GAIN, VECTORS, CHECKED, LINEAR, DIFFERENCE = 15, 0.4, 200, 5, 1e-3, 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,17 +210,19 @@ class HarmonicBalance:
             tolerance: largest change of motions and lambda in the last step, relative to them.
 
         Returns:
-            The vibration, how it changes with the amplitude, and the number of iterations.
+            The vibration, how those nearby change with the amplitude, and the number of iterations.
 
         Raises:
             NotConverged: there is none nearby.
         """
         found, phase = guess, self._weights * guess.y[:, 1].conj() / self.size(guess.y[:, 1])
-        factors, last = None, 0.0
+        factors, along, last = None, None, 0.0
         for iteration in range(1, ITERATIONS + 1):
             if factors is None:
                 factors = _Factors(self, found, phase)
-            fixed, along = _Linearised(self, found, phase, factors).solve()
+            system = _Linearised(self, found, phase, factors)
+            along = along or system.with_amplitude()
+            fixed = system.step()
             value, to_alpha, to_amplitude = condition(found.moved(fixed))
             slope = to_alpha * along.s.real + to_amplitude * along.amplitude
             step = -value / slope if slope else np.inf
@@ -348,12 +351,14 @@ class _Linearised:
         F, self._tangent = problem.contact(at)
         self._residual = residual([problem.bodies.at(s) for s in at.lam], at, F)
 
-    def solve(self) -> tuple[Change, Change]:
-        """Newton's step at the amplitude, and the change with the amplitude."""
-        at, factors = self._at, self._factors
-        missing = at.amplitude - self._phase @ at.y[:, 1]
-        step = self._solved(factors.solve(-self._residual, missing), 0.0)
-        return step, self._solved(factors.solve(0 * self._residual, 1.0), 1.0)
+    def step(self) -> Change:
+        """Newton's step at the amplitude."""
+        missing = self._at.amplitude - self._phase @ self._at.y[:, 1]
+        return self._solved(self._factors.solve(-self._residual, missing), 0.0)
+
+    def with_amplitude(self) -> Change:
+        """The change with the amplitude."""
+        return self._solved(self._factors.solve(0 * self._residual, 1.0), 1.0)
 
     def _solved(self, x: Complex, amplitude: float) -> Change:
         """The change of which the inverses without the rest of the tangent make x."""
@@ -406,9 +411,10 @@ class _Linearised:
                 share = Q[: j + 1] @ w
                 w, H[: j + 1, j] = w - share @ Q[: j + 1], H[: j + 1, j] + share
             H[j + 1, j] = la.norm(w)
-            rhs = size * np.eye(j + 2, 1)[:, 0]
-            c = np.linalg.lstsq(H[: j + 2, : j + 1], rhs, rcond=None)[0]
-            if la.norm(H[: j + 2, : j + 1] @ c - rhs) <= LINEAR * size or H[j + 1, j] < 1e-14:
-                return np.asarray(scale * (c @ Q[: j + 1]))
-            Q[j + 1] = w / H[j + 1, j]
+            if (j + 1) % CHECKED == 0 or H[j + 1, j] < 1e-14 or j + 1 == b.size:
+                rhs = size * np.eye(j + 2, 1)[:, 0]
+                c = np.linalg.lstsq(H[: j + 2, : j + 1], rhs, rcond=None)[0]
+                if la.norm(H[: j + 2, : j + 1] @ c - rhs) <= LINEAR * size or j + 1 == b.size:
+                    return np.asarray(scale * (c @ Q[: j + 1]))
+            Q[j + 1] = w / max(H[j + 1, j], 1e-300)
         raise NotConverged("limit cycle: the linear systems of a vibration do not converge")

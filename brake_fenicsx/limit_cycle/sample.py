@@ -25,7 +25,7 @@ Index = NDArray[np.intp]
 
 # Largest first motion of a patch, over its pressure by stiffness; elements whose clearance is less
 # than this multiple of that length, or of the motion of one that was left out and closed, take part.
-START, NEAR = 0.1, 3.0
+START, NEAR = 0.3, 3.0
 RESTARTS = 6
 
 # Columns of what is measured of a cycle.
