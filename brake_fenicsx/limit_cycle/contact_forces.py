@@ -8,7 +8,8 @@ has had, at equilibrium or in the vibration, it goes back along
 
 p_m the pressure of loading to g_m and v_m the stiffness of small vibrations there; n = EXPONENT.
 Friction mu(|v|) w p acts against the slip velocity v = (V - v_T, -v_R) of the disc past the pad,
-with the rates that the scene's damping terms name: without them its direction does not change.
+with the rates that the scene's damping terms name. Without them its direction does not change, and
+``reduced_bodies`` takes it as a part of the normal force.
 """
 
 from __future__ import annotations
@@ -64,16 +65,16 @@ class PatchForces:
     def __call__(self, y: Array, v: Array) -> tuple[Array, Tangent]:
         """Forces beyond those of the equilibrium [N], and their tangent."""
         blocks, c = len(self.followed), self.w.size
-        acting = "NT" + "R" * ("R" in self.followed)
+        acting = self._acting
         y, v = y.reshape(blocks, c, -1), v.reshape(blocks, c, -1)
         time = np.argmin(y[0], axis=1)
         p, k, past = self.pressure(self.g[:, None] + y[0])
         p_e = self.pressure(self.g[:, None])[0]
         direction, slopes = self._directions(v)
-        steady = np.zeros((len(acting), c, 1))
-        steady[0], steady[1] = 1.0, self.mu[:, None]
+        steady = np.zeros((acting, c, 1))
+        steady[0], steady[1:2] = 1.0, self.mu[:, None]
         w = self.w[:, None]
-        to_y = np.zeros((len(acting), blocks, c, y.shape[2]))
+        to_y = np.zeros((acting, blocks, c, y.shape[2]))
         to_y[:, 0] = -w * direction * k
         tangent = Tangent(
             to_y, w * slopes * p if blocks > 1 else None, w * direction * past if past.any() else None, time,
@@ -100,12 +101,17 @@ class PatchForces:
             past[soft] = moved * (lowest < self.g[soft, None])
         return p, k, past
 
+    @property
+    def _acting(self) -> int:
+        """Blocks of acting rows."""
+        return 1 if self.followed == "N" else 2 + ("R" in self.followed)
+
     def _directions(self, v: Array) -> tuple[Array, Array]:
         """Force over normal force along each acting row, and its derivatives to the velocities."""
         blocks, c, times = v.shape
-        acting = 2 + ("R" in self.followed)
-        out, slopes = np.ones((acting, c, times)), np.zeros((acting, blocks, c, times))
-        out[1] = self.mu[:, None]
+        shape = c, times
+        out, slopes = np.ones((self._acting, *shape)), np.zeros((self._acting, blocks, *shape))
+        out[1:2] = self.mu[:, None]
         if blocks == 1:
             return out, slopes
         V, zero = self.speed[:, None], np.zeros((c, times))

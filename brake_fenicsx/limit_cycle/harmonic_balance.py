@@ -33,7 +33,7 @@ Complex = NDArray[np.complex128]
 # Newton's iterations at most, and what each must gain with the factors of an earlier one; vectors of
 # GMRES at most, every how many the residual is looked at, and how small it must be; relative step of
 # differences over lambda.
-ITERATIONS, GAIN, VECTORS, CHECKED, LINEAR, DIFFERENCE = 15, 0.4, 200, 5, 1e-3, 1e-6
+ITERATIONS, GAIN, VECTORS, CHECKED, LINEAR, DIFFERENCE = 15, 0.2, 200, 5, 1e-3, 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,8 +218,7 @@ class HarmonicBalance:
         found, phase = guess, self._weights * guess.y[:, 1].conj() / self.size(guess.y[:, 1])
         factors, along, last = None, None, 0.0
         for iteration in range(1, ITERATIONS + 1):
-            if factors is None:
-                factors = _Factors(self, found, phase)
+            factors = factors or _Factors(self, found, phase)
             system = _Linearised(self, found, phase, factors)
             along = along or system.with_amplitude()
             fixed = system.step()
@@ -239,7 +238,7 @@ class HarmonicBalance:
             if size <= tolerance:
                 return found, along, iteration
             if iteration > 1 and size > GAIN * last:
-                factors = None
+                factors, along = None, None
             last = size
         raise NotConverged(
             f"limit cycle: no vibration of amplitude near {1e6 * guess.amplitude:.3g} um; take"

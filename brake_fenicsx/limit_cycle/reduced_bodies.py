@@ -24,13 +24,16 @@ class ReducedBodies:
     """The bodies of one sample; see ``harmonic_balance.Bodies``."""
 
     def __init__(
-        self, model: ReducedModel, p: Array, elements: Index, watched: Index | None = None
-    ):
+        self, model: ReducedModel, p: Array, mu: Array, elements: Index,
+        watched: Index | None = None,
+    ):  # fmt: skip
         """Assemble some contact elements.
 
         Args:
             model: the reduced model.
             p: the sample's point of the box.
+            mu: friction coefficients of all elements. Where no force follows a rate, friction is
+                mu times the normal force, and normal forces are the only acting rows.
             elements: those that carry forces.
             watched: those whose motions are followed; the same if None.
         """
@@ -57,6 +60,11 @@ class ReducedBodies:
                     self._coupling[n, modes, modes] -= D[first:, X]
                     self._lead[n][modes, there] -= D[first:, acting]
                     self._source[n][place, modes] -= D[own, X]
+        if model.rows.followed == "N":
+            n = elements.size
+            self._lead, self._D = (
+                A[..., :n] + mu[elements] * A[..., n:] for A in (self._lead, self._D)
+            )
         self._lead /= (2 * np.pi * model.band[1]) ** 2
         self._D /= (2 * np.pi * model.band[1]) ** 2
         self._held = HELD * model.pole

@@ -97,7 +97,7 @@ class SampleCycles:
             elements = np.flatnonzero(self.closed | (clearance < reach))
             others = np.setdiff1d(np.arange(g.size), elements)
             problem = self.problem(elements, settings)
-            rest = ReducedBodies(self.model, self.p, elements, others) if others.size else None
+            rest = self._bodies(elements, others) if others.size else None
             closing = _Closing(rest, problem, clearance[others])
             start = _along(problem, s, a, START * length[elements], self.closed[elements])
             try:
@@ -110,11 +110,14 @@ class SampleCycles:
 
     def problem(self, elements: Index, settings: Settings) -> HarmonicBalance:
         """Harmonic balance of some elements."""
-        forces, bodies = _part(self.forces, elements), ReducedBodies(self.model, self.p, elements)
+        forces, bodies = _part(self.forces, elements), self._bodies(elements)
         weights = np.zeros(len(forces.followed) * elements.size)
         own = forces.w * self.closed[elements]
         weights[: elements.size] = own / own.sum()
         return HarmonicBalance(bodies, forces, weights, settings.harmonics, settings.points)
+
+    def _bodies(self, elements: Index, watched: Index | None = None) -> ReducedBodies:
+        return ReducedBodies(self.model, self.p, self.forces.mu, elements, watched)
 
     def _lengths(self) -> Array:
         """Pressure over stiffness at equilibrium [m]; 0 of open elements."""
