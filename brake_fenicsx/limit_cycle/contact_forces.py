@@ -76,14 +76,13 @@ class PatchForces:
         w = self.w[:, None]
         to_y = np.zeros((acting, blocks, c, y.shape[2]))
         to_y[:, 0] = -w * direction * k
-        tangent = Tangent(
-            to_y, w * slopes * p if blocks > 1 else None, w * direction * past if past.any() else None, time,
-        )  # fmt: skip
+        to_v = w * slopes * p if blocks > 1 else None
+        tangent = Tangent(to_y, to_v, w * direction * past if past.any() else None, time)
         forces = w * (direction * p - steady * p_e)
         return forces.reshape(-1, y.shape[2]), tangent
 
     def pressure(self, g: Array) -> tuple[Array, Array, Array]:
-        """Pressure p, stiffness -dp/dg and, where yielding goes on, dp/dg_m, shape (elements, times).
+        """Pressure p, -dp/dg and, where yielding goes on, dp/dg_m, shape (elements, times).
 
         Args:
             g: gaps over a period [m], shape (elements, times).

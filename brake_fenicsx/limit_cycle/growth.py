@@ -1,8 +1,8 @@
 """Growth of a mode over its amplitude, and the limit cycles where it is zero.
 
 The branch alpha(a) is followed from the linear mode by pseudo-arclength (Keller 1977), so that it
-may turn back. Where alpha falls through zero on the way, a cycle is stable along its branch; where it
-rises, vibrations beyond it grow: a mode that is linearly stable then grows from a kick.
+may turn back. Where alpha falls through zero on the way, a cycle is stable along its branch; where
+it rises, vibrations beyond it grow: a mode that is linearly stable then grows from a kick.
 Without damping alpha ends at zero, where the mode parts into two that do not grow.
 """
 
@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import trapezoid
 
 from brake_fenicsx.errors import NotConverged
 
@@ -93,7 +94,7 @@ def follow(
         branch.amplitude.append(p.amplitude)
         branch.s.append(p.s)
         seen(p)
-        if low and p.s.real < -DECAYS * abs(start.s.real) or not low < p.amplitude < high:
+        if (low and p.s.real < -DECAYS * abs(start.s.real)) or not low < p.amplitude < high:
             branch.end = "stable" if low else "largest amplitude"
             return branch
         if len(branch.s) == POINTS:
@@ -138,7 +139,7 @@ def time_to_reach(branch: Branch, cycle: Cycle, share: float = 0.01) -> float:
     growth = np.interp(x, np.log(a), alpha)
     if np.any(np.diff(a) <= 0) or np.any(growth <= 0):
         return float("nan")
-    return float(np.trapz(1 / growth, x))
+    return float(trapezoid(1 / growth, x))
 
 
 def _at_amplitude(amplitude: float) -> Condition:

@@ -8,8 +8,8 @@ with matrices of the bodies at lambda_n, and forces F(y, y') evaluated at points
 period (Cameron and Griffin, J. Appl. Mech. 56, 1989, doi:10.1115/1.3176036). The first harmonic
 belongs to lambda_1 = alpha + i omega, the n-th to i n omega: alpha is the growth rate of a mode
 whose shape and frequency follow its amplitude, and a limit cycle where it is zero (complex
-nonlinear modes: Laxalde and Thouverez, J. Sound Vib. 322, 2009, doi:10.1016/j.jsv.2009.02.019; Krack,
-Comput. Struct. 154, 2015, doi:10.1016/j.compstruc.2015.03.008).
+nonlinear modes: Laxalde and Thouverez, J. Sound Vib. 322, 2009, doi:10.1016/j.jsv.2009.02.019;
+Krack, Comput. Struct. 154, 2015, doi:10.1016/j.compstruc.2015.03.008).
 
 Newton's method solves for a_n, y_n, alpha and omega at a given amplitude; its linear systems are
 solved by GMRES, preconditioned by the bodies with the forces' tangent averaged over a period.
@@ -30,9 +30,9 @@ from brake_fenicsx.errors import NotConverged
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-# Newton's iterations at most, and what each must gain with the factors of an earlier one; vectors of
-# GMRES at most, every how many the residual is looked at, and how small it must be; relative step of
-# differences over lambda.
+# Newton's iterations at most, and what each must gain with the factors of an earlier one; vectors
+# of GMRES at most, every how many the residual is looked at, and how small it must be; relative
+# step of differences over lambda.
 ITERATIONS, GAIN, VECTORS, CHECKED, LINEAR, DIFFERENCE = 15, 0.2, 200, 5, 1e-3, 1e-6
 
 
@@ -140,9 +140,7 @@ Condition = Callable[[Vibration], tuple[float, float, float]]
 class HarmonicBalance:
     """The equations of one problem."""
 
-    def __init__(
-        self, bodies: Bodies, forces: Forces, weights: Array, harmonics: int, points: int
-    ):
+    def __init__(self, bodies: Bodies, forces: Forces, weights: Array, harmonics: int, points: int):
         """Take the problem.
 
         Args:
@@ -247,41 +245,49 @@ class HarmonicBalance:
 
 
 class _Harmonic:
-    """The bodies at one harmonic, with a constant stiffness J at the contact."""
+    """Inverse of the bodies at one harmonic, with a constant stiffness J at the contact.
 
-    def __init__(self, r: Response, J: Complex):
-        self._r, self._J = r, J
-        E = np.eye(len(r.D)) + through(r.D, J)
-        self._E, self._lead = la.lu_factor(E, check_finite=False), through(r.lead, J)
-        self.seen = la.lu_solve(self._E, r.source, check_finite=False)
-        self._T = r.own + self._lead @ self.seen
+    Attributes:
+        seen: motions of the contact by coordinates, shape (followed rows, coordinates).
+    """
 
-    def solve(self, x: Complex, border: tuple[Complex, Complex] | None = None) -> Complex:
-        """Solutions (a, y, change of lambda) of columns x, shape (coordinates + rows + 1, columns).
+    def __init__(self, r: Response, J: Complex, border: tuple[Complex, NDArray] | None = None):
+        """Factor it.
 
         Args:
-            x: right-hand sides of own a + lead J y = . and y - source a + D J y = .; and in the
-                last row of the border.
-            border: column of lambda, and row of the motions; the change is zero if None.
+            r: the bodies.
+            J: see ``through``.
+            border: column of lambda, which then is an unknown too, and row of the motions.
         """
-        m, T = len(self._r.own), self._T
-        y = la.lu_solve(self._E, x[m:-1], check_finite=False)
-        b = x[:m] - self._lead @ y
-        if border is None:
-            a, s = _solved(T, b), np.zeros((1, x.shape[1]))
-            return np.vstack([a, y + self.seen @ a, s])
-        column, row = border
-        shift = la.lu_solve(self._E, column[m:], check_finite=False)
-        side = (column[:m] - self._lead @ shift)[:, None]
-        A = np.block([[T, side], [(row @ self.seen)[None], -np.array([[row @ shift]])]])
-        both = _solved(A, np.vstack([b, x[-1:] - row @ y]))
-        a, s = both[:-1], both[-1:]
-        return np.vstack([a, y + self.seen @ a - shift[:, None] * s, s])
+        self._E = la.lu_factor(np.eye(len(r.D)) + through(r.D, J), check_finite=False)
+        self._lead, self.seen = through(r.lead, J), self._contact(r.source)
+        T, self._row, self._shift = r.own + self._lead @ self.seen, None, np.zeros((1, 1))
+        if border is not None:
+            m, (column, self._row) = len(T), border
+            self._shift = self._contact(column[m:, None])
+            side = column[:m, None] - self._lead @ self._shift
+            last = self._row[None]
+            T = np.block([[T, side], [last @ self.seen, -last @ self._shift]])
+        # A border in other units is no lack of accuracy that a warning should name.
+        self._T = la.lu_factor(T, check_finite=False)
 
+    def _contact(self, b: Complex) -> Complex:
+        return np.asarray(la.lu_solve(self._E, b, check_finite=False))
 
-def _solved(A: Complex, b: Complex) -> Complex:
-    """A^-1 b; a border in other units is no lack of accuracy that a warning should name."""
-    return np.asarray(la.lu_solve(la.lu_factor(A, check_finite=False), b, check_finite=False))
+    def solve(self, x: Complex) -> Complex:
+        """Solutions (a, y, lambda) of columns x, shape (coordinates + followed rows + 1, columns).
+
+        Args:
+            x: right-hand sides of own a + lead J y + column lambda = ., of y - source a + D J y +
+                column lambda = ., and of row y = .; without a border lambda is zero.
+        """
+        y = self._contact(x[-len(self._E[1]) - 1 : -1])
+        b = x[: -len(y) - 1] - self._lead @ y
+        if self._row is not None:
+            b = np.vstack([b, x[-1:] - self._row @ y])
+        a = la.lu_solve(self._T, b, check_finite=False)
+        a, s = (a, np.zeros_like(x[-1:])) if self._row is None else (a[:-1], a[-1:])
+        return np.vstack([a, y + self.seen @ a - self._shift * s, s])
 
 
 def through(A: Complex, J: Complex) -> Complex:
@@ -299,10 +305,9 @@ class _Factors:
         slope: d residual / d lambda of each, shape (rows, harmonics + 1).
         G: what unit forces move, shape (harmonics + 1, rows + 1, acting rows).
         shifted: what a unit change of lambda moves, shape (harmonics + 1, rows + 1).
-        border: of the first harmonic.
     """
 
-    def __init__(self, problem: HarmonicBalance, at: Vibration, phase: Complex):
+    def __init__(self, problem: HarmonicBalance, at: Vibration, phase: NDArray):
         lam = at.lam
         F, tangent = problem.contact(at)
         responses = [problem.bodies.at(s) for s in lam]
@@ -310,13 +315,16 @@ class _Factors:
         moved = [problem.bodies.at(s + step) for s in lam]
         self.slope = (residual(moved, at, F) - residual(responses, at, F)) / step
         self.J = np.array([tangent.mean(s) for s in lam])
-        self.harmonics = [_Harmonic(r, J) for r, J in zip(responses, self.J, strict=True)]
-        self.border = self.slope[:, 1], phase
+        border = self.slope[:, 1], phase
+        self.harmonics = [
+            _Harmonic(r, J, border if n == 1 else None)
+            for n, (r, J) in enumerate(zip(responses, self.J, strict=True))
+        ]
         G, shifted = [], []
         for n, (r, harmonic) in enumerate(zip(responses, self.harmonics, strict=True)):
             loads = np.hstack([np.vstack([r.lead, r.D]), self.slope[:, [n]] * (n != 1)])
             loads = np.vstack([loads, np.zeros(loads.shape[1])])
-            columns = harmonic.solve(loads, self.border if n == 1 else None)
+            columns = harmonic.solve(loads)
             G.append(columns[:, :-1])
             shifted.append(columns[:, -1])
         self.G, self.shifted = np.array(G), np.array(shifted)
@@ -327,8 +335,7 @@ class _Factors:
         last[0, 1] = s
         columns = np.vstack([x, last])
         return np.hstack([
-            harmonic.solve(columns[:, [n]], self.border if n == 1 else None)
-            for n, harmonic in enumerate(self.harmonics)
+            harmonic.solve(columns[:, [n]]) for n, harmonic in enumerate(self.harmonics)
         ])  # fmt: skip
 
 
@@ -343,16 +350,14 @@ def residual(responses: list[Response], at: Vibration, F: Complex) -> Complex:
 class _Linearised:
     """Newton's linear system about a vibration, on the motions of the contact and lambda alone."""
 
-    def __init__(
-        self, problem: HarmonicBalance, at: Vibration, phase: Complex, factors: _Factors
-    ):
+    def __init__(self, problem: HarmonicBalance, at: Vibration, phase: NDArray, factors: _Factors):
         self._problem, self._at, self._phase, self._factors = problem, at, phase, factors
         F, self._tangent = problem.contact(at)
         self._residual = residual([problem.bodies.at(s) for s in at.lam], at, F)
 
     def step(self) -> Change:
         """Newton's step at the amplitude."""
-        missing = self._at.amplitude - self._phase @ self._at.y[:, 1]
+        missing = complex(self._at.amplitude - self._phase @ self._at.y[:, 1])
         return self._solved(self._factors.solve(-self._residual, missing), 0.0)
 
     def with_amplitude(self) -> Change:
@@ -375,7 +380,10 @@ class _Linearised:
         dF = problem.harmonics_of(self._tangent.times(problem.over_time(y), dv))
         _, g, f, c = factors.J.shape
         held = np.einsum("ngfc,fcn->gcn", factors.J, y.reshape(f, c, -1)).reshape(g * c, -1)
-        return (np.matmul(factors.G, (dF + held).T[..., None])[..., 0] - factors.shifted * moved[:, None]).T
+        return (
+            np.matmul(factors.G, (dF + held).T[..., None])[..., 0]
+            - factors.shifted * moved[:, None]
+        ).T
 
     def _times(self, v: Array) -> Array:
         y, s = self._unpacked(v)

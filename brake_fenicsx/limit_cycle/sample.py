@@ -23,8 +23,8 @@ from .sound import AT_ONE_METRE, Nodes, decibels, sound_power
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-# Largest first motion of a patch, over its pressure by stiffness; elements whose clearance is less
-# than this multiple of that length, or of the motion of one that was left out and closed, take part.
+# Largest first motion of a patch, over its pressure by stiffness; elements take part whose
+# clearance is less than this multiple of that length, or of the motion of one left out that closed.
 START, NEAR = 0.3, 3.0
 RESTARTS = 6
 
@@ -126,13 +126,17 @@ class SampleCycles:
             return np.where(self.closed, (p / k)[:, 0], 0.0)
 
     def measured(
-        self, cycle: Cycle, branch: Branch, elements: Index, settings: Settings, faces: Faces,
+        self,
+        cycle: Cycle,
+        branch: Branch,
+        elements: Index,
+        settings: Settings,
+        faces: Faces,
         slip: Any,
     ) -> list[float]:
         """``MEASURES`` of a cycle."""
         problem, at = self.problem(elements, settings), cycle.at
-        forces, omega = problem.forces, at.s.imag
-        assert isinstance(forces, PatchForces)
+        forces, omega = _part(self.forces, elements), at.s.imag
         gap = problem.over_time(at.y[: elements.size])
         touch = forces.laws.first_touch()
         opens = (forces.g + gap.max(axis=1) > touch) & self.closed[elements]
@@ -237,7 +241,9 @@ def cycles_of_modes(
 def _part(forces: PatchForces, elements: Index) -> PatchForces:
     """The forces of some elements."""
     laws = EnrichedGap(forces.laws.laws, forces.laws.index[elements], forces.laws.g_cr[elements])
-    arrays = {n: getattr(forces, n)[elements] for n in ("yields", "w", "g", "mu", "speed", "interface")}
+    arrays = {
+        n: getattr(forces, n)[elements] for n in ("yields", "w", "g", "mu", "speed", "interface")
+    }
     return replace(forces, laws=laws, **arrays)
 
 

@@ -1,4 +1,4 @@
-"""How loud: growth of the families over their amplitude, loudness over the samples, and in words."""
+"""How loud: growth of the families over their amplitude, and loudness over the samples."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ NOTE = (
     " each changes the others, and their levels do not add. A row is an upper bound if nothing is"
     " damped. Friction keeps its direction unless the damping term slope acts: where the slip"
     " velocity exceeds the sliding speed, the cycle lies beyond that assumption and is smaller in"
-    " reality. The sound level is an estimate: the disc's faces in a rigid wall, 1 m away in the open."
+    " reality. The sound level is an estimate: the faces lie in a rigid wall, 1 m away in the open."
 )
 
 
@@ -49,7 +49,10 @@ def cycle_blocks(run: RunData) -> list[Block]:
             _text(cell["disc_mm_s_50"], ".3g"), _text(cell["gap_um_50"], ".3g"),
             int(cell["rank_by_loudness"]), int(cell["rank_by_damping"]),
         ])  # fmt: skip
-    return [Text(" ".join([NOTE, *_doubts(run.cycles["limit_cycle"])])), Table.without_empty(heads, rows)]
+    return [
+        Text(" ".join([NOTE, *_doubts(run.cycles["limit_cycle"])])),
+        Table.without_empty(heads, rows),
+    ]
 
 
 def draw_growth(run: RunData) -> Figure | None:
@@ -115,8 +118,9 @@ def _loudest(run: RunData, approach: str) -> list[int]:
 def _doubts(cycles: Columns) -> list[str]:
     """What single cycles cannot say, counted."""
     outcome, ended = cycles["outcome"], np.isin(cycles["outcome"], ("stable", "bound"))
+    fast = np.nan_to_num(cycles["slip_over_speed"]) > 1
     counts = {
-        "{} cycles exceed the sliding speed.": ended & (np.nan_to_num(cycles["slip_over_speed"]) > 1),
+        "{} cycles exceed the sliding speed.": ended & fast,
         "{} are upper bounds without damping.": outcome == "bound",
         "{} modes grow beyond the largest amplitude, or their branch is lost: they have no"
         " number.": np.char.startswith(outcome, "none") | (outcome == "failed"),

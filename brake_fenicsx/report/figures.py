@@ -175,8 +175,8 @@ PLOTS = (
     ),
     Plot(
         "limit_cycle_loudness",
-        "Estimated sound level of the loudest families over the samples: median, quartiles, and 5 % to"
-        " 95 % of the samples.",
+        "Estimated sound level of the loudest families over the samples: median, quartiles, and"
+        " 5 % to 95 % of the samples.",
         draw_loudness,
     ),
     Plot(

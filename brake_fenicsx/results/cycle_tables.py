@@ -1,8 +1,8 @@
 """limit_cycle*.csv: how large squeal becomes, from stored samples, and families ranked by it.
 
-A family's loudness is that of its first stable cycle in each sample, or of the end of its growth where
-nothing damps it. Families are ranked by the median of the level where the faces radiate, else by
-that of the velocity of the disc or, without one, of the gap; beside it stands their rank by damping.
+A family's loudness is that of its first stable cycle in each sample, or of the end of its growth
+where nothing damps it. Families are ranked by the median of the level where the faces radiate, else
+by that of the velocity of the disc or of the gap; beside it stands their rank by damping.
 """
 
 from __future__ import annotations

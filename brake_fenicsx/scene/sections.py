@@ -450,7 +450,7 @@ class Stability:
 
 @dataclass(frozen=True, slots=True)
 class LimitCycle:
-    """[limit_cycle]: the amplitude at which the growth of a mode ends ([limit_cycle.md](limit_cycle.md)).
+    """[limit_cycle]: the amplitude at which a mode stops growing ([page](limit_cycle.md)).
 
     Attributes:
         harmonics: harmonics of the vibration beside its mean.

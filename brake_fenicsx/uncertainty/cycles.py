@@ -37,9 +37,7 @@ class Cycles:
         pads = tuple(dict.fromkeys(faces[0] for faces in pairs))
         nodes = partial(nodes_of, brake.mesh, brake.elastic.free)
         self._scene, self._models, self._faces = scene, models, Faces(nodes(disc), nodes(pads))
-        self._settings = Settings(
-            table.harmonics, table.points, table.largest, table.damping_below
-        )
+        self._settings = Settings(table.harmonics, table.points, table.largest, table.damping_below)
 
     def of(
         self,

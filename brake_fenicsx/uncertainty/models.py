@@ -58,8 +58,9 @@ LAYERS = "cache/layers.npz"
 # Real modes up to this multiple of the band tell modes apart where there is no reduced model.
 FAMILIES = 1.3
 
-# Kept modes reach this multiple of the band for limit cycles: measured on the block of the tutorials,
-# amplitudes are off by 29 % with 1.8, 7 % with 2.5, 0.7 % with 3 and 0.1 % with 4.
+# Kept modes reach this multiple of the band for limit cycles, which meet higher harmonics: on the
+# block of the tutorials amplitudes are off by 29 % with 1.8, 7 % with 2.5, 0.7 % with 3 and 0.1 %
+# with 4.
 HARMONICS = 3.0
 
 # Number of the layout of a kept reduced model; one of another layout is made again.
@@ -332,7 +333,8 @@ class Models:
         release_memory()
         return ReducedModel.offline(
             bodies, brake.w, band, parameters, followed, stability.tolerance,
-            self._cutoff(parameters), self._comm, lambda total: Progress("solves of the reduced model", total).advance,
+            self._cutoff(parameters), self._comm,
+            lambda total: Progress("solves of the reduced model", total).advance,
             lambda made: self._kept(file, made),
         )  # fmt: skip
 

@@ -152,7 +152,9 @@ def sample_damping(models: Models, sample: SampleInput, p: Array) -> sp.csr_matr
     return damping_of_sample(*given, change)
 
 
-def _full(models: Models, sample: SampleInput, eq: Equilibrium, more: Sequence[More] = ()) -> Arrays:
+def _full(
+    models: Models, sample: SampleInput, eq: Equilibrium, more: Sequence[More] = ()
+) -> Arrays:
     """Modes at full order."""
     settings = models.stability
     if settings is None:

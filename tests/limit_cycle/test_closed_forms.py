@@ -1,4 +1,4 @@
-"""Harmonic balance against closed forms: laws over a period, oscillators, flutter, falling friction."""
+"""Harmonic balance against closed forms: laws over a period, oscillators, flutter, friction."""
 
 from dataclasses import dataclass
 

@@ -4,16 +4,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from time_steps import TimeSteps, measured
 
 from brake_fenicsx import prepare
 from brake_fenicsx.limit_cycle.growth import STABLE
 from brake_fenicsx.limit_cycle.sample import Settings
 from brake_fenicsx.uncertainty.solve import sample_damping
+from time_steps import TimeSteps, measured
 
 BLOCK = str(Path(__file__).parents[2] / "scripts" / "scenes" / "squealing_block.toml")
 ROUGH = "multi-scale"
-HARDER = ["contact.block_plate.law={ p0 = '10 MPa', u0 = '0.15 um' }", "surface.statistics={ S_q = '0.15 um' }"]
+HARDER = [
+    "contact.block_plate.law={ p0 = '10 MPa', u0 = '0.15 um' }",
+    "surface.statistics={ S_q = '0.15 um' }",
+]
 
 
 def cycle_and_steps(k, damping, seconds, start, overrides=()):
@@ -57,7 +60,18 @@ def test_a_sample_against_time_steps():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("k", "damping"), [(0, 0.01), (0, 0.015), (0, 0.02), (1, 0.006), (1, 0.008), (1, 0.01), (2, 0.022), (2, 0.024), (2, 0.027)]
+    ("k", "damping"),
+    [
+        (0, 0.01),
+        (0, 0.015),
+        (0, 0.02),
+        (1, 0.006),
+        (1, 0.008),
+        (1, 0.01),
+        (2, 0.022),
+        (2, 0.024),
+        (2, 0.027),
+    ],
 )
 def test_samples_against_time_steps(k, damping):
     """Three samples, three levels of damping each, from a small disturbance on."""

@@ -277,7 +277,7 @@ class ReducedModel:
         return ContactMotions(s, slope, seen, met, settled), v.a, v.b.conj()
 
     def scaled(self, s: Complex) -> Complex:
-        """z of lambda = s [1/s], in units of the model."""
+        """Z of lambda = s [1/s], in units of the model."""
         scaled = s / self._omega
         return scaled - self.rows.shift if self.rows.damped else SIGMA - scaled**2
 
@@ -321,7 +321,7 @@ class ReducedModel:
 
     @property
     def pole(self) -> float:
-        """No pole of what the kept modes leave out has a smaller modulus |z| anywhere in the box."""
+        """Least modulus |z|, anywhere in the box, of a pole of what the kept modes leave out."""
         reach = min(body.component.reach for body in self.bodies)
         return float(np.hypot(reach, self.rows.shift) if self.rows.damped else reach**2 + SIGMA)
 
