@@ -296,7 +296,7 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
 
         petsc4py.init(["brake-fenicsx", *petsc])
     from brake_fenicsx import pipeline
-    from brake_fenicsx.folder.shares import read_share
+    from brake_fenicsx.folder.lock import read_share
 
     if options.command == "prepare":
         pipeline.run(
@@ -343,7 +343,7 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
 
         _print_json(json_schema(Scene))
     elif comm.rank == 0 and options.command == "compare":
-        from brake_fenicsx.variants.compare import comparison_text, write_comparison
+        from brake_fenicsx.variants.comparison import comparison_text, write_comparison
 
         page = write_comparison(options.first, options.second, options.directory)
         print(comparison_text(options.first, options.second))

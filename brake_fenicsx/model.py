@@ -138,7 +138,7 @@ class Model:
         """
         from brake_fenicsx.sweeps.branches import follow
         from brake_fenicsx.sweeps.events import find_events
-        from brake_fenicsx.sweeps.points import Points
+        from brake_fenicsx.sweeps.state import Points
 
         _check_key(self.scene, key)
         x = listed("values", values)

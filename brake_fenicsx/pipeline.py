@@ -32,9 +32,9 @@ from brake_fenicsx.errors import BrakeError, NotConverged, SceneError
 from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.entry import PREPARED, check_folder, enter_prepared, open_folder
 from brake_fenicsx.folder.files import whole_file
+from brake_fenicsx.folder.lock import Share
 from brake_fenicsx.folder.log import Progress, logger, start_log
-from brake_fenicsx.folder.memory import peak_memory, release_memory
-from brake_fenicsx.folder.shares import Share
+from brake_fenicsx.folder.processes import peak_memory, release_memory
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.folder.termination import end_of_stage
 from brake_fenicsx.results.versions import versions
@@ -518,14 +518,14 @@ def mechanics(
     with this.stage("results"):
         if this.comm.rank == 0:
             this.store.forget_tables()
-        from brake_fenicsx.results.write import write_results
+        from brake_fenicsx.results.stored import write_results
 
         first = write_results(study)
         if sweep is not None:
             this.facts |= sweep.write()
         this.facts |= study.facts
         if "stuck_contact" in this.facts:
-            from brake_fenicsx.uncertainty.stuck_states import stuck_warnings
+            from brake_fenicsx.uncertainty.forces import stuck_warnings
 
             note_warnings(this, stuck_warnings(this.scene, this.facts["stuck_contact"]))
         note_open_points(this)
@@ -581,7 +581,7 @@ def report(directory: Path) -> None:
     from brake_fenicsx.report.html import write_report
     from brake_fenicsx.report.inputs import contact_maps
     from brake_fenicsx.report.overview import summary_table
-    from brake_fenicsx.report.surface_tables import write_surface_tables
+    from brake_fenicsx.report.surface_section import write_surface_tables
     from brake_fenicsx.results.answer import write_tables
     from brake_fenicsx.results.run import read_run
 

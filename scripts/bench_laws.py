@@ -30,9 +30,9 @@ import numpy as np
 from brake_fenicsx.errors import BrakeError
 from brake_fenicsx.micro import LawSettings
 from brake_fenicsx.micro.law_of_surface import law_steps, low_passed
-from brake_fenicsx.micro.loading import rms_slope
 from brake_fenicsx.micro.settings import Grids
 from brake_fenicsx.surface import characterise, make_topography, read_topography, synthesise
+from brake_fenicsx.surface.iso25178 import gradients
 from brake_fenicsx.surface.topography import Topography, fill
 
 SCAN = Path(__file__).parent / "scenes" / "pad_scan.npz"
@@ -180,7 +180,7 @@ def scans() -> None:
             levelled = kinds[ways[0]].topography
             assert levelled is not None
             h = fill(levelled.heights)
-            p = 1e-4 * rms_slope(h, part.pixel) * 1e9
+            p = 1e-4 * gradients(h, part.pixel)[0] * 1e9
             real, _ = braking(h, part.size, p)
             row = []
             for stats in kinds.values():

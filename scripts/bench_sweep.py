@@ -16,7 +16,7 @@ import numpy as np
 from brake_fenicsx import prepare
 from brake_fenicsx.sweeps.branches import CUT, follow
 from brake_fenicsx.sweeps.events import ONSET, find_events
-from brake_fenicsx.sweeps.points import Points
+from brake_fenicsx.sweeps.state import Points
 from brake_fenicsx.sweeps.study import COARSE, FINE
 
 DEMO = Path(__file__).parent / "scenes" / "disc_brake_demo.toml"

@@ -43,9 +43,6 @@ class Quadratic:
 
     vibration = stiffness  # elastic: unloading follows loading
 
-    def energy(self, d):
-        return -self.c / 3 * np.minimum(d, 0.0) ** 3
-
 
 def test_a_contact_law_of_ones_own(brake):
     state = equilibrium(brake, Quadratic(1e19), g_cr=0.0, mu=0.0)

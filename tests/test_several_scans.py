@@ -132,7 +132,7 @@ def check_results(folder, count):
     curve = read_columns(folder / "tables" / "bearing_curve.csv")
     data = read_run(folder)
     for k in range(count):
-        assert np.array_equal(spectrum[f"C_scan_{k + 1}_m4"], data.surface["sub_C"][k])
+        assert np.array_equal(spectrum[f"C_scan_{k + 1}_m4"], data.surface["scan_C"][k])
         assert curve[f"height_scan_{k + 1}_m"][0] == np.nanmax(data.surface["heights"][k])
     for figure in (draw_statistics(data), draw_bearing_curve(data)):
         lines = [line for axes in figure.axes for line in axes.lines]

@@ -13,7 +13,7 @@ import pytest
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder import sample_files
-from brake_fenicsx.folder.shares import Share, read_share
+from brake_fenicsx.folder.lock import Share, read_share
 
 pytestmark = pytest.mark.alone
 ROOT = Path(__file__).parents[1]

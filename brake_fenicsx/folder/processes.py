@@ -1,8 +1,17 @@
-"""Work that processes take in turns: a result, or what went wrong, reaches all of them."""
+"""Processes of a run: work that they take in turns, and memory that they give back.
+
+A result, or what went wrong, reaches all of them. SuperLU_DIST, which PETSc loads, tells the C
+library to keep whatever is freed (mallopt: no mmap, no trimming). A process then holds its peak to
+its end, and peaks of several processes add up although they come at different times.
+"""
 
 from __future__ import annotations
 
+import ctypes
+import resource
+import socket
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import TypeVar
 
 from mpi4py import MPI
@@ -10,6 +19,7 @@ from mpi4py import MPI
 from brake_fenicsx.errors import BrakeError
 
 T = TypeVar("T")
+_trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
 
 
 def in_turns(count: int, work: Callable[[int], T], comm: MPI.Comm) -> Iterator[T]:
@@ -40,3 +50,24 @@ def on_first(work: Callable[[], T], comm: MPI.Comm) -> T:
     """
     (one,) = in_turns(1, lambda i: work(), comm)
     return one
+
+
+def release_memory() -> None:
+    """Return free pages to the system; nothing happens where the C library cannot."""
+    if _trim is not None:
+        _trim(ctypes.c_size_t(0))
+
+
+def peak_memory(comm: MPI.Comm) -> tuple[float, float]:
+    """Peak memory so far of the largest process and of the largest node [MB]; collective.
+
+    What processes of a node map from files counts once there.
+    """
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    lines = (line.split() for line in Path("/proc/self/status").read_text().splitlines())
+    mapped = sum(int(w[1]) for w in lines if w[0] in ("RssFile:", "RssShmem:")) / 1024
+    nodes: dict[str, list[tuple[float, float]]] = {}
+    for node, own in comm.allgather((socket.gethostname(), (peak - mapped, mapped))):
+        nodes.setdefault(node, []).append(own)
+    whole = (sum(p for p, _ in held) + max(m for _, m in held) for held in nodes.values())
+    return comm.allreduce(peak, MPI.MAX), max(whole)

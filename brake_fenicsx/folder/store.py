@@ -23,9 +23,8 @@ import numpy as np
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.files import whole_file
-from brake_fenicsx.folder.lock import Lock
+from brake_fenicsx.folder.lock import Lock, Share
 from brake_fenicsx.folder.sample_files import SampleFiles, damaged
-from brake_fenicsx.folder.shares import Share
 
 # What to forget when a stage is run again; later stages lose theirs too.
 RUNNING = "running"

@@ -19,8 +19,8 @@ from brake_fenicsx.scene.friction import slides
 from .condensation import Compliance
 from .contact import Contact, contact_elements, join
 from .elasticity import Elastic, assemble_elastic
-from .face_additions import added_to_face
 from .friction import Motion, Rotation, Translation
+from .joints import added_to_face
 from .loads import lift, load_vectors, pressing
 from .material_table import layer_materials, scene_materials
 from .mesh import Mesh
@@ -148,7 +148,7 @@ def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
         opposite = float(one.w.sum())
         faced[name] = opposite, opposite + one.uncovered
         if table.zone is not None:
-            from .zones import zone_of
+            from .contact import zone_of
 
             one = zone_of(one, table.zone, f"{scene.file}: contact.{name}")
         if table.tangential_stiffness is not None:
@@ -159,7 +159,7 @@ def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
         found[name] = one
     contact = join([*found.values()])
     if len(found) > 1:
-        from .zones import check_apart, uncovered
+        from .contact import check_apart, uncovered
 
         check_apart(scene, found)
         contact = replace(contact, uncovered=uncovered(scene, found))
@@ -223,9 +223,13 @@ def check_brake(scene: Scene, comm: MPI.Comm) -> None:
             pair = getattr(one, "faces", None)
             named = {f'{table}."{name}"': name} if pair is None else {}
             faces |= named | {f"{table}.{name}.faces[{i}]": f for i, f in enumerate(pair or ())}
+    radiating = scene.limit_cycle.radiating if scene.limit_cycle else ()
+    faces |= {f"limit_cycle.radiating[{i}]": face for i, face in enumerate(radiating)}
     for where, face in faces.items():
         load = scene.loads.get(face) if where.startswith("loads.") else None
-        spread = where.startswith("contact.") or (load is not None and load.pressure is not None)
+        spread = where.startswith(("contact.", "limit_cycle.")) or (
+            load is not None and load.pressure is not None
+        )
         if spread and _on_matrices(scene, face):
             raise SceneError(
                 f"{scene.file}: {where} = {face!r}: a set of nodes has no area; name a face of a"

@@ -19,7 +19,6 @@ from .condensation import Compliance, compliance
 from .equilibrium import Equilibrium, displacement, limit_of_friction
 from .equilibrium import equilibrium as solve
 from .gap import EnrichedGap
-from .sparse import sparse_equilibrium
 
 if TYPE_CHECKING:
     from .brake import Brake
@@ -36,7 +35,6 @@ def equilibrium(
     index: Index | None = None,
     steps: int = 1,
     comm: MPI.Comm | None = None,
-    solver: str = "condensed",
 ) -> Equilibrium:
     """Equilibrium of one set of laws and critical gaps, with its displacement.
 
@@ -49,15 +47,13 @@ def equilibrium(
         index: number of each element's law in a library; element i takes law i if not given.
         steps: equal load steps.
         comm: processes that share the compliance; this process alone if None.
-        solver: "condensed" on the contact elements, or "sparse": on all displacements; one result.
 
     Returns:
         ``.u`` [m] on all free dofs; ``.g`` [m], ``.p`` [Pa], ``.k`` and ``.k_vibration`` [Pa/m]
         per element; ``.iterations``, ``.residual``.
 
     Raises:
-        SceneError: the number of laws or gaps does not fit the contact elements, or there is no
-            such solver.
+        SceneError: the number of laws or gaps does not fit the contact elements.
         Separated, NotConverged: there is no equilibrium, or it was not found.
     """
     n = len(ops.w)
@@ -72,11 +68,6 @@ def equilibrium(
             raise SceneError(f"{name}: a value is not finite")
     gaps = np.broadcast_to(np.asarray(g_cr, dtype=float), (n,))
     enriched = EnrichedGap(*_library(laws, index, n), gaps)
-    if solver == "sparse":
-        k0 = reference_stiffness(enriched, ops.pressed / float(ops.w.sum()))
-        return sparse_equilibrium(ops, enriched, mu, k0, steps)
-    if solver != "condensed":
-        raise SceneError(f'solver = {solver!r}: use "condensed" or "sparse"')
     if ops.compliance is None:
         ops = with_compliance(ops, enriched, comm)
     try:

@@ -49,7 +49,7 @@ class Equilibrium:
             friction).
         iterations: Newton iterations of each load step.
         residual: norm of the full residual relative to the contact forces, both in the norm of
-            the interface compliance (condensed) or Euclidean (sparse).
+            the interface compliance.
         history: residuals of the last load step, one per iteration.
         seconds: time [s].
         u: displacement on all free dofs [m], where it was asked for.

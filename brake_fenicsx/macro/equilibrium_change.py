@@ -1,18 +1,29 @@
-"""How an equilibrium moves with its loads and its friction, to first order.
+"""Equilibria beside a known one: to first order in loads and friction, and of changed bodies.
 
 At fixed laws p = P(g), dp = -k dg; the condensed equilibrium (``equilibrium``) then gives dg from
 one solution with the matrix of its last Newton step.
+
+Of bodies whose stiffness differs from the factored one,
+(K + dK) u = f + N'W p + mu T'W p is solved as K u = (f - dK u_before) + ...: the condensed
+equilibrium under corrected loads, again and again. Nothing is factored. It contracts by the largest
+|eigenvalue| of K^-1 dK, which materials within +-x of the reference keep below x, and converges to
+the equilibrium of the changed bodies itself.
 """
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from brake_fenicsx.errors import NotConverged
+
 from .condensation import Compliance
-from .equilibrium import Condensed, Equilibrium
+from .equilibrium import Condensed, Equilibrium, displacement, equilibrium
+from .friction import friction_traction
 from .gap import EnrichedGap
 
 Array = NDArray[np.float64]
@@ -58,3 +69,75 @@ def equilibrium_change(
     moved = Condensed(replace(compliance, Nf=rhs), w, np.zeros_like(w), eq.mu)
     g = moved.linear(1.0, np.zeros_like(w), eq.k)
     return EquilibriumChange(-eq.k * g, laws.vibration(eq.g)[1] * g)
+
+
+@dataclass(frozen=True, slots=True)
+class Bodies:
+    """Operators of the bodies with the loads of one sample.
+
+    Attributes:
+        N: gap operator, shape (elements, dofs).
+        T: slip operator.
+        w: areas [m^2].
+        g0: gaps of the undeformed bodies [m].
+        f: loads [N], shape (dofs,).
+        compliance: the reference bodies seen from the contact elements, under these loads.
+    """
+
+    N: sp.csr_matrix
+    T: sp.csr_matrix
+    w: Array
+    g0: Array
+    f: Array
+    compliance: Compliance
+
+
+def corrected_equilibrium(
+    bodies: Bodies,
+    change: sp.csr_matrix,
+    laws: EnrichedGap,
+    mu: float | Array = 0.0,
+    steps: int = 1,
+    tolerance: float = 1e-10,
+    most: int = 60,
+) -> Equilibrium:
+    """Equilibrium of the changed bodies.
+
+    Args:
+        bodies: the reference bodies and the loads.
+        change: dK [N/m], shape (dofs, dofs).
+        laws: law and critical gap of every element.
+        mu: friction coefficient, one or one per element.
+        steps: equal load steps of each condensed equilibrium.
+        tolerance: residual of each condensed equilibrium and of the changed bodies, relative to
+            the contact forces.
+        most: corrections allowed.
+
+    Returns:
+        The equilibrium with its displacement and the Newton iterations of each correction.
+
+    Raises:
+        NotConverged: the change is too large for corrections, or Newton's iteration stalls.
+    """
+    start = time.perf_counter()
+    f, last, counts = bodies.f, np.inf, []
+    for _ in range(most):
+        seen = replace(bodies.compliance, Nf=bodies.N @ bodies.compliance.solve(f))
+        eq = equilibrium(replace(bodies, compliance=seen), laws, mu, steps, tolerance)
+        counts.append(sum(eq.iterations))
+        u = displacement(bodies, eq, f)
+        # What the changed bodies still lack: dK (u - u_before).
+        corrected = bodies.f - change @ u
+        traction = friction_traction(eq.p, mu)
+        push = bodies.N.T @ (bodies.w * eq.p) + bodies.T.T @ (bodies.w * traction)
+        defect = float(np.linalg.norm(corrected - f) / np.linalg.norm(push))
+        if defect <= tolerance:
+            residual, seconds = max(eq.residual, defect), time.perf_counter() - start
+            return replace(eq, residual=residual, iterations=tuple(counts), seconds=seconds, u=u)
+        if not defect < last:
+            break
+        f, last = corrected, defect
+    raise NotConverged(
+        f"equilibrium of changed bodies: corrections stall at a residual of {defect:.1e}; the"
+        " materials are too far from those of the scene"
+    )

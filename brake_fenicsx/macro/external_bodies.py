@@ -18,12 +18,11 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import Scene
 
 from .elasticity import COMPONENTS, Elastic, FreeDofs
-from .face_additions import added_to_face
 from .faces import Face, gather_face
+from .joints import added_to_face
 from .mesh import Mesh, extent
 from .projection import search
-from .superelement import Superelement, read_superelement
-from .superelement_doubts import doubts
+from .superelement import Superelement, doubts, read_superelement
 
 logger = logging.getLogger(__name__)
 

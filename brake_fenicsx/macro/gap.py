@@ -46,7 +46,7 @@ class EnrichedGap:
     g_cr: Array
 
     def delta(self, g: Array) -> Array:
-        """Separation that the law sees, g - g_cr [m]."""
+        """Separation g - g_cr [m] in the contact potential with critical gaps, Eq. (14)."""
         return g - self.g_cr
 
     def pressure(self, g: Array) -> Array:
@@ -64,10 +64,6 @@ class EnrichedGap:
     def vibration(self, g: Array) -> tuple[Array, Array]:
         """Stiffness v of small vibrations about the state at g [Pa/m], and dv/dg [Pa/m^2]."""
         return self.laws.vibration(self.index, self.delta(g))
-
-    def energy(self, g: Array) -> Array:
-        """Contact potential with critical gaps, per area: the integral of p [J/m^2], Eq. (14)."""
-        return self.laws.energy(self.index, self.delta(g))
 
     def first_touch(self) -> Array:
         """Gap at which each element begins to carry [m]."""

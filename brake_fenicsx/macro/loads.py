@@ -18,10 +18,9 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import Scene
 
 from .elasticity import COMPONENTS, Elastic, FreeDofs, face_area, stiffness_action, unit_loads
-from .face_additions import part_axes
 from .faces import faces_of_bodies, gather_face
+from .joints import mean_displacement, mean_of_nodes, mean_rotation, part_axes
 from .material_table import layer_materials, scene_materials
-from .mean_motion import mean_displacement, mean_of_nodes, mean_rotation
 from .mesh import Mesh
 
 Array = NDArray[np.float64]

@@ -21,8 +21,7 @@ from brake_fenicsx.scene.mesh import MeshTable
 
 from .meshing.gmsh_mesh import discrete_model, gmsh_session, mesh_part, swept_part
 from .meshing.quality import Quality, orientation, quality, volumes
-from .meshing.rawmesh import RawMesh, facet_nodes, joined
-from .meshing.unread import Unread
+from .meshing.rawmesh import RawMesh, Unread, facet_nodes, joined
 
 
 class PartBuilder(Protocol):

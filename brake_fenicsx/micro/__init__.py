@@ -33,11 +33,11 @@ if TYPE_CHECKING:
     from brake_fenicsx.micro.library import save_laws as save_laws
     from brake_fenicsx.micro.loading import ContactSolution as ContactSolution
     from brake_fenicsx.micro.loading import solve_contact as solve_contact
-    from brake_fenicsx.micro.modulus import plane_strain_modulus as plane_strain_modulus
-    from brake_fenicsx.micro.modulus import (
+    from brake_fenicsx.micro.settings import LawSettings as LawSettings
+    from brake_fenicsx.micro.settings import plane_strain_modulus as plane_strain_modulus
+    from brake_fenicsx.micro.settings import (
         transversely_isotropic_modulus as transversely_isotropic_modulus,
     )
-    from brake_fenicsx.micro.settings import LawSettings as LawSettings
 
 _NAMES = {
     "analytic": "ExponentialLaw LinearLaw exponential_law linear_law",
@@ -47,8 +47,7 @@ _NAMES = {
     "law_of_surface": "contact_law law_steps",
     "library": "LawRecipe force_above law_library load_laws save_laws",
     "loading": "ContactSolution solve_contact",
-    "modulus": "plane_strain_modulus transversely_isotropic_modulus",
-    "settings": "LawSettings",
+    "settings": "LawSettings plane_strain_modulus transversely_isotropic_modulus",
 }
 _HOME = {name: module for module, names in _NAMES.items() for name in names.split()}
 __all__ = sorted(_HOME)

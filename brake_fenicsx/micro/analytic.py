@@ -32,10 +32,6 @@ class LinearLaw:
 
     vibration = stiffness
 
-    def energy(self, d: ArrayLike) -> Array:
-        """Energy per area, the integral of p from d to infinity [J/m^2]."""
-        return 0.5 * self.k * np.maximum(-np.asarray(d, dtype=float), 0.0) ** 2
-
 
 @dataclass(frozen=True, slots=True)
 class ExponentialLaw:
@@ -63,10 +59,6 @@ class ExponentialLaw:
         return np.asarray(self.pressure(d) / self.u0, float)
 
     vibration = stiffness
-
-    def energy(self, d: ArrayLike) -> Array:
-        """Energy per area, the integral of p from d to infinity [J/m^2]."""
-        return self.pressure(d) * self.u0
 
 
 def linear_law(k: float) -> LinearLaw:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,10 +24,6 @@ class OneLaw:
         """One."""
         return 1
 
-    def __iter__(self) -> Iterator[Law]:
-        """The law itself."""
-        return iter((self.law,))
-
     def first_touch(self, index: Index) -> Array:
         """See ``Laws``."""
         return np.full(np.shape(index), self.law.first_touch)
@@ -40,10 +36,6 @@ class OneLaw:
     def vibration(self, index: Index, d: Array) -> tuple[Array, Array]:
         """See ``Laws``."""
         return smooth_vibration(self.law.vibration, same_shape(index, d)[1])
-
-    def energy(self, index: Index, d: Array) -> Array:
-        """See ``Laws``."""
-        return self.law.energy(same_shape(index, d)[1])
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,10 +67,6 @@ class ScaledLaws:
         v, slope = self.laws.vibration(index, d)
         return self.factor * v, self.factor * slope
 
-    def energy(self, index: Index, d: Array) -> Array:
-        """See ``Laws``."""
-        return self.factor * self.laws.energy(index, d)
-
 
 @dataclass(frozen=True, slots=True)
 class JoinedLaws:
@@ -109,15 +97,11 @@ class JoinedLaws:
         v, slope = self._each("vibration", index, d)
         return v, slope
 
-    def energy(self, index: Index, d: Array) -> Array:
-        """See ``Laws``."""
-        return self._each("energy", index, d)[0]
-
     def _each(self, name: str, index: Index, *d: Array) -> Array:
         """What the part of each element answers, shape (answers, *shape of index)."""
         index = np.asarray(index)
         owner = np.searchsorted(self.start, index, side="right") - 1
-        out = np.empty((2 if name in ("loading", "vibration") else 1, *index.shape))
+        out = np.empty((2 if d else 1, *index.shape))
         for j, part in enumerate(self.parts):
             if (here := owner == j).any():
                 values = (np.asarray(v)[here] for v in d)

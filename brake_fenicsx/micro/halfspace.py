@@ -21,17 +21,14 @@ import functools
 from typing import Literal, Protocol
 
 import numpy as np
+import pyfftw
 import scipy.fft
 from numpy.typing import NDArray
 from scipy.linalg.blas import daxpy
 
 from brake_fenicsx.arguments import one_of
 from brake_fenicsx.errors import NotConverged
-
-try:
-    import pyfftw
-except ImportError:  # the extra [micro] is not installed: SciPy's transforms, somewhat slower
-    pyfftw = None
+from brake_fenicsx.surface.psd import wave_numbers
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -49,22 +46,6 @@ class Product(Protocol):
 
     def __call__(self, p: Array, out: Array) -> Array:
         """Inverse transform of the symbol times the transform of p, cut to the shape of p."""
-
-
-class _Scipy:
-    """Convolution with ``scipy.fft``."""
-
-    def __init__(self, shape: tuple[int, int], padded: tuple[int, int], symbol: Array):
-        self.shape, self.padded, self.symbol = shape, padded, symbol
-
-    def __call__(self, p: Array, out: Array) -> Array:
-        nx, ny = self.shape
-        rows = scipy.fft.rfft(p, self.padded[1], axis=1)
-        waves = scipy.fft.fft(rows, self.padded[0], axis=0)
-        waves *= self.symbol
-        rows = scipy.fft.ifft(waves, axis=0, overwrite_x=True)[:nx]
-        out[:] = scipy.fft.irfft(rows, self.padded[1], axis=1)[:, :ny]
-        return out
 
 
 class _Whole:
@@ -146,9 +127,7 @@ def _twice(symbol: Array) -> Array:
 
 
 def _product(shape: tuple[int, int], padded: tuple[int, int], symbol: Array) -> Product:
-    """The fastest convolution at hand."""
-    if pyfftw is None:
-        return _Scipy(shape, padded, symbol)
+    """The convolution that is faster on this grid."""
     wide = max(padded[0] / shape[0], padded[1] / shape[1]) > 1.5
     kind = _Padded if wide or padded[0] * padded[1] > LARGE else _Whole
     return kind(shape, padded, symbol)
@@ -177,7 +156,7 @@ class HalfSpace:
             symbol = scipy.fft.rfft2(kernel).real.copy()
         else:
             padded = shape
-            q = _wave_numbers(shape, self.pixel)
+            q = wave_numbers(shape, np.multiply(self.pixel, shape))
             q[0, 0] = np.inf
             symbol = 2.0 / q
             kernel = scipy.fft.irfft2(symbol, s=shape)
@@ -201,8 +180,8 @@ class HalfSpace:
     def full_contact(self, h: Array) -> Array:
         """Pressure of zero mean that makes the periodic heights h [m] flat; the last is kept."""
         if self._flattened is None or self._flattened[0] is not h:
-            waves = scipy.fft.rfft2(h) * (0.5 * _wave_numbers(self.shape, self.pixel))
-            self._flattened = h, scipy.fft.irfft2(waves, s=self.shape)
+            q = wave_numbers(self.shape, np.multiply(self.pixel, self.shape))
+            self._flattened = h, scipy.fft.irfft2(scipy.fft.rfft2(h) * (0.5 * q), s=self.shape)
         return self._flattened[1]
 
     @functools.cached_property
@@ -265,7 +244,7 @@ class HalfSpace:
         nx, ny = self.shape
         periodic = self.boundary == "periodic"
         grid = (nx, ny) if periodic else (_fast(nx + MARGIN), _fast(ny + MARGIN))
-        symbol = 0.5 * _wave_numbers(grid, self.pixel)
+        symbol = 0.5 * wave_numbers(grid, np.multiply(self.pixel, grid))
         # The mean: a patch under uniform pressure sinks by about 0.95 of its length.
         symbol[0, 0] = 1.0 / float(np.sqrt(np.prod(self.pixel * self.shape)))
         return _product(self.shape, grid, symbol)
@@ -289,6 +268,11 @@ def half_space(
 ) -> HalfSpace:
     """Half-space of this grid; made once and kept, since a library uses it hundreds of times."""
     return HalfSpace(shape, np.array(pixel), boundary)
+
+
+def half_space_of(h: Array, size: Array, boundary: Boundary) -> HalfSpace:
+    """Half-space on the grid of heights, shape (nx, ny), of a patch of these lengths [m]."""
+    return half_space(h.shape, (float(size[0] / h.shape[0]), float(size[1] / h.shape[1])), boundary)
 
 
 def add_to(y: Array, a: float, x: Array) -> None:
@@ -322,13 +306,6 @@ def _free_kernel(padded: tuple[int, int], pixel: Array) -> Array:
     """Love's displacement [m] at all offsets of the padded grid, wrapped around."""
     i, j = (np.minimum(np.arange(n), n - np.arange(n)) for n in padded)
     return love(i[:, None] * pixel[0], j[None, :] * pixel[1], pixel[0], pixel[1])
-
-
-def _wave_numbers(shape: tuple[int, int], pixel: Array) -> Array:
-    """Wave numbers |q| [rad/m] of ``rfft2``."""
-    qx = 2.0 * np.pi * np.fft.fftfreq(shape[0], pixel[0])
-    qy = 2.0 * np.pi * np.fft.rfftfreq(shape[1], pixel[1])
-    return np.hypot(qx[:, None], qy[None, :])
 
 
 def _fast(n: int) -> int:

@@ -20,7 +20,7 @@ from scipy.stats import t as student
 
 from brake_fenicsx.arguments import number, positive
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.micro.halfspace import Array, Mask, half_space
+from brake_fenicsx.micro.halfspace import Array, Mask, half_space_of
 from brake_fenicsx.micro.library import LawRecipe
 from brake_fenicsx.micro.loading import solve_contact
 
@@ -142,11 +142,9 @@ def _approach(recipe: LawRecipe, seed: int, i: int, hardness: float, nodes: Arra
     """Approach of the plane [m] at the pressures while they rise and while they fall, (2, n)."""
     topo, settings = recipe.surface(seed, i), recipe.settings
     size, h = topo.size, topo.heights - topo.heights.mean()
-    pixel = size / h.shape
     punch = 0.0
     if settings.boundary == "free":  # the sinking of the whole patch belongs to the bulk
-        space = half_space(h.shape, (float(pixel[0]), float(pixel[1])), "free")
-        punch = space.punch * h.size / settings.E_star
+        punch = half_space_of(h, size, "free").punch * h.size / settings.E_star
     result = np.empty((2, nodes.size))
     start, base = np.zeros_like(h), h
     for branch, order in ((0, range(nodes.size)), (1, reversed(range(nodes.size)))):

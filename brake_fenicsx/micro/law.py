@@ -2,14 +2,13 @@
 
 A computed law interpolates ln p over d by monotone cubics through the solved steps with their
 exact slopes. Beyond the first step towards separation stands a quadratic foot, so that p and p'
-vanish together at first touch; beyond the last step the law goes on as a straight line. Pressure,
-stiffness -p' and energy int_d^inf p belong to one and the same function. The stiffness of small
-vibrations, which the modes read, is interpolated by itself (``vibration.py``).
+vanish together at first touch; beyond the last step the law goes on as a straight line. The
+stiffness of small vibrations, which the modes read, is interpolated by itself (``vibration.py``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, Protocol
 
@@ -59,9 +58,6 @@ class Law(Protocol):
     def vibration(self, d: ArrayLike) -> Array:
         """Stiffness of small vibrations about a state reached by loading to d [Pa/m]."""
 
-    def energy(self, d: ArrayLike) -> Array:
-        """Energy per area, the integral of p from d to infinity [J/m^2]."""
-
 
 class Laws(Protocol):
     """Many laws at once: element i of a contact follows law ``index[i]``."""
@@ -77,15 +73,6 @@ class Laws(Protocol):
 
     def vibration(self, index: Index, d: Array) -> tuple[Array, Array]:
         """Stiffnesses v of small vibrations [Pa/m] and their slopes dv/dd [Pa/m^2]."""
-
-    def energy(self, index: Index, d: Array) -> Array:
-        """Energies per area [J/m^2]."""
-
-
-# Gauss-Legendre points on (0, 1): exp(cubic) over one interval to round-off.
-_legendre: Any = np.polynomial.legendre
-_NODES, _WEIGHTS = _legendre.leggauss(16)
-_NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,13 +102,11 @@ class LawLibrary:
     v: Array | None = None
     slope: Array | None = None
     area: Array | None = None
-    _tail: Array = field(init=False, repr=False, compare=False)
     _flat: tuple[Array, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         flat = tuple(np.ascontiguousarray(a).ravel() for a in (self.d, self.p, self.k))
         object.__setattr__(self, "_flat", flat)
-        object.__setattr__(self, "_tail", self._energies().ravel())
 
     def __repr__(self) -> str:
         """One line."""
@@ -136,10 +121,6 @@ class LawLibrary:
         if not -len(self) <= i < len(self):
             raise IndexError(f"law {i} of a library of {len(self)}")
         return ComputedLaw(self, i % len(self))
-
-    def __iter__(self) -> Iterator[ComputedLaw]:
-        """One law after the other."""
-        return (self[i] for i in range(len(self)))
 
     def first_touch(self, index: Index) -> Array:
         """Separations [m] at which the pressures become zero, shape of ``index``."""
@@ -183,23 +164,6 @@ class LawLibrary:
         fall = np.where((place < 0) & (share > 0.0), -v[at] * foot, fall)
         return between * share, fall
 
-    def energy(self, index: Index, d: Array) -> Array:
-        """Energies per area [J/m^2], integrals of the pressures from d to infinity."""
-        i, x = same_shape(index, d)
-        i, x = i.ravel(), x.ravel()
-        at, place = self._find(i, x)
-        d0, p0, k0 = (a[at] for a in self._flat)
-        y = d0 - x
-        touch = d0 + 2.0 * p0 / k0
-        foot = np.maximum((touch - x) / (touch - d0), 0.0)
-        first, last = place < 0, place >= self.count[i] - 1
-        inner = ~(first | last)
-        e = np.where(first, 2.0 / 3.0 * p0**2 / k0 * foot**3, self._tail[at])
-        e = e + np.where(last, y * (p0 + 0.5 * k0 * y), 0.0)
-        points = x[inner][:, None] + y[inner][:, None] * _NODES
-        e[inner] += y[inner] * (self._inside(at[inner][:, None], points)[0] @ _WEIGHTS)
-        return e.reshape(np.broadcast_shapes(np.shape(index), np.shape(d)))
-
     def _find(self, i: Index, x: Array) -> tuple[Index, Index]:
         """Flat address of the step left of x (the first step in the foot), and its number."""
         flat, width = self._flat[0], self.d.shape[1]
@@ -230,18 +194,6 @@ class LawLibrary:
         value = p0 * np.exp(t * (m0 + t * (a + t * b)))
         return value, value * (m0 + t * (2.0 * a + t * 3.0 * b)) / h
 
-    def _energies(self) -> Array:
-        """Energy [J/m^2] at each step, shape (n, m)."""
-        n, m = self.d.shape
-        e = np.empty((n, m))
-        e[:, 0] = 2.0 / 3.0 * self.p[:, 0] ** 2 / self.k[:, 0]
-        at = (np.arange(n) * m)[:, None] + np.arange(m - 1)
-        h = self.d[:, :-1] - self.d[:, 1:]
-        points = self.d[:, :-1, None] - h[..., None] * _NODES
-        pieces = h * (self._inside(at[..., None], points)[0] @ _WEIGHTS)
-        e[:, 1:] = e[:, :1] + np.cumsum(pieces, axis=1)
-        return e
-
 
 @dataclass(frozen=True, slots=True)
 class ComputedLaw:
@@ -269,23 +221,15 @@ class ComputedLaw:
 
     def pressure(self, d: ArrayLike) -> Array:
         """Pressure p [Pa] at the separation d [m]."""
-        return self.library.loading(self._index, np.asarray(d, dtype=float))[0]
+        return self.library.loading(np.array(self.number), np.asarray(d, dtype=float))[0]
 
     def stiffness(self, d: ArrayLike) -> Array:
         """Stiffness -dp/dd [Pa/m]."""
-        return self.library.loading(self._index, np.asarray(d, dtype=float))[1]
+        return self.library.loading(np.array(self.number), np.asarray(d, dtype=float))[1]
 
     def vibration(self, d: ArrayLike) -> Array:
         """Stiffness of small vibrations about a state reached by loading to d [Pa/m]."""
-        return self.library.vibration(self._index, np.asarray(d, dtype=float))[0]
-
-    def energy(self, d: ArrayLike) -> Array:
-        """Energy per area, the integral of p from d to infinity [J/m^2]."""
-        return self.library.energy(self._index, np.asarray(d, dtype=float))
-
-    @property
-    def _index(self) -> Index:
-        return np.array(self.number)
+        return self.library.vibration(np.array(self.number), np.asarray(d, dtype=float))[0]
 
 
 def make_library(

@@ -6,6 +6,18 @@ its own grid until many pixels would touch on one of half as many along a side, 
 grid, and so on. Each coarser law is moved along the separation so that the pressure is continuous,
 and its stiffness of vibrations, which lacks the shorter waves, is multiplied by the ratio of both
 grids at the join.
+
+Stiffness of small vibrations as a smooth function of the separation.
+
+While few pixels touch, a law is a staircase: every pixel that comes into contact is a corner of
+p(d), and its slope jumps there. The corners belong to the pixels: the summits of a facet of a brake
+are rounded and come into contact gradually. The modes therefore read the slope of the local
+regression line over a third of a decade of pressure, not the slope between two corners. Under a
+hardness the stiffness of vibrations counts all touching pixels and is smooth by itself: only its
+derivative needs the line.
+
+Reference: W. S. Cleveland, J. Am. Stat. Assoc. 74 (1979) 829, doi:10.1080/01621459.1979.10481038
+(local regression).
 """
 
 from __future__ import annotations
@@ -18,21 +30,73 @@ import scipy.fft
 
 from brake_fenicsx.arguments import of_kind
 from brake_fenicsx.errors import SurfaceError
-from brake_fenicsx.micro.halfspace import HalfSpace, half_space
+from brake_fenicsx.micro.halfspace import HalfSpace, half_space_of
 from brake_fenicsx.micro.law import Array, ComputedLaw, LawSteps, make_library
-from brake_fenicsx.micro.loading import rms_slope
 from brake_fenicsx.micro.settings import LawSettings
 from brake_fenicsx.micro.sweep import Step, sweep
-from brake_fenicsx.micro.vibration import with_vibration
+from brake_fenicsx.surface.iso25178 import gradients
 from brake_fenicsx.surface.topography import Topography
 
+WIDTH = np.log(10.0) / 3.0  # of the regression over ln p
+POINTS = 40  # of the even grid of ln p over one width
 logger = logging.getLogger("brake_fenicsx")
-
 STEPS_PER_DECADE = 40  # of load, while few pixels touch
 CLOSED = 0.98  # share of the flat punch's stiffness from which roughness no longer counts
 FOOT = 0.02  # the foot of a law is at most this share of S_q
 COARSEST = 128  # pixels along a side that no grid of the cascade goes below
 TOUCHING = 200  # pixels that touch on a grid when it takes over
+
+
+def with_vibration(steps: LawSteps) -> LawSteps:
+    """Steps of a law with the stiffness of vibrations that the modes read, and its slope.
+
+    Args:
+        steps: solved points; ``v`` under a hardness, none for an elastic surface.
+
+    Returns:
+        The same points with ``v`` and ``slope``: of an elastic surface v = p / c, where c is the
+        slope of the line of d over -ln p; under a hardness v as it is. dv/dd is the slope of the
+        line of ln v over that of d.
+    """
+    x = np.log(steps.p)
+    if x.size < 3:  # too short for a line: one pixel, or a plateau
+        v = steps.k if steps.v is None else steps.v
+        return steps._replace(v=v, slope=np.zeros_like(v))
+    grid = np.linspace(x[0], x[-1], max(3, round((x[-1] - x[0]) / WIDTH * POINTS)))
+    _, fall = local_lines(grid, np.interp(grid, x, steps.d))
+    compliance = np.maximum(-fall, 1e-12 * (steps.d[0] - steps.d[-1]))  # -dd / d ln p [m]
+    given = grid - np.log(compliance) if steps.v is None else np.interp(grid, x, np.log(steps.v))
+    level, rise = local_lines(grid, given)
+    on_grid = given if steps.v is None else level
+    slope = -np.exp(on_grid) * np.maximum(rise, 0.0) / compliance
+    v = np.exp(np.interp(x, grid, given)) if steps.v is None else steps.v
+    return steps._replace(v=v, slope=np.interp(x, grid, slope))
+
+
+def local_lines(x: Array, y: Array) -> tuple[Array, Array]:
+    """Values and slopes of the regression lines about every point of an even grid.
+
+    Weighted least squares, the weights falling parabolically to zero half a width away.
+
+    Args:
+        x: even grid of ln p, shape (n,).
+        y: values, shape (n,).
+    """
+    step = x[1] - x[0]
+    reach = min(int(WIDTH / 2.0 / step), x.size - 1)
+    t = np.arange(-reach, reach + 1) * step
+    weight = np.maximum(1.0 - (2.0 * t / WIDTH) ** 2, 1e-9)
+
+    def moment(n: int, values: Array) -> Array:
+        """Sum of weight t^n values about every point."""
+        kernel = (weight * t**n)[::-1]
+        return np.convolve(values, kernel, mode="full")[reach : reach + x.size]
+
+    ones = np.ones_like(x)
+    s0, s1, s2 = (moment(n, ones) for n in range(3))
+    r0, r1 = (moment(n, y) for n in range(2))
+    determinant = s0 * s2 - s1**2
+    return (r0 * s2 - r1 * s1) / determinant, (s0 * r1 - s1 * r0) / determinant
 
 
 def contact_law(surface: Topography, E_star: float, **settings: Any) -> ComputedLaw:
@@ -58,7 +122,7 @@ def contact_law(surface: Topography, E_star: float, **settings: Any) -> Computed
 
 def doubts(surface: Topography) -> list[str]:
     """What is doubtful about a surface under a half-space model, one line each."""
-    slope = rms_slope(surface.heights, surface.pixel)
+    slope, _ = gradients(surface.heights, surface.pixel)
     steep = f"{surface.source}: rms slope {slope:.2g}; the half-space supposes small slopes"
     return [*surface.warnings, *([steep] if slope > 1.0 else [])]
 
@@ -89,7 +153,7 @@ def first_load(h: Array, surface: Topography, settings: LawSettings) -> float:
 
     One pixel of compliance c takes the sum of pressures 0.02 S_q / c over the foot.
     """
-    space = _space(h, surface.size, settings)
+    space = half_space_of(h, surface.size, settings.boundary)
     first = min(settings.lowest / settings.E_star, FOOT * h.std() / (space.diagonal * h.size))
     if not first > 0.0:
         raise SurfaceError(f"{surface.source}: the surface is flat; use a linear law")
@@ -124,7 +188,7 @@ def _rows(
 
     Rows: d [m], p / E* [-], k / E* and v / E* [1/m], touching share [-].
     """
-    space = _space(h, size, settings)
+    space = half_space_of(h, size, settings.boundary)
     coarse = max(1, round(settings.steps / np.log10(settings.highest / settings.lowest)))
     cap = None if settings.hardness is None else settings.hardness / settings.E_star
     steps = sweep(
@@ -147,12 +211,6 @@ def low_passed(h: Array, shape: tuple[int, int]) -> Array:
     ]
     kept = scipy.fft.ifftshift(waves[parts[0], parts[1]])
     return np.asarray(scipy.fft.ifft2(kept).real * (shape[0] * shape[1] / h.size))
-
-
-def _space(h: Array, size: Array, settings: LawSettings) -> HalfSpace:
-    """Half-space on the grid of the heights."""
-    pixel = float(size[0] / h.shape[0]), float(size[1] / h.shape[1])
-    return half_space(h.shape, pixel, settings.boundary)
 
 
 def _without_bulk(steps: list[Step], space: HalfSpace, settings: LawSettings) -> Array:

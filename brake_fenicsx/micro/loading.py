@@ -18,8 +18,9 @@ import numpy as np
 from brake_fenicsx.arguments import number, one_of, positive, real
 from brake_fenicsx.errors import NotConverged, SceneError, SurfaceError
 from brake_fenicsx.micro.active import AllPixels, HighPixels, Pixels, active_set
-from brake_fenicsx.micro.halfspace import Array, Boundary, HalfSpace, half_space
+from brake_fenicsx.micro.halfspace import Array, Boundary, HalfSpace, half_space_of
 from brake_fenicsx.micro.qp import State, certify, projected_cg
+from brake_fenicsx.surface.iso25178 import gradients
 
 Solver = Literal["auto", "active-set", "pcg"]
 
@@ -120,7 +121,7 @@ def solve_contact(
             "not defined; give 'load'"
         )
     pixel = lengths / np.array(h.shape)
-    space = half_space(h.shape, (float(pixel[0]), float(pixel[1])), boundary)
+    space = half_space_of(h, lengths, boundary)
     area = float(np.prod(pixel))
     total = None if load is None else load / (E_star * area)
     cap = _cap(hardness, E_star, load, area * h.size)
@@ -133,7 +134,7 @@ def solve_contact(
         state.p * E_star, state.w, state.d, found * E_star * area, found * E_star / h.size,
         float(np.mean(state.p > 0.0)), state.gap, _gap_residual(h, state), state.penetration,
         state.complementarity,
-        name, state.iterations, time.perf_counter() - began, rms_slope(h, pixel),
+        name, state.iterations, time.perf_counter() - began, gradients(h, pixel)[0],
         float(np.mean(plastic)), max(0.0, -float(state.w.min(initial=0.0, where=plastic))),
     )  # fmt: skip
 
@@ -194,12 +195,6 @@ def dense(size: int) -> int:
     A factor takes n^3 / 3 operations, a dozen conjugate directions a multiple of the pixels.
     """
     return round(10.0 * size ** (1.0 / 3.0))
-
-
-def rms_slope(h: Array, pixel: Array) -> float:
-    """Root-mean-square slope of the surface, from differences of neighbouring pixels [-]."""
-    squares = [float(np.mean((np.diff(h, axis=a) / pixel[a]) ** 2)) for a in (0, 1)]
-    return float(np.sqrt(sum(squares)))
 
 
 def _checked(heights: Array, size: Array | tuple[float, float]) -> tuple[Array, Array]:

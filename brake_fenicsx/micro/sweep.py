@@ -54,19 +54,6 @@ class Step:
     gap: float
 
 
-@dataclass(frozen=True, slots=True)
-class Reached:
-    """Where a sweep stands.
-
-    Attributes:
-        p: pressures over E* [-], shape (nx, ny).
-        unit: answer to a unit approach [1/m], shape (nx, ny).
-    """
-
-    p: Array
-    unit: Array
-
-
 def sweep(
     space: HalfSpace, h: Array, lowest: float, highest: float, fine: int, coarse: int,
     tolerance: float, hardness: float | None = None, stop: int | None = None,
@@ -112,9 +99,9 @@ def sweep(
 def _few_steps(
     space: HalfSpace, h: Array, lowest: float, highest: float, rates: tuple[int, int],
     tolerance: float, cap: float, most: int,
-) -> tuple[list[Step], Reached]:  # fmt: skip
+) -> tuple[list[Step], tuple[Array, Array]]:  # fmt: skip
     """Steps of equal ratio in the load with the active set, until more than ``most`` touch."""
-    order = np.argsort(-h, axis=None, kind="stable")
+    order = _highest_first(h)
     pixels = _highest(space, h, order, 64)
     found = Touching(np.array([0]), np.zeros(1), np.zeros(1), h, 0.0, 0, 0)
     found = _translate(pixels, order, found)
@@ -127,7 +114,7 @@ def _few_steps(
             found = _translate(pixels, order, found)
             solved = _by_active_set(pixels, total, found, cap, h.size)
         if solved is None:  # the pixels are all of them by now
-            last = _spread(pixels, found, h, order).p if steps else None
+            last = _spread(pixels, found, h, order)[0] if steps else None
             solved = _by_gradients(space, h, total, last, tolerance, cap)
         found = solved
         steps.append(_few_step(space, pixels, found, total, tolerance, cap))
@@ -146,6 +133,13 @@ def _closed(space: HalfSpace, step: Step) -> bool:
     """Whether a periodic surface is all but in full contact."""
     size = space.shape[0] * space.shape[1]
     return space.boundary == "periodic" and step.touching >= min(0.97 * size, size - 1)
+
+
+def _highest_first(h: Array) -> Index:
+    """Flat indices of the highest pixels, as many as have a dense influence and the next one."""
+    count = min(h.size, HIGHEST + 1)
+    top = np.sort(np.argpartition(h, h.size - count, axis=None)[h.size - count :])
+    return np.asarray(top[np.argsort(-h.ravel()[top], kind="stable")])
 
 
 def _highest(space: HalfSpace, h: Array, order: Index, count: int) -> Pixels:
@@ -205,21 +199,22 @@ def _few_step(
     return Step(solved.d, total, stiffness, vibration, solved.points.size, gap)
 
 
-def _spread(pixels: Pixels, found: Touching, h: Array, order: Index) -> Reached:
-    """Pressures and answer on the grid."""
+def _spread(pixels: Pixels, found: Touching, h: Array, order: Index) -> tuple[Array, Array]:
+    """Pressures over E* [-] and answer to a unit approach [1/m] on the grid, shape (nx, ny)."""
     where = order[found.points] if isinstance(pixels, HighPixels) else found.points
     p, unit = np.zeros(h.size), np.zeros(h.size)
     p[where], unit[where] = found.pressure, found.unit
-    return Reached(p.reshape(h.shape), unit.reshape(h.shape))
+    return p.reshape(h.shape), unit.reshape(h.shape)
 
 
 def _many_steps(
     space: HalfSpace, h: Array, highest: float, rates: tuple[int, int], tolerance: float,
-    last: Step, reached: Reached, cap: float, limit: int,
+    last: Step, reached: tuple[Array, Array], cap: float, limit: int,
 ) -> list[Step]:  # fmt: skip
     """Continue at given loads with conjugate gradients."""
     found: list[Step] = []
-    p, unit, whole = reached.p, reached.unit, reached.unit
+    p, unit = reached
+    whole = unit
     end = highest * (1.0 - 1e-9)
     while last.total < end and last.touching <= limit and not _closed(space, last):
         total = min(last.total * _ratio(rates, last.touching), highest)

@@ -9,8 +9,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .picture import SHAPE_COLOURS, trim
-from .render import LIGHT, in_a_row, mode_surface, open_plotter, pyvista, view_of
+from .render import (
+    LIGHT,
+    SHAPE_COLOURS,
+    in_a_row,
+    mode_surface,
+    open_plotter,
+    pyvista,
+    trim,
+    view_of,
+)
 
 PIXELS = (840, 560)
 MILLISECONDS = 90  # a frame is shown

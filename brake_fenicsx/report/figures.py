@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING
 from brake_fenicsx.results.run import RunData, read_run
 
 from .contact_figures import draw_contact_pressure
-from .correlation_figures import draw_correlations
 from .cycle_figures import draw_growth, draw_loudness
 from .driver_figures import draw_driver_maps, draw_drivers
 from .error_figures import draw_errors
 from .micro_figures import draw_contact_maps, draw_laws, laws_caption
-from .sensitivity_figures import draw_sensitivity
+from .sensitivity_figures import draw_correlations, draw_sensitivity
 from .squeal_figures import (
     draw_convergence,
     draw_counts,
@@ -59,8 +58,7 @@ PLOTS = (
     Plot(
         "figure5_statistics",
         "Height distribution, and radial power spectrum C(q) of the scan with its bi-fractal fit "
-        "(2 pi times the integral of q C is the variance). Where sub-windows and decimated scans "
-        "agree with the whole scan, its spectrum is reliable. Of several scans, thin lines are the "
+        "(2 pi times the integral of q C is the variance). Of several scans, thin lines are the "
         "scans and the thick line is their mean. Below: ratio of measured spectrum "
         "and fit, on a logarithmic scale.",
         draw_statistics,

@@ -47,12 +47,7 @@ def surface_arrays(stats: SurfaceStatistics, recipe: LawRecipe | None) -> dict[s
         out |= {"q": stats.psd.q, "C": stats.psd.C, "q_band": np.array(stats.psd.band)}
         heights = topos[0].heights if len(topos) == 1 else np.array([t.heights for t in topos])
         out |= {"heights": heights, "size": topos[0].size}
-        longest = max((o.q.size for o in stats.others), default=0)
-        for name in ("q", "C"):
-            rows = [np.pad(getattr(o, name), (0, longest - o.q.size), constant_values=np.nan)
-                    for o in stats.others]  # fmt: skip
-            out[f"sub_{name}"] = np.array(rows)
-        out["sub_name"] = np.array([o.label for o in stats.others])
+        out["scan_C"] = np.array([s.psd.C for s in stats.scans if s.psd is not None])
     if recipe is not None:
         from brake_fenicsx.surface import radial_psd
         from brake_fenicsx.surface.hdf import kernel_density

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import Family
 from brake_fenicsx.results.tables import Value, read_rows
-
-from .picture import heading_of
 
 SHAPES = "mode_shapes.csv"  # in figures/: what the pictures of modes show
 SHAPE_COLUMNS = (
@@ -172,3 +172,10 @@ def _damping_text(family: Family) -> str:
     if family.share.n == 1 or family.median == family.worst:
         return f"{family.median:.2g}"
     return f"median {family.median:.2g}, lowest {family.worst:.2g}"
+
+
+def heading_of(path: Path) -> str:
+    """The heading drawn in a picture, or the name of its file."""
+    pillow: Any = import_module("PIL.Image")  # comes with matplotlib
+    with pillow.open(path) as drawn:
+        return str(drawn.info.get("Title", path.stem.replace("_", " ")))

@@ -36,14 +36,6 @@ MOST_MAPS, MAPS_IN_A_ROW = 9, 3  # of several scans
 Q_LABEL, PSD_LABEL = "wave number $q$ [rad/m]", "radial PSD $C$ [m$^4$]"
 
 
-# What stands beside the spectrum, by the first word of its name.
-SUBSETS: dict[str, tuple[str, dict[str, Any]]] = {
-    "window": ("sub-windows", {"color": SKY}),
-    "scan": ("each scan", {"color": SKY}),
-    "every": ("decimated scans", {"color": ORANGE, "ls": "--"}),
-}
-
-
 def surface_statistics(surface: Arrays) -> dict[str, Any]:
     """Statistics of the scan (lengths in m) and parameters of its fit; may be empty."""
     if "stats" not in surface:
@@ -297,7 +289,7 @@ def _moments(stats: dict[str, Any]) -> str:
 
 def _draw_psd(axes: Axes, surface: Arrays) -> None:
     _draw_band(axes, surface)
-    _draw_subsets(axes, surface)
+    _draw_scans(axes, surface)
     if "q" in surface:
         positive = surface["C"] > 0
         scans = len(scan_heights(surface))
@@ -356,19 +348,11 @@ def _draw_band(axes: Axes, surface: Arrays) -> None:
         axes.axvspan(low, high, color="#eef4ea", lw=0, zorder=0, label=text)
 
 
-def _draw_subsets(axes: Axes, surface: Arrays) -> None:
-    """PSDs of sub-windows or of each scan (sky blue), and of decimated scans (orange)."""
-    if "sub_q" not in surface:
-        return
-    names = [str(name) for name in np.atleast_1d(surface.get("sub_name", np.array([])))]
-    labelled = set()
-    for j, (q, c) in enumerate(zip(surface["sub_q"], surface["sub_C"], strict=True)):
-        kind = names[j].partition(" ")[0] if j < len(names) else "window"
-        text, style = SUBSETS.get(kind, SUBSETS["every"])
-        good = np.isfinite(q) & np.isfinite(c) & (c > 0)
-        label = None if text in labelled else text
-        labelled.add(text)
-        axes.loglog(q[good], c[good], lw=0.8, label=label, **style)
+def _draw_scans(axes: Axes, surface: Arrays) -> None:
+    """PSD of each of several scans."""
+    for number, C in enumerate(surface.get("scan_C", ())):
+        label = None if number else "each scan"
+        axes.loglog(surface["q"][C > 0], C[C > 0], lw=0.8, color=SKY, label=label)
 
 
 def _draw_residual(axes: Axes, surface: Arrays) -> None:

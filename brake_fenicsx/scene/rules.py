@@ -21,7 +21,7 @@ from brake_fenicsx.scene.tables import shown
 from brake_fenicsx.scene.units import with_unit
 
 if TYPE_CHECKING:
-    from brake_fenicsx.scene.sections import Contact, Scene
+    from brake_fenicsx.scene.sections import Contact, LimitCycle, Scene
 
 # Stages that build on another one.
 PREDECESSORS = (
@@ -66,6 +66,8 @@ def check_consistent(s: Scene) -> None:
         check_scalar(s, f'sweep.parameters."{name}"', name)
     check_sweep(s)
     _check_approaches(s)
+    if s.limit_cycle:
+        _check_limit_cycle(s, s.limit_cycle)
 
 
 def _check_stages(s: Scene) -> None:
@@ -131,6 +133,16 @@ def _check_stages(s: Scene) -> None:
     if s.stability and not s.stability.zeta_max < ZETA_LIMIT:
         raise SceneError(
             f"stability.zeta_max = {s.stability.zeta_max:g}: must lie below {ZETA_LIMIT:g}"
+        )
+
+
+def _check_limit_cycle(s: Scene, table: LimitCycle) -> None:
+    if s.stability is None or s.stability.method != "reduced":
+        raise SceneError('limit_cycle: needs [stability] with method = "reduced"')
+    if table.points <= 2 * table.harmonics:
+        raise SceneError(
+            f"limit_cycle.points = {table.points}: more than twice limit_cycle.harmonics ="
+            f" {table.harmonics} are needed; 6 times as many or more see patches open"
         )
 
 

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 
 from brake_fenicsx.errors import InaccurateResult
 
-from .eigensolvers.regions import damped_region
+from .eigensolvers.argument_principle import damped_region
 from .eigensolvers.symmetric import SHIFT, count_below
 from .full.problem import Problem
 from .modes import Complex

@@ -30,8 +30,7 @@ from brake_fenicsx.scene.damping import (
     turning_parts,
 )
 
-from .damping import loss_factor, rayleigh, sliding_damping, velocity_slope
-from .gyroscopic import gyroscopic
+from .damping import gyroscopic, loss_factor, rayleigh, sliding_damping, velocity_slope
 
 Array = NDArray[np.float64]
 

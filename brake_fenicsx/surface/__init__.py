@@ -15,20 +15,7 @@ from brake_fenicsx.surface.synthesis import SynthesisRecord, synthesise
 from brake_fenicsx.surface.topography import Topography, make_topography
 
 __all__ = [
-    "BiFractal",
-    "HeightDistribution",
-    "RadialPsd",
-    "SurfaceStatistics",
-    "SynthesisRecord",
-    "Topography",
-    "averaged",
-    "characterise",
-    "fit_bifractal",
-    "given_statistics",
-    "make_topography",
-    "match_moments",
-    "radial_psd",
-    "read_topography",
-    "resampled",
-    "synthesise",
-]
+    "BiFractal", "HeightDistribution", "RadialPsd", "SurfaceStatistics", "SynthesisRecord",
+    "Topography", "averaged", "characterise", "fit_bifractal", "given_statistics",
+    "make_topography", "match_moments", "radial_psd", "read_topography", "resampled", "synthesise",
+]  # fmt: skip

@@ -16,7 +16,7 @@ import scipy.fft
 from numpy.typing import NDArray
 
 from brake_fenicsx.arguments import number
-from brake_fenicsx.surface.topography import Array, Scans, Topography, fill, first, form
+from brake_fenicsx.surface.topography import Array, Scans, Topography, fill, first
 
 Density = Callable[[Array], Array]
 
@@ -30,14 +30,12 @@ class RadialPsd:
         C: mean density of each ring [m^4], shape (n,).
         scatter: relative variance of each ring's mean [-], shape (n,).
         band: reliable wave numbers (lo, hi) [rad/m].
-        label: what it was taken from.
     """
 
     q: Array
     C: Array
     scatter: Array
     band: tuple[float, float]
-    label: str = "scan"
 
     @property
     def reliable(self) -> NDArray[np.bool_]:
@@ -85,9 +83,7 @@ def psd_2d(topo: Scans) -> Array:
     return np.asarray(np.abs(h_q) ** 2 * np.prod(topo.size) / (4.0 * np.pi**2))
 
 
-def radial_psd(
-    topo: Scans, cutoff: float | None = None, rings: int = 12, label: str = "scan"
-) -> RadialPsd:
+def radial_psd(topo: Scans, cutoff: float | None = None, rings: int = 12) -> RadialPsd:
     """Radial mean of the PSD with its reliable band.
 
     Args:
@@ -95,7 +91,6 @@ def radial_psd(
         cutoff: shortest wave length the instrument resolves [m]; two pixels if not given.
         rings: rings per factor e of the wave number where the grid is fine enough; ring edges
             stand at least one grid step apart.
-        label: name for figures.
 
     Returns:
         The PSD. Its reliable band runs from the scan length (from twice its wave number for a
@@ -110,15 +105,13 @@ def radial_psd(
     weights = np.broadcast_to(half_plane_weights(topo.shape), C.shape)
     step, nyquist = 2.0 * np.pi / topo.size.min(), np.pi / topo.pixel.max()
     lo = (0.99 if topo.periodic else 2.0) * step
-    hi = (
-        nyquist
-        if cutoff is None
-        else min(nyquist, 2.0 * np.pi / number("cutoff", cutoff, least=0.0))
-    )
+    if cutoff is None:
+        cutoff = float(2.0 * topo.pixel.max())
+    hi = min(nyquist, 2.0 * np.pi / number("cutoff", cutoff, least=0.0))
     floor = 0.0 if topo.periodic else 10.0 * _noise(C, q, weights, nyquist)
     below = (mean_C < floor) & (mean_q > 2.0 * lo)
     hi = min(hi, float(mean_q[below][0])) if below.any() else hi
-    return RadialPsd(mean_q, mean_C, scatter, (lo, hi), label)
+    return RadialPsd(mean_q, mean_C, scatter, (lo, hi))
 
 
 def radial_mean(C: Array, topo: Topography, rings: int = 12) -> tuple[Array, Array, Array]:
@@ -237,43 +230,3 @@ def anisotropy(topo: Scans, band: tuple[float, float]) -> tuple[float, float]:
     angle = np.arctan2(np.broadcast_to(qy, C.shape), np.broadcast_to(qx, C.shape))[inside]
     harmonic = np.average(relative * np.exp(2j * angle), weights=weights)
     return float(abs(harmonic)), float(np.angle(harmonic) / 2.0)
-
-
-def sub_psds(topo: Topography, cutoff: float | None = None) -> tuple[RadialPsd, ...]:
-    """Radial PSDs of five half-length windows and of the scan decimated by 2 and by 4.
-
-    They show what of the PSD belongs to the surface and what to the scan (the paper's Fig. 5b).
-    """
-    found = []
-    nx, ny = topo.shape
-    half = (nx // 2, ny // 2)
-    if min(half) >= 16:
-        corners = ((0, 0), (0, ny - half[1]), (nx - half[0], 0), (nx - half[0], ny - half[1]))
-        for k, (i, j) in enumerate((*corners, (nx // 4, ny // 4))):
-            heights = topo.heights[i : i + half[0], j : j + half[1]]
-            if np.isfinite(heights).mean() < 0.5:
-                continue
-            part = Topography(heights, topo.pixel * half)
-            part = Topography(heights - form(part, "plane"), part.size)
-            found.append(radial_psd(part, cutoff, label=f"window {k + 1}"))
-    filled = fill(topo.heights)
-    for step in (2, 4):
-        if min(nx, ny) // step >= 16:
-            heights = filled[::step, ::step]
-            size = topo.pixel * step * heights.shape
-            found.append(radial_psd(Topography(heights, size), cutoff, label=f"every {step}th"))
-    return tuple(found)
-
-
-def psd_spread(psd: RadialPsd, others: tuple[RadialPsd, ...]) -> float:
-    """Root-mean-square of ln(C_other / C) over the wave numbers reliable in both [-]."""
-    use = psd.reliable
-    if use.sum() < 2:
-        return float("nan")
-    defects = []
-    for other in others:
-        inside = other.reliable & (other.q >= psd.q[use][0]) & (other.q <= psd.q[use][-1])
-        own = np.interp(np.log(other.q[inside]), np.log(psd.q[use]), np.log(psd.C[use]))
-        defects.append(np.log(other.C[inside]) - own)
-    joined = np.concatenate(defects) if defects else np.zeros(0)
-    return float(np.sqrt(np.mean(joined**2))) if joined.size else float("nan")

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from brake_fenicsx.arguments import one_of
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.surface.hdf import HeightDistribution, matched, measured, moments, pooled
-from brake_fenicsx.surface.psd import RadialPsd, anisotropy, psd_spread, radial_psd, sub_psds
+from brake_fenicsx.surface.psd import RadialPsd, anisotropy, radial_psd
 from brake_fenicsx.surface.spectrum import BiFractal, fit_bifractal, spectrum_of
 from brake_fenicsx.surface.topography import Array, Topography, form, outliers
 
@@ -38,8 +39,6 @@ class SurfaceStatistics:
         bifractal: broken power law of the PSD.
         spectrum: what artificial surfaces are made from: that, or the measured one.
         psd: radial PSD of the scan, or the mean of several.
-        others: radial PSDs of sub-windows and of the decimated scan, or of each scan.
-        spread: rms of ln(C_other / C) between these and ``psd`` [-].
         anisotropy: second angular harmonic of the PSD, 0 for an isotropic surface [-].
         direction: angle of the strongest waves from the x axis [rad].
         topography: levelled heights, zero mean, outliers and missing points nan; None for several
@@ -61,8 +60,6 @@ class SurfaceStatistics:
     bifractal: BiFractal
     spectrum: BiFractal
     psd: RadialPsd | None = None
-    others: tuple[RadialPsd, ...] = ()
-    spread: float = np.nan
     anisotropy: float = np.nan
     direction: float = np.nan
     topography: Topography | None = None
@@ -169,16 +166,11 @@ def characterise(
     if S_q <= 1e-12 * max(float(np.nanmax(np.abs(topo.heights))), 1e-300):
         raise SurfaceError(f"{topo.source}: the scan is flat; a rough surface is needed here")
     missing = int(topo.heights.size - topo.valid.sum())
-    psd = radial_psd(levelled, cutoff)
-    others = sub_psds(levelled, cutoff)
-    strength, direction = anisotropy(levelled, psd.band)
-    fit = fit_bifractal(psd)
     bow = 0.0 if topo.periodic else float(np.nanvar(form(levelled, "second-order")) / S_q**2)
     return SurfaceStatistics(
-        zero, zero + float(np.median(h)) - mean, S_q, S_sk, S_ku, _moment_errors(levelled),
-        _distribution([levelled.heights], distribution, (S_q, S_sk, S_ku)),
-        fit, spectrum_of(levelled, psd, fit, spectrum), psd, others, psd_spread(psd, others),
-        strength, direction, levelled, level, missing, marked, bow,
+        mean=zero, median=zero + float(np.median(h)) - mean, errors=_moment_errors(levelled),
+        **_described([levelled], (S_q, S_sk, S_ku), cutoff, distribution, spectrum),
+        topography=levelled, level=level, missing=missing, outliers=marked, curvature=bow,
     )  # fmt: skip
 
 
@@ -203,24 +195,32 @@ def averaged(
         return scans[0]
     topos = [t for scan in scans for t in scan.topographies]
     heights = [t.heights for t in topos]
-    _, S_q, S_sk, S_ku = moments(pooled(heights))
-    psd = radial_psd(topos, cutoff, label=f"mean of {len(topos)} scans")
-    others = tuple(
-        replace(scan.psd, label=f"scan {k}")
-        for k, scan in enumerate(scans, 1) if scan.psd is not None
-    )  # fmt: skip
     each = np.array([(s.mean, s.S_q, s.S_sk, s.S_ku, s.median) for s in scans])
-    errors = each.std(axis=0, ddof=1) / np.sqrt(len(scans))
-    strength, direction = anisotropy(topos, psd.band)
-    fit = fit_bifractal(psd)
+    errors = each[:, :4].std(axis=0, ddof=1) / np.sqrt(len(scans))
     return SurfaceStatistics(
-        float(each[:, 0].mean()), float(each[:, 4].mean()), S_q, S_sk, S_ku,
-        (float(errors[0]), float(errors[1]), float(errors[2]), float(errors[3])),
-        _distribution(heights, distribution, (S_q, S_sk, S_ku)),
-        fit, spectrum_of(topos, psd, fit, spectrum), psd, others, psd_spread(psd, others),
-        strength, direction, None, scans[0].level, sum(s.missing for s in scans),
-        sum(s.outliers for s in scans), max(s.curvature for s in scans), tuple(scans),
+        mean=float(each[:, 0].mean()), median=float(each[:, 4].mean()), errors=_four(errors),
+        **_described(topos, moments(pooled(heights))[1:], cutoff, distribution, spectrum),
+        level=scans[0].level, missing=sum(s.missing for s in scans),
+        outliers=sum(s.outliers for s in scans), curvature=max(s.curvature for s in scans),
+        scans=tuple(scans),
     )  # fmt: skip
+
+
+def _described(
+    scans: Sequence[Topography], moments: tuple[float, float, float], cutoff: float | None,
+    distribution: str, spectrum: str,
+) -> dict[str, Any]:  # fmt: skip
+    """Moments, distribution and spectra of levelled scans of one surface, by their names."""
+    one_of("distribution", distribution, DISTRIBUTIONS)
+    heights, psd = [t.heights for t in scans], radial_psd(scans, cutoff)
+    hdf = measured(heights) if distribution == "measured" else matched(*moments, distribution)
+    fit = fit_bifractal(psd)
+    strength, direction = anisotropy(scans, psd.band)
+    return {
+        **dict(zip(("S_q", "S_sk", "S_ku"), moments, strict=True)), "hdf": hdf, "psd": psd,
+        "bifractal": fit, "spectrum": spectrum_of(scans, psd, fit, spectrum),
+        "anisotropy": strength, "direction": direction,
+    }  # fmt: skip
 
 
 def given_statistics(
@@ -260,8 +260,7 @@ def given_statistics(
         raise SurfaceError(f"c1 = {c1}, c2 = {c2}: slopes of a rough surface are negative")
     unit = BiFractal(c1, c2, q_c, 1.0, band)
     bifractal = BiFractal(c1, c2, q_c, S_q**2 / unit.variance(*band), band)
-    nan = float("nan")
-    errors = (nan, nan, nan, nan)
+    errors = _four(np.full(4, np.nan))
     return SurfaceStatistics(mean, mean, S_q, S_sk, S_ku, errors, hdf, bifractal, bifractal)
 
 
@@ -281,14 +280,6 @@ def worst_octave(psd: RadialPsd, fit: BiFractal) -> tuple[float, float]:
     return float(2.0 * np.pi / middle), float(other[worst] / own[worst])
 
 
-def _distribution(
-    scans: Sequence[Array], distribution: str, of: tuple[float, float, float]
-) -> HeightDistribution:
-    """Distribution of the heights of scans [m], or of their (S_q, S_sk, S_ku)."""
-    one_of("distribution", distribution, DISTRIBUTIONS)
-    return measured(scans) if distribution == "measured" else matched(*of, distribution)
-
-
 def _clean(topo: Topography, level: str, rule: str, threshold: float) -> tuple[Topography, int]:
     """Levelled heights without outliers, zero mean, and the number of outliers."""
     heights = topo.heights - form(topo, level)
@@ -304,8 +295,7 @@ def _clean(topo: Topography, level: str, rule: str, threshold: float) -> tuple[T
 def _moment_errors(topo: Topography, blocks: int = 4) -> tuple[float, float, float, float]:
     """Standard errors of the moments by leaving out one of blocks x blocks tiles at a time."""
     if min(topo.shape) < 4 * blocks:
-        nan = float("nan")
-        return nan, nan, nan, nan
+        return _four(np.full(4, np.nan))
     tile = np.add.outer(
         np.arange(topo.shape[0]) * blocks // topo.shape[0] * blocks,
         np.arange(topo.shape[1]) * blocks // topo.shape[1],
@@ -314,4 +304,9 @@ def _moment_errors(topo: Topography, blocks: int = 4) -> tuple[float, float, flo
     values = np.array([moments(h[tile != k]) for k in np.unique(tile)])
     n = len(values)
     spread = np.sqrt((n - 1) / n * np.sum((values - values.mean(axis=0)) ** 2, axis=0))
-    return float(spread[0]), float(spread[1]), float(spread[2]), float(spread[3])
+    return _four(spread)
+
+
+def _four(values: Array) -> tuple[float, float, float, float]:
+    mean, S_q, S_sk, S_ku = (float(v) for v in values)
+    return mean, S_q, S_sk, S_ku

@@ -11,7 +11,7 @@ chapter II).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,8 +19,11 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.results.families import mac
 from brake_fenicsx.stability.modes import Complex, Modes
+from brake_fenicsx.uncertainty.study import Study
 
 Array = NDArray[np.float64]
+# Equilibria that are kept as starts.
+KEPT = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,3 +123,37 @@ def group_likeness(a: State, group: Sequence[int], b: State, theirs: Sequence[in
     except np.linalg.LinAlgError:
         return 0.0
     return float(np.trace(first @ second).real / len(group))
+
+
+class Points:
+    """Modes of a sample over one scalar of the scene; see ``branches.Solve``."""
+
+    def __init__(
+        self,
+        study: Study,
+        task: tuple[str, int],
+        key: str,
+        fixed: Mapping[str, float] | None = None,
+    ):
+        """Choose the sample.
+
+        Args:
+            study: the samples of the scene, prepared.
+            task: approach and number of the sample.
+            key: dotted key of the scalar.
+            fixed: values of further scalars, SI.
+        """
+        self._study, self._task, self._key = study, task, key
+        self._fixed = dict(fixed or {})
+        self._gaps: dict[float, Array] = {}
+
+    def __call__(self, x: float) -> State:
+        """The modes at a value of the scalar, SI."""
+        start = None
+        if self._gaps:
+            start = self._gaps[min(self._gaps, key=lambda known: abs(known - x))]
+        eq, modes = self._study.solved(self._task, {**self._fixed, self._key: x}, start)
+        self._gaps[x] = eq.g
+        if len(self._gaps) > KEPT:
+            self._gaps.pop(next(iter(self._gaps)))
+        return State.of(x, modes, eq.k_vibration)

@@ -28,8 +28,7 @@ from brake_fenicsx.uncertainty.study import Study
 from .branches import CUT, FIRST, Followed, follow
 from .events import find_events
 from .line import Line, line_arrays
-from .points import Points
-from .state import State
+from .state import Points, State
 
 # Accuracy of an event relative to the range: of the scene's own brake, and of a sample.
 FINE, COARSE = 1e-4, 2.5e-3

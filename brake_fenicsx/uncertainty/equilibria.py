@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.macro.condensation import compliance, reference_factor
-from brake_fenicsx.macro.corrected import Bodies, corrected_equilibrium
 from brake_fenicsx.macro.equilibrium import (
     Equilibrium,
     displacement,
     equilibrium,
     limit_of_friction,
 )
+from brake_fenicsx.macro.equilibrium_change import Bodies, corrected_equilibrium
 
 from .models import Models
 

@@ -22,8 +22,7 @@ from brake_fenicsx.folder.log import logger
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.samples import is_constant, split_key
 
-from .designs import RIGID, design_points, design_size
-from .distributions import quantile
+from .designs import RIGID, design_points, design_size, quantile
 
 Array = NDArray[np.float64]
 Value = TypeVar("Value")
@@ -108,7 +107,7 @@ def nominal_value(scene: Scene, name: str) -> float:
     """Value of a scalar in the scene, SI."""
     section, table, last = split_key(name)
     if is_constant(name):
-        from brake_fenicsx.macro.material_sample import constants
+        from brake_fenicsx.macro.material_table import constants
 
         return constants(scene.materials[table])[last]
     if name == "motion.speed":
@@ -171,7 +170,7 @@ def _stiffnesses(scene: Scene, groups: Mapping[str, Mapping[str, float]]) -> dic
     if not groups:
         return {}
     from brake_fenicsx.macro.material import Material
-    from brake_fenicsx.macro.material_sample import varied_stiffness
+    from brake_fenicsx.macro.material_table import varied_stiffness
 
     found = {}
     for material, values in groups.items():

@@ -15,9 +15,8 @@ from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.material_table import layer_material, layer_materials, scene_materials
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.damping import turning_parts
-from brake_fenicsx.stability.damping_slopes import RAYLEIGH, stiffness_share
+from brake_fenicsx.stability.damping import RAYLEIGH, gyroscopic, stiffness_share
 from brake_fenicsx.stability.derivatives import bilinear
-from brake_fenicsx.stability.gyroscopic import gyroscopic
 from brake_fenicsx.stability.modes import Complex
 
 from .inputs import nominal_value

@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
 from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.log import Progress, logger
-from brake_fenicsx.folder.memory import release_memory
-from brake_fenicsx.folder.processes import on_first
+from brake_fenicsx.folder.processes import on_first, release_memory
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.brake import Brake
 from brake_fenicsx.macro.condensation import Compliance, Solves, compliance
@@ -307,7 +306,7 @@ class Models:
         }
 
     def _reduced_model(self, damped: bool, changing: bool, file: str) -> ReducedModel:
-        from brake_fenicsx.stability.modal_damping import with_modal_damping
+        from brake_fenicsx.stability.damping import with_modal_damping
         from brake_fenicsx.stability.substructures import ReducedModel, split_substructures
 
         stability, brake = self.stability, self.brake

@@ -21,14 +21,19 @@ from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.macro.brake import Brake
 from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.material import rotate_about_z
-from brake_fenicsx.macro.material_sample import constants, varied_stiffness
-from brake_fenicsx.macro.material_table import STIFFNESSES, layer_material, stiffness
+from brake_fenicsx.macro.material_table import (
+    STIFFNESSES,
+    constants,
+    layer_material,
+    stiffness,
+    varied_stiffness,
+)
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.samples import is_constant, split_key
 from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.scene.sweep import Range
 
-from .distributions import quantile
+from .designs import quantile
 from .inputs import by_material, nominal_value
 
 Array = NDArray[np.float64]
@@ -186,7 +191,7 @@ class RandomMaterials:
 
     def _damping_coefficients(self, a: Array, values: Mapping[str, float]) -> Array:
         """Those of the damping: its share of each change of stiffness, and its own scalars."""
-        from brake_fenicsx.stability.damping_slopes import stiffness_share
+        from brake_fenicsx.stability.damping import stiffness_share
 
         shares = [stiffness_share(self.scene, material, values) for material, _ in self.changes]
         own = [values.get(n, nominal_value(self.scene, n)) for n in self.slopes]
@@ -225,7 +230,7 @@ def assemble_random(scene: Scene, brake: Brake) -> RandomMaterials:
             last.indices, last.indptr = first.indices, first.indptr
     box, slopes = Box(scene), {}
     if names := [n for n in box.names if not is_constant(n)]:
-        from brake_fenicsx.stability.damping_slopes import damping_slopes
+        from brake_fenicsx.stability.damping import damping_slopes
 
         slopes = damping_slopes(scene, brake, names)
     return RandomMaterials(

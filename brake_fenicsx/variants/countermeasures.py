@@ -37,12 +37,10 @@ from brake_fenicsx.scene.sweep import ROUGH
 from brake_fenicsx.scene.units import quantity_text
 from brake_fenicsx.uncertainty.inputs import law_material, scaled_interfaces
 
-from .compare import write_comparison
-from .comparison import compare_runs
+from .comparison import compare_runs, write_comparison
 from .page import Line, Row, page_of_changes, picture_of, with_interval
 from .runs import Runs
-from .smallest_change import MOST, Change, enough, smallest_change
-from .trial import Trial, Worst, worst_family
+from .trial import MOST, Change, Trial, Worst, enough, smallest_change, worst_family
 
 # Values tried from the scene's one outward, and accuracy of the smallest change relative to the
 # whole range: on one prepared brake, and where each value needs a brake of its own.

@@ -22,7 +22,7 @@ from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.material import Material, isotropic
 from brake_fenicsx.scene import MeshTable
 from brake_fenicsx.stability import complex_modes
-from brake_fenicsx.stability.gyroscopic import gyroscopic
+from brake_fenicsx.stability.damping import gyroscopic
 
 IRON = Material(isotropic(125e9, 0.24), 7200.0)
 shape = disc.Disc(radius=0.144, bore=0.075, thickness=2e-3, size=14e-3)

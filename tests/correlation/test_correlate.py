@@ -12,8 +12,8 @@ from scipy.optimize import brentq
 
 from brake_fenicsx.cli import main
 from brake_fenicsx.correlation.measured import read_modes
-from brake_fenicsx.correlation.pairing import paired
 from brake_fenicsx.correlation.part_modes import part_modes, shapes_at
+from brake_fenicsx.correlation.study import paired
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.results.families import mac
 from brake_fenicsx.results.tables import read_columns

@@ -7,7 +7,7 @@ import pytest
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.results.tables import read_rows
 from brake_fenicsx.variants import countermeasures as module
-from brake_fenicsx.variants.smallest_change import smallest_change
+from brake_fenicsx.variants.trial import smallest_change
 from coarse_block import BLOCK, FRICTION, HEIGHT, ROUGH, levers
 
 pytestmark = [pytest.mark.hard, pytest.mark.alone]

@@ -37,9 +37,6 @@ class ManyLinear:
     def vibration(self, index, d):
         return self.loading(index, d)[1], np.zeros(np.shape(index))
 
-    def energy(self, index, d):
-        return 0.5 * self.k[index] * np.maximum(-d, 0) ** 2
-
 
 def operators(scene):
     return SimpleNamespace(N=scene.N, T=scene.T, w=scene.w, g0=scene.g0,

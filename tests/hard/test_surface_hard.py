@@ -192,7 +192,7 @@ def test_sizes_rounded_by_a_file_are_the_same_pixels(tmp_path):
     }
     found = read_surface(read_scene(scene_of(tmp_path, '["a.npz", "b.npz"]', files)))
     assert all(np.array_equal(t.size, first.size) for t in found.topographies)
-    assert np.array_equal(found.others[0].q, found.others[1].q)
+    assert np.array_equal(found.scans[0].psd.q, found.scans[1].psd.q)
 
 
 def test_one_of_two_scans_is_mostly_missing(tmp_path):

@@ -17,8 +17,7 @@ from scipy.sparse.linalg import eigsh
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.brake import assemble_brake, check_brake
 from brake_fenicsx.macro.matrix_files import read_matrix
-from brake_fenicsx.macro.superelement import read_superelement
-from brake_fenicsx.macro.superelement_doubts import doubts
+from brake_fenicsx.macro.superelement import doubts, read_superelement
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.results.tables import read_columns
 from brake_fenicsx.scene import read_scene

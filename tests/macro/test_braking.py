@@ -39,16 +39,6 @@ def test_displacement_solves_the_full_system(ops, law, mu):
     assert p == pytest.approx(eq.p, rel=1e-6, abs=1e-3)
 
 
-def test_both_solvers_give_one_result(ops):
-    law, g_cr = exponential_law(10e6, 10e-6), np.linspace(-2e-6, 2e-6, len(ops.w))
-    one = equilibrium(ops, law, g_cr, 0.4)
-    two = equilibrium(ops, law, g_cr, 0.4, solver="sparse")
-    np.testing.assert_allclose(two.p, one.p, rtol=1e-9)
-    np.testing.assert_allclose(two.u, one.u, atol=1e-9 * np.abs(one.u).max())
-    with pytest.raises(SceneError, match=r"solver = 'dense'"):
-        equilibrium(ops, law, g_cr, 0.4, solver="dense")
-
-
 def test_list_library_and_single_law_agree(ops):
     law, n = exponential_law(10e6, 10e-6), len(ops.w)
     one = equilibrium(ops, law, 0.0, 0.3)

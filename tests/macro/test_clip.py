@@ -7,14 +7,14 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial import ConvexHull, QhullError
 
-from brake_fenicsx.macro.clip import (
+from brake_fenicsx.macro.faces import FacetElement
+from brake_fenicsx.macro.overlap import (
     barycentric,
     bilinear,
     clip_triangles,
     polygon_triangles,
     triangle_quadrature,
 )
-from brake_fenicsx.macro.facet import FacetElement
 
 pytestmark = pytest.mark.alone
 

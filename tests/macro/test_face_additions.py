@@ -14,7 +14,7 @@ from scipy.sparse.linalg import spsolve
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.brake import assemble_brake, check_brake
 from brake_fenicsx.macro.elasticity import FaceAddition, assemble_elastic
-from brake_fenicsx.macro.face_additions import added_to_face
+from brake_fenicsx.macro.joints import added_to_face
 from brake_fenicsx.macro.material import Material, isotropic
 from brake_fenicsx.macro.mesh import Mesh
 from brake_fenicsx.scene import read_scene

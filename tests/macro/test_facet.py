@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from brake_fenicsx.macro.facet import FacetElement
+from brake_fenicsx.macro.faces import FacetElement
 
 pytestmark = pytest.mark.alone
 

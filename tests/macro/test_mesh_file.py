@@ -13,7 +13,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.mesh import check_cells, tagged_mesh
 from brake_fenicsx.macro.meshing.abaqus import read_abaqus
 from brake_fenicsx.macro.meshing.groups import mesh_of_file
-from brake_fenicsx.macro.meshing.nastran import unread_cards
+from brake_fenicsx.macro.meshing.meshfile import unread_cards
 from brake_fenicsx.macro.meshing.quality import orientation
 from brake_fenicsx.scene.mesh import MeshTable
 

@@ -8,8 +8,8 @@ import pytest
 from brake_fenicsx.errors import NotConverged, Separated
 from brake_fenicsx.macro import EnrichedGap, displacement
 from brake_fenicsx.macro.equilibrium import Jacobian, equilibrium
-from brake_fenicsx.macro.sparse import sparse_equilibrium
 from brake_fenicsx.micro import OneLaw, exponential_law, linear_law
+from sparse_equilibrium import sparse_equilibrium
 
 
 def operators(scene, load=1.0):

@@ -25,7 +25,7 @@ from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.macro.tie import tied_faces
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.mesh import MeshTable
-from brake_fenicsx.stability.substructures.placed import originals_and_images
+from brake_fenicsx.stability.substructures.component import originals_and_images
 from brake_fenicsx.stability.substructures.substructure import split_substructures
 from brake_fenicsx.uncertainty.shapes import body_centres
 

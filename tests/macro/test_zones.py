@@ -11,7 +11,7 @@ import pytest
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.braking import equilibrium
-from brake_fenicsx.macro.zones import in_zone
+from brake_fenicsx.macro.contact import in_zone
 from brake_fenicsx.micro import linear_law
 from brake_fenicsx.pipeline import assemble, run
 from brake_fenicsx.scene import read_scene

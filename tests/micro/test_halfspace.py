@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.integrate import dblquad
 
-from brake_fenicsx.micro import halfspace
 from brake_fenicsx.micro.halfspace import HalfSpace, half_space, love
 
 
@@ -46,22 +45,6 @@ def test_free_operator_is_the_direct_sum():
     np.testing.assert_allclose(space.apply(p), u, rtol=1e-12)
     every = np.arange(p.size)
     np.testing.assert_allclose(space.block(every, every) @ p.ravel(), u.ravel(), rtol=1e-11)
-
-
-@pytest.mark.parametrize("boundary", ["free", "periodic"])
-@pytest.mark.parametrize("shape", [(16, 16), (9, 14), (13, 11)])
-def test_both_transforms_agree(monkeypatch, boundary, shape):
-    """SciPy's transforms, used where pyfftw is absent, give the same displacements."""
-    pytest.importorskip("pyfftw")
-    rng = np.random.default_rng(1)
-    p, pixel = rng.random(shape), np.array([1e-3, 1e-3])
-    fast = HalfSpace(shape, pixel, boundary)
-    monkeypatch.setattr(halfspace, "pyfftw", None)
-    plain = HalfSpace(shape, pixel, boundary)
-    scale = np.abs(plain.apply(p)).max()
-    np.testing.assert_allclose(fast.apply(p), plain.apply(p), atol=1e-14 * scale)
-    scale = np.abs(plain.precondition(p)).max()
-    np.testing.assert_allclose(fast.precondition(p), plain.precondition(p), atol=1e-14 * scale)
 
 
 @pytest.mark.parametrize("boundary", ["free", "periodic"])

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.integrate import quad
 
 from brake_fenicsx.errors import SceneError, SurfaceError
 from brake_fenicsx.micro import (
@@ -127,20 +126,6 @@ def test_pressure_and_stiffness_are_continuous(law):
     assert law.stiffness(law.first_touch - 1e-15) < 1e-6 * k[0]
 
 
-def test_energy_is_the_integral_of_pressure_to_1e_12(law):
-    """Against adaptive quadrature between the steps, in the foot and beyond the end."""
-    d = law.steps[0]
-    for a, b in ((d[0], law.first_touch), (d[-1] - 1e-5, d[-1])):
-        found, _ = quad(law.pressure, a, b, epsabs=0.0, epsrel=1e-13)
-        assert law.energy(a) - law.energy(b) == pytest.approx(found, rel=1e-12)
-    for i in (0, 40, 100, len(d) - 3, len(d) - 2):
-        a, b = d[i + 1] + 0.3 * (d[i] - d[i + 1]), d[i]
-        found, _ = quad(law.pressure, a, b, epsabs=0.0, epsrel=1e-13)
-        # The difference of two energies carries the rounding of the larger one.
-        room = 1e-12 * found + 4e-16 * law.energy(a)
-        assert abs(law.energy(a) - law.energy(b) - found) < room
-
-
 def random_steps(rng, n):
     """Steps of a monotone law with slopes that need not fit the chords."""
     d = np.cumsum(-rng.exponential(1e-6, n)) + 1e-4
@@ -156,8 +141,8 @@ def test_any_law_is_monotone_and_its_derivatives_fit(seed, n):
     d = law.steps[0]
     span = law.first_touch - d[-1] + 1e-6
     x = np.sort(rng.uniform(d[-1] - 0.2 * span, law.first_touch + 0.1 * span, 300))
-    p, k, e = law.pressure(x), law.stiffness(x), law.energy(x)
-    assert np.all(np.diff(p) <= 0.0) and np.all(k >= 0.0) and np.all(np.diff(e) <= 0.0)
+    p, k = law.pressure(x), law.stiffness(x)
+    assert np.all(np.diff(p) <= 0.0) and np.all(k >= 0.0)
     # Central differences, away from steps where the second derivative jumps.
     h = 1e-5 * span / n
     corner = np.concatenate([d, [law.first_touch]])
@@ -167,8 +152,6 @@ def test_any_law_is_monotone_and_its_derivatives_fit(seed, n):
     far &= np.diff(np.r_[-np.inf, order, np.inf])[np.searchsorted(order, x)] > 1e3 * h
     slope = (law.pressure(x[far] - h) - law.pressure(x[far] + h)) / (2 * h)
     np.testing.assert_allclose(slope, k[far], rtol=1e-3, atol=1e-5 * k.max())
-    push = (law.energy(x[far] - h) - law.energy(x[far] + h)) / (2 * h)
-    np.testing.assert_allclose(push, p[far], rtol=1e-3, atol=1e-6 * p.max())
 
 
 def test_library_is_its_laws():
@@ -178,7 +161,7 @@ def test_library_is_its_laws():
     index = rng.integers(0, 4, 200)
     d = rng.uniform(laws.d.min() - 1e-6, laws.first_touch(np.arange(4)).max() + 1e-6, 200)
     p, k = laws.loading(index, d)
-    every = {"pressure": p, "stiffness": k, "energy": laws.energy(index, d)}
+    every = {"pressure": p, "stiffness": k}
     every["vibration"], _ = laws.vibration(index, d)
     for name, many in every.items():
         one = [getattr(laws[i], name)(x) for i, x in zip(index, d, strict=True)]
@@ -192,12 +175,12 @@ def test_library_is_its_laws():
 
 
 def test_scaled_laws_are_stiffer_everywhere(law):
-    """Another modulus: p, -p', v, dv/dd and energy grow by one factor, first touch stays."""
+    """Another modulus: p, -p', v and dv/dd grow by one factor, first touch stays."""
     x = np.linspace(law.steps.d[-1] - 1e-5, law.first_touch, 50)
     index = np.zeros(50, dtype=int)
     other = scaled_laws(law.library, 1.7)
     assert scaled_laws(law.library, 1.0) is law.library
-    for name in ("loading", "vibration", "energy"):
+    for name in ("loading", "vibration"):
         wanted = 1.7 * np.array(getattr(law.library, name)(index, x))
         np.testing.assert_allclose(getattr(other, name)(index, x), wanted, 1e-12)
     np.testing.assert_array_equal(other.first_touch(index), law.library.first_touch(index))
@@ -213,7 +196,7 @@ def test_save_and_load(tmp_path, law):
     np.testing.assert_array_equal(back.seed, [11, 12])
     x = np.linspace(-1e-4, 2e-4, 100)
     for i in range(2):
-        np.testing.assert_array_equal(back[i].energy(x), laws[i].energy(x))
+        np.testing.assert_array_equal(back[i].pressure(x), laws[i].pressure(x))
         np.testing.assert_array_equal(back[i].vibration(x), laws[i].vibration(x))
 
 
@@ -246,11 +229,9 @@ def test_analytic_laws():
     spring = linear_law(2e13)
     np.testing.assert_allclose(spring.pressure(d), [4e7, 0.0, 0.0])
     np.testing.assert_allclose(spring.stiffness(d), [2e13, 0.0, 0.0])
-    np.testing.assert_allclose(spring.energy(d), [40.0, 0.0, 0.0])
     soft = exponential_law(1e6, 1e-6)
     np.testing.assert_allclose(soft.pressure(d), 1e6 * np.exp([2.0, 0.0, -1.0]))
     np.testing.assert_allclose(soft.stiffness(d), 1e12 * np.exp([2.0, 0.0, -1.0]))
-    np.testing.assert_allclose(soft.energy(d), np.exp([2.0, 0.0, -1.0]))
     many = OneLaw(spring)
     index = np.array([0, 5, 9])
     np.testing.assert_array_equal(many.loading(index, d), [spring.pressure(d), spring.stiffness(d)])

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.micro import LawSettings, LawSteps, make_library
-from brake_fenicsx.micro.law_of_surface import law_steps
-from brake_fenicsx.micro.vibration import WIDTH, local_lines, with_vibration
+from brake_fenicsx.micro.law_of_surface import WIDTH, law_steps, local_lines, with_vibration
 from brake_fenicsx.surface import given_statistics, synthesise
 
 PAPER = given_statistics(33.1e-6, -0.2410, 3.6549)

@@ -153,13 +153,6 @@ def make_surface(rng: np.random.Generator, n: int = 256) -> dict[str, np.ndarray
     size, made_size = np.array([1.8e-3, 1.4e-3]), np.array([2.825e-3, 2.825e-3])
     z = rough(rng, (n, n), size, 33.1e-6)
     q, c = radial(z, size)
-    subsets = [radial(z[i::2, j::2][:, : n // 2], size) for i in (0, 1) for j in (0, 1)]
-    subsets += [radial(z[: n // 2, : n // 2], size / 2), radial(z[n // 2 :, n // 2 :], size / 2)]
-    longest = max(len(s[0]) for s in subsets)
-    sub = [
-        np.array([np.pad(s[j], (0, longest - len(s[j])), constant_values=np.nan) for s in subsets])
-        for j in (0, 1)
-    ]
     z[rng.random(z.shape) < 2e-3] = np.nan
     z[40:52, 60:70] = np.nan
     made = rough(rng, (128, 128), made_size, 33.1e-6)
@@ -193,9 +186,6 @@ def make_surface(rng: np.random.Generator, n: int = 256) -> dict[str, np.ndarray
         "fit_C": np.exp(np.polyval(slope, np.log(q[usable]))),
         "hdf_z": hdf_z,
         "hdf_density": hdf,
-        "sub_q": sub[0],
-        "sub_C": sub[1],
-        "sub_name": np.array(["decimated 2"] * 4 + ["window 1", "window 2"]),
         "artificial": made,
         "artificial_size": made_size,
         "artificial_q": made_q,

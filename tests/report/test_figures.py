@@ -177,7 +177,7 @@ def test_numbers_of_the_heights_stand_beside_the_legend(run, mean, said):
     assert f"scan mean = {said}\n" in text.get_text()
 
 
-def test_statistics_show_fit_band_subsets_and_residual(run):
+def test_statistics_show_fit_band_and_residual(run):
     figure = draw_statistics(run)
     heights, psd, residual = figure.axes
     assert labels(heights) == ("height over the mean plane $z$ [µm]", "density $P(z)$ [1/µm]")
@@ -185,10 +185,10 @@ def test_statistics_show_fit_band_subsets_and_residual(run):
     assert residual.get_xlabel() == "wave number $q$ [rad/m]"
     assert (psd.get_xscale(), psd.get_yscale()) == ("log", "log")
     texts = [t.get_text() for t in psd.get_legend().get_texts()]
-    assert texts[:4] == ["reliable band", "decimated scans", "sub-windows", "whole scan"]
-    assert "$-2.01$ ± 0.04" in texts[4]
+    assert texts[:2] == ["reliable band", "whole scan"]
+    assert "$-2.01$ ± 0.04" in texts[2]
     curves = [line for line in psd.lines if len(line.get_xdata()) > 2]
-    assert len(curves) == 6 + 2
+    assert len(curves) == 2
     fit = residual.lines[0].get_ydata()
     assert np.all(fit > 0)
     area = sum(p.get_width() * p.get_height() for p in heights.patches)

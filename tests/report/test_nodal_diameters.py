@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from brake_fenicsx.report.nodal_diameters import nodal_pattern
+from brake_fenicsx.report.mode_fields import nodal_pattern
 
 RNG = np.random.default_rng(3)
 

@@ -18,7 +18,7 @@ from brake_fenicsx.results.probabilities import (
 )
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.scene import Distribution, Samples
-from brake_fenicsx.uncertainty.distributions import quantile
+from brake_fenicsx.uncertainty.designs import quantile
 
 pytestmark = pytest.mark.alone
 

@@ -7,8 +7,7 @@ from brake_fenicsx.results.sensitivity import indices
 from brake_fenicsx.results.statistics import rank_correlation
 from brake_fenicsx.scene import Distribution
 from brake_fenicsx.scene.samples import Plan
-from brake_fenicsx.uncertainty.designs import design_points
-from brake_fenicsx.uncertainty.distributions import quantile
+from brake_fenicsx.uncertainty.designs import design_points, quantile
 
 pytestmark = pytest.mark.alone
 

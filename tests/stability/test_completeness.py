@@ -5,8 +5,11 @@ import pytest
 
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.stability import Reduced, complex_modes
-from brake_fenicsx.stability.eigensolvers.argument_principle import count_zeros
-from brake_fenicsx.stability.eigensolvers.regions import Trapezium, undamped_region
+from brake_fenicsx.stability.eigensolvers.argument_principle import (
+    Trapezium,
+    count_zeros,
+    undamped_region,
+)
 from dense_reference import all_lambda
 
 REGION = Trapezium(low=-0.02, high=1.0, slope=0.5, rise=1e-3)

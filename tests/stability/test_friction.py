@@ -9,7 +9,7 @@ import scipy.sparse as sp
 
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.stability import complex_modes, contact_interface
-from brake_fenicsx.stability.eigensolvers.regions import Trapezium
+from brake_fenicsx.stability.eigensolvers.argument_principle import Trapezium
 from brake_fenicsx.stability.eigensolvers.symmetric import shifted_factor, symmetric_modes
 from brake_fenicsx.stability.full import dense, friction, interface
 from brake_fenicsx.stability.full.interface import difference_interface

@@ -16,7 +16,7 @@ from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability import ReducedModel, split_substructures
-from brake_fenicsx.stability.modal_damping import with_modal_damping
+from brake_fenicsx.stability.damping import with_modal_damping
 from brake_fenicsx.stability.substructures import CONSTANT
 from brake_fenicsx.stability.substructures.substructure import ModalRatio, mirror_image
 from coarse_block import BLOCK, ROUGH

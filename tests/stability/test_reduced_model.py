@@ -20,7 +20,7 @@ from brake_fenicsx.stability import (
     ReducedModel,
     complex_modes,
 )
-from brake_fenicsx.stability.gyroscopic import gyroscopic
+from brake_fenicsx.stability.damping import gyroscopic
 from brake_fenicsx.stability.substructures import CONSTANT, reduction
 from brake_fenicsx.stability.substructures.parameters import Interpolation
 from brake_fenicsx.stability.substructures.polynomials import zeros

@@ -177,15 +177,6 @@ def test_anisotropy():
     assert abs(abs(direction) - np.pi / 2) < 0.05  # wave vectors along y
 
 
-def test_sub_windows_and_decimated_scans_overlay():
-    """On a self-similar surface windows and coarser scans tell the same spectrum."""
-    h = random_surface(PAPER.bifractal, 512, 5.65e-3, np.random.default_rng(8))
-    stats = characterise(make_topography(h[:400, :400], (4.41e-3, 4.41e-3)))
-    assert len(stats.others) == 7
-    assert {o.label for o in stats.others} >= {"window 1", "every 2th", "every 4th"}
-    assert 0.05 < stats.spread < 0.6
-
-
 def test_too_few_rings_are_named():
     topo = make_topography(np.random.default_rng(0).standard_normal((6, 6)), (1.0, 1.0))
     with pytest.raises(SurfaceError, match="rings"):

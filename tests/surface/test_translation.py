@@ -6,7 +6,7 @@ import pytest
 from brake_fenicsx.surface import given_statistics, synthesise
 from brake_fenicsx.surface.hdf import match_moments, moments
 from brake_fenicsx.surface.psd import half_plane_weights, psd_2d, wave_numbers
-from brake_fenicsx.surface.translation import expansion
+from brake_fenicsx.surface.synthesis import expansion
 
 PAPER = given_statistics(33.1e-6, -0.2410, 3.6549)
 SIZE = (2.825e-3, 2.825e-3)

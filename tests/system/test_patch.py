@@ -87,9 +87,6 @@ class ManyLinear:
     def vibration(self, index, d):
         return self.loading(index, d)[1], np.zeros(np.shape(index))
 
-    def energy(self, index, d):
-        return 0.5 * self.k[index] * np.maximum(-d, 0) ** 2
-
 
 @pytest.mark.parametrize("per_element", [False, True])
 def test_uniform_pressure_passes_condensed(stack, per_element):

@@ -10,7 +10,7 @@ from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.material import Material, isotropic
 from brake_fenicsx.macro.mesh import build_mesh
 from brake_fenicsx.stability import complex_modes
-from brake_fenicsx.stability.gyroscopic import gyroscopic
+from brake_fenicsx.stability.damping import gyroscopic
 
 RHO, SPEED = 7200.0, 200.0
 IRON = Material(isotropic(125e9, 0.24), RHO)

@@ -11,8 +11,8 @@ import pytest
 from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.macro.brake import assemble_brake
 from brake_fenicsx.macro.condensation import compliance
-from brake_fenicsx.macro.corrected import Bodies, corrected_equilibrium
 from brake_fenicsx.macro.equilibrium import equilibrium
+from brake_fenicsx.macro.equilibrium_change import Bodies, corrected_equilibrium
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.uncertainty.inputs import draw_inputs

@@ -7,8 +7,7 @@ from scipy import stats
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import Distribution
 from brake_fenicsx.scene.samples import Plan
-from brake_fenicsx.uncertainty.designs import design_points, design_size
-from brake_fenicsx.uncertainty.distributions import quantile
+from brake_fenicsx.uncertainty.designs import design_points, design_size, quantile
 
 SEED = np.random.SeedSequence(5)
 

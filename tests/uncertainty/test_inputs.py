@@ -7,8 +7,7 @@ import pytest
 
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.macro.material import engineering_constants
-from brake_fenicsx.macro.material_sample import constants, varied_stiffness
-from brake_fenicsx.macro.material_table import stiffness
+from brake_fenicsx.macro.material_table import constants, stiffness, varied_stiffness
 from brake_fenicsx.scene import Law, MaterialTable, read_scene
 from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.uncertainty.inputs import draw_inputs, law_factor, points_of

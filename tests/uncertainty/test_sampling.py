@@ -9,7 +9,7 @@ from scipy import stats
 
 from brake_fenicsx.scene import Distribution, read_scene
 from brake_fenicsx.surface import match_moments
-from brake_fenicsx.uncertainty.distributions import quantile
+from brake_fenicsx.uncertainty.designs import quantile
 from brake_fenicsx.uncertainty.sampling import draw_sample, sample_seed
 
 pytestmark = pytest.mark.alone

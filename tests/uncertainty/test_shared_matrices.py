@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.folder import store as store_module
-from brake_fenicsx.folder.shares import Share
+from brake_fenicsx.folder.lock import Share
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.pipeline import assemble, run
 from brake_fenicsx.uncertainty.shared_matrices import FILE, with_shared_matrices

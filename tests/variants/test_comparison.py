@@ -14,8 +14,7 @@ from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.results.statistics import difference
-from brake_fenicsx.variants.compare import write_comparison
-from brake_fenicsx.variants.comparison import compare_runs
+from brake_fenicsx.variants.comparison import compare_runs, write_comparison
 
 pytestmark = pytest.mark.alone
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from brake_fenicsx.variants.smallest_change import smallest_change
+from brake_fenicsx.variants.trial import smallest_change
 
 N, STEPS, ACCURACY = 60, 8, 0.01
 

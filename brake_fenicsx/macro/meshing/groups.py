@@ -20,13 +20,14 @@ from .meshfile import read_mesh_file
 from .quality import orientation
 from .rawmesh import (
     RawMesh,
+    Unread,
     exterior_facets,
     facet_keys,
     facet_nodes,
     turned,
+    unread,
     without_unused_nodes,
 )
-from .unread import Unread, unread
 
 Ints = NDArray[np.int64]
 Faces = dict[str, Ints]

@@ -1,10 +1,12 @@
 """Readers of mesh files: gmsh by gmsh, Abaqus and Ansys by modules here, the rest by meshio.
 
-Meshio reads no .cdb, and of an .inp neither surfaces nor two element blocks of one set.
+Meshio reads no .cdb, and of an .inp neither surfaces nor two element blocks of one set. Cards of a
+Nastran deck that it does not read are named.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -17,15 +19,23 @@ from .abaqus import read_abaqus
 from .ansys import read_ansys
 from .filemesh import SOLIDS, FileMesh, gmsh_order, one_kind
 from .gmsh_mesh import gmsh_session
-from .nastran import SHELLS, SUFFIXES, unread_cards
 
 Ints = NDArray[np.int64]
-
 # Gmsh's numbers of solid elements, and of triangles and quadrilaterals with their corners.
 _GMSH_SOLIDS = {4: "tetra", 11: "tetra10", 5: "hexahedron", 17: "hexahedron20", 12: "hexahedron27",
                 6: "wedge", 7: "pyramid", 13: "wedge18", 18: "wedge15"}  # fmt: skip
 _GMSH_SKINS = {2: 3, 9: 3, 3: 4, 10: 4, 16: 4}
 _SKINS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}
+# Shells by meshio's name; they may mark faces.
+SHELLS = {"triangle": "CTRIA3", "triangle6": "CTRIA6", "quad": "CQUAD4", "quad8": "CQUAD8"}
+SUFFIXES = (".bdf", ".nas", ".fem")
+_READ = {
+    "GRID", "CTETRA", "CHEXA", "CPENTA", "CPYRA", "CPYRAM", "CTRIAR", "CQUADR", "ENDDATA",
+    *SHELLS.values(),
+}  # fmt: skip
+# Elements beside solids and shells.
+_ELEMENTS = ("CONM", "CMASS", "CELAS", "CDAMP", "CVISC", "CBUSH", "CBAR", "CBEAM", "CROD", "CONROD",
+             "CTUBE", "CGAP", "CSHEAR", "CFAST", "CWELD", "CHBDY", "PLOTEL", "GENEL")  # fmt: skip
 
 
 def read_mesh_file(path: Path) -> FileMesh:
@@ -152,3 +162,24 @@ def _meshio_groups(read: Any) -> dict[str, list[Ints]]:
         for value in np.unique(np.concatenate(arrays)):
             groups.setdefault(str(value), [np.flatnonzero(v == value) for v in arrays])
     return groups
+
+
+def unread_cards(path: Path) -> tuple[Counter[str], Counter[str]]:
+    """Cards of the bulk data that are no nodes, solids or shells.
+
+    Args:
+        path: the deck.
+
+    Returns:
+        Number of elements of each kind, and of other cards.
+    """
+    lines = path.read_text(errors="replace").splitlines()
+    begins = (i for i, line in enumerate(lines, 1) if line.upper().split()[:2] == ["BEGIN", "BULK"])
+    elements: Counter[str] = Counter()
+    cards: Counter[str] = Counter()
+    for line in lines[next(begins, 0) :]:
+        word = line.split("$")[0][:8].split(",")[0].rstrip("* ").upper()
+        # A blank, + or * begins the continuation of a card.
+        if word[:1].isalpha() and word not in _READ:
+            (elements if word.startswith(_ELEMENTS) else cards)[word] += 1
+    return elements, cards

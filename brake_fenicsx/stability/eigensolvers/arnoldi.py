@@ -6,11 +6,14 @@ a few; small ones, because 32 vectors at once need twice the Krylov space of 8.
 
 Reference: Y. Saad, Numerical Methods for Large Eigenvalue Problems, 2nd ed., chapter 6 (2011),
 doi:10.1137/1.9781611970739.
+
+Complex columns in real arithmetic: without complex copies of real matrices or Krylov bases.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any, Protocol
 
 import numpy as np
 import scipy.linalg as la
@@ -18,10 +21,35 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import NotConverged
 
-from .complex_columns import on_parts
-
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+
+
+class Operator(Protocol):
+    """What multiplies real columns: a dense or sparse matrix."""
+
+    def __matmul__(self, x: Array, /) -> Array:
+        """Product with columns, shape (columns of the matrix, n)."""
+
+
+def on_parts(real: Callable[[Array], Array], x: Complex) -> Complex:
+    """A real operator on complex columns: of imaginary parts only those that are there."""
+    n, turned = x.shape[1], np.flatnonzero(np.any(x.imag != 0, axis=0))
+    product = real(np.hstack([x.real, x.imag[:, turned]]))
+    out = product[:, :n].astype(complex)
+    out[:, turned] += 1j * product[:, n:]
+    return out
+
+
+def times(A: Operator, x: NDArray[Any]) -> Complex:
+    """A x for real A."""
+    return on_parts(A.__matmul__, x)
+
+
+def with_conjugates(values: Complex, X: Complex) -> tuple[Complex, Complex]:
+    """Both of each conjugate pair of eigenvalues, and their vectors."""
+    pairs = values.imag != 0
+    return np.r_[values, values[pairs].conj()], np.hstack([X, X[:, pairs].conj()])
 
 
 def nearest_modes(

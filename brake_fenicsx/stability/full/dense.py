@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
 
-from ..eigensolvers.argument_principle import count_zeros
+from ..eigensolvers.argument_principle import count_zeros, damped_region, undamped_region
 from ..eigensolvers.eigenpairs import QuadraticPencil
-from ..eigensolvers.regions import damped_region, undamped_region
 from ..eigensolvers.symmetric import SHIFT, count_below
 from .problem import Found, Problem, agree
 

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.folder.memory import release_memory
+from brake_fenicsx.folder.processes import release_memory
 
-from ..eigensolvers.arnoldi import nearest_modes
-from ..eigensolvers.complex_columns import with_conjugates
+from ..eigensolvers.argument_principle import RIM, undamped_reach, undamped_region
+from ..eigensolvers.arnoldi import nearest_modes, with_conjugates
 from ..eigensolvers.eigenpairs import matched
-from ..eigensolvers.regions import RIM, undamped_reach, undamped_region
 from ..eigensolvers.symmetric import shifted_factor, symmetric_modes
 from .interface import MOST_ORDERS, ORDERS, Interface, Inverse, moments
 from .interface_count import InterfaceModes, at_interface, prove

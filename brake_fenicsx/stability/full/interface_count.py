@@ -30,8 +30,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from ..eigensolvers.argument_principle import count_turns, determinant_phase
-from ..eigensolvers.regions import Trapezium
+from ..eigensolvers.argument_principle import Trapezium, count_turns, determinant_phase
 from ..eigensolvers.symmetric import Symmetric
 from .interface import Interface, Moments
 

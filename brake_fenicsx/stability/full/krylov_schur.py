@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.macro.solver import petsc_matrix
 
+from ..eigensolvers.argument_principle import RIM, opening
 from ..eigensolvers.eigenpairs import matched
-from ..eigensolvers.regions import RIM, opening
 from ..eigensolvers.symmetric import count_below
 from .problem import Found, Problem
 

@@ -22,21 +22,19 @@ from brake_fenicsx.arguments import frequency_band
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.processes import in_turns
 
-from ..eigensolvers.complex_columns import with_conjugates
+from ..eigensolvers.arnoldi import with_conjugates
 from ..eigensolvers.rows import damped_rows, undamped_rows
 from ..modes import Complex, Count, Modes
-from .component import AtPoint, Component
+from .component import AtPoint, Component, image_arrays, originals_and_images, placed
 from .contact import ContactLinearisation
-from .displacements import mode_displacements
 from .errors import Corrected, corrected
 from .moments import SIGMA, Rows
 from .parameters import CONSTANT, Parameters
-from .placed import image_arrays, originals_and_images, placed
 from .reduction import Accuracy, Reduction, kept_modes
 from .sample import Sample
 from .static import BodyCompliance, body_compliance, static_compliance
 from .substructure import Substructure
-from .vectors import ContactMotions, motions_of_elements, sharpened, slopes
+from .vectors import ContactMotions, mode_displacements, motions_of_elements, sharpened, slopes
 
 Array = NDArray[np.float64]
 

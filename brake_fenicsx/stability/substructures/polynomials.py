@@ -18,7 +18,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from ..eigensolvers.complex_columns import times
+from ..eigensolvers.arnoldi import times
 from ..modes import Complex
 
 Array = NDArray[np.float64]

@@ -24,13 +24,12 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
 
-from ..eigensolvers.complex_columns import on_parts, times
+from ..eigensolvers.arnoldi import on_parts, times
 from ..modes import Complex
-from .component import AtPoint
+from .component import AtPoint, Placed, square_of
 from .contact import ContactForces, ContactLinearisation
 from .errors import ROUND_OFF
 from .moments import SIGMA, Rows
-from .placed import Placed, square_of
 from .polynomials import Coefficients, Zeros, applied, zeros
 
 Array = NDArray[np.float64]

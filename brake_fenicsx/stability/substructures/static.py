@@ -17,9 +17,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .component import AtPoint, Component
+from .component import AtPoint, Component, Placed, square_of
 from .moments import SIGMA, Rows
-from .placed import Placed, square_of
 
 Array = NDArray[np.float64]
 

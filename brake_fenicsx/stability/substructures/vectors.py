@@ -5,6 +5,11 @@ order. With all moments T(z) a = own a + forced y, E y = source a, and T(z)' b =
 eta, E' eta = forced' b; the corrections come from the expanded T, bordered so that it is regular
 (Guettel and Tisseur, Acta Numerica 26, 2017, doi:10.1017/S0962492917000034, section 4). The motions
 of the left vector along the rows that forces act along are lead' b - D' eta, and J' of them is eta.
+
+Displacements of modes of the reduced model, with all that the kept modes leave out.
+
+The left vector is the mode of the transposed problem: bodies transposed, and forces along the rows
+whose motions are followed.
 """
 
 from __future__ import annotations
@@ -14,22 +19,21 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg as la
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import NotConverged
 
-from ..eigensolvers.complex_columns import times
+from ..eigensolvers.arnoldi import on_parts, times
 from ..modes import Complex
-from .moments import Rows
+from .moments import Complement, Rows
 from .polynomials import Coefficients, applied
 from .sample import Sample
 
 # Steps at most for motions and for vectors, and the relative change at which they end.
 STEPS, SETTLED = 60, 1e-8
-
 # Each step must gain this factor.
 GAIN = 0.5
-
 Settled = NDArray[np.bool_]
 
 
@@ -193,3 +197,62 @@ def motions_of_elements(
         right[:, body.elements] += seen.reshape(f, m, z.size)
         left[:, body.elements] += met.reshape(g, m, z.size)
     return dict(zip(rows.followed, right, strict=True)), dict(zip(rows.acting, left, strict=True))
+
+
+def mode_displacements(
+    sample: Sample, x: np.ndarray, rows: Rows, z: Complex, a: Complex, left: bool = False
+) -> Complex:
+    """Displacements W a + v of the bodies, v from their matrices at full order.
+
+    Args:
+        sample: the reduced problem of the sample.
+        x: its point of the box, shape (d,).
+        rows: blocks of contact rows.
+        z: eigenvalues, in units of the model, shape (chosen,).
+        a: coordinates of the kept modes, shape (kept modes, chosen).
+        left: whether these are left vectors, not conjugated.
+
+    Returns:
+        Shape (dofs, chosen).
+
+    Raises:
+        NotConverged: v does not settle.
+    """
+    if left:
+        force, along = left_motions(sample, z, a), rows.followed
+    else:
+        force, along = sample.forces(z, right_motions(sample, z, a)), rows.acting
+    out = np.zeros((sum(b.dofs.size for b in sample.bodies), z.size), complex)
+    # One factor at a time: that of a body and its mirror images.
+    for component in dict.fromkeys(body.component for body in sample.bodies):
+        P = component.polynomial(x)
+        P = [A.T.tocsr() for A in P] if left else P
+        complement = Complement(P[0], component.body.M, component.W)
+        I = sp.vstack([component.body.interface[name] for name in along]).tocsr()
+        try:
+            for body, at in zip(sample.bodies, sample.closed, strict=True):
+                if body.component is not component:
+                    continue
+                acting, there = at.rows(len(along), body.elements.size, sample.count)
+                kept = times(component.W, a[body.modes])
+                load = times(I[acting].T.tocsr(), force[there])
+                v = _left_out(complement, P, z, kept, load)
+                out[body.dofs] = body.signs[:, None] * (kept + v)
+        finally:
+            complement.factor.destroy()
+    return out
+
+
+def _left_out(
+    complement: Complement, P: list[sp.csr_matrix], z: Complex, kept: Complex, load: Complex
+) -> Complex:
+    """V of S(z)^-1 v = -load - P(z) kept, by the inverse at the shift."""
+    v = np.zeros_like(kept)
+    for _ in range(STEPS):
+        rhs = -load - np.sum([z**n * times(A, kept) for n, A in enumerate(P)], axis=0)
+        rhs -= np.sum([z**n * times(A, v) for n, A in enumerate(P) if n], axis=0)
+        new = on_parts(complement.solve, rhs)
+        change, v = np.linalg.norm(new - v), new
+        if change <= SETTLED * np.linalg.norm(kept + v):
+            return v
+    raise NotConverged("displacements of a mode: what the kept modes leave out does not settle")

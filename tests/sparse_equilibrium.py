@@ -1,7 +1,6 @@
-"""Braking equilibrium on all displacements: one sparse factorisation per Newton iteration.
+"""Braking equilibrium on all displacements: the reference of the condensed one.
 
-Slower than the condensed form by orders of magnitude for many samples, but without a dense matrix
-of the contact elements. Same iteration, same result.
+One sparse factorisation per Newton iteration, without a dense matrix of the contact elements.
 """
 
 from __future__ import annotations
@@ -14,12 +13,11 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult, NotConverged
-
-from .equilibrium import Equilibrium, record
-from .friction import friction_traction
-from .gap import EnrichedGap
-from .newton import Newton
-from .solver import Factor, with_interface
+from brake_fenicsx.macro.equilibrium import Equilibrium, record
+from brake_fenicsx.macro.friction import friction_traction
+from brake_fenicsx.macro.gap import EnrichedGap
+from brake_fenicsx.macro.newton import Newton
+from brake_fenicsx.macro.solver import Factor, with_interface
 
 Array = NDArray[np.float64]
 
