@@ -35,7 +35,7 @@ DECAYS, BELOW, BEYOND = 0.5, 0.7, 2.0
 # Tolerance of the points between the cycles.
 ROUGHLY = 1e-4
 
-STABLE, UNSTABLE, BOUND = "stable", "unstable", "bound"
+STABLE, UNSTABLE, UNDAMPED = "stable", "unstable", "undamped"
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +43,8 @@ class Cycle:
     """A limit cycle.
 
     Attributes:
-        kind: "stable", "unstable", or "bound": where growth without damping ends.
+        kind: "stable", "unstable", or "undamped": where growth without damping ends, and nothing
+            settles.
         at: the vibration.
     """
 
@@ -101,7 +102,7 @@ def follow(
             branch.end = "too many points"
             return branch
         if not damped and p.s.real <= ENDED * start.s.real:
-            branch.cycles.append(Cycle(BOUND, p))
+            branch.cycles.append(Cycle(UNDAMPED, p))
             branch.end = "no growth"
             return branch
         direction = _tangent(p, along, size, direction)
@@ -129,7 +130,7 @@ def time_to_reach(branch: Branch, cycle: Cycle, share: float = 0.01) -> float:
 
     Args:
         branch: growth over amplitude.
-        cycle: the first stable one, or the bound.
+        cycle: the first one that growth ends at.
         share: of its amplitude at the start; below the first point growth is that of the point.
     """
     a, alpha = np.array(branch.amplitude), np.real(branch.s)

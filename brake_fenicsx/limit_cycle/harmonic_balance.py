@@ -261,7 +261,7 @@ class _Harmonic:
         """
         self._E = la.lu_factor(np.eye(len(r.D)) + through(r.D, J), check_finite=False)
         self._lead, self.seen = through(r.lead, J), self._contact(r.source)
-        T, self._row, self._shift = r.own + self._lead @ self.seen, None, np.zeros((1, 1))
+        T, self._row, self._shift = r.own + self._lead @ self.seen, None, np.zeros((1, 1), complex)
         if border is not None:
             m, (column, self._row) = len(T), border
             self._shift = self._contact(column[m:, None])

@@ -15,7 +15,7 @@ from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.substructures import ReducedModel
 
 from .contact_forces import PatchForces
-from .growth import BOUND, STABLE, Branch, Cycle, follow, time_to_reach
+from .growth import STABLE, UNDAMPED, Branch, Cycle, follow, time_to_reach
 from .harmonic_balance import HarmonicBalance, Vibration
 from .reduced_bodies import ReducedBodies
 from .sound import AT_ONE_METRE, Nodes, decibels, sound_power
@@ -147,7 +147,8 @@ class SampleCycles:
             moved = nodes.displacement(u)
             for x in (moved * [0.0, *np.ones(at.y.shape[1] - 1)], moved * at.lam):
                 each = problem.over_time(x.reshape(-1, x.shape[2])).reshape(*x.shape[:2], -1)
-                numbers.append(float(np.linalg.norm(each, axis=1).max(initial=0.0)))
+                # A body without a kept mode moves by its local compliance alone: no number.
+                numbers.append(float(np.linalg.norm(each, axis=1).max(initial=0.0)) or np.nan)
         rate = np.abs(problem.over_time(slip[elements] @ (u * at.lam))).max(axis=1)
         moving = (forces.speed > 0) & self.closed[elements]
         ratio = (rate[moving] / forces.speed[moving]).max(initial=0.0)
@@ -206,8 +207,9 @@ def cycles_of_modes(
         slip: slip of the elements along the sliding direction, shape (elements, dofs).
 
     Returns:
-        ``cycle_mode``, ``cycle_kind`` and ``cycle_values``, shape (cycles, measures); and of the
-        branches ``branch_mode``, ``branch_amplitude`` [m] and ``branch_s`` [1/s], point by point.
+        ``cycle_mode``, ``cycle_kind``, ``cycle_values``, shape (cycles, measures), the names of
+        these, ``cycle_names``; of the branches ``branch_mode``, ``branch_amplitude`` [m] and
+        ``branch_s`` [1/s], point by point.
         A mode whose growth does not end has a row of the kind "none" with what ended it.
     """
     rows: list[tuple[int, str, list[float]]] = []
@@ -225,13 +227,14 @@ def cycles_of_modes(
         points += [(int(i), *point) for point in zip(branch.amplitude, branch.s, strict=True)]
         given = branch, elements, settings, faces, slip
         rows += [(int(i), cycle.kind, cycles.measured(cycle, *given)) for cycle in branch.cycles]
-        if grows[i] and not any(cycle.kind in (STABLE, BOUND) for cycle in branch.cycles):
+        if grows[i] and not any(cycle.kind in (STABLE, UNDAMPED) for cycle in branch.cycles):
             rows.append((int(i), f"none: {branch.end}", nothing))
     number, amplitude, s = zip(*points, strict=True) if points else ((), (), ())
     return {
         "cycle_mode": np.array([row[0] for row in rows], dtype=np.intp),
         "cycle_kind": np.array([row[1] for row in rows], dtype=str),
         "cycle_values": np.array([row[2] for row in rows]).reshape(-1, len(MEASURES)),
+        "cycle_names": np.array(MEASURES),
         "branch_mode": np.array(number, dtype=np.intp),
         "branch_amplitude": np.array(amplitude, dtype=float),
         "branch_s": np.array(s, dtype=complex),

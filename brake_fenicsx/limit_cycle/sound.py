@@ -111,5 +111,5 @@ def sound_power(nodes: Nodes, u: Complex, omega: float) -> float:
 
 
 def decibels(power: float) -> float:
-    """Level of a sound power, re 1 pW [dB]."""
-    return float(10 * np.log10(max(power, 1e-300) / REFERENCE))
+    """Level of a sound power, re 1 pW [dB]; nan of silence."""
+    return float(10 * np.log10(power / REFERENCE)) if power > 0 else float("nan")

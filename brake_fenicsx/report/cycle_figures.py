@@ -20,10 +20,10 @@ LEVEL, GAP = "level_1m_db", "gap_um"
 NOTE = (
     "How far squeal grows: the periodic vibration at which the growth of a mode is zero, because"
     " patches open, stiffen or yield. Every family is computed alone: where several grow together,"
-    " each changes the others, and their levels do not add. A row is an upper bound if nothing is"
-    " damped. Friction keeps its direction unless the damping term slope acts: where the slip"
-    " velocity exceeds the sliding speed, the cycle lies beyond that assumption and is smaller in"
-    " reality. The sound level is an estimate: the faces lie in a rigid wall, 1 m away in the open."
+    " each changes the others, and their levels do not add. Without damping no vibration settles."
+    " Friction keeps its direction unless the damping term slope acts: where the slip velocity"
+    " exceeds the sliding speed, the cycle lies beyond that assumption and is smaller in reality."
+    " The sound level is an estimate: the faces lie in a rigid wall, 1 m away in the open."
 )
 
 
@@ -74,7 +74,7 @@ def draw_growth(run: RunData) -> Figure | None:
                     alpha=0.8, label=text,
                 )  # fmt: skip
             ended = (cycles["approach"] == approach) & (cycles["family"] == family)
-            for outcome, fill in (("stable", colour), ("bound", colour), ("unstable", "none")):
+            for outcome, fill in (("stable", colour), ("undamped", colour), ("unstable", "none")):
                 at = cycles["amplitude_um"][ended & (cycles["outcome"] == outcome)]
                 axis.plot(at, np.zeros_like(at), "o", ms=5, mec=colour, mfc=fill, clip_on=False)
         axis.axhline(0.0, color=GREY, lw=0.8)
@@ -96,7 +96,7 @@ def draw_loudness(run: RunData) -> Figure | None:
     for approach in run.approaches:
         for family in _loudest(run, approach):
             own = (cycles["approach"] == approach) & (cycles["family"] == family)
-            own &= np.isin(cycles["outcome"], ("stable", "bound")) & np.isfinite(cycles[LEVEL])
+            own &= np.isin(cycles["outcome"], ("stable", "undamped")) & np.isfinite(cycles[LEVEL])
             if own.any():
                 levels.append(cycles[LEVEL][own])
                 kilo = cycles["frequency_hz"][own].mean() / 1e3
@@ -117,11 +117,11 @@ def _loudest(run: RunData, approach: str) -> list[int]:
 
 def _doubts(cycles: Columns) -> list[str]:
     """What single cycles cannot say, counted."""
-    outcome, ended = cycles["outcome"], np.isin(cycles["outcome"], ("stable", "bound"))
+    outcome, ended = cycles["outcome"], np.isin(cycles["outcome"], ("stable", "undamped"))
     fast = np.nan_to_num(cycles["slip_over_speed"]) > 1
     counts = {
         "{} cycles exceed the sliding speed.": ended & fast,
-        "{} are upper bounds without damping.": outcome == "bound",
+        "{} have no damping: growth ends there, but no vibration settles.": outcome == "undamped",
         "{} modes grow beyond the largest amplitude, or their branch is lost: they have no"
         " number.": np.char.startswith(outcome, "none") | (outcome == "failed"),
         "{} cycles are thresholds of a kick beyond which a vibration grows.": outcome == "unstable",

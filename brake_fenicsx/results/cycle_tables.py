@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.limit_cycle.growth import BOUND, STABLE
+from brake_fenicsx.limit_cycle.growth import STABLE, UNDAMPED
 from brake_fenicsx.limit_cycle.sample import MEASURES
 
 from .stored import Results
@@ -91,7 +91,7 @@ def _families(rows: list[list[Any]]) -> list[list[Any]]:
 
 def _first_cycles(members: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """The first cycle that growth ends at, of each mode of each sample."""
-    ended = [m for m in members if m["outcome"] in (STABLE, BOUND)]
+    ended = [m for m in members if m["outcome"] in (STABLE, UNDAMPED)]
     return list({(m["sample"], m["mode"]): m for m in reversed(ended)}.values())
 
 

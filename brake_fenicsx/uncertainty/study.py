@@ -198,6 +198,15 @@ class Study:
             raise ValueError("prepare() made no coordinates")
         return eq, replace(modes, right=right, left=left)
 
+    def limit_cycles(self, task: Task, values: Mapping[str, float]) -> dict[str, Any]:
+        """Limit cycles of a sample, see ``cycles_of_modes``; arguments as in ``solved``."""
+        if self.cycles is None:
+            raise ValueError("a scene without [limit_cycle]")
+        eq, modes = self.solved(task, values)
+        sample = self._draw(*task, values)
+        reduced = self.models.takes(task[0], sample.random)
+        return self.cycles.of(task[0], sample, eq, modes, np.arange(len(modes)), reduced)
+
     def displacement(self, task: Task, data: Mapping[str, Any]) -> Array:
         """Displacement of a stored sample's equilibrium [m], shape (dofs,); kept."""
         if task not in self._displaced:
