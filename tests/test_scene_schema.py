@@ -75,7 +75,7 @@ def test_command_prints_it_with_meanings_and_defaults(capsys):
     assert schema["$schema"].startswith("https://json-schema.org/")
     assert set(schema["properties"]) == {
         "stages", "surface", "micro", "mesh", "parts", "materials", "contact", "ties",
-        "supports", "springs", "masses", "loads", "motion", "equilibrium", "stability", "samples",
+        "supports", "springs", "limit_cycle", "masses", "loads", "motion", "equilibrium", "stability", "samples",
         "sweep", "countermeasures",
     }  # fmt: skip
     block = schema["$defs"]["Block"]["properties"]
