@@ -75,8 +75,8 @@ def test_command_prints_it_with_meanings_and_defaults(capsys):
     assert schema["$schema"].startswith("https://json-schema.org/")
     assert set(schema["properties"]) == {
         "stages", "surface", "micro", "mesh", "parts", "materials", "contact", "ties",
-        "supports", "springs", "limit_cycle", "masses", "loads", "motion", "equilibrium", "stability", "samples",
-        "sweep", "countermeasures",
+        "supports", "springs", "masses", "loads", "motion", "equilibrium", "stability", "samples",
+        "limit_cycle", "sweep", "countermeasures",
     }  # fmt: skip
     block = schema["$defs"]["Block"]["properties"]
     assert block["length"]["default"] == "40 mm"

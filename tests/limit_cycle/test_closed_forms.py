@@ -1,61 +1,22 @@
 """Harmonic balance against closed forms: laws over a period, oscillators, flutter, friction."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import ellipk, iv
 
-from brake_fenicsx.limit_cycle import HarmonicBalance, PatchForces, Response, Tangent, follow
+from brake_fenicsx.limit_cycle import HarmonicBalance, PatchForces, Tangent, follow
 from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.micro import OneLaw, exponential_law, linear_law
+from oscillators import Matrices, at, first_vibration, no_growth, oscillator, van_der_pol
 
 U0, P0, AREA = 0.3e-6, 10e6, 8e-6
-
-
-@dataclass
-class Matrices:
-    """Bodies given by M, C and K, forces along the rows I and motions along the rows O."""
-
-    M: np.ndarray
-    C: np.ndarray
-    K: np.ndarray
-    out: np.ndarray
-    acting: np.ndarray
-
-    def at(self, s):
-        own = s**2 * self.M + s * self.C + self.K + 0j
-        return Response(own, self.acting.T, self.out, np.zeros((len(self.out), len(self.acting))))
 
 
 def patch(law, g=0.0, mu=0.0, **more):
     laws = EnrichedGap(OneLaw(law), np.zeros(1, dtype=np.intp), np.zeros(1))
     one = np.ones(1)
     return PatchForces(laws, one < 0, AREA * one, g * one, mu * one, one, 0 * one, **more)
-
-
-def oscillator(force, to_x, to_v, c=0.0, harmonics=15, points=128):
-    """x'' + c x' + x = force(x, x')."""
-    one = np.ones((1, 1))
-
-    def forces(y, v):
-        shape = (1, 1, 1, -1)
-        return force(y, v), Tangent(to_x(y, v).reshape(shape), to_v(y, v).reshape(shape))
-
-    return HarmonicBalance(Matrices(one, c * one, one, one, one), forces, one[0], harmonics, points)
-
-
-def first_vibration(problem, s, amplitude):
-    return problem.start(s, np.ones(1), np.ones(1), amplitude)
-
-
-def at(amplitude):
-    return lambda v: (v.amplitude - amplitude, 0.0, 1.0)
-
-
-def no_growth(v):
-    return v.s.real, 1.0, 0.0
 
 
 @pytest.mark.parametrize("ratio", [0.5, 1, 2, 5, 10])
@@ -117,13 +78,6 @@ def test_duffing(amplitude):
     m = 0.5 * top**2 / (1 + top**2)
     assert found.s.imag == pytest.approx(0.5 * np.pi * np.sqrt(1 + top**2) / ellipk(m), rel=1e-9)
     assert abs(found.s.real) < 1e-10
-
-
-def van_der_pol(e, **more):
-    return oscillator(
-        lambda x, v: e * (1 - x**2) * v, lambda x, v: -2 * e * x * v, lambda x, v: e * (1 - x**2),
-        **more,
-    )  # fmt: skip
 
 
 def test_van_der_pol():
