@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from brake_fenicsx.results.run import RunData, read_run
 
 from .contact_figures import draw_contact_pressure
+from .cycle_figures import draw_growth, draw_loudness
 from .driver_figures import draw_driver_maps, draw_drivers
 from .error_figures import draw_errors
 from .micro_figures import draw_contact_maps, draw_laws, laws_caption
@@ -162,6 +163,19 @@ PLOTS: tuple[Plot, ...] = (
         "Stability chart over two parameters: number of squeal modes of the nominal brake, "
         "and its largest negative damping. White line: where squeal begins.",
         draw_chart,
+    ),
+    Plot(
+        "limit_cycle_growth",
+        "Growth rate of the loudest families over the amplitude of their vibration, one line for"
+        " each sample. Growth ends where it is zero (filled circles); from an open circle on, a"
+        " vibration grows that dies out when it is smaller.",
+        draw_growth,
+    ),
+    Plot(
+        "limit_cycle_loudness",
+        "Estimated sound level of the loudest families over the samples: median, quartiles, and"
+        " 5 % to 95 % of the samples.",
+        draw_loudness,
     ),
     Plot(
         "drivers",

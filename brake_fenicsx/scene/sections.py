@@ -195,6 +195,27 @@ class Stability:
 
 
 @dataclass(frozen=True, slots=True)
+class LimitCycle:
+    """[limit_cycle]: the amplitude at which a mode stops growing ([page](limit_cycle.md)).
+
+    Attributes:
+        harmonics: harmonics of the vibration beside its mean.
+        points: points of time over a period, more than twice the harmonics.
+        largest: amplitude at which a mode is followed no further, root mean square of the gap's
+            first harmonic over the closed patches.
+        damping_below: modes whose damping -2 alpha / |omega| lies below this are followed; 0: those
+            that grow. Stable modes may grow from a kick.
+        radiating: faces whose motion and sound are stated; those of the disc if not given.
+    """
+
+    harmonics: int = key(default=7)
+    points: int = key(default=48)
+    largest: float = key("m", default=20e-6, band=(1e-9, 1e-3))
+    damping_below: float = key(default=0.0, sign="zero")
+    radiating: tuple[str, ...] = key(default=())
+
+
+@dataclass(frozen=True, slots=True)
 class Scene:
     """A checked scene.
 
@@ -221,6 +242,7 @@ class Scene:
     motion: Motion | None = None
     equilibrium: EquilibriumTable = field(default_factory=EquilibriumTable)
     stability: Stability | None = None
+    limit_cycle: LimitCycle | None = None
     samples: Samples = field(default_factory=Samples)
     sweep: Sweep | None = None
     countermeasures: tuple[Countermeasure, ...] = ()
