@@ -49,7 +49,7 @@ class Plot:
         return self.caption if isinstance(self.caption, str) else self.caption(run)
 
 
-PLOTS = (
+PLOTS: tuple[Plot, ...] = (
     Plot(
         "figure4_topography",
         topography_caption,
@@ -213,11 +213,12 @@ PLOTS = (
 )
 
 
-def make_figures(directory: str | Path | RunData) -> list[Path]:
+def make_figures(directory: str | Path | RunData, share: slice = slice(None)) -> list[Path]:
     """Draw every figure a run has data for, as PNG and SVG in ``directory/figures``.
 
     Args:
         directory: the run directory, or its results already read.
+        share: of the figures, where several processes draw them.
 
     Returns:
         Paths written, in the order of the figures.
@@ -230,7 +231,7 @@ def make_figures(directory: str | Path | RunData) -> list[Path]:
     folder.mkdir(exist_ok=True)
     written: list[Path] = []
     with house_style():
-        for plot in PLOTS:
+        for plot in PLOTS[share]:
             figure = plot.draw(run)
             if figure is not None:
                 written += save(figure, folder, plot.name)
