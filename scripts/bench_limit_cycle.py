@@ -54,9 +54,7 @@ def table():
     start = time.perf_counter()
     judged = stepped(study, sample, eq, exact.amplitude)
     seconds = time.perf_counter() - start
-    print(
-        "| harmonics | points | amplitude [um] | error | to time steps | f [Hz] | seconds |"
-    )
+    print("| harmonics | points | amplitude [um] | error | to time steps | f [Hz] | seconds |")
     print("| --- | --- | --- | --- | --- | --- | --- |")
     for harmonics, points in ((1, 16), (3, 24), (5, 32), (7, 48), (9, 64), (13, 96)):
         start = time.perf_counter()

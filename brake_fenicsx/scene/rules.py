@@ -38,7 +38,7 @@ def check_consistent(s: Scene) -> None:
     """
     rules = (
         _stages, surface_mistakes, _parts, contact_mistakes, face_mistakes, _motion,
-        damping_mistakes, _varied, sweep_mistakes, _approaches, _limit_cycle,
+        damping_mistakes, _limit_cycle, _varied, sweep_mistakes, _approaches,
     )  # fmt: skip
     for rule in rules:
         for text in rule(s):
@@ -57,6 +57,12 @@ def _stages(s: Scene) -> Iterator[str]:
             yield f"stages: {stage!r} needs {before!r}"
     if s.micro and s.micro.patch == "mesh" and "equilibrium" not in s.stages:
         yield 'micro.patch = "mesh": needs the stage equilibrium; write a length'
+
+
+def _limit_cycle(s: Scene) -> Iterator[str]:
+    """Limit cycles are those of the reduced model."""
+    if s.limit_cycle and (s.stability is None or s.stability.method != "reduced"):
+        yield 'limit_cycle: needs [stability] with method = "reduced"'
 
 
 def _parts(s: Scene) -> Iterator[str]:
@@ -126,16 +132,3 @@ def _approaches(s: Scene) -> Iterator[str]:
                 f"samples.{name}: without the stage uncertainty there is one sample; add it to"
                 f" stages, or leave samples.{name} out"
             )
-
-
-def _limit_cycle(s: Scene) -> Iterator[str]:
-    """Limit cycles are those of the reduced model, from enough points of time."""
-    if (table := s.limit_cycle) is None:
-        return
-    if s.stability is None or s.stability.method != "reduced":
-        yield 'limit_cycle: needs [stability] with method = "reduced"'
-    if table.points <= 2 * table.harmonics:
-        yield (
-            f"limit_cycle.points = {table.points}: more than twice limit_cycle.harmonics ="
-            f" {table.harmonics} are needed; 6 times as many or more see patches open"
-        )

@@ -214,6 +214,14 @@ class LimitCycle:
     damping_below: float = key(default=0.0, sign="zero")
     radiating: tuple[str, ...] = key(default=())
 
+    def contradictions(self) -> Iterator[str]:
+        """Points of time tell the harmonics apart."""
+        if self.points <= 2 * self.harmonics:
+            yield (
+                f".points = {self.points}: more than twice limit_cycle.harmonics ="
+                f" {self.harmonics} are needed; 6 times as many or more see patches open"
+            )
+
 
 @dataclass(frozen=True, slots=True)
 class Scene:

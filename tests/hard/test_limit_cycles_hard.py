@@ -114,11 +114,11 @@ def test_one_law_per_patch():
     """Elements of one library with laws of their own, and others of a formula."""
     from brake_fenicsx.micro import exponential_law, join_laws
 
-    both = join_laws([hardened(), OneLaw(exponential_law(1e6, 1e-6))])
+    both = join_laws([hardened(), OneLaw(exponential_law(1e6, 2e-6))])
     laws = EnrichedGap(both, np.array([0, 1]), np.zeros(2))
     two = np.ones(2)
     forces = PatchForces(laws, two < 0, two, 0 * two, 0 * two, two, 0 * two)
     y = 1e-6 * np.cos(2 * np.pi * np.arange(32) / 32)[None] * two[:, None]
     F, _ = forces(y, 0 * y)
-    np.testing.assert_allclose(F[1], 1e6 * (np.exp(-y[1] / 1e-6) - 1), atol=1e-6)
+    np.testing.assert_allclose(F[1], 1e6 * (np.exp(-y[1] / 2e-6) - 1), atol=1e-6)
     assert F.shape == (2, 32) and not np.allclose(F[0], F[1])
