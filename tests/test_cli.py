@@ -26,8 +26,6 @@ from brake_fenicsx.scene.units import several
 from brake_fenicsx.surface import read_topography
 from brake_fenicsx.uncertainty.ensemble import run_ensemble
 
-pytestmark = pytest.mark.alone
-
 BLOCK = Path(__file__).parents[1] / "scripts" / "scenes" / "block_on_plate.toml"
 SURFACE = ["--set", "stages=['surface']", "--set", "surface.statistics={ S_q = '3 um' }"]
 # A program that ends itself, or is ended, after some seconds at most.

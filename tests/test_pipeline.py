@@ -16,7 +16,6 @@ import pytest
 
 from brake_fenicsx.pipeline import assemble, run
 from brake_fenicsx.results.versions import LIBRARIES, version_of
-from processes import parallel
 
 SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
 BLOCK = SCENES / "block_on_plate.toml"
@@ -46,11 +45,10 @@ def rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-def command(scene: Path, out: Path, changes: list[str], n: int = 1) -> list[str]:
+def command(scene: Path, out: Path, changes: list[str]) -> list[str]:
     code = "import sys; from brake_fenicsx.cli import main; sys.exit(main(sys.argv[1:]))"
     sets = [word for change in changes for word in ("--set", change)]
-    parallel = ["mpirun", "-n", str(n), "--oversubscribe"] if n > 1 else []
-    return [*parallel, sys.executable, "-c", code, "run", str(scene), "-o", str(out), *sets]
+    return [sys.executable, "-c", code, "run", str(scene), "-o", str(out), *sets]
 
 
 @pytest.fixture(scope="module")
@@ -230,12 +228,14 @@ def test_killed_run_goes_on_to_the_same_bytes(samples, many, tmp_path):
     assert {name: after[name] for name in before} == before
 
 
-def test_two_processes_give_the_modes_of_one(many, tmp_path):
+@pytest.mark.together
+def test_two_processes_give_the_modes_of_one(processes, tmp_path):
     """Relative 1e-8, or the certified error where that is larger."""
-    out = tmp_path / "out"
-    done = subprocess.run(command(BLOCK, out, MANY, 2), capture_output=True, **parallel())
-    assert done.returncode == 0, done.stderr.decode()
-    one, two = rows(many / "modes.csv"), rows(out / "modes.csv")
+    comm, folder = processes
+    run(BLOCK, MPI.COMM_SELF, tmp_path / "one", MANY)
+    run(BLOCK, comm, folder / "two", MANY)
+    comm.Barrier()
+    one, two = rows(tmp_path / "one" / "modes.csv"), rows(folder / "two" / "modes.csv")
     assert len(one) == len(two) > 50
     for a, b in zip(one, two, strict=True):
         assert (a["approach"], a["sample"], a["mode"]) == (b["approach"], b["sample"], b["mode"])

@@ -16,8 +16,6 @@ from brake_fenicsx.macro.clip import (
 )
 from brake_fenicsx.macro.facet import FacetElement
 
-pytestmark = pytest.mark.alone
-
 
 def cross(a, b):
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]

@@ -9,8 +9,6 @@ import scipy.sparse as sp
 from brake_fenicsx.stability import Reduced, complex_modes
 from dense_reference import all_kappa, all_lambda, covered
 
-pytestmark = pytest.mark.alone
-
 # Nodes of each of the two bodies, contact elements, modes of the band.
 NODES, ELEMENTS, MODES = 220, 24, 25
 

@@ -14,6 +14,8 @@ from brake_fenicsx.folder.store import Store
 from brake_fenicsx.pipeline import assemble, run
 from brake_fenicsx.uncertainty.shared_matrices import FILE, with_shared_matrices
 
+pytestmark = pytest.mark.together
+
 COMM = MPI.COMM_WORLD
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 SIZES = ["parts.block.size='4 mm'", "parts.plate.size='6 mm'"]

@@ -17,8 +17,6 @@ from brake_fenicsx.variants.entries import (
     statistical,
 )
 
-pytestmark = pytest.mark.alone
-
 FAMILIES = np.array([3, 8])
 
 

@@ -17,8 +17,6 @@ from brake_fenicsx.results.statistics import difference
 from brake_fenicsx.variants.compare import write_comparison
 from brake_fenicsx.variants.comparison import compare_runs
 
-pytestmark = pytest.mark.alone
-
 COMM = MPI.COMM_SELF
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 ROUGH = [
