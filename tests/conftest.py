@@ -62,6 +62,22 @@ def comm():
 
 
 @pytest.fixture
+def without_pixels(monkeypatch):
+    """Names of the figures that are drawn; each is stored as a picture of one pixel."""
+    names = []
+
+    def save(figure, directory, name):
+        from PIL import Image
+
+        names.append(name)
+        Image.new("RGB", (1, 1)).save(directory / f"{name}.png")
+        return [directory / f"{name}.png"]
+
+    monkeypatch.setattr("brake_fenicsx.report.figures.save", save)
+    return names
+
+
+@pytest.fixture
 def processes(tmp_path):
     """All processes and one folder for them, of a test that one process alone does not run."""
     return MPI.COMM_WORLD, MPI.COMM_WORLD.bcast(tmp_path)

@@ -29,14 +29,19 @@ COARSE = [
     "stability.band=['0 Hz', '9 kHz']",
     "stability.verify=1",
 ]
+FEW_CELLS = [
+    "parts.block.size='10 mm'",
+    "parts.plate.size='14 mm'",
+    "stability.band=['0 Hz','20 kHz']",
+]
 # Several random samples of the block: heights from numbers alone, laws analytic.
 MANY = [
+    *FEW_CELLS,
     "stages=['surface','equilibrium','stability','uncertainty']",
     "surface.statistics={ S_q = '3 um' }",
     "contact.block_plate.gap=hdf",
     "stability.method=reduced",
-    "stability.band=['0 Hz','20 kHz']",
-    "samples.n=8",
+    "samples.n=16",
 ]
 
 
@@ -172,7 +177,7 @@ def test_no_ears_if_none_are_named():
     ],
 )
 def test_unnamed_stage_is_not_imported(stages, absent, tmp_path):
-    changes = [f"stages={stages}", "surface.statistics={ S_q = '3 um' }"]
+    changes = [*FEW_CELLS, f"stages={stages}", "surface.statistics={ S_q = '3 um' }"]
     words = command(BLOCK, tmp_path / "out", changes)
     code = words[2].replace("sys.exit(main(sys.argv[1:]))", "main(sys.argv[1:]);")
     words[2] = code + f"print([m for m in {absent!r} if m in sys.modules])"
@@ -204,7 +209,7 @@ def test_assemble_gives_the_public_operators():
 
 @pytest.fixture(scope="module")
 def many(tmp_path_factory):
-    """Eight random samples of the block, uninterrupted."""
+    """Random samples of the block, uninterrupted."""
     out = tmp_path_factory.mktemp("many") / "out"
     subprocess.run(command(BLOCK, out, MANY), check=True, capture_output=True)
     return out
@@ -307,7 +312,8 @@ def test_the_ramp_is_gone_through_where_the_full_load_does_not_converge(tmp_path
 def test_friction_may_be_random(tmp_path):
     law = "{ law = 'normal', mean = 0.5, sd = 0.05, min = 0.3, max = 0.7 }"
     name = "contact.block_plate.friction"
-    run(BLOCK, MPI.COMM_SELF, tmp_path / "out", [*MANY, f'samples.random."{name}"={law}'])
+    drawn = [f'samples.random."{name}"={law}', "stages=['surface','equilibrium','uncertainty']"]
+    run(BLOCK, MPI.COMM_SELF, tmp_path / "out", [*MANY, *drawn])
     mu = [float(s[name]) for s in rows(tmp_path / "out" / "samples.csv")]
-    assert len(set(mu)) == 8
+    assert len(set(mu)) == 16
     assert all(0.3 <= m <= 0.7 for m in mu)

@@ -59,7 +59,7 @@ def test_a_share_writes_nothing_and_other_matrices_are_not_taken(brake, store):
 
 
 @pytest.mark.parametrize("method", ["reduced", "full"])
-def test_nothing_writes_into_mapped_matrices(store, monkeypatch, method):
+def test_nothing_writes_into_mapped_matrices(store, monkeypatch, without_pixels, method):
     """Equilibrium, reduced model, full order, damping and pictures: every array is read-only."""
     monkeypatch.setattr(store_module, "MAPPED", 1)
     changes = [
