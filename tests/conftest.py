@@ -15,7 +15,7 @@ import pytest
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config, items):
-    """Tests in tests/hard are hard. Several processes run only tests that they do together.
+    """Tests in tests/hard are hard; several processes run those that are marked ``together``.
 
     Files go whole to one worker, and so do all tests of the drawn run, whose figures take long;
     first of all plugins, since pytest-xdist reads the groups in this hook.
@@ -25,24 +25,25 @@ def pytest_collection_modifyitems(config, items):
             item.add_marker("hard")
         shared = "drawn" if "drawn" in item.fixturenames else str(item.path)
         item.add_marker(pytest.mark.xdist_group(shared))
+    left_out = [item for item in items if not _runs(item)]
+    config.hook.pytest_deselected(items=left_out)
+    items[:] = [item for item in items if _runs(item)]
+
+
+def _runs(item):
+    """Whether a test says something on as many processes as there are."""
     if MPI.COMM_WORLD.size > 1:
-        config.hook.pytest_deselected(items=[item for item in items if _alone(item)])
-        items[:] = [item for item in items if not _alone(item)]
-
-
-def _alone(item):
-    """Whether a test is none of all processes together."""
-    return item.get_closest_marker("alone") and "comm" not in item.fixturenames
+        return bool(item.get_closest_marker("together"))
+    return "processes" not in item.fixturenames
 
 
 @pytest.fixture(autouse=True)
-def _collect_together(request):
+def _collect_together():
     """PETSc objects are destroyed by all processes together, between tests and nowhere else."""
     yield
     if MPI.COMM_WORLD.size > 1:
         gc.collect()
-        if not _alone(request.node):
-            MPI.COMM_WORLD.Barrier()
+        MPI.COMM_WORLD.Barrier()
 
 
 @pytest.fixture(autouse=True)
@@ -58,6 +59,28 @@ def _log_of_its_own():
 def comm():
     """All processes of the test run."""
     return MPI.COMM_WORLD
+
+
+@pytest.fixture
+def without_pixels(monkeypatch):
+    """Names of the figures that are drawn; each is stored as a picture of one pixel."""
+    names = []
+
+    def save(figure, directory, name):
+        from PIL import Image
+
+        names.append(name)
+        Image.new("RGB", (1, 1)).save(directory / f"{name}.png")
+        return [directory / f"{name}.png"]
+
+    monkeypatch.setattr("brake_fenicsx.report.figures.save", save)
+    return names
+
+
+@pytest.fixture
+def processes(tmp_path):
+    """All processes and one folder for them, of a test that one process alone does not run."""
+    return MPI.COMM_WORLD, MPI.COMM_WORLD.bcast(tmp_path)
 
 
 class TwoBlocks:
@@ -189,14 +212,14 @@ def _scene(name, alone, key):
 
 
 @pytest.fixture
-def two_blocks(request):
+def two_blocks():
     """``two_blocks(name, alone=..., **changes)``: one of the scenes above, made once per run.
 
-    ``alone``: on this process, as in tests that are marked so, in place of all together.
+    ``alone``: on this process in place of all together.
     """
-    marked = bool(_alone(request.node))
 
-    def make(name, alone=marked, **changes):
+    def make(name, alone=False, **changes):
+        alone = alone or MPI.COMM_WORLD.size == 1
         return _scene(name, alone, tuple(sorted(changes.items())))
 
     return make

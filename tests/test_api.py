@@ -17,8 +17,6 @@ from brake_fenicsx.stability import complex_modes
 from brake_fenicsx.surface import make_topography
 from coarse_block import BLOCK, FRICTION, ROUGH
 
-pytestmark = pytest.mark.alone
-
 ROOT = Path(__file__).parents[1]
 I = np.eye(3)
 

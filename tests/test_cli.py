@@ -26,8 +26,6 @@ from brake_fenicsx.scene.units import several
 from brake_fenicsx.surface import read_topography
 from brake_fenicsx.uncertainty.ensemble import run_ensemble
 
-pytestmark = pytest.mark.alone
-
 BLOCK = Path(__file__).parents[1] / "scripts" / "scenes" / "block_on_plate.toml"
 SURFACE = ["--set", "stages=['surface']", "--set", "surface.statistics={ S_q = '3 um' }"]
 # A program that ends itself, or is ended, after some seconds at most.
@@ -92,12 +90,14 @@ def test_missing_points_are_said_once_and_stand_in_the_log(tmp_path, capsys):
 
 
 def test_check_q_prints_warnings_alone(capsys):
-    """Nothing for a scene without a doubt."""
+    """Nothing for a scene without a doubt; a pressure p0 of 10 Pa was taken without one."""
     assert main(["check", str(BLOCK), "-q", *SURFACE]) == 0
     assert capsys.readouterr() == ("", "")
-    assert main(["check", str(BLOCK), "-q", "--set", "parts.block.height=2 m"]) == 0
+    law = "contact.block_plate.law={ p0 = '10 Pa', u0 = '0.3 um' }"
+    assert main(["check", "-q", str(BLOCK), *SURFACE, "--set", law]) == 0
     said = capsys.readouterr().out.splitlines()
-    assert said and all(line.startswith("warning: ") for line in said)
+    assert "law.p0 = 1e-05 MPa: unusual" in said[0]
+    assert all(line.startswith("warning: ") for line in said)
 
 
 def test_a_missing_argument_is_named_and_no_option_that_may_be_left_out(capsys):
@@ -216,11 +216,12 @@ def test_output_that_nobody_reads(tmp_path):
     """As of "check | head -1", where the reader is gone before the last line."""
     read, write = os.pipe()
     os.close(read)
-    done = subprocess.run([*PROGRAM, "check", BLOCK], stdout=write, stderr=subprocess.PIPE)
+    words = [*PROGRAM, "check", BLOCK, *SURFACE]
+    done = subprocess.run(words, stdout=write, stderr=subprocess.PIPE)
     os.close(write)
     assert (done.returncode, done.stderr) == (141, b"")
     with open("/dev/full", "w") as full:
-        done = subprocess.run([*PROGRAM, "check", BLOCK], stdout=full, stderr=subprocess.PIPE)
+        done = subprocess.run(words, stdout=full, stderr=subprocess.PIPE)
     assert done.returncode == 1
     assert done.stderr.decode() == "brake-fenicsx: the output: No space left on device\n"
 
@@ -323,9 +324,6 @@ def test_table_of_the_log_stands_under_its_heading(tmp_path, monkeypatch):
     assert ends == ["a  b", "1  2"] and len(starts) == 1
 
 
-def test_words_that_mean_nothing_and_a_law_in_a_wrong_unit(capsys):
-    """A word after the scene was ignored; p0 of 10 Pa was taken."""
+def test_words_that_mean_nothing_are_named(capsys):
+    """A word after the scene was ignored."""
     assert "unrecognized arguments: word" in one_line(capsys, "run", BLOCK, "word")[1]
-    law = "contact.block_plate.law={ p0 = '10 Pa', u0 = '0.3 um' }"
-    assert main(["check", "-q", str(BLOCK), "--set", law]) == 0
-    assert "law.p0 = 1e-05 MPa: unusual" in capsys.readouterr().out

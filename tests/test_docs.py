@@ -3,8 +3,6 @@
 import json
 import os
 import re
-import subprocess
-import sys
 from importlib import import_module
 from pathlib import Path
 
@@ -15,20 +13,12 @@ DOCS = ROOT / "docs"
 GUIDE = DOCS / "developer_guide.md"
 
 
-@pytest.fixture(scope="module")
-def site(tmp_path_factory):
-    if built := os.environ.get("BRAKE_FENICSX_SITE"):
-        return ROOT / built
-    for name in ("sphinx", "myst_parser", "furo"):
-        pytest.importorskip(name, reason=f"{name} is not installed: scripts/docs installs it")
-    folder = tmp_path_factory.mktemp("site")
-    words = ["-q", "-W", "--keep-going", "-n", "-d", str(folder / "trees")]
-    done = subprocess.run(
-        [sys.executable, "-m", "sphinx", *words, str(DOCS), str(folder / "html")],
-        capture_output=True, text=True,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    return folder / "html"
+@pytest.fixture
+def site():
+    """What scripts/docs, which takes warnings for errors, has built; scripts/test names it."""
+    if "BRAKE_FENICSX_SITE" not in os.environ:
+        pytest.skip("BRAKE_FENICSX_SITE names no folder in which scripts/docs has built the site")
+    return ROOT / os.environ["BRAKE_FENICSX_SITE"]
 
 
 def test_every_page_is_on_the_site_and_in_its_search(site):

@@ -10,8 +10,6 @@ import pytest
 from brake_fenicsx import prepare, sample
 from brake_fenicsx.errors import SceneError
 
-pytestmark = pytest.mark.alone
-
 ROOT = Path(__file__).parents[1]
 DOE = ROOT / "scripts" / "doe"
 FRICTION, PRESSURE = "contact.block_plate.friction", 'loads."block.top".pressure'

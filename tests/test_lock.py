@@ -18,8 +18,6 @@ from brake_fenicsx.folder import entry
 from brake_fenicsx.folder.lock import SILENCE, Lock
 from brake_fenicsx.folder.store import RUNNING
 
-pytestmark = pytest.mark.alone
-
 BLOCK = Path(__file__).parents[1] / "scripts" / "scenes" / "block_on_plate.toml"
 ELSEWHERE = "another-machine-7-7"
 DIES = """

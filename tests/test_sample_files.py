@@ -16,7 +16,6 @@ from brake_fenicsx.folder.store import Store
 from brake_fenicsx.results.stored import Results
 from brake_fenicsx.uncertainty.ensemble import run_ensemble
 
-pytestmark = pytest.mark.alone
 TASKS = [("parametric", k) for k in range(10)]
 
 

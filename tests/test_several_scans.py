@@ -144,7 +144,7 @@ def check_results(folder, count):
     assert f"scan {count}" in page and "standard deviation" in page
 
 
-def test_a_run_of_several_scans(scene, tmp_path):
+def test_a_run_of_several_scans(scene, tmp_path, without_pixels):
     """From three scans to laws, tables, figures and page."""
     more = '[micro]\npatch = "0.8 mm"\npixels = 48\nlaws = 2\nhardness = "200 MPa"'
     file = scene(more=more, stages='["surface", "micro", "report"]').file
@@ -154,7 +154,7 @@ def test_a_run_of_several_scans(scene, tmp_path):
 
 
 @pytest.mark.skipif(not SCANS, reason="BRAKE_FENICSX_SCANS names no folder of scans")
-def test_two_fields_of_a_real_instrument(scene, tmp_path):
+def test_two_fields_of_a_real_instrument(scene, tmp_path, without_pixels):
     """The halves of an interferometer's scan, with its missing points."""
     topo = read_topography(Path(SCANS) / "wyko_wli_736x480.opd")
     for name, heights in (("a", topo.heights[:368]), ("b", topo.heights[368:])):

@@ -15,7 +15,6 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder import sample_files
 from brake_fenicsx.folder.lock import Share, read_share
 
-pytestmark = pytest.mark.alone
 ROOT = Path(__file__).parents[1]
 BLOCK = ROOT / "scripts" / "scenes" / "block_on_plate.toml"
 STUDY = [

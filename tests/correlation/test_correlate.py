@@ -20,8 +20,6 @@ from brake_fenicsx.results.tables import read_columns
 from brake_fenicsx.scene import read_scene
 
 pyuff = pytest.importorskip("pyuff")
-pytestmark = pytest.mark.alone
-
 SCENES = Path(__file__).parents[2] / "scripts" / "scenes"
 BLOCK, BRAKE = SCENES / "block_on_plate.toml", SCENES / "disc_brake_demo.toml"
 # The plate as a bar of iron, its top at z = 0.

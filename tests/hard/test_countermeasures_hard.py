@@ -10,7 +10,7 @@ from brake_fenicsx.variants import countermeasures as module
 from brake_fenicsx.variants.trial import smallest_change
 from coarse_block import BLOCK, FRICTION, HEIGHT, ROUGH, levers
 
-pytestmark = [pytest.mark.hard, pytest.mark.alone]
+pytestmark = pytest.mark.hard
 
 COMM = MPI.COMM_SELF
 

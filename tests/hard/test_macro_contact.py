@@ -212,7 +212,6 @@ def test_friction_that_tips_the_block_over(two_blocks):
         equilibrium(operators(scene), laws, 1.1, steps=4)
 
 
-@pytest.mark.alone
 def test_friction_beyond_tipping_from_an_equilibrium_nearby():
     """In the tipped state the matrix is singular; large gaps must not pass as a solution.
 

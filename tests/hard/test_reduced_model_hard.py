@@ -12,7 +12,7 @@ from brake_fenicsx.stability import Parameters, Reduced, ReducedModel, complex_m
 from dense_reference import agrees, all_lambda
 from reduced_samples import BAND, HIGH, K0, Sample, offline, scattered, substructures
 
-pytestmark = [pytest.mark.hard, pytest.mark.alone]
+pytestmark = pytest.mark.hard
 
 
 @pytest.mark.parametrize("case", ["undamped", "rayleigh"])

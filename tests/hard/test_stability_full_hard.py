@@ -53,7 +53,6 @@ def compared(modes, exact, highest=BAND[1], tolerance=1e-7):
     assert np.all(distance <= tolerance * np.abs(modes.s) + modes.error)
 
 
-@pytest.mark.alone
 @pytest.mark.parametrize("mu", [0.6, 1.0])
 def test_thin_layer_that_slides_on_stiff_contact_is_counted(mu):
     """With six moments the bound of what the count leaves out was 2: "not proven"."""

@@ -9,7 +9,7 @@ from brake_fenicsx.sweeps.events import JUMP, MERGING, SPLITTING, find_events
 from brake_fenicsx.sweeps.state import State
 from sweep_models import MERGED, hoffmann, modes_of, solver
 
-pytestmark = [pytest.mark.hard, pytest.mark.alone]
+pytestmark = pytest.mark.hard
 
 WIDE = (0.0, 1e5)
 NONE = np.zeros((2, 2))

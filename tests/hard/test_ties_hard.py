@@ -15,7 +15,7 @@ from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.macro.tie import tied_faces
 from brake_fenicsx.scene.mesh import MeshTable
 
-pytestmark = [pytest.mark.alone, pytest.mark.hard]
+pytestmark = pytest.mark.hard
 
 STEEL = Material(isotropic(210e9, 0.3), 7800.0)
 C33 = float(STEEL.C[2, 2])

@@ -24,8 +24,6 @@ from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.parts import Matrices
 from brake_fenicsx.uncertainty.numbering import dof_points
 
-pytestmark = pytest.mark.alone
-
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 # Cells of 10 mm, so that block and cap have the same nodes where they meet.
 COARSE = [

@@ -15,8 +15,6 @@ from brake_fenicsx.macro.condensation import compliance
 from brake_fenicsx.micro import exponential_law, linear_law
 from brake_fenicsx.pipeline import assemble
 
-pytestmark = pytest.mark.alone
-
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 
 

@@ -16,8 +16,6 @@ from brake_fenicsx.macro.overlap import (
     triangle_quadrature,
 )
 
-pytestmark = pytest.mark.alone
-
 
 def cross(a, b):
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]

@@ -11,6 +11,7 @@ from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
 
 
+@pytest.mark.together
 def test_a_petsc_of_complex_scalars_is_refused_before_anything_is_written(
     comm, tmp_path, monkeypatch, capsys
 ):

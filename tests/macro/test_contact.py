@@ -234,6 +234,7 @@ def test_slip_frame_takes_out_the_normal_part_and_refuses_standstill():
             slip_frame(still, np.zeros((1, 3)), np.array([[0, 0, 1.0]]))
 
 
+@pytest.mark.together
 def test_one_process_and_all_give_the_same_elements(two_blocks):
     """Areas, centres, gaps and gaps of a field: sharing the integrals changes nothing."""
     alone, together = (two_blocks("loose", alone=alone) for alone in (True, False))

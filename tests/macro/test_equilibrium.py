@@ -213,6 +213,7 @@ def test_critical_gaps_and_separations_follow_the_heights():
     np.testing.assert_allclose(share, np.diff(cumulative[::200]), atol=4 * 0.5 / 200)
 
 
+@pytest.mark.together
 def test_one_process_and_all_give_the_same_equilibrium(two_blocks):
     """To 1e-10; catches columns of the compliance shared wrongly."""
     results = []

@@ -95,7 +95,6 @@ def test_springs_follow_the_axes_of_their_part():
     np.testing.assert_allclose(k @ across, 4e6 * across, rtol=1e-12, atol=1e-6)
 
 
-@pytest.mark.alone
 def test_stiff_springs_are_a_support():
     """A million times stiffer than the plate: the static compliance is that of the clamped one."""
     stiff = 'springs={ "plate.bottom" = { stiffness = ["1e9 kN/mm", "1e9 kN/mm", "1e9 kN/mm"] } }'

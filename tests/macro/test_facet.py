@@ -5,8 +5,6 @@ import pytest
 
 from brake_fenicsx.macro.faces import FacetElement
 
-pytestmark = pytest.mark.alone
-
 KINDS = [(3, 1), (3, 2), (4, 1), (4, 2)]
 
 

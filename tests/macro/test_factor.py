@@ -3,13 +3,10 @@
 from petsc4py import PETSc
 
 import numpy as np
-import pytest
 import scipy.sparse as sp
 
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.macro.solver import Factor
-
-pytestmark = pytest.mark.alone
 
 
 def chain(ends: float, n: int = 200) -> sp.csr_matrix:

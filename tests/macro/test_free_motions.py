@@ -124,6 +124,7 @@ def test_parts_that_rest_on_contact_and_are_not_pressed_are_named(changes, said)
     assert checked(LEVER % 2)[0] == []
 
 
+@pytest.mark.together
 def test_several_processes_name_the_same(comm):
     """Each has the whole brake; all refuse together, in the same words."""
     parsed = read_scene(BLOCK, [*COARSE, *CAP])

@@ -26,7 +26,6 @@ def lowest(size, *overrides):
     return np.sqrt(np.sort(kappa)) / 2 / np.pi, K, M
 
 
-@pytest.mark.alone
 def test_linear_elements_are_stiffer_and_converge():
     """Their space is part of the quadratic one: no frequency is lower; the error falls as h^2."""
     linear = {size: lowest(size, "mesh.degree=1")[0] for size in (10, 5)}
@@ -37,7 +36,6 @@ def test_linear_elements_are_stiffer_and_converge():
     assert 2.0 < gain < 8.0
 
 
-@pytest.mark.alone
 def test_lumped_mass():
     """It is diagonal, has the mass of the bodies along each axis, and lowers the frequencies."""
     free = ['supports."plate.bottom"=["z"]', 'supports."block.top"=["z"]', "mesh.degree=1"]
@@ -60,7 +58,6 @@ def test_lumped_mass():
     assert np.all(found["lumped"][0] < found["consistent"][0])
 
 
-@pytest.mark.alone
 def test_brake_of_linear_elements():
     """Contact, reduced model and full order take them; kinetic energy is shared out whole."""
     own = ["mesh.degree=1", 'mesh.mass="lumped"', "stability.band=['0 Hz','25 kHz']"]

@@ -15,8 +15,6 @@ from brake_fenicsx.pipeline import run
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.uncertainty.numbering import dof_points
 
-pytestmark = pytest.mark.alone
-
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 COARSE = ["parts.block.size='10 mm'", "parts.plate.size='20 mm'",
           'contact.block_plate.law={ linear="1e12 Pa/m" }']  # fmt: skip

@@ -15,8 +15,6 @@ from brake_fenicsx.macro.material import (
     transversely_isotropic,
 )
 
-pytestmark = pytest.mark.alone
-
 VOIGT = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]
 LINING = transversely_isotropic(5.94e9, 0.76e9, 0.98e9, 2.27e9, 1.18e9)
 ORTHOTROPIC = orthotropic(

@@ -22,8 +22,6 @@ from brake_fenicsx.macro.material_table import (
 )
 from brake_fenicsx.scene import MaterialTable, read_scene
 
-pytestmark = pytest.mark.alone
-
 SCENES = Path(__file__).parents[2] / "scripts" / "scenes"
 LINING = transversely_isotropic(5.94e9, 0.76e9, 0.98e9, 2.27e9, 1.18e9)
 ORTHOTROPIC = orthotropic(

@@ -38,6 +38,7 @@ PARTS = {
 }
 
 
+@pytest.mark.together
 @pytest.mark.parametrize("cells", ["tetrahedra", "hexahedra"])
 @pytest.mark.parametrize("order", [1, 2])
 def test_all_processes_hold_the_same_mesh(comm, cells, order):
@@ -96,6 +97,7 @@ def test_mass_of_hexahedra(comm):
     assert mass == pytest.approx(7800 * np.pi * (144e-3**2 - 75e-3**2) * 20e-3, rel=1e-4)
 
 
+@pytest.mark.together
 def test_mistakes_are_raised_on_all_processes(comm):
     """A part that cannot be built, and a mesh below the quality asked for."""
     with pytest.raises(SceneError, match=r"parts.disc: .*between 0 and radius"):

@@ -17,8 +17,6 @@ from brake_fenicsx.macro.meshing.meshfile import unread_cards
 from brake_fenicsx.macro.meshing.quality import orientation
 from brake_fenicsx.scene.mesh import MeshTable
 
-pytestmark = pytest.mark.alone
-
 GROUPS = {
     "pad_body": "pad.lining", "plate_body": "plate.body", "pad_bottom": "pad.friction",
     "plate_top": "plate.top", "pad_top": "pad.back", "plate_bottom": "plate.bottom",

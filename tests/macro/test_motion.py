@@ -19,8 +19,6 @@ from brake_fenicsx.macro.resultants import pad_forces
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability.terms import damping_terms
 
-pytestmark = pytest.mark.alone
-
 SCENES = Path(__file__).parents[2] / "scripts" / "scenes"
 BRAKE = [
     "stages=['equilibrium','stability']", "surface={}", "micro={}", "samples={}",

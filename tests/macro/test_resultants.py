@@ -8,8 +8,6 @@ from brake_fenicsx.macro.contact import Contact
 from brake_fenicsx.macro.friction import Rotation, Translation, slip_frame
 from brake_fenicsx.macro.resultants import pad_forces
 
-pytestmark = pytest.mark.alone
-
 INNER, OUTER, HALF = 96e-3, 140e-3, np.pi / 6
 
 

@@ -12,8 +12,6 @@ from brake_fenicsx.macro.brake import assemble_brake, check_brake
 from brake_fenicsx.macro.parts import scene_mesh, scene_raw_mesh
 from brake_fenicsx.scene import BUILDERS, read_scene
 
-pytestmark = pytest.mark.alone
-
 SCENES = Path(__file__).parents[2] / "scripts" / "scenes"
 BLOCK = SCENES / "block_on_plate.toml"
 

@@ -131,7 +131,6 @@ def test_inertia_of_a_face_is_that_of_its_rotation(comm):
     assert turning @ plain @ turning == pytest.approx(box + 1e-3 * 24e-3**2 / 12, rel=1e-9)
 
 
-@pytest.mark.alone
 def test_damping_ratio_of_rigid_boxes_on_damped_springs():
     """Dashpots in proportion to the springs: 2 zeta = omega c / k in each mode of the springs."""
     ratio = 2e-5
@@ -150,7 +149,6 @@ def test_dashpots_alone_are_a_damping_term():
     assert active_terms(read_scene(BLOCK, [*LIFTED, clip()[0]]), "multi-scale") == ()
 
 
-@pytest.mark.alone
 @pytest.mark.parametrize(
     ("spring", "said"),
     [
@@ -168,14 +166,12 @@ def test_mistakes_are_one_line(spring, said):
     assert said in str(error.value) and "\n" not in str(error.value)
 
 
-@pytest.mark.alone
 def test_inertia_of_two_values_is_refused():
     text = 'masses={ "cap.top"={ mass="1 g", inertia=["1 kg mm^2", 0] } }'
     with pytest.raises(SceneError, match="write three, about the part's axes"):
         read_scene(BLOCK, [*LIFTED, text])
 
 
-@pytest.mark.alone
 def test_faces_too_large_for_a_mean_motion_are_refused(monkeypatch):
     monkeypatch.setattr("brake_fenicsx.macro.joints.MOST_NODES", 20)
     with pytest.raises(SceneError, match=r"springs.clip: \d+ nodes .* name a smaller face"):

@@ -156,7 +156,6 @@ def lowest(elastic, count=8):
     return np.sort(eigsh(K, count, M, sigma=-1e9, return_eigenvectors=False))
 
 
-@pytest.mark.alone
 def test_modes_tend_to_those_of_the_glued_mesh(meshes):
     """Of matching meshes: first order in 1 / kappa, down to the glued mesh itself."""
     raw, table, comm = meshes.boxes(), MeshTable(), MPI.COMM_SELF
@@ -174,7 +173,6 @@ def test_modes_tend_to_those_of_the_glued_mesh(meshes):
     assert errors[2].max() < 2e-5
 
 
-@pytest.mark.alone
 def test_usual_stiffness_costs_less_than_the_mesh():
     """Of unlike meshes: no further from a fine mesh than one piece of the coarser cells is, but for
     the layer itself; ten times the stiffness moves modes by less than the cells do.
@@ -204,7 +202,6 @@ def test_usual_stiffness_costs_less_than_the_mesh():
     assert np.all(np.abs(stiffer / found - 1)[3:] < np.abs(coarse / fine - 1)[3:] + layer)
 
 
-@pytest.mark.alone
 def test_a_slit_in_one_part_is_closed(meshes):
     """One half of the boxes' common face is whole, the other a slit of one part: tied, all is."""
     raw, table, comm = meshes.boxes(), MeshTable(), MPI.COMM_SELF
@@ -239,7 +236,6 @@ def test_a_slit_in_one_part_is_closed(meshes):
     np.testing.assert_allclose(closed, whole_piece, rtol=1e-5)
 
 
-@pytest.mark.alone
 def test_only_the_common_part_is_glued(caplog):
     """The cap hangs over on two sides and is narrower on the others: 30 x 20 mm^2 are common."""
     with caplog.at_level(logging.INFO):
@@ -249,7 +245,6 @@ def test_only_the_common_part_is_glued(caplog):
     assert len(bodies) == 2
 
 
-@pytest.mark.alone
 def test_tied_bodies_are_one_substructure_and_repeat_as_one():
     """Two equal pairs, side by side: one is the other's image, unless their ties differ."""
     low = block.Block(length=10e-3, width=8e-3, height=6e-3, z=-6e-3, size=5e-3)
@@ -282,7 +277,6 @@ def test_tied_bodies_are_one_substructure_and_repeat_as_one():
     assert found == [(4, 2), (3, 3), (2, 1), (2, 2)]
 
 
-@pytest.mark.alone
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -299,7 +293,6 @@ def test_mistakes_are_one_line(change, said):
     assert said in str(error.value) and "\n" not in str(error.value)
 
 
-@pytest.mark.alone
 def test_a_part_tied_to_one_that_turns_turns_too():
     turning = [
         *CAP, "motion={ axis='z', speed='40 rad/s' }", "stability.damping={ gyroscopic=true }",
@@ -310,7 +303,6 @@ def test_a_part_tied_to_one_that_turns_turns_too():
     read_scene(BLOCK, [*turning, 'stability.damping.gyroscopic=["block", "cap"]'])
 
 
-@pytest.mark.alone
 def test_a_scene_without_ties_imports_nothing_of_them(monkeypatch):
     monkeypatch.setitem(sys.modules, "brake_fenicsx.macro.joints", None)
     assemble_brake(read_scene(BLOCK, [*CAP, "ties={}"]), MPI.COMM_SELF)

@@ -19,7 +19,7 @@ def names(directory):
     return {path.stem for path in make_figures(directory)}
 
 
-def test_one_neutral_mode_without_error_estimate(tmp_path):
+def test_one_neutral_mode_without_error_estimate(tmp_path, without_pixels):
     """One mode, neutral and without error estimate: figures, table and page."""
     write_rows(tmp_path / "modes.csv", MODES, [MODE])
     assert names(tmp_path) == {"figure9_squeal_map"}
@@ -78,7 +78,7 @@ def test_a_scan_without_roughness_or_without_points(tmp_path, heights):
     assert names(tmp_path) == {"figure4_topography", "figure5_statistics"}
 
 
-def test_text_that_looks_like_markup_stays_text(tmp_path):
+def test_text_that_looks_like_markup_stays_text(tmp_path, without_pixels):
     """Names that look like markup stay text on the page."""
     write_rows(tmp_path / "modes.csv", MODES, [["<i>a</i> & $x_$", *MODE[1:]]])
     page = write_report(tmp_path).read_text()

@@ -386,7 +386,7 @@ def test_shares_have_no_negative_zero():
     ]  # fmt: skip
 
 
-def test_the_page_of_a_surface_alone_names_its_parameters(run_directory, tmp_path):
+def test_the_page_of_a_surface_alone_names_its_parameters(run_directory, tmp_path, without_pixels):
     for name in ("surface.npz", "laws.npz"):
         shutil.copy(run_directory / name, tmp_path)
     root = ElementTree.parse(write_report(tmp_path)).getroot()

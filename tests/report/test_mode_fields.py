@@ -18,8 +18,6 @@ from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.operators import tangent
 from brake_fenicsx.uncertainty.study import Study
 
-pytestmark = pytest.mark.alone
-
 COMM = MPI.COMM_SELF
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 COARSE = [

@@ -12,8 +12,6 @@ from brake_fenicsx.compat import vector_space
 from brake_fenicsx.report.fields import write_fields
 from brake_fenicsx.results.tables import MODES, SAMPLES, write_rows
 
-pytestmark = pytest.mark.alone
-
 # Frequency [Hz], alpha [1/s]; the second decays.
 GROWING, DECAYING = (8331.4142, 217.5), (1500.25, -40.0)
 

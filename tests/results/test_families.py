@@ -1,12 +1,9 @@
 """Families of modes over samples: permuted, mixed and new shapes."""
 
 import numpy as np
-import pytest
 import scipy.linalg as la
 
 from brake_fenicsx.results.families import ModeFamilies
-
-pytestmark = pytest.mark.alone
 
 
 def test_families_follow_permuted_modes():

@@ -20,8 +20,6 @@ from brake_fenicsx.results.run import RunData
 from brake_fenicsx.scene import Distribution, Samples
 from brake_fenicsx.uncertainty.designs import quantile
 
-pytestmark = pytest.mark.alone
-
 MU, E3 = "contact.pad_disc.friction", "materials.lining.E_3"
 SAMPLES = Samples(approaches=("joint",), random={MU: Distribution("normal", 0.5, 0.05)})
 

@@ -9,8 +9,6 @@ from brake_fenicsx.scene import Distribution
 from brake_fenicsx.scene.samples import Plan
 from brake_fenicsx.uncertainty.designs import design_points, quantile
 
-pytestmark = pytest.mark.alone
-
 LAW = Distribution("uniform", min=-np.pi, max=np.pi)
 # Closed forms for a = 7, b = 0.1: D = a^2/8 + b pi^4/5 + b^2 pi^8/18 + 1/2.
 A, B = 7.0, 0.1

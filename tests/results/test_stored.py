@@ -8,8 +8,6 @@ import pytest
 from brake_fenicsx.results.stored import Results
 from brake_fenicsx.results.tables import SAMPLES, read_rows, write_rows
 
-pytestmark = pytest.mark.alone
-
 
 def sample(how, missed):
     mode = {"s": np.array([1j, 2j]), "verdict": np.array(["stable", "neutral"]), "counted": how,

@@ -13,8 +13,6 @@ from brake_fenicsx.stability.damping import (
     velocity_slope,
 )
 
-pytestmark = pytest.mark.alone
-
 
 def random_spd(n, seed):
     A = sp.random(n, n, 0.3, random_state=seed, format="csr")

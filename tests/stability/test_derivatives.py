@@ -21,8 +21,6 @@ from brake_fenicsx.stability.derivatives import (
 from brake_fenicsx.stability.eigensolvers.eigenpairs import QuadraticPencil, inner
 from reduced_samples import BAND, HIGH, ZETA, Sample, offline
 
-pytestmark = pytest.mark.alone
-
 MU, STIFFNESS, TOLERANCE = 1.5, 1e12, 1e-7
 CASES = ("undamped", "all")
 LAYERS = ("pad.body", "plate.body")

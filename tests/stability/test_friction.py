@@ -59,6 +59,7 @@ def shared(A, comm):
     return B
 
 
+@pytest.mark.together
 def test_distributed_matrices_of_petsc(two_blocks):
     """Each process gathers the matrices and solves for itself."""
     scene = two_blocks("guided")

@@ -15,8 +15,6 @@ from brake_fenicsx.stability.eigensolvers.eigenpairs import QuadraticPencil, res
 from brake_fenicsx.stability.eigensolvers.rows import undamped_rows
 from brake_fenicsx.stability.modes import Count, Modes
 
-pytestmark = pytest.mark.alone
-
 WIDE = (0.0, 1.0)
 
 

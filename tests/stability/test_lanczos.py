@@ -8,8 +8,6 @@ import scipy.sparse as sp
 from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.stability.eigensolvers.lanczos import lowest_modes
 
-pytestmark = pytest.mark.alone
-
 
 def factored(A):
     return Factor(sp.csr_matrix(A))

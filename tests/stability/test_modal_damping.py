@@ -51,7 +51,6 @@ def reduced(scene, changing):
     return ReducedModel.offline(bodies, scene.w, BAND, parameters)
 
 
-@pytest.mark.alone
 def test_modes_of_parts_alone_have_their_ratio(two_blocks):
     """No contact: lambda = omega (-zeta + i sqrt(1 - zeta^2)) of every mode of the bodies."""
     scene = two_blocks("coarse")
@@ -71,7 +70,6 @@ def test_modes_of_parts_alone_have_their_ratio(two_blocks):
     np.testing.assert_allclose(np.sort_complex(1j * found.conj()), 1j * exact[order].conj(), 1e-7)
 
 
-@pytest.mark.alone
 @pytest.mark.parametrize("x", [(), (0.4, -0.8)], ids=["constant", "changing"])
 def test_every_mode_of_bodies_with_ratios(two_blocks, x):
     """C of the kept modes and of what they leave out: none missed, errors covered, verdicts right.
@@ -101,7 +99,6 @@ def test_every_mode_of_bodies_with_ratios(two_blocks, x):
     assert np.median(-modes.s.real / np.abs(modes.s)) > 2e-3
 
 
-@pytest.mark.alone
 def test_modes_beyond_the_cutoff_are_damped_too(two_blocks):
     """Full order with the ratios of all modes: alpha within 4 % for every cutoff.
 
@@ -166,7 +163,6 @@ def test_bodies_of_other_ratios_are_no_mirror_images(two_blocks):
     assert mirror_image(body, replace(body, ratios=())) is None
 
 
-@pytest.mark.alone
 def test_a_scene_with_ratios(tmp_path):
     """Modes without flutter have a ratio between those of the parts; the summary names them."""
     told = ["samples.n=1", "stability.zeta_max=0.3"]

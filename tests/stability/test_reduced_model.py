@@ -44,7 +44,6 @@ KINDS = [case for case in CASES if case not in ("dashpot", "little", "contrast")
 POINTS = (0.0, (0.3, -0.5)), (0.5, (-1.0, -1.0)), (1.0, (0.7, 0.9))
 
 
-@pytest.mark.alone
 @pytest.mark.parametrize("case, mu, seed", turns(zip(KINDS), [(0.0, 1), (0.4, 2), (1.0, 3)]))
 def test_every_mode_of_constant_materials(two_blocks, case, mu, seed):
     """Two decades of contact stiffness, 30 % open: none missed, errors covered, verdicts right.
@@ -57,7 +56,6 @@ def test_every_mode_of_constant_materials(two_blocks, case, mu, seed):
     assert sample.agrees(sample.modes(offline(scene, case))) < 2e-6
 
 
-@pytest.mark.alone
 @pytest.mark.parametrize("case, mu, x", turns(zip(KINDS), POINTS), ids=str)
 def test_every_mode_of_changing_materials(two_blocks, case, mu, x):
     """Two points inside, and the corner without an anchor; damping follows the stiffness."""
@@ -66,7 +64,6 @@ def test_every_mode_of_changing_materials(two_blocks, case, mu, x):
     assert sample.agrees(sample.modes(offline(scene, case, changing=True))) < 1e-5
 
 
-@pytest.mark.alone
 @pytest.mark.parametrize("case", ["undamped", "all"])
 def test_free_bodies(two_blocks, case):
     """Nothing is held, one of the two bodies turns: rigid modes are there and never unstable."""
@@ -80,7 +77,6 @@ def test_free_bodies(two_blocks, case):
     assert found.residual.max() <= 2.0
 
 
-@pytest.mark.alone
 def test_some_of_these_flutter(two_blocks):
     """The verdicts above have something to say: unstable pairs exist, and come as +-alpha."""
     scene = two_blocks("coarse")
@@ -93,7 +89,6 @@ def test_some_of_these_flutter(two_blocks):
     assert number
 
 
-@pytest.mark.alone
 def test_tolerance_buys_accuracy(two_blocks):
     """More moments and higher degrees: true errors fall, and so do the estimates."""
     scene = two_blocks("coarse")
@@ -106,7 +101,6 @@ def test_tolerance_buys_accuracy(two_blocks):
     assert stated[1] < 1e-4
 
 
-@pytest.mark.alone
 def test_static_compliance(two_blocks):
     """For braking equilibrium, here put on springs; a free pad and the loads too."""
     scene = two_blocks("guided")
@@ -125,7 +119,6 @@ def test_static_compliance(two_blocks):
             assert np.abs(ours - theirs).max() < 1e-6 * np.abs(theirs).max()
 
 
-@pytest.mark.alone
 @pytest.mark.parametrize("case, x", [("undamped", ()), ("all", (0.4, -0.6))])
 def test_displacements_solve_the_full_problem(two_blocks, case, x):
     """(lambda^2 M + lambda C + K) phi is what the error of lambda leaves, in the K0^-1 norm."""
@@ -147,7 +140,6 @@ def test_displacements_solve_the_full_problem(two_blocks, case, x):
     assert len(full) == len(found)
 
 
-@pytest.mark.alone
 def test_left_vectors_and_conditions_are_those_of_full_order(two_blocks):
     """The condition of each mode against full order, to the share of energy that is left out."""
     scene = two_blocks("coarse")
@@ -157,7 +149,6 @@ def test_left_vectors_and_conditions_are_those_of_full_order(two_blocks):
     np.testing.assert_allclose(found.condition, full.condition, rtol=0.05)
 
 
-@pytest.mark.alone
 @pytest.mark.parametrize("changing", [False, True])
 def test_what_was_made_earlier_gives_the_same_bytes(two_blocks, changing, tmp_path, monkeypatch):
     """The arrays of the bodies, mapped from the file that a first run left."""
@@ -180,6 +171,7 @@ def test_what_was_made_earlier_gives_the_same_bytes(two_blocks, changing, tmp_pa
     np.testing.assert_array_equal(*phi)
 
 
+@pytest.mark.together
 def test_one_process_and_all_give_the_same_modes(two_blocks):
     """Eigenvalues and stated errors to round-off, however many processes share the solves."""
     found = []
@@ -192,6 +184,7 @@ def test_one_process_and_all_give_the_same_modes(two_blocks):
     assert np.all(np.abs(a.s - b.s) <= 1e-8 * np.abs(a.s))
 
 
+@pytest.mark.together
 def test_a_hidden_mode_of_a_body_is_noticed(two_blocks, monkeypatch):
     """One real mode withheld: inertia knows, on all processes together."""
     scene, real = two_blocks("guided"), reduction.lowest_modes
@@ -205,6 +198,7 @@ def test_a_hidden_mode_of_a_body_is_noticed(two_blocks, monkeypatch):
         Reduced(scene.K, scene.M, scene.N, scene.T, scene.w, K0, BAND, comm=scene.comm)
 
 
+@pytest.mark.together
 def test_a_failure_of_one_process_is_raised_on_all(two_blocks, monkeypatch):
     """Each body's modes are found by one process: catches the others waiting for ever."""
     scene = two_blocks("guided")
@@ -217,7 +211,6 @@ def test_a_failure_of_one_process_is_raised_on_all(two_blocks, monkeypatch):
         Reduced(scene.K, scene.M, scene.N, scene.T, scene.w, K0, BAND, comm=scene.comm)
 
 
-@pytest.mark.alone
 def test_bodies_are_taken_apart(two_blocks):
     """Their matrices and operators put together are those of the whole."""
     scene = two_blocks("guided")
@@ -257,7 +250,6 @@ def mirrored(scene):
     return both
 
 
-@pytest.mark.alone
 @pytest.mark.parametrize("rows", ["N", "NR"])
 def test_mirror_images_share_the_work(two_blocks, rows):
     """Half of the bodies are reduced, and the modes are those of all four reduced."""
@@ -285,7 +277,6 @@ def test_mirror_images_share_the_work(two_blocks, rows):
     assert likeness == pytest.approx(1.0, abs=1e-6)
 
 
-@pytest.mark.alone
 def test_what_differs_by_little_is_no_image(two_blocks):
     """One entry by a millionth of the largest; unlike blocks neither."""
     from brake_fenicsx.stability import split_substructures
@@ -300,7 +291,6 @@ def test_what_differs_by_little_is_no_image(two_blocks):
     assert mirror_image(bodies[j], bodies[i]) is None
 
 
-@pytest.mark.alone
 @pytest.mark.parametrize("sense, images", [(1.0, 2), (-1.0, 1)])
 def test_a_body_that_turns_the_other_way_is_no_image(two_blocks, sense, images):
     """A change of the damping decides too: the gyroscopic matrix has a sense, the mass has none."""
@@ -317,7 +307,6 @@ def test_a_body_that_turns_the_other_way_is_no_image(two_blocks, sense, images):
     assert len(found) == images
 
 
-@pytest.mark.alone
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -360,7 +349,6 @@ def test_arguments_that_do_not_fit_are_one_line(two_blocks, change, said):
         run()
 
 
-@pytest.mark.alone
 @pytest.mark.parametrize(("dimension", "degree"), [(0, 4), (1, 5), (2, 4), (3, 3), (5, 2)])
 def test_interpolation_is_exact_for_polynomials(dimension, degree):
     """Any polynomial up to the degree, also a little beyond the box, from the first anchors."""
@@ -375,7 +363,6 @@ def test_interpolation_is_exact_for_polynomials(dimension, degree):
         assert value == pytest.approx(np.prod(x ** np.array(powers)), abs=1e-10)
 
 
-@pytest.mark.alone
 @pytest.mark.parametrize("degree", [1, 2])
 def test_zeros_of_a_matrix_polynomial(degree):
     """By division and without it: the small zeros of the full linearisation, and both vectors."""
@@ -402,7 +389,6 @@ def test_zeros_of_a_matrix_polynomial(degree):
             assert la.norm(value @ a) < 1e-7 and la.norm(b @ value) < 1e-6
 
 
-@pytest.mark.alone
 def test_band_that_starts_above_zero(two_blocks):
     """As many rows as full order has there, and the count says so."""
     scene, mu = two_blocks("guided"), 0.7
@@ -415,7 +401,6 @@ def test_band_that_starts_above_zero(two_blocks):
     assert found.frequency.min() >= band[0]
 
 
-@pytest.mark.alone
 def test_petsc_matrices_and_a_communicator(two_blocks):
     """PETSc matrices are taken as they are."""
     scene = two_blocks("coarse", alone=True)

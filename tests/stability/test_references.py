@@ -6,8 +6,6 @@ import scipy.sparse as sp
 
 from brake_fenicsx.stability import complex_modes
 
-pytestmark = pytest.mark.alone
-
 TWO_PI = 2 * np.pi
 
 

@@ -20,7 +20,6 @@ SCRIPTS = Path(__file__).parents[2] / "scripts"
 
 
 pytestmark = [
-    pytest.mark.alone,
     pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (ccx) is not installed"),
 ]
 BLOCK = SCRIPTS / "scenes" / "block_on_plate.toml"

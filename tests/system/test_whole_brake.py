@@ -11,8 +11,6 @@ import pytest
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.results.tables import read_columns
 
-pytestmark = pytest.mark.alone
-
 SCENE = Path(__file__).parents[2] / "scripts" / "scenes" / "whole_brake.toml"
 FORCE = 1145.0
 COARSE = [

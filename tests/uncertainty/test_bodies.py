@@ -19,8 +19,6 @@ from brake_fenicsx.uncertainty.inputs import draw_inputs
 from brake_fenicsx.uncertainty.random_materials import assemble_random
 from brake_fenicsx.uncertainty.sampling import draw_sample
 
-pytestmark = pytest.mark.alone
-
 COMM = MPI.COMM_SELF
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 STAGES = "stages=['surface','equilibrium','stability','uncertainty']"

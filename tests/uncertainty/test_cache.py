@@ -56,6 +56,7 @@ def test_what_bodies_and_laws_depend_on():
         assert facts("laws", change) == facts("laws")
 
 
+@pytest.mark.together
 def test_second_run_takes_from_the_first(folder):
     """Another seed: laws and basis are the first run's, and its modes are those of a run alone."""
 
@@ -82,6 +83,7 @@ def test_second_run_takes_from_the_first(folder):
         np.testing.assert_allclose(taken, own, rtol=1e-7)
 
 
+@pytest.mark.together
 def test_a_cache_that_is_no_folder(folder, capsys):
     path = folder / "file"
     if COMM.rank == 0:

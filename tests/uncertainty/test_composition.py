@@ -10,8 +10,6 @@ import pytest
 
 from brake_fenicsx.pipeline import run
 
-pytestmark = pytest.mark.alone
-
 SCENE = Path(__file__).parents[2] / "scripts" / "scenes" / "disc_brake_demo.toml"
 MU = "samples.random.\"contact.pad_disc.friction\"={ law='uniform', min=0.8, max=1.0 }"
 SMALL = [

@@ -10,8 +10,6 @@ import pytest
 
 from brake_fenicsx.pipeline import run
 
-pytestmark = pytest.mark.alone
-
 SELF = MPI.COMM_SELF
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 GIVEN = [

@@ -21,8 +21,6 @@ from brake_fenicsx.stability.damping import gyroscopic
 from brake_fenicsx.stability.operators import tangent
 from brake_fenicsx.stability.terms import damping_terms
 
-pytestmark = pytest.mark.alone
-
 SELF = MPI.COMM_SELF
 SCENES = Path(__file__).parents[2] / "scripts" / "scenes"
 BLOCK = SCENES / "block_on_plate.toml"
@@ -168,6 +166,7 @@ DISC = [
 ]  # fmt: skip
 
 
+@pytest.mark.together
 def test_terms_of_the_bodies_do_not_depend_on_the_number_of_processes(comm):
     """Rayleigh, two loss factors and the turning disc, assembled by all processes or by one."""
     damping = (
@@ -189,6 +188,7 @@ def test_terms_of_the_bodies_do_not_depend_on_the_number_of_processes(comm):
     assert abs(0.5 * (back - back.T) + G).max() < 1e-12 * abs(G).max()
 
 
+@pytest.mark.together
 def test_a_damped_scene_on_all_processes(comm, tmp_path):
     """The samples shared by the processes, each with the whole of C."""
     folder = comm.bcast(tmp_path if comm.rank == 0 else None, root=0)

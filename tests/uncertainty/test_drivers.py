@@ -18,8 +18,6 @@ from brake_fenicsx.scene import read_scene
 from brake_fenicsx.uncertainty.solve import modes_of_sample, reduced_modes
 from brake_fenicsx.uncertainty.study import Study
 
-pytestmark = pytest.mark.alone
-
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 MULTI = "multi-scale"
 COARSE = [

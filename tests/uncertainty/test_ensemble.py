@@ -9,6 +9,8 @@ from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.results.stored import Results
 from brake_fenicsx.uncertainty.ensemble import run_ensemble
 
+pytestmark = pytest.mark.together
+
 COMM = MPI.COMM_WORLD
 TASKS = [("multi-scale", k) for k in range(12)]
 

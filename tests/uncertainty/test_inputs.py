@@ -13,8 +13,6 @@ from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.uncertainty.inputs import draw_inputs, law_factor, points_of
 from brake_fenicsx.uncertainty.sampling import draw_sample, one_law, sample_count
 
-pytestmark = pytest.mark.alone
-
 SCENES = Path(__file__).parents[2] / "scripts" / "scenes"
 BLOCK = SCENES / "block_on_plate.toml"
 STAGES = "stages=['surface','equilibrium','stability','uncertainty']"

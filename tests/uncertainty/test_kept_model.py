@@ -11,8 +11,6 @@ from brake_fenicsx.folder.store import Store
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.uncertainty.models import LAYOUT
 
-pytestmark = pytest.mark.alone
-
 COMM, FILE = MPI.COMM_SELF, "cache/undamped.npz"
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 GIVEN = [

@@ -12,6 +12,8 @@ from brake_fenicsx.macro.brake import assemble_brake
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.uncertainty.numbering import FILE, Numbering
 
+pytestmark = pytest.mark.together
+
 COMM = MPI.COMM_WORLD
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 # Nodes of block and plate lie in one place: 10 mm cells on either side of the contact.

@@ -5,9 +5,12 @@ from pathlib import Path
 from mpi4py import MPI
 
 import numpy as np
+import pytest
 
 from brake_fenicsx import prepare
 from brake_fenicsx.folder.store import Store
+
+pytestmark = pytest.mark.together
 
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 ROUGH = [

@@ -26,8 +26,6 @@ from brake_fenicsx.stability.substructures import substructure
 from brake_fenicsx.uncertainty.numbering import dof_points
 from brake_fenicsx.uncertainty.solve import full_modes
 
-pytestmark = pytest.mark.alone
-
 BRAKE = """
 stages = ["equilibrium", "stability"]
 

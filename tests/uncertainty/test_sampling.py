@@ -12,8 +12,6 @@ from brake_fenicsx.surface import match_moments
 from brake_fenicsx.uncertainty.designs import quantile
 from brake_fenicsx.uncertainty.sampling import draw_sample, sample_seed
 
-pytestmark = pytest.mark.alone
-
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 CHANGES = [
     "stages=['surface','equilibrium','stability','uncertainty']",

@@ -14,6 +14,8 @@ from brake_fenicsx.folder.store import Store
 from brake_fenicsx.pipeline import assemble, run
 from brake_fenicsx.uncertainty.shared_matrices import FILE, with_shared_matrices
 
+pytestmark = pytest.mark.together
+
 COMM = MPI.COMM_WORLD
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 SIZES = ["parts.block.size='4 mm'", "parts.plate.size='6 mm'"]
@@ -57,7 +59,7 @@ def test_a_share_writes_nothing_and_other_matrices_are_not_taken(brake, store):
 
 
 @pytest.mark.parametrize("method", ["reduced", "full"])
-def test_nothing_writes_into_mapped_matrices(store, monkeypatch, method):
+def test_nothing_writes_into_mapped_matrices(store, monkeypatch, without_pixels, method):
     """Equilibrium, reduced model, full order, damping and pictures: every array is read-only."""
     monkeypatch.setattr(store_module, "MAPPED", 1)
     changes = [

@@ -15,8 +15,6 @@ import pytest
 
 from brake_fenicsx.pipeline import run
 
-pytestmark = pytest.mark.alone
-
 COMM = MPI.COMM_SELF
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 STAGES = "['surface','equilibrium','stability','uncertainty']"

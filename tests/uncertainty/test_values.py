@@ -19,8 +19,6 @@ from brake_fenicsx.stability.terms import damping_terms
 from brake_fenicsx.uncertainty.sampling import draw_sample
 from brake_fenicsx.uncertainty.solve import full_modes
 
-pytestmark = pytest.mark.alone
-
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 COARSE = [
     "stages=['equilibrium','stability']", "parts.block.size='14 mm'", "parts.plate.size='20 mm'",

@@ -18,8 +18,6 @@ from brake_fenicsx.scene.samples import unit_of
 from brake_fenicsx.uncertainty.inputs import law_factor
 from brake_fenicsx.uncertainty.random_materials import changed_materials
 
-pytestmark = pytest.mark.alone
-
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 E, NU, G = [6e9, 5e9, 2.3e9], [0.2, 0.35, 0.3], [1.2e9, 1.1e9, 2.4e9]
 

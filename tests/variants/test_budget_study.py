@@ -2,8 +2,6 @@
 
 import csv
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 from mpi4py import MPI
@@ -18,9 +16,6 @@ from brake_fenicsx.variants import budget as study
 from brake_fenicsx.variants.budget import run_budget
 from brake_fenicsx.variants.knobs import RESOLUTION, Knob, Variant, knobs
 from brake_fenicsx.variants.runs import Runs
-from processes import parallel
-
-pytestmark = pytest.mark.alone
 
 COMM = MPI.COMM_SELF
 SCENES = Path(__file__).parents[2] / "scripts" / "scenes"
@@ -113,20 +108,11 @@ def test_a_run_whose_time_is_over_is_stopped_and_goes_on_later(tmp_path):
     assert runs.is_done("a", ["samples.n=3"]) and not runs.is_done("a", ["samples.n=2"])
 
 
-@pytest.mark.slow
-def test_processes_end_together_where_their_time_is_over(tmp_path):
-    code = (
-        "import sys; from mpi4py import MPI; from pathlib import Path\n"
-        "from brake_fenicsx.errors import BrakeError\n"
-        "from brake_fenicsx.variants.runs import Runs\n"
-        "runs = Runs(sys.argv[1], MPI.COMM_WORLD, Path(sys.argv[2]), sys.argv[3:])\n"
-        "try:\n    runs.run('a', limit=1e-3)\n"
-        "except BrakeError as error:\n    print(error)"
-    )
-    call = ["mpirun", "-n", "2", "--oversubscribe", sys.executable, "-c", code, str(BLOCK)]
-    call += [str(tmp_path / "two"), *ROUGH]
-    done = subprocess.run(call, check=True, capture_output=True, text=True, **parallel())
-    assert done.stdout.count("no time is left") == 2
+@pytest.mark.together
+def test_processes_end_together_where_their_time_is_over(processes):
+    comm, folder = processes
+    with pytest.raises(BrakeError, match="no time is left"):
+        Runs(BLOCK, comm, folder / "two", ROUGH).run("a", limit=1e-3)
 
 
 @pytest.mark.hard
@@ -230,18 +216,12 @@ def test_frequency_of_a_refined_body_has_its_order(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_two_processes_give_the_rows_of_one(few, tmp_path):
-    code = (
-        "import sys; from mpi4py import MPI; from brake_fenicsx.variants import budget as study\n"
-        "every = study.knobs\n"
-        "study.knobs = lambda *a: [k for k in every(*a) if k.name in sys.argv[3].split()]\n"
-        "study.run_budget(sys.argv[1], MPI.COMM_WORLD, sys.argv[2], sys.argv[4:])"
-    )
-    call = ["mpirun", "-n", "2", "--oversubscribe", sys.executable, "-c", code, str(BLOCK)]
-    call += [str(tmp_path / "two"), "body-mesh reduction level", *ROUGH]
-    subprocess.run(call, check=True, capture_output=True, **parallel())
+@pytest.mark.together
+def test_two_processes_give_the_rows_of_one(few, processes, tmp_path):
+    comm, folder = processes
+    run_budget(BLOCK, comm, folder / "two", ROUGH)
     run_budget(BLOCK, COMM, tmp_path / "one", ROUGH)
-    one, two = (table(tmp_path / name) for name in ("one", "two"))
+    one, two = table(tmp_path / "one"), table(folder / "two")
     assert len(one) == len(two) and len(one) >= 8
     for a, b in zip(one, two, strict=True):
         for column in a.keys() - {"seconds", "memory_mb"}:

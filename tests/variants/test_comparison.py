@@ -16,8 +16,6 @@ from brake_fenicsx.pipeline import run
 from brake_fenicsx.results.statistics import difference
 from brake_fenicsx.variants.comparison import compare_runs, write_comparison
 
-pytestmark = pytest.mark.alone
-
 COMM = MPI.COMM_SELF
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 ROUGH = [

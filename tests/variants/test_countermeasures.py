@@ -1,8 +1,6 @@
 """Countermeasures of a scene: against runs of the changed scene and analytic derivatives."""
 
 import shutil
-import subprocess
-import sys
 
 from mpi4py import MPI
 
@@ -20,9 +18,6 @@ from brake_fenicsx.variants import countermeasures as module
 from brake_fenicsx.variants import runs
 from brake_fenicsx.variants.comparison import compare_runs
 from coarse_block import BLOCK, FRICTION, HEIGHT, ROUGH, levers
-from processes import parallel
-
-pytestmark = pytest.mark.alone
 
 COMM = MPI.COMM_SELF
 STIFFNESS = "materials.iron.E"
@@ -154,12 +149,12 @@ def test_what_is_finished_is_not_done_again(found, tmp_path, monkeypatch, capsys
 
 
 @pytest.mark.slow
-def test_two_processes_give_the_table_of_one(found, tmp_path):
-    code = "import sys; from brake_fenicsx.cli import main; sys.exit(main(sys.argv[1:]))"
-    call = ["mpirun", "-n", "2", "--oversubscribe", sys.executable, "-c", code]
-    call += words(tmp_path / "out", *ROUGH, LEVERS)
-    subprocess.run(call, check=True, capture_output=True, **parallel())
-    for row in read_rows(tmp_path / "out" / "countermeasures.csv"):
+@pytest.mark.together
+def test_two_processes_give_the_table_of_one(found, processes):
+    comm, folder = processes
+    page = module.find_countermeasures(BLOCK, comm, folder / "out", [*ROUGH, LEVERS])
+    comm.Barrier()
+    for row in read_rows(page.with_suffix(".csv")):
         for column, value in found[1][row["key"]].items():
             if isinstance(value, float):
                 assert row[column] == pytest.approx(value, rel=1e-6, abs=1e-9), column
