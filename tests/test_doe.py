@@ -1,6 +1,6 @@
 """Programs for designs of experiments call the model as a plain function of plain numbers."""
 
-import subprocess
+import runpy
 import sys
 from pathlib import Path
 
@@ -27,9 +27,16 @@ def scene(tmp_path_factory):
     return path
 
 
-def called(script, *arguments):
-    command = [sys.executable, DOE / script, *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+@pytest.fixture
+def called(monkeypatch, capsys):
+    """``called(script, *arguments)``: what a script prints."""
+
+    def call(script, *arguments):
+        monkeypatch.setattr(sys, "argv", [script, *map(str, arguments)])
+        runpy.run_path(str(DOE / script), run_name="__main__")
+        return capsys.readouterr().out
+
+    return call
 
 
 def test_a_sample_is_the_scene_with_its_inputs(scene):
@@ -43,20 +50,20 @@ def test_a_sample_is_the_scene_with_its_inputs(scene):
         sample(model, {"parts.block.size": 1e-3})
 
 
-def test_sobol_indices_by_salib(scene):
+def test_sobol_indices_by_salib(scene, called):
     pytest.importorskip("SALib")
     out = called("salib_sobol.py", scene, "block_plate", "block.top", 2)
     assert "ST" in out
     assert FRICTION in out
 
 
-def test_search_by_optuna(scene):
+def test_search_by_optuna(scene, called):
     pytest.importorskip("optuna")
     out = called("optuna_search.py", scene, "block.top", 3)
     assert "pressure" in out
 
 
-def test_file_interface_of_dakota(scene, tmp_path):
+def test_file_interface_of_dakota(scene, tmp_path, called):
     """Parameters as Dakota writes them; the second evaluation takes what the first one made."""
     values = []
     for friction, pressure in ((0.45, 3e5), (0.45, 5e5), (40.0, 5e5)):

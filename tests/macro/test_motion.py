@@ -67,11 +67,11 @@ def spectrum(scene, brake):
     return s[np.lexsort((s.real.round(3), s.imag.round(3)))]
 
 
-@pytest.mark.parametrize("axis", ["'x'", "'y'", "[1, -2, 0.5]"])
+@pytest.mark.parametrize("axis", ["'y'", "[1, -2, 0.5]"])
 def test_turned_brake_is_the_same_brake(monkeypatch, axis):
     """Modes, sliding speeds and forces on the pads, with a gyroscopic term that matters."""
     plain = assembled(monkeypatch, f"motion={{ axis='z', speed='{SPEED} rad/s' }}")
-    vector = {"'x'": [1.0, 0, 0], "'y'": [0, 1.0, 0]}.get(axis, [1, -2, 0.5])
+    vector = {"'y'": [0, 1.0, 0]}.get(axis, [1, -2, 0.5])
     point = ", ".join(f"'{1e3 * x} mm'" for x in SHIFT + 0.03 * np.array(vector))
     about = f"motion={{ axis={axis}, point=[{point}], speed='{SPEED} rad/s' }}"
     other = assembled(monkeypatch, about, turn(vector))

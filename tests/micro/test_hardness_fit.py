@@ -55,14 +55,14 @@ def curve(pad, rng=None, bulk=BULK):
 
 @pytest.mark.parametrize("bulk", [None, BULK])
 def test_interval_contains_the_truth_as_often_as_it_says(pad, bulk):
-    """Four noises on each of 12 families of surfaces: 90 %, and neither all nor far fewer."""
+    """Four noises on each of 8 families of surfaces: 90 %, and neither all nor far fewer."""
     fits = [
         fit_hardness(curve(pad, np.random.default_rng([seed, noise])), RECIPE, bulk, seed=seed)
-        for seed in range(12)
+        for seed in range(8)
         for noise in range(4)
     ]
-    # 12 independent families: 9 or more of them with a probability of 97 %.
-    assert sum(fit.low <= TRUTH <= fit.high for fit in fits) >= 36
+    # 8 independent families: 6 or more of them with a probability of 96 %.
+    assert sum(fit.low <= TRUTH <= fit.high for fit in fits) >= 24
     assert np.median([fit.high / fit.low for fit in fits]) < 3.0
     assert np.median([fit.hardness for fit in fits]) == pytest.approx(TRUTH, rel=0.3)
 

@@ -33,14 +33,14 @@ def numbers(stats):
 
 
 def test_draws_scatter_as_scans_do():
-    """Standard deviations over 40 scans against those of 15 draws of each of 6."""
-    scans = [scan(seed, spectrum="fit") for seed in range(40)]
+    """Standard deviations over 30 scans against those of 12 draws of each of 5."""
+    scans = [scan(seed, spectrum="fit") for seed in range(30)]
     true = np.std([numbers(s) for s in scans], axis=0)
     told = [
-        np.var([numbers(resampled(s, np.random.default_rng([k, i]))) for i in range(15)], axis=0)
-        for k, s in enumerate(scans[:6])
+        np.var([numbers(resampled(s, np.random.default_rng([k, i]))) for i in range(12)], axis=0)
+        for k, s in enumerate(scans[:5])
     ]
-    # One scan tells the deviation to some 30 %, six of them and the 40 to some 15 %.
+    # One scan tells the deviation to some 30 %, five of them and the 30 to some 15 %.
     ratio = np.sqrt(np.mean(told, axis=0)) / true
     assert np.all((ratio > 0.6) & (ratio < 1.6)), ratio
 

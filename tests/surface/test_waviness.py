@@ -94,7 +94,7 @@ def test_two_patch_sizes_close_a_rigid_pad_alike():
                 synthesise(psd, PAPER.hdf, (pixels, pixels), (patch, patch),
                            np.random.default_rng(seed)), 2.4e9, max_pressure=5e7, steps=20,
             )
-            for seed in range(40)
+            for seed in range(24)
         ]  # fmt: skip
         x = np.arange(0, 0.2, patch)
         points = np.stack(np.meshgrid(x, x, indexing="ij"), axis=-1).reshape(-1, 2)
