@@ -38,7 +38,7 @@ def check_consistent(s: Scene) -> None:
     """
     rules = (
         _stages, surface_mistakes, _parts, contact_mistakes, face_mistakes, _motion,
-        damping_mistakes, _limit_cycle, _varied, sweep_mistakes, _approaches,
+        damping_mistakes, _varied, sweep_mistakes, _approaches, _limit_cycle,
     )  # fmt: skip
     for rule in rules:
         for text in rule(s):
@@ -57,12 +57,6 @@ def _stages(s: Scene) -> Iterator[str]:
             yield f"stages: {stage!r} needs {before!r}"
     if s.micro and s.micro.patch == "mesh" and "equilibrium" not in s.stages:
         yield 'micro.patch = "mesh": needs the stage equilibrium; write a length'
-
-
-def _limit_cycle(s: Scene) -> Iterator[str]:
-    """Limit cycles are those of the reduced model."""
-    if s.limit_cycle and (s.stability is None or s.stability.method != "reduced"):
-        yield 'limit_cycle: needs [stability] with method = "reduced"'
 
 
 def _parts(s: Scene) -> Iterator[str]:
@@ -132,3 +126,9 @@ def _approaches(s: Scene) -> Iterator[str]:
                 f"samples.{name}: without the stage uncertainty there is one sample; add it to"
                 f" stages, or leave samples.{name} out"
             )
+
+
+def _limit_cycle(s: Scene) -> Iterator[str]:
+    """Limit cycles are those of the reduced model."""
+    if s.limit_cycle and (s.stability is None or s.stability.method != "reduced"):
+        yield 'limit_cycle: needs [stability] with method = "reduced"'
