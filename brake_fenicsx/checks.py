@@ -14,22 +14,21 @@ from scipy.fft import next_fast_len
 
 from brake_fenicsx.errors import BrakeError, SceneError, SurfaceError
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.damping import damped_bodies, damped_springs
+from brake_fenicsx.scene.damping import active_terms
 from brake_fenicsx.scene.friction import rubs, slides
 from brake_fenicsx.scene.plausible import unusual
-from brake_fenicsx.scene.rules import MOST_PIXELS
-from brake_fenicsx.scene.sections import Surface
+from brake_fenicsx.scene.surface import MAX_PIXELS, Surface
 from brake_fenicsx.scene.tables import dotted
 
 if TYPE_CHECKING:
     from brake_fenicsx.surface import SurfaceStatistics
     from brake_fenicsx.surface.topography import Topography
 
-PATCH_FACTOR = 2.0  # in area, between contact elements and the patches of their laws
-LONGEST_SCAN = 0.5  # m
-LEAST_PIXELS = 16  # along a side of a patch
-COARSE = 2.0  # pixels of the laws over those that the scan resolves
-SMOOTH = (1e-7, 1e-3)  # S_q [m] and rms slope of the smoothest linings
+MAX_AREA_RATIO = 2.0  # in area, between contact elements and the patches of their laws
+MAX_SCAN = 0.5  # m
+MIN_PIXELS = 16  # along a side of a patch
+MAX_PIXEL_RATIO = 2.0  # pixels of the laws over those that the scan resolves
+MIN_ROUGHNESS = (1e-7, 1e-3)  # S_q [m] and rms slope of the smoothest linings
 LARGE_SCAN = 0.05  # m, longest side of most scans
 
 
@@ -67,7 +66,7 @@ def warnings(scene: Scene, mean_patch: float | None = None) -> list[str]:
     if mean_patch is not None and scene.micro and "micro" in scene.stages:
         patch = mean_patch if scene.micro.patch == "mesh" else float(scene.micro.patch)
         area = (mean_patch / patch) ** 2
-        if not 1 / PATCH_FACTOR <= area <= PATCH_FACTOR:
+        if not 1 / MAX_AREA_RATIO <= area <= MAX_AREA_RATIO:
             lines.append(
                 f"micro.patch = {1e3 * patch:g} mm: contact elements have {area:.3g} times the area"
                 f" of the laws' patch (their mean side is {1e3 * mean_patch:.3g} mm); write"
@@ -160,10 +159,10 @@ def surface_warnings(scene: Scene, stats: SurfaceStatistics | None) -> list[str]
         return lines
     if isinstance(micro.patch, str) or isinstance(micro.pixels, str):
         return lines
-    own, fine = micro.patch / micro.pixels, stats.pixel
-    if own > COARSE * fine:
+    pixel, fine = micro.patch / micro.pixels, stats.pixel
+    if pixel > MAX_PIXEL_RATIO * fine:
         lines.append(
-            f"micro.pixels = {micro.pixels}: pixels of {1e6 * own:.3g} um; the scan resolves"
+            f"micro.pixels = {micro.pixels}: pixels of {1e6 * pixel:.3g} um; the scan resolves"
             f" {1e6 * fine:.3g} um ({round(micro.patch / fine)} pixels, micro.pixels ="
             ' "scan"): the stiffness at low pressure may be several times wrong'
         )
@@ -175,7 +174,9 @@ def _too_smooth(scene: Scene, stats: SurfaceStatistics) -> list[str]:
     from brake_fenicsx.surface.iso25178 import gradients
 
     slopes = [gradients(t.heights, t.pixel)[0] for t in stats.topographies]
-    if not scene.contact or (stats.S_q >= SMOOTH[0] and min(slopes, default=1.0) >= SMOOTH[1]):
+    if not scene.contact or (
+        stats.S_q >= MIN_ROUGHNESS[0] and min(slopes, default=1.0) >= MIN_ROUGHNESS[1]
+    ):
         return []
     slope = f" and an rms slope of {min(slopes):.2g}" if slopes else ""
     return [
@@ -192,15 +193,12 @@ def _undamped(scene: Scene, counted: bool = False) -> list[str]:
         counted: the line of a scene whose threshold takes the place of damping, else the warning
             of one that has neither.
     """
-    stability = scene.stability
+    approaches, stability = scene.samples.approaches, scene.stability
     if stability is None or "stability" not in scene.stages:
         return []
-    d = stability.damping
-    if d and (d.rayleigh or d.loss or d.sliding or d.modal or d.own):
-        return []
-    if damped_springs(scene) or damped_bodies(scene):
-        return []
-    if not any(rubs(scene, approach) for approach in scene.samples.approaches):
+    # These two take no energy.
+    damped = any({*active_terms(scene, a)} - {"slope", "gyroscopic"} for a in approaches)
+    if damped or not any(rubs(scene, a) for a in approaches):
         return []
     if counted != bool(stability.threshold):
         return []
@@ -231,12 +229,12 @@ def with_pixels(scene: Scene, stats: SurfaceStatistics | None) -> Scene:
     micro = scene.micro
     if micro is None or stats is None or micro.pixels != "scan" or micro.patch == "mesh":
         return scene
-    pixels = max(round(float(micro.patch) / stats.pixel), LEAST_PIXELS)
-    if pixels > MOST_PIXELS:
+    pixels = max(round(float(micro.patch) / stats.pixel), MIN_PIXELS)
+    if pixels > MAX_PIXELS:
         raise SceneError(
             f'{scene.file}: micro.pixels = "scan": a patch of {1e3 * float(micro.patch):.3g} mm has'
             f" {pixels} of the scan's pixels of {1e6 * stats.pixel:.3g} um along a side, more than"
-            f" {MOST_PIXELS}; write a number, or name surface.cutoff"
+            f" {MAX_PIXELS}; write a number, or name surface.cutoff"
         )
     # A few more where their number has large prime factors: the transforms are faster.
     fast = int(next_fast_len(pixels, real=True))
@@ -245,43 +243,47 @@ def with_pixels(scene: Scene, stats: SurfaceStatistics | None) -> Scene:
 
 def read_surface(scene: Scene) -> SurfaceStatistics:
     """Scan to statistics: height distribution, power spectrum, bi-fractal fit."""
-    from brake_fenicsx.surface import averaged, characterise, given_statistics
+    from brake_fenicsx.surface import averaged, given_statistics
 
     table = scene.surface
     if table is None:
         raise SceneError(f"{scene.file}: surface: the section is missing")
-    long = None
-    if table.form is not None:
-        with _named(scene, "form", table.form):
-            form = characterise(_read(scene, table.form), table.level, distribution="johnson",
-                                spectrum=table.spectrum)  # fmt: skip
-        long = form.spectrum
     if table.statistics is not None:
         t, shape = table.statistics, table.distribution or "johnson"
         try:
-            found = given_statistics(t.S_q, t.S_sk, t.S_ku, t.c1, t.c2, t.q_c, distribution=shape)
+            stats = given_statistics(t.S_q, t.S_sk, t.S_ku, t.c1, t.c2, t.q_c, distribution=shape)
         except BrakeError as error:
             raise SceneError(f"{scene.file}: surface: {error}") from None
     else:
         shape = table.distribution or "measured"
         each = _each_scan(scene, table, shape)
         with _named(scene, "scan", list(table.scans)):
-            found = averaged(each, table.cutoff, shape, table.spectrum)
-    if long is None:
-        return found
-    if long.band[1] < found.bifractal.band[0]:
+            stats = averaged(each, table.cutoff, shape, table.spectrum)
+    return stats if table.form is None else _with_form(scene, table, table.form, stats)
+
+
+def _with_form(
+    scene: Scene, table: Surface, file: str, stats: SurfaceStatistics
+) -> SurfaceStatistics:
+    """Statistics of a surface whose longest waves are those of a longer scan."""
+    from brake_fenicsx.surface import characterise
+
+    with _named(scene, "form", file):
+        long = characterise(_read(scene, file), table.level, distribution="johnson",
+                            spectrum=table.spectrum).spectrum  # fmt: skip
+    where, scan = f"{scene.file}: surface.form = {file!r}", stats.bifractal.band[0]
+    shortest, longest, limit = (2e3 * np.pi / q for q in (long.band[1], long.band[0], scan))
+    if shortest > limit:
         raise SceneError(
-            f"{scene.file}: surface.form = {table.form!r}: its shortest wave of"
-            f" {2e3 * np.pi / long.band[1]:.3g} mm is longer than the longest of the scan,"
-            f" {2e3 * np.pi / found.bifractal.band[0]:.3g} mm; name a finer one"
+            f"{where}: its shortest wave of {shortest:.3g} mm is longer than the longest of the"
+            f" scan, {limit:.3g} mm; name a finer one"
         )
-    if not long.band[0] < found.bifractal.band[0]:
+    if not longest > limit:
         raise SceneError(
-            f"{scene.file}: surface.form = {table.form!r}: its longest wave of"
-            f" {2e3 * np.pi / long.band[0]:.3g} mm is not longer than that of the scan,"
-            f" {2e3 * np.pi / found.bifractal.band[0]:.3g} mm; name a longer scan, or none"
+            f"{where}: its longest wave of {longest:.3g} mm is not longer than that of the scan,"
+            f" {limit:.3g} mm; name a longer scan, or none"
         )
-    return replace(found, spectrum=replace(found.spectrum, form=long))
+    return replace(stats, spectrum=replace(stats.spectrum, form=long))
 
 
 def _each_scan(scene: Scene, table: Surface, distribution: str) -> list[SurfaceStatistics]:
@@ -291,26 +293,37 @@ def _each_scan(scene: Scene, table: Surface, distribution: str) -> list[SurfaceS
 
     size = None if table.size is None else (table.size[0], table.size[-1])
     spectrum = table.spectrum if len(table.scans) == 1 else "fit"
-    used: list[Topography] = []
-    found = []
+    scans: list[Topography] = []
+    each = []
     for file in table.scans:
         with _named(scene, "scan", file):
             scan = _read(scene, file, size, table.height_unit, table.rows)
-            used.append(on_grid_of(used[0], scan) if used else scan)
-            found.append(characterise(used[-1], table.level, cutoff=table.cutoff,
-                                      distribution=distribution, spectrum=spectrum))  # fmt: skip
-    return found
+            scans.append(on_grid_of(scans[0], scan) if scans else scan)
+            each.append(characterise(scans[-1], table.level, cutoff=table.cutoff,
+                                     distribution=distribution, spectrum=spectrum))  # fmt: skip
+    return each
 
 
 def _read(
     scene: Scene, file: str, size: tuple[float, float] | None = None, unit: str | None = None,
     rows: str = "x",
 ) -> Topography:  # fmt: skip
-    """A scan file whose heights and sides go together."""
+    """A scan file whose heights and sides go together.
+
+    Raises:
+        SurfaceError: the two lengths, their ratio and the remedy.
+    """
     from brake_fenicsx.surface import read_topography
 
     scan = read_topography(scene.path(file), size, unit, rows=rows)
-    _check_scan(scan)
+    low, high = np.nanpercentile(scan.heights, [0.5, 99.5])
+    side = float(scan.size.max())
+    if side > MAX_SCAN or high - low > side:
+        wrong = "size" if side > MAX_SCAN else "height_unit"
+        raise SurfaceError(
+            f"heights span {high - low:.3g} m, {(high - low) / side:.2g} times the longer side of"
+            f" {side:.3g} m: not plausible; correct surface.{wrong}"
+        )
     return scan
 
 
@@ -321,19 +334,3 @@ def _named(scene: Scene, name: str, value: Any) -> Iterator[None]:
         yield
     except BrakeError as error:
         raise SceneError(f"{scene.file}: surface.{name} = {value!r}: {error}") from None
-
-
-def _check_scan(scan: Topography) -> None:
-    """Refuse a scan whose heights and sides do not go together.
-
-    Raises:
-        SurfaceError: the two lengths, their ratio and the remedy.
-    """
-    low, high = np.nanpercentile(scan.heights, [0.5, 99.5])
-    side = float(scan.size.max())
-    if side > LONGEST_SCAN or high - low > side:
-        wrong = "size" if side > LONGEST_SCAN else "height_unit"
-        raise SurfaceError(
-            f"heights span {high - low:.3g} m, {(high - low) / side:.2g} times the longer side of"
-            f" {side:.3g} m: not plausible; correct surface.{wrong}"
-        )

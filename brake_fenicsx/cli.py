@@ -69,7 +69,8 @@ exit status:
 "brake-fenicsx COMMAND --help" lists the options of a command."""
 
 AFTER_CHECK = """\
-Nothing is written. Memory and time are estimates from measured runs, for one core."""
+Nothing is written. Memory and disc are estimates from the sizes of the scene; times are those of
+its run in ./SCENE-results, scaled to the scene as it is now."""
 
 AFTER_RUN = """\
 The results folder holds report.html, figures/ (PNG, SVG), tables (modes.csv, samples.csv, ...),
@@ -113,7 +114,7 @@ def parser() -> argparse.ArgumentParser:
                      help="print a shell-completion script")  # fmt: skip
     commands = top.add_subparsers(dest="command", required=True, metavar="COMMAND")
     raw = argparse.RawDescriptionHelpFormatter
-    text = "read a scene; report what a run builds, and estimate its memory and time"
+    text = "read a scene; report what a run builds, and estimate its memory, disc and time"
     checks = commands.add_parser("check", help=text, description=text, epilog=AFTER_CHECK,
                                  formatter_class=raw)  # fmt: skip
     text = "run a scene, or resume its run"

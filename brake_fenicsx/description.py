@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
@@ -18,10 +17,14 @@ from brake_fenicsx.checks import (
     with_patch,
     with_pixels,
 )
-from brake_fenicsx.costs import Counts, cost_lines, count_solves, estimate
-from brake_fenicsx.scene import read_scene
+from brake_fenicsx.costs import cost_lines, count_solves, earlier_run, run_sizes, scaled_seconds
+from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.damping import active_terms
 from brake_fenicsx.scene.friction import listed
+from brake_fenicsx.scene.units import several
+
+if TYPE_CHECKING:
+    from brake_fenicsx.surface import SurfaceStatistics
 
 
 def describe(
@@ -42,21 +45,13 @@ def describe(
     """
     parsed = read_scene(scene, overrides)
     stats = check(parsed, comm)
-    lines = [f"{parsed.file}: stages {', '.join(parsed.stages)}"]
-    for one in stats.each if stats else ():
-        if (scan := one.topography) is None:
-            continue
-        nx, ny = scan.shape
-        lx, ly = (1e3 * v for v in scan.size)
-        lines.append(f"scan: {nx} x {ny} points, {lx:.4g} x {ly:.4g} mm, {scan.source}")
-        if one.missing + one.outliers:
-            lines[-1] += f"; {one.missing} points missing, {one.outliers} outliers masked"
-    counts, mean_patch = Counts(), None
+    lines = [f"{parsed.file}: stages {', '.join(parsed.stages)}", *_scan_lines(stats)]
     sizes: dict[str, Any] = {}
     built: dict[str, Any] = {}
     told: list[str] = []
     doubts: list[str] = []
     samples: dict[str, int] = {}
+    side = None
     if "equilibrium" in parsed.stages:
         from brake_fenicsx.macro.brake import assemble_brake
         from brake_fenicsx.macro.inventory import (
@@ -68,58 +63,81 @@ def describe(
         from brake_fenicsx.uncertainty.sampling import sample_count
 
         brake = assemble_brake(parsed, comm)
-        sizes = brake.size()
-        doubts = brake_doubts(parsed, brake)
+        sizes, doubts = brake.size(), brake_doubts(parsed, brake)
         told = [*remarks(parsed, comm), *brake.mesh.unread.other]
         built = {"parts": parts_of(parsed, brake), "contact": interfaces_of(parsed, brake)}
-        mean_patch = 1e-3 * sizes["mean_patch_mm"]
-        parsed = with_patch(parsed, mean_patch)
+        side = 1e-3 * sizes["mean_patch_mm"]
+        parsed = with_patch(parsed, side)
         samples = {name: sample_count(parsed, name) for name in parsed.samples.approaches}
-        counts = replace(
-            count_solves(parsed, samples),
-            dofs=sizes["dofs"], elements=sizes["contact_elements"],
-        )  # fmt: skip
         lines.append(
             f"brake: {sizes['cells']} cells, {sizes['dofs']} free dofs,"
             f" {sizes['contact_elements']} contact elements"
             f" with a mean side of {sizes['mean_patch_mm']:.3f} mm"
         )
-        lines += inventory_lines(parsed, brake) + told
-        ways = {
-            "reduced": counts.reduced, "reduced with materials of their own": counts.changing,
-            "at full order": counts.full,
-        }  # fmt: skip
-        said = ", ".join(f"{number} {way}" for way, number in ways.items() if number)
-        how = f"; modes: {said}" if said else ""
-        named = ", ".join(f"{n} {parsed.spoken(name)}" for name, n in samples.items())
-        lines.append(f"samples: {named}{how}")
-        if damped := {term: None for name in samples for term in active_terms(parsed, name)}:
-            lines.append(f"damping: {', '.join(damped)}")
-        lines.append(f"friction: {listed(parsed)}")
+        lines += [*inventory_lines(parsed, brake), *told, *_sample_lines(parsed, samples)]
     parsed = with_pixels(parsed, stats)
-    if parsed.micro and "micro" in parsed.stages:
-        m = parsed.micro
-        patch = float(m.patch)
-        factor = "" if mean_patch is None else (
-            f"; mean area of a contact element / patch = {(mean_patch / patch) ** 2:.3g}"
-        )  # fmt: skip
-        lines.append(
-            f"laws: {m.laws} of {m.pixels} x {m.pixels} points, patches with"
-            f" a side of {1e3 * patch:.4g} mm{factor}"
-        )
-    costs = estimate(parsed, counts)
-    noted = [*doubts, *warnings(parsed, mean_patch), *surface_warnings(parsed, stats)]
-    lines = [] if quiet else lines + cost_lines(costs, comm.size)
-    lines += [f"warning: {text}" for text in noted]
-    if comm.rank == 0 and as_json:
+    lines += _law_lines(parsed, side)
+    size = sizes.get("dofs", 0), sizes.get("contact_elements", 0)
+    memory = run_sizes(parsed, samples, *size)
+    earlier = Path.cwd() / f"{parsed.file.stem}-results"
+    facts = earlier_run(earlier)
+    seconds = scaled_seconds(facts, parsed, samples, *size) if facts else {}
+    noted = [*doubts, *warnings(parsed, side), *surface_warnings(parsed, stats)]
+    if as_json:
         content = {
             "scene": str(parsed.file), "stages": parsed.stages, **sizes, **built,
             "samples": samples, "remarks": told, "warnings": noted,
-            "seconds": {cost.stage: round(cost.seconds, 3) for cost in costs},
-            "gigabytes_of_a_share": max((round(c.lean, 3) for c in costs), default=0.0),
-            "gigabytes_once_on_a_node": max((round(c.shared, 3) for c in costs), default=0.0),
-            "gigabytes_per_process": max((round(c.gigabytes, 3) for c in costs), default=0.0),
+            "seconds": {stage: round(value, 3) for stage, value in seconds.items()},
+            "gigabytes_of_a_share": round(memory.share, 3),
+            "gigabytes_once_on_a_node": round(memory.shared, 3),
+            "gigabytes_per_process": round(memory.process, 3),
+            "gigabytes_on_disc": round(memory.disc, 3),
         }  # fmt: skip
-        print(json.dumps(content, indent=1))
-    elif comm.rank == 0 and lines:
+        lines = [json.dumps(content, indent=1)]
+    else:
+        costs = cost_lines(memory, seconds, _measured(facts, earlier), comm.size)
+        lines = [] if quiet else [*lines, *costs]
+        lines += [f"warning: {text}" for text in noted]
+    if comm.rank == 0 and lines:
         print("\n".join(lines))
+
+
+def _measured(facts: Mapping[str, Any] | None, folder: Path) -> str:
+    """The run that times come from, or how to get one."""
+    if facts is None:
+        return "unknown before a run on this machine; run a few samples, --set samples.n=4"
+    return f"on {several(facts['processes'], 'process', 'processes')} as in {folder.name}"
+
+
+def _scan_lines(stats: SurfaceStatistics | None) -> Iterator[str]:
+    for one in stats.each if stats else ():
+        if (scan := one.topography) is None:
+            continue
+        (nx, ny), (lx, ly) = scan.shape, (1e3 * v for v in scan.size)
+        masked = f"; {one.missing} points missing, {one.outliers} outliers masked"
+        yield (
+            f"scan: {nx} x {ny} points, {lx:.4g} x {ly:.4g} mm, {scan.source}"
+            f"{masked if one.missing + one.outliers else ''}"
+        )
+
+
+def _sample_lines(scene: Scene, samples: Mapping[str, int]) -> Iterator[str]:
+    ways = count_solves(scene, samples).items()
+    modes = ", ".join(f"{number} {way}" for way, number in ways if number)
+    named = ", ".join(f"{n} {scene.spoken(name)}" for name, n in samples.items())
+    yield f"samples: {named}{modes and f'; modes: {modes}'}"
+    if damped := {term: None for name in samples for term in active_terms(scene, name)}:
+        yield f"damping: {', '.join(damped)}"
+    yield f"friction: {listed(scene)}"
+
+
+def _law_lines(scene: Scene, side: float | None) -> Iterator[str]:
+    micro = scene.micro
+    if micro is None or "micro" not in scene.stages:
+        return
+    patch = float(micro.patch)
+    area = f"; mean area of a contact element / patch = {((side or 0.0) / patch) ** 2:.3g}"
+    yield (
+        f"laws: {micro.laws} of {micro.pixels} x {micro.pixels} points, patches with"
+        f" a side of {1e3 * patch:.4g} mm{area if side else ''}"
+    )

@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
 
@@ -114,6 +114,32 @@ class Model:
             _check_key(self.scene, key)
             number(key, value)
         return self.study.solved(self._task(approach, sample), values or {})
+
+    def limit_cycles(
+        self,
+        values: Mapping[str, float] | None = None,
+        approach: str | None = None,
+        sample: int = 0,
+    ) -> list[dict[str, Any]]:
+        """Limit cycles of the growing modes of a sample, each alone; arguments as in ``modes``.
+
+        Returns:
+            One record for each cycle: ``mode``, ``outcome`` and the measures of limit_cycle.csv;
+            ``branch``, amplitude [m] and alpha + i omega [1/s] of the points of its branch.
+
+        Raises:
+            SceneError: the scene has no section [limit_cycle].
+        """
+        if self.study.cycles is None:
+            raise SceneError(f"{self.scene.file}: limit_cycle: the section is missing")
+        found = self.study.limit_cycles(self._task(approach, sample), values or {})
+        points = np.array([found["branch_amplitude"], found["branch_s"]])
+        rows = zip(found["cycle_mode"], found["cycle_kind"], found["cycle_values"], strict=True)
+        names = ("mode", "outcome", "branch", *map(str, found["cycle_names"]))
+        return [
+            dict(zip(names, (int(i), str(kind), points[:, found["branch_mode"] == i], *values)))  # noqa: B905
+            for i, kind, values in rows
+        ]
 
     def sweep(
         self,

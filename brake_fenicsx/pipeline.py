@@ -34,7 +34,7 @@ from brake_fenicsx.folder.entry import PREPARED, check_folder, enter_prepared, o
 from brake_fenicsx.folder.files import whole_file
 from brake_fenicsx.folder.lock import Share
 from brake_fenicsx.folder.log import Progress, logger, start_log
-from brake_fenicsx.folder.processes import peak_memory, release_memory
+from brake_fenicsx.folder.processes import in_turns, on_first, peak_memory, release_memory
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.folder.termination import end_of_stage
 from brake_fenicsx.results.versions import versions
@@ -55,6 +55,7 @@ if TYPE_CHECKING:
 # Hardness of a hard lining, a usual pressure of braking [Pa], and the share of the force beyond
 # the first at which elastic laws are doubtful.
 SOFT, BRAKING, SOME = 400e6, 0.2e6, 0.1
+DRAWING = 4  # processes that draw figures: each reads all results
 
 
 @dataclass(slots=True)
@@ -234,8 +235,7 @@ def _finish(this: Run, stats: SurfaceStatistics | None, new: bool) -> None:
         raise
     if "report" in this.scene.stages and this.whole:
         with this.stage("report"):
-            if comm.rank == 0:
-                report(store.directory)
+            report(store.directory, comm)
         if comm.rank == 0:
             write_summary(this)
 
@@ -579,8 +579,13 @@ def write_summary(this: Run) -> None:
     )
 
 
-def report(directory: Path) -> None:
-    """Figures, tables and the HTML page of a results folder, on this process."""
+def report(directory: Path, comm: MPI.Comm = MPI.COMM_SELF) -> None:
+    """Figures, tables and the HTML page of a results folder; collective.
+
+    Args:
+        directory: the results folder.
+        comm: processes that share the figures.
+    """
     from brake_fenicsx.report.figures import make_figures
     from brake_fenicsx.report.html import write_report
     from brake_fenicsx.report.inputs import contact_maps
@@ -589,11 +594,14 @@ def report(directory: Path) -> None:
     from brake_fenicsx.results.answer import write_tables
     from brake_fenicsx.results.run import read_run
 
-    contact_maps(directory)
+    on_first(lambda: contact_maps(directory), comm)
+    draws = min(comm.size, DRAWING)
+    list(in_turns(draws, lambda i: make_figures(directory, slice(i, None, draws)), comm))
+    if comm.rank > 0:
+        return
     data = read_run(directory)
     # Those of an earlier run with other stages or keys.
     shutil.rmtree(directory / "tables", ignore_errors=True)
-    make_figures(data)
     write_tables(data)
     write_surface_tables(data)
     write_report(data, redraw=False)

@@ -19,6 +19,7 @@ ORDER = (
     "micro",
     "macro",
     "stability",
+    "limit_cycle",
     "uncertainty",
     "results",
     "sweeps",

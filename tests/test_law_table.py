@@ -1,5 +1,6 @@
 """A law of contact from a table of measured gaps and pressures."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -75,13 +76,16 @@ def test_wrong_tables(tmp_path, lines, units, said):
     assert "\n" not in str(error.value)
 
 
-def test_missing_table_and_two_laws(tmp_path):
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (["contact.block_plate.law.table=none.csv"], "law.table = 'none.csv': no such file"),
+        (['contact.block_plate.law.linear="1e13 Pa/m"'], "law: table replaces linear"),
+        (["contact.block_plate.law={ linear='1e13 Pa/m', u0='1 um' }"], "law: write linear, or p0"),
+        (["contact.block_plate.law={ p0='1 MPa' }"], 'law: write "library", { linear = '),
+    ],
+)
+def test_missing_table_and_two_laws(tmp_path, changes, words):
     """A table that is not there, or beside another law, is refused."""
-    scene = written(tmp_path, exponential())
-    (tmp_path / "law.csv").unlink()
-    with pytest.raises(SceneError, match="no such file"):
-        read_scene(scene)
-    with pytest.raises(SceneError, match="table replaces linear"):
-        read_scene(scene, ['contact.block_plate.law.linear="1e13 Pa/m"'])
-    with pytest.raises(SceneError, match="write linear, or p0 and u0"):
-        read_scene(BLOCK, ['contact.block_plate.law.linear="1e13 Pa/m"'])
+    with pytest.raises(SceneError, match=re.escape(f"contact.block_plate.{words}")):
+        read_scene(written(tmp_path, exponential()), changes)

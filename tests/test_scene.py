@@ -195,7 +195,17 @@ MISTAKES = [
         "samples.random",
         "the stage uncertainty",
     ),
-    # Meshing would go on for days.
+    # A list that is not one value for each axis, with the unit of what is shown.
+    ("loads={ 'block.top'={ force=['1 kN', 0] } }", "force = [1000.0, 0.0] N: write three", "kN"),
+    ("loads={ 'block.top'={ moment=[0, 0, 0] } }", "[0.0, 0.0, 0.0] N m: write three", '"50 N m"'),
+    ("motion={ point=['1 mm', 0] }", "motion.point = [0.001, 0.0] m", "write three numbers"),
+    ("springs.link={ faces=['a', 'a'], damping=[0, 0, '1 N s/m'] }", "springs.link.faces", "two"),
+    # Meshing, or a sweep, would go on for days.
+    (
+        "sweep.parameters.'contact.block_plate.friction'={ start=0, stop=1, steps=1000000 }",
+        "steps = 1000000",
+        "100000 at most",
+    ),
     ("parts.block.size=1 um", "parts.block", "cells of the mesh size asked for"),
 ]
 
@@ -242,6 +252,14 @@ def test_a_damping_term_without_what_it_acts_on(changes, term, remedy):
     with pytest.raises(SceneError, match=remedy) as error:
         read_scene(BLOCK, [*changes, f"stability.damping.{term}"])
     assert "damping" in str(error.value) and "\n" not in str(error.value)
+
+
+def test_what_cannot_be_read_is_named_before_what_contradicts():
+    changes = ["stability.threshold=2", "parts.block.length=3", "stability.zeta_max=0.9"]
+    for named in ("parts.block.length = 3: the unit", "stability.zeta_max = 0.9", "threshold = 2"):
+        with pytest.raises(SceneError, match=named):
+            read_scene(BLOCK, changes)
+        changes = [text for text in changes if text.partition("=")[0] not in named]
 
 
 SPEEDS = [("direction=[0, 2, 0]", 1.0), ("axis='z'", 1.0), ("axis='z', speed='60 rpm'", 2 * np.pi)]

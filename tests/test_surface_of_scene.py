@@ -148,6 +148,8 @@ def test_elastic_laws_say_what_they_carry(scene, tmp_path, hardness):
     [
         (['micro.hardness="1 MPa"', "micro.max_pressure=0.1"], "must lie below micro.hardness"),
         (["micro.pixels=5000"], "write 2 to 2048"),
+        (["surface.scan=[]"], r"surface.scan = \[\]: an empty list"),
+        (['surface.S_q="scan"', "contact.a={ faces=['a', 'b'], gap='waviness' }"], "shares the"),
         (['surface.S_q="scan"', 'surface.form="scan.npz"'], "leave one out"),
         (["surface.window=['0 mm','1 mm']"], "surface.window = .*version 0.2 had it: cut or thin"),
         (["surface.decimation=2"], "surface.decimation = .*version 0.2 had it: cut or thin"),
@@ -161,12 +163,6 @@ def test_keys_that_contradict_each_other(scene, changes, named):
     file = scene().file
     with pytest.raises(SceneError, match=named):
         read_scene(file, changes)
-
-
-def test_waviness_needs_the_variance_of_the_spectrum():
-    brake = SCENES / "disc_brake.toml"
-    with pytest.raises(SceneError, match="shares the variance of the spectrum"):
-        read_scene(brake, ['contact.pad_disc.gap="waviness"'])
 
 
 @pytest.mark.parametrize("line", ['cutoff = "20 um"', 'size = ["1 mm"]', 'height_unit = "um"'])

@@ -223,9 +223,13 @@ def check_brake(scene: Scene, comm: MPI.Comm) -> None:
             pair = getattr(one, "faces", None)
             named = {f'{table}."{name}"': name} if pair is None else {}
             faces |= named | {f"{table}.{name}.faces[{i}]": f for i, f in enumerate(pair or ())}
+    radiating = scene.limit_cycle.radiating if scene.limit_cycle else ()
+    faces |= {f"limit_cycle.radiating[{i}]": face for i, face in enumerate(radiating)}
     for where, face in faces.items():
         load = scene.loads.get(face) if where.startswith("loads.") else None
-        spread = where.startswith("contact.") or (load is not None and load.pressure is not None)
+        spread = where.startswith(("contact.", "limit_cycle.")) or (
+            load is not None and load.pressure is not None
+        )
         if spread and _on_matrices(scene, face):
             raise SceneError(
                 f"{scene.file}: {where} = {face!r}: a set of nodes has no area; name a face of a"

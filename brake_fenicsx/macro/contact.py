@@ -29,7 +29,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.sections import Zone
+from brake_fenicsx.scene.contact import Zone
 from brake_fenicsx.scene.units import quantity_text
 
 from .elasticity import FreeDofs

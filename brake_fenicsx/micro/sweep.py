@@ -101,7 +101,7 @@ def _few_steps(
     tolerance: float, cap: float, most: int,
 ) -> tuple[list[Step], tuple[Array, Array]]:  # fmt: skip
     """Steps of equal ratio in the load with the active set, until more than ``most`` touch."""
-    order = np.argsort(-h, axis=None, kind="stable")
+    order = _highest_first(h)
     pixels = _highest(space, h, order, 64)
     found = Touching(np.array([0]), np.zeros(1), np.zeros(1), h, 0.0, 0, 0)
     found = _translate(pixels, order, found)
@@ -133,6 +133,13 @@ def _closed(space: HalfSpace, step: Step) -> bool:
     """Whether a periodic surface is all but in full contact."""
     size = space.shape[0] * space.shape[1]
     return space.boundary == "periodic" and step.touching >= min(0.97 * size, size - 1)
+
+
+def _highest_first(h: Array) -> Index:
+    """Flat indices of the highest pixels, as many as have a dense influence and the next one."""
+    count = min(h.size, HIGHEST + 1)
+    top = np.sort(np.argpartition(h, h.size - count, axis=None)[h.size - count :])
+    return np.asarray(top[np.argsort(-h.ravel()[top], kind="stable")])
 
 
 def _highest(space: HalfSpace, h: Array, order: Index, count: int) -> Pixels:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from brake_fenicsx.results.run import RunData, read_run
 
 from .contact_figures import draw_contact_pressure
+from .cycle_figures import draw_growth, draw_loudness
 from .driver_figures import draw_driver_maps, draw_drivers
 from .error_figures import draw_errors
 from .micro_figures import draw_contact_maps, draw_laws, laws_caption
@@ -48,7 +49,7 @@ class Plot:
         return self.caption if isinstance(self.caption, str) else self.caption(run)
 
 
-PLOTS = (
+PLOTS: tuple[Plot, ...] = (
     Plot(
         "figure4_topography",
         topography_caption,
@@ -164,6 +165,19 @@ PLOTS = (
         draw_chart,
     ),
     Plot(
+        "limit_cycle_growth",
+        "Growth rate of the loudest families over the amplitude of their vibration, one line for"
+        " each sample. Growth ends where it is zero (filled circles); from an open circle on, a"
+        " vibration grows that dies out when it is smaller.",
+        draw_growth,
+    ),
+    Plot(
+        "limit_cycle_loudness",
+        "Estimated sound level of the loudest families over the samples: median, quartiles, and"
+        " 5 % to 95 % of the samples.",
+        draw_loudness,
+    ),
+    Plot(
         "drivers",
         "What drives the most severe families: change of the growth rate alpha [1/s] to first "
         "order by a friction coefficient larger by 0.01, a loss factor larger by 0.001, and "
@@ -199,11 +213,12 @@ PLOTS = (
 )
 
 
-def make_figures(directory: str | Path | RunData) -> list[Path]:
+def make_figures(directory: str | Path | RunData, share: slice = slice(None)) -> list[Path]:
     """Draw every figure a run has data for, as PNG and SVG in ``directory/figures``.
 
     Args:
         directory: the run directory, or its results already read.
+        share: of the figures, where several processes draw them.
 
     Returns:
         Paths written, in the order of the figures.
@@ -216,7 +231,7 @@ def make_figures(directory: str | Path | RunData) -> list[Path]:
     folder.mkdir(exist_ok=True)
     written: list[Path] = []
     with house_style():
-        for plot in PLOTS:
+        for plot in PLOTS[share]:
             figure = plot.draw(run)
             if figure is not None:
                 written += save(figure, folder, plot.name)

@@ -13,6 +13,7 @@ from brake_fenicsx.results.squeal import Family
 from brake_fenicsx.results.tables import Value
 
 from .blocks import Block, Picture, Section, Special, Table, Text
+from .cycle_figures import cycle_blocks
 from .figures import PLOTS
 from .mode_cards import Card, ModePictures, family_card, family_table_cells, other_cards
 from .overview import cause_rows, share_text
@@ -54,6 +55,9 @@ def main_sections(
         ]),
         Section("sweep", "Lock-in over the parameter", _sweep(run)),
         Section("inputs", "Which inputs cause it", _inputs(run)),
+        Section("loudness", "How loud", [
+            *cycle_blocks(run), *figures(run, "limit_cycle_growth", "limit_cycle_loudness"),
+        ]),
         Section("drivers", "What drives a mode", figures(run, "drivers", look="tall")),
         Section("pressure", "Contact pressure and forces", [
             *figures(run, "contact_pressure", look="tall"), *forces_blocks(run),
@@ -94,7 +98,7 @@ def _squeal(
             "Every point is a complex mode of a sample with the eigenvalue alpha + i omega; its"
             " damping is -2 alpha / |omega|, twice the damping ratio. Negative damping: the mode"
             f" is unstable. It counts as squeal with {run.criterion} (stability.threshold of the"
-            " scene). A linear analysis does not predict the amplitude."
+            " scene). This linear analysis does not predict the amplitude."
         ),
         Special("map", found),
         _approaches(run),

@@ -26,6 +26,7 @@ APPROACHES = {
 }  # fmt: skip
 SMOOTH = "Smooth contact"  # the approach "multi-scale" of a scene without roughness
 SWEEP = ("sweep", "lock_in", "chart", "critical", "critical_curve")
+LIMIT_CYCLE = ("limit_cycle", "limit_cycle_growth", "limit_cycle_families")
 
 
 @dataclass(frozen=True)
@@ -44,6 +45,7 @@ class RunData:
         maps: arrays of ``contact_maps.npz``.
         faces: arrays of ``contact_faces.npz``.
         sweep: tables of a sweep by the stem of their files, such as ``lock_in``.
+        cycles: tables of limit cycles, likewise.
         summary: content of ``summary.json``.
         scene: text of ``scene.toml``.
     """
@@ -59,6 +61,7 @@ class RunData:
     maps: Arrays | None = None
     faces: Arrays | None = None
     sweep: dict[str, Columns] = field(default_factory=dict)
+    cycles: dict[str, Columns] = field(default_factory=dict)
     summary: dict[str, Any] = field(default_factory=dict)
     scene: str | None = None
 
@@ -137,7 +140,8 @@ def read_run(directory: str | Path | RunData) -> RunData:
         surface=_surface(root / "surface.npz"),
         maps=_arrays(root / "contact_maps.npz", ("size", "p_over_E", "pressures")),
         faces=_arrays(root / "contact_faces.npz", ("corners", "facet")),
-        sweep={name: t for name in SWEEP if (t := _table(root / f"{name}.csv", ())) is not None},
+        sweep=_tables(root, SWEEP),
+        cycles=_tables(root, LIMIT_CYCLE),
         summary=_json(root / "summary.json"),
         scene=scene.read_text(encoding="utf-8") if scene.is_file() else None,
     )
@@ -150,6 +154,11 @@ def read_run(directory: str | Path | RunData) -> RunData:
 
 def _table(path: Path, required: Sequence[str]) -> Columns | None:
     return read_columns(path, required) if path.is_file() else None
+
+
+def _tables(root: Path, names: Sequence[str]) -> dict[str, Columns]:
+    found = {name: _table(root / f"{name}.csv", ()) for name in names}
+    return {name: table for name, table in found.items() if table is not None}
 
 
 def _surface(path: Path) -> Arrays | None:

@@ -328,6 +328,10 @@ def _tables(
         from .driver_tables import write_drivers
 
         write_drivers(path(), results, stability.threshold)
+    if study.cycles is not None:
+        from .cycle_tables import write_cycles
+
+        write_cycles(path(), results)
     if stability is not None and {"stability", "uncertainty"} <= {*scene.stages}:
         from .probabilities import ensembles, write_causes
 

@@ -62,6 +62,7 @@ TEXT = frozenset(
         "complete",
         "kind",
         "parameter",
+        "outcome",
     }
 )
 

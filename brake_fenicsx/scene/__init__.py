@@ -1,21 +1,12 @@
 """The scene: reading, checking, and what it comes to in SI units."""
 
+from brake_fenicsx.scene.contact import Contact, Friction, Law
 from brake_fenicsx.scene.mesh import MeshTable
 from brake_fenicsx.scene.parts import BUILDERS, Part
 from brake_fenicsx.scene.read import read_scene
 from brake_fenicsx.scene.samples import Classical, Design, Distribution, Samples
-from brake_fenicsx.scene.sections import (
-    STAGES,
-    Contact,
-    Friction,
-    Law,
-    MaterialTable,
-    Micro,
-    Scene,
-    Stability,
-    Statistics,
-    Surface,
-)  # fmt: skip
+from brake_fenicsx.scene.sections import STAGES, MaterialTable, Scene, Stability
+from brake_fenicsx.scene.surface import Micro, Statistics, Surface
 
 __all__ = [
     "BUILDERS", "STAGES", "Classical", "Contact", "Design", "Distribution", "Friction", "Law",

@@ -8,16 +8,16 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.friction import slides
-from brake_fenicsx.scene.samples import is_constant, split_key, unit_of
-from brake_fenicsx.scene.scalars import check_scalar
-from brake_fenicsx.scene.sweep import ROUGH
-from brake_fenicsx.scene.tables import KeyMistake, dotted, key_parts
+from brake_fenicsx.scene.samples import NO_ROUGH_SAMPLES, SCALARS, is_constant, split_key
+from brake_fenicsx.scene.scalars import check_scalar, si_unit
+from brake_fenicsx.scene.tables import dotted, key_parts
 from brake_fenicsx.scene.tables import key as scene_key
 
 if TYPE_CHECKING:
@@ -48,11 +48,7 @@ class Countermeasure:
     @property
     def is_scalar(self) -> bool:
         """Whether samples take other values of it on one prepared brake."""
-        try:
-            unit_of(self.key)
-        except KeyMistake:
-            return False
-        return True
+        return any(re.fullmatch(pattern, self.key) for pattern, _ in SCALARS)
 
     def override(self, scene: Scene, value: float | str) -> str:
         """The replacement "key=value" that gives the scene another value.
@@ -86,21 +82,18 @@ def with_ends(scene: Scene, read: Callable[[str], Scene]) -> Scene:
         raise SceneError(
             "countermeasures: need modes of many samples; add stability and uncertainty to stages"
         )
-    if scene.countermeasures and not {*ROUGH} & {*scene.samples.approaches}:
-        raise SceneError(
-            "countermeasures: there are no rough samples; name multi-scale or joint in"
-            " samples.approaches"
-        )
-    found: dict[str, Countermeasure] = {}
+    if scene.countermeasures and not scene.samples.rough:
+        raise SceneError(f"countermeasures: {NO_ROUGH_SAMPLES}")
+    changes: dict[str, Countermeasure] = {}
     for c in scene.countermeasures:
         try:
             name = dotted(*key_parts(c.key))
         except SceneError as error:
             raise SceneError(f"countermeasures.key = {error}") from None
-        if name in found:
+        if name in changes:
             raise SceneError(f"countermeasures.key = {c.key!r}: named twice; leave one out")
-        found[name] = _with_ends(scene, c, read)
-    return replace(scene, countermeasures=tuple(found.values()))
+        changes[name] = _with_ends(scene, c, read)
+    return replace(scene, countermeasures=tuple(changes.values()))
 
 
 def _with_ends(scene: Scene, c: Countermeasure, read: Callable[[str], Scene]) -> Countermeasure:
@@ -128,32 +121,24 @@ def _number(scene: Scene, name: str, where: str) -> tuple[float, str]:
     holder: Any = None
     match parts:
         case ["parts", part, last] if part in scene.parts and not last.endswith("size"):
-            holder = scene.parts[part].parameters
-            if last == "axis":
-                holder = scene.parts[part]
-        case ["materials", material, last] if material in scene.materials:
-            holder = scene.materials[material]
-        case ["contact", interface, "friction", *_] if interface in scene.contact:
+            holder = scene.parts[part] if last == "axis" else scene.parts[part].parameters
+        case ["materials", table, _] | ["loads", table, "pressure"] | ["masses", table, "mass"] if (
+            table in getattr(scene, parts[0])
+        ):
+            holder = getattr(scene, parts[0])[table]
+        case ["contact", interface, "friction", *below] if interface in scene.contact:
             if not slides(scene, interface):
                 raise SceneError(
                     f"{where}: the interface is stuck, and its friction moves no mode; leave it"
                     ' out, or write slip = "motion"'
                 )
-            holder = scene.contact[interface]
-            if len(parts) == 4:
-                holder = holder.friction
-        case ["loads", face, "pressure"] if face in scene.loads:
-            holder = scene.loads[face]
-        case ["masses", face, "mass"] if face in scene.masses:
-            holder = scene.masses[face]
+            holder = scene.contact[interface].friction if below else scene.contact[interface]
         case ["motion", "speed"] if scene.motion is not None:
-            about = scene.motion.direction is None
-            return _written(scene, parts, where, scene.motion.rate), "rad/s" if about else "m/s"
+            return _written(scene, parts, where, scene.motion.rate), si_unit(scene, "motion.speed")
         case [*above, ("alpha" | "beta") as which] if above == RAYLEIGH:
-            damping = scene.stability.damping if scene.stability else None
-            i = ("alpha", "beta").index(which)
-            if damping is not None and damping.rayleigh is not None:
-                return damping.rayleigh[i], ("1/s", "s")[i]
+            if scene.damping and scene.damping.rayleigh:
+                i = ("alpha", "beta").index(which)
+                return scene.damping.rayleigh[i], ("1/s", "s")[i]
         case _:
             raise SceneError(
                 f"{where}: cannot be a countermeasure, or is not there; name a length or an angle"
@@ -161,9 +146,9 @@ def _number(scene: Scene, name: str, where: str) -> tuple[float, str]:
                 ' loads."PART.FACE".pressure, masses."PART.FACE".mass, motion.speed, or'
                 " stability.damping.rayleigh.alpha or .beta"
             )
-    own = {f.name: f.metadata.get("unit", "") for f in fields(holder)} if holder else {}
-    value = getattr(holder, parts[-1]) if parts[-1] in own else None
-    unit = "rad" if parts[-1] == "axis" else own.get(parts[-1], "")
+    units = {f.name: f.metadata.get("unit", "") for f in fields(holder)} if holder else {}
+    value = getattr(holder, parts[-1]) if parts[-1] in units else None
+    unit = "rad" if parts[-1] == "axis" else units.get(parts[-1], "")
     return _written(scene, parts, where, value), unit
 
 
@@ -182,14 +167,10 @@ def _written(scene: Scene, parts: list[str], where: str, value: Any) -> float:
 def _check_not_random(scene: Scene, name: str, where: str) -> None:
     """What is random has no single value to start from."""
     table = split_key(name)[1]
-    same = [
-        other
-        for other in scene.samples.random
-        if split_key(other) == split_key(name)
-        or (is_constant(name) and is_constant(other) and split_key(other)[1] == table)
-    ]
-    if same:
-        raise SceneError(
-            f'{where}: samples.random."{same[0]}" is random; write the change of its distribution'
-            " by hand, run both scenes and use brake-fenicsx compare"
-        )
+    for other in scene.samples.random:
+        constants = is_constant(name) and is_constant(other) and split_key(other)[1] == table
+        if constants or split_key(other) == split_key(name):
+            raise SceneError(
+                f'{where}: samples.random."{other}" is random; write the change of its distribution'
+                " by hand, run both scenes and use brake-fenicsx compare"
+            )

@@ -6,12 +6,10 @@ Their signs and derivations are in ``stability.damping`` and ``stability.gyrosco
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.friction import depends_on_speed, one_friction, rubs, slides
@@ -23,6 +21,7 @@ if TYPE_CHECKING:
 
 WHERE = "stability.damping"
 TERMS = ("rayleigh", "loss", "sliding", "slope", "gyroscopic", "modal")
+TERM_NAMES = f"{', '.join(TERMS[:-1])} or {TERMS[-1]}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +35,19 @@ class ModalDamping:
 
     ratio: float | tuple[float, ...] = key(sign="zero", band=(0.0, 0.2))
     frequency: tuple[float, ...] = key("Hz", default=(), sign="zero")
+
+    def contradictions(self) -> Iterator[str]:
+        """Ratios below 1, and as many rising frequencies where there are several."""
+        values = self.ratio if isinstance(self.ratio, tuple) else (self.ratio,)
+        if not values or not all(value < 1 for value in values) or not any(values):
+            yield f".ratio = {self.ratio}: write damping ratios below 1, some above 0"
+        if len(self.frequency) != (len(values) if isinstance(self.ratio, tuple) else 0):
+            yield (
+                f": {len(self.frequency)} frequencies for {len(values)} ratios; write one ratio,"
+                " or lists of as many of both"
+            )
+        if any(b <= a for a, b in pairwise(self.frequency)):
+            yield ".frequency: the frequencies must rise"
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,27 +78,31 @@ class Damping:
 
     @property
     def reference(self) -> float:
-        """omega_ref [rad/s].
+        """omega_ref [rad/s]."""
+        return to_si(self.omega_ref, "rad/s")
 
-        Raises:
-            SceneError: it is missing or not a frequency.
-        """
-        if self.omega_ref is None:
-            raise SceneError(f'{WHERE}.loss: needs omega_ref, such as omega_ref = "2 kHz"')
-        said = f"{WHERE}.omega_ref = {self.omega_ref!r}"
-        try:
-            value = to_si(self.omega_ref, "rad/s")
-        except ValueError:
-            raise SceneError(f'{said}: write a frequency, "2 kHz" or "12566 rad/s"') from None
-        if not 0 < value < np.inf:
-            raise SceneError(f"{said}: must be positive")
-        return value
+    def contradictions(self) -> Iterator[str]:
+        """Some term; loss factors and their frequency belong together."""
+        written = f".omega_ref = {self.omega_ref!r}"
+        if self.omega_ref is not None and not self.loss:
+            yield f"{written}: has no meaning without loss = true"
+        if self.omega_ref is None and self.loss:
+            yield '.loss: needs omega_ref, such as omega_ref = "2 kHz"'
+        if self.omega_ref is not None:
+            try:
+                if not self.reference > 0:
+                    yield f"{written}: must be positive"
+            except ValueError:
+                yield f'{written}: write a frequency, "2 kHz" or "12566 rad/s"'
+        if not any(getattr(self, name) for name in TERMS):
+            yield f": no term; name {TERM_NAMES}, or leave the section out"
+        if self.rayleigh is not None and not any(self.rayleigh):
+            yield ".rayleigh = [0, 0]: no damping; leave it out"
 
 
 def turning_parts(scene: Scene) -> list[str]:
     """Parts that turn: those named, or those of the second faces of all interfaces."""
-    stability = scene.stability
-    named = stability.damping.gyroscopic if stability and stability.damping else False
+    named = scene.damping.gyroscopic if scene.damping else False
     if not isinstance(named, bool):
         return list(named)
     second = (c.faces[1] for name, c in scene.contact.items() if slides(scene, name))
@@ -95,21 +111,16 @@ def turning_parts(scene: Scene) -> list[str]:
 
 def active_terms(scene: Scene, approach: str) -> tuple[str, ...]:
     """Names of the terms that act in the samples of an approach."""
-    stability = scene.stability
-    if stability is None or "stability" not in scene.stages:
+    table = scene.damping
+    if scene.stability is None or "stability" not in scene.stages:
         return ()
-    table = stability.damping
     named = [n for n in (*TERMS, "own") if table and getattr(table, n)]
     if damped_springs(scene):
         named.append("springs")
     if damped_bodies(scene):
         named.append("matrices")
-    left_out = set()
-    if one_friction(scene, approach):
-        left_out.add("slope")
-    if not rubs(scene, approach):
-        left_out.add("sliding")
-    return tuple(n for n in named if n not in left_out)
+    idle = {"slope": one_friction(scene, approach), "sliding": not rubs(scene, approach)}
+    return tuple(n for n in named if not idle.get(n))
 
 
 def damped_springs(scene: Scene) -> dict[str, tuple[float, ...]]:
@@ -138,7 +149,7 @@ def reduced_approaches(scene: Scene, counts: Mapping[str, int]) -> set[str]:
     if stability is None or stability.method != "reduced":
         return set()
     damped = {name: bool(active_terms(scene, name)) for name in counts}
-    modal = stability.damping is not None and bool(stability.damping.modal)
+    modal = bool(scene.damping and scene.damping.modal)
     paid = {damped[name] for name, count in counts.items() if count > 1 or scene.sweep or modal}
     return {name for name in counts if damped[name] in paid}
 
@@ -165,133 +176,80 @@ def check_modal_names(table: Mapping[str, Any]) -> None:
             )
 
 
-def check_damping(scene: Scene) -> None:
-    """Refuse terms that lack what they act on.
-
-    Raises:
-        SceneError: the key, its value and the remedy.
-    """
-    table = scene.stability.damping if scene.stability else None
+def damping_mistakes(scene: Scene) -> Iterator[str]:
+    """Terms that lack what they act on."""
+    table = scene.damping
     if table is None:
         return
-    _check_loss(scene, table)
-    if not any(getattr(table, name) for name in (*TERMS, "own")):
-        raise SceneError(
-            f"{WHERE}: no term; name {', '.join(TERMS[:-1])} or {TERMS[-1]}, or leave the section"
-            " out"
-        )
-    if table.rayleigh is not None and not any(table.rayleigh):
-        raise SceneError(f"{WHERE}.rayleigh = [0, 0]: no damping; leave it out")
-    _check_friction(scene, table)
+    if table.loss and not any(scene.materials[name].loss for name in used_materials(scene)):
+        yield f"{WHERE}.loss: no material of a part has a loss factor; write materials.NAME.loss"
+    yield from _friction(scene, table)
     if table.gyroscopic:
-        _check_turning(scene)
-    if table.modal:
-        _check_modal(scene, table.modal)
+        yield from _turning(scene)
+    for name in table.modal:
+        if name not in scene.parts:
+            yield f"{WHERE}.{dotted('modal', name)}: {_no_part(scene, name)}"
+    if table.modal and "stability" in scene.stages:
+        yield from _modal(scene)
 
 
-def _check_loss(scene: Scene, table: Damping) -> None:
-    """Loss factors and their frequency belong together."""
-    if not table.loss:
-        if table.omega_ref is not None:
-            raise SceneError(
-                f"{WHERE}.omega_ref = {table.omega_ref!r}: has no meaning without loss = true"
-            )
-        return
-    _ = table.reference
-    if not any(scene.materials[name].loss for name in used_materials(scene)):
-        raise SceneError(
-            f"{WHERE}.loss: no material of a part has a loss factor; write materials.NAME.loss"
-        )
+def _no_part(scene: Scene, name: str) -> str:
+    return f"there is no part {name!r}; there are {', '.join(scene.parts)}"
 
 
-def _check_friction(scene: Scene, table: Damping) -> None:
+def _friction(scene: Scene, table: Damping) -> Iterator[str]:
     """Terms of friction need friction, and its slope one that depends on the speed."""
     approaches = scene.samples.approaches
     if table.sliding and not any(rubs(scene, a) for a in approaches):
-        raise SceneError(f"{WHERE}.sliding: there is no friction; write contact.NAME.friction")
+        yield f"{WHERE}.sliding: there is no friction; write contact.NAME.friction"
     if not table.slope:
         return
-    frictions = [c.friction for name, c in scene.contact.items() if slides(scene, name)]
-    if not any(depends_on_speed(f) for f in frictions):
-        raise SceneError(
+    if not any(depends_on_speed(c.friction) for n, c in scene.contact.items() if slides(scene, n)):
+        yield (
             f"{WHERE}.slope: no friction depends on the speed; write"
             " contact.NAME.friction = { static = .., kinetic = .., decay = .. }"
         )
     if all(one_friction(scene, a) for a in approaches):
-        raise SceneError(
+        yield (
             f"{WHERE}.slope: samples.classical.friction is one number in the approaches"
             f" {', '.join(approaches)}; leave it out, or name multi-scale or joint"
         )
 
 
-def _check_turning(scene: Scene) -> None:
+def _turning(scene: Scene) -> Iterator[str]:
     """The gyroscopic term needs a rotation, and parts that turn."""
-    motion = scene.motion
+    motion, turns = scene.motion, {*turning_parts(scene)}
     if motion is None or motion.direction is not None:
-        raise SceneError(
-            f'{WHERE}.gyroscopic: needs a rotation; write motion.axis = "z" and motion.speed'
-        )
-    if not motion.rate:
-        raise SceneError(f"motion.speed = {motion.speed!r}: {WHERE}.gyroscopic needs a rotation")
+        yield f'{WHERE}.gyroscopic: needs a rotation; write motion.axis = "z" and motion.speed'
+    elif not motion.rate:
+        yield f"motion.speed = {motion.speed!r}: {WHERE}.gyroscopic needs a rotation"
     for name in turning_parts(scene):
         if name not in scene.parts:
-            raise SceneError(
-                f"{WHERE}.gyroscopic: there is no part {name!r}; there are {', '.join(scene.parts)}"
-            )
-    turns = set(turning_parts(scene))
+            yield f"{WHERE}.gyroscopic: {_no_part(scene, name)}"
     joints = {f"ties.{name}": tie.faces for name, tie in scene.ties.items()}
     stuck = {f"contact.{n}": c.faces for n, c in scene.contact.items() if not slides(scene, n)}
     for where, faces in (joints | stuck).items():
         parts = {face.partition(".")[0] for face in faces}
         if (rests := parts - turns) and parts & turns:
-            raise SceneError(
+            yield (
                 f"{where}: {', '.join(rests)} does not turn, and the part that it is joined to"
                 f" does; write {WHERE}.gyroscopic = {json.dumps(sorted(turns | parts))}"
             )
 
 
-def _check_modal(scene: Scene, ratios: Mapping[str, ModalDamping]) -> None:
-    """Ratios of parts that are there, in an analysis that has modes of the parts."""
-    for name, given in ratios.items():
-        where = f"{WHERE}.{dotted('modal', name)}"
-        if name not in scene.parts:
-            raise SceneError(
-                f"{where}: there is no part {name!r}; there are {', '.join(scene.parts)}"
-            )
-        values = given.ratio if isinstance(given.ratio, tuple) else (given.ratio,)
-        if not values or not all(value < 1 for value in values) or not any(values):
-            raise SceneError(
-                f"{where}.ratio = {given.ratio}: write damping ratios below 1, some above 0"
-            )
-        if len(given.frequency) != (len(values) if isinstance(given.ratio, tuple) else 0):
-            raise SceneError(
-                f"{where}: {len(given.frequency)} frequencies for {len(values)} ratios; write one"
-                " ratio, or lists of as many of both"
-            )
-        if any(b <= a for a, b in pairwise(given.frequency)):
-            raise SceneError(f"{where}.frequency: the frequencies must rise")
+def _modal(scene: Scene) -> Iterator[str]:
+    """Ratios of modes of the parts, in an analysis that has such modes."""
     stability = scene.stability
-    if stability is None or "stability" not in scene.stages:
-        return
-    remedies = {
-        'method = "reduced"': stability.method == "reduced",
-        "verify = 0": stability.verify == 0,
-        'on_tolerance = "warn"': stability.on_tolerance == "warn",
-        "drivers = false": not stability.drivers,
-    }
-    for remedy, held in remedies.items():
-        if not held:
-            raise SceneError(
+    wanted = {"method": "reduced", "verify": 0, "on_tolerance": "warn", "drivers": False}
+    for name, value in wanted.items():
+        if getattr(stability, name) != value:
+            yield (
                 f"{WHERE}.modal: ratios belong to the modes of the parts, which only the reduced"
-                f" model has; write stability.{remedy}, or name rayleigh or loss"
+                f" model has; write stability.{name} = {json.dumps(value)}, or name rayleigh or"
+                " loss"
             )
 
 
 def used_materials(scene: Scene) -> set[str]:
     """Materials of the parts."""
-    used: set[str] = set()
-    for part in scene.parts.values():
-        if part.matrices is not None:
-            continue
-        used |= {part.material} if isinstance(part.material, str) else {*part.material.values()}
-    return used
+    return {name for part in scene.parts.values() for name in part.materials}

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 import sys
+from dataclasses import fields
 from typing import Any
 
 from brake_fenicsx import __version__
 from brake_fenicsx.folder.files import digest
 from brake_fenicsx.scene import Law, Scene
-from brake_fenicsx.scene.files import file_digests
 from brake_fenicsx.scene.scalars import changes_bodies
 
 # Format of laws and samples on disk: what older programs wrote is not read as current.
@@ -75,6 +76,30 @@ def laws_key(scene: Scene) -> dict[str, Any]:
     out = {"surface": surface, "micro": scene.table.get("micro"), "versions": [__version__, FORMAT]}
     out["patch"] = scene.micro.patch if scene.micro else None  # that of the mesh as a length
     return {**out, "files": _files(scene, "surface.")}
+
+
+def file_digests(scene: Scene) -> dict[str, str]:
+    """Hash of the content of each file, by the key that names it; of files that are there.
+
+    Args:
+        scene: the scene.
+    """
+    surface, files = scene.surface, {"mesh.file": scene.mesh.file}
+    if surface is not None:
+        files["surface.form"] = surface.form
+        many = len(surface.scans) > 1
+        for k, file in enumerate(surface.scans, 1):
+            files[f"surface.scan.{k}" if many else "surface.scan"] = file
+    for name, part in scene.parts.items():
+        for f in fields(part.matrices) if part.matrices else ():
+            if isinstance(value := getattr(part.matrices, f.name), str):
+                files[f"parts.{name}.matrices.{f.name}"] = value
+    paths = {key: scene.path(file) for key, file in files.items() if file is not None}
+    return {
+        key: hashlib.sha256(path.read_bytes()).hexdigest()
+        for key, path in paths.items()
+        if path.is_file()
+    }
 
 
 def _files(scene: Scene, *sections: str) -> dict[str, str]:

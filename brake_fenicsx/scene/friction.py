@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from brake_fenicsx.scene.sections import Friction, Scene
+    from brake_fenicsx.scene.contact import Friction
+    from brake_fenicsx.scene.sections import Scene
 
 # Approaches of perfect contact.
 PERFECT = frozenset({"classical", "parametric"})
@@ -28,8 +29,10 @@ def friction_of(scene: Scene, approach: str, interface: str) -> float | Friction
     """
     if not slides(scene, interface):
         return 0.0
-    own = scene.samples.classical.friction
-    return own if approach in PERFECT and own is not None else scene.contact[interface].friction
+    classical = scene.samples.classical.friction
+    if approach in PERFECT and classical is not None:
+        return classical
+    return scene.contact[interface].friction
 
 
 def depends_on_speed(friction: Any) -> bool:
@@ -45,19 +48,18 @@ def rubs(scene: Scene, approach: str) -> bool:
     other += [*scene.sweep.parameters] if scene.sweep else []
     if any(name.endswith(".friction") for name in other):
         return True
-    found = (friction_of(scene, approach, name) for name in scene.contact)
-    return any(f if isinstance(f, float | int) else depends_on_speed(f) or f.static for f in found)
+    mu = (friction_of(scene, approach, name) for name in scene.contact)
+    return any(f if isinstance(f, float | int) else depends_on_speed(f) or f.static for f in mu)
 
 
 def friction_texts(scene: Scene) -> dict[str, str]:
     """Friction coefficient of each approach as text, by interface where they differ."""
     texts = {}
     for approach in scene.samples.approaches:
-        said = {name: _text(scene, approach, name) for name in scene.contact}
-        same = len(set(said.values())) == 1
-        texts[approach] = ", ".join(
-            dict.fromkeys(text if same else f"{text} ({name})" for name, text in said.items())
-        )
+        each = {name: _text(scene, approach, name) for name in scene.contact}
+        if len({*each.values()}) != 1:
+            each = {name: f"{text} ({name})" for name, text in each.items()}
+        texts[approach] = ", ".join(dict.fromkeys(each.values()))
     return texts
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, StrictStr
 
-from brake_fenicsx.scene.tables import key
+from brake_fenicsx.scene.tables import key, rising_pair
 
 
 def _dotted(name: str) -> str:
@@ -56,4 +57,19 @@ class MeshTable:
     unit: str | None = key(default=None)
     groups: dict[str, str] = field(default_factory=dict, metadata={"type": _names_type})
     split: dict[str, str] = field(default_factory=dict, metadata={"type": _names_type})
-    extent: tuple[float, ...] = key("m", default=(5e-3, 3.0))
+    extent: tuple[float, ...] = key(
+        "m", default=(5e-3, 3.0), rule=(rising_pair, "write [smallest, largest]")
+    )
+
+    def contradictions(self) -> Iterator[str]:
+        """Orders that go together; what is said of a mesh file needs one."""
+        if self.degree == 1 and self.order == 2:
+            yield ".order = 2: needs mesh.degree = 2, displacements of second order"
+        if self.degree == 2 and self.mass == "lumped":
+            yield (
+                '.mass = "lumped": corners of quadratic elements would have no or negative mass;'
+                " write mesh.degree = 1 as well"
+            )
+        for name in ("unit", "groups", "split") if self.file is None else ():
+            if getattr(self, name):
+                yield f".{name}: needs mesh.file, the file that it is about"

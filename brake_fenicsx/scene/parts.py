@@ -73,6 +73,13 @@ class Part:
     axis: float = 0.0
     matrices: Matrices | None = None
 
+    @property
+    def materials(self) -> tuple[str, ...]:
+        """Names of its materials; none where it is given by matrices."""
+        if self.matrices is not None:
+            return ()
+        return (self.material,) if isinstance(self.material, str) else (*self.material.values(),)
+
 
 @dataclass(frozen=True, slots=True)
 class PartKeys:
@@ -108,10 +115,10 @@ def part_lengths(parameters: Any) -> dict[str, float]:
 
 
 def _part(
-    cls: Any, material: Any, builder: str | None = None, axis: Any = None, **own: Any
+    cls: Any, material: Any, builder: str | None = None, axis: Any = None, **keys: Any
 ) -> Part:
     """A part from what its table holds."""
-    parameters = cls(**own) if cls else None
+    parameters = cls(**keys) if cls else None
     return Part(
         builder, parameters, material, getattr(parameters, "axis", 0.0) if axis is None else axis
     )
@@ -126,9 +133,9 @@ def _checked_builder(table: Any) -> Any:
     builder = table.get("builder")
     if "builder" in table and builder not in list(BUILDERS):
         raise KeyMistake(f"use one of {', '.join(BUILDERS)}", "builder")
-    own = set(table) - {f.name for f in fields(PartKeys)}
-    if builder is None and own:
-        raise KeyMistake("has no meaning without a builder", min(own))
+    parameters = set(table) - {f.name for f in fields(PartKeys)}
+    if builder is None and parameters:
+        raise KeyMistake("has no meaning without a builder", min(parameters))
     return {**table, "shim": 0} if table.get("shim") is False else table
 
 

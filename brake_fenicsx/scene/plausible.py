@@ -7,11 +7,13 @@ from dataclasses import fields, is_dataclass
 from statistics import NormalDist
 from typing import Any
 
+from brake_fenicsx.scene.contact import Contact
+from brake_fenicsx.scene.faces import Load
 from brake_fenicsx.scene.parts import part_lengths
 from brake_fenicsx.scene.samples import Classical, Distribution, split_key
-from brake_fenicsx.scene.sections import MODULI, Contact, Load, MaterialTable, Scene
+from brake_fenicsx.scene.sections import MaterialTable, Scene
 from brake_fenicsx.scene.tables import dotted
-from brake_fenicsx.scene.units import with_unit
+from brake_fenicsx.scene.units import MODULI, with_unit
 
 METAL_DENSITY, METAL_MODULUS = 4000.0, 5e9  # kg/m^3, Pa: above the one, below the other is no metal
 CUT = 0.01  # share of a normal law below zero that is worth a warning
@@ -26,11 +28,11 @@ def unusual(scene: Scene) -> list[str]:
         _, _, last = split_key(name)
         kinds = (Contact, Load, MaterialTable, Classical)
         about = {f.name: dict(f.metadata) for cls in kinds for f in fields(cls)}
-        own = about.get(last) or about.get(last.partition("_")[0], {})
+        scalar = about.get(last) or about.get(last.partition("_")[0], {})
         for word in ("mean", "min", "max", "values"):
-            lines += _outside(("samples", "random", name, word), own, getattr(law, word, None))
+            lines += _outside(("samples", "random", name, word), scalar, getattr(law, word, None))
         if isinstance(law, Distribution):  # a law of one's own says nothing of its draws
-            lines += _doubtful(name, law, own.get("sign") == "any")
+            lines += _doubtful(name, law, scalar.get("sign") == "any")
     count = max(scene.samples.plan(name).n for name in scene.samples.approaches)
     if scene.stability and scene.stability.verify > count:
         lines.append(
@@ -72,9 +74,9 @@ def _outside(keys: tuple[str, ...], about: Mapping[str, Any], value: Any) -> Ite
     low, high = about.get("band", (-float("inf"), float("inf")))
     for v in _flat(value):
         if abs(v) < float("inf") and not low <= v <= high:
-            said = [with_unit(float(x), about["unit"]) for x in (v, low, high)]
+            number, least, most = (with_unit(float(x), about["unit"]) for x in (v, low, high))
             yield (
-                f"{dotted(*keys)} = {said[0]}: unusual, not between {said[1]} and {said[2]};"
+                f"{dotted(*keys)} = {number}: unusual, not between {least} and {most};"
                 f" {'correct the unit if it is wrong' if about['unit'] else 'check the value'}"
             )
 

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.scene.contact import with_table
 from brake_fenicsx.scene.countermeasures import with_ends
 from brake_fenicsx.scene.damping import check_modal_names
-from brake_fenicsx.scene.law_table import with_table
 from brake_fenicsx.scene.rules import check_consistent
 from brake_fenicsx.scene.samples import complete
 from brake_fenicsx.scene.sections import STAGES, Scene

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -29,12 +29,14 @@ import numpy as np
 from pydantic import BeforeValidator
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene.tables import KeyMistake, key, value_type
-from brake_fenicsx.scene.units import to_si
+from brake_fenicsx.scene.tables import KeyMistake, below, key, value_type
+from brake_fenicsx.scene.units import factor_to_si, to_si
 
 APPROACHES = ("multi-scale", "classical", "parametric", "joint")
+ROUGH = ("multi-scale", "joint")  # of rough contact
+NO_ROUGH_SAMPLES = "there are no rough samples; name multi-scale or joint in samples.approaches"
 DESIGNS = ("random", "latin-hypercube", "sobol", "fast", "rbd-fast", "saltelli")
-LAWS = ("normal", "lognormal", "uniform", "measured")
+DISTRIBUTIONS = ("normal", "lognormal", "uniform", "measured")
 # Keys of the scalars that may take other values than the scene's, and their SI units.
 SCALARS = (
     (r"contact\..+\.friction", ""),
@@ -101,12 +103,12 @@ class Distribution:
         digest: hash of the values read from the file.
     """
 
-    law: str = key(choices=LAWS)
+    law: str = key(choices=DISTRIBUTIONS)
     mean: float | None = key("*", default=None, sign="any")
     sd: float | None = key("*", default=None)
     min: float = key("*", default=-INFINITY, sign="any")
     max: float = key("*", default=INFINITY, sign="any")
-    spread: float | None = key(default=None)
+    spread: float | None = key(default=None, rule=below(1, "must be below 1"))
     values: tuple[float, ...] = key("*", default=(), sign="any")
     file: str | None = key(default=None)
     array: str | None = key(default=None)
@@ -140,10 +142,17 @@ class Samples:
     classical: Classical = field(default_factory=Classical)
     parametric: Design = field(default_factory=Design)
     joint: Design = field(default_factory=Design)
-    limit: float = key(default=0.5)
+    limit: float = key(
+        default=0.5, rule=below(1, "a share of the samples; write a fraction below 1")
+    )
     random: dict[str, Distribution] = field(
         default_factory=dict, metadata={"type": lambda: _random_type()}
     )
+
+    @property
+    def rough(self) -> bool:
+        """Whether an approach has rough contact."""
+        return not {*ROUGH}.isdisjoint(self.approaches)
 
     def takes_random(self, approach: str) -> bool:
         """Whether an approach samples [samples.random].
@@ -157,9 +166,9 @@ class Samples:
 
     def plan(self, approach: str) -> Plan:
         """Number and design of an approach's samples as the scene asks for them."""
-        own = {"parametric": self.parametric, "joint": self.joint}.get(approach, Design())
-        design = own.design or ("rbd-fast" if approach == "parametric" else self.design)
-        return Plan(own.n or self.n, design, own.curves or self.curves)
+        table = {"parametric": self.parametric, "joint": self.joint}.get(approach, Design())
+        design = table.design or ("rbd-fast" if approach == "parametric" else self.design)
+        return Plan(table.n or self.n, design, table.curves or self.curves)
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,20 +245,9 @@ def _converted(value: Any, unit: str, *where: str) -> Any:
     if isinstance(value, list):
         return [_converted(v, unit, *where) for v in value]
     try:
-        return _to_si(value, unit)
+        return to_si(value, unit)
     except ValueError as error:
         raise KeyMistake(str(error), *where) from None
-
-
-def _to_si(value: Any, unit: str) -> float:
-    """In the first unit of "rad/s or m/s" that the value has."""
-    first, _, second = unit.partition(" or ")
-    try:
-        return to_si(value, first)
-    except ValueError:
-        if not second:
-            raise
-        return to_si(value, second)
 
 
 def _random_type() -> Any:
@@ -273,60 +271,52 @@ def complete(d: Distribution, name: str, folder: Path) -> Distribution:
         values = _measured(d, unit_of(name), folder, where)
         digest = hashlib.sha256(np.array(values).tobytes()).hexdigest()
         d = replace(d, values=values, digest=digest)
-    _check(d, where)
+    for text in _mistakes(d):
+        raise SceneError(f"{where}{text}")
     return d
 
 
-def _check(d: Distribution, where: str) -> None:
+def _mistakes(d: Distribution) -> Iterator[str]:
     """What each law needs."""
+    bounds = np.isfinite([d.min, d.max])
     if not d.min < d.max:
-        raise SceneError(f"{where}: min = {d.min:g} must lie below max = {d.max:g}")
-    if d.law in ("normal", "lognormal"):
-        if d.mean is None or d.sd is None:
-            raise SceneError(f"{where}: a {d.law} law needs mean and sd")
-        if d.law == "lognormal" and not d.mean > 0:
-            raise SceneError(f"{where}.mean = {d.mean:g}: a lognormal law needs a positive mean")
-    if d.law == "uniform" and d.spread is None and not np.isfinite(d.max - d.min):
-        raise SceneError(f"{where}: a uniform law needs min and max, or spread")
-    if d.spread is not None and (d.law != "uniform" or np.isfinite([d.min, d.max]).any()):
-        raise SceneError(f"{where}.spread: only for a uniform law, in place of min and max")
-    if d.spread is not None and not d.spread < 1:
-        raise SceneError(f"{where}.spread = {d.spread:g}: must be below 1")
-    inside = [v for v in d.values if d.min <= v <= d.max]
-    if d.law == "measured" and len(inside) < 2:
-        raise SceneError(
-            f"{where}: a measured law needs two values or more within min and max, in values or"
-            " file"
-        )
+        yield f": min = {d.min:g} must lie below max = {d.max:g}"
+    if d.law in ("normal", "lognormal") and None in (d.mean, d.sd):
+        yield f": a {d.law} law needs mean and sd"
+    if d.law == "lognormal" and d.mean is not None and d.mean <= 0:
+        yield f".mean = {d.mean:g}: a lognormal law needs a positive mean"
+    if d.law == "uniform" and d.spread is None and not bounds.all():
+        yield ": a uniform law needs min and max, or spread"
+    if d.spread is not None and (d.law != "uniform" or bounds.any()):
+        yield ".spread: only for a uniform law, in place of min and max"
+    if d.law == "measured" and sum(d.min <= v <= d.max for v in d.values) < 2:
+        yield ": a measured law needs two values or more within min and max, in values or file"
     if d.law != "measured" and (d.values or d.file):
-        raise SceneError(f'{where}: values and file belong to law = "measured"')
+        yield ': values and file belong to law = "measured"'
 
 
 def _measured(d: Distribution, unit: str, folder: Path, where: str) -> tuple[float, ...]:
     """Numbers of a file in SI units."""
     path = folder / str(d.file)
-    said = f"{where}.file = {d.file!r}"
+    at = f"{where}.file = {d.file!r}"
     factor = 1.0
     if unit:
         if d.unit is None:
             raise SceneError(f"{where}.unit: missing; say the unit of the numbers in {d.file}")
-        try:
-            factor = _to_si(f"1 {d.unit}", unit)
-        except ValueError as error:
-            raise SceneError(f"{where}.unit = {d.unit!r}: {error}") from None
+        factor = factor_to_si(d.unit, unit, f"{where}.unit = {d.unit!r}")
     try:
         if path.suffix == ".npz":
             with np.load(path, allow_pickle=False) as data:
                 names = data.files if d.array is None else [d.array]
                 if len(names) != 1 or names[0] not in data.files:
-                    raise SceneError(f"{said}: contains {', '.join(data.files)}; name one as array")
+                    raise SceneError(f"{at}: contains {', '.join(data.files)}; name one as array")
                 values = np.ravel(data[names[0]]).astype(float)
         else:
             values = np.ravel(np.loadtxt(path, ndmin=1))
     except FileNotFoundError:
-        raise SceneError(f"{said}: no such file; paths start at the scene's folder") from None
+        raise SceneError(f"{at}: no such file; paths start at the scene's folder") from None
     except (ValueError, OSError) as error:
-        raise SceneError(f"{said}: cannot be read as numbers: {error}") from None
+        raise SceneError(f"{at}: cannot be read as numbers: {error}") from None
     if not np.isfinite(values).all():
-        raise SceneError(f"{said}: contains values that are not numbers; remove them")
+        raise SceneError(f"{at}: contains values that are not numbers; remove them")
     return tuple(float(v) * factor for v in values)

@@ -1,163 +1,39 @@
-"""The sections of a scene: frozen settings in SI units.
+"""The scene, with the sections that no other module is about: frozen settings in SI units.
 
-Every key is a field of a dataclass here, or of a builder in ``geometry``; its metadata says the
-unit ("unit"), the allowed sign ("sign": positive if absent, "zero", "any") and the choices
-("choices"). What a scene does not name is None, and is neither built, assembled nor imported.
+Every key is a field of a dataclass, or of a builder in ``geometry``; its metadata says the unit
+("unit"), the allowed sign ("sign": positive if absent, "zero", "any") and the choices ("choices").
+What a table's keys contradict in one another stands below them (``contradictions``), and what
+sections contradict in ``rules``. What a scene does not name is None, and is neither built,
+assembled nor imported.
 """
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-from pydantic import BeforeValidator, WithJsonSchema
-
+from brake_fenicsx.scene.contact import Contact
 from brake_fenicsx.scene.countermeasures import Countermeasure
 from brake_fenicsx.scene.damping import Damping
+from brake_fenicsx.scene.faces import AddedMass, Load, Spring, Tie, supports_type
 from brake_fenicsx.scene.mesh import MeshTable
 from brake_fenicsx.scene.parts import Part, parts_type
 from brake_fenicsx.scene.samples import Samples
+from brake_fenicsx.scene.surface import Micro, Surface
 from brake_fenicsx.scene.sweep import Sweep
-from brake_fenicsx.scene.tables import key
-from brake_fenicsx.scene.units import to_si
+from brake_fenicsx.scene.tables import below, key, rising_pair, shown, vector
+from brake_fenicsx.scene.units import MODULI, to_si
 
-Array = NDArray[np.float64]
-
-DIRECTIONS = ("x", "y", "z")
 STAGES = ("surface", "micro", "equilibrium", "stability", "uncertainty", "report")
-LAWS = '"library", { linear = "2e13 Pa/m" }, { p0 = .., u0 = .. } or { table = .., units = .. }'
 
-# Bands of usual values: rubber to diamond [Pa]; friction.
-MODULI = (1e6, 2e12)
-FRICTION = (0.0, 1.5)
+# Least and largest tolerance of Newton's iterations [-].
+NEWTON = (1e-13, 1e-3)
 
-
-@dataclass(frozen=True, slots=True)
-class Statistics:
-    """[surface.statistics]: a surface known by its numbers alone.
-
-    Attributes:
-        S_q: root mean square of the heights.
-        S_sk: skewness of the heights.
-        S_ku: kurtosis of the heights; 3 for a Gaussian surface.
-        c1: slope of the power spectrum below ``q_c``.
-        c2: slope above it.
-        q_c: wave number of the crossover.
-    """
-
-    S_q: float = key("m", band=(1e-9, 1e-3))
-    S_sk: float = key(default=0.0, sign="any")
-    S_ku: float = key(default=3.0)
-    c1: float = key(default=-2.0, sign="any")
-    c2: float = key(default=-4.5, sign="any")
-    q_c: float = key("1/m", default=30e3)
-
-
-@dataclass(frozen=True, slots=True)
-class Surface:
-    """[surface]: the scan, or statistics in its place.
-
-    Attributes:
-        scan: file of the scan, relative to the scene's folder: npz, text, or an instrument's; or a
-            list of several scans of one pad with the same pixels, of which spectrum and variance
-            are averaged and heights pooled. The other keys apply to each scan. An npz contains
-            ``heights`` and ``size`` in metres ([own scan](own_scan_own_mesh.md)).
-        level: what is subtracted from the heights: nothing, a plane, or a second-order surface.
-        size: lengths of the scan's sides, if the file does not contain them.
-        height_unit: unit of the heights, if the file does not contain it ("um").
-        rows: coordinate that changes from one row of a table of heights to the next; "y" as in an
-            image. In a text whose header gives the sides, x is the width.
-        statistics: statistics instead of a scan.
-        form: file of a longer, coarser scan of the face, for the waves longer than ``scan``; the
-            file must contain size and units (npz, or an instrument's).
-        cutoff: shortest wavelength the instrument resolves; it limits the spectrum and with it the
-            artificial surfaces, and filters no height; two pixels if not given, or if longer.
-        spectrum: spectrum of the artificial surfaces: that of the scan, or its bi-fractal fit.
-        low: spectrum below the scan's lowest wave number: constant, or the power law extrapolated.
-        S_q: variance of the artificial surfaces: from the scan's spectrum on a patch, or equal to
-            the variance of the scan, to which the spectrum is scaled (as in the paper).
-        distribution: shape of the height distribution of the artificial surfaces: the measured
-            heights, Johnson's distribution of the same four moments, or the normal one; measured
-            for a scan and johnson for statistics if not given.
-    """
-
-    scan: str | tuple[str, ...] | None = key(default=None)
-    level: str = key(default="plane", choices=("none", "plane", "second-order"))
-    size: tuple[float, ...] | None = key("m", default=None)
-    height_unit: str | None = key(default=None)
-    statistics: Statistics | None = None
-    rows: str = key(default="x", choices=("x", "y"))
-    form: str | None = key(default=None)
-    cutoff: float | None = key("m", default=None)
-    spectrum: str = key(default="measured", choices=("fit", "measured"))
-    low: str = key(default="flat", choices=("flat", "extend"))
-    S_q: str = key(default="spectrum", choices=("spectrum", "scan"))
-    distribution: str | None = key(default=None, choices=("measured", "johnson", "normal"))
-
-    @property
-    def scans(self) -> tuple[str, ...]:
-        """Files of the scans; none where there are statistics in their place."""
-        return (self.scan,) if isinstance(self.scan, str) else self.scan or ()
-
-
-@dataclass(frozen=True, slots=True)
-class Micro:
-    """[micro]: artificial patches and their contact.
-
-    Attributes:
-        patch: side of the square patch; "mesh": that of the mean contact element.
-        pixels: points along a side; "scan": as many as resolve the wavelengths that the scan
-            measured reliably.
-        boundary: half-space without neighbours, or periodic.
-        laws: number of laws in the library.
-        E: Young's modulus of the lining across the surface.
-        nu: Poisson's ratio of the lining, which belongs to ``E``; E* = E / (1 - nu^2).
-        tolerance: largest duality gap of a contact solution, relative to the work done.
-        max_pressure: highest mean pressure of a law, relative to E*; 0.1 if not given, and no more
-            than a tenth of the hardness.
-        steps: load steps of a law, equal in log load.
-        bulk_compliance: whether a law keeps the compliance of the half-space, which the
-            finite-element lining already has.
-        seed: seed of the artificial surfaces.
-        scans: scans of the same surface that are drawn anew for the band of the stiffness that the
-            page states; 0: no band.
-        hardness: pressure at which a point yields; elastic at any pressure if not given, as in
-            the paper.
-    """
-
-    patch: Literal["mesh"] | float = key("m", default=2.825e-3, band=(1e-5, 0.05))
-    pixels: int | Literal["scan"] = key(default="scan")
-    boundary: str = key(default="free", choices=("free", "periodic"))
-    laws: int = key(default=100)
-    E: float = key("Pa", default=1983.3e6, band=MODULI)
-    nu: float = key(default=0.4054, sign="any")
-    tolerance: float = key(default=1e-6)
-    max_pressure: float | None = key(default=None)
-    steps: int = key(default=40)
-    bulk_compliance: str = key(default="remove", choices=("remove", "keep"))
-    seed: int = key(default=1, sign="zero")
-    scans: int = key(default=20, sign="zero")
-    hardness: float | None = key("Pa", default=None, band=(1e6, 2e10))
-
-
-def _held(value: Any) -> Any:
-    """Directions held by a support."""
-    if value == "clamped":
-        return DIRECTIONS
-    if isinstance(value, list) and value and all(v in DIRECTIONS for v in value):
-        return value
-    raise ValueError('write "clamped" or a list of "x", "y", "z"')
-
-
-def _supports_type() -> Any:
-    """Type of [supports]: the directions that each holds."""
-    some = {"type": "array", "items": {"enum": [*DIRECTIONS]}, "minItems": 1}
-    schema = WithJsonSchema({"anyOf": [{"const": "clamped"}, some]})
-    return dict[str, Annotated[tuple[str, ...], BeforeValidator(_held), schema]]
+# Beyond 1/sqrt(2) the squares of damped frequencies are no longer positive.
+ZETA_LIMIT = 0.7
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,175 +78,6 @@ class MaterialTable:
 
 
 @dataclass(frozen=True, slots=True)
-class Law:
-    """[contact.NAME.law]: one law for all contact elements in place of "library".
-
-    Attributes:
-        linear: stiffness of a linear penalty, p = linear * penetration.
-        p0: pressure at zero gap of an exponential law, p = p0 exp(-g / u0).
-        u0: decay length of the exponential law.
-        table: file of a measured law, in two columns: gap and pressure.
-        units: units of these columns.
-        steps: gaps, falling, and pressures of the table.
-    """
-
-    linear: float | None = key("Pa/m", default=None, band=(1e9, 1e17))
-    p0: float | None = key("Pa", default=None, band=(1e3, 1e11))
-    u0: float | None = key("m", default=None, band=(1e-9, 1e-3))
-    table: str | None = None
-    units: tuple[str, ...] = ()
-    steps: tuple[tuple[float, ...], ...] = key(default=(), internal=True)
-
-
-@dataclass(frozen=True, slots=True)
-class Friction:
-    """[contact.NAME.friction]: kinetic + (static - kinetic) exp(-V / decay) at sliding speed V.
-
-    Attributes:
-        static: coefficient at rest.
-        kinetic: coefficient at high speed.
-        decay: decay constant of the coefficient over the speed.
-    """
-
-    static: float = key(sign="zero", band=FRICTION)
-    kinetic: float = key(sign="zero", band=FRICTION)
-    decay: float = key("m/s")
-
-    def coefficient(self, V: Array) -> tuple[Array, Array]:
-        """Coefficient mu [-] and mu'(V) [s/m] at speeds V [m/s], each of the shape of V."""
-        fall = (self.static - self.kinetic) * np.exp(-np.asarray(V, float) / self.decay)
-        return np.asarray(self.kinetic + fall, float), np.asarray(-fall / self.decay, float)
-
-
-@dataclass(frozen=True, slots=True)
-class Zone:
-    """[contact.NAME.zone]: contact elements whose centre lies in all ranges named, [low, high).
-
-    Attributes:
-        radius: distance from the z axis.
-        angle: angle about z, from x towards y; a range may go beyond 180 deg.
-        x: coordinate.
-        y: coordinate.
-        z: coordinate.
-    """
-
-    radius: tuple[float, ...] | None = key("m", default=None, sign="zero")
-    angle: tuple[float, ...] | None = key("rad", default=None, sign="any")
-    x: tuple[float, ...] | None = key("m", default=None, sign="any")
-    y: tuple[float, ...] | None = key("m", default=None, sign="any")
-    z: tuple[float, ...] | None = key("m", default=None, sign="any")
-
-
-@dataclass(frozen=True, slots=True)
-class Contact:
-    """[contact.NAME]: an interface between two faces.
-
-    Attributes:
-        faces: two faces "part.face", the pad's first.
-        law: "library": laws of the rough surface; or a table.
-        discretisation: kind of contact element: a facet, a Gauss point, or a node
-            ([contact.md](contact.md)).
-        gap: critical gap of every element: none, drawn from the height distribution (as in the
-            paper), or the waviness of the face, its waves longer than a patch
-            ([contact.md](contact.md)).
-        friction: friction coefficient, or a table if it depends on the speed.
-        friction_in_equilibrium: whether friction also acts in the equilibrium.
-        search: largest gap at which facets are paired; the largest facet if not given.
-        zone: part of the faces that the interface is restricted to; all of them if not given.
-        slip: "motion": the faces slide along the scene's motion; "stuck": they do not slide
-            ([contact.md](contact.md#faces-that-stick)).
-        tangential_stiffness: tangential stiffness of faces that stick, equal in all tangential
-            directions; required with ``slip = "stuck"``.
-    """
-
-    faces: tuple[str, ...]
-    law: Literal["library"] | Law = key(default="library", write=LAWS)  # noqa: RUF009
-    discretisation: str = key(default="patch", choices=("patch", "quadrature", "node"))
-    gap: str = key(default="none", choices=("none", "hdf", "waviness"))
-    friction: float | Friction = key(default=0.0, sign="zero", band=FRICTION)  # noqa: RUF009
-    friction_in_equilibrium: bool = True
-    search: float | None = key("m", default=None)
-    zone: Zone | None = None
-    slip: str = key(default="motion", choices=("motion", "stuck"))
-    tangential_stiffness: float | None = key("Pa/m", default=None, band=(1e9, 1e17))
-
-
-@dataclass(frozen=True, slots=True)
-class Load:
-    """[loads]: loads on a face, by its name "part.face".
-
-    Attributes:
-        pressure: the pressure, towards the body.
-        force: total force, along axes 1 and 2 of the part and along z, spread evenly over the area.
-        moment: total moment about axes through the area's centroid, parallel to axes 1 and 2 of the
-            part and z, distributed linearly over the area.
-        displacement: imposed displacement of a face that is supported in these directions; the face
-            is also fixed in the modes: ``{ z = "-0.1 mm" }``.
-        steps: equal load steps, taken only if the full load at once does not converge.
-    """
-
-    pressure: float | None = key("Pa", default=None, band=(1e3, 1e8))
-    force: tuple[float, ...] | None = key("N", default=None, sign="any")
-    moment: tuple[float, ...] | None = key("N m", default=None, sign="any")
-    displacement: dict[str, float] | None = key("m", default=None, sign="any")  # noqa: RUF009
-    steps: int = key(default=1)
-
-
-@dataclass(frozen=True, slots=True)
-class Tie:
-    """[ties.NAME]: two faces glued where they touch each other ([meshes.md](meshes.md)).
-
-    Attributes:
-        faces: two faces "part.face"; their meshes need not match.
-        stiffness: stiffness of the layer between the faces; from the neighbouring materials if not
-            given.
-        search: largest distance at which the faces are glued; a twentieth of a facet's side if not
-            given.
-    """
-
-    faces: tuple[str, ...]
-    stiffness: float | None = key("Pa/m", default=None, band=(1e9, 1e17))
-    search: float | None = key("m", default=None)
-
-
-@dataclass(frozen=True, slots=True)
-class Spring:
-    """[springs]: springs from the face of this name to the ground, or between two faces.
-
-    Springs to the ground are named "part.face" and are distributed evenly over the face. Springs
-    between two faces have any name and connect the mean displacements of the faces
-    ([meshes.md](meshes.md#springs-and-masses)). All act along axes 1 and 2 of the (first) face's
-    part and along z.
-
-    Attributes:
-        faces: two faces connected by the springs, instead of a face and the ground.
-        stiffness: total.
-        stiffness_per_area: stiffness per area of an elastic foundation to the ground, in addition
-            to the total.
-        damping: total of dashpots parallel to the springs; they act in the complex modes.
-    """
-
-    faces: tuple[str, ...] | None = key(default=None)
-    stiffness: tuple[float, ...] | None = key("N/m", default=None, sign="zero")
-    stiffness_per_area: tuple[float, ...] | None = key("Pa/m", default=None, sign="zero")
-    damping: tuple[float, ...] | None = key("N s/m", default=None, sign="zero")
-
-
-@dataclass(frozen=True, slots=True)
-class AddedMass:
-    """[masses]: a mass spread evenly over a face, by its name "part.face".
-
-    Attributes:
-        mass: total.
-        inertia: moments of inertia of the added body about the face's centroid, about axes 1 and 2
-            of the part and about z, in addition to the inertia of the distributed mass.
-    """
-
-    mass: float = key("kg")
-    inertia: tuple[float, ...] | None = key("kg m^2", default=None, sign="zero")
-
-
-@dataclass(frozen=True, slots=True)
 class Motion:
     """[motion]: rotation about an axis, or a direction.
 
@@ -383,9 +90,15 @@ class Motion:
             1 m/s if not given.
     """
 
-    axis: Literal["x", "y", "z"] | tuple[float, ...] | None = key(default=None, sign="any")
-    point: tuple[float, ...] | None = key("m", default=None, sign="any")
-    direction: tuple[float, ...] | None = key(default=None, sign="any")
+    axis: Literal["x", "y", "z"] | tuple[float, ...] | None = key(
+        default=None, sign="any", rule=(vector, "write three numbers, not all zero")
+    )
+    point: tuple[float, ...] | None = key(
+        "m", default=None, sign="any", rule=(lambda x: len(x) == 3, "write three numbers")
+    )
+    direction: tuple[float, ...] | None = key(
+        default=None, sign="any", rule=(vector, "write three numbers, not all zero")
+    )
     speed: str | None = key(default=None)
 
     @property
@@ -402,6 +115,19 @@ class Motion:
             return 1.0
         return to_si(self.speed, "rad/s" if self.direction is None else "m/s")
 
+    def contradictions(self) -> Iterator[str]:
+        """An axis or a direction, and a speed about or along it."""
+        for name in ("axis", "point") if self.direction is not None else ():
+            if (value := getattr(self, name)) is not None:
+                yield (
+                    f".{name} = {shown(value)}: a disc turns about an axis or slides along a"
+                    f" direction; leave motion.{name} or motion.direction out"
+                )
+        try:
+            _ = self.rate
+        except ValueError as error:
+            yield f".speed = {self.speed!r}: {error}"
+
 
 @dataclass(frozen=True, slots=True)
 class EquilibriumTable:
@@ -412,7 +138,13 @@ class EquilibriumTable:
             1e-3.
     """
 
-    tolerance: float = key(default=1e-8)
+    tolerance: float = key(
+        default=1e-8,
+        rule=(
+            lambda value: NEWTON[0] <= value <= NEWTON[1],
+            f"must lie between {NEWTON[0]:g}, where round-off begins, and {NEWTON[1]:g}",
+        ),
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -436,16 +168,51 @@ class Stability:
         damping: terms of the damping; without the section there is no damping.
     """
 
-    band: tuple[float, ...] = key("Hz", sign="zero", band=(0.0, 1e5))
+    band: tuple[float, ...] = key(
+        "Hz", sign="zero", band=(0.0, 1e5), rule=(rising_pair, "write [lowest, highest]")
+    )
     method: str = key(default="full", choices=("full", "reduced"))
     cutoff: float | None = key("Hz", default=None)
     tolerance: float = key(default=1e-5)
     on_tolerance: str = key(default="warn", choices=("warn", "full order"))
-    zeta_max: float = key(default=0.1)
+    zeta_max: float = key(default=0.1, rule=below(ZETA_LIMIT, f"must lie below {ZETA_LIMIT:g}"))
     verify: int = key(default=0, sign="zero")
-    threshold: float = key(default=0.0, sign="zero")
+    threshold: float = key(
+        default=0.0,
+        sign="zero",
+        rule=below(1, "no mode has so large a damping; write a fraction, such as 0.01"),
+    )
     drivers: bool = False
     damping: Damping | None = None
+
+    def contradictions(self) -> Iterator[str]:
+        """The modes that are kept reach beyond the band."""
+        if self.method == "reduced" and self.cutoff is not None and self.cutoff <= self.band[1]:
+            yield (
+                f".cutoff = {self.cutoff:g} Hz: must lie above the band's {self.band[1]:g} Hz;"
+                " raise it, or leave it out"
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class LimitCycle:
+    """[limit_cycle]: the amplitude at which a mode stops growing ([page](limit_cycle.md)).
+
+    Attributes:
+        harmonics: harmonics of the vibration beside its mean.
+        points: points of time over a period, more than twice the harmonics.
+        largest: amplitude at which a mode is followed no further, root mean square of the gap's
+            first harmonic over the closed patches.
+        damping_below: modes whose damping -2 alpha / |omega| lies below this are followed; 0: those
+            that grow. Stable modes may grow from a kick.
+        radiating: faces whose motion and sound are stated; those of the disc if not given.
+    """
+
+    harmonics: int = key(default=7)
+    points: int = key(default=48)
+    largest: float = key("m", default=20e-6, band=(1e-9, 1e-3))
+    damping_below: float = key(default=0.0, sign="zero")
+    radiating: tuple[str, ...] = key(default=())
 
 
 @dataclass(frozen=True, slots=True)
@@ -467,7 +234,7 @@ class Scene:
     contact: dict[str, Contact] = field(default_factory=dict)
     ties: dict[str, Tie] = field(default_factory=dict)
     supports: dict[str, tuple[str, ...]] = field(
-        default_factory=dict, metadata={"type": _supports_type}
+        default_factory=dict, metadata={"type": supports_type}
     )
     springs: dict[str, Spring] = field(default_factory=dict)
     masses: dict[str, AddedMass] = field(default_factory=dict)
@@ -475,11 +242,17 @@ class Scene:
     motion: Motion | None = None
     equilibrium: EquilibriumTable = field(default_factory=EquilibriumTable)
     stability: Stability | None = None
+    limit_cycle: LimitCycle | None = None
     samples: Samples = field(default_factory=Samples)
     sweep: Sweep | None = None
     countermeasures: tuple[Countermeasure, ...] = ()
     file: Path = key(default=Path(), internal=True)  # noqa: RUF009
     table: dict[str, Any] = field(default_factory=dict, metadata={"internal": True})
+
+    @property
+    def damping(self) -> Damping | None:
+        """Terms of the damping."""
+        return self.stability.damping if self.stability else None
 
     @property
     def varied(self) -> list[str]:

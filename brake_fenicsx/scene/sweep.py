@@ -6,6 +6,7 @@ brake and on its rough samples. A sweep changes no result of the samples themsel
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,14 +14,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from pydantic import BeforeValidator
 
-from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene.samples import in_si_units, split_key
+from brake_fenicsx.scene.samples import NO_ROUGH_SAMPLES, in_si_units, split_key
 from brake_fenicsx.scene.tables import dotted, key, value_type
 
 if TYPE_CHECKING:
     from brake_fenicsx.scene.sections import Scene
 
-ROUGH = ("multi-scale", "joint")
+MAX_STEPS = 100_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,9 @@ class Range:
 
     start: float | None = key("*", default=None, sign="any")
     stop: float | None = key("*", default=None, sign="any")
-    steps: int = key(default=41)
+    steps: int = key(
+        default=41, rule=(lambda steps: steps <= MAX_STEPS, f"write {MAX_STEPS} at most")
+    )
     values: tuple[float, ...] = key("*", default=(), sign="any")
 
     @property
@@ -78,52 +80,44 @@ def _ranges_type() -> Any:
     return Annotated[value_type(dict[str, Range], {}), BeforeValidator(convert)]
 
 
-def check_sweep(s: Scene) -> None:
-    """Refuse a sweep that has no values, nothing to follow, or samples it cannot follow.
-
-    Raises:
-        SceneError: the key, its value and the remedy.
-    """
+def sweep_mistakes(s: Scene) -> Iterator[str]:
+    """A sweep that has no values, nothing to follow, or samples it cannot follow."""
     sweep = s.sweep
     if sweep is None:
         return
     if "stability" not in s.stages:
-        raise SceneError("sweep: follows complex modes; add the stage stability to stages")
+        yield "sweep: follows complex modes; add the stage stability to stages"
     if not 1 <= len(sweep.parameters) <= 2:
-        raise SceneError(
+        yield (
             f"sweep.parameters: {len(sweep.parameters)} keys; name one or two, such as"
             ' "contact.NAME.friction" = { start = 0.0, stop = 0.8, steps = 41 }'
         )
     for name, values in sweep.parameters.items():
-        _check_range(dotted("sweep", "parameters", name), name, values)
+        for text in _range_mistakes(name, values):
+            yield f"{dotted('sweep', 'parameters', name)}: {text}"
+    written = f"sweep.samples = {sweep.samples}"
     if sweep.samples and sweep.second:
-        raise SceneError(
-            f"sweep.samples = {sweep.samples}: samples are followed over one parameter; leave"
+        yield (
+            f"{written}: samples are followed over one parameter; leave"
             f" {dotted('sweep', 'parameters', sweep.second)} or sweep.samples out"
         )
-    if sweep.samples and not {*ROUGH} & {*s.samples.approaches}:
-        raise SceneError(
-            f"sweep.samples = {sweep.samples}: there are no rough samples; name multi-scale or"
-            " joint in samples.approaches"
-        )
+    if sweep.samples and not s.samples.rough:
+        yield f"{written}: {NO_ROUGH_SAMPLES}"
     if sweep.samples and "uncertainty" not in s.stages:
-        raise SceneError(
-            f"sweep.samples = {sweep.samples}: needs the stage uncertainty; add it to stages"
-        )
+        yield f"{written}: needs the stage uncertainty; add it to stages"
 
 
-def _check_range(where: str, name: str, values: Range) -> None:
-    """Two values or more, in order, and possible ones."""
+def _range_mistakes(name: str, values: Range) -> Iterator[str]:
+    """Not two values or more, in order, and possible ones."""
     ends = values.start is not None, values.stop is not None
     if any(ends) == bool(values.values) or ends[0] != ends[1]:
-        raise SceneError(f"{where}: write start, stop and steps, or values")
+        yield "write start, stop and steps, or values"
     x = np.array(values.points)
     step = np.diff(x)
     if x.size < 2 or not (np.all(step > 0) or np.all(step < 0)):
-        raise SceneError(f"{where}: two values or more are needed, rising or falling")
+        yield "two values or more are needed, rising or falling"
     section, _, last = split_key(name)
     may_be_zero = last in ("friction", "loss", "alpha", "beta") or last.startswith("nu")
     signed = section == "materials" and (last.startswith("nu") or last[:1] == "C")
     if not signed and (x.min() < 0 or (x.min() == 0 and not may_be_zero)):
-        limit = "zero or more" if may_be_zero else "positive"
-        raise SceneError(f"{where}: {x.min():g}: must be {limit}")
+        yield f"{x.min():g}: must be {'zero or more' if may_be_zero else 'positive'}"

@@ -67,14 +67,39 @@ class KeyMistake(ValueError):
         self.keys = keys
 
 
+class Contradiction(ValueError):
+    """What contradicts itself in a table; the text continues the dotted key of the table."""
+
+
 def key(unit: str = "", default: Any = MISSING, **metadata: Any) -> Any:
     """A field of a scene: unit, default, and of these as needed.
 
     ``sign`` ("positive" if absent, "zero", "any"), ``choices``, ``units`` of a list whose values
-    differ, ``band`` of usual values, ``internal`` for what no scene writes, ``write`` for what to
-    write in place of another type, ``type`` that gives pydantic's type where the hint does not.
+    differ, ``band`` of usual values, ``rule`` (what holds for the value, and the remedy where it
+    does not), ``internal`` for what no scene writes, ``write`` for what to write in place of
+    another type, ``type`` that gives pydantic's type where the hint does not.
     """
     return field(default=default, metadata={"unit": unit, **metadata})
+
+
+def below(limit: float, remedy: str) -> tuple[Callable[[float], bool], str]:
+    """The rule that a number lies below a limit."""
+    return lambda value: value < limit, remedy
+
+
+def rising_pair(values: tuple[float, ...]) -> bool:
+    """Whether a list is a lowest and a highest value."""
+    return len(values) == 2 and values[0] < values[1]
+
+
+def two_names(values: tuple[str, ...]) -> bool:
+    """Whether a list is two different names."""
+    return len(values) == len({*values}) == 2
+
+
+def vector(values: Any) -> bool:
+    """Whether a list is a value for each of three axes, not all zero; what is no list passes."""
+    return not isinstance(values, tuple) or (len(values) == 3 and any(values))
 
 
 def read_table(cls: Any, table: Any) -> Any:
@@ -86,7 +111,9 @@ def read_table(cls: Any, table: Any) -> Any:
     try:
         return _adapter(cls).validate_python(table)
     except ValidationError as error:
-        raise SceneError(_line(error.errors()[0], table)) from None
+        # What cannot be read comes before what contradicts itself.
+        first = min(error.errors(), key=lambda e: isinstance(_cause(e), Contradiction))
+        raise SceneError(_line(first, table)) from None
 
 
 def json_schema(cls: Any) -> dict[str, Any]:
@@ -126,10 +153,10 @@ def shown(value: Any) -> str:
 def meanings(cls: Any) -> dict[str, str]:
     """Meaning of each key, from the section Attributes of the docstring, without units."""
     _, _, block = (inspect.getdoc(cls) or "").partition("Attributes:\n")
-    found = re.findall(r"^    (\w+): (.*(?:\n {8}.*)*)", block, re.M)
+    entries = re.findall(r"^    (\w+): (.*(?:\n {8}.*)*)", block, re.M)
     # The unit stands beside the meaning; docstrings name SI's. Sections of a scene stay.
     units = re.compile(rf" \[({'|'.join(re.escape(u) for u in DIMENSIONS if u)})\]")
-    plain = {name: " ".join(text.replace("``", "`").split()) for name, text in found}
+    plain = {name: " ".join(text.replace("``", "`").split()) for name, text in entries}
     return {name: units.sub("", text).rstrip(".") for name, text in plain.items()}
 
 
@@ -164,7 +191,8 @@ def table_type(make: Callable[..., Any], *sources: Any, **more: Any) -> Any:
     """Type of a table with the keys of some dataclasses: what pydantic reads.
 
     Args:
-        make: gets what the table holds by name.
+        make: gets what the table holds by name; what it gives may have a method
+            ``contradictions``, whose texts continue the key of the table.
         sources: the dataclasses.
         more: types of single keys, which the table then must have; None: which it may not.
     """
@@ -174,8 +202,10 @@ def table_type(make: Callable[..., Any], *sources: Any, **more: Any) -> Any:
             kind = more[f.name] if f.name in more else value_type(hint, f.metadata)
             if kind is None:
                 continue
-            told, default = meanings(cls).get(f.name), partial(_add_default, f=f)
-            about = Key(description=told, json_schema_extra=default)
+            if "rule" in f.metadata:
+                kind = Annotated[kind, AfterValidator(partial(_kept, about=f.metadata))]
+            default = partial(_add_default, f=f)
+            about = Key(description=meanings(cls).get(f.name), json_schema_extra=default)
             needed = f.default is f.default_factory is MISSING or f.name in more
             wrapper = Required if needed else NotRequired
             held[f.name] = wrapper[Annotated[kind, about]]
@@ -183,7 +213,7 @@ def table_type(make: Callable[..., Any], *sources: Any, **more: Any) -> Any:
     table = named(sources[-1].__name__, held)
     table.__pydantic_config__ = ConfigDict(extra="forbid")
     known = BeforeValidator(partial(_known, names=tuple(held)))
-    return Annotated[table, known, AfterValidator(lambda values: make(**values))]
+    return Annotated[table, known, AfterValidator(partial(_made, make=make))]
 
 
 def value_type(hint: Any, about: Mapping[str, Any]) -> Any:
@@ -205,8 +235,8 @@ def value_type(hint: Any, about: Mapping[str, Any]) -> Any:
         return dict[str, value_type(inner[1], about)]  # type: ignore[misc]
     if origin is tuple and "units" in about:
         units = about["units"]
-        same: Any = tuple(value_type(inner[0], {**about, "unit": u}) for u in units)
-        return Annotated[tuple[same], BeforeValidator(partial(_as_many, units=units))]
+        members: Any = tuple(value_type(inner[0], {**about, "unit": u}) for u in units)
+        return Annotated[tuple[members], BeforeValidator(partial(_as_many, units=units))]
     if origin is tuple:
         return tuple[value_type(inner[0], about), ...]  # type: ignore[misc]
     choices = inner if origin is Literal else about.get("choices")
@@ -215,8 +245,8 @@ def value_type(hint: Any, about: Mapping[str, Any]) -> Any:
     sign = SIGNS[about.get("sign", "positive")]
     if kind is float:
         number: Any = Annotated[float, sign, BeforeValidator(partial(to_si, unit=unit))]
-        said = {"": None, "*": ANY_UNIT}.get(unit, QUANTITY)
-        return Annotated[number, WithJsonSchema(said)] if said else number
+        schema = {"": None, "*": ANY_UNIT}.get(unit, QUANTITY)
+        return Annotated[number, WithJsonSchema(schema)] if schema else number
     strict: Any = Annotated[kind, Strict()]
     return Annotated[strict, sign] if kind is int else strict
 
@@ -246,17 +276,30 @@ def _table(cls: Any) -> Any:
     return table_type(cls, cls)
 
 
+def _kept(value: Any, about: Mapping[str, Any]) -> Any:
+    """Refuse a value that breaks the rule of its key."""
+    (holds, remedy), unit = about["rule"], about["unit"]
+    if not holds(value):
+        number = f"{value:g}" if isinstance(value, float) else shown(value)
+        text = repr([*value]) if isinstance(value, tuple) else number
+        raise Contradiction(f" = {text}{unit and ' '}{unit}: {remedy}")
+    return value
+
+
+def _made(values: dict[str, Any], make: Callable[..., Any]) -> Any:
+    made = make(**values)
+    for text in made.contradictions() if hasattr(made, "contradictions") else ():
+        raise Contradiction(text)
+    return made
+
+
 def _known(table: Any, names: tuple[str, ...]) -> Any:
     """Refuse unknown keys, with the nearest known one."""
     for name in table if isinstance(table, dict) else ():
         if name not in names:
             gone = f"; version 0.2 had it: {GONE[name]}" if name in GONE else ""
-            hint = (
-                gone
-                or _elsewhere(name)
-                or _near(name, names)
-                or f"; known: {', '.join(sorted(names))}"
-            )
+            known = f"; known: {', '.join(sorted(names))}"
+            hint = gone or _elsewhere(name) or _similar(name, names) or known
             raise KeyMistake(f"unknown key{hint}", name)
     return table
 
@@ -276,15 +319,15 @@ def _elsewhere(name: str) -> str:
 
 def _one_of(value: Any, choices: tuple[Any, ...]) -> Any:
     if not any(value == c and type(value) is type(c) for c in choices):
-        raise ValueError(f"use one of {', '.join(map(str, choices))}{_near(value, choices)}")
+        raise ValueError(f"use one of {', '.join(map(str, choices))}{_similar(value, choices)}")
     return value
 
 
-def _near(word: Any, words: tuple[Any, ...]) -> str:
+def _similar(word: Any, words: tuple[Any, ...]) -> str:
     if (new := RENAMED.get(str(word))) in words:
         return f"; its name is {new!r} now"
-    near = difflib.get_close_matches(str(word), map(str, words), 1)
-    return f"; did you mean {near[0]!r}?" if near else ""
+    likely = difflib.get_close_matches(str(word), map(str, words), 1)
+    return f"; did you mean {likely[0]!r}?" if likely else ""
 
 
 def _as_many(value: Any, units: tuple[str, ...]) -> Any:
@@ -295,30 +338,30 @@ def _as_many(value: Any, units: tuple[str, ...]) -> Any:
 
 def _member(value: Any, kinds: tuple[Any, ...], unit: str) -> str | None:
     """Which member of a union a value is meant to be, by its shape alone: the first that fits."""
+    numbers = (int, float, str) if unit else (int, float)
+    types: dict[Any, tuple[type, ...]] = {Literal: (str,), tuple: (list,), float: numbers}
     for i, kind in enumerate(kinds):
-        origin = typing.get_origin(kind)
+        origin = dict if is_dataclass(kind) else typing.get_origin(kind) or kind
+        fits = type(value) in types.get(origin, (origin,))
         if origin is Literal:
-            fits = isinstance(value, str) and value in typing.get_args(kind)
-        elif origin is tuple:
-            fits = isinstance(value, list)
-        elif origin is dict or is_dataclass(kind):
-            fits = isinstance(value, dict)
-        else:
-            number = (int, float, str) if unit else (int, float)
-            fits = isinstance(value, number if kind is float else kind)
-            fits = fits and isinstance(value, bool) == (kind is bool)
-            # Beside a word, another word is no quantity.
-            fits = fits and not (i and unit and isinstance(value, str) and value.isalpha())
-        if fits:
+            fits = fits and value in typing.get_args(kind)
+        # Beside a word, another word is no quantity.
+        if fits and not (i and origin is float and isinstance(value, str) and value.isalpha()):
             return f"({i})"
     return None
 
 
+def _cause(error: Any) -> Any:
+    return error.get("ctx", {}).get("error")
+
+
 def _line(error: Any, table: Any) -> str:
     """Key, value and remedy of a mistake that pydantic found."""
-    cause = error.get("ctx", {}).get("error")
+    cause = _cause(error)
     # Members of a union and places in a list are no keys.
     keys = [k for k in error["loc"] if isinstance(k, str) and not re.fullmatch(r"\(.*\)", k)]
+    if isinstance(cause, Contradiction):
+        return f"{dotted(*keys)}{cause}"
     keys += getattr(cause, "keys", ())
     text = str(cause) if cause else TEXTS.get(error["type"], error["msg"])
     if keys == ["stability", "threshold"] and error["type"] == "greater_than_equal":

@@ -8,6 +8,8 @@ from difflib import SequenceMatcher
 from functools import cache
 from typing import Any
 
+from brake_fenicsx.errors import SceneError
+
 DIMENSIONS = {
     "m": "length [mm]", "rad": "angle [deg]", "Pa": "pressure or modulus [MPa]",
     "N": "force [kN]", "N m": "moment [N m]", "kg/m^3": "density [kg/m^3]", "kg": "mass [kg]",
@@ -18,6 +20,7 @@ DIMENSIONS = {
     "1/s": "rate [1/s]", "s": "time [us]",
     "": "a number", "*": "number with the unit of that key [2 bar]",
 }  # fmt: skip
+MODULI = (1e6, 2e12)  # usual ones, rubber to diamond [Pa]
 
 
 @cache
@@ -32,7 +35,7 @@ def to_si(value: Any, unit: str) -> float:
 
     Args:
         value: a number with unit as a string, or a plain number where ``unit`` is "".
-        unit: SI unit wanted, a key of ``DIMENSIONS``.
+        unit: SI unit wanted, a key of ``DIMENSIONS``, or two, as "rad/s or m/s".
 
     Returns:
         The number in SI units.
@@ -40,6 +43,12 @@ def to_si(value: Any, unit: str) -> float:
     Raises:
         ValueError: not a number, no unit, or a unit of another dimension; the text says which.
     """
+    first, _, second = unit.partition(" or ")
+    if second:
+        try:
+            return to_si(value, first)
+        except ValueError:
+            return to_si(value, second)
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise ValueError(f"write {DIMENSIONS[unit]}")
     if unit in ("", "*"):
@@ -54,6 +63,23 @@ def to_si(value: Any, unit: str) -> float:
     if not math.isfinite(number):
         raise ValueError("must be a finite number")
     return number
+
+
+def factor_to_si(name: str, unit: str, where: str) -> float:
+    """SI value of one unit of a file, by its name.
+
+    Args:
+        name: the unit, "um".
+        unit: SI unit wanted.
+        where: the key that names it.
+
+    Raises:
+        SceneError: no unit, or one of another dimension.
+    """
+    try:
+        return to_si(f"1 {name}", unit)
+    except ValueError as error:
+        raise SceneError(f"{where}: {error}") from None
 
 
 @cache
@@ -109,10 +135,10 @@ def _suits(name: str, unit: str) -> bool:
     import pint
 
     try:
-        found = _registry().Unit(name)
+        known = _registry().Unit(name)
     except pint.UndefinedUnitError:
         return False
-    return " " in unit or "/" in unit or found.is_compatible_with(_registry().Unit(unit))
+    return " " in unit or "/" in unit or known.is_compatible_with(_registry().Unit(unit))
 
 
 def usual_unit(unit: str) -> str:

@@ -19,7 +19,7 @@ from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.results.squeal import squeals
-from brake_fenicsx.scene.sweep import ROUGH
+from brake_fenicsx.scene.samples import ROUGH
 from brake_fenicsx.scene.units import several
 from brake_fenicsx.uncertainty.ensemble import run_ensemble
 from brake_fenicsx.uncertainty.inputs import PERFECT, nominal_value

@@ -31,8 +31,8 @@ from brake_fenicsx.micro import (
 from brake_fenicsx.micro.law import Laws
 from brake_fenicsx.scene import Contact as ContactTable
 from brake_fenicsx.scene import Law, Scene
+from brake_fenicsx.scene.contact import LAWS
 from brake_fenicsx.scene.friction import friction_of
-from brake_fenicsx.scene.sections import LAWS
 
 from .inputs import (
     PERFECT,

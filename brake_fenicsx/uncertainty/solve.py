@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -38,7 +38,7 @@ def modes_of_sample(
     sample: SampleInput,
     eq: Equilibrium,
     by_reduction: bool,
-    more: More | None = None,
+    more: Sequence[More] = (),
 ) -> Arrays:
     """Complex modes of a sample, as arrays to store.
 
@@ -79,7 +79,7 @@ def modes_of_sample(
         **_record(modes, settings.tolerance),
         **_composition(modes, energy_shares(models.grams, modes.right), partners),
         "coordinates": modes.right.astype(np.complex64),
-        **(more(modes, partners, True) if more is not None else {}),
+        **_together(more, modes, partners, True),
     }
 
 
@@ -152,7 +152,9 @@ def sample_damping(models: Models, sample: SampleInput, p: Array) -> sp.csr_matr
     return damping_of_sample(*given, change)
 
 
-def _full(models: Models, sample: SampleInput, eq: Equilibrium, more: More | None = None) -> Arrays:
+def _full(
+    models: Models, sample: SampleInput, eq: Equilibrium, more: Sequence[More] = ()
+) -> Arrays:
     """Modes at full order."""
     settings = models.stability
     if settings is None:
@@ -168,12 +170,19 @@ def _full(models: Models, sample: SampleInput, eq: Equilibrium, more: More | Non
         **_record(modes, settings.tolerance),
         **_composition(modes, energy_shares(models.masses, modes.right), partners),
         "vectors": modes.right[:, grown].astype(np.complex64), "vector_mode": grown,
-        **(more(modes, partners, False) if more is not None else {}),
+        **_together(more, modes, partners, False),
     }  # fmt: skip
     coordinates = models.coordinates(modes.right)
     if coordinates is not None:
         out["coordinates"] = coordinates.astype(np.complex64)
     return out
+
+
+def _together(
+    more: Sequence[More], modes: Modes, partners: NDArray[np.intp], by_reduction: bool
+) -> Arrays:
+    """What is made of the modes beside them."""
+    return {name: a for make in more for name, a in make(modes, partners, by_reduction).items()}
 
 
 def _record(modes: Modes, tolerance: float) -> Arrays:

@@ -35,7 +35,9 @@ if TYPE_CHECKING:
     from brake_fenicsx.macro.equilibrium import Equilibrium
     from brake_fenicsx.stability.modes import Modes
 
+    from .cycles import Cycles
     from .drivers import Drivers
+    from .solve import More
 
 Array = NDArray[np.float64]
 
@@ -82,6 +84,7 @@ class Study:
         # Vectors of the families, once the tables are written; on one process.
         self.families: NDArray[np.complex128] | None = None
         self.drivers: Drivers | None = None
+        self.cycles: Cycles | None = None
         reduced = self.models.by_reduction
         self.verified = next((name for name in approaches if reduced[name]), "")
         self.verify: list[Task] = []
@@ -104,6 +107,10 @@ class Study:
             from .drivers import Drivers
 
             self.drivers = Drivers(self.scene, models, self.equilibria)
+        if models.stability is not None and self.scene.limit_cycle is not None:
+            from .cycles import Cycles
+
+            self.cycles = Cycles(self.scene, models)
 
     def _reference_laws(self) -> EnrichedGap:
         """Laws of the first sample that can be drawn, of rough contact if there is any."""
@@ -148,9 +155,11 @@ class Study:
         if models.stability is not None:
             from .solve import modes_of_sample
 
-            more = None
+            more: list[More] = []
             if self.drivers is not None and task[0] != VERIFY:
-                more = partial(self.drivers.of, approach, sample, eq, k == 0)
+                more.append(partial(self.drivers.of, approach, sample, eq, k == 0))
+            if self.cycles is not None and task[0] != VERIFY:
+                more.append(partial(self.cycles.of, approach, sample, eq))
             out |= modes_of_sample(models, approach, sample, eq, reduced, more)
         return out
 
@@ -188,6 +197,15 @@ class Study:
         if right is None or left is None:
             raise ValueError("prepare() made no coordinates")
         return eq, replace(modes, right=right, left=left)
+
+    def limit_cycles(self, task: Task, values: Mapping[str, float]) -> dict[str, Any]:
+        """Limit cycles of a sample, see ``cycles_of_modes``; arguments as in ``solved``."""
+        if self.cycles is None:
+            raise ValueError("a scene without [limit_cycle]")
+        eq, modes = self.solved(task, values)
+        sample = self._draw(*task, values)
+        reduced = self.models.takes(task[0], sample.random)
+        return self.cycles.of(task[0], sample, eq, modes, np.arange(len(modes)), reduced)
 
     def displacement(self, task: Task, data: Mapping[str, Any]) -> Array:
         """Displacement of a stored sample's equilibrium [m], shape (dofs,); kept."""

@@ -1,7 +1,7 @@
 """The error budget: a scene, and its variants in the order of what they tell per second.
 
 Of equal refinements nothing is known before: the cheapest is run first, and every setting is varied
-once before any is varied twice. Costs are those of ``costs.py``, scaled to what the scene took.
+once before any is varied twice. Costs are the seconds that the scene took, scaled by ``costs.py``.
 """
 
 from __future__ import annotations
@@ -11,12 +11,11 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from mpi4py import MPI
 
 from brake_fenicsx.checks import check, read_surface, with_patch, with_pixels
-from brake_fenicsx.costs import count_solves, estimate
+from brake_fenicsx.costs import scaled_seconds
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import on_first
@@ -137,8 +136,6 @@ def plan(runs: Runs) -> tuple[list[Knob], list[Planned]]:
     own = with_pixels(with_patch(scene, patch), stats)
     pixels = int(own.micro.pixels) if own.micro and stats and "micro" in own.stages else None
     found = knobs(scene, pixels)
-    total = sum(_seconds(own, sizes, Variant((), "")).values())
-    scale = runs.record[REFERENCE]["seconds"] / max(total, 1.0)
     # A variant that falls back to full order is no variant of the scene's computation.
     falls_back = scene.stability is not None and scene.stability.on_tolerance == "full order"
     no_fall_back = ('stability.on_tolerance="warn"',) if falls_back else ()
@@ -156,26 +153,18 @@ def plan(runs: Runs) -> tuple[list[Knob], list[Planned]]:
             if not knob.perfect and _most(other) < _most(scene):
                 found[i] = replace(knob, variants=(), reason="nothing is random without it")
                 break
-            stages = _seconds(other, sizes, variant)
+            samples = {name: sample_count(other, name) for name in other.samples.approaches}
+            size = sizes["dofs"] * variant.dofs, sizes["contact_elements"] * variant.elements
+            stages = scaled_seconds(sizes, other, samples, *size)
             if laws_key(other) == laws_key(own):
                 stages.pop("micro", None)
             # Random heights are drawn for each point of a law.
             paired = knob.paired and (
                 own.micro is None or other.micro is None or other.micro.pixels == own.micro.pixels
             )
-            cost = scale * sum(stages.values())
+            cost = sum(stages.values())
             planned.append((n, Planned(*about, cost, paired=paired)))
     return found, [p for _, p in sorted(planned, key=lambda item: (item[0], item[1].seconds))]
-
-
-def _seconds(scene: Scene, sizes: dict[str, Any], variant: Variant) -> dict[str, float]:
-    """Estimated seconds of the stages of a scene with the sizes of a mesh, refined."""
-    samples = {name: sample_count(scene, name) for name in scene.samples.approaches}
-    counts = replace(
-        count_solves(scene, samples), dofs=int(sizes["dofs"] * variant.dofs),
-        elements=int(sizes["contact_elements"] * variant.elements),
-    )  # fmt: skip
-    return {cost.stage: cost.seconds for cost in estimate(scene, counts)}
 
 
 def _most(scene: Scene) -> int:

@@ -31,9 +31,8 @@ from brake_fenicsx.results.tables import Value, text_table, write_rows
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.countermeasures import Countermeasure
 from brake_fenicsx.scene.digest import result_digest
-from brake_fenicsx.scene.samples import is_constant, split_key
+from brake_fenicsx.scene.samples import ROUGH, is_constant, split_key
 from brake_fenicsx.scene.scalars import changes_bodies
-from brake_fenicsx.scene.sweep import ROUGH
 from brake_fenicsx.scene.units import quantity_text
 from brake_fenicsx.uncertainty.inputs import law_material, scaled_interfaces
 

@@ -9,9 +9,10 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 
-from brake_fenicsx.checks import LEAST_PIXELS
+from brake_fenicsx.checks import MIN_PIXELS
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.rules import MOST_PIXELS, NEWTON
+from brake_fenicsx.scene.sections import NEWTON
+from brake_fenicsx.scene.surface import MAX_PIXELS
 from brake_fenicsx.scene.tables import dotted
 
 RESOLUTION, CHOICE = "resolution", "choice"
@@ -91,8 +92,8 @@ def _laws(scene: Scene, pixels: int | None) -> list[Knob]:
     # Variants, and why there may be none.
     found = (
         ([_one("micro.pixels", str(n), f"{n} x {n} points") for n in fine
-          if LEAST_PIXELS <= n <= MOST_PIXELS],
-         f"finer laws would have more than {MOST_PIXELS} points along a side"),
+          if MIN_PIXELS <= n <= MAX_PIXELS],
+         f"finer laws would have more than {MAX_PIXELS} points along a side"),
         ([_one("micro.laws", str(n * micro.laws), f"{n * micro.laws} laws") for n in (2, 4)], ""),
         ([_one("micro.steps", str(n * micro.steps), f"{n * micro.steps} steps") for n in (2, 4)],
          ""),

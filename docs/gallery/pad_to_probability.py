@@ -2,7 +2,8 @@
 #
 # Three pads of one batch are hung on a thread and tapped. Their resonances give the constants of
 # the lining, with scatter and correlation; these go into 300 samples of a brake, beside 300 with
-# the constants of a catalogue, known to 20 %. How much of the uncertainty was ignorance of the lining?
+# the constants of a catalogue, known to 20 %. How much of the uncertainty was ignorance of the
+# lining?
 #
 # ![Lining stiffness and probability of squeal](pad_to_probability.png)
 #

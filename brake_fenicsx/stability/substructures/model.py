@@ -244,7 +244,7 @@ class ReducedModel:
         Raises:
             NotConverged: what the kept modes leave out does not settle.
         """
-        sample, x, z = self._sample(p, contact), np.asarray(p, float), self._scaled(s)
+        sample, x, z = self._sample(p, contact), np.asarray(p, float), self.scaled(s)
         if left:
             return mode_displacements(sample, x, self.rows, z, a.conj(), True).conj()
         return mode_displacements(sample, x, self.rows, z, a)
@@ -268,14 +268,14 @@ class ReducedModel:
         Raises:
             NotConverged: the motions at the contact do not settle.
         """
-        sample, z = self._sample(p, contact), self._scaled(s)
+        sample, z = self._sample(p, contact), self.scaled(s)
         v, settled = sharpened(sample, z, right, left.conj())
         seen, met = motions_of_elements(sample, self.rows, self._w.size, z, v)
         slope = slopes(sample, z, v) * (self._omega if self.rows.damped else -2 * s)
         return ContactMotions(s, slope, seen, met, settled), v.a, v.b.conj()
 
-    def _scaled(self, s: Complex) -> Complex:
-        """Eigenvalues in units of the model."""
+    def scaled(self, s: Complex) -> Complex:
+        """Z of lambda = s [1/s], in units of the model."""
         scaled = s / self._omega
         return scaled - self.rows.shift if self.rows.damped else SIGMA - scaled**2
 
@@ -316,6 +316,12 @@ class ReducedModel:
         for body in self.bodies:
             out[body.dofs] = body.signs[:, None] * (body.component.W @ a[body.modes])
         return out
+
+    @property
+    def pole(self) -> float:
+        """Least modulus |z|, anywhere in the box, of a pole of what the kept modes leave out."""
+        reach = min(body.component.reach for body in self.bodies)
+        return float(np.hypot(reach, self.rows.shift) if self.rows.damped else reach**2 + SIGMA)
 
     @property
     def complete_up_to(self) -> float:

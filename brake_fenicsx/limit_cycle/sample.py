@@ -1,0 +1,259 @@
+"""Limit cycles of one sample: each mode alone along its branch, and what a person knows it by."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import NotConverged
+from brake_fenicsx.folder.log import logger
+from brake_fenicsx.macro.gap import EnrichedGap
+from brake_fenicsx.stability.modes import Modes
+from brake_fenicsx.stability.substructures import ReducedModel
+
+from .contact_forces import PatchForces
+from .growth import STABLE, UNDAMPED, Branch, Cycle, follow, time_to_reach
+from .harmonic_balance import HarmonicBalance, Vibration
+from .reduced_bodies import ReducedBodies
+from .sound import AT_ONE_METRE, Nodes, decibels, sound_power
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+# Largest first motion of a patch, over its pressure by stiffness; elements take part whose
+# clearance is less than this multiple of that length, or of the motion of one left out that closed.
+START, NEAR = 0.3, 3.0
+RESTARTS = 6
+
+# Columns of what is measured of a cycle.
+MEASURES = (
+    "amplitude_um", "gap_um", "frequency_hz", "disc_um", "disc_mm_s", "pad_um", "pad_mm_s",
+    "open_share", "yield_share", "slip_over_speed", "time_s", "sound_power_db", "level_1m_db",
+    "harmonics_left_out",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Faces:
+    """Nodes of faces: of the disc, which radiate, and of the pads."""
+
+    disc: Nodes
+    pads: Nodes
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """How limit cycles are computed.
+
+    Attributes:
+        harmonics: beside the mean.
+        points: of time over a period.
+        largest: amplitude at which to end [m].
+        damping_below: modes of a damping below this are followed; 0: those that grow.
+    """
+
+    harmonics: int
+    points: int
+    largest: float
+    damping_below: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class SampleCycles:
+    """The limit cycles of a sample.
+
+    Attributes:
+        model: the reduced model.
+        p: the sample's point of its box.
+        forces: of all contact elements.
+        closed: whether each is closed at equilibrium, and carries.
+        damped: whether anything is damped.
+    """
+
+    model: ReducedModel
+    p: Array
+    forces: PatchForces
+    closed: NDArray[np.bool_]
+    damped: bool
+
+    def branch(self, s: complex, a: NDArray, settings: Settings) -> tuple[Branch, Index]:
+        """Growth of a mode over its amplitude, and the elements that take part.
+
+        Args:
+            s: its eigenvalue [1/s].
+            a: its coordinates, shape (kept modes,).
+            settings: how.
+
+        Raises:
+            NotConverged: no vibration of small amplitude is found.
+        """
+        laws, g = self.forces.laws, self.forces.g
+        clearance, length = g - laws.first_touch(), self._lengths()
+        reach = NEAR * float(length.max())
+        for _ in range(RESTARTS):
+            elements = np.flatnonzero(self.closed | (clearance < reach))
+            others = np.setdiff1d(np.arange(g.size), elements)
+            problem = self.problem(elements, settings)
+            rest = self._bodies(elements, others) if others.size else None
+            closing = _Closing(rest, problem, clearance[others])
+            start = _along(problem, s, a, START * length[elements], self.closed[elements])
+            try:
+                branch = follow(problem, start, settings.largest, self.damped, closing)
+            except _ClosesError as found:
+                reach = NEAR * found.motion
+                continue
+            return branch, elements
+        raise NotConverged("limit cycle: more and more patches close; lower limit_cycle.largest")
+
+    def problem(self, elements: Index, settings: Settings) -> HarmonicBalance:
+        """Harmonic balance of some elements."""
+        forces, bodies = _part(self.forces, elements), self._bodies(elements)
+        weights = np.zeros(len(forces.followed) * elements.size)
+        own = forces.w * self.closed[elements]
+        weights[: elements.size] = own / own.sum()
+        return HarmonicBalance(bodies, forces, weights, settings.harmonics, settings.points)
+
+    def _bodies(self, elements: Index, watched: Index | None = None) -> ReducedBodies:
+        return ReducedBodies(self.model, self.p, self.forces.mu, elements, watched)
+
+    def _lengths(self) -> Array:
+        """Pressure over stiffness at equilibrium [m]; 0 of open elements."""
+        p, k, _ = self.forces.pressure(self.forces.g[:, None])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(self.closed, (p / k)[:, 0], 0.0)
+
+    def measured(
+        self,
+        cycle: Cycle,
+        branch: Branch,
+        elements: Index,
+        settings: Settings,
+        faces: Faces,
+        slip: Any,
+    ) -> list[float]:
+        """``MEASURES`` of a cycle."""
+        problem, at = self.problem(elements, settings), cycle.at
+        forces, omega = _part(self.forces, elements), at.s.imag
+        gap = problem.over_time(at.y[: elements.size])
+        touch = forces.laws.first_touch()
+        opens = (forces.g + gap.max(axis=1) > touch) & self.closed[elements]
+        yields = forces.yields & (gap.min(axis=1) < 0) & (forces.g + gap.min(axis=1) < touch)
+        u = self.model.kept_displacements(at.a)
+        numbers = []
+        for nodes in (faces.disc, faces.pads):
+            moved = nodes.displacement(u)
+            for x in (moved * [0.0, *np.ones(at.y.shape[1] - 1)], moved * at.lam):
+                each = problem.over_time(x.reshape(-1, x.shape[2])).reshape(*x.shape[:2], -1)
+                # A body without a kept mode moves by its local compliance alone: no number.
+                numbers.append(float(np.linalg.norm(each, axis=1).max(initial=0.0)) or np.nan)
+        rate = np.abs(problem.over_time(slip[elements] @ (u * at.lam))).max(axis=1)
+        moving = (forces.speed > 0) & self.closed[elements]
+        ratio = (rate[moving] / forces.speed[moving]).max(initial=0.0)
+        level = decibels(sound_power(faces.disc, u, omega))
+        last = np.linalg.norm(at.y[:, -1]) / np.linalg.norm(at.y[:, 1])
+        return [
+            1e6 * at.amplitude, 0.5e6 * float(np.ptp(gap, axis=1).max()), omega / (2 * np.pi),
+            1e6 * numbers[0], 1e3 * numbers[1], 1e6 * numbers[2], 1e3 * numbers[3],
+            float(opens.sum() / self.closed.sum()), float(yields.sum() / self.closed.sum()),
+            float(ratio), time_to_reach(branch, cycle), level, level + AT_ONE_METRE, float(last),
+        ]  # fmt: skip
+
+
+class _ClosesError(Exception):
+    """An element that was left out closes."""
+
+    def __init__(self, motion: float):
+        super().__init__()
+        self.motion = motion
+
+
+@dataclass(frozen=True, slots=True)
+class _Closing:
+    """Raises where an element that was left out closes."""
+
+    rest: ReducedBodies | None
+    problem: HarmonicBalance
+    clearance: Array
+
+    def __call__(self, found: Vibration) -> None:
+        if self.rest is None:
+            return
+        F, _ = self.problem.forces(
+            self.problem.over_time(found.y), self.problem.over_time(found.lam * found.y)
+        )
+        harmonics = self.problem.harmonics_of(F)
+        y = np.array([
+            r.source @ a + r.D @ f
+            for r, a, f in zip(map(self.rest.at, found.lam), found.a.T, harmonics.T, strict=True)
+        ]).T  # fmt: skip
+        gap = self.problem.over_time(y[: self.clearance.size])
+        if np.any(self.clearance + gap.min(axis=1) < 0):
+            raise _ClosesError(float(np.abs(gap).max()))
+
+
+def cycles_of_modes(
+    cycles: SampleCycles, modes: Modes, settings: Settings, faces: Faces, slip: Any
+) -> dict[str, Any]:
+    """Limit cycles of the growing modes of a sample, each alone, as arrays to store.
+
+    Args:
+        cycles: the sample.
+        modes: its modes by the reduced model.
+        settings: how.
+        faces: where motion and sound are measured.
+        slip: slip of the elements along the sliding direction, shape (elements, dofs).
+
+    Returns:
+        ``cycle_mode``, ``cycle_kind``, ``cycle_values``, shape (cycles, measures), the names of
+        these, ``cycle_names``; of the branches ``branch_mode``, ``branch_amplitude`` [m] and
+        ``branch_s`` [1/s], point by point.
+        A mode whose growth does not end has a row of the kind "none" with what ended it.
+    """
+    rows: list[tuple[int, str, list[float]]] = []
+    points: list[tuple[int, float, complex]] = []
+    nothing = [float("nan")] * len(MEASURES)
+    grows = np.array(modes.verdict, str) == "unstable"
+    chosen = (modes.s.imag > 0) & (grows | (modes.damping < settings.damping_below))
+    for i in np.flatnonzero(chosen):
+        try:
+            branch, elements = cycles.branch(modes.s[i], modes.right[:, i], settings)
+        except NotConverged as error:
+            logger.warning("mode %d: %s", i, error)
+            rows.append((int(i), "failed", nothing))
+            continue
+        points += [(int(i), *point) for point in zip(branch.amplitude, branch.s, strict=True)]
+        given = branch, elements, settings, faces, slip
+        rows += [(int(i), cycle.kind, cycles.measured(cycle, *given)) for cycle in branch.cycles]
+        if grows[i] and not any(cycle.kind in (STABLE, UNDAMPED) for cycle in branch.cycles):
+            rows.append((int(i), f"none: {branch.end}", nothing))
+    number, amplitude, s = zip(*points, strict=True) if points else ((), (), ())
+    return {
+        "cycle_mode": np.array([row[0] for row in rows], dtype=np.intp),
+        "cycle_kind": np.array([row[1] for row in rows], dtype=str),
+        "cycle_values": np.array([row[2] for row in rows]).reshape(-1, len(MEASURES)),
+        "cycle_names": np.array(MEASURES),
+        "branch_mode": np.array(number, dtype=np.intp),
+        "branch_amplitude": np.array(amplitude, dtype=float),
+        "branch_s": np.array(s, dtype=complex),
+    }
+
+
+def _part(forces: PatchForces, elements: Index) -> PatchForces:
+    """The forces of some elements."""
+    laws = EnrichedGap(forces.laws.laws, forces.laws.index[elements], forces.laws.g_cr[elements])
+    arrays = {
+        n: getattr(forces, n)[elements] for n in ("yields", "w", "g", "mu", "speed", "interface")
+    }
+    return replace(forces, laws=laws, **arrays)
+
+
+def _along(
+    problem: HarmonicBalance, s: complex, a: NDArray, most: Array, closed: NDArray[np.bool_]
+) -> Vibration:
+    """A small vibration along a linear mode, no closed patch beyond its largest motion."""
+    y = problem.at_rest(s, a)
+    gap = np.abs(y[: closed.size][closed])
+    return problem.start(s, a, y, float((most[closed] / gap).min()) * problem.size(y))

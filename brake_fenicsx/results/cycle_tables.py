@@ -1,0 +1,109 @@
+"""limit_cycle*.csv: how large squeal becomes, from stored samples, and families ranked by it.
+
+A family's loudness is that of its first stable cycle in each sample, or of the end of its growth
+where nothing damps it. Families are ranked by the median of the level where the faces radiate, else
+by that of the velocity of the disc or of the gap; beside it stands their rank by damping.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.limit_cycle.growth import STABLE, UNDAMPED
+from brake_fenicsx.limit_cycle.sample import MEASURES
+
+from .stored import Results
+from .tables import write_rows
+
+MODE = ("approach", "sample", "family", "mode")
+CYCLES = (*MODE, "linear_frequency_hz", "linear_alpha_1_s", "outcome", *MEASURES)
+GROWTH = (*MODE, "amplitude_um", "alpha_1_s", "frequency_hz")
+FAMILIES = (
+    "approach", "family", "frequency_hz", "growing_samples", "cycles", "level_1m_db_5",
+    "level_1m_db_50", "level_1m_db_95", "disc_mm_s_50", "gap_um_50", "rank_by_loudness",
+    "rank_by_damping",
+)  # fmt: skip
+LOUDNESS = ("level_1m_db", "disc_mm_s", "gap_um")
+
+
+def write_cycles(folder: Path, results: Results) -> None:
+    """Write limit_cycle.csv, limit_cycle_growth.csv and limit_cycle_families.csv."""
+    rows = list(_cycles(results))
+    write_rows(folder / "limit_cycle.csv", CYCLES, rows)
+    write_rows(folder / "limit_cycle_growth.csv", GROWTH, _growth(results))
+    write_rows(folder / "limit_cycle_families.csv", FAMILIES, _families(rows))
+
+
+def _cycles(results: Results) -> Iterator[list[Any]]:
+    for task in results.good():
+        data, family = results.stored[task], results.families.get(task)
+        if "cycle_mode" not in data or family is None:
+            continue
+        rows = zip(data["cycle_mode"], data["cycle_kind"], data["cycle_values"], strict=True)
+        for mode, kind, values in rows:
+            s = complex(data["s"][mode])
+            numbers = (float(v) if np.isfinite(v) else None for v in values)
+            place = *task, int(family[mode]), int(mode)
+            yield [*place, s.imag / (2 * np.pi), s.real, str(kind), *numbers]
+
+
+def _growth(results: Results) -> Iterator[list[Any]]:
+    for task in results.good():
+        data, family = results.stored[task], results.families.get(task)
+        if "branch_mode" not in data or family is None:
+            continue
+        points = zip(data["branch_mode"], data["branch_amplitude"], data["branch_s"], strict=True)
+        for mode, a, s in points:
+            place = *task, int(family[mode]), int(mode)
+            yield [*place, 1e6 * float(a), float(s.real), float(s.imag / (2 * np.pi))]
+
+
+def _families(rows: list[list[Any]]) -> list[list[Any]]:
+    """One row for each family of each approach, the loudest first."""
+    members: dict[tuple[str, int], list[dict[str, Any]]] = {}
+    for row in rows:
+        named = dict(zip(CYCLES, row, strict=True))
+        members.setdefault((named["approach"], named["family"]), []).append(named)
+    out = []
+    for approach in dict.fromkeys(name for name, _ in members):
+        own = [(number, found) for (name, number), found in members.items() if name == approach]
+        first = [_first_cycles(found) for _, found in own]
+        loud = _ranks([[_median(cycles, name) for name in LOUDNESS] for cycles in first])
+        calm = _ranks([
+            [np.median([2 * m["linear_alpha_1_s"] / m["linear_frequency_hz"] for m in found])]
+            for _, found in own
+        ])  # fmt: skip
+        for (number, found), cycles, rank, damping in zip(own, first, loud, calm, strict=True):
+            levels = [c["level_1m_db"] for c in cycles if c["level_1m_db"] is not None]
+            spread = np.quantile(levels, [0.05, 0.5, 0.95]).tolist() if levels else [None] * 3
+            out.append([
+                approach, number, float(np.mean([m["linear_frequency_hz"] for m in found])),
+                len({m["sample"] for m in found}), len(cycles), *spread,
+                _median(cycles, "disc_mm_s"), _median(cycles, "gap_um"), rank, damping,
+            ])  # fmt: skip
+    return sorted(out, key=lambda row: (row[0], row[-2]))
+
+
+def _first_cycles(members: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The first cycle that growth ends at, of each mode of each sample."""
+    ended = [m for m in members if m["outcome"] in (STABLE, UNDAMPED)]
+    return list({(m["sample"], m["mode"]): m for m in reversed(ended)}.values())
+
+
+def _median(cycles: list[dict[str, Any]], name: str) -> float | None:
+    values = [c[name] for c in cycles if c[name] is not None]
+    return float(np.median(values)) if values else None
+
+
+def _ranks(values: list[list[float | None]]) -> NDArray[np.intp]:
+    """Ranks from 1 for the largest; a column decides where those before it are missing or equal."""
+    keys = [[-np.inf if v is None else float(v) for v in row] for row in values]
+    order = sorted(range(len(keys)), key=lambda i: keys[i], reverse=True)
+    ranks = np.zeros(len(keys), dtype=np.intp)
+    ranks[order] = np.arange(1, len(keys) + 1)
+    return ranks

@@ -1,0 +1,256 @@
+"""[contact] of a scene: interfaces between two faces, with law, friction and zone."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+from itertools import combinations
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.scene.tables import key, shown
+from brake_fenicsx.scene.units import factor_to_si, usual_unit, with_unit
+
+if TYPE_CHECKING:
+    from brake_fenicsx.scene.sections import Scene
+
+Array = NDArray[np.float64]
+
+LAWS = '"library", { linear = "2e13 Pa/m" }, { p0 = .., u0 = .. } or { table = .., units = .. }'
+FRICTION = (0.0, 1.5)  # usual coefficients
+MIN_ROWS = 4  # pressures at fewer gaps tell no stiffness between them
+
+
+@dataclass(frozen=True, slots=True)
+class Law:
+    """[contact.NAME.law]: one law for all contact elements in place of "library".
+
+    Attributes:
+        linear: stiffness of a linear penalty, p = linear * penetration.
+        p0: pressure at zero gap of an exponential law, p = p0 exp(-g / u0).
+        u0: decay length of the exponential law.
+        table: file of a measured law, in two columns: gap and pressure.
+        units: units of these columns.
+        steps: gaps, falling, and pressures of the table.
+    """
+
+    linear: float | None = key("Pa/m", default=None, band=(1e9, 1e17))
+    p0: float | None = key("Pa", default=None, band=(1e3, 1e11))
+    u0: float | None = key("m", default=None, band=(1e-9, 1e-3))
+    table: str | None = None
+    units: tuple[str, ...] = ()
+    steps: tuple[tuple[float, ...], ...] = key(default=(), internal=True)
+
+    def contradictions(self) -> Iterator[str]:
+        """One of the three ways to write a law."""
+        formula = {self.linear, self.p0, self.u0} != {None}
+        if self.table is not None and formula:
+            yield ": table replaces linear, p0 and u0; leave these out"
+        elif self.table is not None and len(self.units) != 2:
+            yield f'.units = {list(self.units)!r}: write those of both columns, ["um", "MPa"]'
+        elif self.table is None and self.linear is None and None in (self.p0, self.u0):
+            yield f": write {LAWS}"
+        elif self.linear is not None and {self.p0, self.u0} != {None}:
+            yield ": write linear, or p0 and u0; not both"
+
+
+@dataclass(frozen=True, slots=True)
+class Friction:
+    """[contact.NAME.friction]: kinetic + (static - kinetic) exp(-V / decay) at sliding speed V.
+
+    Attributes:
+        static: coefficient at rest.
+        kinetic: coefficient at high speed.
+        decay: decay constant of the coefficient over the speed.
+    """
+
+    static: float = key(sign="zero", band=FRICTION)
+    kinetic: float = key(sign="zero", band=FRICTION)
+    decay: float = key("m/s")
+
+    def coefficient(self, V: Array) -> tuple[Array, Array]:
+        """Coefficient mu [-] and mu'(V) [s/m] at speeds V [m/s], each of the shape of V."""
+        fall = (self.static - self.kinetic) * np.exp(-np.asarray(V, float) / self.decay)
+        return np.asarray(self.kinetic + fall, float), np.asarray(-fall / self.decay, float)
+
+
+@dataclass(frozen=True, slots=True)
+class Zone:
+    """[contact.NAME.zone]: contact elements whose centre lies in all ranges named, [low, high).
+
+    Attributes:
+        radius: distance from the z axis.
+        angle: angle about z, from x towards y; a range may go beyond 180 deg.
+        x: coordinate.
+        y: coordinate.
+        z: coordinate.
+    """
+
+    radius: tuple[float, ...] | None = key("m", default=None, sign="zero")
+    angle: tuple[float, ...] | None = key("rad", default=None, sign="any")
+    x: tuple[float, ...] | None = key("m", default=None, sign="any")
+    y: tuple[float, ...] | None = key("m", default=None, sign="any")
+    z: tuple[float, ...] | None = key("m", default=None, sign="any")
+
+    def contradictions(self) -> Iterator[str]:
+        """Ranges of two rising values, and of no more than a turn."""
+        ranges = {f: getattr(self, f.name) for f in fields(self)}
+        if {*ranges.values()} == {None}:
+            yield f": no range; write some of {', '.join(f.name for f in ranges)}, or leave it out"
+        for f, ends in ranges.items():
+            if ends is None:
+                continue
+            unit = usual_unit(f.metadata["unit"])
+            at = f".{f.name} = {[*with_unit(ends, f.metadata['unit'])]}"
+            if len(ends) != 2 or not ends[0] < ends[1]:
+                yield f'{at}: write [lowest, highest], such as ["10 {unit}", "20 {unit}"]'
+            if f.name == "angle" and ends[1] - ends[0] > 2 * math.pi * (1 + 1e-12):
+                yield f"{at}: more than a whole turn; leave it out for all angles"
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """[contact.NAME]: an interface between two faces.
+
+    Attributes:
+        faces: two faces "part.face", the pad's first.
+        law: "library": laws of the rough surface; or a table.
+        discretisation: kind of contact element: a facet, a Gauss point, or a node
+            ([contact.md](contact.md)).
+        gap: critical gap of every element: none, drawn from the height distribution (as in the
+            paper), or the waviness of the face, its waves longer than a patch
+            ([contact.md](contact.md)).
+        friction: friction coefficient, or a table if it depends on the speed.
+        friction_in_equilibrium: whether friction also acts in the equilibrium.
+        search: largest gap at which facets are paired; the largest facet if not given.
+        zone: part of the faces that the interface is restricted to; all of them if not given.
+        slip: "motion": the faces slide along the scene's motion; "stuck": they do not slide
+            ([contact.md](contact.md#faces-that-stick)).
+        tangential_stiffness: tangential stiffness of faces that stick, equal in all tangential
+            directions; required with ``slip = "stuck"``.
+    """
+
+    faces: tuple[str, ...] = key(
+        rule=(lambda faces: len(faces) == 2, "write two faces, the pad's first")
+    )
+    law: Literal["library"] | Law = key(default="library", write=LAWS)  # noqa: RUF009
+    discretisation: str = key(default="patch", choices=("patch", "quadrature", "node"))
+    gap: str = key(default="none", choices=("none", "hdf", "waviness"))
+    friction: float | Friction = key(default=0.0, sign="zero", band=FRICTION)  # noqa: RUF009
+    friction_in_equilibrium: bool = True
+    search: float | None = key("m", default=None)
+    zone: Zone | None = None
+    slip: str = key(default="motion", choices=("motion", "stuck"))
+    tangential_stiffness: float | None = key("Pa/m", default=None, band=(1e9, 1e17))
+
+    def contradictions(self) -> Iterator[str]:
+        """Faces slide or stick."""
+        k_t = self.tangential_stiffness
+        if self.slip == "stuck" and k_t is None:
+            yield (
+                '.slip = "stuck": needs tangential_stiffness, that of the faces along each other,'
+                ' such as tangential_stiffness = "1e13 Pa/m"'
+            )
+        if self.slip == "motion" and k_t is not None:
+            yield (
+                f".tangential_stiffness = {k_t:g} Pa/m: acts where faces stick; write"
+                ' slip = "stuck" as well, or leave it out'
+            )
+
+
+def contact_mistakes(s: Scene) -> Iterator[str]:
+    """Laws and gaps that no stage provides; interfaces that divide the same faces differently."""
+    for name, contact in s.contact.items():
+        where = f"contact.{name}"
+        if contact.law == "library" and "micro" not in s.stages and s.samples.rough:
+            yield f'{where}.law = "library": needs the stages surface and micro'
+        if contact.gap != "none" and "surface" not in s.stages:
+            yield f'{where}.gap = "{contact.gap}": needs the stage surface'
+        if contact.gap == "waviness" and s.micro is None:
+            yield (
+                f'{where}.gap = "waviness": needs micro.patch, the length from which waves are'
+                " longer"
+            )
+    for (one, first), (two, second) in combinations(s.contact.items(), 2):
+        for name in ("faces", "discretisation") if {*first.faces} == {*second.faces} else ():
+            values = getattr(first, name), getattr(second, name)
+            if values[0] != values[1]:
+                yield (
+                    f"contact.{two}.{name} = {shown(values[1])}: contact.{one} is on the same faces"
+                    f" with {shown(values[0])}; write the same, for the two divide its elements"
+                )
+
+
+def with_table(contact: Contact, name: str, folder: Path) -> Contact:
+    """An interface whose law has the steps of its table, where it names one.
+
+    Args:
+        contact: the interface as the scene writes it.
+        name: its name.
+        folder: the scene's folder, where tables are looked for.
+
+    Raises:
+        SceneError: the key, its value and the remedy.
+    """
+    law, where = contact.law, f"contact.{name}.law"
+    if not isinstance(law, Law) or law.table is None:
+        return contact
+    columns = zip(law.units, ("m", "Pa"), strict=True)
+    factors = [factor_to_si(name, unit, f"{where}.units") for name, unit in columns]
+    at = f"{where}.table = {law.table!r}"
+    d, p = _columns(folder / law.table, at) * np.array(factors)[:, None]
+    order = np.argsort(-d, kind="stable")
+    d, p = d[order], p[order]
+    if d.size < MIN_ROWS:
+        raise SceneError(f"{at}: {d.size} rows; a law needs {MIN_ROWS} or more")
+    if p[0] <= 0.0:
+        raise SceneError(
+            f"{at}: {p[0]:g} Pa at the gap {d[0]:g} m; leave out rows without pressure: the law"
+            " falls to zero beyond the widest gap by itself"
+        )
+    wrong = np.flatnonzero((np.diff(d) >= 0.0) | (np.diff(p) <= 0.0))
+    if wrong.size:
+        i = int(wrong[0])
+        raise SceneError(
+            f"{at}: {p[i + 1]:g} Pa at the gap {d[i + 1]:g} m and {p[i]:g} Pa at {d[i]:g} m; the"
+            " pressure must rise as the gap falls: smooth the measured values"
+        )
+    return replace(contact, law=replace(law, steps=(tuple(d.tolist()), tuple(p.tolist()))))
+
+
+def _columns(path: Path, at: str) -> np.ndarray:
+    """Two columns of numbers, shape (2, rows); one heading and lines that begin with # are not."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise SceneError(f"{at}: no such file; paths start at the scene's folder") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise SceneError(f"{at}: cannot be read as text: {error}") from None
+    rows: list[list[float]] = []
+    heading = False
+    for number, line in enumerate(text.splitlines(), 1):
+        cells = next(csv.reader([line]), []) if "," in line else line.split()
+        if not cells or cells[0].lstrip().startswith("#"):
+            continue
+        try:
+            values = [float(cell) for cell in cells]
+        except ValueError:
+            if not rows and not heading:
+                heading = True
+                continue
+            raise SceneError(
+                f"{at}: line {number}: {line.strip()!r} does not contain two numbers; write a"
+                " gap and a pressure with decimal points, separated by a blank or a comma"
+            ) from None
+        if len(values) != 2 or not np.isfinite(values).all():
+            raise SceneError(
+                f"{at}: line {number}: {line.strip()!r}; write a gap and a pressure on each line"
+            )
+        rows.append(values)
+    return np.array(rows, float).reshape(-1, 2).T

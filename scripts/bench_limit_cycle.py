@@ -1,0 +1,95 @@
+"""Limit cycle of a squealing block: harmonics, error, seconds; and its figure for the docs.
+
+    python scripts/bench_limit_cycle.py                            table
+    python scripts/bench_limit_cycle.py --figure docs/limit_cycle.png    growth, cycles, time steps
+
+Errors are those of the amplitude against 25 harmonics, and against time steps of the finite-element
+matrices (tests/time_steps.py).
+"""
+
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from brake_fenicsx import prepare
+from brake_fenicsx.limit_cycle.sample import Settings
+from brake_fenicsx.uncertainty.solve import sample_damping
+
+ROOT = Path(__file__).parents[1]
+sys.path.append(str(ROOT / "tests"))
+from time_steps import TimeSteps, measured  # noqa: E402
+
+SCENE = ROOT / "scripts" / "scenes" / "squealing_block.toml"
+TASK, OMEGA, STEP = ("multi-scale", 0), 92e3, 2.5e-7
+
+
+def prepared(ratio):
+    """Model, sample, equilibrium and growing mode with a damping ratio at 14.6 kHz."""
+    beta = f"stability.damping={{ rayleigh = ['0 1/s', '{2 * ratio / OMEGA:g} s'] }}"
+    model = prepare(SCENE, ["samples.n=4", "limit_cycle={}", "countermeasures=[]", beta])
+    sample = model.study._draw(*TASK)
+    eq, modes = model.study.solved(TASK, {})
+    return model.study, sample, eq, modes, int(np.argmax(modes.s.real))
+
+
+def followed(study, sample, eq, modes, mode, harmonics, points):
+    cycles = study.cycles.sample(TASK[0], sample, eq)
+    return cycles.branch(modes.s[mode], modes.right[:, mode], Settings(harmonics, points, 20e-6))[0]
+
+
+def stepped(study, sample, eq, amplitude):
+    C = sample_damping(study.models, sample, eq.p)
+    steps = TimeSteps(study.brake, eq, sample.laws, sample.mu, C)
+    weights = study.brake.w * (eq.p > 0)
+    gaps = steps.run(0.04, STEP, amplitude)
+    return measured(gaps, STEP, weights / weights.sum())
+
+
+def table():
+    given = prepared(0.01)
+    study, sample, eq, modes, _ = given
+    exact = followed(*given, 25, 256).cycles[0].at
+    start = time.perf_counter()
+    judged = stepped(study, sample, eq, exact.amplitude)
+    seconds = time.perf_counter() - start
+    print("| harmonics | points | amplitude [um] | error | to time steps | f [Hz] | seconds |")
+    print("| --- | --- | --- | --- | --- | --- | --- |")
+    for harmonics, points in ((1, 16), (3, 24), (5, 32), (7, 48), (9, 64), (13, 96)):
+        start = time.perf_counter()
+        at = followed(*given, harmonics, points).cycles[0].at
+        errors = at.amplitude / exact.amplitude - 1, at.amplitude / judged[0] - 1
+        print(
+            f"| {harmonics} | {points} | {1e6 * at.amplitude:.4f} | {errors[0]:+.1e} |"
+            f" {errors[1]:+.1e} | {at.s.imag / 2 / np.pi:.1f} | {time.perf_counter() - start:.1f} |"
+        )
+    print(f"| time steps | | {1e6 * judged[0]:.4f} | | | {judged[1]:.1f} | {seconds:.1f} |")
+    print(f"complex modes of the sample: {modes.seconds:.3f} s")
+
+
+def figure(path):
+    from brake_fenicsx.report.style import CYCLE, GREY, house_style, light_grid, new_figure
+
+    with house_style():
+        drawing, axes = new_figure(1, 1)
+        axis = axes[0, 0]
+        for colour, ratio in zip(CYCLE, (0.01, 0.015, 0.02, 0.025), strict=False):
+            given = prepared(ratio)
+            branch = followed(*given, 9, 64)
+            a, alpha = 1e6 * np.array(branch.amplitude), np.real(branch.s)
+            axis.plot(a, alpha, color=colour, label=f"damping ratio {100 * ratio:g} %")
+            for cycle in branch.cycles:
+                axis.plot(1e6 * cycle.at.amplitude, 0, "o", color=colour)
+                judged = stepped(*given[:3], 0.1 * cycle.at.amplitude)
+                axis.plot(1e6 * judged[0], 0, "x", color="black", ms=8)
+        axis.axhline(0.0, color=GREY, lw=0.8)
+        axis.set_xlabel("amplitude of the gap, rms of patches [um]")
+        axis.set_ylabel("growth rate alpha [1/s]")
+        axis.legend()
+        light_grid(axis)
+        drawing.savefig(path, dpi=130, facecolor="white", metadata={"Software": None})
+
+
+if __name__ == "__main__":
+    figure(sys.argv[2]) if "--figure" in sys.argv else table()

@@ -1,0 +1,139 @@
+"""Limit cycles in a run: tables, page, resumption, processes, Python, and what is refused."""
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from brake_fenicsx import prepare, run
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.limit_cycle.sample import MEASURES
+from brake_fenicsx.results.tables import read_columns
+from brake_fenicsx.scene import read_scene
+from processes import parallel
+
+BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "squealing_block.toml"
+PLAIN = [
+    "stages=['surface','equilibrium','stability','uncertainty']", "samples.n=2",
+    "countermeasures=[]",
+    "stability.damping={ rayleigh = ['0 1/s', '2.2e-7 s'] }",
+]  # fmt: skip
+GIVEN = [
+    *PLAIN,
+    "limit_cycle={ harmonics = 3, points = 20, largest = '10 um', radiating = ['block.sides'] }",
+]  # fmt: skip
+TABLES = ("limit_cycle.csv", "limit_cycle_growth.csv", "limit_cycle_families.csv")
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    """A run with the page."""
+    folder = tmp_path_factory.mktemp("run") / "out"
+    stages = GIVEN[0].replace("'uncertainty'", "'uncertainty','report'")
+    run(BLOCK, MPI.COMM_SELF, folder, [stages, *GIVEN[1:]])
+    return folder
+
+
+def test_tables_say_how_large_and_how_loud(done):
+    cycles, growth, families = (read_columns(done / name) for name in TABLES)
+    assert [*cycles["outcome"]] == ["stable"] * 2 and set(MEASURES) < {*cycles}
+    assert np.all(cycles["linear_alpha_1_s"] > 0)
+    assert np.all(cycles["amplitude_um"] > 0.3)
+    assert np.all(cycles["amplitude_um"] < cycles["gap_um"])
+    # A vibration at one frequency moves by velocity over omega.
+    omega = 2 * np.pi * cycles["frequency_hz"]
+    np.testing.assert_allclose(cycles["pad_mm_s"], 1e-3 * omega * cycles["pad_um"], rtol=0.3)
+    assert np.all(np.abs(cycles["level_1m_db"] - 90) < 30)
+    assert np.all(cycles["time_s"] > np.log(95) / growth["alpha_1_s"].max())
+    for sample in (0, 1):
+        own = growth["sample"] == sample
+        assert growth["alpha_1_s"][own][0] > 0 > growth["alpha_1_s"][own][-1]
+    assert families["cycles"].sum() == 2 and families["rank_by_loudness"][0] == 1
+
+
+def test_page_has_a_section(done):
+    page = (done / "report.html").read_text()
+    assert "How loud" in page and "rank by loudness" in page
+    assert {f.name for f in (done / "figures").glob("limit_cycle*.png")} == {
+        "limit_cycle_growth.png", "limit_cycle_loudness.png",
+    }  # fmt: skip
+
+
+def test_a_killed_run_goes_on_with_the_same_numbers(done, tmp_path):
+    folder = shutil.copytree(done, tmp_path / "again")
+    samples = sorted((folder / "samples").rglob("*.npz"))
+    samples[-1].unlink()
+    for name in TABLES:
+        (folder / name).unlink()
+    stages = GIVEN[0].replace("'uncertainty'", "'uncertainty','report'")
+    run(BLOCK, MPI.COMM_SELF, folder, [stages, *GIVEN[1:]])
+    for name in TABLES:
+        assert (folder / name).read_bytes() == (done / name).read_bytes()
+
+
+def test_two_processes_give_the_cycles_of_one(done, tmp_path):
+    mpirun = shutil.which("mpirun")
+    if mpirun is None:
+        pytest.skip("no mpirun")
+    given = [w for text in GIVEN for w in ("--set", text)]
+    words = [mpirun, "-n", "2", "--oversubscribe", sys.executable, "-m", "brake_fenicsx", "run"]
+    subprocess.run(
+        [*words, str(BLOCK), "-o", str(tmp_path / "two"), *given], check=True, **parallel()
+    )
+    for name in TABLES[:2]:
+        one, two = (read_columns(folder / name) for folder in (done, tmp_path / "two"))
+        for column, values in one.items():
+            if values.dtype.kind == "f":
+                np.testing.assert_allclose(two[column], values, rtol=1e-4)
+            else:
+                assert np.array_equal(two[column], values)
+
+
+def test_python_gives_what_the_table_says(done):
+    model = prepare(BLOCK, GIVEN)
+    (cycle,) = model.limit_cycles(sample=1)
+    cycles = read_columns(done / "limit_cycle.csv")
+    assert cycle["outcome"] == "stable" and cycle["mode"] == cycles["mode"][1]
+    for name in ("amplitude_um", "frequency_hz", "level_1m_db"):
+        assert cycle[name] == pytest.approx(cycles[name][1], rel=1e-3)
+    assert cycle["branch"][0, 0] < 1e-6 * cycle["amplitude_um"] < cycle["branch"][0, -1].real
+    with pytest.raises(SceneError, match="limit_cycle: the section is missing"):
+        prepare(BLOCK, PLAIN).limit_cycles()
+
+
+def test_without_the_section_nothing_of_it_is_loaded(tmp_path):
+    code = (
+        "import sys\nfrom mpi4py import MPI\nfrom brake_fenicsx import run\n"
+        f"run({str(BLOCK)!r}, MPI.COMM_SELF, {str(tmp_path / 'out')!r}, {PLAIN!r})\n"
+        "print('found', [m for m in sys.modules if 'limit_cycle' in m or 'cycle_' in m])"
+    )
+    found = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )  # fmt: skip
+    assert found.stdout.splitlines()[-1] == "found []"
+    assert not [*(tmp_path / "out").glob("limit_cycle*")]
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        (["stability.method=full"], 'limit_cycle: needs .* method = "reduced"'),
+        (["limit_cycle.points=6"], "limit_cycle.points = 6: more than twice"),
+        (["limit_cycle.harmonic=6"], "harmonic = 6: unknown key"),
+        (["limit_cycle.largest=20"], "limit_cycle.largest"),
+    ],
+)
+def test_what_cannot_be_computed_is_refused(more, said):
+    with pytest.raises(SceneError, match=said):
+        read_scene(BLOCK, [*GIVEN, *more])
+
+
+def test_a_face_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(SceneError, match=re.escape("limit_cycle.radiating[0]: no face 'block.up'")):
+        prepare(BLOCK, [*GIVEN, "limit_cycle.radiating=['block.up']"])
