@@ -1,4 +1,4 @@
-"""Command line: check, prepare, run, countermeasures, report, export, correlate."""
+"""Command line: check, prepare, run, countermeasures, report, export, correlate, identify."""
 
 from __future__ import annotations
 
@@ -45,6 +45,7 @@ first steps:
   brake-fenicsx countermeasures brake.toml    what would stop the squeal, if the scene names some
   brake-fenicsx export brake-results      mode shapes as a universal file, modes.unv
   brake-fenicsx correlate brake.toml disc.unv --part disc    modes of a part against its test
+  brake-fenicsx identify brake.toml --part pad --peaks peaks.csv    constants from resonances
   brake-fenicsx schema > scene.json       keys of a scene, for editors (docs/scene.md)
 
 variations:
@@ -128,7 +129,9 @@ def parser() -> argparse.ArgumentParser:
                                    epilog=AFTER_COUNTERMEASURES, formatter_class=raw)  # fmt: skip
     text = "compare the modes of a part of a scene with those of a modal test: frequencies and MAC"
     correlates = commands.add_parser("correlate", help=text, description=text)
-    for command in (checks, prepares, runs, budgets, remedies, correlates):
+    text = "identify the constants of a part's material from the frequencies of its resonances"
+    identifies = commands.add_parser("identify", help=text, description=text)
+    for command in (checks, prepares, runs, budgets, remedies, correlates, identifies):
         command.add_argument("scene", metavar="SCENE.toml", help="the scene file")
         command.add_argument("--set", action="append", default=[], metavar="KEY=VALUE",
                              help="replace a key of the scene (docs/scene.md), as often as"
@@ -142,11 +145,21 @@ def parser() -> argparse.ArgumentParser:
                       " parts of the samples, in a folder that `prepare` made; without I/N that of"
                       " this task of a SLURM job array")  # fmt: skip
     correlates.add_argument("test", metavar="TEST.unv", help="universal file: nodes and modes (55)")
-    correlates.add_argument("--part", metavar="NAME", help="the part, where the scene has several")
-    correlates.add_argument("--supported", action="store_true", help="with the supports, springs"
-                            " and masses of the part's faces; free if not given")  # fmt: skip
+    identifies.add_argument("--peaks", required=True, metavar="PEAKS.csv", help="table with the"
+                            " column frequency_hz or frequency_khz, and q, specimen if there are"
+                            " any; or a universal file of modes (55)")  # fmt: skip
+    identifies.add_argument("--material", metavar="NAME", help="the material, if not the lining")
+    for name, percent, text in (("prior", 30.0, "each constant around the scene's"),
+                                ("error", 0.5, "a frequency, model and measurement")):  # fmt: skip
+        identifies.add_argument(f"--{name}", type=float, default=percent, metavar="PERCENT",
+                                help=f"standard deviation of {text}; %(default)s")  # fmt: skip
+    for command in (correlates, identifies):
+        command.add_argument("--part", metavar="NAME", help="the part, where the scene has several")
+        command.add_argument("--supported", action="store_true", help="with the supports, springs"
+                             " and masses of the part's faces; free if not given")  # fmt: skip
     folders = [(prepares, "results"), (runs, "results"), (budgets, "budget")]
-    folders += [(remedies, "countermeasures"), (correlates, "correlation")]
+    folders += [(remedies, "countermeasures"), (correlates, "correlation"),
+                (identifies, "identified")]  # fmt: skip
     for command, name in folders:
         command.add_argument("-o", dest="directory", metavar="DIR",
                              help=f"results folder, ./SCENE-{name}")  # fmt: skip
@@ -354,6 +367,16 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
 
         given = options.scene, options.test, options.part, options.supported
         text = correlate(*given, options.directory, options.set, write=comm.rank == 0)
+        if comm.rank == 0:
+            print(text)
+    elif options.command == "identify":
+        from brake_fenicsx.correlation.identify import identify
+
+        text = identify(
+            options.scene, options.peaks, options.part, options.material, options.supported,
+            0.01 * options.prior, 0.01 * options.error, options.directory, options.set,
+            comm.rank == 0,
+        )  # fmt: skip
         if comm.rank == 0:
             print(text)
     elif comm.rank == 0 and options.command == "export":

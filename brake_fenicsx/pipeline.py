@@ -38,7 +38,7 @@ from brake_fenicsx.folder.processes import in_turns, on_first, peak_memory, rele
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.folder.termination import end_of_stage
 from brake_fenicsx.results.versions import versions
-from brake_fenicsx.scene import Scene, read_scene
+from brake_fenicsx.scene import STAGES, Scene, read_scene
 from brake_fenicsx.scene.digest import laws_key, result_digest
 from brake_fenicsx.scene.friction import friction_texts, listed
 from brake_fenicsx.scene.in_effect import in_effect
@@ -186,6 +186,10 @@ def run(
         BrakeError: a stage failed, or every sample.
     """
     parsed = read_scene(scene, overrides)
+    if not parsed.stages:
+        raise SceneError(
+            f"{parsed.file}: stages = []: nothing to run; name some of {', '.join(STAGES)}"
+        )
     if directory is None:
         directory = Path.cwd() / f"{parsed.file.stem}-results"
     store = Store(Path(directory))

@@ -14,7 +14,7 @@ from scipy.spatial import KDTree
 
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.macro.brake import assemble_bodies
-from brake_fenicsx.macro.elasticity import FreeDofs
+from brake_fenicsx.macro.elasticity import Elastic, FreeDofs
 from brake_fenicsx.macro.faces import Face, gather_face
 from brake_fenicsx.macro.mesh import Mesh, raw_mesh, tagged_mesh
 from brake_fenicsx.macro.meshing.groups import mesh_of_file
@@ -70,6 +70,16 @@ def part_modes(
         SceneError: the part cannot be built.
         InaccurateResult: its stiffness is indefinite, or modes are missing.
     """
+    mesh, elastic = part_body(scene, name, near, supported)
+    where = f"{scene.file}: parts.{name}"
+    frequency, shapes, rigid = elastic_modes(where, elastic.K, elastic.M, highest)
+    return PartModes(frequency, shapes, rigid, mesh, elastic.free)
+
+
+def part_body(
+    scene: Scene, name: str, near: Array, supported: bool = False
+) -> tuple[Mesh, Elastic]:
+    """Mesh and matrices of a part by itself; see ``part_modes``."""
     try:
         raw = _body(_raw_mesh(scene, name), name, near)
         mesh = tagged_mesh(lambda: raw, MPI.COMM_SELF, scene.mesh)
@@ -84,20 +94,38 @@ def part_modes(
         springs={n: s for n, s in scene.springs.items() if keep.issuperset(s.faces or [n])},
     )  # fmt: skip
     elastic = assemble_bodies(alone, mesh)
-    K, M = elastic.K, elastic.M.copy()
+    M = elastic.M.copy()
     # The three components of a displacement share no mass: two thirds of the pattern.
     M.eliminate_zeros()
+    return mesh, replace(elastic, M=M)
+
+
+def elastic_modes(
+    where: str, K: sp.csr_matrix, M: sp.csr_matrix, highest: float
+) -> tuple[Array, Array, int]:
+    """Elastic modes of a body below a frequency, counted by inertia.
+
+    Args:
+        where: what the body is, for a message.
+        K: stiffness [N/m].
+        M: mass [kg].
+        highest: end of the frequencies [Hz].
+
+    Returns:
+        Frequencies [Hz], M-orthonormal shapes, and the number of rigid-body modes left out.
+
+    Raises:
+        InaccurateResult: its stiffness is indefinite, or modes are missing.
+    """
     end = (2 * np.pi * highest) ** 2
     shifted = shifted_factor(K, M, end)
     if shifted is None:
-        raise InaccurateResult(f"{scene.file}: parts.{name}: its stiffness is indefinite")
+        raise InaccurateResult(f"{where}: its stiffness is indefinite")
     found = symmetric_modes(K, M, *shifted, end)
+    found.factor.destroy()
     frequency = np.sqrt(np.maximum(found.kappa, 0.0)) / (2 * np.pi)
-    elastic_modes = frequency > RIGID * highest
-    rigid = int(np.sum(~elastic_modes))
-    return PartModes(
-        frequency[elastic_modes], found.Phi[:, elastic_modes], rigid, mesh, elastic.free
-    )
+    elastic = frequency > RIGID * highest
+    return frequency[elastic], found.Phi[:, elastic], int(np.sum(~elastic))
 
 
 def _raw_mesh(scene: Scene, name: str) -> RawMesh:

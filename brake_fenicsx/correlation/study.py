@@ -144,7 +144,7 @@ def correlate(
         SceneError: scene, test or part is wrong; nothing was written.
     """
     parsed = read_scene(scene, overrides)
-    name = _part(parsed, part)
+    name = part_name(parsed, part)
     measured = read_modes(test)
     highest = BEYOND * float(measured.frequency.max())
     modes = part_modes(parsed, name, measured.points, highest, supported)
@@ -179,7 +179,7 @@ def correlate(
     )
 
 
-def _part(scene: Scene, name: str | None) -> str:
+def part_name(scene: Scene, name: str | None) -> str:
     """The part that was named, or the only one."""
     known = [n for n, part in scene.parts.items() if part.matrices is None]
     if name is None and len(known) != 1:

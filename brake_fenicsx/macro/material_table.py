@@ -8,6 +8,7 @@ nu_ij is the strain along j over that along i under a stress along i.
                                                    or C11, C12, C13, C33, C44     (about axis 3)
     orthotropic             E = [E_1, E_2, E_3], nu = [nu_12, nu_13, nu_23], G = [G_23, G_13, G_12]
                                                    or C11, C22, C33, C12, C13, C23, C44, C55, C66
+    cubic                   E, nu, G               or C11, C12, C44
 
 Materials of one sample: some constants of a scene's table replaced, all others kept.
 
@@ -46,11 +47,13 @@ ENGINEERING = {
     "isotropic": {"E": 1, "nu": 1},
     "transversely-isotropic": {"E": 2, "nu": 2, "G": 1},
     "orthotropic": {"E": 3, "nu": 3, "G": 3},
+    "cubic": {"E": 1, "nu": 1, "G": 1},
 }
 STIFFNESSES = {
     "isotropic": ("C11", "C12"),
     "transversely-isotropic": ("C11", "C12", "C13", "C33", "C44"),
     "orthotropic": ("C11", "C22", "C33", "C12", "C13", "C23", "C44", "C55", "C66"),
+    "cubic": ("C11", "C12", "C44"),
 }
 # Our names of the constants, and those of ``engineering_constants``.
 NAMES = {
@@ -155,14 +158,16 @@ def _from_stiffnesses(model: str, c: Mapping[str, float]) -> Array:
         )
     if model == "transversely-isotropic":
         return transversely_isotropic(*(c[name] for name in STIFFNESSES[model]))
+    if model == "cubic":
+        return orthotropic_stiffness(*[c["C11"]] * 3, *[c["C12"]] * 3, *[c["C44"]] * 3)
     return orthotropic_stiffness(**c)
 
 
 def _from_engineering(model: str, E: Array, nu: Array, G: Array | None = None) -> Array:
     if model == "isotropic":
         return isotropic(float(E[0]), float(nu[0]))
-    if model == "orthotropic" and G is not None:
-        return orthotropic(E, nu, G)
+    if model in ("orthotropic", "cubic") and G is not None:
+        return orthotropic(*(np.broadcast_to(c, 3) for c in (E, nu, G)))
     if not nu[0] > -1:
         raise SceneError(f"nu_12 = {nu[0]:g}: must be above -1")
     shear = np.array([0.0, 0.0, E[0] / (2 * (1 + nu[0]))]) + (0 if G is None else G[0]) * np.array(

@@ -98,6 +98,8 @@ class Distribution:
         file: text file of numbers, or npz, in place of ``values``.
         array: name of the array in an npz file that holds several.
         unit: unit of the numbers in the file.
+        correlation: with other random inputs, by their keys, each pair once: of the logarithms of
+            two lognormal inputs, of the values of two normal ones, else of normal scores.
         digest: hash of the values read from the file.
     """
 
@@ -111,6 +113,7 @@ class Distribution:
     file: str | None = key(default=None)
     array: str | None = key(default=None)
     unit: str | None = key(default=None)
+    correlation: dict[str, float] = field(default_factory=dict, metadata={"sign": "any"})
     digest: str = key(default="", internal=True)
 
 

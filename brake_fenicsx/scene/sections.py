@@ -59,7 +59,7 @@ class MaterialTable:
         loss: loss factor.
     """
 
-    model: str = key(choices=("isotropic", "transversely-isotropic", "orthotropic"))
+    model: str = key(choices=("isotropic", "transversely-isotropic", "orthotropic", "cubic"))
     rho: float = key("kg/m^3", band=(100.0, 25e3))
     E: float | tuple[float, ...] | None = key("Pa", default=None, band=MODULI)
     nu: float | tuple[float, ...] | None = key(default=None, sign="any")

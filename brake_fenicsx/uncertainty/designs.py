@@ -19,11 +19,12 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy import special
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import InputLaw
@@ -117,6 +118,57 @@ def _curves(curves: int, length: int, inputs: int, rng: np.random.Generator) -> 
             found = fast_sampler.sample(unit_problem(inputs), length, M=HARMONICS, seed=phase)
         sets.append(found)
     return _inside(np.concatenate(sets))
+
+
+def correlation_root(random: Mapping[str, Distribution | InputLaw], design: str) -> Array | None:
+    """Cholesky factor of the correlation of inputs, in the order of their keys.
+
+    Args:
+        random: dotted key -> law.
+        design: design of the samples.
+
+    Returns:
+        Shape (d, d), lower triangle; None where all inputs are independent.
+
+    Raises:
+        SceneError: a key or a value is wrong, or no inputs can be correlated so.
+    """
+    names, R = sorted(random), np.eye(len(random))
+    for name in names:
+        for other, value in getattr(random[name], "correlation", {}).items():
+            where = f'samples.random."{name}".correlation."{other}"'
+            if other not in random or other == name:
+                raise SceneError(f"{where}: is no other random input; name one of {names}")
+            i, j = names.index(name), names.index(other)
+            if not -1 < value < 1 or R[i, j] not in (0.0, value):
+                raise SceneError(
+                    f"{where} = {value:g}: must lie between -1 and 1, and be given once for a pair"
+                )
+            R[i, j] = R[j, i] = value
+    if not np.any(R - np.eye(len(names))):
+        return None
+    if design in RIGID:
+        raise SceneError(
+            f"samples: design = {design!r} needs independent inputs; take another design, or remove"
+            " samples.random.NAME.correlation"
+        )
+    smallest = float(np.linalg.eigvalsh(R)[0])
+    if not smallest > 0:
+        raise SceneError(
+            "samples.random: the correlations are not those of any inputs: their matrix is not"
+            f" positive definite (smallest eigenvalue {smallest:.3g}); give all pairs, or weaker"
+        )
+    return np.asarray(np.linalg.cholesky(R))
+
+
+def correlated(u: Array, root: Array | None) -> Array:
+    """Independent points of the unit cube to those of correlated inputs (Gaussian copula).
+
+    Args:
+        u: shape (d,).
+        root: see ``correlation_root``.
+    """
+    return u if root is None else np.asarray(special.ndtr(root @ special.ndtri(u)))
 
 
 def unit_problem(inputs: int) -> dict[str, object]:

@@ -22,7 +22,14 @@ from brake_fenicsx.folder.log import logger
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.samples import is_constant, split_key
 
-from .designs import RIGID, design_points, design_size, quantile
+from .designs import (
+    RIGID,
+    correlated,
+    correlation_root,
+    design_points,
+    design_size,
+    quantile,
+)
 
 Array = NDArray[np.float64]
 Value = TypeVar("Value")
@@ -68,6 +75,7 @@ def size_of(scene: Scene, approach: str) -> int:
     plan = scene.samples.plan(approach)
     if not scene.samples.takes_random(approach):
         return plan.n
+    correlation_root(scene.samples.random, plan.design)
     return design_size(plan, len(scene.samples.random))
 
 
@@ -87,11 +95,12 @@ def draw_inputs(
     """
     random = dict(sorted(scene.samples.random.items()))
     nominal = {name: nominal_value(scene, name) for name in random}
+    root = correlation_root(random, scene.samples.plan(approach).design)
     u = rng.random(len(random)) if point is None else point
     for rejected in range(MOST_DRAWS):
         values = {
             name: float(quantile(d, x, nominal[name]))
-            for (name, d), x in zip(random.items(), u, strict=True)
+            for (name, d), x in zip(random.items(), correlated(u, root), strict=True)
         }
         try:
             return inputs_of(scene, approach, values, rejected)

@@ -133,7 +133,7 @@ def scene_layers(
         if part in turns and isinstance(motion, Rotation):
             G = gyroscopic(mesh, free, {name: material.rho}, motion)
         changes = {
-            constant: stiffness(unit_change(scene, brake, own, constant)[name], name)
+            constant: stiffness(unit_change(scene, mesh, own, constant)[name], name)
             for other, constant in random
             if other == own
         }

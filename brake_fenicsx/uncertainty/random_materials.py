@@ -28,6 +28,7 @@ from brake_fenicsx.macro.material_table import (
     stiffness,
     varied_stiffness,
 )
+from brake_fenicsx.macro.mesh import Mesh
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.samples import is_constant, split_key
 from brake_fenicsx.scene.scalars import changes_bodies
@@ -215,9 +216,9 @@ def assemble_random(scene: Scene, brake: Brake) -> RandomMaterials:
     varied = by_material(dict.fromkeys(scene.varied))
     keys, directions = [], []
     for material, constants_of in varied.items():
-        for constant in _moved(scene, material, [*constants_of]):
+        for constant in moved_entries(scene, material, [*constants_of]):
             keys.append((material, constant))
-            directions.append(unit_change(scene, brake, material, constant))
+            directions.append(unit_change(scene, brake.mesh, material, constant))
     mesh, free = brake.mesh, brake.elastic.free
     parts: list[sp.csr_matrix] = []
     for direction in directions:
@@ -242,8 +243,8 @@ def assemble_random(scene: Scene, brake: Brake) -> RandomMaterials:
     )
 
 
-def _moved(scene: Scene, material: str, names: list[str]) -> list[str]:
-    """Which C_ij the random constants of a material move."""
+def moved_entries(scene: Scene, material: str, names: list[str]) -> list[str]:
+    """Which C_ij some constants of a material move."""
     table = scene.materials[material]
     C, usual = stiffness(table), constants(table)
     moved = np.zeros((6, 6), dtype=bool)
@@ -253,13 +254,13 @@ def _moved(scene: Scene, material: str, names: list[str]) -> list[str]:
     return [constant for constant, index in VOIGT.items() if moved[index]]
 
 
-def unit_change(scene: Scene, brake: Brake, material: str, constant: str) -> dict[str, Array]:
+def unit_change(scene: Scene, mesh: Mesh, material: str, constant: str) -> dict[str, Array]:
     """Change of every layer's stiffness under one of a material's C_ij, in x, y, z axes."""
     unit = np.zeros((6, 6))
     i, j = VOIGT[constant]
     unit[i, j] = unit[j, i] = 1.0
     changes = {}
-    for layer in brake.mesh.layers:
+    for layer in mesh.layers:
         name, _, inner = layer.partition(".")
         if layer_material(scene.parts[name].material, inner) == material:
             angle = scene.parts[name].axis + scene.materials[material].axis

@@ -1,0 +1,233 @@
+"""Constants of a part's material from its resonances, as inputs of a study.
+
+Several specimens are identified one by one. What a next specimen may have is normal in the
+logarithms: the mean of the specimens, and the mean of their covariances plus the scatter of their
+means (law of total variance).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.files import whole_file
+from brake_fenicsx.folder.log import logger
+from brake_fenicsx.results.tables import Value, text_table, write_rows
+from brake_fenicsx.scene import Scene, read_scene
+
+from .peaks import Peaks, read_peaks
+from .posterior import Posterior, fill_basis, identified
+from .study import part_name
+from .varied_body import VariedBody
+
+Array = NDArray[np.float64]
+# Modes are computed up to this multiple of the highest peak.
+BEYOND = 1.2
+# A constant is not determined if its standard deviation is more than this share of the prior's.
+UNDETERMINED = 0.8
+# Standard deviations of a 95 % interval; relative error of a Q factor.
+NORMAL, Q_ERROR = 1.96, 0.1
+CONSTANTS = ("constant", "unit", "scene", "identified", "low", "high", "of_prior")
+PEAKS = ("specimen", "peak_hz", "mode", "mode_hz", "difference")
+
+
+def identify(
+    scene: str | Path,
+    peaks: str | Path,
+    part: str | None = None,
+    material: str | None = None,
+    supported: bool = False,
+    prior: float = 0.3,
+    error: float = 0.005,
+    directory: str | Path | None = None,
+    overrides: Sequence[str] = (),
+    write: bool = True,
+) -> str:
+    """Identify the constants of a material from the resonances of a part.
+
+    Args:
+        scene: path of the scene.
+        peaks: see ``read_peaks``.
+        part: name of the part; may be left out where the scene has one.
+        material: of the part; may be left out for its lining, or where it has one material.
+        supported: with the supports, springs and masses of the part's faces; free if not.
+        prior: standard deviation of the logarithm of each constant around the scene's.
+        error: standard deviation of the logarithm of a frequency.
+        directory: where constants.csv, peaks.csv and random.toml are written; SCENE-identified in
+            the working directory if not given.
+        overrides: "key=value" replacements in the scene.
+        write: whether this process writes the files.
+
+    Returns:
+        Tables for the terminal.
+
+    Raises:
+        SceneError: scene, peaks, part or material is wrong; nothing was written.
+    """
+    if not (prior > 0 and error > 0):
+        raise SceneError(f"--prior {prior:g}, --error {error:g}: must be positive")
+    parsed = read_scene(scene, overrides)
+    part = part_name(parsed, part)
+    material = _material(parsed, part, material)
+    specimens = read_peaks(peaks)
+    highest = BEYOND * max(s.frequency[-1] for s in specimens)
+    body = VariedBody(parsed, part, material, highest, supported)
+    lowest = fill_basis(body, prior)
+    where = f"{peaks}: part {part!r}"
+    if lowest is None:
+        raise SceneError(
+            f"{where} has no mode below {highest:.4g} Hz, {BEYOND} times the highest peak; name the"
+            " column frequency_khz if it is in kHz, or check materials and dimensions"
+        )
+    specimens = [_above(where, s, lowest * np.exp(-3 * prior), body) for s in specimens]
+    each = [identified(body, s.frequency, prior, error) for s in specimens]
+    for s, end in zip(specimens, each, strict=True):
+        _say_misfit(s, end, error)
+    theta, covariance = _pooled(each)
+    shown = _constants(parsed, material, body, theta, covariance, prior)
+    losses = [_loss(parsed, part, material, *pair) for pair in zip(specimens, each, strict=True)]
+    rows = [row for pair in zip(specimens, each, strict=True) for row in _peak_rows(*pair)]
+    folder = Path(directory or Path.cwd() / f"{parsed.file.stem}-identified")
+    block = _block(material, body.names, theta, covariance, np.array(losses))
+    if write:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_rows(folder / "constants.csv", CONSTANTS, shown)
+        write_rows(folder / "peaks.csv", PEAKS, rows)
+        with whole_file(folder / "random.toml") as file:
+            file.write_text(block, encoding="utf-8")
+    return "\n".join(
+        [text_table(PEAKS, rows), "", text_table(CONSTANTS, shown), *_undetermined(shown), "",
+         block, f"wrote {folder / 'random.toml'}"]
+    )  # fmt: skip
+
+
+def _material(scene: Scene, part: str, name: str | None) -> str:
+    """The material that was named, the lining's, or the only one."""
+    used = scene.parts[part].material
+    layers = {"": used} if isinstance(used, str) else used
+    known = sorted({*layers.values()})
+    chosen = name or layers.get("lining") or (known[0] if len(known) == 1 else None)
+    if chosen not in known:
+        said = "name one with --material" if name is None else f"--material {name}: not of the part"
+        raise SceneError(
+            f"{scene.file}: parts.{part}: has the materials {', '.join(known)}; {said}"
+        )
+    return str(chosen)
+
+
+def _above(where: str, peaks: Peaks, limit: float, body: VariedBody) -> Peaks:
+    """The peaks that may be elastic modes."""
+    low = peaks.frequency < limit
+    if low.any():
+        logger.warning(
+            "%s: specimen %s: %d peaks below %.4g Hz left out: below the first mode whatever the"
+            " constants, taken as rigid-body motions", where, peaks.specimen, low.sum(), limit,
+        )  # fmt: skip
+    kept = Peaks(peaks.specimen, peaks.frequency[~low], peaks.q[~low])
+    if kept.frequency.size < len(body.names):
+        logger.warning(
+            "%s: specimen %s: %d peaks for %d constants (%s): they determine no more than %d"
+            " combinations", where, peaks.specimen, kept.frequency.size, len(body.names),
+            ", ".join(body.names), kept.frequency.size,
+        )  # fmt: skip
+    return kept
+
+
+def _say_misfit(peaks: Peaks, end: Posterior, error: float) -> None:
+    used = end.mode >= 0
+    off = np.log(peaks.frequency[used] / end.modes.frequency[end.mode[used]])
+    rms = float(np.sqrt(np.mean(off**2))) if used.any() else 0.0
+    logger.info(
+        "specimen %s: %d of %d peaks have a mode, rms %.3g %%; %d steps, basis within %.1e",
+        peaks.specimen, used.sum(), used.size, 100 * rms, end.steps, end.basis_error,
+    )  # fmt: skip
+    if rms > 1.5 * error or used.sum() < 0.8 * used.size:
+        logger.warning(
+            "specimen %s: the model does not fit within the stated error of %.3g %%: the intervals"
+            " are too narrow; check dimensions, density and layers, or state a larger --error",
+            peaks.specimen, 100 * error,
+        )  # fmt: skip
+
+
+def _pooled(each: Sequence[Posterior]) -> tuple[Array, Array]:
+    """Mean and covariance of the logarithms for a next specimen."""
+    means = np.array([end.theta for end in each])
+    covariance = np.mean([end.covariance for end in each], axis=0)
+    if len(each) > 1:
+        covariance = covariance + np.atleast_2d(np.cov(means.T))
+    return means.mean(axis=0), covariance
+
+
+def _constants(
+    scene: Scene, material: str, body: VariedBody, theta: Array, covariance: Array, prior: float
+) -> list[list[Value]]:
+    rows: list[list[Value]] = []
+    for i, name in enumerate(body.names):
+        sd = float(np.sqrt(covariance[i, i]))
+        ends = np.exp(theta[i] + NORMAL * sd * np.array([0.0, -1.0, 1.0]))
+        unit = "-" if name.startswith("nu") else "Pa"
+        nominal = float(np.exp(body.nominal[i]))
+        rows.append([f"materials.{material}.{name}", unit, nominal, *map(float, ends), sd / prior])
+    return rows
+
+
+def _undetermined(rows: list[list[Value]]) -> list[str]:
+    names = [str(row[0]) for row in rows if float(row[-1] or 0.0) > UNDETERMINED]
+    return [f"not determined by these peaks (as the prior): {', '.join(names)}"] if names else []
+
+
+def _loss(scene: Scene, part: str, material: str, peaks: Peaks, end: Posterior) -> float:
+    """Loss factor from the Q factors: 1 / Q is the mean of the materials', by strain energy."""
+    used = (end.mode >= 0) & np.isfinite(peaks.q)
+    if not used.any():
+        return np.nan
+    share, q = end.modes.share[end.mode[used]], peaks.q[used]
+    table = scene.parts[part].material
+    names = {table} if isinstance(table, str) else {*table.values()}
+    others = [scene.materials[name].loss for name in names - {material}]
+    rest = 1 / q - (1 - share) * (np.mean(others) if others else 0.0)
+    return float(np.sum(share * rest * q**2) / np.sum(share**2 * q**2))
+
+
+def _peak_rows(peaks: Peaks, end: Posterior) -> list[list[Value]]:
+    """Measured peaks with their modes, then modes below the highest one that no peak has."""
+    f = end.modes.frequency
+    rows: list[list[Value]] = []
+    for peak, j in zip(peaks.frequency, end.mode, strict=True):
+        own: list[Value] = [int(j) + 1, float(f[j]), float(f[j] / peak - 1)]
+        rows.append([peaks.specimen, float(peak), *(own if j >= 0 else [None] * 3)])
+    for j in np.setdiff1d(np.flatnonzero(f < peaks.frequency.max(initial=0.0)), end.mode):
+        rows.append([peaks.specimen, None, int(j) + 1, float(f[j]), None])
+    return rows
+
+
+def _block(
+    material: str, names: Sequence[str], theta: Array, covariance: Array, losses: Array
+) -> str:
+    """[samples.random] of a scene with the identified constants."""
+    sd = np.sqrt(np.diag(covariance))
+    correlation = covariance / np.outer(sd, sd)
+    lines = ["[samples.random]"]
+    for i, name in enumerate(names):
+        mean = np.exp(theta[i] + 0.5 * sd[i] ** 2)
+        values = (f"{v:.6g}" for v in (mean, mean * np.sqrt(np.expm1(sd[i] ** 2))))
+        if not name.startswith("nu"):
+            values = (f'"{v} Pa"' for v in values)
+        text = 'law = "lognormal", mean = {}, sd = {}'.format(*values)
+        others = ", ".join(
+            f'"materials.{material}.{names[j]}" = {correlation[i, j]:.4f}' for j in range(i)
+        )
+        text += f", correlation = {{ {others} }}" if others else ""
+        lines.append(f'"materials.{material}.{name}" = {{ {text} }}')
+    if np.isfinite(losses).any():
+        mean = np.nanmean(losses)
+        sd_loss = np.hypot(Q_ERROR * mean, np.nanstd(losses))
+        lines.append(
+            f'"materials.{material}.loss" = {{ law = "lognormal", mean = {mean:.4g}, sd ='
+            f" {sd_loss:.3g} }}"
+        )
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,172 @@
+"""Constants of a material from resonances: Gauss-Newton and Laplace's approximation.
+
+Logarithms of the constants are normal around the scene's, those of the measured frequencies normal
+around the computed ones. Peaks are assigned to modes by the least sum of squares; a peak that is
+farther from every mode than a gate is left out, at the cost of the gate; a mode that nobody heard
+costs what one of ten does. Gauss-Newton starts at
+several constants drawn from the prior, each with two gates, which narrow; the best end counts.
+The covariance is the inverse of the Gauss-Newton matrix there.
+
+Reference: A. Tarantola, Inverse Problem Theory (2005), doi:10.1137/1.9780898717921, section 3.4.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from brake_fenicsx.errors import InaccurateResult, NotConverged
+
+from .varied_body import Modes, VariedBody
+
+Array = NDArray[np.float64]
+# Gates of the first step, the narrowest one in standard errors, and the factor between two steps.
+WIDE, NARROW, NARROWING = (0.3, 0.06), 5.0, 0.5
+STEPS, SETTLED, STARTS = 40, 1e-5, 12
+# A step is at most so many standard deviations of the prior.
+STRIDE = 1.0
+# The basis is enough if frequencies agree with those at full order within this share of the error.
+AGREES = 0.05
+ROUNDS = 6
+# Cost of a mode below the highest peak that nobody heard: one of ten is not. Without it the many
+# modes of a soft body would explain any peaks.
+UNHEARD = 2 * np.log(9.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Posterior:
+    """Constants of one specimen.
+
+    Attributes:
+        theta: logarithms of the constants at the maximum, shape (constants,).
+        covariance: of these, shape (constants, constants).
+        mode: number of the mode of each peak, -1 where it is left out.
+        modes: modes at the maximum.
+        misfit: sum of squares over the variance, prior and gates included.
+        steps: Gauss-Newton steps of the best start.
+        basis_error: largest relative error of a frequency by the basis.
+    """
+
+    theta: Array
+    covariance: Array
+    mode: NDArray[np.intp]
+    modes: Modes
+    misfit: float
+    steps: int
+    basis_error: float = np.nan
+
+
+def assigned(peaks: Array, modes: Array, gate: float) -> NDArray[np.intp]:
+    """Mode of each peak, -1 for none, by the least sum of squares up to a gate.
+
+    Args:
+        peaks: logarithms of measured frequencies, shape (peaks,).
+        modes: of computed ones, shape (modes,).
+        gate: largest distance.
+    """
+    cost = np.minimum((peaks[:, None] - modes) ** 2, gate**2)
+    # A column for each peak that may be left out.
+    cost = np.column_stack([cost, np.full((peaks.size, peaks.size), gate**2)])
+    mode = linear_sum_assignment(cost)[1]
+    near = mode < modes.size
+    near[near] &= np.abs(peaks[near] - modes[mode[near]]) < gate
+    return np.where(near, mode, -1)
+
+
+def identified(body: VariedBody, peaks: Array, prior: float, error: float) -> Posterior:
+    """Constants from the peaks of one specimen.
+
+    Args:
+        body: the body, its basis filled by ``fill_basis``.
+        peaks: measured frequencies, shape (peaks,) [Hz].
+        prior: standard deviation of the logarithm of each constant.
+        error: of the logarithm of a frequency.
+
+    Raises:
+        NotConverged: no start settles, or the basis does not.
+    """
+    rng = np.random.default_rng(0)
+    draws = prior * rng.standard_normal((STARTS - 1, body.nominal.size))
+    starts = body.nominal + np.vstack([np.zeros(body.nominal.size), draws])
+    ends = [_descended(body, peaks, prior, error, s, gate) for s in starts for gate in WIDE]
+    settled = [end for end in ends if end is not None]
+    if not settled:
+        raise NotConverged("Gauss-Newton does not settle from any start; check the peaks")
+    best = min(settled, key=lambda end: end.misfit)
+    for _ in range(ROUNDS):
+        full, computed = body.take_in(best.theta), best.modes.frequency
+        used = best.mode[best.mode >= 0]
+        if used.max(initial=-1) < full.size:
+            off = float(np.abs(computed[used] / full[used] - 1).max(initial=0.0))
+            if off <= AGREES * error:
+                return replace(best, basis_error=off)
+        again = _descended(body, peaks, prior, error, best.theta, 2 * NARROW * error)
+        if again is None:
+            break
+        best = again
+    raise NotConverged("modes at the identified constants do not agree with those at full order")
+
+
+def fill_basis(body: VariedBody, prior: float) -> float | None:
+    """Take in the modes at the scene's constants, and where each of them is larger.
+
+    Returns:
+        The first frequency at the scene's constants [Hz]; None if it lies beyond the highest.
+    """
+    frequency = body.take_in(body.nominal)
+    if not frequency.size:
+        return None
+    for axis in np.eye(body.nominal.size):
+        try:
+            body.take_in(body.nominal + prior * axis)
+        except InaccurateResult:
+            continue  # no material has these
+    return float(frequency[0])
+
+
+def misfit(body: VariedBody, peaks: Array, prior: float, error: float, theta: Array) -> float:
+    """Twice the negative logarithm of the posterior at some constants, but for a constant."""
+    f = body.modes(theta).frequency
+    log_p, log_f, gate = np.log(peaks), np.log(f), NARROW * error
+    return _sums(log_p, log_f, assigned(log_p, log_f, gate), error, gate) + float(
+        np.sum(((theta - body.nominal) / prior) ** 2)
+    )
+
+
+def _sums(peaks: Array, modes: Array, mode: NDArray[np.intp], error: float, gate: float) -> float:
+    """Squares of the peaks over the variance, and what modes that nobody heard cost."""
+    used = mode >= 0
+    rest = np.where(used, peaks - modes[mode], gate)
+    unheard = np.sum(modes < peaks.max(initial=-np.inf)) - np.sum(used)
+    return float(np.sum((rest / error) ** 2)) + UNHEARD * max(float(unheard), 0.0)
+
+
+def _descended(
+    body: VariedBody, peaks: Array, prior: float, error: float, theta: Array, gate: float
+) -> Posterior | None:
+    """Gauss-Newton from one start; None where it does not settle or leaves what is a material."""
+    last: object = None
+    narrow = NARROW * error
+    for step in range(STEPS):
+        try:
+            modes = body.modes(theta)
+        except InaccurateResult:
+            return None
+        log_f = np.log(modes.frequency)
+        mode = assigned(np.log(peaks), log_f, gate)
+        used = mode >= 0
+        J = modes.slope[mode[used]]
+        H = J.T @ J / error**2 + np.eye(theta.size) / prior**2
+        away = (theta - body.nominal) / prior**2
+        move = np.linalg.solve(H, J.T @ (np.log(peaks)[used] - log_f[mode[used]]) / error**2 - away)
+        size = float(np.linalg.norm(move)) / prior
+        if size < SETTLED and gate == narrow and mode.tolist() == last:
+            total = _sums(np.log(peaks), log_f, mode, error, gate)
+            total += float(np.sum(((theta - body.nominal) / prior) ** 2))
+            return Posterior(theta, np.linalg.inv(H), mode, modes, total, step)
+        theta = theta + move * min(1.0, STRIDE / max(size, 1e-300))
+        gate, last = max(narrow, NARROWING * gate), mode.tolist()
+    return None

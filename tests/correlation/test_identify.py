@@ -1,0 +1,182 @@
+"""Constants from resonances: known truths, a random walk over the posterior, mistakes."""
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from brake_fenicsx.cli import main
+from brake_fenicsx.correlation.part_modes import part_modes
+from brake_fenicsx.correlation.peaks import read_peaks
+from brake_fenicsx.correlation.posterior import assigned, fill_basis, identified, misfit
+from brake_fenicsx.correlation.varied_body import VariedBody
+from brake_fenicsx.results.tables import read_rows
+from brake_fenicsx.scene import read_scene
+
+SCENES = Path(__file__).parents[2] / "scripts" / "scenes"
+PAD, BOX = SCENES / "lining_pad.toml", SCENES / "measured" / "aluminium_box.toml"
+COARSE = ["parts.box.size='3 mm'"]
+
+
+def pad_truth(theta, names):
+    """The pad's frequencies at full order, by another path than the basis."""
+    values = zip(names, np.exp(theta), strict=True)
+    scene = read_scene(PAD, [f"materials.lining.{n}='{float(v)} Pa'" for n, v in values])
+    return part_modes(scene, "pad", np.zeros((1, 3)), 14e3).frequency
+
+
+def covered(truths, prior=0.2, error=3e-3):
+    """Share of constants within their 95 % intervals, all peaks assigned to their own modes."""
+    body = VariedBody(read_scene(PAD), "pad", "lining", 1.2 * 14e3, False)
+    fill_basis(body, prior)
+    rng, away = np.random.default_rng(1), []
+    for _ in range(truths):
+        theta = body.nominal + prior * rng.standard_normal(body.nominal.size)
+        exact = pad_truth(theta, body.names)
+        peaks = np.sort(exact * np.exp(error * rng.standard_normal(exact.size)))
+        end = identified(body, peaks, prior, error)
+        assert end.basis_error < 0.05 * error
+        away.append((end.theta - theta) / np.sqrt(np.diag(end.covariance)))
+    return np.mean(np.abs(away) < 1.96)
+
+
+def test_truths_of_a_pad_lie_in_their_intervals():
+    assert covered(3) >= 12 / 15
+
+
+@pytest.mark.slow
+def test_twenty_truths_of_a_pad_lie_in_their_intervals():
+    """95 of 100 expected; 88 is three standard deviations of the binomial below."""
+    assert covered(20) >= 0.88
+
+
+def test_derivatives_are_those_of_differences():
+    body = VariedBody(read_scene(PAD), "pad", "lining", 15e3, False)
+    fill_basis(body, 0.2)
+    theta = body.nominal + 0.1
+    slope, step = body.modes(theta).slope[:8], 1e-5
+    for j, axis in enumerate(np.eye(theta.size)):
+        ends = [np.log(body.modes(theta + s * step * axis).frequency[:8]) for s in (1, -1)]
+        assert np.abs(slope[:, j] - (ends[0] - ends[1]) / (2 * step)).max() < 1e-6
+
+
+def test_laplace_is_what_a_random_walk_finds():
+    """Metropolis over two constants of a box with ten peaks."""
+    prior, error = 0.3, 3e-3
+    body = VariedBody(read_scene(BOX, COARSE), "box", "aluminium", 265e3, False)
+    fill_basis(body, prior)
+    rng = np.random.default_rng(5)
+    peaks = body.modes(body.nominal + np.array([0.1, -0.05])).frequency[:10]
+    peaks = np.sort(peaks * np.exp(error * rng.standard_normal(10)))
+    end = identified(body, peaks, prior, error)
+    root = np.linalg.cholesky(end.covariance)
+    theta, value, walk = end.theta, misfit(body, peaks, prior, error, end.theta), []
+    for _ in range(6000):
+        other = theta + 1.7 * root @ rng.standard_normal(2)
+        new = misfit(body, peaks, prior, error, other)
+        if np.log(rng.random()) < 0.5 * (value - new):
+            theta, value = other, new
+        walk.append(theta)
+    sd = np.sqrt(np.diag(end.covariance))
+    assert np.abs((np.mean(walk, axis=0) - end.theta) / sd).max() < 0.25
+    assert np.abs(np.std(walk, axis=0) / sd - 1).max() < 0.15
+
+
+@pytest.mark.slow
+def test_constants_of_the_aluminium_box():
+    """As Rayleigh-Ritz finds from the same peaks: C11 = 109.2 +- .8, C44 = 26.65 +- .03 GPa."""
+    changes = ["parts.box.size='1.5 mm'", "materials.aluminium.C11='130 GPa'",
+               "materials.aluminium.C12='70 GPa'"]  # fmt: skip
+    (peaks,) = read_peaks(BOX.with_suffix(".csv"))
+    highest = 1.2 * peaks.frequency[-1]
+    body = VariedBody(read_scene(BOX, changes), "box", "aluminium", highest, False)
+    fill_basis(body, 0.3)
+    end = identified(body, peaks.frequency, 0.3, 2.5e-3)
+    C11, C12 = np.exp(end.theta) / 1e9
+    # The mesh is 0.1 % too stiff at the highest modes.
+    assert abs(C11 - 109.2) < 1.6 and abs(0.5 * (C11 - C12) - 26.65) < 0.09
+    assert np.all(end.mode[:30] == np.arange(30)) and np.all(end.mode[30:] >= 32)
+
+
+def test_peaks_are_assigned_over_gaps_and_strangers():
+    modes = np.log([100.0, 102, 130, 150, 151, 180])
+    peaks = np.log([100.4, 131, 140, 150.9, 150.2])
+    assert assigned(peaks, modes, 0.02).tolist() == [0, 2, -1, 4, 3]
+
+
+def run(folder, text, capsys, *words):
+    folder.mkdir(exist_ok=True)
+    (folder / "peaks.csv").write_text(text)
+    status = main(["identify", str(BOX), "--peaks", str(folder / "peaks.csv"), "-o",
+                   str(folder / "out"), "--set", COARSE[0], *words])  # fmt: skip
+    return status, capsys.readouterr()
+
+
+def box_peaks(scale=1.0):
+    scene = read_scene(BOX, COARSE)
+    return scale * part_modes(scene, "box", np.zeros((1, 3)), 190e3).frequency[:8]
+
+
+def test_command_with_two_specimens_and_q(tmp_path, capsys):
+    """Scatter of two boxes, a loss factor, a peak that is no mode, one that nobody heard."""
+    lines = ["specimen,frequency_hz,q"]
+    for name, scale in (("a", 0.98), ("b", 1.02)):
+        f = box_peaks(scale)
+        lines += [f"{name},{x},200" for x in np.delete(f, 3)] + [f"{name},{1.04 * f[0]},"]
+    status, _ = run(tmp_path, "\n".join(lines), capsys)
+    assert status == 0
+    rows = read_rows(tmp_path / "out" / "constants.csv")
+    assert [row["constant"] for row in rows] == [
+        "materials.aluminium.C11",
+        "materials.aluminium.C12",
+    ]
+    assert rows[0]["identified"] == pytest.approx(rows[0]["scene"], rel=0.01)
+    table = read_rows(tmp_path / "out" / "peaks.csv")
+    assert sum(row["mode"] is None for row in table) == 2
+    assert sum(row["peak_hz"] is None and row["mode"] == 4 for row in table) == 2
+    block = tomllib.loads((tmp_path / "out" / "random.toml").read_text())["samples"]["random"]
+    assert block["materials.aluminium.loss"]["mean"] == pytest.approx(1 / 200, rel=1e-3)
+    # Frequencies 4 % apart are stiffnesses 8 % apart, as the standard deviation of two 5.7 %.
+    scatter = block["materials.aluminium.C11"]
+    assert float(scatter["sd"].split()[0]) / float(scatter["mean"].split()[0]) > 0.055
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("frequency_hz\n116.7\n143.8\n158\n", "name the column frequency_khz if it is in kHz"),
+        ("frequency\n116.7\n", "the heading is frequency; write one of frequency_hz"),
+        ("frequency_hz\n1e5\n-3\n", "peak 2: frequency_hz = '-3': write a positive number"),
+        ("frequency_hz\n", "contains no peak"),
+    ],
+)
+def test_mistakes_are_one_line(text, said, tmp_path, capsys):
+    status, out = run(tmp_path, text, capsys)
+    assert status == 2 and said in out.err and out.err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_doubtful_peaks_are_warned_of(tmp_path, capsys):
+    """One peak for two constants, one of the thread; one twice."""
+    f = box_peaks()
+    status, out = run(tmp_path, f"frequency_hz\n40\n{f[0]}\n", capsys)
+    said = out.out + out.err
+    assert status == 0
+    assert "1 peaks below" in said and "no more than 1 combinations" in said
+    assert "not determined by these peaks (as the prior): materials.aluminium.C12" in said
+    status, out = run(tmp_path, f"frequency_hz\n{f[0]}\n{f[0] * 1.00001}\n{f[1]}\n", capsys)
+    assert status == 0 and "are taken as two modes" in out.err + out.out
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--material", "gold"], "has the materials aluminium; --material gold: not of the part"),
+        (["--error", "0"], "must be positive"),
+        (["--part", "disc"], "no such part"),
+    ],
+)
+def test_words_that_are_wrong(words, said, tmp_path, capsys):
+    status, out = run(tmp_path, "frequency_hz\n116700\n143800\n", capsys, *words)
+    assert status == 2 and said in out.err
