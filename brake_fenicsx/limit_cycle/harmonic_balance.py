@@ -117,7 +117,7 @@ class Vibration:
     @property
     def lam(self) -> Complex:
         """Lambda of each harmonic [1/s]."""
-        out = 1j * self.s.imag * np.arange(self.y.shape[1])
+        out: Complex = np.asarray(1j * self.s.imag * np.arange(self.y.shape[1]), complex)
         out[1] = self.s
         return out
 
@@ -261,7 +261,8 @@ class _Harmonic:
         """
         self._E = la.lu_factor(np.eye(len(r.D)) + through(r.D, J), check_finite=False)
         self._lead, self.seen = through(r.lead, J), self._contact(r.source)
-        T, self._row, self._shift = r.own + self._lead @ self.seen, None, np.zeros((1, 1), complex)
+        T, self._row = r.own + self._lead @ self.seen, None
+        self._shift: Complex = np.zeros((1, 1), complex)
         if border is not None:
             m, (column, self._row) = len(T), border
             self._shift = self._contact(column[m:, None])

@@ -44,8 +44,9 @@ class ReducedBodies:
         count, rows, columns = len(views[0].D), f * seen.size, g * elements.size
         self._own = np.zeros((len(views[0].modal), size, size))
         self._coupling = np.zeros((count, size, size))
-        self._lead = np.zeros((count, size, columns))
-        self._source, self._D = np.zeros((count, rows, size)), np.zeros((count, rows, columns))
+        self._lead: Array = np.zeros((count, size, columns))
+        self._source: Array = np.zeros((count, rows, size))
+        self._D: Array = np.zeros((count, rows, columns))
         for body, view in zip(model.bodies, views, strict=True):
             comp, modes, m = body.component, body.modes, body.elements.size
             own, place = _shared(body.elements, seen).rows(f, m, seen.size)
@@ -75,9 +76,10 @@ class ReducedBodies:
         held = z * min(1.0, self._held / abs(z))
         powers = held ** np.arange(len(self._D))
         own, lead, source, D = (
-            np.tensordot(powers, A, 1) for A in (self._coupling, self._lead, self._source, self._D)
+            np.asarray(np.tensordot(powers, A, 1), complex)
+            for A in (self._coupling, self._lead, self._source, self._D)
         )
-        own = own + np.tensordot(z ** np.arange(len(self._own)), self._own, 1)
+        own = own + np.asarray(np.tensordot(z ** np.arange(len(self._own)), self._own, 1), complex)
         return Response(own, lead, source, D)
 
 

@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from rayleigh_ritz import box_frequencies
 
 from brake_fenicsx.correlation.part_modes import part_modes
 from brake_fenicsx.macro.material_table import stiffness
 from brake_fenicsx.scene import read_scene
+from rayleigh_ritz import box_frequencies
 
 ROOT = Path(__file__).parents[2]
 SCENES = ROOT / "scripts" / "scenes" / "measured"
