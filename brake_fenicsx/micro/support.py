@@ -29,7 +29,7 @@ class LawSupport:
         pressure: mean pressures [Pa], shape (m,).
         scan_pixels: pixels of the scans that are higher than what touches, median, shape (m,).
         grid_pixels: pixels of a patch that touch, median, shape (m,).
-        k: 5, 50 and 95 % of the secant stiffness of loading [Pa/m], shape (3, m).
+        k: 5, 50 and 95 % of the secant stiffness of loading of another scan [Pa/m], shape (3, m).
         v: the same of the stiffness of vibrations [Pa/m], shape (3, m).
     """
 
@@ -78,15 +78,21 @@ def drawn_law(recipe: LawRecipe, stats: SurfaceStatistics, seed: int, number: in
 
 
 def law_support(draws: Sequence[Array]) -> LawSupport:
-    """Quantiles over draws.
+    """Medians over draws, and the bands in which another scan lies.
+
+    Draws scatter about this scan as this scan does about the surface: the logarithm of the ratio of
+    two scans has twice their variance.
 
     Args:
         draws: what ``drawn_law`` returns.
     """
-    every = np.array(draws)
-    low, middle, high = np.quantile(every, [0.05, 0.5, 0.95], axis=0)
-    band = np.stack([low, middle, high])
-    return LawSupport(np.array(PRESSURES), middle[0], middle[1], band[:, 2], band[:, 3])
+    scan, grid, k, v = np.swapaxes(draws, 0, 1)
+    bands = []
+    for stiffness in (k, v):
+        ends = np.quantile(stiffness, [0.05, 0.5, 0.95], axis=0)
+        bands.append(ends[1] * (ends / ends[1]) ** np.sqrt(2.0))
+    medians = np.median(scan, axis=0), np.median(grid, axis=0)
+    return LawSupport(np.array(PRESSURES), *medians, *bands)
 
 
 def secant(steps: LawSteps) -> Array:

@@ -65,10 +65,16 @@ def test_few_pixels_are_warned_of():
 
 @pytest.mark.slow
 def test_laws_of_other_scans_lie_in_the_band():
-    """Bands of six scans hold the median law of all: 90 % bands, at most one in five misses."""
+    """Bands of six scans hold the median law of all, and those of the others: nine in ten."""
     bands = [law_support(drawn(scan(seed), 30)) for seed in range(6)]
     for name in ("k", "v"):
         every = np.array([getattr(b, name) for b in bands])
         truth = np.median(every[:, 1], axis=0)
         inside = (every[:, 0] <= truth) & (truth <= every[:, 2])
         assert inside.mean() > 0.8, (name, inside)
+        # Laws of 30 pairs at four pressures, of which only six scans are independent.
+        others = np.array([
+            (every[i, 0] <= every[j, 1]) & (every[j, 1] <= every[i, 2])
+            for i in range(6) for j in range(6) if i != j
+        ])  # fmt: skip
+        assert others.mean() > 0.75, (name, others.mean())
