@@ -146,7 +146,7 @@ def check_results(folder, count):
 
 def test_a_run_of_several_scans(scene, tmp_path, without_pixels):
     """From three scans to laws, tables, figures and page."""
-    more = '[micro]\npatch = "0.8 mm"\npixels = 48\nlaws = 2\nhardness = "200 MPa"'
+    more = '[micro]\npatch = "0.8 mm"\npixels = 48\nlaws = 2\nscans = 2\nhardness = "200 MPa"'
     file = scene(more=more, stages='["surface", "micro", "report"]').file
     run(file, MPI.COMM_SELF, tmp_path / "out")
     check_results(tmp_path / "out", 3)

@@ -22,7 +22,7 @@ SMALL = [
     "stages=['surface','micro','equilibrium','stability','uncertainty']",
     f"surface.scan='{(SCENES / 'pad_scan.npz').as_posix()}'", "contact.block_plate.gap=hdf",
     "contact.block_plate.law=library", "micro.E='1983.3 MPa'", "micro.nu=0.4054",
-    "micro.patch='2.8 mm'", "micro.pixels=32", "micro.laws=3",
+    "micro.patch='2.8 mm'", "micro.pixels=32", "micro.laws=3", "micro.scans=0",
     "parts.block.size='14 mm'", "parts.plate.size='20 mm'", "samples.n=2", "samples.seed=1",
     "stability.method=reduced", "stability.band=['0 Hz','20 kHz']",
 ]  # fmt: skip
