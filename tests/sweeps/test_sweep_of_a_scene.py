@@ -27,8 +27,8 @@ ROUGH = [
     "stages=['surface','equilibrium','stability','uncertainty']",
     "surface.statistics={ S_q = '0.05 um' }", "contact.block_plate.gap=hdf",
     "contact.block_plate.law={ p0 = '10 MPa', u0 = '0.05 um' }",
-    "parts.block.size='14 mm'", "parts.plate.size='20 mm'",
-    "stability.band=['0 Hz','30 kHz']", "stability.method=reduced", "stability.threshold=1e-3",
+    "parts.block.size='10 mm'", "parts.plate.size='14 mm'",
+    "stability.band=['0 Hz','20 kHz']", "stability.method=reduced", "stability.threshold=1e-3",
     "samples.approaches=['multi-scale','classical']", "samples.n=4",
 ]  # fmt: skip
 VALUES = "{ start = 0.0, stop = 0.8, steps = 9 }"
@@ -155,7 +155,7 @@ def test_chart_over_two_parameters(tmp_path):
     """Every point of the chart is a run with these two values."""
     out = tmp_path / "out"
     load = "sweep.parameters.\"loads.block.top.pressure\"={ values=['2 bar', '5 bar'] }"
-    friction = f'sweep.parameters."{KEY}"={{ values=[0.2, 0.8] }}'
+    friction = f'sweep.parameters."{KEY}"={{ values=[0.4, 0.6] }}'
     changes = [c for c in ROUGH if not c.startswith("stages")]
     stages = "stages=['surface','equilibrium','stability']"
     run(BLOCK, COMM, out, [*changes, stages, "samples.n=1", friction, load])
