@@ -138,6 +138,8 @@ def test_several_processes_name_the_same(comm):
 def test_shipped_scenes_hold_all_their_parts(path):
     if path.stem in ("disc_brake_resolved", "disc_brake_study"):
         pytest.skip("the disc brake of disc_brake.toml, finer")
+    if path.stem == "lining_pad":
+        pytest.skip("a pad by itself, which `identify` rings freely")
     found, brake = checked(scene=path)
     assert found == [] and not any("are glued" in line for line in brake.elastic.doubts)
 
