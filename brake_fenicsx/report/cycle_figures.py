@@ -118,12 +118,13 @@ def _loudest(run: RunData, approach: str) -> list[int]:
 def _doubts(cycles: Columns) -> list[str]:
     """What single cycles cannot say, counted."""
     outcome, ended = cycles["outcome"], np.isin(cycles["outcome"], ("stable", "undamped"))
+    none = np.array([text == "failed" or text.startswith("none") for text in map(str, outcome)])
     fast = np.nan_to_num(cycles["slip_over_speed"]) > 1
     counts = {
         "{} cycles exceed the sliding speed.": ended & fast,
         "{} have no damping: growth ends there, but no vibration settles.": outcome == "undamped",
         "{} modes grow beyond the largest amplitude, or their branch is lost: they have no"
-        " number.": np.char.startswith(outcome, "none") | (outcome == "failed"),
+        " number.": none,
         "{} cycles are thresholds of a kick beyond which a vibration grows.": outcome == "unstable",
     }  # fmt: skip
     return [text.format(int(n.sum())) for text, n in counts.items() if n.any()]
