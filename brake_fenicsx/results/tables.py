@@ -146,7 +146,7 @@ def read_columns(path: str | Path, required: Sequence[str] = ()) -> Columns:
         low_memory=False,
     )  # fmt: skip
     return {
-        name: column.fillna("").to_numpy(str) if column.dtype == object else column.to_numpy()
+        name: column.fillna("").to_numpy(str) if column.dtype.kind == "O" else column.to_numpy()
         for name, column in table.items()
     }
 
