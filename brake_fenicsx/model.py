@@ -136,8 +136,9 @@ class Model:
         points = np.array([found["branch_amplitude"], found["branch_s"]])
         rows = zip(found["cycle_mode"], found["cycle_kind"], found["cycle_values"], strict=True)
         names = ("mode", "outcome", "branch", *map(str, found["cycle_names"]))
+        branch = {i: points[:, found["branch_mode"] == i] for i in found["cycle_mode"]}
         return [
-            dict(zip(names, (int(i), str(kind), points[:, found["branch_mode"] == i], *values)))  # noqa: B905
+            dict(zip(names, (int(i), str(kind), branch[i], *values), strict=True))
             for i, kind, values in rows
         ]
 

@@ -592,14 +592,19 @@ def report(directory: Path, comm: MPI.Comm = MPI.COMM_SELF) -> None:
     from brake_fenicsx.report.overview import summary_table
     from brake_fenicsx.report.surface_section import write_surface_tables
     from brake_fenicsx.results.answer import write_tables
-    from brake_fenicsx.results.run import read_run
+    from brake_fenicsx.results.run import RunData, read_run
 
     on_first(lambda: contact_maps(directory), comm)
-    draws = min(comm.size, DRAWING)
-    list(in_turns(draws, lambda i: make_figures(directory, slice(i, None, draws)), comm))
+    draws, held = min(comm.size, DRAWING), list[RunData]()
+
+    def draw(i: int) -> None:
+        held.append(read_run(directory))
+        make_figures(held[0], slice(i, None, draws))
+
+    list(in_turns(draws, draw, comm))
     if comm.rank > 0:
         return
-    data = read_run(directory)
+    (data,) = held
     # Those of an earlier run with other stages or keys.
     shutil.rmtree(directory / "tables", ignore_errors=True)
     write_tables(data)

@@ -1,9 +1,8 @@
 """Modes of a part against those of its test: table, MAC matrix and picture.
 
-Pairs of measured and computed modes by the modal assurance criterion (MAC).
-
-Computed modes of nearly equal frequencies, as the doublets of a disc, span a plane in which any
-combination is a mode: a measured shape is compared with its best approximation in it.
+Measured and computed modes are paired by the modal assurance criterion (MAC). Computed modes of
+nearly equal frequencies, as the doublets of a disc, span a plane in which any combination is a
+mode: a measured shape is compared with its best approximation in it.
 
 Reference: R. J. Allemang, Sound and Vibration 37(8) (2003) 14.
 """
@@ -31,12 +30,12 @@ from .part_modes import PartModes, part_modes, shapes_at
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 # Least MAC of a pair; largest ratio of its frequencies; frequencies of a doublet differ by less.
 LEAST, FARTHEST, DOUBLET = 0.5, 2.0, 5e-3
 # A combination of a doublet counts if the measured directions see this share of the one seen best.
 SEEN = 0.1
-Array = NDArray[np.float64]
 # Modes are computed up to this multiple of the highest measured frequency.
 BEYOND = 1.3
 COLUMNS = (

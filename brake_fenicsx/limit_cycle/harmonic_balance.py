@@ -216,10 +216,10 @@ class HarmonicBalance:
         found, phase = guess, self._weights * guess.y[:, 1].conj() / self.size(guess.y[:, 1])
         factors, along, last = None, None, 0.0
         for iteration in range(1, ITERATIONS + 1):
-            factors = factors or _Factors(self, found, phase)
-            system = _Linearised(self, found, phase, factors)
-            along = along or system.with_amplitude()
-            fixed = system.step()
+            system = _Linearised(self, found, phase)
+            factors = factors or _Factors(system)
+            along = along or system.with_amplitude(factors)
+            fixed = system.step(factors)
             value, to_alpha, to_amplitude = condition(found.moved(fixed))
             slope = to_alpha * along.s.real + to_amplitude * along.amplitude
             step = -value / slope if slope else np.inf
@@ -308,21 +308,19 @@ class _Factors:
         shifted: what a unit change of lambda moves, shape (harmonics + 1, rows + 1).
     """
 
-    def __init__(self, problem: HarmonicBalance, at: Vibration, phase: NDArray):
-        lam = at.lam
-        F, tangent = problem.contact(at)
-        responses = [problem.bodies.at(s) for s in lam]
+    def __init__(self, system: _Linearised):
+        at = system.at
         step = DIFFERENCE * abs(at.s)
-        moved = [problem.bodies.at(s + step) for s in lam]
-        self.slope = (residual(moved, at, F) - residual(responses, at, F)) / step
-        self.J = np.array([tangent.mean(s) for s in lam])
-        border = self.slope[:, 1], phase
+        moved = [system.problem.bodies.at(s + step) for s in at.lam]
+        self.slope = (residual(moved, at, system.F) - system.residual) / step
+        self.J = np.array([system.tangent.mean(s) for s in at.lam])
+        border = self.slope[:, 1], system.phase
         self.harmonics = [
             _Harmonic(r, J, border if n == 1 else None)
-            for n, (r, J) in enumerate(zip(responses, self.J, strict=True))
+            for n, (r, J) in enumerate(zip(system.responses, self.J, strict=True))
         ]
         G, shifted = [], []
-        for n, (r, harmonic) in enumerate(zip(responses, self.harmonics, strict=True)):
+        for n, (r, harmonic) in enumerate(zip(system.responses, self.harmonics, strict=True)):
             loads = np.hstack([np.vstack([r.lead, r.D]), self.slope[:, [n]] * (n != 1)])
             loads = np.vstack([loads, np.zeros(loads.shape[1])])
             columns = harmonic.solve(loads)
@@ -349,36 +347,47 @@ def residual(responses: list[Response], at: Vibration, F: Complex) -> Complex:
 
 
 class _Linearised:
-    """Newton's linear system about a vibration, on the motions of the contact and lambda alone."""
+    """Newton's linear system about a vibration, on the motions of the contact and lambda alone.
 
-    def __init__(self, problem: HarmonicBalance, at: Vibration, phase: NDArray, factors: _Factors):
-        self._problem, self._at, self._phase, self._factors = problem, at, phase, factors
-        F, self._tangent = problem.contact(at)
-        self._residual = residual([problem.bodies.at(s) for s in at.lam], at, F)
+    Attributes:
+        problem: the equations.
+        at: the vibration.
+        phase: row of the first harmonic's motions that fixes phase and amplitude.
+        F: harmonics of the forces.
+        tangent: of the forces.
+        responses: the bodies at each harmonic.
+        residual: what is not in balance.
+    """
 
-    def step(self) -> Change:
+    def __init__(self, problem: HarmonicBalance, at: Vibration, phase: NDArray):
+        self.problem, self.at, self.phase = problem, at, phase
+        self.F, self.tangent = problem.contact(at)
+        self.responses = [problem.bodies.at(s) for s in at.lam]
+        self.residual = residual(self.responses, at, self.F)
+
+    def step(self, factors: _Factors) -> Change:
         """Newton's step at the amplitude."""
-        missing = complex(self._at.amplitude - self._phase @ self._at.y[:, 1])
-        return self._solved(self._factors.solve(-self._residual, missing), 0.0)
+        missing = complex(self.at.amplitude - self.phase @ self.at.y[:, 1])
+        return self._solved(factors, factors.solve(-self.residual, missing), 0.0)
 
-    def with_amplitude(self) -> Change:
+    def with_amplitude(self, factors: _Factors) -> Change:
         """The change with the amplitude."""
-        return self._solved(self._factors.solve(0 * self._residual, 1.0), 1.0)
+        return self._solved(factors, factors.solve(0 * self.residual, 1.0), 1.0)
 
-    def _solved(self, x: Complex, amplitude: float) -> Change:
+    def _solved(self, factors: _Factors, x: Complex, amplitude: float) -> Change:
         """The change of which the inverses without the rest of the tangent make x."""
-        m = len(self._at.a)
-        y, s = self._unpacked(self._gmres(self._packed(x[m:-1], x[-1, 1])))
-        more = self._rest(y, s)
+        m = len(self.at.a)
+        y, s = self._unpacked(self._gmres(factors, self._packed(x[m:-1], x[-1, 1])))
+        more = self._rest(factors, y, s)
         return Change(x[:m] + more[:m], y, s, amplitude)
 
-    def _rest(self, y: Complex, s: complex) -> Complex:
+    def _rest(self, factors: _Factors, y: Complex, s: complex) -> Complex:
         """What the inverses make of the rest of the tangent, shape (rows + 1, harmonics + 1)."""
-        problem, factors, at = self._problem, self._factors, self._at
+        problem, at = self.problem, self.at
         moved = 1j * s.imag * np.arange(y.shape[1])
         moved[1] = s
         dv = problem.over_time(at.lam * y + moved * at.y)
-        dF = problem.harmonics_of(self._tangent.times(problem.over_time(y), dv))
+        dF = problem.harmonics_of(self.tangent.times(problem.over_time(y), dv))
         _, g, f, c = factors.J.shape
         held = np.einsum("ngfc,fcn->gcn", factors.J, y.reshape(f, c, -1)).reshape(g * c, -1)
         return (
@@ -386,9 +395,9 @@ class _Linearised:
             - factors.shifted * moved[:, None]
         ).T
 
-    def _times(self, v: Array) -> Array:
+    def _times(self, factors: _Factors, v: Array) -> Array:
         y, s = self._unpacked(v)
-        rest = self._rest(y, s)[-len(y) - 1 :]
+        rest = self._rest(factors, y, s)[-len(y) - 1 :]
         return self._packed(y - rest[:-1], s - rest[-1, 1])
 
     def _packed(self, x: Complex, s: complex) -> Array:
@@ -397,24 +406,24 @@ class _Linearised:
         return np.concatenate([*parts, [s.real, complex(s).imag]])
 
     def _unpacked(self, v: Array) -> tuple[Complex, complex]:
-        rows, H = self._at.y.shape[0], self._problem.harmonics
+        rows, H = self.at.y.shape[0], self.problem.harmonics
         x = np.zeros((rows, H + 1), complex)
         x[:, 0] = v[:rows]
         both = v[rows:-2].reshape(2, rows, H)
         x[:, 1:] = both[0] + 1j * both[1]
         return x, complex(v[-2], v[-1])
 
-    def _gmres(self, b: Array) -> Array:
+    def _gmres(self, factors: _Factors, b: Array) -> Array:
         """Solution by GMRES (Saad and Schultz, SIAM J. Sci. Stat. Comput. 7, 1986)."""
-        size, scale = la.norm(b), np.ones(b.size)
+        scale = np.ones(b.size)
         # Lambda and motions in units of the vibration.
-        scale[:-2], scale[-2:] = la.norm(self._at.y), abs(self._at.s)
+        scale[:-2], scale[-2:] = la.norm(self.at.y), abs(self.at.s)
         b = b / scale
         size = la.norm(b)
         Q, H = np.zeros((VECTORS + 1, b.size)), np.zeros((VECTORS + 1, VECTORS))
         Q[0] = b / size
         for j in range(min(VECTORS, b.size)):
-            w = self._times(scale * Q[j]) / scale
+            w = self._times(factors, scale * Q[j]) / scale
             for _ in range(2):
                 share = Q[: j + 1] @ w
                 w, H[: j + 1, j] = w - share @ Q[: j + 1], H[: j + 1, j] + share

@@ -21,13 +21,14 @@ from brake_fenicsx import compat
 from .faces import Face
 from .projection import EDGE, project, search
 
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
 # A triangle cut by three half planes has six corners at most. Where corners coincide to rounding,
 # edges may seem to cross a line more than twice: three cuts then make 4, 6 and 9 corners at most.
 CORNERS = 9
 # Middles of the edges of the reference triangle.
 MIDDLES = (np.array([[0.5, 0.0], [0.5, 0.5], [0.0, 0.5]]), np.full(3, 1 / 6))
-Array = NDArray[np.float64]
-Index = NDArray[np.int64]
 
 
 def clip_triangles(subject: Array, window: Array) -> tuple[Array, NDArray[np.int64]]:

@@ -40,27 +40,28 @@ def write_cycles(folder: Path, results: Results) -> None:
 
 
 def _cycles(results: Results) -> Iterator[list[Any]]:
-    for task in results.good():
-        data, family = results.stored[task], results.families.get(task)
-        if "cycle_mode" not in data or family is None:
-            continue
-        rows = zip(data["cycle_mode"], data["cycle_kind"], data["cycle_values"], strict=True)
-        for mode, kind, values in rows:
-            s = complex(data["s"][mode])
-            numbers = (float(v) if np.isfinite(v) else None for v in values)
-            place = *task, int(family[mode]), int(mode)
-            yield [*place, s.imag / (2 * np.pi), s.real, str(kind), *numbers]
+    columns = ("cycle_mode", "cycle_kind", "cycle_values")
+    for place, s, (kind, values) in _stored(results, columns):
+        numbers = (float(v) if np.isfinite(v) else None for v in values)
+        yield [*place, s.imag / (2 * np.pi), s.real, str(kind), *numbers]
 
 
 def _growth(results: Results) -> Iterator[list[Any]]:
+    columns = ("branch_mode", "branch_amplitude", "branch_s")
+    for place, _, (a, s) in _stored(results, columns):
+        yield [*place, 1e6 * float(a), float(s.real), float(s.imag / (2 * np.pi))]
+
+
+def _stored(
+    results: Results, columns: tuple[str, ...]
+) -> Iterator[tuple[list[Any], complex, list[Any]]]:
+    """Values of ``MODE`` of each stored row, the linear eigenvalue, and the other columns."""
     for task in results.good():
         data, family = results.stored[task], results.families.get(task)
-        if "branch_mode" not in data or family is None:
+        if columns[0] not in data or family is None:
             continue
-        points = zip(data["branch_mode"], data["branch_amplitude"], data["branch_s"], strict=True)
-        for mode, a, s in points:
-            place = *task, int(family[mode]), int(mode)
-            yield [*place, 1e6 * float(a), float(s.real), float(s.imag / (2 * np.pi))]
+        for mode, *values in zip(*(data[name] for name in columns), strict=True):
+            yield [*task, int(family[mode]), int(mode)], complex(data["s"][mode]), values
 
 
 def _families(rows: list[list[Any]]) -> list[list[Any]]:
