@@ -40,6 +40,18 @@ def done(tmp_path_factory):
     return folder
 
 
+def same_numbers(folder, other, tables):
+    """Tables are equal within the solvers' tolerances."""
+    for name in tables:
+        one, two = (read_columns(where / name) for where in (folder, other))
+        for column, values in two.items():
+            if values.dtype.kind == "f":
+                small = 1e-6 * np.nanmax(np.abs(values))
+                np.testing.assert_allclose(one[column], values, rtol=1e-4, atol=small)
+            else:
+                assert np.array_equal(one[column], values)
+
+
 def test_tables_say_how_large_and_how_loud(done):
     cycles, growth, families = (read_columns(done / name) for name in TABLES)
     assert [*cycles["outcome"]] == ["stable"] * 2 and set(MEASURES) < {*cycles}
@@ -73,8 +85,13 @@ def test_a_killed_run_goes_on_with_the_same_numbers(done, tmp_path):
         (folder / name).unlink()
     stages = GIVEN[0].replace("'uncertainty'", "'uncertainty','report'")
     run(BLOCK, MPI.COMM_SELF, folder, [stages, *GIVEN[1:]])
-    for name in TABLES:
-        assert (folder / name).read_bytes() == (done / name).read_bytes()
+    same_numbers(folder, done, TABLES)
+    for name in TABLES[:2]:  # what was kept is not computed again
+        kept = [
+            [x for x in (where / name).read_text().splitlines() if x.split(",")[1] == "0"]
+            for where in (folder, done)
+        ]
+        assert kept[0] == kept[1]
 
 
 def test_two_processes_give_the_cycles_of_one(done, tmp_path):
@@ -86,13 +103,7 @@ def test_two_processes_give_the_cycles_of_one(done, tmp_path):
     subprocess.run(
         [*words, str(BLOCK), "-o", str(tmp_path / "two"), *given], check=True, **parallel()
     )
-    for name in TABLES[:2]:
-        one, two = (read_columns(folder / name) for folder in (done, tmp_path / "two"))
-        for column, values in one.items():
-            if values.dtype.kind == "f":
-                np.testing.assert_allclose(two[column], values, rtol=1e-4)
-            else:
-                assert np.array_equal(two[column], values)
+    same_numbers(tmp_path / "two", done, TABLES[:2])
 
 
 def test_python_gives_what_the_table_says(done):
