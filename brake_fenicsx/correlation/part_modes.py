@@ -8,10 +8,12 @@ from mpi4py import MPI
 
 import numpy as np
 import scipy.sparse as sp
+from dolfinx.mesh import exterior_facet_indices
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
+from brake_fenicsx import compat
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.macro.brake import assemble_bodies
 from brake_fenicsx.macro.elasticity import Elastic, FreeDofs
@@ -137,33 +139,23 @@ def _raw_mesh(scene: Scene, name: str) -> RawMesh:
 
 
 def _body(mesh: RawMesh, name: str, near: Array) -> RawMesh:
-    """The body of a part that points lie on; its unnamed boundary facets become a face too."""
-    own = mesh.part(name)
+    """The body of a part that most points lie next to."""
+    own = np.flatnonzero(mesh.part(name))
     cells = mesh.corners[own]
-    rows = np.repeat(np.arange(len(cells)), cells.shape[1])
-    pattern = (np.ones(cells.size), (rows, cells.reshape(-1)))
-    links = sp.csr_matrix(pattern, shape=(len(cells), len(mesh.points)))
-    both = sp.bmat([[None, links], [links.T, None]])
-    number = connected_components(both, directed=False)[1][: len(cells)]
-    away = {
-        i: KDTree(mesh.points[cells[number == i]].reshape(-1, 3)).query(near)[0].max()
-        for i in np.unique(number)
-    }
-    chosen = np.flatnonzero(own)[number == min(away, key=lambda i: away[i])]
+    first = np.repeat(cells[:, 0], cells.shape[1])
+    links = sp.coo_matrix((np.ones(first.size), (first, cells.reshape(-1))), [len(mesh.points)] * 2)
+    body = connected_components(links, directed=False)[1]
+    nodes = np.unique(cells)
+    nearest = nodes[KDTree(mesh.points[nodes]).query(near)[1]]
+    chosen = own[body[cells[:, 0]] == np.bincount(body[nearest]).argmax()]
     layers = {n: tag for n, tag in mesh.layers.items() if n.partition(".")[0] == name}
-    body = replace(
-        mesh, cells=mesh.cells[chosen], cell_tag=mesh.cell_tag[chosen], layers=layers
-    )  # fmt: skip
-    outside = exterior_facets(body, name)
-    kept = np.isin(facet_keys(mesh.facets), facet_keys(outside))
-    unnamed = outside[~np.isin(facet_keys(outside), facet_keys(mesh.facets[kept]))]
-    faces = {n: tag for n, tag in mesh.faces.items() if tag in mesh.facet_tag[kept]}
-    last = 1 + max(mesh.faces.values(), default=0)
-    if len(unnamed):
-        faces[f"{name}.(unnamed)"] = last
-    tags = np.concatenate([mesh.facet_tag[kept], np.full(len(unnamed), last)])
-    facets = np.concatenate([mesh.facets[kept], unnamed])
-    return without_unused_nodes(replace(body, facets=facets, facet_tag=tags, faces=faces))
+    alone = replace(mesh, cells=mesh.cells[chosen], cell_tag=mesh.cell_tag[chosen], layers=layers)
+    kept = np.isin(facet_keys(mesh.facets), facet_keys(exterior_facets(alone, name)))
+    tags = mesh.facet_tag[kept]
+    faces = {n: tag for n, tag in mesh.faces.items() if tag in tags}
+    return without_unused_nodes(
+        replace(alone, facets=mesh.facets[kept], facet_tag=tags, faces=faces)
+    )
 
 
 def shapes_at(modes: PartModes, points: Array) -> tuple[Array, Array, Array]:
@@ -177,22 +169,18 @@ def shapes_at(modes: PartModes, points: Array) -> tuple[Array, Array, Array]:
         Displacements, shape (points, 3, modes); distances to the surface [m], shape (points,);
         largest distance of a node of the facet there from its centre [m], likewise.
     """
-    n, m = len(points), modes.shapes.shape[1]
-    values, size = np.zeros((n, 3, m)), np.zeros(n)
-    distance = np.full(n, np.inf)
+    domain = modes.mesh.domain
+    domain.topology.create_connectivity(2, 3)
+    tags = compat.meshtags(domain, 2, exterior_facet_indices(domain.topology), 1)
+    whole = replace(modes.mesh, facet_tags=tags, faces={"boundary": 1})
+    face = gather_face(whole, modes.free, "boundary")
+    facet, local = _closest(face, points)
     # The last row, which column -1 takes, is of held dofs.
-    padded = np.vstack([modes.shapes, np.zeros((1, m))])
-    for name in modes.mesh.faces:
-        face = gather_face(modes.mesh, modes.free, name)
-        facet, local = _closest(face, points)
-        away = face.surface(facet, local[:, None])[0][:, 0] - points
-        found = np.linalg.norm(away, axis=1)
-        nearer = found < distance
-        at = face.element.shape(local[nearer])
-        columns = face.columns[facet[nearer]]
-        values[nearer] = np.einsum("na,nacm->ncm", at, padded[columns])
-        distance[nearer], size[nearer] = found[nearer], face.radius[facet[nearer]]
-    return values, distance, size
+    padded = np.vstack([modes.shapes, np.zeros((1, modes.shapes.shape[1]))])
+    shape = face.element.shape(local)
+    values = np.einsum("na,nacm->ncm", shape, padded[face.columns[facet]])
+    away = np.einsum("na,nac->nc", shape, face.nodes[facet]) - points
+    return values, np.linalg.norm(away, axis=1), face.radius[facet]
 
 
 def _closest(face: Face, points: Array) -> tuple[NDArray[np.int64], Array]:
@@ -202,18 +190,15 @@ def _closest(face: Face, points: Array) -> tuple[NDArray[np.int64], Array]:
     then leads from the point to the facet, unless it leaves it.
     """
     reference = np.array(face.element.triangles)
-    corner = face.corners[:, reference].reshape(-1, 3, 3)
-    centre, radius = face.centre, face.radius.max()
-    tree = KDTree(centre)
+    corner = face.corners[:, reference]
+    tree, reach = KDTree(face.centre), 2 * face.radius.max()
     facet, local = np.zeros(len(points), dtype=np.int64), np.zeros((len(points), 2))
     for i, x in enumerate(points):
-        near = np.array(tree.query_ball_point(x, (tree.query(x)[0] + 2 * radius) * (1 + 1e-9)))
-        number = (near[:, None] * len(reference) + np.arange(len(reference))).reshape(-1)
-        share = _shares(corner[number], x)
-        away = np.einsum("na,nac->nc", share, corner[number]) - x
-        best = int(np.argmin(np.einsum("nc,nc->n", away, away)))
-        facet[i], of = divmod(int(number[best]), len(reference))
-        local[i] = share[best] @ face.element.nodes[reference[of]]
+        near = np.array(tree.query_ball_point(x, (tree.query(x)[0] + reach) * (1 + 1e-9)))
+        share = _shares(corner[near], x)
+        away = np.linalg.norm(np.einsum("nta,ntac->ntc", share, corner[near]) - x, axis=2)
+        best, of = np.unravel_index(np.argmin(away), away.shape)
+        facet[i], local[i] = near[best], share[best, of] @ face.element.nodes[reference[of]]
     ray, start = face.normal[facet][:, None], local[:, None]
     met = project(face, facet, points[:, None], ray, start)[0][:, 0]
     inside = face.element.outside(met) <= EDGE
@@ -221,20 +206,17 @@ def _closest(face: Face, points: Array) -> tuple[NDArray[np.int64], Array]:
 
 
 def _shares(corner: Array, x: Array) -> Array:
-    """Barycentric coordinates of the points of triangles that are closest to x, (triangles, 3)."""
-    found = np.zeros((4, len(corner), 3))
-    u, v, w = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0], x - corner[:, 0]
-    uu, uv, vv, uw, vw = (
-        np.einsum("nc,nc->n", a, b) for a, b in ((u, u), (u, v), (v, v), (u, w), (v, w))
-    )
-    area = uu * vv - uv * uv
-    found[0, :, 1], found[0, :, 2] = (vv * uw - uv * vw) / area, (uu * vw - uv * uw) / area
-    found[0, :, 0] = 1 - found[0, :, 1] - found[0, :, 2]
-    for k, (a, b) in enumerate(((0, 1), (1, 2), (2, 0)), start=1):
-        edge = corner[:, b] - corner[:, a]
-        along = np.einsum("nc,nc->n", edge, x - corner[:, a]) / np.einsum("nc,nc->n", edge, edge)
-        found[k, :, b] = np.clip(along, 0.0, 1.0)
-        found[k, :, a] = 1 - found[k, :, b]
-    away = np.linalg.norm(np.einsum("kna,nac->knc", found, corner) - x, axis=2)
-    away[0, found[0].min(axis=1) < 0] = np.inf
-    return np.asarray(found[np.argmin(away, axis=0), np.arange(len(corner))])
+    """Barycentric coordinates of the points of triangles closest to x, shape (..., 3) as corners.
+
+    The foot of x in the plane, if it lies inside, or else the closest point of an edge.
+    """
+    edge = np.roll(corner, -1, axis=-2) - corner
+    normal = np.cross(edge[..., 0, :], edge[..., 1, :])[..., None, :]
+    # The triangle of x and an edge, over the whole one, is the share of the corner opposite.
+    area = np.sum(np.cross(edge, x - corner) * normal, axis=-1) / np.sum(normal**2, axis=-1)
+    inside = np.roll(area, -1, axis=-1)
+    t = np.clip(np.sum(edge * (x - corner), axis=-1) / np.sum(edge**2, axis=-1), 0.0, 1.0)
+    onto = (1 - t)[..., None] * np.eye(3) + t[..., None] * np.roll(np.eye(3), 1, axis=1)
+    away = np.linalg.norm(onto @ corner - x, axis=-1).argmin(axis=-1)[..., None, None]
+    on_edge = np.take_along_axis(onto, away, axis=-2)[..., 0, :]
+    return np.where(inside.min(axis=-1, keepdims=True) >= 0, inside, on_edge)
