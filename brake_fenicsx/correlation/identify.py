@@ -21,12 +21,12 @@ from brake_fenicsx.scene import Scene, read_scene
 
 from .peaks import Peaks, read_peaks
 from .posterior import Posterior, fill_basis, identified
-from .study import part_name
+from .study import beside, part_name
 from .varied_body import VariedBody
 
 Array = NDArray[np.float64]
-# Modes are computed up to this multiple of the highest peak.
-BEYOND = 1.2
+# Modes are computed up to this multiple of the highest peak, and no more than so many.
+BEYOND, MOST_MODES = 1.2, 400
 # A constant is not determined if its standard deviation is more than this share of the prior's.
 UNDETERMINED = 0.8
 # Standard deviations of a 95 % interval; relative error of a Q factor.
@@ -76,8 +76,13 @@ def identify(
     specimens = read_peaks(peaks)
     highest = BEYOND * max(s.frequency[-1] for s in specimens)
     body = VariedBody(parsed, part, material, highest, supported)
-    lowest = fill_basis(body, prior)
     where = f"{peaks}: part {part!r}"
+    if (count := body.count()) > MOST_MODES:
+        raise SceneError(
+            f"{where} has {count} modes below {highest:.4g} Hz, {BEYOND} times the highest peak;"
+            " name the column frequency_hz if it is in Hz, or leave out the highest peaks"
+        )
+    lowest = fill_basis(body, prior)
     if lowest is None:
         raise SceneError(
             f"{where} has no mode below {highest:.4g} Hz, {BEYOND} times the highest peak; name the"
@@ -196,13 +201,12 @@ def _loss(scene: Scene, part: str, material: str, peaks: Peaks, end: Posterior) 
 def _peak_rows(peaks: Peaks, end: Posterior) -> list[list[Value]]:
     """Measured peaks with their modes, then modes below the highest one that no peak has."""
     f = end.modes.frequency
-    rows: list[list[Value]] = []
-    for peak, j in zip(peaks.frequency, end.mode, strict=True):
-        own: list[Value] = [int(j) + 1, float(f[j]), float(f[j] / peak - 1)]
-        rows.append([peaks.specimen, float(peak), *(own if j >= 0 else [None] * 3)])
-    for j in np.setdiff1d(np.flatnonzero(f < peaks.frequency.max(initial=0.0)), end.mode):
-        rows.append([peaks.specimen, None, int(j) + 1, float(f[j]), None])
-    return rows
+    f = f[: max(int(np.sum(f < peaks.frequency.max(initial=0.0))), end.mode.max(initial=-1) + 1)]
+    rows = beside(
+        end.mode, [peaks.frequency], [np.arange(1, f.size + 1), f],
+        [f / peaks.frequency[:, None] - 1],
+    )  # fmt: skip
+    return [[peaks.specimen, *row] for row in rows]
 
 
 def _block(

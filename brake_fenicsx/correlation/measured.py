@@ -9,6 +9,7 @@ for Modal Analysis Testing, https://www.ceas3.uc.edu/sdrluff/.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import reduce
 from pathlib import Path
@@ -22,7 +23,7 @@ from brake_fenicsx.report.universal import universal_files
 
 Array = NDArray[np.float64]
 
-NODES, SYSTEMS, UNITS, SHAPES, RESPONSES = (15, 2411), (18, 2420), 164, 55, 58
+NODES, SYSTEMS, UNITS, SHAPES = (15, 2411), (18, 2420), 164, 55
 NORMAL, COMPLEX = 2, (3, 7)  # analysis types of dataset 55
 CYLINDRICAL, SPHERICAL = 1, 2
 
@@ -53,7 +54,7 @@ class Measured:
 
 
 def read_modes(path: str | Path) -> Measured:
-    """Read the modes of a test.
+    """Read the modes of a test with their shapes.
 
     Args:
         path: the universal file.
@@ -62,62 +63,66 @@ def read_modes(path: str | Path) -> Measured:
         SceneError: the file, what it lacks, and the remedy.
     """
     file = Path(path)
-    if not file.is_file():
-        raise SceneError(f"{file}: no such file; name the universal file of the test")
-    sets = _read(file)
-    kinds = [s["type"] for s in sets]
-    modes = [s for s in sets if s["type"] == SHAPES and _eigenvalue(s) is not None]
-    if not modes:
-        if RESPONSES in kinds:
-            raise SceneError(
-                f"{file}: contains frequency responses (dataset 58) and no modes; identify the"
-                " modes in the test software, or with sdypy-EMA, and export them as dataset 55"
-            )
-        raise SceneError(
-            f"{file}: contains no modes (dataset 55 of normal or complex modes);"
-            f" it contains {_listed(kinds)}: export modes and nodes"
-        )
-    if not set(NODES) & set(kinds):
+    sets = read_sets(file, (*NODES, *SYSTEMS, UNITS, SHAPES))
+    s, modes = eigenvalues(file, sets)
+    if not set(NODES) & {d["type"] for d in sets}:
         raise SceneError(
             f"{file}: contains no nodes (dataset 15 or 2411); export the geometry of the test too"
         )
-    modes.sort(key=lambda s: abs(_eigenvalue(s).imag))  # type: ignore[union-attr]
-    scale = next((1 / s["length"] for s in sets if s["type"] == UNITS), 1.0)
-    systems = _systems(file, sets, scale)
-    place, system = _nodes(file, sets, scale, systems)
-    labels = reduce(np.intersect1d, [np.asarray(s["node_nums"], dtype=int) for s in modes])
+    place = _nodes(file, sets)
+    labels = reduce(np.intersect1d, [np.asarray(m["node_nums"], dtype=int) for m in modes])
     without = [n for n in labels if n not in place]
     if without or not labels.size:
         lost = f"node {without[0]} of the modes has no position" if without else "no node is common"
         raise SceneError(f"{file}: dataset 55: {lost}; export the geometry of all measured points")
-    shapes = np.array([_shape(s, labels) for s in modes])
+    shapes = np.array([_shape(m, labels) for m in modes])
     if not np.isfinite(shapes).all() or not np.any(shapes, axis=(1, 2)).all():
         raise SceneError(f"{file}: dataset 55: a mode is zero or not finite; export it again")
-    s = np.array([_eigenvalue(m) for m in modes])
-    points = np.array([place[n] for n in labels])
-    axes = np.array([_axes(systems[system[n]], place[n]) for n in labels])
+    points, axes = (np.array(of) for of in zip(*(place[n] for n in labels), strict=True))
     return Measured(
         file, labels, points, axes, np.any(shapes != 0, axis=0), np.abs(s.imag) / (2 * np.pi),
         -s.real / np.abs(s), shapes,
     )  # fmt: skip
 
 
-def _read(file: Path) -> list[dict[str, Any]]:
-    """Datasets of a file; those of no use here by their number alone."""
-    pyuff = universal_files("correlate")
-    used = {*NODES, *SYSTEMS, UNITS, SHAPES}
+def read_sets(file: Path, kinds: Collection[int]) -> list[dict[str, Any]]:
+    """Datasets of a universal file; those of other kinds by their number alone.
+
+    Raises:
+        SceneError: the file is missing or no universal file.
+    """
+    pyuff = universal_files("a test in a universal file")
+    if not file.is_file():
+        raise SceneError(f"{file}: no such file; name the universal file of the test")
     try:
         read = pyuff.UFF(str(file))
         return [
-            read.read_sets(i) if kind in used else {"type": int(kind)}
+            read.read_sets(i) if kind in kinds else {"type": int(kind)}
             for i, kind in enumerate(read.get_set_types())
         ]
     except Exception as error:  # pyuff raises nothing narrower
         raise SceneError(f"{file}: cannot be read as a universal file: {error}") from None
 
 
-def _listed(kinds: list[int]) -> str:
-    return ", ".join(f"{k}" for k in dict.fromkeys(kinds)) or "no dataset at all"
+def eigenvalues(
+    file: Path, sets: list[dict[str, Any]]
+) -> tuple[NDArray[np.complex128], list[dict[str, Any]]]:
+    """Eigenvalues [1/s] of the modes among some datasets, by frequency, and these datasets.
+
+    Raises:
+        SceneError: there is none.
+    """
+    shapes = (d for d in sets if d["type"] == SHAPES)
+    pairs = [(s, d) for d in shapes if (s := _eigenvalue(d)) is not None]
+    pairs.sort(key=lambda pair: abs(pair[0].imag))
+    if not pairs:
+        kinds = dict.fromkeys(str(d["type"]) for d in sets)
+        raise SceneError(
+            f"{file}: contains no modes (dataset 55, normal or complex) but"
+            f" {', '.join(kinds) or 'no dataset at all'}; export nodes and modes; of frequency"
+            " responses (58) identify the modes first, in the test software or with sdypy-EMA"
+        )
+    return np.array([s for s, _ in pairs]), [d for _, d in pairs]
 
 
 def _eigenvalue(mode: dict[str, Any]) -> complex | None:
@@ -172,21 +177,19 @@ def _systems(
     return found
 
 
-def _nodes(
-    file: Path, sets: list[dict[str, Any]], scale: float,
-    systems: dict[int, tuple[int, Array, Array]],
-) -> tuple[dict[int, Array], dict[int, int]]:  # fmt: skip
-    """Position [m] and displacement system of every node.
+def _nodes(file: Path, sets: list[dict[str, Any]]) -> dict[int, tuple[Array, Array]]:
+    """Position [m] and displacement axes, as rows, of every node.
 
     Dataset 15 has coordinates in the definition system, 2411 in global axes.
     """
-    place, system = {}, {}
+    scale = next((1 / s["length"] for s in sets if s["type"] == UNITS), 1.0)
+    systems = _systems(file, sets, scale)
+    place = {}
     for s in (s for s in sets if s["type"] in NODES):
         for i, label in enumerate(s["node_nums"]):
             n, x = int(label), np.array([s[c][i] for c in "xyz"])
-            own = int(s["def_cs"][i]) if s["type"] == 15 else 0
-            system[n] = int(s["disp_cs"][i])
-            for used in {own, system[n]}:
+            own, shown = int(s["def_cs"][i]) if s["type"] == 15 else 0, int(s["disp_cs"][i])
+            for used in {own, shown}:
                 if systems.get(used, (SPHERICAL,))[0] >= SPHERICAL:
                     raise SceneError(
                         f"{file}: node {n}: coordinate system {used} is missing or neither"
@@ -196,8 +199,9 @@ def _nodes(
             if kind == CYLINDRICAL:
                 angle = np.radians(x[1])
                 x = np.array([x[0] * np.cos(angle), x[0] * np.sin(angle), x[2]])
-            place[n] = origin + scale * x @ rows
-    return place, system
+            x = origin + scale * x @ rows
+            place[n] = x, _axes(systems[shown], x)
+    return place
 
 
 def _axes(system: tuple[int, Array, Array], x: Array) -> Array:
@@ -205,6 +209,6 @@ def _axes(system: tuple[int, Array, Array], x: Array) -> Array:
     kind, rows, origin = system
     if kind != CYLINDRICAL:
         return rows
-    radial, along = (rows[:2] @ (x - origin)), rows[2]
+    radial = rows[:2] @ (x - origin)
     c, s = radial / max(float(np.linalg.norm(radial)), 1e-300)
-    return np.array([c * rows[0] + s * rows[1], -s * rows[0] + c * rows[1], along])
+    return np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]) @ rows

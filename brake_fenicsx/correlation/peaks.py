@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -12,13 +13,16 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.log import logger
 
-from .measured import read_modes
+from .measured import SHAPES, eigenvalues, read_sets
 
 Array = NDArray[np.float64]
 UNITS = {"frequency_hz": 1.0, "frequency_khz": 1e3}
 # Two peaks closer than this may be one that was written twice.
 TWICE = 2e-4
 SUFFIXES = (".unv", ".uff", ".uf")
+RESPONSES = 58
+# A pole counts as a mode if, of so many model orders, this share has one this near, over |s|.
+ORDERS, ORDER, SHARE, STABLE = 60, 20, 0.8, 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,16 +45,20 @@ def read_peaks(path: str | Path) -> list[Peaks]:
 
     Args:
         path: a table with a column frequency_hz or frequency_khz, and q and specimen if there are
-            any; or a universal file of identified modes (dataset 55).
+            any; or a universal file of identified modes (dataset 55), or of frequency responses
+            (dataset 58), in which sdypy-EMA then finds the modes.
 
     Raises:
         SceneError: file, line, value and remedy.
     """
     file = Path(path)
     if file.suffix.lower() in SUFFIXES:
-        modes = read_modes(file)
-        ratio = np.where(modes.damping > 0, modes.damping, np.nan)
-        return [Peaks(file.stem, modes.frequency, 0.5 / ratio)]
+        sets = read_sets(file, (SHAPES,))
+        kinds = {d["type"] for d in sets}
+        measured = RESPONSES in kinds and SHAPES not in kinds
+        s = _poles(file) if measured else eigenvalues(file, sets)[0]
+        ratio = np.where(s.real < 0, -s.real / np.abs(s), np.nan)
+        return [_checked(file, file.stem, np.column_stack([s.imag / (2 * np.pi), 0.5 / ratio]))]
     try:
         with file.open(newline="", encoding="utf-8-sig") as text:
             rows = csv.DictReader(line for line in text if line.strip() and line[0] != "#")
@@ -75,6 +83,37 @@ def read_peaks(path: str | Path) -> list[Peaks]:
     if not specimens:
         raise SceneError(f"{file}: contains no peak; write one frequency in each line")
     return [_checked(file, name, np.array(sorted(rows))) for name, rows in specimens.items()]
+
+
+def _poles(file: Path) -> NDArray[np.complex128]:
+    """Eigenvalues [1/s] of frequency responses that are stable over the order of the model.
+
+    Least-squares complex frequency-domain method (B. Peeters et al., Shock Vib. 11, 2004,
+    doi:10.1155/2004/523692).
+
+    Raises:
+        SceneError: the library is not installed, or no pole is stable.
+    """
+    try:
+        ema = import_module("sdypy.EMA")
+    except ImportError:
+        raise SceneError(
+            f"{file}: contains frequency responses (dataset 58) and no modes; pip install"
+            " sdypy-EMA, which finds modes in them, or export modes as dataset 55"
+        ) from None
+    x = [np.asarray(d["x"]) for d in read_sets(file, (RESPONSES,)) if d["type"] == RESPONSES]
+    model = ema.Model(lower=x[0][1], upper=x[0][-1], pol_order_high=ORDERS)
+    model.read_uff(str(file))
+    model.get_poles(show_progress=False)
+    orders, found = [np.asarray(poles) for poles in model.all_poles[-ORDER:]], []
+    for s in (s for s in orders[-1] if s.imag > 0 > s.real):
+        nearest = np.array([poles[np.argmin(np.abs(poles - s))] for poles in orders])
+        same = nearest[np.abs(nearest - s) < STABLE * abs(s)]
+        if same.size >= SHARE * ORDER:
+            found.append(complex(np.median(same.real), np.median(same.imag)))
+    if not found:
+        raise SceneError(f"{file}: dataset 58: no resonance is found; export modes as dataset 55")
+    return np.array(sorted(found, key=lambda s: s.imag))
 
 
 def _number(file: Path, number: int, name: str, cell: str | None) -> float:

@@ -40,9 +40,8 @@ SEEN = 0.1
 BEYOND = 1.3
 COLUMNS = (
     "test_mode", "test_frequency_hz", "test_damping_ratio", "model_mode", "model_frequency_hz",
-    "difference", "mac", "combined",
+    "combined", "difference", "mac",
 )  # fmt: skip
-HEADS = ("test", "[Hz]", "damping ratio", "model", "[Hz]", "difference", "MAC", "")
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,9 +158,13 @@ def correlate(
         measured.shapes[:, measured.seen], measured.frequency, values[measured.seen].T,
         modes.frequency,
     )  # fmt: skip
-    rows = _rows(measured, modes, found)
-    folder = Path.cwd() / f"{parsed.file.stem}-correlation" if directory is None else directory
-    folder = Path(folder)
+    tested, computed = measured.frequency, modes.frequency
+    rows = beside(
+        found.mode, (np.arange(1, tested.size + 1), tested, measured.damping),
+        (np.arange(1, computed.size + 1), computed, found.combined),
+        (computed / tested[:, None] - 1, found.mac),
+    )  # fmt: skip
+    folder = Path(directory or Path.cwd() / f"{parsed.file.stem}-correlation")
     if write:
         folder.mkdir(parents=True, exist_ok=True)
         write_rows(folder / "correlation.csv", COLUMNS, rows)
@@ -173,7 +176,7 @@ def correlate(
         f" {len(measured.points)} points, {measured.seen.sum()} directions, at most"
         f" {1e3 * distance.max():.3g} mm from the surface (median"
         f" {1e3 * np.median(distance):.3g} mm)\n"
-        f"{text_table(HEADS, [_shown(row) for row in rows])}\n"
+        f"{text_table(COLUMNS, rows)}\n"
         f"open {folder / 'correlation.png'}"
     )
 
@@ -221,37 +224,25 @@ def _check_distance(measured: Measured, part: str, distance: Array, size: Array)
         )
 
 
-def _rows(measured: Measured, modes: PartModes, found: Pairs) -> list[list[Value]]:
-    """Measured modes with their partners, then computed modes that have none."""
-    rows: list[list[Value]] = []
-    for i, (f, ratio) in enumerate(zip(measured.frequency, measured.damping, strict=True)):
-        own: list[Value] = [i + 1, float(f), float(ratio)]
-        if (j := int(found.mode[i])) < 0:
-            rows.append([*own, None, None, None, None, None])
-            continue
-        other = float(modes.frequency[j])
-        mac = float(found.mac[i, j])
-        rows.append([*own, j + 1, other, other / float(f) - 1, mac, int(found.combined[j])])
-    for j in np.setdiff1d(np.arange(modes.frequency.size), found.mode):
-        rows.append([None, None, None, int(j) + 1, float(modes.frequency[j]), None, None,
-                     int(found.combined[j])])  # fmt: skip
-    return rows
+def beside(
+    mode: NDArray[np.intp], tests: Sequence[NDArray], modes: Sequence[NDArray],
+    both: Sequence[NDArray],
+) -> list[list[Value]]:  # fmt: skip
+    """Measured resonances beside the modes that they are, then the modes that have none.
 
-
-def _shown(row: list[Value]) -> list[Value]:
-    """A row for the terminal."""
-    named = dict(zip(COLUMNS, row, strict=True))
-    change, combined = named["difference"], named["combined"]
-    note = f"no partner (MAC < {LEAST})" if change is None else ""
-    if change is not None and combined is not None and int(combined) > 1:
-        note = f"best combination of {combined} modes"
-    hertz = [None if (f := named[k]) is None else f"{float(f):.1f}"
-             for k in ("test_frequency_hz", "model_frequency_hz")]  # fmt: skip
-    mac = named["mac"]
+    Args:
+        mode: number of the mode of each resonance, -1 for none, shape (tests,).
+        tests: cells of the resonances, each of shape (tests,).
+        modes: cells of the modes, each of shape (modes,).
+        both: cells of pairs, each of shape (tests, modes).
+    """
+    alone = np.setdiff1d(np.arange(modes[0].size), mode)
+    places = [((i,), (j,), (i, j)) for i, j in enumerate(mode.tolist())]
+    places += [((-1,), (j,), (-1, j)) for j in alone.tolist()]
     return [
-        named["test_mode"], hertz[0], named["test_damping_ratio"], named["model_mode"], hertz[1],
-        None if change is None else f"{100 * float(change):+.2f} %",
-        None if mac is None else f"{float(mac):.3f}", note,
+        [None if min(at) < 0 else cells[at].item()
+         for at, table in zip(place, (tests, modes, both), strict=True) for cells in table]
+        for place in places
     ]  # fmt: skip
 
 

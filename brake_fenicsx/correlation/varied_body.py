@@ -13,10 +13,12 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.errors import InaccurateResult, SceneError
+from brake_fenicsx.folder.log import logger
 from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.material_table import constants, stiffness, varied_stiffness
 from brake_fenicsx.scene import Scene
+from brake_fenicsx.stability.eigensolvers.symmetric import count_below
 from brake_fenicsx.uncertainty.random_materials import VOIGT, moved_entries, unit_change
 
 from .part_modes import elastic_modes, part_body
@@ -57,7 +59,13 @@ class VariedBody:
         self._table, self.highest = scene.materials[material], highest
         self._where = f"{scene.file}: materials.{material}"
         usual, given = constants(self._table), self._table.C11 is not None
-        self.names = [name for name in usual if (name[0] == "C") == given]
+        known = [name for name in usual if (name[0] == "C") == given]
+        # Of what is zero there is no logarithm: it stays.
+        self.names = [name for name in known if usual[name] > 0]
+        if not self.names:
+            raise SceneError(f"{self._where}: no constant is above zero; write what is to be found")
+        if held := [name for name in known if name not in self.names]:
+            logger.warning("%s: %s stay as they are: not above zero", self._where, ", ".join(held))
         self.nominal = np.log([usual[name] for name in self.names])
         mesh, elastic = part_body(scene, part, np.zeros((1, 3)), supported)
         self._K, self._M = elastic.K, elastic.M
@@ -67,6 +75,10 @@ class VariedBody:
         self._A = affine_parts(mesh, elastic.free, directions)
         self._C = stiffness(self._table)[self._index]
         self._count, self._W = 0, np.zeros((elastic.M.shape[0], 0))
+
+    def count(self) -> int:
+        """Modes below the highest frequency at the scene's constants, rigid-body modes included."""
+        return count_below(self._K, self._M, (2 * np.pi * self.highest) ** 2)[0]
 
     def _entries(self, theta: Array) -> Array:
         """The C_ij that change, at logarithms of the constants."""

@@ -156,13 +156,19 @@ def text_table(columns: Sequence[str], rows: Iterable[Sequence[Value]]) -> str:
 
     Args:
         columns: headings.
-        rows: cells in the order of the columns; floats are shown with four digits.
+        rows: cells in the order of the columns; floats are shown with four digits, those in Hz
+            with one behind the point.
 
     Returns:
         Lines joined by line feeds, without one at the end.
     """
     body = [list(row) for row in rows]
-    shown = [[show(cell) for cell in row] for row in body]
+    hertz = [column.endswith("_hz") for column in columns]
+    shown = [
+        [f"{cell:.1f}" if of and isinstance(cell, float) else show(cell)
+         for cell, of in zip(row, hertz, strict=True)]
+        for row in body
+    ]  # fmt: skip
     widths = [max([len(c), *(len(r[j]) for r in shown)]) for j, c in enumerate(columns)]
     numeric = [all(isinstance(r[j], int | float | None) for r in body) for j in range(len(columns))]
 

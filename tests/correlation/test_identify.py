@@ -99,6 +99,64 @@ def test_constants_of_the_aluminium_box():
     assert np.all(end.mode[:30] == np.arange(30)) and np.all(end.mode[30:] >= 32)
 
 
+@pytest.mark.slow
+def test_constants_of_the_strontium_titanate_box():
+    """Three of a cubic crystal, as Rayleigh-Ritz finds from the same peaks: 324.9 +- 2.4,
+    107.4 +- 3.0 and 124.48 +- .30 GPa; three of the peaks are no modes of the box.
+    """
+    box = BOX.with_name("srtio3_box.toml")
+    (peaks,) = read_peaks(box.with_suffix(".csv"))
+    other = ["materials.srtio3.C11='280 GPa'", "materials.srtio3.C12='120 GPa'",
+             "materials.srtio3.C44='140 GPa'"]  # fmt: skip
+    body = VariedBody(read_scene(box, other), "box", "srtio3", 1.2 * peaks.frequency[-1], False)
+    fill_basis(body, 0.3)
+    end = identified(body, peaks.frequency, 0.3, 4e-3)
+    found = dict(zip(body.names, np.exp(end.theta) / 1e9, strict=True))
+    assert abs(found["C11"] - 324.9) < 4.8
+    assert abs(found["C12"] - 107.4) < 6.0
+    assert abs(found["C44"] - 124.48) < 0.9
+    assert np.sum(end.mode >= 0) >= 45
+
+
+def test_a_constant_of_zero_stays(caplog):
+    """An isotropic box with nu = 0: E alone is found; without any constant it is refused."""
+    scene = read_scene(BOX, [*COARSE, "materials.aluminium={ model='isotropic', E='70 GPa', nu=0,"
+                             " rho='2788 kg/m^3' }"])  # fmt: skip
+    body = VariedBody(scene, "box", "aluminium", 250e3, False)
+    assert body.names == ["E"] and "nu stay as they are" in caplog.text
+    fill_basis(body, 0.3)
+    peaks = body.modes(body.nominal + 0.1).frequency[:8]
+    end = identified(body, peaks, 0.3, 3e-3)
+    assert end.theta[0] == pytest.approx(body.nominal[0] + 0.1, abs=1e-3)
+
+
+def test_resonances_of_frequency_responses(tmp_path):
+    """Universal file 58 of eight accelerances with 0.1 % noise: five modes, two of them 2 % apart."""
+    pytest.importorskip("sdypy.EMA")
+    pyuff = pytest.importorskip("pyuff")
+    rng = np.random.default_rng(0)
+    f0 = np.array([1210.0, 1955.0, 1995.0, 3101.0, 4407.0])
+    zeta = np.array([2e-3, 1e-3, 8e-4, 1e-3, 5e-3])
+    f = np.arange(0, 5200.0)
+    omega, own = 2 * np.pi * f, 2 * np.pi * f0[:, None]
+    modes = -(omega**2) / (own**2 - omega**2 + 2j * zeta[:, None] * own * omega)
+    file = pyuff.UFF(str(tmp_path / "test.uff"))
+    for point in range(8):
+        H = rng.normal(size=5) @ modes
+        noise = rng.normal(size=(2, f.size)) * 1e-3 * np.abs(H).max()
+        file.write_sets(
+            pyuff.prepare_58(
+                binary=0, func_type=4, rsp_node=point + 1, rsp_dir=3, ref_node=1, ref_dir=3,
+                data=H + noise[0] + 1j * noise[1], x=f, id1="", rsp_ent_name="NONE",
+                ref_ent_name="NONE", abscissa_spacing=1, abscissa_spec_data_type=18,
+                ordinate_spec_data_type=12, orddenom_spec_data_type=13,
+            ), mode="add",
+        )  # fmt: skip
+    (peaks,) = read_peaks(tmp_path / "test.uff")
+    np.testing.assert_allclose(peaks.frequency, f0, rtol=5e-4)
+    np.testing.assert_allclose(peaks.q, 0.5 / zeta, rtol=0.1)
+
+
 def test_peaks_are_assigned_over_gaps_and_strangers():
     modes = np.log([100.0, 102, 130, 150, 151, 180])
     peaks = np.log([100.4, 131, 140, 150.9, 150.2])
@@ -146,6 +204,8 @@ def test_command_with_two_specimens_and_q(tmp_path, capsys):
     ("text", "said"),
     [
         ("frequency_hz\n116.7\n143.8\n158\n", "name the column frequency_khz if it is in kHz"),
+        ("frequency_khz\n116700\n143800\n", "name the column frequency_hz if it is in Hz"),
+        ("frequency_khz,frequency_hz\n116,116000\n", "write one of frequency_hz, frequency_khz"),
         ("frequency\n116.7\n", "the heading is frequency; write one of frequency_hz"),
         ("frequency_hz\n1e5\n-3\n", "peak 2: frequency_hz = '-3': write a positive number"),
         ("frequency_hz\n", "contains no peak"),
@@ -175,6 +235,15 @@ def test_doubtful_peaks_are_warned_of(tmp_path, capsys):
         (["--material", "gold"], "has the materials aluminium; --material gold: not of the part"),
         (["--error", "0"], "must be positive"),
         (["--part", "disc"], "no such part"),
+        (
+            [
+                "--set",
+                "materials.aluminium.C12='-10 GPa'",
+                "--set",
+                "materials.aluminium.C11='0 GPa'",
+            ],
+            "C11",
+        ),
     ],
 )
 def test_words_that_are_wrong(words, said, tmp_path, capsys):
