@@ -40,7 +40,7 @@ SEEN = 0.1
 BEYOND = 1.3
 COLUMNS = (
     "test_mode", "test_frequency_hz", "test_damping_ratio", "model_mode", "model_frequency_hz",
-    "combined", "difference", "mac",
+    "difference", "mac", "combined",
 )  # fmt: skip
 
 
@@ -164,6 +164,7 @@ def correlate(
         (np.arange(1, computed.size + 1), computed, found.combined),
         (computed / tested[:, None] - 1, found.mac),
     )  # fmt: skip
+    rows = [[*row[:5], *row[6:], row[5]] for row in rows]
     folder = Path(directory or Path.cwd() / f"{parsed.file.stem}-correlation")
     if write:
         folder.mkdir(parents=True, exist_ok=True)
