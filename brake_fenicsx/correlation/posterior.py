@@ -127,17 +127,16 @@ def fill_basis(body: VariedBody, prior: float) -> float | None:
     return float(frequency[0])
 
 
-def misfit(body: VariedBody, peaks: Array, prior: float, error: float, theta: Array) -> float:
-    """Twice the negative logarithm of the posterior at some constants, but for a constant."""
-    f = body.modes(theta).frequency
-    log_p, log_f, gate = np.log(peaks), np.log(f), NARROW * error
-    return _sums(log_p, log_f, assigned(log_p, log_f, gate), error, gate) + float(
-        np.sum(((theta - body.nominal) / prior) ** 2)
-    )
+def misfit(peaks: Array, modes: Array, mode: NDArray[np.intp], error: float, gate: float) -> float:
+    """Squares of the peaks over the variance, and what modes that nobody heard cost.
 
-
-def _sums(peaks: Array, modes: Array, mode: NDArray[np.intp], error: float, gate: float) -> float:
-    """Squares of the peaks over the variance, and what modes that nobody heard cost."""
+    Args:
+        peaks: logarithms of measured frequencies.
+        modes: of computed ones.
+        mode: number of the mode of each peak, -1 for none.
+        error: standard deviation of a peak.
+        gate: distance that a peak without a mode counts for.
+    """
     used = mode >= 0
     rest = np.where(used, peaks - modes[mode], gate)
     unheard = np.sum(modes < peaks.max(initial=-np.inf)) - np.sum(used)
@@ -164,8 +163,8 @@ def _descended(
         move = np.linalg.solve(H, J.T @ (np.log(peaks)[used] - log_f[mode[used]]) / error**2 - away)
         size = float(np.linalg.norm(move)) / prior
         if size < SETTLED and gate == narrow and mode.tolist() == last:
-            total = _sums(np.log(peaks), log_f, mode, error, gate)
-            total += float(np.sum(((theta - body.nominal) / prior) ** 2))
+            away = float(np.sum(((theta - body.nominal) / prior) ** 2))
+            total = away + misfit(np.log(peaks), log_f, mode, error, gate)
             return Posterior(theta, np.linalg.inv(H), mode, modes, total, step)
         theta = theta + move * min(1.0, STRIDE / max(size, 1e-300))
         gate, last = max(narrow, NARROWING * gate), mode.tolist()

@@ -163,10 +163,9 @@ def text_table(columns: Sequence[str], rows: Iterable[Sequence[Value]]) -> str:
         Lines joined by line feeds, without one at the end.
     """
     body = [list(row) for row in rows]
-    hertz = [column.endswith("_hz") for column in columns]
     shown = [
-        [f"{cell:.1f}" if of and isinstance(cell, float) else show(cell)
-         for cell, of in zip(row, hertz, strict=True)]
+        [f"{cell:.1f}" if name.endswith("_hz") and isinstance(cell, float) else show(cell)
+         for cell, name in zip(row, columns, strict=True)]
         for row in body
     ]  # fmt: skip
     widths = [max([len(c), *(len(r[j]) for r in shown)]) for j, c in enumerate(columns)]
