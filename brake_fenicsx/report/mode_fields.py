@@ -6,7 +6,7 @@ The nodal diameters of a rotor are the strongest harmonic of its motion at the r
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +24,7 @@ from brake_fenicsx.scene.in_effect import in_effect
 from .mode_cards import SHAPE_COLUMNS, SHAPES
 
 if TYPE_CHECKING:
+    from brake_fenicsx.uncertainty.sampling import SampleInput
     from brake_fenicsx.uncertainty.study import Study
 
 RIM = 0.9  # nodes beyond this share of the largest radius make the rim
@@ -107,7 +108,13 @@ def write_mode_fields(study: Study, first: Mapping[Task, Mapping[str, Any]]) -> 
     for task, data in first.items():
         _write_equilibrium(study, task, data, faces)
     run, drawn = _severe(study)
-    rows = [row for chosen in drawn for row in _write_modes(study, run, chosen)]
+    keys = [mode for chosen in drawn for mode in chosen]
+    tasks = [(mode.approach, mode.sample) for mode in keys]
+    modes = [(t, study.stored(t), np.array([m.mode])) for t, m in zip(tasks, keys, strict=True)]
+    shapes = iter(displacements(study, modes))
+    rows: list[list[Value]] = []
+    for chosen in drawn:
+        rows += _write_modes(study, run, chosen, [next(shapes)[:, 0] for _ in chosen])
     if comm.rank > 0:
         return
     write_rows(store.path("figures", SHAPES), SHAPE_COLUMNS, rows)
@@ -189,10 +196,18 @@ def _severe(study: Study) -> tuple[RunData, list[list[ModeKey]]]:
     return study.comm.bcast(found, root=0)
 
 
-def _write_modes(study: Study, run: RunData, chosen: list[ModeKey]) -> list[list[Value]]:
+def _write_modes(
+    study: Study, run: RunData, chosen: list[ModeKey], shapes: list[NDArray[np.complex128]]
+) -> list[list[Value]]:
     """Real and imaginary part of some modes of an approach, one period of each, and its pictures.
 
     The processes take the modes in turns.
+
+    Args:
+        study: the study.
+        run: its tables.
+        chosen: the modes.
+        shapes: displacement of each, shape (dofs,).
 
     Returns:
         Rows of `SHAPE_COLUMNS`.
@@ -208,10 +223,8 @@ def _write_modes(study: Study, run: RunData, chosen: list[ModeKey]) -> list[list
 
     def draw(i: int) -> tuple[str, NDArray[np.complex128], list[Value]]:
         mode = chosen[i]
-        task = (name, mode.sample)
-        x = displacements(study, task, study.stored(task), np.array([mode.mode]))[:, 0]
         hertz, share = f"{mode.frequency:05.0f}Hz", mode.family.share
-        shape = study.brake.elastic.free.expand(x)
+        shape = study.brake.elastic.free.expand(shapes[i])
         write_phases(store.path("fields", f"phase_{name}_{hertz}.vtkhdf"), V, shape)
         often = f"; family squeals in {share.hits} of {share.n} samples" if share.n > 1 else ""
         title = (
@@ -258,20 +271,27 @@ def _nodal_cells(rotors: Mapping[str, NDArray], V: Any, shape: NDArray) -> list[
 
 
 def displacements(
-    study: Study, task: Task, data: Mapping[str, Any], chosen: NDArray[np.intp]
-) -> NDArray[np.complex128]:
-    """Displacements of some unstable modes of a stored sample, shape (dofs, chosen).
+    study: Study, modes: Sequence[tuple[Task, Mapping[str, Any], NDArray[np.intp]]]
+) -> list[NDArray[np.complex128]]:
+    """Displacements of some unstable modes of stored samples; collective.
 
     Args:
         study: the study.
-        task: the sample.
-        data: what was stored of it.
-        chosen: numbers of the modes.
-    """
-    if "vectors" in data:
-        column = {int(m): j for j, m in enumerate(data["vector_mode"])}
-        kept = data["vectors"][:, [column[int(i)] for i in chosen]]
-        return kept.astype(complex)
-    from brake_fenicsx.uncertainty.solve import expanded
+        modes: of each sample, what was stored of it, and the numbers of the modes.
 
-    return expanded(study.models, task[0], study._draw(*task), data, chosen)
+    Returns:
+        Of each sample, shape (dofs, chosen).
+    """
+    from brake_fenicsx.uncertainty import solve
+
+    out: list[NDArray[np.complex128] | None] = []
+    reduced: list[tuple[str, SampleInput, Mapping[str, Any], NDArray[np.intp]]] = []
+    for task, data, chosen in modes:
+        if "vectors" in data:
+            columns = [int(np.flatnonzero(data["vector_mode"] == i)[0]) for i in chosen]
+            out.append(data["vectors"][:, columns].astype(complex))
+        else:
+            reduced.append((task[0], study._draw(*task), data, chosen))
+            out.append(None)
+    expanded = iter(solve.displacements(study.models, reduced, study.comm))
+    return [next(expanded) if u is None else u for u in out]

@@ -52,7 +52,7 @@ def test_displacements_are_those_of_the_modes(changes, stored, tmp_path, monkeyp
     data = study.work(task)
     assert {"vectors"} & {*data} == {stored} - {""}
     chosen = np.flatnonzero(data["verdict"] == "unstable")[:4]
-    X = displacements(study, task, data, chosen)
+    (X,) = displacements(study, [(task, data, chosen)])
     assert chosen.size == X.shape[1] == 4
     sample = study._draw(*task)
     K = study.models.stiffness(sample)
