@@ -6,7 +6,7 @@ The nodal diameters of a rotor are the strongest harmonic of its motion at the r
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +24,6 @@ from brake_fenicsx.scene.in_effect import in_effect
 from .mode_cards import SHAPE_COLUMNS, SHAPES
 
 if TYPE_CHECKING:
-    from brake_fenicsx.uncertainty.sampling import SampleInput
     from brake_fenicsx.uncertainty.study import Study
 
 RIM = 0.9  # nodes beyond this share of the largest radius make the rim
@@ -96,6 +95,8 @@ def write_mode_fields(study: Study, first: Mapping[Task, Mapping[str, Any]]) -> 
         study: the study.
         first: what was stored of the first good sample of each approach.
     """
+    from brake_fenicsx.uncertainty.solve import displacements
+
     store, comm = study.store, study.comm
     if comm.rank == 0:
         shutil.rmtree(store.path("fields"), ignore_errors=True)
@@ -108,10 +109,12 @@ def write_mode_fields(study: Study, first: Mapping[Task, Mapping[str, Any]]) -> 
     for task, data in first.items():
         _write_equilibrium(study, task, data, faces)
     run, drawn = _severe(study)
-    keys = [mode for chosen in drawn for mode in chosen]
-    tasks = [(mode.approach, mode.sample) for mode in keys]
-    modes = [(t, study.stored(t), np.array([m.mode])) for t, m in zip(tasks, keys, strict=True)]
-    shapes = iter(displacements(study, modes))
+    modes = []
+    for mode in (mode for chosen in drawn for mode in chosen):
+        task = mode.approach, mode.sample
+        stored = study.stored(task)
+        modes.append((mode.approach, study._draw(*task), stored, np.array([mode.mode])))
+    shapes = iter(displacements(study.models, modes, study.comm))
     rows: list[list[Value]] = []
     for chosen in drawn:
         rows += _write_modes(study, run, chosen, [next(shapes)[:, 0] for _ in chosen])
@@ -268,30 +271,3 @@ def _nodal_cells(rotors: Mapping[str, NDArray], V: Any, shape: NDArray) -> list[
         if pattern is not None:
             return [name, pattern.diameters, pattern.direction, pattern.share]
     return [None, None, None, None]
-
-
-def displacements(
-    study: Study, modes: Sequence[tuple[Task, Mapping[str, Any], NDArray[np.intp]]]
-) -> list[NDArray[np.complex128]]:
-    """Displacements of some unstable modes of stored samples; collective.
-
-    Args:
-        study: the study.
-        modes: of each sample, what was stored of it, and the numbers of the modes.
-
-    Returns:
-        Of each sample, shape (dofs, chosen).
-    """
-    from brake_fenicsx.uncertainty import solve
-
-    out: list[NDArray[np.complex128] | None] = []
-    reduced: list[tuple[str, SampleInput, Mapping[str, Any], NDArray[np.intp]]] = []
-    for task, data, chosen in modes:
-        if "vectors" in data:
-            columns = [int(np.flatnonzero(data["vector_mode"] == i)[0]) for i in chosen]
-            out.append(data["vectors"][:, columns].astype(complex))
-        else:
-            reduced.append((task[0], study._draw(*task), data, chosen))
-            out.append(None)
-    expanded = iter(solve.displacements(study.models, reduced, study.comm))
-    return [next(expanded) if u is None else u for u in out]

@@ -130,7 +130,7 @@ def displacements(
     modes: Sequence[tuple[str, SampleInput, Mapping[str, Any], NDArray[np.intp]]],
     comm: MPI.Comm,
 ) -> list[NDArray[np.complex128]]:
-    """Displacements of some stored modes of reduced samples; collective.
+    """Displacements of some unstable modes of stored samples; collective.
 
     Args:
         models: what all samples share.
@@ -141,17 +141,24 @@ def displacements(
     Returns:
         Of each sample, shape (dofs, chosen).
     """
-    out = [np.zeros((0, 0), complex)] * len(modes)
+    out: dict[int, NDArray[np.complex128]] = {}
+    for i, (*_, data, chosen) in enumerate(modes):
+        if "vectors" in data:
+            columns = [int(np.flatnonzero(data["vector_mode"] == mode)[0]) for mode in chosen]
+            out[i] = data["vectors"][:, columns].astype(complex)
     for damped, model in models.reduced.items():
-        served = [i for i, mode in enumerate(modes) if models.damped(mode[0]) == damped]
+        served = [
+            i for i, (name, *_) in enumerate(modes)
+            if i not in out and models.damped(name) == damped
+        ]  # fmt: skip
         given = []
         for approach, sample, data, chosen in (modes[i] for i in served):
             contact = linearised(models, approach, sample, data["k_vibration"], data["p"])
             a = data["coordinates"][:, chosen].astype(complex)
             given.append((models.parameter_point(sample.random), contact, data["s"][chosen], a))
-        for i, u in zip(served, model.displacements_of_samples(given, comm=comm), strict=True):
-            out[i] = u
-    return out
+        found = model.displacements_of_samples(given, comm=comm)
+        out |= dict(zip(served, found, strict=True))
+    return [out[i] for i in range(len(modes))]
 
 
 def sample_damping(models: Models, sample: SampleInput, p: Array) -> sp.csr_matrix | None:
