@@ -142,8 +142,9 @@ def parser() -> argparse.ArgumentParser:
     again = f"recompute this stage and all later ones: {', '.join(STAGES)}"
     runs.add_argument("--from", dest="from_stage", choices=STAGES, metavar="STAGE", help=again)
     runs.add_argument("--share", nargs="?", const="", metavar="I/N", help="compute the I-th of N"
-                      " parts of the samples, in a folder that `prepare` made; without I/N that of"
-                      " this task of a SLURM job array")  # fmt: skip
+                      " parts of the samples, in a folder that `prepare` made; without I that of"
+                      " this task of a job array, without N too where the scheduler says"
+                      " it")  # fmt: skip
     correlates.add_argument("test", metavar="TEST.unv", help="universal file: nodes and modes (55)")
     identifies.add_argument("--peaks", required=True, metavar="PEAKS.csv", help="table with the"
                             " column frequency_hz or frequency_khz, and q, specimen if there are"

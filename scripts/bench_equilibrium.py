@@ -35,7 +35,9 @@ MODES = 20
 SECTORS, RINGS = 8, 2
 
 
-def brake(sizes: dict[str, float], cells: str = "tetrahedra", order: int = 1) -> Any:
+def brake(
+    sizes: dict[str, float], cells: str = "tetrahedra", order: int = 1, degree: int = 2
+) -> Any:
     """The reference brake with other mesh sizes [mm]."""
     from mpi4py import MPI
 
@@ -44,7 +46,7 @@ def brake(sizes: dict[str, float], cells: str = "tetrahedra", order: int = 1) ->
 
     changes = ["stages=['equilibrium']", "samples.n=1", "contact.pad_disc.gap=none",
                f"contact.pad_disc.law={{ p0 = '{LAW[0]} Pa', u0 = '{LAW[1]} m' }}",
-               f"mesh.cells={cells}", f"mesh.order={order}"]  # fmt: skip
+               f"mesh.cells={cells}", f"mesh.order={order}", f"mesh.degree={degree}"]  # fmt: skip
     changes += [f"parts.{name}='{size} mm'" for name, size in sizes.items()]
     scene = read_scene(SCENE, changes)
     return assemble_brake(scene, MPI.COMM_WORLD)
@@ -87,8 +89,9 @@ def measure_element(case: dict[str, Any]) -> dict[str, Any]:
     from brake_fenicsx.stability.eigensolvers.lanczos import lowest_modes
 
     sizes = scaled(case["factor"], case["cells"])
-    brake(scaled(3, case["cells"]), case["cells"], case["order"])  # compiles the forms
-    b, assembly = timed(lambda: brake(sizes, case["cells"], case["order"]))
+    kind = case["cells"], case["order"], case.get("degree", 2)
+    brake(scaled(3, case["cells"]), *kind)  # compiles the forms
+    b, assembly = timed(lambda: brake(sizes, *kind))
     enriched = laws(b.points)
     k0 = np.full(len(b.w), reference_stiffness(enriched, b.pressed / float(b.w.sum())))
     seen = compliance(b.K, b.N, b.T, b.w, b.f, k0, MPI.COMM_SELF)

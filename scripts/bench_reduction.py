@@ -2,8 +2,8 @@
 """The reduced model of every kind of brake: seconds, memory and error against full order.
 
     scripts/bench_reduction.py [SCENE] [--kinds undamped loss sliding all] [--spread 0 0.2]
-                               [--band 8000] [--samples 2] [--tolerance 1e-5] [--no-full]
-                               [--set KEY=VALUE ...]
+                               [--band 8000] [--samples 2] [--tolerance 1e-5] [--cutoff HZ]
+                               [--no-full] [--set KEY=VALUE ...]
 
 Contact stiffness of a sample is lognormal over two decades, 30 % of the elements open, pressures
 spread as much, mu = 0.5, sliding at 1 m/s. With a spread E_3, G_13 and G_23 of the lining differ
@@ -71,6 +71,7 @@ def main() -> None:
     parser.add_argument("--band", type=float, default=8000.0, help="Hz")
     parser.add_argument("--samples", type=int, default=2)
     parser.add_argument("--tolerance", type=float, default=1e-5)
+    parser.add_argument("--cutoff", type=float, help="kept modes reach up to it, Hz")
     parser.add_argument("--no-full", action="store_true", help="seconds of the reduced model alone")
     parser.add_argument("--set", nargs="+", default=[], help="KEY=VALUE of the scene")
     given = parser.parse_args()
@@ -115,7 +116,9 @@ class Case:
         start = time.perf_counter()
         bodies = split_substructures(self.K, self.M, interface, b.f[:, None], changes, C, points)
         followed = "N" + "T" * (kind in ALONG) + "R" * (kind in ACROSS)
-        self.model = ReducedModel.offline(bodies, b.w, self.band, box, followed, given.tolerance)
+        self.model = ReducedModel.offline(
+            bodies, b.w, self.band, box, followed, given.tolerance, given.cutoff
+        )
         self.offline = time.perf_counter() - start
 
     def sample(self, seed: int) -> tuple[np.ndarray, ContactLinearisation]:

@@ -1,5 +1,6 @@
 """Shares of a job array: parts of the samples, in any order, killed and started again."""
 
+import itertools
 import json
 import os
 import subprocess
@@ -13,7 +14,7 @@ import pytest
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder import sample_files
-from brake_fenicsx.folder.lock import Share, read_share
+from brake_fenicsx.folder.lock import ARRAYS, Share, read_share
 
 ROOT = Path(__file__).parents[1]
 BLOCK = ROOT / "scripts" / "scenes" / "block_on_plate.toml"
@@ -69,19 +70,49 @@ def test_shares_hold_every_task_once(of):
     assert max(map(len, parts)) - min(map(len, parts)) <= 1
 
 
+def slurm(task, low, high, count):
+    names = ("ID", task), ("MIN", low), ("MAX", high), ("COUNT", count)
+    return {f"SLURM_ARRAY_TASK_{name}": value for name, value in names}
+
+
+def grid_engine(task, first, last, step):
+    names = ("ID", task), ("FIRST", first), ("LAST", last), ("STEPSIZE", step)
+    return {f"SGE_TASK_{name}": value for name, value in names}
+
+
+def lsf(task, end, step=1):
+    return {"LSB_JOBINDEX": task, "LSB_JOBINDEX_END": end, "LSB_JOBINDEX_STEP": step}
+
+
+@pytest.fixture
+def no_array(monkeypatch):
+    for name in itertools.chain(*ARRAYS):
+        monkeypatch.delenv(name or "none", raising=False)
+
+
 @pytest.mark.parametrize(
-    ("task", "low", "high", "count", "share"),
-    [(0, 0, 15, 16, (1, 16)), (16, 1, 16, 16, (16, 16)), (4, 0, 6, 4, (3, 4)), (9, 9, 9, 1, (1, 1)),
-     (5, 1, 5, 3, (3, 3)), (4, 1, 5, 3, None), (2, 1, 7, 3, None)],
+    ("task", "text", "share"),
+    [
+        (slurm(0, 0, 15, 16), "", (1, 16)), (slurm(16, 1, 16, 16), "", (16, 16)),
+        (slurm(4, 0, 6, 4), "", (3, 4)), (slurm(9, 9, 9, 1), "", (1, 1)),
+        (slurm(5, 1, 5, 3), "", (3, 3)), (slurm(4, 1, 5, 3), "", "not evenly spaced"),
+        (slurm(2, 1, 7, 3), "", "not evenly spaced"), (slurm(3, 1, 8, 8), "/8", (3, 8)),
+        (slurm(3, 1, 8, 8), "/16", "has 8 tasks"), (slurm(3, 1, 8, 8), "2/16", (2, 16)),
+        (grid_engine(7, 1, 9, 2), "", (4, 5)),
+        (grid_engine("undefined", "undefined", "undefined", "undefined"), "", "no task of"),
+        (lsf(3, 8), "", (3, 8)), (lsf(5, 9, 2), "", (3, 5)), (lsf(0, 0, 0), "", "no task of"),
+        ({"PBS_ARRAY_INDEX": 3}, "/8", (3, 8)), ({"PBS_ARRAY_INDEX": 3}, "", "write --share /N"),
+        ({"PBS_ARRAY_INDEX": 9}, "/8", "I from 1 to N"),
+    ],
 )  # fmt: skip
-def test_share_of_a_job_array(monkeypatch, task, low, high, count, share):
-    for name, value in (("ID", task), ("MIN", low), ("MAX", high), ("COUNT", count)):
-        monkeypatch.setenv(f"SLURM_ARRAY_TASK_{name}", str(value))
-    if share is None:
-        with pytest.raises(SceneError, match="not evenly spaced"):
-            read_share("")
+def test_share_of_a_job_array(monkeypatch, no_array, task, text, share):
+    for name, value in task.items():
+        monkeypatch.setenv(name, str(value))
+    if isinstance(share, str):
+        with pytest.raises(SceneError, match=share):
+            read_share(text)
     else:
-        assert read_share("") == Share(*share)
+        assert read_share(text) == Share(*share)
 
 
 def test_shares_make_the_tables_of_one_run(whole, tmp_path, capsys):
@@ -105,14 +136,13 @@ def test_shares_make_the_tables_of_one_run(whole, tmp_path, capsys):
     assert sum(name.endswith(".zip") for name in after) == 7 and len(after) == 7 + 2 + 1
 
 
-def test_mistakes_of_shares(whole, tmp_path, capsys, monkeypatch):
+def test_mistakes_of_shares(whole, tmp_path, capsys, no_array):
     """One line each, and nothing is written."""
-    monkeypatch.delenv("SLURM_ARRAY_TASK_ID", raising=False)
     for share in ("0/4", "5/4", "4", "a/b", "1/0"):
         assert main(words("run", whole, "--share", share)) == 2
         assert "write I/N with I from 1 to N" in one_line(capsys)
     assert main(words("run", whole, "--share")) == 2
-    assert "no task of a SLURM job array" in one_line(capsys)
+    assert "no task of a job array" in one_line(capsys)
     assert main(words("run", whole, "--share", "1/2", "--from", "report")) == 2
     assert "--from" in one_line(capsys)
     none = tmp_path / "none"

@@ -26,7 +26,14 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.log import logger
 
 T = TypeVar("T")
-SLURM = "SLURM_ARRAY_TASK"
+# What SLURM, Grid Engine, LSF and PBS tell a task of a job array: its number, the lowest and the
+# highest number, their step, and how many there are.
+ARRAYS = (
+    [f"SLURM_ARRAY_TASK_{name}" for name in ("ID", "MIN", "MAX", "STEP", "COUNT")],
+    [f"SGE_TASK_{name}" for name in ("ID", "FIRST", "LAST", "STEPSIZE", "")],
+    ["LSB_JOBINDEX", "", "LSB_JOBINDEX_END", "LSB_JOBINDEX_STEP", ""],
+    ["PBS_ARRAY_INDEX", "", "", "", ""],
+)
 BEAT, SILENCE = 30.0, 240.0  # [s]
 _CLAIM, _RUN = ".claim", ".run"
 _UNKNOWN = "unknown-0-0"
@@ -54,38 +61,61 @@ class Share:
 
 
 def read_share(text: str) -> Share:
-    """Read ``I/N``; of an empty text the share is that of this task of a SLURM job array.
+    """Read ``I/N``. Without I the number is that of this task of a job array; without N as well.
 
     Raises:
-        SceneError: the text is no share, or the environment names no job array.
+        SceneError: the text is no share, or the environment does not say what is left out.
     """
-    if not text:
-        return _of_slurm()
-    match = re.fullmatch(r"(\d+)/(\d+)", text)
-    if match is None or not 1 <= int(match[1]) <= int(match[2]):
+    match = re.fullmatch(r"(\d*)/(\d+)|", text)
+    number, count = 0, 0
+    if match is not None and match[1]:
+        number, count = int(match[1]), int(match[2])
+    elif match is not None:
+        number, tasks = _task_of_array(text)
+        count = int(match[2]) if text else tasks
+        if tasks not in (0, count):
+            raise SceneError(f"--share {text}: the job array has {tasks} tasks; write --share")
+        if not count:
+            raise SceneError("--share: this scheduler does not say how many tasks there are; write"
+                             " --share /N")  # fmt: skip
+    if not 1 <= number <= count:
         raise SceneError(f"--share {text}: write I/N with I from 1 to N, such as --share 3/16")
-    return Share(int(match[1]), int(match[2]))
-
-
-def _of_slurm() -> Share:
-    try:
-        here, low, high, count = (
-            int(os.environ[f"{SLURM}_{name}"]) for name in ("ID", "MIN", "MAX", "COUNT")
-        )
-    except (KeyError, ValueError):
-        raise SceneError(
-            f"--share: {SLURM}_ID, _MIN, _MAX and _COUNT are not set, this is no task of a SLURM"
-            " job array; write I/N, such as --share 3/16"
-        ) from None
-    # Numbers may have steps, as in --array=0-30:2; a list with gaps has no such order.
-    step = (high - low) // max(count - 1, 1)
-    number = 1 if count == 1 else (here - low) // max(step, 1) + 1
-    if count > 1 and (low + (count - 1) * step != high or low + (number - 1) * step != here):
-        raise SceneError(
-            f"--share: {count} tasks of a job array from {low} to {high} are not evenly spaced;"
-            " write --array=1-N, or --share I/N"
-        )
     return Share(number, count)
+
+
+def _task_of_array(text: str) -> tuple[int, int]:
+    """Number of this task of a job array, from 1, and number of all tasks; 0 where it is not said.
+
+    Raises:
+        SceneError: this is no task, or the numbers have gaps.
+    """
+    for names in ARRAYS:
+        here, low, high, step, count = (_integer(name) for name in names)
+        # A job of LSF that is no task has the number 0; one of Grid Engine has "undefined".
+        if here is None or (here == 0 and low is None):
+            continue
+        if high is None:
+            return here, 0
+        low = 1 if low is None else low
+        count = (high - low) // (step or 1) + 1 if count is None else count
+        # Numbers may have steps, as in --array=0-30:2; a list with gaps has no such order.
+        step = max((high - low) // max(count - 1, 1), 1)
+        if count > 1 and (low + (count - 1) * step != high or (here - low) % step):
+            raise SceneError(
+                f"--share: {count} tasks of a job array from {low} to {high} are not evenly spaced;"
+                " number them from 1 to N, or write --share I/N"
+            )
+        return (here - low) // step + 1, count
+    raise SceneError(
+        f"--share {text}: none of {', '.join(names[0] for names in ARRAYS)} is set, this is no task"
+        " of a job array; write I/N, such as --share 3/16"
+    )
+
+
+def _integer(name: str) -> int | None:
+    """Value of an environment variable; None where it is not set or no number."""
+    text = os.environ.get(name, "")
+    return int(text) if text.isdecimal() else None
 
 
 class Lock:

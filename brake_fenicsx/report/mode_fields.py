@@ -95,6 +95,8 @@ def write_mode_fields(study: Study, first: Mapping[Task, Mapping[str, Any]]) -> 
         study: the study.
         first: what was stored of the first good sample of each approach.
     """
+    from brake_fenicsx.uncertainty.solve import displacements
+
     store, comm = study.store, study.comm
     if comm.rank == 0:
         shutil.rmtree(store.path("fields"), ignore_errors=True)
@@ -107,7 +109,15 @@ def write_mode_fields(study: Study, first: Mapping[Task, Mapping[str, Any]]) -> 
     for task, data in first.items():
         _write_equilibrium(study, task, data, faces)
     run, drawn = _severe(study)
-    rows = [row for chosen in drawn for row in _write_modes(study, run, chosen)]
+    modes = []
+    for mode in (mode for chosen in drawn for mode in chosen):
+        task = mode.approach, mode.sample
+        stored = study.stored(task)
+        modes.append((mode.approach, study._draw(*task), stored, np.array([mode.mode])))
+    shapes = iter(displacements(study.models, modes, study.comm))
+    rows: list[list[Value]] = []
+    for chosen in drawn:
+        rows += _write_modes(study, run, chosen, [next(shapes)[:, 0] for _ in chosen])
     if comm.rank > 0:
         return
     write_rows(store.path("figures", SHAPES), SHAPE_COLUMNS, rows)
@@ -189,10 +199,18 @@ def _severe(study: Study) -> tuple[RunData, list[list[ModeKey]]]:
     return study.comm.bcast(found, root=0)
 
 
-def _write_modes(study: Study, run: RunData, chosen: list[ModeKey]) -> list[list[Value]]:
+def _write_modes(
+    study: Study, run: RunData, chosen: list[ModeKey], shapes: list[NDArray[np.complex128]]
+) -> list[list[Value]]:
     """Real and imaginary part of some modes of an approach, one period of each, and its pictures.
 
     The processes take the modes in turns.
+
+    Args:
+        study: the study.
+        run: its tables.
+        chosen: the modes.
+        shapes: displacement of each, shape (dofs,).
 
     Returns:
         Rows of `SHAPE_COLUMNS`.
@@ -208,10 +226,8 @@ def _write_modes(study: Study, run: RunData, chosen: list[ModeKey]) -> list[list
 
     def draw(i: int) -> tuple[str, NDArray[np.complex128], list[Value]]:
         mode = chosen[i]
-        task = (name, mode.sample)
-        x = displacements(study, task, study.stored(task), np.array([mode.mode]))[:, 0]
         hertz, share = f"{mode.frequency:05.0f}Hz", mode.family.share
-        shape = study.brake.elastic.free.expand(x)
+        shape = study.brake.elastic.free.expand(shapes[i])
         write_phases(store.path("fields", f"phase_{name}_{hertz}.vtkhdf"), V, shape)
         often = f"; family squeals in {share.hits} of {share.n} samples" if share.n > 1 else ""
         title = (
@@ -255,23 +271,3 @@ def _nodal_cells(rotors: Mapping[str, NDArray], V: Any, shape: NDArray) -> list[
         if pattern is not None:
             return [name, pattern.diameters, pattern.direction, pattern.share]
     return [None, None, None, None]
-
-
-def displacements(
-    study: Study, task: Task, data: Mapping[str, Any], chosen: NDArray[np.intp]
-) -> NDArray[np.complex128]:
-    """Displacements of some unstable modes of a stored sample, shape (dofs, chosen).
-
-    Args:
-        study: the study.
-        task: the sample.
-        data: what was stored of it.
-        chosen: numbers of the modes.
-    """
-    if "vectors" in data:
-        column = {int(m): j for j, m in enumerate(data["vector_mode"])}
-        kept = data["vectors"][:, [column[int(i)] for i in chosen]]
-        return kept.astype(complex)
-    from brake_fenicsx.uncertainty.solve import expanded
-
-    return expanded(study.models, task[0], study._draw(*task), data, chosen)

@@ -220,14 +220,20 @@ def quantile(d: Distribution | InputLaw, u: ArrayLike, nominal: float = np.nan) 
         return values[np.minimum((u * values.size).astype(int), values.size - 1)]
     if d.mean is None or d.sd is None:
         raise SceneError(f"samples.random: a {d.law} law needs mean and sd")
-    # It takes long to load, and few scenes need it.
-    from scipy import stats
-
     if d.law == "normal":
-        a, b = (d.min - d.mean) / d.sd, (d.max - d.mean) / d.sd
-        return np.asarray(stats.truncnorm.ppf(u, a, b, loc=d.mean, scale=d.sd))
+        return d.mean + d.sd * _normal(u, (d.min - d.mean) / d.sd, (d.max - d.mean) / d.sd)
     # Mean and standard deviation of the logarithm from those of the value.
     variance = np.log1p((d.sd / d.mean) ** 2)
-    law = stats.lognorm(np.sqrt(variance), scale=d.mean * np.exp(-0.5 * variance))
-    low, high = law.cdf(max(d.min, 0.0)), law.cdf(d.max)
-    return np.asarray(law.ppf(low + u * (high - low)))
+    sd = np.sqrt(variance)
+    low, high = np.log(d.min) if d.min > 0 else -np.inf, np.log(d.max)
+    mean = np.log(d.mean) - 0.5 * variance
+    return np.asarray(np.exp(mean + sd * _normal(u, (low - mean) / sd, (high - mean) / sd)))
+
+
+def _normal(u: Array, low: float, high: float) -> Array:
+    """Quantiles of the standard normal law between two bounds."""
+    if low > 0:
+        # Probabilities next to 1 have no digits left; those next to 0 have.
+        return -_normal(1 - u, -high, -low)
+    first, last = special.ndtr(low), special.ndtr(high)
+    return np.asarray(special.ndtri(first + u * (last - first)))

@@ -147,13 +147,13 @@ class Drivers:
         s, right, left = modes.s[chosen], modes.right[:, chosen], modes.left[:, chosen]
         whole: tuple[Complex, Complex] | None = None if reduced else (right, left)
         if reduced:
-            damped, p = models.damped(approach), models.parameter_point(sample.random)
-            motions, right, left = models.reduced[damped].motions(p, contact, s, right, left)
+            model = models.reduced[models.damped(approach)]
+            p = models.parameter_point(sample.random)
+            motions, right, left = model.motions(p, contact, s, right, left)
             if first:
-                given = damped, p, contact, s
                 whole = (
-                    models.displacements(*given, right),
-                    models.displacements(*given, left, left=True),
+                    model.displacements(p, contact, s, right),
+                    model.displacements(p, contact, s, left, left=True),
                 )
         if whole is not None:
             whole_motions = self._whole_motions(sample, eq, s, whole)

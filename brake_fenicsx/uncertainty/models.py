@@ -40,11 +40,7 @@ from .random_materials import Box, RandomMaterials, assemble_random
 from .shapes import body_centres
 
 if TYPE_CHECKING:
-    from brake_fenicsx.stability.substructures import (
-        ContactLinearisation,
-        Parameters,
-        ReducedModel,
-    )
+    from brake_fenicsx.stability.substructures import Parameters, ReducedModel
     from brake_fenicsx.stability.terms import Terms
 
     from .sampling import SampleInput
@@ -206,18 +202,6 @@ class Models:
         if self._shapes is None:
             raise ValueError("families have no coordinates")
         return np.asarray(self._shapes @ coordinates)
-
-    def displacements(
-        self,
-        damped: bool,
-        p: Array,
-        contact: ContactLinearisation,
-        s: NDArray,
-        a: NDArray,
-        left: bool = False,
-    ) -> NDArray:
-        """Right or left vectors of some modes of the reduced model, shape (dofs, chosen)."""
-        return self.reduced[damped].displacements(p, contact, s, a, left)
 
     def stiffness(self, sample: SampleInput) -> sp.csr_matrix:
         """Stiffness of a sample's bodies [N/m]."""

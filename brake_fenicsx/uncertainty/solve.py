@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from mpi4py import MPI
+
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
@@ -123,25 +125,40 @@ def linearised(
     return ContactLinearisation.of(k, sample.mu, *rates)
 
 
-def expanded(
+def displacements(
     models: Models,
-    approach: str,
-    sample: SampleInput,
-    data: Mapping[str, Any],
-    chosen: NDArray[np.intp],
-) -> NDArray[np.complex128]:
-    """Displacements of some stored modes of a reduced sample, shape (dofs, chosen).
+    modes: Sequence[tuple[str, SampleInput, Mapping[str, Any], NDArray[np.intp]]],
+    comm: MPI.Comm,
+) -> list[NDArray[np.complex128]]:
+    """Displacements of some unstable modes of stored samples; collective.
 
     Args:
         models: what all samples share.
-        approach: of the sample.
-        sample: its inputs.
-        data: what was stored of it.
-        chosen: numbers of the modes.
+        modes: of each sample its approach, its inputs, what was stored of it, and the numbers of
+            the modes.
+        comm: processes that share the work.
+
+    Returns:
+        Of each sample, shape (dofs, chosen).
     """
-    contact = linearised(models, approach, sample, data["k_vibration"], data["p"])
-    a, p = data["coordinates"][:, chosen].astype(complex), models.parameter_point(sample.random)
-    return models.displacements(models.damped(approach), p, contact, data["s"][chosen], a)
+    out: dict[int, NDArray[np.complex128]] = {}
+    for i, (*_, data, chosen) in enumerate(modes):
+        if "vectors" in data:
+            columns = [int(np.flatnonzero(data["vector_mode"] == mode)[0]) for mode in chosen]
+            out[i] = data["vectors"][:, columns].astype(complex)
+    for damped, model in models.reduced.items():
+        served = [
+            i for i, (name, *_) in enumerate(modes)
+            if i not in out and models.damped(name) == damped
+        ]  # fmt: skip
+        given = []
+        for approach, sample, data, chosen in (modes[i] for i in served):
+            contact = linearised(models, approach, sample, data["k_vibration"], data["p"])
+            a = data["coordinates"][:, chosen].astype(complex)
+            given.append((models.parameter_point(sample.random), contact, data["s"][chosen], a))
+        found = model.displacements_of_samples(given, comm=comm)
+        out |= dict(zip(served, found, strict=True))
+    return [out[i] for i in range(len(modes))]
 
 
 def sample_damping(models: Models, sample: SampleInput, p: Array) -> sp.csr_matrix | None:

@@ -11,11 +11,12 @@ import pytest
 from brake_fenicsx.checks import read_surface
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.brake import assemble_brake
-from brake_fenicsx.report.mode_fields import _severe, displacements
+from brake_fenicsx.report.mode_fields import _severe
 from brake_fenicsx.results.tables import MODES, SAMPLES, write_rows
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.operators import tangent
+from brake_fenicsx.uncertainty.solve import displacements
 from brake_fenicsx.uncertainty.study import Study
 
 COMM = MPI.COMM_SELF
@@ -52,9 +53,9 @@ def test_displacements_are_those_of_the_modes(changes, stored, tmp_path, monkeyp
     data = study.work(task)
     assert {"vectors"} & {*data} == {stored} - {""}
     chosen = np.flatnonzero(data["verdict"] == "unstable")[:4]
-    X = displacements(study, task, data, chosen)
-    assert chosen.size == X.shape[1] == 4
     sample = study._draw(*task)
+    (X,) = displacements(study.models, [(task[0], sample, data, chosen)], COMM)
+    assert chosen.size == X.shape[1] == 4
     K = study.models.stiffness(sample)
     K_t = tangent(K, brake.N, brake.T, brake.w, data["k"], data["mu"])
     M = study.models.M

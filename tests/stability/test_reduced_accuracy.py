@@ -43,6 +43,7 @@ def tangent(seed, mu):
     return (K + (N + mu * T).T @ sp.diags(k) @ N).tocsr()
 
 
+@cache
 def reduced(seed, tolerance):
     K, M, N, T, k, end = system(seed)
     return Reduced(K, M, N, T, np.ones(ELEMENTS), k, (0.0, end), tolerance)
@@ -64,6 +65,7 @@ def test_stated_errors_hold_at_every_tolerance(tolerance):
     assert np.median(stated) < max(tolerance, 2e-7)
 
 
+@cache
 @cache
 def merging(seed):
     """Least friction at which a mode of the band grows: a model of 1e-9 finds it to 1e-4."""

@@ -22,6 +22,7 @@ from brake_fenicsx.stability import (
 )
 from brake_fenicsx.stability.damping import gyroscopic
 from brake_fenicsx.stability.substructures import CONSTANT, reduction
+from brake_fenicsx.stability.substructures.moments import Complement
 from brake_fenicsx.stability.substructures.parameters import Interpolation
 from brake_fenicsx.stability.substructures.polynomials import zeros
 from brake_fenicsx.stability.substructures.substructure import mirror_image
@@ -138,6 +139,38 @@ def test_displacements_solve_the_full_problem(two_blocks, case, x):
     gram = model.coordinates(scene.M, phi)
     np.testing.assert_allclose(gram, found.right[:, elastic], atol=1e-6)
     assert len(full) == len(found)
+
+
+@pytest.mark.together
+@pytest.mark.parametrize("left", [False, True])
+@pytest.mark.parametrize("changing, factors", [(False, 2), (True, 3)])
+def test_samples_share_the_factors_of_their_displacements(
+    two_blocks, changing, factors, left, monkeypatch
+):
+    """Two samples: the block whose material changes has two matrices, the other one; the same bits.
+
+    The processes take the factors in turns.
+    """
+    scene = two_blocks("coarse")
+    model, count = offline(scene, "loss", changing=changing), [0]
+    modes = []
+    for seed, x in enumerate([(0.4, -0.6), (-0.3, 0.2)]):
+        sample = Sample(scene, "loss", x if changing else (), 0.4, seed=seed)
+        a = sample.modes(model)
+        vectors = a.left if left else a.right
+        modes.append((sample.x, sample.contact, a.s[-2:], vectors[:, -2:]))
+    alone = [model.displacements(*mode, left) for mode in modes]
+
+    class Counted(Complement):
+        def __init__(self, *given):
+            super().__init__(*given)
+            count[0] += 1
+
+    monkeypatch.setattr("brake_fenicsx.stability.substructures.vectors.Complement", Counted)
+    shared = model.displacements_of_samples(modes, left, MPI.COMM_WORLD)
+    assert MPI.COMM_WORLD.allreduce(count[0]) == factors
+    for one, other in zip(alone, shared, strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 def test_left_vectors_and_conditions_are_those_of_full_order(two_blocks):

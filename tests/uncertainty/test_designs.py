@@ -82,6 +82,15 @@ def test_lognormal_law_has_the_mean_and_deviation_of_the_value():
     assert cut.mean() == pytest.approx(x[inside].mean(), rel=1e-3)
 
 
+@pytest.mark.parametrize(("low", "high"), [(-np.inf, np.inf), (1.0, 2.5), (4.0, 6.0), (0.1, 0.4)])
+def test_truncated_normal_law_is_that_of_scipy(low, high):
+    """In both tails too, seven standard deviations from the mean."""
+    u = np.linspace(1e-3, 1 - 1e-3, 200)
+    x = quantile(Distribution("normal", mean=2.0, sd=0.3, min=low, max=high), u)
+    a, b = (low - 2.0) / 0.3, (high - 2.0) / 0.3
+    np.testing.assert_allclose(x, stats.truncnorm.ppf(u, a, b, loc=2.0, scale=0.3), rtol=1e-12)
+
+
 def test_measured_values_are_drawn_as_they_are_with_equal_chance():
     x = quantile(Distribution("measured", values=(0.5, 0.3, 0.4, 9.0), max=1.0), U)
     found, counts = np.unique(x, return_counts=True)

@@ -34,7 +34,14 @@ from .reduction import Accuracy, Reduction, kept_modes
 from .sample import Sample
 from .static import BodyCompliance, body_compliance, static_compliance
 from .substructure import Substructure
-from .vectors import ContactMotions, mode_displacements, motions_of_elements, sharpened, slopes
+from .vectors import (
+    ContactMotions,
+    SampleModes,
+    mode_displacements,
+    motions_of_elements,
+    sharpened,
+    slopes,
+)
 
 Array = NDArray[np.float64]
 
@@ -244,10 +251,30 @@ class ReducedModel:
         Raises:
             NotConverged: what the kept modes leave out does not settle.
         """
-        sample, x, z = self._sample(p, contact), np.asarray(p, float), self.scaled(s)
-        if left:
-            return mode_displacements(sample, x, self.rows, z, a.conj(), True).conj()
-        return mode_displacements(sample, x, self.rows, z, a)
+        return self.displacements_of_samples([(p, contact, s, a)], left)[0]
+
+    def displacements_of_samples(
+        self,
+        modes: Sequence[tuple[ArrayLike, ContactLinearisation, Complex, Complex]],
+        left: bool = False,
+        comm: MPI.Comm = MPI.COMM_SELF,
+    ) -> list[Complex]:
+        """Displacements of modes of several samples, each matrix factored once; collective.
+
+        Args:
+            modes: of each sample p, contact, s and a as for ``displacements``.
+            left: likewise.
+            comm: processes that share the work.
+        """
+        chosen = [
+            SampleModes(
+                self._sample(p, contact), np.asarray(p, float), self.scaled(s),
+                a.conj() if left else a,
+            )
+            for p, contact, s, a in modes
+        ]  # fmt: skip
+        found = mode_displacements(chosen, self.rows, left, comm)
+        return [u.conj() if left else u for u in found]
 
     def motions(
         self, p: ArrayLike, contact: ContactLinearisation, s: Complex, right: Complex, left: Complex

@@ -14,8 +14,10 @@ whose motions are followed.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+
+from mpi4py import MPI
 
 import numpy as np
 import scipy.linalg as la
@@ -23,9 +25,11 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import NotConverged
+from brake_fenicsx.folder.processes import in_turns
 
 from ..eigensolvers.arnoldi import on_parts, times
 from ..modes import Complex
+from .component import Component
 from .moments import Complement, Rows
 from .polynomials import Coefficients, applied
 from .sample import Sample
@@ -71,6 +75,23 @@ class Vectors:
     b: Complex
     y: Complex
     eta: Complex
+
+
+@dataclass(frozen=True, slots=True)
+class SampleModes:
+    """Some modes of a sample.
+
+    Attributes:
+        sample: its reduced problem.
+        x: its point of the box, shape (d,).
+        z: eigenvalues, in units of the model, shape (modes,).
+        a: coordinates of the kept modes, shape (kept modes, modes).
+    """
+
+    sample: Sample
+    x: NDArray[np.float64]
+    z: Complex
+    a: Complex
 
 
 def sharpened(sample: Sample, z: Complex, a: Complex, b: Complex) -> tuple[Vectors, Settled]:
@@ -200,46 +221,69 @@ def motions_of_elements(
 
 
 def mode_displacements(
-    sample: Sample, x: np.ndarray, rows: Rows, z: Complex, a: Complex, left: bool = False
-) -> Complex:
-    """Displacements W a + v of the bodies, v from their matrices at full order.
+    modes: Sequence[SampleModes], rows: Rows, left: bool, comm: MPI.Comm
+) -> list[Complex]:
+    """Displacements W a + v of the bodies, v from their matrices at full order; collective.
+
+    The processes take the matrices in turns: each has one factor, for the modes of all samples that
+    share it, of the body and of its mirror images.
 
     Args:
-        sample: the reduced problem of the sample.
-        x: its point of the box, shape (d,).
+        modes: modes of some samples.
         rows: blocks of contact rows.
-        z: eigenvalues, in units of the model, shape (chosen,).
-        a: coordinates of the kept modes, shape (kept modes, chosen).
         left: whether these are left vectors, not conjugated.
+        comm: processes that share the work.
 
     Returns:
-        Shape (dofs, chosen).
+        Of each sample, shape (dofs, its modes).
 
     Raises:
         NotConverged: v does not settle.
     """
-    if left:
-        force, along = left_motions(sample, z, a), rows.followed
-    else:
-        force, along = sample.forces(z, right_motions(sample, z, a)), rows.acting
-    out = np.zeros((sum(b.dofs.size for b in sample.bodies), z.size), complex)
-    # One factor at a time: that of a body and its mirror images.
-    for component in dict.fromkeys(body.component for body in sample.bodies):
-        P = component.polynomial(x)
+    matrices: dict[tuple[Component, bytes], list[int]] = {}
+    for i, m in enumerate(modes):
+        for component in dict.fromkeys(body.component for body in m.sample.bodies):
+            point = m.x.tobytes() if component.body.changes else b""
+            matrices.setdefault((component, point), []).append(i)
+    keys = list(matrices)
+
+    def work(j: int) -> list[tuple[int, list[Complex]]]:
+        component, users = keys[j][0], matrices[keys[j]]
+        P = component.polynomial(modes[users[0]].x)
         P = [A.T.tocsr() for A in P] if left else P
         complement = Complement(P[0], component.body.M, component.W)
-        I = sp.vstack([component.body.interface[name] for name in along]).tocsr()
         try:
-            for body, at in zip(sample.bodies, sample.closed, strict=True):
-                if body.component is not component:
-                    continue
-                acting, there = at.rows(len(along), body.elements.size, sample.count)
-                kept = times(component.W, a[body.modes])
-                load = times(I[acting].T.tocsr(), force[there])
-                v = _left_out(complement, P, z, kept, load)
-                out[body.dofs] = body.signs[:, None] * (kept + v)
+            return [(i, _whole(modes[i], component, complement, P, rows, left)) for i in users]
         finally:
             complement.factor.destroy()
+
+    out = [np.zeros((sum(b.dofs.size for b in m.sample.bodies), m.z.size), complex) for m in modes]
+    for (component, _), shapes in zip(keys, in_turns(len(keys), work, comm), strict=True):
+        for i, each in shapes:
+            bodies = (b for b in modes[i].sample.bodies if b.component is component)
+            for body, u in zip(bodies, each, strict=True):
+                out[i][body.dofs] = u
+    return out
+
+
+def _whole(
+    m: SampleModes, component: Component, complement: Complement, P: list[sp.csr_matrix],
+    rows: Rows, left: bool,
+) -> list[Complex]:  # fmt: skip
+    """Displacements of a body and of its mirror images under the modes of a sample."""
+    if left:
+        force, along = left_motions(m.sample, m.z, m.a), rows.followed
+    else:
+        force, along = m.sample.forces(m.z, right_motions(m.sample, m.z, m.a)), rows.acting
+    I = sp.vstack([component.body.interface[name] for name in along]).tocsr()
+    out = []
+    for body, at in zip(m.sample.bodies, m.sample.closed, strict=True):
+        if body.component is component:
+            acting, there = at.rows(len(along), body.elements.size, m.sample.count)
+            kept = times(component.W, m.a[body.modes])
+            load = times(I[acting].T.tocsr(), force[there])
+            v = _left_out(complement, P, m.z, kept, load)
+            out.append(body.signs[:, None] * (kept + v))
     return out
 
 
