@@ -147,10 +147,7 @@ def displacements(
             columns = [int(np.flatnonzero(data["vector_mode"] == mode)[0]) for mode in chosen]
             out[i] = data["vectors"][:, columns].astype(complex)
     for damped, model in models.reduced.items():
-        served = [
-            i for i, (name, *_) in enumerate(modes)
-            if i not in out and models.damped(name) == damped
-        ]  # fmt: skip
+        served = [i for i, m in enumerate(modes) if i not in out and models.damped(m[0]) == damped]
         given = []
         for approach, sample, data, chosen in (modes[i] for i in served):
             contact = linearised(models, approach, sample, data["k_vibration"], data["p"])
