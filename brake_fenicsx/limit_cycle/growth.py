@@ -33,7 +33,7 @@ ENDED = 0.02
 DECAYS, BELOW, BEYOND = 0.5, 0.7, 2.0
 
 # Tolerance of the points between the cycles.
-ROUGHLY = 1e-4
+ROUGHLY = 1e-6
 
 STABLE, UNSTABLE, UNDAMPED = "stable", "unstable", "undamped"
 

@@ -18,7 +18,7 @@ solved by GMRES, preconditioned by the bodies with the forces' tangent averaged 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -31,9 +31,9 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 # Newton's iterations at most, and what each must gain with the factors of an earlier one; vectors
-# of GMRES at most, every how many the residual is looked at, and how small it must be; relative
-# step of differences over lambda.
-ITERATIONS, GAIN, VECTORS, CHECKED, LINEAR, DIFFERENCE = 15, 0.2, 200, 5, 1e-3, 1e-6
+# of GMRES at most, and with factors of an earlier vibration, every how many the residual is looked
+# at, and how small it must be; relative step of differences over lambda.
+ITERATIONS, GAIN, VECTORS, FEW, CHECKED, LINEAR, DIFFERENCE = 15, 0.2, 200, 60, 5, 1e-3, 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,6 +154,8 @@ class HarmonicBalance:
             raise ValueError(f"{points} points of time for {harmonics} harmonics; take more")
         self.bodies, self.forces, self._weights = bodies, forces, weights
         self.harmonics, self.points = harmonics, points
+        # Of a vibration nearby, found before.
+        self._factors: _Factors | None = None
 
     def contact(self, at: Vibration) -> tuple[Complex, Tangent]:
         """Harmonics of the forces of a vibration, and their tangent over time."""
@@ -214,12 +216,21 @@ class HarmonicBalance:
             NotConverged: there is none nearby.
         """
         found, phase = guess, self._weights * guess.y[:, 1].conj() / self.size(guess.y[:, 1])
-        factors, along, last = None, None, 0.0
+        along, last = None, 0.0
         for iteration in range(1, ITERATIONS + 1):
             system = _Linearised(self, found, phase)
-            factors = factors or _Factors(system)
-            along = along or system.with_amplitude(factors)
-            fixed = system.step(factors)
+            for factors in (self._factors, None):
+                try:
+                    made = factors or _Factors(system)
+                    most = VECTORS if factors is None else FEW
+                    along = along or system.with_amplitude(made, most)
+                    fixed = system.step(made, most)
+                    break
+                except _NeedsFactorsError:
+                    along = None
+            else:
+                break
+            self._factors = made
             value, to_alpha, to_amplitude = condition(found.moved(fixed))
             slope = to_alpha * along.s.real + to_amplitude * along.amplitude
             step = -value / slope if slope else np.inf
@@ -234,9 +245,9 @@ class HarmonicBalance:
             if found.s.imag <= 0 or found.amplitude <= 0:
                 break
             if size <= tolerance:
-                return found, along, iteration
+                return replace(found, amplitude=self.size(found.y[:, 1])), along, iteration
             if iteration > 1 and size > GAIN * last:
-                factors, along = None, None
+                self._factors, along = None, None
             last = size
         raise NotConverged(
             f"limit cycle: no vibration of amplitude near {1e6 * guess.amplitude:.3g} um; take"
@@ -297,14 +308,20 @@ def through(A: Complex, J: Complex) -> Complex:
     return np.einsum("rgc,gfc->rfc", A.reshape(len(A), g, c), J).reshape(len(A), f * c)
 
 
+class _NeedsFactorsError(Exception):
+    """GMRES needs too many vectors with these factors."""
+
+
 class _Factors:
     """Inverses of all harmonics with the tangent's mean, applied to the contact forces.
 
     Attributes:
         harmonics: one for each.
+        phase: row of the first harmonic's motions in its border.
         J: their stiffnesses at the contact, shape (harmonics + 1, acting, followed, elements).
         slope: d residual / d lambda of each, shape (rows, harmonics + 1).
-        G: what unit forces move, shape (harmonics + 1, rows + 1, acting rows).
+        G: what unit forces move: coordinates, then motions and lambda, each of shape (harmonics +
+            1, rows, acting rows).
         shifted: what a unit change of lambda moves, shape (harmonics + 1, rows + 1).
     """
 
@@ -314,6 +331,7 @@ class _Factors:
         moved = [system.problem.bodies.at(s + step) for s in at.lam]
         self.slope = (residual(moved, at, system.F) - system.residual) / step
         self.J = np.array([system.tangent.mean(s) for s in at.lam])
+        self.phase = system.phase
         border = self.slope[:, 1], system.phase
         self.harmonics = [
             _Harmonic(r, J, border if n == 1 else None)
@@ -326,7 +344,9 @@ class _Factors:
             columns = harmonic.solve(loads)
             G.append(columns[:, :-1])
             shifted.append(columns[:, -1])
-        self.G, self.shifted = np.array(G), np.array(shifted)
+        m = len(at.a)
+        self.G = np.array([g[:m] for g in G]), np.array([g[m:] for g in G])
+        self.shifted = np.array(shifted)
 
     def solve(self, x: Complex, s: complex) -> Complex:
         """Solutions with right-hand sides x, shape (rows, harmonics + 1), and s of the border."""
@@ -365,24 +385,35 @@ class _Linearised:
         self.responses = [problem.bodies.at(s) for s in at.lam]
         self.residual = residual(self.responses, at, self.F)
 
-    def step(self, factors: _Factors) -> Change:
-        """Newton's step at the amplitude."""
+    def step(self, factors: _Factors, most: int) -> Change:
+        """Newton's step at the amplitude, by so many vectors at most."""
         missing = complex(self.at.amplitude - self.phase @ self.at.y[:, 1])
-        return self._solved(factors, factors.solve(-self.residual, missing), 0.0)
+        return self._solved(factors, self._inverted(factors, -self.residual, missing), 0.0, most)
 
-    def with_amplitude(self, factors: _Factors) -> Change:
+    def with_amplitude(self, factors: _Factors, most: int) -> Change:
         """The change with the amplitude."""
-        return self._solved(factors, factors.solve(0 * self.residual, 1.0), 1.0)
+        return self._solved(factors, self._inverted(factors, 0 * self.residual, 1.0), 1.0, most)
 
-    def _solved(self, factors: _Factors, x: Complex, amplitude: float) -> Change:
+    def _inverted(self, factors: _Factors, x: Complex, missing: complex) -> Complex:
+        """What the inverses make of a residual: their row of phase was that of another vibration.
+
+        Changes along the vibration are the same by both rows, but for a complex factor.
+        """
+        return factors.solve(x, missing * (factors.phase @ self.at.y[:, 1])
+                             / (self.phase @ self.at.y[:, 1]))  # fmt: skip
+
+    def _solved(self, factors: _Factors, x: Complex, amplitude: float, most: int) -> Change:
         """The change of which the inverses without the rest of the tangent make x."""
         m = len(self.at.a)
-        y, s = self._unpacked(self._gmres(factors, self._packed(x[m:-1], x[-1, 1])))
-        more = self._rest(factors, y, s)
-        return Change(x[:m] + more[:m], y, s, amplitude)
+        y, s = self._unpacked(self._gmres(factors, self._packed(x[m:-1], x[-1, 1]), most))
+        more = self._rest(factors, y, s, 0)
+        return Change(x[:m] + more, y, s, amplitude)
 
-    def _rest(self, factors: _Factors, y: Complex, s: complex) -> Complex:
-        """What the inverses make of the rest of the tangent, shape (rows + 1, harmonics + 1)."""
+    def _rest(self, factors: _Factors, y: Complex, s: complex, part: int) -> Complex:
+        """What the inverses make of the rest of the tangent, shape (rows, harmonics + 1).
+
+        Of the coordinates (part 0), or of motions and lambda (1).
+        """
         problem, at = self.problem, self.at
         moved = 1j * s.imag * np.arange(y.shape[1])
         moved[1] = s
@@ -391,13 +422,13 @@ class _Linearised:
         _, g, f, c = factors.J.shape
         held = np.einsum("ngfc,fcn->gcn", factors.J, y.reshape(f, c, -1)).reshape(g * c, -1)
         return (
-            np.matmul(factors.G, (dF + held).T[..., None])[..., 0]
-            - factors.shifted * moved[:, None]
+            np.matmul(factors.G[part], (dF + held).T[..., None])[..., 0]
+            - np.split(factors.shifted, [len(at.a)], axis=1)[part] * moved[:, None]
         ).T
 
     def _times(self, factors: _Factors, v: Array) -> Array:
         y, s = self._unpacked(v)
-        rest = self._rest(factors, y, s)[-len(y) - 1 :]
+        rest = self._rest(factors, y, s, 1)
         return self._packed(y - rest[:-1], s - rest[-1, 1])
 
     def _packed(self, x: Complex, s: complex) -> Array:
@@ -413,16 +444,16 @@ class _Linearised:
         x[:, 1:] = both[0] + 1j * both[1]
         return x, complex(v[-2], v[-1])
 
-    def _gmres(self, factors: _Factors, b: Array) -> Array:
+    def _gmres(self, factors: _Factors, b: Array, most: int) -> Array:
         """Solution by GMRES (Saad and Schultz, SIAM J. Sci. Stat. Comput. 7, 1986)."""
         scale = np.ones(b.size)
         # Lambda and motions in units of the vibration.
         scale[:-2], scale[-2:] = la.norm(self.at.y), abs(self.at.s)
         b = b / scale
         size = la.norm(b)
-        Q, H = np.zeros((VECTORS + 1, b.size)), np.zeros((VECTORS + 1, VECTORS))
+        Q, H = np.zeros((most + 1, b.size)), np.zeros((most + 1, most))
         Q[0] = b / size
-        for j in range(min(VECTORS, b.size)):
+        for j in range(min(most, b.size)):
             w = self._times(factors, scale * Q[j]) / scale
             for _ in range(2):
                 share = Q[: j + 1] @ w
@@ -434,4 +465,4 @@ class _Linearised:
                 if la.norm(H[: j + 2, : j + 1] @ c - rhs) <= LINEAR * size or j + 1 == b.size:
                     return np.asarray(scale * (c @ Q[: j + 1]))
             Q[j + 1] = w / max(H[j + 1, j], 1e-300)
-        raise NotConverged("limit cycle: the linear systems of a vibration do not converge")
+        raise _NeedsFactorsError
