@@ -276,7 +276,7 @@ def _whole(
     else:
         force, along = m.sample.forces(m.z, right_motions(m.sample, m.z, m.a)), rows.acting
     I = sp.vstack([component.body.interface[name] for name in along]).tocsr()
-    out = []
+    out: list[Complex] = []
     for body, at in zip(m.sample.bodies, m.sample.closed, strict=True):
         if body.component is component:
             acting, there = at.rows(len(along), body.elements.size, m.sample.count)
