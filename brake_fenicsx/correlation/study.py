@@ -238,8 +238,8 @@ def beside(
         both: cells of pairs, each of shape (tests, modes).
     """
     alone = np.setdiff1d(np.arange(modes[0].size), mode)
-    places = [((i,), (j,), (i, j)) for i, j in enumerate(mode.tolist())]
-    places += [((-1,), (j,), (-1, j)) for j in alone.tolist()]
+    places = [((i,), (int(j),), (i, int(j))) for i, j in enumerate(mode)]
+    places += [((-1,), (int(j),), (-1, int(j))) for j in alone]
     return [
         [None if min(at) < 0 else cells[at].item()
          for at, table in zip(place, (tests, modes, both), strict=True) for cells in table]

@@ -257,7 +257,8 @@ def mode_displacements(
         finally:
             complement.factor.destroy()
 
-    out = [np.zeros((sum(b.dofs.size for b in m.sample.bodies), m.z.size), complex) for m in modes]
+    sizes = [(sum(b.dofs.size for b in m.sample.bodies), m.z.size) for m in modes]
+    out: list[Complex] = [np.zeros(size, complex) for size in sizes]
     for (component, _), shapes in zip(keys, in_turns(len(keys), work, comm), strict=True):
         for i, each in shapes:
             bodies = (b for b in modes[i].sample.bodies if b.component is component)
@@ -276,7 +277,7 @@ def _whole(
     else:
         force, along = m.sample.forces(m.z, right_motions(m.sample, m.z, m.a)), rows.acting
     I = sp.vstack([component.body.interface[name] for name in along]).tocsr()
-    out = []
+    out: list[Complex] = []
     for body, at in zip(m.sample.bodies, m.sample.closed, strict=True):
         if body.component is component:
             acting, there = at.rows(len(along), body.elements.size, m.sample.count)
