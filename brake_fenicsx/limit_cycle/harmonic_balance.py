@@ -17,6 +17,7 @@ solved by GMRES, preconditioned by the bodies with the forces' tangent averaged 
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Protocol
@@ -24,6 +25,7 @@ from typing import Protocol
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
+from scipy.sparse.linalg import LinearOperator, gmres
 
 from brake_fenicsx.errors import NotConverged
 
@@ -31,9 +33,11 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 # Newton's iterations at most, and what each must gain with the factors of an earlier one; vectors
-# of GMRES at most, and with factors of an earlier vibration, every how many the residual is looked
-# at, and how small it must be; relative step of differences over lambda.
-ITERATIONS, GAIN, VECTORS, FEW, CHECKED, LINEAR, DIFFERENCE = 15, 0.2, 200, 60, 5, 1e-3, 1e-6
+# of GMRES at most, and with factors of an earlier vibration, and how small the residual must be;
+# relative step of differences over lambda.
+ITERATIONS, GAIN, VECTORS, FEW, LINEAR, DIFFERENCE = 15, 0.2, 200, 60, 1e-3, 1e-6
+# SciPy before 1.12 calls the relative tolerance "tol".
+TOLERANCE = "rtol" if "rtol" in inspect.signature(gmres).parameters else "tol"
 
 
 @dataclass(frozen=True, slots=True)
@@ -399,8 +403,8 @@ class _Linearised:
 
         Changes along the vibration are the same by both rows, but for a complex factor.
         """
-        return factors.solve(x, missing * (factors.phase @ self.at.y[:, 1])
-                             / (self.phase @ self.at.y[:, 1]))  # fmt: skip
+        y = self.at.y[:, 1]
+        return factors.solve(x, missing * complex(factors.phase @ y) / complex(self.phase @ y))
 
     def _solved(self, factors: _Factors, x: Complex, amplitude: float, most: int) -> Change:
         """The change of which the inverses without the rest of the tangent make x."""
@@ -445,24 +449,14 @@ class _Linearised:
         return x, complex(v[-2], v[-1])
 
     def _gmres(self, factors: _Factors, b: Array, most: int) -> Array:
-        """Solution by GMRES (Saad and Schultz, SIAM J. Sci. Stat. Comput. 7, 1986)."""
-        scale = np.ones(b.size)
-        # Lambda and motions in units of the vibration.
-        scale[:-2], scale[-2:] = la.norm(self.at.y), abs(self.at.s)
-        b = b / scale
-        size = la.norm(b)
-        Q, H = np.zeros((most + 1, b.size)), np.zeros((most + 1, most))
-        Q[0] = b / size
-        for j in range(min(most, b.size)):
-            w = self._times(factors, scale * Q[j]) / scale
-            for _ in range(2):
-                share = Q[: j + 1] @ w
-                w, H[: j + 1, j] = w - share @ Q[: j + 1], H[: j + 1, j] + share
-            H[j + 1, j] = la.norm(w)
-            if (j + 1) % CHECKED == 0 or H[j + 1, j] < 1e-14 or j + 1 == b.size:
-                rhs = size * np.eye(j + 2, 1)[:, 0]
-                c = np.linalg.lstsq(H[: j + 2, : j + 1], rhs, rcond=None)[0]
-                if la.norm(H[: j + 2, : j + 1] @ c - rhs) <= LINEAR * size or j + 1 == b.size:
-                    return np.asarray(scale * (c @ Q[: j + 1]))
-            Q[j + 1] = w / max(H[j + 1, j], 1e-300)
-        raise _NeedsFactorsError
+        """Solution, lambda and motions in units of the vibration."""
+        scale = np.full(b.size, la.norm(self.at.y))
+        scale[-2:] = abs(self.at.s)
+        A = LinearOperator(
+            (b.size, b.size), lambda v: self._times(factors, scale * v) / scale, dtype=float
+        )
+        given = {"restart": most, "maxiter": 1, "atol": 0.0, TOLERANCE: LINEAR}
+        x, failed = gmres(A, b / scale, **given)
+        if failed:
+            raise _NeedsFactorsError
+        return np.asarray(scale * x)
