@@ -74,11 +74,13 @@ def figure(path):
     with house_style():
         drawing, axes = new_figure(1, 1)
         axis = axes[0, 0]
-        for colour, ratio in zip(CYCLE, (0.01, 0.015, 0.02, 0.025), strict=False):
+        for colour, ratio in zip(CYCLE, (0.01, 0.015, 0.02), strict=False):
             given = prepared(ratio)
             branch = followed(*given, 9, 64)
-            a, alpha = 1e6 * np.array(branch.amplitude), np.real(branch.s)
-            axis.plot(a, alpha, color=colour, label=f"damping ratio {100 * ratio:g} %")
+            a = 1e6 * np.r_[branch.amplitude, [cycle.at.amplitude for cycle in branch.cycles]]
+            alpha = np.r_[np.real(branch.s), np.zeros(len(branch.cycles))]
+            order = np.argsort(a)
+            axis.plot(a[order], alpha[order], color=colour, label=f"damping ratio {100 * ratio:g} %")
             for cycle in branch.cycles:
                 axis.plot(1e6 * cycle.at.amplitude, 0, "o", color=colour)
                 judged = stepped(*given[:3], 0.1 * cycle.at.amplitude)
