@@ -80,7 +80,8 @@ def figure(path):
             a = 1e6 * np.r_[branch.amplitude, [cycle.at.amplitude for cycle in branch.cycles]]
             alpha = np.r_[np.real(branch.s), np.zeros(len(branch.cycles))]
             order = np.argsort(a)
-            axis.plot(a[order], alpha[order], color=colour, label=f"damping ratio {100 * ratio:g} %")
+            label = f"damping ratio {100 * ratio:g} %"
+            axis.plot(a[order], alpha[order], color=colour, label=label)
             for cycle in branch.cycles:
                 axis.plot(1e6 * cycle.at.amplitude, 0, "o", color=colour)
                 judged = stepped(*given[:3], 0.1 * cycle.at.amplitude)
