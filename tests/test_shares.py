@@ -179,6 +179,20 @@ print(number)
 
 
 @pytest.mark.slow
+def test_a_real_slurm():
+    """One node, four shares, one of them killed and requeued: the tables of one run."""
+    program = Path(sys.executable).with_name("brake-fenicsx")
+    done = subprocess.run(
+        [ROOT / "scripts" / "test_slurm"], capture_output=True, text=True,
+        env=os.environ | {"BRAKE_FENICSX": str(program)},
+    )  # fmt: skip
+    if done.returncode == 77:
+        pytest.skip(done.stderr.strip())
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "restarts 1" in done.stdout and "the same bytes" in done.stdout
+
+
+@pytest.mark.slow
 def test_job_array_with_dependent_jobs(whole, tmp_path):
     """The script against a stand-in of sbatch that runs its jobs at once."""
     sbatch, out = tmp_path / "sbatch", tmp_path / "out"
