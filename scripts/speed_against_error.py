@@ -22,7 +22,6 @@ from __future__ import annotations
 import argparse
 import csv
 import json
-import logging
 import os
 import tempfile
 import time
@@ -43,6 +42,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from brake_fenicsx import run
+from brake_fenicsx.folder.log import start_log
 from brake_fenicsx.macro.brake import assemble_brake
 from brake_fenicsx.macro.solver import petsc_matrix
 from brake_fenicsx.micro import LawSettings, law_of_surface
@@ -273,7 +273,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true")
     given = parser.parse_args()
     given.folder.mkdir(parents=True, exist_ok=True)
-    logging.getLogger("brake_fenicsx").setLevel(logging.WARNING)
+    start_log(0, level="WARNING")
     points = []
     for stage in (laws, brake, complex_modes, probability):
         for point in stage(given.quick):
