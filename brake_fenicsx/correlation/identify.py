@@ -127,6 +127,11 @@ def _material(scene: Scene, part: str, name: str | None) -> str:
 def _above(where: str, peaks: Peaks, limit: float, body: VariedBody) -> Peaks:
     """The peaks that may be elastic modes."""
     low = peaks.frequency < limit
+    if low.all():
+        raise SceneError(
+            f"{where}: specimen {peaks.specimen}: all peaks lie below {limit:.4g} Hz, where no mode"
+            " is whatever the constants; leave the specimen out, or correct its unit"
+        )
     if low.any():
         logger.warning(
             "%s: specimen %s: %d peaks below %.4g Hz left out: below the first mode whatever the"

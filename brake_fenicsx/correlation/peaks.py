@@ -20,7 +20,8 @@ UNITS = {"frequency_hz": 1.0, "frequency_khz": 1e3}
 # Two peaks closer than this may be one that was written twice.
 TWICE = 2e-4
 SUFFIXES = (".unv", ".uff", ".uf")
-RESPONSES = 58
+# Dataset 58 holds functions of several types; this one is the frequency response.
+RESPONSES, RESPONSE = 58, 4
 # A pole counts as a mode if, of so many model orders, this share has one this near, over |s|.
 ORDERS, ORDER, SHARE, STABLE = 60, 20, 0.8, 1e-3
 
@@ -77,6 +78,11 @@ def read_peaks(path: str | Path) -> list[Peaks]:
         )
     specimens: dict[str, list[tuple[float, float]]] = {}
     for number, row in enumerate(table, start=1):
+        if len(row) > len(heading):
+            raise SceneError(
+                f"{file}: peak {number}: more cells than the heading has; write decimals with a"
+                " point, not a comma"
+            )
         peak = UNITS[unit[0]] * _number(file, number, unit[0], row[unit[0]])
         q = _number(file, number, "q", row["q"]) if (row.get("q") or "").strip() else np.nan
         specimens.setdefault((row.get("specimen") or "1").strip(), []).append((peak, q))
@@ -92,7 +98,8 @@ def _poles(file: Path) -> NDArray[np.complex128]:
     doi:10.1155/2004/523692).
 
     Raises:
-        SceneError: the library is not installed, or no pole is stable.
+        SceneError: the library is not installed, the responses are none or do not fit together,
+            or no pole is stable.
     """
     try:
         ema = import_module("sdypy.EMA")
@@ -101,7 +108,13 @@ def _poles(file: Path) -> NDArray[np.complex128]:
             f"{file}: contains frequency responses (dataset 58) and no modes; pip install"
             " sdypy-EMA, which finds modes in them, or export modes as dataset 55"
         ) from None
-    x = [np.asarray(d["x"]) for d in read_sets(file, (RESPONSES,)) if d["type"] == RESPONSES]
+    sets = (d for d in read_sets(file, (RESPONSES,)) if d["type"] == RESPONSES)
+    x = [np.asarray(d["x"]) for d in sets if d["func_type"] == RESPONSE]
+    if not x or any(f.shape != x[0].shape or not np.allclose(f, x[0]) for f in x):
+        raise SceneError(
+            f"{file}: dataset 58: {len(x)} frequency responses (function type 4), or not all at the"
+            " same frequencies; export frequency responses of one frequency axis"
+        )
     model = ema.Model(lower=x[0][1], upper=x[0][-1], pol_order_high=ORDERS)
     model.read_uff(str(file))
     model.get_poles(show_progress=False)

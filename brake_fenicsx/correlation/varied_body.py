@@ -13,7 +13,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from brake_fenicsx.errors import InaccurateResult, SceneError
+from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.material_table import constants, stiffness, varied_stiffness
@@ -62,8 +62,6 @@ class VariedBody:
         known = [name for name in usual if (name[0] == "C") == given]
         # Of what is zero there is no logarithm: it stays.
         self.names = [name for name in known if usual[name] > 0]
-        if not self.names:
-            raise SceneError(f"{self._where}: no constant is above zero; write what is to be found")
         if held := [name for name in known if name not in self.names]:
             logger.warning("%s: %s stay as they are: not above zero", self._where, ", ".join(held))
         self.nominal = np.log([usual[name] for name in self.names])

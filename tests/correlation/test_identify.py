@@ -17,6 +17,7 @@ from brake_fenicsx.correlation.posterior import (
     misfit,
 )
 from brake_fenicsx.correlation.varied_body import VariedBody
+from brake_fenicsx.errors import SceneError
 from brake_fenicsx.results.tables import read_rows
 from brake_fenicsx.scene import read_scene
 
@@ -132,7 +133,7 @@ def test_constants_of_the_strontium_titanate_box():
 
 
 def test_a_constant_of_zero_stays(caplog):
-    """An isotropic box with nu = 0: E alone is found; without any constant it is refused."""
+    """An isotropic box with nu = 0: E alone is found."""
     scene = read_scene(BOX, [*COARSE, "materials.aluminium={ model='isotropic', E='70 GPa', nu=0,"
                              " rho='2788 kg/m^3' }"])  # fmt: skip
     body = VariedBody(scene, "box", "aluminium", 250e3, False)
@@ -168,6 +169,35 @@ def test_resonances_of_frequency_responses(tmp_path):
     (peaks,) = read_peaks(tmp_path / "test.uff")
     np.testing.assert_allclose(peaks.frequency, f0, rtol=5e-4)
     np.testing.assert_allclose(peaks.q, 0.5 / zeta, rtol=0.1)
+
+
+def write_functions(path, kind, axes):
+    """A universal file of one function of a type for each axis."""
+    file = pytest.importorskip("pyuff").UFF(str(path))
+    for x in axes:
+        file.write_sets(
+            pytest.importorskip("pyuff").prepare_58(
+                binary=0, func_type=kind, rsp_node=1, rsp_dir=3, ref_node=1, ref_dir=3,
+                data=np.ones(x.size), x=x, id1="", rsp_ent_name="NONE", ref_ent_name="NONE",
+                abscissa_spacing=1, abscissa_spec_data_type=18, ordinate_spec_data_type=12,
+                orddenom_spec_data_type=13,
+            ), mode="add",
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("kind", "counts", "said"),
+    [
+        (1, (64, 64), "0 frequency responses"),
+        (4, (64, 32), "not all at the same frequencies"),
+    ],
+)
+def test_functions_that_are_no_responses_are_one_line(kind, counts, said, tmp_path, monkeypatch):
+    """Histories of time, and responses of two frequency axes; refused before the library reads."""
+    monkeypatch.setattr("brake_fenicsx.correlation.peaks.import_module", lambda name: None)
+    write_functions(tmp_path / "test.uff", kind, [np.arange(n, dtype=float) for n in counts])
+    with pytest.raises(SceneError, match=said):
+        read_peaks(tmp_path / "test.uff")
 
 
 def test_peaks_are_assigned_over_gaps_and_strangers():
@@ -222,6 +252,8 @@ def test_command_with_two_specimens_and_q(tmp_path, capsys):
         ("frequency\n116.7\n", "the heading is frequency; write one of frequency_hz"),
         ("frequency_hz\n1e5\n-3\n", "peak 2: frequency_hz = '-3': write a positive number"),
         ("frequency_hz\n", "contains no peak"),
+        ("frequency_khz\n116,7\n143,8\n", "peak 1: more cells than the heading has"),
+        ("specimen,frequency_hz\na,40\nb,116665\n", "specimen a: all peaks lie below"),
     ],
 )
 def test_mistakes_are_one_line(text, said, tmp_path, capsys):
