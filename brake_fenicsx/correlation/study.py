@@ -250,8 +250,9 @@ def beside(
 def _write_mac(folder: Path, measured: Measured, modes: PartModes, found: Pairs) -> None:
     heads = ("test_mode", "test_frequency_hz", "model_mode", "model_frequency_hz", "mac")
     rows = (
-        (i + 1, float(measured.frequency[i]), j + 1, float(modes.frequency[j]), float(value))
-        for (i, j), value in np.ndenumerate(found.mac)
+        (i + 1, float(f), j + 1, float(g), float(found.mac[i, j]))
+        for i, f in enumerate(measured.frequency)
+        for j, g in enumerate(modes.frequency)
     )
     write_rows(folder / "mac.csv", heads, rows)
 
@@ -266,10 +267,12 @@ def _draw(folder: Path, measured: Measured, modes: PartModes, found: Pairs) -> N
         rows = np.flatnonzero(found.mode >= 0)
         change = 100 * (modes.frequency[found.mode[rows]] / measured.frequency[rows] - 1)
         axis.axvline(0.0, color=GREY, linewidth=0.7)
-        bars = axis.barh(rows, change, height=0.6, color=BLUE)
-        axis.bar_label(bars, fmt="%+.2f", padding=2, fontsize=7)
+        axis.barh(rows, change, height=0.6, color=BLUE)
         widest = 2.2 * max(np.abs(change).max(initial=0.0), 0.1)
         axis.set_xlim(-widest, widest)
+        for row, value in zip(rows, change, strict=True):
+            side = "left" if value >= 0 else "right"
+            axis.text(value, row, f" {value:+.2f} ", va="center", ha=side, fontsize=7)
         axis.set_xlabel("model against test [%]")
         axis.tick_params(left=False)
         panel(axis, "b", "Frequency")
