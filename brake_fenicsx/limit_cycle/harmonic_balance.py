@@ -33,8 +33,8 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 # Newton's iterations at most, and what each must gain with the factors of an earlier one; vectors
-# of GMRES at most, and with factors of an earlier vibration, and how small the residual must be;
-# relative step of differences over lambda.
+# of GMRES at most, with new factors and with those of an earlier vibration, and its relative
+# tolerance; relative step of differences over lambda.
 ITERATIONS, GAIN, VECTORS, FEW, LINEAR, DIFFERENCE = 15, 0.2, 200, 60, 1e-3, 1e-6
 # SciPy before 1.12 calls the relative tolerance "tol".
 TOLERANCE = "rtol" if "rtol" in inspect.signature(gmres).parameters else "tol"
@@ -223,7 +223,7 @@ class HarmonicBalance:
         along, last = None, 0.0
         for iteration in range(1, ITERATIONS + 1):
             system = _Linearised(self, found, phase)
-            for factors in (self._factors, None):
+            for factors in dict.fromkeys((self._factors, None)):
                 try:
                     made = factors or _Factors(system)
                     most = VECTORS if factors is None else FEW
@@ -399,9 +399,10 @@ class _Linearised:
         return self._solved(factors, self._inverted(factors, 0 * self.residual, 1.0), 1.0, most)
 
     def _inverted(self, factors: _Factors, x: Complex, missing: complex) -> Complex:
-        """What the inverses make of a residual: their row of phase was that of another vibration.
+        """Solution of the bordered systems with the factors of this vibration or an earlier one.
 
-        Changes along the vibration are the same by both rows, but for a complex factor.
+        The border of an earlier one has its own row of phase. ``missing`` is scaled so that a
+        change along this vibration has the same amplitude by that row as by this one's.
         """
         y = self.at.y[:, 1]
         return factors.solve(x, missing * complex(factors.phase @ y) / complex(self.phase @ y))
