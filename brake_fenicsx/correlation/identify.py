@@ -83,11 +83,6 @@ def identify(
             " name the column frequency_hz if it is in Hz, or leave out the highest peaks"
         )
     lowest = fill_basis(body, prior)
-    if lowest is None:
-        raise SceneError(
-            f"{where} has no mode below {highest:.4g} Hz, {BEYOND} times the highest peak; name the"
-            " column frequency_khz if it is in kHz, or check materials and dimensions"
-        )
     specimens = [_above(where, s, lowest * np.exp(-3 * prior), body) for s in specimens]
     each = [identified(body, s.frequency, prior, error) for s in specimens]
     for s, end in zip(specimens, each, strict=True):
@@ -129,8 +124,9 @@ def _above(where: str, peaks: Peaks, limit: float, body: VariedBody) -> Peaks:
     low = peaks.frequency < limit
     if low.all():
         raise SceneError(
-            f"{where}: specimen {peaks.specimen}: all peaks lie below {limit:.4g} Hz, where no mode"
-            " is whatever the constants; leave the specimen out, or correct its unit"
+            f"{where}: specimen {peaks.specimen}: all peaks lie below"
+            f" {min(limit, body.highest):.4g} Hz, where the part has no mode; name the column"
+            " frequency_khz if it is in kHz, or check materials and dimensions"
         )
     if low.any():
         logger.warning(
@@ -151,10 +147,17 @@ def _say_misfit(peaks: Peaks, end: Posterior, error: float) -> None:
     used = end.mode >= 0
     off = np.log(peaks.frequency[used] / end.modes.frequency[end.mode[used]])
     rms = float(np.sqrt(np.mean(off**2))) if used.any() else 0.0
+    below = np.flatnonzero(end.modes.frequency < peaks.frequency[-1])
+    unheard = np.setdiff1d(below, end.mode).size
     logger.info(
         "specimen %s: %d of %d peaks have a mode, rms %.3g %%; %d steps, basis within %.1e",
         peaks.specimen, used.sum(), used.size, 100 * rms, end.steps, end.basis_error,
     )  # fmt: skip
+    if unheard or not used.all():
+        logger.warning(
+            "specimen %s: %d peaks fit no mode and are left out; %d modes below the highest peak"
+            " have no peak and are taken as not heard", peaks.specimen, np.sum(~used), unheard,
+        )  # fmt: skip
     if rms > 1.5 * error or used.sum() < 0.8 * used.size:
         logger.warning(
             "specimen %s: the model does not fit within the stated error of %.3g %%: the intervals"
@@ -220,23 +223,18 @@ def _block(
     """[samples.random] of a scene with the identified constants."""
     sd = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(sd, sd)
+    keys = [f'"materials.{material}.{name}"' for name in names]
     lines = ["[samples.random]"]
     for i, name in enumerate(names):
-        mean = np.exp(theta[i] + 0.5 * sd[i] ** 2)
-        values = (f"{v:.6g}" for v in (mean, mean * np.sqrt(np.expm1(sd[i] ** 2))))
-        if not name.startswith("nu"):
-            values = (f'"{v} Pa"' for v in values)
-        text = 'law = "lognormal", mean = {}, sd = {}'.format(*values)
-        others = ", ".join(
-            f'"materials.{material}.{names[j]}" = {correlation[i, j]:.4f}' for j in range(i)
-        )
+        mean, text = np.exp(theta[i] + 0.5 * sd[i] ** 2), 'law = "lognormal"'
+        for word, v in (("mean", mean), ("sd", mean * np.sqrt(np.expm1(sd[i] ** 2)))):
+            text += f", {word} = {v:.6g}" if name[:2] == "nu" else f', {word} = "{v:.6g} Pa"'
+        others = ", ".join(f"{key} = {correlation[i, j]:.4f}" for j, key in enumerate(keys[:i]))
         text += f", correlation = {{ {others} }}" if others else ""
-        lines.append(f'"materials.{material}.{name}" = {{ {text} }}')
+        lines.append(f"{keys[i]} = {{ {text} }}")
     if np.isfinite(losses).any():
         mean = np.nanmean(losses)
         sd_loss = np.hypot(Q_ERROR * mean, np.nanstd(losses))
-        lines.append(
-            f'"materials.{material}.loss" = {{ law = "lognormal", mean = {mean:.4g}, sd ='
-            f" {sd_loss:.3g} }}"
-        )
+        text = f'law = "lognormal", mean = {mean:.4g}, sd = {sd_loss:.3g}'
+        lines.append(f'"materials.{material}.loss" = {{ {text} }}')
     return "\n".join(lines) + "\n"

@@ -110,15 +110,15 @@ def identified(body: VariedBody, peaks: Array, prior: float, error: float) -> Po
     raise NotConverged("modes at the identified constants do not agree with those at full order")
 
 
-def fill_basis(body: VariedBody, prior: float) -> float | None:
+def fill_basis(body: VariedBody, prior: float) -> float:
     """Take in the modes at the scene's constants, and where each of them is larger.
 
     Returns:
-        The first frequency at the scene's constants [Hz]; None if it lies beyond the highest.
+        The first frequency at the scene's constants [Hz]; infinite if it lies beyond the highest.
     """
     frequency = body.take_in(body.nominal)
     if not frequency.size:
-        return None
+        return np.inf
     for axis in np.eye(body.nominal.size):
         try:
             body.take_in(body.nominal + prior * axis)

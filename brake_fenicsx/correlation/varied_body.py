@@ -70,6 +70,8 @@ class VariedBody:
         entries = moved_entries(scene, material, self.names)
         self._index = tuple(np.array([VOIGT[entry] for entry in entries]).T)
         directions = [unit_change(scene, mesh, material, entry) for entry in entries]
+        if not all(directions):
+            raise SceneError(f"{self._where}: of no layer of parts.{part}; name another --material")
         self._A = affine_parts(mesh, elastic.free, directions)
         self._C = stiffness(self._table)[self._index]
         self._count, self._W = 0, np.zeros((elastic.M.shape[0], 0))

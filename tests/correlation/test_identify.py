@@ -144,6 +144,17 @@ def test_a_constant_of_zero_stays(caplog):
     assert end.theta[0] == pytest.approx(body.nominal[0] + 0.1, abs=1e-3)
 
 
+def test_a_material_of_no_layer_of_the_mesh_is_refused():
+    scene = read_scene(PAD, [
+        "parts.pad.material={ lining='lining', plate='steel', shim='rubber' }",
+        "materials.rubber={ model='isotropic', E='10 MPa', nu=0.4, rho='1200 kg/m^3' }",
+    ])  # fmt: skip
+    with pytest.raises(
+        SceneError, match=r"materials.rubber: of no layer of parts.pad; .* --material"
+    ):
+        VariedBody(scene, "pad", "rubber", 10e3, False)
+
+
 def test_resonances_of_frequency_responses(tmp_path):
     """Eight accelerances (dataset 58) with 0.1 % noise: five modes, two of them 2 % apart."""
     pytest.importorskip("sdypy.EMA")
@@ -225,8 +236,10 @@ def test_command_with_two_specimens_and_q(tmp_path, capsys):
     for name, scale in (("a", 0.98), ("b", 1.02)):
         f = box_peaks(scale)
         lines += [f"{name},{x},200" for x in np.delete(f, 3)] + [f"{name},{1.04 * f[0]},"]
-    status, _ = run(tmp_path, "\n".join(lines), capsys)
+    status, out = run(tmp_path, "\n".join(lines), capsys)
     assert status == 0
+    said = "1 peaks fit no mode and are left out; 1 modes below the highest peak have no peak"
+    assert (out.out + out.err).count(said) == 2
     rows = read_rows(tmp_path / "out" / "constants.csv")
     assert [row["constant"] for row in rows] == [
         "materials.aluminium.C11",
@@ -247,6 +260,10 @@ def test_command_with_two_specimens_and_q(tmp_path, capsys):
     ("text", "said"),
     [
         ("frequency_hz\n116.7\n143.8\n158\n", "name the column frequency_khz if it is in kHz"),
+        (
+            "specimen,frequency_hz\na,116700\na,143800\nb,900\n",
+            "specimen b: all peaks lie below",
+        ),
         ("frequency_khz\n116700\n143800\n", "name the column frequency_hz if it is in Hz"),
         ("frequency_khz,frequency_hz\n116,116000\n", "write one of frequency_hz, frequency_khz"),
         ("frequency\n116.7\n", "the heading is frequency; write one of frequency_hz"),
