@@ -139,8 +139,9 @@ def misfit(peaks: Array, modes: Array, mode: NDArray[np.intp], error: float, gat
     """
     used = mode >= 0
     rest = np.where(used, peaks - modes[mode], gate)
-    unheard = np.sum(modes < peaks.max(initial=-np.inf)) - np.sum(used)
-    return float(np.sum((rest / error) ** 2)) + UNHEARD * max(float(unheard), 0.0)
+    below = np.flatnonzero(modes < peaks.max(initial=-np.inf))
+    unheard = np.setdiff1d(below, mode).size
+    return float(np.sum((rest / error) ** 2)) + UNHEARD * unheard
 
 
 def _descended(

@@ -11,6 +11,7 @@ from brake_fenicsx.correlation.part_modes import part_modes
 from brake_fenicsx.correlation.peaks import read_peaks
 from brake_fenicsx.correlation.posterior import (
     NARROW,
+    UNHEARD,
     assigned,
     fill_basis,
     identified,
@@ -215,6 +216,15 @@ def test_peaks_are_assigned_over_gaps_and_strangers():
     modes = np.log([100.0, 102, 130, 150, 151, 180])
     peaks = np.log([100.4, 131, 140, 150.9, 150.2])
     assert assigned(peaks, modes, 0.02).tolist() == [0, 2, -1, 4, 3]
+
+
+def test_a_mode_without_a_peak_is_paid_for():
+    """Also where the mode of the highest peak lies just above it."""
+    modes, peaks = np.log([100.0, 120, 140, 160]), np.log([100.0, 140, 159.9])
+    mode = assigned(peaks, modes, 0.02)
+    assert mode.tolist() == [0, 2, 3]
+    rest = (np.log(159.9 / 160) / 0.005) ** 2
+    assert misfit(peaks, modes, mode, 0.005, 0.02) == pytest.approx(UNHEARD + rest)
 
 
 def run(folder, text, capsys, *words):
