@@ -13,7 +13,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.material_table import constants, stiffness, varied_stiffness
