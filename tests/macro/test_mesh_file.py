@@ -13,7 +13,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.mesh import check_cells, tagged_mesh
 from brake_fenicsx.macro.meshing.abaqus import read_abaqus
 from brake_fenicsx.macro.meshing.groups import mesh_of_file
-from brake_fenicsx.macro.meshing.meshfile import unread_cards
+from brake_fenicsx.macro.meshing.meshfile import read_mesh_file, unread_cards
 from brake_fenicsx.macro.meshing.quality import orientation
 from brake_fenicsx.scene.mesh import MeshTable
 
@@ -116,6 +116,71 @@ def test_nastran_by_property(tmp_path, meshes):
     found = read(file, groups=names)
     assert volumes(found)["pad.body"] == pytest.approx(VOLUME["pad.lining"], rel=1e-6)
     assert area(found, "plate.top") == pytest.approx(AREA, rel=1e-6)
+
+
+def test_med_by_name(tmp_path, meshes):
+    """Names of cells and nodes, one name of two families; meshio alone has their numbers."""
+    meshio = pytest.importorskip("meshio")
+    mesh = meshes.boxes()
+    nodes = np.zeros(len(mesh.points), dtype=int)
+    faces = ("pad.bottom", "plate.top")
+    for family, face in enumerate(faces, 1):
+        nodes[mesh.facets[mesh.facet_tag == mesh.faces[face]]] = family
+    nodes[(mesh.points[:, 0] > 0) & (nodes == 1)] = 3
+    med = meshio.Mesh(
+        1e3 * mesh.points, [("tetra", mesh.cells)], cell_data={"cell_tags": [-5 - mesh.cell_tag]},
+        point_data={"point_tags": nodes},
+    )  # fmt: skip
+    med.cell_tags = {-5 - t: [n, "ALL"] for n, t in mesh.layers.items()}
+    med.point_tags = {i: [face] for i, face in enumerate(faces, 1)} | {3: [faces[0]]}
+    file = tmp_path / "boxes.med"
+    med.write(file)
+    assert set(nodes) == {0, 1, 2, 3}
+    own = {n: n for n in (*mesh.layers, *faces)}
+    found = read(file, groups=own)
+    assert volumes(found)["pad.body"] == pytest.approx(VOLUME["pad.lining"], rel=1e-9)
+    for face in faces:
+        assert area(found, face) == pytest.approx(AREA, rel=1e-9)
+    assert len(read_mesh_file(file).cell_groups["ALL"]) == len(mesh.cells)
+
+
+def test_numbers_of_several_arrays_are_told_apart(tmp_path, meshes):
+    """Materials 1 and 2 in an order, parts 1 and 2 in the other: neither hides the other."""
+    meshio = pytest.importorskip("meshio")
+    mesh = meshes.boxes()
+    file = tmp_path / "boxes.vtu"
+    arrays = {"material": [mesh.cell_tag], "part": [3 - mesh.cell_tag]}
+    arrays["volume"] = [7 * (mesh.cell_tag == 2)]
+    meshio.Mesh(1e3 * mesh.points, [("tetra", mesh.cells)], cell_data=arrays).write(file)
+    for names in (("material:1", "material:2"), ("part:2", "part:1"), ("0", "7")):
+        found = read(file, groups=dict(zip(names, mesh.layers, strict=True)))
+        assert volumes(found)["pad.body"] == pytest.approx(VOLUME["pad.lining"], rel=1e-9)
+    with pytest.raises(SceneError, match=r"mesh.groups.\"1\".*no such group.*material:1"):
+        read(file, groups={"1": "pad.body"})
+
+
+def test_sets_that_meshio_loses_are_refused(tmp_path, meshes):
+    """Numbers of cells of gmsh's .vtk arrive; marks of nodes, or names of cells, do not."""
+    meshio = pytest.importorskip("meshio")
+    mesh = meshes.boxes()
+    file = tmp_path / "boxes.vtk"
+    meshes.write_gmsh(mesh, file)
+    names = {f"cells:{tag}": name for name, tag in mesh.layers.items()}
+    assert volumes(read(file, groups=names))["pad.body"] == pytest.approx(
+        VOLUME["pad.lining"], rel=1e-9
+    )
+    marked = tmp_path / "boxes.vtu"
+    nodes = {"PAD_CONTACT": (mesh.points[:, 2] == 0).astype(int)}
+    cells = {"material": [mesh.cell_tag]}
+    meshio.Mesh(1e3 * mesh.points, [("tetra", mesh.cells)], nodes, cells).write(marked)
+    said = r"no such group.*there are 1, 2; meshio found no sets of nodes in it.*write .msh, .inp"
+    groups = dict(zip(("1", "2"), mesh.layers, strict=True))
+    with pytest.raises(SceneError, match=said) as caught:
+        read(marked, groups={**groups, "PAD_CONTACT": "pad.friction"})
+    assert "\n" not in str(caught.value)
+    meshio.Mesh(1e3 * mesh.points, [("tetra", mesh.cells)]).write(marked)
+    with pytest.raises(SceneError, match="no sets of cells or nodes in it"):
+        read(marked)
 
 
 def test_surfaces_and_sets_of_abaqus(tmp_path):

@@ -50,6 +50,7 @@ class FileMesh:
         shells: kind of shell or membrane -> corner nodes of each, shape (shells, 3 or 4).
         elements: kind of element that is not read -> number of them.
         keywords: keyword or command that is not read -> number of them.
+        advice: what to do where a group is missing, as the end of a sentence.
     """
 
     points: Array
@@ -62,6 +63,7 @@ class FileMesh:
     shells: dict[str, Ints] = field(default_factory=dict)
     elements: Mapping[str, int] = field(default_factory=dict)
     keywords: Mapping[str, int] = field(default_factory=dict)
+    advice: str = ""
 
 
 def numbered(

@@ -124,7 +124,8 @@ def _kind(found: FileMesh, group: str, target: str) -> tuple[str, str]:
                 return kind, name
     known = sorted({name for groups in tables.values() for name in groups})
     near = difflib.get_close_matches(group, known, 1)
-    hint = f"did you mean {near[0]!r}?" if near else f"there are {', '.join(known) or 'none'}"
+    there = f"there are {', '.join(known) or 'none'}{found.advice}"
+    hint = f"did you mean {near[0]!r}?" if near else there
     raise SceneError(f'mesh.groups."{group}" = {target!r}: no such group in the file; {hint}')
 
 
@@ -151,7 +152,7 @@ def _layers(
     if not layers:
         raise SceneError(
             "mesh.groups: no group of cells is named; there are"
-            f" {', '.join(sorted(found.cell_groups)) or 'none in the file'}"
+            f" {', '.join(sorted(found.cell_groups)) or 'none in the file' + found.advice}"
         )
     left = int(np.count_nonzero(tag == 0))
     if left:

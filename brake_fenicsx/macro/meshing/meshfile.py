@@ -141,6 +141,14 @@ def read_other(path: Path) -> FileMesh:
             mesh.shell_sets.add(name)
     for name, nodes in read.point_sets.items():
         mesh.node_groups[name] = np.asarray(nodes, dtype=np.int64)
+    for name, families in _families(read, "point_tags").items():
+        mesh.node_groups[name] = np.flatnonzero(np.isin(read.point_data["point_tags"], families))
+    none = [k for k, g in (("cells", mesh.cell_groups), ("nodes", mesh.node_groups)) if not g]
+    if none:
+        mesh.advice = (
+            f"; meshio found no sets of {' or '.join(none)} in it and does not read those of every"
+            " format (docs/meshes.md): write .msh, .inp or .cdb"
+        )
     if path.suffix in SUFFIXES:
         mesh.elements, mesh.keywords = unread_cards(path)
         for name in SHELLS:
@@ -151,16 +159,39 @@ def read_other(path: Path) -> FileMesh:
 
 
 def _meshio_groups(read: Any) -> dict[str, list[Ints]]:
-    """Group -> members in each block of cells."""
+    """Group -> members in each block of cells.
+
+    Whole numbers of cells are groups by their value; where arrays differ, as "ARRAY:VALUE".
+    """
     groups: dict[str, list[Ints]] = {}
     for name, members in read.cell_sets.items():
         groups[name] = [np.asarray(m if m is not None else [], dtype=np.int64) for m in members]
-    for values in read.cell_data.values():
-        arrays = [np.asarray(v) for v in values]
-        if any(not np.issubdtype(v.dtype, np.integer) or v.ndim != 1 for v in arrays):
+    numbers: dict[str, dict[str, list[Ints]]] = {}
+    for array, blocks in read.cell_data.items():
+        values = [np.ravel(v) for v in blocks]
+        pairs = zip(values, read.cells, strict=True)
+        if any(not np.issubdtype(v.dtype, np.integer) or len(v) != len(b.data) for v, b in pairs):
             continue
-        for value in np.unique(np.concatenate(arrays)):
-            groups.setdefault(str(value), [np.flatnonzero(v == value) for v in arrays])
+        for value in np.unique(np.concatenate(values)):
+            members = [np.flatnonzero(v == value) for v in values]
+            numbers.setdefault(str(value), {})[array] = members
+    for value, arrays in numbers.items():
+        first, *rest = arrays.values()
+        if all(np.array_equal(a, b) for m in rest for a, b in zip(first, m, strict=True)):
+            groups.setdefault(value, first)
+        else:
+            groups |= {f"{array}:{value}": members for array, members in arrays.items()}
+    for name, own in _families(read, "cell_tags").items():
+        groups[name] = [np.flatnonzero(np.isin(v, own)) for v in read.cell_data["cell_tags"]]
+    return groups
+
+
+def _families(read: Any, tags: str) -> dict[str, list[int]]:
+    """Group of a MED file -> its families, by which the file numbers cells or nodes."""
+    groups: dict[str, list[int]] = {}
+    for family, names in getattr(read, tags, {}).items():
+        for name in names:
+            groups.setdefault(name, []).append(family)
     return groups
 
 
