@@ -42,3 +42,33 @@ def test_the_citation_names_this_version_and_the_paper():
     assert f"\nversion: {__version__}\n" in text
     assert "doi: 10.3390/lubricants11080344" in text
     assert re.search(r"^title: .*brake_fenicsx", text, re.M)
+
+
+def test_one_list_of_dependencies():
+    """Of pyproject.toml, conda/meta.yaml, pixi.toml and the bounds in scripts/setup."""
+    recipe = re.search(r"\n  run:\n(.*?)\n\n", (ROOT / "conda" / "meta.yaml").read_text(), re.S)[1]
+    conda = {}
+    for name, *wanted in (line.split() for line in re.findall(r"^    - (.*)", recipe, re.M)):
+        conda[name] = wanted or ["*"]
+    pixi = tomllib.loads((ROOT / "pixi.toml").read_text())
+    assert conda == {
+        name: [wanted] if isinstance(wanted, str) else list(wanted.values())
+        for name, wanted in pixi["dependencies"].items()
+    }
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert conda["python"] == [project["requires-python"]]
+    extras = project["optional-dependencies"]
+    there = {name.lower().removesuffix("-base"): "".join(own) for name, own in conda.items()}
+    there |= {name.lower(): own for name, own in pixi["pypi-dependencies"].items()}
+    bounds = dict(re.findall(r'"([\w-]+)(<[\d.]+)"', (ROOT / "scripts" / "setup").read_text()))
+    for text in sum(
+        (extras[e] for e in ("mesh", "uncertainty", "report", "modal")), project["dependencies"]
+    ):
+        name, bound = re.fullmatch(r"([\w-]+)(.*)", text).groups()
+        assert there[name.lower()] == (bound or bounds.get(name, "*")), name
+    by_pip = re.search(r"pip install (\".*)", (ROOT / "conda" / "meta.yaml").read_text())[1]
+    assert by_pip.replace('"', "").split() == [
+        name + own.strip("*")
+        for name, own in pixi["pypi-dependencies"].items()
+        if isinstance(own, str)
+    ]
