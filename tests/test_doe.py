@@ -57,6 +57,19 @@ def test_sobol_indices_by_salib(scene, called):
     assert FRICTION in out
 
 
+def test_samples_that_fail_are_named_and_give_no_indices(scene, called, capsys, monkeypatch):
+    """A friction at which the block finds no equilibrium: those rows, by number and inputs."""
+    design = pytest.importorskip("SALib.sample.sobol")
+    points = [[0.45, 3e5], [40.0, 5e5], [0.45, 5e5]]
+    monkeypatch.setattr(design, "sample", lambda *a, **k: np.array(points))
+    with pytest.raises(SystemExit, match=r"1 of 3 samples failed: no indices; narrow the bounds"):
+        called("salib_sobol.py", scene, "block_plate", "block.top", 2)
+    said = capsys.readouterr()
+    (line,) = said.err.splitlines()
+    assert line.startswith(f"sample 1 failed, {{{FRICTION!r}: 40.0, {PRESSURE!r}: 500000.0}}: ")
+    assert "equilibrium" in line and said.out == ""
+
+
 def test_search_by_optuna(scene, called):
     pytest.importorskip("optuna")
     out = called("optuna_search.py", scene, "block.top", 3)

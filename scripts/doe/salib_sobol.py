@@ -1,4 +1,7 @@
-"""Sobol indices of the largest growth rate, by SALib: friction against brake pressure."""
+"""Sobol indices of the largest growth rate, by SALib: friction against brake pressure.
+
+Every point of the design needs a value: samples that fail are named, and there are no indices then.
+"""
 
 import sys
 
@@ -7,6 +10,7 @@ from SALib.analyze import sobol
 from SALib.sample import sobol as design
 
 from brake_fenicsx import prepare, sample
+from brake_fenicsx.errors import BrakeError
 
 scene, interface, face = sys.argv[1:4]
 problem = {
@@ -15,5 +19,13 @@ problem = {
 }  # fmt: skip
 model = prepare(scene)
 points = design.sample(problem, int(sys.argv[4]), calc_second_order=False, seed=1)
-growth = [sample(model, dict(zip(problem["names"], x, strict=True))).s.real.max() for x in points]
-print(sobol.analyze(problem, np.array(growth), calc_second_order=False).to_df())
+growth = np.full(len(points), np.nan)
+for row, x in enumerate(points):
+    inputs = dict(zip(problem["names"], x.tolist(), strict=True))
+    try:
+        growth[row] = sample(model, inputs).s.real.max()
+    except BrakeError as error:
+        print(f"sample {row} failed, {inputs}: {error}", file=sys.stderr)
+if failed := np.isnan(growth).sum():
+    sys.exit(f"{failed} of {len(points)} samples failed: no indices; narrow the bounds")
+print(sobol.analyze(problem, growth, calc_second_order=False).to_df())
