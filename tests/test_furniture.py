@@ -1,6 +1,8 @@
 """Version, packages, changelog and citation agree."""
 
 import re
+import subprocess
+import sys
 import tomllib
 from importlib.metadata import metadata
 from pathlib import Path
@@ -72,3 +74,17 @@ def test_one_list_of_dependencies():
         for name, own in pixi["pypi-dependencies"].items()
         if isinstance(own, str)
     ]
+
+
+def test_the_table_of_tested_versions_has_this_system():
+    """Up to the patch level, which a distribution may raise."""
+    script = [sys.executable, str(ROOT / "scripts" / "tested_versions.py")]
+    row = subprocess.run(script, check=True, capture_output=True, text=True).stdout
+    cells = [cell.strip() for cell in row.strip("| \n").split("|")]
+    assert len(cells) == 8 and all(re.fullmatch(r"\d+(\.\d+)+\S*", c) for c in cells[1:])
+    page = (ROOT / "docs" / "installation.md").read_text()
+    there = re.search(rf"^\| {re.escape(cells[0])} \|.*", page, re.M)
+    if cells[0] in ("Debian 12", "Debian 13"):
+        known = [cell.strip() for cell in there[0].split("|")[2:9]]
+        minor = [[".".join(v.split(".")[:2]) for v in own] for own in (known, cells[1:])]
+        assert minor[0] == minor[1], "scripts/tested_versions.py --write"

@@ -141,7 +141,7 @@ def read_other(path: Path) -> FileMesh:
             mesh.shell_sets.add(name)
     for name, nodes in read.point_sets.items():
         mesh.node_groups[name] = np.asarray(nodes, dtype=np.int64)
-    for name, families in _families(read, "point_tags").items():
+    for name, families in _families(read, "point_tags", read.point_data).items():
         mesh.node_groups[name] = np.flatnonzero(np.isin(read.point_data["point_tags"], families))
     none = [k for k, g in (("cells", mesh.cell_groups), ("nodes", mesh.node_groups)) if not g]
     if none:
@@ -181,15 +181,15 @@ def _meshio_groups(read: Any) -> dict[str, list[Ints]]:
             groups.setdefault(value, first)
         else:
             groups |= {f"{array}:{value}": members for array, members in arrays.items()}
-    for name, own in _families(read, "cell_tags").items():
+    for name, own in _families(read, "cell_tags", read.cell_data).items():
         groups[name] = [np.flatnonzero(np.isin(v, own)) for v in read.cell_data["cell_tags"]]
     return groups
 
 
-def _families(read: Any, tags: str) -> dict[str, list[int]]:
-    """Group of a MED file -> its families, by which the file numbers cells or nodes."""
+def _families(read: Any, tags: str, data: Any) -> dict[str, list[int]]:
+    """Group of a MED file -> its families, by which the data number cells or nodes."""
     groups: dict[str, list[int]] = {}
-    for family, names in getattr(read, tags, {}).items():
+    for family, names in getattr(read, tags, {}).items() if tags in data else ():
         for name in names:
             groups.setdefault(name, []).append(family)
     return groups
