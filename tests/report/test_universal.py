@@ -1,4 +1,4 @@
-"""Mode shapes of a run as a universal file, read back by pyuff and SDynPy."""
+"""Mode shapes of a run as a universal file, read back by pyuff and SDynPy (extra ``[peers]``)."""
 
 import sys
 
