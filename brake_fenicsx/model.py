@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-import tempfile
-from collections.abc import Mapping, Sequence
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
@@ -13,12 +15,14 @@ from mpi4py import MPI
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from brake_fenicsx.arguments import listed, number, of_kind
+from brake_fenicsx.arguments import listed, number, of_kind, positive
 from brake_fenicsx.checks import check
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.executor import Source, samples_elsewhere, samples_here
 from brake_fenicsx.extensions import Extensions
 from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.entry import check_folder
+from brake_fenicsx.folder.lock import Share
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.pipeline import Run, before_samples, make_study
 from brake_fenicsx.scene import Scene, read_scene
@@ -71,10 +75,11 @@ class Model:
     Attributes:
         scene: the scene.
         study: its samples.
+        source: what it was prepared from; None with extensions, which are no plain values.
     """
 
-    def __init__(self, scene: Scene, study: Study, folder: tempfile.TemporaryDirectory | None):
-        self.scene, self.study, self._folder = scene, study, folder
+    def __init__(self, study: Study, source: Source | None, folder: TemporaryDirectory | None):
+        self.scene, self.study, self.source, self._folder = study.scene, study, source, folder
 
     def __repr__(self) -> str:
         """One line."""
@@ -141,6 +146,51 @@ class Model:
             dict(zip(names, (int(i), str(kind), branch[i], *values), strict=True))
             for i, kind, values in rows
         ]
+
+    def samples(
+        self,
+        n: int | None = None,
+        approach: str | None = None,
+        executor: Executor | None = None,
+        chunksize: int = 1,
+    ) -> Iterator[dict[str, Any]]:
+        """Samples of the scene as ``run`` computes them, one after the other as they end.
+
+        Each is stored in the folder of the model, where a later call, or ``run``, finds it. A
+        worker loads that folder, which all of them must see, and computes with the BLAS threads of
+        its environment: OMP_NUM_THREADS, set to 1 for processes that this one starts, if it is
+        not set.
+
+        Args:
+            n: number of samples, the first ones; all of ``samples.n`` if None.
+            approach: one of the scene's; its first if None.
+            executor: of ``concurrent.futures`` (its processes spawned, not forked), mpi4py.futures,
+                dask, parsl or submitit; this process computes them in order if None.
+            chunksize: samples of a job of the executor.
+
+        Yields:
+            One record for each sample: ``approach``, ``sample``, ``status`` ("ok", or why it
+            failed) and, of a good one, ``seed``, ``random_names`` and ``random`` [SI], the values
+            of its inputs, and of its modes ``s`` = alpha + i omega [1/s], ``frequency`` [Hz],
+            ``damping`` [-], ``verdict``, ``error`` and ``residual``, shape (modes,).
+
+        Raises:
+            SceneError: no such approach or number of samples; a worker cannot load the folder.
+            BrakeError: workers ended before they had stored their samples, which it names; raised
+                after all other samples.
+        """
+        of_kind("n", n, (int, np.integer, type(None)), "a number of samples")
+        of_kind("chunksize", chunksize, (int, np.integer), "a number of samples")
+        positive(chunksize=chunksize)
+        chosen, _ = self._task(approach, 0 if n is None else n - 1)
+        tasks = [task for task in self.study.tasks if task[0] == chosen][:n]
+        if executor is None:
+            return samples_here(self, tasks)
+        if not hasattr(executor, "submit"):
+            of_kind("executor", executor, Executor, "one of concurrent.futures, or None")
+        if self.source is None:
+            raise SceneError("executor: extensions are objects of this process alone; leave it out")
+        return samples_elsewhere(self, tasks, self.source, executor, chunksize)
 
     def sweep(
         self,
@@ -224,37 +274,80 @@ def prepare(
         SceneError: the scene is wrong, or has no stage equilibrium.
     """
     of_kind("scene", scene, (str, Path), "the path of a scene file")
-    parsed, comm = read_scene(scene, overrides), MPI.COMM_SELF if comm is None else comm
+    comm = MPI.COMM_SELF if comm is None else comm
+    given = {key: listed(key, v).tolist() for key, v in (parameters or {}).items()}
+    parsed = _read(scene, overrides, given)
     if extensions is not None and (directory is not None or cache is not None):
         raise SceneError(
             f"{parsed.file}: extensions: leave out directory and cache, whose files are known"
             " by the scene alone"
         )
-    if "equilibrium" not in parsed.stages:
-        raise SceneError(f"{parsed.file}: stages: 'equilibrium' is missing")
-    given = {key: listed(key, v) for key, v in (parameters or {}).items()}
-    ranges = {key: Range(values=tuple(map(float, v))) for key, v in given.items()}
-    for key in ranges:
-        _check_key(parsed, key)
-    # A scene with a sweep prepares what many values share.
-    parsed = replace(parsed, sweep=Sweep(ranges))
     folder = None
     if directory is None:
         # One folder of all processes; the first one removes it.
         if comm.rank == 0:
-            folder = tempfile.TemporaryDirectory(prefix="brake_fenicsx-")
+            folder = TemporaryDirectory(prefix="brake_fenicsx-")
         directory = comm.bcast(folder.name if folder is not None else None)
-    store = Store(Path(directory))
+    shared = None if cache is None else Path(cache)
+    study = _prepared(parsed, Store(Path(directory)), comm, shared, extensions)
+    ranges = tuple((key, tuple(values)) for key, values in given.items())
+    paths = str(Path(scene).resolve()), str(Path(directory).resolve())
+    source = Source(paths[0], tuple(overrides), ranges, paths[1])
+    return Model(study, None if extensions else source, folder)
+
+
+def entered(source: Source) -> Study:
+    """What the samples of a prepared model share, loaded from its folder as a share of a run does.
+
+    Args:
+        source: of the model.
+
+    Raises:
+        SceneError: the folder is of another scene.
+    """
+    store = Store(Path(source.directory))
+    store.share = Share(1, 1)
+    parsed = _read(source.scene, source.overrides, dict(source.parameters))
+    return _prepared(parsed, store, MPI.COMM_SELF)
+
+
+def _read(
+    scene: str | Path, overrides: Sequence[str], parameters: Mapping[str, Sequence[float]]
+) -> Scene:
+    """A scene with a sweep over the ranges of parameters: it prepares what many values share."""
+    parsed = read_scene(scene, overrides)
+    if "equilibrium" not in parsed.stages:
+        raise SceneError(f"{parsed.file}: stages: 'equilibrium' is missing")
+    for key in parameters:
+        _check_key(parsed, key)
+    ranges = {key: Range(values=tuple(values)) for key, values in parameters.items()}
+    return replace(parsed, sweep=Sweep(ranges))
+
+
+def _prepared(
+    parsed: Scene,
+    store: Store,
+    comm: MPI.Comm,
+    cache: Path | None = None,
+    extensions: Extensions | None = None,
+) -> Study:
+    """Brake, laws and reduced model, made or loaded from the folder; collective."""
+    if comm.size == 1 and "mpi4py.futures" in sys.modules:
+        import petsc4py
+
+        # PETSc starts on all processes together, and those of a pool wait for work elsewhere.
+        petsc4py.init(comm=comm)
     check_folder(store, result_digest(parsed), comm)
     stats = check(parsed, comm)
     if extensions is not None:
         parsed = extensions.applied(parsed)
-    this = Run(parsed, comm, store, SharedCache(store, None if cache is None else Path(cache)))
-    store.open(parsed.file.read_text())
+    this = Run(parsed, comm, store, SharedCache(store, cache))
+    if store.share is None:
+        store.open(parsed.file.read_text())
     brake, library = before_samples(this, stats)
     if brake is None:
         raise SceneError(f"{parsed.file}: stages: 'equilibrium' is missing")
-    return Model(this.scene, make_study(this, stats, library, brake), folder)
+    return make_study(this, stats, library, brake)
 
 
 def _check_key(scene: Scene, key: str) -> None:

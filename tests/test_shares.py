@@ -3,6 +3,8 @@
 import itertools
 import json
 import os
+import shlex
+import shutil
 import subprocess
 import sys
 import time
@@ -216,6 +218,30 @@ def test_job_array_with_dependent_jobs(whole, tmp_path):
     assert [line.split()[-2] for line in calls] == ["prepare", "run", "run"]
     assert "--dependency=afterok:1 --array=1-3" in calls[1] and calls[1].endswith("--share")
     assert "--dependency=afterany:2" in calls[2]
+    same_tables(out, whole)
+
+
+@pytest.mark.slow
+def test_shares_as_rules_of_snakemake(whole, tmp_path):
+    """Three of them on this machine; a second call has nothing to do."""
+    snakemake, out = shutil.which("snakemake"), tmp_path / "out"
+    if snakemake is None:
+        pytest.skip("no snakemake: pip install snakemake, in an environment of its own")
+    program = tmp_path / "brake-fenicsx"
+    program.write_text(f"#!{sys.executable}\nimport sys\nsys.path[:0] = [{str(ROOT)!r}]\n{PROGRAM}")
+    program.chmod(0o755)
+    options = shlex.join([*SETS, "-q"])
+    command = [snakemake, "-s", str(ROOT / "scripts" / "Snakefile"), "-c", "2", "--config"]
+    command += [f"scene={BLOCK}", f"out={out}", "shares=3", f"options={options}"]
+    env = os.environ | {"BRAKE_FENICSX": str(program)}
+    env.pop("PYTHONPATH", None)  # what it names is not for the environment of Snakemake
+    said = []
+    for _ in range(2):
+        done = subprocess.run(command, env=env, cwd=tmp_path, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        said.append(done.stderr + done.stdout)
+    assert "5 of 5 steps" in said[0] and "Nothing to be done" in said[1]
+    assert {p.name for p in out.glob("log*.txt")} >= {f"log-{k}-of-3.txt" for k in (1, 2, 3)}
     same_tables(out, whole)
 
 

@@ -73,7 +73,7 @@ def _run(
     with _Counter(comm) as counter, finishing():
         try:
             while (i := counter.next()) < len(wanted):
-                _one(wanted[i], work, store)
+                compute_sample(wanted[i], work, store)
                 progress.advance(i + 1 - progress.done)
         except BrakeError as error:
             defect = error
@@ -87,8 +87,14 @@ def _run(
         raise stopped
 
 
-def _one(task: Task, work: Work, store: Store) -> None:
-    """Compute a sample and store it, or its error."""
+def compute_sample(task: Task, work: Work, store: Store) -> None:
+    """Compute a sample and store it, or its error.
+
+    Args:
+        task: approach and number of the sample.
+        work: computes it; what it returns is stored.
+        store: the results folder.
+    """
     try:
         result = {"status": "ok", **work(task)}
     except BrakeError as error:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import logging
+import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import Any
+from unittest import mock
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,16 +36,19 @@ FACET_TYPE = {("tetrahedron", 1): 2, ("tetrahedron", 2): 9,
 @contextmanager
 def gmsh_session() -> Iterator[Any]:
     """Gmsh, silent, from start to end."""
-    import gmsh
+    # It sets signal handlers, which Python allows the main thread alone.
+    main = threading.current_thread() is threading.main_thread()
+    with nullcontext() if main else mock.patch("signal.signal"):
+        import gmsh
 
-    gmsh.initialize()
-    try:
-        gmsh.option.setNumber("General.Terminal", 0)
-        # Before long work it would ask on the terminal, and wait.
-        gmsh.option.setNumber("General.ExpertMode", 1)
-        yield gmsh
-    finally:
-        gmsh.finalize()
+        gmsh.initialize()
+        try:
+            gmsh.option.setNumber("General.Terminal", 0)
+            # Before long work it would ask on the terminal, and wait.
+            gmsh.option.setNumber("General.ExpertMode", 1)
+            yield gmsh
+        finally:
+            gmsh.finalize()
 
 
 def mesh_part(gmsh: Any, name: str, builder: Any, values: Any, table: MeshTable) -> RawMesh:
