@@ -275,7 +275,9 @@ def prepare(
     """
     of_kind("scene", scene, (str, Path), "the path of a scene file")
     comm = MPI.COMM_SELF if comm is None else comm
-    given = {key: listed(key, v).tolist() for key, v in (parameters or {}).items()}
+    given = {
+        key: tuple(float(v) for v in listed(key, ends)) for key, ends in (parameters or {}).items()
+    }
     parsed = _read(scene, overrides, given)
     if extensions is not None and (directory is not None or cache is not None):
         raise SceneError(
@@ -290,9 +292,8 @@ def prepare(
         directory = comm.bcast(folder.name if folder is not None else None)
     shared = None if cache is None else Path(cache)
     study = _prepared(parsed, Store(Path(directory)), comm, shared, extensions)
-    ranges = tuple((key, tuple(values)) for key, values in given.items())
     paths = str(Path(scene).resolve()), str(Path(directory).resolve())
-    source = Source(paths[0], tuple(overrides), ranges, paths[1])
+    source = Source(paths[0], tuple(overrides), tuple(given.items()), paths[1])
     return Model(study, None if extensions else source, folder)
 
 
