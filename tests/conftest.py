@@ -61,20 +61,38 @@ def comm():
     return MPI.COMM_WORLD
 
 
-@pytest.fixture
-def without_pixels(monkeypatch):
-    """Names of the figures that are drawn; each is stored as a picture of one pixel."""
-    names = []
+def _one_pixel(monkeypatch, names):
+    """Pictures of figures, meshes and modes have one pixel; a name is noted for each figure."""
+    from brake_fenicsx.report import animation, figures, render
 
-    def save(figure, directory, name):
+    def pixel(path, *args, **keys):
         from PIL import Image
 
-        names.append(name)
-        Image.new("RGB", (1, 1)).save(directory / f"{name}.png")
-        return [directory / f"{name}.png"]
+        Image.new("RGB", (1, 1)).save(path)
+        return path
 
-    monkeypatch.setattr("brake_fenicsx.report.figures.save", save)
+    def save(figure, directory, name):
+        names.append(name)
+        return [pixel(directory / f"{name}.png")]
+
+    monkeypatch.setattr(figures, "save", save)
+    for module, name in ((render, "render_mesh"), (render, "render_mode"),
+                         (animation, "animate_mode")):  # fmt: skip
+        monkeypatch.setattr(module, name, pixel)
     return names
+
+
+@pytest.fixture
+def without_pixels(monkeypatch):
+    """Names of the figures that are drawn; each picture of a run is stored as one pixel."""
+    return _one_pixel(monkeypatch, [])
+
+
+@pytest.fixture(scope="module")
+def all_without_pixels():
+    """The same for a whole module and its fixtures."""
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        yield _one_pixel(monkeypatch, [])
 
 
 @pytest.fixture

@@ -32,8 +32,8 @@ TABLES = ("limit_cycle.csv", "limit_cycle_growth.csv", "limit_cycle_families.csv
 
 
 @pytest.fixture(scope="module")
-def done(tmp_path_factory):
-    """A run with the page."""
+def done(tmp_path_factory, all_without_pixels):
+    """A run with the page; all figures are made, and stored as one pixel each."""
     folder = tmp_path_factory.mktemp("run") / "out"
     stages = GIVEN[0].replace("'uncertainty'", "'uncertainty','report'")
     run(BLOCK, MPI.COMM_SELF, folder, [stages, *GIVEN[1:]])
@@ -94,6 +94,7 @@ def test_a_killed_run_goes_on_with_the_same_numbers(done, tmp_path):
         assert kept[0] == kept[1]
 
 
+@pytest.mark.slow
 def test_two_processes_give_the_cycles_of_one(done, tmp_path):
     mpirun = shutil.which("mpirun")
     if mpirun is None:
