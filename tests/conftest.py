@@ -184,14 +184,14 @@ class TwoBlocks:
 SCENES = {
     # Lining block on a steel-like plate, clamped below; the block is guided, free along z.
     "guided": dict(
-        pad=dict(length=12e-3, width=8e-3, height=6e-3, z=0.0, size=4e-3),
-        plate=dict(length=20e-3, width=14e-3, height=6e-3, z=-6e-3, size=7e-3),
+        pad=dict(length=12e-3, width=8e-3, height=6e-3, z=0.0, size=6e-3),
+        plate=dict(length=20e-3, width=14e-3, height=6e-3, z=-6e-3, size=14e-3),
         supports={"plate.bottom": ["x", "y", "z"], "pad.top": ["x", "y"]},
     ),
     # The same with fewer cells: its dense damped spectrum takes seconds.
     "coarse": dict(
-        pad=dict(length=12e-3, width=8e-3, height=6e-3, z=0.0, size=6e-3),
-        plate=dict(length=20e-3, width=14e-3, height=6e-3, z=-6e-3, size=14e-3),
+        pad=dict(length=12e-3, width=8e-3, height=6e-3, z=0.0, size=8e-3),
+        plate=dict(length=20e-3, width=14e-3, height=6e-3, z=-6e-3, size=20e-3),
         supports={"plate.bottom": ["x", "y", "z"], "pad.top": ["x", "y"]},
     ),
     # The first, without tilting: held all around in the plane.
@@ -208,8 +208,8 @@ SCENES = {
     ),
     # Nothing held and few cells: its dense spectrum takes a second.
     "free": dict(
-        pad=dict(length=12e-3, width=8e-3, height=6e-3, z=0.0, size=6e-3),
-        plate=dict(length=20e-3, width=14e-3, height=6e-3, z=-6e-3, size=14e-3),
+        pad=dict(length=12e-3, width=8e-3, height=6e-3, z=0.0, size=8e-3),
+        plate=dict(length=20e-3, width=14e-3, height=6e-3, z=-6e-3, size=20e-3),
         supports={},
     ),
     # The pad reaches beyond the plate on all sides.

@@ -182,17 +182,19 @@ def test_check_says_it_all_and_writes_nothing(tmp_path, monkeypatch, capsys):
 def test_check_takes_times_from_the_run_of_the_scene(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     scene = SCENES / "block_on_plate.toml"
-    done = run(scene, MPI.COMM_SELF, None, ["stages=['equilibrium', 'stability']"])
+    coarse = ["parts.block.size='10 mm'", "parts.plate.size='14 mm'"]
+    changes = [*coarse, "stages=['equilibrium', 'stability']"]
+    done = run(scene, MPI.COMM_SELF, None, changes)
     facts = earlier_run(tmp_path / "block_on_plate-results")
     assert facts["seconds"].keys() == done.seconds.keys()
-    describe(scene, MPI.COMM_SELF, ["stages=['equilibrium', 'stability']"], as_json=True)
+    describe(scene, MPI.COMM_SELF, changes, as_json=True)
     found = json.loads(capsys.readouterr().out)
     assert found["seconds"] == pytest.approx(facts["seconds"], rel=0.2, abs=0.01)
-    describe(scene, MPI.COMM_SELF)
+    describe(scene, MPI.COMM_SELF, coarse)
     text = capsys.readouterr().out
     assert re.search(r"time: about .*on 1 process as in block_on_plate-results: brake", text)
     (tmp_path / "block_on_plate-results" / "summary.json").write_text("{}")
-    describe(scene, MPI.COMM_SELF)
+    describe(scene, MPI.COMM_SELF, coarse)
     assert "time: unknown" in capsys.readouterr().out
 
 

@@ -18,7 +18,7 @@ from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.contact import Zone
 
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
-FEW = ["mesh.cells=hexahedra", "parts.block.size='5 mm'", "parts.plate.size='10 mm'"]
+FEW = ["mesh.cells=hexahedra", "parts.block.size='7 mm'", "parts.plate.size='14 mm'"]
 INNER, OUTER = '{ radius = [0, "12 mm"] }', '{ radius = ["12 mm", "1 m"] }'
 
 

@@ -59,17 +59,17 @@ def test_ishigami_total(design, bound):
     "plan", [Plan(1800, "fast", 3), Plan(640, "saltelli", 1), Plan(400, "random", 1)]
 )
 def test_intervals_hold_the_truth_about_as_often_as_they_say(plan):
-    """95 % intervals over 40 designs: 31 of 40 has a chance of 1e-4 if they are right.
+    """95 % intervals over 20 designs: 14 of 20 has a chance of 3e-4 if they are right.
 
     Without its bias FAST would hold the first input's truth in 2 designs of 100.
     """
     first, total = np.zeros(3), np.zeros(3)
-    for seed in range(40):
+    for seed in range(20):
         found = analysed(plan, seed)
         first += np.abs(found.first - FIRST) <= found.first_half + 1e-12
         total += np.abs(found.total - TOTAL) <= found.total_half
-    assert np.all(first >= 32)
-    assert plan.design == "random" or np.all(total >= 32)
+    assert np.all(first >= 15)
+    assert plan.design == "random" or np.all(total >= 15)
 
 
 def test_constant_outcome_and_few_samples_have_no_index():
