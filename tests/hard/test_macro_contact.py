@@ -246,7 +246,7 @@ def test_initial_gap_is_closed_by_the_ramp(two_blocks):
     """A pad free along z starts 1 mm above the plate: the same equilibrium."""
     scene = two_blocks(
         "guided",
-        pad=(("length", 12e-3), ("width", 8e-3), ("height", 6e-3), ("z", 1e-3), ("size", 4e-3)),
+        pad=(("length", 12e-3), ("width", 8e-3), ("height", 6e-3), ("z", 1e-3), ("size", 6e-3)),
     )
     n = scene.w.size
     laws = EnrichedGap(OneLaw(linear_law(1e12)), np.zeros(n, int), np.zeros(n))
