@@ -38,13 +38,13 @@ def test_low_passed_keeps_the_waves_of_the_coarse_grid():
 
 @pytest.mark.parametrize("hardness", [None, HARD])
 def test_a_cascade_of_grids_agrees_with_one(hardness):
-    """Rms over four surfaces of 256 pixels, to 5 MPa; the grids change at about 1.5 MPa.
+    """Rms over two surfaces of 256 pixels, to 5 MPa; the grids change at about 1.5 MPa.
 
     Vibration stiffness within 6 %, secant of p over +-15 % within 12 %, separation within 0.02
     S_q; exact below the change. At the pressures of braking and 625 pixels the slow test below
     asks for more.
     """
-    miss = join_errors([surface(seed) for seed in range(4)], hardness, [5e4, 2e5, 1e6, 3e6, 5e6])
+    miss = join_errors([surface(seed) for seed in range(2)], hardness, [5e4, 2e5, 1e6, 3e6, 5e6])
     rms = np.sqrt(np.mean(np.square(miss), axis=0))
     assert np.all(rms[1:, 0] < 1e-9) and rms[0, 0] < 1e-3  # few touch: the fine grid's
     assert np.all(rms[0] < 0.06) and np.all(rms[1] < 0.12) and np.all(rms[2] < 0.02), rms

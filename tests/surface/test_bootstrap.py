@@ -33,11 +33,11 @@ def numbers(stats):
 
 
 def test_draws_scatter_as_scans_do():
-    """Standard deviations over 30 scans against those of 12 draws of each of 5."""
+    """Standard deviations over 30 scans against those of 6 draws of each of 5."""
     scans = [scan(seed, spectrum="fit") for seed in range(30)]
     true = np.std([numbers(s) for s in scans], axis=0)
     told = [
-        np.var([numbers(resampled(s, np.random.default_rng([k, i]))) for i in range(12)], axis=0)
+        np.var([numbers(resampled(s, np.random.default_rng([k, i]))) for i in range(6)], axis=0)
         for k, s in enumerate(scans[:5])
     ]
     # One scan tells the deviation to some 30 %, five of them and the 30 to some 15 %.
@@ -47,8 +47,8 @@ def test_draws_scatter_as_scans_do():
 
 def test_draws_have_the_statistics_of_the_scan_on_average():
     stats = scan(1)
-    drawn = [numbers(resampled(stats, np.random.default_rng(i))) for i in range(20)]
-    error = np.std(drawn, axis=0) / np.sqrt(20)
+    drawn = [numbers(resampled(stats, np.random.default_rng(i))) for i in range(12)]
+    error = np.std(drawn, axis=0) / np.sqrt(12)
     # Levelling takes some of the longest waves once more.
     room = np.array([0.2, 0.05, 0.05, 0.1])
     assert np.all(np.abs(np.mean(drawn, axis=0) - numbers(stats)) < 4 * error + room)

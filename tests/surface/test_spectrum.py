@@ -72,8 +72,10 @@ def cuts_of_artificial_surfaces(stats, spectrum, surfaces):
     ("name", "surfaces", "fit_misses"),
     [
         ("pad", 20, 1.0), ("plateau", 10, 1.2), ("grooved", 10, 1.8),
-        ("wyko_wli_736x480.opd", 4, 1.4), ("alicona_200x296.al3d", 16, 1.2),
-        ("truemap_300x300.tmd", 16, 2.0), ("sensofar_768x576.plu", 4, 3.0),
+        pytest.param("wyko_wli_736x480.opd", 4, 1.4, marks=pytest.mark.slow),
+        ("alicona_200x296.al3d", 16, 1.2),
+        ("truemap_300x300.tmd", 16, 2.0),
+        pytest.param("sensofar_768x576.plu", 4, 3.0, marks=pytest.mark.slow),
         ("matrix_text.txt", 30, 1.3),
     ],
 )  # fmt: skip

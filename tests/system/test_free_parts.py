@@ -121,7 +121,7 @@ def disc_reference(highest, degrees=(8, 6)):
     return np.sort(found)
 
 
-def pad_reference(degrees=(8, 12, 3)):
+def pad_reference(degrees=(7, 11, 3)):
     """Lining and plate of the reference pad without ears."""
     half = np.pi / 6
     _, w, P, dP = line(degrees[1], -half, half, degrees[1] + 2)
