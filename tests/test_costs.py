@@ -182,7 +182,7 @@ def test_check_says_it_all_and_writes_nothing(tmp_path, monkeypatch, capsys):
 def test_check_takes_times_from_the_run_of_the_scene(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     scene = SCENES / "block_on_plate.toml"
-    coarse = ["parts.block.size='10 mm'", "parts.plate.size='14 mm'"]
+    coarse = ["parts.block.size='14 mm'", "parts.plate.size='20 mm'"]
     changes = [*coarse, "stages=['equilibrium', 'stability']"]
     done = run(scene, MPI.COMM_SELF, None, changes)
     facts = earlier_run(tmp_path / "block_on_plate-results")

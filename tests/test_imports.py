@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 import tokenize
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -64,6 +65,7 @@ def test_folders_import_those_before_them(folder):
     assert not {(file, name) for file, name in found if name in later}
 
 
+@cache
 def code_lines(file):
     """Lines of code of a module, without docstrings, comments and blank lines."""
     text, lines = file.read_text(), set()

@@ -21,7 +21,7 @@ BLOCK = Path(__file__).parents[1] / "scripts" / "scenes" / "block_on_plate.toml"
 ROUGH = [
     "stages=['surface','equilibrium','stability','uncertainty']",
     "surface.statistics={ S_q = '3 um' }", "contact.block_plate.gap=hdf",
-    "parts.block.size='10 mm'", "parts.plate.size='14 mm'", "stability.band=['0 Hz','20 kHz']",
+    "parts.block.size='14 mm'", "parts.plate.size='20 mm'", "stability.band=['0 Hz','20 kHz']",
     "samples.random.\"contact.block_plate.friction\"={ law='uniform', min=0.3, max=0.7 }",
 ]  # fmt: skip
 STUDIES = {

@@ -31,8 +31,8 @@ COARSE = [
     "stability.verify=1",
 ]
 FEW_CELLS = [
-    "parts.block.size='10 mm'",
-    "parts.plate.size='14 mm'",
+    "parts.block.size='14 mm'",
+    "parts.plate.size='20 mm'",
     "stability.band=['0 Hz','20 kHz']",
 ]
 # Several random samples of the block: heights from numbers alone, laws analytic.

@@ -23,7 +23,7 @@ from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.mesh import MeshTable
 
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
-COARSE = ["stages=['equilibrium']", "parts.block.size='10 mm'", "parts.plate.size='14 mm'"]
+COARSE = ["stages=['equilibrium']", "parts.block.size='14 mm'", "parts.plate.size='20 mm'"]
 
 
 def built(*changes):

@@ -44,6 +44,13 @@ def values_on(V):
     return field(V.tabulate_dof_coordinates().T).T.ravel()
 
 
+@pytest.fixture(autouse=True)
+def small_pictures(monkeypatch):
+    """A quarter of the pixels: none of what is looked at depends on their number."""
+    monkeypatch.setattr("brake_fenicsx.report.render.PIXELS", (750, 450))
+    monkeypatch.setattr("brake_fenicsx.report.animation.PIXELS", (420, 280))
+
+
 @pytest.fixture(scope="module")
 def space():
     return vector_space(MPI.COMM_SELF)

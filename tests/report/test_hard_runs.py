@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.report.figures import make_figures
@@ -13,6 +14,17 @@ from brake_fenicsx.results.tables import CONTACT, MODES, SAMPLES, write_rows
 
 pytestmark = pytest.mark.hard
 MODE = ["classical", 0, 0, 1000.0, 0.0, 0.0, 0.0, 0.0, float("nan"), "neutral", -1]
+
+
+@pytest.fixture
+def painted(monkeypatch):
+    """Figures are laid out and drawn, but not written."""
+
+    def paint(figure, directory, name):
+        FigureCanvasAgg(figure).draw()
+        return [directory / f"{name}.png"]
+
+    monkeypatch.setattr("brake_fenicsx.report.figures.save", paint)
 
 
 def names(directory):
@@ -28,7 +40,7 @@ def test_one_neutral_mode_without_error_estimate(tmp_path, without_pixels):
     write_report(tmp_path)
 
 
-def test_no_mode_in_the_band(tmp_path):
+def test_no_mode_in_the_band(tmp_path, painted):
     """No mode in the band: tables and counts, but no squeal map."""
     write_rows(tmp_path / "modes.csv", MODES, [])
     write_rows(tmp_path / "samples.csv", SAMPLES, [["parametric", k, "ok", k] for k in range(5)])
@@ -47,14 +59,14 @@ def test_all_samples_failed(tmp_path):
     assert "Parametric" in write_report(tmp_path).read_text()
 
 
-def test_all_contact_open_and_a_single_element(tmp_path):
+def test_all_contact_open_and_a_single_element(tmp_path, painted):
     """One contact element, open: its figure is drawn."""
     row = ["classical", 0, 0, 0.1, 0.0, 0.01, 8e-6, 1e-5, 0.0, 0.0, 0.0, 0.0, -1]
     write_rows(tmp_path / "contact.csv", CONTACT, [row])
     assert names(tmp_path) == {"contact_pressure"}
 
 
-def test_a_single_linear_law(tmp_path):
+def test_a_single_linear_law(tmp_path, painted):
     """One linear law: its figure is drawn."""
     d = np.linspace(0.0, -1e-6, 5)[None]
     p = -2e13 * d
@@ -62,7 +74,7 @@ def test_a_single_linear_law(tmp_path):
     assert names(tmp_path) == {"figure8_laws"}
 
 
-def test_maps_without_any_contact(tmp_path):
+def test_maps_without_any_contact(tmp_path, painted):
     """Contact maps without a touching point: their figure is drawn."""
     empty = np.zeros((1, 8, 8))
     np.savez(tmp_path / "contact_maps.npz", size=[1e-3, 1e-3], p_over_E=[0.0], pressures=empty)
@@ -72,7 +84,7 @@ def test_maps_without_any_contact(tmp_path):
 @pytest.mark.parametrize(
     "heights", [np.zeros((4, 4)), np.full((4, 4), np.nan)], ids=["flat", "lost"]
 )
-def test_a_scan_without_roughness_or_without_points(tmp_path, heights):
+def test_a_scan_without_roughness_or_without_points(tmp_path, heights, painted):
     """A flat scan, or one without points: its figures are drawn."""
     np.savez(tmp_path / "surface.npz", heights=heights, size=[1e-3, 1e-3])
     assert names(tmp_path) == {"figure4_topography", "figure5_statistics"}

@@ -24,7 +24,7 @@ BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 COARSE = [
     "stages=['surface','equilibrium','stability','uncertainty']",
     "surface.statistics={ S_q = '3 um' }", "contact.block_plate.gap=hdf",
-    "parts.block.size='10 mm'", "parts.plate.size='14 mm'", "stability.band=['0 Hz','20 kHz']",
+    "parts.block.size='14 mm'", "parts.plate.size='20 mm'", "stability.band=['0 Hz','20 kHz']",
     "samples.n=2", "contact.block_plate.friction=0.3",
 ]  # fmt: skip
 OWN = "samples.random.\"materials.lining.C44\"={ law='uniform', spread=0.2 }"

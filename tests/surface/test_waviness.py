@@ -80,6 +80,7 @@ def test_pads_have_fields_of_their_own():
     assert np.corrcoef(one[:, 0], one[:, near])[0, 1] > 0.5
 
 
+@pytest.mark.slow
 def test_two_patch_sizes_close_a_rigid_pad_alike():
     """Mean pressure over the closure of a rigid pad: patches of 2.8 and of 5.6 mm, within 0.15 S_q.
 

@@ -64,7 +64,7 @@ def test_nothing_writes_into_mapped_matrices(store, monkeypatch, without_pixels,
     monkeypatch.setattr(store_module, "MAPPED", 1)
     pictures = ", 'report'" if method == "reduced" else ""
     changes = [
-        "parts.block.size='10 mm'", "parts.plate.size='14 mm'", f"stability.method={method}",
+        "parts.block.size='14 mm'", "parts.plate.size='20 mm'", f"stability.method={method}",
         "stability.band=['0 Hz', '12 kHz']", "stability.damping={ rayleigh=['10 1/s', '1e-8 s'] }",
         f"stages=['equilibrium', 'stability', 'uncertainty'{pictures}]", "samples.n=2",
         "samples.approaches=['parametric']",

@@ -20,7 +20,7 @@ BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 STAGES = "['surface','equilibrium','stability','uncertainty']"
 ROUGH = [
     f"stages={STAGES}", "surface.statistics={ S_q = '3 um' }", "contact.block_plate.gap=hdf",
-    "parts.block.size='10 mm'", "parts.plate.size='14 mm'",
+    "parts.block.size='14 mm'", "parts.plate.size='20 mm'",
     "stability.band=['0 Hz','20 kHz']", "stability.method=reduced",
 ]  # fmt: skip
 MU = "samples.random.\"contact.block_plate.friction\"={ law='uniform', min=0.3, max=0.7 }"
