@@ -27,6 +27,8 @@ HOLD = 0.03
 TILT = 100.0
 # Iterations before these springs are taken away; contact that needs them is found in fewer.
 PATIENCE = 20
+# Work of the residual below this share of the pressures' is round-off: the full step is taken.
+ROUND_OFF = 1e-13
 
 
 class System(Protocol):
@@ -191,7 +193,9 @@ class Newton:
         while not np.isfinite(f_high) and high > 1e-6:
             high *= 0.5
             f_high = work(high)
-        if abs(f_high) <= 0.8 * abs(at_zero) or at_zero == 0.0 or f_high * at_zero > 0:
+        small = ROUND_OFF * float(np.sum(w * np.abs(t * dg)))
+        enough = abs(f_high) <= max(0.8 * abs(at_zero), small)
+        if enough or at_zero == 0.0 or f_high * at_zero > 0:
             return high
         for i in range(30):
             s = 0.5 * (low + high) if i % 3 == 2 else low - f_low * (high - low) / (f_high - f_low)

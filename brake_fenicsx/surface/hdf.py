@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Protocol
 
 import numpy as np
@@ -314,6 +315,7 @@ def _family_moments(family: str, gamma: float, delta: float) -> tuple[float, flo
     return mean, spread, float(_WEIGHT @ z**3), float(_WEIGHT @ z**4)
 
 
+@cache
 def _solve_shape(family: str, S_sk: float, S_ku: float) -> tuple[float, float]:
     """Shapes (gamma, delta) that give the skewness and the kurtosis."""
 
