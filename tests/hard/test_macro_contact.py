@@ -244,14 +244,13 @@ def test_part_without_any_hold_is_named(two_blocks):
 
 def test_initial_gap_is_closed_by_the_ramp(two_blocks):
     """A pad free along z starts 1 mm above the plate: the same equilibrium."""
-    scene = two_blocks(
-        "guided",
-        pad=(("length", 12e-3), ("width", 8e-3), ("height", 6e-3), ("z", 1e-3), ("size", 6e-3)),
-    )
+    plate = ("length", 20e-3), ("width", 14e-3), ("height", 6e-3), ("z", -6e-3), ("size", 7e-3)
+    pad = ("length", 12e-3), ("width", 8e-3), ("height", 6e-3), ("size", 4e-3)
+    scene, touching = (two_blocks("guided", pad=(*pad, ("z", z)), plate=plate) for z in (1e-3, 0.0))
     n = scene.w.size
     laws = EnrichedGap(OneLaw(linear_law(1e12)), np.zeros(n, int), np.zeros(n))
     eq = equilibrium(operators(scene), laws, 0.3)
-    closed = equilibrium(operators(two_blocks("guided")), laws, 0.3)
+    closed = equilibrium(operators(touching), laws, 0.3)
     np.testing.assert_allclose(scene.g0, 1e-3)
     np.testing.assert_allclose(eq.p, closed.p, rtol=1e-3)
     assert scene.w @ eq.p == pytest.approx(5e5 * AREA, rel=1e-8)

@@ -78,7 +78,7 @@ def unturned():
     return (scene, brake), spectrum(scene, brake)
 
 
-@pytest.mark.parametrize("axis", ["'y'", "[1, -2, 0.5]"])
+@pytest.mark.parametrize("axis", [pytest.param("'y'", marks=pytest.mark.slow), "[1, -2, 0.5]"])
 def test_turned_brake_is_the_same_brake(monkeypatch, axis):
     """Modes, sliding speeds and forces on the pads, with a gyroscopic term that matters."""
     plain, first = unturned()

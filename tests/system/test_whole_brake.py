@@ -17,7 +17,7 @@ COARSE = [
     "stages=['equilibrium', 'stability', 'uncertainty']", "parts.disc.size='30 mm'",
     "parts.inner.size='16 mm'", "parts.inner.plate_size='18 mm'", "parts.outer.size='16 mm'",
     "parts.outer.plate_size='18 mm'", "stability.band=['0 Hz', '4 kHz']",
-    "samples={ n=2, approaches=['parametric'] }", "stability.verify=1",
+    "samples={ n=2, approaches=['parametric'] }", "stability.verify=0",
     "contact.inner.gap='none'", "contact.outer.gap='none'",
     "contact.inner.law={ p0='1 MPa', u0='5 um' }", "contact.outer.law={ p0='1 MPa', u0='5 um' }",
     "samples.random.'contact.inner.friction'={ law='uniform', min=0.3, max=0.5 }",
@@ -29,11 +29,12 @@ def results(folder, *more):
     return json.loads((folder / "summary.json").read_text())
 
 
-def test_a_floating_caliper_presses_both_pads_alike(tmp_path):
+@pytest.mark.parametrize("verify", [0, pytest.param(1, marks=pytest.mark.slow)])
+def test_a_floating_caliper_presses_both_pads_alike(verify, tmp_path):
     """No spring along z: the fingers give the outer pad what the piston gives the inner one; the
     reduced model, with dashpots, has the modes of full order; the caliper takes part in them."""
     summary = results(
-        tmp_path, "springs.seal.stiffness=['1 kN/mm', '1 kN/mm', 0]",
+        tmp_path, f"stability.verify={verify}", "springs.seal.stiffness=['1 kN/mm', '1 kN/mm', 0]",
         "springs.'caliper.pins'.stiffness=['8 kN/mm', '8 kN/mm', 0]",
     )  # fmt: skip
     pads = summary["contact_forces"]["parametric"]
@@ -43,11 +44,12 @@ def test_a_floating_caliper_presses_both_pads_alike(tmp_path):
         assert 110 < pad["effective_radius_mm"] < 125
     # The piston's force stays where it is; the caliper gives way to the tilting of the outer pad.
     assert pads["inner"]["leading_half_share"] > pads["outer"]["leading_half_share"] + 0.02
-    check = summary["verification"]
-    assert check["samples_compared"] == 1
-    assert check["eigenvalues"] > 10
-    assert check["wrong_verdicts"] == 0
-    assert check["largest_relative_error"] < 1e-5
+    if verify:
+        check = summary["verification"]
+        assert check["samples_compared"] == 1
+        assert check["eigenvalues"] > 10
+        assert check["wrong_verdicts"] == 0
+        assert check["largest_relative_error"] < 1e-5
     modes = read_columns(tmp_path / "modes.csv")
     assert np.max(modes["share_caliper"]) > 0.5
 
