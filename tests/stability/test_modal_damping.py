@@ -166,6 +166,7 @@ def test_bodies_of_other_ratios_are_no_mirror_images(two_blocks):
 def test_a_scene_with_ratios(tmp_path):
     """Modes without flutter have a ratio between those of the parts; the summary names them."""
     told = ["samples.n=1", "stability.zeta_max=0.3"]
+    told += ["parts.block.size='10 mm'", "parts.plate.size='14 mm'"]
     run(BLOCK, SELF, tmp_path / "none", [*ROUGH, *told, "stability.method=reduced"])
     run(BLOCK, SELF, tmp_path / "both", [*ROUGH, *told, BOTH])
     summary = json.loads((tmp_path / "both" / "summary.json").read_text())

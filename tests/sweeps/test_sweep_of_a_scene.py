@@ -27,7 +27,7 @@ ROUGH = [
     "stages=['surface','equilibrium','stability','uncertainty']",
     "surface.statistics={ S_q = '0.05 um' }", "contact.block_plate.gap=hdf",
     "contact.block_plate.law={ p0 = '10 MPa', u0 = '0.05 um' }",
-    "parts.block.size='14 mm'", "parts.plate.size='20 mm'",
+    "parts.block.size='10 mm'", "parts.plate.size='14 mm'",
     "stability.band=['0 Hz','20 kHz']", "stability.method=reduced", "stability.threshold=1e-3",
     "samples.approaches=['multi-scale','classical']", "samples.n=4",
 ]  # fmt: skip

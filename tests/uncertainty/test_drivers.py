@@ -21,7 +21,7 @@ from brake_fenicsx.uncertainty.study import Study
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 MULTI = "multi-scale"
 COARSE = [
-    "parts.block.size='14 mm'", "parts.plate.size='20 mm'", "stability.band=['0 Hz','26 kHz']",
+    "parts.block.size='10 mm'", "parts.plate.size='14 mm'", "stability.band=['0 Hz','26 kHz']",
     "contact.block_plate.law={ p0='1 MPa', u0='0.3 um' }", "contact.block_plate.friction=0.8",
     "stability.drivers=true",
 ]  # fmt: skip
