@@ -14,6 +14,8 @@ import pytest
 from brake_fenicsx import prepare, run
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.limit_cycle.sample import MEASURES
+from brake_fenicsx.report.cycle_figures import draw_growth, draw_loudness
+from brake_fenicsx.results.run import read_run
 from brake_fenicsx.results.tables import read_columns
 from brake_fenicsx.scene import read_scene
 from processes import parallel
@@ -70,6 +72,8 @@ def test_tables_say_how_large_and_how_loud(done):
 
 
 def test_page_has_a_section(done):
+    for draw in (draw_growth, draw_loudness):
+        draw(read_run(done)).draw_without_rendering()
     page = (done / "report.html").read_text()
     assert "How loud" in page and "rank by loudness" in page
     assert {f.name for f in (done / "figures").glob("limit_cycle*.png")} == {

@@ -232,7 +232,7 @@ def compared(scene, chosen):
     return found.s
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(chosen=st.fixed_dictionaries(CHOICES))
 def test_reduced_model_is_full_order(scene, chosen):
     compared(scene, chosen)

@@ -118,7 +118,7 @@ def folder(tmp_path_factory):
     return folder
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=4, deadline=None)
 @given(
     law=st.sampled_from([*LAWS]), key=st.sampled_from([*NOMINAL]), factor=st.floats(0.8, 1.25),
     drawn=st.booleans(),
