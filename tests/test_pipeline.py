@@ -213,7 +213,7 @@ def test_assemble_gives_the_public_operators():
 def many(tmp_path_factory):
     """Random samples of the block, uninterrupted."""
     out = tmp_path_factory.mktemp("many") / "out"
-    subprocess.run(command(BLOCK, out, MANY), check=True, capture_output=True)
+    run(BLOCK, MPI.COMM_SELF, out, MANY)
     return out
 
 

@@ -141,7 +141,7 @@ def inside(figure, box):
     return np.all(corners >= page.p0 - 1) and np.all(corners <= page.p1 + 1)
 
 
-@pytest.mark.parametrize(("scans", "ratio"), [(2, 0.5), (3, 1.0), (5, 1.5), (9, 0.5), (12, 1.5)])
+@pytest.mark.parametrize(("scans", "ratio"), [(2, 0.5), (5, 1.5), (12, 1.5)])
 def test_labels_of_several_maps_stand_on_the_figure(tmp_path, scans, ratio):
     z = np.random.default_rng(1).normal(size=(scans, 8, 8)) * 1e-6
     np.savez(tmp_path / "surface.npz", heights=z, size=np.array([1e-3, ratio * 1e-3]))
