@@ -261,8 +261,8 @@ def _main(words: list[str]) -> int:
     except KeyboardInterrupt:
         return _end(comm, verbose, INTERRUPTED, 130)
     except Terminated as error:
-        said = "terminated; finished samples are stored, the same command resumes the run"
-        status = _end(comm, verbose, said, STATUS)
+        message = "terminated; finished samples are stored, the same command resumes the run"
+        status = _end(comm, verbose, message, STATUS)
         if comm is not None and comm.size > 1 and not error.together:
             comm.Abort(status)
         return status
@@ -273,10 +273,10 @@ def _main(words: list[str]) -> int:
         # One process that dies alone would leave the others waiting for ever.
         alone = comm is None or comm.size == 1
         if isinstance(error, OSError) and error.strerror:
-            said = f"{error.filename or 'the output'}: {error.strerror}"
+            message = f"{error.filename or 'the output'}: {error.strerror}"
             if not error.filename:
                 _discard_output()
-            status = _end(comm if alone else None, verbose, said, 1)
+            status = _end(comm if alone else None, verbose, message, 1)
             return status if alone else comm.Abort(status)
         if not alone and not isinstance(error, SystemExit):
             traceback.print_exc()
@@ -290,13 +290,13 @@ def _discard_output() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _end(comm: Any, verbose: bool, said: str, status: int) -> int:
+def _end(comm: Any, verbose: bool, message: str, status: int) -> int:
     """Say on the first process how it ended."""
     if comm is None or comm.rank == 0:
         if verbose:
             traceback.print_exc()
-        said = f"brake-fenicsx: {said.removeprefix('brake-fenicsx: ')}"
-        print(" ".join(said.split()), file=sys.stderr)
+        message = f"brake-fenicsx: {message.removeprefix('brake-fenicsx: ')}"
+        print(" ".join(message.split()), file=sys.stderr)
     return status
 
 

@@ -112,9 +112,9 @@ def _material(scene: Scene, part: str, name: str | None) -> str:
     known = sorted({*layers.values()})
     chosen = name or layers.get("lining") or (known[0] if len(known) == 1 else None)
     if chosen not in known:
-        said = "name one with --material" if name is None else f"--material {name}: not of the part"
+        hint = "name one with --material" if name is None else f"--material {name}: not of the part"
         raise SceneError(
-            f"{scene.file}: parts.{part}: has the materials {', '.join(known)}; {said}"
+            f"{scene.file}: parts.{part}: has the materials {', '.join(known)}; {hint}"
         )
     return str(chosen)
 

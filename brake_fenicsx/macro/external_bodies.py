@@ -172,14 +172,14 @@ def _eliminated(
     taken: dict[int, str] = {}
     tied = sp.lil_matrix((body.K.shape[0], free.size))
 
-    def take(nodes: Index, components: list[int], said: str) -> None:
+    def take(nodes: Index, components: list[int], where: str) -> None:
         rows = body.rows[nodes][:, components].reshape(-1)
         if np.any(rows < 0):
-            raise SceneError(f"{said}: {_lacking(body, nodes, components)}")
+            raise SceneError(f"{where}: {_lacking(body, nodes, components)}")
         for row in map(int, rows):
             if row in taken:
-                raise SceneError(f"{said}: a node of the set is held by {taken[row]} already")
-            taken[row] = said
+                raise SceneError(f"{where}: a node of the set is held by {taken[row]} already")
+            taken[row] = where
 
     for face, held in scene.supports.items():
         part, _, one = face.partition(".")

@@ -79,7 +79,7 @@ def check_free_motions(scene: Scene, brake: Brake) -> list[str]:
     motions = _named_motions(_triangle(every), block_diag(*each), sets, names)
     if motions:
         raise SceneError(f"{scene.file}: {_refusal(scene, brake, motions, pieces)}")
-    merge = [f"{said}; merge them in the mesh" for said in pieces.values()]
+    merge = [f"{text}; merge them in the mesh" for text in pieces.values()]
     return merge + _unpressed(brake, R, _triangle(joints), joined, names)
 
 
@@ -223,19 +223,21 @@ def _names_and_pieces(scene: Scene, brake: Brake, joined: Index) -> tuple[Names,
 
 def _refusal(scene: Scene, brake: Brake, motions: Motions, pieces: dict[str, str]) -> str:
     """What moves freely, and the remedies."""
-    said = []
+    sentences = []
     for (parts, how), count in motions.items():
         bodies = f"{count} pieces of part" if count > 1 else "parts" if len(parts) > 1 else "part"
         together = " together" if len(parts) > 1 else ""
-        said.append(f"{bodies} {' and '.join(parts)}{together}: free to {how}")
+        sentences.append(f"{bodies} {' and '.join(parts)}{together}: free to {how}")
     free = {name for parts, _ in motions for name in parts}
-    said += [f"{text}: merge them in the mesh" for name, text in pieces.items() if name in free]
+    sentences += [
+        f"{text}: merge them in the mesh" for name, text in pieces.items() if name in free
+    ]
     lost = [word for word in JOINING if word in " ".join(brake.mesh.unread.changing)]
     if lost and (of_file := [name for name in file_parts(scene) if name in free]):
         whose = f"{scene.mesh.file}, the mesh of {' and '.join(of_file)}"
-        said.append(f"{whose}, has {' and '.join(lost)}, which is not read")
+        sentences.append(f"{whose}, has {' and '.join(lost)}, which is not read")
     return (
-        f"{'; '.join(said)}. Hold them by supports, ties or springs; contact holds along its"
+        f"{'; '.join(sentences)}. Hold them by supports, ties or springs; contact holds along its"
         " normal alone"
     )
 

@@ -66,18 +66,18 @@ def inventory_lines(scene: Scene, brake: Brake) -> list[str]:
         faces = scene.contact[name].faces
         pad, disc = (face.partition(".")[0] for face in faces)
         if not slides(scene, name):
-            said = f"{disc!r} and {pad!r} stick"
+            sliding = f"{disc!r} and {pad!r} stick"
         elif motion is None:
-            said = f"{disc!r} under {pad!r}, no motion"
+            sliding = f"{disc!r} under {pad!r}, no motion"
         elif motion.direction is not None:
             along = ", ".join(f"{x:g}" for x in motion.direction)
-            said = f"{disc!r} slides over {pad!r} along ({along}) at {motion.speed or '1 m/s'}"
+            sliding = f"{disc!r} slides over {pad!r} along ({along}) at {motion.speed or '1 m/s'}"
         else:
             speed = motion.speed or "1 rad/s"
-            said = f"{disc!r} turns about {_axis(motion)} under {pad!r} at {speed}"
+            sliding = f"{disc!r} turns about {_axis(motion)} under {pad!r} at {speed}"
         low, high = one["gap_um"]
         lines.append(
-            f"contact {name}: {said}; area {one['area_mm2']:.4g} mm^2,"
+            f"contact {name}: {sliding}; area {one['area_mm2']:.4g} mm^2,"
             f" {one['contact_elements']} elements; {one['faces_nothing_mm2']:.4g} mm^2 of"
             f" {faces[0]} have no opposite face; gap before the load {low:.4g} to {high:.4g} um"
         )
@@ -90,8 +90,8 @@ def brake_doubts(scene: Scene, brake: Brake) -> list[str]:
     Raises:
         SceneError: a part moves freely.
     """
-    said = [*check_free_motions(scene, brake), *placement_doubts(scene, brake)]
-    return [*brake.mesh.unread.changing, *brake.elastic.doubts, *said]
+    doubts = [*check_free_motions(scene, brake), *placement_doubts(scene, brake)]
+    return [*brake.mesh.unread.changing, *brake.elastic.doubts, *doubts]
 
 
 def placement_doubts(scene: Scene, brake: Brake) -> list[str]:
@@ -121,13 +121,13 @@ def placement_doubts(scene: Scene, brake: Brake) -> list[str]:
             continue
         faces = (gather_face(brake.mesh, brake.elastic.free, face) for face in table.faces)
         if max(apart, overlap) > APART + sum(map(_rise, faces)):
-            said = (
+            place = (
                 f"are {1e3 * apart:.3f} mm apart"
                 if apart > 0
                 else f"overlap by {1e3 * overlap:.3f} mm"
             )
             lines.append(
-                f"contact.{name}: the faces {said} before the load; correct the place of the parts"
+                f"contact.{name}: the faces {place} before the load; correct the place of the parts"
             )
     return lines
 

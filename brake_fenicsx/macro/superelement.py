@@ -73,7 +73,7 @@ def set_names(scene: Scene) -> list[str]:
     Raises:
         SceneError: a table of nodes cannot be read.
     """
-    found = []
+    names = []
     for name, part in scene.parts.items():
         if part.matrices is not None:
             file = scene.path(part.matrices.nodes)
@@ -82,8 +82,8 @@ def set_names(scene: Scene) -> list[str]:
             except SceneError as error:
                 where = f"parts.{name}.matrices.nodes = {part.matrices.nodes!r}"
                 raise SceneError(f"{where}: {error}") from None
-            found += [f"{name}.{one}" for one in sets]
-    return found
+            names += [f"{name}.{one}" for one in sets]
+    return names
 
 
 def read_superelement(folder: Path, given: Matrices) -> Superelement:
@@ -101,32 +101,32 @@ def read_superelement(folder: Path, given: Matrices) -> Superelement:
     order, first = None, None
     if given.dofs is not None:
         order = _asked("dofs", given.dofs, partial(read_row_labels, folder / given.dofs))
-    found: dict[str, sp.csr_matrix] = {}
+    matrices: dict[str, sp.csr_matrix] = {}
     files = {"stiffness": given.stiffness, "mass": given.mass, "damping": given.damping}
     for name, file in files.items():
         if file is None:
             continue
         read = _asked(name, file, partial(read_matrix, folder / file))
-        own, said = read.rows or order, f"{name} = {file!r}"
-        if own is not None and len(own) != read.A.shape[0]:
-            raise SceneError(f"{said}: {read.A.shape[0]} rows, but {len(own)} in dofs")
-        found[name] = read.A
+        row_labels, source = read.rows or order, f"{name} = {file!r}"
+        if row_labels is not None and len(row_labels) != read.A.shape[0]:
+            raise SceneError(f"{source}: {read.A.shape[0]} rows, but {len(row_labels)} in dofs")
+        matrices[name] = read.A
         if name == "stiffness":
-            first = own
-        elif (own is None) != (first is None):
-            raise SceneError(f"{said}: rows without nodes, those of the stiffness have nodes")
-        elif own is not None and first is not None and own != first:
-            found[name] = _as_rows(read.A, own, first, said)
-        elif read.A.shape != found["stiffness"].shape:
-            sizes = read.A.shape[0], found["stiffness"].shape[0]
-            raise SceneError(f"{said}: {sizes[0]} rows, but {sizes[1]} of the stiffness")
-    size = found["stiffness"].shape[0]
+            first = row_labels
+        elif (row_labels is None) != (first is None):
+            raise SceneError(f"{source}: rows without nodes, those of the stiffness have nodes")
+        elif row_labels is not None and first is not None and row_labels != first:
+            matrices[name] = _as_rows(read.A, row_labels, first, source)
+        elif read.A.shape != matrices["stiffness"].shape:
+            sizes = read.A.shape[0], matrices["stiffness"].shape[0]
+            raise SceneError(f"{source}: {sizes[0]} rows, but {sizes[1]} of the stiffness")
+    size = matrices["stiffness"].shape[0]
     if first is not None and given.modal:
         raise SceneError(f"modal = {given.modal}: the files name the rows; leave it out")
     rows = _rows(labels, first, size, given.modal)
     named = {node for node, component in first or () if component <= 3}
     scales = {"stiffness": mass / time**2, "mass": mass, "damping": mass / time}
-    scaled = {n: A * scales[n] for n, A in found.items()}
+    scaled = {n: A * scales[n] for n, A in matrices.items()}
     body = Superelement(
         scaled["stiffness"], scaled["mass"], scaled.get("damping"), length * points, rows, sets,
         len(named - {*map(int, labels)}),
@@ -142,13 +142,13 @@ def _units(given: Matrices) -> list[float]:
             f"units = {list(given.units)!r}: write those of length, mass and time in which all"
             ' files are consistent, ["mm", "t", "s"] for N, mm and tonnes'
         )
-    found = []
+    factors = []
     for unit, wanted in zip(given.units, ("m", "kg", "s"), strict=True):
         try:
-            found.append(to_si(f"1 {unit}", wanted))
+            factors.append(to_si(f"1 {unit}", wanted))
         except ValueError as error:
             raise SceneError(f"units: {unit!r}: {error}") from None
-    return found
+    return factors
 
 
 def _asked(name: str, file: str, read: Callable[[], Result]) -> Result:
@@ -159,13 +159,15 @@ def _asked(name: str, file: str, read: Callable[[], Result]) -> Result:
         raise SceneError(f"{name} = {file!r}: {error}") from None
 
 
-def _as_rows(A: sp.csr_matrix, own: list[Label], wanted: list[Label], said: str) -> sp.csr_matrix:
+def _as_rows(
+    A: sp.csr_matrix, labels: list[Label], wanted: list[Label], source: str
+) -> sp.csr_matrix:
     """A matrix in the order of the rows of the stiffness, zero where it has none."""
     place = {label: i for i, label in enumerate(wanted)}
-    lost = [label for label in own if label not in place]
+    lost = [label for label in labels if label not in place]
     if lost:
-        raise SceneError(f"{said}: node {lost[0][0]}, component {lost[0][1]} has no stiffness")
-    rows = np.array([place[label] for label in own])
+        raise SceneError(f"{source}: node {lost[0][0]}, component {lost[0][1]} has no stiffness")
+    rows = np.array([place[label] for label in labels])
     A = A.tocoo()
     return sp.csr_matrix((A.data, (rows[A.row], rows[A.col])), shape=2 * (len(wanted),))
 
@@ -258,10 +260,10 @@ def doubts(body: Superelement) -> list[str]:
     Args:
         body: its matrices in SI units, stiffness in full.
     """
-    found = []
+    sentences = []
     lost = np.count_nonzero(np.all(body.rows < 0, axis=1))
     if lost and body.unknown:
-        found.append(
+        sentences.append(
             f"{lost} nodes of the table have no displacement in the matrices, and {body.unknown}"
             " nodes of the matrices are not in the table; compare their numbers"
         )
@@ -271,17 +273,17 @@ def doubts(body: Superelement) -> list[str]:
     volume = float(box.prod())
     if volume > 0 and not LIKELY[0] <= mass / volume <= LIKELY[1]:
         x, y, z = 1e3 * box
-        found.append(
+        sentences.append(
             f"a mass of {mass:.3g} kg in a box of {x:.3g} x {y:.3g} x {z:.3g} mm; correct units, or"
             " the unit of the table of nodes"
         )
     whole = np.count_nonzero(body.rows >= 0) == body.K.shape[0]
     if whole and _strain(body, shifts) < FREE and _strain(body, _turns(body)) > STRAINED:
-        found.append(
+        sentences.append(
             "it shifts freely, but turning strains it; correct the order of the table of nodes,"
             " which is that of the rows where the matrices name no nodes, or their coordinates"
         )
-    return found
+    return sentences
 
 
 def _shifts(body: Superelement) -> Array:

@@ -103,24 +103,24 @@ def _few_steps(
     """Steps of equal ratio in the load with the active set, until more than ``most`` touch."""
     order = _highest_first(h)
     pixels = _highest(space, h, order, 64)
-    found = Touching(np.array([0]), np.zeros(1), np.zeros(1), h, 0.0, 0, 0)
-    found = _translate(pixels, order, found)
+    contact = Touching(np.array([0]), np.zeros(1), np.zeros(1), h, 0.0, 0, 0)
+    contact = _translate(pixels, order, contact)
     steps: list[Step] = []
     total = min(lowest, highest)
     while True:
-        solved = _by_active_set(pixels, total, found, cap, h.size)
+        solved = _by_active_set(pixels, total, contact, cap, h.size)
         while isinstance(pixels, HighPixels) and not _suffice(pixels, h, order, solved):
             pixels = _highest(space, h, order, 2 * pixels.height.size)
-            found = _translate(pixels, order, found)
-            solved = _by_active_set(pixels, total, found, cap, h.size)
+            contact = _translate(pixels, order, contact)
+            solved = _by_active_set(pixels, total, contact, cap, h.size)
         if solved is None:  # the pixels are all of them by now
-            last = _spread(pixels, found, h, order)[0] if steps else None
+            last = _spread(pixels, contact, h, order)[0] if steps else None
             solved = _by_gradients(space, h, total, last, tolerance, cap)
-        found = solved
-        steps.append(_few_step(space, pixels, found, total, tolerance, cap))
-        if total >= highest or found.points.size > most or _closed(space, steps[-1]):
-            return steps, _spread(pixels, found, h, order)
-        total = min(total * _ratio(rates, found.points.size), highest)
+        contact = solved
+        steps.append(_few_step(space, pixels, contact, total, tolerance, cap))
+        if total >= highest or contact.points.size > most or _closed(space, steps[-1]):
+            return steps, _spread(pixels, contact, h, order)
+        total = min(total * _ratio(rates, contact.points.size), highest)
 
 
 def _ratio(rates: tuple[int, int], touching: int) -> float:
@@ -154,11 +154,11 @@ def _suffice(pixels: HighPixels, h: Array, order: Index, solved: Touching | None
     return solved is not None and bool(h.ravel()[order[pixels.height.size]] <= solved.d)
 
 
-def _translate(pixels: Pixels, order: Index, found: Touching) -> Touching:
+def _translate(pixels: Pixels, order: Index, contact: Touching) -> Touching:
     """Solution on the highest pixels, by their ranks, as one on ``pixels``."""
     if isinstance(pixels, HighPixels):
-        return found
-    return replace(found, points=np.asarray(order[found.points]))
+        return contact
+    return replace(contact, points=np.asarray(order[contact.points]))
 
 
 def _by_active_set(
@@ -199,11 +199,11 @@ def _few_step(
     return Step(solved.d, total, stiffness, vibration, solved.points.size, gap)
 
 
-def _spread(pixels: Pixels, found: Touching, h: Array, order: Index) -> tuple[Array, Array]:
+def _spread(pixels: Pixels, contact: Touching, h: Array, order: Index) -> tuple[Array, Array]:
     """Pressures over E* [-] and answer to a unit approach [1/m] on the grid, shape (nx, ny)."""
-    where = order[found.points] if isinstance(pixels, HighPixels) else found.points
+    where = order[contact.points] if isinstance(pixels, HighPixels) else contact.points
     p, unit = np.zeros(h.size), np.zeros(h.size)
-    p[where], unit[where] = found.pressure, found.unit
+    p[where], unit[where] = contact.pressure, contact.unit
     return p.reshape(h.shape), unit.reshape(h.shape)
 
 

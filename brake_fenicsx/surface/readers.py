@@ -138,16 +138,16 @@ def read_topography(
     if height_unit is not None:
         height_unit = _metres(height_unit, str(file))
     one_of(f"{file}: rows", rows, ("x", "y"))
-    own = {".npz": _read_npz, ".h5": _read_hdf5, ".hdf5": _read_hdf5, ".tmd": _read_truemap}
-    read, table = own.get(file.suffix.lower()), None
+    readers = {".npz": _read_npz, ".h5": _read_hdf5, ".hdf5": _read_hdf5, ".tmd": _read_truemap}
+    read, table = readers.get(file.suffix.lower()), None
     by_rows = read is None and (_is_text(file) or file.suffix.lower() == ".npy")
     if read is not None:
-        heights, found = read(file, height_unit)
+        heights, sides = read(file, height_unit)
     elif (table := _read_numbers(file, height_unit)) is not None:
-        heights, found = table
+        heights, sides = table
     else:
-        heights, found = _read_instrument(file, height_unit, size, channel)
-        by_rows = by_rows and found is None
+        heights, sides = _read_instrument(file, height_unit, size, channel)
+        by_rows = by_rows and sides is None
         if by_rows:  # SurfaceTopography takes the columns of text for x
             heights = heights.T
     if channel is not None and (read is not None or table is not None):
@@ -155,10 +155,10 @@ def read_topography(
     if rows == "y":
         if not by_rows:
             raise SurfaceError(f"{file}: rows = 'y' has no meaning: the file itself says it")
-        heights, found = heights.T, None if found is None else found[::-1]
-    if table is not None and found is not None and size is not None:
-        _check_coordinates(file, found / float(height_unit or 1.0), size, heights.shape)
-    lengths = found if size is None else size
+        heights, sides = heights.T, None if sides is None else sides[::-1]
+    if table is not None and sides is not None and size is not None:
+        _check_coordinates(file, sides / float(height_unit or 1.0), size, heights.shape)
+    lengths = sides if size is None else size
     if lengths is None:
         raise SurfaceError(f"{file}: the file names no lateral size; give it as 'size'")
     topo = make_topography(heights, lengths, source=str(file))
@@ -187,28 +187,28 @@ def _is_text(file: Path) -> bool:
 
 def implausible(topo: Topography) -> tuple[str, ...]:
     """What no instrument would deliver of a surface, as one line each with its remedy."""
-    found = []
+    doubts = []
     if topo.size.max() > 0.5 or topo.size.min() < 1e-7:
-        found.append(f"lateral size {topo.size[0]:.3g} x {topo.size[1]:.3g} m; give 'size'")
+        doubts.append(f"lateral size {topo.size[0]:.3g} x {topo.size[1]:.3g} m; give 'size'")
     ratio = topo.pixel.max() / topo.pixel.min()
     if ratio > 5.0:
-        found.append(f"pixels {ratio:.3g} times longer than wide; give 'size'")
+        doubts.append(f"pixels {ratio:.3g} times longer than wide; give 'size'")
     low, high = np.nanpercentile(topo.heights, [0.5, 99.5])
-    if found:  # heights cannot be judged against a size that is wrong
+    if doubts:  # heights cannot be judged against a size that is wrong
         pass
     elif high - low > topo.size.max():
-        found.append(f"heights span {high - low:.3g} m, more than the scan; give 'height_unit'")
+        doubts.append(f"heights span {high - low:.3g} m, more than the scan; give 'height_unit'")
     elif 0.0 < high - low < 1e-7 * topo.size.min():
-        found.append(f"heights span {high - low:.3g} m only; give 'height_unit'")
+        doubts.append(f"heights span {high - low:.3g} m only; give 'height_unit'")
     if (pile := pile_at_an_end(topo.heights)) is not None:
-        found.append(
+        doubts.append(
             f"{pile[0]} points at exactly {1e6 * pile[1]:.6g} um, an end of the heights: missing"
             " points or a detector at its limit; export the scan with its missing points marked"
         )
     share = float(topo.valid.mean())
     if share < 0.7:
-        found.append(f"only {share:.0%} of the points are valid")
-    return tuple(f"{topo.source}: implausible: {text}" for text in found)
+        doubts.append(f"only {share:.0%} of the points are valid")
+    return tuple(f"{topo.source}: implausible: {text}" for text in doubts)
 
 
 def _metres(unit: str | float, source: str) -> float:
@@ -226,10 +226,10 @@ def _read_npz(file: Path, unit: float | None) -> Read:
     """Own format: ``heights`` (times ``scale`` [m] if there is one, 1 m if not), ``size`` [m]."""
     try:
         with np.load(file, allow_pickle=False) as data:
-            found = {name: data[name] for name in data.files}
+            arrays = {name: data[name] for name in data.files}
     except (ValueError, OSError) as error:
         raise SurfaceError(f"{file}: not a readable npz file ({error})") from error
-    return _from_arrays(file, found, unit)
+    return _from_arrays(file, arrays, unit)
 
 
 def _read_hdf5(file: Path, unit: float | None) -> Read:
@@ -239,24 +239,24 @@ def _read_hdf5(file: Path, unit: float | None) -> Read:
     try:
         with h5py.File(file, "r") as data:
             names = ("heights", "size", "scale")
-            found = {name: np.asarray(data[name]) for name in names if name in data}
+            arrays = {name: np.asarray(data[name]) for name in names if name in data}
     except OSError as error:
         raise SurfaceError(f"{file}: not a readable HDF5 file ({error})") from error
-    if "heights" not in found:
+    if "heights" not in arrays:
         return _read_instrument(file, unit, None, None)
-    return _from_arrays(file, found, unit)
+    return _from_arrays(file, arrays, unit)
 
 
-def _from_arrays(file: Path, found: dict[str, NDArray[Any]], unit: float | None) -> Read:
+def _from_arrays(file: Path, arrays: dict[str, NDArray[Any]], unit: float | None) -> Read:
     """Heights [m] and size [m] of the arrays of an npz or HDF5 file."""
-    if "heights" not in found:
-        raise SurfaceError(f"{file}: no array 'heights' (found: {', '.join(found) or 'nothing'})")
-    raw = found["heights"]
+    if "heights" not in arrays:
+        raise SurfaceError(f"{file}: no array 'heights' (found: {', '.join(arrays) or 'nothing'})")
+    raw = arrays["heights"]
     heights = real(f"{file}: heights", raw)
     if raw.dtype == np.int16:
         heights[raw == MISSING] = np.nan
-    scale = number(f"{file}: scale", found.get("scale", 1.0), least=0.0)
-    return heights * (scale if unit is None else unit), found.get("size")
+    scale = number(f"{file}: scale", arrays.get("scale", 1.0), least=0.0)
+    return heights * (scale if unit is None else unit), arrays.get("size")
 
 
 def _read_truemap(file: Path, unit: float | None) -> Read:

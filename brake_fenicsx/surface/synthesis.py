@@ -97,25 +97,25 @@ def translation_field(
     r = np.linspace(-1.0, 1.0, 4001)
     g = _polynomial.polyval(r, powers)
     wanted: Array = np.asarray(shares / float((weights * shares).sum()), float)
-    own = _spectrum(np.interp(_correlation(wanted, shape), g, r), shape)
+    gaussian = _spectrum(np.interp(_correlation(wanted, shape), g, r), shape)
     q = wave_numbers(shape, size)
     ring, slopes = np.rint(q / q[q > 0.0].min()).astype(np.intp).ravel(), weights * q**2
-    best, lowest, slope = own, np.inf, np.inf
+    best, lowest, slope = gaussian, np.inf, np.inf
     for _ in range(iterations):
-        own = np.maximum(own, 0.0)
-        own[0, 0] = 0.0
-        own /= float((weights * own).sum())
-        mapped = _polynomial.polyval(_correlation(own, shape), powers)
-        found = _spectrum(mapped, shape)
-        asked, got = (np.bincount(ring, (slopes * a).ravel()) for a in (wanted, found))
+        gaussian = np.maximum(gaussian, 0.0)
+        gaussian[0, 0] = 0.0
+        gaussian /= float((weights * gaussian).sum())
+        mapped = _polynomial.polyval(_correlation(gaussian, shape), powers)
+        translated = _spectrum(mapped, shape)
+        asked, got = (np.bincount(ring, (slopes * a).ravel()) for a in (wanted, translated))
         missed = np.divide(got - asked, asked, out=np.zeros_like(got), where=asked > 0.0)
         error = float(np.sqrt(asked @ missed**2 / asked.sum()))
         if error < lowest:
-            best, lowest, slope = own, error, float(np.sqrt(got.sum() / asked.sum()))
+            best, lowest, slope = gaussian, error, float(np.sqrt(got.sum() / asked.sum()))
         if lowest <= ENOUGH or error > 2.0 * lowest:
             break
-        ratio = np.divide(wanted, found, out=np.ones_like(found), where=found > 0.0)
-        own = own * np.clip(ratio, 0.5, 2.0)
+        ratio = np.divide(wanted, translated, out=np.ones_like(translated), where=translated > 0.0)
+        gaussian = gaussian * np.clip(ratio, 0.5, 2.0)
     amplitude = np.asarray(np.sqrt(best * (shape[0] * shape[1])), float)
     return TranslationField(amplitude, x, z, shape, lowest, slope)
 

@@ -174,44 +174,44 @@ class _Follower:
             step = abs(b.x - a.x) / self._width
             may_jump = step <= JUMP and a.open != b.open
             smallest = step <= self._smallest
-            found = match(a, b, self._band, self._speed, may_jump, smallest)
-            between = self._between(found)
+            matching = match(a, b, self._band, self._speed, may_jump, smallest)
+            between = self._between(matching)
             if between is None or smallest:
                 ahead.pop()
-                self._take(found)
+                self._take(matching)
                 self._beyond = None
                 wider = 2.0 if between is not None else 0.5
                 self._smallest = max(2 * LEAST, wider * self._smallest)
             else:
-                self._beyond = found
+                self._beyond = matching
                 ahead.append(self.solved(a.x + between * (b.x - a.x)))
 
-    def _between(self, found: Match) -> float | None:
+    def _between(self, matching: Match) -> float | None:
         """Place of a step, 0 to 1, where modes are needed too; None where it can be taken."""
         if self._matters is None:
-            if not found.confident:
+            if not matching.confident:
                 return 0.5
             # Modes that stay together, such as a doublet, meet in every step however small.
-            short = abs(found.b.x - found.a.x) <= JUMP * self._width
-            return None if short else self._look_between(found)
-        a, b = self._matters(found.a), self._matters(found.b)
-        unsure = any(a[i] for i in found.lost) or any(b[j] for j in found.new)
+            short = abs(matching.b.x - matching.a.x) <= JUMP * self._width
+            return None if short else self._look_between(matching)
+        a, b = self._matters(matching.a), self._matters(matching.b)
+        unsure = any(a[i] for i in matching.lost) or any(b[j] for j in matching.new)
         return 0.5 if unsure else None
 
-    def _look_between(self, found: Match) -> float | None:
+    def _look_between(self, matching: Match) -> float | None:
         """Place of a step, 0 to 1, where two undamped modes meet or nearly do; None for none.
 
         They cross without coupling there, or they merge and split again within the step. Modes of
         a growing pair stand at their common frequency.
         """
-        a, b = found.a, found.b
+        a, b = matching.a, matching.b
         away = AWAY * self._width / abs(b.x - a.x)
         if not (a.undamped and b.undamped):
             return None
-        order = [int(i) for i in np.argsort(a.s.imag) if int(i) in found.pairs]
+        order = [int(i) for i in np.argsort(a.s.imag) if int(i) in matching.pairs]
         for number, i in enumerate(order):
             for j in order[number + 1 : number + 3]:
-                k, m = found.pairs[i], found.pairs[j]
+                k, m = matching.pairs[i], matching.pairs[j]
                 if conjugate_pair(a, (i, j)) or conjugate_pair(b, (k, m)):
                     continue
                 gap, then, place = (a.s[j] - a.s[i]).imag, (b.s[m] - b.s[k]).imag, None
@@ -220,18 +220,18 @@ class _Follower:
                     place = gap / (gap - then)
                 elif grow or j == order[number + 1]:
                     # Between a mode and one of a pair stands the other one of the pair.
-                    place = self._closest(i, j, found, then)
+                    place = self._closest(i, j, matching, then)
                 if place is not None and away < place < 1 - away:
                     return float(place)
         return None
 
-    def _closest(self, i: int, j: int, found: Match, then: float) -> float | None:
+    def _closest(self, i: int, j: int, matching: Match, then: float) -> float | None:
         """Where the parabola through three squares of a gap is lowest, if that is nearly zero.
 
         The third value is the one beyond, where a step to it was halved, or the one before.
         """
         states, one, two = self.done.states, self._branch[i], self._branch[j]
-        beyond, a, b = self._beyond, found.a, found.b
+        beyond, a, b = self._beyond, matching.a, matching.b
         if beyond is not None and {i, j} <= {*beyond.pairs}:
             third, (p, q) = beyond.b, (beyond.pairs[i], beyond.pairs[j])
         elif min(len(one.states), len(two.states)) > 1:
@@ -249,35 +249,38 @@ class _Follower:
             return None
         return float(-c / (2 * d))
 
-    def _take(self, found: Match) -> None:
+    def _take(self, matching: Match) -> None:
         done = self.done
-        done.states[-1] = found.a
+        done.states[-1] = matching.a
         number = len(done.states)
-        done.states.append(found.b)
+        done.states.append(matching.b)
         before, self._branch = self._branch, {}
-        for i, j in found.pairs.items():
+        for i, j in matching.pairs.items():
             branch = before[i]
             branch.states.append(number)
             branch.modes.append(j)
             self._branch[j] = branch
-        for kind, pairs in ((done.merged, found.merged), (done.split, found.split)):
+        for kind, pairs in ((done.merged, matching.merged), (done.split, matching.split)):
             kind += [(number - 1, before[i].number, before[j].number) for i, j in pairs]
-        for i in found.lost:
+        for i in matching.lost:
             before[i].end = CUT
-        for i in found.left:
+        for i in matching.left:
             before[i].end = LEFT
-        for j in found.new:
+        for j in matching.new:
             self._found(number, j, CUT)
-        for j in found.entered:
+        for j in matching.entered:
             self._found(number, j, ENTERED)
-        if found.jumped:
+        if matching.jumped:
             done.jumps.append(number)
-        speed = np.full(found.b.s.size, np.nan, complex)
-        for i, j in found.pairs.items():
-            speed[j] = (found.b.s[j] - found.a.s[i]) / (found.b.x - found.a.x)
+        speed = np.full(matching.b.s.size, np.nan, complex)
+        for i, j in matching.pairs.items():
+            speed[j] = (matching.b.s[j] - matching.a.s[i]) / (matching.b.x - matching.a.x)
         # What modes did that just merged, split or jumped says nothing of what they will do.
-        for i in [*found.jumped, *(i for pair in found.merged + found.split for i in pair)]:
-            speed[found.pairs[i]] = np.nan
+        for i in [
+            *matching.jumped,
+            *(i for pair in matching.merged + matching.split for i in pair),
+        ]:
+            speed[matching.pairs[i]] = np.nan
         self._speed = speed
 
     def _found(self, state: int, mode: int, why: str) -> None:

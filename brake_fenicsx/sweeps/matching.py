@@ -96,45 +96,45 @@ def match(
         across_jump: whether the likeliest mode is enough where no mode is certain.
         smallest: whether the step is the smallest one: modes that change places within it cross.
     """
-    found = Match(a, b)
+    matching = Match(a, b)
     sim = likeness(a, b)
     free_a, free_b = set(range(a.s.size)), set(range(b.s.size))
     close = np.abs(sim - 1.0) < ALIKE
     for i, j in zip(*np.nonzero(close), strict=True):
         if close[i].sum() == 1 and close[:, j].sum() == 1:
-            found.pairs[int(i)] = int(j)
+            matching.pairs[int(i)] = int(j)
             free_a.discard(int(i))
             free_b.discard(int(j))
-    _pairs(found, free_a, free_b, speed, smallest)
+    _pairs(matching, free_a, free_b, speed, smallest)
     if across_jump:
-        _likeliest(found, sim, free_a, free_b)
+        _likeliest(matching, sim, free_a, free_b)
     step = b.x - a.x
     moved = np.zeros(a.s.size) if speed is None else np.nan_to_num(np.abs(speed * step))
     reach = 2 * moved.max(initial=0.0) / (2 * np.pi)
     for i in sorted(free_a):
         if _at_edge(a.frequency[i], band, 2 * moved[i] / (2 * np.pi)):
-            found.left.append(i)
+            matching.left.append(i)
         else:
-            found.lost.append(i)
+            matching.lost.append(i)
     for j in sorted(free_b):
         if _at_edge(b.frequency[j], band, reach):
-            found.entered.append(j)
+            matching.entered.append(j)
         else:
-            found.new.append(j)
-    return found
+            matching.new.append(j)
+    return matching
 
 
-def _likeliest(found: Match, sim: Complex, free_a: set[int], free_b: set[int]) -> None:
+def _likeliest(matching: Match, sim: Complex, free_a: set[int], free_b: set[int]) -> None:
     """Continue what is left over by the likeliest modes, if they are likely."""
-    free_a.update(found.lost)
-    free_b.update(found.new)
-    found.lost, found.new = [], []
+    free_a.update(matching.lost)
+    free_b.update(matching.new)
+    matching.lost, matching.new = [], []
     rows, columns = sorted(free_a), sorted(free_b)
     size = np.nan_to_num(np.abs(sim[np.ix_(rows, columns)]), posinf=0.0)
     for r, c in zip(*linear_sum_assignment(-np.minimum(size, 1.0)), strict=True):
         if LIKELIEST <= size[r, c] <= 1 / LIKELIEST:
-            found.pairs[rows[r]] = columns[c]
-            found.jumped.append(rows[r])
+            matching.pairs[rows[r]] = columns[c]
+            matching.jumped.append(rows[r])
             free_a.discard(rows[r])
             free_b.discard(columns[c])
 
@@ -145,23 +145,23 @@ def _at_edge(f: float, band: tuple[float, float], reach: float) -> bool:
 
 
 def _pairs(
-    found: Match, free_a: set[int], free_b: set[int], speed: Complex | None, smallest: bool
+    matching: Match, free_a: set[int], free_b: set[int], speed: Complex | None, smallest: bool
 ) -> None:
     """Continue pairs of modes by their common projector; what is matched leaves the free ones."""
     while True:
         best, score = None, ALIKE
-        theirs = list(_beside(found.b, sorted(free_b)))
-        for own in _beside(found.a, sorted(free_a)):
+        theirs = list(_beside(matching.b, sorted(free_b)))
+        for pair in _beside(matching.a, sorted(free_a)):
             for mate in theirs:
-                off = abs(group_likeness(found.a, own, found.b, mate) - 1.0)
+                off = abs(group_likeness(matching.a, pair, matching.b, mate) - 1.0)
                 if off < score:
-                    best, score = (own, mate), off
+                    best, score = (pair, mate), off
         if best is None:
             return
-        own, mate = best
-        free_a.difference_update(own)
+        pair, mate = best
+        free_a.difference_update(pair)
         free_b.difference_update(mate)
-        _one_pair(found, own, mate, speed, smallest)
+        _one_pair(matching, pair, mate, speed, smallest)
 
 
 def _beside(state: State, free: Sequence[int]) -> list[tuple[int, int]]:
@@ -170,62 +170,62 @@ def _beside(state: State, free: Sequence[int]) -> list[tuple[int, int]]:
 
 
 def _one_pair(
-    found: Match,
-    own: tuple[int, int],
+    matching: Match,
+    pair: tuple[int, int],
     mate: tuple[int, int],
     speed: Complex | None,
     smallest: bool,
 ) -> None:
     """Say which of two modes continues which."""
-    a, b = found.a, found.b
-    if passes_zero(a, own, b, mate):
+    a, b = matching.a, matching.b
+    if passes_zero(a, pair, b, mate):
         # The lower branch takes the growing mode: a convention, since both are the pair.
-        if _apart(a, own):
-            found.merged.append(_by_frequency(a, own))
-            found.pairs |= dict(zip(_by_frequency(a, own), _by_growth(b, mate), strict=True))
+        if _apart(a, pair):
+            matching.merged.append(_by_frequency(a, pair))
+            matching.pairs |= dict(zip(_by_frequency(a, pair), _by_growth(b, mate), strict=True))
         else:
-            found.split.append(_by_growth(a, own))
-            found.pairs |= dict(zip(_by_growth(a, own), _by_frequency(b, mate), strict=True))
+            matching.split.append(_by_growth(a, pair))
+            matching.pairs |= dict(zip(_by_growth(a, pair), _by_frequency(b, mate), strict=True))
         return
-    coupled = max(a.condition[list(own)].max(), b.condition[list(mate)].max()) >= COUPLED
-    if coupled or (conjugate_pair(a, own) and conjugate_pair(b, mate)):
+    coupled = max(a.condition[list(pair)].max(), b.condition[list(mate)].max()) >= COUPLED
+    if coupled or (conjugate_pair(a, pair) and conjugate_pair(b, mate)):
         # Next to their merging, which is not between: they keep their order.
-        if _apart(a, own) and _apart(b, mate):
-            found.pairs |= dict(zip(_by_frequency(a, own), _by_frequency(b, mate), strict=True))
+        if _apart(a, pair) and _apart(b, mate):
+            matching.pairs |= dict(zip(_by_frequency(a, pair), _by_frequency(b, mate), strict=True))
             return
-        if not (_apart(a, own) or _apart(b, mate)):
-            found.pairs |= dict(zip(_by_growth(a, own), _by_growth(b, mate), strict=True))
+        if not (_apart(a, pair) or _apart(b, mate)):
+            matching.pairs |= dict(zip(_by_growth(a, pair), _by_growth(b, mate), strict=True))
             return
-    order = _one_by_one(found, own, mate, speed, smallest and not coupled)
+    order = _one_by_one(matching, pair, mate, speed, smallest and not coupled)
     if order is None:
-        found.lost += list(own)
-        found.new += list(mate)
+        matching.lost += list(pair)
+        matching.new += list(mate)
     else:
-        found.pairs |= order
+        matching.pairs |= order
 
 
 def _one_by_one(
-    found: Match,
-    own: tuple[int, int],
+    matching: Match,
+    pair: tuple[int, int],
     mate: tuple[int, int],
     speed: Complex | None,
     as_equal: bool,
 ) -> dict[int, int] | None:
     """Two separate modes on either side: equal eigenvalues have no vectors of their own."""
-    crossing = as_equal and _close(found.a, own) and _close(found.b, mate)
-    if crossing or equal(found.b, mate):
-        found.b = found.b.turned(mate, found.a, own)
-        return dict(zip(own, mate, strict=True))
-    if equal(found.a, own):
-        if speed is not None and np.isfinite(speed[list(own)]).all():
+    crossing = as_equal and _close(matching.a, pair) and _close(matching.b, mate)
+    if crossing or equal(matching.b, mate):
+        matching.b = matching.b.turned(mate, matching.a, pair)
+        return dict(zip(pair, mate, strict=True))
+    if equal(matching.a, pair):
+        if speed is not None and np.isfinite(speed[list(pair)]).all():
             # Crossing: each goes on as it went.
-            going = found.a.s[list(own)] + speed[list(own)] * (found.b.x - found.a.x)
-            straight = np.abs(going - found.b.s[list(mate)]).max()
-            crossed = np.abs(going - found.b.s[list(mate[::-1])]).max()
+            going = matching.a.s[list(pair)] + speed[list(pair)] * (matching.b.x - matching.a.x)
+            straight = np.abs(going - matching.b.s[list(mate)]).max()
+            crossed = np.abs(going - matching.b.s[list(mate[::-1])]).max()
             chosen = mate if straight < crossed else mate[::-1]
-            return dict(zip(own, chosen, strict=True))
-        found.a = found.a.turned(own, found.b, mate)
-        return dict(zip(own, mate, strict=True))
+            return dict(zip(pair, chosen, strict=True))
+        matching.a = matching.a.turned(pair, matching.b, mate)
+        return dict(zip(pair, mate, strict=True))
     return None
 
 
@@ -253,14 +253,14 @@ def squared_distance(state: State, pair: Sequence[int]) -> complex:
     return complex((state.s[pair[0]] - state.s[pair[1]]) ** 2)
 
 
-def passes_zero(a: State, own: Sequence[int], b: State, mate: Sequence[int]) -> bool:
+def passes_zero(a: State, pair: Sequence[int], b: State, mate: Sequence[int]) -> bool:
     """Whether d of a pair passes zero on its way: it turns by pi, one way or the other."""
-    d, e = squared_distance(a, own), squared_distance(b, mate)
-    if _apart(a, own) == _apart(b, mate):
+    d, e = squared_distance(a, pair), squared_distance(b, mate)
+    if _apart(a, pair) == _apart(b, mate):
         return False
     if d == 0 or e == 0:
         # Merged just there: equal eigenvalues without coupling are no merging.
-        return max(a.condition[list(own)].max(), b.condition[list(mate)].max()) >= COUPLED
+        return max(a.condition[list(pair)].max(), b.condition[list(mate)].max()) >= COUPLED
     ratio = e / d
     return bool(ratio.real < 0 and abs(ratio.imag) <= TURNED * abs(ratio.real))
 

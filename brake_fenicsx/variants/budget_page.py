@@ -100,43 +100,43 @@ def sentence(rows: Sequence[Row]) -> str:
                 " random inputs or rough contact."
             )
         return "No mode squeals in any sample of the scene."
-    own = _own(rows, key)
-    p, changes, one = number(own["probability"]), _changes(rows, key), own["samples"] == 1
-    hertz = kilohertz(own["frequency_hz"])
+    family = _own(rows, key)
+    p, changes, one = number(family["probability"]), _changes(rows, key), family["samples"] == 1
+    hertz = kilohertz(family["frequency_hz"])
     if one:
-        said = f"The {hertz} kHz family {'squeals' if p else 'does not squeal'} in the one sample; "
+        text = f"The {hertz} kHz family {'squeals' if p else 'does not squeal'} in the one sample; "
     else:
-        low, high = (p + number(own[n]) for n in ("change_low", "change_high"))
-        said = (
+        low, high = (p + number(family[n]) for n in ("change_low", "change_high"))
+        text = (
             f"The probability of the {hertz} kHz family is {p:.2f} [{low:.2f}, {high:.2f}] from"
-            f" {own['samples']} samples; "
+            f" {family['samples']} samples; "
         )
     if not changes:
-        return said + "no other uncertainty was computed."
+        return text + "no other uncertainty was computed."
     largest = max(changes, key=lambda r: abs(number(r["change"])))
     if number(largest["change"]) == 0.0:
-        said += "no variant that was run changes it"
+        text += "no variant that was run changes it"
     else:
         change = "" if one else f": {number(largest['change']):+.2f}"
-        said += (
+        text += (
             f"the largest other uncertainty is {largest['says']} ({largest['change_made']}{change})"
         )
         ends = interval_of(largest)
         if ends is not None and ends[0] <= 0.0 <= ends[1]:
-            said += f", not significant with {own['samples']} samples"
-    said += "."
+            text += f", not significant with {family['samples']} samples"
+    text += "."
     arisen = max(
         (r for r in _changes(rows, (key[0], None)) if number(r["change"]) > 0.0),
         key=lambda r: number(r["change"]), default=None,
     )  # fmt: skip
     ends = None if arisen is None else interval_of(arisen)
     if arisen is not None and (one or (ends is not None and ends[0] > 0.0)):
-        said += (
+        text += (
             f" A family at {kilohertz(arisen['frequency_hz'])} kHz squeals in no sample of the"
             f" scene and in {share_of(arisen['probability_variant'], arisen['samples_variant'])}"
             f" samples after a change of {arisen['says']} ({arisen['change_made']})."
         )
-    return said
+    return text
 
 
 def not_run(rows: Sequence[Row]) -> str:

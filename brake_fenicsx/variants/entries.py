@@ -164,8 +164,8 @@ def extrapolate(rows: list[Row], knob: str, ratio: float, scene: RunData) -> Non
             start = float(values[column].median())
             limit = richardson(start, start + float(first), start + float(second), ratio)
             if limit is None:
-                said = f"{name} does not settle: no order"
-                row["reason"] = f"{row['reason']}; {said}" if row["reason"] else said
+                reason = f"{name} does not settle: no order"
+                row["reason"] = f"{row['reason']}; {reason}" if row["reason"] else reason
                 continue
             row[f"{name}_order"], row[f"{name}_limit{unit}"] = limit.order, limit.value
             row[f"{name}_gci{unit}"] = limit.index

@@ -149,16 +149,16 @@ def share_of(value: Value, samples: Value) -> str:
 def with_interval(row: Row, name: str) -> str:
     """A share of a row in per cent, with its interval where the row has one."""
     values = [row[name], row[f"{name}_low"], row[f"{name}_high"]]
-    said = share_text(values)
-    return said if said != "-" or values[0] is None else f"{100 * float(values[0]):.0f} %"
+    text = share_text(values)
+    return text if text != "-" or values[0] is None else f"{100 * float(values[0]):.0f} %"
 
 
 def change_of(row: Row) -> str:
     """Change of a probability, with its interval where chance has a part in it."""
-    said = f"{number(row['change']):+.3f}"
+    text = f"{number(row['change']):+.3f}"
     if row["change_low"] is None:
-        return said
-    return f"{said} ({number(row['change_low']):+.3f} to {number(row['change_high']):+.3f})"
+        return text
+    return f"{text} ({number(row['change_low']):+.3f} to {number(row['change_high']):+.3f})"
 
 
 def interval_of(row: Row) -> Ends | None:

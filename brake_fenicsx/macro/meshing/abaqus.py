@@ -79,15 +79,15 @@ def read_abaqus(path: Path) -> FileMesh:
     """
     deck = _Deck()
     within: list[str] = []
-    for keyword, options, rows, said in _blocks(path):
+    for keyword, options, rows, first_line in _blocks(path):
         if keyword in _CLOSED:
-            within.append(said)
+            within.append(first_line)
         elif keyword.startswith("END ") and keyword[4:] in _CLOSED and within:
             within.pop()
         try:
             _take(deck, keyword, options, rows)
         except (SceneError, ValueError, IndexError) as error:
-            raise SceneError(f"{said}: {error}") from None
+            raise SceneError(f"{first_line}: {error}") from None
     if within:
         raise SceneError(f"the file ends within {within[-1]}; is it whole?")
     _close(deck)
@@ -102,7 +102,7 @@ def read_abaqus(path: Path) -> FileMesh:
 
 def _blocks(path: Path) -> Iterator[tuple[str, Options, Rows, str]]:
     """Keyword, options, data rows and first line of every block, included files in their place."""
-    keyword = said = ""
+    keyword = first_line = ""
     options: Options = {}
     rows: Rows = []
     try:
@@ -122,12 +122,12 @@ def _blocks(path: Path) -> Iterator[tuple[str, Options, Rows, str]]:
             last = line == "*END" and not text.endswith(("\n", "\r"))
             if last and keyword in _DATA:
                 raise SceneError(
-                    f"the file ends within {said}, amid a line; is it whole? If so, end its last"
-                    " line"
+                    f"the file ends within {first_line}, amid a line; is it whole? If so, end its"
+                    " last line"
                 )
-            yield keyword, options, rows, said
+            yield keyword, options, rows, first_line
         first, *words = line[1:].split(",")
-        keyword, rows, said = " ".join(first.split()).upper(), [], line.strip()
+        keyword, rows, first_line = " ".join(first.split()).upper(), [], line.strip()
         pairs = (word.partition("=") for word in words)
         options = {name.strip().upper(): value.strip().strip('"') for name, _, value in pairs}
         if keyword == "INCLUDE":

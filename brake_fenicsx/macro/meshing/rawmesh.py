@@ -73,9 +73,9 @@ def unread(file: str, elements: Mapping[str, int], keywords: Mapping[str, int]) 
     other = {name: n for name, n in keywords.items() if name not in CHANGING}
     lost = ", ".join([*_elements(elements), *_keywords(changing)])
     page = "howto_abaqus_deck" if file.endswith(".inp") else "coming_from_other_codes"
-    said = f"{file}: not read: {lost}; docs/{page}.md says what to write instead"
+    sentence = f"{file}: not read: {lost}; docs/{page}.md says what to write instead"
     rest = f"{file}: ignored (defined in the scene instead): {', '.join(_keywords(other))}"
-    return Unread((said,) if lost else (), (rest,) if other else ())
+    return Unread((sentence,) if lost else (), (rest,) if other else ())
 
 
 def _elements(numbers: Mapping[str, int]) -> list[str]:
