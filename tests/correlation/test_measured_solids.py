@@ -41,16 +41,21 @@ def test_rayleigh_ritz_has_the_shear_modes_of_an_isotropic_cube():
 
 
 @pytest.mark.parametrize(
-    ("name", "lengths", "size"),
-    [("aluminium_box", ALUMINIUM, "1.5 mm"), ("srtio3_box", CRYSTAL, "0.3 mm")],
+    ("name", "lengths", "size", "tolerance"),
+    [
+        ("aluminium_box", ALUMINIUM, "2 mm", 1.5e-3),
+        ("srtio3_box", CRYSTAL, "0.4 mm", 1.5e-3),
+        pytest.param("aluminium_box", ALUMINIUM, "1.5 mm", 5e-4, marks=pytest.mark.slow),
+        pytest.param("srtio3_box", CRYSTAL, "0.3 mm", 5e-4, marks=pytest.mark.slow),
+    ],
 )
-def test_first_modes_of_a_box(name, lengths, size):
+def test_first_modes_of_a_box(name, lengths, size, tolerance):
     """From above, as of any conforming elements; isotropic and cubic."""
     exact = reference(name, lengths, 12)[:10]
     scene = read_scene(SCENES / f"{name}.toml", [f"parts.box.size='{size}'"])
-    found = part_modes(scene, "box", np.zeros((1, 3)), 1.001 * exact[-1]).frequency[:10]
+    found = part_modes(scene, "box", np.zeros((1, 3)), 1.002 * exact[-1]).frequency[:10]
     assert np.all(found > exact * (1 - 1e-5))
-    assert np.abs(found / exact - 1).max() < 5e-4
+    assert np.abs(found / exact - 1).max() < tolerance
 
 
 @pytest.mark.slow

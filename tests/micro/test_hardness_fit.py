@@ -53,17 +53,19 @@ def curve(pad, rng=None, bulk=BULK):
     return np.stack([p, closure + 3e-6], axis=1)
 
 
-@pytest.mark.parametrize(("noises", "least"), [(1, 5), pytest.param(4, 24, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("families", "least"), [(4, 8), pytest.param(8, 24, marks=pytest.mark.slow)]
+)
 @pytest.mark.parametrize("bulk", [None, BULK])
-def test_interval_contains_the_truth_as_often_as_it_says(pad, bulk, noises, least):
-    """One or four noises on each of 8 families of surfaces: 90 %, and not far fewer.
+def test_interval_contains_the_truth_as_often_as_it_says(pad, bulk, families, least):
+    """Four noises on each of some families of surfaces: 90 %, and not far fewer.
 
-    8 independent families: 5 or more of them with a probability of 99.5 %, 6 or more with 96 %.
+    Of 4 independent families 2 or more with a probability of 99.6 %, of 8 6 or more with 96 %.
     """
     fits = [
         fit_hardness(curve(pad, np.random.default_rng([seed, noise])), RECIPE, bulk, seed=seed)
-        for seed in range(8)
-        for noise in range(noises)
+        for seed in range(families)
+        for noise in range(4)
     ]
     assert sum(fit.low <= TRUTH <= fit.high for fit in fits) >= least
     assert np.median([fit.high / fit.low for fit in fits]) < 3.0
