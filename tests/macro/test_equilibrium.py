@@ -12,6 +12,7 @@ from brake_fenicsx.macro import EnrichedGap, displacement, draw_critical_gaps
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.equilibrium import equilibrium
 from brake_fenicsx.macro.gap import separation_density
+from brake_fenicsx.macro.newton import Newton
 from brake_fenicsx.micro import (
     LawRecipe,
     LawSettings,
@@ -125,6 +126,17 @@ def test_newton_ends_quadratically(two_blocks):
         assert r.size >= 3
         # error(n + 1) <= c error(n)^2, with one c of order one for all steps.
         assert np.all(r[1:] < 10 * r[:-1] ** 2 + 1e-13), r
+
+
+def test_the_full_step_is_taken_where_the_residual_is_round_off():
+    """Its work changes sign there by chance: a shorter step would never bring the full loads."""
+    k, g = 1e12, -np.array([1e-6, 2e-6, 3e-6])
+    laws = EnrichedGap(OneLaw(linear_law(k)), np.zeros(3, int), np.zeros(3))
+    newton = Newton(SimpleNamespace(w=np.full(3, 1e-5)), laws, 60)
+    for size, step in ((1e-15, 1.0), (1e-6, 0.5)):
+        off, dg = size * k * g, 1e-3 * g
+        chosen = newton._line_search(g, laws.pressure(g) + off, dg, -k * dg - 2 * off)
+        assert chosen == pytest.approx(step)
 
 
 @pytest.mark.parametrize("mu", [0.0, 0.5])
