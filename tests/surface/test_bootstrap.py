@@ -32,17 +32,24 @@ def numbers(stats):
     return np.log([stats.S_q, *stats.hdf.ppf(1 - SHARE) / stats.hdf.S_q, variance])
 
 
-def test_draws_scatter_as_scans_do():
-    """Standard deviations over 30 scans against those of 6 draws of each of 5."""
+@pytest.mark.parametrize(
+    ("draws", "factor"), [(6, 2.2), pytest.param(12, 1.65, marks=pytest.mark.slow)]
+)
+def test_draws_scatter_as_scans_do(draws, factor):
+    """Standard deviations over 30 scans against those of some draws of each of 5."""
     scans = [scan(seed, spectrum="fit") for seed in range(30)]
     true = np.std([numbers(s) for s in scans], axis=0)
     told = [
-        np.var([numbers(resampled(s, np.random.default_rng([k, i]))) for i in range(6)], axis=0)
+        np.var(
+            [numbers(resampled(s, np.random.default_rng([k, i]))) for i in range(draws)],
+            axis=0, ddof=1,
+        )
         for k, s in enumerate(scans[:5])
-    ]
-    # One scan tells the deviation to some 30 %, five of them and the 30 to some 15 %.
+    ]  # fmt: skip
+    # One scan tells the deviation to some 30 %, 6 draws of it to 30 %, 12 to 21 %: five of them and
+    # the 30 scans to some 24 % and 20 %.
     ratio = np.sqrt(np.mean(told, axis=0)) / true
-    assert np.all((ratio > 0.6) & (ratio < 1.6)), ratio
+    assert np.all((ratio > 1 / factor) & (ratio < factor)), ratio
 
 
 def test_draws_have_the_statistics_of_the_scan_on_average():
