@@ -98,15 +98,15 @@ def _in_span(measured: Complex, shapes: Array) -> Array:
 
 
 def _combined(
-    shapes: Array, own: NDArray[np.intp], measured: Complex, mode: NDArray[np.intp]
+    shapes: Array, group: NDArray[np.intp], measured: Complex, mode: NDArray[np.intp]
 ) -> Complex:
     """Combinations of a group: the best ones for its measured partners, then what is left."""
-    test = [int(np.flatnonzero(mode == j)[0]) if j in mode else -1 for j in own]
+    test = [int(np.flatnonzero(mode == j)[0]) if j in mode else -1 for j in group]
     used = np.array([i >= 0 for i in test])
     if not used.any():
         return shapes.astype(complex)
     C = np.linalg.lstsq(shapes.T.astype(complex), measured[[i for i in test if i >= 0]].T, SEEN)[0]
-    turn = np.zeros((len(own), len(own)), complex)
+    turn = np.zeros((len(group), len(group)), complex)
     turn[:, used] = C
     turn[:, ~used] = np.linalg.svd(C)[0][:, C.shape[1] :]
     return np.asarray(turn.T @ shapes)
@@ -154,23 +154,23 @@ def correlate(
     values, distance, size = shapes_at(modes, measured.points)
     _check_distance(measured, name, distance, size)
     values = np.einsum("pac,pcm->pam", measured.axes, values)
-    found = paired(
+    pairs = paired(
         measured.shapes[:, measured.seen], measured.frequency, values[measured.seen].T,
         modes.frequency,
     )  # fmt: skip
     tested, computed = measured.frequency, modes.frequency
     rows = beside(
-        found.mode, (np.arange(1, tested.size + 1), tested, measured.damping),
-        (np.arange(1, computed.size + 1), computed, found.combined),
-        (computed / tested[:, None] - 1, found.mac),
+        pairs.mode, (np.arange(1, tested.size + 1), tested, measured.damping),
+        (np.arange(1, computed.size + 1), computed, pairs.combined),
+        (computed / tested[:, None] - 1, pairs.mac),
     )  # fmt: skip
     rows = [[*row[:5], *row[6:], row[5]] for row in rows]
     folder = Path(directory or Path.cwd() / f"{parsed.file.stem}-correlation")
     if write:
         folder.mkdir(parents=True, exist_ok=True)
         write_rows(folder / "correlation.csv", COLUMNS, rows)
-        _write_mac(folder, measured, modes, found)
-        _draw(folder, measured, modes, found)
+        _write_mac(folder, measured, modes, pairs)
+        _draw(folder, measured, modes, pairs)
     held = "supported" if supported else "free"
     return (
         f"part {name}, {held}: {modes.rigid} rigid-body modes left out;"
@@ -247,25 +247,25 @@ def beside(
     ]  # fmt: skip
 
 
-def _write_mac(folder: Path, measured: Measured, modes: PartModes, found: Pairs) -> None:
+def _write_mac(folder: Path, measured: Measured, modes: PartModes, pairs: Pairs) -> None:
     heads = ("test_mode", "test_frequency_hz", "model_mode", "model_frequency_hz", "mac")
     rows = (
-        (i + 1, float(f), j + 1, float(g), float(found.mac[i, j]))
+        (i + 1, float(f), j + 1, float(g), float(pairs.mac[i, j]))
         for i, f in enumerate(measured.frequency)
         for j, g in enumerate(modes.frequency)
     )
     write_rows(folder / "mac.csv", heads, rows)
 
 
-def _draw(folder: Path, measured: Measured, modes: PartModes, found: Pairs) -> None:
+def _draw(folder: Path, measured: Measured, modes: PartModes, pairs: Pairs) -> None:
     """MAC matrix, pairs framed, and beside it the difference of their frequencies."""
     with house_style():
-        height = float(np.clip(1.4 + 0.27 * len(found.mac), 2.6, 9.0))
+        height = float(np.clip(1.4 + 0.27 * len(pairs.mac), 2.6, 9.0))
         figure, axes = new_figure(1, 2, height, sharey=True, width_ratios=[3, 1])
-        _draw_mac(axes[0, 0], measured, modes, found)
+        _draw_mac(axes[0, 0], measured, modes, pairs)
         axis = axes[0, 1]
-        rows = np.flatnonzero(found.mode >= 0)
-        change = 100 * (modes.frequency[found.mode[rows]] / measured.frequency[rows] - 1)
+        rows = np.flatnonzero(pairs.mode >= 0)
+        change = 100 * (modes.frequency[pairs.mode[rows]] / measured.frequency[rows] - 1)
         axis.axvline(0.0, color=GREY, linewidth=0.7)
         axis.barh(rows, change, height=0.6, color=BLUE)
         widest = 2.2 * max(np.abs(change).max(initial=0.0), 0.1)
@@ -279,16 +279,16 @@ def _draw(folder: Path, measured: Measured, modes: PartModes, found: Pairs) -> N
         save(figure, folder, "correlation")
 
 
-def _draw_mac(axis: Axes, measured: Measured, modes: PartModes, found: Pairs) -> None:
-    tests, count = found.mac.shape
-    image = axis.imshow(found.mac, cmap="Blues", vmin=0, vmax=1, aspect="auto")
+def _draw_mac(axis: Axes, measured: Measured, modes: PartModes, pairs: Pairs) -> None:
+    tests, count = pairs.mac.shape
+    image = axis.imshow(pairs.mac, cmap="Blues", vmin=0, vmax=1, aspect="auto")
     if count <= 24:
-        for i, j in np.argwhere(found.mac >= 0.1):
-            dark = "white" if found.mac[i, j] > 0.6 else "black"
-            axis.text(j, i, f"{found.mac[i, j]:.2f}", ha="center", va="center", color=dark,
+        for i, j in np.argwhere(pairs.mac >= 0.1):
+            dark = "white" if pairs.mac[i, j] > 0.6 else "black"
+            axis.text(j, i, f"{pairs.mac[i, j]:.2f}", ha="center", va="center", color=dark,
                       fontsize=6)  # fmt: skip
-    rows = np.flatnonzero(found.mode >= 0)
-    for i, j in zip(rows, found.mode[rows], strict=True):
+    rows = np.flatnonzero(pairs.mode >= 0)
+    for i, j in zip(rows, pairs.mode[rows], strict=True):
         axis.plot([j - 0.5, j + 0.5, j + 0.5, j - 0.5, j - 0.5],
                   [i - 0.5, i - 0.5, i + 0.5, i + 0.5, i - 0.5],
                   color=VERMILION, linewidth=1.2, clip_on=False)  # fmt: skip

@@ -208,8 +208,8 @@ def _names_and_pieces(scene: Scene, brake: Brake, joined: Index) -> tuple[Names,
     names: Names = [()] * (body.max() + 1)
     pieces = {}
     for part, sides in mesh.extents.items():
-        own = mesh.cells_of(part)
-        each = {int(b): own[body[own] == b] for b in np.unique(body[own])}
+        members = mesh.cells_of(part)
+        each = {int(b): members[body[members] == b] for b in np.unique(body[members])}
         for b in each:
             names[b] += (part,)
         trees = {b: cKDTree(x[np.unique(nodes[its])]) for b, its in each.items()}
@@ -251,21 +251,21 @@ def _unpressed(
     motions Q of the joined bodies, Q' R' (f + N' P) = 0; a displacement of supports presses too.
     """
     sets = _sets(joined)
-    columns = [(6 * own[:, None] + np.arange(6)).ravel() for own in sets]
-    spaces = [R[:, own] @ _null_space(joints[:, own]) for own in columns]
+    columns = [(6 * bodies[:, None] + np.arange(6)).ravel() for bodies in sets]
+    spaces = [R[:, bodies] @ _null_space(joints[:, bodies]) for bodies in columns]
     gaps, loads = [brake.N @ Q for Q in spaces], [Q.T @ brake.f for Q in spaces]
     if brake.lift is not None or not sum(map(len, loads)):
         return []
     P = nnls(np.hstack(gaps).T, -np.concatenate(loads))[0]
     lines = []
-    for own, gap, load in zip(sets, gaps, loads, strict=True):
+    for bodies, gap, load in zip(sets, gaps, loads, strict=True):
         unbalanced = np.linalg.norm(gap.T @ P + load) >= UNBALANCED * brake.pressed
         # Without a gap that opens it moves nothing: a body of few coordinates.
         if not gap.any() or (P @ np.abs(gap).sum(axis=1) > 0 and not unbalanced):
             continue
         why = "pushed away from it" if unbalanced else "not pressed on it"
         lines.append(
-            f"part {' and '.join(_parts(names, own))}: held by contact alone in some directions,"
+            f"part {' and '.join(_parts(names, bodies))}: held by contact alone in some directions,"
             f" and {why} by the loads; correct the loads, or write supports, ties or springs"
         )
     return lines

@@ -42,17 +42,17 @@ def parts_of(scene: Scene, brake: Brake) -> dict[str, dict[str, Any]]:
 
 def interfaces_of(scene: Scene, brake: Brake) -> dict[str, dict[str, Any]]:
     """Area, number of elements, area without opposite face and gaps of each interface."""
-    found = {}
+    interfaces = {}
     for i, name in enumerate(scene.contact):
-        own = brake.contact.interface == i
+        elements = brake.contact.interface == i
         opposite, whole = brake.faced[name]
-        found[name] = {
-            "area_mm2": _rounded(1e6 * brake.w[own].sum()),
-            "contact_elements": int(own.sum()),
+        interfaces[name] = {
+            "area_mm2": _rounded(1e6 * brake.w[elements].sum()),
+            "contact_elements": int(elements.sum()),
             "faces_nothing_mm2": _rounded(1e6 * (whole - opposite)),
-            "gap_um": [_rounded(1e6 * end(brake.g0[own])) for end in (np.min, np.max)],
+            "gap_um": [_rounded(1e6 * end(brake.g0[elements])) for end in (np.min, np.max)],
         }
-    return found
+    return interfaces
 
 
 def inventory_lines(scene: Scene, brake: Brake) -> list[str]:
@@ -139,9 +139,9 @@ def _axis_doubts(scene: Scene, brake: Brake) -> list[str]:
         return []
     lines = []
     for i, name in enumerate(scene.contact):
-        own = (brake.contact.interface == i) & (brake.contact.speed > 0)
-        arm = np.linalg.norm(motion.local(brake.points[own])[:, :2], axis=1)
-        if np.any(arm**2 < brake.w[own]):
+        sliding = (brake.contact.interface == i) & (brake.contact.speed > 0)
+        arm = np.linalg.norm(motion.local(brake.points[sliding])[:, :2], axis=1)
+        if np.any(arm**2 < brake.w[sliding]):
             lines.append(
                 f"contact.{name}: the axis of the motion passes through the faces, which turn"
                 " there on the spot; correct motion.axis or motion.point, or write"

@@ -49,24 +49,24 @@ def read_matrix(path: Path) -> LabelledMatrix:
     """
     try:
         if path.suffix == ".npz":
-            found = LabelledMatrix(sp.load_npz(path).tocsr(), None)
+            matrix = LabelledMatrix(sp.load_npz(path).tocsr(), None)
         else:
             head = _head(path)
             if head.startswith("%%MatrixMarket"):
                 from scipy.io import mmread
 
-                found = LabelledMatrix(sp.csr_matrix(mmread(path)), None)
+                matrix = LabelledMatrix(sp.csr_matrix(mmread(path)), None)
             elif re.search(r"^DMIG", head, re.MULTILINE):
-                found = _dmig(path)
+                matrix = _dmig(path)
             else:
-                found = _columns(path)
+                matrix = _columns(path)
     except SceneError:
         raise
     except FileNotFoundError:
         raise SceneError("no such file; paths start at the scene's folder") from None
     except (OSError, ValueError) as error:
         raise SceneError(f"cannot be read: {error}") from None
-    A = found.A
+    A = matrix.A
     if A.shape[0] != A.shape[1] or not A.shape[0]:
         raise SceneError(f"{A.shape[0]} x {A.shape[1]} entries; a square matrix is needed")
     if np.iscomplexobj(A.data) or not np.isfinite(A.data).all():
@@ -77,7 +77,7 @@ def read_matrix(path: Path) -> LabelledMatrix:
             f"not symmetric: entries differ by {skew:.1e} of the largest; write the matrices of the"
             " body alone, without friction and gyroscopic terms"
         )
-    return LabelledMatrix((0.5 * (A + A.T)).tocsr(), found.rows)
+    return LabelledMatrix((0.5 * (A + A.T)).tocsr(), matrix.rows)
 
 
 def read_row_labels(path: Path) -> list[Label]:
@@ -90,13 +90,13 @@ def read_row_labels(path: Path) -> list[Label]:
         lines = [line for line in path.read_text().splitlines() if line.strip()]
     except (OSError, UnicodeDecodeError) as error:
         raise SceneError(f"cannot be read: {error}") from None
-    found = []
+    labels = []
     for number, line in enumerate(lines, 1):
         words = re.split(r"[.,;\s]+", line.strip())
         if len(words) != 2 or not all(word.isdigit() for word in words):
             raise SceneError(f"line {number}: {line.strip()!r}; write a node and a component, 12.3")
-        found.append((int(words[0]), int(words[1])))
-    return found
+        labels.append((int(words[0]), int(words[1])))
+    return labels
 
 
 def _head(path: Path) -> str:

@@ -64,27 +64,27 @@ def pad_forces(
         p: pressures [Pa], shape (elements,).
         mu: friction coefficients, shape (elements,).
     """
-    found = []
+    forces = []
     for i, name in enumerate(names):
         # Faces that stick have no sliding direction, nor edges.
-        own = (contact.interface == i) & (contact.speed > 0)
+        sliding = (contact.interface == i) & (contact.speed > 0)
         axis = motion.frame[2] if isinstance(motion, Rotation) else np.eye(3)[2]
         top, name_of = contact.normal @ axis > 0, "z" if axis[2] == 1 else "axis"
-        sides = [(f"{name_of} > 0", own & top), (f"{name_of} < 0", own & ~top)]
+        sides = [(f"{name_of} > 0", sliding & top), (f"{name_of} < 0", sliding & ~top)]
         two = all(side.any() for _, side in sides)
         for side, chosen in sides:
             if chosen.any():
                 label = f"{name}, {side}" if two else name
-                found.append(_forces(contact, label, chosen, motion, p, mu))
-    return found
+                forces.append(_forces(contact, label, chosen, motion, p, mu))
+    return forces
 
 
 def _forces(
-    contact: Contact, name: str, own: NDArray[np.bool_], motion: Motion, p: Array, mu: Array
+    contact: Contact, name: str, chosen: NDArray[np.bool_], motion: Motion, p: Array, mu: Array
 ) -> PadForces:
-    x, s, w = contact.points[own], contact.s[own], contact.w[own]
-    force = w * p[own]
-    drag = mu[own] * force
+    x, s, w = contact.points[chosen], contact.s[chosen], contact.w[chosen]
+    force = w * p[chosen]
+    drag = mu[chosen] * force
     total, middle = float(force.sum()), w @ x / w.sum()
     torque, radius = np.nan, np.nan
     if isinstance(motion, Rotation):
@@ -108,7 +108,7 @@ def _forces(
         towards = -float(force @ along) / total
         leading = float(force[along < 0].sum() + 0.5 * force[along == 0].sum()) / total
     return PadForces(
-        name, total, drag @ s, float(torque), float(radius), float(w[p[own] > 0].sum()),
-        float(w.sum()), float(p[own].max()), centre, towards, leading,
+        name, total, drag @ s, float(torque), float(radius), float(w[p[chosen] > 0].sum()),
+        float(w.sum()), float(p[chosen].max()), centre, towards, leading,
         (float(edges[0]), float(edges[1])),
     )  # fmt: skip

@@ -228,16 +228,16 @@ def _by_active_set(
     held = np.flatnonzero(start[high] >= cap)
     touching = np.flatnonzero(start[high] > 0.0)
     touching = touching if touching.size else np.array([0])
-    found = active_set(pixels, d, total, touching, most, cap=cap, held=held)
-    if found is None:
+    contact = active_set(pixels, d, total, touching, most, cap=cap, held=held)
+    if contact is None:
         return None
     pressure = np.zeros(h.size)
-    pressure[high[found.points]] = found.pressure
+    pressure[high[contact.points]] = contact.pressure
     p: Array = pressure.reshape(h.shape)
     every = isinstance(pixels, AllPixels)
-    w = found.gap.reshape(h.shape) if every else space.apply(p) - h + found.d
-    c = certify(space, h, p, w, found.d, total is not None, cap)
-    return State(p, w, found.d, c.gap, c.penetration, c.complementarity, found.iterations)
+    w = contact.gap.reshape(h.shape) if every else space.apply(p) - h + contact.d
+    c = certify(space, h, p, w, contact.d, total is not None, cap)
+    return State(p, w, contact.d, c.gap, c.penetration, c.complementarity, contact.iterations)
 
 
 def _gap_residual(h: Array, state: State) -> float:

@@ -87,7 +87,7 @@ class SurfaceStatistics:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What is doubtful about the statistics, one line each."""
-        fit, found = self.bifractal, []
+        fit, doubts = self.bifractal, []
         fitted = self.spectrum.misfit is None
         if fit.convex:
             cut = f'surface.cutoff = "{2e6 * np.pi / fit.q_c:.3g} um"'
@@ -96,25 +96,25 @@ class SurfaceStatistics:
                 why = f"if this is instrument noise, set {cut}" + (
                     '; if not, surface.spectrum = "measured"' if fitted else ""
                 )
-            found.append(
+            doubts.append(
                 f"the PSD flattens above {fit.q_c:.3g} rad/m (slope {fit.c2:.2f} after"
                 f" {fit.c1:.2f}){', which the bi-fractal model cannot represent' * fitted}: {why}"
             )
         wave, ratio = worst_octave(self.psd, fit) if self.psd and fitted else (np.nan, 1.0)
         if not 1 / MISSED < ratio < MISSED:
             more, times = ("more", ratio) if ratio > 1 else ("less", 1 / ratio)
-            found.append(
+            doubts.append(
                 f"the bi-fractal fit misses the spectrum: about a wavelength of {1e6 * wave:.3g} um"
                 f" artificial surfaces have {times:.1f} times {more} variance than the scan; use"
                 ' surface.spectrum = "measured"'
             )
         if self.level != "second-order" and self.curvature > FORM:
-            found.append(
+            doubts.append(
                 f"level = {self.level!r} leaves a bow or bend with {self.curvature:.0%} of the"
                 " variance of the scan, which is form and not roughness: remove it with"
                 ' surface.level = "second-order"'
             )
-        return tuple(found)
+        return tuple(doubts)
 
     @property
     def heights(self) -> Array:

@@ -119,21 +119,21 @@ def _crossings(
     first_alone: bool,
 ) -> list[Event]:  # fmt: skip
     """Where a branch begins and ends to squeal, or where it first begins."""
-    found = []
+    events = []
     loud = [_squeals(followed, branch, n, threshold) for n in branch.states]
     if loud[0] and branch.states[0] == 0:
         first, mode = followed.states[0], branch.modes[0]
         s, vector = complex(first.s[mode]), first.right[:, mode]
-        found.append(Event(FROM_FIRST, first.x, 0.0, s, (branch.number, -1), vector))
+        events.append(Event(FROM_FIRST, first.x, 0.0, s, (branch.number, -1), vector))
     for n in range(len(loud) - 1):
-        if first_alone and found:
+        if first_alone and events:
             break
         if loud[n] == loud[n + 1] or (first_alone and loud[n]):
             continue
         state = branch.states[n]
         kind = ONSET if loud[n + 1] else END
-        found.append(_crossing(followed, solve, branch, state, kind, threshold, width))
-    return found
+        events.append(_crossing(followed, solve, branch, state, kind, threshold, width))
+    return events
 
 
 def _squeals(followed: Followed, branch: Branch, state: int, threshold: float) -> bool:

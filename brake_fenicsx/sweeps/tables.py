@@ -64,12 +64,12 @@ class SweepTables:
         write_rows(path("lock_in.csv"), [*where, *EVENTS], self._event_rows())
         if self._chart:
             write_rows(path("chart.csv"), CHART, self._chart_rows())
-        found: list[Critical] = []
+        critical: list[Critical] = []
         if any(line is not None for _, line in self._samples.values()):
-            found = critical_values(self._onsets(), self._rising)
-            write_rows(path("critical.csv"), CRITICAL, self._critical_rows(found))
-            write_rows(path("critical_curve.csv"), CURVE, self._curve_rows(found))
-        return {"sweep": self._facts(found)}
+            critical = critical_values(self._onsets(), self._rising)
+            write_rows(path("critical.csv"), CRITICAL, self._critical_rows(critical))
+            write_rows(path("critical_curve.csv"), CURVE, self._curve_rows(critical))
+        return {"sweep": self._facts(critical)}
 
     @property
     def _chart(self) -> bool:
@@ -158,8 +158,8 @@ class SweepTables:
                 counts = int(unstable[here].sum()), int(squeal[here].sum())
                 yield [first[0], x, first[2], *counts, worst]
 
-    def _critical_rows(self, found: Sequence[Critical]) -> Iterator[list[Any]]:
-        for c in found:
+    def _critical_rows(self, critical: Sequence[Critical]) -> Iterator[list[Any]]:
+        for c in critical:
             low, middle, high = (c.quantile(p) for p in (0.05, 0.5, 0.95))
             cells = [low[0], *middle, high[0]]
             at_first = int(np.sum(c.values == -np.inf))
@@ -169,15 +169,15 @@ class SweepTables:
                 *(float(v) if np.isfinite(v) else None for v in cells),
             ]  # fmt: skip
 
-    def _curve_rows(self, found: Sequence[Critical]) -> Iterator[list[Any]]:
-        for c in found:
+    def _curve_rows(self, critical: Sequence[Critical]) -> Iterator[list[Any]]:
+        for c in critical:
             for x in self._sweep.values:
                 share = c.by(x)
                 number = c.family if c.family >= 0 else None
                 numbers = share.n, share.value, share.low, share.high
                 yield [self._sweep.samples[0][0], number, x, *numbers]
 
-    def _facts(self, found: Sequence[Critical]) -> dict[str, Any]:
+    def _facts(self, critical: Sequence[Critical]) -> dict[str, Any]:
         """Figures for the summary."""
         statuses = [status for lines in (self._own, self._samples) for status, _ in lines.values()]
         lines = [line for _, _, _, line in self._lines()]
@@ -194,11 +194,11 @@ class SweepTables:
                 for _, _, kind, line in self._lines()
             ),
         }  # fmt: skip
-        if found:
+        if critical:
             # JSON has no infinity, the value of a median beyond the sweep.
-            median, low, high = (v if np.isfinite(v) else None for v in found[0].quantile(0.5))
+            median, low, high = (v if np.isfinite(v) else None for v in critical[0].quantile(0.5))
             facts["critical_value_any_family"] = {
                 "median": median, "low": low, "high": high,
-                "samples": found[0].values.size, "squeal_samples": found[0].reached,
+                "samples": critical[0].values.size, "squeal_samples": critical[0].reached,
             }  # fmt: skip
         return facts
