@@ -24,7 +24,7 @@ BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 STAGES = "stages=['surface','equilibrium','stability','uncertainty']"
 COARSE = [
     STAGES, "surface.statistics={ S_q = '3 um' }", "contact.block_plate.gap=hdf",
-    "parts.block.axis='30 deg'", "parts.block.size='14 mm'", "parts.plate.size='20 mm'",
+    "parts.block.axis='30 deg'", "parts.block.size='20 mm'", "parts.plate.size='30 mm'",
     "stability.band=['0 Hz','20 kHz']", "stability.method=reduced",
 ]  # fmt: skip
 NAMES = ("C11", "C12", "C13", "C33", "C44")

@@ -16,7 +16,7 @@ GIVEN = [
     "stages=['surface','equilibrium','stability','uncertainty']",
     "surface.statistics={ S_q = '3 um' }", "contact.block_plate.gap=hdf",
     "contact.block_plate.friction={ static=0.6, kinetic=0.4, decay='2 m/s' }",
-    "parts.block.size='14 mm'", "parts.plate.size='20 mm'", "materials.lining.loss=0.02",
+    "parts.block.size='20 mm'", "parts.plate.size='30 mm'", "materials.lining.loss=0.02",
     "materials.iron.loss=0.001", "stability.band=['0 Hz','15 kHz']", "stability.verify=0",
     "stability.zeta_max=0.3", "samples.n=2",
     "samples.random.\"materials.lining.C44\"={ law='uniform', spread=0.2 }",

@@ -25,7 +25,7 @@ SELF = MPI.COMM_SELF
 SCENES = Path(__file__).parents[2] / "scripts" / "scenes"
 BLOCK = SCENES / "block_on_plate.toml"
 COARSE = [
-    "stages=['equilibrium','stability']", "parts.block.size='14 mm'", "parts.plate.size='20 mm'",
+    "stages=['equilibrium','stability']", "parts.block.size='20 mm'", "parts.plate.size='30 mm'",
     "stability.band=['0 Hz','20 kHz']", "stability.zeta_max=0.3",
 ]  # fmt: skip
 FALLING = "contact.block_plate.friction={ static=0.6, kinetic=0.4, decay='2 m/s' }"

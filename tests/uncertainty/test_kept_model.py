@@ -16,7 +16,7 @@ BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 GIVEN = [
     "stages=['surface','equilibrium','stability','uncertainty']",
     "surface.statistics={ S_q = '3 um' }", "contact.block_plate.gap=hdf",
-    "parts.block.size='14 mm'", "parts.plate.size='20 mm'", "stability.band=['0 Hz','15 kHz']",
+    "parts.block.size='20 mm'", "parts.plate.size='30 mm'", "stability.band=['0 Hz','15 kHz']",
     "stability.method=reduced", "stability.verify=0", "samples.n=2",
     "samples.random.\"materials.lining.C44\"={ law='uniform', spread=0.2 }",
 ]  # fmt: skip

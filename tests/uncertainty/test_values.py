@@ -21,7 +21,7 @@ from brake_fenicsx.uncertainty.solve import full_modes
 
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 COARSE = [
-    "stages=['equilibrium','stability']", "parts.block.size='14 mm'", "parts.plate.size='20 mm'",
+    "stages=['equilibrium','stability']", "parts.block.size='20 mm'", "parts.plate.size='30 mm'",
     "stability.band=['0 Hz','20 kHz']", "stability.zeta_max=0.3", "stability.method=reduced",
 ]  # fmt: skip
 MU, LOAD, C44 = (
