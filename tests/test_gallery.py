@@ -9,7 +9,7 @@ import pytest
 
 GALLERY = Path(__file__).parents[1] / "docs" / "gallery"
 SCRIPTS = sorted(GALLERY.glob("*.py"))
-FAST = ("flutter", "hertz")  # a brake and a contact; the others are slow
+FAST = ("flutter",)  # a whole brake; the others are slow
 
 
 @pytest.mark.parametrize(

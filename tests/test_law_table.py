@@ -45,6 +45,7 @@ def test_table_of_an_exponential_law(tmp_path):
 def test_modes_under_a_table(tmp_path):
     """Equilibrium and modes are those under the law itself; a changed table is another result."""
     own = ['stages=["equilibrium","stability"]', "stability.band=['0 Hz','20 kHz']"]
+    own += ["parts.block.size='14 mm'", "parts.plate.size='20 mm'"]
     scene = written(tmp_path, exponential())
     found, wanted = (prepare(s, own).modes().s for s in (scene, BLOCK))
     np.testing.assert_allclose(found, wanted, rtol=1e-5)

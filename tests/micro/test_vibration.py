@@ -76,8 +76,8 @@ def rms(ratios):
 
 @pytest.mark.parametrize("hardness", [None, 400e6])
 def test_laws_are_right_between_their_steps(hardness):
-    """A patch of 402 pixels; the slow test looks at the demo's patch and more surfaces."""
-    found = [errors_between_steps(seed, hardness, 402, 2.825e-3) for seed in (0, 1)]
+    """One patch of 402 pixels; the slow test looks at the demo's patch and more surfaces."""
+    found = [errors_between_steps(0, hardness, 402, 2.825e-3)]
     v, slope, p = zip(*found, strict=True)
     assert rms(v) < 0.03 and rms(slope) < 0.15 and rms(p) < 0.006, (rms(v), rms(slope), rms(p))
     assert np.concatenate(slope).min() > 0.0

@@ -86,8 +86,8 @@ def test_independent_samples_have_no_scatter_of_their_own(tmp_path):
 
 @pytest.mark.parametrize("paired", [True, pytest.param(False, marks=pytest.mark.slow)])
 def test_intervals_hold_the_truth_at_their_rate(tmp_path, paired):
-    """Of 60 budgets of a knob that changes the probability from 0.5 to 0.42, and of none."""
-    rng, n, held, zero, budgets = np.random.default_rng(4), 40, 0, 0, 60
+    """Of 30 budgets of a knob that changes the probability from 0.5 to 0.42, and of none."""
+    rng, n, held, zero, budgets = np.random.default_rng(4), 40, 0, 0, 30
     for _ in range(budgets):
         f, d = draw(rng, n)
         other = d if paired else draw(rng, n)[1]
