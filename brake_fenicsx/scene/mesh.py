@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, StrictStr
+from pydantic import AfterValidator, BeforeValidator, StrictStr, WithJsonSchema
 
 from brake_fenicsx.scene.tables import key, rising_pair
 
@@ -21,6 +21,22 @@ def _dotted(name: str) -> str:
 def _names_type() -> Any:
     """Type of a table of names to names."""
     return dict[str, Annotated[StrictStr, AfterValidator(_dotted)]]
+
+
+def _named(value: Any) -> Any:
+    """A name "part.name", or several."""
+    for name in value if isinstance(value, list) and value else [value]:
+        if not isinstance(name, str):
+            raise ValueError('write "part.name"')
+        _dotted(name)
+    return value
+
+
+def _groups_type() -> Any:
+    """Type of a table of names to names, or to lists of them."""
+    one = {"type": "string"}
+    schema = WithJsonSchema({"anyOf": [one, {"type": "array", "items": one, "minItems": 1}]})
+    return dict[str, Annotated[Any, BeforeValidator(_named), schema]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +57,8 @@ class MeshTable:
         quality: lowest accepted cell quality: 3 r / R of tetrahedra, scaled Jacobian of hexahedra.
         file: mesh file, relative to the scene's folder.
         unit: unit of the file's coordinates.
-        groups: group of the file -> "part.layer" for cells, "part.face" for surfaces or nodes.
+        groups: group of the file -> "part.layer" for cells, "part.face" for surfaces or nodes; a
+            list of faces where it lies on several parts.
         split: face whose nodes are duplicated -> face of the other body with the original nodes.
         extent: smallest and largest accepted extent [m] of the mesh; other meshes are rejected as a
             mistake in the unit.
@@ -55,7 +72,9 @@ class MeshTable:
     quality: float = key(default=0.01)
     file: str | None = key(default=None)
     unit: str | None = key(default=None)
-    groups: dict[str, str] = field(default_factory=dict, metadata={"type": _names_type})
+    groups: dict[str, str | list[str]] = field(
+        default_factory=dict, metadata={"type": _groups_type}
+    )
     split: dict[str, str] = field(default_factory=dict, metadata={"type": _names_type})
     extent: tuple[float, ...] = key(
         "m", default=(5e-3, 3.0), rule=(rising_pair, "write [smallest, largest]")

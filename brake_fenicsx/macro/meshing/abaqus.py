@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,8 +14,9 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import SceneError
 
 from .abaqus_scope import Rows, Scope, find, placement
-from .filemesh import SOLIDS, FileMesh, numbered
+from .filemesh import SOLIDS, Block, FileMesh, held_nodes, numbered
 
+Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Options = dict[str, str]
 
@@ -30,6 +32,8 @@ _SKINS = {"S3": 3, "S4": 4, "S6": 6, "S8": 8, "M3D3": 3, "M3D4": 4, "M3D6": 6, "
           "SFM3D3": 3, "SFM3D4": 4, "SFM3D6": 6, "SFM3D8": 8, "STRI3": 3, "STRI65": 6}  # fmt: skip
 # Elements without stiffness or mass in a deck of solids: they mark faces and edges at most.
 _MARKS = ("CPS", "SFM")
+# Directions that a type of *BOUNDARY holds; r stands for rotations.
+_TYPES = {"ENCASTRE": "xyzr", "PINNED": "xyz", "XSYMM": "x", "YSYMM": "y", "ZSYMM": "z"}
 _DATA = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE")
 # Blocks with an end of their own.
 _CLOSED = ("PART", "INSTANCE", "ASSEMBLY")
@@ -47,7 +51,8 @@ class _Deck:
         open: part or instance being read.
         place: rotation and shift of the instance being read.
         surfaces: of the scope being read, name -> rows; sets they name may follow.
-        keywords: what is not read -> number of blocks.
+        blocks: what is no part of the mesh.
+        instances: name -> part and rotation.
     """
 
     whole: Scope = field(default_factory=Scope)
@@ -55,7 +60,8 @@ class _Deck:
     open: Scope | None = None
     place: Rows = field(default_factory=list)
     surfaces: dict[str, Rows] = field(default_factory=dict)
-    keywords: Counter[str] = field(default_factory=Counter)
+    blocks: list[Block] = field(default_factory=list)
+    instances: dict[str, tuple[str, Array]] = field(default_factory=dict)
 
     @property
     def scope(self) -> Scope:
@@ -79,65 +85,69 @@ def read_abaqus(path: Path) -> FileMesh:
     """
     deck = _Deck()
     within: list[str] = []
-    for keyword, options, rows, first_line in _blocks(path):
-        if keyword in _CLOSED:
-            within.append(first_line)
-        elif keyword.startswith("END ") and keyword[4:] in _CLOSED and within:
+    for block in _blocks(path):
+        if block.keyword in _CLOSED:
+            within.append(block.said)
+        elif block.keyword.startswith("END ") and block.keyword[4:] in _CLOSED and within:
             within.pop()
         try:
-            _take(deck, keyword, options, rows)
+            _take(deck, block)
         except (SceneError, ValueError, IndexError) as error:
-            raise SceneError(f"{first_line}: {error}") from None
+            raise SceneError(f"{block.said}: {error}") from None
     if within:
         raise SceneError(f"the file ends within {within[-1]}; is it whole?")
     _close(deck)
     if not deck.whole.offsets:
         for part in deck.parts.values():
             deck.whole.take(part, np.eye(3), np.zeros(3))
+            deck.instances[part.name] = part.name, np.eye(3)
     deck.whole.share()
+    _unnamed(deck)
     mesh = _mesh(deck.whole)
-    mesh.keywords = deck.keywords
+    mesh.blocks, mesh.instances = deck.blocks, deck.instances
+    mesh.keywords = Counter(f"*{b.keyword}" for b in deck.blocks if b.keyword != "ELEMENT")
     return mesh
 
 
-def _blocks(path: Path) -> Iterator[tuple[str, Options, Rows, str]]:
-    """Keyword, options, data rows and first line of every block, included files in their place."""
-    keyword = first_line = ""
-    options: Options = {}
-    rows: Rows = []
+def _blocks(path: Path) -> Iterator[Block]:
+    """Every block, included files in their place."""
+    block: Block | None = None
     try:
         text = path.read_text(errors="replace")
     except OSError as error:
         raise SceneError(f"{path}: cannot be read: {error.strerror}") from None
-    lines = iter([*text.splitlines(), "*END"])
-    for line in lines:
+    lines = enumerate([*text.splitlines(), "*END"], 1)
+    for number, line in lines:
         if line.startswith("**") or not line.strip():
             continue
         if not line.startswith("*"):
-            rows.append([word.strip() for word in line.strip().rstrip(",").split(",")])
+            if block:
+                words = line.strip().rstrip(",").split(",")
+                block.rows.append([word.strip() for word in words])
             continue
         while line.rstrip().endswith(","):
-            line = line.rstrip() + next(lines)
-        if keyword:
+            line = line.rstrip() + next(lines)[1]
+        if block:
             last = line == "*END" and not text.endswith(("\n", "\r"))
-            if last and keyword in _DATA:
+            if last and block.keyword in _DATA:
                 raise SceneError(
-                    f"the file ends within {first_line}, amid a line; is it whole? If so, end its"
+                    f"the file ends within {block.said}, amid a line; is it whole? If so, end its"
                     " last line"
                 )
-            yield keyword, options, rows, first_line
+            yield block
         first, *words = line[1:].split(",")
-        keyword, rows, first_line = " ".join(first.split()).upper(), [], line.strip()
         pairs = (word.partition("=") for word in words)
         options = {name.strip().upper(): value.strip().strip('"') for name, _, value in pairs}
+        keyword = " ".join(first.split()).upper()
+        block = Block(keyword, options, [], line.strip(), f"{path.name}:{number}")
         if keyword == "INCLUDE":
             yield from _blocks(path.parent / options.get("INPUT", ""))
-            keyword = ""
+            block = None
 
 
-def _take(deck: _Deck, keyword: str, options: Options, rows: Rows) -> None:
+def _take(deck: _Deck, block: Block) -> None:
     """Add one block to the deck."""
-    scope = deck.scope
+    keyword, options, rows, scope = block.keyword, block.options, block.rows, deck.scope
     if keyword in _MAKERS or (keyword == "NODE" and options.get("SYSTEM", "R").upper() != "R"):
         raise SceneError("nodes and elements must be written one by one in Cartesian axes")
     if keyword == "PART":
@@ -146,10 +156,14 @@ def _take(deck: _Deck, keyword: str, options: Options, rows: Rows) -> None:
     elif keyword == "INSTANCE":
         _close(deck)
         deck.open, deck.place = _instance(deck, options), rows
+        deck.instances[deck.open.name] = options.get("PART", ""), np.eye(3)
     elif keyword in ("END PART", "END INSTANCE", "END ASSEMBLY"):
         _close(deck)
         if keyword == "END INSTANCE" and deck.open is not None:
-            deck.whole.take(deck.open, *placement(deck.place))
+            turn, shift = placement(deck.place)
+            deck.whole.take(deck.open, turn, shift)
+            part = deck.instances.get(deck.open.name, ("",))[0]
+            deck.instances[deck.open.name] = part, turn
         deck.open = None
     elif keyword == "NODE":
         for row in rows:
@@ -159,7 +173,8 @@ def _take(deck: _Deck, keyword: str, options: Options, rows: Rows) -> None:
         if "NSET" in options:
             scope.add(scope.nsets, options["NSET"], [int(row[0]) for row in rows])
     elif keyword == "ELEMENT":
-        _elements(scope, options, rows)
+        if not _elements(scope, options, rows):
+            deck.blocks.append(replace(block, scope=scope.name))
     elif keyword in ("NSET", "ELSET"):
         _set(scope, keyword, options, rows)
     elif keyword == "SURFACE" and "NAME" in options:
@@ -171,7 +186,40 @@ def _take(deck: _Deck, keyword: str, options: Options, rows: Rows) -> None:
         else:
             deck.surfaces[options["NAME"]] = rows
     elif not keyword.startswith("END ") and keyword != "ASSEMBLY":
-        deck.keywords[f"*{keyword}"] += 1
+        deck.blocks.append(replace(block, scope=scope.name))
+
+
+def _unnamed(deck: _Deck) -> None:
+    """Sets of nodes and faces that supports and pressures name by their numbers alone."""
+    held, whole = [], deck.whole
+    for block in deck.blocks:
+        if block.scope or block.keyword not in ("BOUNDARY", "DLOAD"):
+            continue
+        for word, *row in block.rows:
+            # What is wrong with a load is no matter of the mesh.
+            with suppress(SceneError, ValueError, IndexError):
+                if block.keyword == "DLOAD":
+                    name = f"*DLOAD {float(row[1]):g}"
+                    facets = whole.facets(name, [[word, row[0].upper().replace("P", "S")]])
+                    whole.surfaces.setdefault(name, []).extend(facets)
+                elif word.rpartition(".")[2].isdigit():
+                    along = held_along(row)
+                    held += [(n, along) for n in whole.members(whole.nsets, [word], "")]
+    whole.nsets |= held_nodes("*BOUNDARY", held)
+
+
+def held_along(row: Sequence[str]) -> str:
+    """Directions that a line of *BOUNDARY holds, and "r" of all rotations: "xyzr"; "" if it moves.
+
+    Args:
+        row: what follows the node or set: a type, or first and last component and the value.
+    """
+    if not row[0].isdigit():
+        return _TYPES.get(row[0].upper(), "")
+    first, last = int(row[0]), int((row[1:2] or [""])[0] or row[0])
+    if any(float(value or 0) for value in row[2:3]):
+        return ""
+    return "".join("xyz"[c - 1] for c in range(first, min(last, 3) + 1)) + "r" * (last == 6 >= 4)
 
 
 def _instance(deck: _Deck, options: Options) -> Scope:
@@ -200,7 +248,7 @@ def _close(deck: _Deck) -> None:
     deck.surfaces = {}
 
 
-def _elements(scope: Scope, options: Options, rows: Rows) -> None:
+def _elements(scope: Scope, options: Options, rows: Rows) -> bool:
     """Solids, and shells that may mark faces; others are counted and are no part of the mesh."""
     name = options.get("TYPE", "").upper()
     kind = _KINDS.get(name.rstrip("HIMRTSEF"))
@@ -211,7 +259,7 @@ def _elements(scope: Scope, options: Options, rows: Rows) -> None:
         curve = name.startswith("T3D") and options.get("ELSET", "").startswith("Line")
         if not curve:
             scope.others[name] += len(rows)
-        return
+        return curve
     words = [int(word) for row in rows for word in row if word]
     if len(words) % (count + 1):
         raise SceneError(f"a row has not {count} nodes; is the file whole?")
@@ -223,6 +271,7 @@ def _elements(scope: Scope, options: Options, rows: Rows) -> None:
             scope.skins[number] = name, nodes[: 3 if count in (3, 6) else 4]
     if "ELSET" in options:
         scope.add(scope.elsets, options["ELSET"], [int(n) for n in table[:, 0]])
+    return True
 
 
 def _set(scope: Scope, keyword: str, options: Options, rows: Rows) -> None:

@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from operator import length_hint
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
 
-from .filemesh import FileMesh, numbered
+from .filemesh import Block, FileMesh, held_nodes, numbered
 
 Ints = NDArray[np.int64]
 
@@ -46,7 +47,7 @@ class _Deck:
     elements: dict[str, list[int]] = field(default_factory=dict)
     nodesets: dict[str, list[int]] = field(default_factory=dict)
     others: Counter[str] = field(default_factory=Counter)
-    commands: Counter[str] = field(default_factory=Counter)
+    blocks: list[Block] = field(default_factory=list)
 
 
 def read_ansys(path: Path) -> FileMesh:
@@ -63,7 +64,8 @@ def read_ansys(path: Path) -> FileMesh:
         SceneError: the file is not blocked, or its solids are not of one kind.
     """
     deck = _Deck()
-    lines = iter(path.read_text(errors="replace").splitlines())
+    every = path.read_text(errors="replace").splitlines()
+    lines = iter(every)
     for line in lines:
         words = [word.strip() for word in line.split("!")[0].split(",")]
         command = words[0].upper()
@@ -76,7 +78,8 @@ def read_ansys(path: Path) -> FileMesh:
         elif command == "CMBLOCK":
             _component(deck, words, lines)
         elif command in _COMMANDS:
-            deck.commands[command] += 1
+            at = f"{path.name}:{len(every) - length_hint(lines)}"
+            deck.blocks.append(Block(command, {}, [words], line.strip(), at))
     if not deck.nodes:
         raise SceneError("no NBLOCK; write the file with CDWRITE in blocked format")
     return _mesh(deck)
@@ -156,6 +159,14 @@ def _component(deck: _Deck, words: list[str], lines: Iterator[str]) -> None:
 
 def _mesh(deck: _Deck) -> FileMesh:
     """The deck with nodes and cells numbered from 0."""
-    mesh = numbered(deck.nodes, deck.solids, deck.elements, deck.nodesets)[0]
-    mesh.elements, mesh.keywords = deck.others, deck.commands
+    held = [
+        (int(row[1]), row[2][1:].lower())
+        for row in (block.rows[0] for block in deck.blocks if block.keyword == "D")
+        if row[1].isdigit() and row[2] in ("UX", "UY", "UZ") and not float(row[3] or 0)
+    ]
+    mesh = numbered(deck.nodes, deck.solids, deck.elements, deck.nodesets | held_nodes("D", held))[
+        0
+    ]
+    mesh.elements, mesh.blocks = deck.others, deck.blocks
+    mesh.keywords = Counter(block.keyword for block in deck.blocks)
     return mesh

@@ -36,6 +36,27 @@ _VTK_FACES = ((0, 3, 7, 4), (1, 2, 6, 5), (0, 1, 5, 4), (2, 3, 7, 6), (0, 1, 2, 
 
 
 @dataclass(slots=True)
+class Block:
+    """A keyword of a deck that is no part of its mesh, and what stands below it.
+
+    Attributes:
+        keyword: in capitals, without asterisk; the name of a command or card of other decks.
+        options: what follows the keyword, names in capitals.
+        rows: words of its data lines.
+        said: its first line.
+        at: where it stands, "brake.inp:12".
+        scope: the part or instance that it is in; "" for none.
+    """
+
+    keyword: str
+    options: dict[str, str]
+    rows: list[list[str]]
+    said: str
+    at: str
+    scope: str = ""
+
+
+@dataclass(slots=True)
 class FileMesh:
     """Cells and groups of a mesh file; nodes of a cell in gmsh's order.
 
@@ -49,7 +70,10 @@ class FileMesh:
         shell_sets: names of those facet groups that are sets of shells.
         shells: kind of shell or membrane -> corner nodes of each, shape (shells, 3 or 4).
         elements: kind of element that is not read -> number of them.
+        blocks: keywords, commands or cards that are no part of the mesh.
         keywords: keyword or command that is not read -> number of them.
+        numbers: number of a node in the file -> its place in ``points``.
+        instances: instance of an assembly -> its part, and its rotation, shape (3, 3).
         advice: what to do where a group is missing, as the end of a sentence.
     """
 
@@ -62,7 +86,10 @@ class FileMesh:
     shell_sets: set[str] = field(default_factory=set)
     shells: dict[str, Ints] = field(default_factory=dict)
     elements: Mapping[str, int] = field(default_factory=dict)
+    blocks: list[Block] = field(default_factory=list)
     keywords: Mapping[str, int] = field(default_factory=dict)
+    numbers: Mapping[int, int] = field(default_factory=dict)
+    instances: Mapping[str, tuple[str, Array]] = field(default_factory=dict)
     advice: str = ""
 
 
@@ -95,7 +122,7 @@ def numbered(
     except KeyError as error:
         raise SceneError(f"node {error.args[0] % FAR} of an element is not defined") from None
     points = np.array(list(nodes.values()), dtype=float)
-    mesh = FileMesh(points, shape, cells[:, gmsh_order(shape, count)])
+    mesh = FileMesh(points, shape, cells[:, gmsh_order(shape, count)], numbers=node)
     for name, numbers in elements.items():
         own = [cell[n] for n in numbers if n in cell]
         if own:
@@ -103,6 +130,24 @@ def numbered(
     for name, numbers in nodesets.items():
         mesh.node_groups[name] = np.array([node[n] for n in numbers if n in node], dtype=np.int64)
     return mesh, cells, node, cell
+
+
+def held_nodes(sign: str, held: Iterable[tuple[int, str]]) -> dict[str, list[int]]:
+    """Nodes that a deck holds by their numbers, as sets: "*BOUNDARY xy" of those held along both.
+
+    Args:
+        sign: the keyword.
+        held: number of a node and directions in which it is held.
+    """
+    along: dict[int, set[str]] = {}
+    for number, directions in held:
+        along.setdefault(number, set()).update(directions)
+    sets: dict[str, list[int]] = {}
+    for number, every in along.items():
+        # Rotations of a node of solids mean nothing.
+        if name := "".join(sorted(every - {"r"})):
+            sets.setdefault(f"{sign} {name}", []).append(number)
+    return sets
 
 
 def gmsh_order(shape: str, nodes: int) -> list[int]:

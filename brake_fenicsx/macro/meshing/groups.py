@@ -56,15 +56,14 @@ def mesh_of_file(folder: Path, table: MeshTable, parts: Iterable[str]) -> RawMes
     cells, points = source.cells, source.points * _metres(source, table)
     if cells.shape[1] == 20:
         points, cells = completed(points, cells)
-    kinds = {group: _kind(source, group, target) for group, target in table.groups.items()}
-    mesh = _layers(source, points, cells, table, kinds)
+    kinds = {group: _kind(found, group, target) for group, target in table.groups.items()}
+    mesh = layers_of(found, points, cells, table, kinds)
     _check_names(mesh, parts)
-    faces = {
-        target: _face(source, mesh, group, target, kinds[group])
-        for group, target in table.groups.items()
-        if kinds[group][0] != "cells"
-    }
-    mesh = replace(mesh, unread=_unread(Path(str(table.file)).name, source, kinds.values()))
+    faces: Faces = {}
+    for group, target in table.groups.items():
+        if kinds[group][0] != "cells":
+            faces |= _faces(found, mesh, group, target, kinds[group])
+    mesh = replace(mesh, unread=_unread(Path(str(table.file)).name, found, kinds.values()))
     return without_unused_nodes(_turned_right(_apart(mesh, faces, table.split)))
 
 
@@ -103,7 +102,7 @@ def _metres(source: FileMesh, table: MeshTable) -> float:
     return scale
 
 
-def _kind(source: FileMesh, group: str, target: str) -> tuple[str, str]:
+def _kind(found: FileMesh, group: str, target: str | list[str]) -> tuple[str, str]:
     """What a group of the scene is in the file: "cells", "facets" or "nodes", and its name.
 
     A name that stands for several may be told apart as "cells:NAME", "facets:NAME", "nodes:NAME".
@@ -129,8 +128,8 @@ def _kind(source: FileMesh, group: str, target: str) -> tuple[str, str]:
     raise SceneError(f'mesh.groups."{group}" = {target!r}: no such group in the file; {hint}')
 
 
-def _layers(
-    source: FileMesh, points: NDArray, cells: Ints, table: MeshTable, kinds: dict
+def layers_of(
+    found: FileMesh, points: NDArray, cells: Ints, table: MeshTable, kinds: dict
 ) -> RawMesh:
     """Cells of the named groups only."""
     tag = np.zeros(len(cells), dtype=np.int64)
@@ -139,7 +138,12 @@ def _layers(
         kind, name = kinds[group]
         if kind != "cells":
             continue
-        members = source.cell_groups[name]
+        if not isinstance(target, str):
+            raise SceneError(
+                f'mesh.groups."{group}" = {target!r}: a group of cells is in one part; write'
+                f' "{target[0]}"'
+            )
+        own = found.cell_groups[name]
         number = layers.setdefault(target, len(layers) + 1)
         taken = np.unique(tag[members][(tag[members] > 0) & (tag[members] != number)])
         if taken.size:
@@ -180,31 +184,44 @@ def _check_names(mesh: RawMesh, parts: Iterable[str]) -> None:
             )
 
 
-def _face(source: FileMesh, mesh: RawMesh, group: str, target: str, kind: tuple[str, str]) -> Ints:
-    """Corner nodes of a face's facets, taken from the boundary of its part."""
-    part = target.partition(".")[0]
-    where = f'mesh.groups."{group}" = {target!r}'
-    if part not in mesh.parts():
-        raise SceneError(f"{where}: no part {part!r} has cells in the file")
-    boundary = exterior_facets(mesh, part)
-    if kind[0] == "nodes":
-        inside = np.isin(boundary, source.node_groups[kind[1]]).all(axis=1)
-        if not inside.any():
+def _faces(
+    found: FileMesh, mesh: RawMesh, group: str, target: str | list[str], kind: tuple[str, str]
+) -> Faces:
+    """Corner nodes of the facets of a face, or of one on each of several parts.
+
+    They are taken from the boundary of its part.
+    """
+    where, faces = f'mesh.groups."{group}" = {target!r}', Faces()
+    whole = np.zeros(0, dtype=np.uint64)
+    for face in [target] if isinstance(target, str) else target:
+        part = face.partition(".")[0]
+        if part not in mesh.parts():
+            raise SceneError(f"{where}: no part {part!r} has cells in the file")
+        boundary = exterior_facets(mesh, part)
+        if kind[0] == "nodes":
+            inside = np.isin(boundary, found.node_groups[kind[1]]).all(axis=1)
+            if not inside.any():
+                raise SceneError(
+                    f"{where}: no facet of the boundary of {part!r} has all its corners in this set"
+                    " of nodes"
+                )
+        elif found.facet_groups[kind[1]].shape[1] != boundary.shape[1]:
+            raise SceneError(f"{where}: its facets are no faces of the cells")
+        else:
+            inside = np.isin(facet_keys(boundary), facet_keys(found.facet_groups[kind[1]]))
+        faces[face] = boundary[inside]
+        whole = np.union1d(whole, facet_keys(boundary))
+    if kind[0] == "facets":
+        keys = facet_keys(found.facet_groups[kind[1]])
+        missing = int(np.count_nonzero(~np.isin(keys, whole)))
+        empty = [face for face, own in faces.items() if not len(own)]
+        if missing or not keys.size or empty:
+            parts = ", ".join(repr(face.partition(".")[0]) for face in empty or faces)
             raise SceneError(
-                f"{where}: no facet of the boundary of {part!r} has all its corners in this set of"
-                " nodes"
+                f"{where}: {missing or keys.size} of {keys.size} facets do not lie on the boundary"
+                f" of {parts}"
             )
-        return np.asarray(boundary[inside])
-    wanted = source.facet_groups[kind[1]]
-    if wanted.shape[1] != boundary.shape[1]:
-        raise SceneError(f"{where}: its facets are no faces of the cells")
-    keys = facet_keys(wanted)
-    missing = int(np.count_nonzero(~np.isin(keys, facet_keys(boundary))))
-    if missing or not keys.size:
-        raise SceneError(
-            f"{where}: {missing} of {keys.size} facets do not lie on the boundary of {part!r}"
-        )
-    return np.asarray(boundary[np.isin(facet_keys(boundary), keys)])
+    return faces
 
 
 def _apart(mesh: RawMesh, faces: Faces, split: Mapping[str, str]) -> RawMesh:

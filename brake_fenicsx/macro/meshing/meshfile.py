@@ -17,7 +17,7 @@ from brake_fenicsx.errors import SceneError
 
 from .abaqus import read_abaqus
 from .ansys import read_ansys
-from .filemesh import SOLIDS, FileMesh, gmsh_order, one_kind
+from .filemesh import SOLIDS, Block, FileMesh, gmsh_order, one_kind
 from .gmsh_mesh import gmsh_session
 
 Ints = NDArray[np.int64]
@@ -151,6 +151,7 @@ def read_other(path: Path) -> FileMesh:
         )
     if path.suffix in SUFFIXES:
         mesh.elements, mesh.keywords = unread_cards(path)
+        mesh.blocks = cards_of(path)
         for name in SHELLS:
             own = [b.data[:, : _SKINS[name]] for b in read.cells if b.type == name]
             if own:
@@ -204,13 +205,22 @@ def unread_cards(path: Path) -> tuple[Counter[str], Counter[str]]:
     Returns:
         Number of elements of each kind, and of other cards.
     """
+    words = [card.keyword for card in cards_of(path)]
+    elements = Counter(word for word in words if word.startswith(_ELEMENTS))
+    return elements, Counter(word for word in words if word not in elements)
+
+
+def cards_of(path: Path) -> list[Block]:
+    """Cards of the bulk data that are no nodes, solids or shells; a row is a line as it stands."""
     lines = path.read_text(errors="replace").splitlines()
     begins = (i for i, line in enumerate(lines, 1) if line.upper().split()[:2] == ["BEGIN", "BULK"])
-    elements: Counter[str] = Counter()
-    cards: Counter[str] = Counter()
-    for line in lines[next(begins, 0) :]:
+    start = next(begins, 0)
+    cards: list[Block] = []
+    for number, line in enumerate(lines[start:], start + 1):
         word = line.split("$")[0][:8].split(",")[0].rstrip("* ").upper()
         # A blank, + or * begins the continuation of a card.
-        if word[:1].isalpha() and word not in _READ:
-            (elements if word.startswith(_ELEMENTS) else cards)[word] += 1
-    return elements, cards
+        if word[:1].isalpha():
+            cards.append(Block(word, {}, [[line]], line.strip(), f"{path.name}:{number}"))
+        elif cards and line[:1] in (" ", "+", "*", ","):
+            cards[-1].rows.append([line])
+    return [card for card in cards if card.keyword not in _READ]
