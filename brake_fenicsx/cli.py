@@ -16,6 +16,7 @@ try:
     import sys
     import traceback
     from collections.abc import Sequence
+    from pathlib import Path
     from typing import Any, NoReturn
 
     from brake_fenicsx.errors import BrakeError, SceneError, StorageError
@@ -170,6 +171,12 @@ def parser() -> argparse.ArgumentParser:
                              " loads")  # fmt: skip
     budgets.add_argument("--minutes", type=float, metavar="T",
                          help="run only the refinements that fit in this time")  # fmt: skip
+    text = "write a first scene of a mesh file: parts, faces, materials, contact, supports, loads"
+    inits = commands.add_parser("init", help=text, description=text)
+    inits.add_argument("deck", metavar="MESH", help="mesh file: .inp, .cdb, .bdf, .msh, ...")
+    inits.add_argument("-o", dest="scene", metavar="SCENE.toml", help="the scene, ./MESH.toml")
+    inits.add_argument("--units", nargs=3, metavar=("mm", "t", "s"), help="consistent units of"
+                       " length, mass and time of the file; guessed if not given")  # fmt: skip
     text = "print the JSON Schema of a scene, by which editors complete and check its keys"
     commands.add_parser("schema", help=text, description=text)
     text = "regenerate the figures and the report of a results folder"
@@ -380,13 +387,17 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
         )  # fmt: skip
         if comm.rank == 0:
             print(text)
+    elif comm.rank == 0 and options.command == "init":
+        from brake_fenicsx.macro.draft.text import write_scene
+
+        scene = Path(options.scene or f"{Path(options.deck).stem}.toml")
+        print(write_scene(Path(options.deck), scene, options.units))
+        print(f"next: brake-fenicsx check {scene}")
     elif comm.rank == 0 and options.command == "export":
         from brake_fenicsx.report.universal import export_modes
 
         print(f"wrote {export_modes(options.directory)}")
     elif comm.rank == 0:
-        from pathlib import Path
-
         pipeline.report(Path(options.directory))
 
 

@@ -1,0 +1,1 @@
+"""First scenes of mesh files: what a deck says, and proposals for the rest."""
