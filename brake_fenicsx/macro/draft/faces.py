@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import combinations, takewhile
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -23,6 +23,8 @@ from brake_fenicsx.macro.meshing.filemesh import FileMesh
 from brake_fenicsx.macro.meshing.groups import layers_of
 from brake_fenicsx.macro.meshing.rawmesh import RawMesh, cell_facets, facet_keys
 from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.scene.tables import dotted
+from brake_fenicsx.scene.units import quantity_text
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -31,6 +33,8 @@ Ints = NDArray[np.int64]
 MADE = re.compile(r"(Volume|Surface|Line)\d+|(.*\.)?_.*|\*.*|D \w+")
 # Facets lie on each other within this share of their side, and face each other by this cosine.
 APART, OPPOSED = 0.1, -0.9
+# Two sides of a round part differ by this share at most.
+ROUND = 0.02
 # Share of a face that lies on another one, from which contact is proposed.
 TOUCHING = 0.3
 
@@ -73,7 +77,8 @@ class Face(NamedTuple):
 
 def clean(name: str) -> str:
     """A name of a file as one of a scene."""
-    return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_") or "set"
+    word = re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
+    return word if word[:1].isalpha() else f"set_{word}"
 
 
 @dataclass(slots=True)
@@ -125,7 +130,7 @@ class Bodies:
         if not names.keys() <= self.faces.keys():
             kind = "facets" if surface else "nodes"
             sure = find(self.found.cell_groups, name) is None
-            key = json.dumps(name if sure else f"{kind}:{name}")
+            key = dotted(name if sure else f"{kind}:{name}")
             value = json.dumps(next(iter(names)) if len(names) == 1 else [*names])
             texts = "; ".join(face.text() for face in names.values())
             self.groups.append(f"{key} = {value}   # {texts}")
@@ -158,6 +163,39 @@ class Bodies:
         """Share of a face that lies on another one, of the smaller face."""
         one, other = self.faces[first], self.faces[second]
         return max(one.lies_on(other), other.lies_on(one))
+
+
+def proposed_motion(
+    bodies: Bodies, part: str, touching: Iterable[str]
+) -> tuple[dict[str, Any], str]:
+    """Keys of [motion]: about the middle of a round part, or along the long side of another one.
+
+    Args:
+        bodies: all parts.
+        part: the one that moves.
+        touching: faces in contact.
+    """
+    own = [bodies.faces[face] for face in touching if face.startswith(f"{part}.")]
+    vectors = np.concatenate([face.vector for face in own])
+    weights = np.linalg.norm(vectors, axis=1)
+    _, axes = np.linalg.eigh(vectors.T @ (vectors / weights[:, None]))
+    whole, n = bodies.boundary[part], axes[:, 2]
+    sides = np.ptp(whole.centre @ axes[:, :2], axis=0)
+    if np.ptp(sides) > ROUND * sides.max():
+        along = axes[:, int(np.argmax(sides))]
+        return {"direction": _vector(along)}, f"proposed: the long side of {part}"
+    axis = _vector(n)
+    keys: dict[str, Any] = {"axis": "xyz"[axis.index(1.0)] if axis.count(0.0) == 2 else axis}
+    middle = np.average(whole.centre, axis=0, weights=whole.areas)
+    if np.linalg.norm(middle - (middle @ n) * n) > ROUND * sides.max():
+        keys["point"] = [quantity_text(float(x), "m") for x in middle]
+    return keys | {"speed": "5 rad/s"}, f"proposed: across the contact faces of {part}"
+
+
+def _vector(x: Array) -> list[float]:
+    """A direction with rounded components, the largest one 1."""
+    x = np.round(x / x[np.argmax(np.abs(x))], 3)
+    return [float(v) + 0.0 for v in x]
 
 
 def bodies_of(found: FileMesh, sections: Iterable[str], metres: float) -> Bodies:
@@ -199,12 +237,16 @@ def _layer_names(found: FileMesh, groups: list[str]) -> dict[str, str]:
     _, label = sp.csgraph.connected_components(on @ on.T, directed=False)
     names: dict[str, str] = {}
     for number in dict.fromkeys(label.tolist()):
-        own = [clean(g) for g, n in zip(groups, label, strict=True) if n == number]
-        words = zip(*(name.split("_") for name in own), strict=False)
-        common = "_".join(w[0] for w in takewhile(lambda w: len({*w}) == 1, words))
-        part = (common if len(own) > 1 else re.sub(r"_(body|solid|volume)$", "", own[0])) or own[0]
-        layers = [name.removeprefix(f"{part}_") for name in own] if len(own) > 1 else ["body"]
         mine = [g for g, n in zip(groups, label, strict=True) if n == number]
+        own = [clean(group) for group in mine]
+        words = zip(*(name.split("_") for name in own), strict=False)
+        part = "_".join(w[0] for w in takewhile(lambda w: len({*w}) == 1, words)) or own[0]
+        owner = mine[0].rpartition(".")[0]
+        if owner in found.instances:
+            part = clean(owner)
+        elif len(own) == 1:
+            part = re.sub(r"_(body|solid|volume)$", "", part)
+        layers = [name.removeprefix(f"{part}_") for name in own] if len(own) > 1 else ["body"]
         names |= {g: f"{part}.{layer}" for g, layer in zip(mine, layers, strict=True)}
     return {group: names[group] for group in groups}
 

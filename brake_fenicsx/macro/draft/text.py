@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import json
 import os
-import re
-from collections.abc import Sequence
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -23,10 +23,8 @@ from brake_fenicsx.macro.meshing.rawmesh import CHANGING
 from brake_fenicsx.scene.tables import dotted
 from brake_fenicsx.scene.units import MODULI, factor_to_si, quantity_text, several
 
-from .contact import contact_lines, motion_lines
-from .deck import read_deck
-from .faces import MADE, bodies_of, clean
-from .statements import Deck
+from .deck import Deck, Quantity, read_deck
+from .faces import MADE, bodies_of, clean, proposed_motion
 
 # Consistent units of length, mass and time; densities of solids [kg/m^3], lengths of brakes [m].
 SYSTEMS = ("mm t s", "m kg s", "mm kg ms", "mm g ms", "inch slinch s")
@@ -35,23 +33,27 @@ DENSITIES, LENGTHS = (300.0, 25e3), (5e-3, 3.0)
 _POWERS = {
     "m": (1, 0, 0), "kg": (0, 1, 0), "kg/m^3": (-3, 1, 0), "Pa": (-1, 1, -2), "N": (1, 1, -2),
     "N m": (2, 1, -2), "N/m": (0, 1, -2), "Pa/m": (-2, 1, -2),
-    "rad/s": (0, 0, -1),
 }  # fmt: skip
-# Section of a scene in whose place a keyword is named, by its start.
+# Section in whose place a keyword is named, by its start; [ties] for others.
 _PLACES = {
-    "BOUNDARY": "supports", "TRANSFORM": "supports", "SPC": "supports", "BASE": "supports",
-    "D": "supports", "CLOAD": "loads", "DLOAD": "loads", "DSLOAD": "loads", "FORCE": "loads",
-    "MOMENT": "loads", "PLOAD": "loads", "SF": "loads", "TEMP": "loads", "GRAV": "loads",
-    "CONTACT": "contact", "BCTABLE": "contact", "BCONTACT": "contact", "FRICTION": "contact",
-    "SURFACE BEHAVIOR": "contact", "CLEARANCE": "contact", "SPRING": "springs",
-    "DASHPOT": "springs", "CONNECTOR": "springs", "MASS": "masses", "ELASTIC": "materials",
-    "DAMPING": "materials", "MAT": "materials", "MP": "materials", "TB": "materials",
-    "SOLID SECTION": "parts", "ELEMENT": "parts", "MOTION": "motion", "MAT1": "materials",
+    "supports": ("BOUNDARY", "TRANSFORM", "SPC", "BASE", "D"),
+    "loads": ("CLOAD", "DLOAD", "DSLOAD", "FORCE", "MOMENT", "PLOAD", "SF", "TEMP", "GRAV"),
+    "contact": ("CONTACT", "BC", "FRICTION", "SURFACE B", "CLEARANCE"), "motion": ("MOTION",),
+    "springs": ("SPRING", "DASHPOT", "CONNECTOR"), "masses": ("MASS",),
+    "materials": ("ELASTIC", "DAMPING", "MAT", "MP", "TB"), "parts": ("SOLID", "ELEMENT"),
 }  # fmt: skip
-SECTIONS = ("mesh", "mesh.groups", "parts", "materials", "ties", "contact", "supports", "springs",
-            "masses", "loads", "motion", "stability")  # fmt: skip
-_UNITS = {"nu": "", "loss": "", "rho": "kg/m^3", "pressure": "Pa", "force": "N", "moment": "N m"}
-UNKNOWN = '# model = "isotropic"\n# E = "207 GPa"\n# nu = 0.28\n# rho = "7820 kg/m^3"'
+# Sections about faces, and all in their order.
+_ON_FACES = ("contact", "ties", "supports", "loads", "springs", "masses")
+_ORDER = ("mesh", "mesh.groups", "parts", "materials", *_ON_FACES, "motion", "stability")
+# A stiff penalty, friction, and faces that do not slide.
+_SLIDES = {"law": {"linear": "2e13 Pa/m"}, "friction": 0.4}
+_STUCK = {"law": _SLIDES["law"], "slip": "stuck", "tangential_stiffness": "1e12 Pa/m"}
+_MISSING = '{ model = "isotropic", E = "207 GPa", nu = 0.28, rho = "7820 kg/m^3" }'
+_HEAD = """\
+# Written by brake-fenicsx init; comments say what is guessed or proposed, and what of the file is
+# not taken over.
+stages = {}
+"""
 
 
 def write_scene(deck: Path, scene: Path, units: Sequence[str] | None = None) -> str:
@@ -63,7 +65,7 @@ def write_scene(deck: Path, scene: Path, units: Sequence[str] | None = None) -> 
         units: units of length, mass and time of the file; guessed if None.
 
     Returns:
-        What the scene holds, in one line.
+        What was written, in one line.
 
     Raises:
         SceneError: the file cannot be read, the units are unknown, or the scene is there already.
@@ -73,238 +75,214 @@ def write_scene(deck: Path, scene: Path, units: Sequence[str] | None = None) -> 
     try:
         found = read_mesh_file(deck)
         draft = Draft(found, read_deck(found, deck.suffix), units)
+        text = draft.scene(os.path.relpath(deck, scene.parent), "*" * (deck.suffix == ".inp"))
     except SceneError as error:
         raise SceneError(f"{deck}: {error}") from None
-    text = draft.scene(os.path.relpath(deck, scene.parent), deck.suffix)
     scene.write_text(text)
-    counts = [
-        several(len(draft.bodies.boundary), "part"), several(len(draft.bodies.faces), "face"),
-        several(len(draft.pairs), "contact"), several(text.count("# not taken over"), "remark"),
-    ]  # fmt: skip
-    return f"wrote {scene}: {', '.join(counts)} on what was not taken over; units {draft.units}"
+    faces, left = len(draft.bodies.faces), text.count("# not taken over:")
+    said = f"{several(len(draft.bodies.boundary), 'part')}, {several(faces, 'face')}"
+    return f"wrote {scene}: {said}, {several(left, 'remark')} on what is not taken over"
 
 
 class Draft:
-    """Lines of a scene, section by section."""
+    """Lines of a scene, section by section.
+
+    Attributes:
+        lines: section -> its lines.
+        bodies: parts and faces of the file.
+        units: of length, mass and time.
+        parts: part -> layer -> material.
+    """
 
     def __init__(self, found: FileMesh, deck: Deck, units: Sequence[str] | None):
         self.found, self.deck = found, deck
         self.units, self.why = (" ".join(units), "") if units else _guessed(found, deck)
-        self.lines: dict[str, list[str]] = {name: [] for name in SECTIONS}
-        self.bodies = bodies_of(found, deck.sections, self.si(1.0, "m"))
-        self.layers: dict[str, dict[str, str]] = {}
+        self.lines: dict[str, list[str]] = defaultdict(list)
+        self.bodies = bodies_of(found, deck.sections, self.si(Quantity(1.0, "m")))
+        self.parts: dict[str, dict[str, str]] = defaultdict(dict)
         for group, target in self.bodies.layers.items():
             part, _, layer = target.partition(".")
-            name = deck.sections.get(group, ("", 0.0))[0]
-            material = find(deck.materials, name) or clean(name or group)
-            self.layers.setdefault(part, {})[layer] = material
-        self.pairs: list[tuple[str, str, str]] = []
-        self.tied: set[tuple[str, str]] = set()
+            name = deck.sections.get(group, clean(group))
+            self.parts[part][layer] = find(deck.tables["materials"], name) or name
 
-    def scene(self, file: str, suffix: str) -> str:
+    def scene(self, file: str, sign: str) -> str:
         """The whole text.
 
         Args:
             file: path of the mesh file, from the folder of the scene.
-            suffix: its ending.
+            sign: "*" before the keywords of the file, or "".
         """
-        self._parts()
-        for name, (a, b, search) in self.deck.ties.items():
-            self._tie(name, a, b, search)
-        for a, b, name in self.deck.pairs:
-            self.pairs += [(f, g, name) for f, g in self._meeting(a, b, "contact")]
-        self._on_faces()
+        placed = {section: self._placed(section) for section in _ON_FACES}
         groups = (*self.found.facet_groups, *self.found.node_groups)
         for group in [name for name in groups if not MADE.fullmatch(name)] or groups:
-            why = self.bodies.faces_of(group)[1]
-            if ";" in why:  # it has an area
+            if ";" in (why := self.bodies.faces_of(group)[1]):  # it has an area
                 self.bodies.groups.append(f"# {json.dumps(group)}: {why}")
-        if not self.deck.pairs:
-            self.pairs = [(*pair, "") for pair in self.bodies.touching() if pair not in self.tied]
-        if self.pairs:
-            self.lines["contact"] += contact_lines(self)
-            self.lines["motion"] += motion_lines(self)
-            self.lines["stability"] += [
-                'band = ["0 Hz", "5 kHz"]   # proposed',
-                'method = "reduced"',
-            ]
-        self._mesh(file)
-        others = self._unread("" if suffix != ".inp" else "*")
-        stages = '["equilibrium", "stability", "report"]' if self.pairs else "[]   # no contact"
-        head = [
-            f"# Written by brake-fenicsx init from {file}; comments say what is proposed.",
-            f"stages = {stages}",
-        ]
-        for name, lines in self.lines.items():
-            own = ("mesh", "mesh.groups", "supports", "loads", "motion", "stability")
-            title = [f"[{name}]"] if name in own and any(line[0] != "#" for line in lines) else []
-            head += ["", *title, *lines] if lines else []
-        return re.sub(r"(?<=[^\n])\n(?=\[|# missing)", "\n\n", "\n".join([*head, *others, ""]))
-
-    def si(self, value: float, unit: str) -> float:
-        """A number of the file in SI units."""
-        si = zip(self.units.split(), ("m", "kg", "s"), _POWERS[unit], strict=True)
-        return float(value * np.prod([factor_to_si(u, s, "--units") ** n for u, s, n in si]))
-
-    def text(self, value: Any, unit: str) -> str:
-        """A number of the file, or several, as TOML."""
-        if isinstance(value, list):
-            return f"[{', '.join(self.text(v, unit) for v in value)}]"
-        if not unit or not value:
-            return f"{value:.8g}"
-        return json.dumps(quantity_text(self.si(value, unit), unit))
-
-    def faces(self, group: str, section: str) -> list[str]:
-        """Faces that a group is; a comment if there are none."""
-        names, why = self.bodies.faces_of(group)
-        if not names:
-            self.lines[section].append(f"# not taken over: {json.dumps(group)}: {why}")
-        return names
-
-    def _mesh(self, file: str) -> None:
-        said = f"with {self.units}{self.why and ', guessed from ' + self.why}"
-        unit = json.dumps(self.units.split()[0])
-        self.lines["mesh"] += [f"file = {json.dumps(file)}", f"unit = {unit}   # {said}"]
+        self._write("mesh", {"file": file})
+        said = f"of {self.units}{self.why and ', guessed from ' + self.why}"
+        self._write("mesh", {"unit": self.units.split()[0]}, said)
         for group, target in self.bodies.layers.items():
             cells = several(len(self.found.cell_groups[group]), "cell")
-            self.lines["mesh.groups"].append(
-                f"{json.dumps(group)} = {json.dumps(target)}   # {cells}"
-            )
+            self._write("mesh.groups", {group: target}, cells)
         self.lines["mesh.groups"] += self.bodies.groups
+        self._parts()
+        self._contact(placed.pop("contact"), [t["faces"] for t in placed["ties"].values()])
+        for section, table in placed.items():
+            self._write(section, table)
+        others = self._unread(sign)
+        stages = ["equilibrium", "stability", "report"] if self.lines["stability"] else []
+        text = [_HEAD.format(json.dumps(stages)), *others]
+        for name in _ORDER:
+            lines = self.lines[name]
+            text += [f"[{name}]", *lines, ""] if lines else []
+        return "\n".join(text)
+
+    def si(self, q: Quantity) -> float:
+        """A number of the file in SI units."""
+        si = zip(self.units.split(), ("m", "kg", "s"), _POWERS[q.unit], strict=True)
+        return float(q.value * np.prod([factor_to_si(u, s, "--units") ** n for u, s, n in si]))
+
+    def toml(self, value: Any) -> str:
+        """A value as TOML in one line."""
+        if isinstance(value, Quantity):
+            if not value.unit or not value.value:
+                return f"{value.value:.8g}"
+            return json.dumps(quantity_text(self.si(value), value.unit))
+        if isinstance(value, dict):
+            return f"{{ {', '.join(f'{dotted(k)} = {self.toml(v)}' for k, v in value.items())} }}"
+        if isinstance(value, list | tuple):
+            return f"[{', '.join(map(self.toml, value))}]"
+        return json.dumps(value)
+
+    def _write(self, section: str, table: dict[str, Any], comment: str = "") -> None:
+        for key, value in table.items():
+            more = f"   # {comment}" if comment else ""
+            self.lines[section].append(f"{dotted(key)} = {self.toml(value)}{more}")
+
+    def _lost(self, section: str, text: str) -> None:
+        self.lines[section].append(f"# not taken over: {text}")
+
+    def _placed(self, section: str) -> dict[str, Any]:
+        """The tables of a section, on faces of the scene."""
+        placed: dict[str, Any] = {}
+        for name, keys in self.deck.tables[section].items():
+            groups = keys.get("faces", [name])
+            each = []
+            for group in groups:
+                faces, why = self.bodies.faces_of(group)
+                each.append(faces)
+                if why:
+                    self._lost(section, f"{json.dumps(group)}: {why}")
+            pairs = [[*pair] for pair in product(*each)]
+            if len(pairs) > 1 and len(groups) > 1:
+                pairs = [pair for pair in pairs if self.bodies.overlap(*pair)]
+            elif len(pairs) > 1 and not {"along", "pressure"} & {*keys}:
+                self._lost(section, f"{name}: of {', '.join(each[0])} together")
+                continue
+            for k, pair in enumerate(pairs):
+                if len(groups) > 1:
+                    placed[f"{clean(name)}{k + 1 if k else ''}"] = keys | {"faces": pair}
+                elif section == "supports":
+                    before = placed.get(pair[0], "")
+                    before = "xyz" if before == "clamped" else before
+                    held = sorted({*before, *keys["along"]} & {*"xyz"})
+                    placed[pair[0]] = "clamped" if len(held) == 3 else held
+                else:
+                    placed[pair[0]] = placed.get(pair[0], {}) | keys
+        return placed
 
     def _parts(self) -> None:
-        """Parts and materials; constants that the file does not have are a comment."""
-        lines = self.lines["parts"]
+        """Parts and materials; a material that the file does not have is a comment."""
+        said = {block.options.get("TYPE", "").upper() for block in self.deck.mesh.blocks}
         for kind, count in self.found.elements.items():
-            lines.append(f"# not taken over: {count} {kind} elements")
-        for part, layers in self.layers.items():
-            one = len({*layers.values()}) == 1
-            inner = ", ".join(f"{layer} = {json.dumps(m)}" for layer, m in layers.items())
-            material = json.dumps(next(iter(layers.values()))) if one else f"{{ {inner} }}"
-            lines += [f"[parts.{part}]", f"material = {material}"]
-            if self.angle(part):
-                lines.append(f'axis = "{self.angle(part):g} deg"')
-        for name in dict.fromkeys(m for layers in self.layers.values() for m in layers.values()):
-            own = self.deck.materials.get(name, {})
-            if not own:
-                self.lines["materials"] += [f"# missing: [{dotted('materials', name)}]", UNKNOWN]
-                continue
-            single = not isinstance(own.get("E"), list) and "C22" not in own
-            self.lines["materials"] += [
-                f"[{dotted('materials', name)}]",
-                f'model = "{"isotropic" if single else "orthotropic"}"',
-                *(
-                    f"{key} = {self.text(value, _UNITS.get(key, 'Pa'))}"
-                    for key, value in own.items()
-                ),
-            ]
+            if kind not in said:  # whose keywords are named
+                self._lost("parts", f"{count} {kind} elements")
+        for part, layers in self.parts.items():
+            names = [*dict.fromkeys(layers.values())]
+            self._write("parts", {part: {"material": names[0] if len(names) == 1 else layers}})
+        for name in dict.fromkeys(m for layers in self.parts.values() for m in layers.values()):
+            if own := self.deck.tables["materials"].get(name):
+                self._write("materials", {name: own})
+            else:
+                self.lines["materials"].append(f"# missing: {dotted(name)} = {_MISSING}")
 
-    def angle(self, part: str) -> float:
-        """Angle of axis 1 of a part: that of its first layer with axes of its own [deg]."""
-        own = (g for g, target in self.bodies.layers.items() if target.startswith(f"{part}."))
-        angles = (self.deck.sections.get(group, ("", 0.0))[1] for group in own)
-        return next((angle for angle in angles if angle), 0.0)
+    def _contact(self, own: dict[str, Any], tied: list[list[str]]) -> None:
+        """Contact with the moving part second, and what follows from it."""
+        said = ""
+        if not own:
+            glued = [{*faces} for faces in tied]
+            free = [[*pair] for pair in self.bodies.touching() if {*pair} not in glued]
+            own = {"_".join(pair): {"faces": pair} for pair in free}
+            said = "the faces touch; glued ones are [ties]"
+        touching = sorted({face for keys in own.values() for face in keys["faces"]})
+        if not touching:
+            return
+        moving, count = self._moving(touching), Counter[str]()
+        for keys in own.values():
+            faces = sorted(keys["faces"], key=lambda face: _part(face) == moving)
+            name = "_".join(map(_part, faces))
+            number = f"_{count[name]}" if count[name] else ""
+            count[name] += 1
+            law = self.deck.laws.get(keys.get("interaction", "").upper(), {})
+            guess = _SLIDES if _part(faces[1]) == moving else _STUCK
+            given = {key: law.get(key, value) for key, value in guess.items()}
+            words = [word for word in (said, *(k for k in guess if k not in law)) if word]
+            comment = f"proposed: {', '.join(words)}" if words else ""
+            self._write("contact", {f"{name}{number}": {"faces": faces, **given}}, comment)
+        self._write("motion", *proposed_motion(self.bodies, moving, touching))
+        self._write("stability", {"band": ["0 Hz", "5 kHz"], "method": "reduced"}, "proposed")
 
-    def _meeting(self, first: str, second: str, section: str) -> list[tuple[str, str]]:
-        """Faces of two groups, pair by pair; of several those that lie on each other."""
-        pairs = [*product(self.faces(first, section), self.faces(second, section))]
-        touching = [(a, b) for a, b in pairs if self.bodies.overlap(a, b)]
-        return touching if len(pairs) > 1 else pairs
-
-    def _tie(self, name: str, first: str, second: str, search: float | None) -> None:
-        for k, pair in enumerate(self._meeting(first, second, "ties")):
-            self.tied |= {pair, pair[::-1]}
-            self.lines["ties"].append(f"[{dotted('ties', f'{name}_{k + 1}' if k else name)}]")
-            self.lines["ties"].append(f"faces = {json.dumps(pair)}")
-            if search:
-                self.lines["ties"].append(f"search = {self.text(search, 'm')}")
-
-    def _on_faces(self) -> None:
-        """Supports, loads, springs and masses."""
-        held: dict[str, set[str]] = {}
-        for group, along in self.deck.held.items():
-            for face in self.faces(group, "supports"):
-                held.setdefault(face, set()).update(along)
-        for face, every in held.items():
-            said = "clamped" if len(every) == 3 else sorted(every)
-            self.lines["supports"].append(f"{json.dumps(face)} = {json.dumps(said)}")
-        for group, load in self.deck.loads.items():
-            faces = self.faces(group, "loads")
-            if "pressure" not in load and len(faces) > 1:
-                self.lines["loads"].append(
-                    f"# not taken over: a force on {', '.join(faces)} together"
-                )
-                continue
-            for face in faces:
-                given = {k: self._along(face, v) for k, v in load.items()}
-                inner = ", ".join(f"{k} = {self.text(v, _UNITS[k])}" for k, v in given.items())
-                self.lines["loads"].append(f"{json.dumps(face)} = {{ {inner} }}")
-        for groups, stiffness in self.deck.springs.items():
-            ends = [self.faces(group, "springs")[:1] for group in groups]
-            name = "_".join(clean(group) for group in groups)
-            if all(ends):
-                pair = [face for (face,) in ends]
-                title = dotted("springs", pair[0] if len(pair) == 1 else name)
-                faces = [f"faces = {json.dumps(pair)}"] if len(pair) > 1 else []
-                k = self.text(stiffness, "N/m")
-                self.lines["springs"] += [f"[{title}]", *faces, f"stiffness = {k}"]
-        for group, mass in self.deck.masses.items():
-            for face in self.faces(group, "masses")[:1]:
-                self.lines["masses"] += [
-                    f"[{dotted('masses', face)}]",
-                    f"mass = {self.text(mass, 'kg')}",
-                ]
-
-    def _along(self, face: str, value: Any) -> Any:
-        """A vector along axes 1 and 2 of the face's part and along z."""
-        if not isinstance(value, list):
-            return value
-        angle = np.radians(self.angle(face.partition(".")[0]))
-        x, y, z = value
-        c, s = np.cos(angle), np.sin(angle)
-        return [float(c * x + s * y), float(c * y - s * x), z]
+    def _moving(self, touching: Sequence[str]) -> str:
+        """The part with the largest faces in contact, of equal ones the stiffer: the disc."""
+        area: dict[str, float] = defaultdict(float)
+        for face in touching:
+            area[_part(face)] += self.bodies.faces[face].areas.sum()
+        known = self.deck.tables["materials"]
+        own = {p: [known.get(m, {}) for m in self.parts[p].values()] for p in area}
+        stiff = {part: max([0.0, *_moduli(tables)]) for part, tables in own.items()}
+        return max(area, key=lambda part: (round(area[part], 9), stiff[part]))
 
     def _unread(self, sign: str) -> list[str]:
-        """Put keywords that were not taken over in their places; lines on the others."""
-        same: dict[tuple[str, str], list[Block]] = {}
+        """Put keywords that were not taken over in their places; a line on the others."""
+        same: dict[tuple[str, str], list[Block]] = defaultdict(list)
         for block, why in self.deck.unread:
-            same.setdefault((block.keyword, why), []).append(block)
+            same[block.keyword, why].append(block)
         others = []
-        for (word, why), blocks in same.items():
-            first, count = blocks[0], len(blocks)
-            said = first.said if count == 1 else f"{count} {sign}{word}, the first"
-            place = next(
-                (_PLACES[k] for k in sorted(_PLACES, key=len, reverse=True) if word.startswith(k)),
-                "ties",
-            )
+        for (word, why), (first, *more) in same.items():
+            said = f"{first.said} ({first.at}{f' and {len(more)} more' if more else ''})"
+            places = (p for p, words in _PLACES.items() if word.startswith(words))
             if why or f"{sign}{word}" in CHANGING or word == "ELEMENT":
-                self.lines[place].append(
-                    f"# not taken over: {said} ({first.at}){why and ': ' + why}"
-                )
+                self._lost(next(places, "ties"), f"{said}{why and ': ' + why}")
             else:
                 others.append(f"{sign}{word} ({first.at})")
-        return ["", f"# Ignored: {', '.join(others)}"] if others else []
+        return [f"# Ignored: {', '.join(others)}\n"] if others else []
+
+
+def _part(face: str) -> str:
+    return face.partition(".")[0]
+
+
+def _moduli(materials: Iterable[dict[str, Any]]) -> list[float]:
+    """All moduli of some materials, in the file's unit."""
+    values = (v for own in materials for v in own.values())
+    flat = (q for v in values for q in (v if type(v) is list else [v]))
+    return [q.value for q in flat if isinstance(q, Quantity) and q.unit == "Pa"]
 
 
 def _guessed(found: FileMesh, deck: Deck) -> tuple[str, str]:
-    """Units of a file in which densities, moduli and extent are usual ones, and what says so."""
+    """Units with which densities, moduli and extent are usual ones, and what says so."""
     extent = float(np.ptp(found.points[np.unique(found.cells)], axis=0).max())
-    rho = {name: own["rho"] for name, own in deck.materials.items() if own.get("rho")}
-    E = [np.max(own.get("E", own.get("C11", 0.0))) for own in deck.materials.values()]
+    own = deck.tables["materials"].items()
+    rho = {name: c["rho"].value for name, c in own if c.get("rho", (0,))[0]}
+    E = _moduli(c for _, c in own)
     for units in SYSTEMS:
-        m, kg, s = (
-            factor_to_si(u, si, "--units")
-            for u, si in zip(units.split(), ("m", "kg", "s"), strict=True)
-        )
+        si = zip(units.split(), ("m", "kg", "s"), strict=True)
+        m, kg, s = (factor_to_si(*pair, "--units") for pair in si)
         usual = LENGTHS[0] <= extent * m <= LENGTHS[1]
         usual &= all(DENSITIES[0] <= r * kg / m**3 <= DENSITIES[1] for r in rho.values())
-        usual &= all(MODULI[0] <= e * kg / m / s**2 <= MODULI[1] for e in E if e)
-        if usual:
-            said = [
-                f"the density {r:g} of {name}: {r * kg / m**3:.6g} kg/m^3"
-                for name, r in rho.items()
-            ]
-            return units, said[0] if said else f"the extent of {extent:g}"
+        if usual and all(MODULI[0] <= e * kg / m / s**2 <= MODULI[1] for e in E):
+            for name, r in rho.items():
+                return units, f"the density {r:g} of {name}: {r * kg / m**3:.6g} kg/m^3"
+            return units, f"the extent of {extent:g}"
     raise SceneError(
         f"--units: missing; no usual ones fit an extent of {extent:g} and the densities"
         f" {', '.join(f'{r:g}' for r in rho.values()) or '(none)'}; write such as --units mm t s"

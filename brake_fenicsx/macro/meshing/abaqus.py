@@ -16,7 +16,6 @@ from brake_fenicsx.errors import SceneError
 from .abaqus_scope import Rows, Scope, find, placement
 from .filemesh import SOLIDS, Block, FileMesh, held_nodes, numbered
 
-Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Options = dict[str, str]
 
@@ -52,7 +51,7 @@ class _Deck:
         place: rotation and shift of the instance being read.
         surfaces: of the scope being read, name -> rows; sets they name may follow.
         blocks: what is no part of the mesh.
-        instances: name -> part and rotation.
+        instances: name -> part.
     """
 
     whole: Scope = field(default_factory=Scope)
@@ -61,7 +60,7 @@ class _Deck:
     place: Rows = field(default_factory=list)
     surfaces: dict[str, Rows] = field(default_factory=dict)
     blocks: list[Block] = field(default_factory=list)
-    instances: dict[str, tuple[str, Array]] = field(default_factory=dict)
+    instances: dict[str, str] = field(default_factory=dict)
 
     @property
     def scope(self) -> Scope:
@@ -100,7 +99,7 @@ def read_abaqus(path: Path) -> FileMesh:
     if not deck.whole.offsets:
         for part in deck.parts.values():
             deck.whole.take(part, np.eye(3), np.zeros(3))
-            deck.instances[part.name] = part.name, np.eye(3)
+            deck.instances[part.name] = part.name
     deck.whole.share()
     _unnamed(deck)
     mesh = _mesh(deck.whole)
@@ -156,14 +155,11 @@ def _take(deck: _Deck, block: Block) -> None:
     elif keyword == "INSTANCE":
         _close(deck)
         deck.open, deck.place = _instance(deck, options), rows
-        deck.instances[deck.open.name] = options.get("PART", ""), np.eye(3)
+        deck.instances[deck.open.name] = options.get("PART", deck.open.name)
     elif keyword in ("END PART", "END INSTANCE", "END ASSEMBLY"):
         _close(deck)
         if keyword == "END INSTANCE" and deck.open is not None:
-            turn, shift = placement(deck.place)
-            deck.whole.take(deck.open, turn, shift)
-            part = deck.instances.get(deck.open.name, ("",))[0]
-            deck.instances[deck.open.name] = part, turn
+            deck.whole.take(deck.open, *placement(deck.place))
         deck.open = None
     elif keyword == "NODE":
         for row in rows:

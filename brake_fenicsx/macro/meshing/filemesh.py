@@ -73,7 +73,7 @@ class FileMesh:
         blocks: keywords, commands or cards that are no part of the mesh.
         keywords: keyword or command that is not read -> number of them.
         numbers: number of a node in the file -> its place in ``points``.
-        instances: instance of an assembly -> its part, and its rotation, shape (3, 3).
+        instances: instance of an assembly -> its part.
         advice: what to do where a group is missing, as the end of a sentence.
     """
 
@@ -89,8 +89,14 @@ class FileMesh:
     blocks: list[Block] = field(default_factory=list)
     keywords: Mapping[str, int] = field(default_factory=dict)
     numbers: Mapping[int, int] = field(default_factory=dict)
-    instances: Mapping[str, tuple[str, Array]] = field(default_factory=dict)
+    instances: Mapping[str, str] = field(default_factory=dict)
     advice: str = ""
+
+    def owned(self, name: str, scope: str) -> list[str]:
+        """Names here of a set of a part, an instance, or the assembly ("")."""
+        parts = self.instances.items()
+        owners = [own for own, part in parts if scope.upper() in (part.upper(), own.upper())]
+        return [f"{own}.{name}" for own in owners] or [name]
 
 
 def numbered(
