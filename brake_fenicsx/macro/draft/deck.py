@@ -1,82 +1,21 @@
-"""What a deck says of a brake beside its mesh: tables of a scene on groups of the file.
+"""Ties, contact, supports, loads and springs of a deck of Abaqus or CalculiX; supports of Ansys.
 
-Keywords of Abaqus and CalculiX; materials of Ansys and Nastran, supports of Ansys. Each reader
-gives the reason why something of its keyword is not taken over, or None.
+Each reader gives the reason why something of its keyword is not taken over, or None.
 """
 
 from __future__ import annotations
 
-from collections import defaultdict
-from collections.abc import Callable
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import Any
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.meshing.abaqus import held_along
-from brake_fenicsx.macro.meshing.abaqus_scope import find
 from brake_fenicsx.macro.meshing.filemesh import Block, FileMesh
 
-# Constants of *ELASTIC by the start of its TYPE, in their order; places of the nine of an
-# orthotropic material among the 21 of an anisotropic one.
-_ELASTIC = {
-    "ISO": ("E", "nu"),
-    "ENG": ("E1", "E2", "E3", "nu12", "nu13", "nu23", "G12", "G13", "G23"),
-    "ORT": ("C11", "C12", "C22", "C13", "C23", "C33", "C66", "C55", "C44"),
-}
-_ORTHOTROPIC = (0, 1, 2, 3, 4, 5, 9, 14, 20)
-_ANSYS = {"EX": "E", "NUXY": "nu", "PRXY": "nu", "DENS": "rho"}
+from .materials import ABAQUS, ANSYS, NASTRAN, Reader
+from .statements import Deck, Quantity, numbers
+
 # Keywords that others refer to, also before they stand in the deck.
 _FIRST = ("COUPLING", "RIGID BODY", "ELEMENT")
-
-
-class Quantity(NamedTuple):
-    """A number in the file's unit, and its SI unit."""
-
-    value: float
-    unit: str
-
-
-@dataclass(slots=True)
-class Deck:
-    """Statements of a deck.
-
-    Attributes:
-        mesh: the file.
-        tables: section of a scene -> name, or group of a face -> its keys.
-        sections: group of cells -> material.
-        laws: name of an interaction -> keys of a contact.
-        couplings: place of a reference node -> group of the face.
-        ends: set of springs or masses -> faces that the nodes of each are coupled to.
-        about: material or interaction that the next keywords are about.
-        unread: keyword that is not taken over, and why; "" without a reason.
-    """
-
-    mesh: FileMesh
-    tables: dict[str, dict[str, Any]] = field(default_factory=lambda: defaultdict(dict))
-    sections: dict[str, str] = field(default_factory=dict)
-    laws: dict[str, dict[str, Any]] = field(default_factory=lambda: defaultdict(dict))
-    couplings: dict[int, str] = field(default_factory=dict)
-    ends: dict[str, list[list[str]]] = field(default_factory=lambda: defaultdict(list))
-    about: str = ""
-    unread: list[tuple[Block, str]] = field(default_factory=list)
-
-    def add(self, section: str, name: str, **keys: Any) -> None:
-        """Write keys of a table of a scene."""
-        self.tables[section].setdefault(name, {}).update(keys)
-
-    def nodes(self, name: str) -> NDArray[np.int64]:
-        """Nodes of a set, or the one of a number."""
-        if name.isdigit():
-            return np.array([self.mesh.numbers[int(name)]])
-        return self.mesh.node_groups[find(self.mesh.node_groups, name) or name]
-
-    def coupled(self, name: str) -> str | None:
-        """The face that is coupled to a reference node."""
-        nodes = self.nodes(name)
-        return self.couplings.get(int(nodes[0])) if nodes.size == 1 else None
 
 
 def read_deck(mesh: FileMesh, suffix: str) -> Deck:
@@ -107,49 +46,8 @@ def read_deck(mesh: FileMesh, suffix: str) -> Deck:
     return deck
 
 
-def _numbers(block: Block) -> list[float]:
-    return [float(word) for row in block.rows for word in row if word]
-
-
 def _begin(deck: Deck, block: Block) -> None:
     deck.about = block.options["NAME" if "NAME" in block.options else "INTERACTION"]
-
-
-def _elastic(deck: Deck, block: Block) -> str | None:
-    kind, given = block.options.get("TYPE", "ISOTROPIC").upper()[:3], _numbers(block)
-    if kind == "ANI":
-        rest = [v for i, v in enumerate(given[:21]) if i not in _ORTHOTROPIC]
-        if max(map(abs, rest)) > 1e-9 * max(given):
-            return "anisotropic; no model of a scene has these constants"
-        kind, given = "ORT", [given[i] for i in _ORTHOTROPIC]
-    pairs = zip(_ELASTIC[kind], given, strict=False)
-    c: dict[str, Any] = {n: Quantity(v, "" if n[0] == "n" else "Pa") for n, v in pairs}
-    if kind == "ENG":
-        axes = {"E": "E1 E2 E3", "nu": "nu12 nu13 nu23", "G": "G23 G13 G12"}
-        c = {key: [c[name] for name in names.split()] for key, names in axes.items()}
-    model = "isotropic" if kind == "ISO" else "orthotropic"
-    deck.add("materials", deck.about, model=model, **c)
-    more = kind == "ISO" and len(block.rows) > 1
-    return "only the constants of the first temperature are taken over" if more else None
-
-
-def _density(deck: Deck, block: Block) -> None:
-    deck.add("materials", deck.about, rho=Quantity(_numbers(block)[0], "kg/m^3"))
-
-
-def _damping(deck: Deck, block: Block) -> str | None:
-    if [*block.options] != ["STRUCTURAL"]:
-        return "write stability.damping.rayleigh, of the whole brake"
-    deck.add("materials", deck.about, loss=Quantity(float(block.options["STRUCTURAL"]), ""))
-    return None
-
-
-def _section(deck: Deck, block: Block) -> str | None:
-    """A set of a part is one of each of its instances."""
-    for group in deck.mesh.owned(block.options["ELSET"], block.scope):
-        deck.sections[group] = block.options["MATERIAL"]
-    turned = "write the axis of the part, along which forces and springs act then"
-    return turned if "ORIENTATION" in block.options else None
 
 
 def _pair(deck: Deck, block: Block) -> str | None:
@@ -172,10 +70,10 @@ def _law(deck: Deck, block: Block) -> str | None:
     kind = block.options.get("PRESSURE-OVERCLOSURE", "HARD").upper()
     if block.keyword == "FRICTION":
         own["friction"] = max(
-            own.get("friction", Quantity(0.0, "")), Quantity(_numbers(block)[0], "")
+            own.get("friction", Quantity(0.0, "")), Quantity(numbers(block)[0], "")
         )
     elif kind == "LINEAR":
-        own["law"] = {"linear": Quantity(_numbers(block)[0], "Pa/m")}
+        own["law"] = {"linear": Quantity(numbers(block)[0], "Pa/m")}
     return None if kind in ("LINEAR", "HARD") else "write the law of the contact"
 
 
@@ -236,8 +134,10 @@ def _element(deck: Deck, block: Block) -> str | None:
     if not block.options.get("TYPE", "").upper().startswith(("SPRING", "MASS")):
         return ""
     for row in block.rows:
-        nodes = [deck.mesh.numbers[int(word)] for word in row[1:]]
-        deck.ends[block.options["ELSET"].upper()].append([deck.couplings[n] for n in nodes])
+        faces = [deck.couplings.get(deck.mesh.numbers[int(word)]) for word in row[1:]]
+        if None in faces:
+            return "its nodes are not coupled to faces: write [springs] or [masses]"
+        deck.ends[block.options["ELSET"].upper()].append([str(face) for face in faces])
     return None
 
 
@@ -258,18 +158,8 @@ def _spring(deck: Deck, block: Block) -> str | None:
 def _mass(deck: Deck, block: Block) -> str | None:
     ends = deck.ends[block.options["ELSET"].upper()]
     for (face,) in ends:
-        deck.add("masses", face, mass=Quantity(_numbers(block)[0], "kg"))
+        deck.add("masses", face, mass=Quantity(numbers(block)[0], "kg"))
     return None if ends else "its node is not coupled to a face: write [masses]"
-
-
-def _constant(deck: Deck, block: Block) -> None:
-    """MP, label, material, value; MPDATA, format, -, label, material, -, value."""
-    words = block.rows[0]
-    label, number, value = words[1:4] if block.keyword == "MP" else (*words[3:5], words[6])
-    unit = {"E": "Pa", "rho": "kg/m^3"}.get(_ANSYS[label], "")
-    keys = {_ANSYS[label]: Quantity(float(value), unit)}
-    deck.add("materials", f"MAT{number}", model="isotropic", **keys)
-    deck.sections[f"MAT{number}"] = f"MAT{number}"
 
 
 def _node_held(deck: Deck, block: Block) -> str | None:
@@ -278,33 +168,20 @@ def _node_held(deck: Deck, block: Block) -> str | None:
     return None if taken else "not a displacement of zero"
 
 
-def _card(deck: Deck, block: Block) -> None:
-    """MAT1 and PSOLID, read by pyNastran."""
-    from pyNastran.bdf.bdf import BDF
-
-    model = BDF(debug=None)
-    model.add_card_lines([line for (line,) in block.rows], block.keyword)
-    for number, own in model.materials.items():
-        keys = {"E": Quantity(own.e, "Pa"), "nu": Quantity(own.nu, "")}
-        rho = Quantity(own.rho, "kg/m^3")
-        deck.add("materials", f"MAT{number}", model="isotropic", rho=rho, **keys)
-    deck.sections |= {str(number): f"MAT{own.mid}" for number, own in model.properties.items()}
-
-
 def _taken(deck: Deck, block: Block) -> None:
     """Nothing of it is lost."""
 
 
-_READERS: dict[str, dict[str, Callable[[Deck, Block], str | None]]] = {
+_READERS: dict[str, dict[str, Reader]] = {
     ".inp": {
         "MATERIAL": _begin, "SURFACE INTERACTION": _begin, "CHANGE FRICTION": _begin,
-        "ELASTIC": _elastic, "DENSITY": _density, "DAMPING": _damping, "SOLID SECTION": _section,
+        **ABAQUS,
         "SURFACE BEHAVIOR": _law, "FRICTION": _law, "TIE": _pair,
         "CONTACT PAIR": _pair, "COUPLING": _coupling, "RIGID BODY": _coupling, "KINEMATIC": _taken,
         "DISTRIBUTING": _taken, "BOUNDARY": _boundary, "DSLOAD": _pressure, "DLOAD": _pressure,
         "CLOAD": _force, "ELEMENT": _element, "SPRING": _spring, "MASS": _mass, "HEADING": _taken,
         "STEP": _taken, "STATIC": _taken, "FREQUENCY": _taken, "COMPLEX FREQUENCY": _taken,
     },
-    ".cdb": {"MP": _constant, "MPDATA": _constant, "MPTEMP": _taken, "D": _node_held},
-    "": {"MAT1": _card, "PSOLID": _card},
+    ".cdb": {**ANSYS, "MPTEMP": _taken, "D": _node_held},
+    "": NASTRAN,
 }  # fmt: skip

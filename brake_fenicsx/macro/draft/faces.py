@@ -11,20 +11,20 @@ import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from itertools import combinations, takewhile
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.meshing.abaqus_scope import find
 from brake_fenicsx.macro.meshing.filemesh import FileMesh
 from brake_fenicsx.macro.meshing.groups import layers_of
 from brake_fenicsx.macro.meshing.rawmesh import RawMesh, cell_facets, facet_keys
 from brake_fenicsx.scene.mesh import MeshTable
 from brake_fenicsx.scene.tables import dotted
-from brake_fenicsx.scene.units import quantity_text
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -33,8 +33,6 @@ Ints = NDArray[np.int64]
 MADE = re.compile(r"(Volume|Surface|Line)\d+|(.*\.)?_.*|\*.*|D \w+")
 # Facets lie on each other within this share of their side, and face each other by this cosine.
 APART, OPPOSED = 0.1, -0.9
-# Two sides of a round part differ by this share at most.
-ROUND = 0.02
 # Share of a face that lies on another one, from which contact is proposed.
 TOUCHING = 0.3
 
@@ -165,39 +163,6 @@ class Bodies:
         return max(one.lies_on(other), other.lies_on(one))
 
 
-def proposed_motion(
-    bodies: Bodies, part: str, touching: Iterable[str]
-) -> tuple[dict[str, Any], str]:
-    """Keys of [motion]: about the middle of a round part, or along the long side of another one.
-
-    Args:
-        bodies: all parts.
-        part: the one that moves.
-        touching: faces in contact.
-    """
-    own = [bodies.faces[face] for face in touching if face.startswith(f"{part}.")]
-    vectors = np.concatenate([face.vector for face in own])
-    weights = np.linalg.norm(vectors, axis=1)
-    _, axes = np.linalg.eigh(vectors.T @ (vectors / weights[:, None]))
-    whole, n = bodies.boundary[part], axes[:, 2]
-    sides = np.ptp(whole.centre @ axes[:, :2], axis=0)
-    if np.ptp(sides) > ROUND * sides.max():
-        along = axes[:, int(np.argmax(sides))]
-        return {"direction": _vector(along)}, f"proposed: the long side of {part}"
-    axis = _vector(n)
-    keys: dict[str, Any] = {"axis": "xyz"[axis.index(1.0)] if axis.count(0.0) == 2 else axis}
-    middle = np.average(whole.centre, axis=0, weights=whole.areas)
-    if np.linalg.norm(middle - (middle @ n) * n) > ROUND * sides.max():
-        keys["point"] = [quantity_text(float(x), "m") for x in middle]
-    return keys | {"speed": "5 rad/s"}, f"proposed: across the contact faces of {part}"
-
-
-def _vector(x: Array) -> list[float]:
-    """A direction with rounded components, the largest one 1."""
-    x = np.round(x / x[np.argmax(np.abs(x))], 3)
-    return [float(v) + 0.0 for v in x]
-
-
 def bodies_of(found: FileMesh, sections: Iterable[str], metres: float) -> Bodies:
     """Parts and layers of a file.
 
@@ -205,8 +170,13 @@ def bodies_of(found: FileMesh, sections: Iterable[str], metres: float) -> Bodies
         found: the file.
         sections: groups of cells that have a material.
         metres: its unit of length [m].
+
+    Raises:
+        SceneError: the file names no cells.
     """
     groups = [name for name in sections if name in found.cell_groups] or _partition(found)
+    if not groups:
+        raise SceneError(f"no set of cells; write one for each part and layer{found.advice}")
     layers = _layer_names(found, groups)
     kinds = {group: ("cells", group) for group in groups}
     table = MeshTable(groups=dict(layers))
@@ -242,10 +212,8 @@ def _layer_names(found: FileMesh, groups: list[str]) -> dict[str, str]:
         words = zip(*(name.split("_") for name in own), strict=False)
         part = "_".join(w[0] for w in takewhile(lambda w: len({*w}) == 1, words)) or own[0]
         owner = mine[0].rpartition(".")[0]
-        if owner in found.instances:
-            part = clean(owner)
-        elif len(own) == 1:
-            part = re.sub(r"_(body|solid|volume)$", "", part)
+        part = re.sub(r"(?<=.)_(body|solid)$", "", part)
+        part = clean(owner) if owner in found.instances else part
         layers = [name.removeprefix(f"{part}_") for name in own] if len(own) > 1 else ["body"]
         names |= {g: f"{part}.{layer}" for g, layer in zip(mine, layers, strict=True)}
     return {group: names[group] for group in groups}

@@ -8,12 +8,10 @@ from __future__ import annotations
 import json
 import os
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.meshing.abaqus_scope import find
@@ -21,19 +19,14 @@ from brake_fenicsx.macro.meshing.filemesh import Block, FileMesh
 from brake_fenicsx.macro.meshing.meshfile import read_mesh_file
 from brake_fenicsx.macro.meshing.rawmesh import CHANGING
 from brake_fenicsx.scene.tables import dotted
-from brake_fenicsx.scene.units import MODULI, factor_to_si, quantity_text, several
+from brake_fenicsx.scene.units import several
 
-from .deck import Deck, Quantity, read_deck
-from .faces import MADE, bodies_of, clean, proposed_motion
+from .deck import read_deck
+from .faces import MADE, bodies_of, clean
+from .motion import moving_part, proposed_motion
+from .statements import Deck, Quantity
+from .units import guessed_units, moduli, si, toml
 
-# Consistent units of length, mass and time; densities of solids [kg/m^3], lengths of brakes [m].
-SYSTEMS = ("mm t s", "m kg s", "mm kg ms", "mm g ms", "inch slinch s")
-DENSITIES, LENGTHS = (300.0, 25e3), (5e-3, 3.0)
-# Exponents of length, mass and time.
-_POWERS = {
-    "m": (1, 0, 0), "kg": (0, 1, 0), "kg/m^3": (-3, 1, 0), "Pa": (-1, 1, -2), "N": (1, 1, -2),
-    "N m": (2, 1, -2), "N/m": (0, 1, -2), "Pa/m": (-2, 1, -2),
-}  # fmt: skip
 # Section in whose place a keyword is named, by its start; [ties] for others.
 _PLACES = {
     "supports": ("BOUNDARY", "TRANSFORM", "SPC", "BASE", "D"),
@@ -96,9 +89,9 @@ class Draft:
 
     def __init__(self, found: FileMesh, deck: Deck, units: Sequence[str] | None):
         self.found, self.deck = found, deck
-        self.units, self.why = (" ".join(units), "") if units else _guessed(found, deck)
+        self.units, self.why = (" ".join(units), "") if units else guessed_units(found, deck)
         self.lines: dict[str, list[str]] = defaultdict(list)
-        self.bodies = bodies_of(found, deck.sections, self.si(Quantity(1.0, "m")))
+        self.bodies = bodies_of(found, deck.sections, si(Quantity(1.0, "m"), self.units))
         self.parts: dict[str, dict[str, str]] = defaultdict(dict)
         for group, target in self.bodies.layers.items():
             part, _, layer = target.partition(".")
@@ -125,7 +118,8 @@ class Draft:
             self._write("mesh.groups", {group: target}, cells)
         self.lines["mesh.groups"] += self.bodies.groups
         self._parts()
-        self._contact(placed.pop("contact"), [t["faces"] for t in placed["ties"].values()])
+        tied = {face for tie in placed["ties"].values() for face in tie["faces"]}
+        self._contact(placed.pop("contact"), tied)
         for section, table in placed.items():
             self._write(section, table)
         others = self._unread(sign)
@@ -136,27 +130,10 @@ class Draft:
             text += [f"[{name}]", *lines, ""] if lines else []
         return "\n".join(text)
 
-    def si(self, q: Quantity) -> float:
-        """A number of the file in SI units."""
-        si = zip(self.units.split(), ("m", "kg", "s"), _POWERS[q.unit], strict=True)
-        return float(q.value * np.prod([factor_to_si(u, s, "--units") ** n for u, s, n in si]))
-
-    def toml(self, value: Any) -> str:
-        """A value as TOML in one line."""
-        if isinstance(value, Quantity):
-            if not value.unit or not value.value:
-                return f"{value.value:.8g}"
-            return json.dumps(quantity_text(self.si(value), value.unit))
-        if isinstance(value, dict):
-            return f"{{ {', '.join(f'{dotted(k)} = {self.toml(v)}' for k, v in value.items())} }}"
-        if isinstance(value, list | tuple):
-            return f"[{', '.join(map(self.toml, value))}]"
-        return json.dumps(value)
-
     def _write(self, section: str, table: dict[str, Any], comment: str = "") -> None:
         for key, value in table.items():
             more = f"   # {comment}" if comment else ""
-            self.lines[section].append(f"{dotted(key)} = {self.toml(value)}{more}")
+            self.lines[section].append(f"{dotted(key)} = {toml(value, self.units)}{more}")
 
     def _lost(self, section: str, text: str) -> None:
         self.lines[section].append(f"# not taken over: {text}")
@@ -196,27 +173,34 @@ class Draft:
         for kind, count in self.found.elements.items():
             if kind not in said:  # whose keywords are named
                 self._lost("parts", f"{count} {kind} elements")
+        left = len(self.found.cells) - len(self.bodies.mesh.cells)
+        if left:
+            self._lost("parts", f"{several(left, 'cell')} without a material or a set")
         for part, layers in self.parts.items():
             names = [*dict.fromkeys(layers.values())]
-            self._write("parts", {part: {"material": names[0] if len(names) == 1 else layers}})
+            value = {"material": names[0] if len(names) == 1 else layers}
+            comment = "layers share nodes; faces that slide need [mesh.split]"
+            self._write("parts", {part: value}, comment if len(layers) > 1 else "")
         for name in dict.fromkeys(m for layers in self.parts.values() for m in layers.values()):
             if own := self.deck.tables["materials"].get(name):
                 self._write("materials", {name: own})
             else:
                 self.lines["materials"].append(f"# missing: {dotted(name)} = {_MISSING}")
 
-    def _contact(self, own: dict[str, Any], tied: list[list[str]]) -> None:
+    def _contact(self, own: dict[str, Any], tied: set[str]) -> None:
         """Contact with the moving part second, and what follows from it."""
         said = ""
         if not own:
-            glued = [{*faces} for faces in tied]
-            free = [[*pair] for pair in self.bodies.touching() if {*pair} not in glued]
+            free = [[*pair] for pair in self.bodies.touching() if not tied & {*pair}]
             own = {"_".join(pair): {"faces": pair} for pair in free}
             said = "the faces touch; glued ones are [ties]"
         touching = sorted({face for keys in own.values() for face in keys["faces"]})
         if not touching:
             return
-        moving, count = self._moving(touching), Counter[str]()
+        known = self.deck.tables["materials"]
+        own_tables = {p: [known.get(m, {}) for m in v.values()] for p, v in self.parts.items()}
+        stiff = {part: max([0.0, *moduli(tables)]) for part, tables in own_tables.items()}
+        moving, count = moving_part(self.bodies, touching, stiff), Counter[str]()
         for keys in own.values():
             faces = sorted(keys["faces"], key=lambda face: _part(face) == moving)
             name = "_".join(map(_part, faces))
@@ -230,16 +214,6 @@ class Draft:
             self._write("contact", {f"{name}{number}": {"faces": faces, **given}}, comment)
         self._write("motion", *proposed_motion(self.bodies, moving, touching))
         self._write("stability", {"band": ["0 Hz", "5 kHz"], "method": "reduced"}, "proposed")
-
-    def _moving(self, touching: Sequence[str]) -> str:
-        """The part with the largest faces in contact, of equal ones the stiffer: the disc."""
-        area: dict[str, float] = defaultdict(float)
-        for face in touching:
-            area[_part(face)] += self.bodies.faces[face].areas.sum()
-        known = self.deck.tables["materials"]
-        own = {p: [known.get(m, {}) for m in self.parts[p].values()] for p in area}
-        stiff = {part: max([0.0, *_moduli(tables)]) for part, tables in own.items()}
-        return max(area, key=lambda part: (round(area[part], 9), stiff[part]))
 
     def _unread(self, sign: str) -> list[str]:
         """Put keywords that were not taken over in their places; a line on the others."""
@@ -259,31 +233,3 @@ class Draft:
 
 def _part(face: str) -> str:
     return face.partition(".")[0]
-
-
-def _moduli(materials: Iterable[dict[str, Any]]) -> list[float]:
-    """All moduli of some materials, in the file's unit."""
-    values = (v for own in materials for v in own.values())
-    flat = (q for v in values for q in (v if type(v) is list else [v]))
-    return [q.value for q in flat if isinstance(q, Quantity) and q.unit == "Pa"]
-
-
-def _guessed(found: FileMesh, deck: Deck) -> tuple[str, str]:
-    """Units with which densities, moduli and extent are usual ones, and what says so."""
-    extent = float(np.ptp(found.points[np.unique(found.cells)], axis=0).max())
-    own = deck.tables["materials"].items()
-    rho = {name: c["rho"].value for name, c in own if c.get("rho", (0,))[0]}
-    E = _moduli(c for _, c in own)
-    for units in SYSTEMS:
-        si = zip(units.split(), ("m", "kg", "s"), strict=True)
-        m, kg, s = (factor_to_si(*pair, "--units") for pair in si)
-        usual = LENGTHS[0] <= extent * m <= LENGTHS[1]
-        usual &= all(DENSITIES[0] <= r * kg / m**3 <= DENSITIES[1] for r in rho.values())
-        if usual and all(MODULI[0] <= e * kg / m / s**2 <= MODULI[1] for e in E):
-            for name, r in rho.items():
-                return units, f"the density {r:g} of {name}: {r * kg / m**3:.6g} kg/m^3"
-            return units, f"the extent of {extent:g}"
-    raise SceneError(
-        f"--units: missing; no usual ones fit an extent of {extent:g} and the densities"
-        f" {', '.join(f'{r:g}' for r in rho.values()) or '(none)'}; write such as --units mm t s"
-    )

@@ -1,0 +1,65 @@
+"""What a deck says of a brake beside its mesh: tables of a scene on groups of the file."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.macro.meshing.abaqus_scope import find
+from brake_fenicsx.macro.meshing.filemesh import Block, FileMesh
+
+
+class Quantity(NamedTuple):
+    """A number in the file's unit, and its SI unit."""
+
+    value: float
+    unit: str
+
+
+@dataclass(slots=True)
+class Deck:
+    """Statements of a deck.
+
+    Attributes:
+        mesh: the file.
+        tables: section of a scene -> name, or group of a face -> its keys.
+        sections: group of cells -> material.
+        laws: name of an interaction -> keys of a contact.
+        couplings: place of a reference node -> group of the face.
+        ends: set of springs or masses -> faces that the nodes of each are coupled to.
+        about: material or interaction that the next keywords are about.
+        unread: keyword that is not taken over, and why; "" without a reason.
+    """
+
+    mesh: FileMesh
+    tables: dict[str, dict[str, Any]] = field(default_factory=lambda: defaultdict(dict))
+    sections: dict[str, str] = field(default_factory=dict)
+    laws: dict[str, dict[str, Any]] = field(default_factory=lambda: defaultdict(dict))
+    couplings: dict[int, str] = field(default_factory=dict)
+    ends: dict[str, list[list[str]]] = field(default_factory=lambda: defaultdict(list))
+    about: str = ""
+    unread: list[tuple[Block, str]] = field(default_factory=list)
+
+    def add(self, section: str, name: str, **keys: Any) -> None:
+        """Write keys of a table of a scene."""
+        self.tables[section].setdefault(name, {}).update(keys)
+
+    def nodes(self, name: str) -> NDArray[np.int64]:
+        """Nodes of a set, or the one of a number."""
+        if name.isdigit():
+            return np.array([self.mesh.numbers[int(name)]])
+        return self.mesh.node_groups[find(self.mesh.node_groups, name) or name]
+
+    def coupled(self, name: str) -> str | None:
+        """The face that is coupled to a reference node."""
+        nodes = self.nodes(name)
+        return self.couplings.get(int(nodes[0])) if nodes.size == 1 else None
+
+
+def numbers(block: Block) -> list[float]:
+    """All numbers below a keyword."""
+    return [float(word) for row in block.rows for word in row if word]
