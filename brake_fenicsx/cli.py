@@ -1,4 +1,4 @@
-"""Command line: check, prepare, run, countermeasures, report, export, correlate, identify."""
+"""Command line: init, check, prepare, run, countermeasures, report, export, correlate, identify."""
 
 from __future__ import annotations
 
@@ -38,6 +38,7 @@ docs/own_scan_own_mesh.md is a first study."""
 
 EPILOG = """\
 first steps:
+  brake-fenicsx init brake.inp            writes brake.toml, a first scene of your own mesh file
   brake-fenicsx check brake.toml          sizes, memory and time of a run; refuses mistakes
   brake-fenicsx run brake.toml            results in ./brake-results; open its report.html
   brake-fenicsx run brake.toml            the same again: resumes an interrupted run
@@ -222,8 +223,16 @@ class _Completion(argparse.Action):
             raise SceneError("--completion needs shtab: pip install shtab") from None
         for command in parser._subparsers._group_actions[0].choices.values():  # type: ignore
             for action in command._actions:
-                if action.dest in ("scene", "test", "directory", "cache", "first", "second"):
-                    file = action.dest in ("scene", "test")
+                if action.dest in (
+                    "scene",
+                    "test",
+                    "deck",
+                    "directory",
+                    "cache",
+                    "first",
+                    "second",
+                ):
+                    file = action.dest in ("scene", "test", "deck")
                     action.complete = shtab.FILE if file else shtab.DIRECTORY
         print(shtab.complete(parser, shell))
         parser.exit()

@@ -14,6 +14,7 @@ from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.brake import assemble_brake
 from brake_fenicsx.macro.draft.text import write_scene
+from brake_fenicsx.macro.meshing.meshfile import read_mesh_file
 from brake_fenicsx.scene import read_scene
 
 ROOT = Path(__file__).parents[2]
@@ -31,7 +32,9 @@ def first_scene(deck, units=None):
 
 # Parts, instances and assembly of two boxes as Abaqus/CAE writes them, in mm, t, s.
 PART = """*PART, NAME={name}
-{mesh}*SURFACE, TYPE=NODE, NAME=Side
+{mesh}*ELSET, ELSET={sides}
+1000,
+*SURFACE, TYPE=NODE, NAME=Side
 {sides},
 *ORIENTATION, NAME=Ori
 0., 1., 0., -1., 0., 0.
@@ -47,6 +50,7 @@ ASSEMBLY = """*ASSEMBLY, NAME=Assembly
 *NODE
 900001, 0., 0., 40.
 900002, 0., 0., 41.
+900003, 0., 0., 40.
 *NSET, NSET=RP-1
 900001,
 *NSET, NSET=RP-2
@@ -63,6 +67,13 @@ Pad-1.pad_sides, Plate-1.plate_sides
 *SPRING, ELSET=Springs
 2
 4000.
+*COUPLING, CONSTRAINT NAME=C2, REF NODE=900003, SURFACE=Plate-1.plate_sides
+*KINEMATIC
+*ELEMENT, TYPE=SPRING2, ELSET=Between
+900005, 900001, 900003
+*SPRING, ELSET=Between
+3, 3
+700.
 *ELEMENT, TYPE=MASS, ELSET=Lump
 900003, 900001
 *MASS, ELSET=Lump
@@ -103,6 +114,7 @@ Plate-1.plate_sides, 1, 2
 RP-2, 1, 6
 *CLOAD
 RP-1, 3, -1200.
+Plate-1.plate_sides, 2, 1.5
 *DSLOAD
 Pad-1.Side, P, 0.25
 *MOTION, ROTATION
@@ -162,6 +174,12 @@ def test_what_an_assembly_says(assembly):
     assert scene.loads["pad_1.side"].pressure == pytest.approx(0.25e6)
     assert scene.masses["pad_1.pad_top"].mass == pytest.approx(0.02)
     assert scene.springs["pad_1.pad_top"].stiffness == pytest.approx((5e6, 4e6, 0.0))
+    between = scene.springs["pad_1_pad_top_plate_1_plate_sides"]
+    assert between.faces == ("pad_1.pad_top", "plate_1.plate_sides")
+    assert between.stiffness == pytest.approx((0.0, 0.0, 7e5))
+    assert '"nodes:Plate-1.plate_sides" = "plate_1.plate_sides"' in text  # an element set too
+    count = read_mesh_file(assembly).node_groups["Plate-1.plate_sides"].size
+    assert scene.loads["plate_1.plate_sides"].force == pytest.approx((0.0, 1.5 * count, 0.0))
     assert scene.motion.direction == (1.0, 0.0, 0.0)  # 40 mm by 20 mm is not round
     lines = assembly.read_text().splitlines()
     for word, section in (
@@ -199,14 +217,22 @@ def test_a_surface_on_several_parts_is_a_face_of_each(assembly):
     """One set on the sides of both instances, held together; its facets are those of both."""
     text = assembly.read_text().replace("Pad-1.Side, P, 0.25", "")
     text = text.replace("Plate-1.plate_sides, 1, 2", "BOTH, 1, 2")
-    path, lines = first_scene(*[assembly for _ in [assembly.write_text(text)]])
+    assembly.write_text(text)
+    path, lines = first_scene(assembly)
     assert 'BOTH = ["pad_1.both", "plate_1.both"]' in lines
-    scene = read_scene(path, ['supports."pad_1.both"=["x"]'])
-    brake = assemble_brake(read_scene(path), MPI.COMM_SELF)
+    scene = read_scene(path)
+    brake = assemble_brake(scene, MPI.COMM_SELF)
     held = [
         brake.mesh.facet_tags.find(brake.mesh.faces[f]).size for f in ("pad_1.both", "plate_1.both")
     ]
     assert scene.supports["plate_1.both"] == ("x", "y") and held[0] == held[1] > 20
+    for change, said in (
+        ('mesh.groups."Pad-1.pad_body"=["pad_1.body"]', "a group of cells is in one part"),
+        ('mesh.groups.BOTH=["pad_1.both"]', "no face 'plate_1.both'"),
+        ('mesh.groups.BOTH=["pad_1.both", 2]', 'write "part.name"'),
+    ):
+        with pytest.raises(SceneError, match=said):
+            assemble_brake(read_scene(path, [change]), MPI.COMM_SELF)
 
 
 @pytest.fixture
@@ -286,6 +312,9 @@ def test_a_deck_without_materials(tmp_path, capsys, monkeypatch):
         assert missing in line or "free to move" in line
         given += ["--set", f"{key}={EXAMPLE[key]}"]
     assert main(words + given) == 0
+    more = ["--set", "mesh.groups.ROTOR_FACE=['rotor.face', 'lining.none']"]
+    assert main(words + given + more) == 2
+    assert "do not lie on the boundary of 'lining'" in capsys.readouterr().err
 
 
 CONSTANTS = "{ model='isotropic', E='207 GPa', nu=0.28, rho='7820 kg/m^3' }"
