@@ -67,7 +67,7 @@ Pad-1.pad_sides, Plate-1.plate_sides
 *SPRING, ELSET=Springs
 2
 4000.
-*COUPLING, CONSTRAINT NAME=C2, REF NODE=900003, SURFACE=Plate-1.plate_sides
+*COUPLING, CONSTRAINT NAME=C2, REFNODE=900003, SURFACE=Plate-1.plate_sides
 *KINEMATIC
 *ELEMENT, TYPE=SPRING2, ELSET=Between
 900005, 900001, 900003
@@ -113,10 +113,14 @@ Plate-1.plate_bottom, ENCASTRE
 Plate-1.plate_sides, 1, 2
 RP-2, 1, 6
 *CLOAD
-RP-1, 3, -1200.
+RP-1, 3, -700.
 Plate-1.plate_sides, 2, 1.5
 *DSLOAD
 Pad-1.Side, P, 0.25
+*END STEP
+*STEP
+*CLOAD
+*INCLUDE, INPUT=loads.dat
 *MOTION, ROTATION
 Plate-1.plate_top, 6., 0., 90., 0., 0., 90., 1.
 *END STEP
@@ -145,6 +149,7 @@ def assembly(tmp_path, meshes):
         parts.append(PART.format(name=name, elset=elset, material=material, mesh=text,
                                  orientation=orientation,
                                  sides=f"{name.lower()}_sides"))  # fmt: skip
+    (tmp_path / "loads.dat").write_text("RP-1, 3, -1200.\n")
     deck = tmp_path / "cae.inp"
     deck.write_text("*HEADING\n" + "".join(parts) + ASSEMBLY)
     return deck

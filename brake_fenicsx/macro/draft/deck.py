@@ -78,8 +78,9 @@ def _law(deck: Deck, block: Block) -> str | None:
 
 
 def _coupling(deck: Deck, block: Block) -> None:
-    face = block.options["SURFACE" if "SURFACE" in block.options else "NSET"]
-    deck.couplings[int(deck.nodes(block.options["REF NODE"])[0])] = face
+    options = {name.replace(" ", ""): value for name, value in block.options.items()}
+    face = options["SURFACE" if "SURFACE" in options else "NSET"]
+    deck.couplings[int(deck.nodes(options["REFNODE"])[0])] = face
 
 
 def _boundary(deck: Deck, block: Block) -> str | None:
@@ -117,16 +118,17 @@ def _force(deck: Deck, block: Block) -> str | None:
             said = f"node {word} is not coupled to a face: write a force of [loads]"
             continue
         kind, unit = (("force", "N"), ("moment", "N m"))[c > 2]
-        _along_axis(deck, "loads", face or word, kind, c % 3, Quantity(float(value) * count, unit))
+        # That of a later step takes the place of an earlier one.
+        own = _axes(deck, "loads", face or word, kind, unit)
+        own[c % 3] = Quantity(float(value) * count, unit)
     return said
 
 
-def _along_axis(deck: Deck, section: str, name: str, key: str, c: int, q: Quantity) -> None:
-    """Add to one of three components."""
-    own = deck.tables[section].setdefault(name, {}).setdefault(key, [Quantity(0.0, q.unit)] * 3)
-    deck.tables[section][name][key] = [
-        Quantity(v.value + q.value * (i == c), q.unit) for i, v in enumerate(own)
-    ]
+def _axes(deck: Deck, section: str, name: str, key: str, unit: str) -> list[Quantity]:
+    """Three components of a key, zero until they are written."""
+    zero = [Quantity(0.0, unit)] * 3
+    own: list[Quantity] = deck.tables[section].setdefault(name, {}).setdefault(key, zero)
+    return own
 
 
 def _element(deck: Deck, block: Block) -> str | None:
@@ -147,9 +149,8 @@ def _spring(deck: Deck, block: Block) -> str | None:
         return "not along an axis between faces that are coupled to its nodes: write [springs]"
     for faces in ends:
         name = "_".join(faces)
-        _along_axis(
-            deck, "springs", name, "stiffness", int(components[0]) - 1, Quantity(float(k), "N/m")
-        )
+        own, c = _axes(deck, "springs", name, "stiffness", "N/m"), int(components[0]) - 1
+        own[c] = Quantity(own[c].value + float(k), "N/m")
         if len(faces) > 1:
             deck.add("springs", name, faces=faces)
     return None

@@ -62,7 +62,7 @@ def guessed_units(found: FileMesh, deck: Deck) -> tuple[str, str]:
     own = deck.tables["materials"].items()
     rho = {name: c["rho"].value for name, c in own if c.get("rho", (0,))[0]}
     E = moduli(c for _, c in own)
-    for units in SYSTEMS:
+    for units in SYSTEMS if rho else SYSTEMS[:2]:
         pairs = zip(units.split(), ("m", "kg", "s"), strict=True)
         m, kg, s = (factor_to_si(*pair, "--units") for pair in pairs)
         usual = LENGTHS[0] <= extent * m <= LENGTHS[1]

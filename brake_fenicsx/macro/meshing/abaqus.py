@@ -108,9 +108,13 @@ def read_abaqus(path: Path) -> FileMesh:
     return mesh
 
 
-def _blocks(path: Path) -> Iterator[Block]:
-    """Every block, included files in their place."""
-    block: Block | None = None
+def _blocks(path: Path, block: Block | None = None) -> Iterator[Block]:
+    """Every block, included files in their place.
+
+    Args:
+        path: the file.
+        block: the one whose data lines go on in it.
+    """
     try:
         text = path.read_text(errors="replace")
     except OSError as error:
@@ -126,7 +130,9 @@ def _blocks(path: Path) -> Iterator[Block]:
             continue
         while line.rstrip().endswith(","):
             line = line.rstrip() + next(lines)[1]
-        if block:
+        first, *words = line[1:].split(",")
+        keyword = " ".join(first.split()).upper()
+        if block and keyword != "INCLUDE":
             last = line == "*END" and not text.endswith(("\n", "\r"))
             if last and block.keyword in _DATA:
                 raise SceneError(
@@ -134,14 +140,13 @@ def _blocks(path: Path) -> Iterator[Block]:
                     " last line"
                 )
             yield block
-        first, *words = line[1:].split(",")
         pairs = (word.partition("=") for word in words)
         options = {name.strip().upper(): value.strip().strip('"') for name, _, value in pairs}
-        keyword = " ".join(first.split()).upper()
-        block = Block(keyword, options, [], line.strip(), f"{path.name}:{number}")
         if keyword == "INCLUDE":
-            yield from _blocks(path.parent / options.get("INPUT", ""))
+            yield from _blocks(path.parent / options.get("INPUT", ""), block)
             block = None
+            continue
+        block = Block(keyword, options, [], line.strip(), f"{path.name}:{number}")
 
 
 def _take(deck: _Deck, block: Block) -> None:
