@@ -240,6 +240,20 @@ def test_a_surface_on_several_parts_is_a_face_of_each(assembly):
             assemble_brake(read_scene(path, [change]), MPI.COMM_SELF)
 
 
+def test_bodies_of_one_part_are_parts_of_their_own(tmp_path):
+    """Two tetrahedra of an instance that share no node, each with a material."""
+    nodes = ["0,0,0", "10,0,0", "0,10,0", "0,0,10", "50,0,0", "60,0,0", "50,10,0", "50,0,10"]
+    (tmp_path / "two.inp").write_text(
+        "*PART, NAME=P\n*NODE\n" + "".join(f"{i},{x}\n" for i, x in enumerate(nodes, 1))
+        + "*ELEMENT, TYPE=C3D4, ELSET=A\n1,1,2,3,4\n*ELEMENT, TYPE=C3D4, ELSET=B\n2,5,6,7,8\n"
+        "*SOLID SECTION, ELSET=A, MATERIAL=M\n*SOLID SECTION, ELSET=B, MATERIAL=N\n*END PART\n"
+        "*ASSEMBLY, NAME=Q\n*INSTANCE, NAME=P-1, PART=P\n*END INSTANCE\n*END ASSEMBLY\n"
+    )  # fmt: skip
+    _, text = first_scene(tmp_path / "two.inp")
+    assert '"P-1.A" = "p_1.body"' in text and '"P-1.B" = "p_1_2.body"' in text
+    assert 'p_1 = { material = "M" }' in text and 'p_1_2 = { material = "N" }' in text
+
+
 @pytest.fixture
 def bench(monkeypatch):
     """The script that writes decks of CalculiX."""

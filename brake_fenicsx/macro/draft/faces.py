@@ -57,10 +57,13 @@ class Face(NamedTuple):
         """Area and mean normal, for a person."""
         area, mean = self.areas.sum(), self.vector.sum(axis=0)
         length = np.linalg.norm(mean)
-        normal = ", ".join(f"{v + 0.0:.2g}" for v in np.round(mean / (length or 1.0), 2))
-        plane = f"normal ({normal})" if length > 0.1 * area else "no common normal"
         middle = 1e3 * np.average(self.centre, axis=0, weights=self.areas)
-        return f"{1e6 * area:.4g} mm^2, {plane}, middle ({', '.join(f'{v:.4g}' for v in np.round(middle, 3) + 0.0)}) mm"  # noqa: E501
+        normal, place = (
+            ", ".join(f"{v + 0.0:.4g}" for v in np.round(x, digits))
+            for x, digits in ((mean / (length or 1.0), 2), (middle, 3))
+        )
+        plane = f"normal ({normal})" if length > 0.1 * area else "no common normal"
+        return f"{1e6 * area:.4g} mm^2, {plane}, middle ({place}) mm"
 
     def lies_on(self, other: Face) -> float:
         """Share of the area that faces another face without a gap."""
@@ -214,6 +217,8 @@ def _layer_names(found: FileMesh, groups: list[str]) -> dict[str, str]:
         owner = mine[0].rpartition(".")[0]
         part = re.sub(r"(?<=.)_(body|solid)$", "", part)
         part = clean(owner) if owner in found.instances else part
+        parts = {target.partition(".")[0] for target in names.values()}
+        part = next(n for n in (part, *(f"{part}_{k}" for k in range(2, 99))) if n not in parts)
         layers = [name.removeprefix(f"{part}_") for name in own] if len(own) > 1 else ["body"]
         names |= {g: f"{part}.{layer}" for g, layer in zip(mine, layers, strict=True)}
     return {group: names[group] for group in groups}
@@ -227,12 +232,8 @@ def _boundary(mesh: RawMesh, part: str) -> Face:
     _, first, count = np.unique(keys, return_index=True, return_counts=True)
     own = np.sort(first[count == 1])
     x = mesh.points[facets[own]]
-    quads = x.shape[1] == 4
-    vector = (
-        0.5 * np.cross(x[:, 2] - x[:, 0], x[:, 3] - x[:, 1])
-        if quads
-        else 0.5 * np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
-    )
+    # Half the product of the diagonals of a quadrilateral, of two sides of a triangle.
+    vector = 0.5 * np.cross(x[:, 2] - x[:, 0], x[:, -1] - x[:, 1])
     inside = mesh.points[mesh.corners[mesh.part(part)][own // table.shape[1]]].mean(axis=1)
     outwards = np.einsum("ij,ij->i", vector, x.mean(axis=1) - inside)
     return Face(keys[own], vector * np.sign(outwards)[:, None], x.mean(axis=1))
