@@ -192,7 +192,7 @@ def _faces(
     They are taken from the boundary of its part.
     """
     where, faces = f'mesh.groups."{group}" = {target!r}', Faces()
-    whole = np.zeros(0, dtype=np.uint64)
+    boundaries = []
     for face in [target] if isinstance(target, str) else target:
         part = face.partition(".")[0]
         if part not in mesh.parts():
@@ -210,10 +210,10 @@ def _faces(
         else:
             inside = np.isin(facet_keys(boundary), facet_keys(found.facet_groups[kind[1]]))
         faces[face] = boundary[inside]
-        whole = np.union1d(whole, facet_keys(boundary))
+        boundaries.append(facet_keys(boundary))
     if kind[0] == "facets":
         keys = facet_keys(found.facet_groups[kind[1]])
-        missing = int(np.count_nonzero(~np.isin(keys, whole)))
+        missing = int(np.count_nonzero(~np.isin(keys, np.concatenate(boundaries))))
         empty = [face for face, own in faces.items() if not len(own)]
         if missing or not keys.size or empty:
             parts = ", ".join(repr(face.partition(".")[0]) for face in empty or faces)
