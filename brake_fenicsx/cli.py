@@ -396,12 +396,13 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
         )  # fmt: skip
         if comm.rank == 0:
             print(text)
-    elif comm.rank == 0 and options.command == "init":
-        from brake_fenicsx.macro.draft.text import write_scene
+    elif options.command == "init":
+        from brake_fenicsx.macro.draft.text import write_scene  # starts PETSc on all processes
 
         scene = Path(options.scene or f"{Path(options.deck).stem}.toml")
-        print(write_scene(Path(options.deck), scene, options.units))
-        print(f"next: brake-fenicsx check {scene}")
+        if comm.rank == 0:
+            print(write_scene(Path(options.deck), scene, options.units))
+            print(f"next: brake-fenicsx check {scene}")
     elif comm.rank == 0 and options.command == "export":
         from brake_fenicsx.report.universal import export_modes
 

@@ -1,6 +1,8 @@
 """First scenes of mesh files: what `init` writes, and that `check` accepts it."""
 
 import re
+import shutil
+import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +18,7 @@ from brake_fenicsx.macro.brake import assemble_brake
 from brake_fenicsx.macro.draft.text import write_scene
 from brake_fenicsx.macro.meshing.meshfile import read_mesh_file
 from brake_fenicsx.scene import read_scene
+from processes import parallel
 
 ROOT = Path(__file__).parents[2]
 SCRIPTS = ROOT / "scripts"
@@ -422,3 +425,19 @@ def test_a_scene_is_not_overwritten(tmp_path, meshes, monkeypatch, capsys):
     assert "wrote boxes.toml: 2 parts, 6 faces" in capsys.readouterr().out
     assert main(["init", "boxes.inp"]) == 2
     assert "boxes.toml: is there already" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_two_processes_write_one_scene(tmp_path, meshes):
+    """PETSc starts on both of them, or on none: the first one alone would wait for ever."""
+    mpirun = shutil.which("mpirun")
+    if mpirun is None:
+        pytest.skip("no mpirun")
+    meshes.write_abaqus(meshes.boxes(), tmp_path / "boxes.inp")
+    command = [mpirun, "-n", "2", "--oversubscribe", sys.executable, "-m", "brake_fenicsx"]
+    done = subprocess.run(
+        [*command, "init", "boxes.inp"], capture_output=True, text=True, cwd=tmp_path, timeout=300,
+        **parallel(),
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("wrote boxes.toml") == 1 and (tmp_path / "boxes.toml").is_file()
