@@ -50,10 +50,10 @@ def mesh_of_file(folder: Path, table: MeshTable, parts: Iterable[str]) -> RawMes
         SceneError: the file, its unit, a group or a cell is wrong.
     """
     try:
-        source = read_mesh_file(folder / str(table.file))
+        found = read_mesh_file(folder / str(table.file))
     except SceneError as error:
         raise SceneError(f"mesh.file = {table.file!r}: {error}") from None
-    cells, points = source.cells, source.points * _metres(source, table)
+    cells, points = found.cells, found.points * _metres(found, table)
     if cells.shape[1] == 20:
         points, cells = completed(points, cells)
     kinds = {group: _kind(found, group, target) for group, target in table.groups.items()}
@@ -67,23 +67,23 @@ def mesh_of_file(folder: Path, table: MeshTable, parts: Iterable[str]) -> RawMes
     return without_unused_nodes(_turned_right(_apart(mesh, faces, table.split)))
 
 
-def _unread(file: str, source: FileMesh, used: Iterable[tuple[str, str]]) -> Unread:
+def _unread(file: str, found: FileMesh, used: Iterable[tuple[str, str]]) -> Unread:
     """What of the file is in no body and no face; shells of sets that the scene names mark faces.
 
     A shell that only lies on a named face, as a shim on a back plate, is part of the brake.
     """
-    sets = [name for kind, name in used if kind == "facets" and name in source.shell_sets]
-    marks = [facet_keys(source.facet_groups[name]) for name in sets]
+    sets = [name for kind, name in used if kind == "facets" and name in found.shell_sets]
+    marks = [facet_keys(found.facet_groups[name]) for name in sets]
     marked = np.concatenate([np.zeros(0, dtype=np.uint64), *marks])
     elements = {
         kind: int(np.count_nonzero(~np.isin(facet_keys(shells), marked)))
-        for kind, shells in source.shells.items()
+        for kind, shells in found.shells.items()
     }
-    elements = {kind: n for kind, n in (elements | dict(source.elements)).items() if n}
-    return unread(file, elements, source.keywords)
+    elements = {kind: n for kind, n in (elements | dict(found.elements)).items() if n}
+    return unread(file, elements, found.keywords)
 
 
-def _metres(source: FileMesh, table: MeshTable) -> float:
+def _metres(found: FileMesh, table: MeshTable) -> float:
     """The file's unit in metres, after a look at the extent."""
     if table.unit is None:
         raise SceneError('mesh.unit: missing; write the unit of the file\'s lengths, as "mm"')
@@ -91,7 +91,7 @@ def _metres(source: FileMesh, table: MeshTable) -> float:
         scale = to_si(f"1 {table.unit}", "m")
     except ValueError as error:
         raise SceneError(f"mesh.unit = {table.unit!r}: {error}") from None
-    used = source.points[np.unique(source.cells)]
+    used = found.points[np.unique(found.cells)]
     extent = float(np.ptp(used, axis=0).max()) * scale
     low, high = table.extent
     if not low <= extent <= high:
@@ -108,7 +108,7 @@ def _kind(found: FileMesh, group: str, target: str | list[str]) -> tuple[str, st
     A name that stands for several may be told apart as "cells:NAME", "facets:NAME", "nodes:NAME".
     """
     tables: dict[str, Mapping[str, Ints]] = {
-        "cells": source.cell_groups, "facets": source.facet_groups, "nodes": source.node_groups,
+        "cells": found.cell_groups, "facets": found.facet_groups, "nodes": found.node_groups,
     }  # fmt: skip
     prefix, colon, rest = group.partition(":")
     if colon and prefix in tables:
@@ -123,7 +123,7 @@ def _kind(found: FileMesh, group: str, target: str | list[str]) -> tuple[str, st
                 return kind, name
     known = sorted({name for groups in tables.values() for name in groups})
     near = difflib.get_close_matches(group, known, 1)
-    there = f"there are {', '.join(known) or 'none'}{source.advice}"
+    there = f"there are {', '.join(known) or 'none'}{found.advice}"
     hint = f"did you mean {near[0]!r}?" if near else there
     raise SceneError(f'mesh.groups."{group}" = {target!r}: no such group in the file; {hint}')
 
@@ -145,26 +145,26 @@ def layers_of(
             )
         own = found.cell_groups[name]
         number = layers.setdefault(target, len(layers) + 1)
-        taken = np.unique(tag[members][(tag[members] > 0) & (tag[members] != number)])
+        taken = np.unique(tag[own][(tag[own] > 0) & (tag[own] != number)])
         if taken.size:
             other = next(layer for layer, t in layers.items() if t == taken[0])
             raise SceneError(
                 f'mesh.groups."{group}" = {target!r}: some of its cells are in {other!r} already;'
                 " name groups that do not overlap"
             )
-        tag[members] = number
+        tag[own] = number
     if not layers:
         raise SceneError(
             "mesh.groups: no group of cells is named; there are"
-            f" {', '.join(sorted(source.cell_groups)) or 'none in the file' + source.advice}"
+            f" {', '.join(sorted(found.cell_groups)) or 'none in the file' + found.advice}"
         )
     left = int(np.count_nonzero(tag == 0))
     if left:
         logger.info("%d cells of the mesh file are in no named group and left out", left)
-    none = np.zeros((0, 3 if source.shape == "tetrahedron" else 4), dtype=np.int64)
+    none = np.zeros((0, 3 if found.shape == "tetrahedron" else 4), dtype=np.int64)
     keep = tag > 0
     return RawMesh(
-        points, source.shape, cells[keep], tag[keep], none, np.zeros(0, np.int64), layers, {}
+        points, found.shape, cells[keep], tag[keep], none, np.zeros(0, np.int64), layers, {}
     )
 
 
