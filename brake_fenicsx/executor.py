@@ -23,7 +23,7 @@ import numpy as np
 
 from brake_fenicsx.errors import BrakeError, SceneError
 from brake_fenicsx.folder.log import logger
-from brake_fenicsx.folder.sample_files import Task
+from brake_fenicsx.folder.sample_files import BLOCK, Task
 
 if TYPE_CHECKING:
     from brake_fenicsx.model import Model
@@ -63,6 +63,7 @@ def samples_here(model: Model, tasks: Sequence[Task]) -> Iterator[Record]:
         tasks: approach and number of the samples wanted.
     """
     study = model.study
+    _prepare(study, tasks)
     there = study.store.samples.present()
     for task in tasks:
         yield _read(study, task) if task in there else _computed(study, task)
@@ -87,6 +88,7 @@ def samples_elsewhere(
     from brake_fenicsx.uncertainty.shared_matrices import with_shared_matrices
 
     study = model.study
+    _prepare(study, tasks)
     left = dict.fromkeys(tasks)
     yield from _stored(study, left)
     with_shared_matrices(study.brake, study.store, MPI.COMM_SELF)
@@ -143,6 +145,7 @@ def _compute(source: Source, digest: str, tasks: Sequence[Task]) -> list[Record]
 def _entered(source: Source, digest: str) -> Study:
     """What the samples share, loaded from the prepared folder and kept by the process."""
     from brake_fenicsx.model import entered
+    from brake_fenicsx.results.blocks import prepare_blocks
 
     if not Path(source.directory, "scene.sha256").is_file():
         raise SceneError(
@@ -151,7 +154,17 @@ def _entered(source: Source, digest: str) -> Study:
         )
     if not {"OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"} & {*os.environ}:
         logger.warning("a worker may use several BLAS threads: start it with OMP_NUM_THREADS=1")
-    return entered(source)
+    study = entered(source)
+    prepare_blocks(study)
+    return study
+
+
+def _prepare(study: Study, tasks: Sequence[Task]) -> None:
+    """Compute the first samples where blocks of samples are asked for."""
+    from brake_fenicsx.results.blocks import prepare_blocks
+
+    if len(tasks) > BLOCK:
+        prepare_blocks(study)
 
 
 def _computed(study: Study, task: Task) -> Record:
@@ -171,10 +184,9 @@ def _stored(study: Study, left: dict[Task, None]) -> Iterator[Record]:
 
 def _read(study: Study, task: Task) -> Record:
     """What was stored of a sample, but for values of every contact element or coordinate."""
-    from brake_fenicsx.results.stored import LARGE
+    from brake_fenicsx.results.blocks import LARGE
 
-    left_out = {*LARGE, "vectors", "vector_mode"}
-    stored = {k: v for k, v in study.stored(task).items() if k not in left_out}
+    stored = {k: v for k, v in study.stored(task).items() if k not in LARGE}
     small = {k: v.item() if v.ndim == 0 else v for k, v in stored.items()}
     if "s" in small:
         small["frequency"] = np.abs(small["s"].imag) / (2 * np.pi)

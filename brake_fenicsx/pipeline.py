@@ -503,13 +503,17 @@ def mechanics(
     this: Run, stats: SurfaceStatistics | None, library: LawLibrary | None, brake: Brake
 ) -> None:
     """Shared reduction, and every sample's equilibrium and modes."""
+    from brake_fenicsx.results.blocks import prepare_blocks
+
     study = make_study(this, stats, library, brake)
-    if this.store.share is None and this.comm.rank == 0:
-        this.store.save_json(PREPARED, [*this.scene.samples.approaches])
+    with this.stage("samples"):
+        prepare_blocks(study)
+        if this.store.share is None and this.comm.rank == 0:
+            this.store.save_json(PREPARED, [*this.scene.samples.approaches])
+        if not this.prepare:
+            study.run()
     if this.prepare:
         return
-    with this.stage("samples"):
-        study.run()
     sweep = None
     if this.scene.sweep is not None:
         from brake_fenicsx.sweeps.study import SweepStudy

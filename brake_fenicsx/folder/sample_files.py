@@ -4,14 +4,17 @@ A sample is written as ``samples/APPROACH-00012.npz``. Once all samples of a blo
 numbers are there, the files are copied as they are into one archive without compression,
 ``samples/APPROACH-00000-00255.zip``, and removed. Both appear whole or not at all, and both carry
 the hash of the scene. Whoever reads while another process packs finds a sample in one of the two.
+Who packs also writes what the tables need of the block, as columns, into the archive: the end of a
+run then reads no sample.
 """
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -24,10 +27,14 @@ if TYPE_CHECKING:
     from brake_fenicsx.folder.store import Store
 
 Task = tuple[str, int]
+Arrays = dict[str, np.ndarray]
+Condense = Callable[[Sequence[Task], Callable[[Task], Arrays | None]], Arrays | None]
 
 # Samples of an archive: 10^5 samples are 400 files, and a damaged one costs little.
 BLOCK = 256
 FOLDER = "samples"
+# Columns of a block in its archive; other columns have another number.
+COLUMNS = "columns-1.npz"
 
 _SINGLE = re.compile(r"(.+)-(\d{5,})\.npz")
 _ARCHIVE = re.compile(r"(.+)-\d{5,}-\d{5,}\.zip")
@@ -41,10 +48,16 @@ def damaged(path: Path) -> SceneError:
 
 
 class SampleFiles:
-    """Samples of one results folder."""
+    """Samples of one results folder.
+
+    Attributes:
+        condense: makes the columns of a block from its tasks and a function that reads each of
+            them; None of blocks without. No columns are written if it is None.
+    """
 
     def __init__(self, store: Store):
         self._store = store
+        self.condense: Condense | None = None
         # Names of the samples in archives that were looked at, and single files likewise.
         self._archives: dict[str, frozenset[str]] = {}
         self._checked: set[str] = set()
@@ -96,6 +109,28 @@ class SampleFiles:
             raise _foreign(self._store.path(FOLDER, name))
         return data
 
+    def columns(self, task: Task) -> Arrays | None:
+        """Columns of the block of a sample; None where it is not packed, or was packed without.
+
+        Raises:
+            SceneError: the archive is damaged, or belongs to another scene.
+        """
+        path = self._store.path(FOLDER, _archive(task))
+        try:
+            with zipfile.ZipFile(path) as file:
+                if file.comment.decode() != self._store.digest:
+                    raise _foreign(path)
+                if COLUMNS not in file.NameToInfo:
+                    return None
+                # A member cannot be searched quickly, and an archive of arrays is.
+                content = io.BytesIO(file.read(COLUMNS))
+            with np.load(content, allow_pickle=False) as arrays:
+                return {name: arrays[name] for name in arrays.files}
+        except FileNotFoundError:
+            return None
+        except (ValueError, EOFError, zipfile.BadZipFile):
+            raise damaged(path) from None
+
     def _names(self) -> list[str]:
         """Files there are; none where there is no folder yet."""
         folder = self._store.path(FOLDER)
@@ -140,17 +175,39 @@ class SampleFiles:
             except FileNotFoundError:
                 return  # Another process has packed them.
 
+            columns = self._condensed(dict(zip(block, files, strict=True)))
+
             def write(target: BinaryIO) -> None:
                 with zipfile.ZipFile(target, "w", zipfile.ZIP_STORED) as archive:
                     archive.comment = self._store.digest.encode()
                     for path, file in zip(paths, files, strict=True):
+                        file.seek(0)
                         # The date of a file is no part of a result.
                         archive.writestr(zipfile.ZipInfo(path.name), file.read())
+                    if columns:
+                        archive.writestr(zipfile.ZipInfo(COLUMNS), columns)
 
-            size = sum(os.fstat(file.fileno()).st_size + 512 for file in files)
+            size = sum(os.fstat(file.fileno()).st_size + 512 for file in files) + len(columns) + 512
             self._store.write(_path(_archive(block[0])), size, write)
         for path in paths:
             path.unlink(missing_ok=True)
+
+    def _condensed(self, block: dict[Task, BinaryIO]) -> bytes:
+        """Columns of a block as a file; none where nothing makes them."""
+
+        def load(task: Task) -> Arrays:
+            try:
+                with np.load(block[task], allow_pickle=False) as data:
+                    return {name: data[name] for name in data.files if name != "scene"}
+            except (ValueError, EOFError, zipfile.BadZipFile):
+                raise damaged(self._store.path(FOLDER, _single(task))) from None
+
+        arrays = None if self.condense is None else self.condense([*block], load)
+        if arrays is None:
+            return b""
+        out = io.BytesIO()
+        np.savez(out, **arrays)
+        return out.getvalue()
 
 
 def _block(task: Task) -> range:

@@ -42,8 +42,8 @@ _FILES = {
 
 # What is made of the samples and the lines of a sweep at the end of every run.
 MADE_OF_SAMPLES = (
-    "samples.csv", "modes.csv", "contact.csv", "drivers.csv", "drivers_contact.csv",
-    "probabilities.csv", "convergence.csv", "sensitivity.csv", "shapes.npz",
+    "samples.csv", "modes.csv", "modes.parquet", "contact.csv", "drivers.csv",
+    "drivers_contact.csv", "probabilities.csv", "convergence.csv", "sensitivity.csv", "shapes.npz",
     "sweep.csv", "lock_in.csv", "chart.csv", "critical.csv", "critical_curve.csv",
 )  # fmt: skip
 

@@ -23,9 +23,9 @@ def draw_errors(run: RunData) -> Figure | None:
         return None
     figure, axes = new_figure(1, 2, height=3.1)
     drawn = False
+    every = eigenvalue_errors(run.modes)
     for approach in run.approaches:
-        every = eigenvalue_errors(run.modes)
-        own = (run.modes["approach"] == approach) & (every > 0) & np.isfinite(every)
+        own = np.asarray(run.modes["approach"] == approach) & (every > 0) & np.isfinite(every)
         if own.any():
             drawn = True
             f, error = run.modes["frequency_hz"][own] / 1e3, every[own]

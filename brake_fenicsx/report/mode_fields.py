@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -184,19 +184,17 @@ def _write_equilibrium(
 
 
 def _severe(study: Study) -> tuple[RunData, list[list[ModeKey]]]:
-    """Tables of the study, and the modes drawn of each approach that squeals; collective."""
-    found: tuple[RunData, list[list[ModeKey]]] | None = None
-    if study.comm.rank == 0:
-        folder = study.store.directory
-        run = RunData(
-            folder,
-            modes=read_columns(folder / "modes.csv") if "stability" in study.scene.stages else None,
-            samples=read_columns(folder / "samples.csv"),
-            summary={"in_effect": in_effect(study.scene)},
-        )
+    """What is known of the study, and the modes drawn of each approach that squeals; collective."""
+    folder = study.store.directory
+    about = RunData(folder, summary={"in_effect": in_effect(study.scene)})
+
+    def severe() -> list[list[ModeKey]]:
+        modes = read_columns(folder / "modes.csv") if "stability" in study.scene.stages else None
+        run = replace(about, modes=modes, samples=read_columns(folder / "samples.csv"))
         keys = (run.squeal.representatives(name, MOST) for name in run.approaches)
-        found = run, [chosen for chosen in keys if chosen]
-    return study.comm.bcast(found, root=0)
+        return [chosen for chosen in keys if chosen]
+
+    return about, on_first(severe, study.comm)
 
 
 def _write_modes(

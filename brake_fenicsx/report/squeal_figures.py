@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 MANY_POINTS = 2000  # beyond this a scatter is rasterised inside the SVG
+DRAWN_POINTS = 50_000  # of a scatter; of more every n-th is drawn
 POINTS = 400  # of a curve over the samples
 KHZ = "frequency [kHz]"
 NARROW = 4.6  # [in] of figures that stand two in a row
@@ -55,7 +56,7 @@ def draw_squeal_map(run: RunData) -> Figure | None:
     # Room above the points for the legend; the panels share the axis.
     axes[0, 0].set_ylim(min(3 * low, -3e-3), max(20 * high, 2e-2))
     for axis, approach in zip(axes.flat, run.approaches, strict=True):
-        modes = run.squeal.modes(approach)
+        modes = run.squeal.modes(approach, ("frequency_hz", "damping", "verdict"))
         f, damping, verdict = modes["frequency_hz"] / 1e3, modes["damping"], modes["verdict"]
         squeal = squeals(modes, run.threshold)
         for name, own, colour, marker, size in (
@@ -256,6 +257,8 @@ def _scatter(
     if x.size == 0:
         return
     many = x.size > MANY_POINTS
+    step = -(-x.size // DRAWN_POINTS)
+    x, y = x[::step], y[::step]
     axes.scatter(
         x,
         y,

@@ -41,12 +41,9 @@ def squeal_map(
     if run.modes is None or run.modes["mode"].size == 0:
         return None
     names, modes = run.approaches, run.modes
-    number = np.full(modes["mode"].size, -1)
+    number = np.full(len(modes["mode"]), -1, dtype=np.int8)
     for j, name in enumerate(names):
-        own = modes["approach"] == name
-        if run.samples is not None:
-            own &= np.isin(modes["sample"], run.squeal.good(name))
-        number[own] = j
+        number[run.squeal.of_good(name)] = j
     hits = squeals(modes, run.threshold)
     total = int(np.sum(number >= 0))
     chosen, selection = _selected(number >= 0, hits, most)

@@ -56,9 +56,8 @@ def _stored(
     results: Results, columns: tuple[str, ...]
 ) -> Iterator[tuple[list[Any], complex, list[Any]]]:
     """Values of ``MODE`` of each stored row, the linear eigenvalue, and the other columns."""
-    for task in results.good():
-        data, family = results.stored[task], results.families.get(task)
-        if columns[0] not in data or family is None:
+    for task, data, family in results.more:
+        if columns[0] not in data:
             continue
         for mode, *values in zip(*(data[name] for name in columns), strict=True):
             yield [*task, int(family[mode]), int(mode)], complex(data["s"][mode]), values

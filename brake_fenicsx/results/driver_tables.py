@@ -13,8 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.folder.sample_files import Task
-
 from .squeal import squeals
 from .stored import Results
 from .tables import write_rows
@@ -75,43 +73,38 @@ def _names(data: dict[str, Any]) -> list[tuple[str, str]]:
 
 
 def _rows(results: Results, threshold: float) -> Iterator[list[Any]]:
-    families, first = results.families, dict(results.first())
-    for approach in dict.fromkeys(name for name, _ in results.good()):
-        own = [t for t in results.good() if t[0] == approach]
-        nominal = approach, first[approach]
-        data = results.stored[nominal]
+    for nominal, data in results.first.items():
+        own = [(d, family) for task, d, family in results.more if task[0] == nominal[0]]
+        family = next((f for task, _, f in results.more if task == nominal), np.zeros(0, np.int32))
         for place in _squealing(data, threshold):
             mode = int(data["driver_mode"][place])
             for name, numbers in zip(_names(data), _numbers(data, place), strict=True):
-                place_of = [*nominal, int(families[nominal][mode]), mode]
-                yield [*place_of, *_row(numbers, name, 1)]
-        if len(own) > 1:
-            yield from _medians(results, own, threshold)
+                yield [*nominal, int(family[mode]), mode, *_row(numbers, name, 1)]
+        if results.good(nominal[0]) > 1:
+            yield from _medians(nominal[0], own, threshold)
 
 
-def _medians(results: Results, tasks: list[Task], threshold: float) -> Iterator[list[Any]]:
+def _medians(
+    approach: str, samples: list[tuple[dict[str, Any], NDArray[np.int32]]], threshold: float
+) -> Iterator[list[Any]]:
     """Of the modes of each family, parameters that all of them have."""
-    families = results.families
     members: dict[int, list[dict[tuple[str, str], NDArray]]] = {}
-    for task in tasks:
-        data = results.stored[task]
+    for data, family in samples:
         for place in _squealing(data, threshold):
-            family = int(families[task][int(data["driver_mode"][place])])
             rows = dict(zip(_names(data), _numbers(data, place), strict=True))
-            members.setdefault(family, []).append(rows)
+            members.setdefault(int(family[int(data["driver_mode"][place])]), []).append(rows)
     members.pop(-1, None)
-    for family, own in sorted(members.items()):
+    for number, own in sorted(members.items()):
         for name in own[-1]:
             if all(name in rows for rows in own):
                 each = np.array([rows[name] for rows in own])
                 median = np.r_[np.median(each[:, :7], axis=0), each[:, 7].mean()]
-                yield [tasks[0][0], MEDIAN, family, None, *_row(median, name, len(own))]
+                yield [approach, MEDIAN, number, None, *_row(median, name, len(own))]
 
 
 def _maps(results: Results, threshold: float) -> Iterator[list[Any]]:
     """Contact elements of the first samples."""
-    for task in results.first():
-        data = results.stored[task]
+    for task, data in results.first.items():
         if "driver_map" not in data:
             continue
         for place in _squealing(data, threshold):

@@ -99,14 +99,15 @@ class ModeFamilies:
         frequencies: its frequency [Hz], at least 1.
     """
 
-    def __init__(self, least: float = 0.5):
-        """Begin without families.
+    def __init__(self, least: float = 0.5, known: ModeFamilies | None = None):
+        """Begin with the families that are known.
 
         Args:
             least: smallest MAC of a match.
+            known: families; none if None.
         """
-        self.vectors: list[Complex] = []
-        self.frequencies: list[float] = []
+        self.vectors: list[Complex] = [] if known is None else [*known.vectors]
+        self.frequencies: list[float] = [] if known is None else [*known.frequencies]
         self._least = least
 
     def add(self, shapes: Complex, frequencies: Array) -> NDArray[np.intp]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
 
+from .columns import parquet_of
 from .squeal import SquealTable
 from .tables import CONTACT, MODES, SAMPLES, Columns, read_columns
 
@@ -70,13 +71,15 @@ class RunData:
         """Its modes that squeal, counted."""
         return SquealTable(self.modes, self.samples, self.threshold)
 
-    @property
+    @cached_property
     def approaches(self) -> list[str]:
         """Names of the approaches that were run, in the order of the figures."""
+        import pandas as pd
+
         names: set[str] = set()
         for table in (self.samples, self.modes):
             if table is not None:
-                names.update(map(str, table["approach"]))
+                names.update(map(str, pd.unique(table["approach"])))
         return sort_approaches(names)
 
     @property
@@ -153,7 +156,8 @@ def read_run(directory: str | Path | RunData) -> RunData:
 
 
 def _table(path: Path, required: Sequence[str]) -> Columns | None:
-    return read_columns(path, required) if path.is_file() else None
+    there = path.is_file() or parquet_of(path).is_file()
+    return read_columns(path, required) if there else None
 
 
 def _tables(root: Path, names: Sequence[str]) -> dict[str, Columns]:

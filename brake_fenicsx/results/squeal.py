@@ -8,8 +8,9 @@ the median of its damping there. Samples that failed do not count.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -120,10 +121,10 @@ class SquealTable:
         if modes is None:
             modes = {name: np.empty(0, str if name in TEXT else float) for name in MODES}
         self.threshold = threshold
-        self._modes = pd.DataFrame(modes)
+        self._modes = modes
         if samples is None:
-            self._samples = self._modes[["approach", "sample"]].drop_duplicates()
-            self._samples["status"] = "ok"
+            self._samples = pd.DataFrame({n: modes[n] for n in ("approach", "sample")})
+            self._samples = self._samples.drop_duplicates().assign(status="ok")
         else:
             self._samples = pd.DataFrame({n: samples[n] for n in ("approach", "sample", "status")})
         self._known: dict[tuple[str, ...], Any] = {}
@@ -138,14 +139,26 @@ class SquealTable:
         own = self._samples[self._samples.approach == approach]
         return np.unique(own["sample"][own.status == "ok"]).astype(np.int64)
 
-    def modes(self, approach: str) -> pd.DataFrame:
-        """All modes of the samples that ended well, with the columns of modes.csv."""
+    def of_good(self, approach: str) -> NDArray[np.bool_]:
+        """Which rows of modes.csv are modes of samples that ended well, shape (modes,)."""
 
-        def chosen() -> pd.DataFrame:
-            own = self._modes[self._modes.approach == approach]
-            return own[own["sample"].isin(self.good(approach))].reset_index(drop=True)
+        def chosen() -> NDArray[np.bool_]:
+            own = np.asarray(self._modes["approach"] == approach)
+            return own & np.isin(self._modes["sample"], self.good(approach))
 
-        return self._once(("modes", approach), chosen)
+        return self._once(("good", approach), chosen)
+
+    def modes(self, approach: str, columns: Sequence[str] | None = None) -> pd.DataFrame:
+        """All modes of the samples that ended well.
+
+        Args:
+            approach: name of the approach.
+            columns: of modes.csv; all of them if None.
+        """
+        import pandas as pd
+
+        own = self.of_good(approach)
+        return pd.DataFrame({n: self._modes[n][own] for n in columns or self._modes})
 
     def squeal_modes(self, approach: str, family: int | None = None) -> pd.DataFrame:
         """Modes that squeal, with the column ``key`` of their family beside those of modes.csv.
@@ -156,8 +169,10 @@ class SquealTable:
         """
 
         def chosen() -> pd.DataFrame:
-            modes = self.modes(approach)
-            loud = modes[squeals(modes, self.threshold)].reset_index(drop=True)
+            import pandas as pd
+
+            rows = np.flatnonzero(self.of_good(approach) & squeals(self._modes, self.threshold))
+            loud = pd.DataFrame({n: self._modes[n][rows] for n in self._modes})
             band = -1 - (loud.frequency_hz // WIDTH).astype(int)
             return loud.assign(key=loud.family.where(loud.family >= 0, band).astype(int))
 
@@ -166,13 +181,16 @@ class SquealTable:
 
     def count(self, approach: str) -> ApproachCount:
         """Count samples, modes, and modes that are unstable or squeal, of one approach."""
-        good, modes, loud = self.good(approach), self.modes(approach), self.squeal_modes(approach)
+        return self._once(("count", approach), lambda: self._counted(approach))
+
+    def _counted(self, approach: str) -> ApproachCount:
+        good, own, loud = self.good(approach), self.of_good(approach), self.squeal_modes(approach)
+        verdict = self._modes["verdict"]
         per_sample = loud.groupby("sample").size().reindex(good, fill_value=0).to_numpy()
         return ApproachCount(
             approach, good.size, int((self._samples.approach == approach).sum()) - good.size,
-            len(modes), int((modes.verdict == "unstable").sum()),
-            int((modes.verdict == "neutral").sum()), len(loud), int(np.count_nonzero(per_sample)),
-            per_sample,
+            int(own.sum()), int((own & (verdict == "unstable")).sum()),
+            int((own & (verdict == "neutral")).sum()), len(loud), int(np.count_nonzero(per_sample)), per_sample,
         )  # fmt: skip
 
     def families(self, approach: str) -> list[Family]:
@@ -204,10 +222,11 @@ class SquealTable:
             chosen.append(ModeKey(approach, *numbers, *values, family))
         return chosen
 
-    @property
+    @cached_property
     def edges(self) -> NDArray[np.float64]:
         """Edges [Hz] of equal frequency bands over all modes: at most 20, of a round width."""
-        top = float(self._modes.frequency_hz.max()) if len(self._modes) else 1.0
+        f = self._modes["frequency_hz"]
+        top = float(f.max()) if len(f) else 1.0
         decades = 10.0 ** np.arange(-3, 7)[:, None] * np.array([1.0, 2.0, 5.0])
         width = float(decades[decades * MOST_BANDS >= top].min())
         return width * np.arange(np.ceil(top / width * (1 - 1e-12)) + 1.0, dtype=float)

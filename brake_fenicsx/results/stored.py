@@ -6,6 +6,8 @@ Rows stand in the order of the tasks: no order of work shows.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import nullcontext
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -15,39 +17,32 @@ from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.contact import Contact
-from brake_fenicsx.uncertainty.forces import forces_of_sample, forces_of_samples
+from brake_fenicsx.uncertainty.forces import force_statistics
 from brake_fenicsx.uncertainty.numbering import dof_points
 from brake_fenicsx.uncertainty.shapes import FILE as SHAPES
 from brake_fenicsx.uncertainty.shapes import family_shapes
 from brake_fenicsx.uncertainty.study import Study
 
+from .blocks import Block, Condensing, blocks_of, condensing_of
+from .columns import column_writer, ma
 from .families import ModeFamilies
 from .run import RunData
-from .squeal import squeals
-from .tables import CONTACT, MODES, SAMPLES, read_columns, write_rows
+from .tables import CONTACT, MODES, SAMPLES, Columns, read_columns, write_rows
 
 Array = NDArray[np.float64]
 Data = dict[str, Any]
-# Of every contact element or coordinate: kept of the first good sample of an approach alone, so
-# that 10^5 samples need some hundred bytes for each of their modes.
-LARGE = frozenset(
-    {
-        "g", "g_cr", "p", "k", "k_vibration", "law", "mu", "mu_equilibrium", "coordinates",
-        "driver_map", "driver_work",
-    }
-)  # fmt: skip
+# Names of the arrays that tables of drivers and of limit cycles are made of begin so.
+MORE = ("driver_", "cycle_", "branch_")
 
 
 class Results:
-    """Stored samples of a study, each read once.
+    """Stored samples of a study, read once, block by block.
 
     Attributes:
-        tasks: the samples wanted.
-        stored: arrays of each one that is there, LARGE ones of the first good ones alone.
-        families: family of every mode of the good samples that have modes; -1 where samples have no
-            common basis to be compared in.
+        first: approach and number of the first good sample of each approach, and its arrays.
         members: vectors and frequencies of the first mode of each family.
-        derived: what ``derive`` made of each good sample.
+        more: samples with derivatives or limit cycles: their task, arrays by name with "s",
+            "damping", "verdict" and "condition", and the family of each mode.
     """
 
     def __init__(
@@ -56,9 +51,8 @@ class Results:
         tasks: Sequence[Task],
         verify: Sequence[Task] = (),
         verified: str = "multi-scale",
-        threshold: float = 0.0,
-        sliding: NDArray[np.bool_] | None = None,
-        derive: Callable[[Data], Any] | None = None,
+        condense: Condensing | None = None,
+        modes: Callable[[Columns], None] | None = None,
     ):
         """Read the samples.
 
@@ -67,155 +61,137 @@ class Results:
             tasks: approach and number of each sample.
             verify: samples of the verification.
             verified: approach that they verify.
-            threshold: a mode squeals where its damping lies below minus this.
-            sliding: elements over which friction is averaged, shape (elements,); all if None.
-            derive: what else is made of the arrays of a good sample.
+            condense: how samples become columns; with what all scenes have in common if None.
+            modes: is given the columns of modes.csv of each block, in order.
         """
-        self.tasks, self.verify, self.verified = list(tasks), list(verify), verified
-        self.stored: dict[Task, Data] = {}
-        self.families: dict[Task, NDArray[np.int32]] = {}
-        self.members = ModeFamilies()
-        self.derived: dict[Task, Any] = {}
-        self._threshold, self._sliding = threshold, sliding
-        self._first: dict[str, Task] = {}
+        condense = condense or Condensing()
+        self.first: dict[Task, Data] = {}
+        self.members = ModeFamilies(known=condense.founders)
+        self.more: list[tuple[Task, Data, NDArray[np.int32]]] = []
+        self._verify = {task: store.samples.load(task) or {} for task in verify}
+        self._reduced: dict[int, Data] = {}
+        self._verified = verified
         self._squealing: dict[int, NDArray[np.complex64]] = {}
-        self._texts: dict[str, NDArray] = {}
-        for task in [*self.tasks, *self.verify]:
-            data = store.samples.load(task)
-            if data is None:
-                continue
-            if str(data["status"]) == "ok" and task not in self.verify:
-                self._good(task, data)
-                if derive is not None:
-                    self.derived[task] = derive(data)
-            self.stored[task] = self._kept(task, data)
+        self._beyond = ModeFamilies()
+        self._rows: list[tuple[Any, ...]] = []
+        self._layers: list[str] = []
+        self._counts = {name: _Counts() for name in dict.fromkeys(name for name, _ in tasks)}
+        for block in blocks_of(store, tasks, condense):
+            for task, status in zip(block.tasks, block.scalars("status", ""), strict=True):
+                if status == "ok" and all(task[0] != name for name, _ in self.first):
+                    self.first[task] = store.samples.load(task) or {}
+            family = self._families(block, len(condense.founders.vectors))
+            self._samples(block)
+            self._count(block)
+            self._more(block, family)
+            self._compare(block)
+            if modes is not None and "s" in block:
+                layers = (names.tolist() for names in block.each("layers") if names is not None)
+                self._layers = self._layers or next(layers, [])
+                modes(_modes(block, family, self._layers))
 
-    def _good(self, task: Task, data: Data) -> None:
-        """Families of the modes of a good sample."""
-        self._first.setdefault(task[0], task)
-        if "s" not in data:
-            return
-        if "coordinates" not in data:
-            self.families[task] = np.full(data["s"].size, -1, dtype=np.int32)
-            return
-        shapes = data["coordinates"]
-        family = self.members.add(shapes.astype(complex), np.abs(data["s"].imag) / 2 / np.pi)
-        self.families[task] = family.astype(np.int32)
-        for i in np.flatnonzero(squeals(data, self._threshold)):
-            self._squealing.setdefault(int(family[i]), shapes[:, i].copy())
+    def good(self, approach: str) -> int:
+        """Number of the samples that were computed without error."""
+        return self._counts[approach].good
 
-    def _kept(self, task: Task, data: Data) -> Data:
-        """What is kept of the arrays of a sample, and the mean of its friction."""
-        mu = None
-        if "mu" in data:
-            chosen = data["mu"] if self._sliding is None else data["mu"][self._sliding]
-            ends = {float(chosen.min()), float(chosen.max())} if chosen.size else {0.0}
-            # The mean of equal numbers is off by round-off.
-            mu = float(f"{chosen.mean():.12g}") if len(ends) > 1 else ends.pop()
-        large = frozenset() if self._first.get(task[0]) == task else LARGE
-        kept = {name: self._small(name, v) for name, v in data.items() if name not in large}
-        return {**kept, "mean_mu": mu}
+    @property
+    def forces(self) -> dict[str, Array]:
+        """Forces on the pads of each approach, shape (good samples, pads, numbers)."""
+        return {name: np.array(c.forces) for name, c in self._counts.items() if c.forces}
 
-    def _small(self, name: str, values: Any) -> Any:
-        """The same values in less memory: names that are the same in all samples are held once."""
-        values = np.asarray(values)
-        if values.ndim == 0:
-            return values.item()
-        if values.dtype.kind != "U":
-            return values
-        known = self._texts.setdefault(name, values)
-        if np.array_equal(known, values):
-            return known
-        unique, place = np.unique(values, return_inverse=True)
-        return unique.astype(object)[place.reshape(values.shape)]
+    def _families(self, block: Block, known: int) -> NDArray[np.int32]:
+        """Family of every mode of a block, shape (modes,).
 
-    def good(self) -> list[Task]:
-        """Samples that were computed without error."""
-        return [t for t in self.tasks if t in self.stored and self.stored[t]["status"] == "ok"]
-
-    def first(self) -> list[Task]:
-        """The first good sample of each approach."""
-        return list(self._first.values())
-
-    def squealing_members(self) -> tuple[list[int], NDArray[np.complex128]]:
-        """Numbers of the families that squeal, and the vector of the first such mode of each."""
-        numbers = sorted(self._squealing)
-        vectors = [self._squealing[n].astype(complex) for n in numbers]
-        return numbers, np.array(vectors).T if vectors else np.zeros((0, 0), complex)
-
-    def sample_columns(self, first: Sequence[str]) -> list[str]:
-        """Columns of samples.csv: the fixed ones, friction, and one per random input."""
-        return [*first, "mu", *self._inputs(), *self._rejected(), *self._proofs()]
-
-    def _rejected(self) -> list[str]:
-        """The column of rejected draws, where materials are random and some may be."""
-        return ["rejected"] if any(n.startswith("materials.") for n in self._inputs()) else []
-
-    def _proofs(self) -> list[str]:
-        """Columns of what modes leave open, where there are modes.
-
-        tolerance_missed: modes whose estimated error exceeds stability.tolerance; complete: whether
-        it is proven that no mode is missing.
+        Families of the block are matched to those of earlier ones, not to the ones that it knew:
+        their modes did not match these, or another mode of the sample did.
         """
-        found = any("counted" in self.stored[t] for t in self.good())
-        return ["tolerance_missed", "complete"] if found else []
+        new = block.beside["vectors"]
+        numbers = np.arange(known + len(new))
+        if len(new):
+            numbers[known:] = known + self._beyond.add(new.T, block.beside["frequencies"])
+            founded = slice(len(self.members.vectors) - known, None)
+            self.members.vectors += self._beyond.vectors[founded]
+            self.members.frequencies += self._beyond.frequencies[founded]
+        squealing = zip(block.beside["squealing"], block.beside["squealing_vectors"], strict=True)
+        for n, vector in squealing:
+            self._squealing.setdefault(int(numbers[n]), vector)
+        if "family" not in block:
+            return np.zeros(0, dtype=np.int32)
+        own = block.column("family")
+        return np.where(own < 0, -1, numbers[own]).astype(np.int32)
 
-    def _inputs(self) -> list[str]:
-        names = {str(n) for t in self.good() for n in self.stored[t]["random_names"]}
-        return sorted(names)
-
-    def samples(self) -> Iterator[list[Any]]:
+    def _samples(self, block: Block) -> None:
         """Rows of samples.csv."""
-        # Each of these looks at all samples.
-        names, counts, proofs = self._inputs(), self._rejected(), self._proofs()
-        for task in self.tasks:
-            data = self.stored.get(task)
-            if data is None:
-                continue
-            drawn = dict(
-                zip(map(str, data.get("random_names", ())), data.get("random", ()), strict=True)
-            )
-            seed = int(data["seed"]) if "seed" in data else None
-            values = [float(drawn[n]) if n in drawn else None for n in names]
-            rejected = int(data["rejected"]) if "rejected" in data else None
-            left: dict[str, Any] = {"tolerance_missed": None, "complete": None}
-            if "counted" in data:
-                proven = "yes" if _complete(data) else "no"
-                left = {"tolerance_missed": int(data["tolerance_missed"]), "complete": proven}
-            yield [
-                *task, data["status"], seed, data["mean_mu"], *values,
-                *(rejected for _ in counts), *(left[name] for name in proofs),
-            ]  # fmt: skip
+        columns = [block.scalars(name, None) for name in ("status", "seed", "mean_mu", "rejected")]
+        missed, counted = (block.scalars(name, None) for name in ("tolerance_missed", "counted"))
+        proven = [None if how is None else "yes" if _complete(how) else "no" for how in counted]
+        names, values = block.each("random_names"), block.each("random")
+        inputs = [
+            {}
+            if name is None or value is None
+            else dict(zip(name.tolist(), value.tolist(), strict=True))
+            for name, value in zip(names, values, strict=True)
+        ]
+        self._rows += zip(block.tasks, *columns, missed, proven, inputs, strict=True)
 
-    def mode_columns(self, first: Sequence[str]) -> list[str]:
-        """Columns of modes.csv: the fixed ones, the flutter partner, and one share per layer."""
-        return [*first, "partner", *(f"share_{name}" for name in self._layers())]
+    def samples(self) -> tuple[list[str], Iterator[list[Any]]]:
+        """Columns of samples.csv, and its rows.
 
-    def _layers(self) -> list[str]:
-        """Layers whose shares of the kinetic energy are stored."""
-        found = (d["layers"] for d in self.stored.values() if "layers" in d)
-        return [str(name) for name in next(found, ())]
+        There is a column for each random input, one of rejected draws where materials are random,
+        and, where there are modes, two of what they leave open: tolerance_missed, the modes whose
+        estimated error exceeds stability.tolerance, and complete, whether it is proven that no mode
+        is missing.
+        """
+        names = sorted({name for row in self._rows if row[1] == "ok" for name in row[-1]})
+        drawn = any(name.startswith("materials.") for name in names)
+        modes = any(row[-2] is not None for row in self._rows if row[1] == "ok")
+        heads = [*SAMPLES, "mu", *names]
+        heads += ["rejected"] * drawn + ["tolerance_missed", "complete"] * modes
 
-    def modes(self) -> Iterator[list[Any]]:
-        """Rows of modes.csv."""
-        layers = len(self._layers())
-        for task, family in self.families.items():
-            d = self.stored[task]
-            shares = d.get("shares", np.full((layers, d["s"].size), np.nan))
-            partner = d.get("partner", np.full(d["s"].size, -1))
-            for i, s in enumerate(d["s"]):
-                yield [
-                    *task, i, float(abs(s.imag) / (2 * np.pi)), float(s.real),
-                    float(d["damping"][i]), float(d["residual"][i]), float(d["error"][i]),
-                    float(d["condition"][i]), str(d["verdict"][i]), int(family[i]),
-                    int(partner[i]) if partner[i] >= 0 else None,
-                    *(None if np.isnan(value) else float(value) for value in shares[:, i]),
-                ]  # fmt: skip
+        def rows() -> Iterator[list[Any]]:
+            for task, status, seed, mu, rejected, missed, proven, inputs in self._rows:
+                more = [rejected] * drawn + [missed, proven] * modes
+                yield [*task, status, seed, mu, *map(inputs.get, names), *more]
+
+        return heads, rows()
+
+    def _count(self, block: Block) -> None:
+        """Sums for the summary."""
+        names = np.array([name for name, _ in block.tasks])
+        good = np.array(block.scalars("status", "")) == "ok"
+        texts = block.scalars("counted", None)
+        for name in dict.fromkeys(names.tolist()):
+            own = np.flatnonzero((names == name) & good)
+            self._counts[name].add_samples(block, own, [texts[i] for i in own if texts[i]])
+        if "s" in block:
+            approach = np.repeat(names, block.sizes("s"))
+            for name in dict.fromkeys(approach.tolist()):
+                self._counts[name].add_modes(block, approach == name)
+
+    def _compare(self, block: Block) -> None:
+        """Keep what the verification compares."""
+        for i, task in enumerate(block.tasks):
+            if task[0] == self._verified and task[1] < len(self._verify):
+                names = (name for name in ("s", "verdict") if name in block)
+                arrays = {name: block.each(name)[i] for name in names}
+                self._reduced[task[1]] = {k: a for k, a in arrays.items() if a is not None}
+
+    def _more(self, block: Block, family: NDArray[np.int32]) -> None:
+        """Samples with derivatives or limit cycles."""
+        names = [name for name in block.names if name.startswith(MORE)]
+        if not names:
+            return
+        names += ["s", "damping", "verdict", "condition"]
+        each = [block.each(name) for name in names]
+        families = np.split(family, np.cumsum(block.sizes("s"))[:-1])
+        for task, own, *arrays in zip(block.tasks, families, *each, strict=True):
+            data = {name: a for name, a in zip(names, arrays, strict=True) if a is not None}
+            if any(name.startswith(MORE) for name in data):
+                self.more.append((task, data, own))
 
     def contact(self, contact: Contact) -> Iterator[list[Any]]:
         """Rows of contact.csv: the first good sample of each approach."""
-        for task in self.first():
-            d = self.stored[task]
+        for task, d in self.first.items():
             for i, (x, y, z) in enumerate(contact.points):
                 own = (d[name][i] for name in ("g", "g_cr", "p", "k", "k_vibration"))
                 values = (x, y, z, contact.w[i], *own)
@@ -223,68 +199,134 @@ class Results:
 
     def facts(self) -> dict[str, Any]:
         """Figures for the summary."""
-        known = [self.stored[t]["status"] for t in self.tasks if t in self.stored]
         facts: dict[str, Any] = {
-            "samples": {}, "failed_samples": sum(status != "ok" for status in known)
+            "samples": {}, "failed_samples": sum(row[1] != "ok" for row in self._rows)
         }  # fmt: skip
-        for name in dict.fromkeys(t[0] for t in self.tasks):
-            own = [self.stored[t] for t in self.good() if t[0] == name]
-            about: dict[str, Any] = {"good": len(own)}
-            if own and "s" in own[0]:
-                from brake_fenicsx.stability.modes import relative_errors
-
-                about |= {
-                    "modes": int(sum(d["s"].size for d in own)),
-                    "counted_by": str(own[0]["counted"]),
-                    "not_complete": sum(not _complete(d) for d in own),
-                    "tolerance_missed": int(sum(d["tolerance_missed"] for d in own)),
-                    "largest_error": max(
-                        float(np.fmax.reduce(relative_errors(d["s"], d["error"]), initial=0.0))
-                        for d in own
-                    ),
-                    "unstable": int(sum((d["verdict"] == "unstable").sum() for d in own)),
-                    "neutral": int(sum((d["verdict"] == "neutral").sum() for d in own)),
-                    "seconds_per_stability": _median(own, "stability_seconds"),
-                }
-            if any("rejected" in d for d in own):
-                about["rejected_draws"] = int(sum(int(d["rejected"]) for d in own))
-            if own:
-                about["seconds_per_equilibrium"] = _median(own, "equilibrium_seconds")
-                about["newton_iterations"] = _median(own, "equilibrium_iterations")
-            facts["samples"][name] = about
-        if self.verify:
+        for name, counts in self._counts.items():
+            facts["samples"][name] = counts.facts()
+        if self._verify:
             facts["verification"] = self._verification()
         return facts
 
     def _verification(self) -> dict[str, Any]:
         """Reduced samples against full order."""
         errors, wrong, compared = [np.zeros(0)], 0, 0
-        for task in self.verify:
-            full = self.stored.get(task)
-            mine = [d for t, d in self.stored.items() if t[1] == task[1] and t[0] == self.verified]
-            if full is None or "s" not in full or not mine or mine[0]["s"].size != full["s"].size:
+        for (_, number), full in self._verify.items():
+            mine = self._reduced.get(number, {})
+            if "s" not in full or "s" not in mine or mine["s"].size != full["s"].size:
                 continue
             compared += 1
-            errors.append(np.abs(mine[0]["s"] - full["s"]) / np.abs(full["s"]))
-            pairs = zip(mine[0]["verdict"], full["verdict"], strict=True)
+            errors.append(np.abs(mine["s"] - full["s"]) / np.abs(full["s"]))
+            pairs = zip(mine["verdict"], full["verdict"], strict=True)
             wrong += sum({str(a), str(b)} == {"stable", "unstable"} for a, b in pairs)
         error = np.concatenate(errors)
         return {
-            "samples_asked": len(self.verify), "samples_compared": compared,
+            "samples_asked": len(self._verify), "samples_compared": compared,
             "eigenvalues": int(error.size), "wrong_verdicts": wrong,
             "largest_relative_error": float(error.max()) if error.size else None,
             "median_relative_error": float(np.median(error)) if error.size else None,
         }  # fmt: skip
 
+    def squealing_members(self) -> tuple[list[int], NDArray[np.complex128]]:
+        """Numbers of the families that squeal, and the vector of the first such mode of each."""
+        numbers = sorted(self._squealing)
+        vectors = [self._squealing[n].astype(complex) for n in numbers]
+        return numbers, np.array(vectors).T if vectors else np.zeros((0, 0), complex)
 
-def _complete(data: dict[str, Any]) -> bool:
-    """Whether it is proven that a sample misses no mode."""
-    how = str(data["counted"])
+
+@dataclass
+class _Counts:
+    """Sums over the good samples of an approach."""
+
+    good: int = 0
+    modes: int = 0
+    unstable: int = 0
+    neutral: int = 0
+    tolerance_missed: int = 0
+    not_complete: int = 0
+    largest_error: float = 0.0
+    rejected: int | None = None
+    counted_by: str | None = None
+    forces: list[Array] = field(default_factory=list)
+    of_each: dict[str, list[float]] = field(default_factory=dict)
+
+    def add_samples(self, block: Block, own: NDArray[np.intp], counted: list[str]) -> None:
+        """Samples of a block by their places, and how their modes were counted."""
+        self.good += own.size
+        self.counted_by = self.counted_by or next(iter(counted), None)
+        self.not_complete += sum(not _complete(how) for how in counted)
+        for name in ("stability_seconds", "equilibrium_seconds", "equilibrium_iterations"):
+            values = block.scalars(name, None)
+            known = self.of_each.setdefault(name, [])
+            known += [float(values[i]) for i in own if values[i] is not None]
+        missed = block.scalars("tolerance_missed", 0)
+        self.tolerance_missed += sum(int(missed[i]) for i in own)
+        if "rejected" in block:
+            rejected = block.scalars("rejected", 0)
+            self.rejected = (self.rejected or 0) + sum(int(rejected[i]) for i in own)
+        forces = block.each("forces")
+        self.forces += [f for i in own if (f := forces[i]) is not None]
+
+    def add_modes(self, block: Block, own: NDArray[np.bool_]) -> None:
+        """Modes of a block that are of the approach."""
+        from brake_fenicsx.stability.modes import relative_errors
+
+        error = relative_errors(block.column("s")[own], block.column("error")[own])
+        verdict = block.column("verdict")[own]
+        self.modes += int(own.sum())
+        self.largest_error = max(self.largest_error, float(np.fmax.reduce(error, initial=0.0)))
+        self.unstable += int((verdict == "unstable").sum())
+        self.neutral += int((verdict == "neutral").sum())
+
+    def facts(self) -> dict[str, Any]:
+        """Figures for the summary."""
+        about: dict[str, Any] = {"good": self.good}
+        if self.counted_by is not None:
+            about |= {
+                "modes": self.modes, "counted_by": self.counted_by,
+                "not_complete": self.not_complete, "tolerance_missed": self.tolerance_missed,
+                "largest_error": self.largest_error, "unstable": self.unstable,
+                "neutral": self.neutral,
+                "seconds_per_stability": float(np.median(self.of_each["stability_seconds"])),
+            }  # fmt: skip
+        if self.rejected is not None:
+            about["rejected_draws"] = self.rejected
+        if self.good:
+            for name, key in (("seconds_per_equilibrium", "equilibrium_seconds"),
+                              ("newton_iterations", "equilibrium_iterations")):  # fmt: skip
+                about[name] = float(np.median(self.of_each[key]))
+        return about
+
+
+def _modes(block: Block, family: NDArray[np.int32], layers: Sequence[str]) -> Columns:
+    """Columns of modes.csv: the fixed ones, the flutter partner, and one share per layer."""
+    sizes, s = block.sizes("s"), block.column("s")
+    approaches, samples = (np.array(values) for values in zip(*block.tasks, strict=True))
+    start = np.repeat(np.cumsum(sizes) - sizes, sizes)
+    fixed = (
+        np.repeat(approaches, sizes), np.repeat(samples.astype(np.int32), sizes),
+        (np.arange(s.size) - start).astype(np.int16), np.abs(s.imag) / (2 * np.pi), s.real.copy(),
+        *(block.column(name) for name in ("damping", "residual", "error", "condition", "verdict")),
+        family,
+    )  # fmt: skip
+    none = [np.full((len(layers), size), np.nan) for size in sizes]
+    shares, partners = block.each("shares"), block.each("partner")
+    share = np.concatenate(
+        [n if a is None else a for a, n in zip(shares, none, strict=True)], axis=1
+    )
+    partner = np.concatenate(
+        [np.full(n, -1) if a is None else a for a, n in zip(partners, sizes, strict=True)]
+    )
+    return {
+        **dict(zip(MODES, fixed, strict=True)),
+        "partner": ma.masked_less(partner.astype(np.int32), 0),
+        **{f"share_{name}": ma.masked_invalid(share[i]) for i, name in enumerate(layers)},
+    }
+
+
+def _complete(how: str) -> bool:
+    """Whether the count of the modes of a sample proves that none is missing."""
     return not how.startswith("not counted") and "not proven" not in how
-
-
-def _median(rows: Sequence[dict[str, Any]], name: str) -> float:
-    return float(np.median([float(d[name]) for d in rows]))
 
 
 def write_results(study: Study) -> dict[Task, dict[str, Any]]:
@@ -308,18 +350,23 @@ def write_results(study: Study) -> dict[Task, dict[str, Any]]:
 def _tables(
     study: Study, points: NDArray[np.float64]
 ) -> tuple[dict[Task, dict[str, Any]], dict[str, Any]]:
-    """The same on one process: all samples are read."""
+    """The same on one process."""
     scene, path, stability = study.scene, study.store.path, study.scene.stability
-    results = Results(
-        study.store, study.tasks, study.verify, study.verified,
-        stability.threshold if stability else 0.0, study.brake.contact.speed > 0,
-        forces_of_sample(scene, study.brake),
-    )  # fmt: skip
+    table = (
+        column_writer(path("modes.csv"), MODES) if "stability" in scene.stages else nullcontext()
+    )
+    with table as write:
+        results = Results(
+            study.store, study.tasks, study.verify, study.verified, condensing_of(study), write
+        )
     facts = results.facts()
-    facts["contact_forces"] = forces_of_samples(scene, results.derived)
-    write_rows(path("samples.csv"), results.sample_columns(SAMPLES), results.samples())
+    first = {task[0]: data for task, data in results.first.items()}
+    facts["contact_forces"] = {
+        name: force_statistics(scene, study.brake, first[name], values)
+        for name, values in results.forces.items()
+    }
+    write_rows(path("samples.csv"), *results.samples())
     if "stability" in scene.stages:
-        write_rows(path("modes.csv"), results.mode_columns(MODES), results.modes())
         if results.members.vectors:
             study.families = np.array(results.members.vectors).T
         _write_shapes(study, points, results)
@@ -335,11 +382,11 @@ def _tables(
     if stability is not None and {"stability", "uncertainty"} <= {*scene.stages}:
         from .probabilities import ensembles, write_causes
 
-        modes, table = (read_columns(path(f"{name}.csv")) for name in ("modes", "samples"))
+        modes, samples = (read_columns(path(f"{name}.csv")) for name in ("modes", "samples"))
         settings = {"in_effect": {"stability": {"threshold": stability.threshold}}}
-        found = ensembles(RunData(path(), modes, table, summary=settings), stability.band)
+        found = ensembles(RunData(path(), modes, samples, summary=settings), stability.band)
         facts["probabilities"] = write_causes(path(), scene.samples, found)
-    return {task: results.stored[task] for task in results.first()}, facts
+    return results.first, facts
 
 
 def _write_shapes(study: Study, points: NDArray[np.float64], results: Results) -> None:

@@ -11,15 +11,17 @@ import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.files import whole_file
 
+from .columns import parquet_of, read_parquet
+
 Value = str | int | float | None
-Columns = dict[str, NDArray]
+Columns = Mapping[str, Any]
 
 MODES = (
     "approach",
@@ -118,11 +120,12 @@ def read_columns(path: str | Path, required: Sequence[str] = ()) -> Columns:
     """Read a table as one array per column.
 
     Args:
-        path: the CSV file.
+        path: the CSV file; where it is not there, a Parquet file beside it is read.
         required: columns that must be there.
 
     Returns:
-        Arrays of shape (n_rows,) by name, of whole numbers, float64 (None becomes nan) or str.
+        Arrays of shape (n_rows,) by name, of whole numbers, float64 (None becomes nan) or str; of a
+        Parquet file read when they are asked for.
 
     Raises:
         SceneError: the file or a required column is missing.
@@ -130,6 +133,8 @@ def read_columns(path: str | Path, required: Sequence[str] = ()) -> Columns:
     import pandas as pd
 
     path = Path(path)
+    if not path.is_file() and parquet_of(path).is_file():
+        return read_parquet(parquet_of(path))
     lines = _lines(path)
     heading = next(lines)
     if missing := [name for name in required if name not in heading]:

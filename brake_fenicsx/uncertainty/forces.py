@@ -22,43 +22,50 @@ ROUND_OFF = 1e-9
 FEW = 0.01
 
 
-def forces_of_sample(scene: Scene, brake: Brake) -> Callable[[Mapping[str, Any]], list[PadForces]]:
-    """What makes the forces on the pads from the arrays of a stored sample.
+def forces_of_sample(scene: Scene, brake: Brake) -> Callable[[Mapping[str, Any]], Array]:
+    """What makes numbers of the forces on the pads from the arrays of a stored sample.
 
     Args:
         scene: the scene.
         brake: its operators.
+
+    Returns:
+        Of a sample, shape (pads, numbers), in the order of ``force_statistics``.
     """
     motion, names = scene_motion(scene), list(scene.contact)
+    turns = isinstance(motion, Rotation)
 
-    def forces(data: Mapping[str, Any]) -> list[PadForces]:
-        return pad_forces(brake.contact, names, motion, data["p"], np.asarray(data["mu"]))
+    def forces(data: Mapping[str, Any]) -> Array:
+        pads = pad_forces(brake.contact, names, motion, data["p"], np.asarray(data["mu"]))
+        return np.array([[*_numbers(pad, turns).values()] for pad in pads])
 
     return forces
 
 
-def forces_of_samples(
-    scene: Scene, found: Mapping[Task, list[PadForces]]
-) -> dict[str, dict[str, dict[str, Any]]]:
-    """Approach -> pad -> mean of each force over the good samples, and its standard deviation.
+def force_statistics(
+    scene: Scene, brake: Brake, first: Mapping[str, Any], values: Array
+) -> dict[str, dict[str, Any]]:
+    """Pad -> mean of each force over the good samples of an approach, and its standard deviation.
 
     Args:
         scene: the scene.
-        found: forces on the pads of each good sample.
+        brake: its operators.
+        first: arrays of one sample.
+        values: see ``forces_of_sample``, shape (samples, pads, numbers).
 
     Returns:
         Numbers by names that end in their unit; "normal_N_std" beside "normal_N" where there are
         two samples or more, None where something is not defined.
     """
-    turns = isinstance(scene_motion(scene), Rotation)
-    out: dict[str, dict[str, dict[str, Any]]] = {}
-    for approach in dict.fromkeys(name for name, _ in found):
-        samples = [pads for task, pads in found.items() if task[0] == approach]
-        out[approach] = {
-            pads[0].name: _statistics([_numbers(pad, turns) for pad in pads])
-            for pads in zip(*samples, strict=True)
-        }
-    return out
+    motion = scene_motion(scene)
+    pads = pad_forces(
+        brake.contact, list(scene.contact), motion, first["p"], np.asarray(first["mu"])
+    )
+    names = [_numbers(pad, isinstance(motion, Rotation)) for pad in pads]
+    return {
+        pad.name: _statistics([*own], values[:, i])
+        for i, (pad, own) in enumerate(zip(pads, names, strict=True))
+    }
 
 
 def _numbers(pad: PadForces, turns: bool) -> dict[str, float]:
@@ -80,10 +87,10 @@ def _numbers(pad: PadForces, turns: bool) -> dict[str, float]:
     }  # fmt: skip
 
 
-def _statistics(rows: list[dict[str, float]]) -> dict[str, float | None]:
+def _statistics(names: list[str], rows: Array) -> dict[str, float | None]:
+    """Mean and standard deviation of each column, shape (samples, names)."""
     out: dict[str, float | None] = {}
-    for name in rows[0]:
-        values = np.array([row[name] for row in rows])
+    for name, values in zip(names, rows.T, strict=True):
         known = bool(np.isfinite(values).all())
         out[name] = float(values.mean()) if known else None
         if len(values) > 1 and known and np.ptp(values) > ROUND_OFF * np.abs(values).max():

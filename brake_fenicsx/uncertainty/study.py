@@ -123,13 +123,18 @@ class Study:
                 reason = error
         raise reason
 
-    def run(self) -> None:
-        """Run every sample that is not stored yet; long ones first."""
+    def run(self, first: int | None = None) -> None:
+        """Run every sample that is not stored yet; long ones first.
+
+        Args:
+            first: so many of each approach, without the verification; all if None.
+        """
         reduced = self.models.by_reduction
-        long = [t for t in self.tasks if not reduced[t[0]]]
-        short = [t for t in self.tasks if reduced[t[0]]]
+        tasks = [t for t in self.tasks if first is None or t[1] < first]
+        long = [t for t in tasks if not reduced[t[0]]] + ([] if first else self.verify)
+        short = [t for t in tasks if reduced[t[0]]]
         # An equilibrium alone is no work for several processes.
-        run_ensemble(short, self.work, self.store, self.comm, [*long, *self.verify])
+        run_ensemble(short, self.work, self.store, self.comm, long)
 
     def work(self, task: Task) -> dict[str, Any]:
         """Equilibrium and modes of one sample, as arrays to store."""

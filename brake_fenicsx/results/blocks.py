@@ -1,0 +1,263 @@
+"""Columns of a block of samples: what the tables need of them, condensed once by who packs them.
+
+Modes of different blocks belong to one family where both know it: families are founded by the first
+samples of every approach, before any block is full. A mode that matches none of these founds a
+family of its block, and families of blocks are matched when the tables are written. A study of no
+more samples than a block has one pass over them.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.folder.processes import on_first
+from brake_fenicsx.folder.sample_files import BLOCK, FOLDER, Arrays, Task
+from brake_fenicsx.folder.store import Store
+from brake_fenicsx.uncertainty.forces import forces_of_sample
+from brake_fenicsx.uncertainty.study import Study
+
+from .families import ModeFamilies
+from .squeal import squeals
+
+# Of every contact element, coordinate or degree of freedom: no table has them of all samples.
+LARGE = frozenset(
+    {
+        "g", "g_cr", "p", "k", "k_vibration", "law", "mu", "mu_equilibrium", "coordinates",
+        "driver_map", "driver_work", "vectors", "vector_mode",
+    }
+)  # fmt: skip
+FOUNDING = 64  # samples of each approach whose families all blocks know
+FOUNDERS = f"{FOLDER}/families.npz"
+# What a block has beside the arrays of its samples.
+BESIDE = (
+    "approaches", "numbers", "founders", "vectors", "frequencies", "squealing",
+    "squealing_vectors",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Condensing:
+    """How the samples of a study become columns.
+
+    Attributes:
+        threshold: a mode squeals where its damping lies below minus this.
+        sliding: elements over which friction is averaged, shape (elements,); all if None.
+        forces: makes numbers of the forces on the pads, shape (pads, numbers), from a sample.
+        founders: families that all blocks know.
+    """
+
+    threshold: float = 0.0
+    sliding: NDArray[np.bool_] | None = None
+    forces: Callable[[Mapping[str, Any]], NDArray[np.float64]] | None = None
+    founders: ModeFamilies = field(default_factory=ModeFamilies)
+
+    @cached_property
+    def mark(self) -> str:
+        """Hash of the families that all blocks know."""
+        known = (v.tobytes() for v in self.founders.vectors)
+        return hashlib.sha256(b"".join(known)).hexdigest()
+
+    def __call__(self, tasks: Sequence[Task], load: Callable[[Task], Arrays | None]) -> Arrays:
+        """Columns of some samples.
+
+        Args:
+            tasks: approach and number of each.
+            load: arrays of a sample; None where it is not there.
+        """
+        members = ModeFamilies(known=self.founders)
+        squealing: dict[int, NDArray[np.complex64]] = {}
+        rows, there = [], []
+        for task in tasks:
+            data = load(task)
+            if data is None:
+                continue
+            row = {name: v for name, v in data.items() if name not in LARGE}
+            if str(data["status"]) == "ok":
+                row |= self._of_good(data, members, squealing)
+            rows.append(row)
+            there.append(task)
+        new = len(self.founders.vectors)
+        loud = [squealing[n] for n in sorted(squealing)]
+        return {
+            **_packed(rows), "approaches": np.array([name for name, _ in there], dtype=str),
+            "numbers": np.array([number for _, number in there], dtype=np.int64),
+            "founders": np.array(self.mark), "vectors": np.array(members.vectors[new:]),
+            "frequencies": np.array(members.frequencies[new:]),
+            "squealing": np.array(sorted(squealing), dtype=np.int64),
+            "squealing_vectors": np.array(loud),
+        }  # fmt: skip
+
+    def _of_good(
+        self, data: Mapping[str, Any], members: ModeFamilies, squealing: dict[int, NDArray]
+    ) -> Arrays:
+        """Mean friction, forces, and families of the modes of a good sample."""
+        out = {}
+        if "mu" in data:
+            out["mean_mu"] = np.array(_mean(data["mu"], self.sliding))
+        if self.forces is not None:
+            out["forces"] = self.forces(data)
+        if "s" in data:
+            out["family"] = np.full(data["s"].size, -1, dtype=np.int32)
+        if "coordinates" in data:
+            shapes = data["coordinates"]
+            found = members.add(shapes.astype(complex), np.abs(data["s"].imag) / 2 / np.pi)
+            out["family"] = found.astype(np.int32)
+            for i in np.flatnonzero(squeals(data, self.threshold)):
+                squealing.setdefault(int(found[i]), shapes[:, i].copy())
+        return out
+
+
+def condensing_of(study: Study) -> Condensing:
+    """How the samples of a study become columns; its founders are found where there are many."""
+    stability, store = study.scene.stability, study.store
+    founders = ModeFamilies()
+    if stability is not None and len(study.tasks) > BLOCK:
+        founders = _founders(store, study.tasks)
+    return Condensing(
+        stability.threshold if stability else 0.0, study.brake.contact.speed > 0,
+        forces_of_sample(study.scene, study.brake), founders,
+    )  # fmt: skip
+
+
+def prepare_blocks(study: Study) -> None:
+    """Let blocks of samples be condensed as they are packed; collective.
+
+    Where there are more samples than a block has, the first ones of every approach are computed.
+    A share computes none: without the families of a folder that was prepared its blocks are packed
+    as they are, and the end of the run condenses them.
+    """
+    many = study.scene.stability is not None and len(study.tasks) > BLOCK
+    there = on_first(lambda: study.store.path(FOUNDERS).is_file(), study.comm)
+    if many and not there and study.store.share is None:
+        study.run(FOUNDING)
+    if many and not there and study.store.share is not None:
+        return
+    if many:
+        on_first(lambda: _founders(study.store, study.tasks), study.comm)
+    condense, own = condensing_of(study), {name for name, _ in study.tasks}
+    study.store.samples.condense = lambda tasks, load: (
+        condense(tasks, load) if tasks[0][0] in own else None
+    )
+
+
+def _founders(store: Store, tasks: Sequence[Task]) -> ModeFamilies:
+    """Families of the first samples of every approach, kept in the folder."""
+    made, known = ModeFamilies(), store.load(FOUNDERS)
+    if known is not None:
+        made.vectors, made.frequencies = [*known["vectors"]], known["frequencies"].tolist()
+        return made
+    for task in tasks:
+        data = store.samples.load(task) if task[1] < FOUNDING else None
+        if data is not None and "coordinates" in data:
+            frequency = np.abs(data["s"].imag) / 2 / np.pi
+            made.add(data["coordinates"].astype(complex), frequency)
+    vectors, frequencies = np.array(made.vectors), np.array(made.frequencies)
+    store.save(FOUNDERS, vectors=vectors, frequencies=frequencies)
+    return made
+
+
+class Block:
+    """Samples of a block, as columns.
+
+    Attributes:
+        tasks: approach and number of each sample that is there.
+        beside: arrays of the block itself, see ``BESIDE``.
+    """
+
+    def __init__(self, columns: Arrays):
+        """Take columns as ``Condensing`` makes them."""
+        self.beside = {name: columns[name] for name in BESIDE}
+        approaches, numbers = (self.beside[name].tolist() for name in ("approaches", "numbers"))
+        self.tasks: list[Task] = list(zip(approaches, numbers, strict=True))
+        self._columns = columns
+
+    def __contains__(self, name: str) -> bool:
+        return f"{name}.shape" in self._columns
+
+    @property
+    def names(self) -> list[str]:
+        """Names of the arrays of the samples."""
+        return [name.removesuffix(".shape") for name in self._columns if name.endswith(".shape")]
+
+    def sizes(self, name: str) -> NDArray[np.int64]:
+        """Number of values of each sample, shape (samples,)."""
+        shapes = self._columns[f"{name}.shape"].astype(np.int64)
+        return shapes[:, 0] * shapes[:, 1:].prod(axis=1)
+
+    def column(self, name: str) -> NDArray:
+        """Values of all samples that have the array, one after the other, shape (values,)."""
+        values = self._columns[name]
+        words = self._columns.get(f"{name}.words")
+        return values if words is None else words[values]
+
+    def each(self, name: str) -> list[NDArray | None]:
+        """The array of each sample, in its shape; None of those without."""
+        if name not in self:
+            return [None] * len(self.tasks)
+        shapes, values = self._columns[f"{name}.shape"], self.column(name)
+        parts = np.split(values, np.cumsum(self.sizes(name))[:-1])
+        return [
+            part.reshape(shape[1:]) if shape[0] else None
+            for part, shape in zip(parts, shapes, strict=True)
+        ]
+
+    def scalars(self, name: str, default: Any) -> list[Any]:
+        """The number or text of each sample, and what stands for it where there is none."""
+        return [default if value is None else value.item() for value in self.each(name)]
+
+
+def blocks_of(store: Store, tasks: Sequence[Task], condense: Condensing) -> Iterator[Block]:
+    """Columns of all blocks, in the order of the tasks.
+
+    Args:
+        store: the results folder.
+        tasks: approach and number of each sample wanted.
+        condense: how samples become columns that are not packed, or not with its founders.
+    """
+    groups: dict[tuple[str, int], list[Task]] = {}
+    for task in tasks:
+        key = (task[0], task[1] // BLOCK) if len(tasks) > BLOCK else ("", 0)
+        groups.setdefault(key, []).append(task)
+    for group in groups.values():
+        columns = None
+        if len(group) == BLOCK and len({name for name, _ in group}) == 1:
+            columns = store.samples.columns(group[0])
+        if columns is None or str(columns["founders"]) != condense.mark:
+            columns = condense(group, store.samples.load)
+        yield Block(columns)
+
+
+def _mean(mu: NDArray[np.float64], sliding: NDArray[np.bool_] | None) -> float:
+    """Mean friction over the sliding elements."""
+    chosen = mu if sliding is None else mu[sliding]
+    ends = {float(chosen.min()), float(chosen.max())} if chosen.size else {0.0}
+    # The mean of equal numbers is off by round-off.
+    return float(f"{chosen.mean():.12g}") if len(ends) > 1 else ends.pop()
+
+
+def _packed(rows: Sequence[Mapping[str, NDArray]]) -> Arrays:
+    """Arrays of several samples as one array a name, with the shape of each.
+
+    Shapes begin with 1, or with 0 where a sample has no such array. Texts are numbers of words.
+    """
+    out: Arrays = {}
+    for name in dict.fromkeys(name for row in rows for name in row):
+        arrays = [np.asarray(row[name]) if name in row else None for row in rows]
+        there = [a for a in arrays if a is not None]
+        shapes = np.zeros((len(rows), 1 + there[0].ndim), dtype=np.int32)
+        for shape, a in zip(shapes, arrays, strict=True):
+            if a is not None:
+                shape[:] = (1, *a.shape)
+        values = np.concatenate([a.ravel() for a in there])
+        if values.dtype.kind == "U":
+            out[f"{name}.words"], places = np.unique(values, return_inverse=True)
+            values = places.astype(np.int32)
+        out[name], out[f"{name}.shape"] = values, shapes
+    return out
