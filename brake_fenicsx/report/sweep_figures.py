@@ -267,8 +267,10 @@ def draw_worst(run: RunData) -> Figure | None:
     values = np.unique(own["value"])
     samples = np.unique(own["sample"])
     lowest, number = np.zeros((2, samples.size, values.size))
-    at: NDArray = np.searchsorted(values, own["value"])
-    place: NDArray = np.searchsorted(samples, own["sample"])
+    at, place = (
+        np.asarray(np.searchsorted(known, own[name]))
+        for known, name in ((values, "value"), (samples, "sample"))
+    )
     np.minimum.at(lowest, (place, at), np.where(own["verdict"] == "unstable", own["damping"], 0.0))
     squeal = (own["verdict"] == "unstable") & (own["damping"] < -run.threshold)
     np.add.at(number, (place[squeal], at[squeal]), 1)

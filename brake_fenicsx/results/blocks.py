@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.folder import sample_files
 from brake_fenicsx.folder.processes import on_first
-from brake_fenicsx.folder.sample_files import BLOCK, FOLDER, Arrays, Task
+from brake_fenicsx.folder.sample_files import FOLDER, Arrays, Task
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.uncertainty.forces import forces_of_sample
 from brake_fenicsx.uncertainty.study import Study
@@ -118,7 +119,7 @@ def condensing_of(study: Study) -> Condensing:
     """How the samples of a study become columns; its founders are found where there are many."""
     stability, store = study.scene.stability, study.store
     founders = ModeFamilies()
-    if stability is not None and len(study.tasks) > BLOCK:
+    if stability is not None and len(study.tasks) > sample_files.BLOCK:
         founders = _founders(store, study.tasks)
     return Condensing(
         stability.threshold if stability else 0.0, study.brake.contact.speed > 0,
@@ -133,7 +134,7 @@ def prepare_blocks(study: Study) -> None:
     A share computes none: without the families of a folder that was prepared its blocks are packed
     as they are, and the end of the run condenses them.
     """
-    many = study.scene.stability is not None and len(study.tasks) > BLOCK
+    many = study.scene.stability is not None and len(study.tasks) > sample_files.BLOCK
     there = on_first(lambda: study.store.path(FOUNDERS).is_file(), study.comm)
     if many and not there and study.store.share is None:
         study.run(FOUNDING)
@@ -223,11 +224,13 @@ def blocks_of(store: Store, tasks: Sequence[Task], condense: Condensing) -> Iter
     """
     groups: dict[tuple[str, int], list[Task]] = {}
     for task in tasks:
-        key = (task[0], task[1] // BLOCK) if len(tasks) > BLOCK else ("", 0)
+        key = (
+            (task[0], task[1] // sample_files.BLOCK) if len(tasks) > sample_files.BLOCK else ("", 0)
+        )
         groups.setdefault(key, []).append(task)
     for group in groups.values():
         columns = None
-        if len(group) == BLOCK and len({name for name, _ in group}) == 1:
+        if len(group) == sample_files.BLOCK and len({name for name, _ in group}) == 1:
             columns = store.samples.columns(group[0])
         if columns is None or str(columns["founders"]) != condense.mark:
             columns = condense(group, store.samples.load)

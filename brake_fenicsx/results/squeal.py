@@ -190,7 +190,8 @@ class SquealTable:
         return ApproachCount(
             approach, good.size, int((self._samples.approach == approach).sum()) - good.size,
             int(own.sum()), int((own & (verdict == "unstable")).sum()),
-            int((own & (verdict == "neutral")).sum()), len(loud), int(np.count_nonzero(per_sample)), per_sample,
+            int((own & (verdict == "neutral")).sum()), len(loud),
+            int(np.count_nonzero(per_sample)), per_sample,
         )  # fmt: skip
 
     def families(self, approach: str) -> list[Family]:

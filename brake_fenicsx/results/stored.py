@@ -117,8 +117,8 @@ class Results:
             self._squealing.setdefault(int(numbers[n]), vector)
         if "family" not in block:
             return np.zeros(0, dtype=np.int32)
-        own = block.column("family")
-        return np.where(own < 0, -1, numbers[own]).astype(np.int32)
+        # Modes of no family have the number -1, that of the last one.
+        return np.append(numbers, -1).astype(np.int32)[block.column("family")]
 
     def _samples(self, block: Block) -> None:
         """Rows of samples.csv."""

@@ -52,7 +52,8 @@ def test_friction_is_printed_without_the_round_off_of_a_mean(store):
     if COMM.rank == 0:
         store.samples.save(task, status="ok", mu=np.full(7, 0.1), random_names=[])
     COMM.Barrier()
-    assert next(Results(store, [task]).samples())[4] == 0.1
+    _, rows = Results(store, [task]).samples()
+    assert next(rows)[4] == 0.1
 
 
 def test_defect_of_the_program_is_raised_on_all_processes(store):

@@ -1,0 +1,188 @@
+"""Columns of blocks of samples: what the tables read is what the samples hold, packed or not."""
+
+import numpy as np
+import pytest
+
+from brake_fenicsx.folder import sample_files
+from brake_fenicsx.folder.store import Store
+from brake_fenicsx.results import blocks
+from brake_fenicsx.results.blocks import Block, Condensing
+from brake_fenicsx.results.stored import Results
+from brake_fenicsx.results.tables import write_rows
+
+TASKS = [("joint", k) for k in range(10)]
+CONDENSE = Condensing(
+    1e-3, np.array([True, True, False]), lambda data: np.array([[data["p"].sum(), 1.0]])
+)
+
+
+def sample(k, rng):
+    """A sample; every fourth fails, and numbers of modes differ."""
+    if k % 4 == 3:
+        return {"status": f"error {k}", "seed": k}
+    modes = 3 + k % 2
+    damping = rng.normal(size=modes)
+    # One of five directions and some noise, so that families recur.
+    shapes = np.eye(5)[:, rng.permutation(5)[:modes]] + 0.1 * rng.normal(size=(5, modes))
+    return {
+        "status": "ok", "seed": k, "mu": rng.random(3), "p": rng.random(4), "g": rng.random(4),
+        "random_names": np.array(["contact.a.friction", "materials.b.E"]), "random": rng.random(2),
+        "rejected": k, "s": damping + 1j * (1.0 + 0.01 * rng.random(modes)), "damping": damping,
+        "residual": rng.random(modes), "error": rng.random(modes), "condition": np.ones(modes),
+        "verdict": np.where(damping < 0, "unstable", "stable"), "counted": "inertia",
+        "tolerance_missed": k, "partner": np.arange(modes) - 1, "layers": np.array(["a", "b"]),
+        "shares": rng.random((2, modes)), "coordinates": shapes.astype(np.complex64),
+        **{f"{name}_seconds": 1.0 + k for name in ("stability", "equilibrium")},
+        "equilibrium_iterations": k,
+    }  # fmt: skip
+
+
+@pytest.fixture
+def stored(tmp_path, monkeypatch):
+    """What makes a folder of ten samples in blocks of four."""
+    monkeypatch.setattr(sample_files, "BLOCK", 4)
+    monkeypatch.setattr(blocks, "FOUNDING", 3)
+
+    def make(name, condense=None):
+        store = Store(tmp_path / name)
+        store.digest = "this"
+        store.path("samples").mkdir(parents=True)
+        store.samples.condense = condense
+        rng = np.random.default_rng(1)
+        for task in TASKS:
+            store.samples.save(task, **sample(task[1], rng))
+        return store
+
+    return make
+
+
+def tables(store, condense, tasks=TASKS):
+    """Rows of both tables, figures of the summary, families."""
+    parts = []
+    results = Results(store, tasks, condense=condense, modes=parts.append)
+    modes = {name: np.ma.concatenate([p[name] for p in parts]).tolist() for name in parts[0]}
+    heads, rows = results.samples()
+    forces = {name: values.tolist() for name, values in results.forces.items()}
+    vectors = np.array(results.members.vectors)
+    numbers, squealing = results.squealing_members()
+    return modes, heads, [*rows], results.facts(), forces, vectors.tolist(), numbers, squealing
+
+
+def with_founders(store):
+    return Condensing(
+        CONDENSE.threshold, CONDENSE.sliding, CONDENSE.forces, blocks._founders(store, TASKS)
+    )
+
+
+def test_columns_give_back_each_array(tmp_path):
+    """Of every shape, with samples that lack it, and texts."""
+    rows = [{"a": np.arange(6.0).reshape(2, 3), "t": np.array(["x", "yy"]), "n": np.array(3)},
+            {"t": np.array([""])}, {"a": np.zeros((2, 0)), "n": np.array(4)}]  # fmt: skip
+    data = dict(zip(TASKS, rows, strict=False))
+    columns = Condensing()(
+        TASKS[:4], lambda task: data.get(task) and {"status": "no", **data[task]}
+    )
+    block = Block(columns)
+    assert block.tasks == TASKS[:3]
+    for name in ("a", "t", "n"):
+        for row, there in zip(rows, block.each(name), strict=True):
+            assert (there is None) == (name not in row)
+            assert there is None or (there.shape, there.tolist()) == (
+                row[name].shape, row[name].tolist()
+            )  # fmt: skip
+    assert block.scalars("n", -1) == [3, -1, 4] and block.scalars("b", None) == [None] * 3
+
+
+def test_packed_blocks_give_the_tables_of_the_samples(stored, monkeypatch):
+    """And no sample of theirs is read, but the first good one."""
+    plain = stored("plain")
+    condense = with_founders(plain)
+    packed = stored("packed", condense)
+    one, read = tables(plain, condense), []
+    load = packed.samples.load
+    monkeypatch.setattr(packed.samples, "load", lambda task: read.append(task[1]) or load(task))
+    two = tables(packed, condense)
+    assert one[:-1] == two[:-1]
+    np.testing.assert_array_equal(one[-1], two[-1])
+    assert sorted(read) == [0, 8, 9]
+
+
+def test_rows_are_those_of_the_samples(stored):
+    store = stored("plain")
+    modes, heads, rows, facts, forces, *_ = tables(store, with_founders(store))
+    good = {k: store.samples.load(("joint", k)) for k in range(10) if k % 4 != 3}
+    assert modes["sample"] == [k for k, d in good.items() for _ in d["s"]]
+    assert modes["mode"] == [i for d in good.values() for i in range(d["s"].size)]
+    assert modes["damping"] == [x for d in good.values() for x in d["damping"]]
+    assert modes["partner"] == [p if p >= 0 else None for d in good.values() for p in d["partner"]]
+    assert modes["share_b"] == [x for d in good.values() for x in d["shares"][1]]
+    assert heads[4:] == ["mu", "contact.a.friction", "materials.b.E", "rejected",
+                         "tolerance_missed", "complete"]  # fmt: skip
+    assert rows[3] == ["joint", 3, "error 3", 3, *[None] * 6]
+    d = good[2]
+    mu = float(f"{d['mu'][:2].mean():.12g}")
+    assert rows[2] == ["joint", 2, "ok", 2, mu, *d["random"], 2, 2, "yes"]
+    assert facts["failed_samples"] == 2 and facts["samples"]["joint"]["good"] == 8
+    assert facts["samples"]["joint"]["rejected_draws"] == sum(good)
+    assert forces["joint"] == [[[d["p"].sum(), 1.0]] for d in good.values()]
+
+
+def test_families_of_blocks_are_those_of_one_pass(stored, monkeypatch):
+    """Where the first samples have them all; a mode of each sample at most has a family."""
+    store = stored("plain")
+    condense = with_founders(store)
+    modes = tables(store, condense)[0]
+    monkeypatch.setattr(sample_files, "BLOCK", 10)
+    whole = tables(stored("whole"), CONDENSE)[0]
+    pairs = {*zip(modes["family"], whole["family"], strict=True)}
+    assert len(pairs) == len({a for a, _ in pairs}) == len({b for _, b in pairs})
+    keys = [*zip(modes["sample"], modes["family"], strict=True)]
+    assert len({*keys}) == len(keys)
+
+
+def test_columns_made_with_other_families_or_of_more_samples_are_made_again(stored):
+    """A folder of few samples that got more, and one of many that is read in part."""
+    plain = stored("plain")
+    condense = with_founders(plain)
+    for name, mine, tasks in (("few", CONDENSE, TASKS), ("part", condense, TASKS[:6])):
+        packed = stored(name, mine)
+        one, two = tables(plain, condense, tasks), tables(packed, condense, tasks)
+        assert one[:-1] == two[:-1]
+
+
+def test_table_of_many_rows_is_parquet_and_csv_on_request(tmp_path, monkeypatch):
+    """The same bytes as of few rows; columns are read one by one."""
+    from brake_fenicsx.results import columns
+    from brake_fenicsx.results.tables import read_columns
+
+    pytest.importorskip("pyarrow")
+    rng = np.random.default_rng(0)
+    heads = ("approach", "sample", "damping", "partner")
+    damping, partner = rng.normal(size=30), np.where(rng.random(30) < 0.5, -1, np.arange(30))
+    damping[3] = np.nan
+    rows = [["joint", k, float(d), int(p) if p >= 0 else None]
+            for k, (d, p) in enumerate(zip(damping, partner, strict=True))]  # fmt: skip
+    asked = write_rows(tmp_path / "asked.csv", heads, rows).read_bytes()
+
+    def write(path):
+        with columns.column_writer(path, heads) as take:
+            for own in (slice(0, 7), slice(7, 19), slice(19, 30)):
+                take({
+                    "approach": np.full(30, "joint")[own], "sample": np.arange(30)[own],
+                    "damping": damping[own], "partner": np.ma.masked_less(partner, 0)[own],
+                })  # fmt: skip
+        return path
+
+    few = write(tmp_path / "few.csv")
+    assert few.read_bytes() == asked and not few.with_suffix(".parquet").exists()
+    monkeypatch.setattr(columns, "MANY", 10)
+    many = write(tmp_path / "many.csv")
+    assert not many.exists() and many.with_suffix(".parquet").is_file()
+    table, plain = read_columns(many), read_columns(few)
+    assert [*table] == [*heads] and (table["approach"] == "joint").all()
+    for name in heads[1:]:
+        np.testing.assert_array_equal(table[name], plain[name])
+    assert columns.write_csv(many).read_bytes() == asked
+    assert columns.write_csv(few) is None
+    monkeypatch.setattr(columns, "_pyarrow", lambda: None)
+    assert write(tmp_path / "without.csv").read_bytes() == asked
