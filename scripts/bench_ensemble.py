@@ -3,18 +3,24 @@
 
     scripts/bench_ensemble.py run [SCENE] [--samples 10 20 40] [--processes 1 2] [--set KEY=VALUE]
     scripts/bench_ensemble.py intervals     width and coverage of the intervals of indices
+    scripts/bench_ensemble.py merge [SCENE] [--samples 10240 102400] [--set KEY=VALUE]
 
 ``run`` starts every row from nothing (cold: mesh, laws, basis and samples) and then once more on
 the folder it left, without its samples (cached: laws and basis are read). Full order is the median
 of the samples solved both ways (``stability.verify``), times the number of samples: extrapolated.
 ``width`` is that of the probability of any instability, 95 %; ``index`` the widest interval of a
 first-order index of the whole band.
+
+``merge`` computes 1024 samples, writes them again under other numbers until there are as many as
+named, and runs the scene on what it wrote: tables and page alone. In the options {n} stands for the
+number of samples.
 """
 
 from __future__ import annotations
 
 import argparse
 import csv
+import io
 import json
 import os
 import shutil
@@ -22,6 +28,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -30,8 +37,11 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
+from brake_fenicsx.folder.sample_files import BLOCK
+
 HERE = Path(__file__).parent
 SCENE = HERE / "scenes" / "disc_brake_demo.toml"
+REAL = 4 * BLOCK  # samples that are computed
 MAIN = "import sys; from brake_fenicsx.cli import main; sys.exit(main(sys.argv[1:]))"
 ROOT = {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
 
@@ -99,6 +109,68 @@ def run(args: argparse.Namespace) -> None:
             )
 
 
+def merge(args: argparse.Namespace) -> None:
+    """One row for each number of samples: seconds and memory from finished samples to the page."""
+    with tempfile.TemporaryDirectory(dir=args.folder) as folder:
+        first = Path(folder) / "first"
+        merged(args, first, REAL)
+        print(
+            f"{args.scene.stem}\n{'samples':>8}{'modes':>9}{'results s':>10}{'report s':>9}"
+            f"{'peak MB':>8}{'files':>6}{'GB':>6}"
+        )
+        for n in args.samples:
+            out = Path(folder) / f"{n}"
+            shutil.copytree(first, out, ignore=shutil.ignore_patterns("samples"))
+            (out / "samples").mkdir()
+            shutil.copy(first / "samples" / "families.npz", out / "samples")
+            for block in range(n // BLOCK):
+                write_again(first / "samples", out / "samples", block)
+            merged(args, out, n)
+            summary = json.loads((out / "summary.json").read_text())
+            seconds, memory = summary["seconds"], summary["process_memory_mb"]
+            files = [file for file in out.rglob("*") if file.is_file()]
+            print(
+                f"{n:8d}{sum(about['modes'] for about in summary['samples'].values()):9d}"
+                f"{seconds['results']:10.1f}{seconds['report']:9.1f}{max(memory.values()):8.0f}"
+                f"{len(files):6d}{sum(file.stat().st_size for file in files) / 1e9:6.1f}",
+                flush=True,
+            )
+            if not args.folder:
+                shutil.rmtree(out)
+
+
+def merged(args: argparse.Namespace, out: Path, n: int) -> None:
+    """Run a scene with so many samples in a folder that may have them."""
+    changes = [change for text in args.set for change in ("--set", text.format(n=n))]
+    words = [sys.executable, "-c", MAIN, "run", str(args.scene), "-o", str(out), *changes]
+    done = subprocess.run(words, capture_output=True, text=True)
+    if done.returncode:
+        sys.exit(done.stderr[-2000:])
+
+
+def write_again(source: Path, target: Path, block: int) -> None:
+    """Write an archive of the first samples once more, as another block."""
+    archives = sorted(source.glob("*.zip"))
+    archive = archives[block % len(archives)]
+    name, start, _ = archive.stem.rsplit("-", 2)
+    shift = block * BLOCK - int(start)
+    copy = target / f"{name}-{block * BLOCK:05d}-{block * BLOCK + BLOCK - 1:05d}.zip"
+    with zipfile.ZipFile(archive) as old, zipfile.ZipFile(copy, "w") as new:
+        new.comment = old.comment
+        for member in old.namelist():
+            content = old.read(member)
+            if member.startswith("columns"):
+                with np.load(io.BytesIO(content)) as file:
+                    arrays = {key: file[key] for key in file.files}
+                arrays["numbers"] = arrays["numbers"] + shift
+                np.savez(out := io.BytesIO(), **arrays)
+                content = out.getvalue()
+            else:
+                number = int(member.removesuffix(".npz").rsplit("-", 1)[1])
+                member = f"{name}-{number + shift:05d}.npz"
+            new.writestr(zipfile.ZipInfo(member), content)
+
+
 def intervals(args: argparse.Namespace) -> None:
     """First-order indices of Ishigami's function: error, width and coverage of the intervals."""
     from brake_fenicsx.results.sensitivity import indices
@@ -144,6 +216,12 @@ def main() -> None:
     one.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     one.set_defaults(do=run)
     commands.add_parser("intervals").set_defaults(do=intervals)
+    two = commands.add_parser("merge")
+    two.add_argument("scene", nargs="?", type=Path, default=SCENE)
+    two.add_argument("--samples", type=int, nargs="+", default=[10240, 102400])
+    two.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
+    two.add_argument("--folder", type=Path, help="keep what was written there")
+    two.set_defaults(do=merge)
     args = parser.parse_args()
     args.do(args)
 

@@ -178,19 +178,20 @@ class Block:
         approaches, numbers = (self.beside[name].tolist() for name in ("approaches", "numbers"))
         self.tasks: list[Task] = list(zip(approaches, numbers, strict=True))
         self._columns = columns
+        self._shapes = dict(zip(columns["names"].tolist(), columns["shapes"], strict=True))
 
     def __contains__(self, name: str) -> bool:
-        return f"{name}.shape" in self._columns
+        return name in self._shapes
 
     @property
     def names(self) -> list[str]:
         """Names of the arrays of the samples."""
-        return [name.removesuffix(".shape") for name in self._columns if name.endswith(".shape")]
+        return [*self._shapes]
 
     def sizes(self, name: str) -> NDArray[np.int64]:
         """Number of values of each sample, shape (samples,)."""
-        shapes = self._columns[f"{name}.shape"].astype(np.int64)
-        return shapes[:, 0] * shapes[:, 1:].prod(axis=1)
+        shapes = self._shapes[name]
+        return np.where(shapes[:, 0] < 0, 0, shapes[:, 1:].prod(axis=1, dtype=np.int64))
 
     def column(self, name: str) -> NDArray:
         """Values of all samples that have the array, one after the other, shape (values,)."""
@@ -202,16 +203,19 @@ class Block:
         """The array of each sample, in its shape; None of those without."""
         if name not in self:
             return [None] * len(self.tasks)
-        shapes, values = self._columns[f"{name}.shape"], self.column(name)
-        parts = np.split(values, np.cumsum(self.sizes(name))[:-1])
+        values, ends = self.column(name), np.cumsum(self.sizes(name)).tolist()
+        starts, shapes = [0, *ends[:-1]], self._shapes[name].tolist()
         return [
-            part.reshape(shape[1:]) if shape[0] else None
-            for part, shape in zip(parts, shapes, strict=True)
+            None if shape[0] < 0 else values[i:j].reshape(shape[1 : 1 + shape[0]])
+            for i, j, shape in zip(starts, ends, shapes, strict=True)
         ]
 
     def scalars(self, name: str, default: Any) -> list[Any]:
         """The number or text of each sample, and what stands for it where there is none."""
-        return [default if value is None else value.item() for value in self.each(name)]
+        if name not in self:
+            return [default] * len(self.tasks)
+        values = iter(self.column(name).tolist())
+        return [next(values) if there else default for there in self.sizes(name).tolist()]
 
 
 def blocks_of(store: Store, tasks: Sequence[Task], condense: Condensing) -> Iterator[Block]:
@@ -246,21 +250,21 @@ def _mean(mu: NDArray[np.float64], sliding: NDArray[np.bool_] | None) -> float:
 
 
 def _packed(rows: Sequence[Mapping[str, NDArray]]) -> Arrays:
-    """Arrays of several samples as one array a name, with the shape of each.
+    """Arrays of several samples as one array a name; texts are numbers of words.
 
-    Shapes begin with 1, or with 0 where a sample has no such array. Texts are numbers of words.
+    ``shapes`` has for each name and sample the number of dimensions, -1 where a sample has no such
+    array, and the lengths, shape (names, samples, 3).
     """
-    out: Arrays = {}
-    for name in dict.fromkeys(name for row in rows for name in row):
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    shapes = np.ones((len(names), len(rows), 3), dtype=np.int32)
+    out: Arrays = {"names": np.array(names, dtype=str), "shapes": shapes}
+    for name, own in zip(names, shapes, strict=True):
         arrays = [np.asarray(row[name]) if name in row else None for row in rows]
-        there = [a for a in arrays if a is not None]
-        shapes = np.zeros((len(rows), 1 + there[0].ndim), dtype=np.int32)
-        for shape, a in zip(shapes, arrays, strict=True):
-            if a is not None:
-                shape[:] = (1, *a.shape)
-        values = np.concatenate([a.ravel() for a in there])
+        for shape, a in zip(own, arrays, strict=True):
+            shape[: 1 if a is None else 1 + a.ndim] = (-1,) if a is None else (a.ndim, *a.shape)
+        values = np.concatenate([a.ravel() for a in arrays if a is not None])
         if values.dtype.kind == "U":
             out[f"{name}.words"], places = np.unique(values, return_inverse=True)
             values = places.astype(np.int32)
-        out[name], out[f"{name}.shape"] = values, shapes
+        out[name] = values
     return out

@@ -5,7 +5,7 @@
                curve, as SALib's own interval does, destroys the order its spectrum is made of.)
     saltelli   first and total; intervals by SALib's bootstrap over the rows
     others     RBD-FAST, first; intervals by SALib's bootstrap over halves of the samples, of many
-               over those of the first 2,048, narrowed by the square root of the number
+               over those of the first 1,024, narrowed by the square root of the number
 
 Samples that failed are left out, which only RBD-FAST allows; in the two others their outcome is
 set to the mean of the others, and no index is given where more than 2 % are.
@@ -33,9 +33,9 @@ FILLED = 0.02
 # Largest bias of FAST's first-order and total indices on Ishigami's function, 200 to 1000 points.
 BIAS = np.array([0.01, 0.05])
 CONFIDENCE = 0.95
-RESAMPLES = 200
+RESAMPLES = 100
 # Samples from which intervals of RBD-FAST are computed.
-RESAMPLED = 2048
+RESAMPLED = 1024
 
 
 @dataclass(frozen=True, slots=True)

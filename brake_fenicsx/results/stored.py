@@ -183,7 +183,8 @@ class Results:
             return
         names += ["s", "damping", "verdict", "condition"]
         each = [block.each(name) for name in names]
-        families = np.split(family, np.cumsum(block.sizes("s"))[:-1])
+        ends = np.cumsum(block.sizes("s"))
+        families = [family[i:j] for i, j in zip([0, *ends[:-1]], ends, strict=True)]
         for task, own, *arrays in zip(block.tasks, families, *each, strict=True):
             data = {name: a for name, a in zip(names, arrays, strict=True) if a is not None}
             if any(name.startswith(MORE) for name in data):

@@ -68,6 +68,7 @@ TEXT = frozenset(
     }
 )
 
+_PLAIN = {str, int, float, type(None)}
 _INTEGER = re.compile(r"[+-]?\d+")
 
 
@@ -196,7 +197,7 @@ def show(value: object, digits: int = 4) -> str:
 
 def _cells(
     path: Path, columns: Sequence[str], row: Sequence[Value] | Mapping[str, Value], number: int
-) -> list[str]:
+) -> Sequence[Value]:
     if isinstance(row, Mapping):
         if set(row) != set(columns):
             odd = sorted(set(row) ^ set(columns))
@@ -204,7 +205,8 @@ def _cells(
         row = [row[name] for name in columns]
     if len(row) != len(columns):
         raise ValueError(f"{path}: row {number}: {len(row)} values for {len(columns)} columns")
-    return [_format(value) for value in row]
+    # The writer itself prints these as `_format` does.
+    return row if _PLAIN.issuperset(map(type, row)) else [_format(value) for value in row]
 
 
 def _format(value: Value | np.generic) -> str:
