@@ -174,7 +174,7 @@ class Block:
 
     def __init__(self, columns: Arrays):
         """Take columns as ``Condensing`` makes them."""
-        self.beside = {name: columns[name] for name in BESIDE}
+        self.beside = {name: columns[name] for name in BESIDE if name in columns}
         approaches, numbers = (self.beside[name].tolist() for name in ("approaches", "numbers"))
         self.tasks: list[Task] = list(zip(approaches, numbers, strict=True))
         self._columns = columns
@@ -187,6 +187,18 @@ class Block:
     def names(self) -> list[str]:
         """Names of the arrays of the samples."""
         return [*self._shapes]
+
+    def part(self, names: Sequence[str]) -> Block:
+        """The same samples with some of their arrays."""
+        kept = {name: v for name, v in self._columns.items() if name.split(".")[0] in names}
+        shapes = {name: own for name, own in self._shapes.items() if name in names}
+        beside = {name: self._columns[name] for name in ("approaches", "numbers")}
+        own = {"names": np.array([*shapes], dtype=str), "shapes": np.array([*shapes.values()])}
+        return Block({**kept, **beside, **own})
+
+    def words(self, name: str) -> NDArray[np.str_]:
+        """Texts that the arrays of this name have; none if there is no such array."""
+        return self._columns.get(f"{name}.words", np.zeros(0, dtype=str))
 
     def sizes(self, name: str) -> NDArray[np.int64]:
         """Number of values of each sample, shape (samples,)."""

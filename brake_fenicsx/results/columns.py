@@ -21,7 +21,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.files import whole_file
 
 MANY = 10**5  # rows of the largest table that is always CSV
-GROUP = 2**18  # rows that are written together
+GROUP = 2**16  # rows that are written together
 
 # NumPy gives masked arrays no types.
 ma: Any = np.ma
@@ -106,11 +106,13 @@ class ParquetColumns(Mapping[str, Any]):
 
     def __init__(self, path: Path, pyarrow: ModuleType):
         self.file = pyarrow.parquet.ParquetFile(path)
+        self._pool = pyarrow.default_memory_pool()
 
     def __getitem__(self, name: str) -> Any:
         if name not in self.file.schema_arrow.names:
             raise KeyError(name)
-        column = self.file.read([name]).column(0).combine_chunks().to_pandas()
+        column = self.file.read([name]).column(0).to_pandas()
+        self._pool.release_unused()
         return column.array if column.dtype == "category" else column.to_numpy()
 
     def __iter__(self) -> Iterator[str]:

@@ -143,8 +143,10 @@ class SquealTable:
         """Which rows of modes.csv are modes of samples that ended well, shape (modes,)."""
 
         def chosen() -> NDArray[np.bool_]:
-            own = np.asarray(self._modes["approach"] == approach)
-            return own & np.isin(self._modes["sample"], self.good(approach))
+            good, sample = self.good(approach), np.asarray(self._modes["sample"])
+            known = np.zeros(1 + max(sample.max(initial=0), good.max(initial=0)), dtype=bool)
+            known[good] = True
+            return known[sample] & np.asarray(self._modes["approach"] == approach)
 
         return self._once(("good", approach), chosen)
 

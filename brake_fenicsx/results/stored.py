@@ -33,6 +33,8 @@ Array = NDArray[np.float64]
 Data = dict[str, Any]
 # Names of the arrays that tables of drivers and of limit cycles are made of begin so.
 MORE = ("driver_", "cycle_", "branch_")
+# What rows of samples.csv are made of, beside the random inputs.
+ROW = ("status", "seed", "mean_mu", "rejected", "tolerance_missed", "counted")
 
 
 class Results:
@@ -73,7 +75,7 @@ class Results:
         self._verified = verified
         self._squealing: dict[int, NDArray[np.complex64]] = {}
         self._beyond = ModeFamilies()
-        self._rows: list[tuple[Any, ...]] = []
+        self._rows: list[Block] = []
         self._layers: list[str] = []
         self._counts = {name: _Counts() for name in dict.fromkeys(name for name, _ in tasks)}
         for block in blocks_of(store, tasks, condense):
@@ -81,7 +83,7 @@ class Results:
                 if status == "ok" and all(task[0] != name for name, _ in self.first):
                     self.first[task] = store.samples.load(task) or {}
             family = self._families(block, len(condense.founders.vectors))
-            self._samples(block)
+            self._rows.append(block.part((*ROW, "random_names", "random")))
             self._count(block)
             self._more(block, family)
             self._compare(block)
@@ -120,20 +122,6 @@ class Results:
         # Modes of no family have the number -1, that of the last one.
         return np.append(numbers, -1).astype(np.int32)[block.column("family")]
 
-    def _samples(self, block: Block) -> None:
-        """Rows of samples.csv."""
-        columns = [block.scalars(name, None) for name in ("status", "seed", "mean_mu", "rejected")]
-        missed, counted = (block.scalars(name, None) for name in ("tolerance_missed", "counted"))
-        proven = [None if how is None else "yes" if _complete(how) else "no" for how in counted]
-        names, values = block.each("random_names"), block.each("random")
-        inputs = [
-            {}
-            if name is None or value is None
-            else dict(zip(name.tolist(), value.tolist(), strict=True))
-            for name, value in zip(names, values, strict=True)
-        ]
-        self._rows += zip(block.tasks, *columns, missed, proven, inputs, strict=True)
-
     def samples(self) -> tuple[list[str], Iterator[list[Any]]]:
         """Columns of samples.csv, and its rows.
 
@@ -142,16 +130,24 @@ class Results:
         estimated error exceeds stability.tolerance, and complete, whether it is proven that no mode
         is missing.
         """
-        names = sorted({name for row in self._rows if row[1] == "ok" for name in row[-1]})
+        names = sorted({str(n) for block in self._rows for n in block.words("random_names")})
         drawn = any(name.startswith("materials.") for name in names)
-        modes = any(row[-2] is not None for row in self._rows if row[1] == "ok")
+        modes = any("counted" in block for block in self._rows)
         heads = [*SAMPLES, "mu", *names]
         heads += ["rejected"] * drawn + ["tolerance_missed", "complete"] * modes
 
         def rows() -> Iterator[list[Any]]:
-            for task, status, seed, mu, rejected, missed, proven, inputs in self._rows:
-                more = [rejected] * drawn + [missed, proven] * modes
-                yield [*task, status, seed, mu, *map(inputs.get, names), *more]
+            for block in self._rows:
+                known, values = block.each("random_names"), block.each("random")
+                columns = (block.scalars(name, None) for name in ROW)
+                for task, x, v, *row, rejected, missed, counted in zip(
+                    block.tasks, known, values, *columns, strict=True
+                ):
+                    inputs = {} if x is None or v is None else dict(zip(x, v, strict=True))
+                    proven = None if counted is None else "yes" if _complete(counted) else "no"
+                    more = [rejected] * drawn + [missed, proven] * modes
+                    drawn_values = (float(inputs[n]) if n in inputs else None for n in names)
+                    yield [*task, *row, *drawn_values, *more]
 
         return heads, rows()
 
@@ -163,6 +159,7 @@ class Results:
         for name in dict.fromkeys(names.tolist()):
             own = np.flatnonzero((names == name) & good)
             self._counts[name].add_samples(block, own, [texts[i] for i in own if texts[i]])
+            self._counts[name].failed += int(((names == name) & ~good).sum())
         if "s" in block:
             approach = np.repeat(names, block.sizes("s"))
             for name in dict.fromkeys(approach.tolist()):
@@ -201,7 +198,7 @@ class Results:
     def facts(self) -> dict[str, Any]:
         """Figures for the summary."""
         facts: dict[str, Any] = {
-            "samples": {}, "failed_samples": sum(row[1] != "ok" for row in self._rows)
+            "samples": {}, "failed_samples": sum(c.failed for c in self._counts.values())
         }  # fmt: skip
         for name, counts in self._counts.items():
             facts["samples"][name] = counts.facts()
@@ -240,6 +237,7 @@ class _Counts:
     """Sums over the good samples of an approach."""
 
     good: int = 0
+    failed: int = 0
     modes: int = 0
     unstable: int = 0
     neutral: int = 0
