@@ -183,6 +183,8 @@ def parser() -> argparse.ArgumentParser:
     text = "regenerate the figures and the report of a results folder"
     reports = commands.add_parser("report", help=text, description=text)
     reports.add_argument("directory", metavar="DIR", help="results folder of a run")
+    reports.add_argument("--csv", action="store_true",
+                         help="write modes.csv too, where a run wrote modes.parquet")  # fmt: skip
     text = "write the stored mode shapes of a results folder as a universal file, modes.unv"
     exports = commands.add_parser("export", help=text, description=text)
     exports.add_argument("directory", metavar="DIR", help="results folder of a run")
@@ -409,6 +411,10 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
         print(f"wrote {export_modes(options.directory)}")
     elif comm.rank == 0:
         pipeline.report(Path(options.directory))
+        if options.csv:
+            from brake_fenicsx.results.columns import write_csv
+
+            write_csv(Path(options.directory, "modes.csv"))
 
 
 def _print_json(content: Any) -> None:

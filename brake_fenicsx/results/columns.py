@@ -34,6 +34,11 @@ def parquet_of(path: Path) -> Path:
     return path.with_suffix(".parquet")
 
 
+def is_parquet(path: Path) -> bool:
+    """Whether the rows of a CSV table are read from a Parquet file."""
+    return parquet_of(path).is_file() and (_pyarrow() is not None or not path.is_file())
+
+
 @contextmanager
 def column_writer(path: Path, columns: Sequence[str] = ()) -> Iterator[Write]:
     """A table whose rows are given in parts; it appears whole at the end, or not at all.

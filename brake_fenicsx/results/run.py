@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
 
-from .columns import parquet_of
+from .columns import is_parquet
 from .squeal import SquealTable
 from .tables import CONTACT, MODES, SAMPLES, Columns, read_columns
 
@@ -156,7 +156,7 @@ def read_run(directory: str | Path | RunData) -> RunData:
 
 
 def _table(path: Path, required: Sequence[str]) -> Columns | None:
-    there = path.is_file() or parquet_of(path).is_file()
+    there = path.is_file() or is_parquet(path)
     return read_columns(path, required) if there else None
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.files import whole_file
 
-from .columns import parquet_of, read_parquet
+from .columns import is_parquet, parquet_of, read_parquet
 
 Value = str | int | float | None
 Columns = Mapping[str, Any]
@@ -121,7 +121,7 @@ def read_columns(path: str | Path, required: Sequence[str] = ()) -> Columns:
     """Read a table as one array per column.
 
     Args:
-        path: the CSV file; where it is not there, a Parquet file beside it is read.
+        path: the CSV file; a Parquet file beside it is read instead where pyarrow is there.
         required: columns that must be there.
 
     Returns:
@@ -134,7 +134,7 @@ def read_columns(path: str | Path, required: Sequence[str] = ()) -> Columns:
     import pandas as pd
 
     path = Path(path)
-    if not path.is_file() and parquet_of(path).is_file():
+    if is_parquet(path):
         return read_parquet(parquet_of(path))
     lines = _lines(path)
     heading = next(lines)
