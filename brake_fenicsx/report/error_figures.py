@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.results.accuracy import eigenvalue_errors
 from brake_fenicsx.results.run import RunData
 
 from .style import label, light_grid, look, new_figure, stroke
@@ -23,7 +22,7 @@ def draw_errors(run: RunData) -> Figure | None:
         return None
     figure, axes = new_figure(1, 2, height=3.1)
     drawn = False
-    every = eigenvalue_errors(run.modes)
+    every = run.errors
     for approach in run.approaches:
         own = np.asarray(run.modes["approach"] == approach) & (every > 0) & np.isfinite(every)
         if own.any():

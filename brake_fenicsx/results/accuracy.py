@@ -37,11 +37,10 @@ def error_rows(run: RunData) -> list[list[Value]]:
     if run.modes is None:
         return []
     rows: list[list[Value]] = []
-    errors = eigenvalue_errors(run.modes)
     for approach in run.approaches:
         mine = np.asarray(run.modes["approach"] == approach)
         residual, condition = run.modes["residual"][mine], run.modes["condition"][mine]
-        error = errors[mine]
+        error = run.errors[mine]
         quantiles = [(residual, 0.5), (residual, 1.0), (error, 0.5), (error, 0.95), (error, 1.0)]
         figures = (_quantile(values, share) for values, share in [*quantiles, (condition, 1.0)])
         rows.append([approach, int(mine.sum()), *figures])

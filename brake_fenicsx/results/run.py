@@ -72,6 +72,13 @@ class RunData:
         return SquealTable(self.modes, self.samples, self.threshold)
 
     @cached_property
+    def errors(self) -> NDArray[np.float64]:
+        """Errors of the eigenvalues over |lambda|, shape (n_modes,); nan of rigid modes."""
+        from .accuracy import eigenvalue_errors
+
+        return eigenvalue_errors(self.modes) if self.modes is not None else np.zeros(0)
+
+    @cached_property
     def approaches(self) -> list[str]:
         """Names of the approaches that were run, in the order of the figures."""
         import pandas as pd
