@@ -17,6 +17,7 @@ from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder import sample_files
 from brake_fenicsx.folder.lock import ARRAYS, Share, read_share
+from brake_fenicsx.results import blocks
 
 ROOT = Path(__file__).parents[1]
 BLOCK = ROOT / "scripts" / "scenes" / "block_on_plate.toml"
@@ -32,7 +33,8 @@ TABLES = ("modes", "samples", "contact", "probabilities", "convergence")
 PROGRAM = """
 import sys
 from brake_fenicsx.folder import sample_files
-sample_files.BLOCK = 4
+from brake_fenicsx.results import blocks
+sample_files.BLOCK, blocks.FOUNDING = 4, 2
 from brake_fenicsx.cli import main
 sys.exit(main(sys.argv[1:]))
 """
@@ -47,9 +49,12 @@ def one_line(capsys):
     return line
 
 
-@pytest.fixture(autouse=True)
-def small_archives(monkeypatch):
-    monkeypatch.setattr(sample_files, "BLOCK", 4)
+@pytest.fixture(autouse=True, scope="module")
+def small_archives():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sample_files, "BLOCK", 4)
+        patch.setattr(blocks, "FOUNDING", 2)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -122,7 +127,8 @@ def test_shares_make_the_tables_of_one_run(whole, tmp_path, capsys):
     out = tmp_path / "out"
     assert main(words("prepare", out)) == 0
     assert capsys.readouterr().err.splitlines()[-1].startswith("prepared; `run`")
-    assert not any((out / "samples").iterdir())
+    first = {f"parametric-0000{k}.npz" for k in (0, 1)} | {"families.npz"}
+    assert {p.name for p in (out / "samples").iterdir()} == first
     stored = []
     for share in ("3/4", "1/4", "3/4"):
         assert main(words("run", out, "--share", share, "-q")) == 0
@@ -135,7 +141,7 @@ def test_shares_make_the_tables_of_one_run(whole, tmp_path, capsys):
     assert main(words("run", out, "-q")) == 0
     same_tables(out, whole)
     after = {p.name for p in (out / "samples").iterdir()}
-    assert sum(name.endswith(".zip") for name in after) == 7 and len(after) == 7 + 2 + 1
+    assert sum(name.endswith(".zip") for name in after) == 7 and len(after) == 7 + 2 + 1 + 1
 
 
 def test_mistakes_of_shares(whole, tmp_path, capsys, no_array):
