@@ -127,7 +127,7 @@ def test_shares_make_the_tables_of_one_run(whole, tmp_path, capsys):
     out = tmp_path / "out"
     assert main(words("prepare", out)) == 0
     assert capsys.readouterr().err.splitlines()[-1].startswith("prepared; `run`")
-    first = {f"parametric-0000{k}.npz" for k in (0, 1)} | {"families.npz"}
+    first = {f"multi-scale-0000{k}.npz" for k in (0, 1)} | {"families.npz"}
     assert {p.name for p in (out / "samples").iterdir()} == first
     stored = []
     for share in ("3/4", "1/4", "3/4"):
