@@ -97,7 +97,7 @@ def save(figure: Figure, directory: Path, name: str) -> list[Path]:
     png, svg = directory / f"{name}.png", directory / f"{name}.svg"
     figure.savefig(png, dpi=200, facecolor="white", metadata={"Software": None})
     # The places that the layout found are kept: to find them takes half of the time.
-    figure.set_layout_engine("none")
+    figure.set_layout_engine(None)
     figure.savefig(svg, dpi=200, facecolor="white", metadata={"Date": None, "Creator": None})
     return [png, svg]
 
