@@ -20,7 +20,6 @@ from __future__ import annotations
 
 import argparse
 import csv
-import io
 import json
 import os
 import shutil
@@ -37,7 +36,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 import numpy as np
 
-from brake_fenicsx.folder.sample_files import BLOCK
+from brake_fenicsx.folder.files import arrays_of_bytes, bytes_of_arrays
+from brake_fenicsx.folder.sample_files import BLOCK, COLUMNS
 
 HERE = Path(__file__).parent
 SCENE = HERE / "scenes" / "disc_brake_demo.toml"
@@ -159,12 +159,9 @@ def write_again(source: Path, target: Path, block: int) -> None:
         new.comment = old.comment
         for member in old.namelist():
             content = old.read(member)
-            if member.startswith("columns"):
-                with np.load(io.BytesIO(content)) as file:
-                    arrays = {key: file[key] for key in file.files}
-                arrays["numbers"] = arrays["numbers"] + shift
-                np.savez(out := io.BytesIO(), **arrays)
-                content = out.getvalue()
+            if member == COLUMNS:
+                arrays = arrays_of_bytes(content)
+                content = bytes_of_arrays(arrays | {"numbers": arrays["numbers"] + shift})
             else:
                 number = int(member.removesuffix(".npz").rsplit("-", 1)[1])
                 member = f"{name}-{number + shift:05d}.npz"

@@ -10,7 +10,6 @@ run then reads no sample.
 
 from __future__ import annotations
 
-import io
 import os
 import re
 import zipfile
@@ -22,6 +21,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.files import arrays_of_bytes, bytes_of_arrays
 
 if TYPE_CHECKING:
     from brake_fenicsx.folder.store import Store
@@ -34,7 +34,7 @@ Condense = Callable[[Sequence[Task], Callable[[Task], Arrays | None]], Arrays | 
 BLOCK = 256
 FOLDER = "samples"
 # Columns of a block in its archive; other columns have another number.
-COLUMNS = "columns-1.npz"
+COLUMNS = "columns-1"
 
 _SINGLE = re.compile(r"(.+)-(\d{5,})\.npz")
 _ARCHIVE = re.compile(r"(.+)-\d{5,}-\d{5,}\.zip")
@@ -122,10 +122,7 @@ class SampleFiles:
                     raise _foreign(path)
                 if COLUMNS not in file.NameToInfo:
                     return None
-                # A member cannot be searched quickly, and an archive of arrays is.
-                content = io.BytesIO(file.read(COLUMNS))
-            with np.load(content, allow_pickle=False) as arrays:
-                return {name: arrays[name] for name in arrays.files}
+                return arrays_of_bytes(file.read(COLUMNS))
         except FileNotFoundError:
             return None
         except (ValueError, EOFError, zipfile.BadZipFile):
@@ -203,11 +200,7 @@ class SampleFiles:
                 raise damaged(self._store.path(FOLDER, _single(task))) from None
 
         arrays = None if self.condense is None else self.condense([*block], load)
-        if arrays is None:
-            return b""
-        out = io.BytesIO()
-        np.savez(out, **arrays)
-        return out.getvalue()
+        return b"" if arrays is None else bytes_of_arrays(arrays)
 
 
 def _block(task: Task) -> range:

@@ -152,7 +152,10 @@ def _founders(store: Store, tasks: Sequence[Task]) -> ModeFamilies:
     """Families of the first samples of every approach, kept in the folder."""
     made, known = ModeFamilies(), store.load(FOUNDERS)
     if known is not None:
-        made.vectors, made.frequencies = [*known["vectors"]], known["frequencies"].tolist()
+        made.vectors, made.frequencies = (
+            [*known["vectors"]],
+            [float(f) for f in known["frequencies"]],
+        )
         return made
     for task in tasks:
         data = store.samples.load(task) if task[1] < FOUNDING else None
@@ -175,10 +178,10 @@ class Block:
     def __init__(self, columns: Arrays):
         """Take columns as ``Condensing`` makes them."""
         self.beside = {name: columns[name] for name in BESIDE if name in columns}
-        approaches, numbers = (self.beside[name].tolist() for name in ("approaches", "numbers"))
-        self.tasks: list[Task] = list(zip(approaches, numbers, strict=True))
+        pairs = zip(self.beside["approaches"], self.beside["numbers"], strict=True)
+        self.tasks: list[Task] = [(str(approach), int(number)) for approach, number in pairs]
         self._columns = columns
-        self._shapes = dict(zip(columns["names"].tolist(), columns["shapes"], strict=True))
+        self._shapes = dict(zip(map(str, columns["names"]), columns["shapes"], strict=True))
 
     def __contains__(self, name: str) -> bool:
         return name in self._shapes
@@ -215,19 +218,19 @@ class Block:
         """The array of each sample, in its shape; None of those without."""
         if name not in self:
             return [None] * len(self.tasks)
-        values, ends = self.column(name), np.cumsum(self.sizes(name)).tolist()
-        starts, shapes = [0, *ends[:-1]], self._shapes[name].tolist()
+        values, shapes, sizes = self.column(name), self._shapes[name], self.sizes(name)
+        ends = np.cumsum(sizes)
         return [
             None if shape[0] < 0 else values[i:j].reshape(shape[1 : 1 + shape[0]])
-            for i, j, shape in zip(starts, ends, shapes, strict=True)
+            for i, j, shape in zip(ends - sizes, ends, shapes, strict=True)
         ]
 
     def scalars(self, name: str, default: Any) -> list[Any]:
         """The number or text of each sample, and what stands for it where there is none."""
         if name not in self:
             return [default] * len(self.tasks)
-        values = iter(self.column(name).tolist())
-        return [next(values) if there else default for there in self.sizes(name).tolist()]
+        values = iter(self.column(name))
+        return [next(values).item() if there else default for there in self.sizes(name)]
 
 
 def blocks_of(store: Store, tasks: Sequence[Task], condense: Condensing) -> Iterator[Block]:

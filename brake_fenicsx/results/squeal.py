@@ -143,7 +143,7 @@ class SquealTable:
         """Which rows of modes.csv are modes of samples that ended well, shape (modes,)."""
 
         def chosen() -> NDArray[np.bool_]:
-            good, sample = self.good(approach), np.asarray(self._modes["sample"])
+            good, sample = self.good(approach), np.asarray(self._modes["sample"], dtype=np.int64)
             known = np.zeros(1 + max(sample.max(initial=0), good.max(initial=0)), dtype=bool)
             known[good] = True
             return known[sample] & np.asarray(self._modes["approach"] == approach)

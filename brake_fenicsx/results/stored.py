@@ -88,8 +88,8 @@ class Results:
             self._more(block, family)
             self._compare(block)
             if modes is not None and "s" in block:
-                layers = (names.tolist() for names in block.each("layers") if names is not None)
-                self._layers = self._layers or next(layers, [])
+                layers = (names for names in block.each("layers") if names is not None)
+                self._layers = self._layers or [str(name) for name in next(layers, ())]
                 modes(_modes(block, family, self._layers))
 
     def good(self, approach: str) -> int:
