@@ -188,6 +188,12 @@ SCENES = {
         plate=dict(length=20e-3, width=14e-3, height=6e-3, z=-6e-3, size=14e-3),
         supports={"plate.bottom": ["x", "y", "z"], "pad.top": ["x", "y"]},
     ),
+    # The same with more cells.
+    "fine": dict(
+        pad=dict(length=12e-3, width=8e-3, height=6e-3, z=0.0, size=4e-3),
+        plate=dict(length=20e-3, width=14e-3, height=6e-3, z=-6e-3, size=7e-3),
+        supports={"plate.bottom": ["x", "y", "z"], "pad.top": ["x", "y"]},
+    ),
     # The same with fewer cells: its dense damped spectrum takes half a second.
     "coarse": dict(
         pad=dict(length=12e-3, width=8e-3, height=6e-3, z=0.0, size=8e-3),

@@ -148,7 +148,7 @@ def test_reduced_model_agrees_with_differences_of_the_full_problem(two_blocks, c
     Catches vectors of the truncated series (1e-3), left rows of the wrong blocks, a lost friction
     term, a left displacement that is not that of the transposed bodies (the plate turns).
     """
-    scene = two_blocks("coarse")
+    scene = two_blocks("guided")
     (modes, chosen), smp, model = (
         found(scene, case),
         sample(scene, case),
@@ -164,7 +164,7 @@ def test_reduced_model_agrees_with_differences_of_the_full_problem(two_blocks, c
 @pytest.mark.parametrize("case", CASES)
 def test_full_order_agrees_with_differences(two_blocks, case):
     """From the vectors of the full problem."""
-    scene = two_blocks("coarse")
+    scene = two_blocks("guided")
     (reduced, chosen), smp = found(scene, case), sample(scene, case)
     C = smp.C if case == "all" else None
     modes = complex_modes(smp.M, C, smp.K, BAND, zeta_max=ZETA)
@@ -181,7 +181,7 @@ def test_friction_work_is_the_growth(two_blocks):
 
     Catches a lost factor, and the left vector in the place of the right one.
     """
-    scene, case = two_blocks("coarse"), "undamped"
+    scene, case = two_blocks("guided"), "undamped"
     (modes, chosen), smp, model = found(scene, case), sample(scene, case), offline(scene, case)
     given = modes.s[chosen], modes.right[:, chosen], modes.left[:, chosen]
     motions, a, _ = model.motions([], smp.contact, *given)

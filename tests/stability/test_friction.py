@@ -170,7 +170,7 @@ def test_rest_is_a_bound(two_blocks, cutoff, orders):
 
 def test_stiff_contact_is_proven_with_more_moments(two_blocks, monkeypatch):
     """Few real modes and few moments prove nothing, and the record says so; more moments do."""
-    scene = two_blocks("guided")
+    scene = two_blocks("fine")
     k = stiffness(scene.w.size, 4)
     given = scene.M, None, scene.tangent(k, 1.0), BAND
     monkeypatch.setattr(friction, "CUTOFF", 1.25)
