@@ -3,7 +3,7 @@
 
     scripts/bench_ensemble.py run [SCENE] [--samples 10 20 40] [--processes 1 2] [--set KEY=VALUE]
     scripts/bench_ensemble.py intervals     width and coverage of the intervals of indices
-    scripts/bench_ensemble.py merge [SCENE] [--samples 10240 102400] [--set KEY=VALUE]
+    scripts/bench_ensemble.py merge [SCENE] [--samples 10240 102400] [--processes 1]
 
 ``run`` starts every row from nothing (cold: mesh, laws, basis and samples) and then once more on
 the folder it left, without its samples (cached: laws and basis are read). Full order is the median
@@ -113,7 +113,7 @@ def merge(args: argparse.Namespace) -> None:
     """One row for each number of samples: seconds and memory from finished samples to the page."""
     with tempfile.TemporaryDirectory(dir=args.folder) as folder:
         first = Path(folder) / "first"
-        merged(args, first, REAL)
+        study(args.scene, first, REAL, args.processes, [text.format(n=REAL) for text in args.set])
         print(
             f"{args.scene.stem}\n{'samples':>8}{'modes':>9}{'results s':>10}{'report s':>9}"
             f"{'peak MB':>8}{'files':>6}{'GB':>6}"
@@ -125,7 +125,7 @@ def merge(args: argparse.Namespace) -> None:
             shutil.copy(first / "samples" / "families.npz", out / "samples")
             for block in range(n // BLOCK):
                 write_again(first / "samples", out / "samples", block)
-            merged(args, out, n)
+            study(args.scene, out, n, args.processes, [text.format(n=n) for text in args.set])
             summary = json.loads((out / "summary.json").read_text())
             seconds, memory = summary["seconds"], summary["process_memory_mb"]
             files = [file for file in out.rglob("*") if file.is_file()]
@@ -137,15 +137,6 @@ def merge(args: argparse.Namespace) -> None:
             )
             if not args.folder:
                 shutil.rmtree(out)
-
-
-def merged(args: argparse.Namespace, out: Path, n: int) -> None:
-    """Run a scene with so many samples in a folder that may have them."""
-    changes = [change for text in args.set for change in ("--set", text.format(n=n))]
-    words = [sys.executable, "-c", MAIN, "run", str(args.scene), "-o", str(out), *changes]
-    done = subprocess.run(words, capture_output=True, text=True)
-    if done.returncode:
-        sys.exit(done.stderr[-2000:])
 
 
 def write_again(source: Path, target: Path, block: int) -> None:
@@ -216,6 +207,7 @@ def main() -> None:
     two = commands.add_parser("merge")
     two.add_argument("scene", nargs="?", type=Path, default=SCENE)
     two.add_argument("--samples", type=int, nargs="+", default=[10240, 102400])
+    two.add_argument("--processes", type=int, default=1)
     two.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     two.add_argument("--folder", type=Path, help="keep what was written there")
     two.set_defaults(do=merge)

@@ -107,11 +107,9 @@ class Condensing:
         if "s" in data:
             out["family"] = np.full(data["s"].size, -1, dtype=np.int32)
         if "coordinates" in data:
-            shapes = data["coordinates"]
-            found = members.add(shapes.astype(complex), np.abs(data["s"].imag) / 2 / np.pi)
-            out["family"] = found.astype(np.int32)
+            out["family"] = family = _added(members, data)
             for i in np.flatnonzero(squeals(data, self.threshold)):
-                squealing.setdefault(int(found[i]), shapes[:, i].copy())
+                squealing.setdefault(int(family[i]), data["coordinates"][:, i].copy())
         return out
 
 
@@ -136,11 +134,10 @@ def prepare_blocks(study: Study) -> None:
     """
     many = study.scene.stability is not None and len(study.tasks) > sample_files.BLOCK
     there = on_first(lambda: study.store.path(FOUNDERS).is_file(), study.comm)
-    if many and not there and study.store.share is None:
+    if many and not there:
+        if study.store.share is not None:
+            return
         study.run(FOUNDING)
-    if many and not there and study.store.share is not None:
-        return
-    if many:
         on_first(lambda: _founders(study.store, study.tasks), study.comm)
     condense, own = condensing_of(study), {name for name, _ in study.tasks}
     study.store.samples.condense = lambda tasks, load: (
@@ -160,11 +157,16 @@ def _founders(store: Store, tasks: Sequence[Task]) -> ModeFamilies:
     for task in tasks:
         data = store.samples.load(task) if task[1] < FOUNDING else None
         if data is not None and "coordinates" in data:
-            frequency = np.abs(data["s"].imag) / 2 / np.pi
-            made.add(data["coordinates"].astype(complex), frequency)
+            _added(made, data)
     vectors, frequencies = np.array(made.vectors), np.array(made.frequencies)
     store.save(FOUNDERS, vectors=vectors, frequencies=frequencies)
     return made
+
+
+def _added(members: ModeFamilies, data: Mapping[str, Any]) -> NDArray[np.int32]:
+    """Family of each mode of one more sample."""
+    frequencies = np.abs(data["s"].imag) / 2 / np.pi
+    return members.add(data["coordinates"].astype(complex), frequencies).astype(np.int32)
 
 
 class Block:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from importlib import import_module
 from pathlib import Path
@@ -149,16 +149,23 @@ def _masked(values: Any) -> bool:
 
 
 @contextmanager
-def _csv(path: Path, heading: Sequence[str]) -> Iterator[Write]:
+def csv_rows(path: Path, heading: Sequence[str]) -> Iterator[Callable[[Iterable[Any]], None]]:
+    """What writes rows of a CSV file, which appears whole at the end.
+
+    A float is printed as ``repr`` does, None as an empty cell.
+    """
     with whole_file(path) as part, part.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(heading)
-        # The writer prints a float as `repr` does, and None as an empty cell.
-        yield lambda table: writer.writerows(
-            zip(*(column.tolist() for column in table.values()), strict=True)
-        )
+        yield writer.writerows
         file.flush()
         os.fsync(file.fileno())
+
+
+@contextmanager
+def _csv(path: Path, heading: Sequence[str]) -> Iterator[Write]:
+    with csv_rows(path, heading) as write:
+        yield lambda table: write(zip(*(column.tolist() for column in table.values()), strict=True))
 
 
 @contextmanager

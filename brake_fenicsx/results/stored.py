@@ -167,11 +167,10 @@ class Results:
 
     def _compare(self, block: Block) -> None:
         """Keep what the verification compares."""
-        for i, task in enumerate(block.tasks):
-            if task[0] == self._verified and task[1] < len(self._verify):
-                names = (name for name in ("s", "verdict") if name in block)
-                arrays = {name: block.each(name)[i] for name in names}
-                self._reduced[task[1]] = {k: a for k, a in arrays.items() if a is not None}
+        values = zip(block.each("s"), block.each("verdict"), strict=True)
+        for (approach, number), (s, verdict) in zip(block.tasks, values, strict=True):
+            if approach == self._verified and number < len(self._verify) and s is not None:
+                self._reduced[number] = {"s": s, "verdict": verdict}
 
     def _more(self, block: Block, family: NDArray[np.int32]) -> None:
         """Samples with derivatives or limit cycles."""

@@ -16,9 +16,8 @@ from typing import Any
 import numpy as np
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.files import whole_file
 
-from .columns import is_parquet, parquet_of, read_parquet
+from .columns import csv_rows, is_parquet, parquet_of, read_parquet
 
 Value = str | int | float | None
 Columns = Mapping[str, Any]
@@ -88,13 +87,8 @@ def write_rows(
         The path written.
     """
     path = Path(path)
-    with whole_file(path) as part, part.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
-        for number, row in enumerate(rows, start=1):
-            writer.writerow(_cells(path, columns, row, number))
-        file.flush()
-        os.fsync(file.fileno())
+    with csv_rows(path, columns) as write:
+        write(_cells(path, columns, row, number) for number, row in enumerate(rows, start=1))
     return path
 
 
@@ -135,14 +129,12 @@ def read_columns(path: str | Path, required: Sequence[str] = ()) -> Columns:
 
     path = Path(path)
     if is_parquet(path):
-        return read_parquet(parquet_of(path))
+        table = read_parquet(parquet_of(path))
+        _require(parquet_of(path), [*table], required)
+        return table
     lines = _lines(path)
     heading = next(lines)
-    if missing := [name for name in required if name not in heading]:
-        raise SceneError(
-            f"{path}: column {', '.join(missing)} is missing; the heading is"
-            f" {','.join(heading)}: run the scene again to write it"
-        )
+    _require(path, heading, required)
     if not sum(1 for _ in lines):
         return {name: np.empty(0, str if name in TEXT else int) for name in heading}
     numbers = [name for name in heading if name not in TEXT]
@@ -155,6 +147,15 @@ def read_columns(path: str | Path, required: Sequence[str] = ()) -> Columns:
         name: column.fillna("").to_numpy(str) if column.dtype.kind == "O" else column.to_numpy()
         for name, column in table.items()
     }
+
+
+def _require(path: Path, heading: Sequence[str], required: Sequence[str]) -> None:
+    """Refuse a table that lacks a column."""
+    if missing := [name for name in required if name not in heading]:
+        raise SceneError(
+            f"{path}: column {', '.join(missing)} is missing; the heading is"
+            f" {','.join(heading)}: run the scene again to write it"
+        )
 
 
 def text_table(columns: Sequence[str], rows: Iterable[Sequence[Value]]) -> str:

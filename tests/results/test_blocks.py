@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder import sample_files
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.results import blocks
@@ -180,6 +181,8 @@ def test_table_of_many_rows_is_parquet_and_csv_on_request(tmp_path, monkeypatch)
     assert not many.exists() and many.with_suffix(".parquet").is_file()
     table, plain = read_columns(many), read_columns(few)
     assert [*table] == [*heads] and (table["approach"] == "joint").all()
+    with pytest.raises(SceneError, match=r"many.parquet: column partners is missing"):
+        read_columns(many, ["partners"])
     for name in heads[1:]:
         np.testing.assert_array_equal(table[name], plain[name])
     assert columns.write_csv(many).read_bytes() == asked
