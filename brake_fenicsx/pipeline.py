@@ -512,7 +512,7 @@ def mechanics(
             this.store.save_json(PREPARED, [*this.scene.samples.approaches])
         if not this.prepare:
             study.run()
-        this.store.samples.condense = None  # it holds the brake
+        this.store.samples.tabulate = None  # it holds the brake
     if this.prepare:
         return
     sweep = None

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 Task = tuple[str, int]
 Arrays = dict[str, np.ndarray]
-Condense = Callable[[Sequence[Task], Callable[[Task], Arrays | None]], Arrays | None]
+Tabulate = Callable[[Sequence[Task], Callable[[Task], Arrays | None]], Arrays | None]
 
 # Samples of an archive: 10^5 samples are 400 files, and a damaged one costs little.
 BLOCK = 256
@@ -51,13 +51,13 @@ class SampleFiles:
     """Samples of one results folder.
 
     Attributes:
-        condense: makes the columns of a block from its tasks and a function that reads each of
+        tabulate: makes the columns of a block from its tasks and a function that reads each of
             them; None of blocks without. No columns are written if it is None.
     """
 
     def __init__(self, store: Store):
         self._store = store
-        self.condense: Condense | None = None
+        self.tabulate: Tabulate | None = None
         # Names of the samples in archives that were looked at, and single files likewise.
         self._archives: dict[str, frozenset[str]] = {}
         self._checked: set[str] = set()
@@ -172,7 +172,7 @@ class SampleFiles:
             except FileNotFoundError:
                 return  # Another process has packed them.
 
-            columns = self._condensed(dict(zip(block, files, strict=True)))
+            columns = self._tabulated(dict(zip(block, files, strict=True)))
 
             def write(target: BinaryIO) -> None:
                 with zipfile.ZipFile(target, "w", zipfile.ZIP_STORED) as archive:
@@ -189,7 +189,7 @@ class SampleFiles:
         for path in paths:
             path.unlink(missing_ok=True)
 
-    def _condensed(self, block: dict[Task, BinaryIO]) -> bytes:
+    def _tabulated(self, block: dict[Task, BinaryIO]) -> bytes:
         """Columns of a block as a file; none where nothing makes them."""
 
         def load(task: Task) -> Arrays:
@@ -199,7 +199,7 @@ class SampleFiles:
             except (ValueError, EOFError, zipfile.BadZipFile):
                 raise damaged(self._store.path(FOLDER, _single(task))) from None
 
-        arrays = None if self.condense is None else self.condense([*block], load)
+        arrays = None if self.tabulate is None else self.tabulate([*block], load)
         return b"" if arrays is None else bytes_of_arrays(arrays)
 
 

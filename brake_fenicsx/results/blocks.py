@@ -1,4 +1,4 @@
-"""Columns of a block of samples: what the tables need of them, condensed once by who packs them.
+"""Columns of a block of samples: what the tables need of them, tabulated once by who packs them.
 
 Modes of different blocks belong to one family where both know it: families are founded by the first
 samples of every approach, before any block is full. A mode that matches none of these founds a
@@ -44,7 +44,7 @@ BESIDE = (
 
 
 @dataclass(frozen=True)
-class Condensing:
+class Tabulation:
     """How the samples of a study become columns.
 
     Attributes:
@@ -113,24 +113,24 @@ class Condensing:
         return out
 
 
-def condensing_of(study: Study) -> Condensing:
+def tabulation_of(study: Study) -> Tabulation:
     """How the samples of a study become columns; its founders are found where there are many."""
     stability, store = study.scene.stability, study.store
     founders = ModeFamilies()
     if stability is not None and len(study.tasks) > sample_files.BLOCK:
         founders = _founders(store, study.tasks)
-    return Condensing(
+    return Tabulation(
         stability.threshold if stability else 0.0, study.brake.contact.speed > 0,
         forces_of_sample(study.scene, study.brake), founders,
     )  # fmt: skip
 
 
 def prepare_blocks(study: Study) -> None:
-    """Let blocks of samples be condensed as they are packed; collective.
+    """Let blocks of samples be tabulated as they are packed; collective.
 
     Where there are more samples than a block has, the first ones of every approach are computed.
     A share computes none: without the families of a folder that was prepared its blocks are packed
-    as they are, and the end of the run condenses them.
+    as they are, and the end of the run tabulates them.
     """
     many = study.scene.stability is not None and len(study.tasks) > sample_files.BLOCK
     there = on_first(lambda: study.store.path(FOUNDERS).is_file(), study.comm)
@@ -139,9 +139,9 @@ def prepare_blocks(study: Study) -> None:
             return
         study.run(FOUNDING)
         on_first(lambda: _founders(study.store, study.tasks), study.comm)
-    condense, own = condensing_of(study), {name for name, _ in study.tasks}
-    study.store.samples.condense = lambda tasks, load: (
-        condense(tasks, load) if tasks[0][0] in own else None
+    tabulate, own = tabulation_of(study), {name for name, _ in study.tasks}
+    study.store.samples.tabulate = lambda tasks, load: (
+        tabulate(tasks, load) if tasks[0][0] in own else None
     )
 
 
@@ -178,7 +178,7 @@ class Block:
     """
 
     def __init__(self, columns: Arrays):
-        """Take columns as ``Condensing`` makes them."""
+        """Take columns as ``Tabulation`` makes them."""
         self.beside = {name: columns[name] for name in BESIDE if name in columns}
         pairs = zip(self.beside["approaches"], self.beside["numbers"], strict=True)
         self.tasks: list[Task] = [(str(approach), int(number)) for approach, number in pairs]
@@ -235,13 +235,13 @@ class Block:
         return [next(values).item() if there else default for there in self.sizes(name)]
 
 
-def blocks_of(store: Store, tasks: Sequence[Task], condense: Condensing) -> Iterator[Block]:
+def blocks_of(store: Store, tasks: Sequence[Task], tabulate: Tabulation) -> Iterator[Block]:
     """Columns of all blocks, in the order of the tasks.
 
     Args:
         store: the results folder.
         tasks: approach and number of each sample wanted.
-        condense: how samples become columns that are not packed, or not with its founders.
+        tabulate: how samples become columns that are not packed, or not with its founders.
     """
     groups: dict[tuple[str, int], list[Task]] = {}
     for task in tasks:
@@ -253,8 +253,8 @@ def blocks_of(store: Store, tasks: Sequence[Task], condense: Condensing) -> Iter
         columns = None
         if len(group) == sample_files.BLOCK and len({name for name, _ in group}) == 1:
             columns = store.samples.columns(group[0])
-        if columns is None or str(columns["founders"]) != condense.mark:
-            columns = condense(group, store.samples.load)
+        if columns is None or str(columns["founders"]) != tabulate.mark:
+            columns = tabulate(group, store.samples.load)
         yield Block(columns)
 
 

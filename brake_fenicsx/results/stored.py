@@ -23,7 +23,7 @@ from brake_fenicsx.uncertainty.shapes import FILE as SHAPES
 from brake_fenicsx.uncertainty.shapes import family_shapes
 from brake_fenicsx.uncertainty.study import Study
 
-from .blocks import Block, Condensing, blocks_of, condensing_of
+from .blocks import Block, Tabulation, blocks_of, tabulation_of
 from .columns import column_writer, ma
 from .families import ModeFamilies
 from .run import RunData
@@ -53,7 +53,7 @@ class Results:
         tasks: Sequence[Task],
         verify: Sequence[Task] = (),
         verified: str = "multi-scale",
-        condense: Condensing | None = None,
+        tabulate: Tabulation | None = None,
         modes: Callable[[Columns], None] | None = None,
     ):
         """Read the samples.
@@ -63,12 +63,12 @@ class Results:
             tasks: approach and number of each sample.
             verify: samples of the verification.
             verified: approach that they verify.
-            condense: how samples become columns; with what all scenes have in common if None.
+            tabulate: how samples become columns; with what all scenes have in common if None.
             modes: is given the columns of modes.csv of each block, in order.
         """
-        condense = condense or Condensing()
+        tabulate = tabulate or Tabulation()
         self.first: dict[Task, Data] = {}
-        self.members = ModeFamilies(known=condense.founders)
+        self.members = ModeFamilies(known=tabulate.founders)
         self.more: list[tuple[Task, Data, NDArray[np.int32]]] = []
         self._verify = {task: store.samples.load(task) or {} for task in verify}
         self._reduced: dict[int, Data] = {}
@@ -78,11 +78,11 @@ class Results:
         self._rows: list[Block] = []
         self._layers: list[str] = []
         self._counts = {name: _Counts() for name in dict.fromkeys(name for name, _ in tasks)}
-        for block in blocks_of(store, tasks, condense):
+        for block in blocks_of(store, tasks, tabulate):
             for task, status in zip(block.tasks, block.scalars("status", ""), strict=True):
                 if status == "ok" and all(task[0] != name for name, _ in self.first):
                     self.first[task] = store.samples.load(task) or {}
-            family = self._families(block, len(condense.founders.vectors))
+            family = self._families(block, len(tabulate.founders.vectors))
             self._rows.append(block.part((*ROW, "random_names", "random")))
             self._count(block)
             self._more(block, family)
@@ -355,7 +355,7 @@ def _tables(
     )
     with table as write:
         results = Results(
-            study.store, study.tasks, study.verify, study.verified, condensing_of(study), write
+            study.store, study.tasks, study.verify, study.verified, tabulation_of(study), write
         )
     facts = results.facts()
     first = {task[0]: data for task, data in results.first.items()}

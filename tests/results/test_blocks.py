@@ -7,12 +7,12 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder import sample_files
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.results import blocks
-from brake_fenicsx.results.blocks import Block, Condensing
+from brake_fenicsx.results.blocks import Block, Tabulation
 from brake_fenicsx.results.stored import Results
 from brake_fenicsx.results.tables import write_rows
 
 TASKS = [("joint", k) for k in range(10)]
-CONDENSE = Condensing(
+TABULATE = Tabulation(
     1e-3, np.array([True, True, False]), lambda data: np.array([[data["p"].sum(), 1.0]])
 )
 
@@ -44,11 +44,11 @@ def stored(tmp_path, monkeypatch):
     monkeypatch.setattr(sample_files, "BLOCK", 4)
     monkeypatch.setattr(blocks, "FOUNDING", 3)
 
-    def make(name, condense=None):
+    def make(name, tabulate=None):
         store = Store(tmp_path / name)
         store.digest = "this"
         store.path("samples").mkdir(parents=True)
-        store.samples.condense = condense
+        store.samples.tabulate = tabulate
         rng = np.random.default_rng(1)
         for task in TASKS:
             store.samples.save(task, **sample(task[1], rng))
@@ -57,10 +57,10 @@ def stored(tmp_path, monkeypatch):
     return make
 
 
-def tables(store, condense, tasks=TASKS):
+def tables(store, tabulate, tasks=TASKS):
     """Rows of both tables, figures of the summary, families."""
     parts = []
-    results = Results(store, tasks, condense=condense, modes=parts.append)
+    results = Results(store, tasks, tabulate=tabulate, modes=parts.append)
     modes = {name: np.ma.concatenate([p[name] for p in parts]).tolist() for name in parts[0]}
     heads, rows = results.samples()
     forces = {name: values.tolist() for name, values in results.forces.items()}
@@ -70,8 +70,8 @@ def tables(store, condense, tasks=TASKS):
 
 
 def with_founders(store):
-    return Condensing(
-        CONDENSE.threshold, CONDENSE.sliding, CONDENSE.forces, blocks._founders(store, TASKS)
+    return Tabulation(
+        TABULATE.threshold, TABULATE.sliding, TABULATE.forces, blocks._founders(store, TASKS)
     )
 
 
@@ -80,7 +80,7 @@ def test_columns_give_back_each_array(tmp_path):
     rows = [{"a": np.arange(6.0).reshape(2, 3), "t": np.array(["x", "yy"]), "n": np.array(3)},
             {"t": np.array([""])}, {"a": np.zeros((2, 0)), "n": np.array(4)}]  # fmt: skip
     data = dict(zip(TASKS, rows, strict=False))
-    columns = Condensing()(
+    columns = Tabulation()(
         TASKS[:4], lambda task: data.get(task) and {"status": "no", **data[task]}
     )
     block = Block(columns)
@@ -97,12 +97,12 @@ def test_columns_give_back_each_array(tmp_path):
 def test_packed_blocks_give_the_tables_of_the_samples(stored, monkeypatch):
     """And no sample of theirs is read, but the first good one."""
     plain = stored("plain")
-    condense = with_founders(plain)
-    packed = stored("packed", condense)
-    one, read = tables(plain, condense), []
+    tabulate = with_founders(plain)
+    packed = stored("packed", tabulate)
+    one, read = tables(plain, tabulate), []
     load = packed.samples.load
     monkeypatch.setattr(packed.samples, "load", lambda task: read.append(task[1]) or load(task))
-    two = tables(packed, condense)
+    two = tables(packed, tabulate)
     assert one[:-1] == two[:-1]
     np.testing.assert_array_equal(one[-1], two[-1])
     assert sorted(read) == [0, 8, 9]
@@ -131,10 +131,10 @@ def test_rows_are_those_of_the_samples(stored):
 def test_families_of_blocks_are_those_of_one_pass(stored, monkeypatch):
     """Where the first samples have them all; a mode of each sample at most has a family."""
     store = stored("plain")
-    condense = with_founders(store)
-    modes = tables(store, condense)[0]
+    tabulate = with_founders(store)
+    modes = tables(store, tabulate)[0]
     monkeypatch.setattr(sample_files, "BLOCK", 10)
-    whole = tables(stored("whole"), CONDENSE)[0]
+    whole = tables(stored("whole"), TABULATE)[0]
     pairs = {*zip(modes["family"], whole["family"], strict=True)}
     assert len(pairs) == len({a for a, _ in pairs}) == len({b for _, b in pairs})
     keys = [*zip(modes["sample"], modes["family"], strict=True)]
@@ -144,10 +144,10 @@ def test_families_of_blocks_are_those_of_one_pass(stored, monkeypatch):
 def test_columns_made_with_other_families_or_of_more_samples_are_made_again(stored):
     """A folder of few samples that got more, and one of many that is read in part."""
     plain = stored("plain")
-    condense = with_founders(plain)
-    for name, mine, tasks in (("few", CONDENSE, TASKS), ("part", condense, TASKS[:6])):
+    tabulate = with_founders(plain)
+    for name, mine, tasks in (("few", TABULATE, TASKS), ("part", tabulate, TASKS[:6])):
         packed = stored(name, mine)
-        one, two = tables(plain, condense, tasks), tables(packed, condense, tasks)
+        one, two = tables(plain, tabulate, tasks), tables(packed, tabulate, tasks)
         assert one[:-1] == two[:-1]
 
 
