@@ -28,6 +28,7 @@ import sys
 import tempfile
 import time
 import zipfile
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -111,21 +112,23 @@ def run(args: argparse.Namespace) -> None:
 
 def merge(args: argparse.Namespace) -> None:
     """One row for each number of samples: seconds and memory from finished samples to the page."""
-    with tempfile.TemporaryDirectory(dir=args.folder) as folder:
+    with nullcontext(args.folder) if args.folder else tempfile.TemporaryDirectory() as folder:
         first = Path(folder) / "first"
-        study(args.scene, first, REAL, args.processes, [text.format(n=REAL) for text in args.set])
+        if not (first / "summary.json").exists():
+            study(args.scene, first, REAL, args.processes, named(args.set, REAL))
         print(
             f"{args.scene.stem}\n{'samples':>8}{'modes':>9}{'results s':>10}{'report s':>9}"
             f"{'peak MB':>8}{'files':>6}{'GB':>6}"
         )
         for n in args.samples:
             out = Path(folder) / f"{n}"
-            shutil.copytree(first, out, ignore=shutil.ignore_patterns("samples"))
-            (out / "samples").mkdir()
-            shutil.copy(first / "samples" / "families.npz", out / "samples")
-            for block in range(n // BLOCK):
-                write_again(first / "samples", out / "samples", block)
-            study(args.scene, out, n, args.processes, [text.format(n=n) for text in args.set])
+            if not out.exists():
+                shutil.copytree(first, out, ignore=shutil.ignore_patterns("samples"))
+                (out / "samples").mkdir()
+                shutil.copy(first / "samples" / "families.npz", out / "samples")
+                for block in range(n // BLOCK):
+                    write_again(first / "samples", out / "samples", block)
+            study(args.scene, out, n, args.processes, named(args.set, n))
             summary = json.loads((out / "summary.json").read_text())
             seconds, memory = summary["seconds"], summary["process_memory_mb"]
             files = [file for file in out.rglob("*") if file.is_file()]
@@ -137,6 +140,11 @@ def merge(args: argparse.Namespace) -> None:
             )
             if not args.folder:
                 shutil.rmtree(out)
+
+
+def named(options: list[str], samples: int) -> list[str]:
+    """Options with the number of samples where they name it."""
+    return [text.replace("{n}", str(samples)) for text in options]
 
 
 def write_again(source: Path, target: Path, block: int) -> None:
@@ -209,7 +217,7 @@ def main() -> None:
     two.add_argument("--samples", type=int, nargs="+", default=[10240, 102400])
     two.add_argument("--processes", type=int, default=1)
     two.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
-    two.add_argument("--folder", type=Path, help="keep what was written there")
+    two.add_argument("--folder", type=Path, help="keep what is written here, and use it again")
     two.set_defaults(do=merge)
     args = parser.parse_args()
     args.do(args)

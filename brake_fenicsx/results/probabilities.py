@@ -28,15 +28,18 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from mpi4py import MPI
+
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.scene.samples import Plan, Samples
 from brake_fenicsx.uncertainty.designs import RIGID
 
 from .run import RunData
 from .sensitivity import Indices, indices
-from .statistics import rank_correlation, wilson
+from .statistics import Correlation, rank_correlation, wilson
 from .tables import write_rows
 
 if TYPE_CHECKING:
@@ -113,7 +116,7 @@ class Ensemble:
         good: samples that ended well, shape (samples,).
         outcomes: bands, the whole one first, then families, the most severe first.
         threshold: a mode squeals where its damping lies below minus this.
-        indices: of the growth of each outcome, by scope and place, once they are computed.
+        causes: what moves each outcome, in their order, once ``find_causes`` has filled it.
     """
 
     approach: str
@@ -122,7 +125,24 @@ class Ensemble:
     good: NDArray[np.bool_]
     outcomes: tuple[Outcome, ...]
     threshold: float = 0.0
-    indices: dict[tuple[str, str], Indices] = field(default_factory=dict)
+    causes: list[Causes] = field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True)
+class Causes:
+    """Which random inputs move an outcome.
+
+    Attributes:
+        growth: indices of its growth.
+        squeal: indices of whether it squeals; None where that never changes.
+        dominant: number of the input with the strongest rank correlation with squeal, or None.
+        correlation: that correlation.
+    """
+
+    growth: Indices
+    squeal: Indices | None
+    dominant: int | None
+    correlation: Correlation
 
 
 def ensembles(run: RunData, band: Sequence[float]) -> list[Ensemble]:
@@ -164,13 +184,40 @@ def _outcomes(
         yield Outcome.of("family", str(f.key), f.frequency, own, samples)
 
 
+def find_causes(samples: Samples, found: Sequence[Ensemble], comm: MPI.Comm) -> None:
+    """Fill in what moves each outcome, the outcomes shared by the processes; collective.
+
+    Args:
+        samples: the scene's [samples].
+        found: samples of each approach.
+        comm: the processes.
+    """
+    every = [(e, o) for e in found for o in e.outcomes]
+    for e in found:
+        e.causes.clear()
+    causes = in_turns(len(every), lambda i: _causes(samples, *every[i]), comm)
+    for (e, _), one in zip(every, causes, strict=True):
+        e.causes.append(one)
+
+
+def _causes(samples: Samples, e: Ensemble, o: Outcome) -> Causes:
+    plan, hits = _plan(samples, e), o.squeal[e.good]
+    squeal = None if np.ptp(hits) == 0 else indices(plan, e.x, o.squeal, e.good)
+    best, strongest = None, Correlation(np.nan, np.nan, np.nan)
+    for i in range(len(e.names)):
+        c = rank_correlation(e.x[e.good, i], hits)
+        if np.isfinite(c.rho) and (best is None or abs(c.rho) > abs(strongest.rho)):
+            best, strongest = i, c
+    return Causes(indices(plan, e.x, o.growth, e.good), squeal, best, strongest)
+
+
 def write_causes(folder: Path, samples: Samples, found: Sequence[Ensemble]) -> dict[str, Any]:
     """Write the three tables; sensitivity.csv only where some approach has random inputs.
 
     Args:
         folder: the results folder.
         samples: the scene's [samples].
-        found: samples of each approach.
+        found: samples of each approach, with their causes.
 
     Returns:
         Figures for the summary.
@@ -178,7 +225,7 @@ def write_causes(folder: Path, samples: Samples, found: Sequence[Ensemble]) -> d
     write_rows(folder / "probabilities.csv", PROBABILITIES, probability_rows(samples, found))
     write_rows(folder / "convergence.csv", CONVERGENCE, convergence_rows(samples, found))
     if any(e.names for e in found):
-        write_rows(folder / "sensitivity.csv", SENSITIVITY, sensitivity_rows(samples, found))
+        write_rows(folder / "sensitivity.csv", SENSITIVITY, sensitivity_rows(found))
     return probability_facts(samples, found)
 
 
@@ -190,31 +237,17 @@ def _plan(samples: Samples, e: Ensemble) -> Plan:
     return samples.plan(e.approach)
 
 
-def _indices(samples: Samples, e: Ensemble, y: Array) -> Indices:
-    return indices(_plan(samples, e), e.x, y, e.good)
-
-
-def _growth_indices(samples: Samples, e: Ensemble, o: Outcome) -> Indices:
-    """Two tables need them, and their intervals take most of the time of both."""
-    key = o.scope, o.where
-    if key not in e.indices:
-        e.indices[key] = _indices(samples, e, o.growth)
-    return e.indices[key]
-
-
-def sensitivity_rows(samples: Samples, found: Sequence[Ensemble]) -> Iterator[list[Any]]:
+def sensitivity_rows(found: Sequence[Ensemble]) -> Iterator[list[Any]]:
     """Rows of sensitivity.csv; outcomes that never change have none.
 
     Args:
-        samples: the scene's [samples].
-        found: samples of each approach.
+        found: samples of each approach, with their causes.
     """
     for e in found:
-        for o in e.outcomes:
-            for name, y in (("growth", o.growth), ("squeal", o.squeal)):
-                if not e.names or np.ptp(y[e.good]) == 0:
+        for o, cause in zip(e.outcomes, e.causes, strict=True):
+            for name, x in (("growth", cause.growth), ("squeal", cause.squeal)):
+                if x is None or np.ptp(o.growth[e.good]) == 0:
                     continue
-                x = _growth_indices(samples, e, o) if name == "growth" else _indices(samples, e, y)
                 for i, key in enumerate(e.names):
                     first = _interval(x.first[i], x.first_half[i])
                     total = _interval(x.total[i], x.total_half[i])
@@ -237,10 +270,10 @@ def probability_rows(samples: Samples, found: Sequence[Ensemble]) -> Iterator[li
 
     Args:
         samples: the scene's [samples].
-        found: samples of each approach.
+        found: samples of each approach, with their causes.
     """
     for e in found:
-        for o in e.outcomes:
+        for o, cause in zip(e.outcomes, e.causes, strict=True):
             hits = o.squeal[e.good]
             share = wilson(int(hits.sum()), hits.size)
             above = (
@@ -250,18 +283,15 @@ def probability_rows(samples: Samples, found: Sequence[Ensemble]) -> Iterator[li
             yield [
                 *_place(e, o), share.n, share.hits, share.value, share.low, share.high,
                 o.median_damping, share.value * abs(o.median_damping or 0.0), above,
-                *_dominant_input(e, hits),
-                *_shares(_growth_indices(samples, e, o), e),
+                *_dominant(cause, e), *_shares(cause.growth, e),
             ]  # fmt: skip
 
 
-def _dominant_input(e: Ensemble, hits: Array) -> list[Any]:
-    best: list[Any] = [None, None, None, None]
-    for i, name in enumerate(e.names):
-        c = rank_correlation(e.x[e.good, i], hits)
-        if np.isfinite(c.rho) and (best[0] is None or abs(c.rho) > abs(best[1])):
-            best = [name, c.rho, c.low, c.high]
-    return best
+def _dominant(cause: Causes, e: Ensemble) -> list[Any]:
+    if cause.dominant is None:
+        return [None] * 4
+    c = cause.correlation
+    return [e.names[cause.dominant], c.rho, c.low, c.high]
 
 
 def _shares(x: Indices, e: Ensemble) -> list[float | None]:

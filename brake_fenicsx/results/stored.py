@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,9 +24,13 @@ from brake_fenicsx.uncertainty.study import Study
 
 from .blocks import Block, Tabulation, blocks_of, tabulation_of
 from .columns import column_writer, ma
+from .counts import Counts, is_complete
 from .families import ModeFamilies
 from .run import RunData
 from .tables import CONTACT, MODES, SAMPLES, Columns, read_columns, write_rows
+
+if TYPE_CHECKING:
+    from .probabilities import Ensemble
 
 Array = NDArray[np.float64]
 Data = dict[str, Any]
@@ -77,7 +80,7 @@ class Results:
         self._beyond = ModeFamilies()
         self._rows: list[Block] = []
         self._layers: list[str] = []
-        self._counts = {name: _Counts() for name in dict.fromkeys(name for name, _ in tasks)}
+        self._counts = {name: Counts() for name in dict.fromkeys(name for name, _ in tasks)}
         for block in blocks_of(store, tasks, tabulate):
             for task, status in zip(block.tasks, block.scalars("status", ""), strict=True):
                 if status == "ok" and all(task[0] != name for name, _ in self.first):
@@ -144,7 +147,7 @@ class Results:
                     block.tasks, known, values, *columns, strict=True
                 ):
                     inputs = {} if x is None or v is None else dict(zip(x, v, strict=True))
-                    proven = None if counted is None else "yes" if _complete(counted) else "no"
+                    proven = None if counted is None else "yes" if is_complete(counted) else "no"
                     more = [rejected] * drawn + [missed, proven] * modes
                     drawn_values = (float(inputs[n]) if n in inputs else None for n in names)
                     yield [*task, *row, *drawn_values, *more]
@@ -231,71 +234,6 @@ class Results:
         return numbers, np.array(vectors).T if vectors else np.zeros((0, 0), complex)
 
 
-@dataclass
-class _Counts:
-    """Sums over the good samples of an approach."""
-
-    good: int = 0
-    failed: int = 0
-    modes: int = 0
-    unstable: int = 0
-    neutral: int = 0
-    tolerance_missed: int = 0
-    not_complete: int = 0
-    largest_error: float = 0.0
-    rejected: int | None = None
-    counted_by: str | None = None
-    forces: list[Array] = field(default_factory=list)
-    of_each: dict[str, list[float]] = field(default_factory=dict)
-
-    def add_samples(self, block: Block, own: NDArray[np.intp], counted: list[str]) -> None:
-        """Samples of a block by their places, and how their modes were counted."""
-        self.good += own.size
-        self.counted_by = self.counted_by or next(iter(counted), None)
-        self.not_complete += sum(not _complete(how) for how in counted)
-        for name in ("stability_seconds", "equilibrium_seconds", "equilibrium_iterations"):
-            values = block.scalars(name, None)
-            known = self.of_each.setdefault(name, [])
-            known += [float(values[i]) for i in own if values[i] is not None]
-        missed = block.scalars("tolerance_missed", 0)
-        self.tolerance_missed += sum(int(missed[i]) for i in own)
-        if "rejected" in block:
-            rejected = block.scalars("rejected", 0)
-            self.rejected = (self.rejected or 0) + sum(int(rejected[i]) for i in own)
-        forces = block.each("forces")
-        self.forces += [f for i in own if (f := forces[i]) is not None]
-
-    def add_modes(self, block: Block, own: NDArray[np.bool_]) -> None:
-        """Modes of a block that are of the approach."""
-        from brake_fenicsx.stability.modes import relative_errors
-
-        error = relative_errors(block.column("s")[own], block.column("error")[own])
-        verdict = block.column("verdict")[own]
-        self.modes += int(own.sum())
-        self.largest_error = max(self.largest_error, float(np.fmax.reduce(error, initial=0.0)))
-        self.unstable += int((verdict == "unstable").sum())
-        self.neutral += int((verdict == "neutral").sum())
-
-    def facts(self) -> dict[str, Any]:
-        """Figures for the summary."""
-        about: dict[str, Any] = {"good": self.good}
-        if self.counted_by is not None:
-            about |= {
-                "modes": self.modes, "counted_by": self.counted_by,
-                "not_complete": self.not_complete, "tolerance_missed": self.tolerance_missed,
-                "largest_error": self.largest_error, "unstable": self.unstable,
-                "neutral": self.neutral,
-                "seconds_per_stability": float(np.median(self.of_each["stability_seconds"])),
-            }  # fmt: skip
-        if self.rejected is not None:
-            about["rejected_draws"] = self.rejected
-        if self.good:
-            for name, key in (("seconds_per_equilibrium", "equilibrium_seconds"),
-                              ("newton_iterations", "equilibrium_iterations")):  # fmt: skip
-                about[name] = float(np.median(self.of_each[key]))
-        return about
-
-
 def _modes(block: Block, family: NDArray[np.int32], layers: Sequence[str]) -> Columns:
     """Columns of modes.csv: the fixed ones, the flutter partner, and one share per layer."""
     sizes, s = block.sizes("s"), block.column("s")
@@ -322,11 +260,6 @@ def _modes(block: Block, family: NDArray[np.int32], layers: Sequence[str]) -> Co
     }
 
 
-def _complete(how: str) -> bool:
-    """Whether the count of the modes of a sample proves that none is missing."""
-    return not how.startswith("not counted") and "not proven" not in how
-
-
 def write_results(study: Study) -> dict[Task, dict[str, Any]]:
     """Write the tables, count, and keep figures for the summary in the study; collective.
 
@@ -334,8 +267,16 @@ def write_results(study: Study) -> dict[Task, dict[str, Any]]:
         What was stored of the first good sample of each approach.
     """
     points = dof_points(study.brake)
-    first, facts = on_first(lambda: _tables(study, points), study.comm)
+    first, facts, found = on_first(lambda: _tables(study, points), study.comm)
     study.facts |= facts
+    if found is not None:
+        from .probabilities import find_causes, write_causes
+
+        samples = study.scene.samples
+        find_causes(samples, found, study.comm)
+        study.facts["probabilities"] = on_first(
+            lambda: write_causes(study.store.path(), samples, found), study.comm
+        )
     if study.brake.stuck:
         from brake_fenicsx.uncertainty.forces import stuck_states
 
@@ -347,8 +288,8 @@ def write_results(study: Study) -> dict[Task, dict[str, Any]]:
 
 def _tables(
     study: Study, points: NDArray[np.float64]
-) -> tuple[dict[Task, dict[str, Any]], dict[str, Any]]:
-    """The same on one process."""
+) -> tuple[dict[Task, dict[str, Any]], dict[str, Any], list[Ensemble] | None]:
+    """The same on one process, but for the causes of squeal, which all share."""
     scene, path, stability = study.scene, study.store.path, study.scene.stability
     table = (
         column_writer(path("modes.csv"), MODES) if "stability" in scene.stages else nullcontext()
@@ -377,14 +318,14 @@ def _tables(
         from .cycle_tables import write_cycles
 
         write_cycles(path(), results)
+    found = None
     if stability is not None and {"stability", "uncertainty"} <= {*scene.stages}:
-        from .probabilities import ensembles, write_causes
+        from .probabilities import ensembles
 
         modes, samples = (read_columns(path(f"{name}.csv")) for name in ("modes", "samples"))
         settings = {"in_effect": {"stability": {"threshold": stability.threshold}}}
         found = ensembles(RunData(path(), modes, samples, summary=settings), stability.band)
-        facts["probabilities"] = write_causes(path(), scene.samples, found)
-    return results.first, facts
+    return results.first, facts, found
 
 
 def _write_shapes(study: Study, points: NDArray[np.float64], results: Results) -> None:

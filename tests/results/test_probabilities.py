@@ -1,5 +1,7 @@
 """Outcomes of samples and the tables of causes, against closed forms."""
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -12,6 +14,7 @@ from brake_fenicsx.results.probabilities import (
     Outcome,
     convergence_rows,
     ensembles,
+    find_causes,
     probability_rows,
     sensitivity_rows,
     write_causes,
@@ -30,7 +33,12 @@ def ensemble(x, growth, good=None):
         Outcome(scope, where, hertz, growth, -1e-4 * growth)
         for scope, where, hertz in (("band", "0-16000", 8000.0), ("family", "3", 1900.0))
     )
-    return Ensemble("joint", (MU, E3), x, good, tuple(found))
+    return explained([Ensemble("joint", (MU, E3), x, good, tuple(found))])[0]
+
+
+def explained(found):
+    find_causes(SAMPLES, found, MPI.COMM_SELF)
+    return found
 
 
 def table(columns, rows):
@@ -70,7 +78,7 @@ def test_shares_of_the_variance_of_a_sum():
     found = [row["share_friction"], row["share_materials"], row["share_rest"]]
     np.testing.assert_allclose(found, exact, atol=0.03)
     assert row["share_loads"] == 0.0
-    index = table(SENSITIVITY, sensitivity_rows(SAMPLES, [ensemble(x, growth)]))
+    index = table(SENSITIVITY, sensitivity_rows([ensemble(x, growth)]))
     # Always unstable: the verdict never changes and has no index, the growth has two for each.
     assert [r["outcome"] for r in index] == ["growth"] * 4
     assert index[0]["first_low"] <= exact[0] <= index[0]["first_high"]
@@ -119,7 +127,7 @@ def results(threshold=0.0):
 
 def test_outcomes_of_bands_and_families():
     """Decaying and neutral modes are no growth; bands are those of probability_per_band.csv."""
-    (e,) = ensembles(results(), (0.0, 16e3))
+    (e,) = explained(ensembles(results(), (0.0, 16e3)))
     assert e.approach == "joint"
     np.testing.assert_array_equal(e.good, [True, True, False])
     np.testing.assert_array_equal(np.isnan(e.x[:, 0]), [False, False, True])
@@ -135,7 +143,7 @@ def test_outcomes_of_bands_and_families():
 
 def test_a_threshold_takes_weak_modes_out_of_the_outcomes():
     """Damping -9.5e-4 and -1.4e-4: one of the two is left."""
-    (e,) = ensembles(results(2e-4), (0.0, 16e3))
+    (e,) = explained(ensembles(results(2e-4), (0.0, 16e3)))
     growth = {(o.scope, o.where): o.growth[:2].tolist() for o in e.outcomes}
     assert growth["band", "0-16000"] == [3.0, 0.0]
     assert ("family", "4") not in growth
@@ -146,7 +154,7 @@ def test_a_threshold_takes_weak_modes_out_of_the_outcomes():
 
 def test_families_are_ranked_by_share_times_damping():
     """Each in one of two samples; the one that grows more slowly is damped less still."""
-    (e,) = ensembles(results(), (0.0, 16e3))
+    (e,) = explained(ensembles(results(), (0.0, 16e3)))
     found = [o for o in e.outcomes if o.scope == "family"]
     assert [o.where for o in found] == ["0", "4"]
     first = table(PROBABILITIES, probability_rows(SAMPLES, [e]))[len(e.outcomes) - 2]
@@ -155,7 +163,7 @@ def test_families_are_ranked_by_share_times_damping():
 
 
 def test_tables_are_written_and_the_summary_says_how_stable_modes_count(tmp_path):
-    facts = write_causes(tmp_path, SAMPLES, ensembles(results(), (0.0, 16e3)))
+    facts = write_causes(tmp_path, SAMPLES, explained(ensembles(results(), (0.0, 16e3))))
     assert facts["stable_modes"] == "count as growth 0 in every index"
     assert facts["joint"]["probability_of_any"] == 1.0
     for name in ("sensitivity", "probabilities", "convergence"):

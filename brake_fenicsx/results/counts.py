@@ -1,0 +1,83 @@
+"""Sums over the samples of an approach, for the summary of a run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .blocks import Block
+
+Array = NDArray[np.float64]
+
+
+@dataclass
+class Counts:
+    """Sums over the good samples of an approach."""
+
+    good: int = 0
+    failed: int = 0
+    modes: int = 0
+    unstable: int = 0
+    neutral: int = 0
+    tolerance_missed: int = 0
+    not_complete: int = 0
+    largest_error: float = 0.0
+    rejected: int | None = None
+    counted_by: str | None = None
+    forces: list[Array] = field(default_factory=list)
+    of_each: dict[str, list[float]] = field(default_factory=dict)
+
+    def add_samples(self, block: Block, own: NDArray[np.intp], counted: list[str]) -> None:
+        """Samples of a block by their places, and how their modes were counted."""
+        self.good += own.size
+        self.counted_by = self.counted_by or next(iter(counted), None)
+        self.not_complete += sum(not is_complete(how) for how in counted)
+        for name in ("stability_seconds", "equilibrium_seconds", "equilibrium_iterations"):
+            values = block.scalars(name, None)
+            known = self.of_each.setdefault(name, [])
+            known += [float(values[i]) for i in own if values[i] is not None]
+        missed = block.scalars("tolerance_missed", 0)
+        self.tolerance_missed += sum(int(missed[i]) for i in own)
+        if "rejected" in block:
+            rejected = block.scalars("rejected", 0)
+            self.rejected = (self.rejected or 0) + sum(int(rejected[i]) for i in own)
+        forces = block.each("forces")
+        self.forces += [f for i in own if (f := forces[i]) is not None]
+
+    def add_modes(self, block: Block, own: NDArray[np.bool_]) -> None:
+        """Modes of a block that are of the approach."""
+        from brake_fenicsx.stability.modes import relative_errors
+
+        error = relative_errors(block.column("s")[own], block.column("error")[own])
+        verdict = block.column("verdict")[own]
+        self.modes += int(own.sum())
+        self.largest_error = max(self.largest_error, float(np.fmax.reduce(error, initial=0.0)))
+        self.unstable += int((verdict == "unstable").sum())
+        self.neutral += int((verdict == "neutral").sum())
+
+    def facts(self) -> dict[str, Any]:
+        """Figures for the summary."""
+        about: dict[str, Any] = {"good": self.good}
+        if self.counted_by is not None:
+            about |= {
+                "modes": self.modes, "counted_by": self.counted_by,
+                "not_complete": self.not_complete, "tolerance_missed": self.tolerance_missed,
+                "largest_error": self.largest_error, "unstable": self.unstable,
+                "neutral": self.neutral,
+                "seconds_per_stability": float(np.median(self.of_each["stability_seconds"])),
+            }  # fmt: skip
+        if self.rejected is not None:
+            about["rejected_draws"] = self.rejected
+        if self.good:
+            for name, key in (("seconds_per_equilibrium", "equilibrium_seconds"),
+                              ("newton_iterations", "equilibrium_iterations")):  # fmt: skip
+                about[name] = float(np.median(self.of_each[key]))
+        return about
+
+
+def is_complete(how: str) -> bool:
+    """Whether the count of the modes of a sample proves that none is missing."""
+    return not how.startswith("not counted") and "not proven" not in how
