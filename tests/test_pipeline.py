@@ -174,7 +174,10 @@ def test_no_ears_if_none_are_named():
     ("stages", "absent"),
     [
         ("['equilibrium']", ["slepc4py", "SurfaceTopography", "matplotlib", "pyvista"]),
-        ("['equilibrium','stability']", ["SurfaceTopography", "matplotlib", "pyvista"]),
+        (
+            "['equilibrium','stability']",
+            ["SurfaceTopography", "matplotlib", "pyvista", "brake_fenicsx.limit_cycle"],
+        ),
         ("['surface']", ["dolfinx", "petsc4py", "slepc4py", "gmsh", "matplotlib", "pyvista"]),
     ],
 )

@@ -123,19 +123,6 @@ def test_python_gives_what_the_table_says(done):
         prepare(BLOCK, PLAIN).limit_cycles()
 
 
-def test_without_the_section_nothing_of_it_is_loaded(tmp_path):
-    code = (
-        "import sys\nfrom mpi4py import MPI\nfrom brake_fenicsx import run\n"
-        f"run({str(BLOCK)!r}, MPI.COMM_SELF, {str(tmp_path / 'out')!r}, {PLAIN!r})\n"
-        "print('found', [m for m in sys.modules if 'limit_cycle' in m or 'cycle_' in m])"
-    )
-    found = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True
-    )  # fmt: skip
-    assert found.stdout.splitlines()[-1] == "found []"
-    assert not [*(tmp_path / "out").glob("limit_cycle*")]
-
-
 @pytest.mark.parametrize(
     ("more", "said"),
     [

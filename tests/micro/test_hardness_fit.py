@@ -54,13 +54,13 @@ def curve(pad, rng=None, bulk=BULK):
 
 
 @pytest.mark.parametrize(
-    ("families", "least"), [(4, 8), pytest.param(8, 24, marks=pytest.mark.slow)]
+    ("families", "least"), [(2, 4), pytest.param(8, 24, marks=pytest.mark.slow)]
 )
-@pytest.mark.parametrize("bulk", [None, BULK])
+@pytest.mark.parametrize("bulk", [pytest.param(None, marks=pytest.mark.slow), BULK])
 def test_interval_contains_the_truth_as_often_as_it_says(pad, bulk, families, least):
     """Four noises on each of some families of surfaces: 90 %, and not far fewer.
 
-    Of 4 independent families 2 or more with a probability of 99.6 %, of 8 6 or more with 96 %.
+    Of 2 independent families 1 or more with a probability of 99 %, of 8 6 or more with 96 %.
     """
     fits = [
         fit_hardness(curve(pad, np.random.default_rng([seed, noise])), RECIPE, bulk, seed=seed)

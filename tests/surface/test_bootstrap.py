@@ -32,9 +32,8 @@ def numbers(stats):
     return np.log([stats.S_q, *stats.hdf.ppf(1 - SHARE) / stats.hdf.S_q, variance])
 
 
-@pytest.mark.parametrize(
-    ("draws", "factor"), [(6, 2.2), pytest.param(12, 1.65, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("draws", "factor"), [(6, 2.2), (12, 1.65)])
 def test_draws_scatter_as_scans_do(draws, factor):
     """Standard deviations over 30 scans against those of some draws of each of 5."""
     scans = [scan(seed, spectrum="fit") for seed in range(30)]

@@ -84,7 +84,8 @@ def test_independent_samples_have_no_scatter_of_their_own(tmp_path):
     assert bias_and_scatter(np.zeros(0), np.ones(3), False) == (None, None)
 
 
-@pytest.mark.parametrize("paired", [True, pytest.param(False, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("paired", [True, False])
 def test_intervals_hold_the_truth_at_their_rate(tmp_path, paired):
     """Of 30 budgets of a knob that changes the probability from 0.5 to 0.42, and of none."""
     rng, n, held, zero, budgets = np.random.default_rng(4), 40, 0, 0, 30
