@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from brake_fenicsx.results.run import RunData
+from brake_fenicsx.results.squeal import kilohertz
 from brake_fenicsx.results.tables import Columns, Value
 
 from .blocks import Block, Table, Text
@@ -38,12 +39,13 @@ def cycle_blocks(run: RunData) -> list[Block]:
         "gap amplitude [um]", "rank by loudness", "rank by damping",
     ]  # fmt: skip
     rows: list[list[Value]] = []
+    texts = kilohertz(table["frequency_hz"].tolist())
     for i in np.flatnonzero(table["rank_by_loudness"] <= MOST):
         cell = {name: column[i] for name, column in table.items()}
         ends = [cell[f"{LEVEL}_{q}"] for q in (5, 95)]
         rows.append([
             run.label(str(cell["approach"])), int(cell["family"]),
-            f"{cell['frequency_hz'] / 1e3:.3f}", int(cell["growing_samples"]), int(cell["cycles"]),
+            texts[i], int(cell["growing_samples"]), int(cell["cycles"]),
             _text(cell[f"{LEVEL}_50"], ".0f"),
             "{:.0f} to {:.0f}".format(*ends) if np.all(np.isfinite(ends)) else "-",
             _text(cell["disc_mm_s_50"], ".3g"), _text(cell["gap_um_50"], ".3g"),
@@ -68,7 +70,7 @@ def draw_growth(run: RunData) -> Figure | None:
             pairs = np.unique(np.array([points["sample"][own], points["mode"][own]]), axis=1).T
             for i, (sample, mode) in enumerate(pairs):
                 line = own & (points["sample"] == sample) & (points["mode"] == mode)
-                text = f"{points['frequency_hz'][line][0] / 1e3:.2f} kHz" if i == 0 else None
+                text = f"{points['frequency_hz'][line][0] / 1e3:.3f} kHz" if i == 0 else None
                 axis.plot(
                     points["amplitude_um"][line], points["alpha_1_s"][line], color=colour, lw=0.9,
                     alpha=0.8, label=text,
@@ -100,7 +102,7 @@ def draw_loudness(run: RunData) -> Figure | None:
             if own.any():
                 levels.append(cycles[LEVEL][own])
                 kilo = cycles["frequency_hz"][own].mean() / 1e3
-                names.append(f"{kilo:.2f} kHz\n{label(run, approach)}")
+                names.append(f"{kilo:.3f} kHz\n{label(run, approach)}")
     figure, axes = new_figure(1, 1, height=3.0)
     axes[0, 0].boxplot(levels, whis=(5, 95), widths=0.5)
     axes[0, 0].set_xticks(range(1, len(names) + 1), names, fontsize=7.5)

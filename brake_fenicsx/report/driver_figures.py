@@ -160,7 +160,7 @@ def _draw_bars(
     axis.axvline(0.0, color=BLACK, lw=0.7)
     light_grid(axis, axis="x")
     alpha = table["alpha"][median if median.any() else first][0]
-    axis.set_title(f"{family.frequency / 1e3:.3f} kHz\nalpha {alpha:.4g} 1/s", fontsize=8)
+    axis.set_title(f"{family.kilohertz} kHz\nalpha {alpha:.4g} 1/s", fontsize=8)
     axis.tick_params(axis="x", labelsize=7)
     axis.locator_params(axis="x", nbins=4)
 

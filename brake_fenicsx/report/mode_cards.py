@@ -123,7 +123,7 @@ def family_card(
     if (pattern := pictures.pattern(key)) is not None:
         facts.append((pattern[0], pattern[2]))
     return Card(
-        f"{family.frequency / 1e3:.3f} kHz", facts, key, pictures.paths.get(key),
+        f"{family.kilohertz} kHz", facts, key, pictures.paths.get(key),
         pictures.moving(key), str(rank) if rank else "",
     )  # fmt: skip
 

@@ -6,20 +6,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from brake_fenicsx.results.answer import approach_rows
+from brake_fenicsx.results.limits import limit_rows
 from brake_fenicsx.results.run import RunData, read_run
+from brake_fenicsx.results.squeal import kilohertz
 from brake_fenicsx.results.tables import Value, read_columns, read_rows, text_table
 
 CAUSE_COLUMNS = (
-    "probability",
-    "low",
-    "high",
-    "median_damping",
-    "above_limit",
-    "dominant_input",
-    "correlation",
-    "correlation_low",
-    "correlation_high",
-)
+    "probability", "low", "high", "median_damping", "above_limit", "dominant_input", "correlation",
+    "correlation_low", "correlation_high",
+)  # fmt: skip
 
 
 def cause_rows(run: RunData, most: int = 12) -> list[list[Value]]:
@@ -49,11 +44,10 @@ def cause_rows(run: RunData, most: int = 12) -> list[list[Value]]:
         whole = [row for row in own if row["scope"] == "band"][:1]
         families = [row for row in own if row["scope"] == "family" and row["squeal_samples"]]
         families.sort(key=lambda row: -_number(row["severity"]))
-        for row in [*whole, *families[: most - 1]]:
-            kilo = _number(row["frequency_hz"]) / 1e3
-            where = "whole band"
-            if row["scope"] == "family":
-                where = f"{kilo:.3f} kHz, family {row['where']}"
+        texts = kilohertz([_number(row["frequency_hz"]) for row in families])
+        names = ["whole band" for _ in whole]
+        names += [f"{f} kHz, family {row['where']}" for f, row in zip(texts, families, strict=True)]
+        for row, where in list(zip([*whole, *families], names, strict=True))[:most]:
             chosen = (*CAUSE_COLUMNS, *(name for name in row if name.startswith("share_")))
             rows.append([approach, where, *(row[name] for name in chosen)])
     return rows
@@ -70,27 +64,23 @@ def summary_table(run: RunData | str | Path) -> str:
         run: the results, or the run directory.
 
     Returns:
-        What counts as squeal, and a table with one line per approach.
+        What counts as squeal, a table with one line per approach, and one with what squeals at
+        other limits of the damping.
     """
     run = read_run(run)
     said = f"squeal: unstable modes with {run.criterion} (stability.threshold)"
     heads = (
-        "approach",
-        "samples",
-        "failed",
-        "modes",
-        "unstable",
-        "neutral",
-        "squeal modes",
-        "squeal samples",
-        "share",
-        "most severe (squeal samples, median damping)",
-    )
+        "approach", "samples", "failed", "modes", "unstable", "neutral", "squeal modes",
+        "squeal samples", "share", "most severe (squeal samples, median damping)",
+    )  # fmt: skip
     rows = [
         [run.label(str(row[0])), *row[1:6], *row[7:9], share_text(row[9:12]), row[12]]
         for row in approach_rows(run)
     ]
-    return f"{said}\n{text_table(heads, rows)}"
+    limits = [[run.label(str(r[0])), *r[1:6], share_text(r[6:])] for r in limit_rows(run)]
+    names = "approach", "limit", "damping below", "squeal modes", "squeal samples", "samples"
+    more = f"\n\n{text_table((*names, 'share'), limits)}" if limits else ""
+    return f"{said}\n{text_table(heads, rows)}{more}"
 
 
 def open_points(run: RunData) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from brake_fenicsx.results.answer import approach_rows
 from brake_fenicsx.results.run import RunData
-from brake_fenicsx.results.squeal import Family
+from brake_fenicsx.results.squeal import Family, kilohertz
 from brake_fenicsx.results.tables import Value
 
 from .blocks import Block, Picture, Section, Special, Table, Text
@@ -133,10 +133,10 @@ def _families(
         for f in found[: rows_of_each(run)]:
             often = f"{f.share.hits} of {f.share.n}"
             if f.share.n > 1:
-                often += f": {share_text([f.share.value, f.share.low, f.share.high])}"
+                often += f": {share_text(f.share.cells)}"
             rows.append([
                 run.label(approach), "by frequency" if f.key < 0 else f.key,
-                f"{f.frequency / 1e3:.3f}", often, f.median, f.worst,
+                f.kilohertz, often, f.median, f.worst,
                 *family_table_cells(run, f, pictures),
             ])  # fmt: skip
     if not rows:
@@ -214,11 +214,12 @@ def _sweep(run: RunData) -> list[Block]:
     if critical is None or not critical["family"].size:
         return drawn
     rows: list[list[Value]] = []
+    texts = kilohertz(critical["frequency_hz"].tolist())
     for i, family in enumerate(critical["family"]):
         low, middle, high = (critical[f"value_{p}"][i] for p in (5, 50, 95))
         interval = [critical[f"value_50_{end}"][i] for end in ("low", "high")]
         rows.append([
-            "any" if np.isnan(family) else int(family), f"{critical['frequency_hz'][i] / 1e3:.3f}",
+            "any" if np.isnan(family) else int(family), texts[i],
             int(critical["samples"][i]), int(critical["squeal_samples"][i]),
             *(_censored(v) for v in (low, middle, *interval, high)),
         ])  # fmt: skip

@@ -93,7 +93,7 @@ def draw_families(run: RunData, most: int = 7) -> Figure | None:
             rest &= ~own
             colour, marker = looks[approach, record.key]
             often = "" if record.share.n == 1 else f"{record.share.hits} of {record.share.n}, "
-            text = f"{record.frequency / 1e3:.3f} kHz: {often}{record.median:.2g}"
+            text = f"{record.kilohertz} kHz: {often}{record.median:.2g}"
             _scatter(axis, f[own], damping[own], colour, marker, 20, text)
         _scatter(axis, f[rest], damping[rest], GREY, ".", 20, f"others: {rest.sum()} modes")
         if f.size:

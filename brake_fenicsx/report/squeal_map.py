@@ -68,7 +68,7 @@ def squeal_map(
         "thinned": chosen.size < total,
         "families": {
             f"{names.index(name)}:{f.key}": {
-                "khz": f"{f.frequency / 1e3:.3f}",
+                "khz": f.kilohertz,
                 "share": f"{f.share.hits} of {f.share.n} samples",
                 "shape": pictures.of_family(f),
             }

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.results.run import RunData
+from brake_fenicsx.results.squeal import kilohertz
 from brake_fenicsx.results.tables import Columns
 
 from .squeal_figures import KHZ, LINEAR_DAMPING
@@ -236,12 +237,13 @@ def draw_critical(run: RunData) -> Figure | None:
     factor, name = axis_of(run)
     figure, axes = new_figure(1, 1, height=3.4)
     axis = axes[0, 0]
+    texts = kilohertz(families["frequency_hz"].tolist())
     for i, family in enumerate(families["family"][: MOST + 1]):
         any_ = np.isnan(family)
         own = np.isnan(curve["family"]) if any_ else curve["family"] == family
         x, colour = factor * curve["value"][own], BLACK if any_ else CYCLE[(i - 1) % len(CYCLE)]
         hits, n = int(families["squeal_samples"][i]), int(families["samples"][i])
-        text = "any family" if any_ else f"{families['frequency_hz'][i] / 1e3:.3f} kHz"
+        text = "any family" if any_ else f"{texts[i]} kHz"
         axis.plot(x, curve["share"][own], color=colour, lw=2.0 if any_ else 1.3,
                   ls="--" if any_ else "-", label=f"{text} ({hits} of {n})")  # fmt: skip
         # Bands of families that all squeal, or none, would lie upon one another.

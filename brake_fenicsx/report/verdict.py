@@ -9,18 +9,19 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
+from brake_fenicsx.results.limits import limit_rows
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import ApproachCount, Family
 from brake_fenicsx.results.statistics import wilson
+from brake_fenicsx.results.tables import Value
 
 from .blocks import Block, Table
 from .mode_cards import Card, ModePictures, family_card
-from .overview import open_points
+from .overview import open_points, share_text
 
 CANDIDATES = 3
 CLOSE = 0.01  # relative distance of two frequencies that may be those of a doublet
 UNDAMPED = "none named"
-USUAL_LIMIT = 0.01  # of -2 alpha / |omega| in Abaqus
 
 
 def beside_candidates(run: RunData, families: Mapping[str, list[Family]], lead: str) -> list[str]:
@@ -50,7 +51,7 @@ def _doublets(run: RunData, found: list[Family], chosen: list[Family]) -> list[s
             continue
         modes = run.squeal.squeal_modes(low.approach)
         hits = modes["sample"][modes.key.isin([f.key for f in pair])].nunique()
-        one, two = (f"{f.frequency / 1e3:.3f}" for f in sorted(pair, key=found.index))
+        one, two = (f.kilohertz for f in sorted(pair, key=found.index))
         said.append(
             f"{one} and {two} kHz lie close together and may be one doublet: at least one squeals"
             f" in {hits} of {low.share.n} samples."
@@ -86,7 +87,7 @@ class Verdict:
     Attributes:
         text: the verdict in one sentence; empty if the run has none.
         level: "squeal", "open" or "calm", for its colour.
-        limits: how many squeal at the limit chosen and at the usual one.
+        limits: table of what squeals at each limit of the damping; the text follows it.
         more: sentences that follow it.
         cards: the strongest candidates.
         notes: sentences about the candidates, below them.
@@ -124,8 +125,6 @@ def make_verdict(
     text, level = _sentence(run, counted)
     others = [name for name in families if name != lead]
     more = _failure(run, counted)
-    if counted.samples and _damping(run) == UNDAMPED:
-        more.append("The model has no damping.")
     more += [_other(run, run.squeal.count(name), families[name]) for name in others]
     cards = [
         family_card(run, f, pictures, rank, named=True)
@@ -169,7 +168,7 @@ def conditions(run: RunData, lead: str) -> list[tuple[str, str]]:
         for name, text in (
             ("Friction coefficient", _friction(run)),
             ("Load", _loads(run)),
-            ("Damping", _damping(run)),
+            ("Damping", UNDAMPED if run.damping == "" and run.modes is not None else run.damping),
             ("Speed", _speed(run)),
             *_forces(run, lead),
             ("Samples", _samples(run)),
@@ -199,7 +198,7 @@ def _sentence(run: RunData, c: ApproachCount) -> tuple[str, str]:
     if c.squeal_samples == 0:
         return f"No squeal was found: {said}", "calm"
     if share.low > most:
-        return f"Squeal is likely at the limit chosen: {said}", "squeal"
+        return f"Squeal is likely at the limit of the scene: {said}", "squeal"
     if share.high < most:
         return f"Squeal is possible: {said}", "open"
     return (
@@ -223,17 +222,13 @@ def _failure(run: RunData, c: ApproachCount) -> list[str]:
 
 
 def _limits(run: RunData, c: ApproachCount) -> list[Block]:
-    """What the usual limit of another program would count, beside that of the scene."""
-    if not c.squeal or run.threshold >= USUAL_LIMIT:
-        return []
-    modes = run.squeal.squeal_modes(c.approach)
-    loud = modes["sample"][modes["damping"] < -USUAL_LIMIT]
-    of, what, hits = "", "squeal modes", (c.squeal, loud.size)
-    if c.samples > 1:
-        of, what, hits = f" of {c.samples}", "samples that squeal", (c.squeal_samples, len({*loud}))
-    limits = ("limit chosen", run.threshold), ("usual limit in Abaqus", USUAL_LIMIT)
-    rows = [[name, f"{-x or 0:g}", f"{n}{of}"] for (name, x), n in zip(limits, hits, strict=True)]
-    return [Table(["limit", "damping below", what], rows)]
+    """What squeals at each limit of the damping."""
+    what = "samples that squeal" if c.samples > 1 else "squeal modes"
+    rows: list[list[Value]] = []
+    for _, name, limit, modes, hits, n, *share in limit_rows(run, [c.approach]):
+        counted = f"{hits} of {n}: {share_text(share)}" if c.samples > 1 else str(modes)
+        rows.append([name, f"{limit:g}", counted])
+    return [Table(["limit", "damping below", what], rows)] if rows else []
 
 
 def _other(run: RunData, c: ApproachCount, found: list[Family]) -> str:
@@ -243,7 +238,7 @@ def _other(run: RunData, c: ApproachCount, found: list[Family]) -> str:
         return " ".join([f"{name}: all samples failed.", *_failure(run, c)])
     if not found:
         return f"{name}: no squeal mode."
-    most = f"most severe {found[0].frequency / 1e3:.3f} kHz (damping {found[0].median:.2g})"
+    most = f"most severe {found[0].kilohertz} kHz (damping {found[0].median:.2g})"
     if c.samples == 1:
         return f"{name}: {c.squeal} squeal mode{'' if c.squeal == 1 else 's'}, {most}."
     return f"{name}: {c.squeal_samples} of {c.samples} samples squeal, {most}."
@@ -273,13 +268,6 @@ def _loads(run: RunData) -> str:
                 said.append(f"force ({', '.join(f'{x:.4g}' for x in force)}) N on {face}")
             said += [f"{kind} on {face}" for kind in ("moment", "displacement") if kind in load]
     return ", ".join(said)
-
-
-def _damping(run: RunData) -> str:
-    if run.modes is None or not run.summary.get("in_effect"):
-        return ""
-    terms = run.summary.get("damping")
-    return ", ".join(map(str, terms)) if isinstance(terms, Mapping) and terms else UNDAMPED
 
 
 def _speed(run: RunData) -> str:

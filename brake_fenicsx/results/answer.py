@@ -13,6 +13,7 @@ from .accuracy import (
     speed_rows,
     stage_rows,
 )
+from .limits import LIMIT_COLUMNS, limit_rows
 from .run import RunData, read_run
 from .squeal import Family
 from .statistics import Share, wilson
@@ -107,13 +108,14 @@ def write_tables(directory: str | Path | RunData) -> list[Path]:
         directory: the run directory, or its results already read.
 
     Returns:
-        Paths written: ``approaches.csv``, ``families.csv``, ``probability_per_band.csv``,
-        ``eigenvalue_errors.csv``, ``stages.csv``, ``speed_and_error.csv``; an empty table is left
-        out.
+        Paths written: ``approaches.csv``, ``limits.csv``, ``families.csv``,
+        ``probability_per_band.csv``, ``eigenvalue_errors.csv``, ``stages.csv``,
+        ``speed_and_error.csv``; an empty table is left out.
     """
     run = read_run(directory)
     tables: list[tuple[str, Sequence[str], list[list[Value]]]] = [
         ("approaches", APPROACH_COLUMNS, approach_rows(run)),
+        ("limits", LIMIT_COLUMNS, limit_rows(run)),
         ("families", FAMILY_COLUMNS, family_rows(run)),
         ("probability_per_band", BAND_COLUMNS, band_rows(run) if run.modes else []),
         ("eigenvalue_errors", ERROR_COLUMNS, error_rows(run)),
@@ -127,9 +129,9 @@ def write_tables(directory: str | Path | RunData) -> list[Path]:
 
 def _share_cells(share: Share) -> list[Value]:
     """A share and its interval; a single sample has a verdict, no share."""
-    return [share.value, share.low, share.high] if share.n > 1 else [None, None, None]
+    return [*share.cells] if share.n > 1 else [None, None, None]
 
 
 def _family_text(f: Family) -> str:
     often = f"{f.share.hits}/{f.share.n}, " if f.share.n > 1 else ""
-    return f"{f.frequency / 1e3:.3f} kHz ({often}{f.median:.2g})"
+    return f"{f.kilohertz} kHz ({often}{f.median:.2g})"

@@ -281,7 +281,7 @@ def probability_rows(samples: Samples, found: Sequence[Ensemble]) -> Iterator[li
                 else "open"
             )  # fmt: skip
             yield [
-                *_place(e, o), share.n, share.hits, share.value, share.low, share.high,
+                *_place(e, o), share.n, share.hits, *share.cells,
                 o.median_damping, share.value * abs(o.median_damping or 0.0), above,
                 *_dominant(cause, e), *_shares(cause.growth, e),
             ]  # fmt: skip
@@ -314,8 +314,7 @@ def convergence_rows(samples: Samples, found: Sequence[Ensemble]) -> Iterator[li
             for n in [e.good.size] if rigid else _beginnings(e.good.size):
                 hits = o.squeal[:n][e.good[:n]]
                 share = wilson(int(hits.sum()), hits.size)
-                value = share.value if share.n else None
-                yield [*_place(e, o), share.n, value, share.low, share.high]
+                yield [*_place(e, o), share.n, *share.cells]
 
 
 def _beginnings(n: int) -> list[int]:
@@ -341,7 +340,7 @@ def probability_facts(samples: Samples, found: Sequence[Ensemble]) -> dict[str, 
         share = wilson(int(whole.sum()), whole.size)
         facts[e.approach] = {
             "threshold": e.threshold,
-            "probability_of_any": share.value, "interval": [share.low, share.high],
+            "probability_of_any": share.value, "interval": share.cells[1:],
             "families_above_limit": above,
         }  # fmt: skip
     return facts

@@ -99,6 +99,14 @@ class RunData:
         """What the damping of an unstable mode must be to count as squeal."""
         return f"damping below {-self.threshold if self.threshold else 0:g}"
 
+    @property
+    def damping(self) -> str | None:
+        """Terms of damping that the scene names; empty without any, None where it is not known."""
+        if not self.summary.get("in_effect"):
+            return None
+        terms = self.summary.get("damping")
+        return ", ".join(map(str, terms)) if isinstance(terms, dict) else ""
+
     def label(self, approach: str) -> str:
         """Name of an approach as a person reads it: "multi-scale" names roughness that is there."""
         contacts = self.summary.get("in_effect", {}).get("contact", {}).values()

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 WIDTH = 200.0  # [Hz] of the bands that gather squeal modes of no family
 MOST_BANDS = 20  # bands of frequency in which probabilities are given
+SAME = 0.01  # [Hz] below which two frequencies are printed alike
 
 T = TypeVar("T")
 
@@ -31,6 +32,23 @@ T = TypeVar("T")
 def squeals(modes: Mapping[str, Any], threshold: float) -> Any:
     """Which modes count as squeal: unstable, and the damping below minus the threshold."""
     return (modes["verdict"] == "unstable") & (modes["damping"] < -threshold)
+
+
+def kilohertz(hertz: Sequence[float]) -> list[str]:
+    """Frequencies in kHz with three decimals, and more where two would read the same.
+
+    Args:
+        hertz: frequencies [Hz], such as those of all families of a table.
+
+    Returns:
+        A text for each; those that differ by 0.01 Hz have different ones.
+    """
+    found = []
+    for f in hertz:
+        near = [x for x in hertz if SAME <= abs(x - f) < 1.0]
+        texts = ([f"{x / 1e3:.{digits}f}" for x in (f, *near)] for digits in (3, 4, 5))
+        found.append(next((own for own, *rest in texts if own not in rest), f"{f / 1e3:.5f}"))
+    return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +90,7 @@ class Family:
         share: share of samples in which it squeals.
         median: median over those samples of the lowest damping in each [-].
         worst: lowest damping (most unstable) [-].
+        kilohertz: the frequency [kHz] as text, with the digits that tell it from other families.
     """
 
     approach: str
@@ -81,6 +100,7 @@ class Family:
     share: Share
     median: float
     worst: float
+    kilohertz: str
 
     @property
     def number(self) -> int:
@@ -202,11 +222,12 @@ class SquealTable:
         def ranked() -> list[Family]:
             loud, n = self.squeal_modes(approach), self.good(approach).size
             found = []
-            for key, own in loud.groupby("key"):
+            texts = kilohertz(loud.groupby("key").frequency_hz.mean().tolist())
+            for text, (key, own) in zip(texts, loud.groupby("key"), strict=True):
                 f, lowest = own.frequency_hz, own.groupby("sample").damping.min()
                 numbers = float(f.mean()), float(f.std(ddof=0)), wilson(lowest.size, n)
                 ends = float(lowest.median()), float(lowest.min())
-                found.append(Family(approach, int(key), *numbers, *ends))
+                found.append(Family(approach, int(key), *numbers, *ends, text))
             return sorted(found, key=lambda r: (-r.severity, r.frequency))
 
         return self._once(("families", approach), ranked)

@@ -19,7 +19,10 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """A share of samples with its 95 % Wilson interval: hits of n, low <= hits / n <= high."""
+    """A share of samples with its 95 % Wilson interval: hits of n, low <= hits / n <= high.
+
+    A single sample is no random sample: its interval is nan.
+    """
 
     hits: int
     n: int
@@ -31,13 +34,25 @@ class Share:
         """The share itself."""
         return self.hits / self.n if self.n else float("nan")
 
+    @property
+    def cells(self) -> list[float | None]:
+        """Share, lower and upper end as cells of a table; None where there is none."""
+        shown = self.n > 0, self.n > 1, self.n > 1
+        cells = zip(shown, (self.value, self.low, self.high), strict=True)
+        return [value if there else None for there, value in cells]
+
 
 def wilson(hits: int, n: int) -> Share:
-    """Share of ``hits`` among ``n`` with its interval, which is (0, 1) without any trial."""
+    """Share of ``hits`` among ``n`` with its interval, which is (0, 1) without a trial.
+
+    One trial has none.
+    """
     from scipy.stats import binomtest
 
     if n == 0:
         return Share(0, 0, 0.0, 1.0)
+    if n == 1:
+        return Share(int(hits), 1, float("nan"), float("nan"))
     # The p-value, which nobody reads, takes longest for another hypothesis.
     interval = binomtest(int(hits), int(n), hits / n).proportion_ci(method="wilson")
     return Share(int(hits), int(n), float(interval.low), float(interval.high))

@@ -46,6 +46,8 @@ class Critical:
     def quantile(self, share: float) -> tuple[float, float, float]:
         """Value by which a share of samples squeals, and its 95 % interval; infinite if censored.
 
+        One sample has no interval: its ends are nan.
+
         Args:
             share: between 0 and 1.
         """
@@ -53,7 +55,7 @@ class Critical:
         low, high = (int(binom.ppf(p, n, share)) for p in (0.025, 0.975))
         place = min(int(np.ceil(share * n)) - 1, n - 1)
         ends = [ordered[low - 1] if low >= 1 else -np.inf, ordered[high] if high < n else np.inf]
-        found = [float(v) for v in (ordered[max(place, 0)], *ends)]
+        found = [float(v) for v in (ordered[max(place, 0)], *(ends if n > 1 else [np.nan] * 2))]
         value, first, last = (self.sign * v for v in found)
         return (value, first, last) if self.sign > 0 else (value, last, first)
 

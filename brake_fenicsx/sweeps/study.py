@@ -119,6 +119,7 @@ class SweepStudy:
             ends = (critical[name] for name in ("median", "low", "high"))
             numbers = ["beyond the sweep" if v is None else f"{v:.4g}" for v in ends]
             said = "median {}, 95 % interval from {} to {}".format(*numbers)
+            said = said if critical["samples"] > 1 else f"value {numbers[0]}"
             logger.info(
                 "%s at which a sample begins to squeal (SI): %d of %d samples do; %s",
                 self.key, critical["squeal_samples"], critical["samples"], said,

@@ -174,8 +174,7 @@ class SweepTables:
             for x in self._sweep.values:
                 share = c.by(x)
                 number = c.family if c.family >= 0 else None
-                numbers = share.n, share.value, share.low, share.high
-                yield [self._sweep.samples[0][0], number, x, *numbers]
+                yield [self._sweep.samples[0][0], number, x, share.n, *share.cells]
 
     def _facts(self, critical: Sequence[Critical]) -> dict[str, Any]:
         """Figures for the summary."""

@@ -12,8 +12,8 @@ from .page import (
     Line,
     Row,
     change_of,
+    frequency_text,
     interval_of,
-    kilohertz,
     number,
     page_of_changes,
     picture_of,
@@ -66,7 +66,7 @@ def write_budget_page(directory: Path, rows: Sequence[Row], name: str) -> Path:
         picture,
         [
             Text("The scene itself: how far its number of samples leaves the probabilities open."),
-            Table.without_empty(OWN, [_of_scene(r) for r in _telling(scene)]),
+            Table.without_empty(OWN, [_of_scene(r, scene) for r in _telling(scene)]),
             Text("What each change of a setting does to them."),
             Table.without_empty(HEADS, _of_variants(rows)),
         ],
@@ -102,7 +102,7 @@ def sentence(rows: Sequence[Row]) -> str:
         return "No mode squeals in any sample of the scene."
     family = _own(rows, key)
     p, changes, one = number(family["probability"]), _changes(rows, key), family["samples"] == 1
-    hertz = kilohertz(family["frequency_hz"])
+    hertz = _kilohertz(family, rows)
     if one:
         text = f"The {hertz} kHz family {'squeals' if p else 'does not squeal'} in the one sample; "
     else:
@@ -132,7 +132,7 @@ def sentence(rows: Sequence[Row]) -> str:
     ends = None if arisen is None else interval_of(arisen)
     if arisen is not None and (one or (ends is not None and ends[0] > 0.0)):
         text += (
-            f" A family at {kilohertz(arisen['frequency_hz'])} kHz squeals in no sample of the"
+            f" A family at {_kilohertz(arisen, rows)} kHz squeals in no sample of the"
             f" scene and in {share_of(arisen['probability_variant'], arisen['samples_variant'])}"
             f" samples after a change of {arisen['says']} ({arisen['change_made']})."
         )
@@ -162,10 +162,10 @@ def _changes(rows: Sequence[Row], key: Key) -> list[Row]:
     ]  # fmt: skip
 
 
-def _of_scene(row: Row) -> list[Value]:
+def _of_scene(row: Row, rows: Sequence[Row]) -> list[Value]:
     p, ends = number(row["probability"]), interval_of(row)
     return [
-        row["approach"], _family(row), share_of(p, row["samples"]),
+        row["approach"], _family(row, rows), share_of(p, row["samples"]),
         None if ends is None else f"{100 * (p + ends[0]):.0f} to {100 * (p + ends[1]):.0f} %",
         _spread(row, "frequency", "_hz"), _spread(row, "damping", ""),
     ]  # fmt: skip
@@ -179,7 +179,7 @@ def _of_variants(rows: Sequence[Row]) -> list[list[Value]]:
         own = _telling([r for r in run if r["variant"] == name])
         about = [own[0][n] for n in ("says", "change_made", "seconds", "memory_mb")]
         for row in own:
-            shown.append([*about, row["approach"], *_change_cells(row)])
+            shown.append([*about, row["approach"], *_change_cells(row, run)])
             about = [""] * len(about)
     return shown
 
@@ -195,7 +195,7 @@ def _telling(rows: Sequence[Row]) -> list[Row]:
     return [r for r in rows if r["family"] != "any" or tuple(r[n] for n in same) not in alone]
 
 
-def _change_cells(row: Row) -> list[Value]:
+def _change_cells(row: Row, rows: Sequence[Row]) -> list[Value]:
     order = [f"{number(row[f'{n}_order']):.2f} ({n})" for n in ("frequency", "damping")
              if row[f"{n}_order"] is not None]  # fmt: skip
     limits = [
@@ -204,7 +204,7 @@ def _change_cells(row: Row) -> list[Value]:
         if row[f"{n}_limit{u}"] is not None
     ]
     return [
-        _family(row), change_of(row),
+        _family(row, rows), change_of(row),
         None if row["samples"] == 1 else "the same" if row["paired"] == "yes" else "independent",
         _spread(row, "frequency", "_hz"),
         _spread(row, "damping", ""), ", ".join(order) or None, ", ".join(limits) or None,
@@ -212,12 +212,16 @@ def _change_cells(row: Row) -> list[Value]:
     ]  # fmt: skip
 
 
-def _family(row: Row) -> str:
+def _kilohertz(row: Row, rows: Sequence[Row]) -> str:
+    """Frequency of a family, with the digits that tell it from others of its approach."""
+    own = (r["frequency_hz"] for r in rows if r["approach"] == row["approach"])
+    return frequency_text(row["frequency_hz"], own)
+
+
+def _family(row: Row, rows: Sequence[Row]) -> str:
     if row["family"] == "any":
         return "any"
-    return f"{kilohertz(row['frequency_hz'])} kHz" + (
-        " (not in the scene)" if row["family"] is None else ""
-    )
+    return f"{_kilohertz(row, rows)} kHz" + (" (not in the scene)" if row["family"] is None else "")
 
 
 def _spread(row: Row, name: str, unit: str) -> str | None:

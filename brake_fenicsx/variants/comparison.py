@@ -7,6 +7,7 @@ of them is left to chance.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,7 +22,15 @@ from brake_fenicsx.results.run import RunData, read_run
 from brake_fenicsx.results.statistics import difference
 from brake_fenicsx.results.tables import Value, text_table, write_rows
 
-from .page import Line, change_of, interval_of, kilohertz, page_of_changes, picture_of, share_of
+from .page import (
+    Line,
+    change_of,
+    frequency_text,
+    interval_of,
+    page_of_changes,
+    picture_of,
+    share_of,
+)
 
 Row = dict[str, Value]
 Shapes = dict[str, NDArray]
@@ -160,7 +169,7 @@ def _vectors(shapes: Shapes, numbers: list[int]) -> NDArray[np.complex128]:
 def _row(approach: str, a: Side, b: Side, mac: float | None, paired: bool) -> Row:
     """One line of the comparison."""
     change, low, high = difference(a.squeal, b.squeal, paired and a.squeal.size == b.squeal.size)
-    chance = max(a.squeal.size, b.squeal.size) > 1
+    chance = min(a.squeal.size, b.squeal.size) > 1
     cells = (
         approach, a.number, b.number, mac, a.frequency, b.frequency, a.squeal.size, b.squeal.size,
         float(a.squeal.mean()), float(b.squeal.mean()), change, low if chance else None,
@@ -195,7 +204,7 @@ def write_comparison(a: str | Path, b: str | Path, directory: str | Path) -> Pat
     )  # fmt: skip
     lines = [
         Line(
-            f"{row['approach']}, {_name(row)}", float(row["probability_a"] or 0),
+            f"{row['approach']}, {_name(row, rows)}", float(row["probability_a"] or 0),
             float(row["probability_b"] or 0), change=interval_of(row),
         ) for row in rows
     ]  # fmt: skip
@@ -211,7 +220,7 @@ def write_comparison(a: str | Path, b: str | Path, directory: str | Path) -> Pat
                 "Families are matched by shape (modal assurance criterion at the nodes); a family"
                 f" without a match does not squeal in the other run. {how}"
             ),
-            Table(HEADS, list(map(_shown, rows))),
+            Table(HEADS, _shown(rows)),
         ],
     )  # fmt: skip
 
@@ -219,8 +228,8 @@ def write_comparison(a: str | Path, b: str | Path, directory: str | Path) -> Pat
 def comparison_text(a: str | Path | RunData, b: str | Path | RunData) -> str:
     """The comparison of two runs for the terminal, see `write_comparison`."""
     one, two = read_run(a), read_run(b)
-    rows = list(map(_shown, compare_runs(one, two)))
-    return "\n".join([text_table(HEADS, rows), *_two_limits(one, two)])
+    rows = compare_runs(one, two)
+    return "\n".join([text_table(HEADS, _shown(rows)), *_two_limits(one, two)])
 
 
 def _two_limits(one: RunData, two: RunData) -> list[str]:
@@ -239,16 +248,26 @@ def _all(row: Row) -> bool:
     return row["family_a"] is None and row["family_b"] is None
 
 
-def _name(row: Row) -> str:
-    f = row["frequency_a_hz"] if row["frequency_a_hz"] is not None else row["frequency_b_hz"]
-    return "any" if _all(row) else f"{kilohertz(f)} kHz"
+def _frequency(row: Row, rows: Sequence[Row], name: str) -> str:
+    """Frequency of a family, with the digits that tell it from others of its approach."""
+    own = [r[name] for r in rows if r["approach"] == row["approach"] and not _all(r)]
+    return frequency_text(row[name], own)
 
 
-def _shown(row: Row) -> list[Value]:
+def _name(row: Row, rows: Sequence[Row]) -> str:
+    name = "frequency_a_hz" if row["frequency_a_hz"] is not None else "frequency_b_hz"
+    return "any" if _all(row) else f"{_frequency(row, rows, name)} kHz"
+
+
+def _shown(rows: Sequence[Row]) -> list[list[Value]]:
+    return [_cells(row, rows) for row in rows]
+
+
+def _cells(row: Row, rows: Sequence[Row]) -> list[Value]:
     family = row["family_a"] if row["family_a"] is not None else row["family_b"]
     return [
         row["approach"], "any" if _all(row) else family,
-        *("-" if _all(row) else kilohertz(row[f"frequency_{r}_hz"]) for r in "ab"),
+        *("-" if _all(row) else _frequency(row, rows, f"frequency_{r}_hz") for r in "ab"),
         *(share_of(row[f"probability_{r}"], row[f"samples_{r}"]) for r in "ab"),
         change_of(row),
         *("-" if (d := row[f"median_damping_{r}"]) is None else f"{float(d):.3g}" for r in "ab"),

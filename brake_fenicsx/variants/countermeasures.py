@@ -276,7 +276,7 @@ def _row(search: Search, c: Countermeasure, worst: Worst, rank: int) -> list[Val
                 notes.append("other modes squeal")
     elif after is not None:
         notes.append("not sufficient even at the limit; share given for the limit")
-    shares: list[Value] = [None] * 3 if after is None else [after.value, after.low, after.high]
+    shares: list[Value] = [None] * 3 if after is None else [*after.cells]
     return [
         c.key, c.start, c.stop, c.unit, found["first_order"], value, worst.count.share.value,
         *shares, worst.any.value, loud and loud.value, "yes" if verified else "no",
@@ -314,7 +314,7 @@ def write_countermeasures(folder: Path, worst: Worst, rows: Sequence[Row]) -> Pa
     )
     return page_of_changes(
         folder / "countermeasures.html", "Countermeasures",
-        [f"Worst family: {family.frequency / 1e3:.3f} kHz, squeals in {family.share.hits} of"
+        [f"Worst family: {family.kilohertz} kHz, squeals in {family.share.hits} of"
          f" {family.share.n} samples of {family.approach}."],
         picture_of(lines, ("now", "after the change"), text, limit=MOST),
         [

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import partial
@@ -16,6 +16,7 @@ from brake_fenicsx.report.blocks import Block, Picture, Text
 from brake_fenicsx.report.overview import share_text
 from brake_fenicsx.report.style import BLUE, GREY, VERMILION, drawn, light_grid, new_figure
 from brake_fenicsx.report.template import render, write_page
+from brake_fenicsx.results.squeal import kilohertz
 from brake_fenicsx.results.tables import Value
 
 if TYPE_CHECKING:
@@ -132,9 +133,11 @@ def _draw_change(axis: Axes, y: int, line: Line) -> None:
     axis.scatter([line.after - line.before], [y], 16, facecolor=face, edgecolor="black", zorder=3)
 
 
-def kilohertz(hertz: Value) -> str:
-    """A frequency [Hz] in kHz, with the digits that tell two families apart."""
-    return "-" if hertz is None else f"{float(hertz) / 1e3:.3f}"
+def frequency_text(hertz: Value, among: Iterable[Value] = ()) -> str:
+    """A frequency [Hz] in kHz, with the digits that tell it from others; a dash for None."""
+    if hertz is None:
+        return "-"
+    return kilohertz([float(hertz), *(float(f) for f in among if f is not None)])[0]
 
 
 def share_of(value: Value, samples: Value) -> str:

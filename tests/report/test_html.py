@@ -102,9 +102,12 @@ def test_the_scene_file_is_shown_where_nothing_else_names_the_settings(tmp_path)
 def test_numbers_of_the_answer_stand_in_the_first_table(page):
     root = ElementTree.parse(page).getroot()
     limits, table = root.findall(f".//{X}table")[:2]
-    assert ["limit chosen", "0", "54 of 60"] in [
-        [c.text for c in row] for row in limits.iter(f"{X}tr")
-    ]
+    chosen, usual = [[c.text for c in row] for row in limits.iter(f"{X}tr")][1:]
+    assert chosen == [
+        "limit of the scene; every unstable mode (the model has no damping)", "0",
+        "54 of 60: 90 % (80 to 95 %)",
+    ]  # fmt: skip
+    assert usual[:2] == ["customary limit in Abaqus", "-0.01"]
     rows = [[c.text for c in row] for row in table.iter(f"{X}tr")]
     assert rows[3][:8] == ["Multi-scale", "60", "0", "1920", "96", "1728", "96", "54"]
     assert rows[3][8] == "90 % (80 to 95 %)"
@@ -118,10 +121,11 @@ def test_the_first_screen_names_verdict_candidates_and_conditions(page):
     verdict = next(d for d in head.iter(f"{X}div") if "verdict" in d.get("class"))
     assert verdict.get("class") == "verdict squeal"
     text = "".join(verdict.itertext())
-    assert text.startswith(
-        "Squeal is likely at the limit chosen: 54 of 60 samples have a squeal mode with a damping"
-        " below 0 (90 %, 95 %"
+    assert (
+        "Squeal is likely at the limit of the scene: 54 of 60 samples have a squeal mode with a"
+        " damping below 0 (90 %, 95 %" in text
     )
+    assert verdict.find(f"{X}table") is not None and head.find(f".//{X}strong") is None
     assert "Classical: 2 squeal modes" in text
     run = read_run(page.parent)
     strongest = run.squeal.families("multi-scale")[:3]
@@ -154,7 +158,7 @@ def facts_of(head):
         ),
         (2, 20, "Squeal is possible: 2 of 20 samples"),
         (9, 20, "Squeal is possible, its probability may lie on either side of 50 %: 9 of 20"),
-        (18, 20, "Squeal is likely at the limit chosen: 18 of 20"),
+        (18, 20, "Squeal is likely at the limit of the scene: 18 of 20"),
         (1, 1, "Squeal is predicted: 1 squeal mode with a damping below 0 in one run"),
         (0, 1, "No squeal mode with a damping below 0 in one run"),
     ],
@@ -166,7 +170,9 @@ def test_the_verdict_says_what_the_interval_allows(tmp_path, hits, samples, star
     ]
     write_rows(tmp_path / "modes.csv", MODES, rows)
     page = ElementTree.fromstring(render_page(read_run(tmp_path)))
-    assert page.find(f".//{X}header//{X}strong").text.startswith(starts)
+    said = "".join(page.find(f".//{X}header//{X}div/{X}p").itertext())
+    assert said.startswith(starts)
+    assert ("95 %" in said) == (samples > 1)
 
 
 def mode(approach, sample, number, f, damping, family):
@@ -183,25 +189,43 @@ def first_screen(directory, rows, **settings):
     return "".join(ElementTree.fromstring(page).find(f".//{X}header").itertext())
 
 
-@pytest.mark.parametrize(("threshold", "said"), [(1e-3, "3 of 4"), (0.0, "3 of 4"), (0.01, "")])
-def test_the_verdict_names_its_limit_and_what_another_one_would_count(tmp_path, threshold, said):
-    """Samples of damping -0.003, -0.02, -0.03 and -0.04."""
-    dampings = (-0.003, -0.02, -0.03, -0.04)
-    rows = [mode("joint", k, 0, 1e3, x, 0) for k, x in enumerate(dampings)]
-    text = first_screen(tmp_path, rows, threshold=threshold)
-    hits = sum(x < -threshold for x in dampings)
-    limit = f"{-threshold if threshold else 0:g}"
-    assert f"{hits} of 4 samples have a squeal mode with a damping below {limit} (" in text
-    both = f"limit chosen{limit}{hits} of 4usual limit in Abaqus-0.01{said}"
-    assert (both in "".join(text.split("\n")).replace("  ", "")) == bool(said)
-    assert "The model has no damping." in text
+def table_of_limits(directory, rows, threshold, damping=None):
+    """Lines of the first table of the page of some modes, without its heading."""
+    write_rows(directory / "modes.csv", MODES, rows)
+    summary = {"in_effect": {"stability": {"threshold": threshold}}, "damping": damping or {}}
+    page = render_page(replace(read_run(directory), summary=summary))
+    table = ElementTree.fromstring(page).find(f".//{X}header//{X}table")
+    return [[c.text for c in row] for row in table.iter(f"{X}tr")][1:]
 
 
-def test_the_usual_limit_counts_the_modes_of_a_single_run(tmp_path):
-    rows = [mode("joint", 0, n, 1e3 * n, x, -1) for n, x in ((1, -0.003), (2, -0.02))]
-    text = first_screen(tmp_path, rows, threshold=1e-3)
-    said = "".join(text.split("\n")).replace("  ", "")
-    assert "squeal modeslimit chosen-0.0012usual limit in Abaqus-0.011" in said
+ANY = "every unstable mode (the model has no damping)"
+
+
+@pytest.mark.parametrize(
+    ("threshold", "said"),
+    [
+        (1e-3, [("limit of the scene", "-0.001", 4), ("customary limit in Abaqus", "-0.01", 3),
+                (ANY, "0", 4)]),
+        (0.0, [(f"limit of the scene; {ANY}", "0", 4), ("customary limit in Abaqus", "-0.01", 3)]),
+        (0.01, [("limit of the scene; customary limit in Abaqus", "-0.01", 3), (ANY, "0", 4)]),
+    ],
+)  # fmt: skip
+def test_the_verdict_is_a_table_of_limits(tmp_path, threshold, said):
+    """Samples of damping -0.003, -0.02, -0.03 and -0.04; equal limits have one line."""
+    rows = [mode("joint", k, 0, 1e3, x, 0) for k, x in enumerate((-0.003, -0.02, -0.03, -0.04))]
+    found = table_of_limits(tmp_path, rows, threshold)
+    assert [tuple(row[:2]) for row in found] == [line[:2] for line in said]
+    assert [row[2].split(":")[0] for row in found] == [f"{line[2]} of 4" for line in said]
+    assert all("%" in row[2] for row in found)
+
+
+def test_limits_count_the_modes_of_a_single_run_and_name_its_damping(tmp_path):
+    rows = [mode("joint", 0, n, 1e3 * n, x, -1) for n, x in ((1, -0.003), (2, -0.02), (3, -2e-5))]
+    assert table_of_limits(tmp_path, rows, 1e-3, {"lining": 0.02, "gyroscopic": "on"}) == [
+        ["limit of the scene", "-0.001", "2"],
+        ["customary limit in Abaqus", "-0.01", "1"],
+        ["every unstable mode (damping of the scene: lining, gyroscopic)", "0", "3"],
+    ]
 
 
 def test_families_that_may_be_a_doublet_are_counted_together(tmp_path):

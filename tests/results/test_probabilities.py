@@ -162,6 +162,19 @@ def test_families_are_ranked_by_share_times_damping():
     assert first["severity"] == pytest.approx(0.5 * 6.0 / (2e3 * np.pi))
 
 
+def test_one_sample_that_ended_well_has_no_interval(tmp_path):
+    """Three samples of which two failed are one run."""
+    x, _ = drawn(3)
+    e = ensemble(x, np.array([5.0, 0.0, 0.0]), np.array([True, False, False]))
+    rows = table(PROBABILITIES, probability_rows(SAMPLES, [e]))
+    rows += table(CONVERGENCE, convergence_rows(SAMPLES, [e]))
+    for row in rows:
+        assert (row["samples"], row["probability"]) == (1, 1.0)
+        assert row["low"] is row["high"] is None
+    assert rows[0]["above_limit"] == "open"
+    assert write_causes(tmp_path, SAMPLES, [e])["joint"]["interval"] == [None, None]
+
+
 def test_tables_are_written_and_the_summary_says_how_stable_modes_count(tmp_path):
     facts = write_causes(tmp_path, SAMPLES, explained(ensembles(results(), (0.0, 16e3))))
     assert facts["stable_modes"] == "count as growth 0 in every index"

@@ -10,7 +10,9 @@ from brake_fenicsx.report.overview import open_points, summary_table
 from brake_fenicsx.report.sensitivity_figures import correlations, draw_correlations
 from brake_fenicsx.results.accuracy import error_rows, speed_rows, stage_rows
 from brake_fenicsx.results.answer import approach_rows, family_rows, write_tables
+from brake_fenicsx.results.limits import limit_rows
 from brake_fenicsx.results.run import RunData, read_run
+from brake_fenicsx.results.squeal import kilohertz
 from brake_fenicsx.results.statistics import wilson
 from brake_fenicsx.results.tables import MODES, SAMPLES, read_columns, read_rows, write_rows
 
@@ -92,7 +94,9 @@ def test_wilson_at_the_ends():
 
 def test_tables_carry_the_numbers_of_the_run(run):
     written = {path.stem: path for path in write_tables(run.directory)}
-    assert set(written) == {"approaches", "families", "probability_per_band", "eigenvalue_errors"}
+    assert set(written) == {
+        "approaches", "limits", "families", "probability_per_band", "eigenvalue_errors",
+    }  # fmt: skip
     classical, fast = read_rows(written["approaches"])
     assert (fast["samples"], fast["failed"], fast["unstable_modes"]) == (3, 1, 3)
     assert fast["share"] == 2 / 3
@@ -262,3 +266,35 @@ def test_few_samples_have_no_correlations(tmp_path):
     run = driven_run(tmp_path, n=9)
     assert correlations(run, "joint") == []
     assert draw_correlations(run) is None
+
+
+def test_limits_are_rows_of_a_table(run):
+    """With the limit 0.02 of the scene one sample squeals, with any growth two of three."""
+    rows = limit_rows(beyond(run, 0.02), ["parametric", "classical"])
+    assert [row[2:6] for row in rows] == [
+        [-0.02, 1, 1, 3], [-0.01, 2, 2, 3], [0.0, 3, 2, 3],
+        [-0.02, 1, 1, 1], [-0.01, 1, 1, 1], [0.0, 1, 1, 1],
+    ]  # fmt: skip
+    assert rows[2][6:] == wilson(2, 3).cells
+    assert rows[3][6:] == [None] * 3  # one run
+    lines = summary_table(beyond(run, 0.02)).splitlines()
+    found = [line.split()[0] for line in lines[6:] if "customary limit in Abaqus" in line]
+    assert found == ["Classical", "Parametric"]
+
+
+def test_one_sample_has_no_interval():
+    assert wilson(1, 1).cells == [1.0, None, None]
+    assert wilson(0, 0).cells == [None] * 3
+    assert np.isnan([wilson(0, 1).low, wilson(0, 1).high]).all()
+
+
+def test_frequencies_have_the_digits_that_tell_them_apart(tmp_path):
+    """Doublets of less than a hertz; what differs by less than 0.01 Hz reads alike."""
+    assert kilohertz([4647.0, 4654.0]) == ["4.647", "4.654"]
+    assert kilohertz([4647.1, 4647.3, 900.0]) == ["4.6471", "4.6473", "0.900"]
+    assert kilohertz([4647.11, 4647.14]) == ["4.64711", "4.64714"]
+    assert kilohertz([4647.1, 4647.1 + 1e-4]) == ["4.647", "4.647"]
+    modes = [mode("parametric", k, n, 4647.1 + 0.2 * n, -0.02, n) for k in (0, 1) for n in (0, 1)]
+    write_rows(tmp_path / "modes.csv", MODES, modes)
+    (row,) = approach_rows(read_run(tmp_path))
+    assert row[-1] == "4.6471 kHz (2/2, -0.02); 4.6473 kHz (2/2, -0.02)"

@@ -18,6 +18,7 @@ from brake_fenicsx.report.html import write_report
 from brake_fenicsx.report.sweep_figures import draw_chart
 from brake_fenicsx.results.run import SWEEP as SWEEP_TABLES
 from brake_fenicsx.results.run import read_run
+from brake_fenicsx.sweeps.critical import critical_values
 
 COMM = MPI.COMM_SELF
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
@@ -100,6 +101,14 @@ def test_critical_values_are_those_of_the_samples_alone(swept, model):
     for r in curve:
         by = sum(x <= float(r["value"]) for x in first.values())
         assert float(r["share"]) == by / 4
+
+
+def test_a_critical_value_of_one_sample_has_no_interval():
+    (whole, own) = critical_values([[(0, 0.3, 2e3)]], rising=True)
+    for c in (whole, own):
+        value, *ends = c.quantile(0.5)
+        assert value == 0.3 and np.isnan(ends).all()
+        assert c.by(0.4).cells == [1.0, None, None]
 
 
 def test_sweep_from_arrays_in_a_few_lines(model):
