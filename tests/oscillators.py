@@ -1,25 +1,19 @@
 """Oscillators whose limit cycles are known, as bodies and forces of harmonic balance."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from brake_fenicsx.limit_cycle import HarmonicBalance, Response, Tangent
+from brake_fenicsx.limit_cycle.bodies import Bodies
+from brake_fenicsx.limit_cycle.harmonic_balance import Condition, HarmonicBalance, Tangent
 
 
-@dataclass
-class Matrices:
-    """Bodies given by M, C and K, forces along the rows I and motions along the rows O."""
+def matrices(M, C, K, out, acting):
+    """Bodies given by M, C and K, rows of motions and those that forces act along."""
+    none = np.zeros((1, len(out), len(acting)))
 
-    M: np.ndarray
-    C: np.ndarray
-    K: np.ndarray
-    out: np.ndarray
-    acting: np.ndarray
+    def weights(s):
+        return s ** np.arange(3)[:, None], np.ones((1, s.size))
 
-    def at(self, s):
-        own = s**2 * self.M + s * self.C + self.K + 0j
-        return Response(own, self.acting.T, self.out, np.zeros((len(self.out), len(self.acting))))
+    return Bodies(np.array([K, C, M]), acting.T[None], out[None], none, weights)
 
 
 def oscillator(force, to_x, to_v, c=0.0, harmonics=15, points=128):
@@ -30,7 +24,7 @@ def oscillator(force, to_x, to_v, c=0.0, harmonics=15, points=128):
         shape = (1, 1, 1, -1)
         return force(y, v), Tangent(to_x(y, v).reshape(shape), to_v(y, v).reshape(shape))
 
-    return HarmonicBalance(Matrices(one, c * one, one, one, one), forces, one[0], harmonics, points)
+    return HarmonicBalance(matrices(one, c * one, one, one, one), forces, one[0], harmonics, points)
 
 
 def first_vibration(problem, s, amplitude):
@@ -38,11 +32,10 @@ def first_vibration(problem, s, amplitude):
 
 
 def at(amplitude):
-    return lambda v: (v.amplitude - amplitude, 0.0, 1.0)
+    return Condition(1.0, 0.0, np.log(amplitude))
 
 
-def no_growth(v):
-    return v.s.real, 1.0, 0.0
+no_growth = Condition(0.0, 1.0, 0.0)
 
 
 def van_der_pol(e, **more):

@@ -8,18 +8,16 @@ Without damping alpha ends at zero, where the mode parts into two that do not gr
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
+import scipy.linalg as la
 from scipy.integrate import trapezoid
 
 from brake_fenicsx.errors import NotConverged
 
-from .harmonic_balance import Change, Condition, HarmonicBalance, Vibration
-
-Array = NDArray[np.float64]
+from .bodies import Array, Complex
+from .harmonic_balance import Condition, HarmonicBalance, Vibration
 
 # First, largest and smallest step along the branch, in logarithms of the amplitude.
 FIRST, LARGEST, SMALLEST, POINTS = 0.4, 0.8, 1e-3, 60
@@ -30,10 +28,11 @@ ENDED = 0.02
 
 # Behind a stable cycle the branch is followed until decay is this share of the linear growth, or
 # until the amplitude has changed by these factors.
-DECAYS, BELOW, BEYOND = 0.5, 0.7, 2.0
+DECAYS, BELOW, BEYOND = 0.25, 0.7, 2.0
 
-# Tolerance of the points between the cycles.
-ROUGHLY = 1e-6
+# Tolerances of the cycles and of the points between them; iterations of a point up to which steps
+# grow.
+EXACTLY, ROUGHLY, QUICK = 1e-7, 1e-4, 6
 
 STABLE, UNSTABLE, UNDAMPED = "stable", "unstable", "undamped"
 
@@ -57,24 +56,61 @@ class Branch:
     """Growth over amplitude.
 
     Attributes:
-        amplitude: of the points [m], shape (points,).
-        s: alpha + i omega there [1/s].
+        size: growth by which the way along the branch is measured [1/s].
+        points: vibrations along the branch.
+        way: of each of them from the first one, in (ln a, alpha / size).
         cycles: in the order of the branch.
         end: why it ends.
     """
 
-    amplitude: list[float] = field(default_factory=list)
-    s: list[complex] = field(default_factory=list)
+    size: float
+    points: list[Vibration] = field(default_factory=list)
+    way: list[float] = field(default_factory=list)
     cycles: list[Cycle] = field(default_factory=list)
     end: str = ""
 
+    @property
+    def amplitude(self) -> Array:
+        """Of the points [m]."""
+        return np.array([v.amplitude for v in self.points])
+
+    @property
+    def s(self) -> Complex:
+        """Alpha + i omega of the points [1/s]."""
+        return np.array([v.s for v in self.points])
+
+    def add(self, v: Vibration) -> None:
+        """One more point."""
+        self.way.append(self.way[-1] + la.norm(self.to(v)) if self.way else 0.0)
+        self.points.append(v)
+
+    def to(self, v: Vibration) -> Array:
+        """From the last point to a vibration in (ln a, alpha / size)."""
+        p = self.points[-1]
+        return np.array([np.log(v.amplitude / p.amplitude), (v.s.real - p.s.real) / self.size])
+
+    def at(self, way: float) -> Vibration:
+        """A vibration after a way, by polynomials through the last three points.
+
+        Those of shape, eigenvalue and logarithm of the amplitude; through one point the amplitude
+        alone goes on.
+        """
+        points, x = self.points[-3:], np.array(self.way[-3:])
+        w = np.array([
+            np.prod((way - np.delete(x, i)) / (x[i] - np.delete(x, i))) for i in range(x.size)
+        ])  # fmt: skip
+        a = self.amplitude[-3:]
+        amplitude = float(np.exp(w @ np.log(a) + (way - x[0]) * (x.size == 1)))
+        shape = w * amplitude / a
+        return Vibration(
+            np.tensordot(shape, [v.a for v in points], 1),
+            np.tensordot(shape, [v.y for v in points], 1),
+            complex(w @ self.s[-3:]), amplitude,
+        )  # fmt: skip
+
 
 def follow(
-    problem: HarmonicBalance,
-    start: Vibration,
-    largest: float,
-    damped: bool = True,
-    seen: Callable[[Vibration], None] = lambda found: None,
+    problem: HarmonicBalance, start: Vibration, largest: float, damped: bool = True
 ) -> Branch:
     """Follow a mode from a small amplitude on.
 
@@ -83,46 +119,45 @@ def follow(
         start: a vibration along the linear mode.
         largest: amplitude at which to end [m].
         damped: whether anything is damped.
-        seen: called with every vibration of the branch.
 
     Raises:
         NotConverged: not even the first vibration is found.
     """
-    branch, size = Branch(), max(abs(start.s.real), 1e-3 * start.s.imag)
-    p, along, _ = problem.solve(start, _at_amplitude(start.amplitude), ROUGHLY)
+    branch = Branch(max(abs(start.s.real), 1e-3 * start.s.imag))
+    branch.add(problem.solve(start, Condition(1.0, 0.0, np.log(start.amplitude)), ROUGHLY)[0])
     direction, step, low, high = np.array([1.0, 0.0]), FIRST, 0.0, largest
-    while True:
-        branch.amplitude.append(p.amplitude)
-        branch.s.append(p.s)
-        seen(p)
+    while not branch.end:
+        p = branch.points[-1]
         if (low and p.s.real < -DECAYS * abs(start.s.real)) or not low < p.amplitude < high:
             branch.end = "stable" if low else "largest amplitude"
-            return branch
-        if len(branch.s) == POINTS:
+        elif len(branch.points) == POINTS:
             branch.end = "too many points"
-            return branch
-        if not damped and p.s.real <= ENDED * start.s.real:
+        elif not damped and p.s.real <= ENDED * start.s.real:
             branch.cycles.append(Cycle(UNDAMPED, p))
             branch.end = "no growth"
-            return branch
-        direction = _tangent(p, along, size, direction)
-        found = None
-        while found is None:
-            guess = p.moved(along, direction[0] * p.amplitude * step)
-            try:
-                found = problem.solve(guess, _at_distance(p, direction, size, step), ROUGHLY)
-            except NotConverged:
-                step *= 0.4
-                if step < SMALLEST:
-                    branch.end = "lost"
-                    return branch
-        q, along, iterations = found
-        if damped and (p.s.real > 0) != (q.s.real > 0):
-            cycle = _crossing(problem, p, q)
+        elif step < SMALLEST:
+            branch.end = "lost"
+        if branch.end:
+            break
+        to_log, to_alpha = direction[0], direction[1] / branch.size
+        place = to_log * np.log(p.amplitude) + to_alpha * p.s.real
+        try:
+            q, iterations = problem.solve(
+                branch.at(branch.way[-1] + step), Condition(to_log, to_alpha, place + step),
+                ROUGHLY, True,
+            )  # fmt: skip
+            cycle = _crossing(problem, branch, q) if damped and p.s.real * q.s.real <= 0 else None
+        except NotConverged:
+            step *= 0.4
+            continue
+        if cycle is not None:
             branch.cycles.append(cycle)
             if cycle.kind == STABLE:
                 low, high = BELOW * cycle.at.amplitude, min(largest, BEYOND * cycle.at.amplitude)
-        p, step = q, min(LARGEST, step * (1.5 if iterations <= 5 else 0.8))
+        direction = branch.to(q) / la.norm(branch.to(q))
+        branch.add(q)
+        step = min(LARGEST, step * (1.5 if iterations <= QUICK else 0.8))
+    return branch
 
 
 def time_to_reach(branch: Branch, cycle: Cycle, share: float = 0.01) -> float:
@@ -133,7 +168,7 @@ def time_to_reach(branch: Branch, cycle: Cycle, share: float = 0.01) -> float:
         cycle: the first one that growth ends at.
         share: of its amplitude at the start; below the first point growth is that of the point.
     """
-    a, alpha = np.array(branch.amplitude), np.real(branch.s)
+    a, alpha = branch.amplitude, branch.s.real
     inside = a < cycle.at.amplitude
     a, alpha = np.r_[a[inside], cycle.at.amplitude], np.r_[alpha[inside], cycle.at.s.real]
     x = np.linspace(np.log(share), np.log(0.95), 200) + np.log(cycle.at.amplitude)
@@ -143,30 +178,12 @@ def time_to_reach(branch: Branch, cycle: Cycle, share: float = 0.01) -> float:
     return float(trapezoid(1 / growth, x))
 
 
-def _at_amplitude(amplitude: float) -> Condition:
-    return lambda v: (v.amplitude - amplitude, 0.0, 1.0)
-
-
-def _tangent(p: Vibration, along: Change, size: float, before: Array) -> Array:
-    """Direction of the branch in (ln a, alpha / size), on from the one before."""
-    d = np.array([1 / p.amplitude, along.s.real / size])
-    return np.asarray(d / np.linalg.norm(d) * (1.0 if d @ before >= 0 else -1.0))
-
-
-def _at_distance(p: Vibration, direction: Array, size: float, step: float) -> Condition:
-    """A step away from p along the branch."""
-    to_amplitude, to_alpha = direction[0] / p.amplitude, direction[1] / size
-
-    def condition(v: Vibration) -> tuple[float, float, float]:
-        away = to_amplitude * (v.amplitude - p.amplitude) + to_alpha * (v.s.real - p.s.real)
-        return away - step, to_alpha, to_amplitude
-
-    return condition
-
-
-def _crossing(problem: HarmonicBalance, p: Vibration, q: Vibration) -> Cycle:
-    """The cycle between two vibrations of which one grows and one decays."""
+def _crossing(problem: HarmonicBalance, branch: Branch, q: Vibration) -> Cycle:
+    """The cycle between the last point of a branch and q, of which one grows and one decays."""
+    p, both = branch.points[-1], Branch(branch.size)
+    for v in (*branch.points[-2:], q):
+        both.add(v)
     share = p.s.real / (p.s.real - q.s.real)
-    between = Change(q.a - p.a, q.y - p.y, q.s - p.s, q.amplitude - p.amplitude)
-    found, _, _ = problem.solve(p.moved(between, share), lambda v: (v.s.real, 1.0, 0.0))
+    guess = both.at(share * both.way[-1] + (1 - share) * both.way[-2])
+    found, _ = problem.solve(guess, Condition(0.0, 1 / branch.size, 0.0), EXACTLY)
     return Cycle(STABLE if p.s.real > 0 else UNSTABLE, found)

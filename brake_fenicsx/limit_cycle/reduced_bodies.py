@@ -8,79 +8,65 @@ local compliance that does not change any more.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brake_fenicsx.stability.substructures import ReducedModel
 from brake_fenicsx.stability.substructures.sample import Closed
 
-from .harmonic_balance import Response
+from .bodies import Array, Bodies, Complex, Index
 
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 HELD = 0.5
 
 
-class ReducedBodies:
-    """The bodies of one sample; see ``harmonic_balance.Bodies``."""
+def reduced_bodies(
+    model: ReducedModel, p: Array, mu: Array, elements: Index, watched: Index | None = None
+) -> Bodies:
+    """Some contact elements of a sample.
 
-    def __init__(
-        self, model: ReducedModel, p: Array, mu: Array, elements: Index,
-        watched: Index | None = None,
-    ):  # fmt: skip
-        """Assemble some contact elements.
+    Args:
+        model: the reduced model.
+        p: the sample's point of the box.
+        mu: friction coefficients of all elements. Where no force follows a rate, friction is mu
+            times the normal force, and normal forces are the only acting rows.
+        elements: those that carry forces.
+        watched: those whose motions are followed; the same if None.
+    """
+    f, g = len(model.rows.followed), len(model.rows.acting)
+    seen = elements if watched is None else watched
+    size, views = model.bodies[-1].modes.stop, model.at(p)
+    count, rows, columns = len(views[0].D), f * seen.size, g * elements.size
+    coupled = any(body.component.coupled for body in model.bodies)
+    terms = count if coupled else 1
+    own = np.zeros((len(views[0].modal), size, size))
+    coupling = np.zeros((count * coupled, size, size))
+    lead, source = np.zeros((terms, size, columns)), np.zeros((terms, rows, size))
+    D = np.zeros((count, rows, columns))
+    for body, view in zip(model.bodies, views, strict=True):
+        comp, modes, m = body.component, body.modes, body.elements.size
+        here, place = _shared(body.elements, seen).rows(f, m, seen.size)
+        acting, there = _shared(body.elements, elements).rows(g, m, elements.size)
+        own[:, modes, modes] += view.modal
+        lead[0][modes, there] += comp.acting[acting].T
+        source[0][place, modes] += comp.followed[here]
+        for n, A in enumerate(view.D):
+            D[n][np.ix_(place, there)] += A[np.ix_(here, acting)]
+            if comp.coupled:
+                first, X = f * m, slice(g * m, g * m + comp.W.shape[1])
+                coupling[n, modes, modes] -= A[first:, X]
+                lead[n][modes, there] -= A[first:, acting]
+                source[n][place, modes] -= A[here, X]
+    if model.rows.followed == "N":
+        n = elements.size
+        lead, D = (A[..., :n] + mu[elements] * A[..., n:] for A in (lead, D))
+    unit = (2 * np.pi * model.band[1]) ** 2
 
-        Args:
-            model: the reduced model.
-            p: the sample's point of the box.
-            mu: friction coefficients of all elements. Where no force follows a rate, friction is
-                mu times the normal force, and normal forces are the only acting rows.
-            elements: those that carry forces.
-            watched: those whose motions are followed; the same if None.
-        """
-        self._model = model
-        f, g = len(model.rows.followed), len(model.rows.acting)
-        seen = elements if watched is None else watched
-        size, views = model.bodies[-1].modes.stop, model.at(p)
-        count, rows, columns = len(views[0].D), f * seen.size, g * elements.size
-        self._own = np.zeros((len(views[0].modal), size, size))
-        self._coupling = np.zeros((count, size, size))
-        self._lead: Array = np.zeros((count, size, columns))
-        self._source: Array = np.zeros((count, rows, size))
-        self._D: Array = np.zeros((count, rows, columns))
-        for body, view in zip(model.bodies, views, strict=True):
-            comp, modes, m = body.component, body.modes, body.elements.size
-            own, place = _shared(body.elements, seen).rows(f, m, seen.size)
-            acting, there = _shared(body.elements, elements).rows(g, m, elements.size)
-            self._own[:, modes, modes] += view.modal
-            self._lead[0][modes, there] += comp.acting[acting].T
-            self._source[0][place, modes] += comp.followed[own]
-            for n, D in enumerate(view.D):
-                self._D[n][np.ix_(place, there)] += D[np.ix_(own, acting)]
-                if comp.coupled:
-                    first, X = f * m, slice(g * m, g * m + comp.W.shape[1])
-                    self._coupling[n, modes, modes] -= D[first:, X]
-                    self._lead[n][modes, there] -= D[first:, acting]
-                    self._source[n][place, modes] -= D[own, X]
-        if model.rows.followed == "N":
-            n = elements.size
-            self._lead, self._D = (
-                A[..., :n] + mu[elements] * A[..., n:] for A in (self._lead, self._D)
-            )
-        self._lead /= (2 * np.pi * model.band[1]) ** 2
-        self._D /= (2 * np.pi * model.band[1]) ** 2
-        self._held = HELD * model.pole
+    def weights(lam: Complex) -> tuple[Complex, Complex]:
+        z = model.scaled(lam)
+        held = z * np.minimum(1.0, HELD * model.pole / np.abs(z))
+        powers = held ** np.arange(count)[:, None]
+        exact = z ** np.arange(len(own))[:, None]
+        return np.concatenate([exact, powers]), powers
 
-    def at(self, s: complex) -> Response:
-        """The bodies at lambda = s [1/s]."""
-        z = complex(self._model.scaled(np.array(s)))
-        held = z * min(1.0, self._held / abs(z))
-        powers = held ** np.arange(len(self._D))
-        own, lead, source, D = (
-            np.asarray(np.tensordot(powers, A, 1), complex)
-            for A in (self._coupling, self._lead, self._source, self._D)
-        )
-        own = own + np.asarray(np.tensordot(z ** np.arange(len(self._own)), self._own, 1), complex)
-        return Response(own, lead, source, D)
+    return Bodies(np.concatenate([own, coupling]), lead / unit, source, D / unit, weights)
 
 
 def _shared(of_body: Index, chosen: Index) -> Closed:

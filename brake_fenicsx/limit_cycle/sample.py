@@ -14,19 +14,21 @@ from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.substructures import ReducedModel
 
+from .bodies import Array, Bodies, Index
 from .contact_forces import PatchForces
 from .growth import STABLE, UNDAMPED, Branch, Cycle, follow, time_to_reach
 from .harmonic_balance import HarmonicBalance, Vibration
-from .reduced_bodies import ReducedBodies
+from .reduced_bodies import reduced_bodies
 from .sound import AT_ONE_METRE, Nodes, decibels, sound_power
-
-Array = NDArray[np.float64]
-Index = NDArray[np.intp]
 
 # Largest first motion of a patch, over its pressure by stiffness; elements take part whose
 # clearance is less than this multiple of that length, or of the motion of one left out that closed.
 START, NEAR = 0.3, 3.0
 RESTARTS = 6
+
+# Loss factor of the bodies from the second harmonic on where nothing is damped: else a harmonic
+# that meets a mode of the bodies turns the branch back and forth.
+LOSS = 0.02
 
 # Columns of what is measured of a cycle.
 MEASURES = (
@@ -53,12 +55,14 @@ class Settings:
         points: of time over a period.
         largest: amplitude at which to end [m].
         damping_below: modes of a damping below this are followed; 0: those that grow.
+        threshold: modes grow whose damping lies below minus this.
     """
 
     harmonics: int
     points: int
     largest: float
     damping_below: float = 0.0
+    threshold: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,15 +101,15 @@ class SampleCycles:
             elements = np.flatnonzero(self.closed | (clearance < reach))
             others = np.setdiff1d(np.arange(g.size), elements)
             problem = self.problem(elements, settings)
-            rest = self._bodies(elements, others) if others.size else None
-            closing = _Closing(rest, problem, clearance[others])
             start = _along(problem, s, a, START * length[elements], self.closed[elements])
-            try:
-                branch = follow(problem, start, settings.largest, self.damped, closing)
-            except _ClosesError as found:
-                reach = NEAR * found.motion
-                continue
-            return branch, elements
+            branch = follow(problem, start, settings.largest, self.damped)
+            if others.size == 0:
+                return branch, elements
+            rest = self._bodies(elements, others)
+            gaps = [_gap(rest, problem, v)[: others.size] for v in branch.points]
+            if not any(np.any(clearance[others] + gap.min(axis=1) < 0) for gap in gaps):
+                return branch, elements
+            reach = NEAR * max(float(np.abs(gap).max()) for gap in gaps)
         raise NotConverged("limit cycle: more and more patches close; lower limit_cycle.largest")
 
     def problem(self, elements: Index, settings: Settings) -> HarmonicBalance:
@@ -114,10 +118,11 @@ class SampleCycles:
         weights = np.zeros(len(forces.followed) * elements.size)
         own = forces.w * self.closed[elements]
         weights[: elements.size] = own / own.sum()
-        return HarmonicBalance(bodies, forces, weights, settings.harmonics, settings.points)
+        loss = 0.0 if self.damped else LOSS
+        return HarmonicBalance(bodies, forces, weights, settings.harmonics, settings.points, loss)
 
-    def _bodies(self, elements: Index, watched: Index | None = None) -> ReducedBodies:
-        return ReducedBodies(self.model, self.p, self.forces.mu, elements, watched)
+    def _bodies(self, elements: Index, watched: Index | None = None) -> Bodies:
+        return reduced_bodies(self.model, self.p, self.forces.mu, elements, watched)
 
     def _lengths(self) -> Array:
         """Pressure over stiffness at equilibrium [m]; 0 of open elements."""
@@ -162,36 +167,9 @@ class SampleCycles:
         ]  # fmt: skip
 
 
-class _ClosesError(Exception):
-    """An element that was left out closes."""
-
-    def __init__(self, motion: float):
-        super().__init__()
-        self.motion = motion
-
-
-@dataclass(frozen=True, slots=True)
-class _Closing:
-    """Raises where an element that was left out closes."""
-
-    rest: ReducedBodies | None
-    problem: HarmonicBalance
-    clearance: Array
-
-    def __call__(self, found: Vibration) -> None:
-        if self.rest is None:
-            return
-        F, _ = self.problem.forces(
-            self.problem.over_time(found.y), self.problem.over_time(found.lam * found.y)
-        )
-        harmonics = self.problem.harmonics_of(F)
-        y = np.array([
-            r.source @ a + r.D @ f
-            for r, a, f in zip(map(self.rest.at, found.lam), found.a.T, harmonics.T, strict=True)
-        ]).T  # fmt: skip
-        gap = self.problem.over_time(y[: self.clearance.size])
-        if np.any(self.clearance + gap.min(axis=1) < 0):
-            raise _ClosesError(float(np.abs(gap).max()))
+def _gap(others: Bodies, problem: HarmonicBalance, v: Vibration) -> Array:
+    """Motions over time of elements that carry no force."""
+    return problem.over_time(others.motions(problem.lam(v), v.a, problem.contact(v)[0]))
 
 
 def cycles_of_modes(
@@ -215,7 +193,7 @@ def cycles_of_modes(
     rows: list[tuple[int, str, list[float]]] = []
     points: list[tuple[int, float, complex]] = []
     nothing = [float("nan")] * len(MEASURES)
-    grows = np.array(modes.verdict, str) == "unstable"
+    grows = (np.array(modes.verdict, str) == "unstable") & (modes.damping < -settings.threshold)
     chosen = (modes.s.imag > 0) & (grows | (modes.damping < settings.damping_below))
     for i in np.flatnonzero(chosen):
         try:

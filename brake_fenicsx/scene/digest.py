@@ -27,8 +27,8 @@ def result_digest(scene: Scene) -> str:
     left_out = ("n", "approaches", "limit")
     samples = {k: v for k, v in scene.table.get("samples", {}).items() if k not in left_out}
     table = {k: v for k, v in scene.table.items() if k not in NO_RESULT}
-    # What counts as squeal changes no result of a sample.
-    if "stability" in table:
+    # What counts as squeal changes no result of a sample but the modes that limit cycles follow.
+    if "stability" in table and scene.limit_cycle is None:
         table["stability"] = {k: v for k, v in table["stability"].items() if k != "threshold"}
     # The reduced model of all samples reaches over the values of a sweep that changes the bodies.
     swept = scene.sweep.parameters if scene.sweep else {}

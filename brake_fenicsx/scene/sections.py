@@ -204,12 +204,12 @@ class LimitCycle:
         largest: amplitude at which a mode is followed no further, root mean square of the gap's
             first harmonic over the closed patches.
         damping_below: modes whose damping -2 alpha / |omega| lies below this are followed; 0: those
-            that grow. Stable modes may grow from a kick.
+            that grow beyond ``stability.threshold``. Stable modes may grow from a kick.
         radiating: faces whose motion and sound are stated; those of the disc if not given.
     """
 
-    harmonics: int = key(default=7)
-    points: int = key(default=48)
+    harmonics: int = key(default=5)
+    points: int = key(default=32)
     largest: float = key("m", default=20e-6, band=(1e-9, 1e-3))
     damping_below: float = key(default=0.0, sign="zero")
     radiating: tuple[str, ...] = key(default=())

@@ -37,7 +37,10 @@ class Cycles:
         pads = tuple(dict.fromkeys(faces[0] for faces in pairs))
         nodes = partial(nodes_of, brake.mesh, brake.elastic.free)
         self._scene, self._models, self._faces = scene, models, Faces(nodes(disc), nodes(pads))
-        self._settings = Settings(table.harmonics, table.points, table.largest, table.damping_below)
+        threshold = models.stability.threshold if models.stability else 0.0
+        self._settings = Settings(
+            table.harmonics, table.points, table.largest, table.damping_below, threshold
+        )
 
     def of(
         self,

