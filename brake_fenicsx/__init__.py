@@ -4,11 +4,12 @@ from importlib import import_module
 
 TYPE_CHECKING = False  # as in typing, whose import would take longer than all else here
 if TYPE_CHECKING:
-    from .model import prepare, sample, sweep
+    from .branches import Branches
+    from .model import Model, prepare, sample, sweep
     from .pipeline import assemble, run
 
 __version__ = "0.2.0"
-__all__ = ["assemble", "prepare", "run", "sample", "sweep"]
+__all__ = ["Branches", "Model", "assemble", "prepare", "run", "sample", "sweep"]
 
 # Imported when first asked for: they bring DOLFINx and PETSc with them.
 
@@ -16,11 +17,11 @@ __all__ = ["assemble", "prepare", "run", "sample", "sweep"]
 def __getattr__(name: str) -> object:
     """Functions of the package."""
     if name in __all__:
-        home = "pipeline" if name in ("assemble", "run") else "model"
-        return getattr(import_module(f"{__name__}.{home}"), name)
+        homes = {"assemble": "pipeline", "run": "pipeline", "Branches": "branches"}
+        return getattr(import_module(f"{__name__}.{homes.get(name, 'model')}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    """Names for completion: the functions, and what a module has."""
+    """Names for completion: functions and classes, and what a module has."""
     return sorted({*globals(), *__all__} - {"TYPE_CHECKING", "import_module"})

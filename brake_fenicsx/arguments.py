@@ -34,6 +34,18 @@ def number(name: str, value: Any, unit: str = "", least: float = -np.inf) -> flo
     return float(value)
 
 
+def quantity(name: str, value: Any, unit: str) -> float:
+    """A number in SI, or a text with its unit as in a scene, "1 bar"."""
+    if not isinstance(value, str):
+        return number(name, value, unit)
+    from brake_fenicsx.scene.units import to_si
+
+    try:
+        return to_si(value, unit)
+    except ValueError as error:
+        raise SceneError(f"{name} = {value!r}: {error}") from None
+
+
 def positive(**values: Any) -> None:
     """Refuse what is not a positive finite number."""
     for name, value in values.items():
@@ -53,12 +65,12 @@ def of_kind(name: str, value: Any, kinds: type | tuple[type, ...], wanted: str) 
         raise SceneError(f"{name}: an object of the type {type(value).__name__}; give {wanted}")
 
 
-def listed(name: str, values: Any) -> Array:
-    """One or more real numbers below 1e100, shape (numbers,)."""
+def listed(name: str, values: Any, unit: str = "") -> Array:
+    """One or more real numbers below 1e100, SI or with their unit, shape (numbers,)."""
     given = np.asarray(values, object)
     if given.ndim != 1 or not given.size:
         raise SceneError(f"{name} = {given.tolist()!r}; give a list of numbers")
-    return np.array([number(name, value) for value in given])
+    return np.array([quantity(name, value, unit) for value in given])
 
 
 def frequency_band(band: Any) -> tuple[float, float]:

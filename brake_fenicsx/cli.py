@@ -185,6 +185,9 @@ def parser() -> argparse.ArgumentParser:
     reports.add_argument("directory", metavar="DIR", help="results folder of a run")
     reports.add_argument("--csv", action="store_true",
                          help="write modes.csv too, where a run wrote modes.parquet")  # fmt: skip
+    for command in (runs, reports):
+        command.add_argument("--no-pictures", dest="pictures", action="store_false",
+                             help="tables and page alone, without figures")  # fmt: skip
     text = "write the stored mode shapes of a results folder as a universal file, modes.unv"
     exports = commands.add_parser("export", help=text, description=text)
     exports.add_argument("directory", metavar="DIR", help="results folder of a run")
@@ -341,7 +344,7 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
             raise SceneError("--from: of no use with --share; prepare the folder with it")
         done = pipeline.run(
             options.scene, comm, options.directory, options.set, options.from_stage, options.cache,
-            share,
+            share, pictures=options.pictures,
         )  # fmt: skip
         if options.json and comm.rank == 0:
             _print_json(done.outcome())
@@ -410,7 +413,7 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
 
         print(f"wrote {export_modes(options.directory)}")
     elif comm.rank == 0:
-        pipeline.report(Path(options.directory))
+        pipeline.report(Path(options.directory), pictures=options.pictures)
         if options.csv:
             from brake_fenicsx.results.columns import write_csv
 

@@ -47,12 +47,14 @@ class Source(NamedTuple):
         overrides: "key=value" replacements in it.
         parameters: keys and ranges of scalars that take other values than in the scene, SI.
         directory: results folder.
+        table: the scene as text, if it is no file.
     """
 
     scene: str
     overrides: tuple[str, ...]
     parameters: tuple[tuple[str, tuple[float, ...]], ...]
     directory: str
+    table: str = ""
 
 
 def samples_here(model: Model, tasks: Sequence[Task]) -> Iterator[Record]:

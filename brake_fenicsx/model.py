@@ -15,8 +15,10 @@ from mpi4py import MPI
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from brake_fenicsx.arguments import listed, number, of_kind, positive
+from brake_fenicsx.arguments import listed, of_kind, positive, quantity
+from brake_fenicsx.branches import Branches
 from brake_fenicsx.checks import check
+from brake_fenicsx.display import html_table
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.executor import Source, samples_elsewhere, samples_here
 from brake_fenicsx.extensions import Extensions
@@ -27,46 +29,18 @@ from brake_fenicsx.folder.store import Store
 from brake_fenicsx.pipeline import Run, before_samples, make_study
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.digest import result_digest
+from brake_fenicsx.scene.read import from_text, scene_text, toml_text
 from brake_fenicsx.scene.samples import unit_of
-from brake_fenicsx.scene.scalars import check_scalar
+from brake_fenicsx.scene.scalars import check_scalar, si_unit
 from brake_fenicsx.scene.sweep import Range, Sweep
 from brake_fenicsx.scene.tables import KeyMistake
 
 if TYPE_CHECKING:
     from brake_fenicsx.macro.equilibrium import Equilibrium
     from brake_fenicsx.stability.modes import Modes
-    from brake_fenicsx.sweeps.events import Event
     from brake_fenicsx.uncertainty.study import Study
 
 Array = NDArray[np.float64]
-
-
-class Branches:
-    """Modes followed over a scalar of the scene.
-
-    Attributes:
-        values: of the scalar, SI, shape (values,).
-        frequency: of every branch at every value [Hz], nan where it is not in the band, shape
-            (branches, values).
-        damping: -2 alpha / |omega| [-], likewise.
-        events: where modes merge, split, begin and end to squeal; ``kind``, ``x``, ``s`` and
-            ``branches`` of each.
-        ends: why each branch ends.
-    """
-
-    def __init__(
-        self, values: Array, frequency: Array, damping: Array, events: list[Event], ends: list[str]
-    ):
-        self.values, self.frequency, self.damping = values, frequency, damping
-        self.events, self.ends = events, ends
-
-    def __repr__(self) -> str:
-        """One line."""
-        merge = sum(e.kind == "merging" for e in self.events)
-        return (
-            f"Branches({len(self.frequency)} over {self.values.size} values from"
-            f" {self.values[0]:g} to {self.values[-1]:g}, {merge} mergings)"
-        )
 
 
 class Model:
@@ -88,16 +62,36 @@ class Model:
             f"Model({self.scene.file.name}: {approaches}; {self.study.brake.size()['dofs']} dofs)"
         )
 
+    @classmethod
+    def from_scene(
+        cls,
+        scene: str | Path | Mapping[str, Any],
+        overrides: Sequence[str] = (),
+        directory: str | Path | None = None,
+    ) -> Model:
+        """Prepare a scene; the arguments are those of ``prepare``."""
+        return prepare(scene, overrides, directory)
+
+    def _repr_html_(self) -> str:
+        """What was prepared, as a table of a notebook."""
+        rows: list[list[Any]] = [["samples", len(self.study.tasks)]]
+        rows += [[name.replace("_", " "), x] for name, x in self.study.brake.size().items()]
+        if (stability := self.scene.stability) is not None:
+            rows.append(["band [Hz]", "{:g} to {:g}".format(*stability.band)])
+            rows.append(["threshold", stability.threshold])
+        return html_table(repr(self), ("", ""), rows)
+
     def modes(
         self,
-        values: Mapping[str, float] | None = None,
+        values: Mapping[str, float | str] | None = None,
         approach: str | None = None,
         sample: int = 0,
     ) -> Modes:
         """Complex modes of a sample at its braking equilibrium.
 
         Args:
-            values: scalars of the scene by dotted key, SI; others as in the sample.
+            values: scalars of the scene by dotted key, SI or with their unit, "1 bar"; others as
+                in the sample.
             approach: one of the scene's; its first if None.
             sample: number of the sample.
 
@@ -109,20 +103,16 @@ class Model:
 
     def equilibrium_and_modes(
         self,
-        values: Mapping[str, float] | None = None,
+        values: Mapping[str, float | str] | None = None,
         approach: str | None = None,
         sample: int = 0,
     ) -> tuple[Equilibrium, Modes]:
         """The same with the equilibrium."""
-        of_kind("values", values or {}, Mapping, "a mapping of keys to numbers")
-        for key, value in (values or {}).items():
-            _check_key(self.scene, key)
-            number(key, value)
-        return self.study.solved(self._task(approach, sample), values or {})
+        return self.study.solved(self._task(approach, sample), self._si(values))
 
     def limit_cycles(
         self,
-        values: Mapping[str, float] | None = None,
+        values: Mapping[str, float | str] | None = None,
         approach: str | None = None,
         sample: int = 0,
     ) -> list[dict[str, Any]]:
@@ -137,7 +127,7 @@ class Model:
         """
         if self.study.cycles is None:
             raise SceneError(f"{self.scene.file}: limit_cycle: the section is missing")
-        found = self.study.limit_cycles(self._task(approach, sample), values or {})
+        found = self.study.limit_cycles(self._task(approach, sample), self._si(values))
         points = np.array([found["branch_amplitude"], found["branch_s"]])
         rows = zip(found["cycle_mode"], found["cycle_kind"], found["cycle_values"], strict=True)
         names = ("mode", "outcome", "branch", *map(str, found["cycle_names"]))
@@ -204,7 +194,7 @@ class Model:
 
         Args:
             key: dotted key of the scalar, as in ``[sweep.parameters]``.
-            values: SI, rising or falling, shape (values,).
+            values: SI or with their unit, "1 bar", rising or falling, shape (values,).
             approach: one of the scene's; its first if None.
             sample: number of the sample.
             tolerance: accuracy of the events, relative to the range of the values.
@@ -217,8 +207,8 @@ class Model:
         from brake_fenicsx.sweeps.events import find_events
         from brake_fenicsx.sweeps.state import Points
 
-        _check_key(self.scene, key)
-        x = listed("values", values)
+        unit = _unit(self.scene, key)
+        x = listed("values", values, unit)
         stability = self.scene.stability
         if stability is None:
             raise SceneError(f"{self.scene.file}: stability: the section is missing")
@@ -233,7 +223,13 @@ class Model:
                 if (i := place.get(there.x)) is not None:
                     frequency[branch.number, i] = there.frequency[mode]
                     damping[branch.number, i] = there.damping[mode]
-        return Branches(x, frequency, damping, events, [b.end for b in followed.branches])
+        ends, name = [b.end for b in followed.branches], f"{key} [{unit or '-'}]"
+        return Branches(x, frequency, damping, events, ends, name, stability.threshold)
+
+    def _si(self, values: Mapping[str, float | str] | None) -> dict[str, float]:
+        """Checked values of scalars, SI."""
+        of_kind("values", values or {}, Mapping, "a mapping of keys to numbers")
+        return {k: quantity(k, v, _unit(self.scene, k)) for k, v in (values or {}).items()}
 
     def _task(self, approach: str | None, sample: int) -> tuple[str, int]:
         named = self.scene.samples.approaches
@@ -248,24 +244,25 @@ class Model:
 
 
 def prepare(
-    scene: str | Path,
+    scene: str | Path | Mapping[str, Any],
     overrides: Sequence[str] = (),
     directory: str | Path | None = None,
     cache: str | Path | None = None,
-    parameters: Mapping[str, Sequence[float]] | None = None,
+    parameters: Mapping[str, Sequence[float | str]] | None = None,
     comm: MPI.Comm | None = None,
     extensions: Extensions | None = None,
 ) -> Model:
     """Make what the samples of a scene share: brake, laws, reduced model; collective.
 
     Args:
-        scene: path of the scene.
+        scene: path of the scene, or its sections and keys as a mapping, whose paths start from
+            the working directory.
         overrides: "key=value" replacements in the scene.
         directory: results folder, kept; a temporary one if not given.
         cache: folder of laws and reduced models that runs of similar scenes share.
-        parameters: dotted key -> lowest and highest value, SI, of scalars that enter the matrices
-            of the bodies and will take other values than in the scene. A library of laws follows
-            E* of the lining, laws that the scene writes do not.
+        parameters: dotted key -> lowest and highest value, SI or with their unit, of scalars that
+            enter the matrices of the bodies and will take other values than in the scene. A library
+            of laws follows E* of the lining, laws that the scene writes do not.
         comm: processes; this process alone if None.
         extensions: friction laws, damping terms and laws of inputs in place of the scene's; then
             without directory and cache, whose files are known by the scene alone.
@@ -273,12 +270,13 @@ def prepare(
     Raises:
         SceneError: the scene is wrong, or has no stage equilibrium.
     """
-    of_kind("scene", scene, (str, Path), "the path of a scene file")
     comm = MPI.COMM_SELF if comm is None else comm
+    parsed = read_scene(scene, overrides)
     given = {
-        key: tuple(float(v) for v in listed(key, ends)) for key, ends in (parameters or {}).items()
+        key: tuple(float(v) for v in listed(key, ends, _unit(parsed, key)))
+        for key, ends in (parameters or {}).items()
     }
-    parsed = _read(scene, overrides, given)
+    parsed = _with_ranges(parsed, given)
     if extensions is not None and (directory is not None or cache is not None):
         raise SceneError(
             f"{parsed.file}: extensions: leave out directory and cache, whose files are known"
@@ -292,8 +290,9 @@ def prepare(
         directory = comm.bcast(folder.name if folder is not None else None)
     shared = None if cache is None else Path(cache)
     study = _prepared(parsed, Store(Path(directory)), comm, shared, extensions)
-    paths = str(Path(scene).resolve()), str(Path(directory).resolve())
-    source = Source(paths[0], tuple(overrides), tuple(given.items()), paths[1])
+    table = toml_text(scene) if isinstance(scene, Mapping) else ""
+    paths = str(parsed.file.resolve()), str(Path(directory).resolve())
+    source = Source(paths[0], tuple(overrides), tuple(given.items()), paths[1], table)
     return Model(study, None if extensions else source, folder)
 
 
@@ -308,19 +307,15 @@ def entered(source: Source) -> Study:
     """
     store = Store(Path(source.directory))
     store.share = Share(1, 1)
-    parsed = _read(source.scene, source.overrides, dict(source.parameters))
-    return _prepared(parsed, store, MPI.COMM_SELF)
+    scene = from_text(source.table) if source.table else source.scene
+    parsed = read_scene(scene, source.overrides, Path(source.scene).parent)
+    return _prepared(_with_ranges(parsed, dict(source.parameters)), store, MPI.COMM_SELF)
 
 
-def _read(
-    scene: str | Path, overrides: Sequence[str], parameters: Mapping[str, Sequence[float]]
-) -> Scene:
+def _with_ranges(parsed: Scene, parameters: Mapping[str, Sequence[float]]) -> Scene:
     """A scene with a sweep over the ranges of parameters: it prepares what many values share."""
-    parsed = read_scene(scene, overrides)
     if "equilibrium" not in parsed.stages:
         raise SceneError(f"{parsed.file}: stages: 'equilibrium' is missing")
-    for key in parameters:
-        _check_key(parsed, key)
     ranges = {key: Range(values=tuple(values)) for key, values in parameters.items()}
     return replace(parsed, sweep=Sweep(ranges))
 
@@ -344,30 +339,31 @@ def _prepared(
         parsed = extensions.applied(parsed)
     this = Run(parsed, comm, store, SharedCache(store, cache))
     if store.share is None:
-        store.open(parsed.file.read_text())
+        store.open(scene_text(parsed))
     brake, library = before_samples(this, stats)
     if brake is None:
         raise SceneError(f"{parsed.file}: stages: 'equilibrium' is missing")
     return make_study(this, stats, library, brake)
 
 
-def _check_key(scene: Scene, key: str) -> None:
-    """Refuse a scalar that takes no other values than the scene's, or that acts on nothing."""
+def _unit(scene: Scene, key: str) -> str:
+    """SI unit of a scalar; refused if it takes no other values, or acts on nothing."""
     try:
         unit_of(key)
         check_scalar(scene, key, key)
+        return si_unit(scene, key)
     except KeyMistake as error:
         raise SceneError(f"{scene.file}: {key}: {error}") from None
     except SceneError as error:
         raise SceneError(f"{scene.file}: {error}") from None
 
 
-def sample(model: Model, inputs: Mapping[str, float] | None = None) -> Modes:
+def sample(model: Model, inputs: Mapping[str, float | str] | None = None) -> Modes:
     """Complex modes of a prepared scene at some values of its scalars: a plain function of numbers.
 
     Args:
         model: the scene, see ``prepare``.
-        inputs: dotted key -> value, SI; the scene's own for all others.
+        inputs: dotted key -> value, SI or with its unit; the scene's own for all others.
 
     Raises:
         SceneError: no such key.
@@ -377,16 +373,18 @@ def sample(model: Model, inputs: Mapping[str, float] | None = None) -> Modes:
     return model.modes(inputs)
 
 
-def sweep(scene: str | Path | Model, key: str, values: ArrayLike, **chosen: str | int) -> Branches:
+def sweep(
+    scene: str | Path | Mapping[str, Any] | Model, key: str, values: ArrayLike, **chosen: str | int
+) -> Branches:
     """Follow the modes of a scene over one of its scalars.
 
     Args:
-        scene: path of the scene, or a model that was prepared.
+        scene: path of the scene, the scene as a mapping, or a model that was prepared.
         key: dotted key of the scalar, as in ``[sweep.parameters]``.
-        values: SI, rising or falling, shape (values,).
+        values: SI or with their unit, rising or falling, shape (values,).
         **chosen: ``approach``, ``sample`` and ``tolerance`` of ``Model.sweep``.
     """
-    x = listed("values", values)
     if not isinstance(scene, Model):
+        x = listed("values", values, _unit(read_scene(scene), key))
         scene = prepare(scene, parameters={key: [float(x.min()), float(x.max())]})
-    return scene.sweep(key, x, **chosen)  # type: ignore[arg-type]
+    return scene.sweep(key, values, **chosen)  # type: ignore[arg-type]

@@ -72,6 +72,7 @@ class Run:
         process_memory_mb: the same of a process.
         facts: sizes and figures for the summary.
         prepare: whether the run ends before the samples.
+        pictures: whether figures, mode shapes and the mesh are drawn.
     """
 
     scene: Scene
@@ -83,6 +84,7 @@ class Run:
     process_memory_mb: dict[str, float] = field(default_factory=dict)
     facts: dict[str, Any] = field(default_factory=dict)
     prepare: bool = False
+    pictures: bool = True
 
     @property
     def whole(self) -> bool:
@@ -164,6 +166,7 @@ def run(
     cache: str | Path | None = None,
     share: Share | None = None,
     prepare: bool = False,
+    pictures: bool = True,
 ) -> Run:
     """Run all stages of a scene, reusing existing results.
 
@@ -177,6 +180,7 @@ def run(
             given.
         share: compute this part of the samples alone, in a folder that was prepared.
         prepare: make what all samples share, and end before them.
+        pictures: whether figures, mode shapes and the mesh are drawn.
 
     Returns:
         The run; its results are in the folder.
@@ -199,7 +203,7 @@ def run(
         raise SceneError(f"{parsed.file}: has no samples to be shared; write `run`, no --share")
     stats = check(parsed, comm)
     shared = SharedCache(store, None if cache is None else Path(cache))
-    this = Run(parsed, comm, store, shared, prepare=prepare)
+    this = Run(parsed, comm, store, shared, prepare=prepare, pictures=pictures)
     new = not store.directory.exists()
     try:
         if share is None:
@@ -235,7 +239,7 @@ def _finish(this: Run, stats: SurfaceStatistics | None, new: bool) -> None:
         raise
     if "report" in this.scene.stages and this.whole:
         with this.stage("report"):
-            report(store.directory, comm)
+            report(store.directory, comm, this.pictures)
         if comm.rank == 0:
             write_summary(this)
 
@@ -541,8 +545,8 @@ def mechanics(
         if "report" in this.scene.stages:
             from brake_fenicsx.report.mode_fields import write_mode_fields
 
-            write_mode_fields(study, first)
-            if this.comm.rank == 0:
+            write_mode_fields(study, first, this.pictures)
+            if this.comm.rank == 0 and this.pictures:
                 draw_mesh(this, brake)
 
 
@@ -584,12 +588,13 @@ def write_summary(this: Run) -> None:
     )
 
 
-def report(directory: Path, comm: MPI.Comm = MPI.COMM_SELF) -> None:
+def report(directory: Path, comm: MPI.Comm = MPI.COMM_SELF, pictures: bool = True) -> None:
     """Figures, tables and the HTML page of a results folder; collective.
 
     Args:
         directory: the results folder.
         comm: processes that share the figures.
+        pictures: whether figures are drawn; those of mode shapes and the mesh stay as they are.
     """
     from brake_fenicsx.report.figures import make_figures
     from brake_fenicsx.report.html import write_report
@@ -599,12 +604,13 @@ def report(directory: Path, comm: MPI.Comm = MPI.COMM_SELF) -> None:
     from brake_fenicsx.results.answer import write_tables
     from brake_fenicsx.results.run import RunData, read_run
 
-    on_first(lambda: contact_maps(directory), comm)
+    if pictures:
+        on_first(lambda: contact_maps(directory), comm)
     draws, held = min(comm.size, DRAWING), list[RunData]()
 
     def draw(i: int) -> None:
         held.append(read_run(directory))
-        make_figures(held[0], slice(i, None, draws))
+        make_figures(held[0], slice(i, None, draws), pictures)
 
     list(in_turns(draws, draw, comm))
     if comm.rank > 0:

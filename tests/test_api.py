@@ -3,20 +3,27 @@
 import re
 import subprocess
 import sys
+import tomllib
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
 import brake_fenicsx
-from brake_fenicsx import prepare, sample, sweep
+from brake_fenicsx import Model, prepare, sample, sweep
+from brake_fenicsx.display import html_table
 from brake_fenicsx.errors import BrakeError
 from brake_fenicsx.extensions import Extensions
 from brake_fenicsx.micro import LawSettings, contact_law, law_steps, make_library
+from brake_fenicsx.results.tables import MODES
 from brake_fenicsx.stability import complex_modes
 from brake_fenicsx.surface import make_topography
 from coarse_block import BLOCK, FRICTION, ROUGH
 
+PRESSURE = 'loads."block.top".pressure'
 ROOT = Path(__file__).parents[1]
 I = np.eye(3)
 
@@ -34,20 +41,23 @@ def test_a_type_checker_sees_the_types_of_the_package(tmp_path):
     script.write_text(
         "from brake_fenicsx import prepare\n"
         "model = prepare('scene.toml')\nreveal_type(model)\nreveal_type(model.sweep('a', [1.0]))\n"
-        "prepare(3)\n"
+        "prepare({'stages': []}, parameters={'a': ['1 bar', 2e5]})\nprepare(3)\n"
+        "reveal_type(model.modes({'a': '1 bar'}).damping)\n"
     )
     # Of the package alone what the script names: the whole is checked beside the tests.
     (tmp_path / "mypy.ini").write_text(
         "[mypy]\nignore_missing_imports = true\nfollow_imports = skip\n"
-        "[mypy-brake_fenicsx,brake_fenicsx.model]\nfollow_imports = silent\n"
+        "[mypy-brake_fenicsx,brake_fenicsx.model,brake_fenicsx.branches,"
+        "brake_fenicsx.stability.modes]\nfollow_imports = silent\n"
     )
     command = [sys.executable, "-m", "mypy", "--cache-dir", str(tmp_path / "cache"), str(script)]
     said = subprocess.run(
         command, capture_output=True, text=True, cwd=tmp_path
     ).stdout  # fmt: skip
     assert 'note: Revealed type is "brake_fenicsx.model.Model"' in said, said
-    assert 'note: Revealed type is "brake_fenicsx.model.Branches"' in said
-    assert 'Argument 1 to "prepare" has incompatible type "int"' in said
+    assert 'note: Revealed type is "brake_fenicsx.branches.Branches"' in said
+    assert said.count("error:") == said.count('"prepare" has incompatible type "int"') == 1, said
+    assert 'Revealed type is "Array' in said, said
 
 
 @pytest.fixture(scope="module")
@@ -76,14 +86,19 @@ def rubbed(given):
         (lambda m: m.sweep(FRICTION, []), "values = []; give a list of numbers"),
         (lambda m: m.sweep(FRICTION, 0.3), "values = 0.3; give a list of numbers"),
         (lambda m: m.sweep(FRICTION, np.eye(2)), "give a list of numbers"),
-        (lambda m: m.sweep(FRICTION, ["1 bar", "2 bar"]), "values = '1 bar'; give one finite"),
+        (lambda m: m.sweep(FRICTION, ["1 bar", "2 bar"]), "values = '1 bar': write a plain number"),
+        (lambda m: m.sweep(PRESSURE, ["1 bar", "2 mm"]), "values = '2 mm': wrong unit; a pressure"),
         (lambda m: m.sweep(FRICTION, [0.1, np.nan]), "values = nan; give one finite number"),
         (lambda m: m.modes([FRICTION, 0.3]), "values: an object of the type list; give a mapping"),
-        (lambda m: m.modes({FRICTION: "0.3"}), f"{FRICTION} = '0.3'; give one finite number"),
+        (lambda m: m.modes({FRICTION: "0.3"}), f"{FRICTION} = '0.3': write a plain number"),
         (lambda m: m.modes(sample=0.5), "sample 0.5 of"),
         (lambda m: sample(BLOCK, {}), "give what `prepare` returns"),
         (lambda m: sweep(BLOCK, FRICTION, []), "values = []; give a list of numbers"),
-        (lambda m: prepare({"stages": []}), "scene: an object of the type dict; give the path"),
+        (lambda m: prepare({"stages": []}), "scene (mapping): stages: 'equilibrium' is missing"),
+        (lambda m: prepare({"stages": None}), "(mapping): stages: an object of the type NoneType"),
+        (lambda m: prepare({"samples": {"n": I}}), "scene (mapping): samples.n"),
+        (lambda m: prepare(3), "scene: an object of the type int; give the path of a scene, or"),
+        (lambda m: m.modes({PRESSURE: "5 mm"}), f"{PRESSURE} = '5 mm': wrong unit; a pressure"),
         (lambda m: prepare(BLOCK, ROUGH, parameters={FRICTION: 0.3}), "give a list of numbers"),
         (lambda m: complex_modes(I, None, I, 18e3), "band = 18000.0; give a list of numbers"),
         (lambda m: complex_modes(I, None, I, (2.0, 1.0)), "band 2 to 1 Hz: from at least 0"),
@@ -109,7 +124,55 @@ def test_objects_print_as_one_line(model):
     assert repr(surface) == "Topography(array: 32 x 32 points, 1 x 1 mm)"
     library = make_library([law_steps(surface, LawSettings(1e9, steps=5))])
     assert repr(library) == f"LawLibrary(1 laws up to {library.p.max():.4g} Pa)"
+    assert f"{library.p.max() / 1e6:.5g}</td>" in library._repr_html_()
+    assert "<td>S_q [um]</td><td>" in surface._repr_html_()
     assert re.fullmatch(r"Brake\(\d+ dofs, \d+ contact elements\)", repr(model.study.brake))
+
+
+def test_modes_and_branches_in_a_notebook(model):
+    """Tables of every object, a data frame of modes, and a figure of branches."""
+    modes = model.modes()
+    table = modes.to_pandas()
+    assert {*table} < {*MODES} and list(table.frequency_hz) == list(modes.frequency)
+    assert modes._repr_html_().count("<tr>") == min(len(modes), 30) + 1
+    assert "<td>threshold</td><td>0.001</td>" in model._repr_html_()
+    found = model.sweep(FRICTION, [0.0, 0.4, 0.8])
+    assert found._repr_html_().count("<tr>") == len(found.events) + 1
+    axes = found.plot()
+    assert [len(a.get_lines()) for a in axes] == [len(found.frequency), len(found.frequency) + 1]
+    assert axes[1].get_xlabel() == f"{FRICTION} [-]" and len(axes[1].get_legend().get_texts()) > 0
+    assert found.plot(axes) is axes
+    plt.close(axes[0].figure)
+
+
+def test_a_text_of_a_table_is_escaped():
+    assert html_table("<b>", ["a"], [["<i>"], [0.123456789]]) == (
+        "<p>&lt;b&gt;</p><table><tr><th>a</th></tr><tr><td>&lt;i&gt;</td></tr>"
+        "<tr><td>0.12346</td></tr></table>"
+    )
+    assert html_table("", [""], [[1]] * 33).endswith("</table><p>and 3 more</p>")
+
+
+def test_values_with_their_units(model):
+    here, si = (model.modes({PRESSURE: p}).s for p in ("5 bar", 5e5))
+    np.testing.assert_array_equal(here, si)
+    assert model.sweep(PRESSURE, ["2 bar", 5e5]).values.tolist() == [2e5, 5e5]
+    found = sweep(BLOCK, 'loads."block.top".pressure', ["0.2 MPa", "5 bar"])
+    assert found.values.tolist() == [2e5, 5e5]
+
+
+def test_a_scene_as_a_mapping_is_the_scene_of_its_file(model, tmp_path):
+    """With arrays, tuples and paths as values; its folder holds a scene of the same text."""
+    table = tomllib.loads(BLOCK.read_text())
+    table["stability"]["band"] = tuple(table["stability"]["band"])
+    table["samples"] = {**table.get("samples", {}), "n": np.int64(3)}
+    own = Model.from_scene(table, ROUGH, tmp_path / "out")
+    np.testing.assert_array_equal(own.modes().s, model.modes().s)
+    again = prepare(tmp_path / "out" / "scene.toml", directory=tmp_path / "out")
+    np.testing.assert_array_equal(again.modes().s, model.modes().s)
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as pool:
+        (record,) = own.samples(1, executor=pool)
+    np.testing.assert_array_equal(record["s"], model.modes().s)
 
 
 def test_arrays_serve_as_matrices():

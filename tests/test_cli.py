@@ -250,7 +250,7 @@ def test_sigterm_finishes_the_sample_and_nothing_new(tmp_path, monkeypatch, caps
             os.kill(os.getpid(), signal.SIGTERM)
         return {"x": np.array(task[1])}
 
-    def run(*_):
+    def run(*_, **__):
         run_ensemble([("parametric", k) for k in range(6)], work, store, MPI.COMM_SELF)
 
     monkeypatch.setattr(pipeline, "run", run)
@@ -300,6 +300,19 @@ def test_time_to_go_is_that_of_the_samples_left(caplog, monkeypatch):
             progress.advance()
     assert caplog.messages[0] == "samples: 1 of 22, the 1 long ones first"
     assert caplog.messages[1] == "samples: 2 of 22, 120 s to go"
+
+
+def test_no_pictures(tmp_path, capsys):
+    """Tables, fields and page are the same; report makes figures of them, or takes them away."""
+    assert main(["run", str(BLOCK), "-o", str(tmp_path / "a"), "--no-pictures"]) == 0
+    page = tmp_path / "a" / "report.html"
+    assert {p.name for p in (tmp_path / "a" / "figures").iterdir()} <= {"mode_shapes.csv"}
+    assert (tmp_path / "a" / "modes.csv").is_file() and any((tmp_path / "a" / "fields").iterdir())
+    assert "<table>" in page.read_text() and "<img" not in page.read_text()
+    assert main(["report", str(tmp_path / "a")]) == 0
+    assert "<img" in page.read_text() and any((tmp_path / "a" / "figures").glob("*.png"))
+    assert main(["report", str(tmp_path / "a"), "--no-pictures"]) == 0
+    assert "<img" not in page.read_text() and "squeal:" in capsys.readouterr().err
 
 
 def test_table_of_the_log_stands_under_its_heading(tmp_path, monkeypatch):

@@ -15,6 +15,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from brake_fenicsx.arguments import positive, quantity
+from brake_fenicsx.display import html_table
 from brake_fenicsx.errors import SceneError
 
 Array = NDArray[np.float64]
@@ -112,6 +114,15 @@ class LawLibrary:
         """One line."""
         return f"LawLibrary({len(self)} laws up to {self.p.max():.4g} Pa)"
 
+    def _repr_html_(self) -> str:
+        """Medians over the laws at some pressures, as a table of a notebook."""
+        pressures = np.geomspace(self.p[:, 0].max(), self.p.max(axis=1).min(), 6).tolist()
+        points = [self.at_pressure(p) for p in pressures]
+        values = ([1e-6 * x.p, 1e6 * x.d, x.k, np.asarray(x.v)] for x in points)
+        rows = [np.median(x, axis=1).tolist() for x in values]
+        heads = ("pressure [MPa]", "separation [um]", "loading [Pa/m]", "vibrations [Pa/m]")
+        return html_table(repr(self), heads, rows)
+
     def __len__(self) -> int:
         """Number of laws."""
         return int(self.count.size)
@@ -163,6 +174,28 @@ class LawLibrary:
         fall = np.where(inside, (1.0 - t) * slope[at] + t * slope[nxt], 0.0)
         fall = np.where((place < 0) & (share > 0.0), -v[at] * foot, fall)
         return between * share, fall
+
+    def at_pressure(self, pressure: float | str) -> LawSteps:
+        """Every law at one mean pressure.
+
+        Args:
+            pressure: [Pa], or with its unit, "0.2 MPa".
+
+        Returns:
+            One point of each law, arrays of shape (laws,).
+        """
+        p, index = quantity("pressure", pressure, "Pa"), np.arange(len(self))
+        positive(pressure=p)
+        last = index, self.count - 1
+        near, far = self.d[last] - p / self.k[last], self.first_touch(index)
+        for _ in range(60):  # halvings, to the last digit
+            middle = 0.5 * (near + far)
+            light = self.loading(index, middle)[0] < p
+            near, far = np.where(light, near, middle), np.where(light, middle, far)
+        rows = zip(self.p, self.area, self.count, strict=True) if self.area is not None else ()
+        area = [np.interp(np.log(p), np.log(x[:n]), a[:n]) for x, a, n in rows]
+        k, vibration = self.loading(index, far)[1], self.vibration(index, far)
+        return LawSteps(far, np.full_like(far, p), k, *vibration, np.array(area) if area else None)
 
     def _find(self, i: Index, x: Array) -> tuple[Index, Index]:
         """Flat address of the step left of x (the first step in the foot), and its number."""

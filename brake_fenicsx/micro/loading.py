@@ -140,16 +140,9 @@ def solve_contact(
 
 
 def solve(
-    space: HalfSpace,
-    h: Array,
-    d: float | None,
-    total: float | None,
-    guess: Array | None,
-    tolerance: float,
-    solver: Solver = "auto",
-    max_iterations: int = 2000,
-    cap: float = np.inf,
-) -> tuple[State, str]:
+    space: HalfSpace, h: Array, d: float | None, total: float | None, guess: Array | None,
+    tolerance: float, solver: Solver = "auto", max_iterations: int = 2000, cap: float = np.inf,
+) -> tuple[State, str]:  # fmt: skip
     """Choose a solver by the number of touching pixels and run it.
 
     Args:

@@ -213,12 +213,15 @@ PLOTS: tuple[Plot, ...] = (
 )
 
 
-def make_figures(directory: str | Path | RunData, share: slice = slice(None)) -> list[Path]:
+def make_figures(
+    directory: str | Path | RunData, share: slice = slice(None), draw: bool = True
+) -> list[Path]:
     """Draw every figure a run has data for, as PNG and SVG in ``directory/figures``.
 
     Args:
         directory: the run directory, or its results already read.
         share: of the figures, where several processes draw them.
+        draw: False removes those of an earlier run, and draws none.
 
     Returns:
         Paths written, in the order of the figures.
@@ -232,7 +235,7 @@ def make_figures(directory: str | Path | RunData, share: slice = slice(None)) ->
     written: list[Path] = []
     with house_style():
         for plot in PLOTS[share]:
-            figure = plot.draw(run)
+            figure = plot.draw(run) if draw else None
             if figure is not None:
                 written += save(figure, folder, plot.name)
                 continue

@@ -85,7 +85,9 @@ def nodal_pattern(points: NDArray, u: NDArray, most: int = 12) -> NodalPattern |
     return NodalPattern(int(n), DIRECTIONS[j], min(float(pieces[n, j]) / whole, 1.0))
 
 
-def write_mode_fields(study: Study, first: Mapping[Task, Mapping[str, Any]]) -> None:
+def write_mode_fields(
+    study: Study, first: Mapping[Task, Mapping[str, Any]], pictures: bool = True
+) -> None:
     """Write fields/*.vtkhdf, figures/mode_* and contact_faces.npz; collective.
 
     Equilibrium and contact are those of the first sample of each approach; modes are of its most
@@ -94,6 +96,7 @@ def write_mode_fields(study: Study, first: Mapping[Task, Mapping[str, Any]]) -> 
     Args:
         study: the study.
         first: what was stored of the first good sample of each approach.
+        pictures: False writes the fields and the nodal diameters alone.
     """
     from brake_fenicsx.uncertainty.solve import displacements
 
@@ -102,8 +105,8 @@ def write_mode_fields(study: Study, first: Mapping[Task, Mapping[str, Any]]) -> 
         shutil.rmtree(store.path("fields"), ignore_errors=True)
         for name in ("fields", "figures"):
             store.path(name).mkdir(exist_ok=True)
-        for old in store.path("figures").glob("mode_*.*"):
-            old.unlink()
+        for old in (*store.path("figures").glob("mode_*.*"), store.path("figures", "mesh.png")):
+            old.unlink(missing_ok=True)
     comm.Barrier()
     faces = contact_faces(study)
     for task, data in first.items():
@@ -117,7 +120,7 @@ def write_mode_fields(study: Study, first: Mapping[Task, Mapping[str, Any]]) -> 
     shapes = iter(displacements(study.models, modes, study.comm))
     rows: list[list[Value]] = []
     for chosen in drawn:
-        rows += _write_modes(study, run, chosen, [next(shapes)[:, 0] for _ in chosen])
+        rows += _write_modes(study, run, chosen, [next(shapes)[:, 0] for _ in chosen], pictures)
     if comm.rank > 0:
         return
     write_rows(store.path("figures", SHAPES), SHAPE_COLUMNS, rows)
@@ -198,7 +201,11 @@ def _severe(study: Study) -> tuple[RunData, list[list[ModeKey]]]:
 
 
 def _write_modes(
-    study: Study, run: RunData, chosen: list[ModeKey], shapes: list[NDArray[np.complex128]]
+    study: Study,
+    run: RunData,
+    chosen: list[ModeKey],
+    shapes: list[NDArray[np.complex128]],
+    pictures: bool,
 ) -> list[list[Value]]:
     """Real and imaginary part of some modes of an approach, one period of each, and its pictures.
 
@@ -209,6 +216,7 @@ def _write_modes(
         run: its tables.
         chosen: the modes.
         shapes: displacement of each, shape (dofs,).
+        pictures: whether they are drawn.
 
     Returns:
         Rows of `SHAPE_COLUMNS`.
@@ -233,8 +241,9 @@ def _write_modes(
             f" damping {mode.damping:.2e}{often}"
         )
         picture = f"mode_{name}_{hertz}"
-        render_mode(store.path("figures", f"{picture}.png"), V, shape, title)
-        animate_mode(store.path("figures", f"{picture}.webp"), V, shape)
+        if pictures:
+            render_mode(store.path("figures", f"{picture}.png"), V, shape, title)
+            animate_mode(store.path("figures", f"{picture}.webp"), V, shape)
         row: list[Value] = [
             name, mode.family.number, mode.sample, mode.mode, mode.frequency, mode.damping,
             picture, *_nodal_cells(rotors, V, shape),

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import copy
+import json
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from brake_fenicsx.arguments import of_kind
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.contact import with_table
 from brake_fenicsx.scene.countermeasures import with_ends
@@ -18,13 +20,18 @@ from brake_fenicsx.scene.samples import complete
 from brake_fenicsx.scene.sections import STAGES, Scene
 from brake_fenicsx.scene.tables import dotted, key_parts, read_table, shown
 
+MAPPING = "scene (mapping)"  # in place of the path of a file
 
-def read_scene(file: str | Path, overrides: Sequence[str] = ()) -> Scene:
+
+def read_scene(
+    file: str | Path | Mapping[str, Any], overrides: Sequence[str] = (), folder: str | Path = ""
+) -> Scene:
     """Read and check a scene.
 
     Args:
-        file: path of the TOML file.
+        file: path of the TOML file, or its content as a mapping.
         overrides: "section.key=value" of the command line; the value is TOML, or a bare string.
+        folder: from which the paths of a mapping start.
 
     Returns:
         The scene, in SI units.
@@ -32,9 +39,10 @@ def read_scene(file: str | Path, overrides: Sequence[str] = ()) -> Scene:
     Raises:
         SceneError: one line naming file, key, value and remedy.
     """
-    path = Path(file)
-    table = _toml(path)
+    path = Path(file) if isinstance(file, str | Path) else Path(folder, MAPPING)
     try:
+        table = _toml(path) if isinstance(file, str | Path) else from_text(toml_text(file))
+        of_kind("scene", table, dict, "the path of a scene, or a mapping of its keys")
         for text in overrides:
             _override(table, text)
         return _scene(path, table)
@@ -42,21 +50,42 @@ def read_scene(file: str | Path, overrides: Sequence[str] = ()) -> Scene:
         raise SceneError(f"{path}: {error}") from None
 
 
+def from_text(value: str) -> Any:
+    """A value from its TOML."""
+    return tomllib.loads(f"x = {value}")["x"]
+
+
+def toml_text(value: Any, where: str = "scene") -> str:
+    """The keys of a scene, or a value of one, as TOML; refused if TOML has no such value."""
+    value = getattr(value, "tolist", lambda: value)()  # of NumPy
+    if isinstance(value, Mapping):
+        pairs = (f"{json.dumps(str(k))} = {toml_text(v, str(k))}" for k, v in value.items())
+        return f"{{ {', '.join(pairs)} }}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(toml_text(v, where) for v in value)}]"
+    of_kind(where, value, (str, int, float, Path), "a number, a text, a list or a mapping")
+    return json.dumps(value, ensure_ascii=False, default=str)
+
+
+def scene_text(scene: Scene) -> str:
+    """Text of the file of a scene, or of its keys where there is none."""
+    lines = (f"{json.dumps(k)} = {toml_text(v)}\n" for k, v in scene.table.items())
+    return "".join(lines) if scene.file.name == MAPPING else scene.file.read_text("utf-8")
+
+
 def _toml(path: Path) -> dict[str, Any]:
     """Content of a TOML file; a byte order mark in front of it is left out."""
     try:
         return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
     except FileNotFoundError:
-        raise SceneError(f"{path}: no such file; give the path of a scene") from None
+        raise SceneError("no such file; give the path of a scene") from None
     except OSError as error:
-        raise SceneError(
-            f"{path}: cannot be read ({error.strerror}); give the path of a scene"
-        ) from None
+        raise SceneError(f"cannot be read ({error.strerror}); give the path of a scene") from None
     except UnicodeDecodeError as error:
         line = error.object.count(b"\n", 0, error.start) + 1
-        raise SceneError(f"{path}: line {line}: not UTF-8 text; save the scene as UTF-8") from None
+        raise SceneError(f"line {line}: not UTF-8 text; save the scene as UTF-8") from None
     except (ValueError, RecursionError) as error:
-        raise SceneError(f"{path}: not a TOML file: {error}") from None
+        raise SceneError(f"not a TOML file: {error}") from None
 
 
 def _override(table: dict[str, Any], text: str) -> None:
@@ -65,7 +94,7 @@ def _override(table: dict[str, Any], text: str) -> None:
     if not sign:
         raise SceneError(f"--set {text}: write key=value")
     try:
-        parsed = tomllib.loads(f"x = {value}")["x"]
+        parsed = from_text(value)
     except (ValueError, RecursionError):
         parsed = value.strip()
     *path, last = key_parts(name.strip())
@@ -84,13 +113,10 @@ def _scene(path: Path, table: dict[str, Any]) -> Scene:
     random = {n: complete(d, n, path.parent) for n, d in scene.samples.random.items()}
     contact = {n: with_table(c, n, path.parent) for n, c in scene.contact.items()}
     scene = replace(
-        scene,
-        contact=contact,
-        file=path,
-        table=table,
+        scene, contact=contact, file=path, table=table,
         stages=tuple(s for s in STAGES if s in scene.stages),
         samples=replace(scene.samples, random=random),
-    )
+    )  # fmt: skip
     check_consistent(scene)
     return with_ends(scene, lambda text: _changed(scene, text))
 

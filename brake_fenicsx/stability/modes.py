@@ -8,9 +8,15 @@ kappa gives two rows, +-alpha.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+
+from brake_fenicsx.display import html_table
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -74,6 +80,23 @@ class Modes:
         ends = self.frequency.min(), self.frequency.max()
         unstable = self.verdict.count("unstable")
         return f"Modes({len(self)} from {ends[0]:.1f} to {ends[1]:.1f} Hz, {unstable} unstable)"
+
+    def _repr_html_(self) -> str:
+        """Modes as a table of a notebook."""
+        columns = self.frequency.tolist(), self.s.real.tolist(), self.damping.tolist(), self.verdict
+        heads = ("mode", "frequency [Hz]", "alpha [1/s]", "damping [-]", "verdict")
+        rows = [[i, *cells] for i, cells in enumerate(zip(*columns, strict=True))]
+        return html_table(repr(self), heads, rows)
+
+    def to_pandas(self) -> pd.DataFrame:
+        """One row for each mode, the columns named as in modes.csv."""
+        import pandas as pd
+
+        return pd.DataFrame({
+            "frequency_hz": self.frequency, "real_1_s": self.s.real, "damping": self.damping,
+            "residual": self.residual, "error_estimate": self.error, "condition": self.condition,
+            "verdict": self.verdict,
+        })  # fmt: skip
 
     @property
     def frequency(self) -> Array:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -16,6 +16,7 @@ from scipy.ndimage import median_filter
 from scipy.sparse.linalg import spsolve
 
 from brake_fenicsx.arguments import one_of, positive, real
+from brake_fenicsx.display import html_table
 from brake_fenicsx.errors import SurfaceError
 
 if TYPE_CHECKING:
@@ -52,6 +53,17 @@ class Topography:
         """One line."""
         (nx, ny), (lx, ly) = self.shape, 1e3 * self.size
         return f"Topography({self.source}: {nx} x {ny} points, {lx:.4g} x {ly:.4g} mm)"
+
+    def _repr_html_(self) -> str:
+        """Size and heights as a table of a notebook."""
+        h = 1e6 * self.heights[self.valid]
+        rows: list[list[Any]] = [
+            ["points missing", int(np.sum(~self.valid))], ["S_q [um]", float(h.std())],
+            ["lowest and highest [um]", f"{h.min():.4g} to {h.max():.4g}"],
+            ["pixel [um]", "{:.4g} x {:.4g}".format(*(1e6 * self.pixel))],
+            ["periodic", "yes" if self.periodic else "no"],
+        ]  # fmt: skip
+        return html_table(repr(self), ("", ""), rows)
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -54,6 +54,30 @@ def test_law_agrees_with_200_steps(seed):
     assert k < 0.03
 
 
+@pytest.mark.parametrize("share", [1e-3, 0.3, 1.0, 3.0])
+def test_a_library_at_one_pressure(law, share):
+    """Below its first step, between steps, at the last one and beyond: p(d) is that pressure."""
+    other = contact_law(surface(1), E_STAR, steps=12)
+    library = make_library([law.steps, other.steps])
+    first, last = library.p[:, 0].min(), library.p.max(axis=1).min()
+    p = first / 2 if share == 1e-3 else share * last
+    at = library.at_pressure(p)
+    for i, one in enumerate((library[0], library[1])):
+        assert one.pressure(at.d[i]) == pytest.approx(p, rel=1e-9)
+        found = one.stiffness(at.d[i]), one.vibration(at.d[i])
+        assert found == (pytest.approx(at.k[i], rel=1e-9), pytest.approx(at.v[i], rel=1e-9))
+    assert at.p.tolist() == [p, p] and at.area.shape == (2,)
+    np.testing.assert_array_equal(library.at_pressure(f"{p!r} Pa").d, at.d)
+
+
+@pytest.mark.parametrize(
+    ("pressure", "said"), [("2 mm", "wrong unit"), (-1.0, "one positive"), (None, "one finite")]
+)
+def test_a_wrong_pressure_is_one_line(law, pressure, said):
+    with pytest.raises(SceneError, match=f"pressure = .*{said}"):
+        make_library([law.steps]).at_pressure(pressure)
+
+
 @pytest.mark.slow
 def test_laws_agree_with_200_steps_over_many_surfaces():
     found = np.array([deviations(seed) for seed in range(100, 130)])
