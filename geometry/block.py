@@ -27,6 +27,11 @@ class Block:
     size: float = field(default=5e-3, metadata={"unit": "m"})
 
 
+def thicknesses(block: Block) -> dict[str, tuple[str, ...]]:
+    """Lengths that are thicknesses of layers."""
+    return {"height": ("body",)}
+
+
 def build(occ: Any, block: Block) -> Part:
     """Add a box centred about the z axis to the current gmsh model.
 

@@ -84,6 +84,11 @@ def check(disc: Disc) -> None:
             )
 
 
+def thicknesses(disc: Disc) -> dict[str, tuple[str, ...]]:
+    """Lengths that are thicknesses of layers: that of a plain disc; with a hat or vanes none."""
+    return {} if disc.hat > 0 or disc.vanes else {"thickness": ("body",)}
+
+
 def build(occ: Any, disc: Disc) -> Part:
     """Add the disc to the current gmsh model.
 

@@ -100,6 +100,13 @@ def layers(pad: Pad) -> list[tuple[str, float]]:
     return [("lining", pad.lining), ("plate", pad.plate), *zip(names, shims, strict=True)]
 
 
+def thicknesses(pad: Pad) -> dict[str, tuple[str, ...]]:
+    """Lengths that are thicknesses of layers: parameter -> layers, which share it in proportion."""
+    shims = tuple(name for name, _ in layers(pad)[2:])
+    whole = {"shim": shims} if shims and not isinstance(pad.shim, tuple) else {}
+    return {"lining": ("lining",), "plate": ("plate",), **whole}
+
+
 def cut_faces(occ: Any, pad: Pad) -> dict[str, tuple[float, float]]:
     """Faces that the outline cuts off.
 

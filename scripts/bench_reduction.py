@@ -34,7 +34,6 @@ from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.stability import (
     ContactLinearisation,
     Modes,
-    Parameters,
     ReducedModel,
     complex_modes,
     contact_interface,
@@ -45,8 +44,8 @@ from brake_fenicsx.stability.modes import THRESHOLD
 from brake_fenicsx.stability.operators import tangent
 from brake_fenicsx.stability.substructures import CONSTANT
 from brake_fenicsx.stability.terms import damping_terms
+from brake_fenicsx.uncertainty.changing_bodies import assemble_changes
 from brake_fenicsx.uncertainty.numbering import dof_points
-from brake_fenicsx.uncertainty.random_materials import assemble_random
 
 SCENES = Path(__file__).parent / "scenes"
 BULK = {
@@ -104,12 +103,10 @@ class Case:
         self.b, self.kind, self.spread, self.band = b, kind, spread, (0.0, given.band)
         self.K, self.M = b.K, b.M
         self.terms = damping_terms(scene, b) if kind in BULK else None
-        self.random = assemble_random(scene, b) if spread else None
+        self.random = assemble_changes(scene, b) if spread else None
         changes, box = [], CONSTANT
         if self.random is not None:
-            r = self.random
-            changes = r.matrices
-            box = Parameters(len(r.box.names), r.coefficients, r.softening())
+            changes, box = self.random.matrices, self.random.parameters
         C = None if self.terms is None else self.terms.bulk
         interface = {"N": b.N, "T": b.T, "R": b.R}
         points = dof_points(b)

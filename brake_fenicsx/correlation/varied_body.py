@@ -19,7 +19,7 @@ from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.material_table import constants, stiffness, varied_stiffness
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.stability.eigensolvers.symmetric import count_below
-from brake_fenicsx.uncertainty.random_materials import VOIGT, moved_entries, unit_change
+from brake_fenicsx.uncertainty.changing_bodies import VOIGT, moved_entries, unit_change
 
 from .part_modes import elastic_modes, part_body
 

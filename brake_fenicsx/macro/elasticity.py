@@ -231,7 +231,7 @@ def assemble_elastic(
     dashpots = None
     for one in added:
         ds = _face(mesh, one.face, "springs and masses")
-        area = _area(mesh, ds)
+        area = measured_area(mesh, ds)
         k = fem.Constant(mesh.domain, one.stiffness / area + one.bedding)
         c = fem.Constant(mesh.domain, one.damping / area)
         m = fem.Constant(mesh.domain, PETSc.ScalarType(one.mass / area))
@@ -255,7 +255,7 @@ def assemble_elastic(
 
 def face_area(mesh: Mesh, face: str) -> float:
     """Area of a named face [m^2]."""
-    return _area(mesh, _face(mesh, face, "loads"))
+    return measured_area(mesh, _face(mesh, face, "loads"))
 
 
 def on_free_dofs(A: PETSc.Mat, free: FreeDofs) -> sp.csr_matrix:
@@ -357,7 +357,7 @@ def _loads(
         f[: free.local.size] += b.array_r[free.local]
         bs = free.V.dofmap.index_map_bs
         force = b.array_r.reshape(-1, bs).sum(axis=0)
-        record[face] = (_area(mesh, ds), force)
+        record[face] = (measured_area(mesh, ds), force)
         b.destroy()
     return f, record
 
@@ -369,7 +369,7 @@ def _face(mesh: Mesh, face: str, where: str) -> Any:
     return ufl.Measure("ds", domain=mesh.domain, subdomain_data=tags)(1)
 
 
-def _area(mesh: Mesh, ds: Any) -> float:
+def measured_area(mesh: Mesh, ds: Any) -> float:
     """Area of a face [m^2]."""
     one = fem.Constant(mesh.domain, PETSc.ScalarType(1.0))
     return float(fem.assemble_scalar(fem.form(one * ds)))

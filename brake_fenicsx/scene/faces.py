@@ -134,6 +134,21 @@ class AddedMass:
     )
 
 
+def faces_by_area(s: Scene, part: str) -> dict[str, str]:
+    """Faces of a part whose area or shape matters: key of the scene -> "part.face"."""
+    found = {f"contact.{n}.faces": c.faces for n, c in s.contact.items()}
+    found |= {f"ties.{n}.faces": tie.faces for n, tie in s.ties.items()}
+    found |= {f"springs.{n}": spring.faces or (n,) for n, spring in s.springs.items()}
+    found |= {f'loads."{face}"': (face,) for face in s.loads}
+    found |= {f'masses."{face}"': (face,) for face in s.masses}
+    return {
+        key: face
+        for key, faces in found.items()
+        for face in faces
+        if face.partition(".")[0] == part
+    }
+
+
 def face_mistakes(s: Scene) -> Iterator[str]:
     """Ties of faces in contact, masses of turning parts, and loads that their face cannot take."""
     touching = {face: name for name, contact in s.contact.items() for face in contact.faces}
@@ -177,7 +192,7 @@ def _displacement(s: Scene, face: str, moved: dict[str, float]) -> Iterator[str]
         yield f"{where}: moves a face of a mesh; write a force on the set of nodes"
     else:
         for name in s.varied:
-            if name.split(".")[:2][-1] in part.materials:
+            if name.split(".")[1] in (*part.materials, face.partition(".")[0]):
                 yield (
                     f"{where}: the force of the displacement would change with {name}; leave that"
                     " out, or write a force"

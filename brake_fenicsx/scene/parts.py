@@ -103,6 +103,22 @@ def builder_class(name: str) -> Any:
     return getattr(importlib.import_module(f"brake_fenicsx.geometry.{name}"), BUILDERS[name])
 
 
+def layers_of_thickness(part: Part, name: str) -> tuple[str, ...]:
+    """Layers of a part that have one of its builder's parameters for their thickness.
+
+    Args:
+        part: the part.
+        name: of the parameter.
+    """
+    if part.builder is None:
+        return ()
+    module = importlib.import_module(f"brake_fenicsx.geometry.{part.builder}")
+    named: dict[str, tuple[str, ...]] = {}
+    if hasattr(module, "thicknesses"):
+        named = module.thicknesses(part.parameters)
+    return named.get(name, ())
+
+
 def part_lengths(parameters: Any) -> dict[str, float]:
     """Lengths among a builder's parameters [m], without sign; of a list the longest."""
     lengths = (f.name for f in fields(parameters) if f.metadata.get("unit") == "m")

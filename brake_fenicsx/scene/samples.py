@@ -10,6 +10,8 @@ scalar's unit:
         nu_12, nu_31, nu_32, G_12, G_13, G_23 of any other one, however its table is written. The
         named ones change, the others of this list stay.
     materials.NAME.loss
+    parts.NAME.lining, .plate, .shim            thickness of the layers of a pad
+    parts.NAME.thickness, parts.NAME.height     of a plain disc, of a block
     stability.damping.rayleigh.alpha, .beta
     motion.speed                                rad/s or m/s, as the scene's motion says
     samples.classical.penalty                   in approaches of perfect contact
@@ -44,6 +46,7 @@ SCALARS = (
     (r"materials\..+\.(loss|nu|nu_\d\d)", ""),
     (r"materials\..+\.(E|E_\d|G_\d\d|C\d\d)", "Pa"),
     (r"motion\.speed", "rad/s or m/s"),
+    (r"parts\..+\.(lining|plate|shim|thickness|height)", "m"),
     (r"samples\.classical\.penalty", "Pa/m"),
     (r"stability\.damping\.rayleigh\.alpha", "1/s"),
     (r"stability\.damping\.rayleigh\.beta", "s"),
@@ -209,13 +212,15 @@ def unit_of(name: str) -> str:
             return unit
     if split_key(name)[0] == "parts":
         raise KeyMistake(
-            "keys of the parts change the mesh or the matrices that all samples share; run the"
-            f" scene once for each value, with --set {name}=VALUE", name,
+            "of the parts only thicknesses of layers may vary from sample to sample (lining, plate"
+            " and shim of a pad, thickness of a disc, height of a block); run the scene once for"
+            f" each value, with --set {name}=VALUE", name,
         )  # fmt: skip
     raise KeyMistake(
         "cannot be random or swept; contact.NAME.friction, loads.FACE.pressure,"
-        " materials.NAME.CONSTANT, materials.NAME.loss, stability.damping.rayleigh.alpha and .beta,"
-        " motion.speed and samples.classical.penalty can", name,
+        " materials.NAME.CONSTANT, materials.NAME.loss, parts.NAME.THICKNESS,"
+        " stability.damping.rayleigh.alpha and .beta, motion.speed and samples.classical.penalty"
+        " can", name,
     )  # fmt: skip
 
 

@@ -7,8 +7,9 @@ from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene.damping import active_terms, used_materials
+from brake_fenicsx.scene.damping import active_terms, turning_parts, used_materials
 from brake_fenicsx.scene.friction import PERFECT, one_friction, slides
+from brake_fenicsx.scene.parts import layers_of_thickness
 from brake_fenicsx.scene.samples import ENGINEERING, is_constant, split_key, unit_of
 from brake_fenicsx.scene.units import to_si
 
@@ -23,7 +24,12 @@ def changes_bodies(scene: Scene, name: str) -> bool:
     """Whether a scalar, by its dotted key, enters the matrices of the bodies."""
     if name == "motion.speed":
         return bool(scene.damping and scene.damping.gyroscopic)
-    return split_key(name)[0] in ("materials", "stability")
+    return split_key(name)[0] in ("materials", "parts", "stability")
+
+
+def is_thickness(name: str) -> bool:
+    """Whether a scalar, by its dotted key, is the thickness of layers of a part."""
+    return split_key(name)[0] == "parts"
 
 
 def si_unit(scene: Scene, name: str) -> str:
@@ -60,6 +66,8 @@ def _absent(s: Scene, name: str) -> Iterator[str]:
         yield f"there is no [{section}.{table}]; there are {', '.join(tables) or 'none'}"
     elif is_constant(name):
         yield from _no_constant(tables[table], last)
+    elif section == "parts":
+        yield from _no_thickness(s, table, last)
     elif getattr(tables[table], last) is None:
         yield f"the scene has no {name}; write its own value there"
     elif not isinstance(getattr(tables[table], last), float | int):
@@ -77,6 +85,19 @@ def _no_constant(material: MaterialTable, constant: str) -> Iterator[str]:
             yield "of an isotropic material E and nu, or C11 and C12"
     elif constant not in ENGINEERING:
         yield f"use one of {', '.join(ENGINEERING)}"
+
+
+def _no_thickness(s: Scene, part: str, name: str) -> Iterator[str]:
+    """Why a length is no thickness that may vary."""
+    if not layers_of_thickness(s.parts[part], name):
+        yield (
+            "is no thickness of a layer of this part; run the scene once for each value, with"
+            f" --set parts.{part}.{name}=VALUE"
+        )
+    if s.damping and s.damping.modal:
+        yield "stability.damping.modal is of bodies of one thickness; name rayleigh or loss instead"
+    if s.damping and s.damping.gyroscopic and part in turning_parts(s):
+        yield "stability.damping.gyroscopic is of a disc of one thickness; leave one of the two out"
 
 
 def _idle(s: Scene, name: str) -> Iterator[str]:

@@ -268,6 +268,13 @@ def stiffness_share(scene: Scene, material: str, values: Mapping[str, float]) ->
     return share
 
 
+def mass_share(scene: Scene, values: Mapping[str, float]) -> float:
+    """Share [1/s] of a change of the mass that the damping takes; arguments as above."""
+    table = scene.damping
+    alpha = table.rayleigh[0] if table and table.rayleigh else 0.0
+    return values.get(RAYLEIGH[0], alpha)
+
+
 def damping_slopes(scene: Scene, brake: Brake, names: Sequence[str]) -> dict[str, sp.csr_matrix]:
     """Derivatives of the damping by scalars, on the scene's own stiffness; collective.
 

@@ -9,7 +9,7 @@ are left to the first sample of each approach: the kept modes alone miss how sof
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -22,8 +22,10 @@ from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.macro.equilibrium_change import EquilibriumChange, equilibrium_change
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.friction import slides
+from brake_fenicsx.scene.scalars import is_thickness
 from brake_fenicsx.stability.derivatives import (
     ContactDerivatives,
+    bilinear,
     contact_derivatives,
     friction_work,
     motions_of_vectors,
@@ -36,9 +38,9 @@ from brake_fenicsx.stability.substructures.vectors import ContactMotions
 from brake_fenicsx.stability.terms import rates_of_sample
 
 from .equilibria import Equilibria
+from .inputs import nominal_value
 from .layers import Layers, scene_layers
 from .models import Models
-from .random_materials import VOIGT
 from .solve import linearised, sample_damping
 
 if TYPE_CHECKING:
@@ -74,7 +76,7 @@ class Drivers:
     def __init__(self, scene: Scene, models: Models, equilibria: Equilibria):
         """Assemble the layers; collective."""
         self._scene, self._models, self._equilibria = scene, models, equilibria
-        self._layers: Layers = scene_layers(scene, models.brake, models.masses, models.materials)
+        self._layers: Layers = scene_layers(scene, models.brake, models.masses)
 
     def of(
         self,
@@ -164,7 +166,7 @@ class Drivers:
         if whole is not None:
             self._bodies(table, sample, s, (*whole, whole_motions.slope))
         if whole is not None and first:
-            inertia = inner(whole[0], models.M @ whole[0]).real
+            inertia = inner(whole[0], models.mass(sample) @ whole[0]).real
             maps["driver_map"] = contact.k[:, None] * d.k
             maps["driver_work"] = friction_work(whole_motions, contact, w, inertia)
         return table, maps, motions.settled
@@ -173,7 +175,9 @@ class Drivers:
         self, sample: SampleInput, eq: Equilibrium, s: Complex, vectors: tuple[Complex, Complex]
     ) -> ContactMotions:
         models, b = self._models, self._models.brake
-        pencil = QuadraticPencil(models.M, sample_damping(models, sample, eq.p), models.K)
+        pencil = QuadraticPencil(
+            models.mass(sample), sample_damping(models, sample, eq.p), models.K
+        )
         rows = {"N": b.N, "T": b.T, "R": b.R}
         return motions_of_vectors(rows, s, *vectors, slope_of(pencil, s, *vectors))
 
@@ -219,16 +223,25 @@ class Drivers:
     def _bodies(
         self, table: _Table, sample: SampleInput, s: Complex, vectors: tuple[Complex, ...]
     ) -> None:
-        """Stiffness, mass and loss factor of each layer."""
-        materials, changes = self._models.materials, {}
-        for material, constant in () if materials is None else materials.changes:
-            C = sample.materials.get(material)
-            if materials is not None and C is not None:
-                change = (C - materials.nominal[material])[VOIGT[constant]]
-                changes[material, constant] = float(change)
-        found = self._layers.derivatives(changes, sample.random, s, vectors)
+        """Stiffness, mass and loss factor of each layer, and thicknesses that vary."""
+        found = self._layers.derivatives(sample.random, s, vectors)
         for (layer, kind), value in found.items():
             table.add(layer, kind, LOSS_STEP if kind == "loss factor" else STEP, value)
+        changes = self._models.changes
+        for name in filter(is_thickness, () if changes is None else changes.box.names):
+            table.add(name, "thickness", STEP, self._thickness(name, sample.random, s, vectors))
+
+    def _thickness(
+        self, name: str, values: Mapping[str, float], s: Complex, vectors: tuple[Complex, ...]
+    ) -> Complex:
+        """D lambda / d ln h of a thickness, shape (modes,)."""
+        changes, size = self._models.changes, values.get(name, nominal_value(self._scene, name))
+        if changes is None:
+            raise ValueError("a scene whose bodies do not change")
+        ends = [{**values, name: size * (1 + step)} for step in (STEP, -STEP)]
+        higher, lower = map(changes.coefficients_of, ends)
+        K, C, M = map(changes.combined, (higher - lower) / (2 * STEP))
+        return bilinear(K, *vectors) + s * bilinear(C, *vectors) + s**2 * bilinear(M, *vectors)
 
     def _loads(
         self, approach: str, sample: SampleInput, reduced: bool, bodies: Any

@@ -63,16 +63,16 @@ class Equilibria:
         Raises:
             NotConverged: neither the full load at once nor the scene's ramp converges.
         """
-        laws, mu, materials = sample.laws, sample.mu_equilibrium, self.models.materials
-        if materials is not None and sample.materials and not reduced:
+        laws, mu, changes = sample.laws, sample.mu_equilibrium, self.models.changes
+        if changes is not None and self.models.has_own_bodies(sample) and not reduced:
             bodies = self._bodies(sample)
             if bodies.compliance.factor is not None:
                 try:
-                    change = materials.change(sample.materials)
+                    change = changes.stiffness_change(sample.random)
                     return corrected_equilibrium(bodies, change, laws, mu, tolerance=self.tolerance)
                 except NotConverged:
                     logger.info(
-                        "the materials of a sample are far from those of the scene: the matrices"
+                        "the bodies of a sample are far from those of the scene: the matrices"
                         " are factored again"
                     )
         bodies = self.bodies(approach, sample, reduced)
@@ -89,7 +89,7 @@ class Equilibria:
     def bodies(self, approach: str, sample: SampleInput, reduced: bool) -> Bodies:
         """The bodies of a sample under its loads; the arguments are those of ``of``."""
         bodies = self._bodies(sample)
-        if self.models.materials is None or not sample.materials:
+        if not self.models.has_own_bodies(sample):
             return bodies
         if reduced:
             return self._reduced_bodies(approach, sample, bodies)
@@ -108,7 +108,7 @@ class Equilibria:
         )
         bodies, b = self._bodies(sample), self.models.brake
         c = bodies.compliance
-        if c.factor is not None and not sample.materials:
+        if c.factor is not None and not self.models.has_own_bodies(sample):
             return displacement(bodies, eq, bodies.f)
         own = reference_factor(self.models.stiffness(sample), b.N, b.w, c.k0)
         u = displacement(replace(bodies, compliance=replace(c, factor=own)), eq, bodies.f)
@@ -116,7 +116,7 @@ class Equilibria:
         return u
 
     def _full_bodies(self, sample: SampleInput, bodies: Bodies) -> Bodies:
-        """The bodies of a sample's own materials, factored anew."""
+        """The own bodies of a sample, factored anew."""
         b, K = self.models.brake, self.models.stiffness(sample)
         own = compliance(K, b.N, b.T, b.w, bodies.f, bodies.compliance.k0, MPI.COMM_SELF)
         if own.factor is not None:
@@ -124,7 +124,7 @@ class Equilibria:
         return replace(bodies, compliance=replace(own, factor=None))
 
     def _reduced_bodies(self, approach: str, sample: SampleInput, bodies: Bodies) -> Bodies:
-        """The bodies of a sample's own materials, from the reduced model."""
+        """The own bodies of a sample, from the reduced model."""
         models, c = self.models, bodies.compliance
         model = models.reduced[models.damped(approach)]
         NN, NT, gaps = model.static(models.parameter_point(sample.random), c.k0)

@@ -34,9 +34,9 @@ from brake_fenicsx.scene.damping import active_terms, reduced_approaches
 from brake_fenicsx.scene.digest import bodies_key
 from brake_fenicsx.scene.scalars import changes_bodies
 
+from .changing_bodies import Box, ChangingBodies, assemble_changes
 from .numbering import FILE as DOFS
 from .numbering import Numbering, dof_points
-from .random_materials import Box, RandomMaterials, assemble_random
 from .shapes import body_centres
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ FAMILIES = 1.3
 HARMONICS = 3.0
 
 # Number of the layout of a kept reduced model; one of another layout is made again.
-LAYOUT = 6
+LAYOUT = 7
 
 
 class Models:
@@ -71,7 +71,7 @@ class Models:
         compliance: the bodies seen from their contact elements, under the scene's loads.
         unit_loads: loads of 1 Pa on each loaded face [N/Pa], or the whole of a force [N], in the
             order of their names, shape (dofs, faces).
-        materials: unit changes of the bodies, if anything random or swept changes them.
+        changes: what random and swept scalars change in the bodies, if any do.
         reduced: damped or not -> the reduced model, where one serves any sample.
         terms: damping terms of the scene; None without damping.
         grams: mass of each layer between the kept modes of the reduced models, shape (kept modes,
@@ -101,7 +101,7 @@ class Models:
         self._scene, self.brake, self._counts = scene, brake, counts
         self._store, self._comm, self._cache = store, comm, cache
         self.facts: dict[str, Any] = {}
-        self.materials: RandomMaterials | None = None
+        self.changes: ChangingBodies | None = None
         self.reduced: dict[bool, ReducedModel] = {}
         self.terms: Terms | None = None
         self.grams: dict[str, Array] = {}
@@ -149,7 +149,7 @@ class Models:
 
     def parameter_point(self, drawn: Mapping[str, float]) -> Array:
         """A sample's point in the box of the reduced models."""
-        return np.zeros(0) if self.materials is None else self.materials.box.point(drawn)
+        return np.zeros(0) if self.changes is None else self.changes.box.point(drawn)
 
     def pressures(self, drawn: Mapping[str, float]) -> Array:
         """Factors of ``unit_loads`` in a sample: pressures [Pa], drawn or of the scene, or 1."""
@@ -163,10 +163,10 @@ class Models:
         return replace(self.compliance, Nf=self._unit_gaps @ pressures, carried=carried)
 
     def takes(self, approach: str, drawn: Mapping[str, float]) -> bool:
-        """Whether the reduced model takes a sample: its materials lie in the box."""
+        """Whether the reduced model takes a sample: its bodies lie in the box."""
         if not self.by_reduction[approach]:
             return False
-        held = self.materials is None or self.materials.box.holds(drawn)
+        held = self.changes is None or self.changes.box.holds(drawn)
         if not held and self._by_ratio(approach):
             raise SceneError(
                 f"stability.damping.modal: materials of a sample of {approach!r} lie outside of the"
@@ -185,7 +185,7 @@ class Models:
             u: shape (dofs, columns).
         """
         for model in self.reduced.values():
-            return model.coordinates(self.M, u)
+            return model.coordinates(self._kept_mass, u)
         return None if self._shapes is None else self._shapes.T @ (self.M @ u)
 
     def shapes(self, coordinates: NDArray) -> NDArray:
@@ -203,17 +203,35 @@ class Models:
             raise ValueError("families have no coordinates")
         return np.asarray(self._shapes @ coordinates)
 
+    @property
+    def _kept_mass(self) -> sp.csr_matrix:
+        """Mass at the centre of the box, in which the kept modes are orthonormal."""
+        if self.changes is None:
+            return self.M
+        centre = self.changes.box.values(np.zeros(len(self.changes.box.names)))
+        return self.M + self.changes.mass_change(centre)
+
     def stiffness(self, sample: SampleInput) -> sp.csr_matrix:
         """Stiffness of a sample's bodies [N/m]."""
-        if self.materials is None or not sample.materials:
+        if self.changes is None or not self.has_own_bodies(sample):
             return self.K
-        return (self.K + self.materials.change(sample.materials)).tocsr()
+        return (self.K + self.changes.stiffness_change(sample.random)).tocsr()
+
+    def mass(self, sample: SampleInput) -> sp.csr_matrix:
+        """Mass of a sample's bodies [kg]."""
+        if self.changes is None or not self.has_own_bodies(sample):
+            return self.M
+        return (self.M + self.changes.mass_change(sample.random)).tocsr()
+
+    def has_own_bodies(self, sample: SampleInput) -> bool:
+        """Whether stiffness or mass of a sample's bodies are not those of the scene."""
+        return self.changes is not None and self.changes.changed_by(sample.random)
 
     def prepare(self, k0: Array) -> None:
         """Make or load what the samples share, on springs k0 [Pa/m]; collective."""
         brake, scene = self.brake, self._scene
         if any(changes_bodies(scene, name) for name in scene.varied):
-            self.materials = assemble_random(scene, brake)
+            self.changes = assemble_changes(scene, brake)
         if self.stability is not None:
             self._prepare_modes(k0)
         if not self.reduced:
@@ -244,7 +262,7 @@ class Models:
         full = [n for n, r in self.by_reduction.items() if not r]
         special = [n for n in full if self.damped(n) or self.changes_bodies(n)]
         if special:
-            logger.info("%s: damping or materials of their own, full order", ", ".join(special))
+            logger.info("%s: damping or bodies of their own, full order", ", ".join(special))
         if self.reduced:
             self._from_reduced(next(iter(self.reduced.values())), k0)
         acting = record(scene, brake.contact)
@@ -305,7 +323,7 @@ class Models:
         followed, C = "N", None
         if terms is not None:
             followed, C = "N" + "T" * terms.slope + "R" * terms.sliding, terms.bulk
-        changes = self.materials.matrices if changing and self.materials else []
+        changes = self.changes.matrices if changing and self.changes else []
         points = dof_points(brake)
         bodies = split_substructures(
             self.K, self.M, {"N": brake.N, "T": brake.T, "R": brake.R}, self.unit_loads, changes, C,
@@ -339,17 +357,15 @@ class Models:
         return found
 
     def _parameters(self, changing: bool) -> Parameters:
-        from brake_fenicsx.stability.substructures import CONSTANT, Parameters
+        """Box of what changes in the bodies."""
+        from brake_fenicsx.stability.substructures import CONSTANT
 
-        if not changing or self.materials is None:
-            return CONSTANT
-        materials = self.materials
-        return Parameters(len(materials.box.names), materials.coefficients, materials.softening())
+        return self.changes.parameters if changing and self.changes else CONSTANT
 
     def _acting(self, damped: bool) -> list[Any]:
         """What a reduced model depends on beside the bodies."""
         scene, stability = self._scene, self._scene.table.get("stability", {})
-        spans = self.materials.box if self.materials else Box(scene)
+        spans = self.changes.box if self.changes else Box(scene)
         box = [[*ends] for ends in zip(spans.names, spans.low, spans.high, strict=True)]
         acts = [stability.get("damping"), scene.table.get("motion")] if damped else None
         settings = self.stability

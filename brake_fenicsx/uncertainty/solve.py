@@ -104,7 +104,8 @@ def full_modes(models: Models, sample: SampleInput, eq: Equilibrium) -> Modes:
     )
     K = tangent(models.stiffness(sample), b.N, b.T, b.w, eq.k_vibration, sample.mu)
     band = settings.band[0], settings.band[1]
-    return complex_modes(models.M, C, K, band, zeta_max=settings.zeta_max, friction=friction)
+    M, zeta_max = models.mass(sample), settings.zeta_max
+    return complex_modes(M, C, K, band, zeta_max=zeta_max, friction=friction)
 
 
 def linearised(
@@ -160,8 +161,8 @@ def displacements(
 
 def sample_damping(models: Models, sample: SampleInput, p: Array) -> sp.csr_matrix | None:
     """Damping C [N s/m] of a sample, whole on this process; None where nothing damps it."""
-    materials = models.materials
-    change = materials.damping_change(sample.random) if materials and sample.random else None
+    changes = models.changes
+    change = changes.damping_change(sample.random) if changes and sample.random else None
     given = models.terms, models.brake.contact, p, sample.mu, sample.slope, sample.speed
     return damping_of_sample(*given, change)
 
@@ -178,7 +179,7 @@ def _full(
     if sample_damping(models, sample, eq.p) is None:
         partners = flutter_partners(modes.s)
     else:
-        partners = damped_partners(modes.s, modes.right, models.M, unstable)
+        partners = damped_partners(modes.s, modes.right, models.mass(sample), unstable)
     grown = np.flatnonzero(unstable)
     out = {
         **_record(modes, settings.tolerance),

@@ -185,7 +185,7 @@ class Study:
         from .solve import full_modes, reduced_modes
 
         (approach, k), models = task, self.models
-        known = models.materials.box.names if models.materials else []
+        known = models.changes.box.names if models.changes else []
         for key in values:
             if changes_bodies(self.scene, key) and key not in known:
                 raise SceneError(

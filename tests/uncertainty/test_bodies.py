@@ -15,8 +15,8 @@ from brake_fenicsx.macro.equilibrium import equilibrium
 from brake_fenicsx.macro.equilibrium_change import Bodies, corrected_equilibrium
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.scene import read_scene
+from brake_fenicsx.uncertainty.changing_bodies import VOIGT, assemble_changes
 from brake_fenicsx.uncertainty.inputs import draw_inputs
-from brake_fenicsx.uncertainty.random_materials import assemble_random
 from brake_fenicsx.uncertainty.sampling import draw_sample
 
 COMM = MPI.COMM_SELF
@@ -59,10 +59,10 @@ def written(scene, inputs, *changes):
 
 def test_stiffness_of_a_sample_is_that_of_the_scene_written_with_its_constants(scene, brake):
     """Axes turned by 30 degrees: unit changes in x, y, z instead would be wrong there."""
-    random_materials = assemble_random(scene, brake)
-    assert {c for _, c in random_materials.changes} == {"C33", "C44", "C55"}
+    changes = assemble_changes(scene, brake)
+    assert {term.constant for term in changes.changes} == {"C33", "C44", "C55"}
     inputs = draw_inputs(scene, "multi-scale", None, np.random.default_rng(4))
-    K = brake.K + random_materials.change(inputs.materials)
+    K = brake.K + changes.stiffness_change(inputs.values)
     expected = assemble_brake(written(scene, inputs), COMM).K
     assert abs(K - expected).max() < 1e-12 * abs(expected).max()
 
@@ -71,11 +71,11 @@ def test_engineering_constants_move_what_they_must(brake):
     s = read_scene(
         BLOCK, [*COARSE, random("materials.lining.E_3", "{ law='uniform', spread=0.2 }")]
     )
-    random_materials = assemble_random(s, brake)
-    assert {c for _, c in random_materials.changes} == {"C11", "C22", "C33", "C12", "C13", "C23"}
+    changes = assemble_changes(s, brake)
+    assert {term.constant for term in changes.changes} == {"C11", "C22", "C33", "C12", "C13", "C23"}
     inputs = draw_inputs(s, "multi-scale", None, np.random.default_rng(4))
-    change = inputs.materials["lining"] - random_materials.nominal["lining"]
-    assert abs(change[0, 0]) > 1e-4 * random_materials.nominal["lining"][0, 0]
+    change = inputs.materials["lining"] - changes.nominal["lining"]
+    assert abs(change[0, 0]) > 1e-4 * changes.nominal["lining"][0, 0]
 
 
 @pytest.fixture(scope="module")
@@ -87,9 +87,9 @@ def bodies(brake):
 
 def test_corrected_equilibrium_is_that_of_the_changed_bodies(scene, brake, bodies):
     """A correction left out after the first would be off by the square of the change."""
-    random_materials = assemble_random(scene, brake)
+    changes = assemble_changes(scene, brake)
     sample = draw_sample(scene, "multi-scale", 0, brake.contact, None, heights())
-    change = random_materials.change(sample.materials)
+    change = changes.stiffness_change(sample.random)
     found = corrected_equilibrium(bodies, change, sample.laws, sample.mu)
     K = brake.K + change
     own = compliance(K, brake.N, brake.T, brake.w, brake.f, bodies.compliance.k0, COMM)
@@ -120,11 +120,11 @@ def test_tolerance_of_newton_is_that_of_the_scene(change, tmp_path):
 
 def test_material_far_from_the_scene_is_refused_by_the_corrections(scene, brake, bodies):
     """Three times as stiff: the corrections diverge, and must say so."""
-    random_materials = assemble_random(scene, brake)
+    changes = assemble_changes(scene, brake)
     sample = draw_sample(scene, "multi-scale", 0, brake.contact, None, heights())
-    stiff = {"lining": random_materials.nominal["lining"] * np.where(np.eye(6), 4.0, 1.0)}
+    three = [3 * changes.nominal["lining"][VOIGT[term.constant]] for term in changes.changes]
     with pytest.raises(NotConverged, match="too far"):
-        corrected_equilibrium(bodies, random_materials.change(stiff), sample.laws, sample.mu)
+        corrected_equilibrium(bodies, changes.combined(three), sample.laws, sample.mu)
 
 
 def heights():

@@ -37,6 +37,11 @@ CASES = {
     ],
     "reduced": MANY,
     "random": [*MANY, "samples.random.\"materials.lining.C33\"={ law='uniform', spread=0.1 }"],
+    "thick": [
+        *MANY, "samples.random.\"parts.block.height\"={ law='uniform', spread=0.05 }",
+        "stability.damping={ loss=true, omega_ref='15 kHz', rayleigh=['90 1/s','2 ns'] }",
+        "materials.lining.loss=0.004",
+    ],
     "damped": [
         *MANY, "stability.damping={ sliding=true, rayleigh=['90 1/s',0] }",
         "motion.speed='40 m/s'",
@@ -107,6 +112,23 @@ def test_friction_and_load_agree_with_samples_beside(studied, case, kind):
     exact = (ends[0] - ends[1]) / (2 * h)
     assert s.size
     np.testing.assert_allclose(row(data, kind), exact, rtol=1e-5)
+
+
+def test_thickness_agrees_with_modes_beside(studied):
+    """Central differences of the modes on the bodies alone; the damping follows them."""
+    study, data = studied("thick")
+    sample, s, key = study._draw(MULTI, 0), growing(data), "parts.block.height"
+    eq = study.equilibria.of(MULTI, sample, reduced=True)
+
+    def moved(x):
+        own = {**sample.random, key: sample.random[key] * (1 + x)}
+        return reduced_modes(study.models, MULTI, replace(sample, random=own), eq).s
+
+    ends = [moved(x) for x in (1e-4, -1e-4)]
+    ends = [e[np.abs(e[:, None] - s).argmin(axis=0)] for e in ends]
+    assert s.size
+    found = row(data, "thickness", key)
+    np.testing.assert_allclose(found, (ends[0] - ends[1]) / 2e-4, rtol=1e-3)
 
 
 def total(data, kind):

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from brake_fenicsx import model
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.samples import unit_of
+from brake_fenicsx.uncertainty.changing_bodies import changed_materials
 from brake_fenicsx.uncertainty.inputs import law_factor
-from brake_fenicsx.uncertainty.random_materials import changed_materials
 
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 E, NU, G = [6e9, 5e9, 2.3e9], [0.2, 0.35, 0.3], [1.2e9, 1.1e9, 2.4e9]

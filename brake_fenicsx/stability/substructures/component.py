@@ -4,7 +4,10 @@ The kept modes W are those of the centre of the parameter box alone, below a cut
 K(p) >= r K(0), the theorem of Courant and Fischer places every pole of the complement S(z; p)
 beyond r cutoff^2, for every p: the moments D_n(p) fall geometrically and are smooth functions of p,
 and no mode below that limit can be missed anywhere in the box, by one inertia count at the centre.
-W'P(z; p)W is affine and exact; D_n(p) is interpolated, with a degree that falls with n.
+Where the shape of a body changes, its rigid motions do, and there is no such r: the lowest pole is
+computed at the corners of the box of the shapes (``reduction``).
+W'P(z; p)W is affine and exact; D_n(p) is interpolated, with a degree that falls with n. v stays
+orthogonal to W in the mass of the centre.
 
 The reduced bodies in the brake: each one itself, or a mirror image of another one.
 """
@@ -78,7 +81,7 @@ class Component:
         self._beyond = arrays["beyond"]
         self.loads, self.coupled = body.loads.T @ self.W, coupled(body)
         self._rows, self._omega, self._parameters = rows, omega, parameters
-        self._K, self._C = arrays["modal_K"], arrays["modal_C"]
+        (self._K, self._M, *self._changes), self._C = arrays["modal"], arrays["modal_C"]
         self._own = parameters.acting_on(list(body.changes))
         degrees = [int(degree) for degree in arrays["degrees"]]
         self._moments = InterpolatedMoments(self._own.size, degrees, arrays)
@@ -93,23 +96,30 @@ class Component:
         self._constant = None if own.size else found
         return found
 
+    @property
+    def mass(self) -> sp.csr_matrix:
+        """Mass at the centre of the box [kg], shape (n, n), in which W is orthonormal."""
+        return self.body.mass(self._parameters.centre)
+
     def polynomial(self, x: Array) -> list[sp.csr_matrix]:
         """P_0, P_1, ... at a point of the box, at full order."""
         return polynomial(self.body, self._parameters, x, self._omega, self._rows, self._beyond)
 
     def _modal(self, x: Array) -> Array:
         """W'P_n W in units of the band's end."""
-        c, one = self._parameters.coefficients(x), np.eye(self.W.shape[1])
-        changes = self.body.changes
-        K = self._K[0] + sum(c[0, j] * A for j, A in zip(changes, self._K[1:], strict=True))
-        K = K / self._omega**2
+        c = self._parameters.coefficients(x)
+
+        def changed(A: Array, row: int) -> Array:
+            parts = zip(self.body.changes, self._changes, strict=True)
+            return np.asarray(A + sum(c[row, j] * part for j, part in parts))
+
+        K, M = changed(self._K, 0) / self._omega**2, changed(self._M, 2)
         if not self._rows.damped:
-            return np.array([K + SIGMA * one, -one])
+            return np.array([K + SIGMA * M, -M])
         s, C = self._rows.shift, np.zeros_like(K)
         if len(self._C):
-            C = self._C[0] + sum(c[1, j] * A for j, A in zip(changes, self._K[1:], strict=True))
-            C = C / self._omega
-        return np.array([K + s * C + SIGMA * one, C + 2 * s * one, one])
+            C = changed(self._C[0], 1) / self._omega
+        return np.array([K + s * C + SIGMA * M, C + 2 * s * M, M])
 
 
 def polynomial(
@@ -129,10 +139,10 @@ def polynomial(
     c = parameters.coefficients(x)
     C = body.damping(c)
     if beyond.any():
-        K = body.stiffness(parameters.coefficients(np.zeros_like(x)))
+        K = body.stiffness(parameters.centre)
         left_out = beyond[0] * body.M + beyond[1] * K
         C = left_out if C is None else C + left_out
-    return shifted_polynomial(body.stiffness(c), C, body.M, omega, rows)
+    return shifted_polynomial(body.stiffness(c), C, body.mass(c), omega, rows)
 
 
 @dataclass(frozen=True, slots=True)

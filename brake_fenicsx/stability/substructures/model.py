@@ -30,7 +30,7 @@ from .contact import ContactLinearisation
 from .errors import Corrected, corrected
 from .moments import SIGMA, Rows
 from .parameters import CONSTANT, Parameters
-from .reduction import Accuracy, Reduction, kept_modes
+from .reduction import Reduction, kept_modes
 from .sample import Sample
 from .static import BodyCompliance, body_compliance, static_compliance
 from .substructure import Substructure
@@ -44,10 +44,6 @@ from .vectors import (
 )
 
 Array = NDArray[np.float64]
-
-# The poles of what the kept modes leave out lie beyond this multiple of the square of the band's
-# end, wherever in the box.
-POLES = 3.3
 
 # Relative error that six moments in kappa reach, of degree 4 for the first, and how much one degree
 # and one moment more gain: measured on two blocks in perfect contact, moduli +-20 %.
@@ -142,18 +138,17 @@ class ReducedModel:
             raise SceneError(f"cutoff {cutoff:g} Hz must lie above the band's {band[1]:g} Hz")
         damped = followed != "N" or any(body.C is not None or body.ratios for body in substructures)
         rows, omega = Rows(followed, damped), 2 * np.pi * band[1]
-        reach = np.sqrt(POLES / parameters.softening) if cutoff is None else cutoff / band[1]
-        accuracy = Accuracy(float(reach), _degrees(tolerance, damped))
+        reach = None if cutoff is None else cutoff / band[1]
+        degrees = _degrees(tolerance, damped)
         originals, images = originals_and_images(substructures)
-        centre = parameters.coefficients(np.zeros(parameters.dimension))
         modes = in_turns(
             len(originals),
-            lambda i: kept_modes(originals[i], centre, omega, accuracy.cutoff),
+            lambda i: kept_modes(originals[i], parameters, omega, reach),
             comm,
         )
         reductions = [
-            Reduction(body, pair, rows, parameters, accuracy, omega, comm)
-            for body, pair in zip(originals, modes, strict=True)
+            Reduction(body, kept, rows, parameters, degrees, omega, comm)
+            for body, kept in zip(originals, modes, strict=True)
         ]
         advance = progress(sum(reduction.solves for reduction in reductions))
         # The largest body takes most memory: it comes before the moments of others are there.

@@ -140,6 +140,7 @@ def coupled(body: Substructure) -> bool:
 def moments(
     body: Substructure,
     P: Sequence[sp.csr_matrix],
+    M: sp.csr_matrix,
     W: Array,
     rows: Rows,
     count: int,
@@ -151,6 +152,7 @@ def moments(
     Args:
         body: the body.
         P: its matrix polynomial at a point of the box.
+        M: its mass at the centre of the box [kg], shape (n, n).
         W: M-orthonormal kept modes, shape (n, m).
         rows: blocks of its contact rows.
         count: number of moments.
@@ -165,13 +167,15 @@ def moments(
         InaccurateResult: P_0 has no factor.
     """
     # X(z) = S(z)' L(z)' column by column; D(z) = X(z)' R(z).
-    complement = Complement(P[0].T.tocsr(), body.M, W)
+    complement = Complement(P[0].T.tocsr(), M, W)
     O = sp.vstack([body.interface[name] for name in rows.followed]).T.tocsc()
     I = sp.vstack([body.interface[name] for name in rows.acting]).T.tocsc()
     m = W.shape[1] if coupled(body) else 0
     left = [complement.clear(A.T @ W[:, :m]) for A in P]
     right = [complement.clear(A @ W[:, :m]) for A in P]
     transposed = [A.T.tocsr() for A in P]
+    # M v has no share of modes that v is M-orthogonal to.
+    cleared = not rows.damped and abs(P[1] + M).max() == 0
     columns = O.shape[1] + m
     share = shared_columns(columns, comm)
     width = I.shape[1] + m + body.loads.shape[1]
@@ -188,8 +192,7 @@ def moments(
                 rhs[:, contact.size :] = left[n][:, modal]
             for i in range(1, min(n, len(P) - 1) + 1):
                 rhs -= transposed[i] @ X[-i]
-            # M v has no share of modes that are orthogonal to v in the mass.
-            X = [*X[-2:], complement.solve(rhs, n > 0 and not rows.damped)]
+            X = [*X[-2:], complement.solve(rhs, n > 0 and cleared)]
             at = out[n, b]
             at[:, : I.shape[1]] = (I.T @ X[-1]).T
             at[:, I.shape[1] + m :] = X[-1].T @ body.loads

@@ -38,18 +38,35 @@ class Parameters:
 
     Attributes:
         dimension: number of parameters d; 0 for materials that do not change.
-        coefficients: of the changes of stiffness and damping at a point of the box, shape
-            (2, changes): the first row is that of the stiffness.
-        softening: least r with K(p) >= r K(0) throughout the box, as a quadratic form.
+        coefficients: of the changes of stiffness, damping and mass at a point of the box, shape
+            (3, changes), in this order.
+        softening: least r with K(p) >= r K(0) as quadratic forms, wherever in the box the
+            parameters of ``shapes`` are the same.
+        shapes: numbers of the parameters that change the shape of a body.
     """
 
     dimension: int
     coefficients: Callable[[Array], Array]
     softening: float = 1.0
+    shapes: tuple[int, ...] = ()
+
+    @property
+    def centre(self) -> Array:
+        """Coefficients at the centre of the box."""
+        return self.coefficients(np.zeros(self.dimension))
+
+    @property
+    def extreme_shapes(self) -> list[Array]:
+        """The corners of the box of the shapes, all else at the centre; none of constant shapes."""
+        points = []
+        for ends in product((-1.0, 1.0), repeat=len(self.shapes)) if self.shapes else ():
+            points.append(np.zeros(self.dimension))
+            points[-1][list(self.shapes)] = ends
+        return points
 
     def acting_on(self, changes: list[int]) -> NDArray[np.intp]:
         """Numbers of the parameters that move a coefficient of some of the changes."""
-        base = self.coefficients(np.zeros(self.dimension))
+        base = self.centre
         steps = np.zeros((self.dimension, *base.shape))
         for step, axis in zip(steps, np.eye(self.dimension), strict=True):
             ends = [np.abs(self.coefficients(side * axis) - base) for side in (1.0, -1.0)]
@@ -58,7 +75,7 @@ class Parameters:
         return np.flatnonzero(moved[:, :, changes].any(axis=(1, 2)))
 
 
-CONSTANT = Parameters(0, lambda x: np.zeros((2, 0)))
+CONSTANT = Parameters(0, lambda x: np.zeros((3, 0)))
 
 
 class Interpolation:

@@ -10,6 +10,7 @@ from mpi4py import MPI
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.linalg import LinearOperator, eigsh
 
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.folder.processes import in_turns
@@ -19,24 +20,38 @@ from ..eigensolvers.lanczos import lowest_modes
 from ..eigensolvers.symmetric import count_below
 from .component import polynomial
 from .interpolated import InterpolatedMoments
-from .moments import SIGMA, Rows, coupled, moments
+from .moments import SIGMA, Complement, Rows, coupled, moments
 from .parameters import Parameters
 from .substructure import Substructure
 
 Array = NDArray[np.float64]
 
 
+# The poles of what the kept modes leave out lie beyond this multiple of the square of the band's
+# end, wherever in the box; with shapes beyond almost that, after some attempts, and never below
+# the last multiple of the end itself.
+POLES, ALMOST, NEAREST, ATTEMPTS = 3.3, 0.95, 1.3, 4
+
+# Relative accuracy of the lowest pole.
+POLE_TOLERANCE = 1e-3
+
+
 @dataclass(frozen=True, slots=True)
-class Accuracy:
-    """What a tolerance asks of the model.
+class KeptModes:
+    """Modes that a body keeps.
 
     Attributes:
-        cutoff: kept modes reach up to this multiple of the band's end.
-        degrees: total degree of the interpolation of each moment D_n; as many as moments.
+        W: M-orthonormal modes of the centre of the box, shape (n, modes).
+        kappa: their eigenvalues [1/s^2].
+        cutoff: all modes below this multiple of the band's end.
+        reach: no pole of what is left out lies below this multiple of the band's end anywhere in
+            the box.
     """
 
+    W: Array
+    kappa: Array
     cutoff: float
-    degrees: tuple[int, ...]
+    reach: float
 
 
 class Reduction:
@@ -45,10 +60,10 @@ class Reduction:
     def __init__(
         self,
         body: Substructure,
-        modes: tuple[Array, Array],
+        modes: KeptModes,
         rows: Rows,
         parameters: Parameters,
-        accuracy: Accuracy,
+        degrees: tuple[int, ...],
         omega: float,
         comm: MPI.Comm,
     ):
@@ -56,19 +71,20 @@ class Reduction:
 
         Args:
             body: the body.
-            modes: kept modes and their eigenvalues, see ``kept_modes``.
+            modes: what it keeps.
             rows: blocks of its contact rows.
             parameters: of all bodies.
-            accuracy: cutoff and degrees.
+            degrees: total degree of the interpolation of each moment D_n; as many as moments.
             omega: end of the band [rad/s].
             comm: processes that share the work.
         """
-        self._body, (self._W, self._kappa) = body, modes
-        self._rows, self._parameters, self._accuracy = rows, parameters, accuracy
+        self._body, self._W, self._kappa = body, modes.W, modes.kappa
+        self._rows, self._parameters, self._degrees = rows, parameters, degrees
+        self._reach = modes.reach
         self._omega, self._comm = omega, comm
-        self._beyond = body.damping_beyond(accuracy.cutoff * omega)
+        self._beyond = body.damping_beyond(modes.cutoff * omega)
         self._own = parameters.acting_on(list(body.changes))
-        self._moments = InterpolatedMoments(self._own.size, accuracy.degrees)
+        self._moments = InterpolatedMoments(self._own.size, degrees)
         # Processes take points in turns, so that the factor of a point is made once; if there are
         # fewer points than processes, all share the columns of each.
         self._together = len(self._moments.points) < comm.size
@@ -107,21 +123,20 @@ class Reduction:
                 self._moments.add(i, found)
         if comm.rank > 0:
             return {}
-        stiffness = [W.T @ (A @ W) for A in (body.K, *body.changes.values())]
+        modal = [W.T @ (A @ W) for A in (body.K, body.M, *body.changes.values())]
         damping = [] if body.C is None else [W.T @ (body.C @ W)]
         if body.ratios:
             # C = M W diag(2 zeta omega) W'M couples nothing with what the modes leave out.
-            modal = np.diag(body.modal_damping(W, self._kappa))
-            damping = [damping[0] + modal] if damping else [modal]
+            by_ratio = np.diag(body.modal_damping(W, self._kappa))
+            damping = [damping[0] + by_ratio] if damping else [by_ratio]
         return {
             **body.arrays(), **self._moments.arrays(), "W": W, "kappa": self._kappa,
             "beyond": self._beyond,
-            # Poles of what is left out lie beyond r cutoff^2 in kappa.
-            "reach": np.array(self._accuracy.cutoff * np.sqrt(self._parameters.softening)),
-            "degrees": np.array(self._accuracy.degrees),
+            "reach": np.array(self._reach),
+            "degrees": np.array(self._degrees),
             "followed": np.vstack([body.interface[name] @ W for name in self._rows.followed]),
             "acting": np.vstack([body.interface[name] @ W for name in self._rows.acting]),
-            "modal_K": np.array(stiffness), "modal_C": np.array(damping),
+            "modal": np.array(modal), "modal_C": np.array(damping),
         }  # fmt: skip
 
     def _at(self, i: int, comm: MPI.Comm, progress: Callable[[int], None]) -> Array:
@@ -130,7 +145,8 @@ class Reduction:
         x[self._own] = self._moments.points[i]
         P = polynomial(self._body, self._parameters, x, self._omega, self._rows, self._beyond)
         count = self._moments.counts[i]
-        return moments(self._body, P, self._W, self._rows, count, comm, progress)
+        M = self._body.mass(self._parameters.centre)
+        return moments(self._body, P, M, self._W, self._rows, count, comm, progress)
 
     def _check_convergence(self, D: Array) -> None:
         """Whether the moments fall fast enough up to the band's end.
@@ -149,30 +165,87 @@ class Reduction:
 
 
 def kept_modes(
-    body: Substructure, centre: Array, omega: float, cutoff: float
-) -> tuple[Array, Array]:
+    body: Substructure, parameters: Parameters, omega: float, cutoff: float | None
+) -> KeptModes:
     """Real modes of a body at the centre of the box, all of them below a cutoff.
 
     Args:
         body: the body.
-        centre: coefficients of the changes there, shape (2, changes).
+        parameters: of all bodies.
         omega: end of the band [rad/s].
-        cutoff: multiple of it.
-
-    Returns:
-        M-orthonormal modes, shape (n, modes), and their kappa [1/s^2].
+        cutoff: multiple of it; None: so that all poles of what is left out lie beyond ``POLES``.
 
     Raises:
-        InaccurateResult: the stiffness is indefinite, or an inertia count finds a mode missing.
+        InaccurateResult: the stiffness is indefinite, an inertia count finds a mode missing, or
+            the shape changes so much that poles stay close to the band.
     """
-    K, sigma = body.stiffness(centre), SIGMA * omega**2
+    softening, shaped = parameters.softening, _changes_shape(body, parameters)
+    least = POLES / softening
+    for _ in range(ATTEMPTS):
+        kept = float(np.sqrt(least)) if cutoff is None else cutoff
+        W, kappa = _modes_below(body, parameters, omega, kept)
+        if not shaped:
+            return KeptModes(W, kappa, kept, kept * float(np.sqrt(softening)))
+        # Materials soften every shape alike; shapes are compared at the centre of the materials.
+        pole = min(_lowest_pole(body, parameters, x, W, omega) for x in parameters.extreme_shapes)
+        if cutoff is not None or softening * pole >= ALMOST * POLES:
+            break
+        least *= POLES / (softening * pole)
+    reach = float(np.sqrt(softening * pole))
+    if reach < NEAREST:
+        raise InaccurateResult(
+            f"with the thickness of a layer modes that are left out come down to {reach:.2f} times"
+            " the end of the band: narrow the range of the thickness, or raise stability.cutoff"
+        )
+    return KeptModes(W, kappa, kept, reach)
+
+
+def _changes_shape(body: Substructure, parameters: Parameters) -> bool:
+    """Whether a parameter of the shape moves the body."""
+    return bool(np.isin(parameters.acting_on(list(body.changes)), parameters.shapes).any())
+
+
+def _lowest_pole(
+    body: Substructure, parameters: Parameters, x: Array, W: Array, omega: float
+) -> float:
+    """Least kappa of the body at a point of the box, held M-orthogonal to its kept modes.
+
+    Args:
+        body: the body.
+        parameters: of all bodies.
+        x: the point, shape (d,).
+        W: kept modes, shape (n, modes).
+        omega: end of the band [rad/s].
+
+    Returns:
+        Over the square of the band's end.
+    """
+    c = parameters.coefficients(x)
+    K, M = body.stiffness(c) / omega**2, body.mass(c)
+    complement = Complement((K + SIGMA * M).tocsr(), body.mass(parameters.centre), W)
+    inverse = LinearOperator(K.shape, complement.solve, dtype=float)
+    start = complement.solve(np.ones(K.shape[0]))
+    (found,) = eigsh(
+        K, 1, M, sigma=-SIGMA, OPinv=inverse, v0=start, tol=POLE_TOLERANCE,
+        return_eigenvectors=False,
+    )  # fmt: skip
+    complement.factor.destroy()
+    return float(found)
+
+
+def _modes_below(
+    body: Substructure, parameters: Parameters, omega: float, cutoff: float
+) -> tuple[Array, Array]:
+    """M-orthonormal modes at the centre, shape (n, modes), and their kappa [1/s^2]; as above."""
+    centre, sigma = parameters.centre, SIGMA * omega**2
+    K, M = body.stiffness(centre), body.mass(centre)
     # One factor at a time.
-    expected, limit = count_below(K, body.M, (cutoff * omega) ** 2)
-    factor = Factor((K + sigma * body.M).tocsr(), "brake_modes_")
+    expected, limit = count_below(K, M, (cutoff * omega) ** 2)
+    factor = Factor((K + sigma * M).tocsr(), "brake_modes_")
     if factor.negative_pivots:
         factor.destroy()
         raise InaccurateResult("the stiffness of a body is not positive definite")
-    found = lowest_modes(factor, body.M, limit + sigma)
+    found = lowest_modes(factor, M, limit + sigma)
     factor.destroy()
     if found.Lambda.size != expected:
         raise InaccurateResult(

@@ -4,10 +4,10 @@ Without contact the stiffness, mass and damping of a brake are block diagonal. E
 substructure with a free interface (Craig and Chang 1976, Rubin 1975), whose stiffness and damping
 are affine in some coefficients,
 
-    K = K_0 + sum a_j A_j,     C = C_0 + sum c_j A_j,
+    K = K_0 + sum a_j A_j,     C = C_0 + sum c_j A_j,     M = M_0 + sum m_j A_j,
 
-over one set of matrices: unit changes of the stiffness, of which the damping takes a share
-(stiffness-proportional damping, loss factors), and what the damping alone is made of. A pad on the
+over one set of matrices: changes of the stiffness and of the mass, of which the damping takes a
+share (Rayleigh damping, loss factors), and what the damping alone is made of. A pad on the
 other side of the disc is often the mirror image of the first one; then one of the two is reduced.
 """
 
@@ -89,14 +89,19 @@ class Substructure:
     ratios: tuple[ModalRatio, ...] = ()
 
     def stiffness(self, c: Array) -> sp.csr_matrix:
-        """K [N/m] under coefficients of all changes, shape (2, changes)."""
-        return sum((c[0, j] * A for j, A in self.changes.items()), self.K).tocsr()
+        """K [N/m] under coefficients of all changes, shape (3, changes)."""
+        return self._changed(self.K, c[0])
+
+    def mass(self, c: Array) -> sp.csr_matrix:
+        """M [kg] under these coefficients."""
+        return self._changed(self.M, c[2])
 
     def damping(self, c: Array) -> sp.csr_matrix | None:
         """C [N s/m] under these coefficients; None where the body has none."""
-        if self.C is None:
-            return None
-        return sum((c[1, j] * A for j, A in self.changes.items()), self.C).tocsr()
+        return None if self.C is None else self._changed(self.C, c[1])
+
+    def _changed(self, A: sp.csr_matrix, c: Array) -> sp.csr_matrix:
+        return sum((c[j] * change for j, change in self.changes.items() if c[j]), A).tocsr()
 
     def modal_damping(self, W: Array, kappa: Array) -> Array:
         """Damping 2 zeta omega of its modes by the ratios of its parts [1/s], shape (modes,).

@@ -251,7 +251,7 @@ def mode_displacements(
         component, users = keys[j][0], matrices[keys[j]]
         P = component.polynomial(modes[users[0]].x)
         P = [A.T.tocsr() for A in P] if left else P
-        complement = Complement(P[0], component.body.M, component.W)
+        complement = Complement(P[0], component.mass, component.W)
         try:
             return [(i, _whole(modes[i], component, complement, P, rows, left)) for i in users]
         finally:

@@ -1,0 +1,374 @@
+"""Bodies that change from sample to sample: random and swept materials, thicknesses and damping.
+
+The stiffness is linear in the C_ij of every material, the damping in its scalars, and both are sums
+of a few powers of the thickness of a layer (``macro.stretching``): the matrices are assembled once,
+and a sample's are sums of them. The scalars of nearly all samples lie in a box that their
+distributions and the values of a sweep span; the reduced model is interpolated over it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from itertools import product
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import scipy.linalg as la
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.macro.brake import Brake
+from brake_fenicsx.macro.elasticity import affine_parts
+from brake_fenicsx.macro.layer_mass import layer_masses
+from brake_fenicsx.macro.material import rotate_about_z
+from brake_fenicsx.macro.material_table import (
+    STIFFNESSES,
+    constants,
+    layer_material,
+    layer_materials,
+    scene_materials,
+    stiffness,
+    varied_stiffness,
+)
+from brake_fenicsx.macro.mesh import Mesh
+from brake_fenicsx.macro.stretching import check_flat, powers_of_stretch
+from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.faces import faces_by_area
+from brake_fenicsx.scene.parts import layers_of_thickness
+from brake_fenicsx.scene.samples import is_constant, split_key
+from brake_fenicsx.scene.scalars import changes_bodies, is_thickness
+from brake_fenicsx.scene.sweep import Range
+
+from .designs import quantile
+from .inputs import by_material, nominal_value
+
+if TYPE_CHECKING:
+    from brake_fenicsx.stability.substructures import Parameters
+
+Array = NDArray[np.float64]
+
+# Voigt indices of the nine orthotropic stiffnesses.
+VOIGT = {name: (int(name[1]) - 1, int(name[2]) - 1) for name in STIFFNESSES["orthotropic"]}
+
+# Probability of a constant beyond either end of the box, and how far from its centre, in half
+# widths, a sample may lie and still be taken.
+TAIL, BEYOND = 1e-3, 1.1
+
+
+class Box:
+    """The box that the scalars of the bodies of nearly all samples, and of a sweep, lie in.
+
+    Moduli E enter as E^-1/2, between the bending of layers, which goes with 1/E, and the
+    indentation of a transversely isotropic half-space, which goes with the root of a product of
+    moduli: one degree less than with 1/E reaches the same error, two less than with E. Thicknesses
+    h enter as ln h, between compression, which goes with h, and bending, with h^-3: on a block over
+    a factor of two the largest error is 9e-5 so, 2.5e-3 with h, 1.1e-3 with 1/h.
+    """
+
+    def __init__(self, scene: Scene):
+        """Span the box by the distributions and the swept values of the scalars."""
+        self._scene = scene
+        self.names = [n for n in scene.varied if changes_bodies(scene, n)]
+        ends = []
+        for name in self.names:
+            values = [_scaled(name, v) for v in _spanning(scene, name)]
+            ends.append((min(values), max(values)))
+        self.low, self.high = np.array(ends).reshape(-1, 2).T
+
+    def point(self, drawn: Mapping[str, float]) -> Array:
+        """A sample's point of [-1, 1]^d; scalars that are not drawn have the scene's value."""
+        values = [
+            _scaled(n, drawn[n] if n in drawn else nominal_value(self._scene, n))
+            for n in self.names
+        ]
+        width = np.where(self.high > self.low, self.high - self.low, 1.0)
+        return np.asarray((2 * np.array(values) - self.low - self.high) / width)
+
+    def holds(self, drawn: Mapping[str, float]) -> bool:
+        """Whether a sample lies in the box or hardly beyond it."""
+        return bool(np.all(np.abs(self.point(drawn)) <= BEYOND))
+
+    def values(self, x: Array) -> dict[str, float]:
+        """The scalars at a point of the box, SI."""
+        scaled = 0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * x
+        return {n: _unscaled(n, v) for n, v in zip(self.names, scaled, strict=True)}
+
+    def materials(self, x: Array) -> dict[str, Array]:
+        """Stiffness of the materials at a point of the box [Pa], each of shape (6, 6)."""
+        return changed_materials(self._scene, self.values(x))
+
+
+def changed_materials(scene: Scene, values: Mapping[str, float]) -> dict[str, Array]:
+    """Stiffness [Pa] of the materials of which some constants are given, each of shape (6, 6)."""
+    return {m: varied_stiffness(scene.materials[m], c) for m, c in by_material(values).items()}
+
+
+def _spanning(scene: Scene, name: str) -> list[float]:
+    """Values of a scalar that lie in the box; a sweep has the scene's own brake in it too."""
+    law, nominal = scene.samples.random.get(name), nominal_value(scene, name)
+    values: list[float] = []
+    if law is not None:
+        values += map(float, quantile(law, [TAIL, 1 - TAIL], nominal))
+    if scene.sweep is not None:
+        values += [nominal, *scene.sweep.parameters.get(name, Range()).points]
+    return values
+
+
+def _scaled(name: str, value: float) -> float:
+    """E^-1/2 of a modulus, the logarithm of a thickness, any other constant itself."""
+    if is_thickness(name):
+        return float(np.log(value))
+    return value**-0.5 if _is_modulus(name) and value > 0 else value
+
+
+def _unscaled(name: str, value: float) -> float:
+    """The constant of a scaled value."""
+    if is_thickness(name):
+        return float(np.exp(value))
+    return value**-2.0 if _is_modulus(name) and value > 0 else value
+
+
+def _is_modulus(name: str) -> bool:
+    """Whether a constant is positive: E, G, or on the diagonal of the stiffness."""
+    constant = split_key(name)[2]
+    return constant[0] in "EG" or (constant[0] == "C" and constant[1] == constant[2])
+
+
+class Term(NamedTuple):
+    """What a matrix that the bodies have a changing multiple of belongs to.
+
+    Attributes:
+        material: the material.
+        constant: C_ij of which it is a unit change; "" for its stiffness in the scene, "rho" for
+            its mass.
+        layer: "part.layer" whose thickness it follows; "" for the other layers of the material.
+        power: of the stretch of that layer.
+    """
+
+    material: str
+    constant: str
+    layer: str = ""
+    power: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class ChangingBodies:
+    """What changes in the bodies, as multiples of matrices.
+
+    Attributes:
+        scene: the scene.
+        box: the box of the scalars that the bodies depend on.
+        nominal: changed material -> its stiffness in the scene [Pa], shape (6, 6).
+        changes: term -> stiffness [N/m], of a C_ij [N/m per Pa], or mass [kg].
+        slopes: scalar that the damping alone depends on -> its unit change [N s/m].
+    """
+
+    scene: Scene
+    box: Box
+    nominal: dict[str, Array]
+    changes: dict[Term, sp.csr_matrix]
+    slopes: dict[str, sp.csr_matrix]
+
+    @property
+    def matrices(self) -> list[sp.csr_matrix]:
+        """Those of the stiffness and the mass, then those of the damping alone."""
+        return [*self.changes.values(), *self.slopes.values()]
+
+    @property
+    def parameters(self) -> Parameters:
+        """What the reduced model interpolates over."""
+        from brake_fenicsx.stability.substructures import Parameters
+
+        shapes = tuple(i for i, name in enumerate(self.box.names) if is_thickness(name))
+        return Parameters(len(self.box.names), self.coefficients, self.softening(), shapes)
+
+    def changed_by(self, values: Mapping[str, float]) -> bool:
+        """Whether stiffness or mass of the bodies depend on one of some scalars."""
+        return any(is_constant(n) or is_thickness(n) for n in values if n in self.box.names)
+
+    def coefficients(self, x: Array) -> Array:
+        """Coefficients of the matrices at a point of the box; see ``coefficients_of``."""
+        return self.coefficients_of(self.box.values(x))
+
+    def coefficients_of(self, values: Mapping[str, float]) -> Array:
+        """Coefficients of the matrices in stiffness, damping and mass, shape (3, matrices).
+
+        Args:
+            values: scalars that differ from the scene, by dotted key, SI.
+        """
+        C = {**self.nominal, **changed_materials(self.scene, values)}
+        stretch, out = stretches(self.scene, values), np.zeros((3, len(self.matrices)))
+        shares = self._shares(values)
+        for j, (material, constant, layer, power) in enumerate(self.changes):
+            factor, is_mass = stretch.get(layer, 1.0) ** power, constant == "rho"
+            if constant in VOIGT:
+                change = factor * (C[material] - self.nominal[material])[VOIGT[constant]]
+            else:
+                change = factor - 1
+            out[2 if is_mass else 0, j] = change
+            out[1, j] = change * shares["" if is_mass else material]
+        for j, name in enumerate(self.slopes, len(self.changes)):
+            usual = nominal_value(self.scene, name)
+            out[1, j] = values.get(name, usual) - usual
+        return out
+
+    def stiffness_change(self, values: Mapping[str, float]) -> sp.csr_matrix:
+        """What some scalars, by dotted key, SI, add to the stiffness of the scene [N/m]."""
+        return self.combined(self.coefficients_of(values)[0])
+
+    def damping_change(self, values: Mapping[str, float]) -> sp.csr_matrix:
+        """What they add to the damping of the scene's bodies [N s/m]."""
+        return self.combined(self.coefficients_of(values)[1])
+
+    def mass_change(self, values: Mapping[str, float]) -> sp.csr_matrix:
+        """What they add to the mass [kg]."""
+        return self.combined(self.coefficients_of(values)[2])
+
+    def softening(self) -> float:
+        """Least r with K(x) >= r K(0) at any one thickness, as quadratic forms: of the C(x).
+
+        Raises:
+            InaccurateResult: a material is not positive definite at a corner of the box.
+        """
+        names = self.box.names
+        centre, least = self.box.materials(np.zeros(len(names))), 1.0
+        for corner in product(*((-1.0, 1.0) if is_constant(n) else (0.0,) for n in names)):
+            for name, C in self.box.materials(np.array(corner)).items():
+                least = min(least, float(la.eigvalsh(C, centre[name])[0]))
+        if not least > 0:
+            raise InaccurateResult(
+                "a material is not positive definite everywhere in the box of its values"
+            )
+        return least
+
+    def _shares(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Share that the damping takes of the stiffness of each material [s], "": of the mass."""
+        from brake_fenicsx.stability.damping import mass_share, stiffness_share
+
+        materials = {term.material for term in self.changes}
+        shares = {m: stiffness_share(self.scene, m, values) for m in materials}
+        return shares | {"": mass_share(self.scene, values)}
+
+    def combined(self, coefficients: Array) -> sp.csr_matrix:
+        """Sum of multiples of the matrices."""
+        parts = self.matrices
+        none = sp.csr_matrix(parts[0].shape)
+        return sum((c * part for c, part in zip(coefficients, parts, strict=True) if c), none)
+
+
+def stretches(scene: Scene, values: Mapping[str, float]) -> dict[str, float]:
+    """Thickness over that of the scene of each layer whose thickness is given: "part.layer" -> s.
+
+    Args:
+        scene: the scene.
+        values: scalars, by dotted key, SI.
+    """
+    return {
+        layer: values[name] / nominal_value(scene, name)
+        for name in filter(is_thickness, values)
+        for layer in _layers_of(scene, name)
+    }
+
+
+def _layers_of(scene: Scene, name: str) -> list[str]:
+    """Layers that have a scalar for their thickness: "part.layer"."""
+    _, part, key = split_key(name)
+    return [f"{part}.{layer}" for layer in layers_of_thickness(scene.parts[part], key)]
+
+
+def assemble_changes(scene: Scene, brake: Brake) -> ChangingBodies:
+    """Assemble what the random and swept scalars of a scene change in its bodies.
+
+    Args:
+        scene: the scene.
+        brake: its operators.
+
+    Raises:
+        SceneError: a face in use grows with a thickness.
+    """
+    mesh, free = brake.mesh, brake.elastic.free
+    varied = by_material(dict.fromkeys(scene.varied))
+    thick = [
+        layer for name in filter(is_thickness, scene.varied) for layer in _layers_of(scene, name)
+    ]
+    found: dict[Term, sp.csr_matrix] = {}
+
+    def assemble(changes: Mapping[str, Array]) -> sp.csr_matrix:
+        return affine_parts(mesh, free, [changes])[0]
+
+    def add(material: str, constant: str, layers: Mapping[str, Array]) -> None:
+        for layer in filter(thick.__contains__, layers):
+            powers = powers_of_stretch(mesh, partial(assemble, {layer: layers[layer]}))
+            # The stiffness of the scene has what does not depend on the thickness.
+            found.update({
+                Term(material, constant, layer, power): matrix
+                for power, matrix in powers.items() if constant or power
+            })  # fmt: skip
+        if plain := {layer: C for layer, C in layers.items() if layer not in thick}:
+            found[Term(material, constant)] = assemble(plain)
+
+    for name, constants_of in varied.items():
+        for constant in moved_entries(scene, name, [*constants_of]):
+            add(name, constant, unit_change(scene, mesh, name, constant))
+    materials = layer_materials(scene, scene_materials(scene), thick)
+    lumped = scene.mesh.mass == "lumped"
+    for layer, material in materials.items():
+        check_flat(mesh, layer, faces_by_area(scene, layer.partition(".")[0]))
+        name = material_of(scene, layer)
+        add(name, "", {layer: material.C})
+        mass = layer_masses(mesh, free, {layer: material.rho}, lumped)
+        found[Term(name, "rho", layer, 1)] = mass[layer]
+    _share_patterns([*found.values()])
+    box, slopes = Box(scene), {}
+    if names := [n for n in box.names if not is_constant(n) and not is_thickness(n)]:
+        from brake_fenicsx.stability.damping import damping_slopes
+
+        slopes = damping_slopes(scene, brake, names)
+    nominal = {name: stiffness(scene.materials[name]) for name in varied}
+    return ChangingBodies(scene, box, nominal, found, slopes)
+
+
+def _share_patterns(matrices: list[sp.csr_matrix]) -> None:
+    """Let matrices of one pattern, such as the changes of one material, share its arrays."""
+    patterns: list[sp.csr_matrix] = []
+    for A in matrices:
+        for B in patterns:
+            if np.array_equal(A.indptr, B.indptr) and np.array_equal(A.indices, B.indices):
+                A.indices, A.indptr = B.indices, B.indptr
+                break
+        else:
+            patterns.append(A)
+
+
+def material_of(scene: Scene, layer: str) -> str:
+    """Name of the material of a layer, "part.layer"."""
+    part, _, inner = layer.partition(".")
+    return str(layer_material(scene.parts[part].material, inner))
+
+
+def moved_entries(scene: Scene, material: str, names: list[str]) -> list[str]:
+    """Which C_ij some constants of a material move."""
+    table = scene.materials[material]
+    C, usual = stiffness(table), constants(table)
+    moved = np.zeros((6, 6), dtype=bool)
+    for name in names:
+        change = varied_stiffness(table, {name: usual[name] * 1.001 or 1e-3}) - C
+        moved |= np.abs(change) > 1e-9 * np.abs(C).max()
+    return [constant for constant, index in VOIGT.items() if moved[index]]
+
+
+def unit_change(scene: Scene, mesh: Mesh, material: str, constant: str) -> dict[str, Array]:
+    """Change of every layer's stiffness under one of a material's C_ij, in x, y, z axes."""
+    unit = np.zeros((6, 6))
+    i, j = VOIGT[constant]
+    unit[i, j] = unit[j, i] = 1.0
+    changes = {}
+    for layer in mesh.layers:
+        if material_of(scene, layer) == material:
+            part = scene.parts[layer.partition(".")[0]]
+            angle = part.axis + scene.materials[material].axis
+            changes[layer] = rotate_about_z(unit, angle)
+    return changes
