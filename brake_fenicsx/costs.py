@@ -64,7 +64,7 @@ def count_solves(scene: Scene, samples: Mapping[str, int]) -> dict[str, int]:
     at_full = [number for name, number in samples.items() if name not in reduced]
     return {
         "reduced": sum(samples[name] for name in reduced if name not in changing),
-        "reduced with materials of their own": sum(samples[name] for name in changing),
+        "reduced with bodies of their own": sum(samples[name] for name in changing),
         "at full order": sum(at_full + verified),
     }
 
@@ -83,7 +83,7 @@ def run_sizes(scene: Scene, samples: Mapping[str, int], dofs: int, elements: int
     process, shared, share = 0.2 + 16e-6 * n, 0.0, 0.0
     if any(solves.values()):
         shared = 150e-9 * m**2 + 3e-6 * n + (350e-9 * m**2 if damped else 0.0)
-        if solves["reduced with materials of their own"]:
+        if solves["reduced with bodies of their own"]:
             shared += 15e-9 * m**2 * comb(changing_moduli(scene) + 4, 4)
         if sum(solves.values()) == sum(samples.values()):
             share = 0.2 + max(2.2e-6 * n, 0.12e-6 * m**2 * (4 if damped else 1))

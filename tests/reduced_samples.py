@@ -90,7 +90,7 @@ def box(scene, case, spread=SPREAD):
 
     def both(x):
         a = coefficients(spread)(x)
-        return np.array([a, a * shares])
+        return np.array([a, a * shares, 0 * a])
 
     return Parameters(2, both, 1 / (1 + spread))
 

@@ -132,7 +132,7 @@ def test_samples_verified_and_of_other_approaches_are_counted_apart():
 def test_full_order_is_told_from_reduced():
     """As the measured runs did; 300 samples taken for reduced would be hours off."""
     scene = read_scene(SCENES / "disc_brake.toml")
-    changed = "reduced with materials of their own"
+    changed = "reduced with bodies of their own"
     many, alone = {"multi-scale": 300, "classical": 1}, {"multi-scale": 1, "classical": 1}
     assert count_solves(scene, many) == {"reduced": 301, changed: 0, "at full order": 2}
     assert count_solves(scene, alone) == {"reduced": 0, changed: 0, "at full order": 2}

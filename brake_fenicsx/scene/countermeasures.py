@@ -8,15 +8,14 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.friction import slides
-from brake_fenicsx.scene.samples import NO_ROUGH_SAMPLES, SCALARS, is_constant, split_key
-from brake_fenicsx.scene.scalars import check_scalar, si_unit
+from brake_fenicsx.scene.samples import NO_ROUGH_SAMPLES, is_constant, split_key
+from brake_fenicsx.scene.scalars import check_scalar, may_vary, si_unit
 from brake_fenicsx.scene.tables import dotted, key_parts
 from brake_fenicsx.scene.tables import key as scene_key
 
@@ -37,6 +36,7 @@ class Countermeasure:
         start: value in the scene, SI.
         stop: farthest value, SI.
         unit: SI unit of both.
+        is_scalar: whether samples take other values of it on one prepared brake.
     """
 
     key: str
@@ -44,11 +44,7 @@ class Countermeasure:
     start: float = scene_key(default=0.0, internal=True)
     stop: float = scene_key(default=0.0, internal=True)
     unit: str = scene_key(default="", internal=True)
-
-    @property
-    def is_scalar(self) -> bool:
-        """Whether samples take other values of it on one prepared brake."""
-        return any(re.fullmatch(pattern, self.key) for pattern, _ in SCALARS)
+    is_scalar: bool = scene_key(default=False, internal=True)
 
     def override(self, scene: Scene, value: float | str) -> str:
         """The replacement "key=value" that gives the scene another value.
@@ -100,7 +96,8 @@ def _with_ends(scene: Scene, c: Countermeasure, read: Callable[[str], Scene]) ->
     where = f"countermeasures.key = {c.key!r}"
     start, unit = _number(scene, c.key, where)
     _check_not_random(scene, c.key, where)
-    if c.is_scalar:
+    is_scalar = may_vary(scene, c.key)
+    if is_scalar:
         check_scalar(scene, where, c.key)
     try:
         stop, _ = _number(read(c.override(scene, c.to)), c.key, where)
@@ -108,7 +105,7 @@ def _with_ends(scene: Scene, c: Countermeasure, read: Callable[[str], Scene]) ->
         raise SceneError(f"{where}, to = {c.to!r}: {error}") from None
     if math.isclose(stop, start):
         raise SceneError(f"{where}, to = {c.to!r}: is the scene's own value; write another one")
-    return replace(c, start=start, stop=stop, unit=unit)
+    return replace(c, start=start, stop=stop, unit=unit, is_scalar=is_scalar)
 
 
 def _number(scene: Scene, name: str, where: str) -> tuple[float, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from itertools import chain
 from typing import TYPE_CHECKING, Any
@@ -10,7 +11,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.damping import active_terms, turning_parts, used_materials
 from brake_fenicsx.scene.friction import PERFECT, one_friction, slides
 from brake_fenicsx.scene.parts import layers_of_thickness
-from brake_fenicsx.scene.samples import ENGINEERING, is_constant, split_key, unit_of
+from brake_fenicsx.scene.samples import ENGINEERING, SCALARS, is_constant, split_key, unit_of
 from brake_fenicsx.scene.units import to_si
 
 if TYPE_CHECKING:
@@ -30,6 +31,14 @@ def changes_bodies(scene: Scene, name: str) -> bool:
 def is_thickness(name: str) -> bool:
     """Whether a scalar, by its dotted key, is the thickness of layers of a part."""
     return split_key(name)[0] == "parts"
+
+
+def may_vary(scene: Scene, name: str) -> bool:
+    """Whether samples of one brake may have several values of a key of the scene."""
+    if not any(re.fullmatch(pattern, name) for pattern, _ in SCALARS):
+        return False
+    _, table, last = split_key(name)
+    return not is_thickness(name) or not any(_no_thickness(scene, table, last))
 
 
 def si_unit(scene: Scene, name: str) -> str:

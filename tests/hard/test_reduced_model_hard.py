@@ -155,7 +155,9 @@ def test_rates_that_vanish(two_blocks):
 def test_material_that_is_not_positive_definite_somewhere(two_blocks):
     """A corner of the range has an indefinite lining: error message before any sample."""
     scene = two_blocks("coarse")
-    box = Parameters(2, lambda x: np.array([[0.0, -2.4e9 * (x[1] > 0.5)], [0.0, 0.0]]), 1.0)
+    box = Parameters(
+        2, lambda x: np.array([[0.0, -2.4e9 * (x[1] > 0.5)], [0.0, 0.0], [0.0, 0.0]]), 1.0
+    )
     with pytest.raises(InaccurateResult, match="not positive definite"):
         ReducedModel.offline(substructures(scene, "undamped", True), scene.w, BAND, box)
 

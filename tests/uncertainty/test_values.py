@@ -238,7 +238,7 @@ def test_full_order_is_that_of_the_scene_written_with_the_values(damped):
     )  # fmt: skip
     models = damped.study.models
     sample = damped.study._draw("multi-scale", 0, values)
-    found = models.terms.bulk + models.materials.damping_change(sample.random)
+    found = models.terms.bulk + models.changes.damping_change(sample.random)
     expected = damping_terms(written, assemble_brake(written, MPI.COMM_SELF)).bulk
     assert abs(found - expected).max() < 1e-12 * abs(expected).max()
 
@@ -276,7 +276,7 @@ def test_speed_of_a_turning_body():
     models = prepared.study.models
     faster = read_scene(BLOCK, [*TURNING, "motion.speed='200 rad/s'"])
     expected = damping_terms(faster, assemble_brake(faster, MPI.COMM_SELF)).bulk
-    found = models.terms.bulk + models.materials.damping_change({SPEED: 200.0})
+    found = models.terms.bulk + models.changes.damping_change({SPEED: 200.0})
     assert abs(found - expected).max() < 1e-12 * abs(expected).max()
 
 
