@@ -8,7 +8,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.results.tables import read_rows
 from brake_fenicsx.variants import countermeasures as module
 from brake_fenicsx.variants.trial import smallest_change
-from coarse_block import BLOCK, FRICTION, HEIGHT, ROUGH, levers
+from coarse_block import BLOCK, FRICTION, ROUGH, levers
 
 pytestmark = pytest.mark.hard
 
@@ -48,20 +48,20 @@ def test_values_without_an_equilibrium_are_no_remedy(tmp_path):
 
 
 def test_a_length_that_makes_no_brake_is_named(tmp_path, monkeypatch):
-    """Some heights have no mesh: the row gives the reason, the other countermeasure is found."""
+    """Some lengths have no mesh: the row gives the reason, the other countermeasure is found."""
     whole = module.prepare
 
     def meshed(scene, overrides, *rest):
-        if any(change.startswith("parts.block.height") for change in overrides):
+        if any(change.startswith("parts.block.length") for change in overrides):
             raise SceneError("parts.block: no mesh")
         return whole(scene, overrides, *rest)
 
     monkeypatch.setattr(module, "prepare", meshed)
-    both = levers((HEIGHT, "'30 mm'"), (FRICTION, "0.05"))
+    both = levers(("parts.block.length", "'30 mm'"), (FRICTION, "0.05"))
     page = module.find_countermeasures(BLOCK, COMM, tmp_path, [*ROUGH, both])
     first, second = read_rows(page.with_suffix(".csv"))
     assert first["key"] == FRICTION and first["smallest_value"] is not None
-    assert second["key"] == HEIGHT and second["note"] == "parts.block: no mesh"
+    assert second["key"] == "parts.block.length" and second["note"] == "parts.block: no mesh"
     assert second["first_order"] is second["smallest_value"] is second["share_after"] is None
 
 
