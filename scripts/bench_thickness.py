@@ -46,8 +46,10 @@ def main() -> None:
     parser.add_argument("--no-full", action="store_true", help="without full order")
     given = parser.parse_args()
     sets = ["samples.approaches=['multi-scale']", "stability.verify=0", *given.set]
-    print(f"{given.scene.stem}\n{'ranges':>32}{'kept':>6}{'offline s':>11}{'sample s':>10}{'full s':>8}"
-          f"{'MB':>7}{'error':>9}{'estimate':>10}{'beyond':>8}")  # fmt: skip
+    print(
+        f"{given.scene.stem}\n{'ranges':>32}{'kept':>6}{'offline s':>11}{'sample s':>10}"
+        f"{'full s':>8}{'MB':>7}{'error':>9}{'estimate':>10}{'beyond':>8}"
+    )
     for name, ranges in RANGES.items():
         model = prepare(given.scene, sets, parameters=ranges or None)
         print(f"{name:>32}{row(model, ranges, not given.no_full)}", flush=True)
