@@ -43,6 +43,7 @@ first steps:
   brake-fenicsx run brake.toml            results in ./brake-results; open its report.html
   brake-fenicsx run brake.toml            the same again: resumes an interrupted run
   brake-fenicsx prepare brake.toml        for a job array: then run --share 1/8, ... 8/8, run
+  brake-fenicsx status brake-results      how far a run is, and who is at work
   brake-fenicsx report brake-results      regenerates figures and report, without computing
   brake-fenicsx countermeasures brake.toml    what would stop the squeal, if the scene names some
   brake-fenicsx export brake-results      mode shapes as a universal file, modes.unv
@@ -188,10 +189,14 @@ def parser() -> argparse.ArgumentParser:
     for command in (runs, reports):
         command.add_argument("--no-pictures", dest="pictures", action="store_false",
                              help="tables and page alone, without figures")  # fmt: skip
+    text = "how far a run is: samples done, who is at work, time to go"
+    states = commands.add_parser("status", help=text, description=text)
+    states.add_argument("directory", metavar="DIR", help="results folder of a run")
+    states.add_argument("--json", action="store_true", help="print it as JSON, for other programs")
     text = "write the stored mode shapes of a results folder as a universal file, modes.unv"
     exports = commands.add_parser("export", help=text, description=text)
     exports.add_argument("directory", metavar="DIR", help="results folder of a run")
-    text = "compare two runs: families matched by shape, change of probability with its interval"
+    text = "compare two runs: families, change of probability; or two surfaces and their laws"
     compares = commands.add_parser("compare", help=text, description=text)
     compares.add_argument("first", metavar="A", help="results folder of a run")
     compares.add_argument("second", metavar="B", help="results folder of another run")
@@ -408,6 +413,11 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
         if comm.rank == 0:
             print(write_scene(Path(options.deck), scene, options.units))
             print(f"next: brake-fenicsx check {scene}")
+    elif comm.rank == 0 and options.command == "status":
+        from brake_fenicsx.folder.status import read_status
+
+        status = read_status(options.directory)
+        print(status.text()) if not options.json else _print_json(status.facts())
     elif comm.rank == 0 and options.command == "export":
         from brake_fenicsx.report.universal import export_modes
 

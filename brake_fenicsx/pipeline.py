@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import shutil
 import time
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, field
@@ -513,7 +514,8 @@ def mechanics(
     with this.stage("samples"):
         prepare_blocks(study)
         if this.store.share is None and this.comm.rank == 0:
-            this.store.save_json(PREPARED, [*this.scene.samples.approaches])
+            numbers = Counter(name for name, _ in study.tasks)
+            this.store.save_json(PREPARED, numbers)
         if not this.prepare:
             study.run()
         this.store.samples.tabulate = None  # it holds the brake

@@ -18,7 +18,7 @@ from brake_fenicsx.folder.store import RUNNING, Store
 T = TypeVar("T")
 
 FOLDER, SHARE = "folder", "share"  # what a run claims
-PREPARED = "cache/prepared.json"  # approaches that all is there for that their samples share
+PREPARED = "cache/prepared.json"  # approaches whose samples have all that they share
 
 
 def check_folder(store: Store, digest: str, comm: MPI.Comm) -> None:

@@ -137,6 +137,15 @@ class Lock:
         self._file(self.name).write_text(time.strftime("%Y-%m-%d %H:%M:%S"))
         threading.Thread(target=self._beat, daemon=True).start()
 
+    @classmethod
+    def watched(cls, folder: Path) -> list[tuple[str, str]]:
+        """Runs at work in a folder, which is not entered: process and machine, and their claim."""
+        lock = cls.__new__(cls)
+        lock.folder, lock.name = folder, ""
+        claims = {path.name.removesuffix(_CLAIM): path for path in folder.glob(f"*{_CLAIM}")}
+        owners = {claim: _read(path) for claim, path in sorted(claims.items())}
+        return [(lock.described(n), claim) for claim, n in owners.items() if n and lock.alive(n)]
+
     def leave(self) -> None:
         """Give back all claims of this run and remove its file, and those of runs that ended."""
         self._ended.set()

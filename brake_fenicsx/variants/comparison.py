@@ -31,6 +31,8 @@ from .page import (
     picture_of,
     share_of,
 )
+from .surfaces import COLUMNS as SURFACE_COLUMNS
+from .surfaces import of_surfaces, surface_blocks, surface_rows, surface_text
 
 Row = dict[str, Value]
 Shapes = dict[str, NDArray]
@@ -79,9 +81,8 @@ def compare_runs(
     for run in (one, two):
         if run.modes is None or run.samples is None:
             raise SceneError(
-                f"{run.directory}: contains no modes, which compare needs; run the scene with"
-                " the stage stability. Surfaces and laws of runs without it stand in"
-                " tables/surface.csv, laws.csv and law_support.csv"
+                f"{run.directory}: contains no modes to compare; run the scene with the stage"
+                " stability, or both with a surface"
             )
     common = [name for name in one.approaches if name in two.approaches]
     if not common:
@@ -179,7 +180,10 @@ def _row(approach: str, a: Side, b: Side, mac: float | None, paired: bool) -> Ro
 
 
 def write_comparison(a: str | Path, b: str | Path, directory: str | Path) -> Path:
-    """Compare two runs; compare.csv and compare.html in a folder.
+    """Compare two runs; compare.csv, compare_surface.csv and compare.html in a folder.
+
+    Runs without modes are compared by their surfaces and laws, others by these too where they
+    differ.
 
     Args:
         a: results folder of the first run.
@@ -190,12 +194,20 @@ def write_comparison(a: str | Path, b: str | Path, directory: str | Path) -> Pat
         The page.
 
     Raises:
-        SceneError: a folder holds no modes, or the runs have no approach in common.
+        SceneError: nothing of them can be compared, or the runs have no approach in common.
     """
     one, two = read_run(a), read_run(b)
-    rows = compare_runs(one, two)
+    surfaces, alone = _surfaces(one, two)
+    rows = [] if alone else compare_runs(one, two)
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
+    if surfaces:
+        write_rows(folder / "compare_surface.csv", SURFACE_COLUMNS, surfaces)
+    where = [f"{name}: {run.directory.resolve()}" for name, run in (("A", one), ("B", two))]
+    blocks = surface_blocks((one, two)) if surfaces else []
+    if alone:
+        title = "Two surfaces compared"
+        return page_of_changes(folder / "compare.html", title, where, None, blocks)
     write_rows(folder / "compare.csv", COLUMNS, rows)
     paired = any(row["paired"] == "yes" for row in rows)
     how = (
@@ -211,8 +223,7 @@ def write_comparison(a: str | Path, b: str | Path, directory: str | Path) -> Pat
     text = "Share of samples in which a family squeals, with the 95 % interval of its change."
     return page_of_changes(
         folder / "compare.html", "Two runs compared",
-        [f"{name}: {run.directory.resolve()} ({run.criterion})"
-         for name, run in (("A", one), ("B", two))]
+        [f"{text} ({run.criterion})" for text, run in zip(where, (one, two), strict=True)]
         + [f"Warning: {text}." for text in _two_limits(one, two)],
         picture_of(lines, ("A", "B"), text),
         [
@@ -221,6 +232,7 @@ def write_comparison(a: str | Path, b: str | Path, directory: str | Path) -> Pat
                 f" without a match does not squeal in the other run. {how}"
             ),
             Table(HEADS, _shown(rows)),
+            *blocks,
         ],
     )  # fmt: skip
 
@@ -228,8 +240,19 @@ def write_comparison(a: str | Path, b: str | Path, directory: str | Path) -> Pat
 def comparison_text(a: str | Path | RunData, b: str | Path | RunData) -> str:
     """The comparison of two runs for the terminal, see `write_comparison`."""
     one, two = read_run(a), read_run(b)
+    surfaces, alone = _surfaces(one, two)
+    text = [surface_text((one, two))] if surfaces else []
+    if alone:
+        return "\n".join(text)
     rows = compare_runs(one, two)
-    return "\n".join([text_table(HEADS, _shown(rows)), *_two_limits(one, two)])
+    return "\n".join([text_table(HEADS, _shown(rows)), *_two_limits(one, two), *text])
+
+
+def _surfaces(one: RunData, two: RunData) -> tuple[list[list[Value]], bool]:
+    """Rows of two surfaces that differ, and whether they are all that can be compared."""
+    rows = surface_rows((one, two)) if of_surfaces((one, two)) else []
+    alone = bool(rows) and any(run.modes is None or run.samples is None for run in (one, two))
+    return (rows if alone or any(row[7] not in (None, 1.0) for row in rows) else []), alone
 
 
 def _two_limits(one: RunData, two: RunData) -> list[str]:

@@ -127,6 +127,6 @@ def test_mistakes_are_one_line(runs, tmp_path, capsys):
     assert "no such run directory" in capsys.readouterr().err
     (tmp_path / "out").mkdir()
     run(BLOCK, COMM, tmp_path / "out", ["stages=['equilibrium']"])
-    with pytest.raises(SceneError, match=r"contains no modes.*tables/surface.csv"):
+    with pytest.raises(SceneError, match=r"contains no modes to compare; .*or both with a surface"):
         write_comparison(runs / "coarse", tmp_path / "out", tmp_path / "page")
     assert not (tmp_path / "page").exists()
