@@ -44,7 +44,7 @@ class Bodies:
         """
         own, other = self.weights(lam)
         first = _sum(self.own, own, a) - _sum(self.lead, other, F)
-        return np.vstack([first, y - _sum(self.source, other, a) - _sum(self.D, other, F)])
+        return np.vstack([first, y - self.motions(lam, a, F)])
 
     def motions(self, lam: Complex, a: Complex, F: Complex) -> Complex:
         """Motions y [m], shape (followed rows, n); arguments as in ``unbalanced``."""

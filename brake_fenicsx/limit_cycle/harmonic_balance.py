@@ -200,13 +200,12 @@ class HarmonicBalance:
         phase = np.asarray(self._weights * y.conj() / self.size(y), complex)
         found, last, misses = guess, 1.0, 0
         for iteration in range(1, ITERATIONS + 1):
-            step = self._step(found, condition, phase)
+            step, fresh = self._step(found, condition, phase)
             if step is None:
                 break
-            (a, y, s), fresh = step
-            fresh = fresh or iteration == 1
+            a, y, s = step
             size = max(la.norm(y) / la.norm(found.y), abs(s) / abs(found.s))
-            misses += size > 0.5 * last and fresh
+            misses += size > 0.5 * last and (fresh or iteration == 1)
             if not np.isfinite(size) or size > 10 or (near and misses > min(iteration - 1, MISSES)):
                 break
             share = min(1.0, 0.5 / size)
@@ -229,8 +228,8 @@ class HarmonicBalance:
 
     def _step(
         self, at: Vibration, condition: Condition, phase: Complex
-    ) -> tuple[Step, bool] | None:
-        """Newton's step, and whether its factors are new."""
+    ) -> tuple[Step | None, bool]:
+        """Newton's step, None if not found, and whether its factors are new."""
         F, tangent = self.contact(at)
         lam, step = self.lam(at), DIFFERENCE * abs(at.s)
         missing = self.bodies.unbalanced(lam, at.a, at.y, F)
@@ -247,11 +246,8 @@ class HarmonicBalance:
 
         sizes = float(la.norm(F)) or 1.0, at.amplitude
         given = forces, equation, -missing, wanted, sizes
-        if self._factors is not None:
-            made = newton_step(self._factors, *given, FEW)
-            if made is not None:
-                return made, False
+        if self._factors and (made := newton_step(self._factors, *given, FEW)):
+            return made, False
         slope = (self.bodies.unbalanced(lam + step, at.a, at.y, F) - missing) / step
         self._factors = Factors(self.bodies, lam, tangent.stiffness, slope, phase)
-        made = newton_step(self._factors, *given, VECTORS)
-        return None if made is None else (made, True)
+        return newton_step(self._factors, *given, VECTORS), True

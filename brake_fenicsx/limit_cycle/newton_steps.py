@@ -120,11 +120,16 @@ class Factors:
             y[:, which] += times(part.seen, a[:, which])
         return a, y, s
 
-    def held(self, y: Complex) -> Complex:
-        """J y."""
-        g, f, c = self.J.shape
-        out = np.einsum("gfc,fcn->gcn", self.J, y.reshape(f, c, -1))
-        return out.reshape(g * c, -1)
+
+def across(J: Array, y: NDArray) -> NDArray:
+    """J y of motions y, shape (followed rows, n), to (acting rows, n).
+
+    Args:
+        J: shape (acting blocks, followed blocks, elements).
+        y: the motions.
+    """
+    g, f, c = J.shape
+    return np.einsum("gfc,fcn->gcn", J, y.reshape(f, c, -1)).reshape(g * c, -1)
 
 
 def changes(s: complex, count: int) -> Complex:
@@ -161,7 +166,7 @@ def newton_step(
         return factors.solve(phi, sizes[1] * complex(v[-2], v[-1]), x)
 
     def seen(step: Step) -> Array:
-        phi, value = forces(*step[1:]) + factors.held(step[1]), equation(*step[1:])
+        phi, value = forces(*step[1:]) + across(factors.J, step[1]), equation(*step[1:])
         return np.r_[phi.view(float).ravel() / sizes[0], value.real, value.imag]
 
     none = np.zeros(2 * shape[0] * shape[1] + 2)

@@ -16,6 +16,7 @@ from brake_fenicsx.stability.substructures import ReducedModel
 
 from .bodies import Array, Bodies, Index
 from .contact_forces import PatchForces
+from .floquet import exponents, gives_way
 from .growth import STABLE, UNDAMPED, Branch, Cycle, follow, time_to_reach
 from .harmonic_balance import HarmonicBalance, Vibration
 from .reduced_bodies import reduced_bodies
@@ -34,7 +35,7 @@ LOSS = 0.02
 MEASURES = (
     "amplitude_um", "gap_um", "frequency_hz", "disc_um", "disc_mm_s", "pad_um", "pad_mm_s",
     "open_share", "yield_share", "slip_over_speed", "time_s", "sound_power_db", "level_1m_db",
-    "harmonics_left_out",
+    "harmonics_left_out", "exponent_1_s", "exponent_error_1_s", "exponent_hz",
 )  # fmt: skip
 
 
@@ -103,8 +104,6 @@ class SampleCycles:
             problem = self.problem(elements, settings)
             start = _along(problem, s, a, START * length[elements], self.closed[elements])
             branch = follow(problem, start, settings.largest, self.damped)
-            if others.size == 0:
-                return branch, elements
             rest = self._bodies(elements, others)
             gaps = [_gap(rest, problem, v)[: others.size] for v in branch.points]
             if not any(np.any(clearance[others] + gap.min(axis=1) < 0) for gap in gaps):
@@ -159,11 +158,14 @@ class SampleCycles:
         ratio = (rate[moving] / forces.speed[moving]).max(initial=0.0)
         level = decibels(sound_power(faces.disc, u, omega))
         last = np.linalg.norm(at.y[:, -1]) / np.linalg.norm(at.y[:, 1])
+        mu = exponents(problem, at) if cycle.kind == STABLE else np.full(2, np.nan + 0j)
+        largest = mu[1 + np.argmax(mu[1:].real)]
         return [
             1e6 * at.amplitude, 0.5e6 * float(np.ptp(gap, axis=1).max()), omega / (2 * np.pi),
             1e6 * numbers[0], 1e3 * numbers[1], 1e6 * numbers[2], 1e3 * numbers[3],
             float(opens.sum() / self.closed.sum()), float(yields.sum() / self.closed.sum()),
             float(ratio), time_to_reach(branch, cycle), level, level + AT_ONE_METRE, float(last),
+            largest.real, abs(mu[0].real), largest.imag / (2 * np.pi),
         ]  # fmt: skip
 
 
@@ -200,11 +202,14 @@ def cycles_of_modes(
             branch, elements = cycles.branch(modes.s[i], modes.right[:, i], settings)
         except NotConverged as error:
             logger.warning("mode %d: %s", i, error)
-            rows.append((int(i), "failed", nothing))
+            rows.append((int(i), "none: failed", nothing))
             continue
         points += [(int(i), *point) for point in zip(branch.amplitude, branch.s, strict=True)]
         given = branch, elements, settings, faces, slip
-        rows += [(int(i), cycle.kind, cycles.measured(cycle, *given)) for cycle in branch.cycles]
+        for cycle in branch.cycles:
+            values = cycles.measured(cycle, *given)
+            way = gives_way(values[-3], values[-2], values[-1] / values[2])
+            rows.append((int(i), way or cycle.kind, values))
         if grows[i] and not any(cycle.kind in (STABLE, UNDAMPED) for cycle in branch.cycles):
             rows.append((int(i), f"none: {branch.end}", nothing))
     number, amplitude, s = zip(*points, strict=True) if points else ((), (), ())

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import kilohertz
@@ -16,8 +17,14 @@ from .style import CYCLE, GREY, label, light_grid, new_figure
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-MOST = 6  # families of an approach, the loudest first
-LEVEL, GAP = "level_1m_db", "gap_um"
+ENDED = ("stable", "undamped", "gives way")  # outcomes at which growth ends
+DOUBTS: dict[str, str] = {
+    "undamped": "{} have no damping: growth ends there, but no vibration settles.",
+    "gives way": "{} cycles give way to another vibration: their size is a first estimate.",
+    "none": "{} modes grow beyond the largest amplitude, or their branch is lost: no number.",
+    "unstable": "{} cycles are thresholds of a kick beyond which a vibration grows.",
+}
+MOST, LEVEL = 6, "level_1m_db"  # families of an approach, the loudest first; their loudness
 NOTE = (
     "How far squeal grows: the periodic vibration at which the growth of a mode is zero, because"
     " patches open, stiffen or yield. Every family is computed alone: where several grow together,"
@@ -76,8 +83,8 @@ def draw_growth(run: RunData) -> Figure | None:
                     alpha=0.8, label=text,
                 )  # fmt: skip
             ended = (cycles["approach"] == approach) & (cycles["family"] == family)
-            for outcome, fill in (("stable", colour), ("undamped", colour), ("unstable", "none")):
-                at = cycles["amplitude_um"][ended & (cycles["outcome"] == outcome)]
+            for words, fill in ((ENDED, colour), ("unstable", "none")):
+                at = cycles["amplitude_um"][ended & _begins(cycles, words)]
                 axis.plot(at, np.zeros_like(at), "o", ms=5, mec=colour, mfc=fill, clip_on=False)
         axis.axhline(0.0, color=GREY, lw=0.8)
         axis.set_xscale("log")
@@ -98,7 +105,7 @@ def draw_loudness(run: RunData) -> Figure | None:
     for approach in run.approaches:
         for family in _loudest(run, approach):
             own = (cycles["approach"] == approach) & (cycles["family"] == family)
-            own &= np.isin(cycles["outcome"], ("stable", "undamped")) & np.isfinite(cycles[LEVEL])
+            own &= _begins(cycles, ENDED) & np.isfinite(cycles[LEVEL])
             if own.any():
                 levels.append(cycles[LEVEL][own])
                 kilo = cycles["frequency_hz"][own].mean() / 1e3
@@ -119,17 +126,15 @@ def _loudest(run: RunData, approach: str) -> list[int]:
 
 def _doubts(cycles: Columns) -> list[str]:
     """What single cycles cannot say, counted."""
-    outcome, ended = cycles["outcome"], np.isin(cycles["outcome"], ("stable", "undamped"))
-    none = np.array([text == "failed" or text.startswith("none") for text in map(str, outcome)])
-    fast = np.nan_to_num(cycles["slip_over_speed"]) > 1
-    counts = {
-        "{} cycles exceed the sliding speed.": ended & fast,
-        "{} have no damping: growth ends there, but no vibration settles.": outcome == "undamped",
-        "{} modes grow beyond the largest amplitude, or their branch is lost: they have no"
-        " number.": none,
-        "{} cycles are thresholds of a kick beyond which a vibration grows.": outcome == "unstable",
-    }  # fmt: skip
+    fast = _begins(cycles, ENDED) & (np.nan_to_num(cycles["slip_over_speed"]) > 1)
+    counts = {"{} cycles exceed the sliding speed.": fast}
+    counts |= {text: _begins(cycles, words) for words, text in DOUBTS.items()}
     return [text.format(int(n.sum())) for text, n in counts.items() if n.any()]
+
+
+def _begins(cycles: Columns, words: str | tuple[str, ...]) -> NDArray[np.bool_]:
+    """Rows whose outcome begins with one of some words."""
+    return np.array([str(text).startswith(words) for text in cycles["outcome"]], dtype=bool)
 
 
 def _text(value: float, form: str) -> str:

@@ -1,8 +1,9 @@
 """limit_cycle*.csv: how large squeal becomes, from stored samples, and families ranked by it.
 
-A family's loudness is that of its first stable cycle in each sample, or of the end of its growth
-where nothing damps it. Families are ranked by the median of the level where the faces radiate, else
-by that of the velocity of the disc or of the gap; beside it stands their rank by damping.
+A family's loudness is that of the first cycle that its growth ends at in each sample, or of the end
+of its growth where nothing damps it. Families are ranked by the median of the level where the faces
+radiate, else by that of the velocity of the disc or of the gap; beside it stands their rank by
+damping.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.limit_cycle.floquet import GIVES_WAY
 from brake_fenicsx.limit_cycle.growth import STABLE, UNDAMPED
 from brake_fenicsx.limit_cycle.sample import MEASURES
 
@@ -91,7 +93,7 @@ def _families(rows: list[list[Any]]) -> list[list[Any]]:
 
 def _first_cycles(members: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """The first cycle that growth ends at, of each mode of each sample."""
-    ended = [m for m in members if m["outcome"] in (STABLE, UNDAMPED)]
+    ended = [m for m in members if m["outcome"].startswith((STABLE, GIVES_WAY, UNDAMPED))]
     return list({(m["sample"], m["mode"]): m for m in reversed(ended)}.values())
 
 
