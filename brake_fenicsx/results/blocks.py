@@ -179,7 +179,8 @@ class Block:
 
     def __init__(self, columns: Arrays):
         """Take columns as ``Tabulation`` makes them."""
-        self.beside = {name: columns[name] for name in BESIDE if name in columns}
+        # All columns share the bytes of their file, which what is kept must not hold.
+        self.beside = {name: columns[name].copy() for name in BESIDE if name in columns}
         pairs = zip(self.beside["approaches"], self.beside["numbers"], strict=True)
         self.tasks: list[Task] = [(str(approach), int(number)) for approach, number in pairs]
         self._columns = columns
@@ -194,10 +195,10 @@ class Block:
         return [*self._shapes]
 
     def part(self, names: Sequence[str]) -> Block:
-        """The same samples with some of their arrays."""
-        kept = {name: v for name, v in self._columns.items() if name.split(".")[0] in names}
+        """The same samples with copies of some of their arrays."""
+        kept = {n: v.copy() for n, v in self._columns.items() if n.split(".")[0] in names}
         shapes = {name: own for name, own in self._shapes.items() if name in names}
-        beside = {name: self._columns[name] for name in ("approaches", "numbers")}
+        beside = {name: self.beside[name] for name in ("approaches", "numbers")}
         own = {"names": np.array([*shapes], dtype=str), "shapes": np.array([*shapes.values()])}
         return Block({**kept, **beside, **own})
 

@@ -45,7 +45,7 @@ class Counts:
             rejected = block.scalars("rejected", 0)
             self.rejected = (self.rejected or 0) + sum(int(rejected[i]) for i in own)
         forces = block.each("forces")
-        self.forces += [f for i in own if (f := forces[i]) is not None]
+        self.forces += [f.copy() for i in own if (f := forces[i]) is not None]
 
     def add_modes(self, block: Block, own: NDArray[np.bool_]) -> None:
         """Modes of a block that are of the approach."""
