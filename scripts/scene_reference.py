@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from brake_fenicsx.scene import BUILDERS, STAGES, Scene
-from brake_fenicsx.scene.parts import PartKeys, builder_class
+from brake_fenicsx.scene.parts import FileKeys, PartKeys, builder_class
 from brake_fenicsx.scene.tables import keys_of, kind_text, kinds_of, meanings, written_default
 from brake_fenicsx.scene.units import DIMENSIONS
 
@@ -127,6 +127,7 @@ def reference() -> str:
 def _parts() -> Iterator[str]:
     """What all parts share, then the parameters of each builder."""
     yield f"## [parts.NAME]\n\n{table(PartKeys)}"
+    yield f"### without a builder\n\nA part from the mesh file.\n\n{table(FileKeys)}"
     for name in BUILDERS:
         cls = builder_class(name)
         note = _plain((sys.modules[cls.__module__].__doc__ or "").strip().splitlines()[0])

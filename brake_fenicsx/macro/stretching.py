@@ -10,12 +10,14 @@ What lies on a stretched layer is shifted along z, which changes neither.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
 import numpy as np
 import scipy.sparse as sp
 import ufl
+from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
 
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
@@ -25,6 +27,9 @@ from .mesh import Mesh
 
 # A power of the stretch whose matrix is less than this share of the others is round-off.
 ROUND_OFF = 1e-12
+
+# Heights of a mesh file are the same up to this share of the thickness.
+SAME = 1e-3
 
 
 @contextmanager
@@ -67,21 +72,26 @@ def powers_of_stretch(
     }
 
 
-def check_flat(mesh: Mesh, layer: str, faces: dict[str, str]) -> None:
-    """Refuse a layer with faces that grow with its thickness.
+def check_layer(mesh: Mesh, layer: str, thickness: float | None, faces: Mapping[str, str]) -> None:
+    """Refuse a layer that cannot be stretched by itself, or changes faces in use.
 
     Args:
         mesh: the tagged mesh.
         layer: "part.layer".
+        thickness: of a layer of a mesh file, as the scene writes it [m]; None of a builder's.
         faces: key of the scene that depends on the area or the shape of a face -> the face.
 
     Raises:
-        SceneError: the key and the face.
+        SceneError: what is wrong, and the remedy.
     """
+    if layer not in mesh.layers:
+        raise SceneError(f"{layer}: the mesh has no such layer; there are {', '.join(mesh.layers)}")
+    cells = mesh.cell_tags.find(mesh.layers[layer])
+    if thickness is not None:
+        _check_flat(mesh, layer, cells, thickness)
     domain = mesh.domain
     domain.topology.create_connectivity(3, 2)
     facets_of = domain.topology.connectivity(3, 2)
-    cells = mesh.cell_tags.find(mesh.layers[layer])
     around = np.unique(np.concatenate([facets_of.links(cell) for cell in cells]))
     for key, face in faces.items():
         own = np.intersect1d(mesh.facet_tags.find(face_tag(mesh, face, key)), around)
@@ -95,4 +105,34 @@ def check_flat(mesh: Mesh, layer: str, faces: dict[str, str]) -> None:
                 f"{key}: the face {face} lies on the sides of the layer {layer}, whose thickness is"
                 " random or swept; only flat faces across z may carry anything then: run the scene"
                 " once for each thickness"
+            )
+
+
+def _check_flat(mesh: Mesh, layer: str, cells: NDArray[np.int32], thickness: float) -> None:
+    """Ends across z, where a layer of a mesh file meets others, and the thickness that is written.
+
+    Raises:
+        SceneError: the layer is no such one.
+    """
+    z, nodes = mesh.domain.geometry.x[:, 2], compat.geometry_dofs(mesh.domain)
+    key = f"parts.{layer.replace('.', '.layers.')}"
+    shared = np.zeros(z.size, dtype=bool)
+    shared[nodes[np.setdiff1d(np.arange(len(nodes)), cells)]] = True
+    # Each body by itself: a layer may lie on both sides of a disc.
+    first = np.repeat(nodes[cells, 0], nodes.shape[1])
+    links = sp.coo_matrix((np.ones(first.size), (first, nodes[cells].ravel())), (z.size, z.size))
+    _, body = connected_components(links, directed=False)
+    for number in np.unique(body[first]):
+        own = np.flatnonzero(body == number)
+        low, high = z[own].min(), z[own].max()
+        if abs(high - low - thickness) > SAME * thickness:
+            raise SceneError(
+                f"{key} = {thickness:g} m: the layer of the mesh is {high - low:.6g} m thick along"
+                " z; write that"
+            )
+        ends = np.minimum(z[own] - low, high - z[own])[shared[own]]
+        if np.any(ends > SAME * thickness):
+            raise SceneError(
+                f"{key}: the layer meets others elsewhere than at its two ends across z; run the"
+                " scene once for each thickness"
             )

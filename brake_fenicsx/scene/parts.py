@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import partial
 from typing import Annotated, Any, Literal, Union
 
@@ -11,6 +11,8 @@ from pydantic import BeforeValidator, Discriminator, Tag
 
 from brake_fenicsx.scene.tables import KeyMistake, key, table_type
 
+# What the thickness of a layer of the mesh file is called in a part.
+FILE_LAYER = "layers."
 BUILDERS = {
     "disc": "Disc", "pad": "Pad", "block": "Block", "hertz_sphere": "Sphere", "hertz_base": "Base",
     "hertz_cylinder": "Cylinder", "hertz_slab": "Plate",
@@ -65,6 +67,7 @@ class Part:
         material: one for the part, or one for each layer.
         axis: angle of the part's axis 1 from x about z [rad]; a material's own axis adds to it.
         matrices: the files that hold it, in place of builder and material.
+        layers: thickness of layers of the mesh file along z [m].
     """
 
     builder: str | None
@@ -72,6 +75,7 @@ class Part:
     material: str | dict[str, str]
     axis: float = 0.0
     matrices: Matrices | None = None
+    layers: dict[str, float] = field(default_factory=dict)
 
     @property
     def materials(self) -> tuple[str, ...]:
@@ -98,20 +102,46 @@ class PartKeys:
     axis: float | None = key("rad", default=None, sign="any")
 
 
+@dataclass(frozen=True, slots=True)
+class FileKeys:
+    """[parts.NAME]: keys of a part from the mesh file.
+
+    Attributes:
+        layers: thickness of its layers along z, as meshed: flat layers named here may take other
+            thicknesses in samples ([studies.md](studies.md#thicknesses)).
+    """
+
+    layers: dict[str, float] = field(default_factory=dict, metadata={"unit": "m"})
+
+
 def builder_class(name: str) -> Any:
     """Dataclass of a builder's parameters."""
     return getattr(importlib.import_module(f"brake_fenicsx.geometry.{name}"), BUILDERS[name])
 
 
+def thickness_key(name: str) -> tuple[str, str]:
+    """Part and key of "parts.PART.lining" or "parts.PART.layers.LAYER"."""
+    _, part, last = name.split(".", 2)
+    return part, last
+
+
+def thickness_in_scene(part: Part, name: str) -> float:
+    """Thickness [m] that a part has in the scene; arguments as below."""
+    if part.builder is None:
+        return part.layers[name.removeprefix(FILE_LAYER)]
+    return float(getattr(part.parameters, name))
+
+
 def layers_of_thickness(part: Part, name: str) -> tuple[str, ...]:
-    """Layers of a part that have one of its builder's parameters for their thickness.
+    """Layers of a part that have one of its numbers for their thickness.
 
     Args:
         part: the part.
-        name: of the parameter.
+        name: a parameter of its builder, or "layers.LAYER" of a part from the mesh file.
     """
     if part.builder is None:
-        return ()
+        layer = name.removeprefix(FILE_LAYER)
+        return (layer,) if layer in part.layers and layer != name else ()
     module = importlib.import_module(f"brake_fenicsx.geometry.{part.builder}")
     named: dict[str, tuple[str, ...]] = {}
     if hasattr(module, "thicknesses"):
@@ -134,10 +164,10 @@ def _part(
     cls: Any, material: Any, builder: str | None = None, axis: Any = None, **keys: Any
 ) -> Part:
     """A part from what its table holds."""
+    layers = {} if cls else keys.pop("layers", {})
     parameters = cls(**keys) if cls else None
-    return Part(
-        builder, parameters, material, getattr(parameters, "axis", 0.0) if axis is None else axis
-    )
+    axis = getattr(parameters, "axis", 0.0) if axis is None else axis
+    return Part(builder, parameters, material, axis, layers=layers)
 
 
 def _checked_builder(table: Any) -> Any:
@@ -149,7 +179,7 @@ def _checked_builder(table: Any) -> Any:
     builder = table.get("builder")
     if "builder" in table and builder not in list(BUILDERS):
         raise KeyMistake(f"use one of {', '.join(BUILDERS)}", "builder")
-    parameters = set(table) - {f.name for f in fields(PartKeys)}
+    parameters = set(table) - {f.name for cls in (PartKeys, FileKeys) for f in fields(cls)}
     if builder is None and parameters:
         raise KeyMistake("has no meaning without a builder", min(parameters))
     return {**table, "shim": 0} if table.get("shim") is False else table
@@ -157,7 +187,9 @@ def _checked_builder(table: Any) -> Any:
 
 def parts_type() -> Any:
     """Type of [parts]: one for each builder, and one for cells of the mesh file."""
-    kinds: dict[str | None, Any] = {None: table_type(partial(_part, None), PartKeys, builder=None)}
+    kinds: dict[str | None, Any] = {
+        None: table_type(partial(_part, None), PartKeys, FileKeys, builder=None)
+    }
     kinds["matrices"] = table_type(partial(Part, None, None, ""), MatricesKeys)
     for name in BUILDERS:
         cls = builder_class(name)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.damping import active_terms, turning_parts, used_materials
 from brake_fenicsx.scene.friction import PERFECT, one_friction, slides
-from brake_fenicsx.scene.parts import layers_of_thickness
+from brake_fenicsx.scene.parts import layers_of_thickness, thickness_key
 from brake_fenicsx.scene.samples import ENGINEERING, SCALARS, is_constant, split_key, unit_of
 from brake_fenicsx.scene.units import to_si
 
@@ -37,8 +37,7 @@ def may_vary(scene: Scene, name: str) -> bool:
     """Whether samples of one brake may have several values of a key of the scene."""
     if not any(re.fullmatch(pattern, name) for pattern, _ in SCALARS):
         return False
-    _, table, last = split_key(name)
-    return not is_thickness(name) or not any(_no_thickness(scene, table, last))
+    return not is_thickness(name) or not any(_no_thickness(scene, *thickness_key(name)))
 
 
 def si_unit(scene: Scene, name: str) -> str:
@@ -66,6 +65,8 @@ def check_scalar(s: Scene, where: str, name: str) -> None:
 def _absent(s: Scene, name: str) -> Iterator[str]:
     """Why a scalar is no number of the scene."""
     section, table, last = split_key(name)
+    if section == "parts":
+        table, last = thickness_key(name)
     tables = getattr(s, section)
     if tables is None:
         yield f"there is no section [{section}]; write it"

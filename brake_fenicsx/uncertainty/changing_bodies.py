@@ -34,10 +34,10 @@ from brake_fenicsx.macro.material_table import (
     varied_stiffness,
 )
 from brake_fenicsx.macro.mesh import Mesh
-from brake_fenicsx.macro.stretching import check_flat, powers_of_stretch
+from brake_fenicsx.macro.stretching import check_layer, powers_of_stretch
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.faces import faces_by_area
-from brake_fenicsx.scene.parts import layers_of_thickness
+from brake_fenicsx.scene.parts import FILE_LAYER, layers_of_thickness, thickness_key
 from brake_fenicsx.scene.samples import is_constant, split_key
 from brake_fenicsx.scene.scalars import changes_bodies, is_thickness
 from brake_fenicsx.scene.sweep import Range
@@ -275,7 +275,7 @@ def stretches(scene: Scene, values: Mapping[str, float]) -> dict[str, float]:
 
 def _layers_of(scene: Scene, name: str) -> list[str]:
     """Layers that have a scalar for their thickness: "part.layer"."""
-    _, part, key = split_key(name)
+    part, key = thickness_key(name)
     return [f"{part}.{layer}" for layer in layers_of_thickness(scene.parts[part], key)]
 
 
@@ -291,9 +291,11 @@ def assemble_changes(scene: Scene, brake: Brake) -> ChangingBodies:
     """
     mesh, free = brake.mesh, brake.elastic.free
     varied = by_material(dict.fromkeys(scene.varied))
-    thick = [
-        layer for name in filter(is_thickness, scene.varied) for layer in _layers_of(scene, name)
-    ]
+    thick = {
+        layer: nominal_value(scene, name) if FILE_LAYER in name else None
+        for name in filter(is_thickness, scene.varied)
+        for layer in _layers_of(scene, name)
+    }
     found: dict[Term, sp.csr_matrix] = {}
 
     def assemble(changes: Mapping[str, Array]) -> sp.csr_matrix:
@@ -316,7 +318,7 @@ def assemble_changes(scene: Scene, brake: Brake) -> ChangingBodies:
     materials = layer_materials(scene, scene_materials(scene), thick)
     lumped = scene.mesh.mass == "lumped"
     for layer, material in materials.items():
-        check_flat(mesh, layer, faces_by_area(scene, layer.partition(".")[0]))
+        check_layer(mesh, layer, thick[layer], faces_by_area(scene, layer.partition(".")[0]))
         name = material_of(scene, layer)
         add(name, "", {layer: material.C})
         mass = layer_masses(mesh, free, {layer: material.rho}, lumped)

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.parts import thickness_in_scene, thickness_key
 from brake_fenicsx.scene.samples import is_constant, split_key
 from brake_fenicsx.scene.scalars import is_thickness
 
@@ -123,7 +124,8 @@ def nominal_value(scene: Scene, name: str) -> float:
     if name == "motion.speed":
         return 1.0 if scene.motion is None else scene.motion.rate
     if is_thickness(name):
-        return float(getattr(scene.parts[table].parameters, last))
+        part, last = thickness_key(name)
+        return thickness_in_scene(scene.parts[part], last)
     found = getattr(scene, section)
     for step in [*([table] if isinstance(found, dict) else table.split(".")), last]:
         if isinstance(found, tuple):
