@@ -63,7 +63,7 @@ def comm():
 
 def _one_pixel(monkeypatch, names):
     """Pictures of figures, meshes and modes have one pixel; a name is noted for each figure."""
-    from brake_fenicsx.report import animation, figures, render
+    from brake_fenicsx.report import animation, figures, render, turned
 
     def pixel(path, *args, **keys):
         from PIL import Image
@@ -77,7 +77,8 @@ def _one_pixel(monkeypatch, names):
 
     monkeypatch.setattr(figures, "save", save)
     for module, name in ((render, "render_mesh"), (render, "render_mode"),
-                         (animation, "animate_mode")):  # fmt: skip
+                         (animation, "animate_mode"),
+                         (turned, "write_scene")):  # fmt: skip
         monkeypatch.setattr(module, name, pixel)
     return names
 

@@ -14,6 +14,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescap
 from brake_fenicsx.folder.files import whole_file
 from brake_fenicsx.results.tables import Value, show
 
+from .turned import viewer
+
 WIDEST = 1440  # pixels of a picture inside a page
 SMALL = 150_000  # bytes up to which a PNG is stored as it is
 SHORT = 28  # characters that are not broken into lines
@@ -29,6 +31,8 @@ def _environment() -> Environment:
         lstrip_blocks=True,
     )
     found.filters |= {"show": show, "cell": _cell, "picture": picture, "raw": _uri}
+    found.filters["base64"] = _base64
+    found.globals["viewer"] = lambda: _base64(viewer())
     return found
 
 
@@ -82,8 +86,12 @@ def picture(source: Path | bytes, width: int = WIDEST) -> str:
 
 def _uri(source: Path | bytes, form: str = "webp") -> str:
     """Address of a picture inside a page, as it is."""
+    return f"data:image/{form};base64,{_base64(source)}"
+
+
+def _base64(source: Path | bytes) -> str:
     data = source if isinstance(source, bytes) else source.read_bytes()
-    return f"data:image/{form};base64,{base64.b64encode(data).decode('ascii')}"
+    return base64.b64encode(data).decode("ascii")
 
 
 def _cell(value: Value) -> str:
