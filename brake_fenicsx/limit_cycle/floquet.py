@@ -20,6 +20,7 @@ import numpy as np
 import scipy.linalg as la
 
 from .bodies import Complex, times
+from .growth import STABLE
 from .harmonic_balance import HarmonicBalance, Vibration
 from .newton_steps import across
 
@@ -30,20 +31,22 @@ MOST, STEPS, APART = 4, 3, 1e-9
 # Share of omega within which two frequencies are one.
 SAME = 1e-4
 
-GIVES_WAY = "gives way"
+GIVES_WAY, UNDECIDED = "gives way", "undecided"
 
 
-def gives_way(growth: float, error: float, ratio: float) -> str:
-    """What a cycle gives way to, if a change of it grows; else "".
+def verdict(growth: float, error: float, ratio: float) -> str:
+    """Outcome of a cycle that is stable along its branch.
 
     Args:
         growth: largest real part of the exponents, but for that of a shift in time [1/s].
         error: of the exponents [1/s].
         ratio: imaginary part of that exponent over omega, 0 to 0.5.
     """
+    if abs(growth) <= error:
+        return UNDECIDED
     names = {0.0: "another cycle", 0.5: "its period doubles"}
     near = (name for at, name in names.items() if abs(ratio - at) < SAME)
-    return f"{GIVES_WAY}: {next(near, 'a second frequency')}" if growth > error else ""
+    return f"{GIVES_WAY}: {next(near, 'a second frequency')}" if growth > error else STABLE
 
 
 def exponents(problem: HarmonicBalance, at: Vibration) -> Complex:
@@ -96,8 +99,7 @@ def exponents(problem: HarmonicBalance, at: Vibration) -> Complex:
         turn = np.exp(mu[i] * t)
         harmonics = np.fft.fft(np.array(forces).T / turn) / points
         lam = mu[i] + 1j * omega * np.fft.fftfreq(points, 1 / points)
-        none = np.zeros((m, points), complex)
-        gap = bodies.motions(lam, none, harmonics) - times(D, harmonics)
+        gap = bodies.motions(lam, np.zeros((m, points), complex), harmonics) - times(D, harmonics)
         gap, moved = np.fft.ifft(gap) * points * turn, 0j
         for k in reversed(range(points)):
             left = left @ flow

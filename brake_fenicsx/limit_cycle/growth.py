@@ -81,13 +81,14 @@ class Branch:
 
     def add(self, v: Vibration) -> None:
         """One more point."""
-        self.way.append(self.way[-1] + la.norm(self.to(v)) if self.way else 0.0)
+        self.way.append(
+            self.way[-1] + la.norm(self.between(self.points[-1], v)) if self.way else 0.0
+        )
         self.points.append(v)
 
-    def to(self, v: Vibration) -> Array:
-        """From the last point to a vibration in (ln a, alpha / size)."""
-        p = self.points[-1]
-        return np.array([np.log(v.amplitude / p.amplitude), (v.s.real - p.s.real) / self.size])
+    def between(self, p: Vibration, q: Vibration) -> Array:
+        """From p to q in (ln a, alpha / size)."""
+        return np.array([np.log(q.amplitude / p.amplitude), (q.s.real - p.s.real) / self.size])
 
     def at(self, way: float) -> Vibration:
         """A vibration after a way, by polynomials through the last three points.
@@ -142,10 +143,11 @@ def follow(
         to_log, to_alpha = direction[0], direction[1] / branch.size
         place = to_log * np.log(p.amplitude) + to_alpha * p.s.real
         try:
-            q, iterations = problem.solve(
-                branch.at(branch.way[-1] + step), Condition(to_log, to_alpha, place + step),
-                ROUGHLY, True,
-            )  # fmt: skip
+            guess = branch.at(branch.way[-1] + step)
+            condition = Condition(to_log, to_alpha, place + step)
+            q, iterations = problem.solve(guess, condition, ROUGHLY, True)
+            if la.norm(branch.between(guess, q)) > step:
+                raise NotConverged("limit cycle: a vibration of another branch")
             cycle = _crossing(problem, branch, q) if damped and p.s.real * q.s.real <= 0 else None
         except NotConverged:
             step *= 0.4
@@ -154,7 +156,7 @@ def follow(
             branch.cycles.append(cycle)
             if cycle.kind == STABLE:
                 low, high = BELOW * cycle.at.amplitude, min(largest, BEYOND * cycle.at.amplitude)
-        direction = branch.to(q) / la.norm(branch.to(q))
+        direction = branch.between(p, q) / la.norm(branch.between(p, q))
         branch.add(q)
         step = min(LARGEST, step * (1.5 if iterations <= QUICK else 0.8))
     return branch

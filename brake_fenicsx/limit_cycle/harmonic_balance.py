@@ -244,8 +244,7 @@ class HarmonicBalance:
             moved = complex(phase @ y[:, 1])
             return complex(to_alpha * s.real + to_amplitude * moved.real, moved.imag / at.amplitude)
 
-        sizes = float(la.norm(F)) or 1.0, at.amplitude
-        given = forces, equation, -missing, wanted, sizes
+        given = forces, equation, -missing, wanted, (float(la.norm(F)) or 1.0, at.amplitude)
         if self._factors and (made := newton_step(self._factors, *given, FEW)):
             return made, False
         slope = (self.bodies.unbalanced(lam + step, at.a, at.y, F) - missing) / step

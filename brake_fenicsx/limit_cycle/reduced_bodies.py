@@ -63,8 +63,7 @@ def reduced_bodies(
         z = model.scaled(lam)
         held = z * np.minimum(1.0, HELD * model.pole / np.abs(z))
         powers = held ** np.arange(count)[:, None]
-        exact = z ** np.arange(len(own))[:, None]
-        return np.concatenate([exact, powers]), powers
+        return np.concatenate([z ** np.arange(len(own))[:, None], powers]), powers
 
     return Bodies(np.concatenate([own, coupling]), lead / unit, source, D / unit, weights)
 

@@ -16,7 +16,7 @@ from brake_fenicsx.stability.substructures import ReducedModel
 
 from .bodies import Array, Bodies, Index
 from .contact_forces import PatchForces
-from .floquet import exponents, gives_way
+from .floquet import exponents, verdict
 from .growth import STABLE, UNDAMPED, Branch, Cycle, follow, time_to_reach
 from .harmonic_balance import HarmonicBalance, Vibration
 from .reduced_bodies import reduced_bodies
@@ -208,8 +208,8 @@ def cycles_of_modes(
         given = branch, elements, settings, faces, slip
         for cycle in branch.cycles:
             values = cycles.measured(cycle, *given)
-            way = gives_way(values[-3], values[-2], values[-1] / values[2])
-            rows.append((int(i), way or cycle.kind, values))
+            found = verdict(values[-3], values[-2], values[-1] / values[2])
+            rows.append((int(i), found if cycle.kind == STABLE else cycle.kind, values))
         if grows[i] and not any(cycle.kind in (STABLE, UNDAMPED) for cycle in branch.cycles):
             rows.append((int(i), f"none: {branch.end}", nothing))
     number, amplitude, s = zip(*points, strict=True) if points else ((), (), ())

@@ -17,7 +17,7 @@ from .style import CYCLE, GREY, label, light_grid, new_figure
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-ENDED = ("stable", "undamped", "gives way")  # outcomes at which growth ends
+ENDED = ("stable", "undecided", "undamped", "gives way")  # outcomes at which growth ends
 DOUBTS: dict[str, str] = {
     "undamped": "{} have no damping: growth ends there, but no vibration settles.",
     "gives way": "{} cycles give way to another vibration: their size is a first estimate.",

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.limit_cycle.floquet import GIVES_WAY
+from brake_fenicsx.limit_cycle.floquet import GIVES_WAY, UNDECIDED
 from brake_fenicsx.limit_cycle.growth import STABLE, UNDAMPED
 from brake_fenicsx.limit_cycle.sample import MEASURES
 
@@ -93,7 +93,9 @@ def _families(rows: list[list[Any]]) -> list[list[Any]]:
 
 def _first_cycles(members: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """The first cycle that growth ends at, of each mode of each sample."""
-    ended = [m for m in members if m["outcome"].startswith((STABLE, GIVES_WAY, UNDAMPED))]
+    ended = [
+        m for m in members if m["outcome"].startswith((STABLE, GIVES_WAY, UNDECIDED, UNDAMPED))
+    ]
     return list({(m["sample"], m["mode"]): m for m in reversed(ended)}.values())
 
 
