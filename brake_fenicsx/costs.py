@@ -30,6 +30,10 @@ from brake_fenicsx.scene.damping import active_terms, reduced_approaches
 from brake_fenicsx.scene.in_effect import in_effect
 from brake_fenicsx.scene.scalars import changes_bodies
 
+# Degree of the interpolation over scalars of the bodies at the default tolerance, and the points
+# between its anchors where it is checked.
+DEGREE, CHECKED = 4, 2
+
 
 @dataclass(frozen=True, slots=True)
 class Sizes:
@@ -59,7 +63,7 @@ def count_solves(scene: Scene, samples: Mapping[str, int]) -> dict[str, int]:
     if scene.stability is None or "stability" not in scene.stages:
         return {}
     reduced = [name for name in samples if name in reduced_approaches(scene, samples)]
-    changing = {n for n in reduced if changing_moduli(scene) and scene.samples.takes_random(n)}
+    changing = {n for n in reduced if changing_scalars(scene) and scene.samples.takes_random(n)}
     verified = [min(scene.stability.verify, samples[name]) for name in reduced[:1]]
     at_full = [number for name, number in samples.items() if name not in reduced]
     return {
@@ -69,9 +73,14 @@ def count_solves(scene: Scene, samples: Mapping[str, int]) -> dict[str, int]:
     }
 
 
-def changing_moduli(scene: Scene) -> int:
+def changing_scalars(scene: Scene) -> list[str]:
     """Random and swept scalars of a scene that its bodies depend on."""
-    return sum(changes_bodies(scene, name) for name in scene.varied)
+    return [name for name in scene.varied if changes_bodies(scene, name)]
+
+
+def anchors(scalars: int) -> int:
+    """Points at which a body that depends on some scalars is reduced, at the usual tolerance."""
+    return comb(scalars + DEGREE, DEGREE) + CHECKED if scalars else 1
 
 
 def run_sizes(scene: Scene, samples: Mapping[str, int], dofs: int, elements: int) -> Sizes:
@@ -84,7 +93,7 @@ def run_sizes(scene: Scene, samples: Mapping[str, int], dofs: int, elements: int
     if any(solves.values()):
         shared = 150e-9 * m**2 + 3e-6 * n + (350e-9 * m**2 if damped else 0.0)
         if solves["reduced with bodies of their own"]:
-            shared += 15e-9 * m**2 * comb(changing_moduli(scene) + 4, 4)
+            shared += 15e-9 * m**2 * anchors(len(changing_scalars(scene)))
         if sum(solves.values()) == sum(samples.values()):
             share = 0.2 + max(2.2e-6 * n, 0.12e-6 * m**2 * (4 if damped else 1))
     else:

@@ -17,7 +17,15 @@ from brake_fenicsx.checks import (
     with_patch,
     with_pixels,
 )
-from brake_fenicsx.costs import cost_lines, count_solves, earlier_run, run_sizes, scaled_seconds
+from brake_fenicsx.costs import (
+    anchors,
+    changing_scalars,
+    cost_lines,
+    count_solves,
+    earlier_run,
+    run_sizes,
+    scaled_seconds,
+)
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.damping import active_terms
 from brake_fenicsx.scene.friction import listed
@@ -126,6 +134,12 @@ def _sample_lines(scene: Scene, samples: Mapping[str, int]) -> Iterator[str]:
     modes = ", ".join(f"{number} {way}" for way, number in ways if number)
     named = ", ".join(f"{n} {scene.spoken(name)}" for name, n in samples.items())
     yield f"samples: {named}{modes and f'; modes: {modes}'}"
+    changing = changing_scalars(scene) if "reduced" in modes else []
+    if changing:
+        yield (
+            f"reduced model: bodies depend on {', '.join(changing)}; one that depends on all is"
+            f" reduced at {anchors(len(changing))} points, one that depends on none at one"
+        )
     if damped := {term: None for name in samples for term in active_terms(scene, name)}:
         yield f"damping: {', '.join(damped)}"
     yield f"friction: {listed(scene)}"
