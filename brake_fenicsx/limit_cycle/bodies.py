@@ -59,7 +59,8 @@ class Bodies:
         """Real parts of ``lead``, ``source`` and ``D`` at lambda = s."""
         w = self.weights(np.array([s]))[1][:, 0].real
         lead, source, D = (
-            np.tensordot(w[: len(terms)], terms, 1) for terms in (self.lead, self.source, self.D)
+            np.asarray(np.tensordot(w[: len(terms)], terms, 1), float)
+            for terms in (self.lead, self.source, self.D)
         )
         return lead, source, D
 

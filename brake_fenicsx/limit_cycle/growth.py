@@ -104,8 +104,8 @@ class Branch:
         amplitude = float(np.exp(w @ np.log(a) + (way - x[0]) * (x.size == 1)))
         shape = w * amplitude / a
         return Vibration(
-            np.tensordot(shape, [v.a for v in points], 1),
-            np.tensordot(shape, [v.y for v in points], 1),
+            np.asarray(np.tensordot(shape, [v.a for v in points], 1), complex),
+            np.asarray(np.tensordot(shape, [v.y for v in points], 1), complex),
             complex(w @ self.s[-3:]), amplitude,
         )  # fmt: skip
 

@@ -134,7 +134,7 @@ def across(J: Array, y: NDArray) -> NDArray:
 
 def changes(s: complex, count: int) -> Complex:
     """Change of each harmonic's lambda with a change s of the first one's."""
-    out = 1j * s.imag * np.arange(count)
+    out: Complex = np.asarray(1j * s.imag * np.arange(count), complex)
     out[1] = s
     return out
 

@@ -38,8 +38,9 @@ def reduced_bodies(
     terms = count if coupled else 1
     own = np.zeros((len(views[0].modal), size, size))
     coupling = np.zeros((count * coupled, size, size))
-    lead, source = np.zeros((terms, size, columns)), np.zeros((terms, rows, size))
-    D = np.zeros((count, rows, columns))
+    lead: Array = np.zeros((terms, size, columns))
+    D: Array = np.zeros((count, rows, columns))
+    source = np.zeros((terms, rows, size))
     for body, view in zip(model.bodies, views, strict=True):
         comp, modes, m = body.component, body.modes, body.elements.size
         here, place = _shared(body.elements, seen).rows(f, m, seen.size)
@@ -65,7 +66,8 @@ def reduced_bodies(
         powers = held ** np.arange(count)[:, None]
         return np.concatenate([z ** np.arange(len(own))[:, None], powers]), powers
 
-    return Bodies(np.concatenate([own, coupling]), lead / unit, source, D / unit, weights)
+    lead, D = np.asarray(lead / unit, float), np.asarray(D / unit, float)
+    return Bodies(np.concatenate([own, coupling]), lead, source, D, weights)
 
 
 def _shared(of_body: Index, chosen: Index) -> Closed:

@@ -8,7 +8,7 @@ kappa gives two rows, +-alpha.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,7 +83,7 @@ class Modes:
 
     def _repr_html_(self) -> str:
         """Modes as a table of a notebook."""
-        columns = self.frequency.tolist(), self.s.real.tolist(), self.damping.tolist(), self.verdict
+        columns: Any = self.frequency, self.s.real, self.damping, self.verdict
         heads = ("mode", "frequency [Hz]", "alpha [1/s]", "damping [-]", "verdict")
         rows = [[i, *cells] for i, cells in enumerate(zip(*columns, strict=True))]
         return html_table(repr(self), heads, rows)

@@ -58,7 +58,7 @@ class Parameters:
     @property
     def extreme_shapes(self) -> list[Array]:
         """The corners of the box of the shapes, all else at the centre; none of constant shapes."""
-        points = []
+        points: list[Array] = []
         for ends in product((-1.0, 1.0), repeat=len(self.shapes)) if self.shapes else ():
             points.append(np.zeros(self.dimension))
             points[-1][list(self.shapes)] = ends
