@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 from sphinx.application import Sphinx
@@ -64,6 +65,9 @@ def read_script(app: Sphinx, page: str, source: list[str]) -> None:
     path = Path(app.env.doc2path(page))
     if path.suffix != ".py":
         return
+    if (notebook := path.with_suffix(".ipynb")).is_file():
+        source[0] = "\n\n".join(_cells(notebook))
+        return
     pieces: list[tuple[bool, list[str]]] = [(False, [])]
     in_cell = False
     for line in source[0].splitlines():
@@ -80,6 +84,23 @@ def read_script(app: Sphinx, page: str, source: list[str]) -> None:
         f"This page is the script `docs/gallery/{path.name}`; see the [gallery](index.md)."
     )
     source[0] = "\n\n".join(parts)
+
+
+def _cells(notebook: Path) -> Iterator[str]:
+    """Text, code and printed output of an executed notebook, and where to get it."""
+    for cell in json.loads(notebook.read_text())["cells"]:
+        text = "".join(cell["source"])
+        yield f"```python\n{text}\n```" if cell["cell_type"] == "code" else text
+        for output in cell.get("outputs", []):
+            shown = output.get("data", {})
+            said = "".join(output.get("text", shown.get("text/plain", "")))
+            if said and "image/png" not in shown:  # the picture stands above
+                yield f":::{{code-block}} text\n:class: output\n\n{said.rstrip()}\n:::"
+    name = notebook.stem
+    yield (
+        f"{{download}}`Notebook with its output <{name}.ipynb>`; the page is the script"
+        f" `docs/gallery/{name}.py`, see the [gallery](index.md)."
+    )
 
 
 def setup(app: Sphinx) -> None:

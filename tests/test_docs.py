@@ -42,12 +42,22 @@ def test_the_schema_of_a_scene_is_on_the_site(site):
 
 def test_the_interface_has_every_public_function(site):
     """Autodoc writes an anchor for each; a name that moved would leave none."""
-    page = (site / "api.html").read_text()
+    page = "".join(path.read_text() for path in (site / "api").glob("*.html"))
     names = ["run", "assemble", "prepare", "sample", "sweep", "scene.read_scene"]
     for package in ("surface", "micro", "macro", "stability"):
         public = import_module(f"brake_fenicsx.{package}").__all__
         names += [f"{package}.{name}" for name in public]
     assert [name for name in names if f'id="brake_fenicsx.{name}"' not in page] == []
+
+
+@pytest.mark.parametrize("page", sorted((DOCS / "api").glob("*.md")), ids=lambda path: path.stem)
+def test_each_page_of_the_interface_has_an_example_that_runs(page, tmp_path, monkeypatch, capsys):
+    """As it stands, in a folder that has the scenes, and with something to say."""
+    (code,) = re.findall(r"^```python\n(.*?)^```$", page.read_text(), re.M | re.S)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scripts").symlink_to(ROOT / "scripts")
+    exec(compile(code, page.name, "exec"), {})
+    assert capsys.readouterr().out
 
 
 def test_tests_that_pages_name_are_there():
