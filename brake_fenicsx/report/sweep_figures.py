@@ -36,7 +36,7 @@ Curve = tuple[NDArray, NDArray, NDArray]
 # Branches and families with a colour of their own.
 MOST = 7
 # How values that are stored in SI units are shown.
-SHOWN = {"Pa": (1e-6, "MPa"), "Pa/m": (1e-9, "GPa/m")}
+SHOWN = {"Pa": (1e-6, "MPa"), "Pa/m": (1e-9, "GPa/m"), "m": (1e3, "mm")}
 QUANTILES = (0.05, 0.5, 0.95)
 
 
