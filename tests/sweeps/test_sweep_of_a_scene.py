@@ -189,7 +189,10 @@ def test_chart_over_two_parameters(tmp_path):
         ([f'sweep.parameters."{KEY}"={{ values = [0.1, 0.3, 0.2] }}'], "rising or falling"),
         ([f'sweep.parameters."{KEY}"={{ start = -0.1, stop = 1.0 }}'], "must be zero or more"),
         (['sweep.parameters."contact.none.friction"={ start = 0.0, stop = 1.0 }'], "no [contact"),
-        (['sweep.parameters."parts.block.height"={ start = "1 mm", stop = "2 mm" }'], "mesh"),
+        (
+            ['sweep.parameters."parts.block.length"={ start = "1 mm", stop = "2 mm" }'],
+            "only thicknesses",
+        ),
         (["sweep.samples=3"], "0 keys"),
         (
             [
