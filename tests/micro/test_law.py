@@ -67,7 +67,7 @@ def test_a_library_at_one_pressure(law, share):
         found = one.stiffness(at.d[i]), one.vibration(at.d[i])
         assert found == (pytest.approx(at.k[i], rel=1e-9), pytest.approx(at.v[i], rel=1e-9))
     assert at.p.tolist() == [p, p] and at.area.shape == (2,)
-    np.testing.assert_array_equal(library.at_pressure(f"{p!r} Pa").d, at.d)
+    np.testing.assert_array_equal(library.at_pressure(f"{float(p)!r} Pa").d, at.d)
 
 
 @pytest.mark.parametrize(
