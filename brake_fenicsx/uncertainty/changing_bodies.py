@@ -19,7 +19,7 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.macro.brake import Brake
 from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.layer_mass import layer_masses
@@ -114,6 +114,11 @@ def _spanning(scene: Scene, name: str) -> list[float]:
         values += map(float, quantile(law, [TAIL, 1 - TAIL], nominal))
     if scene.sweep is not None:
         values += [nominal, *scene.sweep.parameters.get(name, Range()).points]
+    if is_thickness(name) and not min(values) > 0:
+        raise SceneError(
+            f'samples.random."{name}": the law reaches {min(values):.3g} m with a probability of'
+            f" {TAIL:g}; write a positive min, or a smaller sd"
+        )
     return values
 
 

@@ -51,3 +51,11 @@ def test_a_thickness_beyond_what_was_prepared():
     exact = full_modes(study.models, sample, study._prepared.of("multi-scale", sample))
     found = prepared.modes({HEIGHT: height})
     np.testing.assert_allclose(found.frequency, exact.frequency, rtol=1e-6)
+
+
+def test_a_law_that_reaches_a_thickness_of_zero():
+    """A normal law whose lower tail has no body: rejected before anything is reduced."""
+    law = "{ law='normal', mean='20 mm', sd='10 mm' }"
+    many = "stages=['equilibrium','stability','uncertainty']"
+    with pytest.raises(SceneError, match=r"the law reaches -0\.0109 m .*write a positive min"):
+        model.prepare(BLOCK, [*COARSE, many, f'samples.random."{HEIGHT}"={law}'])
