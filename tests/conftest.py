@@ -38,6 +38,14 @@ def _runs(item):
     return "processes" not in item.fixturenames
 
 
+@pytest.hookimpl(trylast=True)
+def pytest_runtest_logreport(report):
+    """A test that fails on one of several processes ends them all: the others may wait for it."""
+    if report.failed and MPI.COMM_WORLD.size > 1:
+        print(f"\n{report.nodeid}, process {MPI.COMM_WORLD.rank}\n{report.longreprtext}", flush=True)
+        MPI.COMM_WORLD.Abort(1)
+
+
 @pytest.fixture(autouse=True)
 def _collect_together():
     """PETSc objects are destroyed by all processes together, between tests and nowhere else."""

@@ -45,6 +45,8 @@ def test_a_share_writes_nothing_and_other_matrices_are_not_taken(brake, store):
     store.share = Share(1, 2)
     assert not mapped(with_shared_matrices(brake, store, COMM).K)
     assert not store.path(FILE).exists()
+    # A share is nothing that processes do together: none goes on to write while another looks.
+    COMM.Barrier()
     store.share = None
     with_shared_matrices(brake, store, COMM)
     elastic = brake.elastic
@@ -53,6 +55,7 @@ def test_a_share_writes_nothing_and_other_matrices_are_not_taken(brake, store):
     store.share = Share(1, 2)
     kept = with_shared_matrices(softer, store, COMM)
     assert not mapped(kept.K) and abs(kept.K - softer.K).max() == 0
+    COMM.Barrier()
     store.share = None
     made = with_shared_matrices(softer, store, COMM)
     assert mapped(made.K) and abs(made.K - softer.K).max() <= 1e-10 * abs(softer.K).max()
