@@ -42,7 +42,8 @@ def _runs(item):
 def pytest_runtest_logreport(report):
     """A test that fails on one of several processes ends them all: the others may wait for it."""
     if report.failed and MPI.COMM_WORLD.size > 1:
-        print(f"\n{report.nodeid}, process {MPI.COMM_WORLD.rank}\n{report.longreprtext}", flush=True)
+        where = f"{report.nodeid}, process {MPI.COMM_WORLD.rank}"
+        print(f"\n{where}\n{report.longreprtext}", flush=True)
         MPI.COMM_WORLD.Abort(1)
 
 
