@@ -35,7 +35,8 @@ from brake_fenicsx.folder.entry import PREPARED, check_folder, enter_prepared, o
 from brake_fenicsx.folder.files import whole_file
 from brake_fenicsx.folder.lock import Share
 from brake_fenicsx.folder.log import Progress, logger, start_log
-from brake_fenicsx.folder.processes import in_turns, on_first, peak_memory, release_memory
+from brake_fenicsx.folder.memory import release_memory
+from brake_fenicsx.folder.processes import in_turns, on_first, peak_memory
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.folder.termination import end_of_stage
 from brake_fenicsx.results.versions import versions

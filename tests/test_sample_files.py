@@ -3,6 +3,7 @@
 import json
 import os
 import tracemalloc
+from pathlib import Path
 from types import SimpleNamespace
 
 from mpi4py import MPI
@@ -12,6 +13,7 @@ import pytest
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder import sample_files
+from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.results.stored import Results
 from brake_fenicsx.uncertainty.ensemble import run_ensemble
@@ -163,3 +165,32 @@ def test_json_of_a_folder_is_strict(tmp_path):
     store.save_json("a.json", {"a": float("inf"), "b": [np.float64("nan"), 0.1], "c": np.int64(2)})
     found = json.loads((tmp_path / "a.json").read_text(), parse_constant=refuse)
     assert found == {"a": None, "b": [None, 0.1], "c": 2}
+
+
+def resident_megabytes():
+    """Memory of this process, and how much of it is of files."""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    words = dict(line.split(":") for line in lines)
+    return np.array([int(words[name].split()[0]) / 1024 for name in ("VmRSS", "RssFile")])
+
+
+def test_memory_goes_back(tmp_path):
+    """That of freed arrays at once, that of mapped files when asked; their numbers stay."""
+    release_memory()
+    before = resident_megabytes()
+    values = np.random.default_rng(1).random((8, 2**20))
+    assert resident_megabytes()[0] > before[0] + 50
+    store = Store(tmp_path)
+    store.save("a.npz", values=values, few=values[0, :3])
+    mapped = store.load("a.npz", mapped=True)
+    np.testing.assert_array_equal(mapped["values"], values)
+    np.testing.assert_array_equal(mapped["few"], values[0, :3])
+    held = resident_megabytes()
+    assert held[1] > before[1] + 50
+    del values
+    assert resident_megabytes()[0] < held[0] - 50
+    release_memory()
+    assert resident_megabytes()[0] < before[0] + 20
+    assert mapped["values"].sum() == np.random.default_rng(1).random((8, 2**20)).sum()
+    with pytest.raises(ValueError, match="read-only"):
+        mapped["values"][0, 0] = 1.0

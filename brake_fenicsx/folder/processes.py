@@ -1,13 +1,10 @@
-"""Processes of a run: work that they take in turns, and memory that they give back.
+"""Processes of a run: work that they take in turns, and the memory of the largest.
 
-A result, or what went wrong, reaches all of them. SuperLU_DIST, which PETSc loads, tells the C
-library to keep whatever is freed (mallopt: no mmap, no trimming). A process then holds its peak to
-its end, and peaks of several processes add up although they come at different times.
+A result, or what went wrong, reaches all of them.
 """
 
 from __future__ import annotations
 
-import ctypes
 import resource
 import socket
 from collections.abc import Callable, Iterator
@@ -19,7 +16,6 @@ from mpi4py import MPI
 from brake_fenicsx.errors import BrakeError
 
 T = TypeVar("T")
-_trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
 
 
 def in_turns(count: int, work: Callable[[int], T], comm: MPI.Comm) -> Iterator[T]:
@@ -50,12 +46,6 @@ def on_first(work: Callable[[], T], comm: MPI.Comm) -> T:
     """
     (one,) = in_turns(1, lambda i: work(), comm)
     return one
-
-
-def release_memory() -> None:
-    """Return free pages to the system; nothing happens where the C library cannot."""
-    if _trim is not None:
-        _trim(ctypes.c_size_t(0))
 
 
 def peak_memory(comm: MPI.Comm) -> tuple[float, float]:

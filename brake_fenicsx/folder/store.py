@@ -10,6 +10,7 @@ samples/              finished samples (sample_files.py)
 from __future__ import annotations
 
 import json
+import mmap
 import os
 import shutil
 import struct
@@ -24,6 +25,7 @@ import numpy as np
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.files import whole_file
 from brake_fenicsx.folder.lock import Lock, Share
+from brake_fenicsx.folder.memory import mapped_files
 from brake_fenicsx.folder.sample_files import SampleFiles, damaged
 
 # What to forget when a stage is run again; later stages lose theirs too.
@@ -207,8 +209,10 @@ def _write_arrays(file: BinaryIO, arrays: Mapping[str, Any]) -> None:
 
 def _mapped(path: Path) -> dict[str, np.ndarray]:
     """The large arrays of an npz file, mapped read-only."""
-    found = {}
+    found = dict[str, np.ndarray]()
     with zipfile.ZipFile(path) as archive, path.open("rb") as file:
+        content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        mapped_files.add(content)
         for entry in archive.infolist():
             if entry.file_size < MAPPED or entry.compress_type != zipfile.ZIP_STORED:
                 continue
@@ -218,10 +222,9 @@ def _mapped(path: Path) -> dict[str, np.ndarray]:
             shape, turned, dtype = npy.read_array_header_1_0(file)
             if file.tell() % dtype.alignment:
                 continue
-            array: Any = np.memmap(
-                path, dtype, mode="r", offset=file.tell(), shape=shape, order="F" if turned else "C"
+            found[entry.filename.removesuffix(".npy")] = np.ndarray(
+                shape, dtype, content, file.tell(), order="F" if turned else "C"
             )
-            found[entry.filename.removesuffix(".npy")] = np.asarray(array)
     return found
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,9 +27,8 @@ def draw_errors(run: RunData) -> Figure | None:
     for approach in run.approaches:
         own = np.asarray(run.modes["approach"] == approach) & (every > 0) & np.isfinite(every)
         if own.any():
-            drawn = True
-            f, error = run.modes["frequency_hz"][own] / 1e3, every[own]
-            _draw_bands(axes[0, 0], f, error, approach)
+            drawn, error = True, every[own]
+            _draw_bands(axes[0, 0], run.modes["frequency_hz"][own], error, approach)
             _draw_excess(axes[0, 1], error, approach, label(run, approach))
     if not drawn:
         return None
@@ -45,21 +45,23 @@ def draw_errors(run: RunData) -> Figure | None:
 
 
 def _draw_bands(axes: Axes, f: NDArray, error: NDArray, approach: str, bands: int = 24) -> None:
-    """Largest and median error in equal bands of frequency [kHz]."""
+    """Largest and median error in equal bands of frequency."""
     colour, marker = look(approach)
     edges = np.linspace(0.0, f.max() * (1 + 1e-12), bands + 1)
-    place = np.digitize(f, edges) - 1
-    full = [j for j in range(bands) if np.any(place == j)]
-    middle = 0.5 * (edges[1:] + edges[:-1])[full]
-    axes.plot(middle, [error[place == j].max() for j in full], color=colour, lw=1.2)
-    medians = [np.median(error[place == j]) for j in full]
-    axes.plot(middle, medians, marker, color=colour, ms=3.5)
+    rows = []
+    for low, high in pairwise(edges):
+        own = error[(low <= f) & (f < high)]
+        if own.size:
+            rows.append((0.5e-3 * (low + high), own.max(), np.median(own)))
+    middle, largest, median = zip(*rows, strict=True)
+    axes.plot(middle, largest, color=colour, lw=1.2)
+    axes.plot(middle, median, marker, color=colour, ms=3.5)
 
 
 def _draw_excess(axes: Axes, error: NDArray, approach: str, name: str) -> None:
-    """Share of modes with a larger error, at up to 400 of the values."""
-    ordered = np.sort(error)
+    """Share of modes with a larger error, at up to 400 of the values, which are sorted."""
+    error.sort()
     chosen = np.unique(np.linspace(0, error.size - 1, 400).astype(int))
     share = 1.0 - chosen / error.size
     colour, _ = look(approach)
-    axes.step(ordered[chosen], share, where="post", color=colour, ls=stroke(approach), label=name)
+    axes.step(error[chosen], share, where="post", color=colour, ls=stroke(approach), label=name)

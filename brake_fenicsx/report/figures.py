@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.results.run import RunData, read_run
 
 from .contact_figures import draw_contact_pressure
@@ -238,6 +239,7 @@ def make_figures(
             figure = plot.draw(run) if draw else None
             if figure is not None:
                 written += save(figure, folder, plot.name)
+                release_memory()
                 continue
             for old in folder.glob(f"{plot.name}.*"):
                 old.unlink()  # of an earlier run with other stages or keys

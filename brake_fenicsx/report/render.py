@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.compat import vtk_cells
+from brake_fenicsx.folder.memory import release_memory
 
 from .style import CYCLE, house_style
 
@@ -281,6 +282,7 @@ def _photograph(surface: Any, side: float, scalars: str, distance: float) -> NDA
     plotter.enable_anti_aliasing("ssaa")
     image = np.asarray(plotter.screenshot(return_img=True))
     plotter.close()
+    release_memory()
     return image
 
 

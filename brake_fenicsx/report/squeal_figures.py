@@ -55,17 +55,19 @@ def draw_squeal_map(run: RunData) -> Figure | None:
     low, high = axes[0, 0].get_ylim()
     # Room above the points for the legend; the panels share the axis.
     axes[0, 0].set_ylim(min(3 * low, -3e-3), max(20 * high, 2e-2))
+    f, damping, verdict = (run.modes[name] for name in ("frequency_hz", "damping", "verdict"))
+    squeal = squeals(run.modes, run.threshold)
     for axis, approach in zip(axes.flat, run.approaches, strict=True):
-        modes = run.squeal.modes(approach, ("frequency_hz", "damping", "verdict"))
-        f, damping, verdict = modes["frequency_hz"] / 1e3, modes["damping"], modes["verdict"]
-        squeal = squeals(modes, run.threshold)
+        good = run.squeal.of_good(approach)
         for name, own, colour, marker, size in (
             ("stable", verdict == "stable", BLUE, "o", 12),
             ("unstable, no squeal", (verdict == "unstable") & ~squeal, GREY, "v", 20),
             ("squeal", squeal, VERMILION, "v", 20),
             ("neutral", verdict == "neutral", BLACK, "s", 14),
         ):
-            _scatter(axis, f[own], damping[own], colour, marker, size, f"{name}: {own.sum()}")
+            rows = np.flatnonzero(good & own)
+            few, text = _thinned(rows), f"{name}: {rows.size}"
+            _scatter(axis, f[few] / 1e3, damping[few], colour, marker, size, text)
         axis.legend(loc="upper left", ncol=4, bbox_to_anchor=(0, 1.02), handletextpad=0.1)
     return figure
 
@@ -257,8 +259,7 @@ def _scatter(
     if x.size == 0:
         return
     many = x.size > MANY_POINTS
-    step = -(-x.size // DRAWN_POINTS)
-    x, y = x[::step], y[::step]
+    x, y = _thinned(x), _thinned(y)
     axes.scatter(
         x,
         y,
@@ -271,6 +272,11 @@ def _scatter(
         rasterized=many,
         zorder=3,
     )
+
+
+def _thinned(values: NDArray) -> NDArray:
+    """At most as many values as a scatter draws."""
+    return values[:: max(1, -(-values.size // DRAWN_POINTS))]
 
 
 def _sampled(run: RunData) -> list[str]:

@@ -39,10 +39,11 @@ def error_rows(run: RunData) -> list[list[Value]]:
     rows: list[list[Value]] = []
     for approach in run.approaches:
         mine = np.asarray(run.modes["approach"] == approach)
-        residual, condition = run.modes["residual"][mine], run.modes["condition"][mine]
-        error = run.errors[mine]
-        quantiles = [(residual, 0.5), (residual, 1.0), (error, 0.5), (error, 0.95), (error, 1.0)]
-        figures = (_quantile(values, share) for values, share in [*quantiles, (condition, 1.0)])
+        figures = [
+            *_quantiles(run.modes["residual"], mine, 0.5, 1.0),
+            *_quantiles(run.errors, mine, 0.5, 0.95, 1.0),
+            *_quantiles(run.modes["condition"], mine, 1.0),
+        ]
         rows.append([approach, int(mine.sum()), *figures])
     return rows
 
@@ -104,9 +105,12 @@ def stage_rows(summary: Mapping[str, Any]) -> list[list[Value]]:
     return [[name, seconds.get(name), memory.get(name)] for name in names]
 
 
-def _quantile(values: NDArray, share: float) -> float | None:
-    known = values[np.isfinite(values)]
-    return float(np.quantile(known, share)) if known.size else None
+def _quantiles(values: NDArray, mine: NDArray[np.bool_], *shares: float) -> list[Value]:
+    """Quantiles of the finite values of some rows; None without any."""
+    known = values[mine & np.isfinite(values)]
+    if known.size == 0:
+        return [None] * len(shares)
+    return [float(v) for v in np.quantile(known, shares, overwrite_input=True)]
 
 
 def _numbers(table: object) -> dict[str, float]:

@@ -116,9 +116,19 @@ class ParquetColumns(Mapping[str, Any]):
     def __getitem__(self, name: str) -> Any:
         if name not in self.file.schema_arrow.names:
             raise KeyError(name)
-        column = self.file.read([name]).column(0).to_pandas()
+        kind, about = self.file.schema_arrow.field(name).type, self.file.metadata
+        if "dictionary" in str(kind):
+            return self.file.read([name]).column(0).to_pandas().array
+        place = self.file.schema_arrow.get_field_index(name)
+        groups = (about.row_group(i).column(place) for i in range(about.num_row_groups))
+        empty = any(group.statistics.null_count for group in groups)
+        # Part by part, else there are two copies of it.
+        out, start = np.empty(about.num_rows, float if empty else kind.to_pandas_dtype()), 0
+        for part in self.file.iter_batches(GROUP, columns=[name]):
+            out[start : start + len(part)] = part.column(0).to_numpy(zero_copy_only=False)
+            start += len(part)
         self._pool.release_unused()
-        return column.array if column.dtype == "category" else column.to_numpy()
+        return out
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.file.schema_arrow.names)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
@@ -268,6 +269,7 @@ def write_results(study: Study) -> dict[Task, dict[str, Any]]:
     """
     points = dof_points(study.brake)
     first, facts, found = on_first(lambda: _tables(study, points), study.comm)
+    release_memory()
     study.facts |= facts
     if found is not None:
         from .probabilities import find_causes, write_causes

@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
 from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.log import Progress, logger
-from brake_fenicsx.folder.processes import on_first, release_memory
+from brake_fenicsx.folder.memory import release_memory
+from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.brake import Brake
 from brake_fenicsx.macro.condensation import Compliance, Solves, compliance

@@ -12,7 +12,8 @@ from mpi4py import MPI
 import numpy as np
 import scipy.sparse as sp
 
-from brake_fenicsx.folder.processes import on_first, release_memory
+from brake_fenicsx.folder.memory import release_memory
+from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.brake import Brake
 

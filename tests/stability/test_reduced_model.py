@@ -1,5 +1,6 @@
 """The reduced model against dense full order: every kind of brake, every mode of the band."""
 
+from mmap import mmap
 from types import SimpleNamespace
 
 from mpi4py import MPI
@@ -193,7 +194,7 @@ def test_what_was_made_earlier_gives_the_same_bytes(two_blocks, changing, tmp_pa
     )  # fmt: skip
     monkeypatch.setattr("brake_fenicsx.folder.store.MAPPED", 1000)
     mapped = store.load("model.npz", mapped=True)
-    assert isinstance(mapped["1.W"].base, np.memmap)
+    assert isinstance(mapped["1.W"].base, mmap)
     again = ReducedModel(mapped, scene.w, BAND, parameters)
     sample = Sample(scene, "loss", (0.1, -0.2) if changing else (), seed=2)
     a, b = sample.modes(first), sample.modes(again)

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
-from brake_fenicsx.folder.processes import release_memory
+from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.macro.solver import Factor
 
 from .lanczos import lowest_modes

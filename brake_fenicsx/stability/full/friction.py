@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.folder.processes import release_memory
+from brake_fenicsx.folder.memory import release_memory
 
 from ..eigensolvers.argument_principle import RIM, undamped_reach, undamped_region
 from ..eigensolvers.arnoldi import nearest_modes, with_conjugates

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from brake_fenicsx.arguments import frequency_band
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.folder.processes import in_turns
 
 from ..eigensolvers.arnoldi import with_conjugates
@@ -261,13 +262,12 @@ class ReducedModel:
             left: likewise.
             comm: processes that share the work.
         """
-        chosen = [
-            SampleModes(
-                self._sample(p, contact), np.asarray(p, float), self.scaled(s),
-                a.conj() if left else a,
-            )
-            for p, contact, s, a in modes
-        ]  # fmt: skip
+        chosen = []
+        for p, contact, s, a in modes:
+            a = a.conj() if left else a
+            sample, x = self._sample(p, contact), np.asarray(p, float)
+            chosen.append(SampleModes(sample, x, self.scaled(s), a))
+            release_memory()
         found = mode_displacements(chosen, self.rows, left, comm)
         return [u.conj() if left else u for u in found]
 

@@ -25,6 +25,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import NotConverged
+from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.folder.processes import in_turns
 
 from ..eigensolvers.arnoldi import on_parts, times
@@ -249,6 +250,7 @@ def mode_displacements(
 
     def work(j: int) -> list[tuple[int, list[Complex]]]:
         component, users = keys[j][0], matrices[keys[j]]
+        release_memory()
         P = component.polynomial(modes[users[0]].x)
         P = [A.T.tocsr() for A in P] if left else P
         complement = Complement(P[0], component.mass, component.W)
