@@ -1,0 +1,107 @@
+"""Every picture of README and docs is in the table of pictures, and is made by its command."""
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+GUIDE = (DOCS / "developer_guide.md").read_text()
+ROWS = re.findall(r"^\| (`[a-z_]+\.png`.*) \| (.*) \| (.*)\|$", GUIDE, re.M)
+MADE = {name: row for row in ROWS for name in re.findall(r"`([a-z_]+\.png)`", row[0])}
+# Words that make a command short: its picture has fewer points then.
+SHORT = {
+    "squeal_map.png": [
+        "--set", "samples.n=2", "--set", "samples.joint={ n=4, design='latin-hypercube' }",
+        "--set", "samples.parametric={ n=4, design='latin-hypercube' }", "--set", "micro.laws=4",
+        "--set", "parts.disc.size='16 mm'", "--set", "parts.pad.size='9 mm'", "--set",
+        "parts.pad.plate_size='10 mm'", "--set", "stability.band=['0 Hz', '8 kHz']",
+    ],
+    "laws.png": ["--samples", "2"],
+    "speed_against_error.png": ["--quick"],
+}  # fmt: skip
+# Height over width of a picture made again, relative.
+SHAPE = 0.03
+
+
+def test_every_picture_is_in_the_table_and_has_its_command_beside_it():
+    """Those of the gallery are made by the script that they link to (tests/test_gallery.py)."""
+    shown = set()
+    for page in [ROOT / "README.md", *DOCS.rglob("*.md")]:
+        text = page.read_text()
+        for match in re.finditer(r"^!\[[^]]*\]\(([^)]+)\)\n\n((?:.+\n)+)", text, re.M):
+            name = Path(match[1]).name
+            assert name in MADE, (page.name, name)
+            assert re.search(r"`(brake-fenicsx|scripts/)|commands\s+above", match[2]), name
+            shown.add(name)
+        linked = re.findall(r"\[!\[[^]]*\]\(([^)]+)\.png\)\]\(([^) ]+)\.py", text)
+        assert all(picture == script for picture, script in linked)
+        every = re.findall(r"!\[[^]]*\]\(([^)]+)\)", text)
+        assert len(every) == len(linked) + len(re.findall(r"^!\[", text, re.M)), page.name
+    assert shown == MADE.keys()
+
+
+def commands_of(name):
+    """Words of each command of a row, as one types them; those of a page that the row names."""
+    _, cell, _ = MADE[name]
+    text = [code for code in re.findall(r"`([^`]+)`", cell) if code.startswith(("scr", "brake"))]
+    for page in re.findall(r"\((\w+\.md)\)", cell):
+        block = re.search(r"```sh\n(.*?)```", (DOCS / page).read_text(), re.S)[1]
+        text += block.replace("\\\n", "").splitlines()
+    return [shlex.split(line) for line in text]
+
+
+def run(words, folder):
+    """One command of this checkout, in a folder; of the demo what follows the installation."""
+    if words == ["scripts/demo"]:
+        scene = "scripts/scenes/disc_brake_demo.toml"
+        words = ["brake-fenicsx", "run", scene, "-o", "demo-results"]
+    program = ["-m", "brake_fenicsx"] if words[0] == "brake-fenicsx" else words[:1]
+    path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
+    done = subprocess.run(
+        [sys.executable, *program, *words[1:]], cwd=folder, capture_output=True, text=True,
+        env=os.environ | {"PYTHONPATH": path},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-3000:]
+
+
+def drawn(path):
+    """Size, number of colours and share of pixels that are not of the most frequent colour."""
+    image = pytest.importorskip("PIL.Image").open(path)
+    assert image.format == "PNG"
+    pixels = np.asarray(image.convert("RGB")).reshape(-1, 3) @ [65536, 256, 1]
+    _, counts = np.unique(pixels, return_counts=True)
+    return image.size, counts.size, 1 - counts.max() / pixels.size
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MADE)
+def test_its_command_makes_the_picture(name, tmp_path):
+    """In an empty folder beside the scripts: of the same shape, and as much drawn in it."""
+    if name == "report.png":
+        pytest.importorskip("playwright")
+        if shutil.which("chromium") is None:
+            pytest.skip("no chromium")
+    for folder in ("scripts", "tests"):
+        (tmp_path / folder).symlink_to(ROOT / folder)
+    (tmp_path / "docs").mkdir()
+    *first, last = commands_of(name)
+    for words in [*first, last + SHORT.get(name, [])]:
+        run(words, tmp_path)
+    row = MADE[name]
+    sources = re.findall(r"([\w/-]+\.png)", row[2])
+    place = re.findall(r"`([a-z_]+\.png)`", row[0]).index(name)
+    made = tmp_path / "docs" / name
+    if sources:
+        made = tmp_path / Path(sources[0]).parent / Path(sources[place]).name
+    (width, height), colours, full = drawn(made)
+    (w, h), _, before = drawn(DOCS / name)
+    assert width >= 800 and height / width == pytest.approx(h / w, rel=SHAPE)
+    assert colours > 50 and before / 3 < full < 3 * before
