@@ -179,6 +179,7 @@ def parser() -> argparse.ArgumentParser:
     inits.add_argument("-o", dest="scene", metavar="SCENE.toml", help="the scene, ./MESH.toml")
     inits.add_argument("--units", nargs=3, metavar=("mm", "t", "s"), help="consistent units of"
                        " length, mass and time of the file; guessed if not given")  # fmt: skip
+    inits.add_argument("--shells", choices=["solid"], help="make solids of the shells of a deck")
     text = "print the JSON Schema of a scene, by which editors complete and check its keys"
     commands.add_parser("schema", help=text, description=text)
     text = "regenerate the figures and the report of a results folder"
@@ -411,7 +412,7 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
 
         scene = Path(options.scene or f"{Path(options.deck).stem}.toml")
         if comm.rank == 0:
-            print(write_scene(Path(options.deck), scene, options.units))
+            print(write_scene(Path(options.deck), scene, options.units, bool(options.shells)))
             print(f"next: brake-fenicsx check {scene}")
     elif comm.rank == 0 and options.command == "status":
         from brake_fenicsx.folder.status import read_status

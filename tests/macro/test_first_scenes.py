@@ -402,7 +402,7 @@ def test_other_files(form, tmp_path, meshes, capsys):
         (
             "*SHELL SECTION, ELSET=SHIM, MATERIAL=M\n1.\n",
             None,
-            "SHELL SECTION.*mesh them as solids",
+            "SHELL SECTION.*add --shells solid",
         ),
         ("*MATERIAL, NAME=M\n*DENSITY\n3.\n", None, "--units: missing; .* densities 3;"),
         ("", ("mm", "t", "kg"), "--units: wrong unit"),

@@ -11,15 +11,21 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.meshing.abaqus import held_along
 from brake_fenicsx.macro.meshing.filemesh import Block, FileMesh
 
-from .materials import ABAQUS, ANSYS, NASTRAN, Reader
+from .materials import ABAQUS, ANSYS, NASTRAN, SHELLS, Reader, taken
 from .statements import Deck, Quantity, numbers
 
 # Keywords that others refer to, also before they stand in the deck.
 _FIRST = ("COUPLING", "RIGID BODY", "ELEMENT")
 
 
-def read_deck(mesh: FileMesh, suffix: str) -> Deck:
-    """Read the keywords of a mesh file by its ending."""
+def read_deck(mesh: FileMesh, suffix: str, solid: bool = False) -> Deck:
+    """Read the keywords of a mesh file by its ending.
+
+    Args:
+        mesh: the file.
+        suffix: its ending.
+        solid: sections of shells are taken, and not refused.
+    """
     deck = Deck(mesh)
     for name in (*mesh.node_groups, *mesh.facet_groups):
         sign, _, value = name.partition(" ")
@@ -29,14 +35,18 @@ def read_deck(mesh: FileMesh, suffix: str) -> Deck:
             deck.add("loads", name, pressure=Quantity(float(value), "Pa"))
     readers = _READERS.get(suffix, _READERS[""])
     for block in mesh.blocks:
-        if block.keyword == "SHELL SECTION":
+        if block.keyword in SHELLS and not solid:
+            kinds = ", ".join(f"{len(own)} {kind}" for kind, own in mesh.shells.items())
             raise SceneError(
-                f"{block.at}: {block.said}: shells are not read; mesh them as solids, or remove"
-                " this line if they only mark a face"
+                f"{block.at}: {block.said}: shells ({kinds or 'none are read'}) are no part of a"
+                " scene; add --shells solid, which makes layers of solids of them, or remove this"
+                " line if they only mark a face"
             )
     for block in sorted(mesh.blocks, key=lambda block: block.keyword not in _FIRST):
         try:
             said = readers[block.keyword](deck, block) if block.keyword in readers else ""
+        except SceneError:
+            raise
         except (ValueError, IndexError, KeyError):
             said = "its lines are not understood"
         except ImportError as error:
@@ -169,20 +179,16 @@ def _node_held(deck: Deck, block: Block) -> str | None:
     return None if taken else "not a displacement of zero"
 
 
-def _taken(deck: Deck, block: Block) -> None:
-    """Nothing of it is lost."""
-
-
 _READERS: dict[str, dict[str, Reader]] = {
     ".inp": {
         "MATERIAL": _begin, "SURFACE INTERACTION": _begin, "CHANGE FRICTION": _begin,
         **ABAQUS,
         "SURFACE BEHAVIOR": _law, "FRICTION": _law, "TIE": _pair,
-        "CONTACT PAIR": _pair, "COUPLING": _coupling, "RIGID BODY": _coupling, "KINEMATIC": _taken,
-        "DISTRIBUTING": _taken, "BOUNDARY": _boundary, "DSLOAD": _pressure, "DLOAD": _pressure,
-        "CLOAD": _force, "ELEMENT": _element, "SPRING": _spring, "MASS": _mass, "HEADING": _taken,
-        "STEP": _taken, "STATIC": _taken, "FREQUENCY": _taken, "COMPLEX FREQUENCY": _taken,
+        "CONTACT PAIR": _pair, "COUPLING": _coupling, "RIGID BODY": _coupling, "KINEMATIC": taken,
+        "DISTRIBUTING": taken, "BOUNDARY": _boundary, "DSLOAD": _pressure, "DLOAD": _pressure,
+        "CLOAD": _force, "ELEMENT": _element, "SPRING": _spring, "MASS": _mass, "HEADING": taken,
+        "STEP": taken, "STATIC": taken, "FREQUENCY": taken, "COMPLEX FREQUENCY": taken,
     },
-    ".cdb": {**ANSYS, "MPTEMP": _taken, "D": _node_held},
+    ".cdb": {**ANSYS, "MPTEMP": taken, "D": _node_held},
     "": NASTRAN,
 }  # fmt: skip

@@ -106,7 +106,12 @@ class Bodies:
     def faces_of(self, group: str) -> tuple[list[str], str]:
         """Names of the faces that a group is, named now if it has none; or why there is none."""
         if group not in self._of:
-            self._of[group] = self._named(group)
+            # A surface of shells may have two sides.
+            every = [group, *(f"{group}.{side}" for side in ("SPOS", "SNEG"))]
+            several = [name for name in every if find(self.found.facet_groups, name)]
+            own = [self._named(name) for name in several or [group]]
+            names = [name for faces, _ in own for name in faces]
+            self._of[group] = names, "" if names else own[0][1]
         return self._of[group]
 
     def _named(self, group: str) -> tuple[list[str], str]:

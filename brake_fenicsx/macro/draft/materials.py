@@ -8,9 +8,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.meshing.abaqus_scope import find
 from brake_fenicsx.macro.meshing.filemesh import Block
 
+from .shell_surface import Section
 from .statements import Deck, Quantity, numbers
 
 Reader = Callable[[Deck, Block], str | None]
@@ -66,6 +68,26 @@ def _section(deck: Deck, block: Block) -> str | None:
     return turned if "ORIENTATION" in block.options else None
 
 
+def _shells(deck: Deck, block: Block) -> str | None:
+    """*SHELL SECTION: thickness, or for each layer thickness, points and material."""
+    options, said = block.options, f"{block.at}: {block.said}"
+    if "COMPOSITE" in options:
+        layers = [(float(row[0]), row[2]) for row in block.rows]
+    elif "NODAL THICKNESS" in options or not block.rows:
+        layers = []
+    else:
+        layers = [(float(block.rows[0][0] or 0), options["MATERIAL"])]
+    if min((t for t, _ in layers), default=0.0) <= 0.0:
+        raise SceneError(f"{said}: no thickness above 0; write one below it for each layer")
+    words = {"SPOS": 0.5, "SNEG": -0.5}
+    share = options.get("OFFSET", "0").upper()
+    offset = (words[share] if share in words else float(share)) * sum(t for t, _ in layers)
+    for group in deck.mesh.owned(options["ELSET"], block.scope):
+        deck.add_shells(Section(group, layers, offset, said))
+    turned = "write the axis of the part, along which its material is turned"
+    return turned if "ORIENTATION" in options else None
+
+
 def _constant(deck: Deck, block: Block) -> None:
     """MP, label, material, value; MPDATA, format, -, label, material, -, value."""
     words = block.rows[0]
@@ -77,7 +99,7 @@ def _constant(deck: Deck, block: Block) -> None:
 
 
 def _card(deck: Deck, block: Block) -> None:
-    """MAT1 and PSOLID, read by pyNastran."""
+    """MAT1, PSOLID, PSHELL and PCOMP, read by pyNastran."""
     from pyNastran.bdf.bdf import BDF
 
     model = BDF(debug=None)
@@ -86,11 +108,32 @@ def _card(deck: Deck, block: Block) -> None:
         keys = {"E": Quantity(own.e, "Pa"), "nu": Quantity(own.nu, "")}
         rho = Quantity(own.rho, "kg/m^3")
         deck.add("materials", f"MAT{number}", model="isotropic", rho=rho, **keys)
-    deck.sections |= {str(number): f"MAT{own.mid}" for number, own in model.properties.items()}
+    for number, own in model.properties.items():
+        if block.keyword == "PSOLID":
+            deck.sections[str(number)] = f"MAT{own.mid}"
+            continue
+        plain = block.keyword == "PSHELL"
+        pairs = [(own.t, own.mid1)] if plain else zip(own.thicknesses, own.mids, strict=True)
+        layers = [(float(t or 0), f"MAT{mid}") for t, mid in pairs]
+        said, total = f"{block.at}: {block.said}", sum(t for t, _ in layers)
+        if min(t for t, _ in layers) <= 0.0:
+            raise SceneError(f"{said}: no thickness above 0; write one")
+        offset = 0.0 if plain or own.z0 is None else -own.z0 - 0.5 * total
+        deck.add_shells(Section(str(number), layers, offset, said))
+
+
+def taken(deck: Deck, block: Block) -> None:
+    """Nothing of it is lost."""
 
 
 ABAQUS: dict[str, Reader] = {
     "ELASTIC": _elastic, "DENSITY": _density, "DAMPING": _damping, "SOLID SECTION": _section,
+    "SHELL SECTION": _shells, "SHELL GENERAL SECTION": _shells,
 }  # fmt: skip
 ANSYS: dict[str, Reader] = {"MP": _constant, "MPDATA": _constant}
-NASTRAN: dict[str, Reader] = {"MAT1": _card, "PSOLID": _card}
+NASTRAN: dict[str, Reader] = {
+    **dict.fromkeys(("CTRIA3", "CTRIA6", "CQUAD4", "CQUAD8"), taken),
+    **dict.fromkeys(("MAT1", "PSOLID", "PSHELL", "PCOMP"), _card),
+}
+# Keywords that give shells a thickness.
+SHELLS = ("SHELL SECTION", "SHELL GENERAL SECTION", "PSHELL", "PCOMP")

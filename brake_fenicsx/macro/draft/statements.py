@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from brake_fenicsx.macro.meshing.abaqus_scope import find
 from brake_fenicsx.macro.meshing.filemesh import Block, FileMesh
 
+from .shell_surface import Section
+
 
 class Quantity(NamedTuple):
     """A number in the file's unit, and its SI unit."""
@@ -29,6 +31,7 @@ class Deck:
         tables: section of a scene -> name, or group of a face -> its keys.
         sections: group of cells -> material.
         laws: name of an interaction -> keys of a contact.
+        shells: sections of shells that become solid.
         couplings: place of a reference node -> group of the face.
         ends: set of springs or masses -> faces that the nodes of each are coupled to.
         about: material or interaction that the next keywords are about.
@@ -39,6 +42,7 @@ class Deck:
     tables: dict[str, dict[str, Any]] = field(default_factory=lambda: defaultdict(dict))
     sections: dict[str, str] = field(default_factory=dict)
     laws: dict[str, dict[str, Any]] = field(default_factory=lambda: defaultdict(dict))
+    shells: list[Section] = field(default_factory=list)
     couplings: dict[int, str] = field(default_factory=dict)
     ends: dict[str, list[list[str]]] = field(default_factory=lambda: defaultdict(list))
     about: str = ""
@@ -47,6 +51,12 @@ class Deck:
     def add(self, section: str, name: str, **keys: Any) -> None:
         """Write keys of a table of a scene."""
         self.tables[section].setdefault(name, {}).update(keys)
+
+    def add_shells(self, section: Section) -> None:
+        """Sections of shells, with the material of each layer's cells."""
+        self.shells.append(section)
+        pairs = zip(section.sets, section.layers, strict=True)
+        self.sections |= {name: material for name, (_, material) in pairs}
 
     def nodes(self, name: str) -> NDArray[np.int64]:
         """Nodes of a set, or the one of a number."""

@@ -15,7 +15,7 @@ from typing import Any
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.meshing.abaqus_scope import find
-from brake_fenicsx.macro.meshing.filemesh import Block, FileMesh
+from brake_fenicsx.macro.meshing.filemesh import NO_CELLS, Block, FileMesh
 from brake_fenicsx.macro.meshing.meshfile import read_mesh_file
 from brake_fenicsx.macro.meshing.rawmesh import CHANGING
 from brake_fenicsx.scene.tables import dotted
@@ -24,8 +24,10 @@ from brake_fenicsx.scene.units import several
 from .deck import read_deck
 from .faces import MADE, bodies_of, clean
 from .motion import moving_part, proposed_motion
+from .shells import solid_shells
 from .statements import Deck, Quantity
 from .units import guessed_units, moduli, si, toml
+from .written import write_abaqus
 
 # Section in whose place a keyword is named, by its start; [ties] for others.
 _PLACES = {
@@ -49,13 +51,16 @@ stages = {}
 """
 
 
-def write_scene(deck: Path, scene: Path, units: Sequence[str] | None = None) -> str:
+def write_scene(
+    deck: Path, scene: Path, units: Sequence[str] | None = None, solid: bool = False
+) -> str:
     """Write a first scene of a mesh file.
 
     Args:
         deck: the mesh file.
         scene: the scene to write.
         units: units of length, mass and time of the file; guessed if None.
+        solid: shells become layers of solids, in a mesh file beside the scene.
 
     Returns:
         What was written, in one line.
@@ -63,18 +68,28 @@ def write_scene(deck: Path, scene: Path, units: Sequence[str] | None = None) -> 
     Raises:
         SceneError: the file cannot be read, the units are unknown, or the scene is there already.
     """
-    if scene.exists():
-        raise SceneError(f"{scene}: is there already; remove it, or name another file with -o")
+    mesh = scene.with_name(f"{scene.stem}_solid.inp") if solid else deck
+    for file in (scene, mesh)[: 1 + solid]:
+        if file.exists():
+            raise SceneError(f"{file}: is there already; remove it, or name another file with -o")
     try:
         found = read_mesh_file(deck)
-        draft = Draft(found, read_deck(found, deck.suffix), units)
-        text = draft.scene(os.path.relpath(deck, scene.parent), "*" * (deck.suffix == ".inp"))
+        read = read_deck(found, deck.suffix, solid)
+        if solid:
+            found = solid_shells(found, read.shells)
+        if not len(found.cells):
+            raise SceneError(NO_CELLS)
+        draft = Draft(found, read, units)
+        text = draft.scene(os.path.relpath(mesh, scene.parent), "*" * (deck.suffix == ".inp"))
     except SceneError as error:
         raise SceneError(f"{deck}: {error}") from None
+    if solid:
+        write_abaqus(found, mesh)
     scene.write_text(text)
     faces, left = len(draft.bodies.faces), text.count("# not taken over:")
+    made = f" and {mesh}" * solid
     said = f"{several(len(draft.bodies.boundary), 'part')}, {several(faces, 'face')}"
-    return f"wrote {scene}: {said}, {several(left, 'remark')} on what is not taken over"
+    return f"wrote {scene}{made}: {said}, {several(left, 'remark')} on what is not taken over"
 
 
 class Draft:
@@ -152,6 +167,8 @@ class Draft:
             pairs = [[*pair] for pair in product(*each)]
             if len(pairs) > 1 and len(groups) > 1:
                 pairs = [pair for pair in pairs if self.bodies.overlap(*pair)]
+                if not pairs:
+                    self._lost(section, f"{name}: its faces do not lie on each other")
             elif len(pairs) > 1 and not {"along", "pressure"} & {*keys}:
                 self._lost(section, f"{name}: of {', '.join(each[0])} together")
                 continue

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import SceneError
 
 from .abaqus_scope import Rows, Scope, find, placement
-from .filemesh import SOLIDS, Block, FileMesh, held_nodes, numbered
+from .filemesh import SOLIDS, Block, FileMesh, held_nodes, numbered, same_length
 
 Ints = NDArray[np.int64]
 Options = dict[str, str]
 
-# Start of an element type -> kind of cell; shells and membranes only mark faces.
+# Start of an element type -> kind of cell; shells and membranes mark faces, or become solids.
 _KINDS = {
     "C3D4": "tetra", "C3D10": "tetra10", "C3D8": "hexahedron", "C3D20": "hexahedron20",
     "C3D27": "hexahedron27", "C3D6": "wedge", "C3D15": "wedge15",
@@ -269,7 +269,7 @@ def _elements(scope: Scope, options: Options, rows: Rows) -> bool:
         if kind:
             scope.solids[number] = (kind, nodes)
         else:
-            scope.skins[number] = name, nodes[: 3 if count in (3, 6) else 4]
+            scope.skins[number] = name, nodes
     if "ELSET" in options:
         scope.add(scope.elsets, options["ELSET"], [int(n) for n in table[:, 0]])
     return True
@@ -298,18 +298,19 @@ def _set(scope: Scope, keyword: str, options: Options, rows: Rows) -> None:
 
 def _mesh(scope: Scope) -> FileMesh:
     """The assembly with nodes and cells numbered from 0."""
-    mesh, _, node, _ = numbered(scope.nodes, scope.solids, scope.elsets, scope.nsets)
+    shells = {frozenset(scope.corners(n)): len(own) for n, (_, own) in scope.skins.items()}
+    args = scope.nodes, scope.solids, scope.elsets, scope.nsets, shells.values()
+    mesh, _, node, _ = numbered(*args)
     for name, numbers in scope.elsets.items():
-        skins = [[node[i] for i in scope.skins[n][1]] for n in numbers if n in scope.skins]
+        skins = [[node[i] for i in scope.corners(n)] for n in numbers if n in scope.skins]
         if skins:
-            mesh.facet_groups[name] = np.array(skins)
-            mesh.shell_sets.add(name)
-    shells = {tuple(nodes) for _, nodes in scope.skins.values()}
+            mesh.facet_groups[name] = same_length(skins)
+            mesh.shell_sets[name] = True
     for name, facets in scope.surfaces.items():
         if facets:
-            if shells.issuperset(map(tuple, facets)):
-                mesh.shell_sets.add(name)
-            mesh.facet_groups[name] = np.array([[node[i] for i in facet] for facet in facets])
+            if shells.keys() >= {*map(frozenset, facets)}:
+                mesh.shell_sets[name] = False
+            mesh.facet_groups[name] = same_length([node[i] for i in facet] for facet in facets)
     mesh.elements = scope.others
     for kind in dict.fromkeys(kind for kind, _ in scope.skins.values()):
         if not kind.startswith(_MARKS):

@@ -20,7 +20,7 @@ from .filemesh import FAR, SOLIDS
 Array = NDArray[np.float64]
 
 # Corners of faces S1, S2, ...
-_FACES = {
+FACES = {
     "tetrahedron": ((0, 1, 2), (0, 3, 1), (1, 3, 2), (2, 3, 0)),
     "hexahedron": (
         (0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0),
@@ -38,7 +38,7 @@ class Scope:
         name: of the part or instance; "" for the assembly, or a deck without parts.
         nodes: number -> position.
         solids: number -> kind and nodes.
-        skins: number -> kind and corner nodes of shells and membranes, which mark faces.
+        skins: number -> kind and nodes of shells and membranes, which mark faces.
         others: kind of any other element -> number of them.
         nsets: name -> numbers of nodes.
         elsets: name -> numbers of elements.
@@ -102,22 +102,30 @@ class Scope:
 
         Args:
             name: of the surface, for messages.
-            rows: a set or number of elements, and their face S1, S2, ...; shells need none.
+            rows: a set or number of elements, and their face S1, S2, ...; of shells SPOS or SNEG,
+                whose nodes are in the opposite order, or none for both.
         """
         found: list[list[int]] = []
         for member, *side in rows:
             for number in self.members(self.elsets, [member], ""):
                 if number in self.skins:
-                    found.append(self.skins[number][1])
+                    corners, word = self.corners(number), (side or [""])[0].upper()
+                    # A pressure on the element, "S", acts along the normal: on SNEG.
+                    found += [corners] * (word in ("", "SPOS")) + [corners[::-1]] * (word != "SPOS")
                 elif number in self.solids:
                     found.append(self._facet(name, number, side[0] if side else ""))
         return found
+
+    def corners(self, number: int) -> list[int]:
+        """Corner nodes of a shell."""
+        nodes = self.skins[number][1]
+        return nodes[: 3 if len(nodes) in (3, 6) else 4]
 
     def _facet(self, name: str, number: int, side: str) -> list[int]:
         kind, nodes = self.solids[number]
         shape = SOLIDS[kind][0] if kind in SOLIDS else ""
         index = int(side[1:]) if side[:1].upper() == "S" and side[1:].isdigit() else 0
-        faces = _FACES.get(shape, ())
+        faces = FACES.get(shape, ())
         if not 1 <= index <= len(faces):
             raise SceneError(f"surface {name!r}: face {side!r}; write S1 to S{len(faces)}")
         return [nodes[i] for i in faces[index - 1]]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ SOLIDS = {
     "hexahedron": ("hexahedron", 8), "hexahedron20": ("hexahedron", 20),
     "hexahedron27": ("hexahedron", 27),
 }  # fmt: skip
+NO_CELLS = "the file has no tetrahedra or hexahedra; export the solid elements"
 # Nodes and elements of an instance of a deck are numbered from a multiple of it on.
 FAR = 10**10
 # Edges whose middle nodes follow the corners, in the order of VTK, Abaqus and Ansys.
@@ -67,8 +69,9 @@ class FileMesh:
         cell_groups: name -> numbers of cells.
         facet_groups: name -> corner nodes of facets.
         node_groups: name -> nodes.
-        shell_sets: names of those facet groups that are sets of shells.
-        shells: kind of shell or membrane -> corner nodes of each, shape (shells, 3 or 4).
+        shell_sets: names of those facet groups that are of shells alone -> whether they are sets
+            of elements, no surfaces.
+        shells: kind of shell or membrane -> nodes of each, shape (shells, 3, 4, 6 or 8).
         elements: kind of element that is not read -> number of them.
         blocks: keywords, commands or cards that are no part of the mesh.
         keywords: keyword or command that is not read -> number of them.
@@ -83,7 +86,7 @@ class FileMesh:
     cell_groups: dict[str, Ints] = field(default_factory=dict)
     facet_groups: dict[str, Ints] = field(default_factory=dict)
     node_groups: dict[str, Ints] = field(default_factory=dict)
-    shell_sets: set[str] = field(default_factory=set)
+    shell_sets: dict[str, bool] = field(default_factory=dict)
     shells: dict[str, Ints] = field(default_factory=dict)
     elements: Mapping[str, int] = field(default_factory=dict)
     blocks: list[Block] = field(default_factory=list)
@@ -99,11 +102,32 @@ class FileMesh:
         return [f"{own}.{name}" for own in owners] or [name]
 
 
+def same_length(rows: Iterable[Sequence[int]]) -> Ints:
+    """Corner nodes of facets; of triangles among quadrilaterals the largest number comes twice.
+
+    So their key is that of the triangle.
+    """
+    table = [*rows]
+    width = max(map(len, table))
+    return np.array([[*row, *[max(row)] * (width - len(row))] for row in table])
+
+
+def listed(x: NDArray) -> Any:
+    """An array as nested lists, of whatever shape."""
+    return x.tolist()
+
+
+def corners_of(shells: Ints) -> Ints:
+    """Corner nodes of shells of 3, 4, 6 or 8 nodes."""
+    return shells[:, : 3 if shells.shape[1] in (3, 6) else 4]
+
+
 def numbered(
     nodes: Mapping[int, Sequence[float]],
     solids: Mapping[int, tuple[str, Sequence[int]]],
     elements: Mapping[str, Sequence[int]],
     nodesets: Mapping[str, Sequence[int]],
+    shells: Iterable[int] = (),
 ) -> tuple[FileMesh, Ints, dict[int, int], dict[int, int]]:
     """Nodes and cells of a deck and the groups of them, numbered from 0.
 
@@ -112,6 +136,7 @@ def numbered(
         solids: number -> kind and numbers of the nodes.
         elements: name of a group -> numbers of elements, others than solids among them.
         nodesets: name of a group -> numbers of nodes.
+        shells: number of nodes of each shell.
 
     Returns:
         The mesh without groups of facets, its cells in the deck's order of nodes, and the new
@@ -120,7 +145,7 @@ def numbered(
     Raises:
         SceneError: cells of several kinds, or a node that is not there.
     """
-    shape, count = SOLIDS[one_kind(kind for kind, _ in solids.values())]
+    shape, count = SOLIDS[one_kind((kind for kind, _ in solids.values()), shells)]
     node = {number: i for i, number in enumerate(nodes)}
     cell = {number: i for i, number in enumerate(solids)}
     try:
@@ -128,6 +153,7 @@ def numbered(
     except KeyError as error:
         raise SceneError(f"node {error.args[0] % FAR} of an element is not defined") from None
     points = np.array(list(nodes.values()), dtype=float)
+    cells = cells.reshape(-1, count).astype(np.int64)
     mesh = FileMesh(points, shape, cells[:, gmsh_order(shape, count)], numbers=node)
     for name, numbers in elements.items():
         own = [cell[n] for n in numbers if n in cell]
@@ -169,15 +195,22 @@ def gmsh_order(shape: str, nodes: int) -> list[int]:
     return order
 
 
-def one_kind(kinds: Iterable[str]) -> str:
-    """The kind of all solid cells of a file.
+def one_kind(kinds: Iterable[str], shells: Iterable[int] = ()) -> str:
+    """The kind of all solid cells of a file, or that of layers made of its shells.
+
+    Args:
+        kinds: of the solid cells.
+        shells: number of nodes of each shell.
 
     Raises:
         SceneError: there are several kinds, or none.
     """
-    found = sorted(set(kinds))
+    found, nodes = sorted(set(kinds)), {*shells}
+    if not found and not nodes:
+        raise SceneError(NO_CELLS)
     if not found:
-        raise SceneError("the file has no tetrahedra or hexahedra; export the solid elements")
+        names = ("tetra10", "hexahedron20") if nodes & {6, 8} else ("tetra", "hexahedron")
+        return names[nodes <= {4, 8}]
     if len(found) > 1 or found[0] not in SOLIDS:
         raise SceneError(
             f"the file has cells of kind {', '.join(found)}; write all of one kind:"

@@ -15,7 +15,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.mesh import MeshTable
 from brake_fenicsx.scene.units import to_si
 
-from .filemesh import FileMesh, completed
+from .filemesh import NO_CELLS, FileMesh, completed, corners_of
 from .meshfile import read_mesh_file
 from .quality import orientation
 from .rawmesh import (
@@ -51,6 +51,8 @@ def mesh_of_file(folder: Path, table: MeshTable, parts: Iterable[str]) -> RawMes
     """
     try:
         found = read_mesh_file(folder / str(table.file))
+        if not len(found.cells):
+            raise SceneError(NO_CELLS)
     except SceneError as error:
         raise SceneError(f"mesh.file = {table.file!r}: {error}") from None
     cells, points = found.cells, found.points * _metres(found, table)
@@ -76,7 +78,7 @@ def _unread(file: str, found: FileMesh, used: Iterable[tuple[str, str]]) -> Unre
     marks = [facet_keys(found.facet_groups[name]) for name in sets]
     marked = np.concatenate([np.zeros(0, dtype=np.uint64), *marks])
     elements = {
-        kind: int(np.count_nonzero(~np.isin(facet_keys(shells), marked)))
+        kind: int(np.count_nonzero(~np.isin(facet_keys(corners_of(shells)), marked)))
         for kind, shells in found.shells.items()
     }
     elements = {kind: n for kind, n in (elements | dict(found.elements)).items() if n}
@@ -212,7 +214,7 @@ def _faces(
         faces[face] = boundary[inside]
         boundaries.append(facet_keys(boundary))
     if kind[0] == "facets":
-        keys = facet_keys(found.facet_groups[kind[1]])
+        keys = np.unique(facet_keys(found.facet_groups[kind[1]]))
         missing = int(np.count_nonzero(~np.isin(keys, np.concatenate(boundaries))))
         empty = [face for face, own in faces.items() if not len(own)]
         if missing or not keys.size or empty:

@@ -17,7 +17,7 @@ from brake_fenicsx.errors import SceneError
 
 from .abaqus import read_abaqus
 from .ansys import read_ansys
-from .filemesh import SOLIDS, Block, FileMesh, gmsh_order, one_kind
+from .filemesh import SOLIDS, Block, FileMesh, gmsh_order, one_kind, same_length
 from .gmsh_mesh import gmsh_session
 
 Ints = NDArray[np.int64]
@@ -26,13 +26,10 @@ _GMSH_SOLIDS = {4: "tetra", 11: "tetra10", 5: "hexahedron", 17: "hexahedron20", 
                 6: "wedge", 7: "pyramid", 13: "wedge18", 18: "wedge15"}  # fmt: skip
 _GMSH_SKINS = {2: 3, 9: 3, 3: 4, 10: 4, 16: 4}
 _SKINS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}
-# Shells by meshio's name; they may mark faces.
+# Shells by meshio's name; they may mark faces, or become solids.
 SHELLS = {"triangle": "CTRIA3", "triangle6": "CTRIA6", "quad": "CQUAD4", "quad8": "CQUAD8"}
 SUFFIXES = (".bdf", ".nas", ".fem")
-_READ = {
-    "GRID", "CTETRA", "CHEXA", "CPENTA", "CPYRA", "CPYRAM", "CTRIAR", "CQUADR", "ENDDATA",
-    *SHELLS.values(),
-}  # fmt: skip
+_READ = {"GRID", "CTETRA", "CHEXA", "CPENTA", "CPYRA", "CPYRAM", "CTRIAR", "CQUADR", "ENDDATA"}
 # Elements beside solids and shells.
 _ELEMENTS = ("CONM", "CMASS", "CELAS", "CDAMP", "CVISC", "CBUSH", "CBAR", "CBEAM", "CROD", "CONROD",
              "CTUBE", "CGAP", "CSHEAR", "CFAST", "CWELD", "CHBDY", "PLOTEL", "GENEL")  # fmt: skip
@@ -121,13 +118,19 @@ def read_other(path: Path) -> FileMesh:
         read = meshio.read(path)
     except SystemExit:
         raise SceneError("cannot be read by meshio; write .msh or .inp instead") from None
-    kind = one_kind(b.type for b in read.cells if b.dim == 3)
+    except ValueError as error:
+        if path.suffix not in SUFFIXES:
+            raise
+        said = "; meshio reads no THETA, ZOFFS or thickness on the card of a shell: remove these"
+        raise SceneError(f"cannot be read: {error}{said}") from None
+    blocks = [*enumerate(read.cells)]
+    nodes = [b.data.shape[1] for _, b in blocks if path.suffix in SUFFIXES and b.type in SHELLS]
+    kind = one_kind((b.type for _, b in blocks if b.dim == 3), nodes)
     shape, count = SOLIDS[kind]
-    solid = [i for i, block in enumerate(read.cells) if block.type == kind]
-    cells = np.concatenate([read.cells[i].data for i in solid]).astype(np.int64)
+    solid = [i for i, block in blocks if block.type == kind]
+    cells = np.vstack([np.zeros((0, count), np.int64), *(read.cells[i].data for i in solid)])
     mesh = FileMesh(np.asarray(read.points, dtype=float), shape, cells[:, gmsh_order(shape, count)])
-    corners = 3 if shape == "tetrahedron" else 4
-    skin = [i for i, block in enumerate(read.cells) if _SKINS.get(block.type) == corners]
+    skin = [i for i, block in blocks if block.type in _SKINS]
     for name, members in _meshio_groups(read).items():
         offset, own = 0, []
         for i in solid:
@@ -135,10 +138,14 @@ def read_other(path: Path) -> FileMesh:
             offset += len(read.cells[i].data)
         if sum(map(len, own)):
             mesh.cell_groups[name] = np.concatenate(own)
-        facets = [read.cells[i].data[members[i]][:, :corners] for i in skin if len(members[i])]
+        facets = [
+            row
+            for i in skin
+            for row in read.cells[i].data[members[i]][:, : _SKINS[read.cells[i].type]].tolist()
+        ]
         if facets:
-            mesh.facet_groups[name] = np.concatenate(facets).astype(np.int64)
-            mesh.shell_sets.add(name)
+            mesh.facet_groups[name] = same_length(facets)
+            mesh.shell_sets[name] = True
     for name, nodes in read.point_sets.items():
         mesh.node_groups[name] = np.asarray(nodes, dtype=np.int64)
     for name, families in _families(read, "point_tags", read.point_data).items():
@@ -153,7 +160,7 @@ def read_other(path: Path) -> FileMesh:
         mesh.elements, mesh.keywords = unread_cards(path)
         mesh.blocks = cards_of(path)
         for name in SHELLS:
-            own = [b.data[:, : _SKINS[name]] for b in read.cells if b.type == name]
+            own = [b.data for b in read.cells if b.type == name]
             if own:
                 mesh.shells[SHELLS[name]] = np.concatenate(own).astype(np.int64)
     return mesh
@@ -205,13 +212,14 @@ def unread_cards(path: Path) -> tuple[Counter[str], Counter[str]]:
     Returns:
         Number of elements of each kind, and of other cards.
     """
-    words = [card.keyword for card in cards_of(path)]
+    every = (card.keyword for card in cards_of(path))
+    words = [word for word in every if word not in SHELLS.values()]
     elements = Counter(word for word in words if word.startswith(_ELEMENTS))
     return elements, Counter(word for word in words if word not in elements)
 
 
 def cards_of(path: Path) -> list[Block]:
-    """Cards of the bulk data that are no nodes, solids or shells; a row is a line as it stands."""
+    """Cards of the bulk data that are no nodes or solids; a row is a line as it stands."""
     lines = path.read_text(errors="replace").splitlines()
     begins = (i for i, line in enumerate(lines, 1) if line.upper().split()[:2] == ["BEGIN", "BULK"])
     start = next(begins, 0)

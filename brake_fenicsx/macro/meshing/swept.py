@@ -92,9 +92,9 @@ def sweep(plane: Footprint, swept: Any, part: str) -> RawMesh:
         step = _steps(levels, slab, order)
         spans.append(step)
         for low in step[:-1:order]:
-            lifted = _lifted(flat, order, n, int(low))
-            cells.append(lifted)
-            tags.append(np.full(len(lifted), 1 + names.index(slab.layer)))
+            lift = lifted(flat, order, n, int(low))
+            cells.append(lift)
+            tags.append(np.full(len(lift), 1 + names.index(slab.layer)))
     z = _with_middles(levels) if order == 2 else levels
     points = np.column_stack([np.tile(plane.points, (z.size, 1)), np.repeat(z, n)])
     facets, facet_tags = [], []
@@ -146,7 +146,7 @@ def _is_quadrilateral(flat: Ints, order: int) -> bool:
     return bool(flat.shape[1] == (4 if order == 1 else 9))
 
 
-def _lifted(flat: Ints, order: int, n: int, low: int) -> Ints:
+def lifted(flat: Ints, order: int, n: int, low: int) -> Ints:
     """Cells over plane elements between level ``low`` and the next."""
     if _is_quadrilateral(flat, order):
         return _cells(flat, _HEXAHEDRON, "hexahedron", order, n, low)
