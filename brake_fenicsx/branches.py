@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
+@dataclass(repr=False, eq=False)
 class Branches:
     """Modes followed over a scalar of the scene.
 
@@ -30,12 +32,13 @@ class Branches:
         threshold: a mode squeals where its damping lies below minus this.
     """
 
-    def __init__(
-        self, values: Array, frequency: Array, damping: Array, events: list[Event],
-        ends: list[str], name: str = "", threshold: float = 0.0,
-    ):  # fmt: skip
-        self.values, self.frequency, self.damping = values, frequency, damping
-        self.events, self.ends, self.name, self.threshold = events, ends, name, threshold
+    values: Array
+    frequency: Array
+    damping: Array
+    events: list[Event]
+    ends: list[str]
+    name: str = ""
+    threshold: float = 0.0
 
     def __repr__(self) -> str:
         """One line."""

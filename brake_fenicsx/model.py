@@ -52,8 +52,11 @@ class Model:
         source: what it was prepared from; None with extensions, which are no plain values.
     """
 
-    def __init__(self, study: Study, source: Source | None, folder: TemporaryDirectory | None):
-        self.scene, self.study, self.source, self._folder = study.scene, study, source, folder
+    def __init__(self, study: Study, source: Source | None, folder: TemporaryDirectory[str] | None):
+        self.scene: Scene = study.scene
+        self.study: Study = study
+        self.source: Source | None = source
+        self._folder = folder
 
     def __repr__(self) -> str:
         """One line."""

@@ -35,7 +35,8 @@ class SharedCache:
         Raises:
             SceneError: it is no folder, or cannot be written to.
         """
-        self.store, self.directory = store, directory
+        self.store: Store = store
+        self.directory: Path | None = directory
         if directory is None:
             return
         try:

@@ -41,7 +41,7 @@ def digest(content: Any) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
-def bytes_of_arrays(arrays: Mapping[str, np.ndarray]) -> bytes:
+def bytes_of_arrays(arrays: Mapping[str, np.ndarray[Any, Any]]) -> bytes:
     """Arrays as one line of JSON, which tells their names, types and shapes, and their bytes.
 
     To read an ``npz`` file of as many small arrays takes ten times as long.
@@ -55,7 +55,7 @@ def bytes_of_arrays(arrays: Mapping[str, np.ndarray]) -> bytes:
     return line.encode() + b"".join(arrays[name].tobytes() for name in order)
 
 
-def arrays_of_bytes(content: bytes) -> dict[str, np.ndarray]:
+def arrays_of_bytes(content: bytes) -> dict[str, np.ndarray[Any, Any]]:
     """The arrays of ``bytes_of_arrays``, which cannot be written to."""
     start = content.index(b"\n") + 1
     out = {}

@@ -131,8 +131,9 @@ class Lock:
         Args:
             folder: where the files of runs and claims are; made if it is not there.
         """
-        self.folder, self._ended = folder, threading.Event()
-        self.name = f"{socket.gethostname()}-{os.getpid()}-{_start(os.getpid())}"
+        self.folder: Path = folder
+        self._ended = threading.Event()
+        self.name: str = f"{socket.gethostname()}-{os.getpid()}-{_start(os.getpid())}"
         folder.mkdir(parents=True, exist_ok=True)
         self._file(self.name).write_text(time.strftime("%Y-%m-%d %H:%M:%S"))
         threading.Thread(target=self._beat, daemon=True).start()

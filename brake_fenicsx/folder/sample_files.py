@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from brake_fenicsx.folder.store import Store
 
 Task = tuple[str, int]
-Arrays = dict[str, np.ndarray]
+Arrays = dict[str, np.ndarray[Any, Any]]
 Tabulate = Callable[[Sequence[Task], Callable[[Task], Arrays | None]], Arrays | None]
 
 # Samples of an archive: 10^5 samples are 400 files, and a damaged one costs little.
@@ -89,7 +89,7 @@ class SampleFiles:
         found = (_SINGLE.fullmatch(name) for name in names)
         return {(match[1], int(match[2])) for match in found if match}
 
-    def load(self, task: Task) -> dict[str, np.ndarray] | None:
+    def load(self, task: Task) -> dict[str, np.ndarray[Any, Any]] | None:
         """Arrays of a sample; None where it is not computed yet.
 
         Raises:

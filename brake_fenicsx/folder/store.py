@@ -71,10 +71,11 @@ class Store:
     """
 
     def __init__(self, directory: Path):
-        self.directory, self.digest = directory, ""
+        self.directory: Path = directory
+        self.digest: str = ""
         self.lock: Lock | None = None
         self.share: Share | None = None
-        self.samples = SampleFiles(self)
+        self.samples: SampleFiles = SampleFiles(self)
 
     def path(self, *names: str) -> Path:
         """A path in the folder."""
@@ -161,7 +162,7 @@ class Store:
 
     def load(
         self, name: str, keys: Sequence[str] | None = None, mapped: bool = False
-    ) -> dict[str, np.ndarray] | None:
+    ) -> dict[str, np.ndarray[Any, Any]] | None:
         """Arrays under a name, all or those of some keys; None where there is no such file.
 
         Args:
@@ -207,9 +208,9 @@ def _write_arrays(file: BinaryIO, arrays: Mapping[str, Any]) -> None:
                 npy.write_array(out, np.asanyarray(values), allow_pickle=False)
 
 
-def _mapped(path: Path) -> dict[str, np.ndarray]:
+def _mapped(path: Path) -> dict[str, np.ndarray[Any, Any]]:
     """The large arrays of an npz file, mapped read-only."""
-    found = dict[str, np.ndarray]()
+    found = dict[str, np.ndarray[Any, Any]]()
     with zipfile.ZipFile(path) as archive, path.open("rb") as file:
         content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         mapped_files.add(content)

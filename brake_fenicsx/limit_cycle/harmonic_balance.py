@@ -123,8 +123,11 @@ class HarmonicBalance:
         """
         if points <= 2 * harmonics:
             raise ValueError(f"{points} points of time for {harmonics} harmonics; take more")
-        self.bodies, self.forces, self._weights = bodies, forces, weights
-        self.harmonics, self.points = harmonics, points
+        self.bodies: Bodies = bodies
+        self.forces: Forces = forces
+        self.harmonics: int = harmonics
+        self.points: int = points
+        self._weights = weights
         turn = np.exp(2j * np.pi * np.outer(np.arange(harmonics + 1), np.arange(points)) / points)
         # Rows: real and imaginary part of each harmonic.
         self._turn = np.stack([turn.real, -turn.imag], axis=1).reshape(-1, points)

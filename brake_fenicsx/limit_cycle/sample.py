@@ -84,7 +84,7 @@ class SampleCycles:
     closed: NDArray[np.bool_]
     damped: bool
 
-    def branch(self, s: complex, a: NDArray, settings: Settings) -> tuple[Branch, Index]:
+    def branch(self, s: complex, a: NDArray[Any], settings: Settings) -> tuple[Branch, Index]:
         """Growth of a mode over its amplitude, and the elements that take part.
 
         Args:
@@ -234,7 +234,7 @@ def _part(forces: PatchForces, elements: Index) -> PatchForces:
 
 
 def _along(
-    problem: HarmonicBalance, s: complex, a: NDArray, most: Array, closed: NDArray[np.bool_]
+    problem: HarmonicBalance, s: complex, a: NDArray[Any], most: Array, closed: NDArray[np.bool_]
 ) -> Vibration:
     """A small vibration along a linear mode, no closed patch beyond its largest motion."""
     y = problem.at_rest(s, a)

@@ -46,7 +46,7 @@ class Nodes:
     place: Array
     area: Array
 
-    def displacement(self, u: NDArray) -> NDArray:
+    def displacement(self, u: Complex) -> Complex:
         """Of vectors on the free dofs, shape (dofs, n) to (nodes, 3, n)."""
         return np.where((self.columns >= 0)[..., None], u[self.columns], 0.0)
 

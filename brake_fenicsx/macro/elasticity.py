@@ -75,10 +75,10 @@ class FaceAddition:
     """
 
     face: str
-    stiffness: NDArray
+    stiffness: NDArray[Any]
     mass: float
-    bedding: NDArray = field(default_factory=lambda: np.zeros((3, 3)))
-    damping: NDArray = field(default_factory=lambda: np.zeros((3, 3)))
+    bedding: NDArray[Any] = field(default_factory=lambda: np.zeros((3, 3)))
+    damping: NDArray[Any] = field(default_factory=lambda: np.zeros((3, 3)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,9 +99,9 @@ class FreeDofs:
     local: NDArray[np.int32]
     column: NDArray[np.int64]
     size: int
-    places: NDArray = field(default_factory=lambda: np.zeros((0, 5)))
+    places: NDArray[Any] = field(default_factory=lambda: np.zeros((0, 5)))
 
-    def expand(self, x: NDArray) -> NDArray:
+    def expand(self, x: NDArray[Any]) -> NDArray[Any]:
         """Values on all dofs of the mesh, zero where held.
 
         Args:
@@ -135,9 +135,9 @@ class Elastic:
 
     K: sp.csr_matrix
     M: sp.csr_matrix
-    f: NDArray
+    f: NDArray[Any]
     free: FreeDofs
-    loads: dict[str, tuple[float, NDArray]]
+    loads: dict[str, tuple[float, NDArray[Any]]]
     C: sp.csr_matrix | None = None
     sets: dict[str, sp.csr_matrix] = field(default_factory=dict)
     masses: dict[str, sp.csr_matrix] = field(default_factory=dict)
@@ -282,7 +282,7 @@ def lump(M: PETSc.Mat) -> None:
 
 
 def affine_parts(
-    mesh: Mesh, free: FreeDofs, directions: Sequence[Mapping[str, NDArray]]
+    mesh: Mesh, free: FreeDofs, directions: Sequence[Mapping[str, NDArray[Any]]]
 ) -> list[sp.csr_matrix]:
     """Stiffness of unit changes of the materials: K is linear in every C_ij.
 
@@ -314,8 +314,8 @@ def affine_parts(
 
 
 def stiffness_action(
-    mesh: Mesh, free: FreeDofs, materials: Mapping[str, Material], displacement: NDArray
-) -> NDArray:
+    mesh: Mesh, free: FreeDofs, materials: Mapping[str, Material], displacement: NDArray[Any]
+) -> NDArray[Any]:
     """Nodal forces [N] of a displacement on all dofs of the mesh, held ones included.
 
     Args:
@@ -338,14 +338,14 @@ def stiffness_action(
     return total
 
 
-def unit_loads(mesh: Mesh, free: FreeDofs, face: str) -> NDArray:
+def unit_loads(mesh: Mesh, free: FreeDofs, face: str) -> NDArray[Any]:
     """Loads [N/Pa] of a pressure of 1 Pa on a face, on the free dofs."""
     return _loads(mesh, free, {face: 1.0})[0]
 
 
 def _loads(
     mesh: Mesh, free: FreeDofs, loads: Mapping[str, float]
-) -> tuple[NDArray, dict[str, tuple[float, NDArray]]]:
+) -> tuple[NDArray[Any], dict[str, tuple[float, NDArray[Any]]]]:
     """Load vector of the pressures, with area and force of each for the record."""
     f = np.zeros(free.size)
     v, n = ufl.TestFunction(free.V), ufl.FacetNormal(mesh.domain)

@@ -154,7 +154,7 @@ def tagged_mesh(make: Callable[[], RawMesh], comm: MPI.Comm, table: MeshTable) -
     )  # fmt: skip
 
 
-def extent(points: NDArray) -> tuple[float, ...]:
+def extent(points: NDArray[Any]) -> tuple[float, ...]:
     """Sides of the box around points [m], shape (n, 3)."""
     return tuple(map(float, np.ptp(points, axis=0)))
 

@@ -78,10 +78,10 @@ class Factor:
                 "the stiffness is singular: a part can move freely; add supports (the command"
                 " check names part and direction)"
             )
-        self.negative_pivots = int(F.getMumpsInfog(12))
-        self.gigabytes = F.getMumpsInfog(22) / 1e3
+        self.negative_pivots: int = int(F.getMumpsInfog(12))
+        self.gigabytes: float = F.getMumpsInfog(22) / 1e3
         self._F = F
-        self.seconds = time.perf_counter() - start
+        self.seconds: float = time.perf_counter() - start
 
     def solve(self, b: Array | sp.csc_matrix) -> Array:
         """Solve for right-hand sides.

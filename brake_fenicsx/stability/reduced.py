@@ -59,7 +59,9 @@ class Reduced:
         own, mass = whole(K), whole(M)
         _checked(own.shape[0], N, T, np.asarray(w, float), np.asarray(k0, float))
         bodies = split_substructures(own, mass, {"N": N.tocsr(), "T": T.tocsr()})
-        self.model = ReducedModel.offline(bodies, w, band, tolerance=tolerance, comm=comm)
+        self.model: ReducedModel = ReducedModel.offline(
+            bodies, w, band, tolerance=tolerance, comm=comm
+        )
 
     def modes(self, k: ArrayLike, mu: ArrayLike) -> Modes:
         """Complex modes of one sample in the band, see ``ReducedModel.modes``.

@@ -71,12 +71,14 @@ class Box:
     def __init__(self, scene: Scene):
         """Span the box by the distributions and the swept values of the scalars."""
         self._scene = scene
-        self.names = [n for n in scene.varied if changes_bodies(scene, n)]
+        self.names: list[str] = [n for n in scene.varied if changes_bodies(scene, n)]
         ends = []
         for name in self.names:
             values = [_scaled(name, v) for v in _spanning(scene, name)]
             ends.append((min(values), max(values)))
-        self.low, self.high = np.array(ends).reshape(-1, 2).T
+        box: Array = np.array(ends).reshape(-1, 2)
+        self.low: Array = box[:, 0]
+        self.high: Array = box[:, 1]
 
     def point(self, drawn: Mapping[str, float]) -> Array:
         """A sample's point of [-1, 1]^d; scalars that are not drawn have the scene's value."""

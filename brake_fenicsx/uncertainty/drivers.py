@@ -142,7 +142,7 @@ class Drivers:
         modes: Modes,
         chosen: Index,
         reduced: bool,
-    ) -> tuple[_Table, dict[str, NDArray], NDArray[np.bool_]]:
+    ) -> tuple[_Table, dict[str, NDArray[Any]], NDArray[np.bool_]]:
         """Derivatives of chosen modes, maps over the elements, and whether vectors settled."""
         models, w = self._models, self._models.brake.w
         contact = linearised(models, approach, sample, eq.k_vibration, eq.p)
@@ -161,7 +161,7 @@ class Drivers:
             whole_motions = self._whole_motions(sample, eq, s, whole)
             motions = motions if reduced else whole_motions
         d = contact_derivatives(motions, contact, sample.mu, w)
-        table, maps = _Table(), dict[str, NDArray]()
+        table, maps = _Table(), dict[str, NDArray[Any]]()
         self._contact(table, approach, sample, eq, d, reduced)
         if whole is not None:
             self._bodies(table, sample, s, (*whole, whole_motions.slope))

@@ -30,7 +30,7 @@ from brake_fenicsx.macro.condensation import Compliance, Solves, compliance
 from brake_fenicsx.macro.equilibrium import Condensed
 from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.macro.material_table import layer_materials, scene_materials
-from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene import Scene, Stability
 from brake_fenicsx.scene.damping import active_terms, reduced_approaches
 from brake_fenicsx.scene.digest import bodies_key
 from brake_fenicsx.scene.scalars import changes_bodies
@@ -99,7 +99,8 @@ class Models:
             comm: processes that share the work.
             cache: what the folder shares with others.
         """
-        self._scene, self.brake, self._counts = scene, brake, counts
+        self._scene, self._counts = scene, counts
+        self.brake: Brake = brake
         self._store, self._comm, self._cache = store, comm, cache
         self.facts: dict[str, Any] = {}
         self.changes: ChangingBodies | None = None
@@ -108,14 +109,14 @@ class Models:
         self.grams: dict[str, Array] = {}
         self._shapes: Array | None = None
         self.compliance: Compliance
-        self.unit_loads = brake.unit_loads
+        self.unit_loads: Array = brake.unit_loads
         # Gaps under these, and forces that they press the contact faces together with.
         self._unit_gaps: Array = np.zeros((0, 0))
         self._unit_carried: Array | None = None
         self.numbering: Numbering
-        self.stability = scene.stability if "stability" in scene.stages else None
+        self.stability: Stability | None = scene.stability if "stability" in scene.stages else None
         reduced = reduced_approaches(scene, counts)
-        self.by_reduction = {name: name in reduced for name in counts}
+        self.by_reduction: dict[str, bool] = {name: name in reduced for name in counts}
 
     @property
     def K(self) -> sp.csr_matrix:
@@ -179,7 +180,7 @@ class Models:
         """Whether damping ratios of the parts act, which full order does not have."""
         return "modal" in active_terms(self._scene, approach)
 
-    def coordinates(self, u: NDArray) -> NDArray | None:
+    def coordinates(self, u: NDArray[Any]) -> NDArray[Any] | None:
         """Displacements in the coordinates that families are followed in; None without any.
 
         Args:
@@ -189,7 +190,7 @@ class Models:
             return model.coordinates(self._kept_mass, u)
         return None if self._shapes is None else self._shapes.T @ (self.M @ u)
 
-    def shapes(self, coordinates: NDArray) -> NDArray:
+    def shapes(self, coordinates: NDArray[Any]) -> NDArray[Any]:
         """Displacements of modes by the coordinates that families are followed in alone.
 
         Args:
@@ -347,7 +348,7 @@ class Models:
             return settings.cutoff if settings else None
         return float(HARMONICS / np.sqrt(parameters.softening)) * settings.band[1]
 
-    def _kept(self, file: str, made: dict[str, NDArray]) -> dict[str, NDArray]:
+    def _kept(self, file: str, made: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
         """What an offline stage made, from the file that the first process writes; collective."""
         marks = {"layout": np.array(LAYOUT), "dofs": np.array(self.numbering.mark)}
         on_first(lambda: self._store.save(file, **marks, **made), self._comm)
@@ -380,7 +381,7 @@ class Models:
         band = None if self.stability is None else [*self.stability.band]
         return [bodies_key(self._scene), self.numbering.mark, band, *more]
 
-    def _known(self, file: str) -> dict[str, NDArray] | None:
+    def _known(self, file: str) -> dict[str, NDArray[Any]] | None:
         """What an earlier run left: processes of a machine hold the large arrays once."""
         try:
             stored = self._store.load(file, mapped=True)

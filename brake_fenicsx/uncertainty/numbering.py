@@ -45,7 +45,7 @@ class Numbering:
         Raises:
             SceneError: the folder belongs to another mesh.
         """
-        self.body = _bodies(brake)
+        self.body: NDArray[np.intp] = _bodies(brake)
         keys = _keys(brake, self.body)
         stored = store.load(FILE)
         comm.Barrier()
@@ -59,7 +59,7 @@ class Numbering:
             )
         # That of the first run: another one may differ from it by round-off.
         kept = keys if stored is None else stored["keys"]
-        self.mark = hashlib.sha256(np.ascontiguousarray(kept).tobytes()).hexdigest()[:16]
+        self.mark: str = hashlib.sha256(np.ascontiguousarray(kept).tobytes()).hexdigest()[:16]
 
 
 def dof_points(brake: Brake) -> NDArray:

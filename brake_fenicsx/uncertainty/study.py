@@ -71,14 +71,18 @@ class Study:
             waviness: mean heights of patches, where critical gaps are drawn from them.
         """
         self.waviness = waviness
-        self.scene, self.brake, self.library, self.hdf = scene, brake, library, hdf
-        self.store, self.comm = store, comm
+        self.scene: Scene = scene
+        self.brake: Brake = brake
+        self.library: Laws | None = library
+        self.hdf: HeightDistribution | None = hdf
+        self.store: Store = store
+        self.comm: MPI.Comm = comm
         self.facts: dict[str, Any] = {}
         approaches = scene.samples.approaches
         count = {name: sample_count(scene, name) for name in approaches}
-        self.points = {name: points_of(scene, name) for name in approaches}
+        self.points: dict[str, Array | None] = {name: points_of(scene, name) for name in approaches}
         self.tasks: list[Task] = [(name, k) for name in approaches for k in range(count[name])]
-        self.models = Models(scene, brake, count, store, comm, cache or SharedCache(store))
+        self.models: Models = Models(scene, brake, count, store, comm, cache or SharedCache(store))
         self.equilibria: Equilibria | None = None
         self._displaced: dict[Task, Array] = {}
         # Vectors of the families, once the tables are written; on one process.
@@ -86,7 +90,7 @@ class Study:
         self.drivers: Drivers | None = None
         self.cycles: Cycles | None = None
         reduced = self.models.by_reduction
-        self.verified = next((name for name in approaches if reduced[name]), "")
+        self.verified: str = next((name for name in approaches if reduced[name]), "")
         self.verify: list[Task] = []
         if scene.stability is not None and self.verified:
             most = min(scene.stability.verify, count[self.verified])

@@ -58,7 +58,7 @@ def grid(kind, nx, ny, size, bend=lambda x, y: (x, y, 0.0)):
 
 def deck_of(points, *sets):
     """A deck of shells: sets of kind, name and rows."""
-    text = "*HEADING\n*NODE\n" + rows([k, *map(repr, p)] for k, p in enumerate(points, 1))
+    text = "*HEADING\n*NODE\n" + rows([k, *map(float, p)] for k, p in enumerate(points, 1))
     start = 1000
     for kind, name, cells in sets:
         text += f"*ELEMENT, TYPE={kind}, ELSET={name}\n"

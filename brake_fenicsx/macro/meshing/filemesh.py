@@ -112,7 +112,7 @@ def same_length(rows: Iterable[Sequence[int]]) -> Ints:
     return np.array([[*row, *[max(row)] * (width - len(row))] for row in table])
 
 
-def listed(x: NDArray) -> Any:
+def listed(x: NDArray[Any]) -> Any:
     """An array as nested lists, of whatever shape."""
     return x.tolist()
 

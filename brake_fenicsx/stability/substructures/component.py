@@ -65,7 +65,7 @@ class Component:
     """
 
     def __init__(
-        self, arrays: dict[str, NDArray], rows: Rows, parameters: Parameters, omega: float
+        self, arrays: dict[str, NDArray[Any]], rows: Rows, parameters: Parameters, omega: float
     ):
         """Take what the offline stage made.
 
@@ -210,13 +210,13 @@ def originals_and_images(
 
 def image_arrays(
     images: list[tuple[int, MirrorImage | None, Substructure]],
-) -> dict[str, NDArray]:
+) -> dict[str, NDArray[Any]]:
     """Original, contact elements, dofs and signs of each body, for ``placed``.
 
     Args:
         images: what ``originals_and_images`` says of every body.
     """
-    out: dict[str, NDArray] = {}
+    out: dict[str, NDArray[Any]] = {}
     for number, (i, image, body) in enumerate(images):
         own = body if image is None else image.body
         signs = np.ones(body.dofs.size) if image is None else image.signs
@@ -226,7 +226,7 @@ def image_arrays(
 
 
 def placed(
-    groups: Mapping[str, dict[str, NDArray]], rows: Rows, parameters: Parameters, omega: float
+    groups: Mapping[str, dict[str, NDArray[Any]]], rows: Rows, parameters: Parameters, omega: float
 ) -> list[Placed]:
     """The bodies of the brake, their kept modes one after the other.
 

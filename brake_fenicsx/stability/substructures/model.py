@@ -11,6 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from math import ceil, log10
+from typing import Any
 
 from mpi4py import MPI
 
@@ -26,7 +27,7 @@ from brake_fenicsx.folder.processes import in_turns
 from ..eigensolvers.arnoldi import with_conjugates
 from ..eigensolvers.rows import damped_rows, undamped_rows
 from ..modes import Complex, Count, Modes
-from .component import AtPoint, Component, image_arrays, originals_and_images, placed
+from .component import AtPoint, Component, Placed, image_arrays, originals_and_images, placed
 from .contact import ContactLinearisation
 from .errors import Corrected, corrected
 from .moments import SIGMA, Rows
@@ -70,7 +71,7 @@ class ReducedModel:
 
     def __init__(
         self,
-        arrays: Mapping[str, NDArray],
+        arrays: Mapping[str, NDArray[Any]],
         w: ArrayLike,
         band: tuple[float, float],
         parameters: Parameters = CONSTANT,
@@ -84,15 +85,17 @@ class ReducedModel:
             band: lowest and highest frequency [Hz].
             parameters: box of the materials.
         """
-        self.band, self.parameters, self._w = band, parameters, np.asarray(w, float)
-        self.seconds, self._omega = float(arrays["seconds"]), 2 * np.pi * band[1]
-        self.rows = Rows(str(arrays["followed"]), bool(arrays["damped"]))
-        groups: dict[str, dict[str, NDArray]] = {}
+        self.band: tuple[float, float] = band
+        self.parameters: Parameters = parameters
+        self.seconds: float = float(arrays["seconds"])
+        self._w, self._omega = np.asarray(w, float), 2 * np.pi * band[1]
+        self.rows: Rows = Rows(str(arrays["followed"]), bool(arrays["damped"]))
+        groups: dict[str, dict[str, NDArray[Any]]] = {}
         for name, values in arrays.items():
             owner, dot, inner = name.partition(".")
             if dot:
                 groups.setdefault(owner, {})[inner] = values
-        self.bodies = placed(groups, self.rows, parameters, self._omega)
+        self.bodies: list[Placed] = placed(groups, self.rows, parameters, self._omega)
         self._latest: tuple[Array, dict[int, AtPoint]] | None = None
         self._constant: dict[int, BodyCompliance] = {}
 
@@ -108,7 +111,7 @@ class ReducedModel:
         cutoff: float | None = None,
         comm: MPI.Comm | None = None,
         progress: Callable[[int], Callable[[int], None]] = lambda total: lambda done: None,
-        keep: Callable[[dict[str, NDArray]], Mapping[str, NDArray]] | None = None,
+        keep: Callable[[dict[str, NDArray[Any]]], Mapping[str, NDArray[Any]]] | None = None,
     ) -> ReducedModel:
         """Reduce the bodies of a brake and take the model; collective.
 
@@ -155,7 +158,7 @@ class ReducedModel:
         # The largest body takes most memory: it comes before the moments of others are there.
         order = sorted(range(len(originals)), key=lambda i: -originals[i].dofs.size)
         made = {i: reductions[i].arrays(advance) for i in order}
-        arrays: dict[str, NDArray] = {}
+        arrays: dict[str, NDArray[Any]] = {}
         if comm.rank == 0:
             arrays = {f"{i}.{name}": a for i, one in made.items() for name, a in one.items()}
             arrays |= image_arrays(images)
@@ -301,7 +304,7 @@ class ReducedModel:
         scaled = s / self._omega
         return scaled - self.rows.shift if self.rows.damped else SIGMA - scaled**2
 
-    def coordinates(self, A: sp.csr_matrix, u: NDArray | None = None) -> NDArray:
+    def coordinates(self, A: sp.csr_matrix, u: NDArray[Any] | None = None) -> NDArray[Any]:
         """U'A u of the kept modes U of all bodies, or U'A U.
 
         Args:
@@ -325,7 +328,7 @@ class ReducedModel:
                 grams[body.modes, body.modes] = U.T @ (inner @ U)
         return grams
 
-    def kept_displacements(self, a: NDArray) -> NDArray:
+    def kept_displacements(self, a: NDArray[Any]) -> NDArray[Any]:
         """Displacements U a of the kept modes of all bodies alone.
 
         Args:
@@ -423,6 +426,6 @@ def _degrees(tolerance: float, damped: bool) -> tuple[int, ...]:
     return tuple(max(1, top - (n + 1) // 2) for n in range(top + 2))
 
 
-def _on_all(arrays: dict[str, NDArray], comm: MPI.Comm) -> dict[str, NDArray]:
+def _on_all(arrays: dict[str, NDArray[Any]], comm: MPI.Comm) -> dict[str, NDArray[Any]]:
     """Arrays of the first process on all of them; collective."""
     return {name: comm.bcast(arrays.get(name)) for name in comm.bcast(list(arrays))}

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -137,7 +138,7 @@ class Substructure:
         mean = np.average(zeta, weights=[part.mass.sum() for part in self.ratios])
         return float(mean) * np.array([2 * omega, 1 / (4 * omega)])
 
-    def arrays(self) -> dict[str, NDArray]:
+    def arrays(self) -> dict[str, NDArray[Any]]:
         """What ``from_arrays`` makes the body of again; coordinates are left out."""
         matrices = {"K": self.K, "M": self.M, **self.interface}
         matrices |= {f"change{j}": A for j, A in self.changes.items()}
@@ -150,7 +151,7 @@ class Substructure:
         return out
 
     @classmethod
-    def from_arrays(cls, arrays: dict[str, NDArray]) -> Substructure:
+    def from_arrays(cls, arrays: dict[str, NDArray[Any]]) -> Substructure:
         """The body, on the same memory: the arrays may be mapped from a file."""
         columns = arrays["dofs"].size
 
