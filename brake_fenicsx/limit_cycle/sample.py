@@ -196,7 +196,8 @@ def cycles_of_modes(
     points: list[tuple[int, float, complex]] = []
     nothing = [float("nan")] * len(MEASURES)
     grows = (np.array(modes.verdict, str) == "unstable") & (modes.damping < -settings.threshold)
-    chosen = (modes.s.imag > 0) & (grows | (modes.damping < settings.damping_below))
+    # Without a damping named, growth of less than the threshold is none.
+    chosen = (modes.s.imag > 0) & (grows | (modes.damping < (settings.damping_below or -np.inf)))
     for i in np.flatnonzero(chosen):
         try:
             branch, elements = cycles.branch(modes.s[i], modes.right[:, i], settings)

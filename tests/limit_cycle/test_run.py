@@ -129,6 +129,14 @@ def test_python_gives_what_the_table_says(done):
         prepare(BLOCK, PLAIN).limit_cycles()
 
 
+def test_a_mode_that_grows_less_than_the_threshold_is_not_followed(done):
+    """It is unstable all the same, and has a cycle where the threshold is zero."""
+    cycles = read_columns(done / "limit_cycle.csv")
+    growth = cycles["linear_alpha_1_s"] / (np.pi * cycles["linear_frequency_hz"])
+    threshold = f"stability.threshold={1.1 * growth.max()}"
+    assert prepare(BLOCK, [*GIVEN, threshold]).limit_cycles(sample=1) == []
+
+
 @pytest.mark.parametrize(
     ("more", "said"),
     [
