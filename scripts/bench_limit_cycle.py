@@ -7,6 +7,7 @@ Errors are those of the amplitude against 25 harmonics, and against time steps o
 matrices (tests/time_steps.py).
 """
 
+import argparse
 import sys
 import time
 from pathlib import Path
@@ -95,4 +96,7 @@ def figure(path):
 
 
 if __name__ == "__main__":
-    figure(sys.argv[2]) if "--figure" in sys.argv else table()
+    words = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    words.add_argument("--figure", type=Path, metavar="FILE", help="draw the figure of the docs")
+    given = words.parse_args()
+    figure(given.figure) if given.figure else table()

@@ -9,7 +9,7 @@ Run as: scripts/example_inputs.py [FOLDER]
 
 from __future__ import annotations
 
-import sys
+import argparse
 from pathlib import Path
 from typing import Any
 
@@ -67,7 +67,9 @@ def write_mesh(path: Path) -> None:
 
 
 if __name__ == "__main__":
-    folder = Path(sys.argv[1] if len(sys.argv) > 1 else ".")
+    words = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    words.add_argument("folder", nargs="?", default=Path(), type=Path, metavar="FOLDER")
+    folder = words.parse_args().folder
     folder.mkdir(parents=True, exist_ok=True)
     write_scan(folder / "my_scan.txt")
     write_mesh(folder / "my_brake.inp")

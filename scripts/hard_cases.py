@@ -6,8 +6,8 @@ Run as: scripts/hard_cases.py [FILE]
 
 from __future__ import annotations
 
+import argparse
 import ast
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -73,4 +73,6 @@ def main(path: Path = OUT) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(Path, sys.argv[1:2]))
+    words = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    words.add_argument("file", nargs="?", default=OUT, type=Path, metavar="FILE")
+    main(words.parse_args().file)

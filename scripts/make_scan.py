@@ -7,7 +7,7 @@ are added: mean height 25.6 um, tilt, white noise and missing points.
 
 from __future__ import annotations
 
-import sys
+import argparse
 from pathlib import Path
 
 import numpy as np
@@ -90,7 +90,9 @@ def main(path: Path) -> None:
 
 
 if __name__ == "__main__":
+    words = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     default = Path(__file__).parent / "scenes" / "pad_scan.npz"
-    target = Path(sys.argv[1]) if len(sys.argv) > 1 else default
+    words.add_argument("file", nargs="?", default=default, type=Path, metavar="FILE.npz")
+    target = words.parse_args().file
     target.parent.mkdir(parents=True, exist_ok=True)
     main(target)

@@ -8,7 +8,7 @@ docs/measured_solids.md.
 
 from __future__ import annotations
 
-import sys
+import argparse
 from pathlib import Path
 
 import matplotlib.pyplot as plt
@@ -73,4 +73,6 @@ def main(folder: Path = ROOT / "docs") -> None:
 
 
 if __name__ == "__main__":
-    main(*map(Path, sys.argv[1:]))
+    words = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    words.add_argument("folder", nargs="?", default=ROOT / "docs", type=Path, metavar="FOLDER")
+    main(words.parse_args().folder)

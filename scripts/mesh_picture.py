@@ -6,7 +6,7 @@ Run as: scripts/mesh_picture.py [FILE]
 
 from __future__ import annotations
 
-import sys
+import argparse
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +40,9 @@ CASES: list[tuple[Any, Any, MeshTable]] = [
 
 def main() -> None:
     """Draw and save."""
+    words = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    words.add_argument("file", nargs="?", default=OUT, type=Path, metavar="FILE")
+    file = words.parse_args().file
     pv.OFF_SCREEN = True
     plotter = pv.Plotter(shape=(1, len(CASES)), window_size=(1300, 560), border=False)
     make = getattr(plot, "vtk_mesh", None) or plot.create_vtk_mesh
@@ -52,7 +55,7 @@ def main() -> None:
             colour = COLOURS[layer.partition(".")[2].rstrip("0123456789")]
             plotter.add_mesh(grid.extract_cells(cells), color=colour, show_edges=True)
         plotter.camera_position = VIEW
-    plotter.screenshot(sys.argv[1] if len(sys.argv) > 1 else str(OUT))
+    plotter.screenshot(str(file))
 
 
 if __name__ == "__main__":

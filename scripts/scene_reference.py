@@ -6,6 +6,7 @@ Run as: scripts/scene_reference.py [FILE]
 
 from __future__ import annotations
 
+import argparse
 import inspect
 import re
 import sys
@@ -165,4 +166,6 @@ def main(path: Path = OUT) -> None:
 
 
 if __name__ == "__main__":
-    main(*map(Path, sys.argv[1:2]))
+    words = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    words.add_argument("file", nargs="?", default=OUT, type=Path, metavar="FILE")
+    main(words.parse_args().file)

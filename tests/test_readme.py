@@ -1,6 +1,8 @@
 """What the README and the pages promise is so."""
 
 import re
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -127,6 +129,17 @@ def test_every_option_written_in_a_page_is_one_of_its_command():
                 assert option in commands[name]._option_string_actions, (name, option)
                 seen.add(option)
     assert {"--set", "-o"} <= seen
+
+
+@pytest.mark.parametrize("name", [
+    "bench_limit_cycle", "example_inputs", "hard_cases", "make_scan", "measured_solids",
+    "mesh_picture", "scene_reference",
+])  # fmt: skip
+def test_help_of_a_script_that_takes_a_file_makes_none(name, tmp_path):
+    command = [sys.executable, ROOT / "scripts" / f"{name}.py", "--help"]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("usage:") and not [*tmp_path.iterdir()]
 
 
 def test_interruption_ends_with_130(monkeypatch, tmp_path, capsys):

@@ -15,7 +15,7 @@ def write_abaqus(found: FileMesh, path: Path) -> None:
     """Write cells and groups as a flat .inp file, in the unit that they have."""
     shape, count = found.shape, found.cells.shape[1]
     order, used = np.argsort(gmsh_order(shape, count)), np.unique(found.cells)
-    lines = ["*HEADING", "cells made of shells by brake-fenicsx init --shells solid", "*NODE"]
+    lines = ["** Written by brake-fenicsx init --shells solid", "*NODE"]
     rows = zip(listed(used), listed(found.points[used]), strict=True)
     lines += [f"{i + 1}, {x!r}, {y!r}, {z!r}" for i, (x, y, z) in rows]
     lines.append(f"*ELEMENT, TYPE=C3D{count}")
