@@ -284,7 +284,15 @@ BENT = [
         (deck_of(POINTS[:4], ("S4", "SHIM", [[1, 2, 3, 4]])), "has no \\*SHELL SECTION"),
         (
             deck_of(POINTS[:4], ("S4", "SHIM", [[1, 2, 3, 4]])) + SECTION.format("SHIM", 0, 0.0),
-            r"deck.inp:14: \*SHELL SECTION, ELSET=SHIM, .*: no thickness above 0; write one below",
+            r"deck.inp:14: \*SHELL SECTION, .*: no thickness above 0; write one for each layer",
+        ),
+        (
+            deck_of(POINTS[:4], ("S4", "SHIM", [[1, 2, 3, 4]])) + SECTION.format("SHIM", 0, "nan"),
+            "no thickness above 0",
+        ),
+        (
+            deck_of(POINTS[:4], ("S4", "SHIM", [[1, 2, 3, 4]])) + SHIM.format("DIST"),
+            "OFFSET=DIST: its lines are not understood",
         ),
         (
             deck_of(POINTS[:4], ("S4", "SHIM", [[1, 2, 3, 4]]))

@@ -49,6 +49,8 @@ def read_deck(mesh: FileMesh, suffix: str, solid: bool = False) -> Deck:
             raise
         except (ValueError, IndexError, KeyError):
             said = "its lines are not understood"
+            if block.keyword in SHELLS:
+                raise SceneError(f"{block.at}: {block.said}: {said}") from None
         except ImportError as error:
             said = f"needs {error.name}: pip install {error.name}"
         if said is not None:

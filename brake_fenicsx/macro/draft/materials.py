@@ -8,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.meshing.abaqus_scope import find
 from brake_fenicsx.macro.meshing.filemesh import Block
 
@@ -71,14 +70,11 @@ def _section(deck: Deck, block: Block) -> str | None:
 def _shells(deck: Deck, block: Block) -> str | None:
     """*SHELL SECTION: thickness, or for each layer thickness, points and material."""
     options, said = block.options, f"{block.at}: {block.said}"
+    rows = [] if "NODAL THICKNESS" in options else block.rows
     if "COMPOSITE" in options:
-        layers = [(float(row[0]), row[2]) for row in block.rows]
-    elif "NODAL THICKNESS" in options or not block.rows:
-        layers = []
+        layers = [(float(t), material) for t, _, material, *_ in rows]
     else:
-        layers = [(float(block.rows[0][0] or 0), options["MATERIAL"])]
-    if min((t for t, _ in layers), default=0.0) <= 0.0:
-        raise SceneError(f"{said}: no thickness above 0; write one below it for each layer")
+        layers = [(float(row[0] or 0), options["MATERIAL"]) for row in rows[:1]]
     words = {"SPOS": 0.5, "SNEG": -0.5}
     share = options.get("OFFSET", "0").upper()
     offset = (words[share] if share in words else float(share)) * sum(t for t, _ in layers)
@@ -116,8 +112,6 @@ def _card(deck: Deck, block: Block) -> None:
         pairs = [(own.t, own.mid1)] if plain else zip(own.thicknesses, own.mids, strict=True)
         layers = [(float(t or 0), f"MAT{mid}") for t, mid in pairs]
         said, total = f"{block.at}: {block.said}", sum(t for t, _ in layers)
-        if min(t for t, _ in layers) <= 0.0:
-            raise SceneError(f"{said}: no thickness above 0; write one")
         offset = 0.0 if plain or own.z0 is None else -own.z0 - 0.5 * total
         deck.add_shells(Section(str(number), layers, offset, said))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -9,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.meshing.abaqus_scope import find
 from brake_fenicsx.macro.meshing.filemesh import Block, FileMesh
 
@@ -54,6 +56,9 @@ class Deck:
 
     def add_shells(self, section: Section) -> None:
         """Sections of shells, with the material of each layer's cells."""
+        thin = not all(0.0 < t < math.inf for t, _ in section.layers) or not section.layers
+        if thin or not math.isfinite(section.offset):
+            raise SceneError(f"{section.said}: no thickness above 0; write one for each layer")
         self.shells.append(section)
         pairs = zip(section.sets, section.layers, strict=True)
         self.sections |= {name: material for name, (_, material) in pairs}
