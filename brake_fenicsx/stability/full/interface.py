@@ -145,14 +145,14 @@ def moments(factor: Factor, M: sp.csr_matrix, friction: Interface, orders: int =
     compliance = np.empty((rank, 0 if friction.bounded else rank))
     left, right = friction.left.T.tocsc(), friction.right.T.tocsc()
     for b in blocks(rank):
-        X = factor.solve(left[:, b].toarray())
+        X = factor.solve(left[:, b])
         for j in range(orders):
             X = X if j == 0 else factor.solve(M @ X)
             RL[j][:, b] = friction.right @ X
             if j == 2:
                 LL[:, b] = friction.left @ X
         if not friction.bounded:
-            compliance[:, b] = friction.right @ factor.solve(right[:, b].toarray())
+            compliance[:, b] = friction.right @ factor.solve(right[:, b])
     size = 1.0
     if not friction.bounded:
         gap = 0.5 * (compliance + compliance.T)
