@@ -11,7 +11,7 @@ from brake_fenicsx import prepare
 from brake_fenicsx.cli import main
 from brake_fenicsx.correlation.part_modes import part_body, part_modes
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.geometry import disc, pad
+from brake_fenicsx.geometry import block, disc, pad
 from brake_fenicsx.macro.brake import assemble_brake
 from brake_fenicsx.macro.draft.text import write_scene
 from brake_fenicsx.macro.mesh import raw_mesh
@@ -256,6 +256,41 @@ def test_modes_of_a_brake_with_its_shim_as_shells(pair):
     a, b = map(np.sort_complex, found)
     assert a.size > 8 and a.real.max() > 1.0
     np.testing.assert_allclose(b, a, rtol=1e-7, atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("cells", "order", "nodes"),
+    [("tetrahedra", 1, 3), ("tetrahedra", 2, 3), ("tetrahedra", 2, 6), ("hexahedra", 2, 4)],
+)
+def test_a_layer_on_solids_makes_one_body(cells, order, nodes, meshes, tmp_path):
+    """Shells of first and second order on the nodes of a box of 12 mm, 1.5 mm thick: mass and
+    frequencies are those of a box of 13.5 mm, also where the middle nodes are those of the solids.
+    """
+    mesh = meshes.boxes(cells, order)
+    own = mesh.facet_tag == mesh.faces["pad.top"]
+    facets = facet_nodes(mesh)[own][:, :nodes]
+    x = mesh.points[facets]
+    down = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])[:, 2] < 0
+    turned = {3: [0, 2, 1], 4: [0, 3, 2, 1], 6: [0, 2, 1, 5, 4, 3]}[nodes]
+    facets[down] = facets[down][:, turned]
+    deck = tmp_path / "solids.inp"
+    meshes.write_abaqus(mesh, deck)
+    said = "".join(f"*SOLID SECTION, ELSET={n}_body, MATERIAL=STEEL\n" for n in ("pad", "plate"))
+    text = f"*ELEMENT, TYPE=S{nodes}, ELSET=SHIM\n" + rows(
+        [5000 + k, *(10 + row)] for k, row in enumerate(facets)
+    )
+    text = deck.read_text() + text + STEEL + said + SECTION.format("SHIM", "SNEG", 1.5)
+    scene, _, _ = made(tmp_path, text, "pad")
+    whole = {"pad": (block, block.Block(length=40e-3, width=20e-3, height=13.5e-3, size=4e-3))}
+    meshes.write_abaqus(raw_mesh(whole, MeshTable(cells="hexahedra")), tmp_path / "whole.inp")
+    one = (tmp_path / "whole.inp").read_text() + STEEL + said.splitlines(keepends=True)[0]
+    (tmp_path / "whole.inp").write_text(one)
+    write_scene(tmp_path / "whole.inp", tmp_path / "whole.toml")
+    known = read_scene(tmp_path / "whole.toml")
+    found, exact = (part_modes(s, "pad", np.zeros((1, 3)), 50e3).frequency for s in (scene, known))
+    np.testing.assert_allclose(found, exact, rtol=0.012)
+    masses = [part_body(s, "pad", np.zeros((1, 3)))[1].M.sum() for s in (scene, known)]
+    assert masses[0] == pytest.approx(masses[1], rel=1e-9)
 
 
 # Two hexahedra of 10 mm on each other, each face of the upper one with 4 nodes.
