@@ -145,7 +145,8 @@ def read_run(directory: str | Path | RunData) -> RunData:
         return directory
     root = Path(directory)
     if not root.is_dir():
-        raise SceneError(f"{root}: no such run directory; run the scene first")
+        what = "a file, and no folder of results" if root.is_file() else "no such run directory"
+        raise SceneError(f"{root}: {what}; run the scene first")
     scene = root / "scene.toml"
     run = RunData(
         directory=root,

@@ -125,6 +125,8 @@ def test_runs_with_two_thresholds_are_warned_of(runs, tmp_path, capsys):
 def test_mistakes_are_one_line(runs, tmp_path, capsys):
     assert main(["compare", str(runs / "coarse"), str(tmp_path / "none")]) == 2
     assert "no such run directory" in capsys.readouterr().err
+    assert main(["compare", str(BLOCK), str(BLOCK)]) == 2
+    assert "a file, and no folder of results; run the scene first" in capsys.readouterr().err
     (tmp_path / "out").mkdir()
     run(BLOCK, COMM, tmp_path / "out", ["stages=['equilibrium']"])
     with pytest.raises(SceneError, match=r"contains no modes to compare; .*or both with a surface"):
