@@ -17,8 +17,8 @@ from brake_fenicsx.macro.meshing.rawmesh import CORNERS, EDGES, FACETS, facet_ke
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-# Shells that meet at a node are at most this angle apart [rad]: a rim bent by 90 degrees, and more.
-FOLD = np.radians(100.0)
+# Two shells that meet are at most this angle apart [rad]; rims and corners have 90 degrees.
+FOLD = np.radians(110.0)
 # A facet of a lifted surface has this share of the shell's area at least.
 LEFT = 0.05
 # Normals that differ by less than the root of this are one.

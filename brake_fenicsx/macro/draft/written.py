@@ -24,7 +24,8 @@ def write_abaqus(found: FileMesh, path: Path) -> None:
     for word, groups in (("ELSET", found.cell_groups), ("NSET", found.node_groups)):
         for name, own in groups.items():
             kept = own if word == "ELSET" else own[np.isin(own, used)]
-            lines += [f'*{word}, {word}="{name}"', *_rows(listed(np.unique(kept) + 1))]
+            if kept.size:
+                lines += [f'*{word}, {word}="{name}"', *_rows(listed(np.unique(kept) + 1))]
     table = found.cells[:, np.array(FACES[shape])]
     keys, place = np.unique(facet_keys(table), return_index=True)
     for name, facets in found.facet_groups.items():

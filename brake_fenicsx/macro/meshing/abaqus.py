@@ -170,7 +170,7 @@ def _take(deck: _Deck, block: Block) -> None:
         for row in rows:
             if len(row) < 4:
                 raise SceneError(f"node {row[0]} has not 3 coordinates; is the file whole?")
-            scope.nodes[int(row[0])] = [float(v) for v in row[1:4]]
+            scope.nodes[int(row[0])] = [float(v or 0.0) for v in row[1:4]]
         if "NSET" in options:
             scope.add(scope.nsets, options["NSET"], [int(row[0]) for row in rows])
     elif keyword == "ELEMENT":
@@ -256,6 +256,8 @@ def _elements(scope: Scope, options: Options, rows: Rows) -> bool:
     skin = _SKINS.get(name) or _SKINS.get(name.rstrip("RSW5"))
     count = _NODES[kind] if kind else skin
     if count is None:
+        # Sets may name this one.
+        scope.add(scope.elsets, options.get("ELSET", ""), [])
         # gmsh writes the curves of its geometry as trusses.
         curve = name.startswith("T3D") and options.get("ELSET", "").startswith("Line")
         if not curve:
