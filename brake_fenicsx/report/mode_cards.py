@@ -64,7 +64,7 @@ class ModePictures:
         self.by_mode: dict[tuple[str, int, int], str] = {}
         for approach in run.approaches:
             for m in run.squeal.representatives(approach):
-                key = f"mode_{approach}_{m.frequency:05.0f}Hz"
+                key = f"mode_{approach}_{m.name}"
                 if key in self.paths:
                     self._family[approach, m.family.key] = key
                     self.by_mode[approach, m.sample, m.mode] = key

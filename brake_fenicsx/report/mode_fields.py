@@ -233,7 +233,7 @@ def _write_modes(
 
     def draw(i: int) -> tuple[str, NDArray[np.complex128], list[Value]]:
         mode = chosen[i]
-        hertz, share = f"{mode.frequency:05.0f}Hz", mode.family.share
+        hertz, share = mode.name, mode.family.share
         shape = study.brake.elastic.free.expand(shapes[i])
         write_phases(store.path("fields", f"phase_{name}_{hertz}.vtkhdf"), V, shape)
         often = f"; family squeals in {share.hits} of {share.n} samples" if share.n > 1 else ""

@@ -89,7 +89,7 @@ def _shapes(run: RunData, approach: str) -> list[tuple[ModeKey, NDArray[np.compl
     with h5py.File(_file(run, approach)) as file:
         fields = file["VTKHDF/PointData"]
         for key in run.squeal.representatives(approach, MOST):
-            name = f"mode_{key.frequency:05.0f}Hz"
+            name = f"mode_{key.name}"
             if f"{name}_re" in fields:
                 re, im = (fields[f"{name}_{part}"][:] for part in ("re", "im"))
                 found.append((key, re + 1j * im))

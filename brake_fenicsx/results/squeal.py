@@ -115,7 +115,10 @@ class Family:
 
 @dataclass(frozen=True, slots=True)
 class ModeKey:
-    """One mode of the tables: approach, sample, mode, frequency [Hz], damping [-], its family."""
+    """One mode of the tables: approach, sample, mode, frequency [Hz], damping [-], its family.
+
+    Files and fields are called by ``name``: its frequency, with its family where two are alike.
+    """
 
     approach: str
     sample: int
@@ -123,6 +126,7 @@ class ModeKey:
     frequency: float
     damping: float
     family: Family
+    name: str
 
 
 class SquealTable:
@@ -237,13 +241,15 @@ class SquealTable:
 
         These are the modes that are drawn.
         """
-        chosen = []
+        chosen = list[ModeKey]()
         for family in self.families(approach)[:most]:
             own = self.squeal_modes(approach, family.key).sort_values("damping", kind="stable")
             row = own.iloc[len(own) // 2]
             numbers = int(row["sample"]), int(row["mode"])
             values = float(row["frequency_hz"]), float(row["damping"])
-            chosen.append(ModeKey(approach, *numbers, *values, family))
+            name = f"{values[0]:05.0f}Hz"
+            name += f"_family{family.key}" * any(name == other.name for other in chosen)
+            chosen.append(ModeKey(approach, *numbers, *values, family, name))
         return chosen
 
     @cached_property

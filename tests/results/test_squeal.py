@@ -164,6 +164,14 @@ def test_representative_modes_are_of_median_damping(run):
     assert len(run.squeal.representatives("parametric", most=1)) == 1
 
 
+def test_families_of_one_frequency_have_names_of_their_own(tmp_path):
+    """Their pictures and fields overwrote each other."""
+    modes = [mode("parametric", 0, j, 1500.0 + 0.2 * j, -0.01 * (3 - j), j) for j in range(2)]
+    write_rows(tmp_path / "modes.csv", MODES, [*modes, mode("parametric", 0, 2, 2e3, -0.001, 2)])
+    names = [m.name for m in read_run(tmp_path).squeal.representatives("parametric")]
+    assert names == ["01500Hz", "01500Hz_family1", "02000Hz"]
+
+
 def beyond(run, threshold):
     return replace(run, summary={"in_effect": {"stability": {"threshold": threshold}}})
 
