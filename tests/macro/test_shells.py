@@ -439,6 +439,19 @@ def test_sides_of_a_surface(side, tmp_path):
     assert load.pressure == pytest.approx(0.3e6)
 
 
+def test_continuum_shells_are_solids(tmp_path):
+    """SC8R has the nodes of a hexahedron: no option, and no thickness but that of its nodes."""
+    text = deck_of(POINTS, ("SC8R", "SHIM", [[5, 6, 7, 8, 9, 10, 11, 12]]))
+    text += SOLIDS.replace("2, 5, 6, 7, 8, 9, 10, 11, 12\n", "") + SHIM.format("0")
+    (tmp_path / "deck.inp").write_text(text)
+    write_scene(tmp_path / "deck.inp", tmp_path / "deck.toml")
+    scene = read_scene(tmp_path / "deck.toml")
+    (part,) = scene.parts
+    assert scene.parts[part].material == "STEEL"
+    M = part_body(scene, part, np.zeros((1, 3)))[1].M
+    assert M.sum() / 3 == pytest.approx(RHO * 2e-6, rel=1e-9)
+
+
 def test_a_corner_of_a_box(tmp_path):
     """Three shells at right angles, folds of 90 degrees, outside of a cube of 10 mm: 11^3 - 10^3
     mm^3 of it; a blank coordinate is 0, and a set may name one of beams.

@@ -11,7 +11,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.meshing.abaqus import held_along
 from brake_fenicsx.macro.meshing.filemesh import Block, FileMesh
 
-from .materials import ABAQUS, ANSYS, NASTRAN, SHELLS, Reader, taken
+from .materials import ABAQUS, ANSYS, NASTRAN, SHELLS, Reader, of_solids, taken
 from .statements import Deck, Quantity, numbers
 
 # Keywords that others refer to, also before they stand in the deck.
@@ -35,7 +35,7 @@ def read_deck(mesh: FileMesh, suffix: str, solid: bool = False) -> Deck:
             deck.add("loads", name, pressure=Quantity(float(value), "Pa"))
     readers = _READERS.get(suffix, _READERS[""])
     for block in mesh.blocks:
-        if block.keyword in SHELLS and not solid:
+        if block.keyword in SHELLS and not (solid or of_solids(mesh, block)):
             kinds = ", ".join(f"{len(own)} {kind}" for kind, own in mesh.shells.items())
             raise SceneError(
                 f"{block.at}: {block.said}: shells ({kinds or 'none are read'}) are no part of a"

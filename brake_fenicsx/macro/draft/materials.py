@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from brake_fenicsx.macro.meshing.abaqus_scope import find
-from brake_fenicsx.macro.meshing.filemesh import Block
+from brake_fenicsx.macro.meshing.filemesh import Block, FileMesh
 
 from .shell_surface import Section
 from .statements import Deck, Quantity, numbers
@@ -67,8 +67,16 @@ def _section(deck: Deck, block: Block) -> str | None:
     return turned if "ORIENTATION" in block.options else None
 
 
+def of_solids(mesh: FileMesh, block: Block) -> bool:
+    """Whether a section is of continuum shells, which have the nodes of solids."""
+    sets = mesh.owned(block.options.get("ELSET", ""), block.scope)
+    return all(find(mesh.cell_groups, n) and not find(mesh.facet_groups, n) for n in sets)
+
+
 def _shells(deck: Deck, block: Block) -> str | None:
     """*SHELL SECTION: thickness, or for each layer thickness, points and material."""
+    if of_solids(deck.mesh, block):
+        return _section(deck, block)
     options, said = block.options, f"{block.at}: {block.said}"
     rows = [] if "NODAL THICKNESS" in options else block.rows
     if "COMPOSITE" in options:

@@ -22,7 +22,8 @@ Options = dict[str, str]
 # Start of an element type -> kind of cell; shells and membranes mark faces, or become solids.
 _KINDS = {
     "C3D4": "tetra", "C3D10": "tetra10", "C3D8": "hexahedron", "C3D20": "hexahedron20",
-    "C3D27": "hexahedron27", "C3D6": "wedge", "C3D15": "wedge15",
+    "C3D27": "hexahedron27", "C3D6": "wedge", "C3D15": "wedge15", "SC6": "wedge",
+    "SC8": "hexahedron",
 }  # fmt: skip
 _NODES = {"wedge": 6, "wedge15": 15, "hexahedron27": 27} | {k: n for k, (_, n) in SOLIDS.items()}
 # gmsh writes faces as elements of plane stress, CPS.
