@@ -106,8 +106,8 @@ def _no_thickness(s: Scene, part: str, name: str) -> Iterator[str]:
         )
     if s.damping and s.damping.modal:
         yield "stability.damping.modal is of bodies of one thickness; name rayleigh or loss instead"
-    if s.damping and s.damping.gyroscopic and part in turning_parts(s):
-        yield "stability.damping.gyroscopic is of a disc of one thickness; leave one of the two out"
+    if part in turning_parts(s) and s.motion and any(s.motion.turns_about[:2]):
+        yield "stability.damping.gyroscopic needs the axis z beside it; leave one of the two out"
 
 
 def _idle(s: Scene, name: str) -> Iterator[str]:

@@ -20,8 +20,9 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult, SceneError
-from brake_fenicsx.macro.brake import Brake
+from brake_fenicsx.macro.brake import Brake, scene_motion
 from brake_fenicsx.macro.elasticity import affine_parts
+from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.macro.material import rotate_about_z
 from brake_fenicsx.macro.material_table import (
@@ -36,6 +37,7 @@ from brake_fenicsx.macro.material_table import (
 from brake_fenicsx.macro.mesh import Mesh
 from brake_fenicsx.macro.stretching import check_layer, powers_of_stretch
 from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.damping import turning_parts
 from brake_fenicsx.scene.faces import faces_by_area
 from brake_fenicsx.scene.parts import FILE_LAYER, layers_of_thickness, thickness_key
 from brake_fenicsx.scene.samples import is_constant, split_key
@@ -44,6 +46,7 @@ from brake_fenicsx.scene.sweep import Range
 
 from .designs import quantile
 from .inputs import by_material, nominal_value
+from .sampling import SPEED
 
 if TYPE_CHECKING:
     from brake_fenicsx.stability.substructures import Parameters
@@ -52,6 +55,8 @@ Array = NDArray[np.float64]
 
 # Voigt indices of the nine orthotropic stiffnesses.
 VOIGT = {name: (int(name[1]) - 1, int(name[2]) - 1) for name in STIFFNESSES["orthotropic"]}
+
+TURNING = "turning"
 
 # Probability of a constant beyond either end of the box, and how far from its centre, in half
 # widths, a sample may lie and still be taken.
@@ -150,7 +155,7 @@ class Term(NamedTuple):
     Attributes:
         material: the material.
         constant: C_ij of which it is a unit change; "" for its stiffness in the scene, "rho" for
-            its mass.
+            its mass, "turning" for its gyroscopic term.
         layer: "part.layer" whose thickness it follows; "" for the other layers of the material.
         power: of the stretch of that layer.
     """
@@ -169,7 +174,8 @@ class ChangingBodies:
         scene: the scene.
         box: the box of the scalars that the bodies depend on.
         nominal: changed material -> its stiffness in the scene [Pa], shape (6, 6).
-        changes: term -> stiffness [N/m], of a C_ij [N/m per Pa], or mass [kg].
+        changes: term -> stiffness [N/m], of a C_ij [N/m per Pa], mass [kg], or gyroscopic term
+            [N s/m].
         slopes: scalar that the damping alone depends on -> its unit change [N s/m].
     """
 
@@ -215,6 +221,10 @@ class ChangingBodies:
                 change = factor * (C[material] - self.nominal[material])[VOIGT[constant]]
             else:
                 change = factor - 1
+            if constant == TURNING:
+                usual = nominal_value(self.scene, SPEED)
+                out[1, j] = change * values.get(SPEED, usual) / usual
+                continue
             out[2 if is_mass else 0, j] = change
             out[1, j] = change * shares["" if is_mass else material]
         for j, name in enumerate(self.slopes, len(self.changes)):
@@ -323,13 +333,18 @@ def assemble_changes(scene: Scene, brake: Brake) -> ChangingBodies:
         for constant in moved_entries(scene, name, [*constants_of]):
             add(name, constant, unit_change(scene, mesh, name, constant))
     materials = layer_materials(scene, scene_materials(scene), thick)
-    lumped = scene.mesh.mass == "lumped"
+    lumped, turns, motion = scene.mesh.mass == "lumped", turning_parts(scene), scene_motion(scene)
     for layer, material in materials.items():
         check_layer(mesh, layer, thick[layer], faces_by_area(scene, layer.partition(".")[0]))
         name = material_of(scene, layer)
         add(name, "", {layer: material.C})
         mass = layer_masses(mesh, free, {layer: material.rho}, lumped)
         found[Term(name, "rho", layer, 1)] = mass[layer]
+        if layer.partition(".")[0] in turns and isinstance(motion, Rotation):
+            from brake_fenicsx.stability.damping import gyroscopic
+
+            G = gyroscopic(mesh, free, {layer: material.rho}, motion)
+            found[Term(name, TURNING, layer, 1)] = G
     _share_patterns([*found.values()])
     box, slopes = Box(scene), {}
     if names := [n for n in box.names if not is_constant(n) and not is_thickness(n)]:

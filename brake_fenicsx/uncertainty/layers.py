@@ -86,7 +86,7 @@ class Layers:
             turning = 0.0 if layer.G is None else bilinear(layer.G, *vectors)
             share = stiffness_share(self.scene, layer.material, values)
             out[name, "stiffness"] = (1 + s * share) * stiffness
-            out[name, "mass"] = (s + alpha) * mass + s * faster * turning
+            out[name, "mass"] = (s + alpha) * mass + s * faster * thicker * turning
             out[name, "loss factor"] = s / frequency * stiffness
         return out
 

@@ -11,6 +11,7 @@ from brake_fenicsx import model
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.brake import assemble_brake
 from brake_fenicsx.scene import read_scene
+from brake_fenicsx.stability.terms import damping_terms
 from brake_fenicsx.uncertainty.changing_bodies import assemble_changes
 from brake_fenicsx.uncertainty.solve import full_modes
 
@@ -23,6 +24,10 @@ COARSE = [
 ]  # fmt: skip
 HEIGHT, PLATE, C44 = "parts.block.height", "parts.plate.height", "materials.lining.C44"
 DAMPED = 'stability.damping={ rayleigh=["300 1/s", "2e-7 s"], loss=true, omega_ref="5 kHz" }'
+TURNING = [
+    "motion={ axis='z', point=['40 mm', 0, 0], speed='20 rad/s' }",
+    "stability.damping={ rayleigh=['300 1/s', '2e-7 s'], gyroscopic=['plate'] }",
+]  # fmt: skip
 LOSS = "materials.lining.loss=0.05"
 
 
@@ -62,7 +67,35 @@ def test_matrices_of_a_thickness_are_those_of_the_scene_written_with_it(lumped):
     assert np.any(a) and np.any(m) and np.all((c != 0) == (a + m != 0))
 
 
-@pytest.mark.parametrize("damping", [[], [DAMPED, LOSS]], ids=["undamped", "damped"])
+def test_gyroscopic_term_of_a_thickness_is_that_of_the_scene_written_with_it():
+    """Beside the damping of the mass and another speed, to round-off."""
+    turning = [
+        *TURNING,
+        f'sweep.parameters={{ "{PLATE}"={{ values=["9 mm","11 mm"] }},'
+        ' "motion.speed"={ values=["10 rad/s","30 rad/s"] } }',
+    ]  # fmt: skip
+    scene = read_scene(BLOCK, [*COARSE, *turning])
+    brake = assemble_brake(scene, MPI.COMM_SELF)
+    changes = assemble_changes(scene, brake)
+    found = damping_terms(scene, brake).bulk + changes.damping_change(
+        {PLATE: 10.7e-3, "motion.speed": 25.0}
+    )
+    scene = read_scene(BLOCK, written(20e-3, 10.7e-3, *turning[:2], "motion.speed='25 rad/s'"))
+    exact = damping_terms(scene, assemble_brake(scene, MPI.COMM_SELF)).bulk
+    assert abs(exact - exact.T).max() > 1e-3 * abs(exact).max()
+    assert abs(found - exact).max() < 1e-11 * abs(exact).max()
+
+
+@pytest.mark.parametrize(
+    "damping",
+    [
+        pytest.param([], id="undamped"),
+        pytest.param([DAMPED, LOSS], id="damped"),
+        pytest.param(
+            [*TURNING, "contact.block_plate.friction=0.2"], id="turning", marks=pytest.mark.slow
+        ),
+    ],
+)
 def test_modes_of_two_thicknesses_and_a_modulus_are_those_of_full_order(damping):
     """At corners, between the anchors, and a little beyond; the scene's own heights too."""
     box = {HEIGHT: (18e-3, 22e-3), PLATE: (9e-3, 11e-3), C44: (1.0e9, 1.4e9)}
@@ -116,6 +149,11 @@ def test_frequencies_of_a_bar_follow_its_length():
             HEIGHT,
             ["stability.damping={ modal={ block={ ratio=0.01 } } }"],
             "modal is of bodies of one",
+        ),
+        (
+            HEIGHT,
+            ["motion={ axis='x' }", "stability.damping={ gyroscopic=['block'] }"],
+            "gyroscopic needs the axis z",
         ),
     ],
 )
