@@ -516,6 +516,9 @@ def test_shells_of_nastran(tmp_path):
         assert len(mesh.layers) == layers
         M = part_body(read, part, np.zeros((1, 3)))[1].M
         assert M.sum() / 3 == pytest.approx(RHO * 20e-3 * 10e-3 * 1.5e-3, rel=1e-9)
+    deck.write_text(text.format(plain + "PSOLID,9,7,0,0   THREE\n"))
+    write_scene(deck, tmp_path / "odd.toml", solid=True)
+    assert "PSOLID,9,7,0,0   THREE (shim.bdf:14): its lines" in (tmp_path / "odd.toml").read_text()
     deck.write_text(text.format(plain).replace("2,7,8,3\n", "2,7,8,3,,.75\n"))
     with pytest.raises(SceneError, match="meshio reads no THETA, ZOFFS or thickness"):
         write_scene(deck, tmp_path / "other.toml", solid=True)

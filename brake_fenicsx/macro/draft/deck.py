@@ -47,7 +47,7 @@ def read_deck(mesh: FileMesh, suffix: str, solid: bool = False) -> Deck:
             said = readers[block.keyword](deck, block) if block.keyword in readers else ""
         except SceneError:
             raise
-        except (ValueError, IndexError, KeyError):
+        except (ValueError, IndexError, KeyError, SyntaxError):
             said = "its lines are not understood"
             if block.keyword in SHELLS:
                 raise SceneError(f"{block.at}: {block.said}: {said}") from None
