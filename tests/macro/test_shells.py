@@ -504,7 +504,8 @@ def test_shells_of_nastran(tmp_path):
     deck.write_text(text.format(plain))
     with pytest.raises(SceneError, match=r"PSHELL,5,7,1.5,7: shells \(2 CQUAD4\) are no part"):
         write_scene(deck, scene)
-    for cards, low, layers in ((plain, -0.75, 1), (layered, 0.0, 2)):
+    half = "PCOMP,5,,,,,,,SYM,\n,7,.5,0.,YES,8,.25,0.,YES\n"
+    for cards, low, layers in ((plain, -0.75, 1), (layered, 0.0, 2), (half, -0.75, 4)):
         deck.write_text(text.format(cards))
         for old in (scene, tmp_path / "shim_solid.inp"):
             old.unlink(missing_ok=True)
@@ -519,6 +520,17 @@ def test_shells_of_nastran(tmp_path):
     deck.write_text(text.format(plain + "PSOLID,9,7,0,0   THREE\n"))
     write_scene(deck, tmp_path / "odd.toml", solid=True)
     assert "PSOLID,9,7,0,0   THREE (shim.bdf:14): its lines" in (tmp_path / "odd.toml").read_text()
+    card = f"{'CQUAD4':8}{''.join(f'{n:8d}' for n in (2, 5, 2, 7, 8, 3))}      0.   7.5-1\n"
+    for first, again, low in (
+        ("1,5,1,2,3,4,,.75", card, 0.0), ("1,5,1,2,3,4,30.,", "CQUAD4,2,5,2,7,8,3,30.\n", -0.75),
+    ):  # fmt: skip
+        shells = "CQUAD4,1,5,1,2,3,4\nCQUAD4,2,5,2,7,8,3\n"
+        deck.write_text(text.format(plain).replace(shells, f"CQUAD4,{first}\n{again}"))
+        for old in (scene, tmp_path / "shim_solid.inp"):
+            old.unlink()
+        write_scene(deck, scene, solid=True)
+        z = 1e3 * raw(read_scene(scene), scene).points[:, 2]
+        assert (z.min(), z.max()) == pytest.approx((low, low + 1.5), abs=1e-9)
     deck.write_text(text.format(plain).replace("2,7,8,3\n", "2,7,8,3,,.75\n"))
-    with pytest.raises(SceneError, match="meshio reads no THETA, ZOFFS or thickness"):
+    with pytest.raises(SceneError, match="shells with several ZOFFS; give each a property"):
         write_scene(deck, tmp_path / "other.toml", solid=True)

@@ -10,12 +10,13 @@ from typing import Any
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.meshing.abaqus import held_along
 from brake_fenicsx.macro.meshing.filemesh import Block, FileMesh
+from brake_fenicsx.macro.meshing.meshfile import SHELL_NODES
 
 from .materials import ABAQUS, ANSYS, NASTRAN, SHELLS, Reader, of_solids, taken
 from .statements import Deck, Quantity, numbers
 
 # Keywords that others refer to, also before they stand in the deck.
-_FIRST = ("COUPLING", "RIGID BODY", "ELEMENT")
+_FIRST = ("COUPLING", "RIGID BODY", "ELEMENT", *SHELL_NODES)
 
 
 def read_deck(mesh: FileMesh, suffix: str, solid: bool = False) -> Deck:

@@ -5,11 +5,14 @@ Each reader gives the reason why something of its keyword is not taken over, or 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any
 
+from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.meshing.abaqus_scope import find
 from brake_fenicsx.macro.meshing.filemesh import Block, FileMesh
+from brake_fenicsx.macro.meshing.meshfile import SHELL_NODES, card_fields
 
 from .shell_surface import Section
 from .statements import Deck, Quantity, numbers
@@ -117,11 +120,25 @@ def _card(deck: Deck, block: Block) -> None:
             deck.sections[str(number)] = f"MAT{own.mid}"
             continue
         plain = block.keyword == "PSHELL"
-        pairs = [(own.t, own.mid1)] if plain else zip(own.thicknesses, own.mids, strict=True)
+        # Of a symmetric laminate these are the plies of both halves.
+        plies = [] if plain else zip(own.get_thicknesses(), own.get_material_ids(), strict=True)
+        pairs = [(own.t, own.mid1)] if plain else plies
         layers = [(float(t or 0), f"MAT{mid}") for t, mid in pairs]
         said, total = f"{block.at}: {block.said}", sum(t for t, _ in layers)
         offset = 0.0 if plain or own.z0 is None else -own.z0 - 0.5 * total
-        deck.add_shells(Section(str(number), layers, offset, said))
+        zoffs = [*deck.zoffs[str(number)], 0.0]
+        if len(zoffs) > 2:
+            raise SceneError(f"{said}: shells with several ZOFFS; give each a property of its own")
+        deck.add_shells(Section(str(number), layers, offset - zoffs[0], said))
+
+
+def _zoffs(deck: Deck, block: Block) -> None:
+    """How far the middle of a shell of Nastran is from its grid points."""
+    fields = card_fields([line for (line,) in block.rows])
+    # Behind the nodes: thicknesses of a CQUAD8, an angle, the offset.
+    at = 3 + SHELL_NODES[block.keyword] + 4 * (block.keyword == "CQUAD8")
+    word = re.sub(r"(?<=[\d.])(?=[+-])", "e", "".join(fields[at : at + 1])) or "0"
+    deck.zoffs[fields[1] or fields[0]].add(float(word))
 
 
 def taken(deck: Deck, block: Block) -> None:
@@ -134,7 +151,7 @@ ABAQUS: dict[str, Reader] = {
 }  # fmt: skip
 ANSYS: dict[str, Reader] = {"MP": _constant, "MPDATA": _constant}
 NASTRAN: dict[str, Reader] = {
-    **dict.fromkeys(("CTRIA3", "CTRIA6", "CQUAD4", "CQUAD8"), taken),
+    **dict.fromkeys(SHELL_NODES, _zoffs),
     **dict.fromkeys(("MAT1", "PSOLID", "PSHELL", "PCOMP"), _card),
 }
 # Keywords that give shells a thickness.

@@ -36,6 +36,7 @@ class Deck:
         shells: sections of shells that become solid.
         couplings: place of a reference node -> group of the face.
         ends: set of springs or masses -> faces that the nodes of each are coupled to.
+        zoffs: property of shells of Nastran -> distances of their middle from the grid points.
         about: material or interaction that the next keywords are about.
         unread: keyword that is not taken over, and why; "" without a reason.
     """
@@ -47,6 +48,7 @@ class Deck:
     shells: list[Section] = field(default_factory=list)
     couplings: dict[int, str] = field(default_factory=dict)
     ends: dict[str, list[list[str]]] = field(default_factory=lambda: defaultdict(list))
+    zoffs: dict[str, set[float]] = field(default_factory=lambda: defaultdict(set))
     about: str = ""
     unread: list[tuple[Block, str]] = field(default_factory=list)
 

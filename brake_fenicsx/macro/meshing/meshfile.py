@@ -7,7 +7,9 @@ Nastran deck that it does not read are named.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -28,6 +30,7 @@ _GMSH_SKINS = {2: 3, 9: 3, 3: 4, 10: 4, 16: 4}
 _SKINS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}
 # Shells by meshio's name; they may mark faces, or become solids.
 SHELLS = {"triangle": "CTRIA3", "triangle6": "CTRIA6", "quad": "CQUAD4", "quad8": "CQUAD8"}
+SHELL_NODES = {"CTRIA3": 3, "CTRIA6": 6, "CQUAD4": 4, "CQUAD8": 8}
 SUFFIXES = (".bdf", ".nas", ".fem")
 _READ = {"GRID", "CTETRA", "CHEXA", "CPENTA", "CPYRA", "CPYRAM", "CTRIAR", "CQUADR", "ENDDATA"}
 # Elements beside solids and shells.
@@ -115,14 +118,14 @@ def read_other(path: Path) -> FileMesh:
     if path.suffix not in meshio.extension_to_filetypes:
         raise SceneError(f"files {path.suffix} are not known; write .msh, .inp or .bdf instead")
     try:
-        read = meshio.read(path)
+        with TemporaryDirectory() as folder:
+            plain = path
+            if path.suffix in SUFFIXES:
+                plain = Path(folder, path.name)
+                plain.write_text(_with_plain_shells(path.read_text(errors="replace")))
+            read = meshio.read(plain)
     except SystemExit:
         raise SceneError("cannot be read by meshio; write .msh or .inp instead") from None
-    except ValueError as error:
-        if path.suffix not in SUFFIXES:
-            raise
-        said = "; meshio reads no THETA, ZOFFS or thickness on the card of a shell: remove these"
-        raise SceneError(f"cannot be read: {error}{said}") from None
     blocks = [*enumerate(read.cells)]
     nodes = [b.data.shape[1] for _, b in blocks if path.suffix in SUFFIXES and b.type in SHELLS]
     kind = one_kind((b.type for _, b in blocks if b.dim == 3), nodes)
@@ -164,6 +167,35 @@ def read_other(path: Path) -> FileMesh:
             if own:
                 mesh.shells[SHELLS[name]] = np.concatenate(own).astype(np.int64)
     return mesh
+
+
+def _with_plain_shells(text: str) -> str:
+    """A Nastran deck whose shells have nothing but nodes: meshio takes an angle for one more."""
+    lines, cards = list[str](), list[list[str]]()
+    for line in [*text.splitlines(), "$"]:
+        if cards and line[:1] in (" ", "+", "*", ",") and line.strip():
+            cards[-1].append(line)
+            continue
+        for card in cards:
+            word = card[0].split(",")[0][:8].rstrip("* ").upper()
+            fields = [f"{field:>8}" for field in card_fields(card)[: 2 + SHELL_NODES[word]]]
+            lines.append(f"{word:8}{''.join(fields[:8])}")
+            lines += [f"{'+':8}{''.join(fields[8:])}"] * (len(fields) > 8)
+        word = line.split(",")[0][:8].rstrip("* ").upper()
+        cards = [[line]] if word in SHELL_NODES else []
+        lines += [] if cards else [line]
+    return "\n".join(lines[:-1]) + "\n"
+
+
+def card_fields(lines: Sequence[str]) -> list[str]:
+    """Fields of a card of Nastran behind its name, by commas or of 8 or 16 columns."""
+    fields: list[str] = []
+    for line in (line.split("$")[0] for line in lines):
+        width = 16 if "*" in line.split(",")[0][:8] else 8
+        columns = [line[i : i + width] for i in range(8, 72, width)]
+        own = line.split(",")[1 : 1 + 64 // width] if "," in line else columns
+        fields += [*(word.strip() for word in own), *[""] * (64 // width - len(own))]
+    return fields
 
 
 def _meshio_groups(read: Any) -> dict[str, list[Ints]]:
