@@ -439,6 +439,11 @@ def test_sides_of_a_surface(side, tmp_path):
     assert load.pressure == pytest.approx(0.3e6)
 
 
+def test_the_last_section_of_a_set_counts(tmp_path):
+    text = deck_of(*plate("S4R")) + SHIM.format(0) + SECTION.format("SHIM", 0, 2.0)
+    assert mass(made(tmp_path, text)[0]) == pytest.approx(RHO * 60e-3 * 20e-3 * 2e-3, rel=1e-9)
+
+
 def test_continuum_shells_are_solids(tmp_path):
     """SC8R has the nodes of a hexahedron: no option, and no thickness but that of its nodes."""
     text = deck_of(POINTS, ("SC8R", "SHIM", [[5, 6, 7, 8, 9, 10, 11, 12]]))

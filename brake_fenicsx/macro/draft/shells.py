@@ -60,7 +60,7 @@ def solid_shells(found: FileMesh, sections: Sequence[Section]) -> FileMesh:
     points, cells, groups = surface.points, [found.cells], dict(found.cell_groups)
     low, high = surface.corners.copy(), surface.corners.copy()
     columns: dict[int, Ints] = {}
-    for z in dict.fromkeys(one.levels for one in sections):
+    for z in dict.fromkeys(sections[i].levels for i in np.unique(surface.section)):
         own = np.isin(surface.section, [i for i, one in enumerate(sections) if one.levels == z])
         nodes, local = np.unique(surface.flat[own], return_inverse=True)
         local = local.reshape(-1, surface.flat.shape[1])
