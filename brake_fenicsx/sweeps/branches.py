@@ -95,20 +95,13 @@ class Followed:
         return np.array([self.states[i].x for i in branch.states])
 
 
-def follow(
-    solve: Solve,
-    values: Sequence[float],
-    band: tuple[float, float],
-    matters: Callable[[State], NDArray[np.bool_]] | None = None,
-) -> Followed:
+def follow(solve: Solve, values: Sequence[float], band: tuple[float, float]) -> Followed:
     """Follow the modes of a band.
 
     Args:
         solve: gives the modes at a value of the parameter.
         values: values at which the modes are wanted, ascending or descending.
         band: lowest and highest frequency [Hz].
-        matters: tells which modes of a state must be followed with confidence, such as those that
-            squeal; a step is halved for these alone. All of them if None.
 
     Returns:
         The branches; their states hold all ``values`` and those between that were needed, up to the
@@ -117,10 +110,10 @@ def follow(
     Raises:
         NotConverged: the first value has none.
     """
-    work = _Follower(solve, band, abs(values[-1] - values[0]), matters)
+    work = _Follower(solve, band, abs(values[-1] - values[0]))
     work.begin(values[0])
     try:
-        if matters is None and len(values) > 1 and work.done.states[0].undamped:
+        if len(values) > 1 and work.done.states[0].undamped:
             # How fast gaps change at the first value: where modes meet within the first step.
             start, next_ = values[:2]
             step = min(0.5 * JUMP * abs(values[-1] - start), 0.5 * abs(next_ - start))
@@ -133,15 +126,8 @@ def follow(
 
 
 class _Follower:
-    def __init__(
-        self,
-        solve: Solve,
-        band: tuple[float, float],
-        width: float,
-        matters: Callable[[State], NDArray[np.bool_]] | None,
-    ):
+    def __init__(self, solve: Solve, band: tuple[float, float], width: float):
         self.done, self._solve, self._band, self._width = Followed(), solve, band, width
-        self._matters = matters
         # The smallest step, which grows where one after the other is uncertain however small.
         self._smallest = 2 * LEAST
         # Branch of each mode of the last state, and dlambda/dx there.
@@ -188,15 +174,11 @@ class _Follower:
 
     def _between(self, matching: Match) -> float | None:
         """Place of a step, 0 to 1, where modes are needed too; None where it can be taken."""
-        if self._matters is None:
-            if not matching.confident:
-                return 0.5
-            # Modes that stay together, such as a doublet, meet in every step however small.
-            short = abs(matching.b.x - matching.a.x) <= JUMP * self._width
-            return None if short else self._look_between(matching)
-        a, b = self._matters(matching.a), self._matters(matching.b)
-        unsure = any(a[i] for i in matching.lost) or any(b[j] for j in matching.new)
-        return 0.5 if unsure else None
+        if not matching.confident:
+            return 0.5
+        # Modes that stay together, such as a doublet, meet in every step however small.
+        short = abs(matching.b.x - matching.a.x) <= JUMP * self._width
+        return None if short else self._look_between(matching)
 
     def _look_between(self, matching: Match) -> float | None:
         """Place of a step, 0 to 1, where two undamped modes meet or nearly do; None for none.

@@ -12,18 +12,24 @@ chapter II).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.results.families import mac
 from brake_fenicsx.stability.modes import Complex, Modes
+from brake_fenicsx.stability.substructures.line import Line
 from brake_fenicsx.uncertainty.study import Study
 
 Array = NDArray[np.float64]
 # Equilibria that are kept as starts.
 KEPT = 8
+
+# Relative error of lambda at most that a value found on the vectors of others may add.
+FINEST = 1e-5
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,6 +140,7 @@ class Points:
         task: tuple[str, int],
         key: str,
         fixed: Mapping[str, float] | None = None,
+        ends: Sequence[float] = (),
     ):
         """Choose the sample.
 
@@ -142,18 +149,36 @@ class Points:
             task: approach and number of the sample.
             key: dotted key of the scalar.
             fixed: values of further scalars, SI.
+            ends: first and last value of a line, which are computed first: those between are found
+                on their vectors, where these suffice.
         """
         self._study, self._task, self._key = study, task, key
-        self._fixed = dict(fixed or {})
+        self._fixed, self._ends = dict(fixed or {}), [*ends]
         self._gaps: dict[float, Array] = {}
+        self._ready: dict[float, State] = {}
+        stability = study.scene.stability
+        self.line = Line(min(stability.tolerance if stability else FINEST, FINEST))
 
     def __call__(self, x: float) -> State:
         """The modes at a value of the scalar, SI."""
-        start = None
-        if self._gaps:
-            start = self._gaps[min(self._gaps, key=lambda known: abs(known - x))]
-        eq, modes = self._study.solved(self._task, {**self._fixed, self._key: x}, start)
+        while self._ends:
+            with suppress(NotConverged):
+                end = self._ends.pop(0)
+                self._ready[end] = self._computed(end)
+        return self._ready.pop(x) if x in self._ready else self._computed(x)
+
+    def _computed(self, x: float) -> State:
+        values = {**self._fixed, self._key: x}
+        eq, modes = self._study.solved(self._task, values, self._near(x), self.line)
         self._gaps[x] = eq.g
         if len(self._gaps) > KEPT:
             self._gaps.pop(next(iter(self._gaps)))
         return State.of(x, modes, eq.k_vibration)
+
+    def _near(self, x: float) -> Array | None:
+        """Gaps to start from: of the nearest value, or on the line through the two nearest."""
+        near = sorted(self._gaps, key=lambda known: abs(known - x))[:2]
+        if len(near) < 2:
+            return self._gaps[near[0]] if near else None
+        a, b = near
+        return self._gaps[a] + (x - a) / (b - a) * (self._gaps[b] - self._gaps[a])

@@ -1,9 +1,8 @@
 """The sweep of a scene: which samples are followed over which values, and what is stored of each.
 
-The scene's own brake is followed in rough and in perfect contact, at every value and with all its
-modes; rough samples by the modes that squeal, from a quarter of the values, since what is asked of
-them is where each family begins to squeal. A mode of a sample that begins and ends to squeal
-between two of these values is not seen.
+The scene's own brake is followed in rough and in perfect contact, at every value; rough samples
+from a quarter of the values, and between them where modes meet, since what is asked of them is
+where each family begins to squeal.
 """
 
 from __future__ import annotations
@@ -12,13 +11,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brake_fenicsx.folder.files import digest
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.sample_files import Task
-from brake_fenicsx.results.squeal import squeals
 from brake_fenicsx.scene.samples import ROUGH
 from brake_fenicsx.scene.units import several
 from brake_fenicsx.uncertainty.ensemble import run_ensemble
@@ -28,10 +25,10 @@ from brake_fenicsx.uncertainty.study import Study
 from .branches import CUT, FIRST, Followed, follow
 from .events import find_events
 from .line import Line, line_arrays
-from .state import Points, State
+from .state import Points
 
-# Accuracy of an event relative to the range: of the scene's own brake, and of a sample.
-FINE, COARSE = 1e-4, 2.5e-3
+# Accuracy of an event relative to the range.
+FINE = 1e-4
 
 # Samples are followed from every so many of the values at most, and from so many values at least.
 EVERY, FEWEST = 4, 11
@@ -151,9 +148,10 @@ class SweepStudy:
         return self._own_line(approach, k) if own else self._sample_line(approach, k)
 
     def _sample_line(self, approach: str, k: int) -> dict[str, Any]:
-        solve = Points(self.study, (approach, k), self._sweep.first)
-        followed = follow(solve, self.coarse, self._band, self.squeals)
-        events = find_events(followed, solve, self.threshold, COARSE, onsets_alone=True)
+        ends = self.values[0], self.values[-1]
+        solve = Points(self.study, (approach, k), self._sweep.first, ends=ends)
+        followed = follow(solve, self.coarse, self._band)
+        events = find_events(followed, solve, self.threshold, FINE, onsets_alone=True)
         return line_arrays(followed, events, list(range(len(followed.branches))))
 
     def _own_line(self, approach: str, line: int) -> dict[str, Any]:
@@ -165,7 +163,8 @@ class SweepStudy:
             column = self._first_column(approach, fixed | {key: self.values[0]}) if line else None
             fixed[second] = self.second[line]
             numbers = None if column is None else _branches_at(column, fixed[second])
-        solve = Points(self.study, (approach, 0), key, fixed)
+        ends = self.values[0], self.values[-1]
+        solve = Points(self.study, (approach, 0), key, fixed, ends)
         followed = follow(solve, self.values, self._band)
         events = find_events(followed, solve, self.threshold, FINE)
         return line_arrays(followed, events, _numbered(followed, numbers))
@@ -173,7 +172,8 @@ class SweepStudy:
     def _first_column(self, approach: str, fixed: Mapping[str, float]) -> Followed:
         """The second parameter at the first value of the first; once for all lines."""
         if approach not in self._columns:
-            across = Points(self.study, (approach, 0), str(self._sweep.second), fixed)
+            ends = self.second[0], self.second[-1]
+            across = Points(self.study, (approach, 0), str(self._sweep.second), fixed, ends)
             self._columns[approach] = follow(across, self.second, self._band)
         return self._columns[approach]
 
@@ -187,11 +187,6 @@ class SweepStudy:
     @property
     def _band(self) -> tuple[float, float]:
         return self._stability.band[0], self._stability.band[1]
-
-    def squeals(self, state: State) -> NDArray[np.bool_]:
-        """Which modes count as squeal."""
-        modes = {"damping": state.damping, "verdict": state.verdict}
-        return np.asarray(squeals(modes, self.threshold))
 
 
 def _branches_at(column: Followed, x: float) -> list[int] | None:
@@ -219,7 +214,7 @@ def cut_branches(line: Line, squeal: float | None = None) -> int:
     Args:
         line: of the scene's own brake, or of a sample.
         squeal: count only those whose last mode grows by more, -2 alpha / |omega| below minus this:
-            no others are followed with confidence in a sample.
+            what is asked of a sample is where modes begin to squeal.
     """
     cut = line.end == CUT
     if squeal is None:

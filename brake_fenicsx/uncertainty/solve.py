@@ -24,6 +24,8 @@ from brake_fenicsx.stability.terms import damping_of_sample, rates_of_sample
 from .models import Models
 
 if TYPE_CHECKING:
+    from brake_fenicsx.stability.substructures.line import Line
+
     from .sampling import SampleInput
 
 Array = NDArray[np.float64]
@@ -85,12 +87,23 @@ def modes_of_sample(
     }
 
 
-def reduced_modes(models: Models, approach: str, sample: SampleInput, eq: Equilibrium) -> Modes:
-    """Modes of a sample at its equilibrium by the reduced model; arguments as above."""
+def reduced_modes(
+    models: Models, approach: str, sample: SampleInput, eq: Equilibrium, line: Line | None = None
+) -> Modes:
+    """Modes of a sample at its equilibrium by the reduced model; arguments as above.
+
+    Args:
+        models: what all samples share.
+        approach: of the sample.
+        sample: its inputs.
+        eq: its equilibrium.
+        line: the sample at other values of a parameter.
+    """
     settings = models.stability
     zeta_max = 0.0 if settings is None else settings.zeta_max
     model, p = models.reduced[models.damped(approach)], models.parameter_point(sample.random)
-    return model.modes(p, linearised(models, approach, sample, eq.k_vibration, eq.p), zeta_max)
+    contact = linearised(models, approach, sample, eq.k_vibration, eq.p)
+    return model.modes(p, contact, zeta_max, line)
 
 
 def full_modes(models: Models, sample: SampleInput, eq: Equilibrium) -> Modes:

@@ -34,6 +34,7 @@ from .sampling import SampleInput, draw_sample, sample_count
 if TYPE_CHECKING:
     from brake_fenicsx.macro.equilibrium import Equilibrium
     from brake_fenicsx.stability.modes import Modes
+    from brake_fenicsx.stability.substructures.line import Line
 
     from .cycles import Cycles
     from .drivers import Drivers
@@ -173,14 +174,17 @@ class Study:
         return out
 
     def solved(
-        self, task: Task, values: Mapping[str, float], start: Array | None = None
-    ) -> tuple[Equilibrium, Modes]:
+        self, task: Task, values: Mapping[str, float], start: Array | None = None,
+        line: Line | None = None,
+    ) -> tuple[Equilibrium, Modes]:  # fmt: skip
         """Equilibrium and modes of a sample some of whose inputs take other values; not stored.
 
         Args:
             task: approach and number of the sample.
             values: scalars of the scene by dotted key, SI.
             start: gaps of an equilibrium nearby [m], to start from.
+            line: the sample at other values, on whose vectors its modes are found where these
+                suffice.
 
         Returns:
             The equilibrium, and the modes with vectors in coordinates in which the mass is about
@@ -200,7 +204,7 @@ class Study:
         reduced = models.takes(approach, sample.random)
         eq = self._prepared.of(approach, sample, reduced, start)
         if reduced:
-            return eq, reduced_modes(models, approach, sample, eq)
+            return eq, reduced_modes(models, approach, sample, eq, line)
         modes = full_modes(models, sample, eq)
         right, left = models.coordinates(modes.right), models.coordinates(modes.left)
         if right is None or left is None:

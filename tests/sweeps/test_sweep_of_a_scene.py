@@ -220,10 +220,10 @@ def test_wrong_line_is_kept_with_its_error(tmp_path, monkeypatch):
 
     whole = Study.solved
 
-    def failing(self, task, values, start=None):
+    def failing(self, task, values, start=None, line=None):
         if task == ("multi-scale", 1) and values[KEY] == 0.0:
             raise NotConverged("equilibrium: none")
-        return whole(self, task, values, start)
+        return whole(self, task, values, start, line)
 
     monkeypatch.setattr(Study, "solved", failing)
     few = [f'sweep.parameters."{KEY}"={{ values=[0.0, 0.8] }}', "sweep.samples=2", "samples.n=2"]

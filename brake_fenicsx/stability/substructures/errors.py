@@ -18,7 +18,7 @@ from ..modes import Complex
 from .polynomials import Zeros
 
 if TYPE_CHECKING:
-    from .sample import Quotient
+    from .problem import Quotient
 
 Array = NDArray[np.float64]
 

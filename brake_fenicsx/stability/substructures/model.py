@@ -30,10 +30,11 @@ from ..modes import Complex, Count, Modes
 from .component import AtPoint, Component, Placed, image_arrays, originals_and_images, placed
 from .contact import ContactLinearisation
 from .errors import Corrected, corrected
+from .line import Line, UnitContact
 from .moments import SIGMA, Rows
 from .parameters import CONSTANT, Parameters
 from .reduction import Reduction, kept_modes
-from .sample import Sample
+from .sample import Sample, least_pole
 from .static import BodyCompliance, body_compliance, static_compliance
 from .substructure import Substructure
 from .vectors import (
@@ -55,6 +56,7 @@ REACHED, GAIN = 1e-5, 12.0
 # truncated series are off by less than 1e-4.
 SEARCHED = 1.1
 
+NEAR = "not counted: found on the vectors of other values of the sample"
 COUNTED = "zeros of T(z), on modes of the bodies complete by inertia"
 
 
@@ -98,6 +100,7 @@ class ReducedModel:
         self.bodies: list[Placed] = placed(groups, self.rows, parameters, self._omega)
         self._latest: tuple[Array, dict[int, AtPoint]] | None = None
         self._constant: dict[int, BodyCompliance] = {}
+        self._unit: tuple[Array, UnitContact] | None = None
 
     @classmethod
     def offline(
@@ -177,7 +180,13 @@ class ReducedModel:
         seen = self._latest[1]
         return [seen[id(body.component)] for body in self.bodies]
 
-    def modes(self, p: ArrayLike, contact: ContactLinearisation, zeta_max: float = 0.1) -> Modes:
+    def modes(
+        self,
+        p: ArrayLike,
+        contact: ContactLinearisation,
+        zeta_max: float = 0.1,
+        line: Line | None = None,
+    ) -> Modes:
         """Complex modes of one sample in the band.
 
         Args:
@@ -185,6 +194,8 @@ class ReducedModel:
             contact: what acts in its contact elements.
             zeta_max: where something is damped, decaying modes are returned up to this damping
                 ratio.
+            line: values before it of the same sample, on whose vectors its modes are found where
+                these suffice.
 
         Returns:
             The modes; ``right`` and ``left`` in the coordinates of the kept modes of all bodies.
@@ -195,13 +206,18 @@ class ReducedModel:
             SceneError: a number of contact elements other than the model's.
         """
         start = time.perf_counter()
-        sample = self._sample(p, contact)
-        found = self._corrected(sample)
+        if line is not None and self.rows.followed == "N":
+            near = line.found(self, p, contact)
+            if near is not None:
+                return self._rows(near, zeta_max, start, NEAR)
+        else:
+            line = None
+        found = self._corrected(self.sample(p, contact), p, contact, line)
         return self._rows(found, zeta_max, start)
 
     def zeros(self, p: ArrayLike, contact: ContactLinearisation) -> Complex:
         """Eigenvalues lambda [1/s] near the band, conjugates included, shape (zeros,)."""
-        z = self._corrected(self._sample(p, contact)).zeros.z
+        z = self._corrected(self.sample(p, contact), p, contact).zeros.z
         z = np.r_[z, z[z.imag > 0].conj()]
         z = z + self.rows.shift if self.rows.damped else np.sqrt(SIGMA - z + 0j)
         return np.asarray(self._omega * z)
@@ -268,7 +284,7 @@ class ReducedModel:
         chosen = []
         for p, contact, s, a in modes:
             a = a.conj() if left else a
-            sample, x = self._sample(p, contact), np.asarray(p, float)
+            sample, x = self.sample(p, contact), np.asarray(p, float)
             chosen.append(SampleModes(sample, x, self.scaled(s), a))
             release_memory()
         found = mode_displacements(chosen, self.rows, left, comm)
@@ -293,7 +309,7 @@ class ReducedModel:
         Raises:
             NotConverged: the motions at the contact do not settle.
         """
-        sample, z = self._sample(p, contact), self.scaled(s)
+        sample, z = self.sample(p, contact), self.scaled(s)
         v, settled = sharpened(sample, z, right, left.conj())
         seen, met = motions_of_elements(sample, self.rows, self._w.size, z, v)
         slope = slopes(sample, z, v) * (self._omega if self.rows.damped else -2 * s)
@@ -345,8 +361,7 @@ class ReducedModel:
     @property
     def pole(self) -> float:
         """Least modulus |z|, anywhere in the box, of a pole of what the kept modes leave out."""
-        reach = min(body.component.reach for body in self.bodies)
-        return float(np.hypot(reach, self.rows.shift) if self.rows.damped else reach**2 + SIGMA)
+        return least_pole(self.bodies, self.rows)
 
     @property
     def complete_up_to(self) -> float:
@@ -358,21 +373,39 @@ class ReducedModel:
         """Reduced bodies, each once."""
         return list({id(b.component): b.component for b in self.bodies}.values())
 
-    def _sample(self, p: ArrayLike, contact: ContactLinearisation) -> Sample:
+    def sample(self, p: ArrayLike, contact: ContactLinearisation) -> Sample:
+        """The reduced problem of a sample; arguments as for ``modes``."""
         if contact.k.shape != self._w.shape:
             raise SceneError(
                 f"k: {contact.k.size} values for {self._w.size} contact elements of the model"
             )
         return Sample(self.bodies, self.at(p), contact, self._w, self.rows, self._omega)
 
-    def _corrected(self, sample: Sample) -> Corrected:
+    def _corrected(
+        self, sample: Sample, p: ArrayLike, contact: ContactLinearisation, line: Line | None = None
+    ) -> Corrected:
         """Zeros in the band or a little beyond, and their errors."""
-        found = sample.zeros(*self._searched)
+        found = sample.zeros(*self.searched)
         q = sample.quotient(found)
-        return corrected(found, q, sample.interpolation_errors(found.z, q))
+        interpolated = sample.interpolation_errors(found.z, q)
+        if line is not None:
+            line.learn(p, sample, contact.k / self.unit_stiffness, q, interpolated)
+        return corrected(found, q, interpolated)
 
     @property
-    def _searched(self) -> tuple[float, Callable[[Complex], NDArray[np.intp]]]:
+    def unit_stiffness(self) -> Array:
+        """Contact stiffness k for which w k is 1 in units of the band's end [Pa/m]."""
+        return np.asarray(self._omega**2 / self._w)
+
+    def unit_contact(self, p: ArrayLike) -> UnitContact:
+        """The bodies under unit contact stiffness at a point of the box; the latest is kept."""
+        x = np.asarray(p, float)
+        if self._unit is None or not np.array_equal(self._unit[0], x):
+            self._unit = x, UnitContact.of(self, x)
+        return self._unit[1]
+
+    @property
+    def searched(self) -> tuple[float, Callable[[Complex], NDArray[np.intp]]]:
         """Reach of the search in z, and which zeros lie in the band or a little beyond.
 
         Of each conjugate pair one.
@@ -385,7 +418,7 @@ class ReducedModel:
             (np.abs(z - centre) <= limit) & (z.imag >= 0)
         )
 
-    def _rows(self, found: Corrected, zeta_max: float, start: float) -> Modes:
+    def _rows(self, found: Corrected, zeta_max: float, start: float, how: str = COUNTED) -> Modes:
         """Rows of the band from corrected zeros."""
         omega, z, slope, error = self._omega, found.zeros.z, found.slope, found.error
         right, left = found.zeros.right, found.zeros.left.conj()
@@ -411,7 +444,7 @@ class ReducedModel:
         size = np.where(np.abs(lam) > spread, np.abs(lam), np.maximum(spread, omega))
         return Modes(
             lam, right[:, order], left[:, order], 2 * spread / condition / size, spread, condition,
-            Count(lam.size, COUNTED), 0, time.perf_counter() - start, real,
+            Count(lam.size, how), 0, time.perf_counter() - start, real,
         )  # fmt: skip
 
 
