@@ -30,13 +30,14 @@ from ..modes import Complex, Count, Modes
 from .component import AtPoint, Component, Placed, image_arrays, originals_and_images, placed
 from .contact import ContactLinearisation
 from .errors import Corrected, corrected
-from .line import Line, UnitContact
+from .line import Line
 from .moments import SIGMA, Rows
 from .parameters import CONSTANT, Parameters
 from .reduction import Reduction, kept_modes
 from .sample import Sample, least_pole
 from .static import BodyCompliance, body_compliance, static_compliance
 from .substructure import Substructure
+from .trial import UnitContact
 from .vectors import (
     ContactMotions,
     SampleModes,

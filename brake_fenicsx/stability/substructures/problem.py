@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy.linalg as la
@@ -104,7 +105,7 @@ class Problem:
         return self._expanded[1]
 
     @cached_property
-    def _lu(self) -> tuple[NDArray, NDArray] | None:
+    def _lu(self) -> tuple[NDArray[Any], NDArray[Any]] | None:
         return la.lu_factor(self.E[0], check_finite=False) if len(self.E[0]) else None
 
     @cached_property
