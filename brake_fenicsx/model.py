@@ -215,8 +215,7 @@ class Model:
         stability = self.scene.stability
         if stability is None:
             raise SceneError(f"{self.scene.file}: stability: the section is missing")
-        ends = float(x[0]), float(x[-1])
-        solve = Points(self.study, self._task(approach, sample), key, ends=ends)
+        solve = Points(self.study, self._task(approach, sample), key, ends=(x[0], x[-1]))
         followed = follow(solve, [float(v) for v in x], (stability.band[0], stability.band[1]))
         events = find_events(followed, solve, stability.threshold, tolerance)
         place = {float(v): i for i, v in enumerate(x)}
