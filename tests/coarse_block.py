@@ -12,6 +12,12 @@ ROUGH = [
     "stability.band=['0 Hz','30 kHz']", "stability.method=reduced", "stability.threshold=1e-3",
     "samples.n=3",
 ]  # fmt: skip
+# The same on other cells, in rough and in perfect contact, as sweeps follow it.
+SWEPT = [
+    *ROUGH[:4], "parts.block.size='10 mm'", "parts.plate.size='14 mm'",
+    "stability.band=['0 Hz','20 kHz']", "stability.method=reduced", "stability.threshold=1e-3",
+    "samples.approaches=['multi-scale','classical']", "samples.n=4",
+]  # fmt: skip
 
 
 def levers(*pairs):

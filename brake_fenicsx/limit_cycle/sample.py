@@ -196,7 +196,7 @@ def cycles_of_modes(
     points: list[tuple[int, float, complex]] = []
     nothing = [float("nan")] * len(MEASURES)
     grows = (np.array(modes.verdict, str) == "unstable") & (modes.damping < -settings.threshold)
-    # Without a damping named, growth of less than the threshold is none.
+    # damping_below = 0: only the modes that grow beyond the threshold.
     chosen = (modes.s.imag > 0) & (grows | (modes.damping < (settings.damping_below or -np.inf)))
     for i in np.flatnonzero(chosen):
         try:

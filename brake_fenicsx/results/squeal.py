@@ -174,17 +174,12 @@ class SquealTable:
 
         return self._once(("good", approach), chosen)
 
-    def modes(self, approach: str, columns: Sequence[str] | None = None) -> pd.DataFrame:
-        """All modes of the samples that ended well.
-
-        Args:
-            approach: name of the approach.
-            columns: of modes.csv; all of them if None.
-        """
+    def modes(self, approach: str) -> pd.DataFrame:
+        """All modes of the samples that ended well, with the columns of modes.csv."""
         import pandas as pd
 
         own = self.of_good(approach)
-        return pd.DataFrame({n: self._modes[n][own] for n in columns or self._modes})
+        return pd.DataFrame({n: self._modes[n][own] for n in self._modes})
 
     def squeal_modes(self, approach: str, family: int | None = None) -> pd.DataFrame:
         """Modes that squeal, with the column ``key`` of their family beside those of modes.csv.

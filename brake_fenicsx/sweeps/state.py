@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.results.families import mac
 from brake_fenicsx.stability.modes import Complex, Modes
-from brake_fenicsx.stability.substructures.line import Line
+from brake_fenicsx.stability.substructures.line import Basis
 from brake_fenicsx.uncertainty.study import Study
 
 Array = NDArray[np.float64]
@@ -157,7 +157,7 @@ class Points:
         self._gaps: dict[float, Array] = {}
         self._ready: dict[float, State] = {}
         stability = study.scene.stability
-        self.line = Line(min(stability.tolerance if stability else FINEST, FINEST))
+        self.line = Basis(min(stability.tolerance if stability else FINEST, FINEST))
 
     def __call__(self, x: float) -> State:
         """The modes at a value of the scalar, SI."""

@@ -24,7 +24,7 @@ from brake_fenicsx.stability.terms import damping_of_sample, rates_of_sample
 from .models import Models
 
 if TYPE_CHECKING:
-    from brake_fenicsx.stability.substructures.line import Line
+    from brake_fenicsx.stability.substructures.line import Basis
 
     from .sampling import SampleInput
 
@@ -88,7 +88,7 @@ def modes_of_sample(
 
 
 def reduced_modes(
-    models: Models, approach: str, sample: SampleInput, eq: Equilibrium, line: Line | None = None
+    models: Models, approach: str, sample: SampleInput, eq: Equilibrium, line: Basis | None = None
 ) -> Modes:
     """Modes of a sample at its equilibrium by the reduced model; arguments as above.
 

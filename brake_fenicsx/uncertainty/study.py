@@ -34,7 +34,7 @@ from .sampling import SampleInput, draw_sample, sample_count
 if TYPE_CHECKING:
     from brake_fenicsx.macro.equilibrium import Equilibrium
     from brake_fenicsx.stability.modes import Modes
-    from brake_fenicsx.stability.substructures.line import Line
+    from brake_fenicsx.stability.substructures.line import Basis
 
     from .cycles import Cycles
     from .drivers import Drivers
@@ -175,7 +175,7 @@ class Study:
 
     def solved(
         self, task: Task, values: Mapping[str, float], start: Array | None = None,
-        line: Line | None = None,
+        line: Basis | None = None,
     ) -> tuple[Equilibrium, Modes]:  # fmt: skip
         """Equilibrium and modes of a sample some of whose inputs take other values; not stored.
 

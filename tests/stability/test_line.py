@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.stability import ContactLinearisation
-from brake_fenicsx.stability.substructures.line import HELD, Line
+from brake_fenicsx.stability.substructures.line import HELD, Basis
 from reduced_samples import K0, ZETA, Sample, offline, scattered
 
 FRICTION = np.r_[0.0, 0.8, np.linspace(0.1, 0.7, 7)]
@@ -35,7 +35,7 @@ def test_every_mode_between_full_values(two_blocks, case, x):
     Catches a residual that forgets a term, a trial space of right vectors alone, and errors of the
     interpolated moments that are lost between full values.
     """
-    scene, line = two_blocks("coarse"), Line(1e-5)
+    scene, line = two_blocks("coarse"), Basis(1e-5)
     model = offline(scene, case, changing=bool(x))
     for mu in FRICTION:
         sample = Sample(scene, case, x, mu, k=stiffness(scene, mu))
@@ -48,7 +48,7 @@ def test_every_mode_between_full_values(two_blocks, case, x):
 @pytest.mark.parametrize("case", ["turning", "sliding", "falling"])
 def test_what_a_line_does_not_know_is_computed_in_full(two_blocks, case):
     """Rotation, and forces that follow rates: no residual is known of them."""
-    scene, line = two_blocks("coarse"), Line(1e-5)
+    scene, line = two_blocks("coarse"), Basis(1e-5)
     model = offline(scene, case)
     for mu in FRICTION[:5]:
         sample = Sample(scene, case, mu=mu, k=stiffness(scene, mu))
@@ -59,7 +59,7 @@ def test_what_a_line_does_not_know_is_computed_in_full(two_blocks, case):
 
 def test_other_materials_begin_anew(two_blocks):
     """A point of the box has no vectors for another one."""
-    scene, line = two_blocks("coarse"), Line(1e-5)
+    scene, line = two_blocks("coarse"), Basis(1e-5)
     model = offline(scene, changing=True)
     for x in ((0.0, 0.0), (0.5, 0.5), (-0.5, 0.2)):
         sample = Sample(scene, x=x, mu=0.4)
@@ -70,7 +70,7 @@ def test_other_materials_begin_anew(two_blocks):
 
 def test_where_nothing_suffices_the_line_gives_up(two_blocks):
     """Stiffness drawn anew at each value: after some in a row no more are tried; all are right."""
-    scene, line = two_blocks("coarse"), Line(1e-12)
+    scene, line = two_blocks("coarse"), Basis(1e-12)
     model = offline(scene)
     for seed in range(HELD + 4):
         sample = Sample(scene, mu=0.1 * seed, seed=seed)
@@ -82,7 +82,7 @@ def test_where_nothing_suffices_the_line_gives_up(two_blocks):
 @pytest.mark.hard
 def test_modes_that_cross_between_full_values(two_blocks):
     """No friction, contact 300 times stiffer at the end: crossings without coupling, to 1e-5."""
-    scene, line = two_blocks("coarse"), Line(1e-5)
+    scene, line = two_blocks("coarse"), Basis(1e-5)
     model, orders = offline(scene), []
     scales = 10 ** np.r_[-1.5, 1.0, np.linspace(-1.4, 0.9, 12)]
     for scale in scales:

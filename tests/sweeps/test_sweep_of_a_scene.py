@@ -3,7 +3,6 @@
 import csv
 import json
 import shutil
-from pathlib import Path
 
 from mpi4py import MPI
 
@@ -19,19 +18,11 @@ from brake_fenicsx.report.sweep_figures import draw_chart
 from brake_fenicsx.results.run import SWEEP as SWEEP_TABLES
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.sweeps.critical import critical_values
+from coarse_block import BLOCK, SWEPT
 
 COMM = MPI.COMM_SELF
-BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 KEY = "contact.block_plate.friction"
 ONSET = "onset of squeal"
-ROUGH = [
-    "stages=['surface','equilibrium','stability','uncertainty']",
-    "surface.statistics={ S_q = '0.05 um' }", "contact.block_plate.gap=hdf",
-    "contact.block_plate.law={ p0 = '10 MPa', u0 = '0.05 um' }",
-    "parts.block.size='10 mm'", "parts.plate.size='14 mm'",
-    "stability.band=['0 Hz','20 kHz']", "stability.method=reduced", "stability.threshold=1e-3",
-    "samples.approaches=['multi-scale','classical']", "samples.n=4",
-]  # fmt: skip
 VALUES = "{ start = 0.0, stop = 0.8, steps = 9 }"
 SWEEP = [f'sweep.parameters."{KEY}"={VALUES}', "sweep.samples=4"]
 
@@ -44,20 +35,20 @@ def rows(path):
 @pytest.fixture(scope="module")
 def swept(tmp_path_factory):
     out = tmp_path_factory.mktemp("swept") / "out"
-    run(BLOCK, COMM, out, [*ROUGH, *SWEEP])
+    run(BLOCK, COMM, out, [*SWEPT, *SWEEP])
     return out
 
 
 @pytest.fixture(scope="module")
 def model():
-    return prepare(BLOCK, ROUGH)
+    return prepare(BLOCK, SWEPT)
 
 
 def test_every_value_has_the_modes_of_a_run_with_that_value(swept):
     """The scene with another friction, at full order and without any sweep."""
     own = [r for r in rows(swept / "sweep.csv") if not r["sample"]]
     for mu in (0.2, 0.7):
-        full = prepare(BLOCK, [*ROUGH, f"{KEY}={mu}", "stability.method=full"])
+        full = prepare(BLOCK, [*SWEPT, f"{KEY}={mu}", "stability.method=full"])
         for approach in ("multi-scale", "classical"):
             alone = full.modes(approach=approach).s
             here = [
@@ -129,10 +120,10 @@ def test_tables_of_a_sweep_go_and_come_with_it_and_samples_stay(swept, tmp_path,
     out = tmp_path / "out"
     shutil.copytree(swept, out)
     before = {p.name: p.stat().st_mtime_ns for p in (out / "samples").glob("multi-scale-*")}
-    run(BLOCK, COMM, out, [*ROUGH, "stability.threshold=5e-2"])
+    run(BLOCK, COMM, out, [*SWEPT, "stability.threshold=5e-2"])
     assert not any((out / f"{name}.csv").exists() for name in SWEEP_TABLES)
     assert (out / "modes.csv").exists()
-    run(BLOCK, COMM, out, [*ROUGH, *SWEEP])
+    run(BLOCK, COMM, out, [*SWEPT, *SWEEP])
     after = {p.name: p.stat().st_mtime_ns for p in (out / "samples").glob("multi-scale-*")}
     assert before == after and len(before) == 4
     for name in ("sweep.csv", "lock_in.csv", "critical.csv", "critical_curve.csv"):
@@ -145,8 +136,8 @@ def test_tables_of_a_sweep_go_and_come_with_it_and_samples_stay(swept, tmp_path,
 @pytest.mark.together
 def test_two_processes_give_the_tables_of_one(processes, tmp_path):
     comm, folder = processes
-    run(BLOCK, COMM, tmp_path / "one", [*ROUGH, *SWEEP])
-    run(BLOCK, comm, folder / "two", [*ROUGH, *SWEEP])
+    run(BLOCK, COMM, tmp_path / "one", [*SWEPT, *SWEEP])
+    run(BLOCK, comm, folder / "two", [*SWEPT, *SWEEP])
     comm.Barrier()
     for name in ("critical.csv", "lock_in.csv"):
         one, two = (
@@ -165,7 +156,7 @@ def test_chart_over_two_parameters(tmp_path):
     out = tmp_path / "out"
     load = "sweep.parameters.\"loads.block.top.pressure\"={ values=['2 bar', '5 bar'] }"
     friction = f'sweep.parameters."{KEY}"={{ values=[0.4, 0.6] }}'
-    changes = [c for c in ROUGH if not c.startswith("stages")]
+    changes = [c for c in SWEPT if not c.startswith("stages")]
     stages = "stages=['surface','equilibrium','stability']"
     run(BLOCK, COMM, out, [*changes, stages, "samples.n=1", friction, load])
     chart = rows(out / "chart.csv")
@@ -228,14 +219,14 @@ def test_wrong_line_is_kept_with_its_error(tmp_path, monkeypatch):
     monkeypatch.setattr(Study, "solved", failing)
     few = [f'sweep.parameters."{KEY}"={{ values=[0.0, 0.8] }}', "sweep.samples=2", "samples.n=2"]
     alone = ["samples.approaches=['multi-scale']", "stability.verify=0"]
-    done = run(BLOCK, COMM, tmp_path / "out", [*ROUGH, *few, *alone])
+    done = run(BLOCK, COMM, tmp_path / "out", [*SWEPT, *few, *alone])
     assert done.facts["sweep"]["failed_lines"] == 1
     assert int(rows(tmp_path / "out" / "critical.csv")[0]["samples"]) == 1
 
 
 def test_values_without_an_equilibrium_end_the_branches(tmp_path):
     """The block tips beyond a friction of about 0.9: what comes before is kept."""
-    one = [c for c in ROUGH if not c.startswith("samples.n")]
+    one = [c for c in SWEPT if not c.startswith("samples.n")]
     wide = f'sweep.parameters."{KEY}"={{ start = 0.0, stop = 1.2, steps = 7 }}'
     done = run(BLOCK, COMM, tmp_path / "out", [*one, "samples.n=1", wide])
     facts = done.facts["sweep"]

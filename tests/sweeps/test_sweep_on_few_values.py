@@ -1,7 +1,5 @@
 """Sweeps on the vectors of a few values, against full evaluation of every value."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -9,22 +7,14 @@ from brake_fenicsx import prepare
 from brake_fenicsx.sweeps.branches import follow
 from brake_fenicsx.sweeps.events import END, ONSET, find_events
 from brake_fenicsx.sweeps.state import Points
+from coarse_block import BLOCK, SWEPT
 
-SCENES = Path(__file__).parents[2] / "scripts" / "scenes"
 KEY, LAST = "contact.block_plate.friction", 0.8
-ROUGH = [
-    "stages=['surface','equilibrium','stability','uncertainty']",
-    "surface.statistics={ S_q = '0.05 um' }", "contact.block_plate.gap=hdf",
-    "contact.block_plate.law={ p0 = '10 MPa', u0 = '0.05 um' }",
-    "parts.block.size='10 mm'", "parts.plate.size='14 mm'",
-    "stability.band=['0 Hz','20 kHz']", "stability.method=reduced", "stability.threshold=1e-3",
-    "samples.approaches=['multi-scale','classical']", "samples.n=4",
-]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
 def model():
-    return prepare(SCENES / "block_on_plate.toml", ROUGH)
+    return prepare(BLOCK, SWEPT)
 
 
 def points(model, task, full=False):
@@ -114,7 +104,7 @@ def test_a_window_of_flutter_between_two_full_values(model):
 @pytest.mark.slow
 def test_values_of_the_demo_brake_between_full_ones():
     """A sample of the demo brake: 17 values on the vectors of two."""
-    demo = prepare(SCENES / "disc_brake_demo.toml", ["micro.laws=10", "samples.n=2"])
+    demo = prepare(BLOCK.with_name("disc_brake_demo.toml"), ["micro.laws=10", "samples.n=2"])
     key = "contact.pad_disc.friction"
     near = Points(demo.study, ("multi-scale", 1), key, ends=(0.0, LAST))
     full = Points(demo.study, ("multi-scale", 1), key)

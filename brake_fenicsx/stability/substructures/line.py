@@ -40,8 +40,8 @@ HELD = 6
 SINGLE = 2e-8
 
 
-class Line:
-    """Modes of one sample at values of a parameter, one after the other.
+class Basis:
+    """Vectors of the values of a line computed in full, and the modes of others on them.
 
     Attributes:
         full: values that were computed in full.

@@ -30,7 +30,7 @@ from ..modes import Complex, Count, Modes
 from .component import AtPoint, Component, Placed, image_arrays, originals_and_images, placed
 from .contact import ContactLinearisation
 from .errors import Corrected, corrected
-from .line import Line
+from .line import Basis
 from .moments import SIGMA, Rows
 from .parameters import CONSTANT, Parameters
 from .reduction import Reduction, kept_modes
@@ -186,7 +186,7 @@ class ReducedModel:
         p: ArrayLike,
         contact: ContactLinearisation,
         zeta_max: float = 0.1,
-        line: Line | None = None,
+        line: Basis | None = None,
     ) -> Modes:
         """Complex modes of one sample in the band.
 
@@ -383,7 +383,7 @@ class ReducedModel:
         return Sample(self.bodies, self.at(p), contact, self._w, self.rows, self._omega)
 
     def _corrected(
-        self, sample: Sample, p: ArrayLike, contact: ContactLinearisation, line: Line | None = None
+        self, sample: Sample, p: ArrayLike, contact: ContactLinearisation, line: Basis | None = None
     ) -> Corrected:
         """Zeros in the band or a little beyond, and their errors."""
         found = sample.zeros(*self.searched)
