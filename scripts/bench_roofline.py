@@ -30,6 +30,7 @@ import scipy.linalg as la
 from brake_fenicsx.macro import solver
 from brake_fenicsx.micro import halfspace
 from brake_fenicsx.stability.substructures import sample as online
+from brake_fenicsx.stability.substructures.problem import Quotient
 
 SCENE = Path(__file__).parent / "scenes" / "disc_brake.toml"
 
@@ -125,9 +126,9 @@ def count_transforms() -> None:
         inner, points = make(shape, padded, symbol), float(np.prod(padded))
 
         class Counted:
-            def __call__(self, p: Any) -> Any:
+            def __call__(self, *p: Any) -> Any:
                 start = time.perf_counter()
-                result = inner(p)
+                result = inner(*p)
                 flops = 2 * 2.5 * points * np.log2(points) + 6 * points
                 # Forth and back, along rows and along columns: read and written, half of a complex.
                 add("micro", "transforms (FFTW)", start, flops, 4 * 16 * points)
@@ -160,11 +161,9 @@ def count_samples() -> None:
         flops = 2 * m * r * (products + n) + 2 * r**2 * np.sqrt(m) * onto
         return "samples", "series of T", flops, 8 * m * (products + n)
 
-    def quotient(
-        q: online.Quotient, self: online.Sample, *args: Any
-    ) -> tuple[str, str, float, float]:
-        columns = 2 * q.step.size
-        products = len(self.E) + 2 + 2 * online.LEFT_POWERS[self._rows.damped]
+    def quotient(q: Quotient, self: online.Sample, *args: Any) -> tuple[str, str, float, float]:
+        # One step of either vector; more only where a zero lies next to a pole.
+        columns, products = 2 * q.slope.size, 2 * len(self.E) + 2
         return (
             "samples",
             "two-sided quotient",
