@@ -191,7 +191,10 @@ def test_values_with_their_units(model):
     here, si = (model.modes({PRESSURE: p}).s for p in ("5 bar", 5e5))
     np.testing.assert_array_equal(here, si)
     assert model.sweep(PRESSURE, ["2 bar", 5e5]).values.tolist() == [2e5, 5e5]
-    found = sweep(BLOCK, 'loads."block.top".pressure', ["0.2 MPa", "5 bar"])
+    table = tomllib.loads(BLOCK.read_text())
+    for part in table["parts"].values():
+        part["size"] = "20 mm"
+    found = sweep(table, PRESSURE, ["0.2 MPa", "5 bar"])
     assert found.values.tolist() == [2e5, 5e5]
 
 
