@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from .part import Part, Slab, Swept, SweptFace, element_count, faces_where, flat_at
+from .part import PartEntities, Slab, Swept, SweptFace, element_count, faces_where, flat_at
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ def thicknesses(block: Block) -> dict[str, tuple[str, ...]]:
     return {"height": ("body",)}
 
 
-def build(occ: Any, block: Block) -> Part:
+def build(occ: Any, block: Block) -> PartEntities:
     """Add a box centred about the z axis to the current gmsh model.
 
     Args:
@@ -45,7 +45,7 @@ def build(occ: Any, block: Block) -> Part:
     corner = (-block.length / 2, -block.width / 2, block.z)
     body = [occ.addBox(*corner, block.length, block.width, block.height)]
     occ.synchronize()
-    return Part(
+    return PartEntities(
         volumes={"body": body},
         faces={
             "bottom": faces_where(body, flat_at(block.z)),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from .part import (
-    Part,
+    PartEntities,
     Slab,
     Swept,
     SweptFace,
@@ -89,7 +89,7 @@ def thicknesses(disc: Disc) -> dict[str, tuple[str, ...]]:
     return {} if disc.hat > 0 or disc.vanes else {"thickness": ("body",)}
 
 
-def build(occ: Any, disc: Disc) -> Part:
+def build(occ: Any, disc: Disc) -> PartEntities:
     """Add the disc to the current gmsh model.
 
     Args:
@@ -118,7 +118,7 @@ def build(occ: Any, disc: Disc) -> Part:
         faces["hub"] = faces_where(body, _cylinder(disc.hub))
         faces["bolts"] = faces_where(body, _hole(disc))
     fine = ((disc.face_size, f"abs({half!r}-abs(z))"),) if disc.face_size else ()
-    return Part({"body": body}, faces, {"body": disc.size}, fine=fine)
+    return PartEntities({"body": body}, faces, {"body": disc.size}, fine=fine)
 
 
 def _ring(occ: Any, disc: Disc, low: float, high: float) -> tuple[int, int]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from .hertz import away_from_spot, flat_profile
-from .part import Part, revolved_quarter
+from .part import PartEntities, revolved_quarter
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class Base:
     growth: float = field(default=0.4, metadata={"unit": ""})
 
 
-def build(occ: Any, base: Base) -> Part:
+def build(occ: Any, base: Base) -> PartEntities:
     """Add the quarter base to the current gmsh model.
 
     Args:
@@ -48,7 +48,7 @@ def build(occ: Any, base: Base) -> Part:
         {"contact": (0, 0), "free": (0, 0), "far": (-base.depth, 0), "bottom": 2 * (-base.depth,)},
         {"contact": base.contact},
     )
-    return Part(
+    return PartEntities(
         volumes={"body": body},
         faces=faces,
         sizes={"body": base.size},

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .hertz import away_from_spot, round_profile
-from .part import Part, revolved_quarter
+from .part import PartEntities, revolved_quarter
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +30,7 @@ class Sphere:
     growth: float = field(default=0.4, metadata={"unit": ""})
 
 
-def build(occ: Any, sphere: Sphere) -> Part:
+def build(occ: Any, sphere: Sphere) -> PartEntities:
     """Add the eighth of a sphere, its lowest point at the origin, to the current gmsh model.
 
     Args:
@@ -47,7 +47,7 @@ def build(occ: Any, sphere: Sphere) -> Part:
     body, faces = revolved_quarter(
         occ, surface, {"contact": (0, rise), "free": (rise, R), "top": (R, R)}
     )
-    return Part(
+    return PartEntities(
         volumes={"body": body},
         faces=faces,
         sizes={"body": sphere.size},

@@ -9,7 +9,7 @@ import numpy as np
 
 from . import pad_shape
 from .part import (
-    Part,
+    PartEntities,
     Slab,
     Swept,
     SweptFace,
@@ -139,7 +139,7 @@ def _sides(pad: Pad) -> tuple[list[float], bool]:
     return (sides[:1] if mirror else sides), mirror
 
 
-def build(occ: Any, pad: Pad) -> Part:
+def build(occ: Any, pad: Pad) -> PartEntities:
     """Add one pad, or two mirror images, to the current gmsh model.
 
     Args:
@@ -160,7 +160,9 @@ def build(occ: Any, pad: Pad) -> Part:
         for name, tags in named.items():
             faces[name].extend(tags)
     sizes = {name: _size(pad, name) for name in volumes}
-    return Part(volumes, {n: tags for n, tags in faces.items() if tags}, sizes, mirror=mirror)
+    return PartEntities(
+        volumes, {n: tags for n, tags in faces.items() if tags}, sizes, mirror=mirror
+    )
 
 
 def _one_pad(occ: Any, pad: Pad, side: float) -> tuple[dict[str, list[int]], dict[str, list[int]]]:

@@ -10,7 +10,7 @@ import numpy as np
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class PartEntities:
     """Named gmsh entities of one part.
 
     Attributes:
@@ -75,9 +75,9 @@ class Swept:
         slabs: from low to high, without gaps where they share regions.
         faces: face name -> where it is.
         size: mesh size of the footprint [m].
-        fine: as for ``Part``.
-        growth: as for ``Part``.
-        mirror: as for ``Part``.
+        fine: as for ``PartEntities``.
+        growth: as for ``PartEntities``.
+        mirror: as for ``PartEntities``.
         below: the part is the mirror image itself: below the plane z = 0.
         upright: the footprint stands in the x, z plane and is swept along -y.
     """

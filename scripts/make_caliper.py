@@ -24,7 +24,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from brake_fenicsx.geometry.part import Part
+from brake_fenicsx.geometry.part import PartEntities
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.material import Material, isotropic
 from brake_fenicsx.macro.mesh import build_mesh
@@ -51,13 +51,13 @@ SETS = {
 HIGHEST = 40e3
 
 
-def build(occ: Any, _: Any) -> Part:
+def build(occ: Any, _: Any) -> PartEntities:
     """The caliper as one volume of the current gmsh model."""
     boxes = [(3, occ.addBox(*(1e-3 * v for v in box))) for box in BOXES]
     found, _ = occ.fuse(boxes[:1], boxes[1:])
     occ.synchronize()
     volumes = [tag for _, tag in found]
-    return Part(volumes={"body": volumes}, faces={"none": []}, sizes={"body": SIZE})
+    return PartEntities(volumes={"body": volumes}, faces={"none": []}, sizes={"body": SIZE})
 
 
 def main() -> None:

@@ -12,7 +12,7 @@ import pytest
 from brake_fenicsx import assemble, prepare, sample
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import Extensions
-from brake_fenicsx.geometry.part import Part, faces_where, flat_at
+from brake_fenicsx.geometry.part import PartEntities, faces_where, flat_at
 from brake_fenicsx.macro import build_mesh, equilibrium
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.material import Material, isotropic
@@ -74,7 +74,7 @@ def build_rod(occ, rod):
     body = [occ.addCylinder(0, 0, 0, 0, 0, rod.length, rod.radius)]
     occ.synchronize()
     ends = {"low": faces_where(body, flat_at(0.0)), "high": faces_where(body, flat_at(rod.length))}
-    return Part(volumes={"body": body}, faces=ends, sizes={"body": rod.size})
+    return PartEntities(volumes={"body": body}, faces=ends, sizes={"body": rod.size})
 
 
 def test_a_part_of_ones_own():

@@ -29,7 +29,7 @@ CYLINDRICAL, SPHERICAL = 1, 2
 
 
 @dataclass(frozen=True, slots=True)
-class Measured:
+class ModalTest:
     """Modes of a test, by frequency.
 
     Attributes:
@@ -53,7 +53,7 @@ class Measured:
     shapes: NDArray[np.complex128]
 
 
-def read_modes(path: str | Path) -> Measured:
+def read_modes(path: str | Path) -> ModalTest:
     """Read the modes of a test with their shapes.
 
     Args:
@@ -79,7 +79,7 @@ def read_modes(path: str | Path) -> Measured:
     if not np.isfinite(shapes).all() or not np.any(shapes, axis=(1, 2)).all():
         raise SceneError(f"{file}: dataset 55: a mode is zero or not finite; export it again")
     points, axes = (np.array(of) for of in zip(*(place[n] for n in labels), strict=True))
-    return Measured(
+    return ModalTest(
         file, labels, points, axes, np.any(shapes != 0, axis=0), np.abs(s.imag) / (2 * np.pi),
         -s.real / np.abs(s), shapes,
     )  # fmt: skip

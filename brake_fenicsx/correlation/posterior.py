@@ -20,7 +20,7 @@ from scipy.optimize import linear_sum_assignment
 
 from brake_fenicsx.errors import InaccurateResult, NotConverged
 
-from .varied_body import Modes, VariedBody
+from .varied_body import BodyModes, VariedBody
 
 Array = NDArray[np.float64]
 # Gates of the first step, the narrowest one in standard errors, and the factor between two steps.
@@ -53,7 +53,7 @@ class Posterior:
     theta: Array
     covariance: Array
     mode: NDArray[np.intp]
-    modes: Modes
+    modes: BodyModes
     misfit: float
     steps: int
     basis_error: float = np.nan

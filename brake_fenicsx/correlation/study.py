@@ -24,7 +24,7 @@ from brake_fenicsx.results.families import mac
 from brake_fenicsx.results.tables import Value, text_table, write_rows
 from brake_fenicsx.scene import Scene, read_scene
 
-from .measured import Measured, read_modes
+from .measured import ModalTest, read_modes
 from .part_modes import PartModes, part_modes, shapes_at
 
 if TYPE_CHECKING:
@@ -199,7 +199,7 @@ def part_name(scene: Scene, name: str | None) -> str:
     return name or known[0]
 
 
-def _check_distance(measured: Measured, part: str, distance: Array, size: Array) -> None:
+def _check_distance(measured: ModalTest, part: str, distance: Array, size: Array) -> None:
     """Refuse points that do not lie on the part, or all in one place of it.
 
     Raises:
@@ -247,7 +247,7 @@ def beside(
     ]  # fmt: skip
 
 
-def _write_mac(folder: Path, measured: Measured, modes: PartModes, pairs: Pairs) -> None:
+def _write_mac(folder: Path, measured: ModalTest, modes: PartModes, pairs: Pairs) -> None:
     heads = ("test_mode", "test_frequency_hz", "model_mode", "model_frequency_hz", "mac")
     rows = (
         (i + 1, float(f), j + 1, float(g), float(pairs.mac[i, j]))
@@ -257,7 +257,7 @@ def _write_mac(folder: Path, measured: Measured, modes: PartModes, pairs: Pairs)
     write_rows(folder / "mac.csv", heads, rows)
 
 
-def _draw(folder: Path, measured: Measured, modes: PartModes, pairs: Pairs) -> None:
+def _draw(folder: Path, measured: ModalTest, modes: PartModes, pairs: Pairs) -> None:
     """MAC matrix, pairs framed, and beside it the difference of their frequencies."""
     with house_style():
         height = float(np.clip(1.4 + 0.27 * len(pairs.mac), 2.6, 9.0))
@@ -279,7 +279,7 @@ def _draw(folder: Path, measured: Measured, modes: PartModes, pairs: Pairs) -> N
         save(figure, folder, "correlation")
 
 
-def _draw_mac(axis: Axes, measured: Measured, modes: PartModes, pairs: Pairs) -> None:
+def _draw_mac(axis: Axes, measured: ModalTest, modes: PartModes, pairs: Pairs) -> None:
     tests, count = pairs.mac.shape
     image = axis.imshow(pairs.mac, cmap="Blues", vmin=0, vmax=1, aspect="auto")
     if count <= 24:

@@ -31,7 +31,7 @@ STEP = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
-class Modes:
+class BodyModes:
     """Modes at some constants.
 
     Attributes:
@@ -108,7 +108,7 @@ class VariedBody:
         self._modal_A = np.array([self._W.T @ (A @ self._W) for A in self._A])
         return frequency
 
-    def modes(self, theta: Array) -> Modes:
+    def modes(self, theta: Array) -> BodyModes:
         """As many modes as were ever taken in, at some constants, on the basis.
 
         Raises:
@@ -121,6 +121,6 @@ class VariedBody:
         energy = energy / kappa[:, None]
         step = STEP * np.eye(theta.size)
         slope = [(self._entries(theta + s) - self._entries(theta - s)) / (2 * STEP) for s in step]
-        return Modes(
+        return BodyModes(
             np.sqrt(kappa) / (2 * np.pi), 0.5 * energy @ np.array(slope).T, energy @ C
         )  # fmt: skip

@@ -52,7 +52,7 @@ class Cycle:
 
 
 @dataclass(slots=True)
-class Branch:
+class GrowthBranch:
     """Growth over amplitude.
 
     Attributes:
@@ -112,7 +112,7 @@ class Branch:
 
 def follow(
     problem: HarmonicBalance, start: Vibration, largest: float, damped: bool = True
-) -> Branch:
+) -> GrowthBranch:
     """Follow a mode from a small amplitude on.
 
     Args:
@@ -124,7 +124,7 @@ def follow(
     Raises:
         NotConverged: not even the first vibration is found.
     """
-    branch = Branch(max(abs(start.s.real), 1e-3 * start.s.imag))
+    branch = GrowthBranch(max(abs(start.s.real), 1e-3 * start.s.imag))
     branch.add(problem.solve(start, Condition(1.0, 0.0, np.log(start.amplitude)), ROUGHLY)[0])
     direction, step, low, high = np.array([1.0, 0.0]), FIRST, 0.0, largest
     while not branch.end:
@@ -162,7 +162,7 @@ def follow(
     return branch
 
 
-def time_to_reach(branch: Branch, cycle: Cycle, share: float = 0.01) -> float:
+def time_to_reach(branch: GrowthBranch, cycle: Cycle, share: float = 0.01) -> float:
     """Time from a share of a cycle's amplitude to 95 % of it [s]; nan where growth is not positive.
 
     Args:
@@ -180,9 +180,9 @@ def time_to_reach(branch: Branch, cycle: Cycle, share: float = 0.01) -> float:
     return float(trapezoid(1 / growth, x))
 
 
-def _crossing(problem: HarmonicBalance, branch: Branch, q: Vibration) -> Cycle:
+def _crossing(problem: HarmonicBalance, branch: GrowthBranch, q: Vibration) -> Cycle:
     """The cycle between the last point of a branch and q, of which one grows and one decays."""
-    p, both = branch.points[-1], Branch(branch.size)
+    p, both = branch.points[-1], GrowthBranch(branch.size)
     for v in (*branch.points[-2:], q):
         both.add(v)
     share = p.s.real / (p.s.real - q.s.real)

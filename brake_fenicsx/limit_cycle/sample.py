@@ -17,7 +17,7 @@ from brake_fenicsx.stability.substructures import ReducedModel
 from .bodies import Array, Bodies, Index
 from .contact_forces import PatchForces
 from .floquet import exponents, verdict
-from .growth import STABLE, UNDAMPED, Branch, Cycle, follow, time_to_reach
+from .growth import STABLE, UNDAMPED, Cycle, GrowthBranch, follow, time_to_reach
 from .harmonic_balance import HarmonicBalance, Vibration
 from .reduced_bodies import reduced_bodies
 from .sound import AT_ONE_METRE, Nodes, decibels, sound_power
@@ -84,7 +84,7 @@ class SampleCycles:
     closed: NDArray[np.bool_]
     damped: bool
 
-    def branch(self, s: complex, a: NDArray[Any], settings: Settings) -> tuple[Branch, Index]:
+    def branch(self, s: complex, a: NDArray[Any], settings: Settings) -> tuple[GrowthBranch, Index]:
         """Growth of a mode over its amplitude, and the elements that take part.
 
         Args:
@@ -132,7 +132,7 @@ class SampleCycles:
     def measured(
         self,
         cycle: Cycle,
-        branch: Branch,
+        branch: GrowthBranch,
         elements: Index,
         settings: Settings,
         faces: Faces,

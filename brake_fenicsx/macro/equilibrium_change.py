@@ -72,7 +72,7 @@ def equilibrium_change(
 
 
 @dataclass(frozen=True, slots=True)
-class Bodies:
+class BodyOperators:
     """Operators of the bodies with the loads of one sample.
 
     Attributes:
@@ -93,7 +93,7 @@ class Bodies:
 
 
 def corrected_equilibrium(
-    bodies: Bodies,
+    bodies: BodyOperators,
     change: sp.csr_matrix,
     laws: EnrichedGap,
     mu: float | Array = 0.0,

@@ -33,7 +33,7 @@ from .integrals import facet_areas, facet_rule
 from .material import Material
 from .mesh import Mesh
 from .solver import with_interface
-from .tie import Tie, tied_faces
+from .tie import GluedFaces, tied_faces
 
 Array = NDArray[np.float64]
 # Nodes at most: all of them are coupled with each other.
@@ -138,7 +138,7 @@ def joined_bodies(
     Raises:
         SceneError: faces that do not touch, or are too large.
     """
-    layers: dict[str, Tie] = {}
+    layers: dict[str, GluedFaces] = {}
     for name, tie in scene.ties.items():
         if any(face in elastic.sets for face in tie.faces):
             continue
@@ -165,7 +165,7 @@ def joined_bodies(
 
 def _layer(
     scene: Scene, name: str, mesh: Mesh, elastic: Elastic, materials: Mapping[str, Material]
-) -> Tie:
+) -> GluedFaces:
     """The layer of a tie."""
     tie = scene.ties[name]
     faces = tie.faces[0], tie.faces[1]
@@ -178,7 +178,7 @@ def _layer(
     return found
 
 
-def _glued_in_part(scene: Scene, layers: Mapping[str, Tie]) -> list[str]:
+def _glued_in_part(scene: Scene, layers: Mapping[str, GluedFaces]) -> list[str]:
     """Ties both faces of which are larger than what is glued of them, by these ties together."""
     whole: dict[str, float] = {}
     glued: dict[str, float] = {}

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.geometry.part import Part
+from brake_fenicsx.geometry.part import PartEntities
 from brake_fenicsx.scene.mesh import MeshTable
 
 from .meshing.gmsh_mesh import discrete_model, gmsh_session, mesh_part, swept_part
@@ -27,7 +27,7 @@ from .meshing.rawmesh import RawMesh, Unread, facet_nodes, joined
 class PartBuilder(Protocol):
     """A shape: a module, or any object with this function."""
 
-    def build(self, occ: Any, parameters: Any) -> Part:
+    def build(self, occ: Any, parameters: Any) -> PartEntities:
         """Volumes and faces of one part by name, in the current gmsh model.
 
         Args:

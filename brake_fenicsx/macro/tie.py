@@ -52,7 +52,7 @@ BATCH = 64
 
 
 @dataclass(frozen=True, slots=True)
-class Tie:
+class GluedFaces:
     """Two glued faces.
 
     Attributes:
@@ -84,7 +84,7 @@ def tied_faces(
     materials: Mapping[str, Material],
     stiffness: float | None = None,
     search: float | None = None,
-) -> Tie:
+) -> GluedFaces:
     """Glue the common part of two faces.
 
     Args:
@@ -125,7 +125,9 @@ def tied_faces(
                 K = K + _layer(first, second, o, np.where(near, stiffness, 0.0), free.size)
     if not area > 0:
         raise SceneError(_apart(faces, first, second, gaps[0], reach))
-    return Tie(K, stiffness, area, float(areas[0].sum()) - area, float(areas[1].sum()), gaps[1])
+    return GluedFaces(
+        K, stiffness, area, float(areas[0].sum()) - area, float(areas[1].sum()), gaps[1]
+    )
 
 
 def _stiffest(faces: tuple[str, str], materials: Mapping[str, Material]) -> float:

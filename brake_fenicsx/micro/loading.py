@@ -19,7 +19,7 @@ from brake_fenicsx.arguments import number, one_of, positive, real
 from brake_fenicsx.errors import NotConverged, SceneError, SurfaceError
 from brake_fenicsx.micro.active import AllPixels, HighPixels, Pixels, active_set
 from brake_fenicsx.micro.halfspace import Array, Boundary, HalfSpace, half_space_of
-from brake_fenicsx.micro.qp import State, certify, projected_cg
+from brake_fenicsx.micro.qp import ContactState, certify, projected_cg
 from brake_fenicsx.surface.iso25178 import gradients
 
 Solver = Literal["auto", "active-set", "pcg"]
@@ -142,7 +142,7 @@ def solve_contact(
 def solve(
     space: HalfSpace, h: Array, d: float | None, total: float | None, guess: Array | None,
     tolerance: float, solver: Solver = "auto", max_iterations: int = 2000, cap: float = np.inf,
-) -> tuple[State, str]:  # fmt: skip
+) -> tuple[ContactState, str]:  # fmt: skip
     """Choose a solver by the number of touching pixels and run it.
 
     Args:
@@ -162,7 +162,7 @@ def solve(
     highest = float(h.max())
     if total == 0.0 or (d is not None and d >= highest):
         at = highest if d is None else d
-        return State(np.zeros_like(h), at - h, at, 0.0, 0.0, 0.0, 0), "none"
+        return ContactState(np.zeros_like(h), at - h, at, 0.0, 0.0, 0.0, 0), "none"
     if total is not None and space.boundary == "periodic":
         closed = _closed(space, h, total)
         if closed is not None and closed.p.max() <= cap:
@@ -209,7 +209,7 @@ def _checked(heights: Array, size: Array | tuple[float, float]) -> tuple[Array, 
 def _by_active_set(
     space: HalfSpace, h: Array, d: float | None, total: float | None, guess: Array,
     most: int | None, cap: float,
-) -> State | None:  # fmt: skip
+) -> ContactState | None:  # fmt: skip
     """Active set on the whole grid, or on the pixels above the plane where they are few."""
     flat, start = h.ravel(), guess.ravel()
     high = np.flatnonzero(flat > d) if d is not None and space.boundary == "free" else None
@@ -230,10 +230,12 @@ def _by_active_set(
     every = isinstance(pixels, AllPixels)
     w = contact.gap.reshape(h.shape) if every else space.apply(p) - h + contact.d
     c = certify(space, h, p, w, contact.d, total is not None, cap)
-    return State(p, w, contact.d, c.gap, c.penetration, c.complementarity, contact.iterations)
+    return ContactState(
+        p, w, contact.d, c.gap, c.penetration, c.complementarity, contact.iterations
+    )
 
 
-def _gap_residual(h: Array, state: State) -> float:
+def _gap_residual(h: Array, state: ContactState) -> float:
     """Duality gap over load and rms height [-]; zero without load, infinite if flat."""
     gap = state.gap * float(np.vdot(state.p, state.w + h - state.d))
     span = float(state.p.sum() * h.std())
@@ -277,9 +279,9 @@ def first_guess(
     return np.where(overlap > 0.0, np.maximum(space.precondition(overlap), 0.0), 0.0)
 
 
-def _closed(space: HalfSpace, h: Array, total: float) -> State | None:
+def _closed(space: HalfSpace, h: Array, total: float) -> ContactState | None:
     """Full contact of a periodic surface, if the load suffices: closed form."""
     p = space.full_contact(h) + total / h.size
     if p.min() < 0.0:
         return None
-    return State(p, np.zeros_like(h), 0.0, 0.0, 0.0, 0.0, 0)
+    return ContactState(p, np.zeros_like(h), 0.0, 0.0, 0.0, 0.0, 0)

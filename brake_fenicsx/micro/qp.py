@@ -27,7 +27,7 @@ RENEW = 0.1  # share of the free pixels that have changed when their answer is c
 
 
 @dataclass(frozen=True, slots=True)
-class State:
+class ContactState:
     """A solution of the program.
 
     Attributes:
@@ -144,7 +144,7 @@ def projected_cg(
     tolerance: float,
     max_iterations: int = 2000,
     cap: float = np.inf,
-) -> State:
+) -> ContactState:
     """Solve by projected preconditioned conjugate gradients.
 
     Args:
@@ -189,7 +189,7 @@ def projected_cg(
         certificate = certify(space, h, p, w, d, load_control, cap)
         if certificate.gap <= tolerance or not (elastic.any() or entering.any()):
             c = certificate
-            return State(p, w, d, c.gap, c.penetration, c.complementarity, iteration)
+            return ContactState(p, w, d, c.gap, c.penetration, c.complementarity, iteration)
         if watch.stalls(certificate.gap):
             p = _safe_step(p, np.asarray(w / space.largest, float), total, cap)
             g, old = space.apply(p, g), 0.0

@@ -16,7 +16,7 @@ from .accuracy import (
 from .limits import LIMIT_COLUMNS, limit_rows
 from .run import RunData, read_run
 from .squeal import Family
-from .statistics import Share, wilson
+from .statistics import Proportion, wilson
 from .tables import Value, write_rows
 
 APPROACH_COLUMNS = (
@@ -127,7 +127,7 @@ def write_tables(directory: str | Path | RunData) -> list[Path]:
     return [write_rows(folder / f"{name}.csv", heads, rows) for name, heads, rows in tables if rows]
 
 
-def _share_cells(share: Share) -> list[Value]:
+def _share_cells(share: Proportion) -> list[Value]:
     """A share and its interval; a single sample has a verdict, no share."""
     return [*share.cells] if share.n > 1 else [None, None, None]
 

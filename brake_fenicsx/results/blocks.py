@@ -169,7 +169,7 @@ def _added(members: ModeFamilies, data: Mapping[str, Any]) -> NDArray[np.int32]:
     return members.add(data["coordinates"].astype(complex), frequencies).astype(np.int32)
 
 
-class Block:
+class SampleBlock:
     """Samples of a block, as columns.
 
     Attributes:
@@ -194,13 +194,13 @@ class Block:
         """Names of the arrays of the samples."""
         return [*self._shapes]
 
-    def part(self, names: Sequence[str]) -> Block:
+    def part(self, names: Sequence[str]) -> SampleBlock:
         """The same samples with copies of some of their arrays."""
         kept = {n: v.copy() for n, v in self._columns.items() if n.split(".")[0] in names}
         shapes = {name: own for name, own in self._shapes.items() if name in names}
         beside = {name: self.beside[name] for name in ("approaches", "numbers")}
         own = {"names": np.array([*shapes], dtype=str), "shapes": np.array([*shapes.values()])}
-        return Block({**kept, **beside, **own})
+        return SampleBlock({**kept, **beside, **own})
 
     def words(self, name: str) -> NDArray[np.str_]:
         """Texts that the arrays of this name have; none if there is no such array."""
@@ -236,7 +236,7 @@ class Block:
         return [next(values).item() if there else default for there in self.sizes(name)]
 
 
-def blocks_of(store: Store, tasks: Sequence[Task], tabulate: Tabulation) -> Iterator[Block]:
+def blocks_of(store: Store, tasks: Sequence[Task], tabulate: Tabulation) -> Iterator[SampleBlock]:
     """Columns of all blocks, in the order of the tasks.
 
     Args:
@@ -256,7 +256,7 @@ def blocks_of(store: Store, tasks: Sequence[Task], tabulate: Tabulation) -> Iter
             columns = store.samples.columns(group[0])
         if columns is None or str(columns["founders"]) != tabulate.mark:
             columns = tabulate(group, store.samples.load)
-        yield Block(columns)
+        yield SampleBlock(columns)
 
 
 def _mean(mu: NDArray[np.float64], sliding: NDArray[np.bool_] | None) -> float:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from .blocks import Block
+from .blocks import SampleBlock
 
 Array = NDArray[np.float64]
 
@@ -30,7 +30,7 @@ class Counts:
     forces: list[Array] = field(default_factory=list)
     of_each: dict[str, list[float]] = field(default_factory=dict)
 
-    def add_samples(self, block: Block, own: NDArray[np.intp], counted: list[str]) -> None:
+    def add_samples(self, block: SampleBlock, own: NDArray[np.intp], counted: list[str]) -> None:
         """Samples of a block by their places, and how their modes were counted."""
         self.good += own.size
         self.counted_by = self.counted_by or next(iter(counted), None)
@@ -47,7 +47,7 @@ class Counts:
         forces = block.each("forces")
         self.forces += [f.copy() for i in own if (f := forces[i]) is not None]
 
-    def add_modes(self, block: Block, own: NDArray[np.bool_]) -> None:
+    def add_modes(self, block: SampleBlock, own: NDArray[np.bool_]) -> None:
         """Modes of a block that are of the approach."""
         from brake_fenicsx.stability.modes import relative_errors
 

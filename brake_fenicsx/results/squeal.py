@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from .statistics import Share, wilson
+from .statistics import Proportion, wilson
 from .tables import MODES, TEXT, Columns
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ class Family:
     key: int
     frequency: float
     spread: float
-    share: Share
+    share: Proportion
     median: float
     worst: float
     kilohertz: str
@@ -262,7 +262,7 @@ class SquealTable:
         place = np.searchsorted(edges, self.squeal_modes(approach).frequency_hz, side="right") - 1
         return np.clip(place, 0, len(edges) - 2)
 
-    def share_per_band(self, approach: str) -> list[Share]:
+    def share_per_band(self, approach: str) -> list[Proportion]:
         """Share of samples with a squeal mode in each band."""
         hits = self.squeal_modes(approach)["sample"].groupby(self.bands(approach)).nunique()
         hits = hits.reindex(range(len(self.edges) - 1), fill_value=0)

@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Share:
+class Proportion:
     """A share of samples with its 95 % Wilson interval: hits of n, low <= hits / n <= high.
 
     A single sample is no random sample: its interval is nan.
@@ -42,7 +42,7 @@ class Share:
         return [value if there else None for there, value in cells]
 
 
-def wilson(hits: int, n: int) -> Share:
+def wilson(hits: int, n: int) -> Proportion:
     """Share of ``hits`` among ``n`` with its interval, which is (0, 1) without a trial.
 
     One trial has none.
@@ -50,12 +50,12 @@ def wilson(hits: int, n: int) -> Share:
     from scipy.stats import binomtest
 
     if n == 0:
-        return Share(0, 0, 0.0, 1.0)
+        return Proportion(0, 0, 0.0, 1.0)
     if n == 1:
-        return Share(int(hits), 1, float("nan"), float("nan"))
+        return Proportion(int(hits), 1, float("nan"), float("nan"))
     # The p-value, which nobody reads, takes longest for another hypothesis.
     interval = binomtest(int(hits), int(n), hits / n).proportion_ci(method="wilson")
-    return Share(int(hits), int(n), float(interval.low), float(interval.high))
+    return Proportion(int(hits), int(n), float(interval.low), float(interval.high))
 
 
 def difference(

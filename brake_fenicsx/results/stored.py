@@ -23,7 +23,7 @@ from brake_fenicsx.uncertainty.shapes import FILE as SHAPES
 from brake_fenicsx.uncertainty.shapes import family_shapes
 from brake_fenicsx.uncertainty.study import Study
 
-from .blocks import Block, Tabulation, blocks_of, tabulation_of
+from .blocks import SampleBlock, Tabulation, blocks_of, tabulation_of
 from .columns import column_writer, ma
 from .counts import Counts, is_complete
 from .families import ModeFamilies
@@ -79,7 +79,7 @@ class Results:
         self._verified = verified
         self._squealing: dict[int, NDArray[np.complex64]] = {}
         self._beyond = ModeFamilies()
-        self._rows: list[Block] = []
+        self._rows: list[SampleBlock] = []
         self._layers: list[str] = []
         self._counts = {name: Counts() for name in dict.fromkeys(name for name, _ in tasks)}
         for block in blocks_of(store, tasks, tabulate):
@@ -105,7 +105,7 @@ class Results:
         """Forces on the pads of each approach, shape (good samples, pads, numbers)."""
         return {name: np.array(c.forces) for name, c in self._counts.items() if c.forces}
 
-    def _families(self, block: Block, known: int) -> NDArray[np.int32]:
+    def _families(self, block: SampleBlock, known: int) -> NDArray[np.int32]:
         """Family of every mode of a block, shape (modes,).
 
         Families of the block are matched to those of earlier ones, not to the ones that it knew:
@@ -155,7 +155,7 @@ class Results:
 
         return heads, rows()
 
-    def _count(self, block: Block) -> None:
+    def _count(self, block: SampleBlock) -> None:
         """Sums for the summary."""
         names = np.array([name for name, _ in block.tasks])
         good = np.array(block.scalars("status", "")) == "ok"
@@ -169,14 +169,14 @@ class Results:
             for name in dict.fromkeys(approach.tolist()):
                 self._counts[name].add_modes(block, approach == name)
 
-    def _compare(self, block: Block) -> None:
+    def _compare(self, block: SampleBlock) -> None:
         """Keep what the verification compares."""
         values = zip(block.each("s"), block.each("verdict"), strict=True)
         for (approach, number), (s, verdict) in zip(block.tasks, values, strict=True):
             if approach == self._verified and number < len(self._verify) and s is not None:
                 self._reduced[number] = {"s": s, "verdict": verdict}
 
-    def _more(self, block: Block, family: NDArray[np.int32]) -> None:
+    def _more(self, block: SampleBlock, family: NDArray[np.int32]) -> None:
         """Samples with derivatives or limit cycles."""
         names = [name for name in block.names if name.startswith(MORE)]
         if not names:
@@ -235,7 +235,7 @@ class Results:
         return numbers, np.array(vectors).T if vectors else np.zeros((0, 0), complex)
 
 
-def _modes(block: Block, family: NDArray[np.int32], layers: Sequence[str]) -> Columns:
+def _modes(block: SampleBlock, family: NDArray[np.int32], layers: Sequence[str]) -> Columns:
     """Columns of modes.csv: the fixed ones, the flutter partner, and one share per layer."""
     sizes, s = block.sizes("s"), block.column("s")
     approaches, samples = (np.array(values) for values in zip(*block.tasks, strict=True))

@@ -1,6 +1,6 @@
 """The scene: reading, checking, and what it comes to in SI units."""
 
-from brake_fenicsx.scene.contact import Contact, Friction, Law
+from brake_fenicsx.scene.contact import ContactTable, Friction, LawTable
 from brake_fenicsx.scene.mesh import MeshTable
 from brake_fenicsx.scene.parts import BUILDERS, Part
 from brake_fenicsx.scene.read import read_scene
@@ -9,7 +9,7 @@ from brake_fenicsx.scene.sections import STAGES, MaterialTable, Scene, Stability
 from brake_fenicsx.scene.surface import Micro, Statistics, Surface
 
 __all__ = [
-    "BUILDERS", "STAGES", "Classical", "Contact", "Design", "Distribution", "Friction", "Law",
-    "MaterialTable", "MeshTable", "Micro", "Part", "Samples", "Scene", "Stability", "Statistics",
-    "Surface", "read_scene",
+    "BUILDERS", "STAGES", "Classical", "ContactTable", "Design", "Distribution", "Friction",
+    "LawTable", "MaterialTable", "MeshTable", "Micro", "Part", "Samples", "Scene", "Stability",
+    "Statistics", "Surface", "read_scene",
 ]  # fmt: skip

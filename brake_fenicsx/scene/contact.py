@@ -28,7 +28,7 @@ MIN_ROWS = 4  # pressures at fewer gaps tell no stiffness between them
 
 
 @dataclass(frozen=True, slots=True)
-class Law:
+class LawTable:
     """[contact.NAME.law]: one law for all contact elements in place of "library".
 
     Attributes:
@@ -115,7 +115,7 @@ class Zone:
 
 
 @dataclass(frozen=True, slots=True)
-class Contact:
+class ContactTable:
     """[contact.NAME]: an interface between two faces.
 
     Attributes:
@@ -139,7 +139,7 @@ class Contact:
     faces: tuple[str, ...] = key(
         rule=(lambda faces: len(faces) == 2, "write two faces, the pad's first")
     )
-    law: Literal["library"] | Law = key(default="library", write=LAWS)  # noqa: RUF009
+    law: Literal["library"] | LawTable = key(default="library", write=LAWS)  # noqa: RUF009
     discretisation: str = key(default="patch", choices=("patch", "quadrature", "node"))
     gap: str = key(default="none", choices=("none", "hdf", "waviness"))
     friction: float | Friction = key(default=0.0, sign="zero", band=FRICTION)  # noqa: RUF009
@@ -187,7 +187,7 @@ def contact_mistakes(s: Scene) -> Iterator[str]:
                 )
 
 
-def with_table(contact: Contact, name: str, folder: Path) -> Contact:
+def with_table(contact: ContactTable, name: str, folder: Path) -> ContactTable:
     """An interface whose law has the steps of its table, where it names one.
 
     Args:
@@ -199,7 +199,7 @@ def with_table(contact: Contact, name: str, folder: Path) -> Contact:
         SceneError: the key, its value and the remedy.
     """
     law, where = contact.law, f"contact.{name}.law"
-    if not isinstance(law, Law) or law.table is None:
+    if not isinstance(law, LawTable) or law.table is None:
         return contact
     columns = zip(law.units, ("m", "Pa"), strict=True)
     factors = [factor_to_si(name, unit, f"{where}.units") for name, unit in columns]

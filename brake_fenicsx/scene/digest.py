@@ -9,7 +9,7 @@ from typing import Any
 
 from brake_fenicsx import __version__
 from brake_fenicsx.folder.files import digest
-from brake_fenicsx.scene import Law, Scene
+from brake_fenicsx.scene import LawTable, Scene
 from brake_fenicsx.scene.scalars import changes_bodies
 
 # Format of laws and samples on disk: what older programs wrote is not read as current.
@@ -44,7 +44,7 @@ def result_digest(scene: Scene) -> str:
         content["multi-scale"] = "roughness alone"
     if measured := {name: d.digest for name, d in s.random.items() if d.digest}:
         content["measured"] = measured
-    laws = {n: c.law.steps for n, c in scene.contact.items() if isinstance(c.law, Law)}
+    laws = {n: c.law.steps for n, c in scene.contact.items() if isinstance(c.law, LawTable)}
     if laws := {n: steps for n, steps in laws.items() if steps}:
         content["laws"] = laws
     return digest(content)

@@ -7,7 +7,7 @@ from dataclasses import fields, is_dataclass
 from statistics import NormalDist
 from typing import Any
 
-from brake_fenicsx.scene.contact import Contact
+from brake_fenicsx.scene.contact import ContactTable
 from brake_fenicsx.scene.faces import Load
 from brake_fenicsx.scene.parts import part_lengths
 from brake_fenicsx.scene.samples import Classical, Distribution, split_key
@@ -26,7 +26,7 @@ def unusual(scene: Scene) -> list[str]:
     lines = [line for keys, about, v in _numbers(scene) for line in _outside(keys, about, v)]
     for name, law in scene.samples.random.items():
         _, _, last = split_key(name)
-        kinds = (Contact, Load, MaterialTable, Classical)
+        kinds = (ContactTable, Load, MaterialTable, Classical)
         about = {f.name: dict(f.metadata) for cls in kinds for f in fields(cls)}
         scalar = about.get(last) or about.get(last.partition("_")[0], {})
         for word in ("mean", "min", "max", "values"):

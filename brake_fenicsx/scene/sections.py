@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from brake_fenicsx.scene.contact import Contact
+from brake_fenicsx.scene.contact import ContactTable
 from brake_fenicsx.scene.countermeasures import Countermeasure
 from brake_fenicsx.scene.damping import Damping
 from brake_fenicsx.scene.faces import AddedMass, Load, Spring, Tie, supports_type
@@ -239,7 +239,7 @@ class Scene:
     mesh: MeshTable = field(default_factory=MeshTable)
     parts: dict[str, Part] = field(default_factory=dict, metadata={"type": parts_type})
     materials: dict[str, MaterialTable] = field(default_factory=dict)
-    contact: dict[str, Contact] = field(default_factory=dict)
+    contact: dict[str, ContactTable] = field(default_factory=dict)
     ties: dict[str, Tie] = field(default_factory=dict)
     supports: dict[str, tuple[str, ...]] = field(
         default_factory=dict, metadata={"type": supports_type}

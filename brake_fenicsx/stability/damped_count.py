@@ -14,7 +14,7 @@ from brake_fenicsx.errors import InaccurateResult
 
 from .eigensolvers.argument_principle import damped_region
 from .eigensolvers.symmetric import SHIFT, count_below
-from .full.problem import Problem
+from .full.problem import SplitProblem
 from .modes import Complex
 from .substructures.contact import ContactLinearisation
 from .substructures.model import ReducedModel
@@ -24,7 +24,7 @@ from .substructures.substructure import Substructure
 TOLERANCE = 1e-3
 
 
-def counted(p: Problem, C: sp.csr_matrix, s: Complex, high: float, zeta_max: float) -> str:
+def counted(p: SplitProblem, C: sp.csr_matrix, s: Complex, high: float, zeta_max: float) -> str:
     """Compare the modes found with the zeros of T around the band.
 
     Args:

@@ -31,7 +31,7 @@ from .full.dense import DENSE, small_modes
 from .full.friction import friction_modes
 from .full.interface import Interface, difference_interface
 from .full.krylov_schur import general_modes
-from .full.problem import Found, Problem
+from .full.problem import Found, SplitProblem
 from .modes import Modes, counted_rows
 
 
@@ -90,7 +90,7 @@ def complex_modes(
     return _record(problem, found, band, tolerance, zeta_max, start)
 
 
-def _problem(K: Any, M: Any, frictionless: Any, friction: Interface | None) -> Problem:
+def _problem(K: Any, M: Any, frictionless: Any, friction: Interface | None) -> SplitProblem:
     """Take the matrices apart."""
     K, M = whole(K), whole(M)
     given = None if frictionless is None else whole(frictionless)
@@ -99,7 +99,7 @@ def _problem(K: Any, M: Any, frictionless: Any, friction: Interface | None) -> P
         M = M.copy()
         M.eliminate_zeros()
     if abs(K - K.T).max() <= 1e-12 * abs(K).max():
-        return Problem(K, M, K, None, False)
+        return SplitProblem(K, M, K, None, False)
     halved = given is None and friction is None
     if given is None and friction is not None:
         given = (K - friction.left.T @ friction.right).tocsr()
@@ -109,10 +109,10 @@ def _problem(K: Any, M: Any, frictionless: Any, friction: Interface | None) -> P
         difference = (K - given).tocsr()
         difference.data[np.abs(difference.data) < 1e-15 * abs(K).max()] = 0.0
         friction = difference_interface(difference)
-    return Problem(K, M, given, friction, halved)
+    return SplitProblem(K, M, given, friction, halved)
 
 
-def _symmetric(p: Problem, high: float) -> Found:
+def _symmetric(p: SplitProblem, high: float) -> Found:
     """Block Lanczos.
 
     Raises:
@@ -133,7 +133,12 @@ def _symmetric(p: Problem, high: float) -> Found:
 
 
 def _record(
-    p: Problem, f: Found, band: tuple[float, float], tolerance: float, zeta_max: float, start: float
+    p: SplitProblem,
+    f: Found,
+    band: tuple[float, float],
+    tolerance: float,
+    zeta_max: float,
+    start: float,
 ) -> Modes:
     """Errors, condition numbers and rows of the band.
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binom
 
-from brake_fenicsx.results.statistics import Share, wilson
+from brake_fenicsx.results.statistics import Proportion, wilson
 
 Array = NDArray[np.float64]
 
@@ -39,7 +39,7 @@ class Critical:
     values: Array
     sign: float
 
-    def by(self, x: float) -> Share:
+    def by(self, x: float) -> Proportion:
         """Share of samples that have begun to squeal by a value, with its interval."""
         return wilson(int(np.sum(self.values <= self.sign * x)), self.values.size)
 

@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class StoredLine:
     """What was stored of one sample over one parameter.
 
     Attributes:
@@ -45,7 +45,7 @@ class Line:
     stopped: str
 
     @classmethod
-    def of(cls, data: Mapping[str, Any]) -> Line:
+    def of(cls, data: Mapping[str, Any]) -> StoredLine:
         """From what ``line_arrays`` made."""
         names = "kind", "at", "accuracy", "event_s", "pair", "vector"
         events = [

@@ -24,7 +24,7 @@ from brake_fenicsx.uncertainty.study import Study
 
 from .branches import CUT, FIRST, Followed, follow
 from .events import find_events
-from .line import Line, line_arrays
+from .line import StoredLine, line_arrays
 from .state import Points
 
 # Accuracy of an event relative to the range.
@@ -132,13 +132,13 @@ class SweepStudy:
     def _task(self, kind: str, task: Task) -> Task:
         return f"{self._name[kind]}-{task[0]}", task[1]
 
-    def line(self, kind: str, task: Task) -> tuple[str, Line | None]:
+    def line(self, kind: str, task: Task) -> tuple[str, StoredLine | None]:
         """Status and line of the scene's own brake ("own") or of a sample ("sample")."""
         data = self.study.store.samples.load(self._task(kind, task))
         if data is None:
             return "missing", None
         status = str(data["status"])
-        return status, Line.of(data) if status == "ok" else None
+        return status, StoredLine.of(data) if status == "ok" else None
 
     def work(self, task: Task) -> dict[str, Any]:
         """One line, as arrays to store."""
@@ -208,7 +208,7 @@ def _numbered(followed: Followed, first: list[int] | None) -> list[int]:
     return [*first, *range(beyond, beyond + later)]
 
 
-def cut_branches(line: Line, squeal: float | None = None) -> int:
+def cut_branches(line: StoredLine, squeal: float | None = None) -> int:
     """Branches that end because nothing continues them with confidence.
 
     Args:

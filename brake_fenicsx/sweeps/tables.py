@@ -23,7 +23,7 @@ from brake_fenicsx.stability.modes import Complex
 
 from .critical import Critical, critical_values
 from .events import FROM_FIRST, MERGING, ONSET
-from .line import Line
+from .line import StoredLine
 from .study import SweepStudy, cut_branches
 
 MODES = ("point", "branch", "frequency_hz", "real_1_s", "damping", "error_estimate", "verdict")
@@ -79,7 +79,7 @@ class SweepTables:
     def _rising(self) -> bool:
         return self._sweep.values[-1] > self._sweep.values[0]
 
-    def _lines(self) -> Iterator[tuple[list[Any], Task, str, Line]]:
+    def _lines(self) -> Iterator[tuple[list[Any], Task, str, StoredLine]]:
         """First cells, task and kind of every line that is there."""
         for kind, lines in (("own", self._own), ("sample", self._samples)):
             for task, (_, line) in lines.items():

@@ -21,7 +21,7 @@ from brake_fenicsx.macro.equilibrium import (
     equilibrium,
     limit_of_friction,
 )
-from brake_fenicsx.macro.equilibrium_change import Bodies, corrected_equilibrium
+from brake_fenicsx.macro.equilibrium_change import BodyOperators, corrected_equilibrium
 
 from .models import Models
 
@@ -86,7 +86,7 @@ class Equilibria:
                 failed = error
         raise limit_of_friction(bodies, laws, mu, self.steps, failed)
 
-    def bodies(self, approach: str, sample: SampleInput, reduced: bool) -> Bodies:
+    def bodies(self, approach: str, sample: SampleInput, reduced: bool) -> BodyOperators:
         """The bodies of a sample under its loads; the arguments are those of ``of``."""
         bodies = self._bodies(sample)
         if not self.models.has_own_bodies(sample):
@@ -115,7 +115,7 @@ class Equilibria:
         own.destroy()
         return u
 
-    def _full_bodies(self, sample: SampleInput, bodies: Bodies) -> Bodies:
+    def _full_bodies(self, sample: SampleInput, bodies: BodyOperators) -> BodyOperators:
         """The own bodies of a sample, factored anew."""
         b, K = self.models.brake, self.models.stiffness(sample)
         own = compliance(K, b.N, b.T, b.w, bodies.f, bodies.compliance.k0, MPI.COMM_SELF)
@@ -123,7 +123,9 @@ class Equilibria:
             own.factor.destroy()
         return replace(bodies, compliance=replace(own, factor=None))
 
-    def _reduced_bodies(self, approach: str, sample: SampleInput, bodies: Bodies) -> Bodies:
+    def _reduced_bodies(
+        self, approach: str, sample: SampleInput, bodies: BodyOperators
+    ) -> BodyOperators:
         """The own bodies of a sample, from the reduced model."""
         models, c = self.models, bodies.compliance
         model = models.reduced[models.damped(approach)]
@@ -131,8 +133,8 @@ class Equilibria:
         Nf = gaps @ models.pressures(sample.pressures)
         return replace(bodies, compliance=replace(c, NN=NN, NT=NT, Nf=Nf))
 
-    def _bodies(self, sample: SampleInput) -> Bodies:
+    def _bodies(self, sample: SampleInput) -> BodyOperators:
         """The scene's bodies under the loads of a sample."""
         b, pressures = self.models.brake, self.models.pressures(sample.pressures)
         f, c = self.models.unit_loads @ pressures, self.models.loaded(pressures)
-        return Bodies(b.N, b.T, b.w, b.g0, f, c)
+        return BodyOperators(b.N, b.T, b.w, b.g0, f, c)

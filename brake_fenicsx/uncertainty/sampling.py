@@ -29,8 +29,7 @@ from brake_fenicsx.micro import (
     scaled_laws,
 )
 from brake_fenicsx.micro.law import Laws
-from brake_fenicsx.scene import Contact as ContactTable
-from brake_fenicsx.scene import Law, Scene
+from brake_fenicsx.scene import ContactTable, LawTable, Scene
 from brake_fenicsx.scene.contact import LAWS
 from brake_fenicsx.scene.friction import friction_of
 
@@ -208,7 +207,7 @@ def _laws(
     table: ContactTable, library: Laws | None, elements: int, rng: np.random.Generator
 ) -> tuple[Laws, NDArray[np.intp]]:
     """Laws of one interface, and the number of each element's."""
-    if isinstance(table.law, Law):
+    if isinstance(table.law, LawTable):
         return one_law(table.law), np.zeros(elements, dtype=np.intp)
     if library is None:
         raise SceneError('contact.law = "library": there is no library; name the stage micro')
@@ -231,7 +230,7 @@ def coefficient(friction: float | FrictionLaw, speed: Array) -> tuple[Array, Arr
     return two[0], two[1]
 
 
-def one_law(law: Law) -> OneLaw:
+def one_law(law: LawTable) -> OneLaw:
     """A scene's linear, exponential or measured law for all elements."""
     if law.steps:
         d, p = np.array(law.steps)

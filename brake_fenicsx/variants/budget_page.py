@@ -9,8 +9,8 @@ from brake_fenicsx.report.blocks import Table, Text
 from brake_fenicsx.results.tables import Value
 
 from .page import (
-    Line,
     Row,
+    ShareChange,
     change_of,
     frequency_text,
     interval_of,
@@ -54,7 +54,7 @@ def write_budget_page(directory: Path, rows: Sequence[Row], name: str) -> Path:
         own = _own(rows, key)
         changes.sort(key=lambda r: -abs(number(r["change"])))
         lines = [
-            Line(
+            ShareChange(
                 f"{str(r['says']).removeprefix('the ')}:\n{r['change_made']}",
                 number(r["probability"]), number(r["probability_variant"]), None, interval_of(r),
                 r["paired"] == "no",

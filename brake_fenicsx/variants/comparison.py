@@ -23,7 +23,7 @@ from brake_fenicsx.results.statistics import difference
 from brake_fenicsx.results.tables import Value, text_table, write_rows
 
 from .page import (
-    Line,
+    ShareChange,
     change_of,
     frequency_text,
     interval_of,
@@ -215,7 +215,7 @@ def write_comparison(a: str | Path, b: str | Path, directory: str | Path) -> Pat
         " of paired shares." if paired else "The intervals are those of independent samples."
     )  # fmt: skip
     lines = [
-        Line(
+        ShareChange(
             f"{row['approach']}, {_name(row, rows)}", float(row["probability_a"] or 0),
             float(row["probability_b"] or 0), change=interval_of(row),
         ) for row in rows

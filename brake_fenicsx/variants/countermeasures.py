@@ -26,7 +26,7 @@ from brake_fenicsx.macro.brake import check_brake
 from brake_fenicsx.model import Model, prepare
 from brake_fenicsx.report.blocks import Table, Text
 from brake_fenicsx.results.run import read_run
-from brake_fenicsx.results.statistics import Share, wilson
+from brake_fenicsx.results.statistics import Proportion, wilson
 from brake_fenicsx.results.tables import Value, text_table, write_rows
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.countermeasures import Countermeasure
@@ -37,7 +37,7 @@ from brake_fenicsx.scene.units import quantity_text
 from brake_fenicsx.uncertainty.inputs import law_material, scaled_interfaces
 
 from .comparison import compare_runs, write_comparison
-from .page import Line, Row, page_of_changes, picture_of, with_interval
+from .page import Row, ShareChange, page_of_changes, picture_of, with_interval
 from .runs import Runs
 from .trial import MOST, Change, Trial, Worst, enough, smallest_change, worst_family
 
@@ -284,7 +284,7 @@ def _row(search: Search, c: Countermeasure, worst: Worst, rank: int) -> list[Val
     ]  # fmt: skip
 
 
-def _compared(before: Path, after: Path, worst: Worst) -> tuple[Share, Share]:
+def _compared(before: Path, after: Path, worst: Worst) -> tuple[Proportion, Proportion]:
     """Shares of samples after a change in which the worst family and any family squeal."""
     write_comparison(before, after, after)
     mine = [r for r in compare_runs(before, after) if r["approach"] == worst.count.approach]
@@ -362,7 +362,7 @@ def _quantity(row: Row, name: str) -> str:
     return "none" if value is None else quantity_text(float(f"{value:.4g}"), str(row["unit"] or ""))
 
 
-def _lines(row: Row) -> list[Line]:
+def _lines(row: Row) -> list[ShareChange]:
     """The worst family, and any family where a run tells."""
     enough = row["smallest_value"] is not None
     reached = _quantity(row, "smallest_value" if enough else "value_to")
@@ -372,7 +372,7 @@ def _lines(row: Row) -> list[Line]:
         for name in (*COLUMNS[7:11], "any_before", "any_after")
     )
     ends = None if low is None or high is None else (low, high)
-    lines = [Line(f"{row['key']}\n{change}", before or 0.0, after, ends)]
+    lines = [ShareChange(f"{row['key']}\n{change}", before or 0.0, after, ends)]
     if any_after is not None:
-        lines.append(Line("any family", any_before or 0.0, any_after))
+        lines.append(ShareChange("any family", any_before or 0.0, any_after))
     return lines

@@ -28,7 +28,7 @@ Ends = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class ShareChange:
     """A line of the figure: shares of samples that squeal before and after a change.
 
     Attributes:
@@ -71,7 +71,7 @@ def page_of_changes(
 
 
 def picture_of(
-    lines: Sequence[Line], names: tuple[str, str], caption: str, own: Ends | None = None,
+    lines: Sequence[ShareChange], names: tuple[str, str], caption: str, own: Ends | None = None,
     limit: float | None = None,
 ) -> Picture:  # fmt: skip
     """Picture of some changes, the first one on top.
@@ -87,7 +87,7 @@ def picture_of(
 
 
 def draw_changes(
-    lines: Sequence[Line], names: tuple[str, str], own: Ends | None = None,
+    lines: Sequence[ShareChange], names: tuple[str, str], own: Ends | None = None,
     limit: float | None = None,
 ) -> Figure:  # fmt: skip
     """Shares before and after, and beside them the changes where they have intervals."""
@@ -124,7 +124,7 @@ def draw_changes(
     return figure
 
 
-def _draw_change(axis: Axes, y: int, line: Line) -> None:
+def _draw_change(axis: Axes, y: int, line: ShareChange) -> None:
     if line.after is None:
         return
     if line.change:

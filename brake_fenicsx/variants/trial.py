@@ -22,7 +22,7 @@ from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.results.families import RESEMBLES, known_numbers, mac
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import Family, least_damped, squeals
-from brake_fenicsx.results.statistics import Share, wilson
+from brake_fenicsx.results.statistics import Proportion, wilson
 from brake_fenicsx.sweeps.state import Points, State, likeness
 from brake_fenicsx.uncertainty.numbering import dof_points
 from brake_fenicsx.uncertainty.shapes import FILE as SHAPES
@@ -50,7 +50,7 @@ class Worst:
     """
 
     count: Family
-    any: Share
+    any: Proportion
     samples: list[int]
     damping: dict[int, float]
     shapes: dict[str, NDArray]
@@ -170,7 +170,7 @@ class Change:
     """
 
     value: float | None
-    share: Share
+    share: Proportion
 
 
 def enough(hits: int, samples: int) -> bool:

@@ -7,7 +7,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder import sample_files
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.results import blocks
-from brake_fenicsx.results.blocks import Block, Tabulation
+from brake_fenicsx.results.blocks import SampleBlock, Tabulation
 from brake_fenicsx.results.stored import Results
 from brake_fenicsx.results.tables import write_rows
 
@@ -83,7 +83,7 @@ def test_columns_give_back_each_array(tmp_path):
     columns = Tabulation()(
         TASKS[:4], lambda task: data.get(task) and {"status": "no", **data[task]}
     )
-    block = Block(columns)
+    block = SampleBlock(columns)
     assert block.tasks == TASKS[:3]
     for name in ("a", "t", "n"):
         for row, there in zip(rows, block.each(name), strict=True):

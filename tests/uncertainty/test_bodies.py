@@ -12,7 +12,7 @@ from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.macro.brake import assemble_brake
 from brake_fenicsx.macro.condensation import compliance
 from brake_fenicsx.macro.equilibrium import equilibrium
-from brake_fenicsx.macro.equilibrium_change import Bodies, corrected_equilibrium
+from brake_fenicsx.macro.equilibrium_change import BodyOperators, corrected_equilibrium
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.uncertainty.changing_bodies import VOIGT, assemble_changes
@@ -82,7 +82,7 @@ def test_engineering_constants_move_what_they_must(brake):
 def bodies(brake):
     k0 = np.full(len(brake.w), 1e11)
     c = compliance(brake.K, brake.N, brake.T, brake.w, brake.f, k0, COMM)
-    return Bodies(brake.N, brake.T, brake.w, brake.g0, brake.f, c)
+    return BodyOperators(brake.N, brake.T, brake.w, brake.g0, brake.f, c)
 
 
 def test_corrected_equilibrium_is_that_of_the_changed_bodies(scene, brake, bodies):
@@ -93,7 +93,7 @@ def test_corrected_equilibrium_is_that_of_the_changed_bodies(scene, brake, bodie
     found = corrected_equilibrium(bodies, change, sample.laws, sample.mu)
     K = brake.K + change
     own = compliance(K, brake.N, brake.T, brake.w, brake.f, bodies.compliance.k0, COMM)
-    whole = Bodies(brake.N, brake.T, brake.w, brake.g0, brake.f, own)
+    whole = BodyOperators(brake.N, brake.T, brake.w, brake.g0, brake.f, own)
     direct = equilibrium(whole, sample.laws, sample.mu)
     np.testing.assert_allclose(found.p, direct.p, rtol=1e-8, atol=1e-9 * direct.p.max())
     push = brake.N.T @ (brake.w * found.p) + brake.T.T @ (brake.w * found.p * sample.mu)

@@ -8,7 +8,7 @@ import pytest
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.macro.material import engineering_constants
 from brake_fenicsx.macro.material_table import constants, stiffness, varied_stiffness
-from brake_fenicsx.scene import Law, MaterialTable, read_scene
+from brake_fenicsx.scene import LawTable, MaterialTable, read_scene
 from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.uncertainty.inputs import draw_inputs, law_factor, points_of
 from brake_fenicsx.uncertainty.sampling import draw_sample, one_law, sample_count
@@ -197,7 +197,7 @@ LIBRARY = [
 def test_computed_laws_scale_with_the_modulus_of_the_sample(fake_contact):
     """E* = E_3 / (1 - nu_13^2) with nu_13 = nu_31 E_1 / E_3: not the ratio of E_3 alone."""
     s = scene(E3, *LIBRARY)
-    library = one_law(Law(p0=10e6, u0=1e-5))
+    library = one_law(LawTable(p0=10e6, u0=1e-5))
     d = draw_sample(s, "multi-scale", 3, fake_contact, library, heights())
     c, E = constants(s.materials["lining"]), d.random["materials.lining.E_3"]
     star = lambda e: e / (1 - (c["nu_31"] * c["E_1"] / e) ** 2)  # noqa: E731

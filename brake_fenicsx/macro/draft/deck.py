@@ -9,7 +9,7 @@ from typing import Any
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.meshing.abaqus import held_along
-from brake_fenicsx.macro.meshing.filemesh import Block, FileMesh
+from brake_fenicsx.macro.meshing.filemesh import DeckKeyword, FileMesh
 from brake_fenicsx.macro.meshing.meshfile import SHELL_NODES
 
 from .materials import ABAQUS, ANSYS, NASTRAN, SHELLS, Reader, of_solids, taken
@@ -59,11 +59,11 @@ def read_deck(mesh: FileMesh, suffix: str, solid: bool = False) -> Deck:
     return deck
 
 
-def _begin(deck: Deck, block: Block) -> None:
+def _begin(deck: Deck, block: DeckKeyword) -> None:
     deck.about = block.options["NAME" if "NAME" in block.options else "INTERACTION"]
 
 
-def _pair(deck: Deck, block: Block) -> str | None:
+def _pair(deck: Deck, block: DeckKeyword) -> str | None:
     """*TIE and *CONTACT PAIR: two faces in a line."""
     section, keys = "ties", dict[str, Any]()
     if block.keyword == "CONTACT PAIR":
@@ -77,7 +77,7 @@ def _pair(deck: Deck, block: Block) -> str | None:
     return None
 
 
-def _law(deck: Deck, block: Block) -> str | None:
+def _law(deck: Deck, block: DeckKeyword) -> str | None:
     """*FRICTION and *SURFACE BEHAVIOR of an interaction; of several frictions the largest."""
     own = deck.laws[deck.about.upper()]
     kind = block.options.get("PRESSURE-OVERCLOSURE", "HARD").upper()
@@ -90,13 +90,13 @@ def _law(deck: Deck, block: Block) -> str | None:
     return None if kind in ("LINEAR", "HARD") else "write the law of the contact"
 
 
-def _coupling(deck: Deck, block: Block) -> None:
+def _coupling(deck: Deck, block: DeckKeyword) -> None:
     options = {name.replace(" ", ""): value for name, value in block.options.items()}
     face = options["SURFACE" if "SURFACE" in options else "NSET"]
     deck.couplings[int(deck.nodes(options["REFNODE"])[0])] = face
 
 
-def _boundary(deck: Deck, block: Block) -> str | None:
+def _boundary(deck: Deck, block: DeckKeyword) -> str | None:
     said = None
     for word, *row in block.rows:
         along, face = held_along(row), deck.coupled(word)
@@ -111,7 +111,7 @@ def _boundary(deck: Deck, block: Block) -> str | None:
     return said
 
 
-def _pressure(deck: Deck, block: Block) -> str | None:
+def _pressure(deck: Deck, block: DeckKeyword) -> str | None:
     """*DSLOAD; those of *DLOAD are groups of the file."""
     said = None
     for face, kind, value, *_ in block.rows:
@@ -122,7 +122,7 @@ def _pressure(deck: Deck, block: Block) -> str | None:
     return said
 
 
-def _force(deck: Deck, block: Block) -> str | None:
+def _force(deck: Deck, block: DeckKeyword) -> str | None:
     """On all nodes of a set, or on the node that a face is coupled to."""
     said = None
     for word, component, value in block.rows:
@@ -144,7 +144,7 @@ def _axes(deck: Deck, section: str, name: str, key: str, unit: str) -> list[Quan
     return own
 
 
-def _element(deck: Deck, block: Block) -> str | None:
+def _element(deck: Deck, block: DeckKeyword) -> str | None:
     """Springs and masses at reference nodes."""
     if not block.options.get("TYPE", "").upper().startswith(("SPRING", "MASS")):
         return ""
@@ -156,7 +156,7 @@ def _element(deck: Deck, block: Block) -> str | None:
     return None
 
 
-def _spring(deck: Deck, block: Block) -> str | None:
+def _spring(deck: Deck, block: DeckKeyword) -> str | None:
     (components, (k, *_)), ends = block.rows[:2], deck.ends[block.options["ELSET"].upper()]
     if len({*components} - {""}) != 1 or int(components[0]) > 3 or not ends:
         return "not along an axis between faces that are coupled to its nodes: write [springs]"
@@ -169,14 +169,14 @@ def _spring(deck: Deck, block: Block) -> str | None:
     return None
 
 
-def _mass(deck: Deck, block: Block) -> str | None:
+def _mass(deck: Deck, block: DeckKeyword) -> str | None:
     ends = deck.ends[block.options["ELSET"].upper()]
     for (face,) in ends:
         deck.add("masses", face, mass=Quantity(numbers(block)[0], "kg"))
     return None if ends else "its node is not coupled to a face: write [masses]"
 
 
-def _node_held(deck: Deck, block: Block) -> str | None:
+def _node_held(deck: Deck, block: DeckKeyword) -> str | None:
     _, _, direction, value, *_ = block.rows[0]
     taken = direction in ("UX", "UY", "UZ") and not float(value or 0)
     return None if taken else "not a displacement of zero"

@@ -37,16 +37,16 @@ APART, OPPOSED = 0.1, -0.9
 TOUCHING = 0.3
 
 
-class Face(NamedTuple):
+class BoundaryFacets(NamedTuple):
     """Facets of a part's boundary: their keys, area vectors outwards [m^2] and centres [m]."""
 
     keys: NDArray[np.uint64]
     vector: Array
     centre: Array
 
-    def where(self, which: NDArray[np.bool_]) -> Face:
+    def where(self, which: NDArray[np.bool_]) -> BoundaryFacets:
         """Some of the facets."""
-        return Face(self.keys[which], self.vector[which], self.centre[which])
+        return BoundaryFacets(self.keys[which], self.vector[which], self.centre[which])
 
     @property
     def areas(self) -> Array:
@@ -65,7 +65,7 @@ class Face(NamedTuple):
         plane = f"normal ({normal})" if length > 0.1 * area else "no common normal"
         return f"{1e6 * area:.4g} mm^2, {plane}, middle ({place}) mm"
 
-    def lies_on(self, other: Face) -> float:
+    def lies_on(self, other: BoundaryFacets) -> float:
         """Share of the area that faces another face without a gap."""
         side = np.sqrt(other.areas.mean())
         away, near = cKDTree(other.centre).query(self.centre)
@@ -83,7 +83,7 @@ def clean(name: str) -> str:
 
 
 @dataclass(slots=True)
-class Bodies:
+class FileParts:
     """Parts, layers and faces of a file, with the lines of [mesh.groups] that name them.
 
     Attributes:
@@ -98,8 +98,8 @@ class Bodies:
     found: FileMesh
     mesh: RawMesh
     layers: dict[str, str]
-    boundary: dict[str, Face]
-    faces: dict[str, Face] = field(default_factory=dict)
+    boundary: dict[str, BoundaryFacets]
+    faces: dict[str, BoundaryFacets] = field(default_factory=dict)
     groups: list[str] = field(default_factory=list)
     _of: dict[str, tuple[list[str], str]] = field(default_factory=dict)
 
@@ -124,7 +124,7 @@ class Bodies:
             return [], "no facet of a boundary"
         if any(len(face.keys) == len(self.boundary[part].keys) for part, face in own.items()):
             return [], "the whole boundary of a part"
-        names: dict[str, Face] = {}
+        names: dict[str, BoundaryFacets] = {}
         for part, face in own.items():
             same = [n for n, f in self.faces.items() if np.array_equal(f.keys, face.keys)]
             twice = [n for n, f in self.faces.items() if np.isin(f.keys, face.keys).any()]
@@ -143,7 +143,7 @@ class Bodies:
             self.faces |= names
         return [*names], ""
 
-    def _on_parts(self, name: str, surface: bool) -> dict[str, Face]:
+    def _on_parts(self, name: str, surface: bool) -> dict[str, BoundaryFacets]:
         """Facets of a surface, or with all corners in a set of nodes, on the boundaries."""
         table = cell_facets(self.mesh)
         if surface:
@@ -171,7 +171,7 @@ class Bodies:
         return max(one.lies_on(other), other.lies_on(one))
 
 
-def bodies_of(found: FileMesh, sections: Iterable[str], metres: float) -> Bodies:
+def bodies_of(found: FileMesh, sections: Iterable[str], metres: float) -> FileParts:
     """Parts and layers of a file.
 
     Args:
@@ -189,7 +189,7 @@ def bodies_of(found: FileMesh, sections: Iterable[str], metres: float) -> Bodies
     kinds = {group: ("cells", group) for group in groups}
     table = MeshTable(groups=dict(layers))
     mesh = layers_of(found, metres * found.points, found.cells, table, kinds)
-    return Bodies(found, mesh, layers, {part: _boundary(mesh, part) for part in mesh.parts()})
+    return FileParts(found, mesh, layers, {part: _boundary(mesh, part) for part in mesh.parts()})
 
 
 def _partition(found: FileMesh) -> list[str]:
@@ -229,7 +229,7 @@ def _layer_names(found: FileMesh, groups: list[str]) -> dict[str, str]:
     return {group: names[group] for group in groups}
 
 
-def _boundary(mesh: RawMesh, part: str) -> Face:
+def _boundary(mesh: RawMesh, part: str) -> BoundaryFacets:
     """Boundary facets of a part."""
     table = cell_facets(mesh, mesh.part(part))
     facets = table.reshape(-1, table.shape[2])
@@ -241,4 +241,4 @@ def _boundary(mesh: RawMesh, part: str) -> Face:
     vector = 0.5 * np.cross(x[:, 2] - x[:, 0], x[:, -1] - x[:, 1])
     inside = mesh.points[mesh.corners[mesh.part(part)][own // table.shape[1]]].mean(axis=1)
     outwards = np.einsum("ij,ij->i", vector, x.mean(axis=1) - inside)
-    return Face(keys[own], vector * np.sign(outwards)[:, None], x.mean(axis=1))
+    return BoundaryFacets(keys[own], vector * np.sign(outwards)[:, None], x.mean(axis=1))

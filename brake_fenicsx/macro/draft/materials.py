@@ -11,13 +11,13 @@ from typing import Any
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.meshing.abaqus_scope import find
-from brake_fenicsx.macro.meshing.filemesh import Block, FileMesh
+from brake_fenicsx.macro.meshing.filemesh import DeckKeyword, FileMesh
 from brake_fenicsx.macro.meshing.meshfile import SHELL_NODES, card_fields
 
-from .shell_surface import Section
+from .shell_surface import ShellSection
 from .statements import Deck, Quantity, numbers
 
-Reader = Callable[[Deck, Block], str | None]
+Reader = Callable[[Deck, DeckKeyword], str | None]
 
 # Constants of *ELASTIC by the start of its TYPE, in their order; places of the nine of an
 # orthotropic material among the 21 of an anisotropic one.
@@ -30,7 +30,7 @@ _ORTHOTROPIC = (0, 1, 2, 3, 4, 5, 9, 14, 20)
 _ANSYS = {"EX": "E", "NUXY": "nu", "PRXY": "nu", "DENS": "rho"}
 
 
-def _elastic(deck: Deck, block: Block) -> str | None:
+def _elastic(deck: Deck, block: DeckKeyword) -> str | None:
     kind, given = block.options.get("TYPE", "ISOTROPIC").upper()[:3], numbers(block)
     if kind == "ANI":
         rest = [v for i, v in enumerate(given[:21]) if i not in _ORTHOTROPIC]
@@ -48,18 +48,18 @@ def _elastic(deck: Deck, block: Block) -> str | None:
     return "only the constants of the first temperature are taken over" if more else None
 
 
-def _density(deck: Deck, block: Block) -> None:
+def _density(deck: Deck, block: DeckKeyword) -> None:
     deck.add("materials", deck.about, rho=Quantity(numbers(block)[0], "kg/m^3"))
 
 
-def _damping(deck: Deck, block: Block) -> str | None:
+def _damping(deck: Deck, block: DeckKeyword) -> str | None:
     if [*block.options] != ["STRUCTURAL"]:
         return "write stability.damping.rayleigh, of the whole brake"
     deck.add("materials", deck.about, loss=Quantity(float(block.options["STRUCTURAL"]), ""))
     return None
 
 
-def _section(deck: Deck, block: Block) -> str | None:
+def _section(deck: Deck, block: DeckKeyword) -> str | None:
     """A set of a part is one of each of its instances."""
     for group in deck.mesh.owned(block.options["ELSET"], block.scope):
         found = find(deck.mesh.cell_groups, group)
@@ -70,13 +70,13 @@ def _section(deck: Deck, block: Block) -> str | None:
     return turned if "ORIENTATION" in block.options else None
 
 
-def of_solids(mesh: FileMesh, block: Block) -> bool:
+def of_solids(mesh: FileMesh, block: DeckKeyword) -> bool:
     """Whether a section is of continuum shells, which have the nodes of solids."""
     sets = mesh.owned(block.options.get("ELSET", ""), block.scope)
     return all(find(mesh.cell_groups, n) and not find(mesh.facet_groups, n) for n in sets)
 
 
-def _shells(deck: Deck, block: Block) -> str | None:
+def _shells(deck: Deck, block: DeckKeyword) -> str | None:
     """*SHELL SECTION: thickness, or for each layer thickness, points and material."""
     if of_solids(deck.mesh, block):
         return _section(deck, block)
@@ -90,12 +90,12 @@ def _shells(deck: Deck, block: Block) -> str | None:
     share = options.get("OFFSET", "0").upper()
     offset = (words[share] if share in words else float(share)) * sum(t for t, _ in layers)
     for group in deck.mesh.owned(options["ELSET"], block.scope):
-        deck.add_shells(Section(group, layers, offset, said))
+        deck.add_shells(ShellSection(group, layers, offset, said))
     turned = "write the axis of the part, along which its material is turned"
     return turned if "ORIENTATION" in options else None
 
 
-def _constant(deck: Deck, block: Block) -> None:
+def _constant(deck: Deck, block: DeckKeyword) -> None:
     """MP, label, material, value; MPDATA, format, -, label, material, -, value."""
     words = block.rows[0]
     label, number, value = words[1:4] if block.keyword == "MP" else (*words[3:5], words[6])
@@ -105,7 +105,7 @@ def _constant(deck: Deck, block: Block) -> None:
     deck.sections[f"MAT{number}"] = f"MAT{number}"
 
 
-def _card(deck: Deck, block: Block) -> None:
+def _card(deck: Deck, block: DeckKeyword) -> None:
     """MAT1, PSOLID, PSHELL and PCOMP, read by pyNastran."""
     from pyNastran.bdf.bdf import BDF
 
@@ -129,10 +129,10 @@ def _card(deck: Deck, block: Block) -> None:
         zoffs = [*deck.zoffs[str(number)], 0.0]
         if len(zoffs) > 2:
             raise SceneError(f"{said}: shells with several ZOFFS; give each a property of its own")
-        deck.add_shells(Section(str(number), layers, offset - zoffs[0], said))
+        deck.add_shells(ShellSection(str(number), layers, offset - zoffs[0], said))
 
 
-def _zoffs(deck: Deck, block: Block) -> None:
+def _zoffs(deck: Deck, block: DeckKeyword) -> None:
     """How far the middle of a shell of Nastran is from its grid points."""
     fields = card_fields([line for (line,) in block.rows])
     # Behind the nodes: thicknesses of a CQUAD8, an angle, the offset.
@@ -141,7 +141,7 @@ def _zoffs(deck: Deck, block: Block) -> None:
     deck.zoffs[fields[1] or fields[0]].add(float(word))
 
 
-def taken(deck: Deck, block: Block) -> None:
+def taken(deck: Deck, block: DeckKeyword) -> None:
     """Nothing of it is lost."""
 
 

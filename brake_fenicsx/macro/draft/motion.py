@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.scene.units import quantity_text
 
-from .faces import Bodies
+from .faces import FileParts
 
 Array = NDArray[np.float64]
 
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 ROUND = 0.02
 
 
-def moving_part(bodies: Bodies, touching: Iterable[str], stiffness: Mapping[str, float]) -> str:
+def moving_part(bodies: FileParts, touching: Iterable[str], stiffness: Mapping[str, float]) -> str:
     """The part with the largest faces in contact, of equal ones the stiffer: the disc.
 
     Args:
@@ -34,7 +34,7 @@ def moving_part(bodies: Bodies, touching: Iterable[str], stiffness: Mapping[str,
 
 
 def proposed_motion(
-    bodies: Bodies, part: str, touching: Iterable[str]
+    bodies: FileParts, part: str, touching: Iterable[str]
 ) -> tuple[dict[str, Any], str]:
     """Keys of [motion]: about the middle of a round part, or along the long side of another one.
 

@@ -25,7 +25,7 @@ LEFT = 0.05
 SAME = 1e-6
 
 
-class Section(NamedTuple):
+class ShellSection(NamedTuple):
     """A shell section.
 
     Attributes:
@@ -55,7 +55,7 @@ class Section(NamedTuple):
         return tuple(listed(np.where(np.abs(z) < 1e-9 * np.ptp(z), 0.0, z)))
 
 
-class Surface(NamedTuple):
+class ShellSurface(NamedTuple):
     """All shells of the sections as triangles or quadrilaterals.
 
     Attributes:
@@ -83,7 +83,7 @@ class Surface(NamedTuple):
         return f"near ({', '.join(f'{v:.4g}' for v in self.points[node])})"
 
 
-def shell_surface(found: FileMesh, sections: Sequence[Section]) -> Surface:
+def shell_surface(found: FileMesh, sections: Sequence[ShellSection]) -> ShellSurface:
     """Shells of the sections, cut into triangles in a file of tetrahedra."""
     owner: dict[int, int] = {}
     for i, one in enumerate(sections):
@@ -120,7 +120,7 @@ def shell_surface(found: FileMesh, sections: Sequence[Section]) -> Surface:
             table.append(whole[:, cut])
         start |= dict(zip(keys, map(tuple, listed(rows[:, :2])), strict=True))
     flat, x = np.concatenate(table), np.concatenate(points)
-    return Surface(*_complete(found, x, flat), np.array(section), parts, start)
+    return ShellSurface(*_complete(found, x, flat), np.array(section), parts, start)
 
 
 def _complete(found: FileMesh, points: Array, flat: Ints) -> tuple[Array, Ints]:
@@ -160,7 +160,7 @@ def _edges(corners: Ints) -> Ints:
     return np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)
 
 
-def check_edges(surface: Surface, sections: Sequence[Section]) -> None:
+def check_edges(surface: ShellSurface, sections: Sequence[ShellSection]) -> None:
     """Refuse branches, normals that disagree, and layers that do not meet."""
     pairs = _edges(surface.corners)
     directed, which = pairs.reshape(-1, 2), np.repeat(surface.section, pairs.shape[1])
@@ -187,7 +187,9 @@ def check_edges(surface: Surface, sections: Sequence[Section]) -> None:
         )
 
 
-def shared_nodes(found: FileMesh, surface: Surface, sections: Sequence[Section]) -> set[int]:
+def shared_nodes(
+    found: FileMesh, surface: ShellSurface, sections: Sequence[ShellSection]
+) -> set[int]:
     """Nodes that shells share with solids, on whose outside the layers must lie."""
     corners, table = surface.corners, found.cells[:, np.array(FACETS[found.shape])]
     keys, cell, count = np.unique(
@@ -234,7 +236,7 @@ def _normals(x: Array) -> Array:
     return np.asarray(np.cross(along, back), dtype=np.float64)
 
 
-def directions(surface: Surface, sections: Sequence[Section]) -> Array:
+def directions(surface: ShellSurface, sections: Sequence[ShellSection]) -> Array:
     """How far each node moves for a unit of thickness, shape (nodes, 3).
 
     Raises:

@@ -20,8 +20,8 @@ from brake_fenicsx.macro.meshing.rawmesh import CORNERS, facet_keys, permuted
 from brake_fenicsx.macro.meshing.swept import lifted
 
 from .shell_surface import (
-    Section,
-    Surface,
+    ShellSection,
+    ShellSurface,
     check_edges,
     directions,
     shared_nodes,
@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-def solid_shells(found: FileMesh, sections: Sequence[Section]) -> FileMesh:
+def solid_shells(found: FileMesh, sections: Sequence[ShellSection]) -> FileMesh:
     """The file with the shells of all sections as cells.
 
     Args:
@@ -100,7 +100,7 @@ def _right_handed(points: Array, cells: Ints, shape: str) -> Ints:
 
 
 def _faces(
-    found: FileMesh, surface: Surface, sections: Sequence[Section], low: Ints, high: Ints
+    found: FileMesh, surface: ShellSurface, sections: Sequence[ShellSection], low: Ints, high: Ints
 ) -> dict[str, Ints]:
     """Groups of facets, those on shells as faces of the layers."""
     groups: dict[str, Ints] = {}

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.meshing.abaqus_scope import find
-from brake_fenicsx.macro.meshing.filemesh import Block, FileMesh
+from brake_fenicsx.macro.meshing.filemesh import DeckKeyword, FileMesh
 
-from .shell_surface import Section
+from .shell_surface import ShellSection
 
 
 class Quantity(NamedTuple):
@@ -45,18 +45,18 @@ class Deck:
     tables: dict[str, dict[str, Any]] = field(default_factory=lambda: defaultdict(dict))
     sections: dict[str, str] = field(default_factory=dict)
     laws: dict[str, dict[str, Any]] = field(default_factory=lambda: defaultdict(dict))
-    shells: list[Section] = field(default_factory=list)
+    shells: list[ShellSection] = field(default_factory=list)
     couplings: dict[int, str] = field(default_factory=dict)
     ends: dict[str, list[list[str]]] = field(default_factory=lambda: defaultdict(list))
     zoffs: dict[str, set[float]] = field(default_factory=lambda: defaultdict(set))
     about: str = ""
-    unread: list[tuple[Block, str]] = field(default_factory=list)
+    unread: list[tuple[DeckKeyword, str]] = field(default_factory=list)
 
     def add(self, section: str, name: str, **keys: Any) -> None:
         """Write keys of a table of a scene."""
         self.tables[section].setdefault(name, {}).update(keys)
 
-    def add_shells(self, section: Section) -> None:
+    def add_shells(self, section: ShellSection) -> None:
         """Sections of shells, with the material of each layer's cells."""
         thin = not all(0.0 < t < math.inf for t, _ in section.layers) or not section.layers
         if thin or not math.isfinite(section.offset):
@@ -77,6 +77,6 @@ class Deck:
         return self.couplings.get(int(nodes[0])) if nodes.size == 1 else None
 
 
-def numbers(block: Block) -> list[float]:
+def numbers(block: DeckKeyword) -> list[float]:
     """All numbers below a keyword."""
     return [float(word) for row in block.rows for word in row if word]

@@ -15,7 +15,7 @@ from typing import Any
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.meshing.abaqus_scope import find
-from brake_fenicsx.macro.meshing.filemesh import NO_CELLS, Block, FileMesh
+from brake_fenicsx.macro.meshing.filemesh import NO_CELLS, DeckKeyword, FileMesh
 from brake_fenicsx.macro.meshing.meshfile import read_mesh_file
 from brake_fenicsx.macro.meshing.rawmesh import CHANGING
 from brake_fenicsx.scene.tables import dotted
@@ -234,7 +234,7 @@ class Draft:
 
     def _unread(self, sign: str) -> list[str]:
         """Put keywords that were not taken over in their places; a line on the others."""
-        same: dict[tuple[str, str], list[Block]] = defaultdict(list)
+        same: dict[tuple[str, str], list[DeckKeyword]] = defaultdict(list)
         for block, why in self.deck.unread:
             same[block.keyword, why].append(block)
         others = []

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import SceneError
 
 from .abaqus_scope import Rows, Scope, find, placement
-from .filemesh import SOLIDS, Block, FileMesh, held_nodes, numbered, same_length
+from .filemesh import SOLIDS, DeckKeyword, FileMesh, held_nodes, numbered, same_length
 
 Ints = NDArray[np.int64]
 Options = dict[str, str]
@@ -42,7 +42,7 @@ _MAKERS = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM")
 
 
 @dataclass(slots=True)
-class _Deck:
+class _AbaqusDeck:
     """What has been read so far.
 
     Attributes:
@@ -60,7 +60,7 @@ class _Deck:
     open: Scope | None = None
     place: Rows = field(default_factory=list)
     surfaces: dict[str, Rows] = field(default_factory=dict)
-    blocks: list[Block] = field(default_factory=list)
+    blocks: list[DeckKeyword] = field(default_factory=list)
     instances: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -83,7 +83,7 @@ def read_abaqus(path: Path) -> FileMesh:
     Raises:
         SceneError: the mesh is not of one kind of solid elements, or the file ends within a block.
     """
-    deck = _Deck()
+    deck = _AbaqusDeck()
     within: list[str] = []
     for block in _blocks(path):
         if block.keyword in _CLOSED:
@@ -109,7 +109,7 @@ def read_abaqus(path: Path) -> FileMesh:
     return mesh
 
 
-def _blocks(path: Path, block: Block | None = None) -> Iterator[Block]:
+def _blocks(path: Path, block: DeckKeyword | None = None) -> Iterator[DeckKeyword]:
     """Every block, included files in their place.
 
     Args:
@@ -147,10 +147,10 @@ def _blocks(path: Path, block: Block | None = None) -> Iterator[Block]:
             yield from _blocks(path.parent / options.get("INPUT", ""), block)
             block = None
             continue
-        block = Block(keyword, options, [], line.strip(), f"{path.name}:{number}")
+        block = DeckKeyword(keyword, options, [], line.strip(), f"{path.name}:{number}")
 
 
-def _take(deck: _Deck, block: Block) -> None:
+def _take(deck: _AbaqusDeck, block: DeckKeyword) -> None:
     """Add one block to the deck."""
     keyword, options, rows, scope = block.keyword, block.options, block.rows, deck.scope
     if keyword in _MAKERS or (keyword == "NODE" and options.get("SYSTEM", "R").upper() != "R"):
@@ -191,7 +191,7 @@ def _take(deck: _Deck, block: Block) -> None:
         deck.blocks.append(replace(block, scope=scope.name))
 
 
-def _unnamed(deck: _Deck) -> None:
+def _unnamed(deck: _AbaqusDeck) -> None:
     """Sets of nodes and faces that supports and pressures name by their numbers alone."""
     held, whole = [], deck.whole
     for block in deck.blocks:
@@ -224,7 +224,7 @@ def held_along(row: Sequence[str]) -> str:
     return "".join("xyz"[c - 1] for c in range(first, min(last, 3) + 1)) + "r" * (last == 6 >= 4)
 
 
-def _instance(deck: _Deck, options: Options) -> Scope:
+def _instance(deck: _AbaqusDeck, options: Options) -> Scope:
     """A copy of the part of an instance, or nothing yet where the instance has its own mesh."""
     name, wanted = options["NAME"], options.get("PART", "")
     key = find(deck.parts, wanted)
@@ -242,7 +242,7 @@ def _instance(deck: _Deck, options: Options) -> Scope:
     )  # fmt: skip
 
 
-def _close(deck: _Deck) -> None:
+def _close(deck: _AbaqusDeck) -> None:
     """Surfaces of what was read, whose sets are all there now."""
     scope = deck.scope
     for name, rows in deck.surfaces.items():

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
 
-from .filemesh import Block, FileMesh, held_nodes, numbered
+from .filemesh import DeckKeyword, FileMesh, held_nodes, numbered
 
 Ints = NDArray[np.int64]
 
@@ -38,7 +38,7 @@ _BY_CORNERS = {8: "hexahedron", 6: "wedge", 5: "pyramid", 4: "tetra"}
 
 
 @dataclass(slots=True)
-class _Deck:
+class _AnsysDeck:
     """What has been read so far, by the file's own numbers."""
 
     routine: dict[int, int] = field(default_factory=dict)
@@ -47,7 +47,7 @@ class _Deck:
     elements: dict[str, list[int]] = field(default_factory=dict)
     nodesets: dict[str, list[int]] = field(default_factory=dict)
     others: Counter[str] = field(default_factory=Counter)
-    blocks: list[Block] = field(default_factory=list)
+    blocks: list[DeckKeyword] = field(default_factory=list)
 
 
 def read_ansys(path: Path) -> FileMesh:
@@ -63,7 +63,7 @@ def read_ansys(path: Path) -> FileMesh:
     Raises:
         SceneError: the file is not blocked, or its solids are not of one kind.
     """
-    deck = _Deck()
+    deck = _AnsysDeck()
     every = path.read_text(errors="replace").splitlines()
     lines = iter(every)
     for line in lines:
@@ -79,7 +79,7 @@ def read_ansys(path: Path) -> FileMesh:
             _component(deck, words, lines)
         elif command in _COMMANDS:
             at = f"{path.name}:{len(every) - length_hint(lines)}"
-            deck.blocks.append(Block(command, {}, [words], line.strip(), at))
+            deck.blocks.append(DeckKeyword(command, {}, [words], line.strip(), at))
     if not deck.nodes:
         raise SceneError("no NBLOCK; write the file with CDWRITE in blocked format")
     return _mesh(deck)
@@ -99,7 +99,7 @@ def _fields(line: str, width: int, start: int = 0) -> list[str]:
     return [line[i : i + width].strip() for i in range(start, len(line.rstrip()), width)]
 
 
-def _nodes(deck: _Deck, lines: Iterator[str]) -> None:
+def _nodes(deck: _AnsysDeck, lines: Iterator[str]) -> None:
     """Nodes; coordinates that are left out are zero."""
     count, width, real = _widths(next(lines))
     for line in lines:
@@ -111,7 +111,7 @@ def _nodes(deck: _Deck, lines: Iterator[str]) -> None:
         deck.nodes[int(first)] = x + [0.0] * (3 - len(x))
 
 
-def _elements(deck: _Deck, lines: Iterator[str]) -> None:
+def _elements(deck: _AnsysDeck, lines: Iterator[str]) -> None:
     """Elements: eleven attributes, up to eight nodes, and the rest on the next line."""
     _, width, _ = _widths(next(lines))
     for line in lines:
@@ -142,7 +142,7 @@ def _solid(nodes: list[int]) -> tuple[str, list[int]]:
     return (f"{kind}20" if kind == "hexahedron" and len(nodes) == 20 else kind), nodes
 
 
-def _component(deck: _Deck, words: list[str], lines: Iterator[str]) -> None:
+def _component(deck: _AnsysDeck, words: list[str], lines: Iterator[str]) -> None:
     """A component; -n stands for all numbers after the one before, up to n."""
     name, kind, count = words[1], words[2].upper(), int(words[3])
     _, width, _ = _widths(next(lines))
@@ -157,7 +157,7 @@ def _component(deck: _Deck, words: list[str], lines: Iterator[str]) -> None:
     sets.setdefault(name, []).extend(numbers)
 
 
-def _mesh(deck: _Deck) -> FileMesh:
+def _mesh(deck: _AnsysDeck) -> FileMesh:
     """The deck with nodes and cells numbered from 0."""
     held = [
         (int(row[1]), row[2][1:].lower())

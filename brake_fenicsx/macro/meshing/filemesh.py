@@ -38,7 +38,7 @@ _VTK_FACES = ((0, 3, 7, 4), (1, 2, 6, 5), (0, 1, 5, 4), (2, 3, 7, 6), (0, 1, 2, 
 
 
 @dataclass(slots=True)
-class Block:
+class DeckKeyword:
     """A keyword of a deck that is no part of its mesh, and what stands below it.
 
     Attributes:
@@ -89,7 +89,7 @@ class FileMesh:
     shell_sets: dict[str, bool] = field(default_factory=dict)
     shells: dict[str, Ints] = field(default_factory=dict)
     elements: Mapping[str, int] = field(default_factory=dict)
-    blocks: list[Block] = field(default_factory=list)
+    blocks: list[DeckKeyword] = field(default_factory=list)
     keywords: Mapping[str, int] = field(default_factory=dict)
     numbers: Mapping[int, int] = field(default_factory=dict)
     instances: Mapping[str, str] = field(default_factory=dict)

@@ -19,7 +19,7 @@ from brake_fenicsx.errors import SceneError
 
 from .abaqus import read_abaqus
 from .ansys import read_ansys
-from .filemesh import SOLIDS, Block, FileMesh, gmsh_order, one_kind, same_length
+from .filemesh import SOLIDS, DeckKeyword, FileMesh, gmsh_order, one_kind, same_length
 from .gmsh_mesh import gmsh_session
 
 Ints = NDArray[np.int64]
@@ -250,17 +250,17 @@ def unread_cards(path: Path) -> tuple[Counter[str], Counter[str]]:
     return elements, Counter(word for word in words if word not in elements)
 
 
-def cards_of(path: Path) -> list[Block]:
+def cards_of(path: Path) -> list[DeckKeyword]:
     """Cards of the bulk data that are no nodes or solids; a row is a line as it stands."""
     lines = path.read_text(errors="replace").splitlines()
     begins = (i for i, line in enumerate(lines, 1) if line.upper().split()[:2] == ["BEGIN", "BULK"])
     start = next(begins, 0)
-    cards: list[Block] = []
+    cards: list[DeckKeyword] = []
     for number, line in enumerate(lines[start:], start + 1):
         word = line.split("$")[0][:8].split(",")[0].rstrip("* ").upper()
         # A blank, + or * begins the continuation of a card.
         if word[:1].isalpha():
-            cards.append(Block(word, {}, [[line]], line.strip(), f"{path.name}:{number}"))
+            cards.append(DeckKeyword(word, {}, [[line]], line.strip(), f"{path.name}:{number}"))
         elif cards and line[:1] in (" ", "+", "*", ","):
             cards[-1].rows.append([line])
     return [card for card in cards if card.keyword not in _READ]

@@ -43,7 +43,7 @@ from ..eigensolvers.rows import NEAR_ZERO, damped_rows
 from ..eigensolvers.symmetric import SHIFT, count_below
 from ..modes import Complex, Count, Modes
 from .dense import DENSE, counted_quadratic, dense_quadratic_modes
-from .problem import Problem
+from .problem import SplitProblem
 
 Array = NDArray[np.float64]
 
@@ -109,12 +109,12 @@ def _operator(
 
 
 def damped_modes(
-    problem: Problem,
+    problem: SplitProblem,
     C: sp.csr_matrix,
     band: tuple[float, float],
     tolerance: float,
     zeta_max: float,
-    counted: Callable[[Problem, sp.csr_matrix, Complex, float, float], str],
+    counted: Callable[[SplitProblem, sp.csr_matrix, Complex, float, float], str],
 ) -> Modes:
     """All modes of a band with alpha >= -zeta_max |lambda|, one of each conjugate pair.
 

@@ -16,7 +16,7 @@ from brake_fenicsx.errors import InaccurateResult
 from ..eigensolvers.argument_principle import count_zeros, damped_region, undamped_region
 from ..eigensolvers.eigenpairs import QuadraticPencil
 from ..eigensolvers.symmetric import SHIFT, count_below
-from .problem import Found, Problem, agree
+from .problem import Found, SplitProblem, agree
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -28,7 +28,7 @@ DENSE = 300
 MASSLESS = 1e-14
 
 
-def small_modes(p: Problem, low: float, high: float, zeta_max: float) -> Found:
+def small_modes(p: SplitProblem, low: float, high: float, zeta_max: float) -> Found:
     """Modes without damping, counted by inertia if K is symmetric, else by the argument principle.
 
     Args:
@@ -52,7 +52,7 @@ def small_modes(p: Problem, low: float, high: float, zeta_max: float) -> Found:
     return Found(kappa, right, left, "winding number of det(K - kappa M)", 1)
 
 
-def dense_modes(p: Problem, high: float) -> tuple[Complex, Complex, Complex]:
+def dense_modes(p: SplitProblem, high: float) -> tuple[Complex, Complex, Complex]:
     """All finite eigenpairs of K x = kappa M x.
 
     Args:

@@ -13,7 +13,7 @@ from ..eigensolvers.eigenpairs import matched
 from ..eigensolvers.symmetric import shifted_factor, symmetric_modes
 from .interface import MOST_ORDERS, ORDERS, Interface, Inverse, moments
 from .interface_count import InterfaceModes, at_interface, prove
-from .problem import Found, Problem, agree
+from .problem import Found, SplitProblem, agree
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -25,7 +25,7 @@ CUTOFF = 1.6
 
 
 def friction_modes(
-    p: Problem, friction: Interface, low: float, high: float, zeta_max: float
+    p: SplitProblem, friction: Interface, low: float, high: float, zeta_max: float
 ) -> Found | None:
     """Block Arnoldi from either side, and the proof.
 
@@ -70,7 +70,7 @@ def friction_modes(
 
 
 def _both_sides(
-    p: Problem, inverse: Inverse, modes: InterfaceModes, reach: float
+    p: SplitProblem, inverse: Inverse, modes: InterfaceModes, reach: float
 ) -> tuple[Complex, Complex, Complex, int]:
     """Right and left eigenpairs, conjugates included."""
     expected = int(np.sum(modes.kappa <= reach)) + 1

@@ -23,12 +23,12 @@ from brake_fenicsx.macro.solver import petsc_matrix
 from ..eigensolvers.argument_principle import RIM, opening
 from ..eigensolvers.eigenpairs import matched
 from ..eigensolvers.symmetric import count_below
-from .problem import Found, Problem
+from .problem import Found, SplitProblem
 
 Complex = NDArray[np.complex128]
 
 
-def general_modes(p: Problem, high: float, zeta_max: float, tolerance: float) -> Found:
+def general_modes(p: SplitProblem, high: float, zeta_max: float, tolerance: float) -> Found:
     """Modes with -2 % of the band's end <= Re kappa <= the band's end, and some around them.
 
     Args:

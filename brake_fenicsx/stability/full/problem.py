@@ -16,7 +16,7 @@ Complex = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, slots=True)
-class Problem:
+class SplitProblem:
     """K x = kappa M x, taken apart.
 
     Attributes:

@@ -26,7 +26,7 @@ from .polynomials import Zeros
 from .problem import Quotient
 from .projected import Projected
 from .sample import Sample
-from .trial import LITTLE, Held, Trial, real_columns
+from .trial import LITTLE, Held, TrialSpace, real_columns
 
 if TYPE_CHECKING:
     from .model import ReducedModel
@@ -58,7 +58,7 @@ class Basis:
         self._tolerance = tolerance
         self._p: Array = np.zeros(0)
         self._held: list[Held] = []
-        self._trial: Trial | None = None
+        self._trial: TrialSpace | None = None
 
     def learn(
         self, p: ArrayLike, sample: Sample, stiffness: Array, q: Quotient, interpolated: Array
@@ -102,7 +102,7 @@ class Basis:
         if not unit.symmetric:
             return None
         if self._trial is None:
-            self._trial = Trial.of(self._held, unit, self._tolerance)
+            self._trial = TrialSpace.of(self._held, unit, self._tolerance)
         self._refused += 1
         projected = Projected(model, unit, self._trial, contact)
         try:

@@ -72,7 +72,7 @@ class Quotient:
     left: Complex
 
 
-class Problem:
+class SampleProblem:
     """The problem of one sample.
 
     Attributes:

@@ -23,8 +23,8 @@ from ..modes import Complex
 from .contact import ContactLinearisation
 from .moments import SIGMA
 from .polynomials import Zeros, applied
-from .problem import Problem, Quotient
-from .trial import Trial, UnitContact
+from .problem import Quotient, SampleProblem
+from .trial import TrialSpace, UnitContact
 
 if TYPE_CHECKING:
     from .model import ReducedModel
@@ -49,7 +49,7 @@ class Projected:
     """
 
     def __init__(
-        self, model: ReducedModel, unit: UnitContact, t: Trial, contact: ContactLinearisation
+        self, model: ReducedModel, unit: UnitContact, t: TrialSpace, contact: ContactLinearisation
     ):
         """Project the problem.
 
@@ -75,7 +75,7 @@ class Projected:
         # Motions of open elements alone meet no force.
         E[0][np.diag_indices(len(E[0]))] += NO_FORCE
         source, forced, own = self._J.T @ t.source, t.V.T @ self._lead, t.V.T @ t.own
-        self.problem = Problem(E, source, forced, own, model.rows, model.pole)
+        self.problem = SampleProblem(E, source, forced, own, model.rows, model.pole)
 
     def square(self, z: Complex) -> Array:
         """|lambda|^2 in units of the band's end."""

@@ -13,7 +13,7 @@ from ..modes import Complex
 from .component import AtPoint, Placed, square_of
 from .contact import ContactForces, ContactLinearisation
 from .moments import SIGMA, Rows
-from .problem import Problem, Quotient
+from .problem import Quotient, SampleProblem
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -49,7 +49,7 @@ def least_pole(bodies: Sequence[Placed], rows: Rows) -> float:
     return float(np.hypot(reach, rows.shift) if rows.damped else reach**2 + SIGMA)
 
 
-class Sample(Problem):
+class Sample(SampleProblem):
     """The reduced problem of one sample.
 
     Attributes:

@@ -91,7 +91,7 @@ class Held:
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
+class TrialSpace:
     """The trial space.
 
     Attributes:
@@ -111,7 +111,7 @@ class Trial:
     moments: float
 
     @classmethod
-    def of(cls, held: list[Held], unit: UnitContact, tolerance: float) -> Trial:
+    def of(cls, held: list[Held], unit: UnitContact, tolerance: float) -> TrialSpace:
         """Of the vectors of some values."""
         value, U = la.eigh(sum(h.a @ h.a.T for h in held))
         kept = value > KEPT**2 * tolerance * value[-1]
