@@ -36,7 +36,8 @@ from brake_fenicsx.report.micro_figures import draw_contact_maps, draw_laws
 from brake_fenicsx.report.overview import summary_table
 from brake_fenicsx.report.squeal_figures import draw_squeal_map
 from brake_fenicsx.report.style import house_style, save
-from brake_fenicsx.report.surface_figures import draw_artificial, draw_statistics
+from brake_fenicsx.report.surface_figures import draw_statistics
+from brake_fenicsx.report.topography_figures import draw_artificial
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.scene import read_scene
 

@@ -15,23 +15,13 @@ from .cycle_figures import draw_growth, draw_loudness
 from .driver_figures import draw_driver_maps, draw_drivers
 from .error_figures import draw_errors
 from .micro_figures import draw_contact_maps, draw_laws, laws_caption
+from .probability_figures import draw_convergence, draw_counts, draw_probability
 from .sensitivity_figures import draw_correlations, draw_sensitivity
-from .squeal_figures import (
-    draw_convergence,
-    draw_counts,
-    draw_families,
-    draw_probability,
-    draw_squeal_map,
-)
+from .squeal_figures import draw_families, draw_squeal_map
 from .style import house_style, save
-from .surface_figures import (
-    draw_artificial,
-    draw_bearing_curve,
-    draw_statistics,
-    draw_topography,
-    topography_caption,
-)
+from .surface_figures import draw_bearing_curve, draw_statistics
 from .sweep_figures import draw_branches, draw_chart, draw_critical, draw_worst
+from .topography_figures import draw_artificial, draw_topography, topography_caption
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

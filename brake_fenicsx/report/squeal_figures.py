@@ -1,4 +1,4 @@
-"""Figure 9 and what follows from it: the squeal map, counts per sample, probability per band."""
+"""Figure 9: the squeal map, and the families in it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import squeals
-from brake_fenicsx.results.statistics import wilson
 
 from .style import (
     BLACK,
@@ -20,10 +19,7 @@ from .style import (
     MARKERS,
     VERMILION,
     label,
-    light_grid,
-    look,
     new_figure,
-    stroke,
 )
 
 if TYPE_CHECKING:
@@ -32,9 +28,7 @@ if TYPE_CHECKING:
 
 MANY_POINTS = 2000  # beyond this a scatter is rasterised inside the SVG
 DRAWN_POINTS = 50_000  # of a scatter; of more every n-th is drawn
-POINTS = 400  # of a curve over the samples
 KHZ = "frequency [kHz]"
-NARROW = 4.6  # [in] of figures that stand two in a row
 LINEAR_DAMPING = 1e-4  # the squeal map's damping axis is logarithmic beyond
 
 
@@ -123,103 +117,6 @@ def _family_looks(run: RunData, most: int) -> dict[tuple[str, int], tuple[str, s
     return looks
 
 
-def draw_counts(run: RunData) -> Figure | None:
-    """Histogram of the number of squeal modes per sample."""
-    shown = _sampled(run)
-    if not shown:
-        return None
-    figure, axes = new_figure(1, 1, height=3.0, width=NARROW)
-    axis = axes[0, 0]
-    records = [run.squeal.count(approach) for approach in shown]
-    top = max(int(r.per_sample.max()) for r in records)
-    width = 0.8 / len(records)
-    hatches = ("", "///", "...", "xxx")
-    for j, record in enumerate(records):
-        share = np.bincount(record.per_sample, minlength=top + 1) / record.samples
-        x = np.arange(top + 1) + (j - (len(records) - 1) / 2) * width
-        mean = record.per_sample.mean()
-        text = f"{label(run, record.approach)}: {record.samples} samples, mean {mean:.2f}"
-        axis.bar(
-            x,
-            share,
-            0.92 * width,
-            color=look(record.approach)[0],
-            edgecolor="white",
-            linewidth=0.4,
-            hatch=hatches[j % 4],
-            label=text,
-        )
-    _mark_single(axis, run)
-    axis.set(xlabel=f"squeal modes ({run.criterion}) per sample [-]", ylabel="share of samples [-]")
-    axis.xaxis.get_major_locator().set_params(integer=True)
-    light_grid(axis, axis="y")
-    axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0))
-    return figure
-
-
-def draw_probability(run: RunData) -> Figure | None:
-    """Probability of at least one squeal mode per frequency band, with Wilson intervals."""
-    shown = _sampled(run)
-    if run.modes is None or not shown:
-        return None
-    edges = run.squeal.edges
-    figure, axes = new_figure(
-        len(shown), 1, height=1.0 + 1.7 * len(shown), width=NARROW, sharex=True, sharey=True
-    )
-    centre, width = (edges[1:] + edges[:-1]) / 2e3, np.diff(edges) / 1e3
-    for axis, approach in zip(axes.flat, shown, strict=True):
-        shares = run.squeal.share_per_band(approach)
-        value = np.array([s.value for s in shares])
-        reach = np.array([[s.value - s.low, s.high - s.value] for s in shares]).T
-        colour = look(approach)[0]
-        axis.bar(centre, value, 0.94 * width, color=colour, alpha=0.75)
-        axis.errorbar(centre, value, reach, fmt="none", ecolor=BLACK, elinewidth=1, capsize=2)
-        n = shares[0].n
-        axis.set_title(f"{label(run, approach)}: {n} samples")
-        axis.set(ylim=(0, 1.08), xlim=(0, edges[-1] / 1e3))
-        axis.set_ylabel("probability of\nsqueal [-]")
-        light_grid(axis, axis="y")
-        _mark_deterministic(axis, run)
-    if axes[0, 0].get_legend_handles_labels()[0]:
-        axes[0, 0].legend(loc="upper right", bbox_to_anchor=(1.0, 1.25), handletextpad=0.1)
-    elif calm := _single(run):
-        names = ", ".join(label(run, name) for name in calm)
-        axes[0, 0].set_title(f"{names}: no squeal mode in the one run", loc="right", size=8)
-    axes[-1, 0].set_xlabel(f"{KHZ}, bands of {width[0] * 1e3:g} Hz\nsqueal: {run.criterion}")
-    return figure
-
-
-def draw_convergence(run: RunData) -> Figure | None:
-    """Share of samples that squeal and mean number of squeal modes as the samples come in."""
-    shown = [a for a in _sampled(run) if run.squeal.count(a).samples >= 3]
-    if not shown:
-        return None
-    figure, axes = new_figure(1, 2, height=2.9)
-    for approach in shown:
-        colour, _ = look(approach)
-        per_sample = run.squeal.count(approach).per_sample
-        size = per_sample.size
-        n = np.unique(np.linspace(1, size, min(size, POINTS)).astype(int))
-        hits = np.cumsum(per_sample > 0)[n - 1]
-        bounds = [wilson(int(h), int(m)) for h, m in zip(hits, n, strict=True)]
-        line = stroke(approach)
-        axes[0, 0].plot(n, hits / n, line, color=colour, label=label(run, approach))
-        low, high = [s.low for s in bounds], [s.high for s in bounds]
-        axes[0, 0].fill_between(n, low, high, color=colour, alpha=0.2, lw=0)
-        mean, error = (x[n - 1] for x in _running_mean(per_sample))
-        axes[0, 1].plot(n, mean, line, color=colour, label=label(run, approach))
-        axes[0, 1].fill_between(n, mean - error, mean + error, color=colour, alpha=0.2, lw=0)
-    axes[0, 0].set(ylabel="share of samples that squeal [-]", ylim=(-0.02, 1.02))
-    axes[0, 1].set(ylabel="mean squeal modes per sample [-]")
-    axes[0, 1].set_ylim(bottom=0)
-    for axis in axes.flat:
-        axis.set_xlabel(f"samples [-]; squeal: {run.criterion}")
-        axis.xaxis.get_major_locator().set_params(integer=True)
-        light_grid(axis)
-    axes[0, 0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncol=3)
-    return figure
-
-
 def _panels(run: RunData, height: float = 1.9) -> tuple[Figure, NDArray]:
     """One panel per approach over shared axes, squeal shaded, counts in the title."""
     modes = run.modes or {}
@@ -277,48 +174,3 @@ def _scatter(
 def _thinned(values: NDArray) -> NDArray:
     """At most as many values as a scatter draws."""
     return values[:: max(1, -(-values.size // DRAWN_POINTS))]
-
-
-def _sampled(run: RunData) -> list[str]:
-    """Approaches with more than one sample; a single run has no distribution."""
-    return [a for a in run.approaches if run.squeal.count(a).samples > 1]
-
-
-def _single(run: RunData) -> list[str]:
-    return [a for a in run.approaches if run.squeal.count(a).samples == 1]
-
-
-def _mark_single(axes: Axes, run: RunData) -> None:
-    """A dashed line at the number of squeal modes of each approach of one run."""
-    for approach in _single(run):
-        colour, _ = look(approach)
-        number = int(run.squeal.count(approach).per_sample[0])
-        text = f"{label(run, approach)}: one run, {number}"
-        axes.axvline(number, color=colour, ls="--", lw=1.4, label=text)
-
-
-def _mark_deterministic(axes: Axes, run: RunData) -> None:
-    """Markers on top where an approach of one run squeals."""
-    for approach in _single(run):
-        colour, marker = look(approach)
-        f = run.squeal.squeal_modes(approach).frequency_hz / 1e3
-        if not f.size:
-            # An empty line beyond the axes has no extent that a layout could work with.
-            continue
-        axes.plot(
-            f,
-            np.full(f.size, 1.04),
-            marker,
-            color=colour,
-            ms=4,
-            label=f"{label(run, approach)}: squeal modes of its one run",
-            clip_on=False,
-        )
-
-
-def _running_mean(values: NDArray) -> tuple[NDArray, NDArray]:
-    """Running mean and the half width of its 95 % normal interval."""
-    n = np.arange(1, values.size + 1)
-    mean = np.cumsum(values) / n
-    variance = np.maximum(np.cumsum(values.astype(float) ** 2) / n - mean**2, 0.0)
-    return mean, 1.96 * np.sqrt(variance / np.maximum(n - 1, 1))

@@ -20,21 +20,16 @@ from brake_fenicsx.report.driver_figures import draw_driver_maps
 from brake_fenicsx.report.error_figures import draw_errors
 from brake_fenicsx.report.figures import PLOTS, make_figures
 from brake_fenicsx.report.micro_figures import draw_contact_maps, draw_laws, laws_caption
-from brake_fenicsx.report.squeal_figures import (
-    draw_convergence,
-    draw_counts,
-    draw_families,
-    draw_probability,
-    draw_squeal_map,
-)
+from brake_fenicsx.report.probability_figures import draw_convergence, draw_counts, draw_probability
+from brake_fenicsx.report.squeal_figures import draw_families, draw_squeal_map
 from brake_fenicsx.report.style import BLACK, GREY, house_style, save
-from brake_fenicsx.report.surface_figures import (
+from brake_fenicsx.report.surface_figures import draw_statistics
+from brake_fenicsx.report.sweep_figures import draw_branches
+from brake_fenicsx.report.topography_figures import (
     draw_artificial,
-    draw_statistics,
     draw_topography,
     topography_caption,
 )
-from brake_fenicsx.report.sweep_figures import draw_branches
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.results.tables import MODES, write_rows
 from brake_fenicsx.sweeps.tables import EVENTS
