@@ -9,12 +9,11 @@ import resource
 import socket
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from mpi4py import MPI
 
-from brake_fenicsx.errors import BrakeError
-
+S = TypeVar("S")
 T = TypeVar("T")
 
 
@@ -22,18 +21,19 @@ def in_turns(count: int, work: Callable[[int], T], comm: MPI.Comm) -> Iterator[T
     """work(0), work(1), ... on all processes, each computed by one of them in turn; collective.
 
     Raises:
-        BrakeError: what one of them raises, on all.
+        Exception: what one of them raises, on all.
     """
     for first in range(0, count, comm.size):
-        own: T | BrakeError | None = None
+        own: T | Exception | None = None
         if first + comm.rank < count:
             try:
                 own = work(first + comm.rank)
-            except BrakeError as error:
+            except Exception as error:
                 own = error
         for i in range(min(comm.size, count - first)):
-            one = comm.bcast(own, root=i)
-            if isinstance(one, BrakeError):
+            # One process needs no copy: it may be all vectors of a large problem.
+            one: Any = comm.bcast(own, root=i) if comm.size > 1 else own
+            if isinstance(one, Exception):
                 raise one
             yield one
 
@@ -42,10 +42,21 @@ def on_first(work: Callable[[], T], comm: MPI.Comm) -> T:
     """What the first process computes, on all; collective.
 
     Raises:
-        BrakeError: what it raises, on all.
+        Exception: what it raises, on all.
     """
     (one,) = in_turns(1, lambda i: work(), comm)
     return one
+
+
+def both(first: Callable[[], S], second: Callable[[], T], comm: MPI.Comm) -> tuple[S, T]:
+    """What two functions return, on all processes, each computed by another one; collective.
+
+    Raises:
+        Exception: what one of them raises, on all.
+    """
+    work: tuple[Callable[[], Any], ...] = first, second
+    one, other = in_turns(2, lambda i: work[i](), comm)
+    return one, other
 
 
 def peak_memory(comm: MPI.Comm) -> tuple[float, float]:

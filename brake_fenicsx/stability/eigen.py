@@ -8,13 +8,16 @@ Undamped, the problem is K phi = kappa M phi with kappa = -lambda^2, in real ari
   number of a determinant on the contact interface count the modes of a region around the band;
 - anything else: SLEPc, and the record says that nothing was counted.
 
-Damped problems are those of ``full.damped``. Every process that calls solves the whole problem.
+Damped problems are those of ``full.damped``. Two processes may share the work: right and left
+vectors, the modes without friction and the moments of the interface, two halves of the proof.
 """
 
 from __future__ import annotations
 
 import time
 from typing import Any
+
+from mpi4py import MPI
 
 import numpy as np
 
@@ -45,6 +48,7 @@ def complex_modes(
     zeta_max: float = 0.1,
     frictionless: Any = None,
     friction: Interface | None = None,
+    comm: MPI.Comm = MPI.COMM_SELF,
 ) -> Modes:
     """All complex modes of a frequency band of (lambda^2 M + lambda C + K) phi = 0.
 
@@ -61,6 +65,8 @@ def complex_modes(
             None.
         friction: K - frictionless by contact elements, see ``contact_interface``; found from the
             matrices if None, which takes longer.
+        comm: processes that call together with the same problem, of which two share the work; each
+            solves it for itself if not given.
 
     Returns:
         The modes, sorted by frequency, one of each conjugate pair.
@@ -76,7 +82,7 @@ def complex_modes(
     start = time.perf_counter()
     problem = _problem(K, M, frictionless, friction)
     if C is not None:
-        return damped_modes(problem, whole(C), band, tolerance, zeta_max, counted)
+        return damped_modes(problem, whole(C), band, tolerance, zeta_max, counted, comm)
     low, high = ((2 * np.pi * f) ** 2 for f in band)
     found = None
     if problem.K.shape[0] <= DENSE:
@@ -84,7 +90,7 @@ def complex_modes(
     elif problem.symmetric:
         found = _symmetric(problem, high)
     elif problem.friction is not None:
-        found = friction_modes(problem, problem.friction, low, high, zeta_max)
+        found = friction_modes(problem, problem.friction, low, high, zeta_max, comm)
     if found is None:
         found = general_modes(problem, high, zeta_max, 1e-2 * tolerance)
     return _record(problem, found, band, tolerance, zeta_max, start)

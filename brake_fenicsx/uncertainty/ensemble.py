@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 from mpi4py import MPI
@@ -20,7 +21,7 @@ from brake_fenicsx.folder.termination import asked, ending, finishing
 # Beyond all samples: how a run that is to end keeps its processes from taking more.
 _NO_MORE = 2**40
 
-Work = Callable[[Task], dict[str, Any]]
+Work = Callable[..., dict[str, Any]]
 
 
 def run_ensemble(
@@ -30,6 +31,7 @@ def run_ensemble(
     comm: MPI.Comm,
     large: Sequence[Task] = (),
     what: str = "samples",
+    paired: bool = False,
 ) -> None:
     """Run all samples that are not in the folder yet, or those of the run's share.
 
@@ -38,11 +40,14 @@ def run_ensemble(
 
     Args:
         tasks: (approach, number) of every sample.
-        work: computes one sample; what it returns is stored.
+        work: computes one sample; what it returns is stored. Is given a communicator as well where
+            several processes share one.
         store: the results folder.
         comm: processes that share the samples.
         large: samples that take longer and come first.
         what: what the samples are called in the log.
+        paired: whether two processes may share a long sample, where there are more processes than
+            such samples.
     """
     if store.share is not None:
         large, tasks = store.share.part(large), store.share.part(tasks)
@@ -51,7 +56,7 @@ def run_ensemble(
     if comm.rank == 0 and done:
         logger.info("%d of %d %s were there already", done, len(large) + len(tasks), what)
     if wanted:
-        _run(wanted, work, store, comm, len(set(large) & set(wanted)), what)
+        _run(wanted, work, store, comm, len(set(large) & set(wanted)), what, paired)
 
 
 def _missing(tasks: Sequence[Task], store: Store, comm: MPI.Comm) -> list[Task]:
@@ -65,16 +70,27 @@ def _missing(tasks: Sequence[Task], store: Store, comm: MPI.Comm) -> list[Task]:
 
 
 def _run(
-    wanted: Sequence[Task], work: Work, store: Store, comm: MPI.Comm, large: int, what: str
-) -> None:
-    """Compute the samples, each on the process that takes it next; large ones come first."""
+    wanted: Sequence[Task], work: Work, store: Store, comm: MPI.Comm, large: int, what: str,
+    paired: bool,
+) -> None:  # fmt: skip
+    """Compute the samples, each on the process that takes it next; large ones come first.
+
+    Those that are left over when every process has had as many come before all others, each shared
+    by two processes.
+    """
     progress = Progress(what, len(wanted), large)
+    shared = min(large % comm.size, comm.size // 2) if paired else 0
+    first, wanted, pair = wanted[:shared], wanted[shared:], comm.rank // 2
     defect: Any = None
     with _Counter(comm) as counter, finishing():
+        two = comm.Split(min(pair, shared), comm.rank) if shared else MPI.COMM_NULL
         try:
+            if pair < shared:
+                compute_sample(first[pair], partial(work, comm=two), store, two.rank == 0)
+                progress.advance(shared)
             while (i := counter.next()) < len(wanted):
                 compute_sample(wanted[i], work, store)
-                progress.advance(i + 1 - progress.done)
+                progress.advance(shared + i + 1 - progress.done)
         except BrakeError as error:
             defect = error
         except Exception:
@@ -87,20 +103,23 @@ def _run(
         raise stopped
 
 
-def compute_sample(task: Task, work: Work, store: Store) -> None:
+def compute_sample(task: Task, work: Work, store: Store, keep: bool = True) -> None:
     """Compute a sample and store it, or its error.
 
     Args:
         task: approach and number of the sample.
         work: computes it; what it returns is stored.
         store: the results folder.
+        keep: whether it is stored by this process.
     """
     try:
         result = {"status": "ok", **work(task)}
     except BrakeError as error:
         result = {"status": str(error)}
-        logger.warning("%s %d: %s", *task, error)
-    store.samples.save(task, **result)
+        if keep:
+            logger.warning("%s %d: %s", *task, error)
+    if keep:
+        store.samples.save(task, **result)
 
 
 class _Counter:

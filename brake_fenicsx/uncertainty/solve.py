@@ -43,6 +43,7 @@ def modes_of_sample(
     eq: Equilibrium,
     by_reduction: bool,
     more: Sequence[More] = (),
+    comm: MPI.Comm = MPI.COMM_SELF,
 ) -> Arrays:
     """Complex modes of a sample, as arrays to store.
 
@@ -53,9 +54,10 @@ def modes_of_sample(
         eq: its equilibrium.
         by_reduction: whether the reduced model gives its modes.
         more: what else is made of them.
+        comm: processes that share a sample at full order.
     """
     if not by_reduction:
-        return _full(models, sample, eq, more)
+        return _full(models, sample, eq, more, comm)
     settings = models.stability
     if settings is None:
         raise ValueError("a scene without [stability] has no modes")
@@ -106,8 +108,10 @@ def reduced_modes(
     return model.modes(p, contact, zeta_max, line)
 
 
-def full_modes(models: Models, sample: SampleInput, eq: Equilibrium) -> Modes:
-    """The same at full order, vectors on all dofs."""
+def full_modes(
+    models: Models, sample: SampleInput, eq: Equilibrium, comm: MPI.Comm = MPI.COMM_SELF
+) -> Modes:
+    """The same at full order, vectors on all dofs; shared by two processes of a communicator."""
     b, settings = models.brake, models.stability
     if settings is None:
         raise ValueError("a scene without [stability] has no modes")
@@ -118,7 +122,7 @@ def full_modes(models: Models, sample: SampleInput, eq: Equilibrium) -> Modes:
     K = tangent(models.stiffness(sample), b.N, b.T, b.w, eq.k_vibration, sample.mu)
     band = settings.band[0], settings.band[1]
     M, zeta_max = models.mass(sample), settings.zeta_max
-    return complex_modes(M, C, K, band, zeta_max=zeta_max, friction=friction)
+    return complex_modes(M, C, K, band, zeta_max=zeta_max, friction=friction, comm=comm)
 
 
 def linearised(
@@ -181,13 +185,14 @@ def sample_damping(models: Models, sample: SampleInput, p: Array) -> sp.csr_matr
 
 
 def _full(
-    models: Models, sample: SampleInput, eq: Equilibrium, more: Sequence[More] = ()
-) -> Arrays:
+    models: Models, sample: SampleInput, eq: Equilibrium, more: Sequence[More] = (),
+    comm: MPI.Comm = MPI.COMM_SELF,
+) -> Arrays:  # fmt: skip
     """Modes at full order."""
     settings = models.stability
     if settings is None:
         raise ValueError("a scene without [stability] has no modes")
-    modes = full_modes(models, sample, eq)
+    modes = full_modes(models, sample, eq, comm)
     unstable = np.array(modes.verdict, str) == "unstable"
     if sample_damping(models, sample, eq.p) is None:
         partners = flutter_partners(modes.s)

@@ -43,6 +43,9 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 VERIFY = "verify"
+# [dofs] below which two processes may share a sample at full order: each holds a factor, and the
+# vectors that they exchange are a message of less than 2 GB.
+LARGEST = 500_000
 
 
 class Study:
@@ -139,10 +142,16 @@ class Study:
         long = [t for t in tasks if not reduced[t[0]]] + ([] if first else self.verify)
         short = [t for t in tasks if reduced[t[0]]]
         # An equilibrium alone is no work for several processes.
-        run_ensemble(short, self.work, self.store, self.comm, long)
+        paired = self.models.stability is not None and self.brake.K.shape[0] < LARGEST
+        run_ensemble(short, self.work, self.store, self.comm, long, paired=paired)
 
-    def work(self, task: Task) -> dict[str, Any]:
-        """Equilibrium and modes of one sample, as arrays to store."""
+    def work(self, task: Task, comm: MPI.Comm = MPI.COMM_SELF) -> dict[str, Any]:
+        """Equilibrium and modes of one sample, as arrays to store.
+
+        Args:
+            task: approach and number of the sample.
+            comm: processes that share it; the first has what is to be stored.
+        """
         (approach, k), models = task, self.models
         if approach == VERIFY:
             approach = self.verified
@@ -166,11 +175,11 @@ class Study:
             from .solve import modes_of_sample
 
             more: list[More] = []
-            if self.drivers is not None and task[0] != VERIFY:
+            if self.drivers is not None and task[0] != VERIFY and comm.rank == 0:
                 more.append(partial(self.drivers.of, approach, sample, eq, k == 0))
-            if self.cycles is not None and task[0] != VERIFY:
+            if self.cycles is not None and task[0] != VERIFY and comm.rank == 0:
                 more.append(partial(self.cycles.of, approach, sample, eq))
-            out |= modes_of_sample(models, approach, sample, eq, reduced, more)
+            out |= modes_of_sample(models, approach, sample, eq, reduced, more, comm)
         return out
 
     def solved(

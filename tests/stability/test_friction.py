@@ -1,5 +1,6 @@
 """Full order with friction: Arnoldi from either side, and the count on the interface."""
 
+from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
@@ -57,6 +58,23 @@ def shared(A, comm):
     B = PETSc.Mat().createAIJ(size, csr=(rows.indptr, rows.indices, rows.data), comm=comm)
     B.assemble()
     return B
+
+
+@pytest.mark.together
+@pytest.mark.parametrize("damped", [False, True])
+def test_processes_share_a_problem(two_blocks, damped):
+    """The same bits as on one: what each does is the same, whoever does it."""
+    scene = two_blocks("guided")
+    k = stiffness(scene.w.size, 1)
+    K = scene.tangent(k, 0.6)
+    C = (1e-7 * scene.K).tocsr() if damped else None
+    face = None if damped else contact_interface(scene.N, scene.T, scene.w * k, 0.6)
+    alone = complex_modes(scene.M, C, K, BAND, friction=face)
+    found = complex_modes(scene.M, C, K, BAND, friction=face, comm=MPI.COMM_WORLD)
+    assert len(alone) > 5
+    assert found.count == alone.count
+    for name in ("s", "right", "left", "error", "condition"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(alone, name))
 
 
 @pytest.mark.together

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.errors import NotConverged
+from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.results.stored import Results
 from brake_fenicsx.uncertainty.ensemble import run_ensemble
 
@@ -76,6 +77,33 @@ def test_large_samples_come_first(store):
     assert everyone == sorted([*large, *TASKS])
     own = [t in large for t in done]
     assert own == sorted(own, reverse=True)
+
+
+@pytest.mark.parametrize("number", [1, 3])
+def test_two_processes_share_a_long_sample_that_is_left_over(store, number):
+    """Each other long one is computed by one process; all are stored once, failures too."""
+    done = []
+    large = [("classical", k) for k in range(number)]
+
+    def work(task, comm=MPI.COMM_SELF):
+        done.append((task, comm.size))
+        if task == large[0]:
+            # Both meet here, and one error reaches both.
+            def fails(i):
+                if i == comm.size - 1:
+                    raise NotConverged("stalls")
+
+            list(in_turns(comm.size, fails, comm))
+        return {"x": np.array(comm.allreduce(1))}
+
+    run_ensemble(TASKS, work, store, COMM, large, paired=True)
+    together = min(number % COMM.size, COMM.size // 2)
+    everyone = sorted(t for part in COMM.allgather(done) for t in part)
+    first = [(t, 2) for t in large[:together] for _ in range(2)]
+    assert everyone == sorted([*first, *((t, 1) for t in [*large[together:], *TASKS])])
+    assert str(value(store, large[0])["status"]) == "stalls"
+    sizes = [int(value(store, t)["x"]) for t in [*large[1:], *TASKS]]
+    assert sizes == [2] * max(together - 1, 0) + [1] * (len(sizes) - max(together - 1, 0))
 
 
 def test_results_that_cannot_be_stored_end_the_run_on_all(store):

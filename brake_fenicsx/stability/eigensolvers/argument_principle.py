@@ -156,38 +156,25 @@ def count_zeros(
     def phase(z: complex) -> complex:
         return determinant_phase(la.lu_factor(T(z), check_finite=False), candidates - z)
 
-    return count_turns(phase, region, candidates, points, most)
+    turned = turn_along(phase, region.upper_half(points), most)
+    return int(region.holds(candidates).sum()) + int(np.rint(turned / np.pi))
 
 
-def count_turns(
-    phase: Callable[[complex], complex],
-    region: Trapezium,
-    candidates: NDArray,
-    points: int = 6,
-    most: int = 2000,
-) -> int:
-    """Zeros inside a region of a function whose phase over prod (z - candidates) is given.
+def turn_along(phase: Callable[[complex], complex], path: Complex, most: int = 2000) -> float:
+    """Turn of a phase along a path [rad].
 
     Args:
-        phase: complex number of modulus one for a point of the upper half of the contour.
-        region: where to count.
-        candidates: the values divided out.
-        points: first points along the short sides.
+        phase: complex number of modulus one for a point of the path.
+        path: points of it.
         most: evaluations allowed.
 
-    Returns:
-        The number of zeros.
-
     Raises:
-        InaccurateResult: the phase cannot be followed: a zero lies on the boundary.
+        InaccurateResult: the phase cannot be followed: a zero lies on the path.
     """
-    path = region.upper_half(points)
     phases = [phase(z) for z in path]
-    follower = _PhaseFollower(phase, 1e-11 * abs(region.high), most - path.size)
-    turned = sum(
-        follower.turn(path[i], path[i + 1], phases[i], phases[i + 1]) for i in range(path.size - 1)
-    )
-    return int(region.holds(candidates).sum()) + int(np.rint(turned / np.pi))
+    follower = _PhaseFollower(phase, 1e-11 * float(np.abs(path).max()), most - path.size)
+    ends = zip(path, path[1:], phases, phases[1:], strict=False)
+    return sum(follower.turn(*between) for between in ends)
 
 
 def determinant_phase(

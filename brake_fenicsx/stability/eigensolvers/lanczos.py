@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.macro.condensation import Solves
 
+from .arnoldi import combined, shares
+
 Array = NDArray[np.float64]
 
 # Convergence is looked for each time the space has grown by this factor: the eigenvalues of its
@@ -86,8 +88,8 @@ def lowest_modes(
         h = np.zeros((size, k))
         # Only the last two blocks have a share in W; all others round-off, which grows unchecked.
         for first in (before, 0):
-            c = V[:, first:size].T @ (M @ W)
-            W -= V[:, first:size] @ c
+            c = shares(V[:, first:size], M @ W)
+            W -= combined(V[:, first:size], c)
             h[first:] += c
         before = last.start
         H[:size, last] = h
@@ -97,13 +99,14 @@ def lowest_modes(
             continue
         due = int(GROWTH * size) + block
         theta, S = la.eigh(0.5 * (H[:size, :size] + H[:size, :size].T))
-        theta, S = theta[::-1], S[:, ::-1]
+        # A copy: BLAS takes no negative strides, and NumPy's own loop is ten times slower.
+        theta, S = theta[::-1], S[:, ::-1].copy()
         # K^-1 M y - theta y = new coupling s, in the norm of M; over theta it is relative.
         residual = np.linalg.norm(coupling @ S[last], axis=0) / np.abs(theta)
         keep = int((theta > 1 / cutoff).sum())
         if size >= n or (keep < size and np.all(residual[: keep + 1] < tolerance)):
             worst = float(residual[:keep].max(initial=0.0))
-            return RealModes(V[:, :size] @ S[:, :keep], 1 / theta[:keep], worst, step)
+            return RealModes(combined(V[:, :size], S[:, :keep]), 1 / theta[:keep], worst, step)
     raise NotConverged(f"block Lanczos: {size} vectors do not give all modes below the cutoff")
 
 

@@ -21,11 +21,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+from mpi4py import MPI
+
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import NotConverged
+from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.macro.solver import Factor
 
 from ..eigensolvers.argument_principle import RIM
@@ -49,7 +52,7 @@ Array = NDArray[np.float64]
 
 
 def quadratic_modes(
-    p: QuadraticPencil, high: float, zeta_max: float
+    p: QuadraticPencil, high: float, zeta_max: float, comm: MPI.Comm = MPI.COMM_SELF
 ) -> tuple[Complex, Complex, Complex, int]:
     """All modes with |lambda| up to the far corners of the region that is counted, and conjugates.
 
@@ -59,6 +62,7 @@ def quadratic_modes(
         p: the problem, with damping.
         high: highest omega [rad/s].
         zeta_max: largest damping ratio looked for.
+        comm: two processes that share the work, or one.
 
     Returns:
         lambda [1/s], right and left vectors, block solves.
@@ -73,18 +77,19 @@ def quadratic_modes(
     # The edges of that region may lie beyond the band by RIM.
     reach = RIM * high / np.sqrt(1 - zeta_max**2) + s
     leftmost = -RIM * high * zeta_max / np.sqrt(1 - zeta_max**2)
-    sides = []
-    for A in ((M, C, K), (M.T.tocsr(), C.T.tocsr(), K.T.tocsr())):
-        apply, lu = _operator(*A, s, high)
+
+    def side(M: sp.csr_matrix, C: sp.csr_matrix, K: sp.csr_matrix) -> tuple[Complex, Complex, int]:
+        apply, lu = _operator(M, C, K, s, high)
         n = 2 * K.shape[0]
         # A little further, so that each of the right ones has its left one.
         found, X, steps = nearest_modes(apply, n, s, RIM * reach, 2 * count + 2, RIM * leftmost)
         lu.destroy()
-        sides.append((*with_conjugates(found, X[: n // 2]), steps))
-        if _symmetric(C) and _symmetric(K):
-            sides.append(sides[0])
-            break
-    (found, right, steps), (other, left, more) = sides
+        return *with_conjugates(found, X[: n // 2]), steps
+
+    one = _symmetric(C) and _symmetric(K)
+    sides = [(M, C, K), (M.T.tocsr(), C.T.tocsr(), K.T.tocsr())][: 1 if one else 2]
+    done = list(in_turns(len(sides), lambda i: side(*sides[i]), comm))
+    (found, right, steps), (other, left, more) = done[0], done[-1]
     i, j = matched(found, other, s, reach, leftmost)
     return found[i], right[:, i], left[:, j].conj(), steps + more
 
@@ -115,6 +120,7 @@ def damped_modes(
     tolerance: float,
     zeta_max: float,
     counted: Callable[[SplitProblem, sp.csr_matrix, Complex, float, float], str],
+    comm: MPI.Comm = MPI.COMM_SELF,
 ) -> Modes:
     """All modes of a band with alpha >= -zeta_max |lambda|, one of each conjugate pair.
 
@@ -125,6 +131,7 @@ def damped_modes(
         tolerance: relative residual of every mode.
         zeta_max: largest damping ratio looked for.
         counted: counts the modes of a large problem, see ``damped_count``.
+        comm: two processes that share the work, or one; collective.
 
     Returns:
         The modes; where their number could not be counted the record says why.
@@ -140,7 +147,7 @@ def damped_modes(
         s, right, left, used = *dense_quadratic_modes(pencil, high), 1
         how = counted_quadratic(pencil, s, high, zeta_max)
     else:
-        s, right, left, used = quadratic_modes(pencil, high, zeta_max)
+        s, right, left, used = quadratic_modes(pencil, high, zeta_max, comm)
         how = counted(problem, C, s, high, zeta_max)
     # Only decay is cut off: a mode that grows faster than that is news.
     slow = s.real >= -zeta_max * np.abs(s)

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from mpi4py import MPI
+
 import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.folder.memory import release_memory
+from brake_fenicsx.folder.processes import both, in_turns
+from brake_fenicsx.macro.solver import Factor
 
 from ..eigensolvers.argument_principle import RIM, undamped_reach, undamped_region
 from ..eigensolvers.arnoldi import nearest_modes, with_conjugates
@@ -25,9 +29,10 @@ CUTOFF = 1.6
 
 
 def friction_modes(
-    p: SplitProblem, friction: Interface, low: float, high: float, zeta_max: float
-) -> Found | None:
-    """Block Arnoldi from either side, and the proof.
+    p: SplitProblem, friction: Interface, low: float, high: float, zeta_max: float,
+    comm: MPI.Comm = MPI.COMM_SELF,
+) -> Found | None:  # fmt: skip
+    """Block Arnoldi from either side, and the proof; collective.
 
     Args:
         p: the problem.
@@ -35,6 +40,7 @@ def friction_modes(
         low: lower end of the band [1/s^2].
         high: upper end [1/s^2].
         zeta_max: largest damping ratio looked for.
+        comm: two processes that share the work, or one.
 
     Returns:
         The modes of the band and a little more; None where the frictionless stiffness
@@ -44,23 +50,29 @@ def friction_modes(
         NotConverged: an iteration fails.
         InaccurateResult: left and right eigenvalues or the count differ.
     """
-    shifted = shifted_factor(p.frictionless, p.M, high)
-    if shifted is None:
+    symmetric = p.frictionless, p.M
+    held: list[tuple[Factor, float] | None] = []
+    # Each its own, in turns, so that all learn where memory is short.
+    list(in_turns(comm.size, lambda i: held.append(shifted_factor(*symmetric, high)), comm))
+    if held[0] is None:
         return None
-    factor, sigma = shifted
-    real = symmetric_modes(p.frictionless, p.M, factor, sigma, CUTOFF**2 * high)
-    modes = at_interface(real, friction)
-    del real
-    known = moments(factor, p.M, friction)
+    factor, sigma = held[0]
+    modes, known = both(
+        lambda: at_interface(
+            symmetric_modes(*symmetric, factor, sigma, CUTOFF**2 * high), friction
+        ),
+        lambda: moments(factor, p.M, friction),
+        comm,
+    )
     inverse = Inverse(factor, friction, known.RL[0])
     reach = undamped_reach(high, zeta_max) - sigma
-    kappa, right, left, steps = _both_sides(p, inverse, modes, reach)
+    kappa, right, left, steps = _both_sides(p, inverse, modes, reach, comm)
     region = undamped_region(kappa, low, high, zeta_max)
-    proof = prove(modes, friction, known, region, kappa)
+    proof = prove(modes, friction, known, region, kappa, comm)
     while not proof.remainder < 1 and len(known.RL) < MOST_ORDERS:
         # Stiff contact: more of what the kept modes leave out is needed.
         known = moments(factor, p.M, friction, len(known.RL) + ORDERS)
-        proof = prove(modes, friction, known, region, kappa)
+        proof = prove(modes, friction, known, region, kappa, comm)
     factor.destroy()
     unproven = "" if proof.remainder < 1 else f"; not proven, it should be below 1{p.remedy}"
     bound = f"remainder {proof.remainder:.1g}{unproven}"
@@ -70,16 +82,19 @@ def friction_modes(
 
 
 def _both_sides(
-    p: SplitProblem, inverse: Inverse, modes: InterfaceModes, reach: float
+    p: SplitProblem, inverse: Inverse, modes: InterfaceModes, reach: float, comm: MPI.Comm
 ) -> tuple[Complex, Complex, Complex, int]:
     """Right and left eigenpairs, conjugates included."""
     expected = int(np.sum(modes.kappa <= reach)) + 1
-    sides = []
-    for side in (False, True):
-        apply = lambda b, side=side: inverse(p.M @ b, side)  # noqa: E731
-        sides.append(nearest_modes(apply, p.M.shape[0], modes.sigma, RIM * reach, expected))
+
+    def side(transposed: bool) -> tuple[Complex, Complex, int]:
+        found = nearest_modes(
+            lambda b: inverse(p.M @ b, transposed), p.M.shape[0], modes.sigma, RIM * reach, expected
+        )
         release_memory()
-    (kappa, right, steps), (other, left, more) = sides
+        return found
+
+    (kappa, right, steps), (other, left, more) = both(lambda: side(False), lambda: side(True), comm)
     # Both of each pair: round-off splits a true doublet into a pair on one side alone.
     (kappa, right), (other, left) = with_conjugates(kappa, right), with_conjugates(other, left)
     i, j = matched(kappa, other, modes.sigma, reach)

@@ -26,11 +26,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from mpi4py import MPI
+
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from ..eigensolvers.argument_principle import Trapezium, count_turns, determinant_phase
+from brake_fenicsx.folder.processes import both
+
+from ..eigensolvers.argument_principle import Trapezium, determinant_phase, turn_along
+from ..eigensolvers.arnoldi import times
 from ..eigensolvers.symmetric import Symmetric
 from .interface import Interface, Moments
 
@@ -95,19 +100,33 @@ class Determinant:
         self.limit = modes.limit - modes.sigma
         away = modes.kappa - modes.sigma
         self.P, self.Q = modes.P, modes.Q
-        self.R = [RL - (self.P / away ** (j + 1)) @ self.Q.T for j, RL in enumerate(moments.RL)]
-        self.R[0] = self.R[0] + np.eye(friction.rank)
+        self.R = np.array(moments.RL)
+        for j, R in enumerate(self.R):
+            R -= (self.P / away ** (j + 1)) @ self.Q.T
+        self.R[0] += np.eye(friction.rank)
         values, vectors = la.eigh(moments.LL - (self.Q / away**3) @ self.Q.T)
         self.B = np.sqrt(np.maximum(values, 0.0)) * vectors
         self.A = np.sqrt(moments.RR)
+        self._begin()
+
+    def _begin(self) -> None:
         self.remainder, self.points = 0.0, 0
-        self._x = np.random.default_rng(0).standard_normal((friction.rank, 4)).astype(complex)
+        self._x = np.random.default_rng(0).standard_normal((len(self.P), 4)).astype(complex)
+
+    def turn(self, path: NDArray, candidates: NDArray) -> tuple[float, float, int]:
+        """Turn along a path [rad], largest remainder there, and number of points."""
+        self._begin()
+        turned = turn_along(lambda z: self.phase(z, candidates), path)
+        return turned, self.remainder, self.points
 
     def phase(self, kappa: complex, candidates: NDArray) -> complex:
         """Phase of det(K - kappa M) / prod(candidates - kappa), up to a constant sign."""
         z = kappa - self.sigma
-        modal = self.P / (self.kappa - kappa)
-        G = modal @ self.Q.T + sum(z**j * R for j, R in enumerate(self.R))
+        modal, powers = 1 / (self.kappa - kappa), z ** np.arange(len(self.R))
+        # Real matrices: their products with the two parts, not complex copies of them.
+        G = np.empty(self.R.shape[1:], dtype=complex)
+        for part, m, n in ((G.real, modal.real, powers.real), (G.imag, modal.imag, powers.imag)):
+            part[:] = (self.P * m) @ self.Q.T + np.tensordot(n, self.R, 1)
         lu = la.lu_factor(G, overwrite_a=True, check_finite=False)
         self.remainder = max(self.remainder, self._bound(abs(z), lu))
         self.points += 1
@@ -123,9 +142,9 @@ class Determinant:
         size = 0.0
         for _ in range(FIRST_STEPS if self.points == 0 else STEPS):
             x = la.qr(self._x, mode="economic", check_finite=False)[0]
-            y = self.B.T @ la.lu_solve(lu, x, check_finite=False)
+            y = times(self.B.T, la.lu_solve(lu, x, check_finite=False))
             size = float(np.linalg.norm(y, 2))
-            self._x = la.lu_solve(lu, self.B @ y, trans=2, check_finite=False)
+            self._x = la.lu_solve(lu, times(self.B, y), trans=2, check_finite=False)
         ratio = z / self.limit
         return z**3 / (self.limit - z) / self.limit * ratio ** (len(self.R) - 3) * size * self.A
 
@@ -136,8 +155,9 @@ def prove(
     moments: Moments,
     region: Trapezium,
     candidates: NDArray,
+    comm: MPI.Comm = MPI.COMM_SELF,
 ) -> Proof:
-    """Count the eigenvalues of a region, conjugates included.
+    """Count the eigenvalues of a region, conjugates included; collective.
 
     Args:
         modes: the frictionless problem, complete beyond the region.
@@ -145,6 +165,7 @@ def prove(
         moments: its moments.
         region: where to count.
         candidates: what an eigensolver found, in the region and near it, conjugates included.
+        comm: two processes, each of which follows half of the edge, or one.
 
     Returns:
         The count and what it is worth.
@@ -152,6 +173,12 @@ def prove(
     Raises:
         InaccurateResult: an eigenvalue lies on the edge of the region.
     """
-    det = Determinant(modes, friction, moments)
-    count = count_turns(lambda z: det.phase(z, candidates), region, candidates)
-    return Proof(count, det.remainder, det.points)
+    det, path = Determinant(modes, friction, moments), region.upper_half(6)
+    middle = path.size // 2
+    (turned, one, m), (more, other, n) = both(
+        lambda: det.turn(path[: middle + 1], candidates),
+        lambda: det.turn(path[middle:], candidates),
+        comm,
+    )
+    count = int(region.holds(candidates).sum()) + int(np.rint((turned + more) / np.pi))
+    return Proof(count, max(one, other), m + n)
