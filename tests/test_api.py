@@ -198,6 +198,16 @@ def test_values_with_their_units(model):
     assert found.values.tolist() == [2e5, 5e5]
 
 
+def test_critical_gaps_of_a_sample_are_drawn_once_for_all_values_of_friction(model):
+    draw = model.study._draw
+    first, second = (draw("multi-scale", 1, {FRICTION: mu}).laws for mu in (0.3, 0.4))
+    assert second is first and np.ptp(first.g_cr) > 0
+    draw("multi-scale", 2)
+    again = draw("multi-scale", 1).laws
+    assert again is not first
+    np.testing.assert_array_equal(again.g_cr, first.g_cr)
+
+
 def test_a_scene_as_a_mapping_is_the_scene_of_its_file(model, tmp_path):
     """With arrays, tuples and paths as values; its folder holds a scene of the same text."""
     table = tomllib.loads(BLOCK.read_text())

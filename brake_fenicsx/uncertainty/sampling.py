@@ -99,6 +99,7 @@ def draw_sample(
     point: Array | None = None,
     waviness: Waviness | None = None,
     values: Mapping[str, float] | None = None,
+    laws: EnrichedGap | None = None,
 ) -> SampleInput:
     """Inputs of sample ``k`` of an approach.
 
@@ -114,6 +115,7 @@ def draw_sample(
         point: the sample's point of a design, shape (inputs,); None: drawn from its own stream.
         waviness: field of the mean heights of patches, where critical gaps are drawn from it.
         values: scalars by dotted key, SI, in place of those that are drawn or the scene's.
+        laws: laws and critical gaps of this sample, where they were drawn with the scene's moduli.
 
     Returns:
         The inputs.
@@ -134,7 +136,7 @@ def draw_sample(
     if approach in PERFECT:
         penalty = inputs.values.get(PENALTY, scene.samples.classical.penalty)
         laws = perfect_contact(penalty, contact.interface.size)
-    else:
+    elif laws is None or inputs.materials:
         laws = _rough(scene, contact, library, (hdf, waviness), inputs, (law_rng, gap_rng))
     speed = contact.speed
     if SPEED in inputs.values:

@@ -89,6 +89,8 @@ class Study:
         self.models: Models = Models(scene, brake, count, store, comm, cache or SharedCache(store))
         self.equilibria: Equilibria | None = None
         self._displaced: dict[Task, Array] = {}
+        # Of the last sample, with the scene's moduli.
+        self._laws: dict[Task, EnrichedGap] = {}
         # Vectors of the families, once the tables are written; on one process.
         self.families: NDArray[np.complex128] | None = None
         self.drivers: Drivers | None = None
@@ -246,10 +248,12 @@ class Study:
     ) -> SampleInput:
         points = self.points[approach]
         point = None if points is None else points[k]
-        return draw_sample(
+        drawn = draw_sample(
             self.scene, approach, k, self.brake.contact, self.library, self.hdf, point,
-            self.waviness, values,
+            self.waviness, values, self._laws.get((approach, k)),
         )  # fmt: skip
+        self._laws = {} if drawn.materials else {(approach, k): drawn.laws}
+        return drawn
 
     def stored(self, task: Task) -> dict[str, Any]:
         """What was stored of a sample."""

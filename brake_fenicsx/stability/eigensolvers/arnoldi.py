@@ -45,9 +45,11 @@ def combined(V: Array, c: Array) -> Array:
 def on_parts(real: Callable[[Array], Array], x: Complex) -> Complex:
     """A real operator on complex columns: of imaginary parts only those that are there."""
     n, turned = x.shape[1], np.flatnonzero(np.any(x.imag != 0, axis=0))
-    product = real(np.hstack([x.real, x.imag[:, turned]]))
-    out = product[:, :n].astype(complex)
-    out[:, turned] += 1j * product[:, n:]
+    parts = np.empty((len(x), n + turned.size), x.real.dtype)
+    parts[:, :n], parts[:, n:] = x.real, x.imag[:, turned]
+    product = real(parts)
+    out = np.zeros((len(product), n), complex)
+    out.real, out.imag[:, turned] = product[:, :n], product[:, n:]
     return out
 
 
