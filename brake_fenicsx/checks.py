@@ -2,30 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from mpi4py import MPI
 
-import numpy as np
 from scipy.fft import next_fast_len
 
-from brake_fenicsx.errors import BrakeError, SceneError, SurfaceError
+from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.damping import active_terms
 from brake_fenicsx.scene.friction import rubs, slides
 from brake_fenicsx.scene.plausible import unusual
-from brake_fenicsx.scene.surface import MAX_PIXELS, Surface
+from brake_fenicsx.scene.surface import MAX_PIXELS
 from brake_fenicsx.scene.tables import dotted
 
 if TYPE_CHECKING:
     from brake_fenicsx.surface import SurfaceStatistics
-    from brake_fenicsx.surface.topography import Topography
 
 MAX_AREA_RATIO = 2.0  # in area, between contact elements and the patches of their laws
-MAX_SCAN = 0.5  # m
 MIN_PIXELS = 16  # along a side of a patch
 MAX_PIXEL_RATIO = 2.0  # pixels of the laws over those that the scan resolves
 MIN_ROUGHNESS = (1e-7, 1e-3)  # S_q [m] and rms slope of the smoothest linings
@@ -38,7 +33,11 @@ def check(scene: Scene, comm: MPI.Comm) -> SurfaceStatistics | None:
     Returns:
         Statistics of the surface; None where the scene names none.
     """
-    stats = read_surface(scene) if "surface" in scene.stages else None
+    stats = None
+    if "surface" in scene.stages:
+        from brake_fenicsx.surface.of_scene import read_surface
+
+        stats = read_surface(scene)
     if "equilibrium" in scene.stages:
         from brake_fenicsx.macro.brake import check_brake
 
@@ -239,98 +238,3 @@ def with_pixels(scene: Scene, stats: SurfaceStatistics | None) -> Scene:
     # A few more where their number has large prime factors: the transforms are faster.
     fast = int(next_fast_len(pixels, real=True))
     return replace(scene, micro=replace(micro, pixels=fast))
-
-
-def read_surface(scene: Scene) -> SurfaceStatistics:
-    """Scan to statistics: height distribution, power spectrum, bi-fractal fit."""
-    from brake_fenicsx.surface import averaged, given_statistics
-
-    table = scene.surface
-    if table is None:
-        raise SceneError(f"{scene.file}: surface: the section is missing")
-    if table.statistics is not None:
-        t, shape = table.statistics, table.distribution or "johnson"
-        try:
-            stats = given_statistics(t.S_q, t.S_sk, t.S_ku, t.c1, t.c2, t.q_c, distribution=shape)
-        except BrakeError as error:
-            raise SceneError(f"{scene.file}: surface: {error}") from None
-    else:
-        shape = table.distribution or "measured"
-        each = _each_scan(scene, table, shape)
-        with _named(scene, "scan", list(table.scans)):
-            stats = averaged(each, table.cutoff, shape, table.spectrum)
-    return stats if table.form is None else _with_form(scene, table, table.form, stats)
-
-
-def _with_form(
-    scene: Scene, table: Surface, file: str, stats: SurfaceStatistics
-) -> SurfaceStatistics:
-    """Statistics of a surface whose longest waves are those of a longer scan."""
-    from brake_fenicsx.surface import characterise
-
-    with _named(scene, "form", file):
-        long = characterise(_read(scene, file), table.level, distribution="johnson",
-                            spectrum=table.spectrum).spectrum  # fmt: skip
-    where, scan = f"{scene.file}: surface.form = {file!r}", stats.bifractal.band[0]
-    shortest, longest, limit = (2e3 * np.pi / q for q in (long.band[1], long.band[0], scan))
-    if shortest > limit:
-        raise SceneError(
-            f"{where}: its shortest wave of {shortest:.3g} mm is longer than the longest of the"
-            f" scan, {limit:.3g} mm; name a finer one"
-        )
-    if not longest > limit:
-        raise SceneError(
-            f"{where}: its longest wave of {longest:.3g} mm is not longer than that of the scan,"
-            f" {limit:.3g} mm; name a longer scan, or none"
-        )
-    return replace(stats, spectrum=replace(stats.spectrum, form=long))
-
-
-def _each_scan(scene: Scene, table: Surface, distribution: str) -> list[SurfaceStatistics]:
-    """Statistics of every scan; of several each has the fit, and all together the spectrum."""
-    from brake_fenicsx.surface import characterise
-    from brake_fenicsx.surface.topography import on_grid_of
-
-    size = None if table.size is None else (table.size[0], table.size[-1])
-    spectrum = table.spectrum if len(table.scans) == 1 else "fit"
-    scans: list[Topography] = []
-    each = []
-    for file in table.scans:
-        with _named(scene, "scan", file):
-            scan = _read(scene, file, size, table.height_unit, table.rows)
-            scans.append(on_grid_of(scans[0], scan) if scans else scan)
-            each.append(characterise(scans[-1], table.level, cutoff=table.cutoff,
-                                     distribution=distribution, spectrum=spectrum))  # fmt: skip
-    return each
-
-
-def _read(
-    scene: Scene, file: str, size: tuple[float, float] | None = None, unit: str | None = None,
-    rows: str = "x",
-) -> Topography:  # fmt: skip
-    """A scan file whose heights and sides go together.
-
-    Raises:
-        SurfaceError: the two lengths, their ratio and the remedy.
-    """
-    from brake_fenicsx.surface import read_topography
-
-    scan = read_topography(scene.path(file), size, unit, rows=rows)
-    low, high = np.nanpercentile(scan.heights, [0.5, 99.5])
-    side = float(scan.size.max())
-    if side > MAX_SCAN or high - low > side:
-        wrong = "size" if side > MAX_SCAN else "height_unit"
-        raise SurfaceError(
-            f"heights span {high - low:.3g} m, {(high - low) / side:.2g} times the longer side of"
-            f" {side:.3g} m: not plausible; correct surface.{wrong}"
-        )
-    return scan
-
-
-@contextmanager
-def _named(scene: Scene, name: str, value: Any) -> Iterator[None]:
-    """What is wrong with a surface, with the scene's file, the key and its value."""
-    try:
-        yield
-    except BrakeError as error:
-        raise SceneError(f"{scene.file}: surface.{name} = {value!r}: {error}") from None

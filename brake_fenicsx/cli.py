@@ -149,10 +149,8 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
         describe(options.scene, comm, options.set, options.json, options.quiet)
     elif options.command == "countermeasures":
         from brake_fenicsx.results.tables import read_rows
-        from brake_fenicsx.variants.countermeasures import (
-            countermeasures_text,
-            find_countermeasures,
-        )
+        from brake_fenicsx.variants.countermeasures import find_countermeasures
+        from brake_fenicsx.variants.countermeasures_page import countermeasures_text
 
         found = find_countermeasures(
             options.scene, comm, options.directory, options.set, options.cache

@@ -26,7 +26,7 @@ from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.entry import check_folder
 from brake_fenicsx.folder.lock import Share
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.pipeline import Run, before_samples, make_study
+from brake_fenicsx.pipeline import before_samples, make_study
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.scene.read import from_text, scene_text, toml_text
@@ -34,6 +34,7 @@ from brake_fenicsx.scene.samples import unit_of
 from brake_fenicsx.scene.scalars import check_scalar, si_unit
 from brake_fenicsx.scene.sweep import Range, Sweep
 from brake_fenicsx.scene.tables import KeyMistake
+from brake_fenicsx.stages import Run
 
 if TYPE_CHECKING:
     from brake_fenicsx.macro.equilibrium import Equilibrium

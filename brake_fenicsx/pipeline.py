@@ -7,19 +7,15 @@ sample -> tables, figures, fields.
 from __future__ import annotations
 
 import shutil
-import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
-from dataclasses import asdict, dataclass, field
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING
 
 from mpi4py import MPI
 
 import numpy as np
-from numpy.typing import NDArray
 
 from brake_fenicsx.checks import (
     check,
@@ -29,116 +25,28 @@ from brake_fenicsx.checks import (
     with_patch,
     with_pixels,
 )
-from brake_fenicsx.errors import BrakeError, NotConverged, SceneError
+from brake_fenicsx.errors import BrakeError, SceneError
 from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.entry import PREPARED, check_folder, enter_prepared, open_folder
-from brake_fenicsx.folder.files import whole_file
 from brake_fenicsx.folder.lock import Share
-from brake_fenicsx.folder.log import Progress, logger, start_log
-from brake_fenicsx.folder.memory import release_memory
-from brake_fenicsx.folder.processes import in_turns, on_first, peak_memory
+from brake_fenicsx.folder.log import logger, start_log
+from brake_fenicsx.folder.processes import in_turns, on_first
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.folder.termination import end_of_stage
+from brake_fenicsx.law_stage import law_recipe, micro_stage
 from brake_fenicsx.results.versions import versions
-from brake_fenicsx.scene import STAGES, Scene, read_scene
-from brake_fenicsx.scene.digest import laws_key, result_digest
+from brake_fenicsx.scene import STAGES, read_scene
+from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.scene.friction import friction_texts, listed
 from brake_fenicsx.scene.in_effect import in_effect
+from brake_fenicsx.stages import Run, note_warnings
 
 if TYPE_CHECKING:
     from brake_fenicsx.macro.brake import Brake
-    from brake_fenicsx.micro import LawLibrary, LawRecipe
-    from brake_fenicsx.micro.halfspace import Boundary
-    from brake_fenicsx.micro.settings import BulkCompliance
-    from brake_fenicsx.micro.support import LawSupport
+    from brake_fenicsx.micro import LawLibrary
     from brake_fenicsx.surface import SurfaceStatistics
     from brake_fenicsx.uncertainty.study import Study
 
-# Hardness of a hard lining, a usual pressure of braking [Pa], and the share of the force beyond
-# the first at which elastic laws are doubtful.
-SOFT, BRAKING, SOME = 400e6, 0.2e6, 0.1
 DRAWING = 4  # processes that draw figures: each reads all results
-
-
-@dataclass(slots=True)
-class Run:
-    """A run as it goes: what the stages hand on.
-
-    Attributes:
-        scene: the scene.
-        comm: processes of the run.
-        store: its results folder.
-        cache: what it shares with others.
-        seconds: time of each stage [s].
-        peak_memory_mb: peak memory of a node after each stage [MB].
-        process_memory_mb: the same of a process.
-        facts: sizes and figures for the summary.
-        prepare: whether the run ends before the samples.
-        pictures: whether figures, mode shapes and the mesh are drawn.
-    """
-
-    scene: Scene
-    comm: MPI.Comm
-    store: Store
-    cache: SharedCache
-    seconds: dict[str, float] = field(default_factory=dict)
-    peak_memory_mb: dict[str, float] = field(default_factory=dict)
-    process_memory_mb: dict[str, float] = field(default_factory=dict)
-    facts: dict[str, Any] = field(default_factory=dict)
-    prepare: bool = False
-    pictures: bool = True
-
-    @property
-    def whole(self) -> bool:
-        """Whether the run ends with tables and page."""
-        return not self.prepare and self.store.share is None
-
-    @contextmanager
-    def stage(self, name: str) -> Iterator[None]:
-        """Log and time a stage."""
-        logger.info("stage '%s' ...", name)
-        start = time.perf_counter()
-        yield
-        self.comm.Barrier()
-        self.seconds[name] = time.perf_counter() - start
-        self.process_memory_mb[name], self.peak_memory_mb[name] = peak_memory(self.comm)
-        logger.info(
-            "stage '%s' finished in %.1f s (peak memory %.0f MB)",
-            name,
-            self.seconds[name],
-            self.peak_memory_mb[name],
-        )
-        release_memory()
-        end_of_stage(self.comm)
-
-    @property
-    def page(self) -> Path | None:
-        """The page of results; None without the stage report."""
-        return self.store.path("report.html") if "report" in self.scene.stages else None
-
-    def outcome(self) -> dict[str, Any]:
-        """How the run ended, for other programs."""
-        good = {name: about["good"] for name, about in self.facts.get("samples", {}).items()}
-        return {
-            "directory": str(self.store.directory.resolve()),
-            "page": None if self.page is None else str(self.page.resolve()),
-            "good_samples": good,
-            "failed_samples": self.facts.get("failed_samples", 0),
-            "seconds": {name: round(value, 3) for name, value in self.seconds.items()},
-        }
-
-    def ending(self) -> str:
-        """How the run ended, and where to look."""
-        if not self.whole:
-            what = "prepared" if self.prepare else f"share {self.store.share} done"
-            return f"{what}; `run` without --share makes tables and page of {self.store.directory}"
-        outcome = self.outcome()
-        said = "done"
-        if failed := outcome["failed_samples"]:
-            of = failed + sum(outcome["good_samples"].values())
-            said += f", {failed} of {of} samples failed: see {self.store.path('samples.csv')}"
-        look = f"results are in {self.store.directory}"
-        return f"{said}; {look if self.page is None else f'open {self.page}'}"
 
 
 def assemble(scene: str | Path, comm: MPI.Comm, overrides: Sequence[str] = ()) -> Brake:
@@ -307,130 +215,6 @@ def surface_stage(this: Run, stats: SurfaceStatistics) -> None:
             this.store.save("surface.npz", **surface_arrays(stats, law_recipe(this.scene, stats)))
 
 
-def law_recipe(scene: Scene, stats: SurfaceStatistics) -> LawRecipe | None:
-    """What the artificial surfaces and their laws are made from; None without the stage micro."""
-    micro = scene.micro
-    if micro is None or "micro" not in scene.stages:
-        return None
-    from brake_fenicsx.micro import LawRecipe, LawSettings, plane_strain_modulus
-
-    surface = scene.surface
-    if surface is None:
-        raise SceneError(f"{scene.file}: surface: the section is missing")
-    E_star = plane_strain_modulus(micro.E, micro.nu)
-    settings = LawSettings(
-        E_star,
-        max_pressure=None if micro.max_pressure is None else micro.max_pressure * E_star,
-        steps=micro.steps,
-        boundary=cast("Boundary", micro.boundary),
-        bulk_compliance=cast("BulkCompliance", micro.bulk_compliance),
-        tolerance=micro.tolerance,
-        hardness=micro.hardness,
-    )
-    pixels, side = int(micro.pixels), float(micro.patch)
-    return LawRecipe(
-        stats.spectrum, stats.hdf, settings, (pixels, pixels), (side, side), surface.low,
-        surface.S_q,
-    )  # fmt: skip
-
-
-def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
-    """Artificial surfaces to a library of pressure-gap laws, shared by the processes."""
-    from brake_fenicsx.micro import load_laws, make_library, save_laws
-    from brake_fenicsx.micro.law_of_surface import doubts
-
-    scene, comm = this.scene, this.comm
-    micro = scene.micro
-    if micro is None:
-        raise SceneError(f"{scene.file}: micro: the section is missing")
-    path = this.store.path("laws.npz")
-    with this.stage("micro"), this.cache.shared("laws.npz", lambda: laws_key(scene), comm):
-        if not comm.bcast(path.exists(), root=0):
-            recipe, number = law_recipe(scene, stats), micro.laws
-            if recipe is None:
-                raise SceneError(f"{scene.file}: stages: 'micro' is missing")
-            first = recipe.surface(micro.seed, 0)
-            if first.record is not None:
-                r = first.record
-                logger.info(
-                    "artificial surfaces: %d x %d points; S_q %.2f um, that of the scan %.2f um;"
-                    " spectrum of the scan times %.2f; %.0f %% of the variance in longer waves",
-                    *first.shape, 1e6 * r.S_q, 1e6 * stats.S_q, r.C0_scale,
-                    100 * r.low_share,
-                )  # fmt: skip
-            what = "laws" if comm.size == 1 else "laws of the first process"
-            progress = Progress(what, len(range(comm.rank, number, comm.size)))
-            own = {}
-            for i in range(comm.rank, number, comm.size):
-                own[i] = recipe.law(micro.seed, i)
-                progress.advance()
-            steps = {i: law for part in comm.allgather(own) for i, law in part.items()}
-            notes = comm.bcast(
-                [*doubts(first), *beyond_elasticity(this, recipe)] if comm.rank == 0 else None
-            )
-            support = support_of_laws(this, recipe, stats)
-            if support is not None and (doubt := support.warning()):
-                notes.append(doubt)
-            settings = {**recipe.record(), "seed": micro.seed, "notes": notes}
-            if support is not None:
-                settings["support"] = {k: v.tolist() for k, v in asdict(support).items()}
-            library = make_library([steps[i] for i in range(number)], list(range(number)), settings)
-            if comm.rank == 0:
-                with whole_file(path) as part:
-                    save_laws(part, library)
-            comm.Barrier()
-        library = load_laws(path)
-        note_warnings(this, library.settings["notes"])
-        return library
-
-
-def support_of_laws(this: Run, recipe: LawRecipe, stats: SurfaceStatistics) -> LawSupport | None:
-    """Pixels behind the laws and their scatter over scans; None without a scan or a band."""
-    from brake_fenicsx.micro.support import PRESSURES, drawn_law, law_support
-
-    micro, comm = this.scene.micro, this.comm
-    highest = recipe.settings.highest
-    if micro is None or not (micro.scans and stats.topographies and max(PRESSURES) < highest):
-        return None
-    draws: dict[int, NDArray[np.float64]] = {}
-    for i in range(comm.rank, micro.scans, comm.size):
-        with suppress(BrakeError):  # a scan drawn anew may be too poor for a fit
-            draws[i] = drawn_law(recipe, stats, micro.seed, i)
-    every = {i: law for part in comm.allgather(draws) for i, law in part.items()}
-    if len(every) < 0.8 * micro.scans:
-        logger.warning(
-            "only %d of %d scans drawn anew gave a law: no band", len(every), micro.scans
-        )
-        return None
-    return law_support([every[i] for i in sorted(every)])
-
-
-def beyond_elasticity(this: Run, recipe: LawRecipe) -> list[str]:
-    """Whether laws carry more than linings do, or end too low, at the pressure of the brake."""
-    from brake_fenicsx.micro import force_above
-
-    pressed, area = this.facts.get("pressed_N"), this.facts.get("face_area_mm2")
-    mean = 1e6 * pressed / area if pressed and area else BRAKING
-    highest = recipe.settings.highest
-    if recipe.settings.hardness is not None:
-        if mean < highest:
-            return []
-        return [
-            f"laws end at {highest / 1e6:.3g} MPa, and the mean pressure of the contact is"
-            f" {mean / 1e6:.3g} MPa: raise micro.max_pressure or micro.hardness"
-        ]
-    try:
-        share = force_above(recipe, 0, mean, SOFT)
-    except NotConverged as error:
-        return [f"elastic laws: their highest pressures are not known: {error}"]
-    if share < SOME:
-        return []
-    return [
-        f"elastic laws: at a mean pressure of {mean / 1e6:.2g} MPa {100 * share:.0f} % of the force"
-        f" is carried at more than {SOFT / 1e6:.0f} MPa, where linings yield; name micro.hardness"
-    ]
-
-
 def brake_stage(this: Run) -> Brake:
     """Operators of the brake; the side of the mean contact element where laws are to have it."""
     from brake_fenicsx.macro.brake import assemble_brake
@@ -464,15 +248,6 @@ def brake_stage(this: Run) -> Brake:
     this.facts["friction"] = friction_texts(this.scene)
     logger.info("friction: %s", listed(this.scene))
     return brake
-
-
-def note_warnings(this: Run, lines: list[str]) -> None:
-    """Log what is most probably not meant, each once, and keep it for the page."""
-    known = this.facts.setdefault("warnings", [])
-    for text in lines:
-        if text not in known:
-            logger.warning("%s", text)
-            known.append(text)
 
 
 def note_open_points(this: Run) -> None:

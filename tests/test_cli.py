@@ -20,9 +20,9 @@ from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.log import Progress, logger, start_log
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.folder.termination import Terminated
-from brake_fenicsx.pipeline import Run
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.units import several
+from brake_fenicsx.stages import Run
 from brake_fenicsx.surface import read_topography
 from brake_fenicsx.uncertainty.ensemble import run_ensemble
 

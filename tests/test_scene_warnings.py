@@ -10,7 +10,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from brake_fenicsx.checks import read_surface, surface_warnings, warnings, with_patch, with_pixels
+from brake_fenicsx.checks import surface_warnings, warnings, with_patch, with_pixels
 from brake_fenicsx.description import describe
 from brake_fenicsx.micro import load_laws
 from brake_fenicsx.pipeline import run
@@ -20,6 +20,7 @@ from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.digest import laws_key
 from brake_fenicsx.scene.friction import friction_texts, listed
 from brake_fenicsx.scene.plausible import unusual
+from brake_fenicsx.surface.of_scene import read_surface
 from brake_fenicsx.uncertainty.sampling import draw_sample
 
 SCENES = Path(__file__).parents[1] / "scripts" / "scenes"

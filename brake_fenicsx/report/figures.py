@@ -11,6 +11,7 @@ from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.results.run import RunData, read_run
 
 from .contact_figures import draw_contact_pressure
+from .critical_figures import draw_chart, draw_critical, draw_worst
 from .cycle_figures import draw_growth, draw_loudness
 from .driver_figures import draw_driver_maps, draw_drivers
 from .error_figures import draw_errors
@@ -20,7 +21,7 @@ from .sensitivity_figures import draw_correlations, draw_sensitivity
 from .squeal_figures import draw_families, draw_squeal_map
 from .style import house_style, save
 from .surface_figures import draw_bearing_curve, draw_statistics
-from .sweep_figures import draw_branches, draw_chart, draw_critical, draw_worst
+from .sweep_figures import draw_branches
 from .topography_figures import draw_artificial, draw_topography, topography_caption
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-from brake_fenicsx.checks import check, read_surface, with_patch, with_pixels
+from brake_fenicsx.checks import check, with_patch, with_pixels
 from brake_fenicsx.costs import scaled_seconds
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
 from brake_fenicsx.folder.log import logger
@@ -23,6 +23,7 @@ from brake_fenicsx.results.run import read_run
 from brake_fenicsx.results.tables import write_rows
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.scene.digest import laws_key
+from brake_fenicsx.surface.of_scene import read_surface
 from brake_fenicsx.uncertainty.sampling import sample_count
 
 from .budget_page import sentence, write_budget_page

@@ -24,10 +24,9 @@ from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.brake import check_brake
 from brake_fenicsx.model import Model, prepare
-from brake_fenicsx.report.blocks import Table, Text
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.results.statistics import Proportion, wilson
-from brake_fenicsx.results.tables import Value, text_table, write_rows
+from brake_fenicsx.results.tables import Value
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.countermeasures import Countermeasure
 from brake_fenicsx.scene.digest import result_digest
@@ -37,27 +36,14 @@ from brake_fenicsx.scene.units import quantity_text
 from brake_fenicsx.uncertainty.inputs import law_material, scaled_interfaces
 
 from .comparison import compare_runs, write_comparison
-from .page import Row, ShareChange, page_of_changes, picture_of, with_interval
+from .countermeasures_page import COLUMNS, write_countermeasures
 from .runs import Runs
 from .trial import MOST, Change, Trial, Worst, enough, smallest_change, worst_family
 
 # Values tried from the scene's one outward, and accuracy of the smallest change relative to the
 # whole range: on one prepared brake, and where each value needs a brake of its own.
 ONE_BRAKE, MANY_BRAKES = (8, 0.01), (3, 0.1)
-
 OUTCOMES = "outcomes.json"
-COLUMNS = (
-    "rank", "key", "value_scene", "value_to", "unit", "first_order", "smallest_value",
-    "share_before", "share_after", "share_after_low", "share_after_high", "any_before",
-    "any_after", "verified", "note",
-)  # fmt: skip
-HEADS = (
-    "rank", "key of the scene", "value now", "acceptable limit",
-    "change of damping up to the limit, first order", "smallest sufficient value",
-    "worst family: samples that squeal now", "after the change (95 % interval)",
-    "any family: now", "after the change", "verified by a run", "note",
-)  # fmt: skip
-
 T = TypeVar("T")
 
 
@@ -293,86 +279,3 @@ def _compared(before: Path, after: Path, worst: Worst) -> tuple[Proportion, Prop
     n = int(mine[0]["samples_b"] or 0)
     own, loud = (wilson(round(float(r["probability_b"] or 0) * n), n) for r in (same, mine[0]))
     return own, loud
-
-
-def write_countermeasures(folder: Path, worst: Worst, rows: Sequence[Row]) -> Path:
-    """Write countermeasures.csv and countermeasures.html.
-
-    Args:
-        folder: where they are written.
-        worst: the family that is to be stopped.
-        rows: with the columns COLUMNS, SI.
-
-    Returns:
-        The page.
-    """
-    write_rows(folder / "countermeasures.csv", COLUMNS, rows)
-    family, lines = worst.count, [line for row in rows for line in _lines(row)]
-    text = (
-        "Share of samples that squeal now and after each change, with its 95 % interval. Dotted:"
-        f" {100 * MOST:.0f} %."
-    )
-    return page_of_changes(
-        folder / "countermeasures.html", "Countermeasures",
-        [f"Worst family: {family.kilohertz} kHz, squeals in {family.share.hits} of"
-         f" {family.share.n} samples of {family.approach}."],
-        picture_of(lines, ("now", "after the change"), text, limit=MOST),
-        [
-            Text(
-                "For each number of the scene the smallest change after which the worst family"
-                f" squeals in at most {100 * MOST:.0f} % of the samples, ranked by first-order"
-                " effect. Verified: a whole run with the change has been compared with that of the"
-                " scene."
-            ),
-            Table(HEADS, list(map(_shown, rows))),
-        ],
-        [
-            (f"after-{row['rank']}/compare.html",
-             f"{row['rank']}: {row['key']}: the scene before and after")
-            for row in rows if row["any_after"] is not None
-        ],
-    )  # fmt: skip
-
-
-def countermeasures_text(rows: Sequence[Row]) -> str:
-    """The table for the terminal.
-
-    Args:
-        rows: of countermeasures.csv.
-    """
-    return text_table(HEADS, [_shown(row) for row in rows])
-
-
-def _shown(row: Row) -> list[Value]:
-    first = row["first_order"]
-    now, any_now, any_after = (
-        "-" if row[name] is None else f"{100 * float(row[name] or 0):.0f} %"
-        for name in ("share_before", "any_before", "any_after")
-    )
-    return [
-        row["rank"], row["key"], _quantity(row, "value_scene"), _quantity(row, "value_to"),
-        "-" if first is None else f"{float(first):+.3g}", _quantity(row, "smallest_value"), now,
-        with_interval(row, "share_after"), any_now, any_after, row["verified"], row["note"] or "",
-    ]  # fmt: skip
-
-
-def _quantity(row: Row, name: str) -> str:
-    """A value of a row with its unit, in as many digits as the search has."""
-    value = row[name]
-    return "none" if value is None else quantity_text(float(f"{value:.4g}"), str(row["unit"] or ""))
-
-
-def _lines(row: Row) -> list[ShareChange]:
-    """The worst family, and any family where a run tells."""
-    enough = row["smallest_value"] is not None
-    reached = _quantity(row, "smallest_value" if enough else "value_to")
-    change = f"{_quantity(row, 'value_scene')} to {reached}{'' if enough else ' (not sufficient)'}"
-    before, after, low, high, any_before, any_after = (
-        None if row[name] is None else float(row[name] or 0)
-        for name in (*COLUMNS[7:11], "any_before", "any_after")
-    )
-    ends = None if low is None or high is None else (low, high)
-    lines = [ShareChange(f"{row['key']}\n{change}", before or 0.0, after, ends)]
-    if any_after is not None:
-        lines.append(ShareChange("any family", any_before or 0.0, any_after))
-    return lines

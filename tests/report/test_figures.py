@@ -202,11 +202,11 @@ def test_statistics_without_spectrum_show_heights_only(run_directory, tmp_path):
 @pytest.mark.parametrize("stages", [["surface"], ["surface", "micro"]])
 def test_surface_known_by_its_numbers_alone(stages, tmp_path, without_pixels):
     """Its report ended in an error once: there are no heights to draw, and no residual."""
-    from brake_fenicsx.checks import read_surface
-    from brake_fenicsx.pipeline import law_recipe
+    from brake_fenicsx.law_stage import law_recipe
     from brake_fenicsx.report import html
     from brake_fenicsx.report.inputs import surface_arrays
     from brake_fenicsx.scene import read_scene
+    from brake_fenicsx.surface.of_scene import read_surface
 
     scene = tmp_path / "numbers.toml"
     scene.write_text(

@@ -1,0 +1,152 @@
+"""From artificial surfaces to the library of pressure-gap laws."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import asdict
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from brake_fenicsx.errors import BrakeError, NotConverged, SceneError
+from brake_fenicsx.folder.files import whole_file
+from brake_fenicsx.folder.log import Progress, logger
+from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.digest import laws_key
+from brake_fenicsx.stages import Run, note_warnings
+
+if TYPE_CHECKING:
+    from brake_fenicsx.micro import LawLibrary, LawRecipe
+    from brake_fenicsx.micro.halfspace import Boundary
+    from brake_fenicsx.micro.settings import BulkCompliance
+    from brake_fenicsx.micro.support import LawSupport
+    from brake_fenicsx.surface import SurfaceStatistics
+
+# Hardness of a hard lining, a usual pressure of braking [Pa], and the share of the force beyond
+# the first at which elastic laws are doubtful.
+SOFT, BRAKING, SOME = 400e6, 0.2e6, 0.1
+
+
+def law_recipe(scene: Scene, stats: SurfaceStatistics) -> LawRecipe | None:
+    """What the artificial surfaces and their laws are made from; None without the stage micro."""
+    micro = scene.micro
+    if micro is None or "micro" not in scene.stages:
+        return None
+    from brake_fenicsx.micro import LawRecipe, LawSettings, plane_strain_modulus
+
+    surface = scene.surface
+    if surface is None:
+        raise SceneError(f"{scene.file}: surface: the section is missing")
+    E_star = plane_strain_modulus(micro.E, micro.nu)
+    settings = LawSettings(
+        E_star,
+        max_pressure=None if micro.max_pressure is None else micro.max_pressure * E_star,
+        steps=micro.steps,
+        boundary=cast("Boundary", micro.boundary),
+        bulk_compliance=cast("BulkCompliance", micro.bulk_compliance),
+        tolerance=micro.tolerance,
+        hardness=micro.hardness,
+    )
+    pixels, side = int(micro.pixels), float(micro.patch)
+    return LawRecipe(
+        stats.spectrum, stats.hdf, settings, (pixels, pixels), (side, side), surface.low,
+        surface.S_q,
+    )  # fmt: skip
+
+
+def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
+    """Artificial surfaces to a library of pressure-gap laws, shared by the processes."""
+    from brake_fenicsx.micro import load_laws, make_library, save_laws
+    from brake_fenicsx.micro.law_of_surface import doubts
+
+    scene, comm = this.scene, this.comm
+    micro = scene.micro
+    if micro is None:
+        raise SceneError(f"{scene.file}: micro: the section is missing")
+    path = this.store.path("laws.npz")
+    with this.stage("micro"), this.cache.shared("laws.npz", lambda: laws_key(scene), comm):
+        if not comm.bcast(path.exists(), root=0):
+            recipe, number = law_recipe(scene, stats), micro.laws
+            if recipe is None:
+                raise SceneError(f"{scene.file}: stages: 'micro' is missing")
+            first = recipe.surface(micro.seed, 0)
+            if first.record is not None:
+                r = first.record
+                logger.info(
+                    "artificial surfaces: %d x %d points; S_q %.2f um, that of the scan %.2f um;"
+                    " spectrum of the scan times %.2f; %.0f %% of the variance in longer waves",
+                    *first.shape, 1e6 * r.S_q, 1e6 * stats.S_q, r.C0_scale,
+                    100 * r.low_share,
+                )  # fmt: skip
+            what = "laws" if comm.size == 1 else "laws of the first process"
+            progress = Progress(what, len(range(comm.rank, number, comm.size)))
+            own = {}
+            for i in range(comm.rank, number, comm.size):
+                own[i] = recipe.law(micro.seed, i)
+                progress.advance()
+            steps = {i: law for part in comm.allgather(own) for i, law in part.items()}
+            notes = comm.bcast(
+                [*doubts(first), *beyond_elasticity(this, recipe)] if comm.rank == 0 else None
+            )
+            support = support_of_laws(this, recipe, stats)
+            if support is not None and (doubt := support.warning()):
+                notes.append(doubt)
+            settings = {**recipe.record(), "seed": micro.seed, "notes": notes}
+            if support is not None:
+                settings["support"] = {k: v.tolist() for k, v in asdict(support).items()}
+            library = make_library([steps[i] for i in range(number)], list(range(number)), settings)
+            if comm.rank == 0:
+                with whole_file(path) as part:
+                    save_laws(part, library)
+            comm.Barrier()
+        library = load_laws(path)
+        note_warnings(this, library.settings["notes"])
+        return library
+
+
+def support_of_laws(this: Run, recipe: LawRecipe, stats: SurfaceStatistics) -> LawSupport | None:
+    """Pixels behind the laws and their scatter over scans; None without a scan or a band."""
+    from brake_fenicsx.micro.support import PRESSURES, drawn_law, law_support
+
+    micro, comm = this.scene.micro, this.comm
+    highest = recipe.settings.highest
+    if micro is None or not (micro.scans and stats.topographies and max(PRESSURES) < highest):
+        return None
+    draws: dict[int, NDArray[np.float64]] = {}
+    for i in range(comm.rank, micro.scans, comm.size):
+        with suppress(BrakeError):  # a scan drawn anew may be too poor for a fit
+            draws[i] = drawn_law(recipe, stats, micro.seed, i)
+    every = {i: law for part in comm.allgather(draws) for i, law in part.items()}
+    if len(every) < 0.8 * micro.scans:
+        logger.warning(
+            "only %d of %d scans drawn anew gave a law: no band", len(every), micro.scans
+        )
+        return None
+    return law_support([every[i] for i in sorted(every)])
+
+
+def beyond_elasticity(this: Run, recipe: LawRecipe) -> list[str]:
+    """Whether laws carry more than linings do, or end too low, at the pressure of the brake."""
+    from brake_fenicsx.micro import force_above
+
+    pressed, area = this.facts.get("pressed_N"), this.facts.get("face_area_mm2")
+    mean = 1e6 * pressed / area if pressed and area else BRAKING
+    highest = recipe.settings.highest
+    if recipe.settings.hardness is not None:
+        if mean < highest:
+            return []
+        return [
+            f"laws end at {highest / 1e6:.3g} MPa, and the mean pressure of the contact is"
+            f" {mean / 1e6:.3g} MPa: raise micro.max_pressure or micro.hardness"
+        ]
+    try:
+        share = force_above(recipe, 0, mean, SOFT)
+    except NotConverged as error:
+        return [f"elastic laws: their highest pressures are not known: {error}"]
+    if share < SOME:
+        return []
+    return [
+        f"elastic laws: at a mean pressure of {mean / 1e6:.2g} MPa {100 * share:.0f} % of the force"
+        f" is carried at more than {SOFT / 1e6:.0f} MPa, where linings yield; name micro.hardness"
+    ]
