@@ -21,8 +21,8 @@ from .mesh import (
     tagged_mesh,
 )
 from .meshing.gmsh_mesh import gmsh_session
-from .meshing.groups import mesh_of_file
 from .meshing.rawmesh import RawMesh, joined
+from .morphing import file_mesh
 from .superelement import set_names
 
 
@@ -63,7 +63,7 @@ def scene_raw_mesh(scene: Scene) -> RawMesh:
     built = scene_parts(scene)
     if scene.mesh.file is None:
         return raw_mesh(built, scene.mesh)
-    read = mesh_of_file(scene.file.parent, scene.mesh, file_parts(scene))
+    read, _ = file_mesh(scene, file_parts(scene))
     if not built:
         return read
     made = raw_mesh(built, scene.mesh)
@@ -94,7 +94,7 @@ def check_mesh(scene: Scene, faces: Mapping[str, str], comm: MPI.Comm) -> list[s
     def checked() -> list[str]:
         layers, known = known_names(scene_parts(scene), scene.mesh)
         if scene.mesh.file is not None:
-            mesh = mesh_of_file(scene.file.parent, scene.mesh, file_parts(scene))
+            mesh, _ = file_mesh(scene, file_parts(scene))
             check_cells(mesh, scene.mesh)
             layers, known = [*layers, *mesh.layers], [*known, *mesh.faces]
         check_faces(faces, [*known, *set_names(scene)])

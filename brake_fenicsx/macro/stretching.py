@@ -11,7 +11,8 @@ What lies on a stretched layer is shifted along z, which changes neither.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
@@ -44,32 +45,58 @@ def stretched(mesh: Mesh, factor: float) -> Iterator[None]:
         x[:, 2] = z
 
 
-def powers_of_stretch(
-    mesh: Mesh, assemble: Callable[[], sp.csr_matrix]
-) -> dict[int, sp.csr_matrix]:
-    """The matrices A, B and D of the stiffness of a stretched body.
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """The thickness of layers.
 
-    Args:
-        mesh: the tagged mesh.
-        assemble: assembles the stiffness on the mesh as it is then, with one pattern always.
-
-    Returns:
-        Power of the stretch (1, 0, -1) -> matrix [N/m]; those that are zero are left out.
+    Attributes:
+        layers: "part.layer".
+        usual: the thickness in the scene [m].
     """
-    K = []
-    for factor in (1.0, 2.0, 0.5):
-        with stretched(mesh, factor):
-            K.append(assemble())
-    longer, shorter = K[1] - K[0], K[2] - K[0]
-    D = (4 / 3) * (0.5 * longer + shorter)
-    A = longer + 0.5 * D
-    found = {1: A, 0: K[0] - A - D, -1: D}
-    size = max(abs(matrix).max() for matrix in found.values())
-    return {
-        power: matrix.tocsr()
-        for power, matrix in found.items()
-        if abs(matrix).max() > ROUND_OFF * size
-    }
+
+    layers: tuple[str, ...]
+    usual: float
+
+    def applied(self, mesh: Mesh, length: float) -> AbstractContextManager[None]:
+        """The mesh with layers of another thickness, and all else that is not looked at."""
+        return stretched(mesh, length / self.usual)
+
+    def factor(self, power: int, length: float, inertia: bool) -> float:
+        """Power of the stretch, of either."""
+        return float((length / self.usual) ** power)
+
+    def inertia(
+        self, mesh: Mesh, assemble: Callable[[], sp.csr_matrix]
+    ) -> dict[int, sp.csr_matrix]:
+        """Power of the stretch -> mass or gyroscopic term."""
+        return {1: assemble()}
+
+    def stiffness(
+        self, mesh: Mesh, assemble: Callable[[], sp.csr_matrix]
+    ) -> dict[int, sp.csr_matrix]:
+        """The matrices A, B and D of the stiffness.
+
+        Args:
+            mesh: the tagged mesh.
+            assemble: assembles the stiffness on the mesh as it is then, with one pattern always.
+
+        Returns:
+            Power of the stretch (1, 0, -1) -> matrix [N/m]; those that are zero are left out.
+        """
+        K = []
+        for factor in (1.0, 2.0, 0.5):
+            with stretched(mesh, factor):
+                K.append(assemble())
+        longer, shorter = K[1] - K[0], K[2] - K[0]
+        D = (4 / 3) * (0.5 * longer + shorter)
+        A = longer + 0.5 * D
+        found = {1: A, 0: K[0] - A - D, -1: D}
+        size = max(abs(matrix).max() for matrix in found.values())
+        return {
+            power: matrix.tocsr()
+            for power, matrix in found.items()
+            if abs(matrix).max() > ROUND_OFF * size
+        }
 
 
 def check_layer(mesh: Mesh, layer: str, thickness: float | None, faces: Mapping[str, str]) -> None:

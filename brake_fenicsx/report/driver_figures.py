@@ -34,7 +34,7 @@ MOST = 4  # families of an approach, the most severe first
 SIGNED = "RdBu_r"
 COLOURS = {
     "friction": VERMILION, "load": PURPLE, "contact stiffness": SKY, "stiffness": BLUE,
-    "mass": GREEN, "thickness": BLACK, "loss factor": ORANGE,
+    "mass": GREEN, "length": BLACK, "loss factor": ORANGE,
 }  # fmt: skip
 # What each bar changes: friction coefficient by 0.01, loss factor by 0.001, all others by 1 %.
 STEPS = {"loss factor": 1e-3}

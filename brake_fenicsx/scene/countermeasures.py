@@ -117,6 +117,10 @@ def _number(scene: Scene, name: str, where: str) -> tuple[float, str]:
     parts = key_parts(name)
     holder: Any = None
     match parts:
+        case ["parts", part, "morph", which, _] if which in getattr(
+            scene.parts.get(part), "morph", {}
+        ):
+            holder = scene.parts[part].morph[which]
         case ["parts", part, last] if part in scene.parts and not last.endswith("size"):
             holder = scene.parts[part] if last == "axis" else scene.parts[part].parameters
         case ["materials", table, _] | ["loads", table, "pressure"] | ["masses", table, "mass"] if (

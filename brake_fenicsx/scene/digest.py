@@ -94,6 +94,7 @@ def file_digests(scene: Scene) -> dict[str, str]:
         for f in fields(part.matrices) if part.matrices else ():
             if isinstance(value := getattr(part.matrices, f.name), str):
                 files[f"parts.{name}.matrices.{f.name}"] = value
+        files |= {f"parts.{name}.morph.{n}": m.displaced for n, m in part.morph.items()}
     paths = {key: scene.path(file) for key, file in files.items() if file is not None}
     return {
         key: hashlib.sha256(path.read_bytes()).hexdigest()

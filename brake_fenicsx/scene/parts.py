@@ -9,10 +9,10 @@ from typing import Annotated, Any, Literal, Union
 
 from pydantic import BeforeValidator, Discriminator, Tag
 
-from brake_fenicsx.scene.tables import KeyMistake, key, table_type
+from brake_fenicsx.scene.tables import KeyMistake, key, table_type, two_names
 
-# What the thickness of a layer of the mesh file is called in a part.
-FILE_LAYER = "layers."
+# What a thickness and a displaced mesh of a part of the mesh file are called in it.
+FILE_LAYER, MORPH = "layers.", "morph."
 BUILDERS = {
     "disc": "Disc", "pad": "Pad", "block": "Block", "hertz_sphere": "Sphere", "hertz_base": "Base",
     "hertz_cylinder": "Cylinder", "hertz_slab": "Plate",
@@ -58,6 +58,30 @@ class MatricesKeys:
 
 
 @dataclass(frozen=True, slots=True)
+class Morph:
+    """[parts.NAME.morph.LENGTH]: a length that a displaced mesh defines.
+
+    Attributes:
+        displaced: mesh file with the nodes and elements of ``mesh.file``, some nodes of this part
+            at other places.
+        ends: the length in ``mesh.file`` and in ``displaced``; between and beyond, nodes move in
+            proportion ([studies.md](studies.md#displaced-meshes)).
+        value: the length in this scene; the first of ``ends`` if not given.
+    """
+
+    displaced: str
+    ends: tuple[float, ...] = key(
+        "m", rule=(two_names, "write two lengths, that in mesh.file and that in the displaced mesh")
+    )
+    value: float | None = key("m", default=None)
+
+    @property
+    def length(self) -> float:
+        """Its value in the scene [m]."""
+        return self.ends[0] if self.value is None else self.value
+
+
+@dataclass(frozen=True, slots=True)
 class Part:
     """[parts.NAME]: a builder with its parameters, or none if it comes from the mesh file.
 
@@ -68,6 +92,7 @@ class Part:
         axis: angle of the part's axis 1 from x about z [rad]; a material's own axis adds to it.
         matrices: the files that hold it, in place of builder and material.
         layers: thickness of layers of the mesh file along z [m].
+        morph: lengths that move nodes of the mesh file.
     """
 
     builder: str | None
@@ -76,6 +101,7 @@ class Part:
     axis: float = 0.0
     matrices: Matrices | None = None
     layers: dict[str, float] = field(default_factory=dict)
+    morph: dict[str, Morph] = field(default_factory=dict)
 
     @property
     def materials(self) -> tuple[str, ...]:
@@ -109,9 +135,11 @@ class FileKeys:
     Attributes:
         layers: thickness of its layers along z, as meshed: flat layers named here may take other
             thicknesses in samples ([studies.md](studies.md#thicknesses)).
+        morph: lengths that a second mesh file defines, by any name.
     """
 
     layers: dict[str, float] = field(default_factory=dict, metadata={"unit": "m"})
+    morph: dict[str, Morph] = field(default_factory=dict)
 
 
 def builder_class(name: str) -> Any:
@@ -119,17 +147,25 @@ def builder_class(name: str) -> Any:
     return getattr(importlib.import_module(f"brake_fenicsx.geometry.{name}"), BUILDERS[name])
 
 
-def thickness_key(name: str) -> tuple[str, str]:
-    """Part and key of "parts.PART.lining" or "parts.PART.layers.LAYER"."""
+def length_key(name: str) -> tuple[str, str]:
+    """Part and key: of "parts.PART.lining", "parts.PART.layers.LAYER" or "....morph.NAME.value"."""
     _, part, last = name.split(".", 2)
     return part, last
 
 
-def thickness_in_scene(part: Part, name: str) -> float:
-    """Thickness [m] that a part has in the scene; arguments as below."""
+def length_in_scene(part: Part, name: str) -> float:
+    """Length [m] that a part has in the scene; arguments as below."""
+    if morph := morph_of(part, name):
+        return morph.length
     if part.builder is None:
         return part.layers[name.removeprefix(FILE_LAYER)]
     return float(getattr(part.parameters, name))
+
+
+def morph_of(part: Part, name: str) -> Morph | None:
+    """What "morph.NAME.value" of a part is about; None for other keys."""
+    kind, _, rest = name.partition(".")
+    return part.morph.get(rest.removesuffix(".value")) if f"{kind}." == MORPH else None
 
 
 def layers_of_thickness(part: Part, name: str) -> tuple[str, ...]:
@@ -164,10 +200,10 @@ def _part(
     cls: Any, material: Any, builder: str | None = None, axis: Any = None, **keys: Any
 ) -> Part:
     """A part from what its table holds."""
-    layers = {} if cls else keys.pop("layers", {})
+    inside = {} if cls else {name: keys.pop(name, {}) for name in ("layers", "morph")}
     parameters = cls(**keys) if cls else None
     axis = getattr(parameters, "axis", 0.0) if axis is None else axis
-    return Part(builder, parameters, material, axis, layers=layers)
+    return Part(builder, parameters, material, axis, **inside)
 
 
 def _checked_builder(table: Any) -> Any:

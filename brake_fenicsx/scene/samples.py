@@ -13,6 +13,7 @@ scalar's unit:
     parts.NAME.lining, .plate, .shim            thickness of the layers of a pad
     parts.NAME.thickness, parts.NAME.height     of a plain disc, of a block
     parts.NAME.layers.LAYER                     of a layer of the mesh file
+    parts.NAME.morph.LENGTH.value               that moves nodes of the mesh file
     stability.damping.rayleigh.alpha, .beta
     motion.speed                                rad/s or m/s, as the scene's motion says
     samples.classical.penalty                   in approaches of perfect contact
@@ -47,7 +48,7 @@ SCALARS = (
     (r"materials\..+\.(loss|nu|nu_\d\d)", ""),
     (r"materials\..+\.(E|E_\d|G_\d\d|C\d\d)", "Pa"),
     (r"motion\.speed", "rad/s or m/s"),
-    (r"parts\..+\.(lining|plate|shim|thickness|height|layers\.\w+)", "m"),
+    (r"parts\..+\.(lining|plate|shim|thickness|height|layers\.\w+|morph\.\w+\.value)", "m"),
     (r"samples\.classical\.penalty", "Pa/m"),
     (r"stability\.damping\.rayleigh\.alpha", "1/s"),
     (r"stability\.damping\.rayleigh\.beta", "s"),
@@ -215,7 +216,7 @@ def unit_of(name: str) -> str:
         raise KeyMistake(
             "of the parts only thicknesses of layers may vary from sample to sample (lining, plate"
             " and shim of a pad, thickness of a disc, height of a block, layers.LAYER of a mesh"
-            " file); run the scene once for"
+            " file) and morph.LENGTH.value of a displaced mesh; run the scene once for"
             f" each value, with --set {name}=VALUE", name,
         )  # fmt: skip
     raise KeyMistake(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.damping import active_terms, turning_parts, used_materials
 from brake_fenicsx.scene.friction import PERFECT, one_friction, slides
-from brake_fenicsx.scene.parts import layers_of_thickness, thickness_key
+from brake_fenicsx.scene.parts import MORPH, layers_of_thickness, length_key, morph_of
 from brake_fenicsx.scene.samples import ENGINEERING, SCALARS, is_constant, split_key, unit_of
 from brake_fenicsx.scene.units import to_si
 
@@ -28,8 +28,8 @@ def changes_bodies(scene: Scene, name: str) -> bool:
     return split_key(name)[0] in ("materials", "parts", "stability")
 
 
-def is_thickness(name: str) -> bool:
-    """Whether a scalar, by its dotted key, is the thickness of layers of a part."""
+def is_length(name: str) -> bool:
+    """Whether a scalar, by its dotted key, is a length of a part."""
     return split_key(name)[0] == "parts"
 
 
@@ -37,7 +37,7 @@ def may_vary(scene: Scene, name: str) -> bool:
     """Whether samples of one brake may have several values of a key of the scene."""
     if not any(re.fullmatch(pattern, name) for pattern, _ in SCALARS):
         return False
-    return not is_thickness(name) or not any(_no_thickness(scene, *thickness_key(name)))
+    return not is_length(name) or not any(_no_length(scene, *length_key(name)))
 
 
 def si_unit(scene: Scene, name: str) -> str:
@@ -66,7 +66,7 @@ def _absent(s: Scene, name: str) -> Iterator[str]:
     """Why a scalar is no number of the scene."""
     section, table, last = split_key(name)
     if section == "parts":
-        table, last = thickness_key(name)
+        table, last = length_key(name)
     tables = getattr(s, section)
     if tables is None:
         yield f"there is no section [{section}]; write it"
@@ -77,7 +77,7 @@ def _absent(s: Scene, name: str) -> Iterator[str]:
     elif is_constant(name):
         yield from _no_constant(tables[table], last)
     elif section == "parts":
-        yield from _no_thickness(s, table, last)
+        yield from _no_length(s, table, last)
     elif getattr(tables[table], last) is None:
         yield f"the scene has no {name}; write its own value there"
     elif not isinstance(getattr(tables[table], last), float | int):
@@ -97,16 +97,19 @@ def _no_constant(material: MaterialTable, constant: str) -> Iterator[str]:
         yield f"use one of {', '.join(ENGINEERING)}"
 
 
-def _no_thickness(s: Scene, part: str, name: str) -> Iterator[str]:
-    """Why a length is no thickness that may vary."""
-    if not layers_of_thickness(s.parts[part], name):
+def _no_length(s: Scene, part: str, name: str) -> Iterator[str]:
+    """Why a length is none that may vary."""
+    morph = morph_of(s.parts[part], name)
+    if name.startswith(MORPH) and morph is None:
+        yield f"there is no such table; there are {', '.join(s.parts[part].morph) or 'none'}"
+    elif morph is None and not layers_of_thickness(s.parts[part], name):
         yield (
             "is no thickness of a layer of this part; run the scene once for each value, with"
             f" --set parts.{part}.{name}=VALUE"
         )
     if s.damping and s.damping.modal:
-        yield "stability.damping.modal is of bodies of one thickness; name rayleigh or loss instead"
-    if part in turning_parts(s) and s.motion and any(s.motion.turns_about[:2]):
+        yield "stability.damping.modal is of bodies of one shape; name rayleigh or loss instead"
+    if morph is None and part in turning_parts(s) and s.motion and any(s.motion.turns_about[:2]):
         yield "stability.damping.gyroscopic needs the axis z beside it; leave one of the two out"
 
 

@@ -1,18 +1,18 @@
-"""Bodies that change from sample to sample: random and swept materials, thicknesses and damping.
+"""Bodies that change from sample to sample: random and swept materials, lengths and damping.
 
 The stiffness is linear in the C_ij of every material, the damping in its scalars, and both are sums
-of a few powers of the thickness of a layer (``macro.stretching``): the matrices are assembled once,
-and a sample's are sums of them. The scalars of nearly all samples lie in a box that their
-distributions and the values of a sweep span; the reduced model is interpolated over it.
+of a few functions of a length (``macro.stretching``, ``macro.morphing``): the matrices are
+assembled once, and a sample's are sums of them. The scalars of nearly all samples lie in a box that
+their distributions and the values of a sweep span; the reduced model is interpolated over it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import scipy.linalg as la
@@ -35,13 +35,15 @@ from brake_fenicsx.macro.material_table import (
     varied_stiffness,
 )
 from brake_fenicsx.macro.mesh import Mesh
-from brake_fenicsx.macro.stretching import check_layer, powers_of_stretch
+from brake_fenicsx.macro.morphing import Moving, moving
+from brake_fenicsx.macro.parts import file_parts
+from brake_fenicsx.macro.stretching import Stretch, check_layer
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.damping import turning_parts
 from brake_fenicsx.scene.faces import faces_by_area
-from brake_fenicsx.scene.parts import FILE_LAYER, layers_of_thickness, thickness_key
+from brake_fenicsx.scene.parts import FILE_LAYER, MORPH, layers_of_thickness, length_key
 from brake_fenicsx.scene.samples import is_constant, split_key
-from brake_fenicsx.scene.scalars import changes_bodies, is_thickness
+from brake_fenicsx.scene.scalars import changes_bodies, is_length
 from brake_fenicsx.scene.sweep import Range
 
 from .designs import quantile
@@ -58,6 +60,9 @@ VOIGT = {name: (int(name[1]) - 1, int(name[2]) - 1) for name in STIFFNESSES["ort
 
 TURNING = "turning"
 
+Shape = Stretch | Moving
+Split = Callable[[Mesh, Callable[[], sp.csr_matrix]], dict[int, sp.csr_matrix]]
+
 # Probability of a constant beyond either end of the box, and how far from its centre, in half
 # widths, a sample may lie and still be taken.
 TAIL, BEYOND = 1e-3, 1.1
@@ -68,7 +73,7 @@ class Box:
 
     Moduli E enter as E^-1/2, between the bending of layers, which goes with 1/E, and the
     indentation of a transversely isotropic half-space, which goes with the root of a product of
-    moduli: one degree less than with 1/E reaches the same error, two less than with E. Thicknesses
+    moduli: one degree less than with 1/E reaches the same error, two less than with E. Lengths
     h enter as ln h, between compression, which goes with h, and bending, with h^-3: on a block over
     a factor of two the largest error is 9e-5 so, 2.5e-3 with h, 1.1e-3 with 1/h.
     """
@@ -98,6 +103,13 @@ class Box:
         """Whether a sample lies in the box or hardly beyond it."""
         return bool(np.all(np.abs(self.point(drawn)) <= BEYOND))
 
+    def span(self, name: str) -> tuple[float, float]:
+        """Lowest and highest value of a scalar that samples are taken with, the scene's too."""
+        i, usual = self.names.index(name), nominal_value(self._scene, name)
+        beyond = 0.5 * (BEYOND - 1) * (self.high[i] - self.low[i])
+        ends = [_unscaled(name, v) for v in (self.low[i] - beyond, self.high[i] + beyond)]
+        return min(*ends, usual), max(*ends, usual)
+
     def values(self, x: Array) -> dict[str, float]:
         """The scalars at a point of the box, SI."""
         scaled = 0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * x
@@ -121,7 +133,7 @@ def _spanning(scene: Scene, name: str) -> list[float]:
         values += map(float, quantile(law, [TAIL, 1 - TAIL], nominal))
     if scene.sweep is not None:
         values += [nominal, *scene.sweep.parameters.get(name, Range()).points]
-    if is_thickness(name) and not min(values) > 0:
+    if is_length(name) and not min(values) > 0:
         raise SceneError(
             f'samples.random."{name}": the law reaches {min(values):.3g} m with a probability of'
             f" {TAIL:g}; write a positive min, or a smaller sd"
@@ -131,14 +143,14 @@ def _spanning(scene: Scene, name: str) -> list[float]:
 
 def _scaled(name: str, value: float) -> float:
     """E^-1/2 of a modulus, the logarithm of a thickness, any other constant itself."""
-    if is_thickness(name):
+    if is_length(name):
         return float(np.log(value))
     return value**-0.5 if _is_modulus(name) and value > 0 else value
 
 
 def _unscaled(name: str, value: float) -> float:
     """The constant of a scaled value."""
-    if is_thickness(name):
+    if is_length(name):
         return float(np.exp(value))
     return value**-2.0 if _is_modulus(name) and value > 0 else value
 
@@ -156,13 +168,13 @@ class Term(NamedTuple):
         material: the material.
         constant: C_ij of which it is a unit change; "" for its stiffness in the scene, "rho" for
             its mass, "turning" for its gyroscopic term.
-        layer: "part.layer" whose thickness it follows; "" for the other layers of the material.
-        power: of the stretch of that layer.
+        length: scalar that the layers follow; "" for the other layers of the material.
+        power: number of the function of that length.
     """
 
     material: str
     constant: str
-    layer: str = ""
+    length: str = ""
     power: int = 0
 
 
@@ -177,6 +189,7 @@ class ChangingBodies:
         changes: term -> stiffness [N/m], of a C_ij [N/m per Pa], mass [kg], or gyroscopic term
             [N s/m].
         slopes: scalar that the damping alone depends on -> its unit change [N s/m].
+        shapes: length, by its dotted key -> what it does.
     """
 
     scene: Scene
@@ -184,6 +197,7 @@ class ChangingBodies:
     nominal: dict[str, Array]
     changes: dict[Term, sp.csr_matrix]
     slopes: dict[str, sp.csr_matrix]
+    shapes: dict[str, Shape]
 
     @property
     def matrices(self) -> list[sp.csr_matrix]:
@@ -195,12 +209,26 @@ class ChangingBodies:
         """What the reduced model interpolates over."""
         from brake_fenicsx.stability.substructures import Parameters
 
-        shapes = tuple(i for i, name in enumerate(self.box.names) if is_thickness(name))
+        shapes = tuple(i for i, name in enumerate(self.box.names) if is_length(name))
         return Parameters(len(self.box.names), self.coefficients, self.softening(), shapes)
 
     def changed_by(self, values: Mapping[str, float]) -> bool:
         """Whether stiffness or mass of the bodies depend on one of some scalars."""
-        return any(is_constant(n) or is_thickness(n) for n in values if n in self.box.names)
+        return any(is_constant(n) or is_length(n) for n in values if n in self.box.names)
+
+    def check_range(self, values: Mapping[str, float]) -> None:
+        """Refuse lengths that the matrices do not reach.
+
+        Raises:
+            SceneError: the length, its value and the range.
+        """
+        for name, shape in self.shapes.items():
+            low, high = getattr(shape, "ends", (0.0, np.inf))
+            if not low <= values.get(name, shape.usual) <= high:
+                raise SceneError(
+                    f"{name} = {values[name]:g} m: lies beyond the range that was prepared,"
+                    f" {low:.4g} to {high:.4g} m; widen that, or write min and max of the law"
+                )
 
     def coefficients(self, x: Array) -> Array:
         """Coefficients of the matrices at a point of the box; see ``coefficients_of``."""
@@ -213,14 +241,17 @@ class ChangingBodies:
             values: scalars that differ from the scene, by dotted key, SI.
         """
         C = {**self.nominal, **changed_materials(self.scene, values)}
-        stretch, out = stretches(self.scene, values), np.zeros((3, len(self.matrices)))
-        shares = self._shares(values)
-        for j, (material, constant, layer, power) in enumerate(self.changes):
-            factor, is_mass = stretch.get(layer, 1.0) ** power, constant == "rho"
+        out, shares = np.zeros((3, len(self.matrices))), self._shares(values)
+        for j, (material, constant, length, power) in enumerate(self.changes):
+            factor, usual_factor, is_mass = 1.0, 0.0, constant == "rho"
+            if shape := self.shapes.get(length):
+                at, inertia = values.get(length, shape.usual), constant in ("rho", TURNING)
+                factor = shape.factor(power, at, inertia)
+                usual_factor = shape.factor(power, shape.usual, inertia)
             if constant in VOIGT:
                 change = factor * (C[material] - self.nominal[material])[VOIGT[constant]]
             else:
-                change = factor - 1
+                change = factor - usual_factor
             if constant == TURNING:
                 usual = nominal_value(self.scene, SPEED)
                 out[1, j] = change * values.get(SPEED, usual) / usual
@@ -276,24 +307,34 @@ class ChangingBodies:
         return sum((c * part for c, part in zip(coefficients, parts, strict=True) if c), none)
 
 
-def stretches(scene: Scene, values: Mapping[str, float]) -> dict[str, float]:
-    """Thickness over that of the scene of each layer whose thickness is given: "part.layer" -> s.
+def shapes_of(scene: Scene, mesh: Mesh, box: Box) -> dict[str, Shape]:
+    """What the lengths that vary do to the layers of their parts, by dotted key.
 
-    Args:
-        scene: the scene.
-        values: scalars, by dotted key, SI.
+    Raises:
+        SceneError: a layer has two lengths, cannot be stretched by itself, or is folded; or a face
+            in use changes.
     """
-    return {
-        layer: values[name] / nominal_value(scene, name)
-        for name in filter(is_thickness, values)
-        for layer in _layers_of(scene, name)
-    }
-
-
-def _layers_of(scene: Scene, name: str) -> list[str]:
-    """Layers that have a scalar for their thickness: "part.layer"."""
-    part, key = thickness_key(name)
-    return [f"{part}.{layer}" for layer in layers_of_thickness(scene.parts[part], key)]
+    found: dict[str, Shape] = {}
+    for name in filter(is_length, box.names):
+        part, key = length_key(name)
+        faces = faces_by_area(scene, part)
+        if key.startswith(MORPH):
+            ends, morph = box.span(name), name.removesuffix(".value")
+            found[name] = moving(scene, mesh, file_parts(scene), morph, ends, faces)
+        else:
+            layers = layers_of_thickness(scene.parts[part], key)
+            found[name] = Stretch(
+                tuple(f"{part}.{layer}" for layer in layers), nominal_value(scene, name)
+            )
+            for layer in found[name].layers:
+                check_layer(mesh, layer, found[name].usual if FILE_LAYER in name else None, faces)
+        for other, shape in found.items():
+            if other != name and {*shape.layers} & {*found[name].layers}:
+                raise SceneError(
+                    f"{name}, {other}: move the same layers, and a displaced mesh stands beside no"
+                    " other length of its part that varies; leave one of the two as it is"
+                )
+    return found
 
 
 def assemble_changes(scene: Scene, brake: Brake) -> ChangingBodies:
@@ -307,52 +348,54 @@ def assemble_changes(scene: Scene, brake: Brake) -> ChangingBodies:
         SceneError: a face in use grows with a thickness.
     """
     mesh, free = brake.mesh, brake.elastic.free
-    varied = by_material(dict.fromkeys(scene.varied))
-    thick = {
-        layer: nominal_value(scene, name) if FILE_LAYER in name else None
-        for name in filter(is_thickness, scene.varied)
-        for layer in _layers_of(scene, name)
-    }
+    varied, box = by_material(dict.fromkeys(scene.varied)), Box(scene)
+    shapes = shapes_of(scene, mesh, box)
+    shaped = {layer: name for name, shape in shapes.items() for layer in shape.layers}
     found: dict[Term, sp.csr_matrix] = {}
 
     def assemble(changes: Mapping[str, Array]) -> sp.csr_matrix:
         return affine_parts(mesh, free, [changes])[0]
 
-    def add(material: str, constant: str, layers: Mapping[str, Array]) -> None:
-        for layer in filter(thick.__contains__, layers):
-            powers = powers_of_stretch(mesh, partial(assemble, {layer: layers[layer]}))
-            # The stiffness of the scene has what does not depend on the thickness.
-            found.update({
-                Term(material, constant, layer, power): matrix
-                for power, matrix in powers.items() if constant or power
-            })  # fmt: skip
-        if plain := {layer: C for layer, C in layers.items() if layer not in thick}:
-            found[Term(material, constant)] = assemble(plain)
+    def weigh(density: Mapping[str, float]) -> sp.csr_matrix:
+        return sum(layer_masses(mesh, free, density, lumped).values())
 
-    for name, constants_of in varied.items():
-        for constant in moved_entries(scene, name, [*constants_of]):
-            add(name, constant, unit_change(scene, mesh, name, constant))
-    materials = layer_materials(scene, scene_materials(scene), thick)
+    def follow(term: Term, split: Split, make: Callable[..., sp.csr_matrix], own: Any) -> None:
+        for power, matrix in split(mesh, partial(make, own)).items():
+            # The matrices of the scene have what does not depend on the length.
+            if power or term.constant in VOIGT:
+                found[term._replace(power=power)] = matrix
+
+    for material, constants_of in varied.items():
+        for constant in moved_entries(scene, material, [*constants_of]):
+            changes = unit_change(scene, mesh, material, constant)
+            for name in ("", *shapes):
+                own = {layer: C for layer, C in changes.items() if shaped.get(layer, "") == name}
+                if own and name:
+                    follow(Term(material, constant, name), shapes[name].stiffness, assemble, own)
+                elif own:
+                    found[Term(material, constant)] = assemble(own)
     lumped, turns, motion = scene.mesh.mass == "lumped", turning_parts(scene), scene_motion(scene)
-    for layer, material in materials.items():
-        check_layer(mesh, layer, thick[layer], faces_by_area(scene, layer.partition(".")[0]))
-        name = material_of(scene, layer)
-        add(name, "", {layer: material.C})
-        mass = layer_masses(mesh, free, {layer: material.rho}, lumped)
-        found[Term(name, "rho", layer, 1)] = mass[layer]
-        if layer.partition(".")[0] in turns and isinstance(motion, Rotation):
-            from brake_fenicsx.stability.damping import gyroscopic
+    for name, shape in shapes.items():
+        layers = layer_materials(scene, scene_materials(scene), shape.layers)
+        for material in dict.fromkeys(material_of(scene, layer) for layer in layers):
+            same = {n: m for n, m in layers.items() if material_of(scene, n) == material}
+            density = {layer: m.rho for layer, m in same.items()}
+            term = Term(material, "", name)
+            follow(term, shape.stiffness, assemble, {layer: m.C for layer, m in same.items()})
+            follow(term._replace(constant="rho"), shape.inertia, weigh, density)
+            if length_key(name)[0] in turns and isinstance(motion, Rotation):
+                from brake_fenicsx.stability.damping import gyroscopic
 
-            G = gyroscopic(mesh, free, {layer: material.rho}, motion)
-            found[Term(name, TURNING, layer, 1)] = G
+                turn = partial(gyroscopic, mesh, free, rotation=motion)
+                follow(term._replace(constant=TURNING), shape.inertia, turn, density)
     _share_patterns([*found.values()])
-    box, slopes = Box(scene), {}
-    if names := [n for n in box.names if not is_constant(n) and not is_thickness(n)]:
+    slopes: dict[str, sp.csr_matrix] = {}
+    if names := [n for n in box.names if not is_constant(n) and not is_length(n)]:
         from brake_fenicsx.stability.damping import damping_slopes
 
         slopes = damping_slopes(scene, brake, names)
     nominal = {name: stiffness(scene.materials[name]) for name in varied}
-    return ChangingBodies(scene, box, nominal, found, slopes)
+    return ChangingBodies(scene, box, nominal, found, slopes, shapes)
 
 
 def _share_patterns(matrices: list[sp.csr_matrix]) -> None:

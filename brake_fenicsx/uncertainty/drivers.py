@@ -22,7 +22,7 @@ from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.macro.equilibrium_change import EquilibriumChange, equilibrium_change
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.friction import slides
-from brake_fenicsx.scene.scalars import is_thickness
+from brake_fenicsx.scene.scalars import is_length
 from brake_fenicsx.stability.derivatives import (
     ContactDerivatives,
     bilinear,
@@ -39,7 +39,7 @@ from brake_fenicsx.stability.terms import rates_of_sample
 
 from .equilibria import Equilibria
 from .inputs import nominal_value
-from .layers import Layers, scene_layers
+from .layers import Layers
 from .models import Models
 from .solve import linearised, sample_damping
 
@@ -74,9 +74,10 @@ class Drivers:
     """Derivatives of the unstable modes of any sample of a scene."""
 
     def __init__(self, scene: Scene, models: Models, equilibria: Equilibria):
-        """Assemble the layers; collective."""
+        """Look at the layers."""
         self._scene, self._models, self._equilibria = scene, models, equilibria
-        self._layers: Layers = scene_layers(scene, models.brake, models.masses)
+        shapes = {} if models.changes is None else models.changes.shapes
+        self._layers = Layers(scene, models.brake, shapes)
 
     def of(
         self,
@@ -228,10 +229,10 @@ class Drivers:
         for (layer, kind), value in found.items():
             table.add(layer, kind, LOSS_STEP if kind == "loss factor" else STEP, value)
         changes = self._models.changes
-        for name in filter(is_thickness, () if changes is None else changes.box.names):
-            table.add(name, "thickness", STEP, self._thickness(name, sample.random, s, vectors))
+        for name in filter(is_length, () if changes is None else changes.box.names):
+            table.add(name, "length", STEP, self._length(name, sample.random, s, vectors))
 
-    def _thickness(
+    def _length(
         self, name: str, values: Mapping[str, float], s: Complex, vectors: tuple[Complex, ...]
     ) -> Complex:
         """D lambda / d ln h of a thickness, shape (modes,)."""

@@ -20,9 +20,9 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.parts import thickness_in_scene, thickness_key
+from brake_fenicsx.scene.parts import length_in_scene, length_key
 from brake_fenicsx.scene.samples import is_constant, split_key
-from brake_fenicsx.scene.scalars import is_thickness
+from brake_fenicsx.scene.scalars import is_length
 
 from .designs import (
     RIGID,
@@ -123,9 +123,9 @@ def nominal_value(scene: Scene, name: str) -> float:
         return constants(scene.materials[table])[last]
     if name == "motion.speed":
         return 1.0 if scene.motion is None else scene.motion.rate
-    if is_thickness(name):
-        part, last = thickness_key(name)
-        return thickness_in_scene(scene.parts[part], last)
+    if is_length(name):
+        part, last = length_key(name)
+        return length_in_scene(scene.parts[part], last)
     found = getattr(scene, section)
     for step in [*([table] if isinstance(found, dict) else table.split(".")), last]:
         if isinstance(found, tuple):
@@ -158,7 +158,7 @@ def inputs_of(
             continue
         if name == "motion.speed" and not value * nominal_value(scene, name) > 0:
             raise SceneError(f"{name} = {value:g}: must not be zero, and have the scene's sign")
-        elif (last == "penalty" or is_thickness(name)) and not value > 0:
+        elif (last == "penalty" or is_length(name)) and not value > 0:
             raise SceneError(f"{name} = {value:g}: must be positive")
         elif name != "motion.speed" and not value >= 0:
             raise SceneError(f"{name} = {value:g}: must be zero or more")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,16 +13,16 @@ from numpy.typing import NDArray
 from brake_fenicsx.macro.brake import Brake, scene_motion
 from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.friction import Rotation
+from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.macro.material import Material
 from brake_fenicsx.macro.material_table import layer_materials, scene_materials
-from brake_fenicsx.macro.stretching import stretched
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.damping import turning_parts
 from brake_fenicsx.stability.damping import gyroscopic, mass_share, stiffness_share
 from brake_fenicsx.stability.derivatives import bilinear
 from brake_fenicsx.stability.modes import Complex
 
-from .changing_bodies import changed_materials, material_of, stretches
+from .changing_bodies import Shape, changed_materials, material_of
 from .inputs import nominal_value
 from .sampling import SPEED
 
@@ -29,35 +30,18 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Layer:
-    """One layer of a part.
-
-    Attributes:
-        material: name of its material.
-        M: mass in the scene [kg], shape (dofs, dofs).
-        G: gyroscopic term [N s/m]; None where it does not turn.
-    """
-
-    material: str
-    M: sp.csr_matrix
-    G: sp.csr_matrix | None
-
-
-@dataclass(frozen=True, slots=True)
 class Layers:
     """All layers of a scene.
 
     Attributes:
-        named: "part.layer" -> layer.
         scene: the scene.
         brake: its operators.
-        reference: frequency of the loss factors [rad/s]; None: that of each mode.
+        shapes: lengths that vary, by dotted key.
     """
 
-    named: dict[str, Layer]
     scene: Scene
     brake: Brake
-    reference: float | None
+    shapes: Mapping[str, Shape]
 
     def derivatives(
         self, values: Mapping[str, float], s: Complex, vectors: tuple[Complex, ...]
@@ -73,53 +57,39 @@ class Layers:
             (layer, "stiffness", "mass" or "loss factor") -> d lambda / d ln E, / d ln rho with the
             damping that follows them, and / d eta at the reference [1/s], shape (modes,).
         """
-        out = {}
+        out, table = {}, self.scene.damping
+        frequency = table.reference if table and table.loss else np.abs(s.imag)
         alpha, faster = mass_share(self.scene, values), 1.0
         if SPEED in values:
             faster = values[SPEED] / nominal_value(self.scene, SPEED)
-        frequency = np.abs(s.imag) if self.reference is None else self.reference
-        stretch, materials = stretches(self.scene, values), self._materials(values)
-        for name, layer in self.named.items():
-            thicker = stretch.get(name, 1.0)
-            K = self._stiffness(name, materials[name].C, thicker)
-            stiffness, mass = bilinear(K, *vectors), s * thicker * bilinear(layer.M, *vectors)
-            turning = 0.0 if layer.G is None else bilinear(layer.G, *vectors)
-            share = stiffness_share(self.scene, layer.material, values)
-            out[name, "stiffness"] = (1 + s * share) * stiffness
-            out[name, "mass"] = (s + alpha) * mass + s * faster * thicker * turning
-            out[name, "loss factor"] = s / frequency * stiffness
-        return out
-
-    def _materials(self, values: Mapping[str, float]) -> dict[str, Material]:
-        """Material of each layer, in x, y, z."""
         own = scene_materials(self.scene)
         for name, C in changed_materials(self.scene, values).items():
             own[name] = Material(C, own[name].rho)
-        return layer_materials(self.scene, own, self.named)
+        for name, material in layer_materials(self.scene, own, self.brake.mesh.layers).items():
+            stiffness, mass, turning = (
+                0.0 if A is None else bilinear(A, *vectors)
+                for A in self._matrices(name, material, values)
+            )
+            share = stiffness_share(self.scene, material_of(self.scene, name), values)
+            out[name, "stiffness"] = (1 + s * share) * stiffness
+            out[name, "mass"] = s * (s + alpha) * mass + s * faster * turning
+            out[name, "loss factor"] = s / frequency * stiffness
+        return out
 
-    def _stiffness(self, layer: str, C: Array, stretch: float) -> sp.csr_matrix:
-        mesh = self.brake.mesh
-        with stretched(mesh, stretch):
-            (A,) = affine_parts(mesh, self.brake.elastic.free, [{layer: C}])
-        A.eliminate_zeros()
-        return A
-
-
-def scene_layers(scene: Scene, brake: Brake, masses: Mapping[str, sp.csr_matrix]) -> Layers:
-    """The layers of a scene.
-
-    Args:
-        scene: the scene.
-        brake: its operators.
-        masses: mass of each layer [kg].
-    """
-    mesh, free = brake.mesh, brake.elastic.free
-    table = scene.damping
-    turns = set(turning_parts(scene)) if table and table.gyroscopic else set()
-    motion, named = scene_motion(scene), {}
-    for name, material in layer_materials(scene, scene_materials(scene), mesh.layers).items():
-        G = None
-        if name.partition(".")[0] in turns and isinstance(motion, Rotation):
-            G = gyroscopic(mesh, free, {name: material.rho}, motion)
-        named[name] = Layer(material_of(scene, name), masses[name], G)
-    return Layers(named, scene, brake, table.reference if table and table.loss else None)
+    def _matrices(
+        self, layer: str, material: Material, values: Mapping[str, float]
+    ) -> tuple[sp.csr_matrix, sp.csr_matrix, sp.csr_matrix | None]:
+        """Stiffness [N/m], mass [kg] and gyroscopic term [N s/m] of a layer, where it turns."""
+        mesh, free, density = self.brake.mesh, self.brake.elastic.free, {layer: material.rho}
+        turns, motion = turning_parts(self.scene), scene_motion(self.scene)
+        with ExitStack() as lengths:
+            for name, shape in self.shapes.items():
+                if layer in shape.layers:
+                    lengths.enter_context(shape.applied(mesh, values.get(name, shape.usual)))
+            (K,) = affine_parts(mesh, free, [{layer: material.C}])
+            M = layer_masses(mesh, free, density, self.scene.mesh.mass == "lumped")[layer]
+            G = None
+            if layer.partition(".")[0] in turns and isinstance(motion, Rotation):
+                G = gyroscopic(mesh, free, density, motion)
+        K.eliminate_zeros()
+        return K, M, G

@@ -166,6 +166,8 @@ class Models:
 
     def takes(self, approach: str, drawn: Mapping[str, float]) -> bool:
         """Whether the reduced model takes a sample: its bodies lie in the box."""
+        if self.changes is not None:
+            self.changes.check_range(drawn)
         if not self.by_reduction[approach]:
             return False
         held = self.changes is None or self.changes.box.holds(drawn)

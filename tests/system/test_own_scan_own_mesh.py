@@ -107,6 +107,14 @@ def test_every_element_lies_on_a_facet_of_its_own(followed):
         assert {"p", "g", "g_cr", "k", "active"} <= {*fields["VTKHDF/CellData"]}
 
 
+def test_a_worn_lining_is_a_random_input(followed):
+    run = read_run(followed[0] / "worn")
+    rough = run.samples["approach"] == "multi-scale"
+    lengths = np.array(run.samples["parts.pad.morph.wear.value"][rough], float)
+    assert {*run.samples["status"]} == {"ok"}
+    assert np.all((lengths > 6e-3) & (lengths < 10e-3)) and np.ptp(lengths) > 1e-4
+
+
 def test_another_friction_is_another_folder(followed):
     folder, printed = followed
     # The classical approach has it too.

@@ -127,7 +127,7 @@ def test_thickness_agrees_with_modes_beside(studied):
     ends = [moved(x) for x in (1e-4, -1e-4)]
     ends = [e[np.abs(e[:, None] - s).argmin(axis=0)] for e in ends]
     assert s.size
-    found = row(data, "thickness", key)
+    found = row(data, "length", key)
     np.testing.assert_allclose(found, (ends[0] - ends[1]) / 2e-4, rtol=1e-3)
 
 

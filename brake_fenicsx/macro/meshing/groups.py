@@ -35,13 +35,16 @@ Faces = dict[str, Ints]
 logger = logging.getLogger(__name__)
 
 
-def mesh_of_file(folder: Path, table: MeshTable, parts: Iterable[str]) -> RawMesh:
+def mesh_of_file(
+    folder: Path, table: MeshTable, parts: Iterable[str], displaced: tuple[str, str] | None = None
+) -> RawMesh:
     """Read the mesh file of a scene and name its parts and faces.
 
     Args:
         folder: folder of the scene.
         table: the section [mesh].
         parts: names of the scene's parts that have no builder.
+        displaced: a file with other places of the same nodes, and the key of the scene with it.
 
     Returns:
         The mesh in metres, right-handed, bodies apart.
@@ -49,12 +52,18 @@ def mesh_of_file(folder: Path, table: MeshTable, parts: Iterable[str]) -> RawMes
     Raises:
         SceneError: the file, its unit, a group or a cell is wrong.
     """
-    try:
-        found = read_mesh_file(folder / str(table.file))
-        if not len(found.cells):
-            raise SceneError(NO_CELLS)
-    except SceneError as error:
-        raise SceneError(f"mesh.file = {table.file!r}: {error}") from None
+    found = _read(folder, str(table.file), "mesh.file")
+    if displaced is not None:
+        other = _read(folder, *displaced)
+        sizes = [(len(mesh.points), len(mesh.cells)) for mesh in (other, found)]
+        same = sizes[0] == sizes[1] and np.array_equal(other.cells, found.cells)
+        if not same or [*other.numbers] != [*found.numbers]:
+            raise SceneError(
+                f"{displaced[1]} = {displaced[0]!r}: is another mesh ({sizes[0][0]} nodes and"
+                f" {sizes[0][1]} cells, in mesh.file {sizes[1][0]} and {sizes[1][1]}) or is"
+                " numbered otherwise; move nodes of mesh.file and export it again"
+            )
+        found = replace(found, points=other.points)
     cells, points = found.cells, found.points * _metres(found, table)
     if cells.shape[1] == 20:
         points, cells = completed(points, cells)
@@ -67,6 +76,16 @@ def mesh_of_file(folder: Path, table: MeshTable, parts: Iterable[str]) -> RawMes
             faces |= _faces(found, mesh, group, target, kinds[group])
     mesh = replace(mesh, unread=_unread(Path(str(table.file)).name, found, kinds.values()))
     return without_unused_nodes(_turned_right(_apart(mesh, faces, table.split)))
+
+
+def _read(folder: Path, file: str, key: str) -> FileMesh:
+    try:
+        found = read_mesh_file(folder / file)
+        if not len(found.cells):
+            raise SceneError(NO_CELLS)
+    except SceneError as error:
+        raise SceneError(f"{key} = {file!r}: {error}") from None
+    return found
 
 
 def _unread(file: str, found: FileMesh, used: Iterable[tuple[str, str]]) -> Unread:

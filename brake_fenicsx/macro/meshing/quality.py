@@ -140,6 +140,20 @@ def jacobians(mesh: RawMesh) -> Array:
     return np.asarray(np.linalg.det(np.einsum("cni,pnj->cpij", x, gradient)))
 
 
+def determinants(mesh: RawMesh) -> Array:
+    """Jacobian determinants at the nodes of second-order cells, at the corners of others [m^3].
+
+    Up to a factor for each kind of cell; shape (cells, points).
+    """
+    if mesh.order == 2:
+        return jacobians(mesh)
+    x = mesh.points[mesh.corners]
+    if mesh.shape == "tetrahedron":
+        return _volume6(x)[:, None]
+    e = x[:, _NEIGHBOURS] - x[:, :, None]
+    return np.asarray(np.einsum("cki,cki->ck", e[:, :, 0], np.cross(e[:, :, 1], e[:, :, 2])))
+
+
 def volumes(mesh: RawMesh) -> Array:
     """Volumes of the cells [m^3], shape (cells,); of curved ones by a rule of third order."""
     x = mesh.points[mesh.corners]
