@@ -161,7 +161,7 @@ class Moving:
         for degree in DEGREES:
             # Points of one degree are among those of twice the degree.
             points = [round(float(x), 12) for x in np.cos(np.pi * np.arange(degree + 1) / degree)]
-            A = np.linalg.solve(_polynomials(points, degree), [at(x) for x in points])
+            A: Array = np.linalg.inv(_polynomials(points, degree)) @ [at(x) for x in points]
             pattern = known[points[0]]
             between = np.cos(np.pi * (np.array([0, degree // 2]) + 0.5) / degree)
             wrong = [at(float(x)) - _polynomials(x, degree) @ A for x in between]
