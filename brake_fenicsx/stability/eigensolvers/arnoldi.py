@@ -28,6 +28,10 @@ Complex = NDArray[np.complex128]
 class Operator(Protocol):
     """What multiplies real columns: a dense or sparse matrix."""
 
+    @property
+    def dtype(self) -> np.dtype:
+        """Of its entries."""
+
     def __matmul__(self, x: Array, /) -> Array:
         """Product with columns, shape (columns of the matrix, n)."""
 
@@ -54,8 +58,8 @@ def on_parts(real: Callable[[Array], Array], x: Complex) -> Complex:
 
 
 def times(A: Operator, x: NDArray[Any]) -> Complex:
-    """A x for real A."""
-    return on_parts(A.__matmul__, x)
+    """A x for real A, in its own precision."""
+    return on_parts(lambda y: A @ y.astype(A.dtype, copy=False), x)
 
 
 def with_conjugates(values: Complex, X: Complex) -> tuple[Complex, Complex]:

@@ -14,7 +14,7 @@ the inverse of P(z) on these v. All that the interface and the kept modes know o
 O the rows of the motions that contact forces follow, I those that they act along, F loads. D_0
 holds the residual flexibility (MacNeal 1971, Rubin 1975); the higher moments are those that
 second-order Arnoldi methods match (Bai and Su, SIAM J. Matrix Anal. Appl. 26, 2005), here computed
-exactly about one point. Where the modes are those of the body itself and it is not damped, P(z) W
+exactly about one point; those of a body without damping in powers of kappa + sigma. Where the modes are those of the body itself and it is not damped, P(z) W
 lies in the span of M W and couples with nothing.
 """
 
@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from math import comb
 
 from mpi4py import MPI
 
@@ -170,12 +171,16 @@ def moments(
     complement = Complement(P[0].T.tocsr(), M, W)
     O = sp.vstack([body.interface[name] for name in rows.followed]).T.tocsc()
     I = sp.vstack([body.interface[name] for name in rows.acting]).T.tocsc()
-    m = W.shape[1] if coupled(body) else 0
+    m, wanted, s = W.shape[1] if coupled(body) else 0, count, rows.shift
+    # A body without damping depends on lambda^2 alone: half as many powers of z^2 + 2 lambda_0 z.
+    even = rows.damped and not m and abs(P[1] - 2 * s * P[2]).max() == 0
+    if even:
+        P, count = [P[0], P[2]], count // 2 + 1
     left = [complement.clear(A.T @ W[:, :m]) for A in P]
     right = [complement.clear(A @ W[:, :m]) for A in P]
     transposed = [A.T.tocsr() for A in P]
     # M v has no share of modes that v is M-orthogonal to.
-    cleared = not rows.damped and abs(P[1] + M).max() == 0
+    cleared = (even or not rows.damped) and min(abs(P[1] + M).max(), abs(P[1] - M).max()) == 0
     columns = O.shape[1] + m
     share = shared_columns(columns, comm)
     width = I.shape[1] + m + body.loads.shape[1]
@@ -201,6 +206,16 @@ def moments(
                 for i in range(1, min(n, len(P) - 1) + 1):
                     part += X[-1 - i].T @ right[i]
                 at[:, I.shape[1] : I.shape[1] + m] = part
-        progress(chosen.size * count)
+        progress(chosen.size * wanted)
     complement.factor.destroy()
-    return np.concatenate(comm.allgather(out), axis=1)
+    D = np.concatenate(comm.allgather(out), axis=1)
+    return _in_powers_of_z(D, s, wanted) if even else D
+
+
+def _in_powers_of_z(D: Array, s: float, count: int) -> Array:
+    """Coefficients of z^n of the sum of (z^2 + 2 s z)^k D_k."""
+    out = np.zeros((count, *D.shape[1:]))
+    for k, one in enumerate(D):
+        for i in range(min(k + 1, count - k)):
+            out[k + i] += comb(k, i) * (2 * s) ** (k - i) * one
+    return out

@@ -126,7 +126,7 @@ class SampleProblem:
         for n in range(MOST + 1):
             rhs = self.source[n].copy() if n < len(self.source) else np.zeros_like(self.source[0])
             for k in range(1, min(n, len(self.E) - 1) + 1):
-                rhs -= self.E[k] @ Y[n - k]
+                rhs -= self.E[k] @ Y[n - k].astype(self.E[k].dtype, copy=False)
             Y.append(self._static(rhs))
             T.append(self.own[n].copy() if n < len(self.own) else np.zeros_like(self.own[0]))
             for k in range(min(n, len(self.forced) - 1) + 1):

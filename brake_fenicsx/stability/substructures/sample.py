@@ -104,7 +104,9 @@ class Sample(SampleProblem):
         any_coupled = any(b.component.coupled for b in self.bodies)
         count, extra = len(self.views[0].D), int(rows.followed != "N")
         size = self.bodies[-1].modes.stop
-        self.E = [np.zeros((f * c, f * c)) for _ in range(count + extra)]
+        # Coefficients beyond E_0 are a hundredth of it and, with rates, many and large.
+        kind = np.float32 if rows.damped else float
+        self.E = [np.zeros((f * c, f * c), kind if n else float) for n in range(count + extra)]
         self.source = np.zeros((count if any_coupled else 1, f * c, size))
         self.forced = np.zeros(((count if any_coupled else 1) + extra, size, f * c))
         length = max(len(self.views[0].modal), count if any_coupled else 0)

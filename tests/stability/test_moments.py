@@ -1,0 +1,48 @@
+"""Moments of what the kept modes leave out."""
+
+from types import SimpleNamespace
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from brake_fenicsx.stability.substructures.moments import (
+    SIGMA,
+    Rows,
+    moments,
+    shifted_polynomial,
+)
+
+
+@pytest.mark.parametrize("count", [5, 8, 11])
+def test_a_body_without_damping_has_the_moments_of_its_modes(count):
+    """In powers of kappa, so that half of the solves reach as far: a sum over the modes left out.
+
+    sum phi phi' / (kappa_j + lambda^2), lambda = z + lambda_0, is a series in z^2 + 2 z lambda_0.
+    """
+    rng, n, kept = np.random.default_rng(3), 12, 4
+    mass = rng.uniform(1, 2, n)
+    Phi = np.linalg.qr(rng.standard_normal((n, n)))[0] / np.sqrt(mass)[:, None]
+    kappa = np.r_[rng.uniform(0, 1, kept), rng.uniform(2.56, 90, n - kept)]
+    M = sp.diags(mass).tocsr()
+    K = sp.csr_matrix((M @ Phi * kappa) @ (M @ Phi).T)
+    at = {name: sp.csr_matrix(rng.standard_normal((2, n))) for name in "NTR"}
+    body = SimpleNamespace(C=None, changes={}, interface=at, loads=rng.standard_normal((n, 1)))
+    rows = Rows("NR", True)
+    P = shifted_polynomial(K, None, M, 1.0, rows)
+    D = moments(body, P, M, Phi[:, :kept], rows, count, MPI.COMM_SELF)
+    followed, acting = (sp.vstack([at[name] for name in x]) @ Phi[:, kept:] for x in ("NR", "NTR"))
+    acting, beyond = np.vstack([acting, body.loads.T @ Phi[:, kept:]]), kappa[kept:]
+    assert D.shape == (count, 4, 7)
+    for z in (0.5, 1j - rows.shift):
+        w = z**2 + 2 * z * rows.shift
+        got = sum(z**k * A for k, A in enumerate(D))
+        exact = (followed / (beyond + SIGMA + w)) @ acting.T
+        known = sum((followed * (-w) ** k / (beyond + SIGMA) ** (k + 1)) @ acting.T
+                    for k in range(count // 2 + 1))  # fmt: skip
+        if count % 2:
+            np.testing.assert_allclose(got, known, atol=1e-11)
+        far = (abs(w) / (beyond.min() + SIGMA)) ** (count // 2)
+        assert np.abs(got - exact).max() < far * np.abs(exact).max()
