@@ -13,7 +13,6 @@ from typing import Any, TypeVar
 
 from mpi4py import MPI
 
-S = TypeVar("S")
 T = TypeVar("T")
 
 
@@ -46,17 +45,6 @@ def on_first(work: Callable[[], T], comm: MPI.Comm) -> T:
     """
     (one,) = in_turns(1, lambda i: work(), comm)
     return one
-
-
-def both(first: Callable[[], S], second: Callable[[], T], comm: MPI.Comm) -> tuple[S, T]:
-    """What two functions return, on all processes, each computed by another one; collective.
-
-    Raises:
-        Exception: what one of them raises, on all.
-    """
-    work: tuple[Callable[[], Any], ...] = first, second
-    one, other = in_turns(2, lambda i: work[i](), comm)
-    return one, other
 
 
 def peak_memory(comm: MPI.Comm) -> tuple[float, float]:

@@ -13,27 +13,17 @@ Complex columns in real arithmetic: without complex copies of real matrices or K
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import scipy.linalg as la
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import NotConverged
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-
-
-class Operator(Protocol):
-    """What multiplies real columns: a dense or sparse matrix."""
-
-    @property
-    def dtype(self) -> np.dtype:
-        """Of its entries."""
-
-    def __matmul__(self, x: Array, /) -> Array:
-        """Product with columns, shape (columns of the matrix, n)."""
 
 
 def shares(V: Array, W: Array) -> Array:
@@ -57,7 +47,7 @@ def on_parts(real: Callable[[Array], Array], x: Complex) -> Complex:
     return out
 
 
-def times(A: Operator, x: NDArray[Any]) -> Complex:
+def times(A: NDArray[Any] | sp.spmatrix, x: NDArray[Any]) -> Complex:
     """A x for real A, in its own precision."""
     return on_parts(lambda y: A @ y.astype(A.dtype, copy=False), x)
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 from mpi4py import MPI
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.folder.memory import release_memory
-from brake_fenicsx.folder.processes import both, in_turns
-from brake_fenicsx.macro.solver import Factor
+from brake_fenicsx.folder.processes import in_turns
 
 from ..eigensolvers.argument_principle import RIM, undamped_reach, undamped_region
 from ..eigensolvers.arnoldi import nearest_modes, with_conjugates
@@ -50,20 +52,20 @@ def friction_modes(
         NotConverged: an iteration fails.
         InaccurateResult: left and right eigenvalues or the count differ.
     """
-    symmetric = p.frictionless, p.M
-    held: list[tuple[Factor, float] | None] = []
+    held: list[Any] = []
     # Each its own, in turns, so that all learn where memory is short.
-    list(in_turns(comm.size, lambda i: held.append(shifted_factor(*symmetric, high)), comm))
+    list(
+        in_turns(comm.size, lambda i: held.append(shifted_factor(p.frictionless, p.M, high)), comm)
+    )
     if held[0] is None:
         return None
     factor, sigma = held[0]
-    modes, known = both(
-        lambda: at_interface(
-            symmetric_modes(*symmetric, factor, sigma, CUTOFF**2 * high), friction
-        ),
+    given = p.frictionless, p.M, factor, sigma, CUTOFF**2 * high
+    parts: tuple[Callable[[], Any], ...] = (
+        lambda: at_interface(symmetric_modes(*given), friction),
         lambda: moments(factor, p.M, friction),
-        comm,
     )
+    modes, known = in_turns(2, lambda i: parts[i](), comm)
     inverse = Inverse(factor, friction, known.RL[0])
     reach = undamped_reach(high, zeta_max) - sigma
     kappa, right, left, steps = _both_sides(p, inverse, modes, reach, comm)
@@ -94,7 +96,7 @@ def _both_sides(
         release_memory()
         return found
 
-    (kappa, right, steps), (other, left, more) = both(lambda: side(False), lambda: side(True), comm)
+    (kappa, right, steps), (other, left, more) = in_turns(2, lambda i: side(i > 0), comm)
     # Both of each pair: round-off splits a true doublet into a pair on one side alone.
     (kappa, right), (other, left) = with_conjugates(kappa, right), with_conjugates(other, left)
     i, j = matched(kappa, other, modes.sigma, reach)

@@ -32,7 +32,7 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from brake_fenicsx.folder.processes import both
+from brake_fenicsx.folder.processes import in_turns
 
 from ..eigensolvers.argument_principle import Trapezium, determinant_phase, turn_along
 from ..eigensolvers.arnoldi import times
@@ -174,11 +174,8 @@ def prove(
         InaccurateResult: an eigenvalue lies on the edge of the region.
     """
     det, path = Determinant(modes, friction, moments), region.upper_half(6)
-    middle = path.size // 2
-    (turned, one, m), (more, other, n) = both(
-        lambda: det.turn(path[: middle + 1], candidates),
-        lambda: det.turn(path[middle:], candidates),
-        comm,
-    )
-    count = int(region.holds(candidates).sum()) + int(np.rint((turned + more) / np.pi))
-    return Proof(count, max(one, other), m + n)
+    halves = path[: path.size // 2 + 1], path[path.size // 2 :]
+    done = in_turns(2, lambda i: det.turn(halves[i], candidates), comm)
+    turned, remainder, points = zip(*done, strict=True)
+    count = int(region.holds(candidates).sum()) + int(np.rint(sum(turned) / np.pi))
+    return Proof(count, max(remainder), sum(points))

@@ -14,8 +14,9 @@ the inverse of P(z) on these v. All that the interface and the kept modes know o
 O the rows of the motions that contact forces follow, I those that they act along, F loads. D_0
 holds the residual flexibility (MacNeal 1971, Rubin 1975); the higher moments are those that
 second-order Arnoldi methods match (Bai and Su, SIAM J. Matrix Anal. Appl. 26, 2005), here computed
-exactly about one point; those of a body without damping in powers of kappa + sigma. Where the modes are those of the body itself and it is not damped, P(z) W
-lies in the span of M W and couples with nothing.
+exactly about one point, of a body without damping in powers of kappa + sigma. Where the modes are
+those of the body itself and it is not damped, P(z) W lies in the span of M W and couples with
+nothing.
 """
 
 from __future__ import annotations
