@@ -43,13 +43,13 @@ def draw_critical(run: RunData) -> Figure | None:
         hits, n = int(families["squeal_samples"][i]), int(families["samples"][i])
         text = "any family" if any_ else f"{texts[i]} kHz"
         axis.plot(x, curve["share"][own], color=colour, lw=2.0 if any_ else 1.3,
-                  ls="--" if any_ else "-", label=f"{text} ({hits} of {n})")  # fmt: skip
+                  ls="--" if any_ else "-", drawstyle="steps-post",
+                  label=f"{text} ({hits} of {n})")  # fmt: skip
         # Bands of families that all squeal, or none, would lie upon one another.
         open_ = (curve["share"][own] > 0) & (curve["share"][own] < 1)
-        open_[:-1] |= open_[1:]
         open_[1:] |= open_[:-1]
         axis.fill_between(x, curve["low"][own], curve["high"][own], where=open_, color=colour,
-                          alpha=0.12, lw=0)  # fmt: skip
+                          step="post", alpha=0.12, lw=0)  # fmt: skip
     axis.set_xlabel(name)
     axis.set_ylabel("share of samples that squeal by then [-]")
     axis.set_ylim(0, 1.02)

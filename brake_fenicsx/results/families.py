@@ -6,7 +6,10 @@ complex scale, and 0 for an orthogonal one (R. J. Allemang, Sound and Vibration 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
+import scipy.linalg as la
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
@@ -14,8 +17,12 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 
+# Part of their planes that two pairs of merging modes share, where they are one pair.
+ONE_PAIR = 0.9
 # Modes of one shape have frequencies whose logarithms differ by less.
 FARTHEST = 0.3
+# Imaginary part of a vector over its real one below which it is round-off.
+FLAT = 1e-3
 # Least MAC of a mode at its onset with the family that it is named after: that of a mode that is
 # made of two in equal parts, and of little else.
 RESEMBLES = 0.4
@@ -64,6 +71,41 @@ def same_families(
     likeness = np.where(_near(f, g), mac(x, y), 0.0)
     pairs = zip(*linear_sum_assignment(-likeness), strict=True)
     return [(int(i), int(j), float(likeness[i, j])) for i, j in pairs if likeness[i, j] >= least]
+
+
+def onset_families(vectors: Sequence[Complex], frequencies: Array) -> tuple[list[int], list[int]]:
+    """Families of modes that begin to squeal, of any samples.
+
+    Where two modes merge, the mode that begins to grow is their sum or their difference, by the
+    sign of what couples them, and these two are orthogonal. So modes are of one family if they have
+    one shape, or if their real and imaginary parts span one plane.
+
+    Args:
+        vectors: in M-orthonormal coordinates, shape (m,) each.
+        frequencies: theirs [Hz].
+
+    Returns:
+        Family of each mode, and the mode that founds each family.
+    """
+    family, first = [0] * len(vectors), list[int]()
+    planes = [la.orth(np.column_stack([v.real, v.imag]), FLAT) for v in vectors]
+    f = np.maximum(frequencies, 1.0)
+
+    def likeness(i: int, j: int) -> float:
+        shape = float(mac(vectors[i][:, None], vectors[j][:, None])[0, 0])
+        both = planes[i].T @ planes[j]
+        plane = float(la.norm(both) ** 2) / min(both.shape)
+        return max(shape, plane) if plane > ONE_PAIR else shape
+
+    # Real vectors, of the merging itself, lie in the planes of the others.
+    for j in sorted(range(len(vectors)), key=lambda j: -planes[j].shape[1]):
+        near = _near(f[first], f[[j]])[:, 0]
+        alike = [likeness(i, j) * float(n) for i, n in zip(first, near, strict=True)]
+        family[j] = int(np.argmax(alike)) if alike else 0
+        if not alike or max(alike) < 0.5:
+            family[j] = len(first)
+            first.append(j)
+    return family, first
 
 
 def known_numbers(founders: list[Complex], known: Complex | None) -> list[int]:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from brake_fenicsx.folder.sample_files import Task
-from brake_fenicsx.results.families import ModeFamilies, known_numbers
+from brake_fenicsx.results.families import known_numbers, onset_families
 from brake_fenicsx.results.squeal import squeals
 from brake_fenicsx.results.tables import write_rows
 from brake_fenicsx.scene.scalars import si_unit
@@ -116,18 +116,18 @@ class SweepTables:
 
     def _families(self, known: Complex | None) -> dict[tuple[str, Task, int], int]:
         """Family of the mode of every event that has a vector."""
-        # Events of one line may be of one family, which modes of one sample are not: one by one.
-        keys, gathered, own = [], ModeFamilies(), []
-        for _, task, kind, line in self._lines():
-            for i, e in enumerate(line.events):
-                if np.any(e.vector):
-                    keys.append((kind, task, i))
-                    shape, f = e.vector[:, None].astype(complex), e.s.imag / (2 * np.pi)
-                    own.append(int(gathered.add(shape, np.array([f]))[0]))
+        events = [
+            ((kind, task, i), e)
+            for _, task, kind, line in self._lines()
+            for i, e in enumerate(line.events)
+            if np.any(e.vector)
+        ]
+        vectors = [e.vector.astype(complex) for _, e in events]
+        own, first = onset_families(vectors, np.array([e.s.imag / (2 * np.pi) for _, e in events]))
         # A mode that begins to squeal resembles both of the pair that merged: such modes are
         # gathered first, and each family of them then takes the number of the nearest known one.
-        number = known_numbers([v[:, None] for v in gathered.vectors], known)
-        return {key: number[n] for key, n in zip(keys, own, strict=True)}
+        number = known_numbers([vectors[i][:, None] for i in first], known)
+        return {key: number[n] for (key, _), n in zip(events, own, strict=True)}
 
     def _onsets(self) -> list[list[tuple[int, float, float]]]:
         """Of each sample that was followed, the modes that begin to squeal."""
@@ -170,8 +170,11 @@ class SweepTables:
             ]  # fmt: skip
 
     def _curve_rows(self, critical: Sequence[Critical]) -> Iterator[list[Any]]:
+        values = self._sweep.values
         for c in critical:
-            for x in self._sweep.values:
+            # The share steps where a sample begins to squeal.
+            onsets = (c.sign * c.values[np.isfinite(c.values)]).tolist()
+            for x in sorted({*values, *onsets}, reverse=values[0] > values[-1]):
                 share = c.by(x)
                 number = c.family if c.family >= 0 else None
                 yield [self._sweep.samples[0][0], number, x, share.n, *share.cells]

@@ -3,7 +3,7 @@
 import numpy as np
 import scipy.linalg as la
 
-from brake_fenicsx.results.families import ModeFamilies
+from brake_fenicsx.results.families import ModeFamilies, mac, onset_families
 
 
 def test_families_follow_permuted_modes():
@@ -34,3 +34,22 @@ def test_a_new_shape_founds_a_family_and_a_distant_frequency_too():
     assert got == [[0, 1], [2, 0], [3]]
     np.testing.assert_array_equal(np.array(families.vectors).T, X[:, [0, 1, 2, 0]])
     assert families.frequencies == [100.0, 200.0, 150.0, 900.0]
+
+
+def begins(first, second, mu):
+    """Growing mode of two of four oscillators just beyond the friction at which they merge."""
+    K = np.diag([1.0, 1.04, 1.1, 1.2])
+    K[first, second], K[second, first] = mu, -mu
+    kappa, X = la.eig(K)
+    return X[:, np.argmax(kappa.imag)]
+
+
+def test_sum_and_difference_of_two_modes_that_merge_are_one_family():
+    """What couples them has either sign; modes that share one of the two are others."""
+    one, other = begins(0, 1, 0.0205), begins(0, 1, -0.0205)
+    assert mac(one[:, None], other[:, None])[0, 0] < 0.1
+    merging = np.array([1.0, 1.0, 0.0, 0.0]) / np.sqrt(2) + 0j
+    vectors = [merging, one, begins(2, 3, 0.055), 1j * other, begins(1, 2, 0.035)]
+    family, first = onset_families(vectors, np.ones(5))
+    assert family == [0, 0, 1, 0, 2] and first == [1, 2, 4]
+    assert onset_families([], np.zeros(0)) == ([], [])

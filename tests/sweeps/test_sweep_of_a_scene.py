@@ -89,6 +89,7 @@ def test_critical_values_are_those_of_the_samples_alone(swept, model):
     middle = sorted(first.values())[1]
     assert float(critical[0]["value_50"]) == pytest.approx(middle)
     curve = [r for r in rows(swept / "critical_curve.csv") if r["family"] == ""]
+    assert {float(r["value"]) for r in curve} > set(first.values())
     for r in curve:
         by = sum(x <= float(r["value"]) for x in first.values())
         assert float(r["share"]) == by / 4
