@@ -89,6 +89,17 @@ def thicknesses(disc: Disc) -> dict[str, tuple[str, ...]]:
     return {} if disc.hat > 0 or disc.vanes else {"thickness": ("body",)}
 
 
+HEIGHTS = ("thickness", "cheek", "hat", "flange")
+
+
+def levels(disc: Disc) -> list[float]:
+    """Heights of all planes across z [m], rising, which the lengths of ``HEIGHTS`` move."""
+    half, top = disc.thickness / 2, disc.thickness / 2 + disc.hat
+    inner = [half - disc.cheek] if disc.vanes else []
+    hat = [top - disc.flange, top] if disc.hat > 0 else []
+    return sorted([*(side * z for z in (half, *inner) for side in (1, -1)), *hat])
+
+
 def build(occ: Any, disc: Disc) -> PartEntities:
     """Add the disc to the current gmsh model.
 

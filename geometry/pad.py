@@ -107,6 +107,24 @@ def thicknesses(pad: Pad) -> dict[str, tuple[str, ...]]:
     return {"lining": ("lining",), "plate": ("plate",), **whole}
 
 
+HEIGHTS = ("slot_depth", "chamfer_depth")
+
+
+def levels(pad: Pad) -> list[float]:
+    """Heights of all planes across z [m], rising, which the lengths of ``HEIGHTS`` move.
+
+    Chamfers stay plane as long as no other plane of the lining lies within their depth; none where
+    that is not so.
+    """
+    chamfer = [pad_shape.chamfer_depth(pad)] if pad.chamfer > 0 else []
+    slot = [pad.slot_depth] if pad.slot > 0 and pad.slot_depth is not None else []
+    depths = [0.0, *chamfer, *slot, *np.cumsum([h for _, h in layers(pad)])]
+    if np.any(np.diff(depths) <= 0):
+        return []
+    sides = {"top": (1,), "bottom": (-1,)}.get(pad.side, (1, -1))
+    return sorted(side * (pad.z + depth) for side in sides for depth in depths)
+
+
 def cut_faces(occ: Any, pad: Pad) -> dict[str, tuple[float, float]]:
     """Faces that the outline cuts off.
 

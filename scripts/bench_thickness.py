@@ -1,12 +1,13 @@
 #!/usr/bin/env python3
 """Thicknesses as inputs: ranges against seconds, memory and error of the reduced model.
 
-    scripts/bench_thickness.py [SCENE] [--set KEY=VALUE] [--no-full]
+    scripts/bench_thickness.py [SCENE] [--set KEY=VALUE] [--no-full] [--range KEY LOW HIGH]
 
 A row for each set of ranges: constant bodies; the lining +-20 %; the same with the disc +-1 %; the
-lining over its life. Samples at the ends of all ranges and at two points between are compared with
-full order on the bodies of these thicknesses: largest relative error of lambda, largest estimate,
-and the share of the modes whose error is beyond its estimate. Seconds of full order are the median.
+lining over its life; or constant bodies and ranges of one's own [m]. Samples at the ends of all
+ranges and at two points between are compared with full order on the bodies of these lengths:
+largest relative error of lambda, largest estimate, and the share of the modes whose error is beyond
+its estimate. Seconds of full order are the median.
 """
 
 from __future__ import annotations
@@ -44,13 +45,18 @@ def main() -> None:
     parser.add_argument("scene", nargs="?", type=Path, default=SCENE)
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     parser.add_argument("--no-full", action="store_true", help="without full order")
+    parser.add_argument("--range", action="append", nargs=3, metavar=("KEY", "LOW", "HIGH"))
     given = parser.parse_args()
+    own = {
+        f"{k} {low} to {high}": {k: (float(low), float(high))} for k, low, high in given.range or ()
+    }
+    every = {"constant": {}} | own if own else RANGES
     sets = ["samples.approaches=['multi-scale']", "stability.verify=0", *given.set]
     print(
         f"{given.scene.stem}\n{'ranges':>32}{'kept':>6}{'offline s':>11}{'sample s':>10}"
         f"{'full s':>8}{'MB':>7}{'error':>9}{'estimate':>10}{'beyond':>8}"
     )
-    for name, ranges in RANGES.items():
+    for name, ranges in every.items():
         model = prepare(given.scene, sets, parameters=ranges or None)
         print(f"{name:>32}{row(model, ranges, not given.no_full)}", flush=True)
 

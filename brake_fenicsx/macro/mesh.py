@@ -61,6 +61,7 @@ class Mesh:
         volumes: "part.layer" -> volume [m^3].
         extents: part -> sides of the box around it along x, y, z [m].
         unread: what the mesh file holds beside, which is not read.
+        raw: the plain mesh that it was made from.
     """
 
     domain: Any
@@ -74,6 +75,7 @@ class Mesh:
     volumes: dict[str, float] = field(default_factory=dict)
     extents: dict[str, tuple[float, ...]] = field(default_factory=dict)
     unread: Unread = field(default_factory=Unread)
+    raw: RawMesh | None = None
 
     def cells_of(self, part: str) -> NDArray[np.int32]:
         """Cells of all layers of a part."""
@@ -150,7 +152,7 @@ def tagged_mesh(make: Callable[[], RawMesh], comm: MPI.Comm, table: MeshTable) -
         domain, cell_tags, facet_tags, raw.layers, raw.faces, worst.worst, worst, raw.shape,
         {n: float(volume[raw.cell_tag == tag].sum()) for n, tag in raw.layers.items()},
         {n: extent(raw.points[raw.cells[raw.part(n)].reshape(-1)]) for n in raw.parts()},
-        raw.unread,
+        raw.unread, raw,
     )  # fmt: skip
 
 

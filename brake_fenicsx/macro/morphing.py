@@ -1,4 +1,4 @@
-"""Bodies of a mesh file whose nodes move with a length, between those of two meshes.
+"""Bodies whose nodes move with a length: between two mesh files, or with planes across z.
 
 A node lies at x(p) = x(p_0) + (p - p_0) v. The determinant of the Jacobian at any point of a cell
 is then of third degree in p, and so are mass and gyroscopic term, to round-off. The stiffness has
@@ -25,6 +25,7 @@ from scipy.sparse.csgraph import connected_components
 
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.parts import length_key, moved_planes
 
 from .mesh import Mesh, check_cells
 from .meshing.groups import mesh_of_file
@@ -43,6 +44,8 @@ EVEN = 1e-6
 # Imaginary part of a triple root by round-off, relatively; where no cell folds, it is as if one did
 # so many ranges away.
 APART, FAR = 1e-3, 100.0
+# Decimals by which planes of facets are told apart, relative to the size of the brake.
+PLANE = 5
 # A range is found to hold for a mesh to this share of it.
 HALVINGS = 20
 
@@ -98,10 +101,10 @@ def file_mesh(scene: Scene, parts: list[str]) -> tuple[RawMesh, dict[str, Array]
 
 @dataclass(frozen=True, slots=True)
 class Moving:
-    """A length of a part of the mesh file, over a range.
+    """A length that moves nodes, over a range.
 
     Attributes:
-        layers: of the part, "part.layer".
+        layers: whose nodes move, "part.layer".
         usual: the length in the scene [m].
         ends: of the range [m].
         folds: lengths at which the first cell collapses [m], or so far that it moves no series.
@@ -214,30 +217,54 @@ def _shares(pattern: sp.csr_matrix, A: Array) -> Callable[[Array], float]:
     return lambda data: float((np.abs(data) / scale).max())
 
 
+def movement(scene: Scene, raw: RawMesh, files: list[str], name: str) -> Array:
+    """Movement of all nodes per length [m/m], shape (nodes, 3).
+
+    Args:
+        scene: the scene.
+        raw: its plain mesh.
+        files: names of the parts that are in the mesh file.
+        name: the length, by its dotted key.
+    """
+    part, key = length_key(name)
+    v = np.zeros_like(raw.points)
+    if (planes := moved_planes(scene.parts[part], key)) is not None:
+        own = np.unique(raw.cells[raw.part(part)])
+        v[own, 2] = np.interp(raw.points[own, 2], *planes)
+        return v
+    step = file_mesh(scene, files)[1][name.removesuffix(".value")]
+    # The nodes of the file come behind those of the builders.
+    v[len(v) - len(step) :] = step
+    return v
+
+
 def moving(
     scene: Scene,
     mesh: Mesh,
-    parts: list[str],
-    key: str,
+    files: list[str],
+    name: str,
+    usual: float,
     ends: tuple[float, float],
     faces: Mapping[str, str],
 ) -> Moving:
-    """A length of a part of the mesh file over a range that its cells stand.
+    """A length that moves nodes, over a range that its cells stand.
 
     Args:
         scene: the scene.
         mesh: its tagged mesh.
-        parts: names of the parts that are in the mesh file.
-        key: "parts.PART.morph.NAME".
+        files: names of the parts that are in the mesh file.
+        name: the length, by its dotted key.
+        usual: the length in the scene [m].
         ends: of the range [m].
         faces: key of the scene that depends on the area or the shape of a face -> the face.
 
     Raises:
         SceneError: a cell collapses, or a face in use does not keep its shape.
     """
-    (read, moves), part = file_mesh(scene, parts), key.split(".")[1]
-    v = moves[key]
-    usual = scene.parts[part].morph[key.split(".", 3)[3]].length
+    read = mesh.raw
+    if read is None:
+        raise ValueError("a mesh of another origin")
+    v = movement(scene, read, files, name)
     _check_faces(read, v, faces)
     folds = _folds(read, v, usual, ends)
 
@@ -257,14 +284,12 @@ def moving(
                 middle = 0.5 * (good + bad)
                 good, bad = (good, middle) if mistake(middle) else (middle, bad)
             raise SceneError(
-                f"{key}: at {p:.4g} m: {text}; the mesh holds to {good:.4g} m: narrow the range, or"
-                " spread the displacement over more cells"
+                f"{name}: at {p:.4g} m: {text}; the mesh holds to {good:.4g} m: narrow the range,"
+                " or take a mesh whose cells stand more"
             )
-    # The nodes of the file come behind those of the builders.
-    nodes = np.zeros_like(mesh.domain.geometry.x)
-    nodes[len(nodes) - len(v) :] = v
-    own = tuple(layer for layer in mesh.layers if layer.partition(".")[0] == part)
-    return Moving(own, usual, ends, folds, nodes[mesh.domain.geometry.input_global_indices])
+    moved = np.unique(read.cell_tag[np.any(v[read.cells] != 0, axis=(1, 2))])
+    layers = tuple(layer for layer, tag in mesh.layers.items() if tag in moved)
+    return Moving(layers, usual, ends, folds, v[mesh.domain.geometry.input_global_indices])
 
 
 def _folds(mesh: RawMesh, v: Array, usual: float, ends: tuple[float, float]) -> tuple[float, float]:
@@ -289,30 +314,37 @@ def _folds(mesh: RawMesh, v: Array, usual: float, ends: tuple[float, float]) -> 
 def _check_faces(mesh: RawMesh, v: Array, faces: Mapping[str, str]) -> None:
     """Refuse faces in use that are deformed, and faces that touch others and move sideways.
 
+    What lies in one plane of one body must move together: a part may lie on both sides of a disc,
+    and the two sides of a disc move apart.
+
     Raises:
         SceneError: the key of the scene, the face and the remedy.
     """
     every, tolerance = facet_nodes(mesh), EVEN * float(np.abs(v).max())
-    # Each body by itself: a part may lie on both sides of a disc.
     first = np.repeat(mesh.cells[:, 0], mesh.cells.shape[1])
     links = sp.coo_matrix((np.ones(first.size), (first, mesh.cells.ravel())), (len(v), len(v)))
     _, body = connected_components(links, directed=False)
     for key, face in faces.items():
         own = every[mesh.facet_tag == mesh.faces[face]]
-        step, on = v[own], body[own[:, 0]]
-        if any(np.ptp(step[on == b], axis=(0, 1)).max() > tolerance for b in np.unique(on)):
+        step, x = v[own], mesh.points[own[:, :3]]
+        n = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+        n *= np.sign(np.take_along_axis(n, np.abs(n).argmax(axis=1)[:, None], axis=1))
+        n /= np.linalg.norm(n, axis=1)[:, None]
+        height = np.sum(n * x[:, 0], axis=1) / np.abs(mesh.points).max()
+        planes = np.round(np.column_stack([body[own[:, 0]], n, height]), PLANE)
+        _, plane = np.unique(planes, axis=0, return_inverse=True)
+        low, high = np.full((2, plane.max() + 1, 3), np.inf) * [[[1]], [[-1]]]
+        np.minimum.at(low, plane.ravel(), step.min(axis=1))
+        np.maximum.at(high, plane.ravel(), step.max(axis=1))
+        if np.max(high - low) > tolerance:
             raise SceneError(
-                f"{key}: the displaced mesh deforms or tilts the face {face}; a face that carries"
-                " anything may move as a whole: leave its nodes in their places relative to each"
-                " other, or run the scene once for each mesh"
+                f"{key}: the length deforms or tilts the face {face}; a face that carries anything"
+                " may move as a whole alone: leave its nodes in their places relative to each"
+                " other, or run the scene once for each value"
             )
-        if key.startswith(("contact.", "ties.")):
-            a, b = (mesh.points[own[:, i]] - mesh.points[own[:, 0]] for i in (1, 2))
-            n = np.cross(a, b)
-            n /= np.linalg.norm(n, axis=1)[:, None]
-            along = step[:, 0] - np.sum(step[:, 0] * n, axis=1)[:, None] * n
-            if np.abs(along).max() > tolerance:
-                raise SceneError(
-                    f"{key}: the displaced mesh moves the face {face} sideways, over other facets;"
-                    " it may move along its normal: run the scene once for each mesh"
-                )
+        along = step[:, 0] - np.sum(step[:, 0] * n, axis=1)[:, None] * n
+        if key.startswith(("contact.", "ties.")) and np.abs(along).max() > tolerance:
+            raise SceneError(
+                f"{key}: the length moves the face {face} sideways, over other facets; it may"
+                " move along its normal alone: run the scene once for each value"
+            )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from typing import Annotated, Any, Literal, Union
 
@@ -183,6 +183,32 @@ def layers_of_thickness(part: Part, name: str) -> tuple[str, ...]:
     if hasattr(module, "thicknesses"):
         named = module.thicknesses(part.parameters)
     return named.get(name, ())
+
+
+def moved_planes(part: Part, name: str) -> tuple[list[float], list[float]] | None:
+    """Planes across z that a length of a builder moves along z.
+
+    Args:
+        part: the part.
+        name: a parameter of its builder.
+
+    Returns:
+        Heights of all planes [m], and their derivatives to the length; None where the
+        length moves anything else, or nothing.
+    """
+    if part.builder is None:
+        return None
+    module, table = (
+        importlib.import_module(f"brake_fenicsx.geometry.{part.builder}"),
+        part.parameters,
+    )
+    if name not in getattr(module, "HEIGHTS", ()) or not getattr(table, name):
+        return None
+    step, here = 1e-3 * getattr(table, name), module.levels(table)
+    there = module.levels(replace(table, **{name: getattr(table, name) - step}))
+    if len(there) != len(here) or here == there:
+        return None
+    return here, [(a - b) / step for a, b in zip(here, there, strict=True)]
 
 
 def part_lengths(parameters: Any) -> dict[str, float]:

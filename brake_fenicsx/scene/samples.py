@@ -11,7 +11,9 @@ scalar's unit:
         named ones change, the others of this list stay.
     materials.NAME.loss
     parts.NAME.lining, .plate, .shim            thickness of the layers of a pad
-    parts.NAME.thickness, parts.NAME.height     of a plain disc, of a block
+    parts.NAME.thickness, parts.NAME.height     of a disc, of a block
+    parts.NAME.slot_depth, .chamfer_depth       of a pad
+    parts.NAME.cheek, .hat, .flange             of a disc
     parts.NAME.layers.LAYER                     of a layer of the mesh file
     parts.NAME.morph.LENGTH.value               that moves nodes of the mesh file
     stability.damping.rayleigh.alpha, .beta
@@ -48,7 +50,8 @@ SCALARS = (
     (r"materials\..+\.(loss|nu|nu_\d\d)", ""),
     (r"materials\..+\.(E|E_\d|G_\d\d|C\d\d)", "Pa"),
     (r"motion\.speed", "rad/s or m/s"),
-    (r"parts\..+\.(lining|plate|shim|thickness|height|layers\.\w+|morph\.\w+\.value)", "m"),
+    (r"parts\..+\.(lining|plate|shim|slot_depth|chamfer_depth|layers\.\w+|morph\.\w+\.value)", "m"),
+    (r"parts\..+\.(thickness|cheek|hat|flange|height)", "m"),
     (r"samples\.classical\.penalty", "Pa/m"),
     (r"stability\.damping\.rayleigh\.alpha", "1/s"),
     (r"stability\.damping\.rayleigh\.beta", "s"),
@@ -214,9 +217,10 @@ def unit_of(name: str) -> str:
             return unit
     if split_key(name)[0] == "parts":
         raise KeyMistake(
-            "of the parts only thicknesses of layers may vary from sample to sample (lining, plate"
-            " and shim of a pad, thickness of a disc, height of a block, layers.LAYER of a mesh"
-            " file) and morph.LENGTH.value of a displaced mesh; run the scene once for"
+            "of the parts only lengths along z may vary from sample to sample (lining, plate, shim,"
+            " slot_depth and chamfer_depth of a pad, thickness, cheek, hat and flange of a disc,"
+            " height of a block, layers.LAYER of a mesh file) and morph.LENGTH.value of a displaced"
+            " mesh; run the scene once for"
             f" each value, with --set {name}=VALUE", name,
         )  # fmt: skip
     raise KeyMistake(

@@ -41,7 +41,7 @@ from brake_fenicsx.macro.stretching import Stretch, check_layer
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.damping import turning_parts
 from brake_fenicsx.scene.faces import faces_by_area
-from brake_fenicsx.scene.parts import FILE_LAYER, MORPH, layers_of_thickness, length_key
+from brake_fenicsx.scene.parts import FILE_LAYER, layers_of_thickness, length_key
 from brake_fenicsx.scene.samples import is_constant, split_key
 from brake_fenicsx.scene.scalars import changes_bodies, is_length
 from brake_fenicsx.scene.sweep import Range
@@ -317,22 +317,19 @@ def shapes_of(scene: Scene, mesh: Mesh, box: Box) -> dict[str, Shape]:
     found: dict[str, Shape] = {}
     for name in filter(is_length, box.names):
         part, key = length_key(name)
-        faces = faces_by_area(scene, part)
-        if key.startswith(MORPH):
-            ends, morph = box.span(name), name.removesuffix(".value")
-            found[name] = moving(scene, mesh, file_parts(scene), morph, ends, faces)
-        else:
-            layers = layers_of_thickness(scene.parts[part], key)
-            found[name] = Stretch(
-                tuple(f"{part}.{layer}" for layer in layers), nominal_value(scene, name)
-            )
+        faces, usual = faces_by_area(scene, part), nominal_value(scene, name)
+        if layers := layers_of_thickness(scene.parts[part], key):
+            found[name] = Stretch(tuple(f"{part}.{layer}" for layer in layers), usual)
             for layer in found[name].layers:
-                check_layer(mesh, layer, found[name].usual if FILE_LAYER in name else None, faces)
+                check_layer(mesh, layer, usual if FILE_LAYER in name else None, faces)
+        else:
+            files, ends = file_parts(scene), box.span(name)
+            found[name] = moving(scene, mesh, files, name, usual, ends, faces)
         for other, shape in found.items():
             if other != name and {*shape.layers} & {*found[name].layers}:
                 raise SceneError(
-                    f"{name}, {other}: move the same layers, and a displaced mesh stands beside no"
-                    " other length of its part that varies; leave one of the two as it is"
+                    f"{name}, {other}: move the same layers, which may follow one length alone;"
+                    " leave one of the two as it is"
                 )
     return found
 

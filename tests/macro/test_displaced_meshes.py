@@ -289,7 +289,7 @@ def test_refusals(move, sets, text, written):
     [
         ("parts.pad.morph.chamfer.value", "there is no such table; there are wear"),
         ("parts.plate.morph.wear.value", "there is no such table; there are none"),
-        ("parts.pad.morph.wear.ends", "only thicknesses of layers may vary"),
+        ("parts.pad.morph.wear.ends", "only lengths along z may vary"),
     ],
 )
 def test_refused_names(key, text, written):
@@ -342,7 +342,7 @@ def test_cells_that_fold_between_two_good_meshes(written):
     scene = read_scene(written(kind=("tetrahedra", 1), move=turned))
     mesh, ends = scene_mesh(scene, MPI.COMM_SELF), (8e-3, 12e-3)
     with pytest.raises(SceneError, match=r"collapses; the mesh holds to 0.01\d* m"):
-        moving(scene, mesh, ["pad", "plate"], "parts.pad.morph.wear", ends, {})
+        moving(scene, mesh, ["pad", "plate"], KEY, 12e-3, ends, {})
 
 
 @pytest.mark.hard

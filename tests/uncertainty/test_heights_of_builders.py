@@ -1,0 +1,104 @@
+"""Lengths of builders that move planes along z: against closed forms and scenes meshed anew."""
+
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from brake_fenicsx import compat, model
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.macro.brake import assemble_bodies, assemble_brake
+from brake_fenicsx.scene import read_scene
+from brake_fenicsx.uncertainty.changing_bodies import assemble_changes
+
+VENTED = Path(__file__).parents[2] / "scripts" / "scenes" / "vented_brake.toml"
+SETS = [
+    "stages=['equilibrium','stability']", "samples={ approaches=['multi-scale'] }",
+    "stability.method=reduced",
+]  # fmt: skip
+# Of a pad between straight edges volumes are exact.
+PAD = ["mesh.quality=0.002", "parts.pad.shape='rectangle'", "parts.pad.ear_length=0", "springs={}",
+       'supports={ "disc.bolts"="clamped", "pad.piston"=["x", "y"] }']  # fmt: skip
+SLOT, CHAMFER = "parts.pad.slot_depth", "parts.pad.chamfer_depth"
+DISC = {
+    # Heights of the scene, and where a longer length has them.
+    "thickness": (22e-3, [-12, -4, 4, 12, 34, 42], [-11, -3, 3, 11, 33, 41]),
+    "cheek": (9.5e-3, [-12, -4, 4, 12, 34, 42], [-12, -2.5, 2.5, 12, 34, 42]),
+    "hat": (33e-3, [-12, -4, 4, 12, 34, 42], [-12, -4, 4, 12, 37, 45]),
+    "flange": (7e-3, [-12, -4, 4, 12, 34, 42], [-12, -4, 4, 12, 35, 42]),
+}
+
+
+def changed(sets, key, length):
+    """A scene whose length varies, its brake, and what a value of it adds."""
+    near = 1e3 * length
+    values = f'["{near!r} mm", "{0.99 * near!r} mm"]'
+    sweep = f'sweep.parameters={{ "{key}"={{ values={values} }} }}'
+    scene = read_scene(VENTED, [*SETS, *sets, sweep])
+    brake = assemble_brake(scene, MPI.COMM_SELF)
+    changes = assemble_changes(scene, brake)
+    return scene, brake, changes.stiffness_change({key: length}), changes.mass_change({key: length})
+
+
+@pytest.mark.parametrize("name", DISC)
+def test_a_length_of_a_vented_disc_moves_its_planes(name):
+    """Matrices of the mesh whose nodes are moved by hand, cells between planes in proportion."""
+    length, here, there = DISC[name]
+    scene, brake, K, M = changed([], f"parts.disc.{name}", length)
+    mesh = brake.mesh
+    x = mesh.domain.geometry.x
+    own = np.unique(compat.geometry_dofs(mesh.domain)[mesh.cells_of("disc")])
+    x[own, 2] = np.interp(x[own, 2], 1e-3 * np.array(here), 1e-3 * np.array(there))
+    exact = assemble_bodies(scene, mesh)
+    assert abs(K).max() > 1e-3 * abs(exact.K).max()
+    assert abs(brake.K + K - exact.K).max() < 1e-9 * abs(exact.K).max()
+    assert abs(brake.M + M - exact.M).max() < 1e-9 * abs(exact.M).max()
+
+
+@pytest.mark.parametrize(
+    ("key", "length", "area"),
+    [(SLOT, 8.5e-3, 4e-3 * 44e-3), (CHAMFER, 4e-3, 8e-3 * 44e-3)],
+)
+def test_volume_of_a_pad_follows_its_slot_and_chamfers(key, length, area):
+    """A slot has the volume width x depth x length, two chamfers their triangles: in both pads."""
+    _, brake, _, M = changed(PAD, key, length)
+    usual = {SLOT: 7e-3, CHAMFER: 3e-3}[key]
+    column = np.zeros(brake.M.shape[0])
+    z = np.flatnonzero(brake.elastic.free.local % 3 == 2)
+    column[z] = 1.0
+    assert column @ M @ column == pytest.approx(-2 * 2510 * area * (length - usual), rel=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("key", "ends"), [("parts.disc.hat", (27e-3, 33e-3)), (SLOT, (6e-3, 8e-3))]
+)
+def test_modes_are_those_of_a_scene_meshed_anew(key, ends):
+    """At an end of the range, within the difference of two meshes: 1.5e-3 and 1e-4."""
+    found = model.prepare(VENTED, SETS, parameters={key: ends}).modes({key: ends[0]})
+    exact = model.prepare(VENTED, [*SETS, f"{key}='{ends[0]!r} m'"]).modes()
+    np.testing.assert_allclose(found.frequency, exact.frequency, rtol=4e-3)
+
+
+@pytest.mark.parametrize(
+    ("sets", "key", "text"),
+    [
+        (["parts.disc.vanes=0"], "parts.disc.cheek", "moves no planes of it along z"),
+        (["parts.pad.slot_depth='2 mm'"], CHAMFER, "moves no planes of it along z"),
+        ([], "parts.disc.vane_width", "only lengths along z may vary"),
+        ([], "parts.pad.plate", r"springs.pad.ears: .*lies on the sides of the layer pad.plate"),
+    ],
+)
+def test_refusals(sets, key, text):
+    """No vanes; a slot that ends within the chamfers, which would bend; a length in plane."""
+    with pytest.raises(SceneError, match=text):
+        model.prepare(VENTED, [*SETS, *sets], parameters={key: (3e-3, 4e-3)})
+
+
+@pytest.mark.hard
+def test_a_vane_without_height():
+    """Cheeks that meet within the range: rejected with the largest that do not."""
+    with pytest.raises(SceneError, match=r"disc.cheek: at .* quality .* the mesh holds to 0.011"):
+        model.prepare(VENTED, SETS, parameters={"parts.disc.cheek": (8e-3, 12e-3)})
