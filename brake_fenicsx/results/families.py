@@ -6,10 +6,7 @@ complex scale, and 0 for an orthogonal one (R. J. Allemang, Sound and Vibration 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
-import scipy.linalg as la
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
@@ -73,56 +70,72 @@ def same_families(
     return [(int(i), int(j), float(likeness[i, j])) for i, j in pairs if likeness[i, j] >= least]
 
 
-def onset_families(vectors: Sequence[Complex], frequencies: Array) -> tuple[list[int], list[int]]:
-    """Families of modes that begin to squeal, of any samples.
+class Onsets:
+    """Modes that begin to squeal, of any samples.
 
     Where two modes merge, the mode that begins to grow is their sum or their difference, by the
-    sign of what couples them, and these two are orthogonal. So modes are of one family if they have
+    sign of what couples them, and these two are orthogonal. So such modes are alike if they have
     one shape, or if their real and imaginary parts span one plane.
 
-    Args:
-        vectors: in M-orthonormal coordinates, shape (m,) each.
-        frequencies: theirs [Hz].
-
-    Returns:
-        Family of each mode, and the mode that founds each family.
+    Attributes:
+        vectors: in M-orthonormal coordinates, shape (m, modes).
+        planes: orthonormal bases of their real and imaginary parts, shape (modes, m, 2); the second
+            vector is zero where a mode is real.
+        sizes: dimensions of these, shape (modes,).
     """
-    family, first = [0] * len(vectors), list[int]()
-    planes = [la.orth(np.column_stack([v.real, v.imag]), FLAT) for v in vectors]
-    f = np.maximum(frequencies, 1.0)
 
-    def likeness(i: int, j: int) -> float:
-        shape = float(mac(vectors[i][:, None], vectors[j][:, None])[0, 0])
-        both = planes[i].T @ planes[j]
-        plane = float(la.norm(both) ** 2) / min(both.shape)
-        return max(shape, plane) if plane > ONE_PAIR else shape
+    def __init__(self, vectors: Complex):
+        """Find the planes."""
+        parts = np.stack([vectors.T.real, vectors.T.imag], axis=2)
+        self.planes, s, _ = np.linalg.svd(parts, full_matrices=False)
+        flat = s[:, 1] <= FLAT * s[:, 0]
+        self.planes[flat, :, 1] = 0.0
+        self.vectors, self.sizes = vectors, 2 - flat
 
-    # Real vectors, of the merging itself, lie in the planes of the others.
-    for j in sorted(range(len(vectors)), key=lambda j: -planes[j].shape[1]):
-        near = _near(f[first], f[[j]])[:, 0]
-        alike = [likeness(i, j) * float(n) for i, n in zip(first, near, strict=True)]
-        family[j] = int(np.argmax(alike)) if alike else 0
-        if not alike or max(alike) < 0.5:
-            family[j] = len(first)
-            first.append(j)
-    return family, first
+    def like(self, own: list[int], others: Onsets, inside: bool = False) -> Array:
+        """Likeness of some of these modes with all others, shape (own, others).
+
+        Args:
+            own: some of these modes.
+            others: the others.
+            inside: whether real modes are like those whose planes they lie in.
+        """
+        size = np.minimum if inside else np.maximum
+        P, Q = self.planes[own], others.planes
+        plane = np.einsum("imp,jmq->ijpq", P, Q) ** 2
+        share = plane.sum(axis=(2, 3)) / size.outer(self.sizes[own], others.sizes)
+        shape = mac(self.vectors[:, own], others.vectors)
+        return np.maximum(shape, np.where(share > ONE_PAIR, share, 0.0))
+
+    def families(self, frequencies: Array) -> tuple[list[int], list[int]]:
+        """Family of each mode, and the mode that founds each family.
+
+        Args:
+            frequencies: of the modes [Hz].
+        """
+        family, first = np.zeros(self.sizes.size, int), list[int]()
+        f = np.maximum(frequencies, 1.0)
+        # Real vectors, of the merging itself, lie in the planes of the others.
+        alike: Array = np.zeros((0, family.size))
+        for j in np.argsort(-self.sizes, kind="stable"):
+            if not first or alike[:, j].max() < 0.5:
+                alike = np.vstack([alike, self.like([int(j)], self, True) * _near(f[[j]], f)])
+                first.append(int(j))
+            family[j] = np.argmax(alike[:, j])
+        return family.tolist(), first
 
 
-def known_numbers(founders: list[Complex], known: Complex | None) -> list[int]:
+def known_numbers(likeness: Array, known: int) -> list[int]:
     """Number of each family: of the known one it is likest to, each given once; else a new one.
 
     Args:
-        founders: vector of a mode of each family, shape (m, 1).
-        known: vectors of the known families, in the same coordinates, shape (m, families).
+        likeness: of the known families with these, shape (known, families) or without rows.
+        known: number of the known ones.
     """
-    beyond = 0 if known is None else known.shape[1]
-    numbers = [beyond + n for n in range(len(founders))]
-    if known is None or not founders:
-        return numbers
-    anywhere = np.ones(beyond), np.ones(len(founders))
-    pairs = same_families(known, anywhere[0], np.hstack(founders), anywhere[1], RESEMBLES)
-    for i, j, _ in pairs:
-        numbers[j] = i
+    numbers = [known + n for n in range(likeness.shape[1])]
+    for i, j in zip(*linear_sum_assignment(-likeness), strict=True):
+        if likeness[i, j] >= RESEMBLES:
+            numbers[j] = int(i)
     return numbers
 
 

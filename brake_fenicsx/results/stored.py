@@ -228,11 +228,9 @@ class Results:
             "median_relative_error": float(np.median(error)) if error.size else None,
         }  # fmt: skip
 
-    def squealing_members(self) -> tuple[list[int], NDArray[np.complex128]]:
-        """Numbers of the families that squeal, and the vector of the first such mode of each."""
-        numbers = sorted(self._squealing)
-        vectors = [self._squealing[n].astype(complex) for n in numbers]
-        return numbers, np.array(vectors).T if vectors else np.zeros((0, 0), complex)
+    def squealing_members(self) -> dict[int, NDArray[np.complex128]]:
+        """Vector of the first mode that squeals of each family, by its number."""
+        return {n: self._squealing[n].astype(complex) for n in sorted(self._squealing)}
 
 
 def _modes(block: SampleBlock, family: NDArray[np.int32], layers: Sequence[str]) -> Columns:
@@ -310,6 +308,11 @@ def _tables(
     if "stability" in scene.stages:
         if results.members.vectors:
             study.families = np.array(results.members.vectors).T
+            # A mode that begins to squeal resembles one that squeals most.
+            squealing = results.squealing_members()
+            study.squealing = [*squealing]
+            for n, vector in squealing.items():
+                study.families[:, n] = vector
         _write_shapes(study, points, results)
     write_rows(path("contact.csv"), CONTACT, results.contact(study.brake.contact))
     if stability is not None and study.drivers is not None:
@@ -332,7 +335,7 @@ def _tables(
 
 def _write_shapes(study: Study, points: NDArray[np.float64], results: Results) -> None:
     """Shapes of the families that squeal, for comparisons with other runs."""
-    numbers, vectors = results.squealing_members()
-    if numbers:
-        u, body = study.models.shapes(vectors), study.models.numbering.body
-        study.store.save(SHAPES, **family_shapes(points, body, u, np.array(numbers)))
+    if known := results.squealing_members():
+        u = study.models.shapes(np.array([*known.values()]).T)
+        body = study.models.numbering.body
+        study.store.save(SHAPES, **family_shapes(points, body, u, np.array([*known])))

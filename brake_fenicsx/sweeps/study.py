@@ -101,8 +101,8 @@ class SweepStudy:
         """Tables of the lines; collective. Returns figures for the summary."""
         from .tables import SweepTables
 
-        families = self.study.families
-        facts = on_first(lambda: SweepTables(self, families).write(), self.study.comm)
+        known = self.study.families, self.study.squealing
+        facts = on_first(lambda: SweepTables(self, *known).write(), self.study.comm)
         self._say(facts["sweep"])
         return facts
 

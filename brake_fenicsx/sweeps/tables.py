@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from brake_fenicsx.folder.sample_files import Task
-from brake_fenicsx.results.families import known_numbers, onset_families
+from brake_fenicsx.results.families import Onsets, known_numbers
 from brake_fenicsx.results.squeal import squeals
 from brake_fenicsx.results.tables import write_rows
 from brake_fenicsx.scene.scalars import si_unit
@@ -37,24 +37,30 @@ CRITICAL = (
     "at_first_value",
     "value_5", "value_50", "value_50_low", "value_50_high", "value_95",
 )  # fmt: skip
+# A mode that begins to squeal takes the number of a family that squeals in the samples, unless it
+# is so much likelier another one, as the decaying mode of the same pair.
+PREFERRED = 1.2
 CURVE = ("approach", "family", "value", "samples", "share", "low", "high")
 
 
 class SweepTables:
     """Tables of a sweep from its stored lines, on one process."""
 
-    def __init__(self, sweep: SweepStudy, families: Complex | None = None):
+    def __init__(
+        self, sweep: SweepStudy, families: Complex | None = None, squealing: Sequence[int] = ()
+    ):
         """Read the lines.
 
         Args:
             sweep: the sweep.
             families: vectors of the families of the scene's samples, by which those of the sweep
                 are numbered, shape (m, families); numbered anew if None.
+            squealing: those of them that squeal.
         """
         self._sweep = sweep
         self._own = {t: sweep.line("own", t) for t in sweep.nominal}
         self._samples = {t: sweep.line("sample", t) for t in sweep.samples}
-        self._family = self._families(families)
+        self._family = self._families(families, list(squealing))
 
     def write(self) -> dict[str, Any]:
         """Write the tables; returns figures for the summary."""
@@ -114,7 +120,9 @@ class SweepTables:
                     float(e.s.real) if there else None, *pair, self._family.get((kind, task, i)),
                 ]  # fmt: skip
 
-    def _families(self, known: Complex | None) -> dict[tuple[str, Task, int], int]:
+    def _families(
+        self, known: Complex | None, squealing: list[int]
+    ) -> dict[tuple[str, Task, int], int]:
         """Family of the mode of every event that has a vector."""
         events = [
             ((kind, task, i), e)
@@ -122,11 +130,16 @@ class SweepTables:
             for i, e in enumerate(line.events)
             if np.any(e.vector)
         ]
-        vectors = [e.vector.astype(complex) for _, e in events]
-        own, first = onset_families(vectors, np.array([e.s.imag / (2 * np.pi) for _, e in events]))
+        if not events:
+            return {}
+        modes = Onsets(np.array([e.vector for _, e in events], complex).T)
+        own, first = modes.families(np.array([e.s.imag / (2 * np.pi) for _, e in events]))
         # A mode that begins to squeal resembles both of the pair that merged: such modes are
         # gathered first, and each family of them then takes the number of the nearest known one.
-        number = known_numbers([vectors[i][:, None] for i in first], known)
+        before = Onsets(modes.vectors[:, :0] if known is None else known)
+        likeness = modes.like(first, before).T
+        likeness[squealing] *= PREFERRED
+        number = known_numbers(likeness, before.sizes.size)
         return {key: number[n] for (key, _), n in zip(events, own, strict=True)}
 
     def _onsets(self) -> list[list[tuple[int, float, float]]]:

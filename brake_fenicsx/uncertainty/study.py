@@ -93,6 +93,7 @@ class Study:
         self._laws: dict[Task, EnrichedGap] = {}
         # Vectors of the families, once the tables are written; on one process.
         self.families: NDArray[np.complex128] | None = None
+        self.squealing: list[int] = []
         self.drivers: Drivers | None = None
         self.cycles: Cycles | None = None
         reduced = self.models.by_reduction

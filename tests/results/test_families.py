@@ -3,7 +3,7 @@
 import numpy as np
 import scipy.linalg as la
 
-from brake_fenicsx.results.families import ModeFamilies, mac, onset_families
+from brake_fenicsx.results.families import ModeFamilies, Onsets, known_numbers, mac
 
 
 def test_families_follow_permuted_modes():
@@ -50,6 +50,20 @@ def test_sum_and_difference_of_two_modes_that_merge_are_one_family():
     assert mac(one[:, None], other[:, None])[0, 0] < 0.1
     merging = np.array([1.0, 1.0, 0.0, 0.0]) / np.sqrt(2) + 0j
     vectors = [merging, one, begins(2, 3, 0.055), 1j * other, begins(1, 2, 0.035)]
-    family, first = onset_families(vectors, np.ones(5))
+    onsets = Onsets(np.array(vectors).T)
+    family, first = onsets.families(np.ones(5))
     assert family == [0, 0, 1, 0, 2] and first == [1, 2, 4]
-    assert onset_families([], np.zeros(0)) == ([], [])
+    assert onsets.sizes.tolist() == [1, 2, 2, 2, 2]
+
+
+def test_onsets_take_the_number_of_the_mode_that_squeals():
+    """Not that of the real mode which they resemble as much."""
+    known = np.eye(4, dtype=complex)
+    known[:, 1] = begins(0, 1, 0.03)
+    onsets = Onsets(np.array([begins(0, 1, -0.0205), begins(2, 3, 0.055)]).T)
+    likeness = onsets.like([0, 1], Onsets(known))
+    numbers = known_numbers(likeness.T, 4)
+    assert numbers[0] == 1 and numbers[1] in (2, 3)
+    assert likeness[0, 1] > 0.99 and likeness[0, 0] < 0.7
+    assert known_numbers(onsets.like([0, 1], Onsets(np.zeros((4, 0)))).T, 0) == [0, 1]
+    assert known_numbers(mac(known, np.eye(4)[:, :0]), 4) == []
