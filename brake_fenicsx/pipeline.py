@@ -321,11 +321,14 @@ def mechanics(
             note_warnings(this, stuck_warnings(this.scene, this.facts["stuck_contact"]))
         note_open_points(this)
         if "report" in this.scene.stages:
+            from brake_fenicsx.report.inputs import contact_maps
             from brake_fenicsx.report.mode_fields import write_mode_fields
 
             write_mode_fields(study, first, this.pictures)
-            if this.comm.rank == 0 and this.pictures:
-                draw_mesh(this, brake)
+            if this.pictures:
+                # The maps of the page too, beside the picture.
+                last = lambda: contact_maps(this.store.directory), lambda: draw_mesh(this, brake)
+                list(in_turns(2, lambda i: last[i](), this.comm))
 
 
 def draw_mesh(this: Run, brake: Brake) -> None:
