@@ -183,7 +183,7 @@ def test_chart_over_two_parameters(tmp_path):
         (['sweep.parameters."contact.none.friction"={ start = 0.0, stop = 1.0 }'], "no [contact"),
         (
             ['sweep.parameters."parts.block.length"={ start = "1 mm", stop = "2 mm" }'],
-            "only thicknesses",
+            "only lengths along z",
         ),
         (["sweep.samples=3"], "0 keys"),
         (
