@@ -24,8 +24,8 @@ from processes import parallel
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "squealing_block.toml"
 PLAIN = [
     "stages=['surface','equilibrium','stability','uncertainty']", "samples.n=2",
-    "countermeasures=[]",
-    "stability.damping={ rayleigh = ['0 1/s', '2.2e-7 s'] }",
+    "countermeasures=[]", "contact.block_plate.friction=0.55",
+    "stability.damping={ rayleigh = ['0 1/s', '4e-7 s'] }",
 ]  # fmt: skip
 GIVEN = [
     *PLAIN,
