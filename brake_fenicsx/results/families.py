@@ -125,14 +125,14 @@ class Onsets:
         return family.tolist(), first
 
 
-def known_numbers(likeness: Array, known: int) -> list[int]:
+def known_numbers(likeness: Array) -> list[int]:
     """Number of each family: of the known one it is likest to, each given once; else a new one.
 
     Args:
-        likeness: of the known families with these, shape (known, families) or without rows.
-        known: number of the known ones.
+        likeness: of the known families with these, shape (known, families).
     """
-    numbers = [known + n for n in range(likeness.shape[1])]
+    known, new = likeness.shape
+    numbers = [known + n for n in range(new)]
     for i, j in zip(*linear_sum_assignment(-likeness), strict=True):
         if likeness[i, j] >= RESEMBLES:
             numbers[j] = int(i)

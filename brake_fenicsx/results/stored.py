@@ -308,7 +308,7 @@ def _tables(
     if "stability" in scene.stages:
         if results.members.vectors:
             study.families = np.array(results.members.vectors).T
-            # A mode that begins to squeal resembles one that squeals most.
+            # A sweep compares modes that begin to squeal with the squealing mode of each family.
             squealing = results.squealing_members()
             study.squealing = [*squealing]
             for n, vector in squealing.items():

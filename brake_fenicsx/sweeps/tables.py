@@ -139,7 +139,7 @@ class SweepTables:
         before = Onsets(modes.vectors[:, :0] if known is None else known)
         likeness = modes.like(first, before).T
         likeness[squealing] *= PREFERRED
-        number = known_numbers(likeness, before.sizes.size)
+        number = known_numbers(likeness)
         return {key: number[n] for (key, _), n in zip(events, own, strict=True)}
 
     def _onsets(self) -> list[list[tuple[int, float, float]]]:

@@ -129,7 +129,7 @@ class Trial:
         """Modes that squeal and are of the worst family."""
         known = {"verdict": state.verdict, "damping": state.damping}
         modes = np.flatnonzero(squeals(known, self._worst.threshold))
-        numbers = known_numbers(mac(self._known, state.right[:, modes]), self._known.shape[1])
+        numbers = known_numbers(mac(self._known, state.right[:, modes]))
         return [int(i) for i, n in zip(modes, numbers, strict=True) if n == self._worst.column]
 
     def slope(self, start: float, stop: float) -> float | None:

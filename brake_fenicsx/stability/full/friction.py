@@ -53,7 +53,7 @@ def friction_modes(
         InaccurateResult: left and right eigenvalues or the count differ.
     """
     held: list[Any] = []
-    # Each its own, in turns, so that all learn where memory is short.
+    # Every process factors the matrix for itself; where memory is short for one, all raise.
     list(
         in_turns(comm.size, lambda i: held.append(shifted_factor(p.frictionless, p.M, high)), comm)
     )
