@@ -95,6 +95,17 @@ def test_critical_values_are_those_of_the_samples_alone(swept, model):
         assert float(r["share"]) == by / 4
 
 
+def test_families_of_the_sweep_are_those_of_the_samples(swept):
+    """What squeals at the friction of the scene, 0.5, has one number in both, and one row."""
+    modes = rows(swept / "modes.csv")
+    loud = [r for r in modes if r["verdict"] == "unstable" and float(r["damping"]) < -1e-3]
+    squealing = {r["family"] for r in loud if r["approach"] == "multi-scale"}
+    by = {r["family"]: r for r in rows(swept / "critical.csv") if r["family"]}
+    begun = {n for n, r in by.items() if float(r["value_50"] or "inf") < 0.5}
+    assert begun == squealing and len(begun) > 0
+    assert all(by[n]["squeal_samples"] == "4" for n in begun)
+
+
 def test_a_critical_value_of_one_sample_has_no_interval():
     (whole, own) = critical_values([[(0, 0.3, 2e3)]], rising=True)
     for c in (whole, own):
