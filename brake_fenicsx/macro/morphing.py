@@ -1,44 +1,42 @@
-"""Bodies whose nodes move with a length: between two mesh files, or with planes across z.
+"""Bodies whose nodes move with lengths: between two mesh files, or with planes across z.
 
-A node lies at x(p) = x(p_0) + (p - p_0) v. The determinant of the Jacobian at any point of a cell
-is then of third degree in p, and so are mass and gyroscopic term, to round-off. The stiffness has
-poles where a cell collapses, the nearest ones p_- below and p_+ above the range. In
+A node lies at x(p) = x(p_0) + (p - p_0) v, with a sum over the lengths that move it. The
+determinant of the Jacobian at any point of a cell is then of third degree in p, and so are mass and
+gyroscopic term, to round-off. The stiffness has poles where a cell collapses, the nearest ones p_-
+below and p_+ above the range, whatever the other lengths. In
 
     u = ln((p - p_-) / (p_+ - p))
 
 all of these lie i pi away from the axis of u or farther, so that a Chebyshev series of few terms
-reaches the round-off of factors; its error is measured between its points.
+reaches the round-off of factors (``matrix_series``).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any
+from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy import special
 from scipy.sparse.csgraph import connected_components
 
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.parts import length_key, moved_planes
+from brake_fenicsx.scene.parts import length_key, morph_of, moved_planes
 
+from .matrix_series import DEGREES, matrix_series, products
 from .mesh import Mesh, check_cells
 from .meshing.groups import mesh_of_file
 from .meshing.quality import determinants
 from .meshing.rawmesh import RawMesh, facet_nodes
+from .stretching import Assembly, Power
 
 Array = NDArray[np.float64]
 
-# Error of an entry of the stiffness over the largest ones of its row and column that is accepted,
-# and degrees of the series that are tried.
-ERROR, DEGREES = 1e-10, (4, 8, 16)
-# Least entries of a row that count, over those of all rows.
-SMALL = 1e-4
 # Faces move evenly if their nodes do to this share of the largest movement.
 EVEN = 1e-6
 # Imaginary part of a triple root by round-off, relatively; where no cell folds, it is as if one did
@@ -101,124 +99,101 @@ def file_mesh(scene: Scene, parts: list[str]) -> tuple[RawMesh, dict[str, Array]
 
 @dataclass(frozen=True, slots=True)
 class Moving:
-    """A length that moves nodes, over a range.
+    """Lengths that move nodes of the same layers, over ranges.
 
     Attributes:
-        layers: whose nodes move, "part.layer".
-        usual: the length in the scene [m].
-        ends: of the range [m].
-        folds: lengths at which the first cell collapses [m], or so far that it moves no series.
-        v: movement of the nodes of the mesh per length, shape (nodes, 3).
+        layers: that they deform, "part.layer".
+        usual: the lengths in the scene [m], shape (lengths,).
+        ends: of their ranges [m], shape (lengths, 2).
+        folds: of each, where the first cell collapses, whatever the others [m], or so far that it
+            moves no series, likewise.
+        v: movement of the nodes of the mesh per length, shape (lengths, nodes, 3).
     """
 
     layers: tuple[str, ...]
-    usual: float
-    ends: tuple[float, float]
-    folds: tuple[float, float]
+    usual: Array
+    ends: Array
+    folds: Array
     v: Array
 
     @contextmanager
-    def applied(self, mesh: Mesh, length: float) -> Iterator[None]:
-        """The nodes where a length has them, and back again."""
+    def applied(self, mesh: Mesh, lengths: Array) -> Iterator[None]:
+        """The nodes where some lengths have them, and back again."""
         x = mesh.domain.geometry.x
         there = x.copy()
-        x[:] = there + (length - self.usual) * self.v
+        x[:] = there + np.tensordot(lengths - self.usual, self.v, 1)
         try:
             yield
         finally:
             x[:] = there
 
-    def factor(self, power: int, length: float, inertia: bool) -> float:
-        """Chebyshev polynomial of a length, of p for mass and gyroscopic term, else of u."""
-        low, high, at = (x if inertia else self._u(x) for x in (*self.ends, length))
-        x = (2 * at - low - high) / (high - low or 1.0)
-        return float(special.eval_chebyt(power, x))
+    def factor(self, power: Power, lengths: Array, inertia: bool) -> float:
+        """Product of Chebyshev polynomials, of p for mass and gyroscopic term, else of u."""
+        low, high, at = self.ends[:, 0], self.ends[:, 1], lengths
+        if not inertia:
+            low, high, at = map(self._u, (low, high, at))
+        x = (2 * at - low - high) / np.where(high > low, high - low, 1.0)
+        return float(products(x[None], np.array([power]))[0, 0])
 
-    def inertia(
-        self, mesh: Mesh, assemble: Callable[[], sp.csr_matrix]
-    ) -> dict[int, sp.csr_matrix]:
-        """Matrices by which the Chebyshev polynomials of p come in a mass or a gyroscopic term."""
-        low, high = self.ends
-        x = np.cos(np.pi * (np.arange(4) + 0.5) / 4)
-        M = [self._at(mesh, assemble, low + 0.5 * (high - low) * (1 + t)) for t in x]
-        series = np.linalg.inv(_polynomials(x, 3))
-        return {j: sum(c * A for c, A in zip(series[j], M, strict=True)) for j in range(4)}
+    def inertia(self, mesh: Mesh, assemble: Assembly) -> dict[Power, sp.csr_matrix]:
+        """Matrices by which the polynomials of p come in a mass or a gyroscopic term."""
+        low, high = self.ends.T
+        return self._series(lambda x: low + (high - low) * x, mesh, assemble)
 
-    def stiffness(
-        self, mesh: Mesh, assemble: Callable[[], sp.csr_matrix]
-    ) -> dict[int, sp.csr_matrix]:
-        """Matrices by which the Chebyshev polynomials of u come in a stiffness.
+    def stiffness(self, mesh: Mesh, assemble: Assembly) -> dict[Power, sp.csr_matrix]:
+        """Matrices by which the polynomials of u come in a stiffness.
 
         Raises:
             InaccurateResult: too many would be needed.
         """
-        low, high = map(self._u, self.ends)
-        known: dict[float, sp.csr_matrix] = {}
+        low, high = map(self._u, self.ends.T)
+        below, above = self.folds.T
 
-        def at(x: float) -> Array:
-            if x not in known:
-                u = low + 0.5 * (high - low) * (1 + x)
-                known[x] = self._at(mesh, assemble, self._length(u))
-            return np.asarray(known[x].data)
+        def lengths(x: Array) -> Array:
+            return np.asarray(below + (above - below) / (1 + np.exp(-low - (high - low) * x)))
 
-        for degree in DEGREES:
-            # Points of one degree are among those of twice the degree.
-            points = [round(float(x), 12) for x in np.cos(np.pi * np.arange(degree + 1) / degree)]
-            A: Array = np.linalg.inv(_polynomials(points, degree)) @ [at(x) for x in points]
-            pattern = known[points[0]]
-            between = np.cos(np.pi * (np.array([0, degree // 2]) + 0.5) / degree)
-            wrong = [at(float(x)) - _polynomials(x, degree) @ A for x in between]
-            share = _shares(pattern, A)
-            if max(map(share, wrong)) <= ERROR:
-                break
-        else:
+        return self._series(lengths, mesh, assemble)
+
+    def _series(
+        self, lengths: Callable[[Array], Array], mesh: Mesh, assemble: Assembly
+    ) -> dict[Power, sp.csr_matrix]:
+        """The matrices, by the lengths at points between 0 and 1 of the variables."""
+
+        def at(x: Array) -> sp.csr_matrix:
+            with self.applied(mesh, lengths(0.5 * (1 + x))):
+                return assemble()
+
+        if (found := matrix_series(at, len(self.usual))) is None:
+            ranges = " and ".join(f"between {a:g} m and {b:g} m" for a, b in self.ends)
             raise InaccurateResult(
-                f"the stiffness of {', '.join(self.layers)} changes too much between"
-                f" {self.ends[0]:g} m and {self.ends[1]:g} m for a series of degree {degree}:"
-                " narrow the range"
+                f"the stiffness of {', '.join(self.layers)} changes too much {ranges} for a series"
+                f" of degree {DEGREES[-1]}: narrow the range"
             )
-        while degree > 1 and share(A[degree]) <= 0.1 * ERROR:
-            degree -= 1
-        return {
-            j: sp.csr_matrix((A[j], pattern.indices, pattern.indptr), pattern.shape)
-            for j in range(degree + 1)
-        }
+        return found
 
-    def _at(
-        self, mesh: Mesh, assemble: Callable[[], sp.csr_matrix], length: float
-    ) -> sp.csr_matrix:
-        with self.applied(mesh, length):
-            return assemble()
-
-    def _u(self, p: float) -> float:
-        """The variable of the series."""
-        return float(np.log((p - self.folds[0]) / (self.folds[1] - p)))
-
-    def _length(self, u: float) -> float:
-        """The length of a value of u."""
-        below, above = self.folds
-        return float(below + (above - below) / (1 + np.exp(-u)))
+    def _u(self, p: Array) -> Array:
+        """The variables of the series."""
+        return np.asarray(np.log((p - self.folds[:, 0]) / (self.folds[:, 1] - p)))
 
 
-def _polynomials(x: Any, degree: int) -> Array:
-    """Chebyshev polynomials up to a degree at some points, shape (..., degree + 1)."""
-    return np.asarray(special.eval_chebyt(np.arange(degree + 1), np.asarray(x)[..., None]))
+class Move(NamedTuple):
+    """A length that moves nodes.
+
+    Attributes:
+        name: its dotted key.
+        usual: the length in the scene [m].
+        ends: of its range [m].
+        v: movement of all nodes per length [m/m], shape (nodes, 3).
+    """
+
+    name: str
+    usual: float
+    ends: tuple[float, float]
+    v: Array
 
 
-def _shares(pattern: sp.csr_matrix, A: Array) -> Callable[[Array], float]:
-    """Largest entry of data on a pattern over the largest ones of its row and column in some."""
-    size = np.abs(A).max(axis=0)
-    rows = np.repeat(np.arange(pattern.shape[0]), np.diff(pattern.indptr))
-    most = np.zeros(pattern.shape[0])
-    np.maximum.at(most, rows, size)
-    # Where the entries of a row cancel there is round-off alone.
-    most = np.maximum(most, SMALL * most.max())
-    scale = np.sqrt(most[rows] * most[pattern.indices])
-    return lambda data: float((np.abs(data) / scale).max())
-
-
-def movement(scene: Scene, raw: RawMesh, files: list[str], name: str) -> Array:
-    """Movement of all nodes per length [m/m], shape (nodes, 3).
+def movement(scene: Scene, raw: RawMesh, files: list[str], name: str) -> Array | None:
+    """Movement of all nodes per length [m/m], shape (nodes, 3); None of a layer of a mesh file.
 
     Args:
         scene: the scene.
@@ -232,83 +207,105 @@ def movement(scene: Scene, raw: RawMesh, files: list[str], name: str) -> Array:
         own = np.unique(raw.cells[raw.part(part)])
         v[own, 2] = np.interp(raw.points[own, 2], *planes)
         return v
+    if morph_of(scene.parts[part], key) is None:
+        return None
     step = file_mesh(scene, files)[1][name.removesuffix(".value")]
     # The nodes of the file come behind those of the builders.
     v[len(v) - len(step) :] = step
     return v
 
 
-def moving(
-    scene: Scene,
-    mesh: Mesh,
-    files: list[str],
-    name: str,
-    usual: float,
-    ends: tuple[float, float],
-    faces: Mapping[str, str],
-) -> Moving:
-    """A length that moves nodes, over a range that its cells stand.
+def deformed_layers(mesh: Mesh, v: Array) -> tuple[str, ...]:
+    """Layers that some movement of the nodes, shape (nodes, 3), does not only shift along z."""
+    read = plain(mesh)
+    step = v[read.cells]
+    moves = np.ptp(step[..., 2], axis=1) > EVEN * np.abs(v).max()
+    tags = np.unique(read.cell_tag[moves | np.any(step[..., :2] != 0, axis=(1, 2))])
+    return tuple(layer for layer, tag in mesh.layers.items() if tag in tags)
+
+
+def plain(mesh: Mesh) -> RawMesh:
+    """The mesh as it was read or made."""
+    if mesh.raw is None:
+        raise ValueError("a mesh of another origin")
+    return mesh.raw
+
+
+def moving(scene: Scene, mesh: Mesh, moves: Sequence[Move], faces: Mapping[str, str]) -> Moving:
+    """Lengths that move nodes of the same layers, over ranges that the cells stand.
 
     Args:
         scene: the scene.
         mesh: its tagged mesh.
-        files: names of the parts that are in the mesh file.
-        name: the length, by its dotted key.
-        usual: the length in the scene [m].
-        ends: of the range [m].
+        moves: what each length does.
         faces: key of the scene that depends on the area or the shape of a face -> the face.
 
     Raises:
         SceneError: a cell collapses, or a face in use does not keep its shape.
     """
-    read = mesh.raw
-    if read is None:
-        raise ValueError("a mesh of another origin")
-    v = movement(scene, read, files, name)
-    _check_faces(read, v, faces)
-    folds = _folds(read, v, usual, ends)
+    read, names = plain(mesh), ", ".join(move.name for move in moves)
+    v, usual = np.array([move.v for move in moves]), np.array([move.usual for move in moves])
+    ends = np.array([move.ends for move in moves])
+    for one in v:
+        _check_faces(read, one, faces)
+    folds = np.array([_folds(read, v, usual, ends, i) for i in range(len(moves))])
 
-    def mistake(p: float) -> str:
-        if not folds[0] < p < folds[1]:
+    def mistake(p: Array) -> str:
+        if not np.all((folds[:, 0] < p) & (p < folds[:, 1])):
             return "mesh: a cell collapses"
         try:
-            check_cells(replace(read, points=read.points + (p - usual) * v), scene.mesh)
+            moved = read.points + np.tensordot(p - usual, v, 1)
+            check_cells(replace(read, points=moved), scene.mesh)
         except SceneError as error:
             return str(error).partition(": change")[0]
         return ""
 
-    for p in np.linspace(*ends, 9):
+    def said(p: Array) -> str:
+        return ", ".join(f"{length:.4g} m" for length in p)
+
+    steps = 9 if len(moves) == 1 else 3
+    for p in map(np.array, product(*np.linspace(ends[:, 0], ends[:, 1], steps).T)):
         if text := mistake(p):
             good, bad = usual, p
             for _ in range(HALVINGS):
                 middle = 0.5 * (good + bad)
                 good, bad = (good, middle) if mistake(middle) else (middle, bad)
             raise SceneError(
-                f"{name}: at {p:.4g} m: {text}; the mesh holds to {good:.4g} m: narrow the range,"
+                f"{names}: at {said(p)}: {text}; the mesh holds to {said(good)}: narrow the range,"
                 " or take a mesh whose cells stand more"
             )
-    moved = np.unique(read.cell_tag[np.any(v[read.cells] != 0, axis=(1, 2))])
-    layers = tuple(layer for layer, tag in mesh.layers.items() if tag in moved)
-    return Moving(layers, usual, ends, folds, v[mesh.domain.geometry.input_global_indices])
+    layers = dict.fromkeys(layer for one in v for layer in deformed_layers(mesh, one))
+    return Moving(
+        tuple(layers), usual, ends, folds, v[:, mesh.domain.geometry.input_global_indices]
+    )
 
 
-def _folds(mesh: RawMesh, v: Array, usual: float, ends: tuple[float, float]) -> tuple[float, float]:
-    """Lengths below and above that of the scene at which a Jacobian vanishes first [m]."""
-    step = float(np.abs(np.array(ends) - usual).max()) or abs(usual)
-    at = np.array([-1.0, 0.0, 1.0, 2.0])
-    moves = np.any(v[mesh.cells] != 0, axis=(1, 2))
-    own = replace(mesh, cells=mesh.cells[moves])
-    D = [determinants(replace(own, points=mesh.points + t * step * v)).ravel() for t in at]
-    c = np.linalg.solve(np.vander(at, increasing=True), D)
-    # Roots 1 / s of 1 + c1 t + c2 t^2 + c3 t^3.
-    companion = np.zeros((c.shape[1], 3, 3))
-    companion[:, 0] = -(c[1:] / c[0]).T
-    companion[:, [1, 2], [0, 1]] = 1.0
-    s = np.linalg.eigvals(companion).ravel()
-    # Roots that come several times are found apart.
-    s = s.real[np.abs(s.imag) <= APART * np.abs(s)]
-    near = 1 / FAR
-    return usual + step / s.min(initial=-near), usual + step / s.max(initial=near)
+def _folds(mesh: RawMesh, v: Array, usual: Array, ends: Array, i: int) -> tuple[float, float]:
+    """Lengths below and above that of the scene at which a Jacobian vanishes first [m].
+
+    Of length i, with the others as they are in the scene and at all ends.
+    """
+    own, here = float(usual[i]), ends.copy()
+    step = float(np.abs(ends[i] - own).max()) or abs(own)
+    at, below, above = np.array([-1.0, 0.0, 1.0, 2.0]), -np.inf, np.inf
+    moves = np.any(v[:, mesh.cells] != 0, axis=(0, 2, 3))
+    own_cells = replace(mesh, cells=mesh.cells[moves])
+    here[i] = own
+    for p in [usual, *map(np.array, product(*here))]:
+        points = mesh.points + np.tensordot(p - usual, v, 1)
+        D = [determinants(replace(own_cells, points=points + t * step * v[i])).ravel() for t in at]
+        c = np.linalg.solve(np.vander(at, increasing=True), D)
+        # Roots 1 / s of 1 + c1 t + c2 t^2 + c3 t^3.
+        companion = np.zeros((c.shape[1], 3, 3))
+        companion[:, 0] = -(c[1:] / c[0]).T
+        companion[:, [1, 2], [0, 1]] = 1.0
+        s = np.linalg.eigvals(companion).ravel()
+        # Roots that come several times are found apart.
+        s = s.real[np.abs(s.imag) <= APART * np.abs(s)]
+        near = 1 / FAR
+        below = max(below, own + step / s.min(initial=-near))
+        above = min(above, own + step / s.max(initial=near))
+    return below, above
 
 
 def _check_faces(mesh: RawMesh, v: Array, faces: Mapping[str, str]) -> None:

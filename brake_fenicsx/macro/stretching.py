@@ -26,6 +26,12 @@ from brake_fenicsx.errors import SceneError
 from .elasticity import face_tag, measured_area
 from .mesh import Mesh
 
+Array = NDArray[np.float64]
+# Number of a function of some lengths, one of each.
+Power = tuple[int, ...]
+# Makes a matrix of the mesh as it is then, with one pattern always.
+Assembly = Callable[[], sp.csr_matrix]
+
 # A power of the stretch whose matrix is less than this share of the others is round-off.
 ROUND_OFF = 1e-12
 
@@ -51,29 +57,25 @@ class Stretch:
 
     Attributes:
         layers: "part.layer".
-        usual: the thickness in the scene [m].
+        usual: the thickness in the scene [m], shape (1,).
     """
 
     layers: tuple[str, ...]
-    usual: float
+    usual: Array
 
-    def applied(self, mesh: Mesh, length: float) -> AbstractContextManager[None]:
+    def applied(self, mesh: Mesh, lengths: Array) -> AbstractContextManager[None]:
         """The mesh with layers of another thickness, and all else that is not looked at."""
-        return stretched(mesh, length / self.usual)
+        return stretched(mesh, float(lengths[0] / self.usual[0]))
 
-    def factor(self, power: int, length: float, inertia: bool) -> float:
+    def factor(self, power: Power, lengths: Array, inertia: bool) -> float:
         """Power of the stretch, of either."""
-        return float((length / self.usual) ** power)
+        return float((lengths[0] / self.usual[0]) ** power[0])
 
-    def inertia(
-        self, mesh: Mesh, assemble: Callable[[], sp.csr_matrix]
-    ) -> dict[int, sp.csr_matrix]:
+    def inertia(self, mesh: Mesh, assemble: Assembly) -> dict[Power, sp.csr_matrix]:
         """Power of the stretch -> mass or gyroscopic term."""
-        return {1: assemble()}
+        return {(1,): assemble()}
 
-    def stiffness(
-        self, mesh: Mesh, assemble: Callable[[], sp.csr_matrix]
-    ) -> dict[int, sp.csr_matrix]:
+    def stiffness(self, mesh: Mesh, assemble: Assembly) -> dict[Power, sp.csr_matrix]:
         """The matrices A, B and D of the stiffness.
 
         Args:
@@ -90,7 +92,7 @@ class Stretch:
         longer, shorter = K[1] - K[0], K[2] - K[0]
         D = (4 / 3) * (0.5 * longer + shorter)
         A = longer + 0.5 * D
-        found = {1: A, 0: K[0] - A - D, -1: D}
+        found = {(1,): A, (0,): K[0] - A - D, (-1,): D}
         size = max(abs(matrix).max() for matrix in found.values())
         return {
             power: matrix.tocsr()

@@ -202,7 +202,8 @@ def moved_planes(part: Part, name: str) -> tuple[list[float], list[float]] | Non
         importlib.import_module(f"brake_fenicsx.geometry.{part.builder}"),
         part.parameters,
     )
-    if name not in getattr(module, "HEIGHTS", ()) or not getattr(table, name):
+    moves = name in getattr(module, "HEIGHTS", ()) or layers_of_thickness(part, name)
+    if not moves or not hasattr(module, "levels") or not getattr(table, name):
         return None
     step, here = 1e-3 * getattr(table, name), module.levels(table)
     there = module.levels(replace(table, **{name: getattr(table, name) - step}))

@@ -35,9 +35,9 @@ from brake_fenicsx.macro.material_table import (
     varied_stiffness,
 )
 from brake_fenicsx.macro.mesh import Mesh
-from brake_fenicsx.macro.morphing import Moving, moving
+from brake_fenicsx.macro.morphing import Move, Moving, deformed_layers, movement, moving, plain
 from brake_fenicsx.macro.parts import file_parts
-from brake_fenicsx.macro.stretching import Stretch, check_layer
+from brake_fenicsx.macro.stretching import Assembly, Power, Stretch, check_layer
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.damping import turning_parts
 from brake_fenicsx.scene.faces import faces_by_area
@@ -61,7 +61,8 @@ VOIGT = {name: (int(name[1]) - 1, int(name[2]) - 1) for name in STIFFNESSES["ort
 TURNING = "turning"
 
 Shape = Stretch | Moving
-Split = Callable[[Mesh, Callable[[], sp.csr_matrix]], dict[int, sp.csr_matrix]]
+Shapes = dict[tuple[str, ...], Shape]
+Split = Callable[[Mesh, Assembly], dict[Power, sp.csr_matrix]]
 
 # Probability of a constant beyond either end of the box, and how far from its centre, in half
 # widths, a sample may lie and still be taken.
@@ -168,14 +169,14 @@ class Term(NamedTuple):
         material: the material.
         constant: C_ij of which it is a unit change; "" for its stiffness in the scene, "rho" for
             its mass, "turning" for its gyroscopic term.
-        length: scalar that the layers follow; "" for the other layers of the material.
-        power: number of the function of that length.
+        lengths: scalars that the layers follow; none of the other layers of the material.
+        power: number of the function of these lengths.
     """
 
     material: str
     constant: str
-    length: str = ""
-    power: int = 0
+    lengths: tuple[str, ...] = ()
+    power: Power = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,7 +190,7 @@ class ChangingBodies:
         changes: term -> stiffness [N/m], of a C_ij [N/m per Pa], mass [kg], or gyroscopic term
             [N s/m].
         slopes: scalar that the damping alone depends on -> its unit change [N s/m].
-        shapes: length, by its dotted key -> what it does.
+        shapes: lengths of the same layers, by their dotted keys -> what they do.
     """
 
     scene: Scene
@@ -197,7 +198,7 @@ class ChangingBodies:
     nominal: dict[str, Array]
     changes: dict[Term, sp.csr_matrix]
     slopes: dict[str, sp.csr_matrix]
-    shapes: dict[str, Shape]
+    shapes: Shapes
 
     @property
     def matrices(self) -> list[sp.csr_matrix]:
@@ -222,13 +223,17 @@ class ChangingBodies:
         Raises:
             SceneError: the length, its value and the range.
         """
-        for name, shape in self.shapes.items():
-            low, high = getattr(shape, "ends", (0.0, np.inf))
-            if not low <= values.get(name, shape.usual) <= high:
-                raise SceneError(
-                    f"{name} = {values[name]:g} m: lies beyond the range that was prepared,"
-                    f" {low:.4g} to {high:.4g} m; widen that, or write min and max of the law"
-                )
+        for names, shape in self.shapes.items():
+            ends, lengths = (
+                getattr(shape, "ends", [(0.0, np.inf)]),
+                lengths_in(names, shape, values),
+            )
+            for name, length, (low, high) in zip(names, lengths, ends, strict=True):
+                if not low <= length <= high:
+                    raise SceneError(
+                        f"{name} = {length:g} m: lies beyond the range that was prepared,"
+                        f" {low:.4g} to {high:.4g} m; widen that, or write min and max of the law"
+                    )
 
     def coefficients(self, x: Array) -> Array:
         """Coefficients of the matrices at a point of the box; see ``coefficients_of``."""
@@ -242,10 +247,10 @@ class ChangingBodies:
         """
         C = {**self.nominal, **changed_materials(self.scene, values)}
         out, shares = np.zeros((3, len(self.matrices))), self._shares(values)
-        for j, (material, constant, length, power) in enumerate(self.changes):
+        for j, (material, constant, names, power) in enumerate(self.changes):
             factor, usual_factor, is_mass = 1.0, 0.0, constant == "rho"
-            if shape := self.shapes.get(length):
-                at, inertia = values.get(length, shape.usual), constant in ("rho", TURNING)
+            if shape := self.shapes.get(names):
+                at, inertia = lengths_in(names, shape, values), constant in ("rho", TURNING)
                 factor = shape.factor(power, at, inertia)
                 usual_factor = shape.factor(power, shape.usual, inertia)
             if constant in VOIGT:
@@ -307,30 +312,47 @@ class ChangingBodies:
         return sum((c * part for c, part in zip(coefficients, parts, strict=True) if c), none)
 
 
-def shapes_of(scene: Scene, mesh: Mesh, box: Box) -> dict[str, Shape]:
-    """What the lengths that vary do to the layers of their parts, by dotted key.
+def lengths_in(names: tuple[str, ...], shape: Shape, values: Mapping[str, float]) -> Array:
+    """Lengths of a shape by the scalars that differ from the scene [m], shape (lengths,)."""
+    return np.array([values.get(n, own) for n, own in zip(names, shape.usual, strict=True)])
+
+
+def shapes_of(scene: Scene, mesh: Mesh, box: Box) -> Shapes:
+    """What the lengths that vary do to the layers of their parts.
 
     Raises:
-        SceneError: a layer has two lengths, cannot be stretched by itself, or is folded; or a face
-            in use changes.
+        SceneError: a layer cannot be stretched by itself, or is folded; or a face in use changes.
     """
-    found: dict[str, Shape] = {}
+    files, moves = file_parts(scene), dict[str, Array | None]()
+    groups: list[tuple[set[str], list[str]]] = []
     for name in filter(is_length, box.names):
         part, key = length_key(name)
-        faces, usual = faces_by_area(scene, part), nominal_value(scene, name)
-        if layers := layers_of_thickness(scene.parts[part], key):
-            found[name] = Stretch(tuple(f"{part}.{layer}" for layer in layers), usual)
-            for layer in found[name].layers:
-                check_layer(mesh, layer, usual if FILE_LAYER in name else None, faces)
-        else:
-            files, ends = file_parts(scene), box.span(name)
-            found[name] = moving(scene, mesh, files, name, usual, ends, faces)
-        for other, shape in found.items():
-            if other != name and {*shape.layers} & {*found[name].layers}:
+        v = moves[name] = movement(scene, plain(mesh), files, name)
+        layers = {f"{part}.{layer}" for layer in layers_of_thickness(scene.parts[part], key)}
+        if v is not None and not layers:
+            layers = {*deformed_layers(mesh, v)}
+        shared = [group for group in groups if group[0] & layers]
+        groups = [group for group in groups if group not in shared]
+        names = [other for group in shared for other in group[1]]
+        groups.append((layers.union(*(group[0] for group in shared)), [*names, name]))
+    found: Shapes = {}
+    for layers, names in groups:
+        part, key = length_key(names[0])
+        faces, usual = faces_by_area(scene, part), [nominal_value(scene, name) for name in names]
+        if len(names) == 1 and layers_of_thickness(scene.parts[part], key):
+            for layer in layers:
+                check_layer(mesh, layer, usual[0] if FILE_LAYER in names[0] else None, faces)
+            found[names[0],] = Stretch(tuple(layers), np.array(usual))
+            continue
+        every = []
+        for name, length in zip(names, usual, strict=True):
+            if (v := moves[name]) is None:
                 raise SceneError(
-                    f"{name}, {other}: move the same layers, which may follow one length alone;"
-                    " leave one of the two as it is"
+                    f"{', '.join(names)}: move the same layers, which {name} can only alone: leave"
+                    " one as it is, or write the two as lengths of displaced meshes or of a builder"
                 )
+            every.append(Move(name, length, box.span(name), v))
+        found[tuple(names)] = moving(scene, mesh, every, faces)
     return found
 
 
@@ -347,7 +369,7 @@ def assemble_changes(scene: Scene, brake: Brake) -> ChangingBodies:
     mesh, free = brake.mesh, brake.elastic.free
     varied, box = by_material(dict.fromkeys(scene.varied)), Box(scene)
     shapes = shapes_of(scene, mesh, box)
-    shaped = {layer: name for name, shape in shapes.items() for layer in shape.layers}
+    shaped = {layer: names for names, shape in shapes.items() for layer in shape.layers}
     found: dict[Term, sp.csr_matrix] = {}
 
     def assemble(changes: Mapping[str, Array]) -> sp.csr_matrix:
@@ -359,38 +381,38 @@ def assemble_changes(scene: Scene, brake: Brake) -> ChangingBodies:
     def follow(term: Term, split: Split, make: Callable[..., sp.csr_matrix], own: Any) -> None:
         for power, matrix in split(mesh, partial(make, own)).items():
             # The matrices of the scene have what does not depend on the length.
-            if power or term.constant in VOIGT:
+            if any(power) or term.constant in VOIGT:
                 found[term._replace(power=power)] = matrix
 
     for material, constants_of in varied.items():
         for constant in moved_entries(scene, material, [*constants_of]):
             changes = unit_change(scene, mesh, material, constant)
-            for name in ("", *shapes):
-                own = {layer: C for layer, C in changes.items() if shaped.get(layer, "") == name}
-                if own and name:
-                    follow(Term(material, constant, name), shapes[name].stiffness, assemble, own)
+            for names in ((), *shapes):
+                own = {layer: C for layer, C in changes.items() if shaped.get(layer, ()) == names}
+                if own and names:
+                    follow(Term(material, constant, names), shapes[names].stiffness, assemble, own)
                 elif own:
                     found[Term(material, constant)] = assemble(own)
     lumped, turns, motion = scene.mesh.mass == "lumped", turning_parts(scene), scene_motion(scene)
-    for name, shape in shapes.items():
+    for names, shape in shapes.items():
         layers = layer_materials(scene, scene_materials(scene), shape.layers)
         for material in dict.fromkeys(material_of(scene, layer) for layer in layers):
             same = {n: m for n, m in layers.items() if material_of(scene, n) == material}
             density = {layer: m.rho for layer, m in same.items()}
-            term = Term(material, "", name)
+            term = Term(material, "", names)
             follow(term, shape.stiffness, assemble, {layer: m.C for layer, m in same.items()})
             follow(term._replace(constant="rho"), shape.inertia, weigh, density)
-            if length_key(name)[0] in turns and isinstance(motion, Rotation):
+            if length_key(names[0])[0] in turns and isinstance(motion, Rotation):
                 from brake_fenicsx.stability.damping import gyroscopic
 
                 turn = partial(gyroscopic, mesh, free, rotation=motion)
                 follow(term._replace(constant=TURNING), shape.inertia, turn, density)
     _share_patterns([*found.values()])
     slopes: dict[str, sp.csr_matrix] = {}
-    if names := [n for n in box.names if not is_constant(n) and not is_length(n)]:
+    if damping := [n for n in box.names if not is_constant(n) and not is_length(n)]:
         from brake_fenicsx.stability.damping import damping_slopes
 
-        slopes = damping_slopes(scene, brake, names)
+        slopes = damping_slopes(scene, brake, damping)
     nominal = {name: stiffness(scene.materials[name]) for name in varied}
     return ChangingBodies(scene, box, nominal, found, slopes, shapes)
 

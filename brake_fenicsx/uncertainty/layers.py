@@ -22,7 +22,7 @@ from brake_fenicsx.stability.damping import gyroscopic, mass_share, stiffness_sh
 from brake_fenicsx.stability.derivatives import bilinear
 from brake_fenicsx.stability.modes import Complex
 
-from .changing_bodies import Shape, changed_materials, material_of
+from .changing_bodies import Shapes, changed_materials, lengths_in, material_of
 from .inputs import nominal_value
 from .sampling import SPEED
 
@@ -36,12 +36,12 @@ class Layers:
     Attributes:
         scene: the scene.
         brake: its operators.
-        shapes: lengths that vary, by dotted key.
+        shapes: lengths that vary, by their dotted keys.
     """
 
     scene: Scene
     brake: Brake
-    shapes: Mapping[str, Shape]
+    shapes: Shapes
 
     def derivatives(
         self, values: Mapping[str, float], s: Complex, vectors: tuple[Complex, ...]
@@ -83,9 +83,9 @@ class Layers:
         mesh, free, density = self.brake.mesh, self.brake.elastic.free, {layer: material.rho}
         turns, motion = turning_parts(self.scene), scene_motion(self.scene)
         with ExitStack() as lengths:
-            for name, shape in self.shapes.items():
+            for names, shape in self.shapes.items():
                 if layer in shape.layers:
-                    lengths.enter_context(shape.applied(mesh, values.get(name, shape.usual)))
+                    lengths.enter_context(shape.applied(mesh, lengths_in(names, shape, values)))
             (K,) = affine_parts(mesh, free, [{layer: material.C}])
             M = layer_masses(mesh, free, density, self.scene.mesh.mass == "lumped")[layer]
             G = None

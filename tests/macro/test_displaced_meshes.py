@@ -15,7 +15,7 @@ from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.geometry import block
 from brake_fenicsx.macro.brake import assemble_brake
 from brake_fenicsx.macro.mesh import raw_mesh
-from brake_fenicsx.macro.morphing import moving
+from brake_fenicsx.macro.morphing import Move, movement, moving
 from brake_fenicsx.macro.parts import scene_mesh
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.results.run import read_run
@@ -25,6 +25,7 @@ from brake_fenicsx.scene.mesh import MeshTable
 from brake_fenicsx.stability import complex_modes
 from brake_fenicsx.stability.terms import damping_terms
 from brake_fenicsx.uncertainty.changing_bodies import assemble_changes
+from brake_fenicsx.uncertainty.solve import full_modes
 
 SCENE = """
 stages = ["equilibrium", "stability"]
@@ -307,9 +308,92 @@ def test_values_beyond_what_was_prepared_are_refused(written):
         prepared.modes({KEY: -8e-3})
 
 
-def test_two_lengths_of_a_layer_are_refused(written):
+def randomly(ranges):
+    """Three scalars at a time may be random, two swept."""
+    law = ", ".join(
+        f'"{k}"={{ law="uniform", min="{a!r} {u}", max="{b!r} {u}" }}'
+        for k, (a, b) in ranges.items()
+        for u in ["Pa" if k == E else "m"]
+    )
+    return [
+        "stages=['equilibrium','stability','uncertainty']", "samples.n=2",
+        "samples.approaches=['multi-scale']", f"samples.random={{ {law} }}",
+    ]  # fmt: skip
+
+
+def twisted(points, pad):
+    """An inside that swells over the height, the lower half more, and a top that turns inwards."""
+    x, y, z = points.T
+    share = np.where(pad, np.sin(np.pi * np.clip(z, 0, None) / 12e-3) ** 2, 0.0)
+    return points + np.outer(share, [0, 0, 1]) * (1e-3 + 0.05 * x + 0.02 * y)[:, None]
+
+
+@pytest.mark.parametrize(
+    ("kind", "more"), [(("hexahedra", 2), {}), (("tetrahedra", 1), {"degree": 1, "mass": "lumped"})]
+)
+def test_two_lengths_and_a_modulus_of_one_part(kind, more, written, meshes):
+    """Matrices of the file whose nodes both have moved; at corners of the ranges and inside."""
+    mesh = meshes.boxes(*kind)
+    pad = np.zeros(len(mesh.points), dtype=bool)
+    pad[mesh.cells[mesh.part("pad")]] = True
+    morph = WEAR + '\nmorph.swell = { displaced = "swollen.msh", ends = ["1 mm", "2 mm"] }'
+    scene = written(mesh=mesh, morph=morph, **more)
+    swollen = replace(mesh, points=twisted(mesh.points, pad))
+    meshes.write_gmsh(swollen, scene.parent / "swollen.msh")
+    swell = KEY.replace("wear", "swell")
+    ranges = {KEY: (8e-3, 12e-3), swell: (1e-3, 1.5e-3), E: (3e9, 5e9)}
+    sets = [*randomly(ranges), TURNING]
+    swelling = read_scene(scene, sets)
+    brake = assemble_brake(swelling, MPI.COMM_SELF)
+    changes = assemble_changes(swelling, brake)
+    bulk = damping_terms(swelling, brake).bulk
+    for length, size in ((8, 1.5), (12, 1.5), (9.3, 1.2)):
+        step = (12 - length) / 4 * (worn(mesh.points, pad) - mesh.points)
+        both = replace(
+            mesh, points=mesh.points + step + (size - 1) * (swollen.points - mesh.points)
+        )
+        alone = written(12, mesh=both, **more)
+        exact_scene = read_scene(alone, [TURNING, f"{E}='3.5 GPa'"])
+        exact = assemble_brake(exact_scene, MPI.COMM_SELF)
+        values = {KEY: length * 1e-3, swell: size * 1e-3, E: 3.5e9}
+        for found, expected, bound in (
+            (brake.K + changes.stiffness_change(values), exact.K, 1e-8),
+            (brake.M + changes.mass_change(values), exact.M, 1e-10),
+            (bulk + changes.damping_change(values), damping_terms(exact_scene, exact).bulk, 1e-8),
+        ):
+            assert abs(found - expected).max() < bound * abs(expected).max()
+
+
+def test_modes_of_two_lengths_and_a_modulus(written, meshes):
+    """Full order of the same sample, at corners of the box and inside."""
+    mesh = meshes.boxes("tetrahedra", 1)
+    pad = np.zeros(len(mesh.points), dtype=bool)
+    pad[mesh.cells[mesh.part("pad")]] = True
+    morph = WEAR + '\nmorph.swell = { displaced = "swollen.msh", ends = ["1 mm", "2 mm"] }'
+    scene = written(mesh=mesh, morph=morph, degree=1)
+    swollen = replace(mesh, points=twisted(mesh.points, pad))
+    meshes.write_gmsh(swollen, scene.parent / "swollen.msh")
+    swell = KEY.replace("wear", "swell")
+    box = {KEY: (10.5e-3, 12e-3), swell: (1e-3, 1.5e-3), E: (3.8e9, 4.2e9)}
+    prepared = model.prepare(scene, parameters=box)
+    study = prepared.study
+    for shares in ((0, 0, 0), (1, 0, 1), (0, 1, 1), (0.3, 0.63, 0.45)):
+        values = {
+            key: a + x * (b - a) for (key, (a, b)), x in zip(box.items(), shares, strict=True)
+        }
+        sample, found = study._draw("multi-scale", 0, values), prepared.modes(values)
+        exact = full_modes(study.models, sample, study._prepared.of("multi-scale", sample))
+        assert found.s.size == exact.s.size >= 6
+        distance = np.abs(found.s - exact.s)
+        assert np.all(distance < 1e-4 * np.abs(exact.s))
+        assert np.all(distance <= found.error + exact.error + 1e-5 * np.abs(exact.s))
+
+
+def test_a_thickness_of_a_file_and_a_displaced_mesh_are_refused(written):
     box = {KEY: (9e-3, 11e-3), LAYER: (11e-3, 12e-3)}
-    with pytest.raises(SceneError, match="move the same layers"):
+    with pytest.raises(
+        SceneError, match=r"move the same layers, which parts.pad.layers.lining can only alone"
+    ):
         model.prepare(written(), ["parts.pad.layers={ lining='12 mm' }"], parameters=box)
 
 
@@ -340,9 +424,10 @@ def test_cells_that_fold_between_two_good_meshes(written):
         return np.where(pad[:, None], points * [-1, -1, 1], points)
 
     scene = read_scene(written(kind=("tetrahedra", 1), move=turned))
-    mesh, ends = scene_mesh(scene, MPI.COMM_SELF), (8e-3, 12e-3)
+    mesh = scene_mesh(scene, MPI.COMM_SELF)
+    move = Move(KEY, 12e-3, (8e-3, 12e-3), movement(scene, mesh.raw, ["pad", "plate"], KEY))
     with pytest.raises(SceneError, match=r"collapses; the mesh holds to 0.01\d* m"):
-        moving(scene, mesh, ["pad", "plate"], KEY, 12e-3, ends, {})
+        moving(scene, mesh, [move], {})
 
 
 @pytest.mark.hard

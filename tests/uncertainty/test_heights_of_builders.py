@@ -12,6 +12,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.brake import assemble_bodies, assemble_brake
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.uncertainty.changing_bodies import assemble_changes
+from brake_fenicsx.uncertainty.solve import full_modes
 
 VENTED = Path(__file__).parents[2] / "scripts" / "scenes" / "vented_brake.toml"
 SETS = [
@@ -22,6 +23,7 @@ SETS = [
 PAD = ["mesh.quality=0.002", "parts.pad.shape='rectangle'", "parts.pad.ear_length=0", "springs={}",
        'supports={ "disc.bolts"="clamped", "pad.piston"=["x", "y"] }']  # fmt: skip
 SLOT, CHAMFER = "parts.pad.slot_depth", "parts.pad.chamfer_depth"
+LINING = "parts.pad.lining"
 DISC = {
     # Heights of the scene, and where a longer length has them.
     "thickness": (22e-3, [-12, -4, 4, 12, 34, 42], [-11, -3, 3, 11, 33, 41]),
@@ -71,6 +73,41 @@ def test_volume_of_a_pad_follows_its_slot_and_chamfers(key, length, area):
     assert column @ M @ column == pytest.approx(-2 * 2510 * area * (length - usual), rel=1e-9)
 
 
+def test_three_lengths_of_a_pad_and_a_modulus():
+    """Volume by its closed form: a lining keeps the depths of its slot and chamfers."""
+    lengths = {LINING: (10e-3, 9.6e-3), CHAMFER: (3e-3, 3.4e-3), SLOT: (7e-3, 6.6e-3)}
+    ranges = {**lengths, "materials.lining.C33": (2.2e9, 2.5e9)}
+    law = ", ".join(
+        f'"{k}"={{ law="uniform", min="{min(ends)!r} {u}", max="{max(ends)!r} {u}" }}'
+        for k, ends in ranges.items()
+        for u in ["m" if k in lengths else "Pa"]
+    )
+    random = f"samples={{ approaches=['multi-scale'], n=2, random={{ {law} }} }}"
+    sets = [*SETS, *PAD, "stages=['equilibrium','stability','uncertainty']", random]
+    scene = read_scene(VENTED, sets)
+    brake = assemble_brake(scene, MPI.COMM_SELF)
+    changes = assemble_changes(scene, brake)
+    values = {key: there for key, (_, there) in lengths.items()}
+    column = np.zeros(brake.M.shape[0])
+    column[brake.elastic.free.local % 3 == 2] = 1.0
+    outline = 2 * 118e-3 * np.sin(np.pi / 6) * 44e-3
+    grown = -0.4e-3 * outline + 44e-3 * (0.4e-3 * 4e-3 - 0.4e-3 * 8e-3)
+    found = column @ changes.mass_change(values) @ column
+    assert found == pytest.approx(2 * 2510 * grown, rel=1e-9)
+    # The stiffness of a mesh whose nodes are moved by hand.
+    x = brake.mesh.domain.geometry.x
+    own = np.unique(compat.geometry_dofs(brake.mesh.domain)[brake.mesh.cells_of("pad")])
+    here = 12e-3 + 1e-3 * np.array([0, 3, 7, 10, 16, 16.5, 17])
+    there = 12e-3 + 1e-3 * np.array([0, 3.4, 6.6, 9.6, 15.6, 16.1, 16.6])
+    z = x[own, 2]
+    x[own, 2] = np.sign(z) * np.interp(abs(z), here, there)
+    exact = assemble_bodies(
+        read_scene(VENTED, [*sets, "materials.lining.C33='2.4 GPa'"]), brake.mesh
+    )
+    K = brake.K + changes.stiffness_change({**values, "materials.lining.C33": 2.4e9})
+    assert abs(K - exact.K).max() < 1e-8 * abs(exact.K).max()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("key", "ends"), [("parts.disc.hat", (27e-3, 33e-3)), (SLOT, (6e-3, 8e-3))]
@@ -80,6 +117,27 @@ def test_modes_are_those_of_a_scene_meshed_anew(key, ends):
     found = model.prepare(VENTED, SETS, parameters={key: ends}).modes({key: ends[0]})
     exact = model.prepare(VENTED, [*SETS, f"{key}='{ends[0]!r} m'"]).modes()
     np.testing.assert_allclose(found.frequency, exact.frequency, rtol=4e-3)
+
+
+@pytest.mark.slow
+def test_modes_of_two_lengths_of_a_pad_and_a_modulus():
+    """At corners of the ranges: of scenes meshed anew; inside: of full order, within the error."""
+    C33 = "materials.lining.C33"
+    box = {LINING: (9e-3, 11e-3), CHAMFER: (2.5e-3, 3.5e-3), C33: (2.1e9, 2.4e9)}
+    prepared = model.prepare(VENTED, SETS, parameters=box)
+    for values in ({LINING: 9e-3, CHAMFER: 3.5e-3}, {LINING: 11e-3, CHAMFER: 2.5e-3, C33: 2.1e9}):
+        found = prepared.modes(values)
+        anew = [f"{key}='{value!r} {'Pa' if key == C33 else 'm'}'" for key, value in values.items()]
+        exact = model.prepare(VENTED, [*SETS, *anew]).modes()
+        np.testing.assert_allclose(found.frequency, exact.frequency, rtol=4e-3)
+    values = {LINING: 10.4e-3, CHAMFER: 2.8e-3, C33: 2.3e9}
+    found, study = prepared.modes(values), prepared.study
+    sample = study._draw("multi-scale", 0, values)
+    exact = full_modes(study.models, sample, study._prepared.of("multi-scale", sample))
+    assert found.s.size == exact.s.size
+    distance = np.abs(found.s - exact.s)
+    assert np.all(distance <= found.error + exact.error + 1e-5 * np.abs(exact.s))
+    assert np.all(distance < 1e-4 * np.abs(exact.s))
 
 
 @pytest.mark.parametrize(
