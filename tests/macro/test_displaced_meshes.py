@@ -329,7 +329,11 @@ def twisted(points, pad):
 
 
 @pytest.mark.parametrize(
-    ("kind", "more"), [(("hexahedra", 2), {}), (("tetrahedra", 1), {"degree": 1, "mass": "lumped"})]
+    ("kind", "more"),
+    [
+        pytest.param(("hexahedra", 2), {}, marks=pytest.mark.slow),
+        (("tetrahedra", 1), {"degree": 1, "mass": "lumped"}),
+    ],
 )
 def test_two_lengths_and_a_modulus_of_one_part(kind, more, written, meshes):
     """Matrices of the file whose nodes both have moved; at corners of the ranges and inside."""
