@@ -16,22 +16,30 @@ from mpi4py import MPI
 T = TypeVar("T")
 
 
-def in_turns(count: int, work: Callable[[int], T], comm: MPI.Comm) -> Iterator[T]:
+def in_turns(count: int, work: Callable[[int], T], comm: MPI.Comm, aside: int = 0) -> Iterator[T]:
     """work(0), work(1), ... on all processes, each computed by one of them in turn; collective.
+
+    Args:
+        count: number of works.
+        work: computes one of them.
+        comm: the processes.
+        aside: the first so many take none, as long as others are there.
 
     Raises:
         Exception: what one of them raises, on all.
     """
-    for first in range(0, count, comm.size):
+    aside = min(aside, comm.size - 1)
+    team, rank = comm.size - aside, comm.rank - aside
+    for first in range(0, count, team):
         own: T | Exception | None = None
-        if first + comm.rank < count:
+        if rank >= 0 and first + rank < count:
             try:
-                own = work(first + comm.rank)
+                own = work(first + rank)
             except Exception as error:
                 own = error
-        for i in range(min(comm.size, count - first)):
+        for i in range(min(team, count - first)):
             # One process needs no copy: it may be all vectors of a large problem.
-            one: Any = comm.bcast(own, root=i) if comm.size > 1 else own
+            one: Any = comm.bcast(own, root=aside + i) if comm.size > 1 else own
             if isinstance(one, Exception):
                 raise one
             yield one
@@ -45,6 +53,26 @@ def on_first(work: Callable[[], T], comm: MPI.Comm) -> T:
     """
     (one,) = in_turns(1, lambda i: work(), comm)
     return one
+
+
+def meanwhile(work: Callable[[], None], comm: MPI.Comm) -> Callable[[], None]:
+    """Work of the first process that the others do not wait for.
+
+    Returns:
+        What raises on all of them what it raised; collective.
+    """
+    failed: Exception | None = None
+    if comm.rank == 0:
+        try:
+            work()
+        except Exception as error:
+            failed = error
+
+    def end() -> None:
+        if (error := comm.bcast(failed, root=0)) is not None:
+            raise error
+
+    return end
 
 
 def peak_memory(comm: MPI.Comm) -> tuple[float, float]:

@@ -20,7 +20,7 @@ from .render import (
     view_of,
 )
 
-PIXELS = (840, 560)
+PIXELS = (560, 420)
 MILLISECONDS = 90  # a frame is shown
 
 
@@ -79,7 +79,6 @@ def _frames(V: Any, values: NDArray, frames: int, scale: float, distance: float)
     )  # fmt: skip
     if edges.n_points:
         plotter.add_mesh(edges, color="#202020", line_width=1.5)
-    plotter.reset_camera()
     drawn = []
     for theta in 2 * np.pi * np.arange(frames) / frames:
         for mesh, rest, motion in meshes:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.folder.processes import in_turns, on_first
+from brake_fenicsx.folder.processes import in_turns, meanwhile, on_first
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import ModeKey
@@ -109,15 +109,16 @@ def write_mode_fields(
             old.unlink(missing_ok=True)
     comm.Barrier()
     faces = contact_faces(study)
-    for task, data in first.items():
-        _write_equilibrium(study, task, data, faces)
     run, drawn = _severe(study)
+    # On one process: the factor of all bodies is large. The others take those of single bodies.
+    written = meanwhile(lambda: _write_equilibria(study, first, faces), comm)
     modes = []
     for mode in (mode for chosen in drawn for mode in chosen):
         task = mode.approach, mode.sample
         stored = study.stored(task)
         modes.append((mode.approach, study._draw(*task), stored, np.array([mode.mode])))
-    shapes = iter(displacements(study.models, modes, study.comm))
+    shapes = iter(displacements(study.models, modes, comm, aside=1))
+    written()
     rows: list[list[Value]] = []
     for chosen in drawn:
         rows += _write_modes(study, run, chosen, [next(shapes)[:, 0] for _ in chosen], pictures)
@@ -158,20 +159,23 @@ def contact_faces(study: Study) -> dict[str, NDArray]:
     return found
 
 
-def _write_equilibrium(
-    study: Study, task: Task, data: Mapping[str, Any], faces: dict[str, NDArray]
+def _write_equilibria(
+    study: Study, first: Mapping[Task, Mapping[str, Any]], faces: dict[str, NDArray]
 ) -> None:
-    """Displacement; pressure, gap, stiffness and state of every contact element."""
+    """Displacements; pressure, gap, stiffness and state of every contact element."""
+    for task, u in study.displacements(first).items():
+        u = study.brake.elastic.free.expand(u)
+        if study.brake.lift is not None:
+            u = u + study.brake.lift
+        _write_equilibrium(study, task[0], u, first[task], faces)
+
+
+def _write_equilibrium(
+    study: Study, name: str, u: NDArray, data: Mapping[str, Any], faces: dict[str, NDArray]
+) -> None:
     from .fields import facet_means, write_facets, write_fields, write_points
 
-    folder, name, V = study.store.path("fields"), task[0], study.brake.elastic.free.V
-    # On one process: the factor of all bodies is large.
-    u = on_first(lambda: study.displacement(task, data), study.comm)
-    if study.comm.rank != 0:
-        return
-    u = study.brake.elastic.free.expand(u)
-    if study.brake.lift is not None:
-        u = u + study.brake.lift
+    folder, V = study.store.path("fields"), study.brake.elastic.free.V
     write_fields(folder / f"equilibrium_{name}.vtkhdf", V, {"u_e": u})
     values = {key: data[key] for key in ("g", "g_cr", "p", "k", "k_vibration")}
     values["active"] = (data["p"] > 0).astype(float)

@@ -22,12 +22,19 @@ from .style import CYCLE, house_style
 # What is seen, and the side of the eye along z.
 VIEWS = (("seen from z > 0", 1.0), ("seen from z < 0", -1.0))
 SHAPE_COLOURS = "viridis"
-PIXELS = (1500, 900)
+PIXELS = (1000, 600)
+MARGIN = 0.1  # of the model's radius around a surface: what moves stays in the picture
 LIGHT: dict[str, Any] = {"ambient": 0.45, "diffuse": 0.65, "specular": 0.0}
 
 
 def trim(images: list[NDArray], margin: int = 12) -> list[NDArray]:
-    """Cut the border that is white in all RGB pictures."""
+    """RGB pictures on one size about their middles, without the border that is white in all."""
+    frame = np.max([image.shape for image in images], axis=0)
+    before = [(frame - image.shape) // 2 for image in images]
+    images = [
+        np.pad(image, np.transpose([b, frame - image.shape - b]), constant_values=255)
+        for image, b in zip(images, before, strict=True)
+    ]
     ink = np.any([(image < 250).any(axis=2) for image in images], axis=0)
     marked = np.argwhere(ink)
     if marked.size == 0:
@@ -63,7 +70,8 @@ def compose(
             axis.imshow(image, interpolation="antialiased")
             order = ", bottom body on the left" if wide else ""
             axis.set_title(view + order, loc="center", fontsize=8.5, color="#404040")
-            axis.axis("off")
+            axis.set_axis_off()
+            axis.set(xticks=(), yticks=())  # the layout would measure them
         foot = figure.add_subplot(grid[rows, :])
         if title:
             figure.suptitle(title, fontsize=10)
@@ -278,7 +286,6 @@ def _photograph(surface: Any, side: float, scalars: str, distance: float) -> NDA
         edges = surface.extract_feature_edges(40.0, manifold_edges=False)
         if edges.n_points:
             plotter.add_mesh(edges, color="#202020", line_width=1.5)
-    plotter.reset_camera()
     plotter.enable_anti_aliasing("ssaa")
     image = np.asarray(plotter.screenshot(return_img=True))
     plotter.close()
@@ -287,13 +294,25 @@ def _photograph(surface: Any, side: float, scalars: str, distance: float) -> NDA
 
 
 def open_plotter(surface: Any, view: NDArray, side: float, pixels: tuple[int, int]) -> Any:
-    """A plotter without a window that looks at a surface in parallel projection."""
-    plotter = pyvista().Plotter(off_screen=True, window_size=list(pixels))
+    """A plotter without a window that looks at a surface in parallel projection.
+
+    Its picture has these pixels at most, and little more than the surface: each costs time.
+    """
+    radius, toward = _radius(surface), view / np.linalg.norm(view)
+    right = np.cross([0.0, 0.0, side], toward)
+    right /= np.linalg.norm(right)
+    axes = np.array([right, np.cross(toward, right), toward])
+    seen = np.asarray(surface.points) @ axes.T
+    size = np.ptp(seen, axis=0)[:2] + 2 * MARGIN * radius
+    scale = float(np.min(np.array(pixels) / size))
+    window = np.ceil(scale * size).astype(int)
+    plotter = pyvista().Plotter(off_screen=True, window_size=window.tolist())
     plotter.set_background("white")
-    focus = np.asarray(surface.center)
-    far = focus + 6 * _radius(surface) * view / np.linalg.norm(view)
-    plotter.camera_position = [tuple(far), tuple(focus), (0.0, 0.0, side)]
+    focus = 0.5 * (seen.min(axis=0) + seen.max(axis=0)) @ axes
+    plotter.camera_position = [tuple(focus + 6 * radius * toward), tuple(focus), (0.0, 0.0, side)]
     plotter.enable_parallel_projection()
+    plotter.camera.parallel_scale = 0.5 * window[1] / scale
+    plotter.camera.clipping_range = (radius, 11 * radius)
     return plotter
 
 

@@ -281,7 +281,8 @@ def write_results(study: Study) -> dict[Task, dict[str, Any]]:
         from brake_fenicsx.uncertainty.forces import stuck_states
 
         study.facts["stuck_contact"] = on_first(
-            lambda: stuck_states(study.scene, study.brake, first, study.displacement), study.comm
+            lambda: stuck_states(study.scene, study.brake, first, study.displacements(first)),
+            study.comm,
         )
     return first
 

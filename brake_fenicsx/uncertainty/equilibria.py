@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -22,6 +22,7 @@ from brake_fenicsx.macro.equilibrium import (
     limit_of_friction,
 )
 from brake_fenicsx.macro.equilibrium_change import BodyOperators, corrected_equilibrium
+from brake_fenicsx.macro.solver import Factor
 
 from .models import Models
 
@@ -95,25 +96,31 @@ class Equilibria:
             return self._reduced_bodies(approach, sample, bodies)
         return self._full_bodies(sample, bodies)
 
-    def displacement(self, sample: SampleInput, data: Mapping[str, Any]) -> Array:
-        """Displacement of a stored equilibrium [m], shape (dofs,).
+    def displacements(
+        self, given: Sequence[tuple[SampleInput, Mapping[str, Any]]]
+    ) -> Iterator[Array]:
+        """Displacements of stored equilibria [m], shape (dofs,) each.
 
         Args:
-            sample: its inputs.
-            data: what was stored of it.
+            given: of each sample its inputs, and what was stored of it.
         """
         zero: tuple[Any, ...] = ((0,), 0.0, (), 0.0)
-        eq = Equilibrium(
-            data["g"], data["p"], data["k"], data["k_vibration"], data["mu_equilibrium"], *zero
-        )
-        bodies, b = self._bodies(sample), self.models.brake
-        c = bodies.compliance
-        if c.factor is not None and not self.models.has_own_bodies(sample):
-            return displacement(bodies, eq, bodies.f)
-        own = reference_factor(self.models.stiffness(sample), b.N, b.w, c.k0)
-        u = displacement(replace(bodies, compliance=replace(c, factor=own)), eq, bodies.f)
-        own.destroy()
-        return u
+        b, shared = self.models.brake, list[Factor]()
+        for sample, data in given:
+            eq = Equilibrium(
+                data["g"], data["p"], data["k"], data["k_vibration"], data["mu_equilibrium"], *zero
+            )
+            bodies, own = self._bodies(sample), self.models.has_own_bodies(sample)
+            c = bodies.compliance
+            factor = None if own else c.factor or next(iter(shared), None)
+            if factor is None:
+                factor = reference_factor(self.models.stiffness(sample), b.N, b.w, c.k0)
+                shared += [] if own else [factor]
+            yield displacement(replace(bodies, compliance=replace(c, factor=factor)), eq, bodies.f)
+            if own:
+                factor.destroy()
+        for factor in shared:
+            factor.destroy()
 
     def _full_bodies(self, sample: SampleInput, bodies: BodyOperators) -> BodyOperators:
         """The own bodies of a sample, factored anew."""

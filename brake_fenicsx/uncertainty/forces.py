@@ -102,7 +102,7 @@ def stuck_states(
     scene: Scene,
     brake: Brake,
     first: Mapping[Task, Mapping[str, Any]],
-    displacement: Callable[[Task, Mapping[str, Any]], Array],
+    displaced: Mapping[Task, Array],
 ) -> dict[str, dict[str, Any]]:
     """Interface -> approach -> numbers of elements, shares of the area, forces on the first face.
 
@@ -110,16 +110,15 @@ def stuck_states(
         scene: the scene.
         brake: its operators.
         first: what was stored of the first good sample of each approach.
-        displacement: that of the equilibrium of a stored sample [m], shape (dofs,).
+        displaced: displacements of their equilibria [m], shape (dofs,) each.
     """
     found: dict[str, dict[str, Any]] = {name: {} for name in brake.stuck}
     numbers = list(scene.contact)
     for task, data in first.items():
-        u = displacement(task, data)
         for name, stuck in brake.stuck.items():
             own = brake.contact.interface == numbers.index(name)
             limit = _limit(scene, name)
-            state = stuck.state(u, data["p"][own], limit)
+            state = stuck.state(displaced[task], data["p"][own], limit)
             found[name][task[0]] = _numbers_of_state(state, limit)
     return found
 

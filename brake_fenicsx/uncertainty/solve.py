@@ -147,6 +147,7 @@ def displacements(
     models: Models,
     modes: Sequence[tuple[str, SampleInput, Mapping[str, Any], NDArray[np.intp]]],
     comm: MPI.Comm,
+    aside: int = 0,
 ) -> list[NDArray[np.complex128]]:
     """Displacements of some unstable modes of stored samples; collective.
 
@@ -155,6 +156,7 @@ def displacements(
         modes: of each sample its approach, its inputs, what was stored of it, and the numbers of
             the modes.
         comm: processes that share the work.
+        aside: of these, the first so many do other work.
 
     Returns:
         Of each sample, shape (dofs, chosen).
@@ -171,7 +173,7 @@ def displacements(
             contact = linearised(models, approach, sample, data["k_vibration"], data["p"])
             a = data["coordinates"][:, chosen].astype(complex)
             given.append((models.parameter_point(sample.random), contact, data["s"][chosen], a))
-        found = model.displacements_of_samples(given, comm=comm)
+        found = model.displacements_of_samples(given, comm=comm, aside=aside)
         out |= dict(zip(served, found, strict=True))
     return [out[i] for i in range(len(modes))]
 

@@ -232,11 +232,13 @@ class Study:
         reduced = self.models.takes(task[0], sample.random)
         return self.cycles.of(task[0], sample, eq, modes, np.arange(len(modes)), reduced)
 
-    def displacement(self, task: Task, data: Mapping[str, Any]) -> Array:
-        """Displacement of a stored sample's equilibrium [m], shape (dofs,); kept."""
-        if task not in self._displaced:
-            self._displaced[task] = self._prepared.displacement(self._draw(*task), data)
-        return self._displaced[task]
+    def displacements(self, stored: Mapping[Task, Mapping[str, Any]]) -> dict[Task, Array]:
+        """Displacements of the equilibria of stored samples [m], shape (dofs,) each; kept."""
+        if self._displaced.keys() != stored.keys():
+            given = [(self._draw(*task), data) for task, data in stored.items()]
+            found = self._prepared.displacements(given)
+            self._displaced = dict(zip(stored, found, strict=True))
+        return self._displaced
 
     @property
     def _prepared(self) -> Equilibria:

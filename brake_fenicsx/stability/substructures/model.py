@@ -274,6 +274,7 @@ class ReducedModel:
         modes: Sequence[tuple[ArrayLike, ContactLinearisation, Complex, Complex]],
         left: bool = False,
         comm: MPI.Comm = MPI.COMM_SELF,
+        aside: int = 0,
     ) -> list[Complex]:
         """Displacements of modes of several samples, each matrix factored once; collective.
 
@@ -281,6 +282,7 @@ class ReducedModel:
             modes: of each sample p, contact, s and a as for ``displacements``.
             left: likewise.
             comm: processes that share the work.
+            aside: of these, the first so many do other work.
         """
         chosen = []
         for p, contact, s, a in modes:
@@ -288,7 +290,7 @@ class ReducedModel:
             sample, x = self.sample(p, contact), np.asarray(p, float)
             chosen.append(SampleModes(sample, x, self.scaled(s), a))
             release_memory()
-        found = mode_displacements(chosen, self.rows, left, comm)
+        found = mode_displacements(chosen, self.rows, left, comm, aside)
         return [u.conj() if left else u for u in found]
 
     def motions(

@@ -14,7 +14,7 @@ whose motions are followed.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from mpi4py import MPI
@@ -30,7 +30,7 @@ from brake_fenicsx.folder.processes import in_turns
 
 from ..eigensolvers.arnoldi import on_parts, times
 from ..modes import Complex
-from .component import Component
+from .component import Component, Index, Placed
 from .moments import Complement, Rows
 from .polynomials import Coefficients, applied
 from .sample import Sample
@@ -222,7 +222,7 @@ def motions_of_elements(
 
 
 def mode_displacements(
-    modes: Sequence[SampleModes], rows: Rows, left: bool, comm: MPI.Comm
+    modes: Sequence[SampleModes], rows: Rows, left: bool, comm: MPI.Comm, aside: int = 0
 ) -> list[Complex]:
     """Displacements W a + v of the bodies, v from their matrices at full order; collective.
 
@@ -234,6 +234,7 @@ def mode_displacements(
         rows: blocks of contact rows.
         left: whether these are left vectors, not conjugated.
         comm: processes that share the work.
+        aside: of these, the first so many do other work.
 
     Returns:
         Of each sample, shape (dofs, its modes).
@@ -248,46 +249,47 @@ def mode_displacements(
             matrices.setdefault((component, point), []).append(i)
     keys = list(matrices)
 
-    def work(j: int) -> list[tuple[int, list[Complex]]]:
+    def work(j: int) -> list[tuple[int, Index, Complex]]:
         component, users = keys[j][0], matrices[keys[j]]
         release_memory()
         P = component.polynomial(modes[users[0]].x)
         P = [A.T.tocsr() for A in P] if left else P
+        # All modes together: solves with few columns take as long as with one.
+        every = [(i, *one) for i in users for one in _driven(modes[i], component, rows, left)]
+        z = np.concatenate([modes[i].z for i, *_ in every])
+        kept = np.hstack([a for *_, a, _ in every])
+        load = np.hstack([f for *_, f in every])
         complement = Complement(P[0], component.mass, component.W)
         try:
-            return [(i, _whole(modes[i], component, complement, P, rows, left)) for i in users]
+            u = kept + _left_out(complement, P, z, kept, load)
         finally:
             complement.factor.destroy()
+        parts = np.split(u, np.cumsum([one[2].shape[1] for one in every])[:-1], axis=1)
+        pairs = zip(every, parts, strict=True)
+        return [(i, body.dofs, body.signs[:, None] * part) for (i, body, *_), part in pairs]
 
     sizes = [(sum(b.dofs.size for b in m.sample.bodies), m.z.size) for m in modes]
     out: list[Complex] = [np.zeros(size, complex) for size in sizes]
-    for (component, _), shapes in zip(keys, in_turns(len(keys), work, comm), strict=True):
-        for i, each in shapes:
-            bodies = (b for b in modes[i].sample.bodies if b.component is component)
-            for body, u in zip(bodies, each, strict=True):
-                out[i][body.dofs] = u
+    for shapes in in_turns(len(keys), work, comm, aside):
+        for i, dofs, u in shapes:
+            out[i][dofs] = u
     return out
 
 
-def _whole(
-    m: SampleModes, component: Component, complement: Complement, P: list[sp.csr_matrix],
-    rows: Rows, left: bool,
-) -> list[Complex]:  # fmt: skip
-    """Displacements of a body and of its mirror images under the modes of a sample."""
+def _driven(
+    m: SampleModes, component: Component, rows: Rows, left: bool
+) -> Iterator[tuple[Placed, Complex, Complex]]:
+    """A body and its mirror images under the modes of a sample: what is kept, and contact loads."""
     if left:
         force, along = left_motions(m.sample, m.z, m.a), rows.followed
     else:
         force, along = m.sample.forces(m.z, right_motions(m.sample, m.z, m.a)), rows.acting
     I = sp.vstack([component.body.interface[name] for name in along]).tocsr()
-    out: list[Complex] = []
     for body, at in zip(m.sample.bodies, m.sample.closed, strict=True):
         if body.component is component:
             acting, there = at.rows(len(along), body.elements.size, m.sample.count)
             kept = times(component.W, m.a[body.modes])
-            load = times(I[acting].T.tocsr(), force[there])
-            v = _left_out(complement, P, m.z, kept, load)
-            out.append(body.signs[:, None] * (kept + v))
-    return out
+            yield body, kept, times(I[acting].T.tocsr(), force[there])
 
 
 def _left_out(
@@ -295,11 +297,11 @@ def _left_out(
 ) -> Complex:
     """V of S(z)^-1 v = -load - P(z) kept, by the inverse at the shift."""
     v = np.zeros_like(kept)
+    known = -load - np.sum([z**n * times(A, kept) for n, A in enumerate(P)], axis=0)
     for _ in range(STEPS):
-        rhs = -load - np.sum([z**n * times(A, kept) for n, A in enumerate(P)], axis=0)
-        rhs -= np.sum([z**n * times(A, v) for n, A in enumerate(P) if n], axis=0)
+        rhs = known - np.sum([z**n * times(A, v) for n, A in enumerate(P) if n], axis=0)
         new = on_parts(complement.solve, rhs)
-        change, v = np.linalg.norm(new - v), new
-        if change <= SETTLED * np.linalg.norm(kept + v):
+        change, v = la.norm(new - v, axis=0), new
+        if np.all(change <= SETTLED * la.norm(kept + v, axis=0)):
             return v
     raise NotConverged("displacements of a mode: what the kept modes leave out does not settle")
