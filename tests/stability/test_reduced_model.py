@@ -27,6 +27,7 @@ from brake_fenicsx.stability.substructures.moments import Complement
 from brake_fenicsx.stability.substructures.parameters import Interpolation
 from brake_fenicsx.stability.substructures.polynomials import zeros
 from brake_fenicsx.stability.substructures.substructure import mirror_image
+from brake_fenicsx.stability.substructures.vectors import SETTLED
 from dense_reference import agrees, all_lambda
 from reduced_samples import (
     BAND,
@@ -148,9 +149,9 @@ def test_displacements_solve_the_full_problem(two_blocks, case, x):
 def test_samples_share_the_factors_of_their_displacements(
     two_blocks, changing, factors, left, monkeypatch
 ):
-    """Two samples: the block whose material changes has two matrices, the other one; the same bits.
+    """Two samples: two matrices of the block whose material changes, one of the other; same shapes.
 
-    The processes take the factors in turns.
+    The processes take the factors in turns. Modes of both samples are iterated together.
     """
     scene = two_blocks("coarse")
     model, count = offline(scene, "loss", changing=changing), [0]
@@ -171,7 +172,8 @@ def test_samples_share_the_factors_of_their_displacements(
     shared = model.displacements_of_samples(modes, left, MPI.COMM_WORLD)
     assert MPI.COMM_WORLD.allreduce(count[0]) == factors
     for one, other in zip(alone, shared, strict=True):
-        np.testing.assert_array_equal(one, other)
+        error = np.linalg.norm(other - one, axis=0) / np.linalg.norm(one, axis=0)
+        assert error.max() < 2 * SETTLED
 
 
 def test_left_vectors_and_conditions_are_those_of_full_order(two_blocks):

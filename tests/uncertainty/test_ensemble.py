@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.errors import NotConverged
-from brake_fenicsx.folder.processes import in_turns
+from brake_fenicsx.folder.processes import in_turns, meanwhile
 from brake_fenicsx.results.stored import Results
 from brake_fenicsx.uncertainty.ensemble import run_ensemble
 
@@ -104,6 +104,22 @@ def test_two_processes_share_a_long_sample_that_is_left_over(store, number):
     assert str(value(store, large[0])["status"]) == "stalls"
     sizes = [int(value(store, t)["x"]) for t in [*large[1:], *TASKS]]
     assert sizes == [2] * max(together - 1, 0) + [1] * (len(sizes) - max(together - 1, 0))
+
+
+def test_the_first_process_does_other_work_meanwhile():
+    """It takes no turn where there are others, and what it raises reaches all at the end."""
+    began = []
+
+    def fails():
+        began.append(COMM.rank)
+        raise NotConverged("stalls")
+
+    end = meanwhile(fails, COMM)
+    ranks = list(in_turns(4, lambda i: COMM.rank, COMM, aside=1))
+    assert ranks == [1 + i % (COMM.size - 1) if COMM.size > 1 else 0 for i in range(4)]
+    assert began == [0] * (COMM.rank == 0)
+    with pytest.raises(NotConverged, match="stalls"):
+        end()
 
 
 def test_results_that_cannot_be_stored_end_the_run_on_all(store):
