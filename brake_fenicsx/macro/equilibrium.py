@@ -224,6 +224,9 @@ class Jacobian:
             if others.size:
                 dx[others] = (r - self._contact(dx))[others]
             size = float(np.linalg.norm(dx))
+            if not np.isfinite(size):
+                # Springs so soft that no element is among the chosen: a free body has none.
+                return None
             x = x + dx
             # The next step gains what this one gained.
             gain = size / last if np.isfinite(last) else 1.0
