@@ -44,7 +44,7 @@ def matrix_series(
     known: dict[tuple[float, ...], sp.csr_matrix] = {}
 
     def value(x: Array) -> Array:
-        place = tuple(np.round(x, 12).tolist())
+        place = tuple(float(v) for v in np.round(x, 12))
         if place not in known:
             known[place] = at(np.array(place))
         return np.asarray(known[place].data)
@@ -71,7 +71,9 @@ def matrix_series(
         return None
     (indices, A, share), pattern = series(degrees), next(iter(known.values()))
     return {
-        tuple(index.tolist()): sp.csr_matrix((data, pattern.indices, pattern.indptr), pattern.shape)
+        tuple(map(int, index)): sp.csr_matrix(
+            (data, pattern.indices, pattern.indptr), pattern.shape
+        )
         for index, data in zip(indices, A, strict=True)
         if not index.any() or share(data) > DROPPED * ERROR
     }
