@@ -237,7 +237,7 @@ class HalfSpace:
     def block(self, rows: Index, columns: Index) -> Array:
         """Dense influence of the pixels ``columns`` on the pixels ``rows`` (flat indices) [m]."""
         a, b = self._address(rows), self._address(columns)
-        return np.asarray(self._flat.take(np.subtract.outer(a, b) + self._centre))
+        return np.asarray(self._flat.take(np.subtract.outer(a + self._centre, b)))
 
     def _approximate_inverse(self) -> Product:
         """Product with |q| / 2; a few pixels more part the opposite edges of a free patch."""

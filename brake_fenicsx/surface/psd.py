@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import scipy.fft
@@ -142,12 +143,19 @@ def seen_through_the_window(C: Density, topo: Topography) -> Array:
     if topo.periodic:
         return radial_mean(C(wave_numbers(topo.shape, topo.size)), topo)[1]
     twice = (2 * topo.shape[0], 2 * topo.shape[1])
-    padded = np.zeros(twice)
-    padded[: topo.shape[0], : topo.shape[1]] = _window(topo.shape)
-    window = scipy.fft.irfft2(np.abs(scipy.fft.rfft2(padded)) ** 2, s=twice)
+    window = _window_correlation(topo.shape)
     correlation = scipy.fft.irfft2(C(wave_numbers(twice, 2.0 * topo.size)), s=twice)
     seen = scipy.fft.rfft2(correlation * window / window[0, 0]).real
     return radial_mean(np.maximum(seen[::2, ::2], 0.0), topo)[1]
+
+
+@lru_cache(maxsize=1)
+def _window_correlation(shape: tuple[int, int]) -> Array:
+    """Correlation of the Hann window with itself at all offsets, shape (2 nx, 2 ny)."""
+    twice = (2 * shape[0], 2 * shape[1])
+    padded = np.zeros(twice)
+    padded[: shape[0], : shape[1]] = _window(shape)
+    return np.asarray(scipy.fft.irfft2(np.abs(scipy.fft.rfft2(padded)) ** 2, s=twice))
 
 
 def _window(shape: tuple[int, int]) -> Array:
