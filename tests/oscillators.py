@@ -31,11 +31,10 @@ def first_vibration(problem, s, amplitude):
     return problem.start(s, np.ones(1), np.ones(1), amplitude)
 
 
-def at(amplitude):
-    return Condition(1.0, 0.0, np.log(amplitude))
-
-
-no_growth = Condition(0.0, 1.0, 0.0)
+def no_growth(guess):
+    """The condition that growth is that of a guess without any."""
+    assert guess.s.real == 0
+    return Condition(np.zeros_like(guess.y), 1 + 0j)
 
 
 def van_der_pol(e, **more):

@@ -51,18 +51,14 @@ class Bodies:
         other = self.weights(lam)[1]
         return _sum(self.source, other, a) + _sum(self.D, other, F)
 
-    def owns(self, lam: Complex) -> Complex:
-        """The coordinates' matrix at each lambda, shape (n, coordinates, coordinates)."""
-        return np.einsum("kn,kij->nij", self.weights(lam)[0][: len(self.own)], self.own)
-
-    def real(self, s: complex) -> tuple[Array, Array, Array]:
-        """Real parts of ``lead``, ``source`` and ``D`` at lambda = s."""
-        w = self.weights(np.array([s]))[1][:, 0].real
-        lead, source, D = (
-            np.asarray(np.tensordot(w[: len(terms)], terms, 1), float)
-            for terms in (self.lead, self.source, self.D)
+    def at(self, s: complex) -> tuple[Complex, ...]:
+        """``own``, ``lead``, ``source`` and ``D`` at lambda = s, one matrix each."""
+        own, other = (w[:, 0] for w in self.weights(np.array([s])))
+        given = (self.own, own), (self.lead, other), (self.source, other), (self.D, other)
+        return tuple(
+            np.tensordot(w.real[: len(A)], A, 1) + 1j * np.tensordot(w.imag[: len(A)], A, 1)
+            for A, w in given
         )
-        return lead, source, D
 
 
 def times(A: Array, x: Complex) -> Complex:

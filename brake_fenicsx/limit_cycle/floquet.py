@@ -62,10 +62,10 @@ def exponents(problem: HarmonicBalance, at: Vibration) -> Complex:
     bodies, omega, points = problem.bodies, at.s.imag, problem.points
     period = 2 * np.pi / omega
     h, tangent = period / points, problem.contact(at)[1]
-    lead, source, D = bodies.real(1j * omega)
-    still, moving = bodies.owns(np.array([0j, 1j * omega]))
-    M, m = (still - moving).real / omega**2, len(still)
-    push, own = la.solve(M, lead), la.solve(M, np.hstack([still.real, moving.imag / omega]))
+    still, (moving, *others) = bodies.at(0j)[0].real, bodies.at(1j * omega)
+    lead, source, D = (A.real.copy() for A in others)
+    M, m = (still - moving.real) / omega**2, len(still)
+    push, own = la.solve(M, lead), la.solve(M, np.hstack([still, moving.imag / omega]))
     Y = np.moveaxis(tangent.y, -1, 0)
     R = np.array([np.linalg.inv(np.eye(D.shape[1]) - across(J, D)) for J in Y])
     F = np.array([r @ across(J, source) for r, J in zip(R, Y, strict=True)])

@@ -1,14 +1,16 @@
 """Growth of a mode over its amplitude, and the limit cycles where it is zero.
 
-The branch alpha(a) is followed from the linear mode by pseudo-arclength (Keller 1977), so that it
-may turn back. Where alpha falls through zero on the way, a cycle is stable along its branch; where
-it rises, vibrations beyond it grow: a mode that is linearly stable then grows from a kick.
+The branch alpha(a) is followed from the linear mode by pseudo-arclength (Keller 1977) in the
+motions of all harmonics and in alpha + i omega, so that it may turn back, or turn while nothing but
+a higher harmonic changes. Where alpha falls through zero on the way, a cycle is stable along its
+branch; where it rises, vibrations beyond it grow: a mode that is linearly stable then grows from a
+kick.
 Without damping alpha ends at zero, where the mode parts into two that do not grow.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.linalg as la
@@ -57,13 +59,15 @@ class GrowthBranch:
 
     Attributes:
         size: growth by which the way along the branch is measured [1/s].
+        weights: of the followed rows in it, as of the amplitude, shape (followed rows,).
         points: vibrations along the branch.
-        way: of each of them from the first one, in (ln a, alpha / size).
+        way: of each of them from the first one, see ``between``.
         cycles: in the order of the branch.
         end: why it ends.
     """
 
     size: float
+    weights: Array
     points: list[Vibration] = field(default_factory=list)
     way: list[float] = field(default_factory=list)
     cycles: list[Cycle] = field(default_factory=list)
@@ -86,9 +90,15 @@ class GrowthBranch:
         )
         self.points.append(v)
 
-    def between(self, p: Vibration, q: Vibration) -> Array:
-        """From p to q in (ln a, alpha / size)."""
-        return np.array([np.log(q.amplitude / p.amplitude), (q.s.real - p.s.real) / self.size])
+    def between(self, p: Vibration, q: Vibration) -> Complex:
+        """From p to q: motions over the amplitude of p, all harmonics, and s / size."""
+        moved = np.sqrt(self.weights)[:, None] * (q.y - p.y) / p.amplitude
+        return np.append(moved, (q.s - p.s) / self.size)
+
+    def along(self, p: Vibration, direction: Complex) -> Condition:
+        """What does not change across a direction from p, a vector as of ``between``."""
+        to_y = np.sqrt(self.weights)[:, None] * direction[:-1].reshape(p.y.shape)
+        return Condition(to_y / p.amplitude, complex(direction[-1]) / self.size)
 
     def at(self, way: float) -> Vibration:
         """A vibration after a way, by polynomials through the last three points.
@@ -124,9 +134,12 @@ def follow(
     Raises:
         NotConverged: not even the first vibration is found.
     """
-    branch = GrowthBranch(max(abs(start.s.real), 1e-3 * start.s.imag))
-    branch.add(problem.solve(start, Condition(1.0, 0.0, np.log(start.amplitude)), ROUGHLY)[0])
-    direction, step, low, high = np.array([1.0, 0.0]), FIRST, 0.0, largest
+    branch = GrowthBranch(max(abs(start.s.real), 1e-3 * start.s.imag), problem.weights)
+    branch.add(problem.solve(start, tolerance=ROUGHLY)[0])
+    first = branch.points[0]
+    direction = branch.between(first, replace(first, y=2 * first.y))
+    direction /= la.norm(direction)
+    step, low, high = FIRST, 0.0, largest
     while not branch.end:
         p = branch.points[-1]
         if (low and p.s.real < -DECAYS * abs(start.s.real)) or not low < p.amplitude < high:
@@ -140,12 +153,9 @@ def follow(
             branch.end = "lost"
         if branch.end:
             break
-        to_log, to_alpha = direction[0], direction[1] / branch.size
-        place = to_log * np.log(p.amplitude) + to_alpha * p.s.real
         try:
             guess = branch.at(branch.way[-1] + step)
-            condition = Condition(to_log, to_alpha, place + step)
-            q, iterations = problem.solve(guess, condition, ROUGHLY, True)
+            q, iterations = problem.solve(guess, branch.along(p, direction), ROUGHLY, True)
             if la.norm(branch.between(guess, q)) > step:
                 raise NotConverged("limit cycle: a vibration of another branch")
             cycle = _crossing(problem, branch, q) if damped and p.s.real * q.s.real <= 0 else None
@@ -182,10 +192,12 @@ def time_to_reach(branch: GrowthBranch, cycle: Cycle, share: float = 0.01) -> fl
 
 def _crossing(problem: HarmonicBalance, branch: GrowthBranch, q: Vibration) -> Cycle:
     """The cycle between the last point of a branch and q, of which one grows and one decays."""
-    p, both = branch.points[-1], GrowthBranch(branch.size)
+    p, both = branch.points[-1], GrowthBranch(branch.size, branch.weights)
     for v in (*branch.points[-2:], q):
         both.add(v)
     share = p.s.real / (p.s.real - q.s.real)
     guess = both.at(share * both.way[-1] + (1 - share) * both.way[-2])
-    found, _ = problem.solve(guess, Condition(0.0, 1 / branch.size, 0.0), EXACTLY)
+    still = replace(guess, s=1j * guess.s.imag)
+    growth = Condition(np.zeros_like(still.y), 1 / branch.size + 0j)
+    found, _ = problem.solve(still, growth, EXACTLY)
     return Cycle(STABLE if p.s.real > 0 else UNSTABLE, found)

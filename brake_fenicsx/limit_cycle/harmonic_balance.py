@@ -97,11 +97,19 @@ class Vibration:
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """``to_log`` ln(amplitude) + ``to_alpha`` alpha = ``value``, of order one."""
+    """Re(<``to_y``, y> + conj(``to_s``) s), of order one, keeps the value that the guess has.
 
-    to_log: float
-    to_alpha: float
-    value: float
+    Attributes:
+        to_y: shape (followed rows, harmonics + 1).
+        to_s: [s].
+    """
+
+    to_y: Complex
+    to_s: complex
+
+    def __call__(self, y: Complex, s: complex) -> float:
+        """Its value."""
+        return float((np.vdot(self.to_y, y) + self.to_s.conjugate() * s).real)
 
 
 class HarmonicBalance:
@@ -127,7 +135,7 @@ class HarmonicBalance:
         self.forces: Forces = forces
         self.harmonics: int = harmonics
         self.points: int = points
-        self._weights = weights
+        self.weights: Array = weights
         turn = np.exp(2j * np.pi * np.outer(np.arange(harmonics + 1), np.arange(points)) / points)
         # Rows: real and imaginary part of each harmonic.
         self._turn = np.stack([turn.real, -turn.imag], axis=1).reshape(-1, points)
@@ -156,12 +164,12 @@ class HarmonicBalance:
 
     def size(self, y: Complex) -> float:
         """Root mean square of |y| [m] of one harmonic, shape (followed rows,)."""
-        return float(np.sqrt(self._weights @ np.abs(y) ** 2))
+        return float(np.sqrt(self.weights @ np.abs(y) ** 2))
 
     def at_rest(self, s: complex, a: Complex) -> Complex:
         """Motions of the contact under the coordinates of a small vibration at lambda = s."""
-        still = np.zeros((self._weights.size, self.points))
-        _, source, D = self.bodies.real(s)
+        still = np.zeros((self.weights.size, self.points))
+        _, _, source, D = self.bodies.at(s)
         E = np.eye(len(D)) + through(D, self.forces(still, still)[1].stiffness)
         return np.asarray(la.solve(E, source @ a))
 
@@ -181,15 +189,15 @@ class HarmonicBalance:
     def solve(
         self,
         guess: Vibration,
-        condition: Condition,
+        condition: Condition | None = None,
         tolerance: float = 1e-8,
         near: bool = False,
     ) -> tuple[Vibration, int]:
-        """The vibration nearby that fulfils a condition on alpha and amplitude.
+        """The vibration nearby that fulfils a condition.
 
         Args:
             guess: where Newton's method starts; it also fixes the phase.
-            condition: what is asked for.
+            condition: what it has in common with the guess; its amplitude if None.
             tolerance: largest change of motions and lambda in the last step, relative to them.
             near: whether the guess is so near that a slow start means that it was not.
 
@@ -200,10 +208,15 @@ class HarmonicBalance:
             NotConverged: there is none nearby.
         """
         y = guess.y[:, 1]
-        phase = np.asarray(self._weights * y.conj() / self.size(y), complex)
+        phase = np.asarray(self.weights * y.conj() / self.size(y), complex)
+        if condition is None:
+            to_y = np.zeros_like(guess.y)
+            to_y[:, 1] = phase.conj() / guess.amplitude
+            condition = Condition(to_y, 0j)
+        kept = condition(guess.y, guess.s)
         found, last, misses = guess, 1.0, 0
         for iteration in range(1, ITERATIONS + 1):
-            step, fresh = self._step(found, condition, phase)
+            step, fresh = self._step(found, condition, kept, phase)
             if step is None:
                 break
             a, y, s = step
@@ -230,22 +243,20 @@ class HarmonicBalance:
         )
 
     def _step(
-        self, at: Vibration, condition: Condition, phase: Complex
+        self, at: Vibration, condition: Condition, kept: float, phase: Complex
     ) -> tuple[Step | None, bool]:
         """Newton's step, None if not found, and whether its factors are new."""
         F, tangent = self.contact(at)
         lam, step = self.lam(at), DIFFERENCE * abs(at.s)
         missing = self.bodies.unbalanced(lam, at.a, at.y, F)
-        to_amplitude, to_alpha = condition.to_log / at.amplitude, condition.to_alpha
-        wanted = condition.value - condition.to_log * np.log(at.amplitude) - to_alpha * at.s.real
+        wanted = kept - condition(at.y, at.s)
 
         def forces(y: Complex, s: complex) -> Complex:
             v = at.lam * y + changes(s, y.shape[1]) * at.y
             return self.harmonics_of(tangent.times(self.over_time(y), self.over_time(v)))
 
         def equation(y: Complex, s: complex) -> complex:
-            moved = complex(phase @ y[:, 1])
-            return complex(to_alpha * s.real + to_amplitude * moved.real, moved.imag / at.amplitude)
+            return complex(condition(y, s), (phase @ y[:, 1]).imag / at.amplitude)
 
         given = forces, equation, -missing, wanted, (float(la.norm(F)) or 1.0, at.amplitude)
         if self._factors and (made := newton_step(self._factors, *given, FEW)):

@@ -1,14 +1,12 @@
 r"""Newton's steps of harmonic balance, without a matrix of all harmonics.
 
-Every harmonic n of a step obeys, with the change phi of the forces beyond -J y,
+Every harmonic n of a step obeys, with the change phi of the forces beyond -J y and what is not in
+balance, x,
 
-    (own_n + lead J E^-1 source) a_n = lead (1 + J D)^-1 phi_n + ...,
+    own a_n + lead J y_n = lead phi_n + ...,    -source a_n + (1 + D J) y_n = D phi_n + ...,
 
-J the forces' stiffness averaged over a period, E = 1 + D J. GMRES finds phi, which the tangent over
-time makes of the motions; it couples the harmonics. D, lead and source are real matrices of the
-first harmonic, for it and the mean, and of the second one, for all others: steps converge a little
-slower than those of Newton's method (on a block with D J = 5 each gains a factor of 5 to 10), and
-their factors serve several vibrations. What is not in balance is exact.
+J the forces' stiffness averaged over a period. GMRES finds phi, which the tangent over time makes
+of the motions; it couples the harmonics. The factors serve several vibrations.
 """
 
 from __future__ import annotations
@@ -21,40 +19,22 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, gmres
 
-from .bodies import Array, Bodies, Complex, times
+from .bodies import Array, Bodies, Complex
 
 # Relative tolerance of GMRES.
 LINEAR = 1e-2
 # SciPy before 1.12 calls the relative tolerance "tol".
 TOLERANCE = "rtol" if "rtol" in inspect.signature(gmres).parameters else "tol"
 
+# Of the factors: its error is far below that of the steps.
+SINGLE = np.complex64
+
 # A change of coordinates, of motions and of lambda.
 Step = tuple[Complex, Complex, complex]
 
 
-class _Contact:
-    """The contact with a constant stiffness J, and real matrices of the bodies at one lambda.
-
-    Attributes:
-        seen: E^-1 source, motions that coordinates move, shape (followed rows, coordinates).
-        pushed: E^-1 D, motions that forces move, shape (followed rows, acting rows).
-        back: lead J, shape (coordinates, followed rows).
-        lead: lead (1 + J D)^-1, shape (coordinates, acting rows).
-    """
-
-    def __init__(self, bodies: Bodies, s: complex, J: Array):
-        lead, source, D = bodies.real(s)
-        self._E = la.lu_factor(np.eye(len(D)) + through(D, J), check_finite=False)
-        self.seen, self.pushed, self.back = self.solve(source), self.solve(D), through(lead, J)
-        self.lead = lead - self.back @ self.pushed
-
-    def solve(self, b: NDArray) -> NDArray:
-        """E^-1 b."""
-        return np.asarray(la.lu_solve(self._E, b, check_finite=False))
-
-
 class Factors:
-    """Inverse of the bodies at all harmonics with a constant stiffness J at the contact."""
+    """Inverse of the balances of all harmonics with a constant stiffness J at the contact."""
 
     def __init__(self, bodies: Bodies, lam: Complex, J: Array, slope: Complex, phase: Complex):
         """Factor it.
@@ -67,29 +47,21 @@ class Factors:
                 + followed rows, harmonics + 1).
             phase: row of the first harmonic's motions whose value is given with lambda unknown.
         """
-        self.J, self._phase, self._T = J, phase, []
-        self._parts = [
-            (which, _Contact(bodies, complex(lam[n]), J))
-            for n, which in enumerate((slice(0, 2), slice(2, None)), 1)
-            if n < len(lam)
-        ]
-        seen = self._parts[0][1].seen
-        m = seen.shape[1]
-        self._column, self._shift = slope[:m].copy(), np.empty_like(slope[m:])
-        owns = bodies.owns(lam)
-        for which, part in self._parts:
-            self._shift[:, which] = part.solve(slope[m:, which])
-            self._column[:, which] -= times(part.back, self._shift[:, which])
-            owns[which] += part.back @ part.seen
-        self._sizes = float(la.norm(self._column[:, 1])), float(la.norm(phase @ seen))
-        column, row = self._column[:, 1:2] / self._sizes[0], (phase @ seen)[None] / self._sizes[1]
-        corner = phase @ self._shift[:, 1] / self._sizes[0] / self._sizes[1]
-        border = np.block([[owns[1], column], [row, -corner[None, None]]])
-        # Single precision: its error is far below that of the steps.
-        self._T = [
-            la.lu_factor((border if n == 1 else own).astype(np.complex64), check_finite=False)
-            for n, own in enumerate(owns)
-        ]
+        self.J, self._count, self._parts = J, len(slope) - phase.size, []
+        self._size = float(la.norm(slope[:, 1]))
+        for n, s in enumerate(lam):
+            own, lead, source, D = bodies.at(complex(s))
+            A = np.block([[own, through(lead, J)], [-source, np.eye(len(D)) + through(D, J)]])
+            right, column = np.vstack([lead, D]), slope[:, n, None]
+            if n == 1:
+                row, size = np.r_[np.zeros(len(own)), phase, 0.0], la.norm(phase)
+                A = np.vstack([np.hstack([A, column / self._size]), row / size])
+                right = la.block_diag(right, 1 / size)
+            else:
+                right = np.hstack([right, -column])
+            factors = la.lu_factor(A.astype(SINGLE), check_finite=False)
+            response = la.lu_solve(factors, right.astype(SINGLE), check_finite=False)
+            self._parts.append((factors, response))
 
     def solve(self, phi: Complex, missing: complex, x: Complex | None = None) -> Step:
         """Changes of coordinates, motions and lambda.
@@ -99,26 +71,21 @@ class Factors:
             missing: value of the phase row.
             x: right-hand sides of the balances, shape (coordinates + followed rows, harmonics + 1).
         """
-        y, a = np.empty_like(self._shift), np.empty_like(self._column)
-        for which, part in self._parts:
-            y[:, which] = times(part.pushed, phi[:, which])
-            a[:, which] = times(part.lead, phi[:, which])
-            if x is not None:
-                more = part.solve(x[len(a) :, which])
-                y[:, which] += more
-                a[:, which] += x[: len(a), which] - times(part.back, more)
-        border = _solved(
-            self._T[1], np.r_[a[:, 1], (missing - self._phase @ y[:, 1]) / self._sizes[1]]
-        )
-        s = complex(border[-1]) / self._sizes[0]
-        moved = changes(s, a.shape[1])
-        a -= self._column * moved
-        for n, factors in enumerate(self._T):
-            a[:, n] = border[:-1] if n == 1 else _solved(factors, a[:, n])
-        y -= self._shift * moved
-        for which, part in self._parts:
-            y[:, which] += times(part.seen, a[:, which])
-        return a, y, s
+        first = self._changed(1, phi, missing, x)
+        s = complex(first[-1]) / self._size
+        moved = changes(s, phi.shape[1])
+        out = [self._changed(n, phi, more, x) for n, more in enumerate(moved) if n != 1]
+        both = np.array([out[0], first[:-1], *out[1:]], complex).T
+        return both[: self._count], both[self._count :], s
+
+    def _changed(self, n: int, phi: Complex, more: complex, x: Complex | None) -> Complex:
+        """Coordinates, motions and, of the first harmonic, lambda; ``more``: what is given."""
+        factors, response = self._parts[n]
+        z = np.asarray(response @ np.append(phi[:, n], more).astype(SINGLE))
+        if x is None:
+            return z
+        right = np.append(x[:, n], np.zeros(len(z) - len(x))).astype(SINGLE)
+        return z + la.lu_solve(factors, right, check_finite=False)
 
 
 def across(J: Array, y: NDArray) -> NDArray:
@@ -181,11 +148,7 @@ def newton_step(
     return None if failed else solved(v, x)
 
 
-def _solved(factors: tuple[NDArray, NDArray], b: Complex) -> Complex:
-    return np.asarray(la.lu_solve(factors, b.astype(np.complex64), check_finite=False))
-
-
-def through(A: Array, J: Array) -> Array:
+def through(A: NDArray, J: Array) -> NDArray:
     """A J of rows A, shape (rows, followed rows)."""
     g, f, c = J.shape
     return np.einsum("rgc,gfc->rfc", A.reshape(len(A), g, c), J).reshape(len(A), f * c)

@@ -99,8 +99,6 @@ def test_a_sample_against_time_steps():
 )
 def test_stable_cycles_are_those_of_time_steps(scene, k, share):
     """From a small disturbance on: what time steps do not come to is not called stable."""
-    if scene is FINE_BLOCK and share == 0.25:
-        pytest.skip("the branch is lost")
     outcome, *given = cycle_and_steps(scene, k, share, 0.08, 0.1)
     assert agree(*given) or outcome != "stable"
 
