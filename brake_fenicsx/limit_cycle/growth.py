@@ -1,10 +1,9 @@
 """Growth of a mode over its amplitude, and the limit cycles where it is zero.
 
 The branch alpha(a) is followed from the linear mode by pseudo-arclength (Keller 1977) in the
-motions of all harmonics and in alpha + i omega, so that it may turn back, or turn while nothing but
-a higher harmonic changes. Where alpha falls through zero on the way, a cycle is stable along its
-branch; where it rises, vibrations beyond it grow: a mode that is linearly stable then grows from a
-kick.
+motions of all harmonics and in alpha, so that it may turn back, or turn while nothing but a higher
+harmonic changes. Where alpha falls through zero on the way, a cycle is stable along its branch;
+where it rises, vibrations beyond it grow: a mode that is linearly stable then grows from a kick.
 Without damping alpha ends at zero, where the mode parts into two that do not grow.
 """
 
@@ -91,14 +90,14 @@ class GrowthBranch:
         self.points.append(v)
 
     def between(self, p: Vibration, q: Vibration) -> Complex:
-        """From p to q: motions over the amplitude of p, all harmonics, and s / size."""
+        """From p to q: motions over the amplitude of p, all harmonics, and alpha / size."""
         moved = np.sqrt(self.weights)[:, None] * (q.y - p.y) / p.amplitude
-        return np.append(moved, (q.s - p.s) / self.size)
+        return np.append(moved, (q.s - p.s).real / self.size)
 
     def along(self, p: Vibration, direction: Complex) -> Condition:
         """What does not change across a direction from p, a vector as of ``between``."""
         to_y = np.sqrt(self.weights)[:, None] * direction[:-1].reshape(p.y.shape)
-        return Condition(to_y / p.amplitude, complex(direction[-1]) / self.size)
+        return Condition(to_y / p.amplitude, float(direction[-1].real) / self.size)
 
     def at(self, way: float) -> Vibration:
         """A vibration after a way, by polynomials through the last three points.
@@ -198,6 +197,6 @@ def _crossing(problem: HarmonicBalance, branch: GrowthBranch, q: Vibration) -> C
     share = p.s.real / (p.s.real - q.s.real)
     guess = both.at(share * both.way[-1] + (1 - share) * both.way[-2])
     still = replace(guess, s=1j * guess.s.imag)
-    growth = Condition(np.zeros_like(still.y), 1 / branch.size + 0j)
+    growth = Condition(np.zeros_like(still.y), 1 / branch.size)
     found, _ = problem.solve(still, growth, EXACTLY)
     return Cycle(STABLE if p.s.real > 0 else UNSTABLE, found)

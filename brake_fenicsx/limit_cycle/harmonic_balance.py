@@ -97,19 +97,19 @@ class Vibration:
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """Re(<``to_y``, y> + conj(``to_s``) s), of order one, keeps the value that the guess has.
+    """Re <``to_y``, y> + ``to_alpha`` alpha, of order one, keeps the value that the guess has.
 
     Attributes:
         to_y: shape (followed rows, harmonics + 1).
-        to_s: [s].
+        to_alpha: [s].
     """
 
     to_y: Complex
-    to_s: complex
+    to_alpha: float
 
     def __call__(self, y: Complex, s: complex) -> float:
         """Its value."""
-        return float((np.vdot(self.to_y, y) + self.to_s.conjugate() * s).real)
+        return float(np.vdot(self.to_y, y).real + self.to_alpha * s.real)
 
 
 class HarmonicBalance:
@@ -212,7 +212,7 @@ class HarmonicBalance:
         if condition is None:
             to_y = np.zeros_like(guess.y)
             to_y[:, 1] = phase.conj() / guess.amplitude
-            condition = Condition(to_y, 0j)
+            condition = Condition(to_y, 0.0)
         kept = condition(guess.y, guess.s)
         found, last, misses = guess, 1.0, 0
         for iteration in range(1, ITERATIONS + 1):

@@ -48,6 +48,14 @@ def prepared(scene, k, beta):
     return study, study._draw(*task), *study.solved(task, {})
 
 
+def squealing(scene, k, share):
+    """``prepared`` with a share of the growth without damping taken away, and the growing mode."""
+    *_, modes = prepared(scene, k, 1e-12)
+    s = modes.s[np.argmax(modes.s.real)]
+    found = prepared(scene, k, 2 * share * s.real / s.imag**2)
+    return *found, int(np.argmax(found[-1].s.real))
+
+
 def cycle_and_steps(scene, k, share, seconds, start):
     """Outcome, amplitude [m] and frequency [Hz] of a cycle; those of time steps, and their drift.
 
@@ -58,10 +66,8 @@ def cycle_and_steps(scene, k, share, seconds, start):
         seconds: of the time steps.
         start: their first amplitude over that of the cycle.
     """
-    *_, modes = prepared(scene, k, 1e-12)
-    s = modes.s[np.argmax(modes.s.real)]
-    study, sample, eq, modes = prepared(scene, k, 2 * share * s.real / s.imag**2)
-    mode, settings = int(np.argmax(modes.s.real)), Settings(9, 64, 20e-6)
+    study, sample, eq, modes, mode = squealing(scene, k, share)
+    settings = Settings(9, 64, 20e-6)
     cycles = study.cycles.sample("multi-scale", sample, eq)
     branch, elements = cycles.branch(modes.s[mode], modes.right[:, mode], settings)
     # The branch begins at the linear mode.
@@ -89,6 +95,30 @@ def test_a_sample_against_time_steps():
     """From beyond the cycle down to it."""
     outcome, *given = cycle_and_steps(BLOCK, 2, 0.9, 0.008, 3.0)
     assert outcome == "stable" and agree(*given)
+
+
+@pytest.mark.hard
+@pytest.mark.parametrize(
+    ("size", "k", "share"),
+    [
+        ("9 mm", 1, 0.25),
+        pytest.param("9 mm", 1, 0.1, marks=pytest.mark.slow),
+        pytest.param("10 mm", 2, 0.1, marks=pytest.mark.slow),
+    ],
+)
+def test_a_branch_through_resonances_of_higher_harmonics(size, k, share):
+    """Little damping: harmonics meet modes on the way, and the branch turns; it is not lost."""
+    scene = BLOCK[0], [*BLOCK[1], f"parts.block.size='{size}'"], np.inf
+    study, sample, eq, modes, mode = squealing(scene, k, share)
+    cycles, settings = study.cycles.sample("multi-scale", sample, eq), Settings(5, 32, 20e-6)
+    branch, _ = cycles.branch(modes.s[mode], modes.right[:, mode], settings)
+    assert branch.cycles[0].kind == STABLE
+    # Near a cycle the branch passes from growth to decay.
+    a, alpha = branch.amplitude, branch.s.real
+    before = int(np.argmax(alpha < 0)) - 1
+    assert (alpha[: before + 1] > 0).all()
+    assert a[before : before + 2].min() < 1.05 * branch.cycles[0].at.amplitude
+    assert a[before : before + 2].max() > 0.95 * branch.cycles[0].at.amplitude
 
 
 @pytest.mark.slow
