@@ -34,7 +34,7 @@ def first_vibration(problem, s, amplitude):
 def no_growth(guess):
     """The condition that growth is that of a guess without any."""
     assert guess.s.real == 0
-    return Condition(np.zeros_like(guess.y), 1.0)
+    return Condition(np.zeros_like(guess.a), np.zeros_like(guess.y), 1.0)
 
 
 def van_der_pol(e, **more):

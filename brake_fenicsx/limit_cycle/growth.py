@@ -1,7 +1,7 @@
 """Growth of a mode over its amplitude, and the limit cycles where it is zero.
 
 The branch alpha(a) is followed from the linear mode by pseudo-arclength (Keller 1977) in the
-motions of all harmonics and in alpha, so that it may turn back, or turn while nothing but a higher
+shape of all harmonics and in alpha, so that it may turn back, or turn while nothing but a higher
 harmonic changes. Where alpha falls through zero on the way, a cycle is stable along its branch;
 where it rises, vibrations beyond it grow: a mode that is linearly stable then grows from a kick.
 Without damping alpha ends at zero, where the mode parts into two that do not grow.
@@ -90,14 +90,17 @@ class GrowthBranch:
         self.points.append(v)
 
     def between(self, p: Vibration, q: Vibration) -> Complex:
-        """From p to q: motions over the amplitude of p, all harmonics, and alpha / size."""
-        moved = np.sqrt(self.weights)[:, None] * (q.y - p.y) / p.amplitude
+        """From p to q: coordinates and motions of all harmonics over those of p, alpha / size."""
+        a, y = (q.a - p.a) / la.norm(p.a), (q.y - p.y) / p.amplitude
+        moved = np.append(a, np.sqrt(self.weights)[:, None] * y)
         return np.append(moved, (q.s - p.s).real / self.size)
 
     def along(self, p: Vibration, direction: Complex) -> Condition:
         """What does not change across a direction from p, a vector as of ``between``."""
-        to_y = np.sqrt(self.weights)[:, None] * direction[:-1].reshape(p.y.shape)
-        return Condition(to_y / p.amplitude, float(direction[-1].real) / self.size)
+        a, y = direction[: p.a.size].reshape(p.a.shape), direction[p.a.size : -1]
+        y = np.sqrt(self.weights)[:, None] * y.reshape(p.y.shape)
+        alpha = float(direction[-1].real) / self.size
+        return Condition(a / la.norm(p.a), y / p.amplitude, alpha)
 
     def at(self, way: float) -> Vibration:
         """A vibration after a way, by polynomials through the last three points.
@@ -136,7 +139,7 @@ def follow(
     branch = GrowthBranch(max(abs(start.s.real), 1e-3 * start.s.imag), problem.weights)
     branch.add(problem.solve(start, tolerance=ROUGHLY)[0])
     first = branch.points[0]
-    direction = branch.between(first, replace(first, y=2 * first.y))
+    direction = branch.between(first, replace(first, a=2 * first.a, y=2 * first.y))
     direction /= la.norm(direction)
     step, low, high = FIRST, 0.0, largest
     while not branch.end:
@@ -197,6 +200,6 @@ def _crossing(problem: HarmonicBalance, branch: GrowthBranch, q: Vibration) -> C
     share = p.s.real / (p.s.real - q.s.real)
     guess = both.at(share * both.way[-1] + (1 - share) * both.way[-2])
     still = replace(guess, s=1j * guess.s.imag)
-    growth = Condition(np.zeros_like(still.y), 1 / branch.size)
+    growth = Condition(np.zeros_like(still.a), np.zeros_like(still.y), 1 / branch.size)
     found, _ = problem.solve(still, growth, EXACTLY)
     return Cycle(STABLE if p.s.real > 0 else UNSTABLE, found)

@@ -97,19 +97,22 @@ class Vibration:
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """Re <``to_y``, y> + ``to_alpha`` alpha, of order one, keeps the value that the guess has.
+    """Re <to, (a, y)> + ``to_alpha`` alpha, of order one, keeps the value that the guess has.
 
     Attributes:
+        to_a: shape (coordinates, harmonics + 1).
         to_y: shape (followed rows, harmonics + 1).
         to_alpha: [s].
     """
 
+    to_a: Complex
     to_y: Complex
     to_alpha: float
 
-    def __call__(self, y: Complex, s: complex) -> float:
+    def __call__(self, a: Complex, y: Complex, s: complex) -> float:
         """Its value."""
-        return float(np.vdot(self.to_y, y).real + self.to_alpha * s.real)
+        moved = np.vdot(self.to_a, a) + np.vdot(self.to_y, y)
+        return float(moved.real + self.to_alpha * s.real)
 
 
 class HarmonicBalance:
@@ -212,8 +215,8 @@ class HarmonicBalance:
         if condition is None:
             to_y = np.zeros_like(guess.y)
             to_y[:, 1] = phase.conj() / guess.amplitude
-            condition = Condition(to_y, 0.0)
-        kept = condition(guess.y, guess.s)
+            condition = Condition(np.zeros_like(guess.a), to_y, 0.0)
+        kept = condition(guess.a, guess.y, guess.s)
         found, last, misses = guess, 1.0, 0
         for iteration in range(1, ITERATIONS + 1):
             step, fresh = self._step(found, condition, kept, phase)
@@ -249,14 +252,14 @@ class HarmonicBalance:
         F, tangent = self.contact(at)
         lam, step = self.lam(at), DIFFERENCE * abs(at.s)
         missing = self.bodies.unbalanced(lam, at.a, at.y, F)
-        wanted = kept - condition(at.y, at.s)
+        wanted = kept - condition(at.a, at.y, at.s)
 
-        def forces(y: Complex, s: complex) -> Complex:
+        def forces(a: Complex, y: Complex, s: complex) -> Complex:
             v = at.lam * y + changes(s, y.shape[1]) * at.y
             return self.harmonics_of(tangent.times(self.over_time(y), self.over_time(v)))
 
-        def equation(y: Complex, s: complex) -> complex:
-            return complex(condition(y, s), (phase @ y[:, 1]).imag / at.amplitude)
+        def equation(a: Complex, y: Complex, s: complex) -> complex:
+            return complex(condition(a, y, s), (phase @ y[:, 1]).imag / at.amplitude)
 
         given = forces, equation, -missing, wanted, (float(la.norm(F)) or 1.0, at.amplitude)
         if self._factors and (made := newton_step(self._factors, *given, FEW)):

@@ -108,8 +108,8 @@ def changes(s: complex, count: int) -> Complex:
 
 def newton_step(
     factors: Factors,
-    forces: Callable[[Complex, complex], Complex],
-    equation: Callable[[Complex, complex], complex],
+    forces: Callable[[Complex, Complex, complex], Complex],
+    equation: Callable[[Complex, Complex, complex], complex],
     x: Complex,
     wanted: float,
     sizes: tuple[float, float],
@@ -119,7 +119,7 @@ def newton_step(
 
     Args:
         factors: of this vibration or of one nearby.
-        forces: changes of motions and lambda -> changes of the contact forces [N].
+        forces: changes of coordinates, motions and lambda -> changes of the contact forces [N].
         equation: the same -> two more equations, as one complex number.
         x: right-hand sides of the balances, shape (coordinates + followed rows, harmonics + 1).
         wanted: right-hand side of the real part of ``equation``.
@@ -133,7 +133,7 @@ def newton_step(
         return factors.solve(phi, sizes[1] * complex(v[-2], v[-1]), x)
 
     def seen(step: Step) -> Array:
-        phi, value = forces(*step[1:]) + across(factors.J, step[1]), equation(*step[1:])
+        phi, value = forces(*step) + across(factors.J, step[1]), equation(*step)
         return np.r_[phi.view(float).ravel() / sizes[0], value.real, value.imag]
 
     none = np.zeros(2 * shape[0] * shape[1] + 2)
