@@ -20,8 +20,9 @@ from brake_fenicsx.errors import NotConverged
 from .bodies import Array, Complex
 from .harmonic_balance import Condition, HarmonicBalance, Vibration
 
-# First, largest and smallest step along the branch, in logarithms of the amplitude.
-FIRST, LARGEST, SMALLEST, POINTS = 0.4, 0.8, 1e-3, 60
+# First, largest and smallest step along the branch, relative to the vibration; a vibration found
+# so near to what was expected, or nearer than a step, is of the same branch.
+FIRST, LARGEST, SMALLEST, NEARBY, POINTS = 0.4, 0.8, 1e-3, 0.05, 60
 
 # Share of the linear growth at which growth without damping counts as ended: alpha^2 falls
 # linearly in the amplitude there, and the amplitude is off by the square of this share.
@@ -158,7 +159,7 @@ def follow(
         try:
             guess = branch.at(branch.way[-1] + step)
             q, iterations = problem.solve(guess, branch.along(p, direction), ROUGHLY, True)
-            if la.norm(branch.between(guess, q)) > step:
+            if la.norm(branch.between(guess, q)) > max(step, NEARBY):
                 raise NotConverged("limit cycle: a vibration of another branch")
             cycle = _crossing(problem, branch, q) if damped and p.s.real * q.s.real <= 0 else None
         except NotConverged:
