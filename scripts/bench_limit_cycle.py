@@ -1,6 +1,7 @@
 """Limit cycle of a squealing block: harmonics, error, seconds; and its figure for the docs.
 
     python scripts/bench_limit_cycle.py                            table
+    python scripts/bench_limit_cycle.py --branches                 how many branches reach a cycle
     python scripts/bench_limit_cycle.py --figure docs/limit_cycle.png    growth, cycles, time steps
 
 Errors are those of the amplitude against 25 harmonics, and against time steps of the finite-element
@@ -26,12 +27,13 @@ SCENE = ROOT / "scripts" / "scenes" / "squealing_block.toml"
 TASK, OMEGA, STEP = ("multi-scale", 0), 92e3, 2.5e-7
 
 
-def prepared(ratio):
+def prepared(ratio, k=0, changes=()):
     """Model, sample, equilibrium and growing mode with a damping ratio at 14.6 kHz."""
     beta = f"stability.damping={{ rayleigh = ['0 1/s', '{2 * ratio / OMEGA:g} s'] }}"
-    model = prepare(SCENE, ["samples.n=4", "limit_cycle={}", "countermeasures=[]", beta])
-    sample = model.study._draw(*TASK)
-    eq, modes = model.study.solved(TASK, {})
+    model = prepare(SCENE, ["samples.n=4", "limit_cycle={}", "countermeasures=[]", beta, *changes])
+    task = (TASK[0], k)
+    sample = model.study._draw(*task)
+    eq, modes = model.study.solved(task, {})
     return model.study, sample, eq, modes, int(np.argmax(modes.s.real))
 
 
@@ -69,6 +71,37 @@ def table():
     print(f"complex modes of the sample: {modes.seconds:.3f} s")
 
 
+def branches():
+    """Do branches reach a cycle, and go on to their end? Meshes, samples, harmonics, dampings."""
+    print("| damped away | branches | with a cycle | to the end | points | seconds of one |")
+    print("| --- | --- | --- | --- | --- | --- |")
+    for share in (0.1, 0.25, 0.5, 0.75):
+        rows = []
+        for size in ("9 mm", "10 mm", "11 mm"):
+            for k in range(4):
+                changes = [f"parts.block.size='{size}'"]
+                s = prepared(1e-9, k, changes)[3].s
+                growing = s[np.argmax(s.real)]
+                given = prepared(share * growing.real / growing.imag**2 * OMEGA, k, changes)
+                for harmonics, points in ((5, 32), (9, 64)):
+                    start = time.process_time()
+                    branch = followed(*given, harmonics, points)
+                    seconds = time.process_time() - start
+                    rows.append(
+                        (
+                            len(branch.cycles) > 0,
+                            branch.end == "stable",
+                            len(branch.points),
+                            seconds,
+                        )
+                    )
+        cycles, ends, points, seconds = zip(*rows, strict=True)
+        print(
+            f"| {share:g} | {len(rows)} | {sum(cycles)} | {sum(ends)} | {np.median(points):g},"
+            f" {max(points)} at most | {np.median(seconds):.1f}, {max(seconds):.0f} at most |"
+        )
+
+
 def figure(path):
     from brake_fenicsx.report.style import CYCLE, GREY, house_style, light_grid, new_figure
 
@@ -98,5 +131,9 @@ def figure(path):
 if __name__ == "__main__":
     words = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     words.add_argument("--figure", type=Path, metavar="FILE", help="draw the figure of the docs")
+    words.add_argument("--branches", action="store_true", help="how many branches reach a cycle")
     given = words.parse_args()
-    figure(given.figure) if given.figure else table()
+    if given.figure:
+        figure(given.figure)
+    else:
+        branches() if given.branches else table()
