@@ -44,7 +44,10 @@ def changed(sets, key, length):
     return scene, brake, changes.stiffness_change({key: length}), changes.mass_change({key: length})
 
 
-@pytest.mark.parametrize("name", DISC)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=pytest.mark.slow if n in ("hat", "flange") else ()) for n in DISC],
+)
 def test_a_length_of_a_vented_disc_moves_its_planes(name):
     """Matrices of the mesh whose nodes are moved by hand, cells between planes in proportion."""
     length, here, there = DISC[name]
@@ -73,6 +76,7 @@ def test_volume_of_a_pad_follows_its_slot_and_chamfers(key, length, area):
     assert column @ M @ column == pytest.approx(-2 * 2510 * area * (length - usual), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_three_lengths_of_a_pad_and_a_modulus():
     """Volume by its closed form: a lining keeps the depths of its slot and chamfers."""
     lengths = {LINING: (10e-3, 9.6e-3), CHAMFER: (3e-3, 3.4e-3), SLOT: (7e-3, 6.6e-3)}
