@@ -98,7 +98,7 @@ def branches():
         cycles, ends, points, seconds = zip(*rows, strict=True)
         print(
             f"| {share:g} | {len(rows)} | {sum(cycles)} | {sum(ends)} | {np.median(points):g},"
-            f" {max(points)} at most | {np.median(seconds):.1f}, {max(seconds):.0f} at most |"
+            f" {max(points)} at most | {np.median(seconds):.1f}, {max(seconds):.1f} at most |"
         )
 
 
