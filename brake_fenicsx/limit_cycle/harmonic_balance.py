@@ -265,5 +265,5 @@ class HarmonicBalance:
         if self._factors and (made := newton_step(self._factors, *given, FEW)):
             return made, False
         slope = (self.bodies.unbalanced(lam + step, at.a, at.y, F) - missing) / step
-        self._factors = Factors(self.bodies, lam, tangent.stiffness, slope, phase)
+        self._factors = Factors(self.bodies, lam, tangent.stiffness, slope, phase, at.amplitude)
         return newton_step(self._factors, *given, VECTORS), True

@@ -36,7 +36,10 @@ Step = tuple[Complex, Complex, complex]
 class Factors:
     """Inverse of the balances of all harmonics with a constant stiffness J at the contact."""
 
-    def __init__(self, bodies: Bodies, lam: Complex, J: Array, slope: Complex, phase: Complex):
+    def __init__(
+        self, bodies: Bodies, lam: Complex, J: Array, slope: Complex, phase: Complex,
+        amplitude: float,
+    ):  # fmt: skip
         """Factor it.
 
         Args:
@@ -46,9 +49,10 @@ class Factors:
             slope: what the balance of each harmonic changes by with its lambda, shape (coordinates
                 + followed rows, harmonics + 1).
             phase: row of the first harmonic's motions whose value is given with lambda unknown.
+            amplitude: of the vibration [m], which ``slope`` grows with.
         """
         self.J, self._count, self._parts = J, len(slope) - phase.size, []
-        self._size = float(la.norm(slope[:, 1]))
+        self._amplitude, self._size = amplitude, float(la.norm(slope[:, 1]))
         for n, s in enumerate(lam):
             own, lead, source, D = bodies.at(complex(s))
             A = np.block([[own, through(lead, J)], [-source, np.eye(len(D)) + through(D, J)]])
@@ -63,17 +67,20 @@ class Factors:
             response = la.lu_solve(factors, right.astype(SINGLE), check_finite=False)
             self._parts.append((factors, response))
 
-    def solve(self, phi: Complex, missing: complex, x: Complex | None = None) -> Step:
+    def solve(
+        self, phi: Complex, missing: complex, amplitude: float, x: Complex | None = None
+    ) -> Step:
         """Changes of coordinates, motions and lambda.
 
         Args:
             phi: forces, shape (acting rows, harmonics + 1).
             missing: value of the phase row.
+            amplitude: of the vibration [m].
             x: right-hand sides of the balances, shape (coordinates + followed rows, harmonics + 1).
         """
-        first = self._changed(1, phi, missing, x)
-        s = complex(first[-1]) / self._size
-        moved = changes(s, phi.shape[1])
+        first, ratio = self._changed(1, phi, missing, x), amplitude / self._amplitude
+        s = complex(first[-1]) / (self._size * ratio)
+        moved = ratio * changes(s, phi.shape[1])
         out = [self._changed(n, phi, more, x) for n, more in enumerate(moved) if n != 1]
         both = np.array([out[0], first[:-1], *out[1:]], complex).T
         return both[: self._count], both[self._count :], s
@@ -130,7 +137,7 @@ def newton_step(
 
     def solved(v: Array, x: Complex | None = None) -> Step:
         phi = (sizes[0] * v[:-2]).view(complex).reshape(shape)
-        return factors.solve(phi, sizes[1] * complex(v[-2], v[-1]), x)
+        return factors.solve(phi, sizes[1] * complex(v[-2], v[-1]), sizes[1], x)
 
     def seen(step: Step) -> Array:
         phi, value = forces(*step) + across(factors.J, step[1]), equation(*step)
