@@ -87,14 +87,8 @@ def branches():
                     start = time.process_time()
                     branch = followed(*given, harmonics, points)
                     seconds = time.process_time() - start
-                    rows.append(
-                        (
-                            len(branch.cycles) > 0,
-                            branch.end == "stable",
-                            len(branch.points),
-                            seconds,
-                        )
-                    )
+                    ended = len(branch.cycles) > 0, branch.end == "stable"
+                    rows.append((*ended, len(branch.points), seconds))
         cycles, ends, points, seconds = zip(*rows, strict=True)
         print(
             f"| {share:g} | {len(rows)} | {sum(cycles)} | {sum(ends)} | {np.median(points):g},"

@@ -169,7 +169,8 @@ def follow(
             branch.cycles.append(cycle)
             if cycle.kind == STABLE:
                 low, high = BELOW * cycle.at.amplitude, min(largest, BEYOND * cycle.at.amplitude)
-        direction = branch.between(p, q) / la.norm(branch.between(p, q))
+        direction = branch.between(p, q)
+        direction /= la.norm(direction)
         branch.add(q)
         step = min(LARGEST, step * (1.5 if iterations <= QUICK else 0.8))
     return branch

@@ -97,7 +97,9 @@ class Vibration:
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """Re <to, (a, y)> + ``to_alpha`` alpha, of order one, keeps the value that the guess has.
+    """Re(<``to_a``, a> + <``to_y``, y>) + ``to_alpha`` alpha has the value that the guess has.
+
+    It is of order one.
 
     Attributes:
         to_a: shape (coordinates, harmonics + 1).
@@ -254,7 +256,7 @@ class HarmonicBalance:
         missing = self.bodies.unbalanced(lam, at.a, at.y, F)
         wanted = kept - condition(at.a, at.y, at.s)
 
-        def forces(a: Complex, y: Complex, s: complex) -> Complex:
+        def forces(y: Complex, s: complex) -> Complex:
             v = at.lam * y + changes(s, y.shape[1]) * at.y
             return self.harmonics_of(tangent.times(self.over_time(y), self.over_time(v)))
 

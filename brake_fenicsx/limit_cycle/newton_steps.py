@@ -86,7 +86,14 @@ class Factors:
         return both[: self._count], both[self._count :], s
 
     def _changed(self, n: int, phi: Complex, more: complex, x: Complex | None) -> Complex:
-        """Coordinates, motions and, of the first harmonic, lambda; ``more``: what is given."""
+        """Coordinates and motions of harmonic n; of the first one, also lambda times its scale.
+
+        Args:
+            n: the harmonic.
+            phi: forces, shape (acting rows, harmonics + 1).
+            more: of the first harmonic the value of the phase row, of others the change of lambda.
+            x: right-hand sides of the balances, shape (coordinates + followed rows, harmonics + 1).
+        """
         factors, response = self._parts[n]
         z = np.asarray(response @ np.append(phi[:, n], more).astype(SINGLE))
         if x is None:
@@ -115,7 +122,7 @@ def changes(s: complex, count: int) -> Complex:
 
 def newton_step(
     factors: Factors,
-    forces: Callable[[Complex, Complex, complex], Complex],
+    forces: Callable[[Complex, complex], Complex],
     equation: Callable[[Complex, Complex, complex], complex],
     x: Complex,
     wanted: float,
@@ -126,8 +133,9 @@ def newton_step(
 
     Args:
         factors: of this vibration or of one nearby.
-        forces: changes of coordinates, motions and lambda -> changes of the contact forces [N].
-        equation: the same -> two more equations, as one complex number.
+        forces: changes of motions and lambda -> changes of the contact forces [N].
+        equation: changes of coordinates, motions and lambda -> two more equations, as one complex
+            number.
         x: right-hand sides of the balances, shape (coordinates + followed rows, harmonics + 1).
         wanted: right-hand side of the real part of ``equation``.
         sizes: scales of forces [N] and of amplitudes [m].
@@ -140,7 +148,7 @@ def newton_step(
         return factors.solve(phi, sizes[1] * complex(v[-2], v[-1]), sizes[1], x)
 
     def seen(step: Step) -> Array:
-        phi, value = forces(*step) + across(factors.J, step[1]), equation(*step)
+        phi, value = forces(*step[1:]) + across(factors.J, step[1]), equation(*step)
         return np.r_[phi.view(float).ravel() / sizes[0], value.real, value.imag]
 
     none = np.zeros(2 * shape[0] * shape[1] + 2)

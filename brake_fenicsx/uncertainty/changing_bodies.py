@@ -224,10 +224,8 @@ class ChangingBodies:
             SceneError: the length, its value and the range.
         """
         for names, shape in self.shapes.items():
-            ends, lengths = (
-                getattr(shape, "ends", [(0.0, np.inf)]),
-                lengths_in(names, shape, values),
-            )
+            ends = getattr(shape, "ends", [(0.0, np.inf)])
+            lengths = lengths_in(names, shape, values)
             for name, length, (low, high) in zip(names, lengths, ends, strict=True):
                 if not low <= length <= high:
                     raise SceneError(
