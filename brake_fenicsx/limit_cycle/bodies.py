@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import scipy.linalg as la
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -27,10 +29,10 @@ class Bodies:
             others, each of shape (terms or more, n).
     """
 
-    own: Array
-    lead: Array
-    source: Array
-    D: Array
+    own: NDArray[Any]
+    lead: NDArray[Any]
+    source: NDArray[Any]
+    D: NDArray[Any]
     weights: Callable[[Complex], tuple[Complex, Complex]]
 
     def unbalanced(self, lam: Complex, a: Complex, y: Complex, F: Complex) -> Complex:
@@ -51,23 +53,41 @@ class Bodies:
         other = self.weights(lam)[1]
         return _sum(self.source, other, a) + _sum(self.D, other, F)
 
+    def rough(self, lam: Complex) -> Bodies:
+        """For linear steps: in single precision, without terms that do not count at these lambda.
+
+        Coordinates meet resonances, where what is left of ``own`` is small.
+        """
+        own, other = self.weights(lam)
+        lead, source, D = (_leading(A, other, 1e-4) for A in (self.lead, self.source, self.D))
+        return Bodies(_leading(self.own, own, 1e-8), lead, source, D, self.weights)
+
     def at(self, s: complex) -> tuple[Complex, ...]:
         """``own``, ``lead``, ``source`` and ``D`` at lambda = s, one matrix each."""
         own, other = (w[:, 0] for w in self.weights(np.array([s])))
-        given = (self.own, own), (self.lead, other), (self.source, other), (self.D, other)
-        return tuple(
-            np.tensordot(w.real[: len(A)], A, 1) + 1j * np.tensordot(w.imag[: len(A)], A, 1)
-            for A, w in given
-        )
+        others = (weighted(A, other) for A in (self.lead, self.source, self.D))
+        return weighted(self.own, own), *others
 
 
-def times(A: Array, x: Complex) -> Complex:
-    """A x of a real matrix and complex columns, without a complex copy of the matrix."""
-    return np.asarray((A @ np.ascontiguousarray(x).view(float)).view(complex))
+def weighted(terms: Array, weights: Complex) -> Complex:
+    """Sum of matrices, shape (terms, rows, columns), by weights, shape (terms or more,)."""
+    w = weights[: len(terms)]
+    return np.tensordot(w.real, terms, 1) + 1j * np.tensordot(w.imag, terms, 1)
 
 
-def _sum(terms: Array, weights: Complex, x: Complex) -> Complex:
-    out = np.zeros((terms.shape[1], x.shape[1]), complex)
-    for A, w in zip(terms, weights, strict=False):
-        out += times(A, w * x)
-    return out
+def times(A: NDArray[Any], x: NDArray[Any]) -> NDArray[Any]:
+    """A x of a real matrix and complex columns, in the precision of A, without a complex matrix."""
+    x = np.ascontiguousarray(x, np.result_type(A, np.complex64))
+    return np.asarray((A @ x.view(A.dtype)).view(x.dtype))
+
+
+def _sum(terms: NDArray[Any], weights: Complex, x: Complex) -> Complex:
+    products = [times(A, w * x) for A, w in zip(terms, weights, strict=False)]
+    return np.asarray(sum(products[1:], products[0]), complex)
+
+
+def _leading(terms: NDArray[Any], weights: Complex, share: float) -> NDArray[np.float32]:
+    """Terms up to the last one that is not below a share of the largest."""
+    sizes = [la.norm(A) * np.abs(w).max() for A, w in zip(terms, weights, strict=False)]
+    last = int(np.flatnonzero(sizes >= share * max(sizes))[-1])
+    return terms[: last + 1].astype(np.float32)

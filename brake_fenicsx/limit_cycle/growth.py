@@ -32,9 +32,9 @@ ENDED = 0.02
 # until the amplitude has changed by these factors.
 DECAYS, BELOW, BEYOND = 0.25, 0.7, 2.0
 
-# Tolerances of the cycles and of the points between them; iterations of a point up to which steps
-# grow.
-EXACTLY, ROUGHLY, QUICK = 1e-7, 1e-4, 6
+# Tolerances of the cycles and of the points between them; iterations of a point that leave the step
+# as it is.
+EXACTLY, ROUGHLY, GOAL = 1e-7, 1e-3, 4
 
 STABLE, UNSTABLE, UNDAMPED = "stable", "unstable", "undamped"
 
@@ -172,7 +172,7 @@ def follow(
         direction = branch.between(p, q)
         direction /= la.norm(direction)
         branch.add(q)
-        step = min(LARGEST, step * (1.5 if iterations <= QUICK else 0.8))
+        step = min(LARGEST, step * 2 ** (1 - iterations / GOAL))
     return branch
 
 
@@ -185,11 +185,12 @@ def time_to_reach(branch: GrowthBranch, cycle: Cycle, share: float = 0.01) -> fl
         share: of its amplitude at the start; below the first point growth is that of the point.
     """
     a, alpha = branch.amplitude, branch.s.real
-    inside = a < cycle.at.amplitude
+    # Behind the cycle the amplitude may fall again.
+    inside = (a < cycle.at.amplitude) & (np.cumsum(alpha <= 0) == 0)
     a, alpha = np.r_[a[inside], cycle.at.amplitude], np.r_[alpha[inside], cycle.at.s.real]
     x = np.linspace(np.log(share), np.log(0.95), 200) + np.log(cycle.at.amplitude)
     growth = np.interp(x, np.log(a), alpha)
-    if np.any(np.diff(a) <= 0) or np.any(growth <= 0):
+    if cycle is not branch.cycles[0] or np.any(np.diff(a) <= 0) or np.any(growth <= 0):
         return float("nan")
     return float(trapezoid(1 / growth, x))
 

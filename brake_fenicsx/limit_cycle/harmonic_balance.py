@@ -32,7 +32,7 @@ from .newton_steps import Factors, Step, changes, newton_step, through
 # Newton's iterations at most, and what each must gain with the factors of an earlier vibration;
 # vectors of GMRES at most, with new factors and with those of an earlier vibration; relative step
 # of differences over lambda.
-ITERATIONS, GAIN, MISSES, VECTORS, FEW, DIFFERENCE = 20, 0.3, 2, 200, 100, 1e-6
+ITERATIONS, GAIN, MISSES, VECTORS, FEW, DIFFERENCE = 20, 0.3, 1, 200, 100, 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,6 +149,7 @@ class HarmonicBalance:
         self._loss = np.where(np.arange(harmonics + 1) > 1, 0.5 * loss, 0.0)
         # Of a vibration nearby, found before.
         self._factors: Factors | None = None
+        self._rough: Bodies | None = None
 
     def contact(self, at: Vibration) -> tuple[Complex, Tangent]:
         """Harmonics of the forces of a vibration, and their tangent over time."""
@@ -203,7 +204,8 @@ class HarmonicBalance:
         Args:
             guess: where Newton's method starts; it also fixes the phase.
             condition: what it has in common with the guess; its amplitude if None.
-            tolerance: largest change of motions and lambda in the last step, relative to them.
+            tolerance: largest change of motions and lambda, relative to them, in the step that
+                would come next if steps go on to shrink as the last did.
             near: whether the guess is so near that a slow start means that it was not.
 
         Returns:
@@ -236,7 +238,7 @@ class HarmonicBalance:
             )
             if found.s.imag <= 0 or found.amplitude <= 0:
                 break
-            if size <= tolerance:
+            if size * min(size / last, 1.0) <= tolerance:
                 return replace(found, amplitude=self.size(found.y[:, 1])), iteration
             if size > GAIN * last:
                 self._factors = None
@@ -253,19 +255,25 @@ class HarmonicBalance:
         """Newton's step, None if not found, and whether its factors are new."""
         F, tangent = self.contact(at)
         lam, step = self.lam(at), DIFFERENCE * abs(at.s)
-        missing = self.bodies.unbalanced(lam, at.a, at.y, F)
-        wanted = kept - condition(at.a, at.y, at.s)
+        rough = self._rough or self.bodies.rough(lam)
+        ahead, here = (rough.unbalanced(x, at.a, at.y, F) for x in (lam + step, lam))
+        slope, self._rough = (ahead - here) / step, rough
 
-        def forces(y: Complex, s: complex) -> Complex:
-            v = at.lam * y + changes(s, y.shape[1]) * at.y
-            return self.harmonics_of(tangent.times(self.over_time(y), self.over_time(v)))
+        def balances(a: Complex, y: Complex, s: complex) -> Complex:
+            moved = changes(s, y.shape[1])
+            v = at.lam * y + moved * at.y
+            change = tangent.times(self.over_time(y), self.over_time(v))
+            return rough.unbalanced(lam, a, y, self.harmonics_of(change)) + moved * slope
 
         def equation(a: Complex, y: Complex, s: complex) -> complex:
             return complex(condition(a, y, s), (phase @ y[:, 1]).imag / at.amplitude)
 
-        given = forces, equation, -missing, wanted, (float(la.norm(F)) or 1.0, at.amplitude)
+        missing = self.bodies.unbalanced(lam, at.a, at.y, F)
+        sizes = float(la.norm(at.a)), float(la.norm(at.y)), abs(at.s)
+        wanted = kept - condition(at.a, at.y, at.s)
+        given = balances, equation, -missing, wanted, sizes, at.amplitude
         if self._factors and (made := newton_step(self._factors, *given, FEW)):
             return made, False
-        slope = (self.bodies.unbalanced(lam + step, at.a, at.y, F) - missing) / step
-        self._factors = Factors(self.bodies, lam, tangent.stiffness, slope, phase, at.amplitude)
+        J, amplitude = tangent.stiffness, at.amplitude
+        self._factors = Factors(rough, lam, J, slope, phase, amplitude)
         return newton_step(self._factors, *given, VECTORS), True

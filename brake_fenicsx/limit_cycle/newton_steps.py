@@ -1,46 +1,45 @@
 r"""Newton's steps of harmonic balance, without a matrix of all harmonics.
 
-Every harmonic n of a step obeys, with the change phi of the forces beyond -J y and what is not in
-balance, x,
+With the forces' stiffness J averaged over a period, every harmonic n of a step obeys, x being what
+is not in balance,
 
-    own a_n + lead J y_n = lead phi_n + ...,    -source a_n + (1 + D J) y_n = D phi_n + ...,
+    own a_n + lead J y_n = x_a,    -source a_n + (1 + D J) y_n = x_y.
 
-J the forces' stiffness averaged over a period. GMRES finds phi, which the tangent over time makes
-of the motions; it couples the harmonics. The factors serve several vibrations.
+D hardly changes with the frequency: with that of the first harmonic one real factor of 1 + D J
+eliminates the motions of all harmonics, and matrices as small as the coordinates remain, one for
+each. GMRES on the exact balances, preconditioned by this, makes the step; it couples the harmonics.
 """
 
 from __future__ import annotations
 
 import inspect
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator, gmres
 
-from .bodies import Array, Bodies, Complex
+from .bodies import Array, Bodies, Complex, times, weighted
 
 # Relative tolerance of GMRES.
 LINEAR = 1e-2
 # SciPy before 1.12 calls the relative tolerance "tol".
 TOLERANCE = "rtol" if "rtol" in inspect.signature(gmres).parameters else "tol"
 
-# Of the factors: its error is far below that of the steps.
-SINGLE = np.complex64
-
 # A change of coordinates, of motions and of lambda.
 Step = tuple[Complex, Complex, complex]
 
 
 class Factors:
-    """Inverse of the balances of all harmonics with a constant stiffness J at the contact."""
+    """Approximate inverse, in single precision, of a vibration's balances."""
 
     def __init__(
         self, bodies: Bodies, lam: Complex, J: Array, slope: Complex, phase: Complex,
         amplitude: float,
     ):  # fmt: skip
-        """Factor it.
+        """Factor them.
 
         Args:
             bodies: the bodies.
@@ -51,66 +50,49 @@ class Factors:
             phase: row of the first harmonic's motions whose value is given with lambda unknown.
             amplitude: of the vibration [m], which ``slope`` grows with.
         """
-        self.J, self._count, self._parts = J, len(slope) - phase.size, []
-        self._amplitude, self._size = amplitude, float(la.norm(slope[:, 1]))
-        for n, s in enumerate(lam):
-            own, lead, source, D = bodies.at(complex(s))
-            A = np.block([[own, through(lead, J)], [-source, np.eye(len(D)) + through(D, J)]])
-            right, column = np.vstack([lead, D]), slope[:, n, None]
+        _, lead, source, D = (A.real.astype(np.float32) for A in bodies.at(complex(lam[1])))
+        J, self._phase, count = J.astype(np.float32), phase, source.shape[1]
+        self.lead, self._amplitude = through(lead, J), amplitude
+        self._local = inverse(np.eye(len(D)) + through(D, J), np.float32)
+        self._moved = self._local @ source
+        self._with_lam = times(self._local, slope[count:])
+        self._to_lam = slope[:count] - times(self.lead, self._with_lam)
+        self._size = float(la.norm(slope[:, 1])) or 1.0
+        stiffness, self._own = self.lead @ self._moved, []
+        for n, weights in enumerate(bodies.weights(lam)[0].T):
+            A = weighted(bodies.own, weights) + stiffness
             if n == 1:
-                row, size = np.r_[np.zeros(len(own)), phase, 0.0], la.norm(phase)
-                A = np.vstack([np.hstack([A, column / self._size]), row / size])
-                right = la.block_diag(right, 1 / size)
-            else:
-                right = np.hstack([right, -column])
-            factors = la.lu_factor(A.astype(SINGLE), check_finite=False)
-            response = la.lu_solve(factors, right.astype(SINGLE), check_finite=False)
-            self._parts.append((factors, response))
+                column = np.append(self._to_lam[:, 1], -phase @ self._with_lam[:, 1]) / self._size
+                A = np.column_stack([np.vstack([A, phase @ self._moved]), column])
+            self._own.append(inverse(A, np.complex64))
 
-    def solve(
-        self, phi: Complex, missing: complex, amplitude: float, x: Complex | None = None
-    ) -> Step:
+    def solve(self, x: Complex, given: complex, amplitude: float) -> Step:
         """Changes of coordinates, motions and lambda.
 
         Args:
-            phi: forces, shape (acting rows, harmonics + 1).
-            missing: value of the phase row.
+            x: right-hand sides of the balances, shape (coordinates + followed rows, harmonics + 1).
+            given: value of the phase row.
             amplitude: of the vibration [m].
-            x: right-hand sides of the balances, shape (coordinates + followed rows, harmonics + 1).
         """
-        first, ratio = self._changed(1, phi, missing, x), amplitude / self._amplitude
+        count, ratio = len(self.lead), amplitude / self._amplitude
+        y = times(self._local, x[count:])
+        a = x[:count] - times(self.lead, y)
+        first = np.append(a[:, 1], given - self._phase @ y[:, 1]).astype(np.complex64)
+        first = self._own[1] @ first
         s = complex(first[-1]) / (self._size * ratio)
-        moved = ratio * changes(s, phi.shape[1])
-        out = [self._changed(n, phi, more, x) for n, more in enumerate(moved) if n != 1]
-        both = np.array([out[0], first[:-1], *out[1:]], complex).T
-        return both[: self._count], both[self._count :], s
-
-    def _changed(self, n: int, phi: Complex, more: complex, x: Complex | None) -> Complex:
-        """Coordinates and motions of harmonic n; of the first one, also lambda times its scale.
-
-        Args:
-            n: the harmonic.
-            phi: forces, shape (acting rows, harmonics + 1).
-            more: of the first harmonic the value of the phase row, of others the change of lambda.
-            x: right-hand sides of the balances, shape (coordinates + followed rows, harmonics + 1).
-        """
-        factors, response = self._parts[n]
-        z = np.asarray(response @ np.append(phi[:, n], more).astype(SINGLE))
-        if x is None:
-            return z
-        right = np.append(x[:, n], np.zeros(len(z) - len(x))).astype(SINGLE)
-        return z + la.lu_solve(factors, right, check_finite=False)
+        moved = ratio * changes(s, x.shape[1])
+        a = (a - moved * self._to_lam).astype(np.complex64)
+        for n, inverse in enumerate(self._own):
+            a[:, n] = first[:-1] if n == 1 else inverse @ a[:, n]
+        return a, y + times(self._moved, a) - moved * self._with_lam, s
 
 
-def across(J: Array, y: NDArray) -> NDArray:
-    """J y of motions y, shape (followed rows, n), to (acting rows, n).
-
-    Args:
-        J: shape (acting blocks, followed blocks, elements).
-        y: the motions.
-    """
-    g, f, c = J.shape
-    return np.einsum("gfc,fcn->gcn", J, y.reshape(f, c, -1)).reshape(g * c, -1)
+def inverse(A: NDArray[Any], kind: type) -> NDArray[Any]:
+    """Inverse in a precision; numbers that are none where A is singular, and the step fails."""
+    try:
+        return np.asarray(la.inv(A.astype(kind), check_finite=False))
+    except la.LinAlgError:
+        return np.full(A.shape, np.nan, kind)
 
 
 def changes(s: complex, count: int) -> Complex:
@@ -122,48 +104,62 @@ def changes(s: complex, count: int) -> Complex:
 
 def newton_step(
     factors: Factors,
-    forces: Callable[[Complex, complex], Complex],
+    balances: Callable[[Complex, Complex, complex], Complex],
     equation: Callable[[Complex, Complex, complex], complex],
     x: Complex,
     wanted: float,
-    sizes: tuple[float, float],
+    sizes: tuple[float, float, float],
+    amplitude: float,
     most: int,
 ) -> Step | None:
     """The step of a vibration; None where GMRES needs more vectors.
 
     Args:
         factors: of this vibration or of one nearby.
-        forces: changes of motions and lambda -> changes of the contact forces [N].
-        equation: changes of coordinates, motions and lambda -> two more equations, as one complex
-            number.
-        x: right-hand sides of the balances, shape (coordinates + followed rows, harmonics + 1).
+        balances: changes of coordinates, motions and lambda -> changes of the balances, shape
+            (coordinates + followed rows, harmonics + 1).
+        equation: likewise, to two more equations as one complex number.
+        x: right-hand sides of the balances.
         wanted: right-hand side of the real part of ``equation``.
-        sizes: scales of forces [N] and of amplitudes [m].
+        sizes: scales of coordinates, of motions [m] and of lambda [1/s].
+        amplitude: of the vibration [m].
         most: vectors at most.
     """
-    shape = factors.J.shape[0] * factors.J.shape[2], x.shape[1]
+    shape, count = x.shape, len(factors.lead)
 
-    def solved(v: Array, x: Complex | None = None) -> Step:
-        phi = (sizes[0] * v[:-2]).view(complex).reshape(shape)
-        return factors.solve(phi, sizes[1] * complex(v[-2], v[-1]), sizes[1], x)
+    def packed(x: Complex, given: complex) -> Array:
+        a, y, s = factors.solve(x, amplitude * given, amplitude)
+        parts = zip((a, y, np.array([s])), sizes, strict=True)
+        return np.concatenate([(part / size).ravel() for part, size in parts]).view(float)
 
-    def seen(step: Step) -> Array:
-        phi, value = forces(*step[1:]) + across(factors.J, step[1]), equation(*step)
-        return np.r_[phi.view(float).ravel() / sizes[0], value.real, value.imag]
+    def step_of(v: Array) -> Step:
+        z: Complex = np.asarray(v.view(complex))
+        both = z[:-1].reshape(shape)
+        return sizes[0] * both[:count], sizes[1] * both[count:], sizes[2] * complex(z[-1])
 
-    none = np.zeros(2 * shape[0] * shape[1] + 2)
-    # Rows of forces: phi less what the tangent makes of it; the last two: the equations.
-    keeps, sign = np.ones(none.size), -np.ones(none.size)
-    keeps[-2:], sign[-2:] = 0.0, 1.0
-    b = -sign * seen(solved(none, x))
-    b[-2] += wanted
-    A = LinearOperator((b.size, b.size), lambda v: keeps * v + sign * seen(solved(v)), dtype=float)
-    given = {"restart": min(most, b.size), "maxiter": 1, "atol": 0.0, TOLERANCE: LINEAR}
+    def seen(v: Array) -> Array:
+        step = step_of(v)
+        return packed(balances(*step), equation(*step))
+
+    b = packed(x, wanted)
+    A = LinearOperator((b.size, b.size), seen, dtype=float)
+    given = {"restart": most, "maxiter": 1, "atol": 0.0, TOLERANCE: LINEAR}
     v, failed = gmres(A, b, **given)
-    return None if failed else solved(v, x)
+    return None if failed else step_of(v)
 
 
 def through(A: NDArray, J: Array) -> NDArray:
     """A J of rows A, shape (rows, followed rows)."""
     g, f, c = J.shape
     return np.einsum("rgc,gfc->rfc", A.reshape(len(A), g, c), J).reshape(len(A), f * c)
+
+
+def across(J: Array, y: NDArray) -> NDArray:
+    """J y of motions y, shape (followed rows, n), to (acting rows, n).
+
+    Args:
+        J: shape (acting blocks, followed blocks, elements).
+        y: the motions.
+    """
+    g, f, c = J.shape
+    return np.einsum("gfc,fcn->gcn", J, y.reshape(f, c, -1)).reshape(g * c, -1)
