@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
+
 from .part import PartEntities, Slab, Swept, SweptFace, element_count, faces_where, flat_at
 
 
@@ -30,6 +32,16 @@ class Block:
 def thicknesses(block: Block) -> dict[str, tuple[str, ...]]:
     """Lengths that are thicknesses of layers."""
     return {"height": ("body",)}
+
+
+def widths(block: Block) -> tuple[str, ...]:
+    """Lengths that move nodes at right angles to z."""
+    return "length", "width"
+
+
+def sideways(block: Block, name: str, points: np.ndarray) -> np.ndarray:
+    """Movement of points of the box along x and y per length: in proportion, shape (n, 2)."""
+    return points[:, :2] * np.eye(2)[widths(block).index(name)] / getattr(block, name)
 
 
 def build(occ: Any, block: Block) -> PartEntities:

@@ -100,6 +100,18 @@ def levels(disc: Disc) -> list[float]:
     return sorted([*(side * z for z in (half, *inner) for side in (1, -1)), *hat])
 
 
+def widths(disc: Disc) -> tuple[str, ...]:
+    """Lengths that move nodes at right angles to z: of a plain disc; with a hat or vanes none."""
+    return () if disc.hat > 0 or disc.vanes else ("bore", "radius")
+
+
+def sideways(disc: Disc, name: str, points: np.ndarray) -> np.ndarray:
+    """Movement of points along x and y per length: radial, in proportion, shape (n, 2)."""
+    r = np.hypot(*points[:, :2].T)
+    share = np.interp(r, [disc.bore, disc.radius], np.eye(2)[widths(disc).index(name)])
+    return share[:, None] * points[:, :2] / r[:, None]
+
+
 def build(occ: Any, disc: Disc) -> PartEntities:
     """Add the disc to the current gmsh model.
 

@@ -125,6 +125,40 @@ def levels(pad: Pad) -> list[float]:
     return sorted(side * (pad.z + depth) for side in sides for depth in depths)
 
 
+def widths(pad: Pad) -> tuple[str, ...]:
+    """Lengths that move nodes at right angles to z."""
+    chamfer = ("chamfer",) if pad.chamfer > 0 and pad.chamfer_depth is not None else ()
+    return (*chamfer, "slot") if pad.slot > 0 else chamfer
+
+
+def sideways(pad: Pad, name: str, points: np.ndarray) -> np.ndarray:
+    """Movement of points along x and y per length, shape (n, 2).
+
+    The lining between slot and chamfers moves in proportion. Points stay on their cylinders about
+    z, to second order in the length.
+    """
+    x, h = points[:, :2], np.abs(points[:, 2]) - pad.z
+    across = np.array([-np.sin(pad.position), np.cos(pad.position)])
+    t = x @ across
+    if name == "slot":
+        deep = pad.lining if pad.slot_depth is None else pad.slot_depth
+        end = pad.lining + (pad.plate if deep >= pad.lining else 0.0)
+        flat = [0, pad.slot / 2, pad_shape.half(pad, pad.chamfer)], [0, 0.5, 0]
+        step = np.sign(t) * np.interp(np.abs(t), *flat) * np.interp(h, [deep, end], [1, 0])
+        normal = np.broadcast_to(across, x.shape)
+    else:
+        side, lines = np.where(t > 0, 1.0, -1.0), pad_shape.ends(pad)
+        angle, offset = (np.where(t > 0, lines[1][i], lines[0][i]) for i in (1, 2))
+        normal = np.column_stack([-np.sin(angle), np.cos(angle)])
+        y = side * (offset - np.sum(normal * x, axis=1))
+        step = np.interp(y, [pad.chamfer, pad_shape.half(pad, pad.slot / 2)], [-1, 0])
+        step *= side * np.interp(h, [0, pad_shape.chamfer_depth(pad)], [1, 0])
+    along = normal
+    if pad.shape != "rectangle":
+        along = np.column_stack([-x[:, 1], x[:, 0]])
+    return along * (step / np.sum(along * normal, axis=1))[:, None]
+
+
 def cut_faces(occ: Any, pad: Pad) -> dict[str, tuple[float, float]]:
     """Faces that the outline cuts off.
 

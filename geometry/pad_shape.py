@@ -52,6 +52,13 @@ def chamfer_depth(pad: Pad) -> float:
     return pad.chamfer if pad.chamfer_depth is None else pad.chamfer_depth
 
 
+def half(pad: Pad, less: float) -> float:
+    """Distance from mid pad to an end at the inner radius, from a line so much nearer [m]."""
+    if pad.shape != "sector":
+        return 0.5 * width(pad) - less
+    return float(pad.r_inner * np.sin(pad.angle / 2 - np.arcsin(less / pad.r_inner)))
+
+
 def outline(occ: Any, pad: Pad, z: float) -> int:
     """Plane surface of lining and plate at a height [m]."""
     if pad.shape == "sector":

@@ -46,8 +46,8 @@ def reduced_bodies(
         here, place = _shared(body.elements, seen).rows(f, m, seen.size)
         acting, there = _shared(body.elements, elements).rows(g, m, elements.size)
         own[:, modes, modes] += view.modal
-        lead[0][modes, there] += comp.acting[acting].T
-        source[0][place, modes] += comp.followed[here]
+        lead[0][modes, there] += view.acting[acting].T
+        source[0][place, modes] += view.followed[here]
         for n, A in enumerate(view.D):
             D[n][np.ix_(place, there)] += A[np.ix_(here, acting)]
             if comp.coupled:

@@ -18,7 +18,7 @@ from brake_fenicsx.scene.friction import slides
 
 from .condensation import Compliance
 from .contact import Contact, contact_elements, join
-from .elasticity import Elastic, assemble_elastic
+from .elasticity import Elastic, FreeDofs, assemble_elastic
 from .friction import Motion, Rotation, Translation
 from .joints import added_to_face
 from .loads import lift, load_vectors, pressing
@@ -132,19 +132,11 @@ def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
     """
     mesh = scene_mesh(scene, comm)
     elastic = assemble_bodies(scene, mesh)
-    motion = scene_motion(scene)
     found: dict[str, Contact] = {}
     stuck: dict[str, Stuck] = {}
     faced: dict[str, tuple[float, float]] = {}
     for name, table in scene.contact.items():
-        pair = table.faces[0], table.faces[1]
-        try:
-            one = contact_elements(
-                mesh, elastic.free, pair, motion if slides(scene, name) else None,
-                table.discretisation, table.search, comm,
-            )  # fmt: skip
-        except SceneError as error:
-            raise SceneError(f"{scene.file}: {error}") from None
+        one = interface_elements(scene, name, mesh, elastic.free, comm)
         opposite = float(one.w.sum())
         faced[name] = opposite, opposite + one.uncovered
         if table.zone is not None:
@@ -170,6 +162,32 @@ def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
         mesh, elastic, contact, vectors @ sizes, pressed, vectors, moved, stuck=stuck,
         faced=faced,
     )  # fmt: skip
+
+
+def interface_elements(
+    scene: Scene, name: str, mesh: Mesh, free: FreeDofs, comm: MPI.Comm
+) -> Contact:
+    """Contact elements of an interface, regardless of its zone.
+
+    Args:
+        scene: the scene.
+        name: of the interface.
+        mesh: the mesh.
+        free: numbering of the free dofs.
+        comm: processes that share the integrals.
+
+    Raises:
+        SceneError: the faces do not lie opposite to each other.
+    """
+    table = scene.contact[name]
+    try:
+        return contact_elements(
+            mesh, free, (table.faces[0], table.faces[1]),
+            scene_motion(scene) if slides(scene, name) else None,
+            table.discretisation, table.search, comm,
+        )  # fmt: skip
+    except SceneError as error:
+        raise SceneError(f"{scene.file}: {error}") from None
 
 
 def assemble_bodies(scene: Scene, mesh: Mesh) -> Elastic:

@@ -26,7 +26,8 @@ from scipy.sparse.csgraph import connected_components
 
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.parts import length_key, morph_of, moved_planes
+from brake_fenicsx.scene.parts import length_key, morph_of, moved_planes, moved_sideways
+from brake_fenicsx.scene.tables import key_parts
 
 from .matrix_series import DEGREES, matrix_series, products
 from .mesh import Mesh, check_cells
@@ -108,6 +109,7 @@ class Moving:
         folds: of each, where the first cell collapses, whatever the others [m], or so far that it
             moves no series, likewise.
         v: movement of the nodes of the mesh per length, shape (lengths, nodes, 3).
+        slides: of each length, the interfaces whose contact elements it moves along their faces.
     """
 
     layers: tuple[str, ...]
@@ -115,6 +117,7 @@ class Moving:
     ends: Array
     folds: Array
     v: Array
+    slides: tuple[frozenset[str], ...] = ()
 
     @contextmanager
     def applied(self, mesh: Mesh, lengths: Array) -> Iterator[None]:
@@ -202,10 +205,14 @@ def movement(scene: Scene, raw: RawMesh, files: list[str], name: str) -> Array |
         name: the length, by its dotted key.
     """
     part, key = length_key(name)
-    v = np.zeros_like(raw.points)
-    if (planes := moved_planes(scene.parts[part], key)) is not None:
+    v, planes = np.zeros_like(raw.points), moved_planes(scene.parts[part], key)
+    sideways = moved_sideways(scene.parts[part], key)
+    if planes or sideways:
         own = np.unique(raw.cells[raw.part(part)])
-        v[own, 2] = np.interp(raw.points[own, 2], *planes)
+        if planes:
+            v[own, 2] = np.interp(raw.points[own, 2], *planes)
+        if sideways:
+            v[own, :2] = sideways(raw.points[own])
         return v
     if morph_of(scene.parts[part], key) is None:
         return None
@@ -246,8 +253,7 @@ def moving(scene: Scene, mesh: Mesh, moves: Sequence[Move], faces: Mapping[str, 
     read, names = plain(mesh), ", ".join(move.name for move in moves)
     v, usual = np.array([move.v for move in moves]), np.array([move.usual for move in moves])
     ends = np.array([move.ends for move in moves])
-    for one in v:
-        _check_faces(read, one, faces)
+    slides = tuple(_sliding(read, one, faces) for one in v)
     folds = np.array([_folds(read, v, usual, ends, i) for i in range(len(moves))])
 
     def mistake(p: Array) -> str:
@@ -276,7 +282,7 @@ def moving(scene: Scene, mesh: Mesh, moves: Sequence[Move], faces: Mapping[str, 
             )
     layers = dict.fromkeys(layer for one in v for layer in deformed_layers(mesh, one))
     return Moving(
-        tuple(layers), usual, ends, folds, v[:, mesh.domain.geometry.input_global_indices]
+        tuple(layers), usual, ends, folds, v[:, mesh.domain.geometry.input_global_indices], slides
     )
 
 
@@ -308,8 +314,8 @@ def _folds(mesh: RawMesh, v: Array, usual: Array, ends: Array, i: int) -> tuple[
     return below, above
 
 
-def _check_faces(mesh: RawMesh, v: Array, faces: Mapping[str, str]) -> None:
-    """Refuse faces in use that are deformed, and faces that touch others and move sideways.
+def _sliding(mesh: RawMesh, v: Array, faces: Mapping[str, str]) -> frozenset[str]:
+    """Interfaces whose faces move over others; refused are other faces in use that do, or deform.
 
     What lies in one plane of one body must move together: a part may lie on both sides of a disc,
     and the two sides of a disc move apart.
@@ -318,6 +324,7 @@ def _check_faces(mesh: RawMesh, v: Array, faces: Mapping[str, str]) -> None:
         SceneError: the key of the scene, the face and the remedy.
     """
     every, tolerance = facet_nodes(mesh), EVEN * float(np.abs(v).max())
+    found = set[str]()
     first = np.repeat(mesh.cells[:, 0], mesh.cells.shape[1])
     links = sp.coo_matrix((np.ones(first.size), (first, mesh.cells.ravel())), (len(v), len(v)))
     _, body = connected_components(links, directed=False)
@@ -330,18 +337,26 @@ def _check_faces(mesh: RawMesh, v: Array, faces: Mapping[str, str]) -> None:
         height = np.sum(n * x[:, 0], axis=1) / np.abs(mesh.points).max()
         planes = np.round(np.column_stack([body[own[:, 0]], n, height]), PLANE)
         _, plane = np.unique(planes, axis=0, return_inverse=True)
-        low, high = np.full((2, plane.max() + 1, 3), np.inf) * [[[1]], [[-1]]]
+        across = np.sum(step * n[:, None], axis=2, keepdims=True)
+        along = step - across * n[:, None]
+        touches = key.startswith("contact.")
+        step = across if touches else step
+        low, high = np.full((2, plane.max() + 1, step.shape[2]), np.inf) * [[[1]], [[-1]]]
         np.minimum.at(low, plane.ravel(), step.min(axis=1))
         np.maximum.at(high, plane.ravel(), step.max(axis=1))
         if np.max(high - low) > tolerance:
             raise SceneError(
                 f"{key}: the length deforms or tilts the face {face}; a face that carries anything"
-                " may move as a whole alone: leave its nodes in their places relative to each"
-                " other, or run the scene once for each value"
+                " may move as a whole alone, and one in contact along its plane as well: leave its"
+                " nodes in their places relative to each other, or run the scene once for each"
+                " value"
             )
-        along = step[:, 0] - np.sum(step[:, 0] * n, axis=1)[:, None] * n
-        if key.startswith(("contact.", "ties.")) and np.abs(along).max() > tolerance:
+        moves = np.abs(along).max() > tolerance
+        if touches and moves:
+            found.add(key_parts(key)[1])
+        if key.startswith("ties.") and moves:
             raise SceneError(
                 f"{key}: the length moves the face {face} sideways, over other facets; it may"
                 " move along its normal alone: run the scene once for each value"
             )
+    return frozenset(found)

@@ -173,18 +173,19 @@ def _write_equilibria(
 def _write_equilibrium(
     study: Study, name: str, u: NDArray, data: Mapping[str, Any], faces: dict[str, NDArray]
 ) -> None:
+    from brake_fenicsx.uncertainty.forces import contact_of
+
     from .fields import facet_means, write_facets, write_fields, write_points
 
     folder, V = study.store.path("fields"), study.brake.elastic.free.V
     write_fields(folder / f"equilibrium_{name}.vtkhdf", V, {"u_e": u})
     values = {key: data[key] for key in ("g", "g_cr", "p", "k", "k_vibration")}
+    contact = contact_of(study.brake.contact, data)
     values["active"] = (data["p"] > 0).astype(float)
-    write_points(folder / f"contact_{name}.vtkhdf", study.brake.points, values)
+    write_points(folder / f"contact_{name}.vtkhdf", contact.points, values)
     facet, corners = faces["facet"], faces["corners"]
     if np.any(facet >= 0):
-        means = {
-            key: facet_means(facet, study.brake.w, v, len(corners)) for key, v in values.items()
-        }
+        means = {key: facet_means(facet, contact.w, v, len(corners)) for key, v in values.items()}
         held = np.isfinite(means["p"])
         means = {key: v[held] for key, v in means.items()}
         write_facets(folder / f"pressure_{name}.vtkhdf", corners[held], means)

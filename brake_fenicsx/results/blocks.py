@@ -31,7 +31,7 @@ from .squeal import squeals
 LARGE = frozenset(
     {
         "g", "g_cr", "p", "k", "k_vibration", "law", "mu", "mu_equilibrium", "coordinates",
-        "driver_map", "driver_work", "vectors", "vector_mode",
+        "driver_map", "driver_work", "vectors", "vector_mode", "moved",
     }
 )  # fmt: skip
 FOUNDING = 64  # samples of each approach whose families all blocks know

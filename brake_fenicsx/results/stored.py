@@ -17,7 +17,7 @@ from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.contact import Contact
-from brake_fenicsx.uncertainty.forces import force_statistics
+from brake_fenicsx.uncertainty.forces import contact_of, force_statistics
 from brake_fenicsx.uncertainty.numbering import dof_points
 from brake_fenicsx.uncertainty.shapes import FILE as SHAPES
 from brake_fenicsx.uncertainty.shapes import family_shapes
@@ -193,9 +193,10 @@ class Results:
     def contact(self, contact: Contact) -> Iterator[list[Any]]:
         """Rows of contact.csv: the first good sample of each approach."""
         for task, d in self.first.items():
-            for i, (x, y, z) in enumerate(contact.points):
+            own_contact = contact_of(contact, d)
+            for i, (x, y, z) in enumerate(own_contact.points):
                 own = (d[name][i] for name in ("g", "g_cr", "p", "k", "k_vibration"))
-                values = (x, y, z, contact.w[i], *own)
+                values = (x, y, z, own_contact.w[i], *own)
                 yield [*task, i, *map(float, values), int(d["law"][i])]
 
     def facts(self) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Callable
 from dataclasses import dataclass, field, fields, replace
 from functools import partial
 from typing import Annotated, Any, Literal, Union
@@ -210,6 +211,25 @@ def moved_planes(part: Part, name: str) -> tuple[list[float], list[float]] | Non
     if len(there) != len(here) or here == there:
         return None
     return here, [(a - b) / step for a, b in zip(here, there, strict=True)]
+
+
+def moved_sideways(part: Part, name: str) -> Callable[[Any], Any] | None:
+    """How a length of a builder moves points of the part at right angles to z.
+
+    Args:
+        part: the part.
+        name: a parameter of its builder.
+
+    Returns:
+        Of points [m], shape (n, 3), their movement along x and y per length, shape (n, 2); None
+        where the length moves anything else, or nothing.
+    """
+    if part.builder is None or not getattr(part.parameters, name, None):
+        return None
+    module = importlib.import_module(f"brake_fenicsx.geometry.{part.builder}")
+    if not hasattr(module, "widths") or name not in module.widths(part.parameters):
+        return None
+    return lambda points: module.sideways(part.parameters, name, points)
 
 
 def part_lengths(parameters: Any) -> dict[str, float]:

@@ -14,6 +14,8 @@ scalar's unit:
     parts.NAME.thickness, parts.NAME.height     of a disc, of a block
     parts.NAME.slot_depth, .chamfer_depth       of a pad
     parts.NAME.cheek, .hat, .flange             of a disc
+    parts.NAME.chamfer, .slot                   of a pad, its contact elements move along
+    parts.NAME.length, .width, .radius, .bore   of a block, of a disc, likewise
     parts.NAME.layers.LAYER                     of a layer of the mesh file
     parts.NAME.morph.LENGTH.value               that moves nodes of the mesh file
     stability.damping.rayleigh.alpha, .beta
@@ -52,6 +54,7 @@ SCALARS = (
     (r"motion\.speed", "rad/s or m/s"),
     (r"parts\..+\.(lining|plate|shim|slot_depth|chamfer_depth|layers\.\w+|morph\.\w+\.value)", "m"),
     (r"parts\..+\.(thickness|cheek|hat|flange|height)", "m"),
+    (r"parts\..+\.(chamfer|slot|length|width|radius|bore)", "m"),
     (r"samples\.classical\.penalty", "Pa/m"),
     (r"stability\.damping\.rayleigh\.alpha", "1/s"),
     (r"stability\.damping\.rayleigh\.beta", "s"),
@@ -217,10 +220,10 @@ def unit_of(name: str) -> str:
             return unit
     if split_key(name)[0] == "parts":
         raise KeyMistake(
-            "of the parts only lengths along z may vary from sample to sample (lining, plate, shim,"
-            " slot_depth and chamfer_depth of a pad, thickness, cheek, hat and flange of a disc,"
-            " height of a block, layers.LAYER of a mesh file) and morph.LENGTH.value of a displaced"
-            " mesh; run the scene once for"
+            "of the parts only these lengths may vary from sample to sample: lining, plate, shim,"
+            " slot, slot_depth, chamfer and chamfer_depth of a pad, thickness, cheek, hat, flange,"
+            " radius and bore of a disc, length, width and height of a block, layers.LAYER of a"
+            " mesh file and morph.LENGTH.value of a displaced mesh; run the scene once for"
             f" each value, with --set {name}=VALUE", name,
         )  # fmt: skip
     raise KeyMistake(

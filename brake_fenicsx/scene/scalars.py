@@ -10,7 +10,14 @@ from typing import TYPE_CHECKING, Any
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.damping import active_terms, turning_parts, used_materials
 from brake_fenicsx.scene.friction import PERFECT, one_friction, slides
-from brake_fenicsx.scene.parts import MORPH, layers_of_thickness, length_key, morph_of, moved_planes
+from brake_fenicsx.scene.parts import (
+    MORPH,
+    layers_of_thickness,
+    length_key,
+    morph_of,
+    moved_planes,
+    moved_sideways,
+)
 from brake_fenicsx.scene.samples import ENGINEERING, SCALARS, is_constant, split_key, unit_of
 from brake_fenicsx.scene.units import to_si
 
@@ -102,10 +109,12 @@ def _no_length(s: Scene, part: str, name: str) -> Iterator[str]:
     morph, layers = morph_of(s.parts[part], name), layers_of_thickness(s.parts[part], name)
     if name.startswith(MORPH) and morph is None:
         yield f"there is no such table; there are {', '.join(s.parts[part].morph) or 'none'}"
-    elif morph is None and not layers and moved_planes(s.parts[part], name) is None:
+    elif morph is None and not (
+        layers or moved_planes(s.parts[part], name) or moved_sideways(s.parts[part], name)
+    ):
         yield (
             "is no thickness of a layer of this part, and as the scene is written moves no planes"
-            " of it along z; run the scene once for each value, with"
+            " of it along z and no edges at right angles; run the scene once for each value, with"
             f" --set parts.{part}.{name}=VALUE"
         )
     if s.damping and s.damping.modal:

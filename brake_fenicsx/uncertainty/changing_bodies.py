@@ -48,6 +48,7 @@ from brake_fenicsx.scene.sweep import Range
 
 from .designs import quantile
 from .inputs import by_material, nominal_value
+from .moving_contact import MovingContact
 from .sampling import SPEED
 
 if TYPE_CHECKING:
@@ -191,6 +192,7 @@ class ChangingBodies:
             [N s/m].
         slopes: scalar that the damping alone depends on -> its unit change [N s/m].
         shapes: lengths of the same layers, by their dotted keys -> what they do.
+        contact: the contact elements, which some of these move.
     """
 
     scene: Scene
@@ -199,6 +201,7 @@ class ChangingBodies:
     changes: dict[Term, sp.csr_matrix]
     slopes: dict[str, sp.csr_matrix]
     shapes: Shapes
+    contact: MovingContact
 
     @property
     def matrices(self) -> list[sp.csr_matrix]:
@@ -210,8 +213,18 @@ class ChangingBodies:
         """What the reduced model interpolates over."""
         from brake_fenicsx.stability.substructures import Parameters
 
-        shapes = tuple(i for i, name in enumerate(self.box.names) if is_length(name))
-        return Parameters(len(self.box.names), self.coefficients, self.softening(), shapes)
+        names = self.box.names
+        shapes = tuple(i for i, name in enumerate(names) if is_length(name))
+        sliding = tuple(i for i, name in enumerate(names) if name in self.contact.names)
+        return Parameters(
+            len(names), self.coefficients, self.softening(), shapes, sliding,
+            self._contact if sliding else None,
+        )  # fmt: skip
+
+    def _contact(self, x: Array) -> tuple[dict[str, sp.csr_matrix], Array]:
+        """Rows and areas of the contact elements at a point of the box."""
+        found = self.contact.at(self.box.values(x))
+        return {"N": found.N, "T": found.T, "R": found.R}, found.w
 
     def changed_by(self, values: Mapping[str, float]) -> bool:
         """Whether stiffness or mass of the bodies depend on one of some scalars."""
@@ -412,7 +425,8 @@ def assemble_changes(scene: Scene, brake: Brake) -> ChangingBodies:
 
         slopes = damping_slopes(scene, brake, damping)
     nominal = {name: stiffness(scene.materials[name]) for name in varied}
-    return ChangingBodies(scene, box, nominal, found, slopes, shapes)
+    contact = MovingContact(scene, brake, shapes)
+    return ChangingBodies(scene, box, nominal, found, slopes, shapes, contact)
 
 
 def _share_patterns(matrices: list[sp.csr_matrix]) -> None:

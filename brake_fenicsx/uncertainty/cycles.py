@@ -66,7 +66,7 @@ class Cycles:
         """
         if not reduced:
             raise InaccurateResult("limit_cycle: a sample at full order has no limit cycle")
-        cycles, slip = self.sample(approach, sample, eq), self._models.brake.T
+        cycles, slip = self.sample(approach, sample, eq), self._models.contact(sample.random).T
         return cycles_of_modes(cycles, modes, self._settings, self._faces, slip)
 
     def sample(self, approach: str, sample: SampleInput, eq: Equilibrium) -> SampleCycles:
@@ -85,8 +85,9 @@ class Cycles:
         )
         coefficients: tuple[Coefficient, ...] = tuple(partial(coefficient, v) for v in values)
         forces = PatchForces(
-            sample.laws, yields[interface], models.brake.w, eq.g, sample.mu, sample.speed,
-            interface, model.rows.followed, coefficients if "T" in model.rows.followed else (),
+            sample.laws, yields[interface], models.contact(sample.random).w, eq.g, sample.mu,
+            sample.speed, interface, model.rows.followed,
+            coefficients if "T" in model.rows.followed else (),
         )  # fmt: skip
         p = models.parameter_point(sample.random)
         return SampleCycles(model, p, forces, eq.p > 0, damped)

@@ -9,7 +9,7 @@ are left to the first sample of each approach: the kept modes alone miss how sof
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -34,6 +34,7 @@ from brake_fenicsx.stability.derivatives import (
 )
 from brake_fenicsx.stability.eigensolvers.eigenpairs import QuadraticPencil, inner
 from brake_fenicsx.stability.modes import Complex, Modes
+from brake_fenicsx.stability.operators import tangent
 from brake_fenicsx.stability.substructures.vectors import ContactMotions
 from brake_fenicsx.stability.terms import rates_of_sample
 
@@ -145,7 +146,7 @@ class Drivers:
         reduced: bool,
     ) -> tuple[_Table, dict[str, NDArray[Any]], NDArray[np.bool_]]:
         """Derivatives of chosen modes, maps over the elements, and whether vectors settled."""
-        models, w = self._models, self._models.brake.w
+        models, w = self._models, self._models.contact(sample.random).w
         contact = linearised(models, approach, sample, eq.k_vibration, eq.p)
         s, right, left = modes.s[chosen], modes.right[:, chosen], modes.left[:, chosen]
         whole: tuple[Complex, Complex] | None = None if reduced else (right, left)
@@ -165,7 +166,7 @@ class Drivers:
         table, maps = _Table(), dict[str, NDArray[Any]]()
         self._contact(table, approach, sample, eq, d, reduced)
         if whole is not None:
-            self._bodies(table, sample, s, (*whole, whole_motions.slope))
+            self._bodies(table, sample, eq, s, (*whole, whole_motions.slope))
         if whole is not None and first:
             inertia = inner(whole[0], models.mass(sample) @ whole[0]).real
             maps["driver_map"] = contact.k[:, None] * d.k
@@ -175,7 +176,7 @@ class Drivers:
     def _whole_motions(
         self, sample: SampleInput, eq: Equilibrium, s: Complex, vectors: tuple[Complex, Complex]
     ) -> ContactMotions:
-        models, b = self._models, self._models.brake
+        models, b = self._models, self._models.contact(sample.random)
         pencil = QuadraticPencil(
             models.mass(sample), sample_damping(models, sample, eq.p), models.K
         )
@@ -192,7 +193,7 @@ class Drivers:
         reduced: bool,
     ) -> None:
         """Friction of each interface, loads, and the stiffness of the contact."""
-        models, w = self._models, self._models.brake.w
+        models, w = self._models, self._models.contact(sample.random).w
         bodies = self._equilibria.bodies(approach, sample, reduced)
         state = bodies.compliance, w, sample.laws, eq
 
@@ -222,7 +223,12 @@ class Drivers:
         table.add(ALL, "contact stiffness", STEP, k)
 
     def _bodies(
-        self, table: _Table, sample: SampleInput, s: Complex, vectors: tuple[Complex, ...]
+        self,
+        table: _Table,
+        sample: SampleInput,
+        eq: Equilibrium,
+        s: Complex,
+        vectors: tuple[Complex, ...],
     ) -> None:
         """Stiffness, mass and loss factor of each layer, and thicknesses that vary."""
         found = self._layers.derivatives(sample.random, s, vectors)
@@ -230,19 +236,29 @@ class Drivers:
             table.add(layer, kind, LOSS_STEP if kind == "loss factor" else STEP, value)
         changes = self._models.changes
         for name in filter(is_length, () if changes is None else changes.box.names):
-            table.add(name, "length", STEP, self._length(name, sample.random, s, vectors))
+            table.add(name, "length", STEP, self._length(name, sample, eq, s, vectors))
 
     def _length(
-        self, name: str, values: Mapping[str, float], s: Complex, vectors: tuple[Complex, ...]
+        self,
+        name: str,
+        sample: SampleInput,
+        eq: Equilibrium,
+        s: Complex,
+        vectors: tuple[Complex, ...],
     ) -> Complex:
-        """D lambda / d ln h of a thickness, shape (modes,)."""
-        changes, size = self._models.changes, values.get(name, nominal_value(self._scene, name))
-        if changes is None:
+        """D lambda / d ln h of a length, shape (modes,)."""
+        models, values = self._models, sample.random
+        if models.changes is None:
             raise ValueError("a scene whose bodies do not change")
-        ends = [{**values, name: size * (1 + step)} for step in (STEP, -STEP)]
-        higher, lower = map(changes.coefficients_of, ends)
-        K, C, M = map(changes.combined, (higher - lower) / (2 * STEP))
-        return bilinear(K, *vectors) + s * bilinear(C, *vectors) + s**2 * bilinear(M, *vectors)
+        size, out = values.get(name, nominal_value(self._scene, name)), np.zeros(s.size, complex)
+        for step in (STEP, -STEP):
+            there = replace(sample, random={**values, name: size * (1 + step)})
+            b, C = models.contact(there.random), sample_damping(models, there, eq.p)
+            K = models.changes.stiffness_change(there.random)
+            K = tangent(K, b.N, b.T, b.w, eq.k_vibration, sample.mu)
+            change = bilinear(K, *vectors) + s**2 * bilinear(models.mass(there), *vectors)
+            out += (change if C is None else change + s * bilinear(C, *vectors)) / (2 * step)
+        return out
 
     def _loads(
         self, approach: str, sample: SampleInput, reduced: bool, bodies: Any

@@ -67,7 +67,8 @@ class Equilibria:
         laws, mu, changes = sample.laws, sample.mu_equilibrium, self.models.changes
         if changes is not None and self.models.has_own_bodies(sample) and not reduced:
             bodies = self._bodies(sample)
-            if bodies.compliance.factor is not None:
+            still = self.models.contact(sample.random) is self.models.brake.contact
+            if still and bodies.compliance.factor is not None:
                 try:
                     change = changes.stiffness_change(sample.random)
                     return corrected_equilibrium(bodies, change, laws, mu, tolerance=self.tolerance)
@@ -105,7 +106,7 @@ class Equilibria:
             given: of each sample its inputs, and what was stored of it.
         """
         zero: tuple[Any, ...] = ((0,), 0.0, (), 0.0)
-        b, shared = self.models.brake, list[Factor]()
+        shared = list[Factor]()
         for sample, data in given:
             eq = Equilibrium(
                 data["g"], data["p"], data["k"], data["k_vibration"], data["mu_equilibrium"], *zero
@@ -114,7 +115,7 @@ class Equilibria:
             c = bodies.compliance
             factor = None if own else c.factor or next(iter(shared), None)
             if factor is None:
-                factor = reference_factor(self.models.stiffness(sample), b.N, b.w, c.k0)
+                factor = reference_factor(self.models.stiffness(sample), bodies.N, bodies.w, c.k0)
                 shared += [] if own else [factor]
             yield displacement(replace(bodies, compliance=replace(c, factor=factor)), eq, bodies.f)
             if own:
@@ -124,8 +125,8 @@ class Equilibria:
 
     def _full_bodies(self, sample: SampleInput, bodies: BodyOperators) -> BodyOperators:
         """The own bodies of a sample, factored anew."""
-        b, K = self.models.brake, self.models.stiffness(sample)
-        own = compliance(K, b.N, b.T, b.w, bodies.f, bodies.compliance.k0, MPI.COMM_SELF)
+        K, b, k0 = self.models.stiffness(sample), bodies, bodies.compliance.k0
+        own = compliance(K, b.N, b.T, b.w, b.f, k0, MPI.COMM_SELF)
         if own.factor is not None:
             own.factor.destroy()
         return replace(bodies, compliance=replace(own, factor=None))
@@ -142,6 +143,8 @@ class Equilibria:
 
     def _bodies(self, sample: SampleInput) -> BodyOperators:
         """The scene's bodies under the loads of a sample."""
-        b, pressures = self.models.brake, self.models.pressures(sample.pressures)
+        b, pressures = (
+            self.models.contact(sample.random), self.models.pressures(sample.pressures)
+        )  # fmt: skip
         f, c = self.models.unit_loads @ pressures, self.models.loaded(pressures)
         return BodyOperators(b.N, b.T, b.w, b.g0, f, c)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.macro.brake import Brake, scene_motion
+from brake_fenicsx.macro.contact import Contact
 from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.resultants import PadForces, pad_forces
 from brake_fenicsx.macro.stuck import StuckState
@@ -36,10 +38,24 @@ def forces_of_sample(scene: Scene, brake: Brake) -> Callable[[Mapping[str, Any]]
     turns = isinstance(motion, Rotation)
 
     def forces(data: Mapping[str, Any]) -> Array:
-        pads = pad_forces(brake.contact, names, motion, data["p"], np.asarray(data["mu"]))
+        contact = contact_of(brake.contact, data)
+        pads = pad_forces(contact, names, motion, data["p"], np.asarray(data["mu"]))
         return np.array([[*_numbers(pad, turns).values()] for pad in pads])
 
     return forces
+
+
+def moved(contact: Contact) -> Array:
+    """What is stored of contact elements that a length moved, shape (elements, 7)."""
+    return np.column_stack([contact.w, contact.points, contact.s])
+
+
+def contact_of(contact: Contact, data: Mapping[str, Any]) -> Contact:
+    """Contact elements of a stored sample by those of the scene."""
+    if "moved" not in data:
+        return contact
+    w, points, s = np.split(np.asarray(data["moved"]), [1, 4], axis=1)
+    return replace(contact, w=w[:, 0], points=points, s=s)
 
 
 def force_statistics(

@@ -27,6 +27,7 @@ from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.brake import Brake
 from brake_fenicsx.macro.condensation import Compliance, Solves, compliance
+from brake_fenicsx.macro.contact import Contact
 from brake_fenicsx.macro.equilibrium import Condensed
 from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.macro.material_table import layer_materials, scene_materials
@@ -60,7 +61,7 @@ FAMILIES = 1.3
 HARMONICS = 3.0
 
 # Number of the layout of a kept reduced model; one of another layout is made again.
-LAYOUT = 7
+LAYOUT = 8
 
 
 class Models:
@@ -214,6 +215,10 @@ class Models:
             return self.M
         centre = self.changes.box.values(np.zeros(len(self.changes.box.names)))
         return self.M + self.changes.mass_change(centre)
+
+    def contact(self, values: Mapping[str, float]) -> Contact:
+        """Contact elements by the scalars that differ from the scene, by dotted key, SI."""
+        return self.brake.contact if self.changes is None else self.changes.contact.at(values)
 
     def stiffness(self, sample: SampleInput) -> sp.csr_matrix:
         """Stiffness of a sample's bodies [N/m]."""

@@ -6,7 +6,7 @@ nothing depends on the number of processes.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -100,6 +100,7 @@ def draw_sample(
     waviness: Waviness | None = None,
     values: Mapping[str, float] | None = None,
     laws: EnrichedGap | None = None,
+    moved: Callable[[Mapping[str, float]], Contact] | None = None,
 ) -> SampleInput:
     """Inputs of sample ``k`` of an approach.
 
@@ -116,6 +117,7 @@ def draw_sample(
         waviness: field of the mean heights of patches, where critical gaps are drawn from it.
         values: scalars by dotted key, SI, in place of those that are drawn or the scene's.
         laws: laws and critical gaps of this sample, where they were drawn with the scene's moduli.
+        moved: contact elements by the sample's scalars, where lengths move them: their speeds.
 
     Returns:
         The inputs.
@@ -138,7 +140,7 @@ def draw_sample(
         laws = perfect_contact(penalty, contact.interface.size)
     elif laws is None or inputs.materials:
         laws = _rough(scene, contact, library, (hdf, waviness), inputs, (law_rng, gap_rng))
-    speed = contact.speed
+    speed = (contact if moved is None else moved(inputs.values)).speed
     if SPEED in inputs.values:
         speed = speed * (inputs.values[SPEED] / nominal_value(scene, SPEED))
     mu, slope = _friction(scene, contact.interface, speed, approach, inputs.values)

@@ -112,7 +112,7 @@ def full_modes(
     models: Models, sample: SampleInput, eq: Equilibrium, comm: MPI.Comm = MPI.COMM_SELF
 ) -> Modes:
     """The same at full order, vectors on all dofs; shared by two processes of a communicator."""
-    b, settings = models.brake, models.stability
+    b, settings = models.contact(sample.random), models.stability
     if settings is None:
         raise ValueError("a scene without [stability] has no modes")
     C = sample_damping(models, sample, eq.p)
@@ -182,7 +182,7 @@ def sample_damping(models: Models, sample: SampleInput, p: Array) -> sp.csr_matr
     """Damping C [N s/m] of a sample, whole on this process; None where nothing damps it."""
     changes = models.changes
     change = changes.damping_change(sample.random) if changes and sample.random else None
-    given = models.terms, models.brake.contact, p, sample.mu, sample.slope, sample.speed
+    given = models.terms, models.contact(sample.random), p, sample.mu, sample.slope, sample.speed
     return damping_of_sample(*given, change)
 
 

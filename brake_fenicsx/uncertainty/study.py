@@ -27,6 +27,7 @@ from brake_fenicsx.surface.waviness import Waviness
 
 from .ensemble import run_ensemble
 from .equilibria import Equilibria
+from .forces import moved
 from .inputs import PERFECT, note_laws, points_of
 from .models import Models
 from .sampling import SampleInput, draw_sample, sample_count
@@ -174,6 +175,8 @@ class Study:
         }  # fmt: skip
         if sample.random:
             out["rejected"] = sample.rejected
+        if (contact := models.contact(sample.random)) is not self.brake.contact:
+            out["moved"] = moved(contact)
         if models.stability is not None:
             from .solve import modes_of_sample
 
@@ -253,7 +256,7 @@ class Study:
         point = None if points is None else points[k]
         drawn = draw_sample(
             self.scene, approach, k, self.brake.contact, self.library, self.hdf, point,
-            self.waviness, values, self._laws.get((approach, k)),
+            self.waviness, values, self._laws.get((approach, k)), self.models.contact,
         )  # fmt: skip
         self._laws = {} if drawn.materials else {(approach, k): drawn.laws}
         return drawn

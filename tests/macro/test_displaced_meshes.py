@@ -91,6 +91,15 @@ def worn(points, pad):
     return out
 
 
+def narrowed(points, pad):
+    """A friction face that gets narrower and moves over the plate, below a back that stays."""
+    bottom = np.where(pad, 1 - points[:, 2] / 12e-3, 0)
+    move = np.column_stack([
+        -0.1 * points[:, 0] - 0.02 * points[:, 1], -0.06 * points[:, 1], 0 * bottom
+    ])  # fmt: skip
+    return points + bottom[:, None] * move
+
+
 @pytest.fixture
 def written(tmp_path, meshes):
     """``written(length)``: a scene of files of 12 mm and 8 mm; or of one of a length alone [mm]."""
@@ -271,20 +280,21 @@ def test_frequencies_of_a_plate_follow_its_thickness(written):
         assert bare == pytest.approx(lamb(height, 80e-3), rel=1e-4)
 
 
-def test_derivative_to_a_length_is_that_of_files_beside_it(written):
+@pytest.mark.parametrize("move", [worn, narrowed])
+def test_derivative_to_a_length_is_that_of_files_beside_it(move, written):
     """Central differences at full order, on the contact of the sample as it stands."""
     sets = [
         "stages=['equilibrium','stability','uncertainty']", "samples.n=2", "stability.drivers=true",
         "contact.pad_plate.friction=0.5", "contact.pad_plate.law={ p0='1 MPa', u0='0.3 um' }",
         f'samples.random={{ "{KEY}"={{ law="uniform", min="9.9 mm", max="10.1 mm" }} }}',
     ]  # fmt: skip
-    study = model.prepare(written(), sets).study
+    study = model.prepare(written(move=move), sets).study
     data = study.work(("multi-scale", 0))
     length, s = float(data["random"][0]), data["s"][data["driver_mode"]]
 
     def beside(x):
         # Files hold their nodes to 16 digits of the unit.
-        b = assemble_brake(read_scene(written(1e3 * length * (1 + x))), MPI.COMM_SELF)
+        b = assemble_brake(read_scene(written(1e3 * length * (1 + x), move=move)), MPI.COMM_SELF)
         k = sp.diags(b.w * data["k_vibration"])
         K = b.K + b.N.T @ k @ b.N + 0.5 * b.T.T @ k @ b.N
         found = complex_modes(b.M, None, K.tocsr(), band=(0.0, 25e3)).s
@@ -294,6 +304,42 @@ def test_derivative_to_a_length_is_that_of_files_beside_it(written):
     found = data["driver_value"][(data["driver_kind"] == "length").argmax()]
     assert s.size and np.all(s.real > 0)
     np.testing.assert_allclose(found, exact, rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("kind", "sets"),
+    [
+        (("hexahedra", 2), []),
+        (("tetrahedra", 1), [TURNING, "contact.pad_plate.discretisation='quadrature'"]),
+        (("tetrahedra", 1), ["stability.damping={ sliding=true }"]),
+    ],
+)
+def test_a_face_in_contact_may_slide_over_the_other(kind, sets, written):
+    """Areas by their closed form; force of the load; modes of the file with moved nodes."""
+    degree = kind[1]
+    prepared = model.prepare(
+        written(kind=kind, move=narrowed, degree=degree), sets, parameters={KEY: (10e-3, 12e-3)}
+    )
+    study = prepared.study
+    whole = study.brake.w.sum()
+    for length in (10, 10.7, 11.6, 12):
+        values, share = {KEY: length * 1e-3}, (12 - length) / 4
+        other = model.prepare(
+            written(length, kind=kind, move=narrowed, degree=degree),
+            [*sets, "stability.method=full"],
+        )
+        (eq, found), (state, exact) = (
+            p.equilibrium_and_modes(v) for p, v in ((prepared, values), (other, {}))
+        )
+        w = study.models.contact(values).w
+        # The face is sheared along x too.
+        assert w.sum() == pytest.approx(whole * (1 - 0.1 * share) * (1 - 0.06 * share), rel=1e-9)
+        np.testing.assert_allclose(w, other.study.brake.w, rtol=1e-9)
+        assert w @ eq.p == pytest.approx(w @ state.p, rel=1e-5)
+        assert found.s.size == exact.s.size >= 6
+        distance = np.abs(found.s - exact.s)
+        assert np.all(distance < 1e-4 * np.abs(exact.s))
+        assert np.all(distance <= found.error + exact.error + 1e-5 * np.abs(exact.s))
 
 
 def shifted(points, pad, x=0.0, tilt=0.0, plate=0.0):
@@ -318,7 +364,11 @@ def test_a_face_may_move_along_its_normal(written):
 @pytest.mark.parametrize(
     ("move", "sets", "text"),
     [
-        (partial(shifted, x=1e-3), [], r"contact.pad_plate.faces: .* moves .* sideways"),
+        (
+            partial(shifted, x=1e-3),
+            ["contact.pad_plate.zone={ x=['-1 m', '1 m'] }"],
+            r"wear.value: moves the facets of contact.pad_plate, which its zone",
+        ),
         (partial(shifted, tilt=0.01), [], r"contact.pad_plate.faces: .*deforms or tilts the face"),
         (partial(shifted, plate=1e-3), [], "nodes of other parts than pad are moved"),
         (
@@ -341,7 +391,7 @@ def test_refusals(move, sets, text, written):
     [
         ("parts.pad.morph.chamfer.value", "there is no such table; there are wear"),
         ("parts.plate.morph.wear.value", "there is no such table; there are none"),
-        ("parts.pad.morph.wear.ends", "only lengths along z may vary"),
+        ("parts.pad.morph.wear.ends", "only these lengths may vary"),
     ],
 )
 def test_refused_names(key, text, written):
@@ -469,6 +519,14 @@ def test_a_range_that_folds_cells_is_refused_with_the_largest_that_does_not(writ
     # Just above, a series of few terms does not reach the stiffness.
     with pytest.raises(InaccurateResult, match=r"changes too much between .*: narrow the range"):
         model.prepare(written(), parameters={KEY: (1.1 * holds, 12e-3)})
+
+
+@pytest.mark.hard
+def test_facets_that_leave_the_other_face(written):
+    """A pad that moves off the plate loses contact elements: refused, not left out."""
+    scene = written(move=partial(shifted, x=60e-3), kind=("tetrahedra", 1), degree=1)
+    with pytest.raises(SceneError, match=r"wear.value = 0.0\d+ m: facets of contact.pad_plate"):
+        model.prepare(scene, ["mesh.quality=1e-4"], parameters={KEY: (10e-3, 12e-3)})
 
 
 @pytest.mark.hard

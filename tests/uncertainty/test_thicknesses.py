@@ -143,7 +143,7 @@ def test_frequencies_of_a_bar_follow_its_length():
 @pytest.mark.parametrize(
     ("key", "changes", "text"),
     [
-        ("parts.block.length", [], "only lengths along z may vary"),
+        ("parts.block.size", [], "only these lengths may vary"),
         ("parts.block.lining", [], "is no thickness of a layer of this part"),
         (
             HEIGHT,

@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 
 from .interpolated import InterpolatedMoments
 from .moments import SIGMA, Rows, coupled, shifted_polynomial
-from .parameters import Parameters
-from .substructure import MirrorImage, Substructure, mirror_image, turned_across
+from .parameters import CONSTANT, Parameters
+from .substructure import SAME_ENTRY, MirrorImage, Substructure, mirror_image, turned_across
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -42,12 +42,16 @@ class AtPoint:
         D: moments, shape (count, rows, columns).
         errors: estimates of the errors of D, see ``InterpolatedMoments.at``.
         growth: how much larger they may be at this point.
+        followed: motions of the kept modes that forces follow, shape (followed rows, modes).
+        acting: motions along which forces act, shape (acting rows, modes).
     """
 
     modal: Array
     D: Array
     errors: list[NDArray[np.float32]]
     growth: float
+    followed: Array
+    acting: Array
 
 
 class Component:
@@ -57,8 +61,6 @@ class Component:
         body: its matrices.
         W: M-orthonormal kept modes, shape (n, modes).
         kappa: their eigenvalues at the centre of the box [1/s^2].
-        followed: motions of the kept modes that forces follow, shape (followed rows, modes).
-        acting: motions along which forces act, shape (acting rows, modes).
         loads: loads on the kept modes [N], shape (loads, modes).
         coupled: whether D has rows and columns of the kept modes.
         reach: no pole of what is left out lies below it anywhere in the box, over the band's end.
@@ -77,22 +79,24 @@ class Component:
         """
         self.body = body = Substructure.from_arrays(arrays)
         self.W, self.kappa, self.reach = arrays["W"], arrays["kappa"], float(arrays["reach"])
-        self.followed, self.acting = arrays["followed"], arrays["acting"]
         self._beyond = arrays["beyond"]
         self.loads, self.coupled = body.loads.T @ self.W, coupled(body)
         self._rows, self._omega, self._parameters = rows, omega, parameters
         (self._K, self._M, *self._changes), self._C = arrays["modal"], arrays["modal_C"]
-        self._own = parameters.acting_on(list(body.changes))
+        self._own = parameters.acting_on(list(body.changes), body.elements.size)
         degrees = [int(degree) for degree in arrays["degrees"]]
         self._moments = InterpolatedMoments(self._own.size, degrees, arrays)
         self._constant: AtPoint | None = None
+        self._still = self._motions(body.interface)
 
     def at(self, x: Array) -> AtPoint:
         """The substructure at a point of the box, shape (d,); one and the same if none moves it."""
         own = x[self._own]
         if not own.size and self._constant is not None:
             return self._constant
-        found = AtPoint(self._modal(x), *self._moments.at(own))
+        rows = self.interface(x)
+        motions = self._still if rows is self.body.interface else self._motions(rows)
+        found = AtPoint(self._modal(x), *self._moments.at(own), *motions)
         self._constant = None if own.size else found
         return found
 
@@ -100,6 +104,18 @@ class Component:
     def mass(self) -> sp.csr_matrix:
         """Mass at the centre of the box [kg], shape (n, n), in which W is orthonormal."""
         return self.body.mass(self._parameters.centre)
+
+    def interface(self, x: Array) -> dict[str, sp.csr_matrix]:
+        """Rows of its contact elements at a point of the box."""
+        return interface_at(self.body, self._parameters, x)
+
+    def _motions(self, rows: dict[str, sp.csr_matrix]) -> tuple[Array, Array]:
+        """Motions of the kept modes that forces follow, and along which they act."""
+        followed, acting = (
+            np.vstack([rows[name] @ self.W for name in names])
+            for names in (self._rows.followed, self._rows.acting)
+        )
+        return followed, acting
 
     def polynomial(self, x: Array) -> list[sp.csr_matrix]:
         """P_0, P_1, ... at a point of the box, at full order."""
@@ -120,6 +136,28 @@ class Component:
         if len(self._C):
             C = changed(self._C[0], 1) / self._omega
         return np.array([K + s * C + SIGMA * M, C + 2 * s * M, M])
+
+
+def interface_at(
+    body: Substructure, parameters: Parameters, x: Array, signs: Array | None = None
+) -> dict[str, sp.csr_matrix]:
+    """Rows of the contact elements of a body at a point of the box; its own where these stay.
+
+    Args:
+        body: the body.
+        parameters: of all bodies.
+        x: the point, shape (d,).
+        signs: of a mirror image, displacement over that of the body, shape (dofs,).
+    """
+    if parameters.contact is None or not body.elements.size:
+        return body.interface
+    turn, out = sp.diags(np.ones(body.dofs.size) if signs is None else signs), {}
+    for name, A in parameters.contact(x)[0].items():
+        out[name] = (A[body.elements][:, body.dofs] @ turn).tocsr()
+    # The direction across may be either of the two, see ``turned_across``.
+    same = np.asarray(out["R"].multiply(body.interface["R"]).sum(axis=1)).ravel()
+    out["R"] = (sp.diags(np.where(same < 0, -1.0, 1.0)) @ out["R"]).tocsr()
+    return out
 
 
 def polynomial(
@@ -180,12 +218,13 @@ def square_of(at: Index, down: int = 0, right: int = 0) -> tuple[Any, Any]:
 
 
 def originals_and_images(
-    substructures: Sequence[Substructure],
+    substructures: Sequence[Substructure], parameters: Parameters = CONSTANT
 ) -> tuple[list[Substructure], list[tuple[int, MirrorImage | None, Substructure]]]:
     """Bodies that are reduced, and for each body its original and how it mirrors that.
 
     Args:
         substructures: the bodies of the brake.
+        parameters: of all bodies: an image stays one wherever contact elements slide to.
 
     Returns:
         The originals; for each body the number of its original, how it mirrors that (None for the
@@ -196,7 +235,10 @@ def originals_and_images(
     for body in substructures:
         for i, first in enumerate(originals):
             image = mirror_image(first, body)
-            if image is not None:
+            if image is not None and all(
+                _slide_alike(first, image, parameters, x)
+                for x in parameters.corners(parameters.sliding)
+            ):
                 out.append((i, image, body))
                 break
         else:
@@ -206,6 +248,13 @@ def originals_and_images(
     if other:
         originals = [turned_across(body, np.concatenate(other)) for body in originals]
     return originals, out
+
+
+def _slide_alike(body: Substructure, image: MirrorImage, parameters: Parameters, x: Array) -> bool:
+    """Whether the rows of a mirror image at a point of the box are those of the body."""
+    own = interface_at(body, parameters, x)
+    other = interface_at(image.body, parameters, x, image.signs)
+    return all(abs(A - other[n]).max() <= SAME_ENTRY * abs(A).max() for n, A in own.items())
 
 
 def image_arrays(

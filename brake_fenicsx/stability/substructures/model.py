@@ -148,7 +148,7 @@ class ReducedModel:
         rows, omega = Rows(followed, damped), 2 * np.pi * band[1]
         reach = None if cutoff is None else cutoff / band[1]
         degrees = _degrees(tolerance, damped)
-        originals, images = originals_and_images(substructures)
+        originals, images = originals_and_images(substructures, parameters)
         modes = in_turns(
             len(originals),
             lambda i: kept_modes(originals[i], parameters, omega, reach),
@@ -242,7 +242,7 @@ class ReducedModel:
                 # No parameter moves it.
                 self._constant[key] = parts[key]
         every = [parts[id(body.component)] for body in self.bodies]
-        return static_compliance(self.bodies, every, self._w * k0, self._omega)
+        return static_compliance(self.bodies, every, self.areas(p) * k0, self._omega)
 
     def displacements(
         self,
@@ -382,7 +382,7 @@ class ReducedModel:
             raise SceneError(
                 f"k: {contact.k.size} values for {self._w.size} contact elements of the model"
             )
-        return Sample(self.bodies, self.at(p), contact, self._w, self.rows, self._omega)
+        return Sample(self.bodies, self.at(p), contact, self.areas(p), self.rows, self._omega)
 
     def _corrected(
         self, sample: Sample, p: ArrayLike, contact: ContactLinearisation, line: Basis | None = None
@@ -392,13 +392,17 @@ class ReducedModel:
         q = sample.quotient(found)
         interpolated = sample.interpolation_errors(found.z, q)
         if line is not None:
-            line.learn(p, sample, contact.k / self.unit_stiffness, q, interpolated)
+            line.learn(p, sample, contact.k / self.unit_stiffness(p), q, interpolated)
         return corrected(found, q, interpolated)
 
-    @property
-    def unit_stiffness(self) -> Array:
+    def areas(self, p: ArrayLike) -> Array:
+        """Areas of the contact elements at a point of the box [m^2]."""
+        contact = self.parameters.contact
+        return self._w if contact is None else contact(np.asarray(p, float))[1]
+
+    def unit_stiffness(self, p: ArrayLike) -> Array:
         """Contact stiffness k for which w k is 1 in units of the band's end [Pa/m]."""
-        return np.asarray(self._omega**2 / self._w)
+        return np.asarray(self._omega**2 / self.areas(p))
 
     def unit_contact(self, p: ArrayLike) -> UnitContact:
         """The bodies under unit contact stiffness at a point of the box; the latest is kept."""

@@ -14,6 +14,7 @@ from itertools import combinations, product
 from math import comb
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy import special
 
@@ -43,12 +44,17 @@ class Parameters:
         softening: least r with K(p) >= r K(0) as quadratic forms, wherever in the box the
             parameters of ``shapes`` are the same.
         shapes: numbers of the parameters that change the shape of a body.
+        sliding: numbers of those that move contact elements along their faces.
+        contact: with such ones the rows "N", "T", "R" of all contact elements, shape (elements,
+            dofs), and their areas [m^2] at a point of the box; None where these stay.
     """
 
     dimension: int
     coefficients: Callable[[Array], Array]
     softening: float = 1.0
     shapes: tuple[int, ...] = ()
+    sliding: tuple[int, ...] = ()
+    contact: Callable[[Array], tuple[dict[str, sp.csr_matrix], Array]] | None = None
 
     @property
     def centre(self) -> Array:
@@ -58,21 +64,32 @@ class Parameters:
     @property
     def extreme_shapes(self) -> list[Array]:
         """The corners of the box of the shapes, all else at the centre; none of constant shapes."""
+        return self.corners(self.shapes)
+
+    def corners(self, names: tuple[int, ...]) -> list[Array]:
+        """The corners of the box of some parameters, all else at the centre; none of none."""
         points: list[Array] = []
-        for ends in product((-1.0, 1.0), repeat=len(self.shapes)) if self.shapes else ():
+        for ends in product((-1.0, 1.0), repeat=len(names)) if names else ():
             points.append(np.zeros(self.dimension))
-            points[-1][list(self.shapes)] = ends
+            points[-1][list(names)] = ends
         return points
 
-    def acting_on(self, changes: list[int]) -> NDArray[np.intp]:
-        """Numbers of the parameters that move a coefficient of some of the changes."""
+    def acting_on(self, changes: list[int], elements: int = 0) -> NDArray[np.intp]:
+        """Numbers of the parameters that move a coefficient of some of the changes, or elements.
+
+        Args:
+            changes: of a body.
+            elements: number of its contact elements that may slide.
+        """
         base = self.centre
         steps = np.zeros((self.dimension, *base.shape))
         for step, axis in zip(steps, np.eye(self.dimension), strict=True):
             ends = [np.abs(self.coefficients(side * axis) - base) for side in (1.0, -1.0)]
             step[:] = np.max(ends, axis=0)
         moved = steps > MOVES * steps.max(axis=0, initial=0.0)
-        return np.flatnonzero(moved[:, :, changes].any(axis=(1, 2)))
+        acts = moved[:, :, changes].any(axis=(1, 2))
+        acts[list(self.sliding)] |= elements > 0
+        return np.flatnonzero(acts)
 
 
 CONSTANT = Parameters(0, lambda x: np.zeros((3, 0)))

@@ -60,7 +60,7 @@ class Projected:
             contact: what acts in the contact elements at the value.
         """
         self._t, self._unit, self._rows = t, unit, model.rows
-        unit_k = model.unit_stiffness[:, None]
+        unit_k = unit.stiffness[:, None]
         self._k, f = contact.k[:, None] / unit_k, contact.friction[:, None] / unit_k
         # Friction over stiffness.
         self._mu: Array = np.divide(f, self._k, out=np.zeros_like(f), where=self._k > 0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil
 
 from mpi4py import MPI
@@ -18,7 +18,7 @@ from brake_fenicsx.macro.solver import Factor
 
 from ..eigensolvers.lanczos import lowest_modes
 from ..eigensolvers.symmetric import count_below
-from .component import polynomial
+from .component import interface_at, polynomial
 from .interpolated import InterpolatedMoments
 from .moments import SIGMA, Complement, Rows, coupled, moments
 from .parameters import Parameters
@@ -83,7 +83,7 @@ class Reduction:
         self._reach = modes.reach
         self._omega, self._comm = omega, comm
         self._beyond = body.damping_beyond(modes.cutoff * omega)
-        self._own = parameters.acting_on(list(body.changes))
+        self._own = parameters.acting_on(list(body.changes), body.elements.size)
         self._moments = InterpolatedMoments(self._own.size, degrees)
         # Processes take points in turns, so that the factor of a point is made once; if there are
         # fewer points than processes, all share the columns of each.
@@ -134,8 +134,6 @@ class Reduction:
             "beyond": self._beyond,
             "reach": np.array(self._reach),
             "degrees": np.array(self._degrees),
-            "followed": np.vstack([body.interface[name] @ W for name in self._rows.followed]),
-            "acting": np.vstack([body.interface[name] @ W for name in self._rows.acting]),
             "modal": np.array(modal), "modal_C": np.array(damping),
         }  # fmt: skip
 
@@ -146,7 +144,8 @@ class Reduction:
         P = polynomial(self._body, self._parameters, x, self._omega, self._rows, self._beyond)
         count = self._moments.counts[i]
         M = self._body.mass(self._parameters.centre)
-        return moments(self._body, P, M, self._W, self._rows, count, comm, progress)
+        body = replace(self._body, interface=interface_at(self._body, self._parameters, x))
+        return moments(body, P, M, self._W, self._rows, count, comm, progress)
 
     def _check_convergence(self, D: Array) -> None:
         """Whether the moments fall fast enough up to the band's end.

@@ -120,8 +120,8 @@ class Sample(SampleProblem):
             J = ContactForces.of(contact, w, elements, rows, omega)
             D = view.D
             self.own[: len(view.modal), modes, modes] += view.modal
-            self.source[0][place, modes] += comp.followed[own]
-            lead = comp.acting[acting].T[None]
+            self.source[0][place, modes] += view.followed[own]
+            lead = view.acting[acting].T[None]
             if comp.coupled:
                 first, second = f * m, g * m
                 X = slice(second, second + comp.W.shape[1])
@@ -150,7 +150,9 @@ class Sample(SampleProblem):
         for body, view, at in zip(self.bodies, self.views, self.closed, strict=True):
             if not view.errors:
                 continue
+            # Where no kept mode couples, D has no rows and columns of them.
             comp, modes = body.component, np.arange(body.modes.start, body.modes.stop)
+            modes = modes if comp.coupled else modes[:0]
             m = body.elements.size
             own, place = at.rows(f, m, c)
             acting, there = at.rows(g, m, c)

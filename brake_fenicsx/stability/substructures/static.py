@@ -68,7 +68,7 @@ def body_compliance(comp: Component, view: AtPoint, rows: Rows, omega: float) ->
     last = D.shape[1] - loads
     NN, NT, NF = D[:m, :m], D[:m, m : 2 * m], D[:m, last:]
     gaps, normal, slip, load = (
-        comp.followed[:m], comp.acting[:m].T, comp.acting[m : 2 * m].T, comp.loads.T,
+        view.followed[:m], view.acting[:m].T, view.acting[m : 2 * m].T, comp.loads.T,
     )  # fmt: skip
     if comp.coupled:
         X, first = slice(len(rows.acting) * m, last), len(rows.followed) * m

@@ -46,6 +46,7 @@ class UnitContact:
         source: see ``problem``.
         own: likewise.
         symmetric: whether the bodies are, as without rotation.
+        stiffness: the unit stiffness [Pa/m], shape (elements,).
     """
 
     normal: list[NDArray[Any]]
@@ -54,11 +55,13 @@ class UnitContact:
     source: Array
     own: Array
     symmetric: bool
+    stiffness: Array
 
     @classmethod
     def of(cls, model: ReducedModel, p: ArrayLike) -> UnitContact:
         """Assemble them for a point of the box."""
-        unit, none = model.unit_stiffness, np.zeros_like(model.unit_stiffness)
+        unit = model.unit_stiffness(p)
+        none = np.zeros_like(unit)
         one = model.sample(p, ContactLinearisation.of(unit, 0.0))
         other = model.sample(p, ContactLinearisation(none, unit, none, none))
         D = []
@@ -68,7 +71,7 @@ class UnitContact:
         lead = np.asarray(one.forced), np.asarray(other.forced)
         own = np.asarray(one.own)
         symmetric = bool(la.norm(own - own.transpose(0, 2, 1)) <= SYMMETRIC * la.norm(own))
-        return cls(D[0], D[1], lead, np.asarray(one.source), own, symmetric)
+        return cls(D[0], D[1], lead, np.asarray(one.source), own, symmetric, unit)
 
 
 @dataclass(frozen=True, slots=True)

@@ -214,8 +214,8 @@ def motions_of_elements(
         x[acting], u[own] = force[there], v.eta[place]
         if comp.coupled:
             x[g * m : g * m + comp.W.shape[1]], u[f * m :] = v.a[modes], v.b[modes]
-        seen = times(comp.followed, v.a[modes]) - applied(view.D[:, : f * m], z, x)
-        met = times(comp.acting, v.b[modes]) - applied(view.D[:, :, : g * m], z, u, transpose=True)
+        seen = times(view.followed, v.a[modes]) - applied(view.D[:, : f * m], z, x)
+        met = times(view.acting, v.b[modes]) - applied(view.D[:, :, : g * m], z, u, transpose=True)
         right[:, body.elements] += seen.reshape(f, m, z.size)
         left[:, body.elements] += met.reshape(g, m, z.size)
     return dict(zip(rows.followed, right, strict=True)), dict(zip(rows.acting, left, strict=True))
@@ -284,7 +284,8 @@ def _driven(
         force, along = left_motions(m.sample, m.z, m.a), rows.followed
     else:
         force, along = m.sample.forces(m.z, right_motions(m.sample, m.z, m.a)), rows.acting
-    I = sp.vstack([component.body.interface[name] for name in along]).tocsr()
+    interface = component.interface(m.x)
+    I = sp.vstack([interface[name] for name in along]).tocsr()
     for body, at in zip(m.sample.bodies, m.sample.closed, strict=True):
         if body.component is component:
             acting, there = at.rows(len(along), body.elements.size, m.sample.count)
