@@ -46,7 +46,7 @@ def test_a_sample_is_the_scene_with_its_inputs(scene):
     other = prepare(scene, [f"{FRICTION}=0.45", "loads.'block.top'.pressure='3 bar'"]).modes()
     np.testing.assert_allclose(found.s, other.s, rtol=1e-7)
     np.testing.assert_allclose(sample(model).s, prepare(scene).modes().s, rtol=1e-9)
-    with pytest.raises(SceneError, match="only lengths along z may vary"):
+    with pytest.raises(SceneError, match="only these lengths may vary"):
         sample(model, {"parts.block.size": 1e-3})
 
 

@@ -193,8 +193,8 @@ def test_chart_over_two_parameters(tmp_path):
         ([f'sweep.parameters."{KEY}"={{ start = -0.1, stop = 1.0 }}'], "must be zero or more"),
         (['sweep.parameters."contact.none.friction"={ start = 0.0, stop = 1.0 }'], "no [contact"),
         (
-            ['sweep.parameters."parts.block.length"={ start = "1 mm", stop = "2 mm" }'],
-            "only lengths along z",
+            ['sweep.parameters."parts.block.size"={ start = "1 mm", stop = "2 mm" }'],
+            "only these lengths may vary",
         ),
         (["sweep.samples=3"], "0 keys"),
         (
