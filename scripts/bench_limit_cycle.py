@@ -2,6 +2,7 @@
 
     python scripts/bench_limit_cycle.py                            table
     python scripts/bench_limit_cycle.py --branches                 how many branches reach a cycle
+    python scripts/bench_limit_cycle.py --cost                     brakes: a branch over the modes
     python scripts/bench_limit_cycle.py --figure docs/limit_cycle.png    growth, cycles, time steps
 
 Errors are those of the amplitude against 25 harmonics, and against time steps of the finite-element
@@ -39,7 +40,8 @@ def prepared(ratio, k=0, changes=()):
 
 def followed(study, sample, eq, modes, mode, harmonics, points):
     cycles = study.cycles.sample(TASK[0], sample, eq)
-    return cycles.branch(modes.s[mode], modes.right[:, mode], Settings(harmonics, points, 20e-6))[0]
+    problem = cycles.problem(Settings(harmonics, points, 20e-6))
+    return cycles.branch(problem, modes.s[mode], modes.right[:, mode], 20e-6)
 
 
 def stepped(study, sample, eq, amplitude):
@@ -96,6 +98,29 @@ def branches():
         )
 
 
+def cost():
+    """Processor seconds of the branch of the mode that grows most, over those of the modes."""
+    print("| scene | damping beta [s] | patches | points | end | branch [s] | modes [s] | ratio |")
+    print("| --- | --- | --- | --- | --- | --- | --- | --- |")
+    for scene in ("disc_brake_demo.toml", "disc_brake.toml"):
+        for beta in (0.0, 2e-8 if "demo" in scene else 1e-6):
+            damping = f"stability.damping={{ rayleigh = ['0 1/s', '{beta:g} s'] }}"
+            changes = ["samples.n=1", "limit_cycle={}", *([damping] if beta else [])]
+            study = prepare(SCENE.with_name(scene), changes).study
+            sample, linear = study._draw(*TASK), []
+            for _ in range(3):
+                start = time.process_time()
+                eq, modes = study.solved(TASK, {})
+                linear.append(time.process_time() - start)
+            start, mode = time.process_time(), int(np.argmax(modes.s.real))
+            branch = followed(study, sample, eq, modes, mode, 5, 32)
+            seconds, modes = time.process_time() - start, np.median(linear)
+            print(
+                f"| {scene} | {beta:g} | {sample.mu.size} | {len(branch.points)} | {branch.end} |"
+                f" {seconds:.1f} | {modes:.2f} | {seconds / modes:.1f} |"
+            )
+
+
 def figure(path):
     from brake_fenicsx.report.style import CYCLE, GREY, house_style, light_grid, new_figure
 
@@ -126,8 +151,11 @@ if __name__ == "__main__":
     words = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     words.add_argument("--figure", type=Path, metavar="FILE", help="draw the figure of the docs")
     words.add_argument("--branches", action="store_true", help="how many branches reach a cycle")
+    words.add_argument("--cost", action="store_true", help="a branch over the linear modes")
     given = words.parse_args()
     if given.figure:
         figure(given.figure)
+    elif given.branches:
+        branches()
     else:
-        branches() if given.branches else table()
+        cost() if given.cost else table()

@@ -180,7 +180,7 @@ class HarmonicBalance:
         return np.asarray(la.solve(E, source @ a))
 
     def start(self, s: complex, a: Complex, y: Complex, amplitude: float) -> Vibration:
-        """A vibration along a linear mode.
+        """A vibration along a linear mode; what is kept of those found before is given up.
 
         Args:
             s: its eigenvalue [1/s].
@@ -188,6 +188,7 @@ class HarmonicBalance:
             y: its motions at the contact, shape (followed rows,).
             amplitude: of the vibration [m].
         """
+        self._factors = self._rough = None
         factor = amplitude / self.size(y)
         first = np.eye(1, self.harmonics + 1, 1) + 0j
         return Vibration(factor * a[:, None] * first, factor * y[:, None] * first, s, amplitude)

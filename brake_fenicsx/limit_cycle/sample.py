@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,22 +10,19 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.folder.log import logger
-from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.substructures import ReducedModel
 
-from .bodies import Array, Bodies, Index
+from .bodies import Array
 from .contact_forces import PatchForces
 from .floquet import exponents, verdict
 from .growth import STABLE, UNDAMPED, Cycle, GrowthBranch, follow, time_to_reach
-from .harmonic_balance import HarmonicBalance, Vibration
+from .harmonic_balance import HarmonicBalance
 from .reduced_bodies import reduced_bodies
 from .sound import AT_ONE_METRE, Nodes, decibels, sound_power
 
-# Largest first motion of a patch, over its pressure by stiffness; elements take part whose
-# clearance is less than this multiple of that length, or of the motion of one left out that closed.
-START, NEAR = 0.3, 3.0
-RESTARTS = 6
+# Largest first motion of a closed patch, over its pressure by stiffness.
+START = 0.3
 
 # Loss factor of the bodies from the second harmonic on where nothing is damped: else a harmonic
 # that meets a mode of the bodies turns the branch back and forth.
@@ -84,66 +81,50 @@ class SampleCycles:
     closed: NDArray[np.bool_]
     damped: bool
 
-    def branch(self, s: complex, a: NDArray[Any], settings: Settings) -> tuple[GrowthBranch, Index]:
-        """Growth of a mode over its amplitude, and the elements that take part.
+    def branch(
+        self, problem: HarmonicBalance, s: complex, a: NDArray[Any], largest: float
+    ) -> GrowthBranch:
+        """Growth of a mode over its amplitude.
 
         Args:
+            problem: harmonic balance of the sample.
             s: its eigenvalue [1/s].
             a: its coordinates, shape (kept modes,).
-            settings: how.
+            largest: amplitude at which to end [m].
 
         Raises:
             NotConverged: no vibration of small amplitude is found.
         """
-        laws, g = self.forces.laws, self.forces.g
-        clearance, length = g - laws.first_touch(), self._lengths()
-        reach = NEAR * float(length.max())
-        for _ in range(RESTARTS):
-            elements = np.flatnonzero(self.closed | (clearance < reach))
-            others = np.setdiff1d(np.arange(g.size), elements)
-            problem = self.problem(elements, settings)
-            start = _along(problem, s, a, START * length[elements], self.closed[elements])
-            branch = follow(problem, start, settings.largest, self.damped)
-            rest = self._bodies(elements, others)
-            gaps = [_gap(rest, problem, v)[: others.size] for v in branch.points]
-            if not any(np.any(clearance[others] + gap.min(axis=1) < 0) for gap in gaps):
-                return branch, elements
-            reach = NEAR * max(float(np.abs(gap).max()) for gap in gaps)
-        raise NotConverged("limit cycle: more and more patches close; lower limit_cycle.largest")
+        y = problem.at_rest(s, a)
+        p, k, _ = (x[self.closed, 0] for x in self.forces.pressure(self.forces.g[:, None]))
+        share = p / k / np.abs(y[: self.closed.size][self.closed])
+        start = problem.start(s, a, y, START * float(share.min()) * problem.size(y))
+        return follow(problem, start, largest, self.damped)
 
-    def problem(self, elements: Index, settings: Settings) -> HarmonicBalance:
-        """Harmonic balance of some elements."""
-        forces, bodies = _part(self.forces, elements), self._bodies(elements)
-        weights = np.zeros(len(forces.followed) * elements.size)
-        own = forces.w * self.closed[elements]
-        weights[: elements.size] = own / own.sum()
+    def problem(self, settings: Settings) -> HarmonicBalance:
+        """Harmonic balance of the sample."""
+        weights = np.zeros(len(self.forces.followed) * self.closed.size)
+        own = self.forces.w * self.closed
+        weights[: own.size] = own / own.sum()
         loss = 0.0 if self.damped else LOSS
-        return HarmonicBalance(bodies, forces, weights, settings.harmonics, settings.points, loss)
-
-    def _bodies(self, elements: Index, watched: Index | None = None) -> Bodies:
-        return reduced_bodies(self.model, self.p, self.forces.mu, elements, watched)
-
-    def _lengths(self) -> Array:
-        """Pressure over stiffness at equilibrium [m]; 0 of open elements."""
-        p, k, _ = self.forces.pressure(self.forces.g[:, None])
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(self.closed, (p / k)[:, 0], 0.0)
+        bodies = reduced_bodies(self.model, self.p, self.forces.mu)
+        return HarmonicBalance(
+            bodies, self.forces, weights, settings.harmonics, settings.points, loss
+        )
 
     def measured(
         self,
+        problem: HarmonicBalance,
         cycle: Cycle,
         branch: GrowthBranch,
-        elements: Index,
-        settings: Settings,
         faces: Faces,
         slip: Any,
     ) -> list[float]:
         """``MEASURES`` of a cycle."""
-        problem, at = self.problem(elements, settings), cycle.at
-        forces, omega = _part(self.forces, elements), at.s.imag
-        gap = problem.over_time(at.y[: elements.size])
+        forces, at, omega = self.forces, cycle.at, cycle.at.s.imag
+        gap = problem.over_time(at.y[: self.closed.size])
         touch = forces.laws.first_touch()
-        opens = (forces.g + gap.max(axis=1) > touch) & self.closed[elements]
+        opens = (forces.g + gap.max(axis=1) > touch) & self.closed
         yields = forces.yields & (gap.min(axis=1) < 0) & (forces.g + gap.min(axis=1) < touch)
         u = self.model.kept_displacements(at.a)
         numbers = []
@@ -153,8 +134,8 @@ class SampleCycles:
                 each = problem.over_time(x.reshape(-1, x.shape[2])).reshape(*x.shape[:2], -1)
                 # A body without a kept mode moves by its local compliance alone: no number.
                 numbers.append(float(np.linalg.norm(each, axis=1).max(initial=0.0)) or np.nan)
-        rate = np.abs(problem.over_time(slip[elements] @ (u * at.lam))).max(axis=1)
-        moving = (forces.speed > 0) & self.closed[elements]
+        rate = np.abs(problem.over_time(slip @ (u * at.lam))).max(axis=1)
+        moving = (forces.speed > 0) & self.closed
         ratio = (rate[moving] / forces.speed[moving]).max(initial=0.0)
         level = decibels(sound_power(faces.disc, u, omega))
         last = np.linalg.norm(at.y[:, -1]) / np.linalg.norm(at.y[:, 1])
@@ -167,11 +148,6 @@ class SampleCycles:
             float(ratio), time_to_reach(branch, cycle), level, level + AT_ONE_METRE, float(last),
             largest.real, abs(mu[0].real), largest.imag / (2 * np.pi),
         ]  # fmt: skip
-
-
-def _gap(others: Bodies, problem: HarmonicBalance, v: Vibration) -> Array:
-    """Motions over time of elements that carry no force."""
-    return problem.over_time(others.motions(problem.lam(v), v.a, problem.contact(v)[0]))
 
 
 def cycles_of_modes(
@@ -192,6 +168,7 @@ def cycles_of_modes(
         ``branch_s`` [1/s], point by point.
         A mode whose growth does not end has a row of the kind "none" with what ended it.
     """
+    problem = cycles.problem(settings)
     rows: list[tuple[int, str, list[float]]] = []
     points: list[tuple[int, float, complex]] = []
     nothing = [float("nan")] * len(MEASURES)
@@ -200,15 +177,14 @@ def cycles_of_modes(
     chosen = (modes.s.imag > 0) & (grows | (modes.damping < (settings.damping_below or -np.inf)))
     for i in np.flatnonzero(chosen):
         try:
-            branch, elements = cycles.branch(modes.s[i], modes.right[:, i], settings)
+            branch = cycles.branch(problem, modes.s[i], modes.right[:, i], settings.largest)
         except NotConverged as error:
             logger.warning("mode %d: %s", i, error)
             rows.append((int(i), "none: failed", nothing))
             continue
         points += [(int(i), *point) for point in zip(branch.amplitude, branch.s, strict=True)]
-        given = branch, elements, settings, faces, slip
         for cycle in branch.cycles:
-            values = cycles.measured(cycle, *given)
+            values = cycles.measured(problem, cycle, branch, faces, slip)
             found = verdict(values[-3], values[-2], values[-1] / values[2])
             rows.append((int(i), found if cycle.kind == STABLE else cycle.kind, values))
         if grows[i] and not any(cycle.kind in (STABLE, UNDAMPED) for cycle in branch.cycles):
@@ -223,21 +199,3 @@ def cycles_of_modes(
         "branch_amplitude": np.array(amplitude, dtype=float),
         "branch_s": np.array(s, dtype=complex),
     }
-
-
-def _part(forces: PatchForces, elements: Index) -> PatchForces:
-    """The forces of some elements."""
-    laws = EnrichedGap(forces.laws.laws, forces.laws.index[elements], forces.laws.g_cr[elements])
-    arrays = {
-        n: getattr(forces, n)[elements] for n in ("yields", "w", "g", "mu", "speed", "interface")
-    }
-    return replace(forces, laws=laws, **arrays)
-
-
-def _along(
-    problem: HarmonicBalance, s: complex, a: NDArray[Any], most: Array, closed: NDArray[np.bool_]
-) -> Vibration:
-    """A small vibration along a linear mode, no closed patch beyond its largest motion."""
-    y = problem.at_rest(s, a)
-    gap = np.abs(y[: closed.size][closed])
-    return problem.start(s, a, y, float((most[closed] / gap).min()) * problem.size(y))

@@ -69,12 +69,13 @@ def cycle_and_steps(scene, k, share, seconds, start):
     study, sample, eq, modes, mode = squealing(scene, k, share)
     settings = Settings(9, 64, 20e-6)
     cycles = study.cycles.sample("multi-scale", sample, eq)
-    branch, elements = cycles.branch(modes.s[mode], modes.right[:, mode], settings)
+    problem = cycles.problem(settings)
+    branch = cycles.branch(problem, modes.s[mode], modes.right[:, mode], settings.largest)
     # The branch begins at the linear mode.
     assert branch.s[0] == pytest.approx(modes.s[mode], rel=1e-3)
     at = branch.cycles[0].at
     assert branch.cycles[0].kind == STABLE
-    shift, *others = exponents(cycles.problem(elements, settings), at)
+    shift, *others = exponents(problem, at)
     largest = max(others, key=lambda one: one.real)
     outcome = verdict(largest.real, abs(shift.real), largest.imag / at.s.imag)
     C = sample_damping(study.models, sample, eq.p)
@@ -111,7 +112,8 @@ def test_a_branch_through_resonances_of_higher_harmonics(size, k, share):
     scene = BLOCK[0], [*BLOCK[1], f"parts.block.size='{size}'"], np.inf
     study, sample, eq, modes, mode = squealing(scene, k, share)
     cycles, settings = study.cycles.sample("multi-scale", sample, eq), Settings(5, 32, 20e-6)
-    branch, _ = cycles.branch(modes.s[mode], modes.right[:, mode], settings)
+    problem = cycles.problem(settings)
+    branch = cycles.branch(problem, modes.s[mode], modes.right[:, mode], settings.largest)
     assert branch.cycles[0].kind == STABLE
     # Near a cycle the branch passes from growth to decay.
     a, alpha = branch.amplitude, branch.s.real
