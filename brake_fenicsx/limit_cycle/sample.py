@@ -168,7 +168,7 @@ def cycles_of_modes(
         ``branch_s`` [1/s], point by point.
         A mode whose growth does not end has a row of the kind "none" with what ended it.
     """
-    problem = cycles.problem(settings)
+    problem: HarmonicBalance | None = None
     rows: list[tuple[int, str, list[float]]] = []
     points: list[tuple[int, float, complex]] = []
     nothing = [float("nan")] * len(MEASURES)
@@ -176,6 +176,7 @@ def cycles_of_modes(
     # damping_below = 0: only the modes that grow beyond the threshold.
     chosen = (modes.s.imag > 0) & (grows | (modes.damping < (settings.damping_below or -np.inf)))
     for i in np.flatnonzero(chosen):
+        problem = problem or cycles.problem(settings)
         try:
             branch = cycles.branch(problem, modes.s[i], modes.right[:, i], settings.largest)
         except NotConverged as error:

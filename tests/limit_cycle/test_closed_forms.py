@@ -8,8 +8,15 @@ from scipy.special import ellipk, iv
 
 from brake_fenicsx.limit_cycle.bodies import Bodies
 from brake_fenicsx.limit_cycle.contact_forces import PatchForces
-from brake_fenicsx.limit_cycle.growth import follow
-from brake_fenicsx.limit_cycle.harmonic_balance import HarmonicBalance, Tangent
+from brake_fenicsx.limit_cycle.growth import (
+    STABLE,
+    UNSTABLE,
+    Cycle,
+    GrowthBranch,
+    follow,
+    time_to_reach,
+)  # fmt: skip
+from brake_fenicsx.limit_cycle.harmonic_balance import HarmonicBalance, Tangent, Vibration
 from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.micro import OneLaw, exponential_law, linear_law
 from oscillators import first_vibration, matrices, no_growth, oscillator, van_der_pol
@@ -264,3 +271,20 @@ def test_falling_friction():
     run = solve_ivp(motion, (0, 1500), [0.3, 0], rtol=1e-9, atol=1e-11, dense_output=True)
     top = np.abs(run.sol(np.linspace(1480, 1500, 4000))[1]).max()
     assert np.abs(velocity).max() == pytest.approx(top, rel=1e-3)
+
+
+def test_time_to_reach_a_cycle():
+    """alpha = 100 (1 - a^2): integral of da / (a alpha); not what lies behind."""
+
+    def reached(a):
+        return np.log(a / np.sqrt(1 - a**2)) / 100
+
+    one = np.ones((1, 1), complex)
+    branch = GrowthBranch(100.0, np.ones(1))
+    for a in (*np.geomspace(1e-3, 0.999, 400), 0.99):
+        alpha = 100 * (1 - a**2) * (1 if len(branch.points) < 400 else -1)
+        branch.add(Vibration(a * one, a * one, alpha + 1e3j, a))
+    branch.cycles = [Cycle(kind, Vibration(one, one, 1e3j, 1.0)) for kind in (STABLE, UNSTABLE)]
+    time = time_to_reach(branch, branch.cycles[0])
+    assert time == pytest.approx(reached(0.95) - reached(0.01), rel=2e-3)
+    assert np.isnan(time_to_reach(branch, branch.cycles[1]))
