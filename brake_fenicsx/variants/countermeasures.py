@@ -17,7 +17,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from brake_fenicsx.errors import BrakeError, SceneError, StorageError
+from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError, StorageError
 from brake_fenicsx.folder.files import digest
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import on_first
@@ -31,7 +31,7 @@ from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.countermeasures import Countermeasure
 from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.scene.samples import ROUGH, is_constant, split_key
-from brake_fenicsx.scene.scalars import changes_bodies
+from brake_fenicsx.scene.scalars import changes_bodies, is_length
 from brake_fenicsx.scene.units import quantity_text
 from brake_fenicsx.uncertainty.inputs import law_material, scaled_interfaces
 
@@ -138,7 +138,16 @@ class Search:
         if self._one_brake is None:
             together = [q for q in self.scene.countermeasures if q.key not in self._own_brake]
             changing = [q for q in together if changes_bodies(self.scene, q.key)]
-            self._one_brake = self._prepared([], {q.key: [q.start, q.stop] for q in changing})
+            try:
+                self._one_brake = self._prepared([], {q.key: [q.start, q.stop] for q in changing})
+            except (SceneError, InaccurateResult) as error:
+                lengths = {q.key for q in changing if is_length(q.key)}
+                if not lengths:
+                    raise
+                # A length whose range no brake stands does not fail the others.
+                logger.warning("lengths with a brake for each value: %s", error)
+                self._own_brake |= lengths
+                return self.trial(c, worst, x)
         return Trial(self._one_brake.study, worst, self.runs.comm, c.key)
 
     def _prepared(self, changes: list[str], ranges: dict[str, list[float]]) -> Model:
