@@ -22,7 +22,7 @@ from .harmonic_balance import Condition, HarmonicBalance, Vibration
 
 # First, largest and smallest step along the branch, relative to the vibration; a vibration found
 # so near to what was expected, or nearer than a step, is of the same branch.
-FIRST, LARGEST, SMALLEST, NEARBY, POINTS = 0.4, 0.8, 1e-3, 0.05, 60
+FIRST, LARGEST, SMALLEST, NEARBY, POINTS = 0.4, 0.8, 5e-3, 0.05, 60
 
 # Share of the linear growth at which growth without damping counts as ended: alpha^2 falls
 # linearly in the amplitude there, and the amplitude is off by the square of this share.
