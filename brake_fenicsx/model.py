@@ -317,11 +317,12 @@ def entered(source: Source) -> Study:
 
 
 def _with_ranges(parsed: Scene, parameters: Mapping[str, Sequence[float]]) -> Scene:
-    """A scene with a sweep over the ranges of parameters: it prepares what many values share."""
+    """A scene that sweeps over these ranges too: it prepares what many values share."""
     if "equilibrium" not in parsed.stages:
         raise SceneError(f"{parsed.file}: stages: 'equilibrium' is missing")
     ranges = {key: Range(values=tuple(values)) for key, values in parameters.items()}
-    return replace(parsed, sweep=Sweep(ranges))
+    swept = parsed.sweep or Sweep()
+    return replace(parsed, sweep=replace(swept, parameters={**swept.parameters, **ranges}))
 
 
 def _prepared(

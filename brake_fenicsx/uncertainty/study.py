@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
@@ -136,7 +137,7 @@ class Study:
         raise reason
 
     def run(self, first: int | None = None) -> None:
-        """Run every sample that is not stored yet; long ones first.
+        """Run every sample that is not stored yet; long ones first, then approaches of few samples.
 
         Args:
             first: so many of each approach, without the verification; all if None.
@@ -144,7 +145,9 @@ class Study:
         reduced = self.models.by_reduction
         tasks = [t for t in self.tasks if first is None or t[1] < first]
         long = [t for t in tasks if not reduced[t[0]]] + ([] if first else self.verify)
-        short = [t for t in tasks if reduced[t[0]]]
+        # One sample that takes long comes before many, which fill the time of the others.
+        count = Counter(approach for approach, _ in tasks)
+        short = sorted((t for t in tasks if reduced[t[0]]), key=lambda t: count[t[0]])
         # An equilibrium alone is no work for several processes.
         paired = self.models.stability is not None and self.brake.K.shape[0] < LARGEST
         run_ensemble(short, self.work, self.store, self.comm, long, paired=paired)
