@@ -30,9 +30,9 @@ from .bodies import Array, Bodies, Complex
 from .newton_steps import Factors, Step, changes, newton_step, through
 
 # Newton's iterations at most, and what each must gain with the factors of an earlier vibration;
-# vectors of GMRES at most, with new factors and with those of an earlier vibration; relative step
-# of differences over lambda.
-ITERATIONS, GAIN, MISSES, VECTORS, FEW, DIFFERENCE = 20, 0.3, 1, 200, 100, 1e-3
+# slow ones that are borne; vectors of GMRES at most, with new factors and with those of an earlier
+# vibration; relative step of differences over lambda; least frequency over that of the guess.
+ITERATIONS, GAIN, MISSES, VECTORS, FEW, DIFFERENCE, SLOW = 20, 0.3, 1, 200, 100, 1e-3, 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,7 +237,8 @@ class HarmonicBalance:
             found = Vibration(
                 found.a + share * a, y, found.s + share * s, float((phase @ y[:, 1]).real)
             )
-            if found.s.imag <= 0 or found.amplitude <= 0:
+            # A state at rest solves the equations too.
+            if found.s.imag < SLOW * guess.s.imag or found.amplitude <= 0:
                 break
             if size * min(size / last, 1.0) <= tolerance:
                 return replace(found, amplitude=self.size(found.y[:, 1])), iteration
