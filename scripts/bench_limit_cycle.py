@@ -151,7 +151,7 @@ if __name__ == "__main__":
     words = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     words.add_argument("--figure", type=Path, metavar="FILE", help="draw the figure of the docs")
     words.add_argument("--branches", action="store_true", help="how many branches reach a cycle")
-    words.add_argument("--cost", action="store_true", help="a branch over the linear modes")
+    words.add_argument("--cost", action="store_true", help="brakes: a branch over the modes")
     given = words.parse_args()
     if given.figure:
         figure(given.figure)

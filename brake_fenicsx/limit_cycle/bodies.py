@@ -12,7 +12,10 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
-Index = NDArray[np.intp]
+
+# Linear steps leave out terms below these shares of the largest: of matrices, and of ``own``, whose
+# terms cancel near a resonance, as far as single precision tells.
+SMALL, ROUNDING = 1e-4, 1e-8
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,14 +56,11 @@ class Bodies:
         other = self.weights(lam)[1]
         return _sum(self.source, other, a) + _sum(self.D, other, F)
 
-    def rough(self, lam: Complex) -> Bodies:
-        """For linear steps: in single precision, without terms that do not count at these lambda.
-
-        Coordinates meet resonances, where what is left of ``own`` is small.
-        """
+    def single(self, lam: Complex) -> Bodies:
+        """In single precision, without the last terms that are small at lambda, shape (n,)."""
         own, other = self.weights(lam)
-        lead, source, D = (_leading(A, other, 1e-4) for A in (self.lead, self.source, self.D))
-        return Bodies(_leading(self.own, own, 1e-8), lead, source, D, self.weights)
+        lead, source, D = (_leading(A, other, SMALL) for A in (self.lead, self.source, self.D))
+        return Bodies(_leading(self.own, own, ROUNDING), lead, source, D, self.weights)
 
     def at(self, s: complex) -> tuple[Complex, ...]:
         """``own``, ``lead``, ``source`` and ``D`` at lambda = s, one matrix each."""

@@ -31,7 +31,8 @@ from .newton_steps import Factors, Step, changes, newton_step, through
 
 # Newton's iterations at most, and what each must gain with the factors of an earlier vibration;
 # slow ones that are borne; vectors of GMRES at most, with new factors and with those of an earlier
-# vibration; relative step of differences over lambda; least frequency over that of the guess.
+# vibration; relative step of differences over lambda, which single precision resolves; least
+# frequency over that of the guess.
 ITERATIONS, GAIN, MISSES, VECTORS, FEW, DIFFERENCE, SLOW = 20, 0.3, 1, 200, 100, 1e-3, 0.1
 
 
@@ -149,7 +150,7 @@ class HarmonicBalance:
         self._loss = np.where(np.arange(harmonics + 1) > 1, 0.5 * loss, 0.0)
         # Of a vibration nearby, found before.
         self._factors: Factors | None = None
-        self._rough: Bodies | None = None
+        self._single: Bodies | None = None
 
     def contact(self, at: Vibration) -> tuple[Complex, Tangent]:
         """Harmonics of the forces of a vibration, and their tangent over time."""
@@ -180,7 +181,7 @@ class HarmonicBalance:
         return np.asarray(la.solve(E, source @ a))
 
     def start(self, s: complex, a: Complex, y: Complex, amplitude: float) -> Vibration:
-        """A vibration along a linear mode; what is kept of those found before is given up.
+        """A vibration along a linear mode; factors of earlier vibrations are dropped.
 
         Args:
             s: its eigenvalue [1/s].
@@ -188,7 +189,7 @@ class HarmonicBalance:
             y: its motions at the contact, shape (followed rows,).
             amplitude: of the vibration [m].
         """
-        self._factors = self._rough = None
+        self._factors = self._single = None
         factor = amplitude / self.size(y)
         first = np.eye(1, self.harmonics + 1, 1) + 0j
         return Vibration(factor * a[:, None] * first, factor * y[:, None] * first, s, amplitude)
@@ -257,15 +258,15 @@ class HarmonicBalance:
         """Newton's step, None if not found, and whether its factors are new."""
         F, tangent = self.contact(at)
         lam, step = self.lam(at), DIFFERENCE * abs(at.s)
-        rough = self._rough or self.bodies.rough(lam)
-        ahead, here = (rough.unbalanced(x, at.a, at.y, F) for x in (lam + step, lam))
-        slope, self._rough = (ahead - here) / step, rough
+        single = self._single or self.bodies.single(lam)
+        ahead, here = (single.unbalanced(x, at.a, at.y, F) for x in (lam + step, lam))
+        slope, self._single = (ahead - here) / step, single
 
         def balances(a: Complex, y: Complex, s: complex) -> Complex:
             moved = changes(s, y.shape[1])
             v = at.lam * y + moved * at.y
             change = tangent.times(self.over_time(y), self.over_time(v))
-            return rough.unbalanced(lam, a, y, self.harmonics_of(change)) + moved * slope
+            return single.unbalanced(lam, a, y, self.harmonics_of(change)) + moved * slope
 
         def equation(a: Complex, y: Complex, s: complex) -> complex:
             return complex(condition(a, y, s), (phase @ y[:, 1]).imag / at.amplitude)
@@ -277,5 +278,5 @@ class HarmonicBalance:
         if self._factors and (made := newton_step(self._factors, *given, FEW)):
             return made, False
         J, amplitude = tangent.stiffness, at.amplitude
-        self._factors = Factors(rough, lam, J, slope, phase, amplitude)
+        self._factors = Factors(single, lam, J, slope, phase, amplitude)
         return newton_step(self._factors, *given, VECTORS), True

@@ -5,9 +5,11 @@ is not in balance,
 
     own a_n + lead J y_n = x_a,    -source a_n + (1 + D J) y_n = x_y.
 
-D hardly changes with the frequency: with that of the first harmonic one real factor of 1 + D J
-eliminates the motions of all harmonics, and matrices as small as the coordinates remain, one for
-each. GMRES on the exact balances, preconditioned by this, makes the step; it couples the harmonics.
+D hardly changes with the frequency: with that of the first harmonic one real inverse of 1 + D J
+eliminates the motions of all harmonics, which leaves a Schur complement on the coordinates for
+each. This preconditions GMRES on the balances with the tangent over time, which couples the
+harmonics (Newton-Krylov: Knoll and Keyes, J. Comput. Phys. 193, 2004,
+doi:10.1016/j.jcp.2003.08.010).
 """
 
 from __future__ import annotations
@@ -33,13 +35,17 @@ Step = tuple[Complex, Complex, complex]
 
 
 class Factors:
-    """Approximate inverse, in single precision, of a vibration's balances."""
+    """Approximate inverse, in single precision, of a vibration's balances.
+
+    Attributes:
+        coordinates: number of the bodies' coordinates.
+    """
 
     def __init__(
         self, bodies: Bodies, lam: Complex, J: Array, slope: Complex, phase: Complex,
         amplitude: float,
     ):  # fmt: skip
-        """Factor them.
+        """Eliminate the motions, and invert what remains of each harmonic.
 
         Args:
             bodies: the bodies.
@@ -51,14 +57,14 @@ class Factors:
             amplitude: of the vibration [m], which ``slope`` grows with.
         """
         _, lead, source, D = (A.real.astype(np.float32) for A in bodies.at(complex(lam[1])))
-        J, self._phase, count = J.astype(np.float32), phase, source.shape[1]
-        self.lead, self._amplitude = through(lead, J), amplitude
+        J, self._phase, self.coordinates = J.astype(np.float32), phase, source.shape[1]
+        self._lead, self._amplitude = through(lead, J), amplitude
         self._local = inverse(np.eye(len(D)) + through(D, J), np.float32)
         self._moved = self._local @ source
-        self._with_lam = times(self._local, slope[count:])
-        self._to_lam = slope[:count] - times(self.lead, self._with_lam)
+        self._with_lam = times(self._local, slope[self.coordinates :])
+        self._to_lam = slope[: self.coordinates] - times(self._lead, self._with_lam)
         self._size = float(la.norm(slope[:, 1])) or 1.0
-        stiffness, self._own = self.lead @ self._moved, []
+        stiffness, self._own = self._lead @ self._moved, []
         for n, weights in enumerate(bodies.weights(lam)[0].T):
             A = weighted(bodies.own, weights) + stiffness
             if n == 1:
@@ -74,21 +80,21 @@ class Factors:
             given: value of the phase row.
             amplitude: of the vibration [m].
         """
-        count, ratio = len(self.lead), amplitude / self._amplitude
-        y = times(self._local, x[count:])
-        a = x[:count] - times(self.lead, y)
+        ratio = amplitude / self._amplitude
+        y = times(self._local, x[self.coordinates :])
+        a = x[: self.coordinates] - times(self._lead, y)
         first = np.append(a[:, 1], given - self._phase @ y[:, 1]).astype(np.complex64)
         first = self._own[1] @ first
         s = complex(first[-1]) / (self._size * ratio)
         moved = ratio * changes(s, x.shape[1])
         a = (a - moved * self._to_lam).astype(np.complex64)
-        for n, inverse in enumerate(self._own):
-            a[:, n] = first[:-1] if n == 1 else inverse @ a[:, n]
+        for n, own in enumerate(self._own):
+            a[:, n] = first[:-1] if n == 1 else own @ a[:, n]
         return a, y + times(self._moved, a) - moved * self._with_lam, s
 
 
 def inverse(A: NDArray[Any], kind: type) -> NDArray[Any]:
-    """Inverse in a precision; numbers that are none where A is singular, and the step fails."""
+    """Inverse in a precision; NaN where A is singular: the step then fails."""
     try:
         return np.asarray(la.inv(A.astype(kind), check_finite=False))
     except la.LinAlgError:
@@ -125,7 +131,7 @@ def newton_step(
         amplitude: of the vibration [m].
         most: vectors at most.
     """
-    shape, count = x.shape, len(factors.lead)
+    shape, count = x.shape, factors.coordinates
 
     def packed(x: Complex, given: complex) -> Array:
         a, y, s = factors.solve(x, amplitude * given, amplitude)

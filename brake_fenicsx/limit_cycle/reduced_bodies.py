@@ -10,7 +10,6 @@ from __future__ import annotations
 import numpy as np
 
 from brake_fenicsx.stability.substructures import ReducedModel
-from brake_fenicsx.stability.substructures.sample import Closed
 
 from .bodies import Array, Bodies, Complex
 
@@ -37,8 +36,9 @@ def reduced_bodies(model: ReducedModel, p: Array, mu: Array) -> Bodies:
     source = np.zeros((len(lead), f * c, size))
     for body, view in zip(model.bodies, views, strict=True):
         comp, modes, m = body.component, body.modes, body.elements.size
-        elements = Closed(np.arange(m), body.elements)
-        followed, acting = (elements.rows(blocks, m, c)[1] for blocks in (f, g))
+        followed, acting = (
+            (body.elements + c * np.arange(blocks)[:, None]).ravel() for blocks in (f, g)
+        )
         own[:, modes, modes] += view.modal
         lead[0][modes, acting] += view.acting.T
         source[0][followed, modes] += view.followed

@@ -85,7 +85,9 @@ def draw_growth(run: RunData) -> Figure | None:
             ended = (cycles["approach"] == approach) & (cycles["family"] == family)
             for words, fill in ((ENDED, colour), ("unstable", "none")):
                 at = cycles["amplitude_um"][ended & _begins(cycles, words)]
-                axis.plot(at, np.zeros_like(at), "o", ms=5, mec=colour, mfc=fill, clip_on=False)
+                # To the layout, unclipped markers of no points lie in the corner of the figure.
+                if at.size:
+                    axis.plot(at, np.zeros_like(at), "o", ms=5, mec=colour, mfc=fill, clip_on=False)
         axis.axhline(0.0, color=GREY, lw=0.8)
         axis.set_xscale("log")
         axis.set_xlabel("amplitude of the gap, rms of patches [um]")

@@ -125,8 +125,8 @@ class Equilibria:
 
     def _full_bodies(self, sample: SampleInput, bodies: BodyOperators) -> BodyOperators:
         """The own bodies of a sample, factored anew."""
-        K, b, k0 = self.models.stiffness(sample), bodies, bodies.compliance.k0
-        own = compliance(K, b.N, b.T, b.w, b.f, k0, MPI.COMM_SELF)
+        b, K = bodies, self.models.stiffness(sample)
+        own = compliance(K, b.N, b.T, b.w, b.f, b.compliance.k0, MPI.COMM_SELF)
         if own.factor is not None:
             own.factor.destroy()
         return replace(bodies, compliance=replace(own, factor=None))
@@ -143,8 +143,7 @@ class Equilibria:
 
     def _bodies(self, sample: SampleInput) -> BodyOperators:
         """The scene's bodies under the loads of a sample."""
-        b, pressures = (
-            self.models.contact(sample.random), self.models.pressures(sample.pressures)
-        )  # fmt: skip
+        b = self.models.contact(sample.random)
+        pressures = self.models.pressures(sample.pressures)
         f, c = self.models.unit_loads @ pressures, self.models.loaded(pressures)
         return BodyOperators(b.N, b.T, b.w, b.g0, f, c)

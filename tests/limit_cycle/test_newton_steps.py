@@ -1,5 +1,7 @@
 """Newton's steps of harmonic balance against the solution of a dense Jacobian."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -15,14 +17,14 @@ def problem():
     draw = np.random.default_rng(3)
     out, acting = draw.normal(size=(2, PATCHES, COORDINATES))
     stiffness = np.diag([1.0, 4.2, 9.5, 30.0])
-    bodies = matrices(np.eye(COORDINATES), 0.01 * stiffness, stiffness, out, acting)
+    given = matrices(np.eye(COORDINATES), 0.01 * stiffness, stiffness, out, acting)
     D = np.array([np.eye(PATCHES) + 0.1, 1e-3 * np.ones((PATCHES, PATCHES))])
 
     def weights(s):
         powers = s ** np.arange(3)[:, None]
         return powers, powers
 
-    bodies = type(bodies)(bodies.own, bodies.lead, bodies.source, D, weights)
+    bodies = replace(given, D=D, weights=weights)
 
     def forces(y, v):
         tangent = -0.3 - 3 * y**2, np.full_like(y, 0.05)
