@@ -57,8 +57,8 @@ joint = { n = 4, design = "sobol" }
 key = "parts.block.height"
 to = "22 mm"
 [[countermeasures]]
-key = "contact.block_plate.friction.static"
-to = 0.55
+key = "materials.iron.rho"
+to = "7 g/cm^3"
 """)
 RICH["materials"]["lining"] = LINING
 VALUES = (

@@ -234,23 +234,37 @@ def assemble_elastic(
         area = measured_area(mesh, ds)
         k = fem.Constant(mesh.domain, one.stiffness / area + one.bedding)
         c = fem.Constant(mesh.domain, one.damping / area)
-        m = fem.Constant(mesh.domain, PETSc.ScalarType(one.mass / area))
         if k.value.any():
             fem_petsc.assemble_matrix(K, fem.form(ufl.inner(ufl.dot(k, u), v) * ds))
         if c.value.any():
             A = fem_petsc.assemble_matrix(fem.form(ufl.inner(ufl.dot(c, u), v) * ds))
             part = on_free_dofs(A, free)
             dashpots = part if dashpots is None else dashpots + part
+    f, record = _loads(mesh, free, loads)
+    mass = _mass(M, free, lumped)
+    for one in added:
         if one.mass:
-            fem_petsc.assemble_matrix(M, fem.form(mass_form(u, v, m, ds)))
+            mass = mass + one.mass * face_mass(mesh, free, one.face, lumped)
+    return Elastic(on_free_dofs(K, free), mass, f, free, record, dashpots)
+
+
+def face_mass(mesh: Mesh, free: FreeDofs, face: str, lumped: bool = False) -> sp.csr_matrix:
+    """Mass of 1 kg that is spread evenly over a named face, on the free dofs [-]."""
+    u, v = ufl.TrialFunction(free.V), ufl.TestFunction(free.V)
+    ds = _face(mesh, face, "masses")
+    m = fem.Constant(mesh.domain, PETSc.ScalarType(1 / measured_area(mesh, ds)))
+    return _mass(fem_petsc.assemble_matrix(fem.form(mass_form(u, v, m, ds))), free, lumped)
+
+
+def _mass(M: PETSc.Mat, free: FreeDofs, lumped: bool) -> sp.csr_matrix:
+    """A mass on the free dofs, each row summed on its diagonal if wanted."""
     M.assemble()
     if lumped:
         lump(M)
-    f, record = _loads(mesh, free, loads)
-    stiffness, mass = on_free_dofs(K, free), on_free_dofs(M, free)
+    found = on_free_dofs(M, free)
     # The components of a displacement share no mass.
-    mass.eliminate_zeros()
-    return Elastic(stiffness, mass, f, free, record, dashpots)
+    found.eliminate_zeros()
+    return found
 
 
 def face_area(mesh: Mesh, face: str) -> float:

@@ -1,6 +1,7 @@
 """[[countermeasures]]: numbers of the scene that a user could change, and how far.
 
-Each is one number that the scene writes. The farthest value is read as the scene would read it in
+Each is a scalar that samples of one brake may take other values of, as random and swept ones are
+(``samples``), and that the scene writes. The farthest value is read as the scene would read it in
 that number's place, so that units, signs and all rules are those of the scene.
 """
 
@@ -9,14 +10,14 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene.friction import slides
+from brake_fenicsx.scene.parts import length_in_scene, length_key
 from brake_fenicsx.scene.samples import NO_ROUGH_SAMPLES, is_constant, split_key
-from brake_fenicsx.scene.scalars import check_scalar, may_vary, si_unit
-from brake_fenicsx.scene.tables import dotted, key_parts
+from brake_fenicsx.scene.scalars import check_scalar, si_unit
+from brake_fenicsx.scene.tables import KeyMistake, dotted, key_parts
 from brake_fenicsx.scene.tables import key as scene_key
 
 if TYPE_CHECKING:
@@ -36,7 +37,6 @@ class Countermeasure:
         start: value in the scene, SI.
         stop: farthest value, SI.
         unit: SI unit of both.
-        is_scalar: whether samples take other values of it on one prepared brake.
     """
 
     key: str
@@ -44,7 +44,6 @@ class Countermeasure:
     start: float = scene_key(default=0.0, internal=True)
     stop: float = scene_key(default=0.0, internal=True)
     unit: str = scene_key(default="", internal=True)
-    is_scalar: bool = scene_key(default=False, internal=True)
 
     def override(self, scene: Scene, value: float | str) -> str:
         """The replacement "key=value" that gives the scene another value.
@@ -88,81 +87,52 @@ def with_ends(scene: Scene, read: Callable[[str], Scene]) -> Scene:
             raise SceneError(f"countermeasures.key = {error}") from None
         if name in changes:
             raise SceneError(f"countermeasures.key = {c.key!r}: named twice; leave one out")
-        changes[name] = _with_ends(scene, c, read)
+        changes[name] = _with_ends(scene, replace(c, key=name), read)
     return replace(scene, countermeasures=tuple(changes.values()))
 
 
 def _with_ends(scene: Scene, c: Countermeasure, read: Callable[[str], Scene]) -> Countermeasure:
     where = f"countermeasures.key = {c.key!r}"
-    start, unit = _number(scene, c.key, where)
-    _check_not_random(scene, c.key, where)
-    is_scalar = may_vary(scene, c.key)
-    if is_scalar:
-        check_scalar(scene, where, c.key)
     try:
-        stop, _ = _number(read(c.override(scene, c.to)), c.key, where)
+        unit = si_unit(scene, c.key)
+    except KeyMistake as error:
+        raise SceneError(f"{where}: {error}") from None
+    if split_key(c.key)[0] == "samples":
+        raise SceneError(f"{where}: is of perfect contact alone; leave it out")
+    check_scalar(scene, where, c.key)
+    _check_not_random(scene, c.key, where)
+    _check_written(scene, c.key, where)
+    try:
+        stop = _value(read(c.override(scene, c.to)), c.key)
     except SceneError as error:
         raise SceneError(f"{where}, to = {c.to!r}: {error}") from None
+    start = _value(scene, c.key)
     if math.isclose(stop, start):
         raise SceneError(f"{where}, to = {c.to!r}: is the scene's own value; write another one")
-    return replace(c, start=start, stop=stop, unit=unit, is_scalar=is_scalar)
+    return replace(c, start=start, stop=stop, unit=unit)
 
 
-def _number(scene: Scene, name: str, where: str) -> tuple[float, str]:
-    """Value of a key in the scene, SI, and its unit.
-
-    Raises:
-        SceneError: no such key, not a number, or a number that is no property of the brake.
-    """
-    parts = key_parts(name)
-    holder: Any = None
-    match parts:
-        case ["parts", part, "morph", which, _] if which in getattr(
-            scene.parts.get(part), "morph", {}
-        ):
-            holder = scene.parts[part].morph[which]
-        case ["parts", part, last] if part in scene.parts and not last.endswith("size"):
-            holder = scene.parts[part] if last == "axis" else scene.parts[part].parameters
-        case ["materials", table, _] | ["loads", table, "pressure"] | ["masses", table, "mass"] if (
-            table in getattr(scene, parts[0])
-        ):
-            holder = getattr(scene, parts[0])[table]
-        case ["contact", interface, "friction", *below] if interface in scene.contact:
-            if not slides(scene, interface):
-                raise SceneError(
-                    f"{where}: the interface is stuck, and its friction moves no mode; leave it"
-                    ' out, or write slip = "motion"'
-                )
-            holder = scene.contact[interface].friction if below else scene.contact[interface]
-        case ["motion", "speed"] if scene.motion is not None:
-            return _written(scene, parts, where, scene.motion.rate), si_unit(scene, "motion.speed")
-        case [*above, ("alpha" | "beta") as which] if above == RAYLEIGH:
-            if scene.damping and scene.damping.rayleigh:
-                i = ("alpha", "beta").index(which)
-                return scene.damping.rayleigh[i], ("1/s", "s")[i]
-        case _:
-            raise SceneError(
-                f"{where}: cannot be a countermeasure, or is not there; name a length or an angle"
-                " of a part, a constant of a material, contact.NAME.friction,"
-                ' loads."PART.FACE".pressure, masses."PART.FACE".mass, motion.speed, or'
-                " stability.damping.rayleigh.alpha or .beta"
-            )
-    units = {f.name: f.metadata.get("unit", "") for f in fields(holder)} if holder else {}
-    value = getattr(holder, parts[-1]) if parts[-1] in units else None
-    unit = "rad" if parts[-1] == "axis" else units.get(parts[-1], "")
-    return _written(scene, parts, where, value), unit
+def _value(scene: Scene, name: str) -> float:
+    """Value of a scalar that the scene writes, SI."""
+    section, table, last = split_key(name)
+    if scene.motion is not None and section == "motion":
+        return scene.motion.rate
+    if scene.damping and scene.damping.rayleigh and section == "stability":
+        return scene.damping.rayleigh[("alpha", "beta").index(last)]
+    if section == "parts":
+        part, last = length_key(name)
+        return length_in_scene(scene.parts[part], last)
+    return float(getattr(getattr(scene, section)[table], last))
 
 
-def _written(scene: Scene, parts: list[str], where: str, value: Any) -> float:
-    """A value that the scene itself writes as one number."""
+def _check_written(scene: Scene, name: str, where: str) -> None:
+    """Only what the scene writes can be replaced in it."""
     table: Any = scene.table
-    for step in parts:
+    parts = key_parts(name)
+    for step in parts[:-1] if parts[:-1] == RAYLEIGH else parts:
         table = table.get(step) if isinstance(table, dict) else None
     if table is None:
         raise SceneError(f"{where}: the scene does not write it; write it with its present value")
-    if not isinstance(value, float):
-        raise SceneError(f"{where}: is not a number that can change by degrees; name one that is")
-    return value
 
 
 def _check_not_random(scene: Scene, name: str, where: str) -> None:

@@ -9,7 +9,8 @@ scalar's unit:
         stiffnesses; or an engineering constant: E, nu of an isotropic material, E_1, E_2, E_3,
         nu_12, nu_31, nu_32, G_12, G_13, G_23 of any other one, however its table is written. The
         named ones change, the others of this list stay.
-    materials.NAME.loss
+    materials.NAME.loss, materials.NAME.rho
+    masses.FACE.mass
     parts.NAME.lining, .plate, .shim            thickness of the layers of a pad
     parts.NAME.thickness, parts.NAME.height     of a disc, of a block
     parts.NAME.slot_depth, .chamfer_depth       of a pad
@@ -51,6 +52,8 @@ SCALARS = (
     (r"loads\..+\.pressure", "Pa"),
     (r"materials\..+\.(loss|nu|nu_\d\d)", ""),
     (r"materials\..+\.(E|E_\d|G_\d\d|C\d\d)", "Pa"),
+    (r"materials\..+\.rho", "kg/m^3"),
+    (r"masses\..+\.mass", "kg"),
     (r"motion\.speed", "rad/s or m/s"),
     (r"parts\..+\.(lining|plate|shim|slot_depth|chamfer_depth|layers\.\w+|morph\.\w+\.value)", "m"),
     (r"parts\..+\.(thickness|cheek|hat|flange|height)", "m"),
@@ -206,7 +209,7 @@ def split_key(name: str) -> tuple[str, str, str]:
 def is_constant(name: str) -> bool:
     """Whether a scalar, by its dotted key, is an elastic constant of a material."""
     section, _, last = split_key(name)
-    return section == "materials" and last != "loss"
+    return section == "materials" and last not in ("loss", "rho")
 
 
 def unit_of(name: str) -> str:
@@ -220,17 +223,18 @@ def unit_of(name: str) -> str:
             return unit
     if split_key(name)[0] == "parts":
         raise KeyMistake(
-            "of the parts only these lengths may vary from sample to sample: lining, plate, shim,"
+            "of the parts only these lengths may vary on one brake: lining, plate, shim,"
             " slot, slot_depth, chamfer and chamfer_depth of a pad, thickness, cheek, hat, flange,"
             " radius and bore of a disc, length, width and height of a block, layers.LAYER of a"
             " mesh file and morph.LENGTH.value of a displaced mesh; run the scene once for"
-            f" each value, with --set {name}=VALUE", name,
+            f" each value, with --set {name}=VALUE, and compare the runs", name,
         )  # fmt: skip
     raise KeyMistake(
-        "cannot be random or swept; contact.NAME.friction, loads.FACE.pressure,"
-        " materials.NAME.CONSTANT, materials.NAME.loss, parts.NAME.THICKNESS,"
-        " stability.damping.rayleigh.alpha and .beta, motion.speed and samples.classical.penalty"
-        " can", name,
+        "one brake has one value of it: run the scene once for each, with --set, and compare the"
+        " runs; others may vary: contact.NAME.friction, loads.FACE.pressure,"
+        " materials.NAME.CONSTANT, .loss and .rho, masses.FACE.mass, parts.NAME.THICKNESS,"
+        " stability.damping.rayleigh.alpha and .beta, motion.speed, samples.classical.penalty",
+        name,
     )  # fmt: skip
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 from itertools import chain
 from typing import TYPE_CHECKING, Any
@@ -18,7 +17,7 @@ from brake_fenicsx.scene.parts import (
     moved_planes,
     moved_sideways,
 )
-from brake_fenicsx.scene.samples import ENGINEERING, SCALARS, is_constant, split_key, unit_of
+from brake_fenicsx.scene.samples import ENGINEERING, is_constant, split_key, unit_of
 from brake_fenicsx.scene.units import to_si
 
 if TYPE_CHECKING:
@@ -32,7 +31,7 @@ def changes_bodies(scene: Scene, name: str) -> bool:
     """Whether a scalar, by its dotted key, enters the matrices of the bodies."""
     if name == "motion.speed":
         return bool(scene.damping and scene.damping.gyroscopic)
-    return split_key(name)[0] in ("materials", "parts", "stability")
+    return split_key(name)[0] in ("materials", "masses", "parts", "stability")
 
 
 def is_length(name: str) -> bool:
@@ -40,11 +39,9 @@ def is_length(name: str) -> bool:
     return split_key(name)[0] == "parts"
 
 
-def may_vary(scene: Scene, name: str) -> bool:
-    """Whether samples of one brake may have several values of a key of the scene."""
-    if not any(re.fullmatch(pattern, name) for pattern, _ in SCALARS):
-        return False
-    return not is_length(name) or not any(_no_length(scene, *length_key(name)))
+def is_inertia(name: str) -> bool:
+    """Whether a scalar, by its dotted key, is the density of a material or a mass on a face."""
+    return split_key(name)[2] in ("rho", "mass")
 
 
 def si_unit(scene: Scene, name: str) -> str:
@@ -136,11 +133,17 @@ def _idle(s: Scene, name: str) -> Iterator[str]:
             "the interface is stuck, and its friction moves no mode: it is a limit that is listed;"
             ' leave it out, or write slip = "motion"'
         )
+    if section == "materials" and last != "loss" and table not in used_materials(s):
+        yield "no part is made of the material; leave it out"
     if last == "loss" and not (s.damping and s.damping.loss and table in used_materials(s)):
         yield (
             'needs stability.damping = { loss = true, omega_ref = "2 kHz" } and a part of the'
             " material"
         )
+    if is_inertia(name) and s.damping and s.damping.modal:
+        yield "stability.damping.modal is of bodies of one mass; name rayleigh or loss instead"
+    if section == "masses" and s.parts[table.partition(".")[0]].matrices:
+        yield "the mass is on a set of nodes, without an area: run the scene once for each value"
     if section == "stability" and not (s.damping and s.damping.rayleigh):
         yield 'needs the scene\'s own values, stability.damping.rayleigh = ["20 1/s", "1e-8 s"]'
     if name == "samples.classical.penalty" and not PERFECT & {*s.samples.approaches}:

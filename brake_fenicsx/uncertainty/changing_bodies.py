@@ -1,9 +1,10 @@
 """Bodies that change from sample to sample: random and swept materials, lengths and damping.
 
-The stiffness is linear in the C_ij of every material, the damping in its scalars, and both are sums
-of a few functions of a length (``macro.stretching``, ``macro.morphing``): the matrices are
-assembled once, and a sample's are sums of them. The scalars of nearly all samples lie in a box that
-their distributions and the values of a sweep span; the reduced model is interpolated over it.
+The stiffness is linear in the C_ij of every material, the mass in its densities and in masses on
+faces, the damping in its scalars, and all are sums of a few functions of a length
+(``macro.stretching``, ``macro.morphing``): the matrices are assembled once, and a sample's are sums
+of them. The scalars of nearly all samples lie in a box that their distributions and the values of a
+sweep span; the reduced model is interpolated over it.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.macro.brake import Brake, scene_motion
-from brake_fenicsx.macro.elasticity import affine_parts
+from brake_fenicsx.macro.elasticity import affine_parts, face_mass
 from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.macro.material import rotate_about_z
@@ -42,8 +43,8 @@ from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.damping import turning_parts
 from brake_fenicsx.scene.faces import faces_by_area
 from brake_fenicsx.scene.parts import FILE_LAYER, layers_of_thickness, length_key
-from brake_fenicsx.scene.samples import is_constant, split_key
-from brake_fenicsx.scene.scalars import changes_bodies, is_length
+from brake_fenicsx.scene.samples import is_constant, split_key, unit_of
+from brake_fenicsx.scene.scalars import changes_bodies, is_inertia, is_length
 from brake_fenicsx.scene.sweep import Range
 
 from .designs import quantile
@@ -135,10 +136,13 @@ def _spanning(scene: Scene, name: str) -> list[float]:
         values += map(float, quantile(law, [TAIL, 1 - TAIL], nominal))
     if scene.sweep is not None:
         values += [nominal, *scene.sweep.parameters.get(name, Range()).points]
-    if is_length(name) and not min(values) > 0:
+    least = min(values)
+    if not (least > 0 or (least == 0 and name.endswith(".mass"))) and (
+        is_length(name) or is_inertia(name)
+    ):
         raise SceneError(
-            f'samples.random."{name}": the law reaches {min(values):.3g} m with a probability of'
-            f" {TAIL:g}; write a positive min, or a smaller sd"
+            f'samples.random."{name}": the law reaches {least:.3g} {unit_of(name)} with a'
+            f" probability of {TAIL:g}; write a positive min, or a smaller sd"
         )
     return values
 
@@ -157,6 +161,11 @@ def _unscaled(name: str, value: float) -> float:
     return value**-2.0 if _is_modulus(name) and value > 0 else value
 
 
+def _in_bodies(name: str) -> bool:
+    """Whether a scalar of the bodies enters stiffness or mass, and not their damping alone."""
+    return is_constant(name) or is_length(name) or is_inertia(name)
+
+
 def _is_modulus(name: str) -> bool:
     """Whether a constant is positive: E, G, or on the diagonal of the stiffness."""
     constant = split_key(name)[2]
@@ -167,9 +176,9 @@ class Term(NamedTuple):
     """What a matrix that the bodies have a changing multiple of belongs to.
 
     Attributes:
-        material: the material.
+        material: the material, or the dotted key of a mass.
         constant: C_ij of which it is a unit change; "" for its stiffness in the scene, "rho" for
-            its mass, "turning" for its gyroscopic term.
+            its mass, "turning" for its gyroscopic term, "mass" for 1 kg on a face.
         lengths: scalars that the layers follow; none of the other layers of the material.
         power: number of the function of these lengths.
     """
@@ -214,7 +223,7 @@ class ChangingBodies:
         from brake_fenicsx.stability.substructures import Parameters
 
         names = self.box.names
-        shapes = tuple(i for i, name in enumerate(names) if is_length(name))
+        shapes = tuple(i for i, n in enumerate(names) if is_length(n) or is_inertia(n))
         sliding = tuple(i for i, name in enumerate(names) if name in self.contact.names)
         return Parameters(
             len(names), self.coefficients, self.softening(), shapes, sliding,
@@ -228,7 +237,7 @@ class ChangingBodies:
 
     def changed_by(self, values: Mapping[str, float]) -> bool:
         """Whether stiffness or mass of the bodies depend on one of some scalars."""
-        return any(is_constant(n) or is_length(n) for n in values if n in self.box.names)
+        return any(_in_bodies(n) for n in values if n in self.box.names)
 
     def check_range(self, values: Mapping[str, float]) -> None:
         """Refuse lengths that the matrices do not reach.
@@ -258,16 +267,25 @@ class ChangingBodies:
         """
         C = {**self.nominal, **changed_materials(self.scene, values)}
         out, shares = np.zeros((3, len(self.matrices))), self._shares(values)
+        heavier = {
+            split_key(n)[1]: v / nominal_value(self.scene, n)
+            for n, v in values.items()
+            if n in self.box.names and split_key(n)[2] == "rho"
+        }
         for j, (material, constant, names, power) in enumerate(self.changes):
-            factor, usual_factor, is_mass = 1.0, 0.0, constant == "rho"
+            factor, usual_factor, is_mass = 1.0, 1.0, constant in ("rho", "mass")
+            inertia = constant in ("rho", TURNING)
             if shape := self.shapes.get(names):
-                at, inertia = lengths_in(names, shape, values), constant in ("rho", TURNING)
+                at = lengths_in(names, shape, values)
                 factor = shape.factor(power, at, inertia)
                 usual_factor = shape.factor(power, shape.usual, inertia)
             if constant in VOIGT:
                 change = factor * (C[material] - self.nominal[material])[VOIGT[constant]]
+            elif constant == "mass":
+                usual = nominal_value(self.scene, material)
+                change = values.get(material, usual) - usual
             else:
-                change = factor - usual_factor
+                change = factor * (heavier.get(material, 1.0) if inertia else 1.0) - usual_factor
             if constant == TURNING:
                 usual = nominal_value(self.scene, SPEED)
                 out[1, j] = change * values.get(SPEED, usual) / usual
@@ -312,7 +330,7 @@ class ChangingBodies:
         """Share that the damping takes of the stiffness of each material [s], "": of the mass."""
         from brake_fenicsx.stability.damping import mass_share, stiffness_share
 
-        materials = {term.material for term in self.changes}
+        materials = {term.material for term in self.changes if term.constant != "mass"}
         shares = {m: stiffness_share(self.scene, m, values) for m in materials}
         return shares | {"": mass_share(self.scene, values)}
 
@@ -381,6 +399,7 @@ def assemble_changes(scene: Scene, brake: Brake) -> ChangingBodies:
     varied, box = by_material(dict.fromkeys(scene.varied)), Box(scene)
     shapes = shapes_of(scene, mesh, box)
     shaped = {layer: names for names, shape in shapes.items() for layer in shape.layers}
+    densities = {split_key(n)[1] for n in box.names if split_key(n)[2] == "rho"}
     found: dict[Term, sp.csr_matrix] = {}
 
     def assemble(changes: Mapping[str, Array]) -> sp.csr_matrix:
@@ -391,8 +410,9 @@ def assemble_changes(scene: Scene, brake: Brake) -> ChangingBodies:
 
     def follow(term: Term, split: Split, make: Callable[..., sp.csr_matrix], own: Any) -> None:
         for power, matrix in split(mesh, partial(make, own)).items():
-            # The matrices of the scene have what does not depend on the length.
-            if any(power) or term.constant in VOIGT:
+            # The matrices of the scene have what depends neither on a length nor on a density.
+            dense = term.constant in ("rho", TURNING) and term.material in densities
+            if any(power) or term.constant in VOIGT or dense:
                 found[term._replace(power=power)] = matrix
 
     for material, constants_of in varied.items():
@@ -400,33 +420,43 @@ def assemble_changes(scene: Scene, brake: Brake) -> ChangingBodies:
             changes = unit_change(scene, mesh, material, constant)
             for names in ((), *shapes):
                 own = {layer: C for layer, C in changes.items() if shaped.get(layer, ()) == names}
-                if own and names:
-                    follow(Term(material, constant, names), shapes[names].stiffness, assemble, own)
-                elif own:
-                    found[Term(material, constant)] = assemble(own)
+                if own:
+                    split = shapes[names].stiffness if names else _whole
+                    follow(Term(material, constant, names), split, assemble, own)
     lumped, turns, motion = scene.mesh.mass == "lumped", turning_parts(scene), scene_motion(scene)
-    for names, shape in shapes.items():
-        layers = layer_materials(scene, scene_materials(scene), shape.layers)
-        for material in dict.fromkeys(material_of(scene, layer) for layer in layers):
-            same = {n: m for n, m in layers.items() if material_of(scene, n) == material}
-            density = {layer: m.rho for layer, m in same.items()}
-            term = Term(material, "", names)
-            follow(term, shape.stiffness, assemble, {layer: m.C for layer, m in same.items()})
-            follow(term._replace(constant="rho"), shape.inertia, weigh, density)
-            if length_key(names[0])[0] in turns and isinstance(motion, Rotation):
-                from brake_fenicsx.stability.damping import gyroscopic
+    layers, groups = layer_materials(scene, scene_materials(scene), mesh.layers), dict[Any, Any]()
+    for layer, m in layers.items():
+        material, names = material_of(scene, layer), shaped.get(layer, ())
+        if names or material in densities:
+            groups.setdefault((material, names), {})[layer] = m
+    for (material, names), own in groups.items():
+        term, inertia = Term(material, "", names), shapes[names].inertia if names else _whole
+        if names:
+            follow(term, shapes[names].stiffness, assemble, {n: m.C for n, m in own.items()})
+        follow(term._replace(constant="rho"), inertia, weigh, {n: m.rho for n, m in own.items()})
+        turning = {n: m.rho for n, m in own.items() if n.partition(".")[0] in turns}
+        if turning and isinstance(motion, Rotation):
+            from brake_fenicsx.stability.damping import gyroscopic
 
-                turn = partial(gyroscopic, mesh, free, rotation=motion)
-                follow(term._replace(constant=TURNING), shape.inertia, turn, density)
+            turn = partial(gyroscopic, mesh, free, rotation=motion)
+            follow(term._replace(constant=TURNING), inertia, turn, turning)
+    for name in box.names:
+        if split_key(name)[2] == "mass":
+            found[Term(name, "mass")] = face_mass(mesh, free, split_key(name)[1], lumped)
     _share_patterns([*found.values()])
     slopes: dict[str, sp.csr_matrix] = {}
-    if damping := [n for n in box.names if not is_constant(n) and not is_length(n)]:
+    if damping := [n for n in box.names if not _in_bodies(n)]:
         from brake_fenicsx.stability.damping import damping_slopes
 
         slopes = damping_slopes(scene, brake, damping)
     nominal = {name: stiffness(scene.materials[name]) for name in varied}
     contact = MovingContact(scene, brake, shapes)
     return ChangingBodies(scene, box, nominal, found, slopes, shapes, contact)
+
+
+def _whole(_: Mesh, assemble: Assembly) -> dict[Power, sp.csr_matrix]:
+    """A matrix of layers that no length changes."""
+    return {(): assemble()}
 
 
 def _share_patterns(matrices: list[sp.csr_matrix]) -> None:

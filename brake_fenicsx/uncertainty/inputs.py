@@ -158,7 +158,7 @@ def inputs_of(
             continue
         if name == "motion.speed" and not value * nominal_value(scene, name) > 0:
             raise SceneError(f"{name} = {value:g}: must not be zero, and have the scene's sign")
-        elif (last == "penalty" or is_length(name)) and not value > 0:
+        elif (last in ("penalty", "rho") or is_length(name)) and not value > 0:
             raise SceneError(f"{name} = {value:g}: must be positive")
         elif name != "motion.speed" and not value >= 0:
             raise SceneError(f"{name} = {value:g}: must be zero or more")

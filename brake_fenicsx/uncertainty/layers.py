@@ -18,6 +18,7 @@ from brake_fenicsx.macro.material import Material
 from brake_fenicsx.macro.material_table import layer_materials, scene_materials
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.damping import turning_parts
+from brake_fenicsx.scene.samples import split_key
 from brake_fenicsx.stability.damping import gyroscopic, mass_share, stiffness_share
 from brake_fenicsx.stability.derivatives import bilinear
 from brake_fenicsx.stability.modes import Complex
@@ -65,6 +66,10 @@ class Layers:
         own = scene_materials(self.scene)
         for name, C in changed_materials(self.scene, values).items():
             own[name] = Material(C, own[name].rho)
+        for key, rho in values.items():
+            section, name, last = split_key(key)
+            if section == "materials" and last == "rho":
+                own[name] = Material(own[name].C, rho)
         for name, material in layer_materials(self.scene, own, self.brake.mesh.layers).items():
             stiffness, mass, turning = (
                 0.0 if A is None else bilinear(A, *vectors)

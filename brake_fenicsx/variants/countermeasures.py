@@ -1,7 +1,7 @@
 """What would stop the squeal: the smallest change of each countermeasure, verified by a run.
 
 The worst family of the rough samples is the one that squeals in most of them. A change is enough
-where it squeals in at most 5 % of the samples.
+where it squeals in so few that, with 95 % confidence, it does in at most 5 % of all.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError, StorageError
+from brake_fenicsx.errors import BrakeError, SceneError, StorageError
 from brake_fenicsx.folder.files import digest
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.processes import on_first
@@ -31,18 +31,23 @@ from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.countermeasures import Countermeasure
 from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.scene.samples import ROUGH, is_constant, split_key
-from brake_fenicsx.scene.scalars import changes_bodies, is_length
+from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.scene.units import quantity_text
-from brake_fenicsx.uncertainty.inputs import law_material, scaled_interfaces
+from brake_fenicsx.uncertainty.inputs import (
+    inputs_of,
+    law_factor,
+    law_material,
+    scaled_interfaces,
+)
 
 from .comparison import compare_runs, write_comparison
 from .countermeasures_page import COLUMNS, write_countermeasures
 from .runs import Runs
-from .trial import MOST, Change, Trial, Worst, enough, smallest_change, worst_family
+from .trial import MOST, Trial, Worst, enough, smallest_change, worst_family
 
 # Values tried from the scene's one outward, and accuracy of the smallest change relative to the
-# whole range: on one prepared brake, and where each value needs a brake of its own.
-ONE_BRAKE, MANY_BRAKES = (8, 0.01), (3, 0.1)
+# whole range.
+STEPS, ACCURACY = 8, 0.01
 OUTCOMES = "outcomes.json"
 T = TypeVar("T")
 
@@ -68,7 +73,7 @@ class Search:
         """
         self.scene = read_scene(scene, overrides)
         self.runs = Runs(scene, comm, folder, [*overrides, "countermeasures=[]"], cache)
-        self._one_brake: Model | None = None
+        self._latest: tuple[dict[str, list[float]], Model] | None = None
         named = self.scene.countermeasures
         if not named:
             raise SceneError(
@@ -77,10 +82,9 @@ class Search:
             )
         for c in named:
             try:
-                check_brake(self.runs.read([c.override(self.scene, c.stop)]), comm)
+                check_brake(self.runs.read(self.changes(c, c.stop)), comm)
             except SceneError as error:
                 raise SceneError(f"{error} (countermeasures.key = {c.key!r}, to)") from None
-        self._own_brake = {c.key for c in named if self._needs_own_brake(c)}
         samples, stability = self.scene.samples, self.scene.stability
         self.approach = next(a for a in ROUGH if a in samples.approaches)
         about = [
@@ -114,72 +118,67 @@ class Search:
 
     def keep(self, c: Countermeasure, **found: Any) -> None:
         """Store what is known of a countermeasure."""
-        self.found[c.key] = {**self.found.get(c.key, {}), **found}
+        self.found[c.key] = found
         if self.runs.comm.rank == 0:
             content = {"mark": self._mark, "found": self.found}
             Store(self.runs.folder).save_json(OUTCOMES, content)
 
-    def _needs_own_brake(self, c: Countermeasure) -> bool:
-        """Whether the samples of one brake cannot have several values of a number.
+    def changes(self, c: Countermeasure, x: float) -> list[str]:
+        """Replacements that give the scene another value; computed laws follow a modulus.
 
-        So it is with the mesh; and with constants of the material behind computed laws, which scale
-        the laws in samples of one brake, and do not in the scene.
+        Raises:
+            SceneError: they are those of several materials.
         """
-        if not c.is_scalar or not is_constant(c.key):
-            return not c.is_scalar
-        names = scaled_interfaces(self.scene)
-        return split_key(c.key)[1] in {law_material(self.scene, name) for name in names}
+        scene, out = self.scene, [c.override(self.scene, x)]
+        names = scaled_interfaces(scene) if is_constant(c.key) and scene.micro else []
+        behind = {law_material(scene, name) for name in names}
+        if split_key(c.key)[1] in behind and scene.micro:
+            if len(behind) > 1:
+                raise SceneError(
+                    f"{scene.file}: [micro] is of {' and '.join(sorted(behind))}, and follows none"
+                    " of them alone; run both scenes and use brake-fenicsx compare"
+                )
+            stiffer = inputs_of(scene, ROUGH[0], {c.key: x}).materials
+            factor = law_factor(scene, names[0], stiffer)
+            given = {"E": scene.micro.E, "hardness": scene.micro.hardness}
+            out += [f'micro.{n}="{v * factor!r} Pa"' for n, v in given.items() if v is not None]
+        return out
 
-    def trial(self, c: Countermeasure, worst: Worst, x: float) -> Trial:
-        """Samples that have a value, of a brake of its own if it needs one; collective."""
-        if c.key in self._own_brake:
-            model = self._prepared([c.override(self.scene, x)], {})
-            return Trial(model.study, worst, self.runs.comm)
-        if self._one_brake is None:
-            together = [q for q in self.scene.countermeasures if q.key not in self._own_brake]
-            changing = [q for q in together if changes_bodies(self.scene, q.key)]
-            try:
-                self._one_brake = self._prepared([], {q.key: [q.start, q.stop] for q in changing})
-            except (SceneError, InaccurateResult) as error:
-                lengths = {q.key for q in changing if is_length(q.key)}
-                if not lengths:
-                    raise
-                # A length whose range no brake stands does not fail the others.
-                logger.warning("lengths with a brake for each value: %s", error)
-                self._own_brake |= lengths
-                return self.trial(c, worst, x)
-        return Trial(self._one_brake.study, worst, self.runs.comm, c.key)
+    def _trial(self, c: Countermeasure, worst: Worst) -> Trial:
+        """Samples of a brake that is prepared for all values of a number; collective."""
+        ranges = {c.key: [c.start, c.stop]} if changes_bodies(self.scene, c.key) else {}
+        if self._latest is None or self._latest[0] != ranges:
+            self.release()
+            runs = self.runs
+            folder = runs.folder / "models" / digest(ranges)[:12]
+            model = prepare(runs.file, runs.overrides, folder, runs.cache, ranges, runs.comm)
+            self._latest = ranges, model
+        return Trial(self._latest[1].study, worst, self.runs.comm, c.key)
 
-    def _prepared(self, changes: list[str], ranges: dict[str, list[float]]) -> Model:
-        # What an earlier brake left is destroyed on all processes together, as MPI asks for.
+    def release(self) -> None:
+        """Let the brake leave the memory, on all processes together as MPI asks for; collective."""
+        self._latest = None
         gc.collect()
-        runs = self.runs
-        runs.comm.Barrier()
-        folder = runs.folder / "models" / digest([changes, ranges])[:12]
-        overrides = [*runs.overrides, *changes]
-        return prepare(runs.file, overrides, folder, runs.cache, ranges, runs.comm)
+        self.runs.comm.Barrier()
 
-    def first_order(self, c: Countermeasure, worst: Worst) -> float | None:
-        """Change of the damping of the worst family up to the farthest value; collective."""
-        trial = self.trial(c, worst, c.stop)
-        if c.key in self._own_brake:
-            return on_first(lambda: trial.secant(c.stop), self.runs.comm)
-        return on_first(lambda: trial.slope(c.start, c.stop), self.runs.comm)
-
-    def smallest_change(self, c: Countermeasure, worst: Worst) -> Change:
-        """The smallest change that is enough; collective."""
-        trials: dict[str, Trial] = {}
+    def search(self, c: Countermeasure, worst: Worst) -> None:
+        """Find the first-order effect and the smallest change of a number; collective."""
 
         def outcomes(x: float) -> Iterable[bool]:
             logger.info("%s = %s: samples ...", c.key, quantity_text(x, c.unit))
-            if c.key in self._own_brake or not trials:
-                # The brake before it leaves the memory first.
-                trials.clear()
-                trials[c.key] = self.trial(c, worst, x)
-            return trials[c.key].outcomes(x)
+            return self._trial(c, worst).outcomes(x)
 
-        steps = MANY_BRAKES if c.key in self._own_brake else ONE_BRAKE
-        return smallest_change(outcomes, (c.start, c.stop), len(worst.samples), *steps)
+        def slope() -> float | None:
+            trial = self._trial(c, worst)
+            return on_first(lambda: trial.slope(c.start, c.stop), self.runs.comm)
+
+        ends, n = (c.start, c.stop), len(worst.samples)
+        effect, note = _or_note(slope)
+        change = None
+        if not note:
+            change, note = _or_note(partial(smallest_change, outcomes, ends, n, STEPS, ACCURACY))
+        share = None if change is None else [change.share.hits, change.share.n]
+        self.keep(c, first_order=effect, value=change and change.value, share=share, note=note)
 
 
 def find_countermeasures(
@@ -224,10 +223,11 @@ def find_countermeasures(
         share.n,
     )  # fmt: skip
     named = search.scene.countermeasures
-    for c in named:
+    # All that one brake has come first.
+    for c in sorted(named, key=lambda c: changes_bodies(search.scene, c.key)):
         if c.key not in search.found:
-            effect, _ = _or_note(partial(search.first_order, c, worst))
-            search.keep(c, first_order=effect)
+            search.search(c, worst)
+    search.release()
     known = {c.key: search.found[c.key]["first_order"] for c in named}
     ranked = sorted(named, key=lambda c: np.inf if known[c.key] is None else -known[c.key])
     cells = [[rank, *_row(search, c, worst, rank)] for rank, c in enumerate(ranked, 1)]
@@ -248,16 +248,12 @@ def _or_note(work: Callable[[], T]) -> tuple[T | None, str]:
 
 def _row(search: Search, c: Countermeasure, worst: Worst, rank: int) -> list[Value]:
     """One row of the table after its rank: the smallest change, and what a run with it says."""
-    if "note" not in search.found[c.key]:
-        change, note = _or_note(partial(search.smallest_change, c, worst))
-        share = None if change is None else [change.share.hits, change.share.n]
-        search.keep(c, value=change and change.value, share=share, note=note)
     found = search.found[c.key]
     value, notes = found["value"], [found["note"]] if found["note"] else []
     after = wilson(*found["share"]) if found["share"] else None
     loud, verified = None, False
     if value is not None:
-        changes = [c.override(search.scene, value)]
+        changes = search.changes(c, value)
         folder, note = _or_note(partial(search.runs.run, f"after-{rank}", changes))
         if folder is None:
             notes.append(f"the run failed: {note}")

@@ -10,7 +10,7 @@ from brake_fenicsx.results.tables import Value, text_table, write_rows
 from brake_fenicsx.scene.units import quantity_text
 
 from .page import Row, ShareChange, page_of_changes, picture_of, with_interval
-from .trial import MOST, Worst
+from .trial import MOST, SURE, Worst, allowed, excluded
 
 COLUMNS = (
     "rank", "key", "value_scene", "value_to", "unit", "first_order", "smallest_value",
@@ -38,6 +38,7 @@ def write_countermeasures(folder: Path, worst: Worst, rows: Sequence[Row]) -> Pa
     """
     write_rows(folder / "countermeasures.csv", COLUMNS, rows)
     family, lines = worst.count, [line for row in rows for line in _lines(row)]
+    n = len(worst.samples)
     text = (
         "Share of samples that squeal now and after each change, with its 95 % interval. Dotted:"
         f" {100 * MOST:.0f} %."
@@ -45,14 +46,15 @@ def write_countermeasures(folder: Path, worst: Worst, rows: Sequence[Row]) -> Pa
     return page_of_changes(
         folder / "countermeasures.html", "Countermeasures",
         [f"Worst family: {family.kilohertz} kHz, squeals in {family.share.hits} of"
-         f" {family.share.n} samples of {family.approach}."],
+         f" {family.share.n} samples of {family.approach}.",
+         f"Searched: at most {allowed(n)} of {n} samples squeal; of all, with a confidence of"
+         f" {100 * SURE:.0f} %, at most {100 * excluded(n):.1f} %."],
         picture_of(lines, ("now", "after the change"), text, limit=MOST),
         [
             Text(
-                "For each number of the scene the smallest change after which the worst family"
-                f" squeals in at most {100 * MOST:.0f} % of the samples, ranked by first-order"
-                " effect. Verified: a whole run with the change has been compared with that of the"
-                " scene."
+                "For each number of the scene the smallest change that the search found, ranked by"
+                " first-order effect. Verified: in a whole run with the change the worst family"
+                f" squeals in at most {100 * MOST:.0f} % of the samples."
             ),
             Table(HEADS, list(map(_shown, rows))),
         ],

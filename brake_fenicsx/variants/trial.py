@@ -16,12 +16,13 @@ from mpi4py import MPI
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import beta, binom
 
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
 from brake_fenicsx.folder.processes import in_turns
-from brake_fenicsx.results.families import RESEMBLES, known_numbers, mac
+from brake_fenicsx.results.families import known_numbers, mac
 from brake_fenicsx.results.run import RunData
-from brake_fenicsx.results.squeal import Family, least_damped, squeals
+from brake_fenicsx.results.squeal import Family, squeals
 from brake_fenicsx.results.statistics import Proportion, wilson
 from brake_fenicsx.sweeps.state import Points, State, likeness
 from brake_fenicsx.uncertainty.numbering import dof_points
@@ -31,8 +32,8 @@ from brake_fenicsx.uncertainty.study import Study
 
 # Step of the derivative, relative to the range.
 STEP = 1e-3
-# Share of the samples that may still squeal.
-MOST = 0.05
+# Share of the samples that may still squeal, and confidence that it is no larger.
+MOST, SURE = 0.05, 0.95
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +44,7 @@ class Worst:
         count: its approach, number, frequency and share.
         any: share of samples in which any family squeals.
         samples: numbers of the samples that ended well.
-        damping: its lowest damping in each sample in which it squeals.
+        loud: numbers of those in which it squeals.
         shapes: of all families that squeal, at nodes.
         column: its place among these.
         threshold: a mode squeals where its damping lies below minus this.
@@ -52,7 +53,7 @@ class Worst:
     count: Family
     any: Proportion
     samples: list[int]
-    damping: dict[int, float]
+    loud: list[int]
     shapes: dict[str, NDArray]
     column: int
     threshold: float
@@ -73,26 +74,26 @@ def worst_family(run: RunData, approach: str) -> Worst | None:
             f"{run.directory}: modes of a single sample belong to no family; raise samples.n"
         )
     worst = max(found, key=lambda f: (f.share.value, -f.median))
-    damping = least_damped(run.squeal.squeal_modes(approach, worst.key)).damping.to_dict()
-    loud = wilson(modes["sample"].nunique(), worst.share.n)
+    own = sorted({*run.squeal.squeal_modes(approach, worst.key)["sample"]})
+    every = wilson(modes["sample"].nunique(), worst.share.n)
     samples = [int(k) for k in run.squeal.good(approach)]
     with np.load(run.directory / SHAPES, allow_pickle=False) as data:
         shapes = {name: data[name] for name in data.files}
     column = int(np.flatnonzero(shapes["families"] == worst.key)[0])
-    return Worst(worst, loud, samples, damping, shapes, column, run.threshold)
+    return Worst(worst, every, samples, own, shapes, column, run.threshold)
 
 
 class Trial:
     """Samples of a prepared brake, and which of their modes are the worst family."""
 
-    def __init__(self, study: Study, worst: Worst, comm: MPI.Comm, key: str | None = None):
+    def __init__(self, study: Study, worst: Worst, comm: MPI.Comm, key: str):
         """Give the families coordinates of this brake; collective.
 
         Args:
             study: samples of the brake.
             worst: the worst family.
             comm: processes that share the samples.
-            key: of the number that samples take at other values on this brake, if there is one.
+            key: of the number that samples take at other values.
         """
         self._study, self._worst, self._comm, self._key = study, worst, comm, key
         body = study.models.numbering.body
@@ -106,7 +107,7 @@ class Trial:
     def outcomes(self, x: float) -> Iterator[bool]:
         """Whether the worst family squeals in each sample at a value; collective.
 
-        A sample without an equilibrium, or that no brake has, counts as one that squeals.
+        A sample without an equilibrium counts as one that squeals.
         """
         samples = self._worst.samples
         return in_turns(len(samples), lambda i: self._squeals(x, samples[i]), self._comm)
@@ -121,8 +122,6 @@ class Trial:
 
     def _state(self, x: float, k: int) -> State:
         task = self._worst.count.approach, k
-        if self._key is None:
-            return State.of(x, self._study.solved(task, {})[1])
         return self._points.setdefault(k, Points(self._study, task, self._key))(x)
 
     def _loud(self, state: State) -> list[int]:
@@ -138,7 +137,7 @@ class Trial:
         It is that of the first sample in which the worst family squeals; its mode is continued by
         the likest one a small step away. None where there is no such sample.
         """
-        for k in sorted(self._worst.damping):
+        for k in self._worst.loud:
             a = self._state(start, k)
             if own := self._loud(a):
                 i = min(own, key=lambda i: a.damping[i])
@@ -146,18 +145,6 @@ class Trial:
                 j = int(np.argmin(np.abs(likeness(a, b)[i] - 1.0)))
                 return float(b.damping[j] - a.damping[i]) / STEP
         return None
-
-    def secant(self, x: float) -> float | None:
-        """The same of a brake of its own: its damping minus that of the run, in the same sample.
-
-        Its mode is the least damped one that resembles the family; None where none does.
-        """
-        k = min(self._worst.damping)
-        there = self._state(x, k)
-        alike = mac(self._known[:, [self._worst.column]], there.right)[0] >= RESEMBLES
-        if not alike.any():
-            return None
-        return float(there.damping[alike].min()) - self._worst.damping[k]
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,8 +161,25 @@ class Change:
 
 
 def enough(hits: int, samples: int) -> bool:
-    """Whether so few samples squeal that the family counts as stopped."""
+    """Whether so few samples of a run squeal that the family counts as stopped."""
     return hits <= int(MOST * samples)
+
+
+def allowed(samples: int) -> int:
+    """Samples of a search that may squeal: were MOST of all to squeal, more would, almost surely.
+
+    It is the largest number whose upper limit of confidence (C. J. Clopper and E. S. Pearson,
+    Biometrika 26(4), 1934) is at most MOST; none of too few samples. Where the share falls with the
+    change, values at which more than MOST of all samples squeal pass with a probability of 1 - SURE
+    at most, however many are tried: the samples are the same ones at all of them.
+    """
+    return int(max(binom.ppf(1 - SURE, samples, MOST) - 1, 0))
+
+
+def excluded(samples: int) -> float:
+    """Share of all samples that a search with so many excludes larger ones of, almost surely."""
+    hits = allowed(samples)
+    return float(beta.ppf(SURE, hits + 1, samples - hits))
 
 
 def smallest_change(
@@ -198,23 +202,24 @@ def smallest_change(
         steps: values that are tried outward.
         accuracy: of the value, relative to the range.
     """
+    most = allowed(samples)
 
     def hits(x: float) -> int:
         count = 0
         for squealing in outcomes(x):
             count += squealing
-            if not enough(count, samples):
+            if count > most:
                 break
         return count
 
     start, stop = ends
     for before, x in pairwise(_short(v) for v in np.linspace(start, stop, steps + 1)):
-        if not enough(count := hits(x), samples):
+        if (count := hits(x)) > most:
             continue
         # Halves of a step reach the accuracy exactly, but for round-off.
         while abs(x - before) > accuracy * abs(stop - start) * (1 + 1e-9):
             middle = _short(0.5 * (before + x))
-            if enough(there := hits(middle), samples):
+            if (there := hits(middle)) <= most:
                 x, count = middle, there
             else:
                 before = middle

@@ -584,7 +584,7 @@ def test_a_countermeasure_moves_the_value(written):
         f'countermeasures=[{{ key="{KEY}", to="11 mm" }}]',
     ]  # fmt: skip
     (found,) = (scene := read_scene(written(), more)).countermeasures
-    assert (found.start, found.stop, found.unit, found.is_scalar) == (10e-3, 11e-3, "m", True)
+    assert (found.start, found.stop, found.unit) == (10e-3, 11e-3, "m")
     moved = read_scene(written(), [*more[:3], found.override(scene, 11e-3)])
     assert moved.parts["pad"].morph["wear"].length == 11e-3
 

@@ -327,7 +327,8 @@ def test_scalars_of_the_bodies_belong_to_the_results():
     ("key", "remedy"),
     [
         ("contact.nobody.friction", "there are block_plate"),
-        ("materials.lining.rho", "cannot be random or swept"),
+        ("parts.block.z", "only these lengths may vary"),
+        ("micro.E", "one brake has one value of it"),
         (LOSS, "loss = true"),
     ],
 )

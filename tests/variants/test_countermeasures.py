@@ -1,6 +1,7 @@
 """Countermeasures of a scene: against runs of the changed scene and analytic derivatives."""
 
 import shutil
+from dataclasses import replace
 
 from mpi4py import MPI
 
@@ -224,14 +225,18 @@ def test_ends_in_si_units_and_what_gives_the_scene_a_value():
 @pytest.mark.parametrize(
     ("lever", "said"),
     [
-        (("contact.none.friction", "0.1"), "is not there"),
-        (("parts.block.none", "'1 mm'"), "the scene does not write it"),
-        (("materials.iron.loss", "0.1"), "the scene does not write it"),
-        (("parts.block.builder", "'pad'"), "not a number"),
-        (('loads."block.top".steps', "4"), "cannot be a countermeasure"),
-        (("parts.block.size", "'5 mm'"), "cannot be a countermeasure"),
-        (("samples.n", "5"), "cannot be a countermeasure"),
-        (("stability.tolerance", "1e-3"), "cannot be a countermeasure"),
+        (("contact.none.friction", "0.1"), "there is no [contact.none]"),
+        (("parts.block.axis", "0.2"), "with --set parts.block.axis=VALUE, and compare the runs"),
+        (("parts.block.z", "'1 mm'"), "with --set parts.block.z=VALUE, and compare the runs"),
+        (("materials.iron.loss", "0.1"), "needs stability.damping"),
+        (("parts.block.builder", "'pad'"), "only these lengths may vary on one brake"),
+        (('loads."block.top".steps', "4"), "with --set, and compare the runs"),
+        (("contact.block_plate.friction.static", "0.2"), "with --set, and compare the runs"),
+        (("parts.block.size", "'5 mm'"), "with --set parts.block.size=VALUE, and compare the runs"),
+        (("samples.n", "5"), "with --set, and compare the runs"),
+        (("samples.classical.penalty", "'1e13 Pa/m'"), "perfect contact alone"),
+        (("materials.lining.E_3", "'2 GPa'"), "is random"),
+        (("materials.iron.C11", "'200 GPa'"), "is not written by C11"),
         (("no key", "1"), "not a dotted key"),
         ((FRICTION, "0.5"), "is the scene's own value"),
         ((FRICTION, "'1 m'"), "write number or table"),
@@ -240,6 +245,7 @@ def test_ends_in_si_units_and_what_gives_the_scene_a_value():
         ((HEIGHT, "'-1 mm'"), "must be positive"),
         ((HEIGHT, "'60 m'"), "longest length of the part"),
         (("materials.iron.nu", "0.6"), "positive definite"),
+        (("materials.lining.rho", "'-1 kg/m^3'"), "must be positive"),
         (("motion.speed", "'2 m/s'"), "nothing depends on the speed"),
         (("materials.lining.C44", "'1 GPa'"), "is random"),
         (("materials.lining.C11", "'5 GPa'"), "is random"),
@@ -266,3 +272,21 @@ def test_what_a_scene_must_have(changes, said, tmp_path):
     with pytest.raises(SceneError, match=said):
         module.find_countermeasures(BLOCK, COMM, tmp_path / "out", [*ROUGH, *changes])
     assert not (tmp_path / "out").exists()
+
+
+def test_computed_laws_follow_the_modulus_behind_them(tmp_path):
+    """In the run as in the samples of the search: E* of an isotropic lining goes with its E."""
+    library = [
+        *ROUGH, "stages=['surface','micro','equilibrium','stability','uncertainty']",
+        "contact.block_plate.law=library", "micro={ E='1.5 GPa', nu=0.4, hardness='300 MPa' }",
+        "materials.lining={ model='isotropic', E='2 GPa', nu=0.3, rho='2500 kg/m^3' }",
+    ]  # fmt: skip
+    key = "materials.lining.E"
+    search = module.Search(BLOCK, COMM, tmp_path, [*library, levers((key, "'3 GPa'"))], None)
+    (c,) = search.scene.countermeasures
+    scene = read_scene(BLOCK, [*library, *search.changes(c, 2.5e9)])
+    assert scene.materials["lining"].E == 2.5e9
+    assert (scene.micro.E, scene.micro.hardness) == pytest.approx((1.25 * 1.5e9, 1.25 * 300e6))
+    assert search.changes(replace(c, key="materials.iron.E"), 2e11) == [
+        'materials.iron.E="200000000000.0 Pa"'
+    ]

@@ -43,7 +43,7 @@ class Parameters:
             (3, changes), in this order.
         softening: least r with K(p) >= r K(0) as quadratic forms, wherever in the box the
             parameters of ``shapes`` are the same.
-        shapes: numbers of the parameters that change the shape of a body.
+        shapes: numbers of the parameters that change the shape or the mass of a body.
         sliding: numbers of those that move contact elements along their faces.
         contact: with such ones the rows "N", "T", "R" of all contact elements, shape (elements,
             dofs), and their areas [m^2] at a point of the box; None where these stay.

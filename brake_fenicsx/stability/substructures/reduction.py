@@ -193,8 +193,8 @@ def kept_modes(
     reach = float(np.sqrt(softening * pole))
     if reach < NEAREST:
         raise InaccurateResult(
-            f"with the thickness of a layer modes that are left out come down to {reach:.2f} times"
-            " the end of the band: narrow the range of the thickness, or raise stability.cutoff"
+            f"with a length or a mass modes that are left out come down to {reach:.2f} times the"
+            " end of the band: narrow its range, or raise stability.cutoff"
         )
     return KeptModes(W, kappa, kept, reach)
 
