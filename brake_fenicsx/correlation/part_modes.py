@@ -10,7 +10,6 @@ import numpy as np
 import scipy.sparse as sp
 from dolfinx.mesh import exterior_facet_indices
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 from brake_fenicsx import compat
@@ -22,6 +21,7 @@ from brake_fenicsx.macro.mesh import Mesh, raw_mesh, tagged_mesh
 from brake_fenicsx.macro.meshing.groups import mesh_of_file
 from brake_fenicsx.macro.meshing.rawmesh import (
     RawMesh,
+    body_of_points,
     exterior_facets,
     facet_keys,
     without_unused_nodes,
@@ -142,9 +142,7 @@ def _body(mesh: RawMesh, name: str, near: Array) -> RawMesh:
     """The body of a part that most points lie next to."""
     own = np.flatnonzero(mesh.part(name))
     cells = mesh.corners[own]
-    first = np.repeat(cells[:, 0], cells.shape[1])
-    links = sp.coo_matrix((np.ones(first.size), (first, cells.reshape(-1))), [len(mesh.points)] * 2)
-    body = connected_components(links, directed=False)[1]
+    body = body_of_points(cells, len(mesh.points))
     nodes = np.unique(cells)
     nearest = nodes[KDTree(mesh.points[nodes]).query(near)[1]]
     chosen = own[body[cells[:, 0]] == np.bincount(body[nearest]).argmax()]

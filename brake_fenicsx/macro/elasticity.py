@@ -170,6 +170,18 @@ def free_dofs(mesh: Mesh, V: Any, supports: Mapping[str, list[str]]) -> FreeDofs
     return FreeDofs(V, local, column, local.size)
 
 
+def layer_measure(mesh: Mesh, layer: str) -> Any:
+    """Integral over the cells of a layer.
+
+    Args:
+        mesh: the tagged mesh.
+        layer: "part.layer".
+    """
+    cells = compat.meshtags(mesh.domain, 3, mesh.cell_tags.find(mesh.layers[layer]), 1)
+    rule = QUADRATURE[mesh.shape]
+    return ufl.Measure("dx", domain=mesh.domain, subdomain_data=cells, metadata=rule)(1)
+
+
 def face_tag(mesh: Mesh, face: str, where: str) -> int:
     """Tag of a named face.
 
@@ -212,16 +224,14 @@ def assemble_elastic(
     free = free_dofs(mesh, V, supports)
     u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
     K = M = None
-    for layer, tag in mesh.layers.items():
+    for layer in mesh.layers:
         if layer not in materials:
             raise SceneError(f"layer {layer!r} has no material")
-        cells = compat.meshtags(mesh.domain, 3, mesh.cell_tags.find(tag), 1)
-        rule = QUADRATURE[mesh.shape]
-        dx = ufl.Measure("dx", domain=mesh.domain, subdomain_data=cells, metadata=rule)(1)
+        dx = layer_measure(mesh, layer)
         C = fem.Constant(mesh.domain, materials[layer].C)
         rho = fem.Constant(mesh.domain, PETSc.ScalarType(materials[layer].rho))
         if K is None:
-            everywhere = ufl.Measure("dx", domain=mesh.domain, metadata=rule)
+            everywhere = ufl.Measure("dx", domain=mesh.domain, metadata=QUADRATURE[mesh.shape])
             whole = fem.form(mass_form(u, v, rho, everywhere))
             K, M = fem_petsc.create_matrix(whole), fem_petsc.create_matrix(whole)
         fem_petsc.assemble_matrix(K, fem.form(stiffness_form(u, v, C, dx)))
@@ -314,10 +324,8 @@ def affine_parts(
     for changes in directions:
         total = None
         for layer, change in changes.items():
-            cells = compat.meshtags(mesh.domain, 3, mesh.cell_tags.find(mesh.layers[layer]), 1)
-            rule = QUADRATURE[mesh.shape]
-            dx = ufl.Measure("dx", domain=mesh.domain, subdomain_data=cells, metadata=rule)(1)
-            form = fem.form(stiffness_form(u, v, fem.Constant(mesh.domain, change), dx))
+            C = fem.Constant(mesh.domain, change)
+            form = fem.form(stiffness_form(u, v, C, layer_measure(mesh, layer)))
             # The pattern is that of the layer's own cells: each has a matrix of its own.
             part = on_free_dofs(fem_petsc.assemble_matrix(form), free)
             total = part if total is None else total + part
@@ -341,10 +349,8 @@ def stiffness_action(
     u, v = fem.Function(free.V), ufl.TestFunction(free.V)
     u.x.array[:] = displacement
     total = np.zeros_like(displacement)
-    for layer, tag in mesh.layers.items():
-        cells = compat.meshtags(mesh.domain, 3, mesh.cell_tags.find(tag), 1)
-        rule = QUADRATURE[mesh.shape]
-        dx = ufl.Measure("dx", domain=mesh.domain, subdomain_data=cells, metadata=rule)(1)
+    for layer in mesh.layers:
+        dx = layer_measure(mesh, layer)
         C = fem.Constant(mesh.domain, materials[layer].C)
         b = fem_petsc.assemble_vector(fem.form(stiffness_form(u, v, C, dx)))
         total += b.array_r

@@ -17,15 +17,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import connected_components
 
 from brake_fenicsx import compat
 from brake_fenicsx.errors import InaccurateResult
 
 from .elasticity import FreeDofs, face_tag
 from .mesh import Mesh
+from .meshing.rawmesh import body_of_points
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -219,9 +218,7 @@ def body_of_nodes(V: Any) -> NDArray[np.intp]:
     """
     topology, size = V.mesh.topology, V.dofmap.index_map.size_local
     node = compat.cell_dofs(V, np.arange(topology.index_map(topology.dim).size_local))
-    first = np.repeat(node[:, 0], node.shape[1])
-    links = sp.coo_matrix((np.ones(first.size), (first, node.reshape(-1))), (size, size))
-    return np.asarray(connected_components(links, directed=False)[1], dtype=np.intp)
+    return body_of_points(node, size)
 
 
 def faces_of_bodies(free: FreeDofs, face: Face) -> list[Face]:

@@ -11,9 +11,7 @@ import ufl
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
-from brake_fenicsx import compat
-
-from .elasticity import QUADRATURE, FreeDofs, lump, mass_form, on_free_dofs
+from .elasticity import FreeDofs, layer_measure, lump, mass_form, on_free_dofs
 from .mesh import Mesh
 
 
@@ -34,11 +32,8 @@ def layer_masses(
     u, v = ufl.TrialFunction(free.V), ufl.TestFunction(free.V)
     masses = {}
     for layer, value in density.items():
-        cells = compat.meshtags(mesh.domain, 3, mesh.cell_tags.find(mesh.layers[layer]), 1)
-        rule = QUADRATURE[mesh.shape]
-        dx = ufl.Measure("dx", domain=mesh.domain, subdomain_data=cells, metadata=rule)(1)
         rho = fem.Constant(mesh.domain, PETSc.ScalarType(value))
-        A = fem_petsc.assemble_matrix(fem.form(mass_form(u, v, rho, dx)))
+        A = fem_petsc.assemble_matrix(fem.form(mass_form(u, v, rho, layer_measure(mesh, layer))))
         A.assemble()
         if lumped:
             lump(A)

@@ -18,13 +18,13 @@ import numpy as np
 import scipy.sparse as sp
 import ufl
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import connected_components
 
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
 
 from .elasticity import face_tag, measured_area
 from .mesh import Mesh
+from .meshing.rawmesh import body_of_points
 
 Array = NDArray[np.float64]
 # Number of a function of some lengths, one of each.
@@ -148,10 +148,8 @@ def _check_flat(mesh: Mesh, layer: str, cells: NDArray[np.int32], thickness: flo
     shared = np.zeros(z.size, dtype=bool)
     shared[nodes[np.setdiff1d(np.arange(len(nodes)), cells)]] = True
     # Each body by itself: a layer may lie on both sides of a disc.
-    first = np.repeat(nodes[cells, 0], nodes.shape[1])
-    links = sp.coo_matrix((np.ones(first.size), (first, nodes[cells].ravel())), (z.size, z.size))
-    _, body = connected_components(links, directed=False)
-    for number in np.unique(body[first]):
+    body = body_of_points(nodes[cells], z.size)
+    for number in np.unique(body[nodes[cells]]):
         own = np.flatnonzero(body == number)
         low, high = z[own].min(), z[own].max()
         if abs(high - low - thickness) > SAME * thickness:

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .render import (
-    LIGHT,
-    SHAPE_COLOURS,
+    SHAPE,
+    add_edges,
     in_a_row,
     mode_surface,
     open_plotter,
@@ -30,8 +30,6 @@ def animate_mode(
     values: NDArray,
     frames: int = 10,
     width: int = 420,
-    scale: float = 0.08,
-    distance: float = 0.12,
 ) -> Path:
     """Draw one period of a mode, seen from z > 0, bodies in a row, as an animated WebP.
 
@@ -43,15 +41,13 @@ def animate_mode(
         values: all dofs, real or complex, shape (dofs,).
         frames: pictures of the period.
         width: of the pictures [pixels].
-        scale: largest displacement as drawn, as a share of the model's radius.
-        distance: between neighbouring bodies, as a share of the model's radius.
 
     Returns:
         The path.
     """
     pillow = import_module("PIL.Image")  # comes with matplotlib
     with pyvista().vtk_verbosity("off"):
-        drawn = trim(_frames(V, values, frames, scale, distance))
+        drawn = trim(_frames(V, values, frames))
     height, wide = drawn[0].shape[:2]
     size = width, max(1, round(width * height / wide))
     images = [pillow.fromarray(image).resize(size, pillow.LANCZOS) for image in drawn]
@@ -62,23 +58,18 @@ def animate_mode(
     return Path(path)
 
 
-def _frames(V: Any, values: NDArray, frames: int, scale: float, distance: float) -> list[NDArray]:
+def _frames(V: Any, values: NDArray, frames: int) -> list[NDArray]:
     """RGB pictures of one period, all from one plotter."""
-    surface, moved = mode_surface(V, values, scale)
+    surface, moved = mode_surface(V, values)
     surface = surface.compute_normals(
         cell_normals=False, split_vertices=True, feature_angle=40.0, auto_orient_normals=False
     )
     view = view_of(surface, 1.0)
-    placed = in_a_row(surface, view, 1.0, distance)
-    edges = placed.extract_feature_edges(40.0, manifold_edges=False)
+    placed = in_a_row(surface, view, 1.0)
     plotter = open_plotter(placed, view, 1.0, PIXELS)
-    meshes = [(mesh, np.array(mesh.points), moved(mesh)) for mesh in (placed, edges)]
-    plotter.add_mesh(
-        placed, scalars="amplitude", cmap=SHAPE_COLOURS, clim=(0.0, 1.0), smooth_shading=True,
-        show_scalar_bar=False, **LIGHT,
-    )  # fmt: skip
-    if edges.n_points:
-        plotter.add_mesh(edges, color="#202020", line_width=1.5)
+    plotter.add_mesh(placed, smooth_shading=True, **SHAPE)
+    drawn_meshes = placed, add_edges(plotter, placed)
+    meshes = [(mesh, np.array(mesh.points), moved(mesh)) for mesh in drawn_meshes]
     drawn = []
     for theta in 2 * np.pi * np.arange(frames) / frames:
         for mesh, rest, motion in meshes:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.results.run import Arrays, RunData, sort_approaches
-from brake_fenicsx.results.tables import Columns
+from brake_fenicsx.results.tables import Columns, rows_of
 
 from .fields import facet_means
 from .style import PRESSURE, label, new_figure
@@ -39,7 +39,7 @@ def draw_contact_pressure(run: RunData) -> Figure | None:
         top = float(np.quantile(p[p > 0], 0.98)) if np.any(p > 0) else 1.0
         for axis, (side, inside) in zip(row, sides, strict=True):
             chosen = own & inside
-            own_table = {k: v[chosen] for k, v in contact.items()}
+            own_table = rows_of(contact, chosen)
             corners, shown = patches(own_table, run.faces, own_table["p"])
             shown = np.where(shown > 0, shown / 1e6, np.nan)
             image = draw_patches(axis, corners, shown, PRESSURE, (0.0, top))
@@ -56,7 +56,7 @@ def sliding_rows(run: RunData, contact: Columns) -> Columns:
     slides = None if run.faces is None else run.faces.get("slides")
     if slides is None or contact["element"].max(initial=-1) >= len(slides):
         return contact
-    return {name: values[slides[contact["element"]]] for name, values in contact.items()}
+    return rows_of(contact, slides[contact["element"]])
 
 
 def pad_sides(z: NDArray) -> list[tuple[str, NDArray]]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import kilohertz
+from brake_fenicsx.results.tables import rows_of
 
 from .squeal_figures import LINEAR_DAMPING
 from .style import (
@@ -19,7 +20,7 @@ from .style import (
     new_figure,
     panel,
 )
-from .sweep_figures import MOST, axis_of, chosen
+from .sweep_figures import MOST, axis_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -63,7 +64,7 @@ def draw_worst(run: RunData) -> Figure | None:
     table = run.sweep.get("sweep")
     if table is None or not np.any(rows := ~np.isnan(table["sample"])):
         return None
-    own = chosen(table, rows)
+    own = rows_of(table, rows)
     values = np.unique(own["value"])
     samples = np.unique(own["sample"])
     lowest, number = np.zeros((2, samples.size, values.size))
@@ -104,7 +105,7 @@ def draw_chart(run: RunData) -> Figure | None:
                               sharey=True)  # fmt: skip
     (fx, x_name), (fy, y_name) = axis_of(run), axis_of(run, 1)
     for row, approach in zip(axes, approaches, strict=True):
-        own = chosen(chart, chart["approach"] == approach)
+        own = rows_of(chart, chart["approach"] == approach)
         x, i = np.unique(own["value"], return_inverse=True)
         y, j = np.unique(own["value_2"], return_inverse=True)
         for axis, data, text in (

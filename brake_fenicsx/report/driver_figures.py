@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import Family
-from brake_fenicsx.results.tables import Columns
+from brake_fenicsx.results.tables import Columns, rows_of
 
 from .contact_figures import draw_patches, pad_sides, patches, sliding_rows
 from .style import (
@@ -99,7 +99,7 @@ def draw_driver_maps(run: RunData) -> Figure | None:
         axes, panels, strict=True
     ):
         own = (contact["approach"] == approach) & (contact["sample"] == sample)
-        table = {name: values[own] for name, values in contact.items()}
+        table = rows_of(contact, own)
         chosen = (maps["approach"] == approach) & (maps["sample"] == sample)
         chosen &= maps["mode"] == mode
         every = np.zeros(1 + max(maps["element"].max(), contact["element"].max()))
@@ -107,7 +107,7 @@ def draw_driver_maps(run: RunData) -> Figure | None:
         values = every[table["element"]] / table["area"] * factor
         top = float(np.quantile(np.abs(values[values != 0]), 0.98)) if values.any() else 1.0
         for axis, (side, inside) in zip(row, pad_sides(table["z"]), strict=True):
-            part = {name: column[inside] for name, column in table.items()}
+            part = rows_of(table, inside)
             corners, shown = patches(part, run.faces, values[inside])
             image = draw_patches(axis, corners, shown, SIGNED, (-top, top))
             where = f"{label(run, approach)}, {frequency / 1e3:.3f} kHz, {side}"

@@ -11,6 +11,7 @@ from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import Family
 from brake_fenicsx.results.tables import Value, read_rows
 
+from .overview import share_text
 from .turned import can_turn
 
 SHAPES = "mode_shapes.csv"  # in figures/: what the pictures of modes show
@@ -103,9 +104,7 @@ class ModePictures:
         return path if path is not None and path.suffix == ".webp" else None
 
 
-def family_card(
-    run: RunData, family: Family, pictures: ModePictures, rank: int = 0, named: bool = False
-) -> Card:
+def family_card(run: RunData, family: Family, pictures: ModePictures, rank: int = 0) -> Card:
     """Picture and numbers of a family.
 
     Args:
@@ -113,22 +112,13 @@ def family_card(
         family: the family.
         pictures: of the run.
         rank: its place in the order of severity, 0 if it is not shown.
-        named: whether the card names the approach.
     """
     key = pictures.of_family(family)
-    facts = [("approach", run.label(family.approach))] if named else []
-    facts.append(("damping", _damping_text(family)))
+    facts = [("approach", run.label(family.approach)), ("damping", _damping_text(family))]
     if family.share.n > 1:
-        s = family.share
-        facts.append(
-            (
-                "samples",
-                f"{s.hits} of {s.n}: {100 * s.value:.0f} % ({100 * s.low:.0f} to"
-                f" {100 * s.high:.0f} %)",
-            )
-        )
-    if parts := moving_parts(run, family):
-        facts.append(("moving parts", ", ".join(f"{p} {100 * x:.0f} %" for p, x in parts)))
+        facts.append(("samples", often_text(family)))
+    if parts := _parts_text(run, family):
+        facts.append(("moving parts", parts))
     if (pattern := pictures.pattern(key)) is not None:
         facts.append((pattern[0], pattern[2]))
     return Card(
@@ -146,20 +136,13 @@ def other_cards(pictures: ModePictures, shown: set[str]) -> list[Card]:
     ]  # fmt: skip
 
 
-def moving_parts(run: RunData, family: Family) -> list[tuple[str, float]]:
-    """Parts that carry the kinetic energy of a family's squeal modes, with their mean shares.
+def _parts_text(run: RunData, family: Family) -> str:
+    """Parts that carry the kinetic energy of a family's squeal modes, the largest share first.
 
-    Args:
-        run: the results.
-        family: the family.
-
-    Returns:
-        Names and shares [-] of at least 10 %, the largest first.
+    Mean shares of at least 10 % are named.
     """
     modes = run.squeal.squeal_modes(family.approach, family.key)
     columns = [name for name in modes if name.startswith("share_")]
-    if not columns:
-        return []
     layers = [name.removeprefix("share_") for name in columns]
     parts = [layer.partition(".")[0] for layer in layers]
     found = []
@@ -167,14 +150,21 @@ def moving_parts(run: RunData, family: Family) -> list[tuple[str, float]]:
         text = part if parts.count(part) == 1 else layer.replace(".", " ")
         if (share := float(modes[name].mean())) >= LEAST:
             found.append((text, share))
-    return sorted(found, key=lambda pair: -pair[1])
+    found.sort(key=lambda pair: -pair[1])
+    return ", ".join(f"{part} {100 * share:.0f} %" for part, share in found)
 
 
 def family_table_cells(run: RunData, family: Family, pictures: ModePictures) -> list[Value]:
     """Moving parts and nodal diameters of a family, as cells of a table."""
-    parts = ", ".join(f"{p} {100 * x:.0f} %" for p, x in moving_parts(run, family))
     pattern = pictures.pattern(pictures.of_family(family))
-    return [parts or None, None if pattern is None else pattern[1]]
+    return [_parts_text(run, family) or None, None if pattern is None else pattern[1]]
+
+
+def often_text(family: Family) -> str:
+    """In how many samples a family squeals, with the interval of the share."""
+    share = family.share
+    often = f"{share.hits} of {share.n}"
+    return f"{often}: {share_text(share.cells)}" if share.n > 1 else often
 
 
 def _damping_text(family: Family) -> str:

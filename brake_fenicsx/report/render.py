@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.compat import vtk_cells
 from brake_fenicsx.folder.memory import release_memory
+from brake_fenicsx.macro.meshing.rawmesh import body_of_points
 
 from .style import CYCLE, house_style
 
@@ -23,8 +24,14 @@ from .style import CYCLE, house_style
 VIEWS = (("seen from z > 0", 1.0), ("seen from z < 0", -1.0))
 SHAPE_COLOURS = "viridis"
 PIXELS = (1000, 600)
+SCALE = 0.08  # largest displacement as drawn, as a share of the model's radius
+DISTANCE = 0.12  # between neighbouring bodies, likewise
 MARGIN = 0.1  # of the model's radius around a surface: what moves stays in the picture
 LIGHT: dict[str, Any] = {"ambient": 0.45, "diffuse": 0.65, "specular": 0.0}
+SHAPE = {  # how a mode shape is coloured
+    "scalars": "amplitude", "cmap": SHAPE_COLOURS, "clim": (0.0, 1.0), "show_scalar_bar": False,
+    **LIGHT,
+}  # fmt: skip
 
 
 def trim(images: list[NDArray], margin: int = 12) -> list[NDArray]:
@@ -98,8 +105,6 @@ def render_mode(
     V: Any,
     values: NDArray,
     title: str = "",
-    scale: float = 0.08,
-    distance: float = 0.12,
 ) -> Path:
     """Draw a mode shape: warped, coloured by the displacement's amplitude, bodies in a row.
 
@@ -111,16 +116,14 @@ def render_mode(
         V: vector function space of Lagrange elements, on a mesh of this process.
         values: all dofs, real or complex, shape (dofs,).
         title: heading of the picture.
-        scale: largest displacement as drawn, as a share of the model's radius.
-        distance: between neighbouring bodies, as a share of the model's radius.
 
     Returns:
         The path.
     """
-    surface, moved = mode_surface(V, values, scale)
+    surface, moved = mode_surface(V, values)
     surface.points = np.asarray(surface.points) + np.real(moved(surface))
-    images = _photographs(surface, "amplitude", distance)
-    compose(Path(path), images, title, _note(values, scale))
+    images = _photographs(surface, "amplitude")
+    compose(Path(path), images, title, _note(values))
     return Path(path)
 
 
@@ -130,7 +133,6 @@ def render_mesh(
     parts: NDArray | None = None,
     names: Mapping[int, str] | None = None,
     title: str = "",
-    distance: float = 0.12,
 ) -> Path:
     """Draw the mesh with its edges, one colour per part, bodies in a row.
 
@@ -140,7 +142,6 @@ def render_mesh(
         parts: number of the part of each cell, shape (cells,); one part if not given.
         names: name of each part, for the legend.
         title: heading of the picture.
-        distance: between neighbouring bodies, as a share of the model's radius.
 
     Returns:
         The path.
@@ -149,19 +150,18 @@ def render_mesh(
     surface = grid.extract_surface(nonlinear_subdivision=0, algorithm="dataset_surface")
     surface.point_data["level"] = _levels(surface)
     found = np.unique(surface.cell_data["part"])
-    images = _photographs(surface, "part", distance)
+    images = _photographs(surface, "part")
     legend = {(names or {}).get(int(j), f"part {j}"): _part_colour(int(j), found) for j in found}
     compose(Path(path), images, title, "", legend)
     return Path(path)
 
 
-def mode_surface(V: Any, values: NDArray, scale: float) -> tuple[Any, Callable[[Any], NDArray]]:
+def mode_surface(V: Any, values: NDArray) -> tuple[Any, Callable[[Any], NDArray]]:
     """Surface of all bodies at rest with the amplitude of a mode, and how it moves.
 
     Args:
         V: vector function space of Lagrange elements, on a mesh of this process.
         values: all dofs, real or complex, shape (dofs,).
-        scale: largest displacement as drawn, as a share of the model's radius.
 
     Returns:
         The surface, with point data ``amplitude``, 1 at its maximum, and ``level``; and a function
@@ -177,7 +177,7 @@ def mode_surface(V: Any, values: NDArray, scale: float) -> tuple[Any, Callable[[
     amplitude = np.sqrt((re**2 + im**2).sum(axis=1))
     top = max(float(amplitude.max()), 1e-300)
     surface.point_data["amplitude"] = amplitude / top
-    factor = scale * _radius(surface) / top
+    factor = SCALE * _radius(surface) / top
 
     def moved(mesh: Any) -> NDArray:
         re, im = (np.asarray(mesh.point_data[name]) for name in ("re", "im"))
@@ -194,23 +194,12 @@ def _phase(values: NDArray) -> complex:
 def _grid(V: Any, parts: NDArray | None = None) -> Any:
     """Pyvista grid of the nodes of V, with the number of each point's body and each cell's part."""
     cells, types, points = vtk_cells(V)
-    head = np.full((len(cells), 1), cells.shape[1])
-    grid = pyvista().UnstructuredGrid(np.hstack([head, cells]).ravel(), types, points)
-    grid.point_data["body"] = _bodies(len(points), cells)
+    grid = pyvista().UnstructuredGrid({int(types[0]): cells}, points)
+    grid.point_data["body"] = body_of_points(cells, len(points))
     grid.cell_data["part"] = (
         np.zeros(len(cells), dtype=int) if parts is None else parts[: len(cells)]
     )
     return grid
-
-
-def _bodies(size: int, cells: NDArray) -> NDArray:
-    """Number of the body of each point: cells that share a point belong together."""
-    from scipy.sparse import coo_matrix
-    from scipy.sparse.csgraph import connected_components
-
-    first = np.repeat(cells[:, 0], cells.shape[1])
-    links = coo_matrix((np.ones(first.size), (first, cells.ravel())), shape=(size, size))
-    return connected_components(links, directed=False)[1]
 
 
 def _levels(surface: Any) -> NDArray:
@@ -226,14 +215,13 @@ def _levels(surface: Any) -> NDArray:
     return level[np.searchsorted(bodies, region)]
 
 
-def in_a_row(surface: Any, view: NDArray, side: float, distance: float) -> Any:
+def in_a_row(surface: Any, view: NDArray, side: float) -> Any:
     """A copy whose levels stand beside each other as seen along ``view``, the lowest to the left.
 
     Args:
         surface: the bodies where they are.
         view: direction from the bodies to the eye.
         side: +1 where the eye looks from above, -1 from below.
-        distance: between neighbours, as a share of the radius.
     """
     points, level = np.asarray(surface.points), np.asarray(surface.point_data["level"])
     right = side * np.array([-view[1], view[0], 0.0]) / np.hypot(*view[:2])
@@ -243,7 +231,7 @@ def in_a_row(surface: Any, view: NDArray, side: float, distance: float) -> Any:
         box = 0.5 * (points[own].min(axis=0) + points[own].max(axis=0))
         reach = (points[own] - box) @ right
         moved[own] += (edge - reach.min()) * right - box
-        edge += np.ptp(reach) + distance * _radius(surface)
+        edge += np.ptp(reach) + DISTANCE * _radius(surface)
     out = surface.copy()
     out.points = moved
     return out
@@ -254,16 +242,16 @@ def _radius(surface: Any) -> float:
     return 0.5 * float(np.linalg.norm(box))
 
 
-def _photographs(surface: Any, scalars: str, distance: float) -> list[NDArray]:
+def _photographs(surface: Any, scalars: str) -> list[NDArray]:
     """Both views of a surface, cut to the same frame, RGB arrays."""
     with pyvista().vtk_verbosity("off"):  # without a display VTK warns, then draws all the same
-        return trim([_photograph(surface, side, scalars, distance) for _, side in VIEWS])
+        return trim([_photograph(surface, side, scalars) for _, side in VIEWS])
 
 
-def _photograph(surface: Any, side: float, scalars: str, distance: float) -> NDArray:
+def _photograph(surface: Any, side: float, scalars: str) -> NDArray:
     """Picture of a surface from obliquely above (side = 1) or below (side = -1), RGB array."""
     view = view_of(surface, side)
-    surface = in_a_row(surface, view, side, distance)
+    surface = in_a_row(surface, view, side)
     plotter = open_plotter(surface, view, side, PIXELS)
     if scalars == "part":
         found = np.unique(surface.cell_data["part"])
@@ -273,24 +261,21 @@ def _photograph(surface: Any, side: float, scalars: str, distance: float) -> NDA
                 piece, color=_part_colour(int(j), found), show_edges=True, line_width=1, **LIGHT
             )
     else:
-        plotter.add_mesh(
-            surface,
-            scalars=scalars,
-            cmap=SHAPE_COLOURS,
-            clim=(0.0, 1.0),
-            smooth_shading=True,
-            split_sharp_edges=True,
-            show_scalar_bar=False,
-            **LIGHT,
-        )
-        edges = surface.extract_feature_edges(40.0, manifold_edges=False)
-        if edges.n_points:
-            plotter.add_mesh(edges, color="#202020", line_width=1.5)
+        plotter.add_mesh(surface, smooth_shading=True, split_sharp_edges=True, **SHAPE)
+        add_edges(plotter, surface)
     plotter.enable_anti_aliasing("ssaa")
     image = np.asarray(plotter.screenshot(return_img=True))
     plotter.close()
     release_memory()
     return image
+
+
+def add_edges(plotter: Any, surface: Any) -> Any:
+    """Draw the edges of a surface; returns them."""
+    edges = surface.extract_feature_edges(40.0, manifold_edges=False)
+    if edges.n_points:
+        plotter.add_mesh(edges, color="#202020", line_width=1.5)
+    return edges
 
 
 def open_plotter(surface: Any, view: NDArray, side: float, pixels: tuple[int, int]) -> Any:
@@ -331,6 +316,6 @@ def _part_colour(part: int, found: NDArray) -> str:
     return CYCLE[int(np.searchsorted(found, part)) % len(CYCLE)]
 
 
-def _note(values: NDArray, scale: float) -> str:
+def _note(values: NDArray) -> str:
     moment = ", at the phase of largest motion" if np.iscomplexobj(values) else ""
-    return f"largest displacement drawn as {100 * scale:.0f} % of the radius{moment}"
+    return f"largest displacement drawn as {100 * SCALE:.0f} % of the radius{moment}"

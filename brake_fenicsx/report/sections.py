@@ -15,7 +15,7 @@ from brake_fenicsx.results.tables import Value
 from .blocks import Block, Picture, Section, Special, Table, Text
 from .cycle_figures import cycle_blocks
 from .figures import PLOTS
-from .mode_cards import Card, ModePictures, family_card, family_table_cells, other_cards
+from .mode_cards import Card, ModePictures, family_card, family_table_cells, often_text, other_cards
 from .overview import cause_rows, share_text
 from .squeal_map import squeal_map
 
@@ -131,12 +131,9 @@ def _families(
     rows: list[list[Value]] = []
     for approach, found in families.items():
         for f in found[: rows_of_each(run)]:
-            often = f"{f.share.hits} of {f.share.n}"
-            if f.share.n > 1:
-                often += f": {share_text(f.share.cells)}"
             rows.append([
                 run.label(approach), "by frequency" if f.key < 0 else f.key,
-                f.kilohertz, often, f.median, f.worst,
+                f.kilohertz, often_text(f), f.median, f.worst,
                 *family_table_cells(run, f, pictures),
             ])  # fmt: skip
     if not rows:
@@ -177,7 +174,7 @@ def more_cards(
     )
     chosen = [families[name][rank] for rank, name in ranked]
     cards = [
-        family_card(run, f, pictures, named=True)
+        family_card(run, f, pictures)
         for f in chosen if (key := pictures.of_family(f)) and key not in shown
     ]  # fmt: skip
     return cards + other_cards(pictures, shown | {card.key for card in cards})

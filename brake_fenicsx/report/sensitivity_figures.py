@@ -8,7 +8,7 @@ import numpy as np
 
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.statistics import Correlation, rank_correlation
-from brake_fenicsx.results.tables import SAMPLES, Columns, read_columns
+from brake_fenicsx.results.tables import SAMPLES, Columns, read_columns, rows_of
 
 from .style import BLACK, CYCLE, label, light_grid, look, new_figure
 
@@ -39,14 +39,14 @@ def draw_sensitivity(run: RunData, most: int = 6) -> Figure | None:
     if not table["approach"].size:
         return None
     known = (table["outcome"] == "growth") & np.isfinite(table["first"].astype(float))
-    table = {name: values[known] for name, values in table.items()}
+    table = rows_of(table, known)
     names = [a for a in run.approaches if np.any(table["approach"] == a)]
     if not names:
         return None
     figure, axes = new_figure(len(names), 1, height=0.9 + 2.4 * len(names), sharey=True)
     for axis, name in zip(axes.flat, names, strict=True):
         own = table["approach"] == name
-        _draw(axis, {key: values[own] for key, values in table.items()}, most)
+        _draw(axis, rows_of(table, own), most)
         samples = f", {table['samples'][own][0]} samples" if "samples" in table else ""
         axis.set_title(f"{label(run, name)}: {table['method'][own][0]}{samples}")
     axes[0, 0].legend(fontsize=7.5, ncols=2, loc="lower left", bbox_to_anchor=(0.0, 1.1))

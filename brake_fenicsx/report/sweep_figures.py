@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.results.run import RunData
-from brake_fenicsx.results.tables import Columns
+from brake_fenicsx.results.tables import Columns, rows_of
 
 from .squeal_figures import KHZ, LINEAR_DAMPING
 from .style import (
@@ -53,7 +53,7 @@ class SweepEvents:
         """
         table = run.sweep.get("lock_in") or {}
         own = np.isnan(table["sample"]) & (table["approach"] == approach) if table else []
-        self._table: Columns = {name: column[own] for name, column in table.items()}
+        self._table: Columns = rows_of(table, own)
         self.threshold = run.threshold
 
     def of(self, kind: str) -> Curve:
@@ -157,7 +157,7 @@ def draw_branches(run: RunData) -> Figure | None:
     figure, axes = new_figure(2, len(approaches), height=5.6, sharex=True, sharey="row")
     factor, name = axis_of(run)
     for column, approach in enumerate(approaches):
-        rows = chosen(table, own & (table["approach"] == approach))
+        rows = rows_of(table, own & (table["approach"] == approach))
         top, bottom = axes[0, column], axes[1, column]
         events = SweepEvents(run, approach)
         colours = _loud(rows, run.threshold, events)
@@ -183,11 +183,6 @@ def draw_branches(run: RunData) -> Figure | None:
     axes[0, 0].set_ylabel(KHZ)
     axes[1, 0].set_ylabel(DAMPING_LABEL)
     return figure
-
-
-def chosen(table: Columns, rows: NDArray[np.bool_]) -> Columns:
-    """Some rows of a table."""
-    return {name: column[rows] for name, column in table.items()}
 
 
 def _loud(rows: Columns, threshold: float, events: SweepEvents) -> dict[int, str]:

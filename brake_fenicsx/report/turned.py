@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 TRIANGLES = 25_000  # of a scene, so that it adds a megabyte to a page at most; more are thinned out
 APART = 0.35  # distance by which levels of bodies are drawn apart, as a share of the model's radius
 ICONS = b"https://kitware.github.io/vtk-js/icon/"  # of the tab, which the viewer would load
-SCALE = 0.08  # largest displacement as drawn, likewise
 
 
 def can_turn() -> bool:
@@ -41,9 +40,9 @@ def write_scene(path: Path, V: Any, values: NDArray) -> Path:
     Returns:
         The path.
     """
-    from .render import LIGHT, SHAPE_COLOURS, mode_surface, open_plotter, pyvista, view_of
+    from .render import SHAPE, mode_surface, open_plotter, pyvista, view_of
 
-    surface, moved = mode_surface(V, values, SCALE)
+    surface, moved = mode_surface(V, values)
     points = np.asarray(surface.points) + np.real(moved(surface))
     radius = 0.5 * float(np.linalg.norm(np.ptp(points, axis=0)))
     points[:, 2] += APART * radius * np.asarray(surface.point_data["level"])
@@ -56,8 +55,7 @@ def write_scene(path: Path, V: Any, values: NDArray) -> Path:
         surface = surface.decimate_pro(1 - TRIANGLES / surface.n_cells, preserve_topology=True)
     with pyvista().vtk_verbosity("off"):
         plotter = open_plotter(surface, view_of(surface, 1.0), 1.0, (400, 300))
-        plotter.add_mesh(surface, scalars="amplitude", cmap=SHAPE_COLOURS, clim=(0.0, 1.0),
-                         show_scalar_bar=False, **LIGHT)  # fmt: skip
+        plotter.add_mesh(surface, **SHAPE)
         plotter.reset_camera()
         plotter.show(auto_close=False)
         path.write_bytes(_packed(plotter.render_window))

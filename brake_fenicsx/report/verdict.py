@@ -127,7 +127,7 @@ def make_verdict(
     more = _failure(run, counted)
     more += [_other(run, run.squeal.count(name), families[name]) for name in others]
     cards = [
-        family_card(run, f, pictures, rank, named=True)
+        family_card(run, f, pictures, rank)
         for rank, f in enumerate(families[lead][:CANDIDATES], start=1)
     ]
     notes = beside_candidates(run, families, lead)

@@ -92,6 +92,16 @@ def write_rows(
     return path
 
 
+def rows_of(table: Columns, which: Any) -> Columns:
+    """Some rows of a table.
+
+    Args:
+        table: its columns.
+        which: mask, numbers or slice of the rows.
+    """
+    return {name: column[which] for name, column in table.items()}
+
+
 def read_rows(path: str | Path) -> list[dict[str, Value]]:
     """Read a table written by `write_rows`.
 

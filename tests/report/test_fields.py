@@ -205,7 +205,7 @@ def test_bodies_in_a_row_hide_nothing():
     assert np.array_equal(level, surface.point_data["body"])
     for side in (1.0, -1.0):
         view = view_of(surface, side)
-        row = in_a_row(surface, view, side, 0.1)
+        row = in_a_row(surface, view, side)
         right = np.cross([0.0, 0.0, side], view)
         reach = [(row.points[level == j] @ right / np.linalg.norm(right)) for j in range(3)]
         assert reach[0].max() < reach[1].min()

@@ -11,7 +11,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.sparse.csgraph import connected_components
 
 # Keywords that hold, join, load or move the bodies; others are materials, sections, steps, output.
 CHANGING = frozenset({
@@ -219,6 +221,18 @@ def without_unused_nodes(mesh: RawMesh) -> RawMesh:
     return replace(
         mesh, points=mesh.points[used], cells=number[mesh.cells], facets=number[mesh.facets]
     )
+
+
+def body_of_points(cells: Ints, size: int) -> NDArray[np.intp]:
+    """Number of the body of each point: cells that share a point belong together.
+
+    Args:
+        cells: points of each cell, shape (cells, n).
+        size: how many points there are.
+    """
+    first = np.repeat(cells[:, 0], cells.shape[1])
+    links = sp.coo_matrix((np.ones(first.size), (first, cells.ravel())), (size, size))
+    return np.asarray(connected_components(links, directed=False)[1], dtype=np.intp)
 
 
 def facet_keys(corners: Ints) -> NDArray[np.uint64]:
