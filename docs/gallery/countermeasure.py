@@ -24,7 +24,7 @@ find_countermeasures(
     SCENE,
     MPI.COMM_WORLD,
     "countermeasure-results",
-    ["stages=['surface', 'equilibrium', 'stability', 'uncertainty']"],  # no page of each run
+    ["samples.n=60", "stages=['surface', 'equilibrium', 'stability', 'uncertainty']"],  # no pages
 )
 rows = read_rows("countermeasure-results/countermeasures.csv")
 for row in rows:
@@ -63,8 +63,9 @@ axis.legend()
 figure.savefig("countermeasure.png", dpi=120)
 # -
 
-# The largest friction coefficient with which the block is silent in at least 95 % of the samples:
+# The largest friction coefficient with which the block is silent in at least 95 % of all samples,
+# with a confidence of 95 %:
 
 (friction,) = (row["smallest_value"] for row in rows if row["key"].endswith("friction"))
 print(f"friction coefficient {friction:.3f}")
-assert abs(friction - 0.426) < 0.03
+assert abs(friction - 0.423) < 0.03
