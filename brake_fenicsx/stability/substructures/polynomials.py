@@ -29,7 +29,7 @@ Coefficients = Array | Sequence[Array]
 # series are corrected afterwards.
 STEPS, STILL = 40, 1e-11
 
-# Steps for left vectors, b' L = c': each gains a factor of the size of L - 1.
+# Most steps for left vectors, b' L = c': each gains a factor of the size of L - 1.
 LEFT_STEPS = 16
 
 
@@ -74,8 +74,11 @@ def zeros(T: Array, degree: int, reach: float, near: Callable[[Complex], Index])
     found = _companion(Q, near)
     left = found.left
     for _ in range(LEFT_STEPS):
+        last = left
         series = [found.z ** (j + 1) * times(A.T, left) for j, A in enumerate(L)]
         left = found.left - np.sum(series, axis=0)
+        if np.abs(left - last).max(initial=0.0) <= STILL:
+            break
     return Zeros(found.every, found.chosen, found.right, left / la.norm(left, axis=0))
 
 
