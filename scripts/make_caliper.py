@@ -69,7 +69,7 @@ def main() -> None:
     folder = parser.parse_args().folder
     folder.mkdir(exist_ok=True)
     mesh = build_mesh({"caliper": (SimpleNamespace(build=build), None)}, MPI.COMM_SELF)
-    elastic = assemble_elastic(mesh, {"caliper.body": IRON}, {}, {})
+    elastic = assemble_elastic(mesh, {"caliper.body": IRON}, {})
     points = elastic.free.V.tabulate_dof_coordinates()
     nodes: list[int] = []
     rows = []

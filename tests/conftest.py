@@ -133,7 +133,7 @@ class TwoBlocks:
     ):
         from brake_fenicsx.geometry import block
         from brake_fenicsx.macro.contact import contact_elements
-        from brake_fenicsx.macro.elasticity import assemble_elastic
+        from brake_fenicsx.macro.elasticity import assemble_elastic, unit_loads
         from brake_fenicsx.macro.friction import Translation
         from brake_fenicsx.macro.material import Material, isotropic, transversely_isotropic
         from brake_fenicsx.macro.mesh import build_mesh
@@ -146,8 +146,7 @@ class TwoBlocks:
             "pad.body": Material(transversely_isotropic(*self.LINING), 2510.0),
             "plate.body": Material(isotropic(125e9, 0.24), 7200.0),
         }
-        loads = {"pad.top": pressure} if pressure else {}
-        self.elastic = assemble_elastic(self.mesh, self.materials, supports, loads)
+        self.elastic = assemble_elastic(self.mesh, self.materials, supports)
         self.free = self.elastic.free
         self.contact = contact_elements(
             self.mesh, self.free, ("pad.bottom", "plate.top"), Translation(direction, 2.0),
@@ -155,7 +154,7 @@ class TwoBlocks:
         )  # fmt: skip
         for name in ("N", "T", "R", "w", "g0"):
             setattr(self, name, getattr(self.contact, name))
-        self.f = self.elastic.f
+        self.f = pressure * unit_loads(self.mesh, self.free, "pad.top")
         self.K, self.M = self.elastic.K, self.elastic.M
         self.k0 = np.full(self.w.size, k0)
 

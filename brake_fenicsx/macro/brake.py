@@ -206,7 +206,7 @@ def assemble_bodies(scene: Scene, mesh: Mesh) -> Elastic:
     named = [f for f in dict.fromkeys([*sprung, *scene.masses]) if not _on_matrices(scene, f)]
     added = [added_to_face(scene, face) for face in named]
     elastic = assemble_elastic(
-        mesh, layers, supports, {}, scene.mesh.degree, added, scene.mesh.mass == "lumped"
+        mesh, layers, supports, scene.mesh.degree, added, scene.mesh.mass == "lumped"
     )
     if any(part.matrices for part in scene.parts.values()):
         from .external_bodies import with_superelements

@@ -122,9 +122,7 @@ class Elastic:
     Attributes:
         K: stiffness [N/m] on the free dofs.
         M: mass [kg] on the free dofs.
-        f: loads [N] on the free dofs.
         free: the numbering.
-        loads: load name -> (loaded area [m^2], force [N], shape (3,)).
         C: damping of springs and of bodies given by matrices [N s/m]; None where there is none.
         sets: sets of nodes of bodies given by matrices -> their displacements, node by node in x,
             y, z, shape (3 nodes, free dofs).
@@ -135,9 +133,7 @@ class Elastic:
 
     K: sp.csr_matrix
     M: sp.csr_matrix
-    f: NDArray[Any]
     free: FreeDofs
-    loads: dict[str, tuple[float, NDArray[Any]]]
     C: sp.csr_matrix | None = None
     sets: dict[str, sp.csr_matrix] = field(default_factory=dict)
     masses: dict[str, sp.csr_matrix] = field(default_factory=dict)
@@ -197,7 +193,6 @@ def assemble_elastic(
     mesh: Mesh,
     materials: Mapping[str, Material],
     supports: Mapping[str, list[str]],
-    loads: Mapping[str, float],
     degree: int = 2,
     added: Sequence[FaceAddition] = (),
     lumped: bool = False,
@@ -208,7 +203,6 @@ def assemble_elastic(
         mesh: the tagged mesh.
         materials: layer name -> material in x, y, z axes.
         supports: face name -> held components.
-        loads: face name -> pressure [Pa], positive pushes on the body.
         degree: polynomial degree of the displacement.
         added: springs and masses on faces.
         lumped: whether each row of the mass is summed on its diagonal; of degree 1 alone.
@@ -250,12 +244,11 @@ def assemble_elastic(
             A = fem_petsc.assemble_matrix(fem.form(ufl.inner(ufl.dot(c, u), v) * ds))
             part = on_free_dofs(A, free)
             dashpots = part if dashpots is None else dashpots + part
-    f, record = _loads(mesh, free, loads)
     mass = _mass(M, free, lumped)
     for one in added:
         if one.mass:
             mass = mass + one.mass * face_mass(mesh, free, one.face, lumped)
-    return Elastic(on_free_dofs(K, free), mass, f, free, record, dashpots)
+    return Elastic(on_free_dofs(K, free), mass, free, dashpots)
 
 
 def face_mass(mesh: Mesh, free: FreeDofs, face: str, lumped: bool = False) -> sp.csr_matrix:
@@ -360,26 +353,14 @@ def stiffness_action(
 
 def unit_loads(mesh: Mesh, free: FreeDofs, face: str) -> NDArray[Any]:
     """Loads [N/Pa] of a pressure of 1 Pa on a face, on the free dofs."""
-    return _loads(mesh, free, {face: 1.0})[0]
-
-
-def _loads(
-    mesh: Mesh, free: FreeDofs, loads: Mapping[str, float]
-) -> tuple[NDArray[Any], dict[str, tuple[float, NDArray[Any]]]]:
-    """Load vector of the pressures, with area and force of each for the record."""
-    f = np.zeros(free.size)
+    ds = _face(mesh, face, "loads")
     v, n = ufl.TestFunction(free.V), ufl.FacetNormal(mesh.domain)
-    record = {}
-    for face, pressure in loads.items():
-        ds = _face(mesh, face, "loads")
-        p = fem.Constant(mesh.domain, PETSc.ScalarType(pressure))
-        b = fem_petsc.assemble_vector(fem.form(pressure_form(v, n, p, ds)))
-        f[: free.local.size] += b.array_r[free.local]
-        bs = free.V.dofmap.index_map_bs
-        force = b.array_r.reshape(-1, bs).sum(axis=0)
-        record[face] = (measured_area(mesh, ds), force)
-        b.destroy()
-    return f, record
+    one = fem.Constant(mesh.domain, PETSc.ScalarType(1.0))
+    b = fem_petsc.assemble_vector(fem.form(pressure_form(v, n, one, ds)))
+    f = np.zeros(free.size)
+    f[: free.local.size] = b.array_r[free.local]
+    b.destroy()
+    return f
 
 
 def _face(mesh: Mesh, face: str, where: str) -> Any:

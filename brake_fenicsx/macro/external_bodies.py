@@ -156,8 +156,7 @@ def _padded(elastic: Elastic, total: int) -> Elastic:
             A = A.copy()
             A.resize(total, total)
         matrices[name] = A
-    f = np.concatenate([elastic.f, np.zeros(total - elastic.f.size)])
-    return replace(elastic, **matrices, f=f, free=replace(elastic.free, size=total))
+    return replace(elastic, **matrices, free=replace(elastic.free, size=total))
 
 
 def _eliminated(

@@ -170,6 +170,11 @@ class Face:
         ratio = np.linalg.norm(cross, axis=-1)
         return position, cross / ratio[..., None], ratio
 
+    def everywhere(self, x: Array) -> tuple[Array, Array, Array]:
+        """`surface` of all facets at the same local points, shape (points, 2)."""
+        every = np.arange(len(self.nodes))
+        return self.surface(every, np.broadcast_to(x, (every.size, *x.shape)))
+
 
 def gather_face(mesh: Mesh, free: FreeDofs, face: str) -> Face:
     """Collect a named face.

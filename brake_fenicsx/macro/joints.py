@@ -33,7 +33,7 @@ from .integrals import facet_areas, facet_rule
 from .material import Material
 from .mesh import Mesh
 from .solver import with_interface
-from .tie import GluedFaces, tied_faces
+from .tie import GluedFaces, cross_matrix, tied_faces
 
 Array = NDArray[np.float64]
 # Nodes at most: all of them are coupled with each other.
@@ -85,8 +85,7 @@ def mean_rotation(face: Face, size: int) -> sp.csr_matrix:
     square = np.einsum("fq,fqc,fqd->cd", area, r, r)
     S = np.trace(square) * np.eye(3) - square
     moment = np.einsum("fq,qm,fqc->fmc", area, shape, r)
-    cross = np.cross(moment[..., None, :], np.eye(3)).swapaxes(-1, -2)
-    return _rows(face, np.linalg.solve(S, cross), size)
+    return _rows(face, np.linalg.solve(S, cross_matrix(moment)), size)
 
 
 def check_size(faces: list[Face]) -> None:
@@ -106,8 +105,7 @@ def check_size(faces: list[Face]) -> None:
 def _points(face: Face) -> tuple[Array, Array, Array]:
     """Areas [m^2], distances from the centroid [m] and shape functions at points of every facet."""
     x, w = facet_rule(face.element.corners)
-    every = np.arange(len(face.nodes))
-    where, _, ratio = face.surface(every, np.broadcast_to(x, (every.size, *x.shape)))
+    where, _, ratio = face.everywhere(x)
     area = ratio * w
     centre = np.einsum("fq,fqc->c", area, where) / area.sum()
     return area, where - centre, face.element.shape(x)

@@ -56,8 +56,7 @@ def node_integrals(pad: Face, disc: Face, reach: float | None) -> Integrals:
 def _tributaries(pad: Face) -> tuple[Index, Index, Array, Array]:
     """Every node once: a facet that holds it, its place there, its area [m^2], mean normal."""
     places = pad.element.nodes
-    every = np.arange(len(pad.nodes))
-    _, n, _ = pad.surface(every, np.broadcast_to(places, (every.size, *places.shape)))
+    _, n, _ = pad.everywhere(places)
     area = facet_areas(pad)[:, None] * pad.element.tributary
     _, first, inverse = np.unique(pad.number, return_index=True, return_inverse=True)
     # In the order of the facets.

@@ -277,7 +277,8 @@ def _clipped(
     x, n, ratio = pad.surface(i, on_pad)
     bent = np.flatnonzero(~pad.straight[i])
     if bent.size:
-        twice = np.abs(_twice(flat_pad[bent][:, one]))
+        a, b, c = np.moveaxis(flat_pad[bent][:, one], 1, 0)
+        twice = np.abs(_cross(b - a, c - a))
         weight[bent] *= ratio[bent] / twice[:, None]
     gap = np.einsum("fqc,fqc->fq", disc.surface(j, on_disc)[0] - x, n)
     # On plane facets the points lie above each other already.
@@ -309,12 +310,6 @@ def _local(flat: Array, corners: Array, face: Face, facet: Index, chosen: tuple[
     if face.element.corners == 4 and plane.size:
         by_chord[plane] = bilinear(flat[plane], corners[plane])
     return by_chord
-
-
-def _twice(triangle: Array) -> Array:
-    """Twice the signed areas."""
-    a, b = triangle[:, 1] - triangle[:, 0], triangle[:, 2] - triangle[:, 0]
-    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
 
 
 def _handed_over(disc: Face, pairs: Index, found: Overlap) -> tuple[Overlap, Overlap]:

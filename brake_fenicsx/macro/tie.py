@@ -172,12 +172,12 @@ def _carried(face: Face, o: Overlap) -> Array:
     _, n, _ = face.surface(o.disc, o.on_disc)
     turn = np.eye(3) - 0.5 * n[..., :, None] * n[..., None, :]
     # omega x (x - y) = -(x - y) x omega; x - y points along o.n.
-    arm = -_cross_matrix(o.gap[..., None] * o.n) @ turn
+    arm = -cross_matrix(o.gap[..., None] * o.n) @ turn
     shape = face.element.shape(o.on_disc)[..., None, None] * np.eye(3)
-    return np.asarray(shape + arm[:, :, None] @ _cross_matrix(gradient))
+    return np.asarray(shape + arm[:, :, None] @ cross_matrix(gradient))
 
 
-def _cross_matrix(v: Array) -> Array:
+def cross_matrix(v: Array) -> Array:
     """Matrices of v x ., shape (..., 3) to (..., 3, 3)."""
     return np.asarray(np.cross(v[..., None, :], np.eye(3), axis=-1)).swapaxes(-1, -2)
 

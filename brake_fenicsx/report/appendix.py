@@ -87,10 +87,8 @@ def _settings(run: RunData) -> list[Block]:
     if isinstance(run.summary.get("in_effect"), Mapping):
         blocks += [
             Text("All settings in SI units, with defaults and changes by --set."),
-            pairs("setting", run.summary["in_effect"], digits=12),
+            pairs("setting", run.summary["in_effect"]),
         ]
-    elif isinstance(run.summary.get("settings"), Mapping):
-        blocks.append(pairs("setting", run.summary["settings"]))
     elif run.scene is not None:
         blocks.append(Preformatted(run.scene))
     for key in ("seeds", "versions"):

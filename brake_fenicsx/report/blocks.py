@@ -88,35 +88,26 @@ class Section:
     blocks: list[Block] = field(default_factory=list)
 
 
-def pairs(what: str, content: Mapping[str, Any], digits: int | None = None) -> Table:
+def pairs(what: str, content: Mapping[str, Any], digits: int = 12) -> Table:
     """A nested mapping as a table of dotted names and values.
 
     Args:
         what: heading of the names.
         content: the mapping.
-        digits: significant digits of numbers; all if not given.
+        digits: significant digits of numbers.
     """
     return Table([what, "value"], [[name, value] for name, value in _flatten(content, digits)])
 
 
-def _flatten(
-    content: Mapping[str, Any], digits: int | None, above: str = ""
-) -> list[tuple[str, str]]:
+def _flatten(content: Mapping[str, Any], digits: int, above: str = "") -> list[tuple[str, str]]:
     found: list[tuple[str, str]] = []
     for key, value in content.items():
         name = f"{above}.{key}" if above else str(key)
         if isinstance(value, Mapping):
             found += _flatten(value, digits, name)
         else:
-            found.append((name, _exact(value) if digits is None else _rounded(value, digits)))
+            found.append((name, _rounded(value, digits)))
     return found
-
-
-def _exact(value: Any) -> str:
-    """A value as text, every digit; of a long list the first values and their number."""
-    if isinstance(value, list) and len(value) > LONGEST:
-        return f"{repr(value[:5])[:-1]}, ...] ({len(value)} values)"
-    return value if isinstance(value, str) else repr(value)
 
 
 def _rounded(value: Any, digits: int) -> str:

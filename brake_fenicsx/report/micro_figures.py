@@ -146,7 +146,7 @@ def _draw_map(axes: Axes, maps: Arrays, j: int, limits: tuple[float, float]) -> 
         interpolation="nearest",
     )
     touching = int(np.count_nonzero(p > 0))
-    area = float(maps["area_fraction"][j]) if "area_fraction" in maps else touching / p.size
+    area = float(maps["area_fraction"][j])
     load = f"$p/E^*$ = {_power(float(maps['p_over_E'][j]))}"
     points = f" ({touching} points)" if touching < FEW_POINTS else ""
     axes.set_title(f"{load}\nreal contact {100 * area:.2g} %{points}", fontsize=8.5)

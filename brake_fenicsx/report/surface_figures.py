@@ -35,10 +35,7 @@ Q_LABEL, PSD_LABEL = "wave number $q$ [rad/m]", "radial PSD $C$ [m$^4$]"
 
 def surface_statistics(surface: Arrays) -> dict[str, Any]:
     """Statistics of the scan (lengths in m) and parameters of its fit; may be empty."""
-    if "stats" not in surface:
-        return {}
-    content = json.loads(str(surface["stats"]))
-    return content if isinstance(content, dict) else {}
+    return dict(json.loads(str(surface["stats"])))
 
 
 def draw_statistics(run: RunData) -> Figure | None:
@@ -48,7 +45,7 @@ def draw_statistics(run: RunData) -> Figure | None:
     surface = run.surface
     figure, axes = new_figure(1, 2, height=3.7, gridspec_kw={"width_ratios": [1, 1.25]})
     _draw_heights(axes[0, 0], surface)
-    if "q" in surface and "fit_q" in surface:
+    if "q" in surface:
         axes[0, 1].remove()
         right = axes[0, 0].get_gridspec()[0, 1].subgridspec(2, 1, height_ratios=[3, 1])
         top = figure.add_subplot(right[0])
@@ -59,10 +56,7 @@ def draw_statistics(run: RunData) -> Figure | None:
     else:
         top = axes[0, 1]
         top.set_xlabel(Q_LABEL)
-    if "q" in surface or "fit_q" in surface:
-        _draw_psd(top, surface)
-    else:
-        top.set_visible(False)
+    _draw_psd(top, surface)
     return figure
 
 
@@ -112,10 +106,8 @@ def _draw_heights(axes: Axes, surface: Arrays) -> None:
     if z.size:
         what = "scan" if len(scans) == 1 else f"{len(scans)} scans"
         axes.hist(z, bins=64, density=True, color="#c9dcea", label=what)
-    if "hdf_z" in surface:
-        heights, density = surface["hdf_z"] * UM, surface["hdf_density"] / UM
-        text = "kernel density" if z.size else "as given"
-        axes.plot(heights, density, color=BLUE, label=text)
+    heights, density = surface["hdf_z"] * UM, surface["hdf_density"] / UM
+    axes.plot(heights, density, color=BLUE, label="kernel density" if z.size else "as given")
     if z.size and z.std() > 0:
         low, high = axes.get_xlim()
         x = np.linspace(low, high, 200)
@@ -160,14 +152,8 @@ def _draw_psd(axes: Axes, surface: Arrays) -> None:
         q, C = surface["q"][positive], surface["C"][positive]
         axes.loglog(q, C, color=BLUE, lw=width, label=text)
     stats = surface_statistics(surface)
-    if "fit_q" in surface:
-        axes.loglog(
-            surface["fit_q"],
-            surface["fit_C"],
-            color=BLACK,
-            ls="--",
-            label=_fit_text(stats, "bi-fractal fit" if "q" in surface else "as given"),
-        )
+    text = _fit_text(stats, "bi-fractal fit" if "q" in surface else "as given")
+    axes.loglog(surface["fit_q"], surface["fit_C"], color=BLACK, ls="--", label=text)
     if _measured(surface):
         inside = surface["spectrum_q"] <= surface["fit_q"].max()
         inside &= surface["spectrum_q"] >= 0.7 * surface["fit_q"].min()
@@ -205,10 +191,8 @@ def _fit_text(stats: dict[str, Any], what: str) -> str:
 
 
 def _draw_band(axes: Axes, surface: Arrays) -> None:
-    if "q_band" in surface:
-        low, high = surface["q_band"]
-        text = "reliable band" if "q" in surface else "band"
-        axes.axvspan(low, high, color="#eef4ea", lw=0, zorder=0, label=text)
+    text = "reliable band" if "q" in surface else "band"
+    axes.axvspan(*surface["q_band"], color="#eef4ea", lw=0, zorder=0, label=text)
 
 
 def _draw_scans(axes: Axes, surface: Arrays) -> None:

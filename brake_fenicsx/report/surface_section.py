@@ -259,9 +259,8 @@ def write_surface_tables(run: RunData) -> list[Path]:
     if (s := run.surface) is None:
         return written
     tables.mkdir(exist_ok=True)
-    if surface_statistics(s):
-        path = tables / "surface.csv"
-        written.append(write_rows(path, parameter_columns(run), parameter_rows(run)))
+    path = tables / "surface.csv"
+    written.append(write_rows(path, parameter_columns(run), parameter_rows(run)))
     if "q" in s:
         each = [*s["scan_C"]] if scans_of(run) else []
         low, high = s["q_band"]

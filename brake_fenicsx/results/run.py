@@ -28,6 +28,8 @@ APPROACHES = {
 SMOOTH = "Smooth contact"  # the approach "multi-scale" of a scene without roughness
 SWEEP = ("sweep", "lock_in", "chart", "critical", "critical_curve")
 LIMIT_CYCLE = ("limit_cycle", "limit_cycle_growth", "limit_cycle_families")
+# of every surface, scanned or given by numbers
+SURFACE = ("stats", "hdf_z", "hdf_density", "fit_q", "fit_C", "q_band")
 
 
 @dataclass(frozen=True)
@@ -156,8 +158,8 @@ def read_run(directory: str | Path | RunData) -> RunData:
         drivers=_table(root / "drivers.csv", ("approach", "sample", "parameter", "kind")),
         driver_maps=_table(root / "drivers_contact.csv", ("approach", "sample", "element")),
         laws=_arrays(root / "laws.npz", ("d", "p", "k")),
-        surface=_surface(root / "surface.npz"),
-        maps=_arrays(root / "contact_maps.npz", ("size", "p_over_E", "pressures")),
+        surface=_arrays(root / "surface.npz", SURFACE),
+        maps=_arrays(root / "contact_maps.npz", ("size", "p_over_E", "pressures", "area_fraction")),
         faces=_arrays(root / "contact_faces.npz", ("corners", "facet")),
         sweep=_tables(root, SWEEP),
         cycles=_tables(root, LIMIT_CYCLE),
@@ -179,13 +181,6 @@ def _table(path: Path, required: Sequence[str]) -> Columns | None:
 def _tables(root: Path, names: Sequence[str]) -> dict[str, Columns]:
     found = {name: _table(root / f"{name}.csv", ()) for name in names}
     return {name: table for name, table in found.items() if table is not None}
-
-
-def _surface(path: Path) -> Arrays | None:
-    """A scan, or what numbers alone say of a surface: then there is no height."""
-    surface = _arrays(path, ())
-    by_numbers = surface is not None and "q" not in surface and "hdf_z" in surface
-    return surface if by_numbers else _arrays(path, ("heights", "size"))
 
 
 def _arrays(path: Path, required: Sequence[str]) -> Arrays | None:

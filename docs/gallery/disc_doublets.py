@@ -28,7 +28,7 @@ from brake_fenicsx.stability.damping import gyroscopic
 IRON = Material(isotropic(125e9, 0.24), 7200.0)
 shape = disc.Disc(radius=0.144, bore=0.075, thickness=2e-3, size=14e-3)
 mesh = build_mesh({"disc": (disc, shape)}, MPI.COMM_SELF, MeshTable(cells="hexahedra"))
-body = assemble_elastic(mesh, {"disc.body": IRON}, {"disc.bore": ["x", "y", "z"]}, {})
+body = assemble_elastic(mesh, {"disc.body": IRON}, {"disc.bore": ["x", "y", "z"]})
 G = gyroscopic(mesh, body.free, {"disc.body": IRON.rho}, Rotation(1.0))
 
 # Modes at several speeds [Hz].

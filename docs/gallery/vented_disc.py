@@ -24,7 +24,7 @@ from brake_fenicsx.stability import complex_modes
 shape = disc.Disc(vanes=24, hat=40e-3, size=16e-3)
 mesh = build_mesh({"disc": (disc, shape)}, MPI.COMM_SELF)
 iron = Material(isotropic(125e9, 0.24), 7200.0)
-body = assemble_elastic(mesh, {"disc.body": iron}, {"disc.bolts": ["x", "y", "z"]}, {})
+body = assemble_elastic(mesh, {"disc.body": iron}, {"disc.bolts": ["x", "y", "z"]})
 modes = complex_modes(body.M, None, body.K, (0.0, 1600.0))
 print(f"{body.K.shape[0]} dofs, {len(modes)} modes: {np.round(modes.frequency, 1)} Hz")
 # -

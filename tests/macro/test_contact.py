@@ -145,7 +145,7 @@ def test_search_reaches_across_a_wide_gap(comm):
     }
     mesh = build_mesh(parts, comm)
     steel = Material(isotropic(2e11, 0.3), 7800.0)
-    free = assemble_elastic(mesh, dict.fromkeys(mesh.layers, steel), {}, {}).free
+    free = assemble_elastic(mesh, dict.fromkeys(mesh.layers, steel), {}).free
     faces, sliding = ("pad.bottom", "plate.top"), Translation((1.0, 0, 0), 1.0)
     with pytest.raises(SceneError, match="do not oppose each other anywhere"):
         contact_elements(mesh, free, faces, sliding)
@@ -194,7 +194,7 @@ def brake_contact():
     }
     mesh = build_mesh(parts, comm)
     steel = Material(isotropic(2e11, 0.3), 7800.0)
-    free = assemble_elastic(mesh, dict.fromkeys(mesh.layers, steel), {}, {}).free
+    free = assemble_elastic(mesh, dict.fromkeys(mesh.layers, steel), {}).free
     contact = contact_elements(
         mesh, free, ("pad.friction", "disc.friction"), Rotation(5.0), comm=comm
     )

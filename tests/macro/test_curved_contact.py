@@ -32,7 +32,7 @@ def bodies(cells, fine):
     table = MeshTable(cells=cells, order=2)
     mesh = build_mesh({"upper": upper, "lower": lower}, MPI.COMM_WORLD, table)
     steel = Material(isotropic(2e11, 0.3), 7800.0)
-    return mesh, assemble_elastic(mesh, dict.fromkeys(mesh.layers, steel), {}, {}).free
+    return mesh, assemble_elastic(mesh, dict.fromkeys(mesh.layers, steel), {}).free
 
 
 def elements(cells, discretisation, faces=("upper.contact", "lower.contact"), fine=0.4e-3):

@@ -126,7 +126,7 @@ def test_plane_facets_of_curved_faces_are_not_taken_for_a_gap(lift, warned):
     raw = joined([sector("drum", R - 10e-3, R, 10), sector("shoe", R + lift, R + 8e-3, 60)])
     mesh = tagged_mesh(lambda: raw, MPI.COMM_SELF, MeshTable(cells="hexahedra", quality=1e-3))
     steel = Material(isotropic(2e11, 0.3), 7800.0)
-    elastic = assemble_elastic(mesh, dict.fromkeys(mesh.layers, steel), {}, {}, degree=1)
+    elastic = assemble_elastic(mesh, dict.fromkeys(mesh.layers, steel), {}, degree=1)
     faces = ("shoe.inner", "drum.outer")
     contact = contact_elements(mesh, elastic.free, faces, Rotation(1.0))
     assert 10e-6 + lift < contact.g0.min() < contact.g0.max() < 70e-6 + lift

@@ -463,7 +463,7 @@ def test_gap_of_a_split_mesh_opens(tmp_path, meshes):
     split = {"pad.friction": "plate.top"}
     mesh = tagged_mesh(lambda: read(file, split=split), MPI.COMM_SELF, MeshTable())
     steel = Material(isotropic(2e11, 0.3), 7800.0)
-    free = assemble_elastic(mesh, dict.fromkeys(mesh.layers, steel), {}, {}).free
+    free = assemble_elastic(mesh, dict.fromkeys(mesh.layers, steel), {}).free
     faces = ("pad.friction", "plate.top")
     contact = contact_elements(mesh, free, faces, Translation((1.0, 0, 0), 1.0))
     u = fem.Function(free.V)

@@ -17,7 +17,7 @@ from scipy.sparse.linalg import eigsh, norm
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.geometry import block
 from brake_fenicsx.macro.brake import assemble_brake, check_brake
-from brake_fenicsx.macro.elasticity import assemble_elastic
+from brake_fenicsx.macro.elasticity import assemble_elastic, unit_loads
 from brake_fenicsx.macro.material import Material, isotropic
 from brake_fenicsx.macro.mesh import raw_mesh, tagged_mesh
 from brake_fenicsx.macro.meshing.rawmesh import joined
@@ -54,10 +54,10 @@ def bar(comm, table=MeshTable(), gap=0.0, bend=None, **upper):  # noqa: B008
     return tagged_mesh(made, comm, table)
 
 
-def tied(mesh, supports, kappa=None, loads=None, search=None):
+def tied(mesh, supports, kappa=None, search=None):
     """Assembled bodies, and the tie of low.top and high.bottom that is in their stiffness."""
     materials = dict.fromkeys(mesh.layers, STEEL)
-    elastic = assemble_elastic(mesh, materials, supports, loads or {})
+    elastic = assemble_elastic(mesh, materials, supports)
     tie = tied_faces(mesh, elastic.free, ("low.top", "high.bottom"), materials, kappa, search)
     return with_layer(elastic, tie), tie
 
@@ -84,9 +84,9 @@ def test_patch(comm, cells):
     mesh = bar(comm, MeshTable(cells=cells))
     supports = {"low.bottom": ["z"], "low.sides": ["x", "y"], "high.sides": ["x", "y"]}
     p, kappa = 1e6, 3e13
-    elastic, tie = tied(mesh, supports, kappa, {"high.top": p})
+    elastic, tie = tied(mesh, supports, kappa)
     factor = Factor(elastic.K)
-    u = factor.solve(elastic.f)
+    u = factor.solve(p * unit_loads(mesh, elastic.free, "high.top"))
     factor.destroy()
 
     def sunk(jump):
@@ -161,10 +161,10 @@ def test_modes_tend_to_those_of_the_glued_mesh(meshes):
     raw, table, comm = meshes.boxes(), MeshTable(), MPI.COMM_SELF
     apart, glued = (tagged_mesh(lambda r=r: r, comm, table) for r in (raw, meshes.glued(raw)))
     materials, held = dict.fromkeys(raw.layers, STEEL), {"plate.bottom": ["x", "y", "z"]}
-    exact = lowest(assemble_elastic(glued, materials, held, {}))
+    exact = lowest(assemble_elastic(glued, materials, held))
     errors = []
     for kappa in (1e16, 1e17, 1e18):
-        elastic = assemble_elastic(apart, materials, held, {})
+        elastic = assemble_elastic(apart, materials, held)
         faces = ("pad.bottom", "plate.top")
         tie = tied_faces(apart, elastic.free, faces, materials, kappa)
         errors.append(1 - lowest(with_layer(elastic, tie)) / exact)
@@ -182,7 +182,7 @@ def test_usual_stiffness_costs_less_than_the_mesh():
     def one(size):
         piece = block.Block(length=10e-3, width=8e-3, height=24e-3, z=-12e-3, size=size)
         mesh = tagged_mesh(lambda: raw_mesh({"low": (block, piece)}, table), comm, table)
-        return lowest(assemble_elastic(mesh, {"low.body": STEEL}, {"low.bottom": ["z"]}, {}))
+        return lowest(assemble_elastic(mesh, {"low.body": STEEL}, {"low.bottom": ["z"]}))
 
     def two(kappa=None):
         low = block.Block(length=10e-3, width=8e-3, height=12e-3, z=-12e-3, size=5e-3)
@@ -224,7 +224,7 @@ def test_a_slit_in_one_part_is_closed(meshes):
     held, found = {"plate.bottom": ["x", "y", "z"]}, []
     for made in (slit, meshes.glued(raw)):
         mesh = tagged_mesh(lambda r=made: r, comm, table)
-        elastic = assemble_elastic(mesh, dict.fromkeys(mesh.layers, STEEL), held, {})
+        elastic = assemble_elastic(mesh, dict.fromkeys(mesh.layers, STEEL), held)
         found.append(lowest(elastic))
         if made is slit:
             materials = dict.fromkeys(mesh.layers, STEEL)
@@ -259,7 +259,7 @@ def test_tied_bodies_are_one_substructure_and_repeat_as_one():
     materials = dict.fromkeys(mesh.layers, STEEL)
     found = []
     for factors in ((), (1.0,), (1.0, 1.0), (1.0, 1.001)):
-        elastic = assemble_elastic(mesh, materials, {}, {})
+        elastic = assemble_elastic(mesh, materials, {})
         apart = elastic.K
         for before, factor in zip(("", "other_"), factors, strict=False):
             faces = (f"{before}low.top", f"{before}high.bottom")

@@ -440,8 +440,8 @@ def test_an_empty_summary_leaves_no_empty_section(tmp_path):
 
 
 def test_long_lists_are_shortened_and_say_so(tmp_path):
-    text = render_page(RunData(tmp_path, summary={"settings": {"long": list(range(100))}}))
-    assert "[0, 1, 2, 3, 4, ...] (100 values)" in text
+    text = render_page(RunData(tmp_path, summary={"in_effect": {"long": list(range(100))}}))
+    assert "58, 59, ... (100 values)" in text
     assert "95" not in text.split("<main>")[1]
 
 

@@ -115,7 +115,7 @@ def block_frequencies(comm, size, sides, material, band):
     from brake_fenicsx.geometry import block
 
     mesh = build_mesh({"b": (block, block.Block(*sides, 0.0, size))}, comm)
-    solved = assemble_elastic(mesh, {"b.body": material}, {}, {})
+    solved = assemble_elastic(mesh, {"b.body": material}, {})
     return complex_modes(solved.M, None, solved.K, band)
 
 
@@ -152,7 +152,7 @@ def disc_frequencies(comm, size, highest):
     from brake_fenicsx.geometry import disc
 
     mesh = build_mesh({"disc": (disc, disc.Disc(size=size))}, comm)
-    solved = assemble_elastic(mesh, {"disc.body": IRON}, {"disc.bore": ["x", "y", "z"]}, {})
+    solved = assemble_elastic(mesh, {"disc.body": IRON}, {"disc.bore": ["x", "y", "z"]})
     factor = Factor(solved.K)
     modes = lowest_modes(factor, solved.M, (2 * np.pi * highest) ** 2)
     return np.sqrt(modes.Lambda) / 2 / np.pi

@@ -134,7 +134,7 @@ def pad_reference(degrees=(7, 11, 3)):
 
 def frequencies(comm, parts, materials, highest, table=None):
     mesh = build_mesh(parts, comm, table)
-    solved = assemble_elastic(mesh, materials, {}, {})
+    solved = assemble_elastic(mesh, materials, {})
     return complex_modes(solved.M, None, solved.K, (0.0, highest))
 
 

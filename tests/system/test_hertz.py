@@ -14,7 +14,7 @@ import pytest
 from brake_fenicsx.geometry import hertz_base, hertz_cylinder, hertz_slab, hertz_sphere
 from brake_fenicsx.macro.condensation import compliance
 from brake_fenicsx.macro.contact import contact_elements
-from brake_fenicsx.macro.elasticity import assemble_elastic
+from brake_fenicsx.macro.elasticity import assemble_elastic, unit_loads
 from brake_fenicsx.macro.equilibrium import equilibrium
 from brake_fenicsx.macro.faces import gather_face
 from brake_fenicsx.macro.friction import Translation
@@ -32,11 +32,12 @@ def pressed(parts, faces, supports, load, table, penalty, discretisation):
     """Solved contact pressures, with the face that carries them."""
     mesh = build_mesh(parts, MPI.COMM_SELF, table)
     steel = dict.fromkeys(mesh.layers, Material(isotropic(E, NU), 7800.0))
-    elastic = assemble_elastic(mesh, steel, supports, load)
+    elastic = assemble_elastic(mesh, steel, supports)
+    f = sum(p * unit_loads(mesh, elastic.free, face) for face, p in load.items())
     sliding = Translation((0, 1.0, 0), 1.0)
     c = contact_elements(mesh, elastic.free, faces, sliding, discretisation)
     n = c.w.size
-    seen = compliance(elastic.K, c.N, c.T, c.w, elastic.f, np.full(n, 1e14), MPI.COMM_SELF)
+    seen = compliance(elastic.K, c.N, c.T, c.w, f, np.full(n, 1e14), MPI.COMM_SELF)
     laws = EnrichedGap(OneLaw(linear_law(penalty)), np.zeros(n, int), np.zeros(n))
     eq = equilibrium(SimpleNamespace(w=c.w, g0=c.g0, compliance=seen), laws)
     return c, eq, gather_face(mesh, elastic.free, faces[0])

@@ -21,7 +21,7 @@ def annulus(comm, thickness, size, supports):
 
     shape = disc.Disc(radius=144e-3, bore=75e-3, thickness=thickness, size=size)
     mesh = build_mesh({"disc": (disc, shape)}, comm)
-    solved = assemble_elastic(mesh, {"disc.body": IRON}, supports, {})
+    solved = assemble_elastic(mesh, {"disc.body": IRON}, supports)
     return mesh, solved, gyroscopic(mesh, solved.free, {"disc.body": RHO}, Rotation(SPEED))
 
 
