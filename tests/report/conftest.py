@@ -320,6 +320,20 @@ def drawn(run_directory, tmp_path_factory) -> tuple[Path, list[Path]]:
 
 
 @pytest.fixture(scope="session")
+def save_scan():
+    """Writes the surface of a run: given heights, and what always stands beside them."""
+
+    def save(directory: Path, heights, size) -> None:
+        np.savez(
+            directory / "surface.npz", heights=heights, size=size, stats=np.array("{}"),
+            hdf_z=[-1e-6, 1e-6], hdf_density=[5e5, 5e5], fit_q=[1e3, 1e5], fit_C=[1e-15, 1e-20],
+            q_band=[1e3, 1e5],
+        )  # fmt: skip
+
+    return save
+
+
+@pytest.fixture(scope="session")
 def run_directory(tmp_path_factory) -> Path:
     """One complete synthetic run, not to be changed by a test."""
     return make_run(tmp_path_factory.mktemp("run"), small=True)

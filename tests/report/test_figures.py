@@ -137,9 +137,9 @@ def inside(figure, box):
 
 
 @pytest.mark.parametrize(("scans", "ratio"), [(2, 0.5), (5, 1.5), (12, 1.5)])
-def test_labels_of_several_maps_stand_on_the_figure(tmp_path, scans, ratio):
+def test_labels_of_several_maps_stand_on_the_figure(tmp_path, save_scan, scans, ratio):
     z = np.random.default_rng(1).normal(size=(scans, 8, 8)) * 1e-6
-    np.savez(tmp_path / "surface.npz", heights=z, size=np.array([1e-3, ratio * 1e-3]))
+    save_scan(tmp_path, z, [1e-3, ratio * 1e-3])
     run = read_run(tmp_path)
     with house_style():
         figure = draw_topography(run)
@@ -188,15 +188,6 @@ def test_statistics_show_fit_band_and_residual(run):
     assert np.all(fit > 0)
     area = sum(p.get_width() * p.get_height() for p in heights.patches)
     assert area == pytest.approx(1.0)
-
-
-def test_statistics_without_spectrum_show_heights_only(run_directory, tmp_path):
-    with np.load(run_directory / "surface.npz") as file:
-        np.savez(tmp_path / "surface.npz", heights=file["heights"], size=file["size"])
-    run = read_run(tmp_path)
-    figure = draw_statistics(run)
-    assert [axis.get_visible() for axis in figure.axes] == [True, False]
-    assert draw_artificial(run) is None
 
 
 @pytest.mark.parametrize("stages", [["surface"], ["surface", "micro"]])

@@ -77,16 +77,19 @@ def test_a_single_linear_law(tmp_path, painted):
 def test_maps_without_any_contact(tmp_path, painted):
     """Contact maps without a touching point: their figure is drawn."""
     empty = np.zeros((1, 8, 8))
-    np.savez(tmp_path / "contact_maps.npz", size=[1e-3, 1e-3], p_over_E=[0.0], pressures=empty)
+    np.savez(
+        tmp_path / "contact_maps.npz", size=[1e-3, 1e-3], p_over_E=[0.0], pressures=empty,
+        area_fraction=[0.0],
+    )  # fmt: skip
     assert names(tmp_path) == {"figure7_contact_maps"}
 
 
 @pytest.mark.parametrize(
     "heights", [np.zeros((4, 4)), np.full((4, 4), np.nan)], ids=["flat", "lost"]
 )
-def test_a_scan_without_roughness_or_without_points(tmp_path, heights, painted):
+def test_a_scan_without_roughness_or_without_points(tmp_path, save_scan, heights, painted):
     """A flat scan, or one without points: its figures are drawn."""
-    np.savez(tmp_path / "surface.npz", heights=heights, size=[1e-3, 1e-3])
+    save_scan(tmp_path, heights, [1e-3, 1e-3])
     assert names(tmp_path) == {"figure4_topography", "figure5_statistics"}
 
 
