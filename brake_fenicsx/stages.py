@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from mpi4py import MPI
 
@@ -18,9 +18,6 @@ from brake_fenicsx.folder.processes import peak_memory
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.folder.termination import end_of_stage
 from brake_fenicsx.scene import Scene
-
-if TYPE_CHECKING:
-    pass
 
 
 @dataclass(slots=True)

@@ -15,8 +15,8 @@ from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.tables import Value
 
 from .blocks import Block, Heading, Picture, Preformatted, Section, Special, Table, Text, pairs
+from .figure_blocks import figures
 from .mode_cards import Card, heading_of
-from .sections import figures
 from .surface_section import law_blocks, of_surface, surface_blocks
 
 SPEED_HEADS = {

@@ -2,33 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
-
-import numpy as np
+from collections.abc import Mapping
 
 from brake_fenicsx.results.answer import approach_rows
 from brake_fenicsx.results.run import RunData
-from brake_fenicsx.results.squeal import Family, kilohertz
+from brake_fenicsx.results.squeal import Family
 from brake_fenicsx.results.tables import Value
 
-from .blocks import Block, Picture, Section, Special, Table, Text
+from .blocks import Block, Section, Special, Table, Text
 from .cycle_figures import cycle_blocks
-from .figures import PLOTS
+from .figure_blocks import figures
+from .forces_section import forces_blocks
 from .mode_cards import Card, ModePictures, family_card, family_table_cells, often_text, other_cards
-from .overview import cause_rows, share_text
+from .overview import share_text
+from .parameter_sections import input_blocks, rows_of_each, sweep_blocks
 from .squeal_map import squeal_map
 
-FAMILIES = 8  # rows of the tables of families, at least 2 of each approach
 CARDS = 6  # mode shapes before the appendix, beside those of the first screen
-NAMED = {plot.name: plot for plot in PLOTS}
-JUDGED = {  # figures of what squeals
-    "figure9_squeal_map", "squeal_families", "probability_per_band", "unstable_per_sample",
-    "convergence", "input_correlations", "sensitivity", "drivers", "sweep_branches",
-    "sweep_critical", "sweep_samples", "sweep_chart",
-}  # fmt: skip
-ROUND_OFF = 1e-6  # relative scatter that is none
-FORCES = ("normal_N", "friction_N", "torque_N_m", "effective_radius_mm")
 
 
 def main_sections(
@@ -53,8 +43,8 @@ def main_sections(
         Section("probability", "Probability of squeal", [
             *figures(run, "probability_per_band", "unstable_per_sample", look="half"),
         ]),
-        Section("sweep", "Lock-in over the parameter", _sweep(run)),
-        Section("inputs", "Which inputs cause it", _inputs(run)),
+        Section("sweep", "Lock-in over the parameter", sweep_blocks(run)),
+        Section("inputs", "Which inputs cause it", input_blocks(run)),
         Section("loudness", "How loud", [
             *cycle_blocks(run), *figures(run, "limit_cycle_growth", "limit_cycle_loudness"),
         ]),
@@ -64,27 +54,6 @@ def main_sections(
         ]),
     ]  # fmt: skip
     return [section for section in sections if section.blocks]
-
-
-def figures(run: RunData, *names: str, look: str = "plot") -> list[Block]:
-    """Figures of a run that are there, each with its caption.
-
-    Args:
-        run: the results.
-        names: of the figures.
-        look: see `Picture`.
-    """
-    said = {name: f" Squeal: {run.criterion}." if name in JUDGED else "" for name in names}
-    paths = {name: run.directory / "figures" / f"{name}.png" for name in names}
-    return [
-        Picture(path, NAMED[name].told(run) + said[name], look)
-        for name, path in paths.items() if path.is_file()
-    ]  # fmt: skip
-
-
-def rows_of_each(run: RunData) -> int:
-    """Rows of each approach in the tables of families."""
-    return max(2, FAMILIES // max(len(run.approaches), 1))
 
 
 def _squeal(
@@ -202,136 +171,3 @@ def _shapes(
     if calm and pictures.paths:
         blocks.append(Text(f"No mode of any sample squeals: {', '.join(calm)}."))
     return blocks
-
-
-def _sweep(run: RunData) -> list[Block]:
-    """Branches over the parameter, and where each family begins to squeal."""
-    drawn = figures(run, "sweep_branches", "sweep_critical", "sweep_samples", "sweep_chart")
-    critical = run.sweep.get("critical")
-    if critical is None or not critical["family"].size:
-        return drawn
-    rows: list[list[Value]] = []
-    texts = kilohertz(critical["frequency_hz"].tolist())
-    for i, family in enumerate(critical["family"]):
-        low, middle, high = (critical[f"value_{p}"][i] for p in (5, 50, 95))
-        interval = [critical[f"value_50_{end}"][i] for end in ("low", "high")]
-        rows.append([
-            "any" if np.isnan(family) else int(family), texts[i],
-            int(critical["samples"][i]), int(critical["squeal_samples"][i]),
-            *(_censored(v) for v in (low, middle, *interval, high)),
-        ])  # fmt: skip
-    heads = [
-        "family", "frequency [kHz]", "samples", "squeal samples", "5 % squeal by", "50 % squeal by",
-        "lower end of its 95 % interval", "upper end", "95 % squeal by",
-    ]  # fmt: skip
-    note = (
-        f"Value of {critical['parameter'][0]} (SI units) at which a family begins to squeal, over"
-        " the rough samples. A dash means a value outside the range of the sweep."
-    )
-    return [*drawn, Text(note), Table(heads, rows)]
-
-
-def _inputs(run: RunData) -> list[Block]:
-    """Which inputs move the growth rate, and the probabilities of the most severe families."""
-    rows: list[list[Value]] = [
-        [
-            run.label(str(row[0])), row[1], share_text(row[2:5]), *row[5:7], row[7] or None,
-            interval_text(row[8:11]), *(percent(v) for v in row[11:]),
-        ]
-        for row in cause_rows(run, rows_of_each(run))
-    ]  # fmt: skip
-    heads = [
-        "approach", "where", f"probability of squeal ({run.criterion})", "median damping [-]",
-        "likely to squeal", "strongest input", "rank correlation", "friction", "materials",
-        "loads", "rest",
-    ]  # fmt: skip
-    limit = run.summary.get("in_effect", {}).get("samples", {}).get("limit")
-    limit = f"{100 * limit:g} %" if isinstance(limit, int | float) else "the limit of the scene"
-    notes = [
-        f"Likely to squeal: yes if the 95 % interval of the probability lies above {limit}, open"
-        " if it contains that limit."
-    ]
-    if any(row[5] is not None for row in rows):
-        notes.append(
-            "Strongest input: the random input with the strongest rank correlation with squeal;"
-            " none where all samples or no sample squeal."
-        )
-    if any(row[7] is not None for row in rows):
-        notes.append(
-            "Friction, materials, loads: their shares of the variance of the growth rate (sums of"
-            " first-order indices). The rest is interactions, and roughness where contact is"
-            " rough. Negative shares are sampling error."
-        )
-    if rows and all(row[5] is None for row in rows):
-        notes.append(
-            "The scene has no random input, or too few samples to separate their effects; random"
-            " inputs are listed in [samples.random], and stability.drivers gives derivatives."
-        )
-    told: list[Block] = [Text(" ".join(notes)), Table.without_empty(heads, rows)] if rows else []
-    return [*figures(run, "sensitivity", "input_correlations"), *told]
-
-
-def _censored(value: float) -> str:
-    return f"{value:.4g}" if np.isfinite(value) else "-"
-
-
-def interval_text(values: Sequence[Value]) -> str | None:
-    """A number with its interval; None without."""
-    numbers = [float(v) for v in values if isinstance(v, float)]
-    return "{:.2f} ({:.2f} to {:.2f})".format(*numbers) if len(numbers) == 3 else None
-
-
-def percent(value: Value) -> str | None:
-    """A share in per cent, without "-0 %"."""
-    return f"{round(100 * value) + 0} %" if isinstance(value, float) else None
-
-
-def forces_blocks(run: RunData) -> list[Block]:
-    """Forces of the braking equilibrium on each pad, means over the samples of an approach."""
-    found = run.summary.get("contact_forces")
-    if not isinstance(found, Mapping):
-        return []
-    rows = []
-    for approach, pads in found.items():
-        for name, pad in pads.items():
-            closed = 100 * pad["contact_area_mm2"] / pad["face_area_mm2"]
-            lead = pad["leading_half_share"]
-            rows.append(
-                [
-                    run.label(approach), name,
-                    *(_with_std(pad, key) for key in FORCES),
-                    f"{closed:.1f} %", _with_std(pad, "largest_pressure_MPa"),
-                    _with_std(pad, "centre_towards_leading_edge_mm"),
-                    "-" if lead is None else f"{100 * lead:.1f} %",
-                ]
-            )  # fmt: skip
-    if not rows:
-        return []
-    heads = [
-        "approach", "pad", "normal force [N]", "friction force [N]", "brake torque [N m]",
-        "effective radius [mm]", "face in contact", "largest pressure [MPa]",
-        "centre of pressure towards the leading edge [mm]", "force on the leading half",
-    ]  # fmt: skip
-    turns = any(pad.get("torque_N_m") for pads in found.values() for pad in pads.values())
-    less = (
-        " Friction force: its resultant, which is less than the friction coefficient times the"
-        " normal force, because the direction of friction turns along the pad."
-    )
-    return [
-        Table(heads, rows),
-        Text(
-            "Means over the samples, with their standard deviation. The disc enters the pad"
-            f" at the leading edge.{less if turns else ''} Torque: torque of this pad against the"
-            " rotation; effective radius: torque over friction coefficient times normal force."
-        ),
-    ]
-
-
-def _with_std(numbers: Mapping[str, Any], name: str) -> str:
-    """A mean with its standard deviation, where the scene has the one and samples the other."""
-    value, spread = numbers.get(name), numbers.get(f"{name}_std")
-    if value is None:
-        return "-"
-    if spread is None or spread < ROUND_OFF * abs(value):
-        return f"{value:.4g}"
-    return f"{value:.4g} +- {spread:.2g}"

@@ -4,108 +4,31 @@ What a file says of its size and unit is checked for plausibility; what looks wr
 the remedy (``size``, ``height_unit``), never corrected silently. Known traps: NMS files come out
 with a lateral size 1e9 too large, and readers of TrueMap files disagree by 1e3 on the heights
 (the format stores millimetres).
-
-Points without a height in instrument files whose reader returns a number there.
-
-What marks them is read from the file itself, so that it does not depend on the reader's release:
-Wyko OPD: the two largest 16-bit integers; Digital Surf SUR: two steps below the smallest height of
-the header; X3P: a file of bits; Keyence ZON: a map of bytes.
 """
 
 from __future__ import annotations
 
 import logging
-import struct
-import zipfile
 from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.arguments import number, one_of, real
 from brake_fenicsx.errors import SurfaceError
+from brake_fenicsx.surface.doubts import implausible
+from brake_fenicsx.surface.missing import missing_points
 from brake_fenicsx.surface.table import ACCEPTED, ENDINGS, delimiter_of, read_npy, read_table
 from brake_fenicsx.surface.topography import Topography, make_topography
 
 Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-# A value this often at the end of the heights, and so much more often than the next, is no height.
-MANY, TIMES = 10, 10
 logger = logging.getLogger("brake_fenicsx")
 METRES = {
     "m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "\u00b5m": 1e-6, "\u03bcm": 1e-6,
     "nm": 1e-9, "A": 1e-10, "\u00c5": 1e-10, "pm": 1e-12,
 }  # fmt: skip
 MISSING = np.iinfo(np.int16).min  # value of a missing point in our int16 npz
-
-
-def missing_points(file: Path, counts: Array) -> Mask:
-    """Points of an instrument file that were not measured.
-
-    Args:
-        file: the file.
-        counts: heights in the file's own numbers, shape (nx, ny).
-
-    Returns:
-        True where there is no height, shape (nx, ny); nowhere for other formats.
-    """
-    with file.open("rb") as stream:
-        head = stream.read(128)
-    if head[2:].startswith(b"Directory\0"):
-        whole = np.abs(counts - np.rint(counts)) < 1e-2
-        return np.asarray(counts > 32765.5) & bool(whole.all())
-    if head.startswith(b"DIGITAL SURF"):
-        return np.asarray(np.rint(counts) == struct.unpack_from("<i", head, 100)[0] - 2)
-    found = None
-    if head.startswith((b"PK", b"KPK")):
-        with zipfile.ZipFile(file) as archive:
-            of = _bits_of_x3p if "main.xml" in archive.namelist() else _bytes_of_zon
-            found = of(archive, counts.shape)
-    return np.zeros(counts.shape, dtype=bool) if found is None else found
-
-
-def _bits_of_x3p(archive: zipfile.ZipFile, shape: tuple[int, ...]) -> Mask | None:
-    """The bits of the points, the lowest of a byte first; a bit that is set is a height."""
-    link = ElementTree.fromstring(archive.read("main.xml")).find(".//ValidPointsLink")
-    if link is None or not link.text or link.text not in archive.namelist():
-        return None
-    bits = np.frombuffer(archive.read(link.text), np.uint8)
-    valid = np.unpackbits(bits, count=int(np.prod(shape)), bitorder="little")
-    return np.asarray(valid.reshape(shape[::-1]).T == 0)
-
-
-def _bytes_of_zon(archive: zipfile.ZipFile, shape: tuple[int, ...]) -> Mask | None:
-    """The first file of one byte per point; it is not zero where there is no height."""
-    for name in archive.namelist():
-        content = archive.read(name)
-        if len(content) < 16:
-            continue
-        nx, ny, size, row = struct.unpack_from("<4i", content)
-        if (nx, ny) == shape and size == 1 and len(content) >= 16 + ny * row:
-            flags = np.frombuffer(content, np.uint8, ny * row, 16).reshape(ny, row)
-            return np.asarray(flags[:, :nx].T > 0)
-    return None
-
-
-def pile_at_an_end(heights: Array) -> tuple[int, float] | None:
-    """Many points at exactly one height that is the highest or the lowest of all.
-
-    Args:
-        heights: heights [m], shape (nx, ny); nan where missing.
-
-    Returns:
-        How many points, and their height [m]; None if there is no such pile.
-    """
-    values, many = np.unique(heights[np.isfinite(heights)], return_counts=True)
-    if values.size < 3:
-        return None
-    ends: Any = ((many[0], many[1], values[0]), (many[-1], many[-2], values[-1]))
-    for count, beside, value in ends:
-        if count >= MANY and count > TIMES * beside:
-            return int(count), float(value)
-    return None
 
 
 def read_topography(
@@ -183,32 +106,6 @@ def _check_coordinates(file: Path, spans: NDArray[Any], size: Any, shape: tuple[
 def _is_text(file: Path) -> bool:
     """Whether a file is a table of text: some instruments give binary files such an ending."""
     return file.suffix.lower() in ENDINGS and b"\0" not in file.read_bytes()
-
-
-def implausible(topo: Topography) -> tuple[str, ...]:
-    """What no instrument would deliver of a surface, as one line each with its remedy."""
-    doubts = []
-    if topo.size.max() > 0.5 or topo.size.min() < 1e-7:
-        doubts.append(f"lateral size {topo.size[0]:.3g} x {topo.size[1]:.3g} m; give 'size'")
-    ratio = topo.pixel.max() / topo.pixel.min()
-    if ratio > 5.0:
-        doubts.append(f"pixels {ratio:.3g} times longer than wide; give 'size'")
-    low, high = np.nanpercentile(topo.heights, [0.5, 99.5])
-    if doubts:  # heights cannot be judged against a size that is wrong
-        pass
-    elif high - low > topo.size.max():
-        doubts.append(f"heights span {high - low:.3g} m, more than the scan; give 'height_unit'")
-    elif 0.0 < high - low < 1e-7 * topo.size.min():
-        doubts.append(f"heights span {high - low:.3g} m only; give 'height_unit'")
-    if (pile := pile_at_an_end(topo.heights)) is not None:
-        doubts.append(
-            f"{pile[0]} points at exactly {1e6 * pile[1]:.6g} um, an end of the heights: missing"
-            " points or a detector at its limit; export the scan with its missing points marked"
-        )
-    share = float(topo.valid.mean())
-    if share < 0.7:
-        doubts.append(f"only {share:.0%} of the points are valid")
-    return tuple(f"{topo.source}: implausible: {text}" for text in doubts)
 
 
 def _metres(unit: str | float, source: str) -> float:

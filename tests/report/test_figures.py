@@ -18,8 +18,9 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.report.contact_figures import draw_contact_pressure
 from brake_fenicsx.report.driver_figures import draw_driver_maps
 from brake_fenicsx.report.error_figures import draw_errors
-from brake_fenicsx.report.figures import PLOTS, make_figures
+from brake_fenicsx.report.figures import make_figures
 from brake_fenicsx.report.micro_figures import draw_contact_maps, draw_laws, laws_caption
+from brake_fenicsx.report.plots import PLOTS
 from brake_fenicsx.report.probability_figures import draw_convergence, draw_counts, draw_probability
 from brake_fenicsx.report.squeal_figures import draw_families, draw_squeal_map
 from brake_fenicsx.report.style import BLACK, GREY, house_style, save

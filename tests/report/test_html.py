@@ -13,7 +13,7 @@ import pytest
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.report.html import render_page, write_report
 from brake_fenicsx.report.mode_cards import ModePictures
-from brake_fenicsx.report.sections import percent
+from brake_fenicsx.report.parameter_sections import percent
 from brake_fenicsx.report.squeal_map import squeal_map
 from brake_fenicsx.report.template import SMALL
 from brake_fenicsx.results.probabilities import PROBABILITIES

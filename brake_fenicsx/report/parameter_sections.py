@@ -1,0 +1,104 @@
+"""Sections of the page on parameters: branches of a sweep, and random inputs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from brake_fenicsx.results.run import RunData
+from brake_fenicsx.results.squeal import kilohertz
+from brake_fenicsx.results.tables import Value
+
+from .blocks import Block, Table, Text
+from .figure_blocks import figures
+from .overview import cause_rows, share_text
+
+FAMILIES = 8  # rows of the tables of families, at least 2 of each approach
+
+
+def rows_of_each(run: RunData) -> int:
+    """Rows of each approach in the tables of families."""
+    return max(2, FAMILIES // max(len(run.approaches), 1))
+
+
+def sweep_blocks(run: RunData) -> list[Block]:
+    """Branches over the parameter, and where each family begins to squeal."""
+    drawn = figures(run, "sweep_branches", "sweep_critical", "sweep_samples", "sweep_chart")
+    critical = run.sweep.get("critical")
+    if critical is None or not critical["family"].size:
+        return drawn
+    rows: list[list[Value]] = []
+    texts = kilohertz(critical["frequency_hz"].tolist())
+    for i, family in enumerate(critical["family"]):
+        low, middle, high = (critical[f"value_{p}"][i] for p in (5, 50, 95))
+        interval = [critical[f"value_50_{end}"][i] for end in ("low", "high")]
+        rows.append([
+            "any" if np.isnan(family) else int(family), texts[i],
+            int(critical["samples"][i]), int(critical["squeal_samples"][i]),
+            *(_censored(v) for v in (low, middle, *interval, high)),
+        ])  # fmt: skip
+    heads = [
+        "family", "frequency [kHz]", "samples", "squeal samples", "5 % squeal by", "50 % squeal by",
+        "lower end of its 95 % interval", "upper end", "95 % squeal by",
+    ]  # fmt: skip
+    note = (
+        f"Value of {critical['parameter'][0]} (SI units) at which a family begins to squeal, over"
+        " the rough samples. A dash means a value outside the range of the sweep."
+    )
+    return [*drawn, Text(note), Table(heads, rows)]
+
+
+def input_blocks(run: RunData) -> list[Block]:
+    """Which inputs move the growth rate, and the probabilities of the most severe families."""
+    rows: list[list[Value]] = [
+        [
+            run.label(str(row[0])), row[1], share_text(row[2:5]), *row[5:7], row[7] or None,
+            interval_text(row[8:11]), *(percent(v) for v in row[11:]),
+        ]
+        for row in cause_rows(run, rows_of_each(run))
+    ]  # fmt: skip
+    heads = [
+        "approach", "where", f"probability of squeal ({run.criterion})", "median damping [-]",
+        "likely to squeal", "strongest input", "rank correlation", "friction", "materials",
+        "loads", "rest",
+    ]  # fmt: skip
+    limit = run.summary.get("in_effect", {}).get("samples", {}).get("limit")
+    limit = f"{100 * limit:g} %" if isinstance(limit, int | float) else "the limit of the scene"
+    notes = [
+        f"Likely to squeal: yes if the 95 % interval of the probability lies above {limit}, open"
+        " if it contains that limit."
+    ]
+    if any(row[5] is not None for row in rows):
+        notes.append(
+            "Strongest input: the random input with the strongest rank correlation with squeal;"
+            " none where all samples or no sample squeal."
+        )
+    if any(row[7] is not None for row in rows):
+        notes.append(
+            "Friction, materials, loads: their shares of the variance of the growth rate (sums of"
+            " first-order indices). The rest is interactions, and roughness where contact is"
+            " rough. Negative shares are sampling error."
+        )
+    if rows and all(row[5] is None for row in rows):
+        notes.append(
+            "The scene has no random input, or too few samples to separate their effects; random"
+            " inputs are listed in [samples.random], and stability.drivers gives derivatives."
+        )
+    told: list[Block] = [Text(" ".join(notes)), Table.without_empty(heads, rows)] if rows else []
+    return [*figures(run, "sensitivity", "input_correlations"), *told]
+
+
+def _censored(value: float) -> str:
+    return f"{value:.4g}" if np.isfinite(value) else "-"
+
+
+def interval_text(values: Sequence[Value]) -> str | None:
+    """A number with its interval; None without."""
+    numbers = [float(v) for v in values if isinstance(v, float)]
+    return "{:.2f} ({:.2f} to {:.2f})".format(*numbers) if len(numbers) == 3 else None
+
+
+def percent(value: Value) -> str | None:
+    """A share in per cent, without "-0 %"."""
+    return f"{round(100 * value) + 0} %" if isinstance(value, float) else None

@@ -1,0 +1,67 @@
+"""Points without a height in instrument files whose reader returns a number there.
+
+What marks them is read from the file itself, so that it does not depend on the reader's release:
+Wyko OPD: the two largest 16-bit integers; Digital Surf SUR: two steps below the smallest height of
+the header; X3P: a file of bits; Keyence ZON: a map of bytes.
+"""
+
+from __future__ import annotations
+
+import struct
+import zipfile
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+def missing_points(file: Path, counts: Array) -> Mask:
+    """Points of an instrument file that were not measured.
+
+    Args:
+        file: the file.
+        counts: heights in the file's own numbers, shape (nx, ny).
+
+    Returns:
+        True where there is no height, shape (nx, ny); nowhere for other formats.
+    """
+    with file.open("rb") as stream:
+        head = stream.read(128)
+    if head[2:].startswith(b"Directory\0"):
+        whole = np.abs(counts - np.rint(counts)) < 1e-2
+        return np.asarray(counts > 32765.5) & bool(whole.all())
+    if head.startswith(b"DIGITAL SURF"):
+        return np.asarray(np.rint(counts) == struct.unpack_from("<i", head, 100)[0] - 2)
+    found = None
+    if head.startswith((b"PK", b"KPK")):
+        with zipfile.ZipFile(file) as archive:
+            of = _bits_of_x3p if "main.xml" in archive.namelist() else _bytes_of_zon
+            found = of(archive, counts.shape)
+    return np.zeros(counts.shape, dtype=bool) if found is None else found
+
+
+def _bits_of_x3p(archive: zipfile.ZipFile, shape: tuple[int, ...]) -> Mask | None:
+    """The bits of the points, the lowest of a byte first; a bit that is set is a height."""
+    link = ElementTree.fromstring(archive.read("main.xml")).find(".//ValidPointsLink")
+    if link is None or not link.text or link.text not in archive.namelist():
+        return None
+    bits = np.frombuffer(archive.read(link.text), np.uint8)
+    valid = np.unpackbits(bits, count=int(np.prod(shape)), bitorder="little")
+    return np.asarray(valid.reshape(shape[::-1]).T == 0)
+
+
+def _bytes_of_zon(archive: zipfile.ZipFile, shape: tuple[int, ...]) -> Mask | None:
+    """The first file of one byte per point; it is not zero where there is no height."""
+    for name in archive.namelist():
+        content = archive.read(name)
+        if len(content) < 16:
+            continue
+        nx, ny, size, row = struct.unpack_from("<4i", content)
+        if (nx, ny) == shape and size == 1 and len(content) >= 16 + ny * row:
+            flags = np.frombuffer(content, np.uint8, ny * row, 16).reshape(ny, row)
+            return np.asarray(flags[:, :nx].T > 0)
+    return None
