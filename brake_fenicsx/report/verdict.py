@@ -7,7 +7,6 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import Any
 
 from brake_fenicsx.results.limits import limit_rows
 from brake_fenicsx.results.run import RunData
@@ -16,12 +15,12 @@ from brake_fenicsx.results.statistics import wilson
 from brake_fenicsx.results.tables import Value
 
 from .blocks import Block, Table
+from .conditions import conditions, settings_in_effect
 from .mode_cards import Card, ModePictures, family_card
 from .overview import open_points, share_text
 
 CANDIDATES = 3
 CLOSE = 0.01  # relative distance of two frequencies that may be those of a doublet
-UNDAMPED = "none named"
 
 
 def beside_candidates(run: RunData, families: Mapping[str, list[Family]], lead: str) -> list[str]:
@@ -156,28 +155,6 @@ def warnings_of(run: RunData) -> list[str]:
     return [*lines, text] if (text := open_points(run)) else lines
 
 
-def conditions(run: RunData, lead: str) -> list[tuple[str, str]]:
-    """Under which conditions the brake was studied, name and value.
-
-    Args:
-        run: the results; its summary is read.
-        lead: approach whose forces are shown.
-    """
-    return [
-        (name, text)
-        for name, text in (
-            ("Friction coefficient", _friction(run)),
-            ("Load", _loads(run)),
-            ("Damping", UNDAMPED if run.damping == "" and run.modes is not None else run.damping),
-            ("Speed", _speed(run)),
-            *_forces(run, lead),
-            ("Samples", _samples(run)),
-            ("Squeal", _squeal(run)),
-        )
-        if text
-    ]
-
-
 def _sentence(run: RunData, c: ApproachCount) -> tuple[str, str]:
     name, share = run.label(c.approach), wilson(c.squeal_samples, c.samples)
     if c.samples == 0:
@@ -194,7 +171,7 @@ def _sentence(run: RunData, c: ApproachCount) -> tuple[str, str]:
         f"{c.squeal_samples} of {c.samples} samples have a squeal mode {limit}"
         f" ({100 * share.value:.0f} %, {interval}; {name})."
     )
-    most = _settings(run, "samples").get("limit", 0.5)
+    most = settings_in_effect(run, "samples").get("limit", 0.5)
     if c.squeal_samples == 0:
         return f"No squeal was found: {said}", "calm"
     if share.low > most:
@@ -242,68 +219,3 @@ def _other(run: RunData, c: ApproachCount, found: list[Family]) -> str:
     if c.samples == 1:
         return f"{name}: {c.squeal} squeal mode{'' if c.squeal == 1 else 's'}, {most}."
     return f"{name}: {c.squeal_samples} of {c.samples} samples squeal, {most}."
-
-
-def _settings(run: RunData, section: str) -> Mapping[str, Any]:
-    found = run.summary.get("in_effect", {}).get(section)
-    return found if isinstance(found, Mapping) else {}
-
-
-def _friction(run: RunData) -> str:
-    found = run.summary.get("friction")
-    if not isinstance(found, Mapping) or not found:
-        return ""
-    if len({*found.values()}) == 1:
-        return str(next(iter(found.values())))
-    return ", ".join(f"{run.label(name)} {text}" for name, text in found.items())
-
-
-def _loads(run: RunData) -> str:
-    said = []
-    for face, load in _settings(run, "loads").items():
-        if isinstance(load, Mapping):
-            if (p := load.get("pressure")) is not None:
-                said.append(f"{p / 1e6:.4g} MPa on {face}")
-            if (force := load.get("force")) is not None:
-                said.append(f"force ({', '.join(f'{x:.4g}' for x in force)}) N on {face}")
-            said += [f"{kind} on {face}" for kind in ("moment", "displacement") if kind in load]
-    return ", ".join(said)
-
-
-def _speed(run: RunData) -> str:
-    return str(_settings(run, "motion").get("speed") or "")
-
-
-def _forces(run: RunData, lead: str) -> list[tuple[str, str]]:
-    """Normal force of each pad and brake torque of all, means over the samples."""
-    found = run.summary.get("contact_forces")
-    pads = found.get(lead) if isinstance(found, Mapping) else None
-    if not isinstance(pads, Mapping) or not pads:
-        return []
-    normal = [f"{pad['normal_N']:.4g} N" for pad in pads.values()]
-    said = ", ".join(dict.fromkeys(normal))
-    if len(normal) > 1:
-        said += f" on each of {len(normal)} pads" if len({*normal}) == 1 else ""
-    facts = [("Normal force", said)]
-    torques = [pad.get("torque_N_m") for pad in pads.values()]
-    if all(isinstance(x, int | float) for x in torques):
-        facts.append(("Brake torque", f"{sum(torques):.4g} N m"))
-    return facts
-
-
-def _samples(run: RunData) -> str:
-    counts = [run.squeal.count(name) for name in run.approaches]
-    return ", ".join(
-        f"{run.label(c.approach)} {c.samples}" + (f" ({c.failed} failed)" if c.failed else "")
-        for c in counts
-    )
-
-
-def _squeal(run: RunData) -> str:
-    """What counts as squeal, and in which band."""
-    if run.modes is None:
-        return ""
-    band, where = _settings(run, "stability").get("band"), ""
-    if isinstance(band, list) and len(band) == 2:
-        where = f", {band[0] / 1e3:g} to {band[1] / 1e3:g} kHz"
-    return f"unstable mode with {run.criterion}{where}"
