@@ -125,6 +125,34 @@ def test_modes_are_those_of_a_mesh_of_that_thickness():
         np.testing.assert_allclose(found.frequency, exact.frequency, rtol=cells)
 
 
+@pytest.mark.slow
+def test_modes_of_the_demo_at_five_lengths_are_those_of_scenes_meshed_anew():
+    """Frequencies within what another mesh of the same brake changes, and the same verdicts."""
+    demo, lining = SCENES / "disc_brake_demo.toml", "parts.pad.lining"
+    sets = [
+        "stages=['equilibrium','stability']", "samples={ approaches=['classical'] }",
+        "stability.band=['0 Hz','6 kHz']", "contact.pad_disc.gap=none",
+        "contact.pad_disc.law={ linear='2e13 Pa/m' }",
+    ]  # fmt: skip
+    prepared, finer = model.prepare(demo, sets, parameters={lining: (8e-3, 12e-3)}), 6.3
+    other = model.prepare(demo, [*sets, f"parts.pad.size='{finer} mm'", "parts.disc.size='13 mm'"])
+    own = prepared.modes().frequency
+    mesh = np.abs(other.modes().frequency / own - 1).max()
+    assert 1e-3 < mesh < 0.05
+    loud = 0
+    for length in (8e-3, 9e-3, 10e-3, 11e-3, 12e-3):
+        found = prepared.modes({lining: length})
+        exact = model.prepare(demo, [*sets, f"{lining}='{length!r} m'"]).modes()
+        f, g = found.frequency, exact.frequency
+        assert f.size == g.size >= 12
+        assert np.abs(f / g - 1).max() < mesh
+        # Meshes may order the modes of close frequencies otherwise.
+        a, b = (m.frequency[np.array(m.verdict) == "unstable"] for m in (found, exact))
+        np.testing.assert_allclose(a, b, rtol=mesh)
+        loud += a.size
+    assert loud
+
+
 def test_frequencies_of_a_bar_follow_its_length():
     """Longitudinal, one end free and the other on next to no contact: f = c / (2 h)."""
     bar = [
