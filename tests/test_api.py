@@ -166,7 +166,8 @@ def test_objects_print_as_one_line(model):
 def test_a_prepared_scene_keeps_the_ranges_of_its_sweep():
     """Ranges given to ``prepare`` come beside those of the scene."""
     swept = f"sweep.parameters={{ '{FRICTION}' = {{ values = [0.1, 0.3] }} }}"
-    found = prepare(BLOCK, [swept, "samples.n=1"], parameters={PRESSURE: ["1 bar", "2 bar"]})
+    changes = [*ROUGH, swept, "samples.n=1"]
+    found = prepare(BLOCK, changes, parameters={PRESSURE: ["1 bar", "2 bar"]})
     assert {*found.scene.sweep.parameters} == {FRICTION, PRESSURE}
     assert len(found.modes({FRICTION: 0.2, PRESSURE: "1.5 bar"})) > 0
 

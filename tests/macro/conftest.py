@@ -33,13 +33,13 @@ MIRRORED = {
 }
 
 
-def boxes(cells="tetrahedra", order=1):
+def boxes(cells="tetrahedra", order=1, size=HIGH.size):
     """Two boxes with coincident nodes at z = 0, each with nodes of its own.
 
     The plate is the pad's mirror image, flattened: meshed apart, two faces of one shape have the
     same mesh with some versions of gmsh only.
     """
-    pad = raw_mesh({"pad": (block, HIGH)}, MeshTable(cells=cells, order=order))
+    pad = raw_mesh({"pad": (block, replace(HIGH, size=size))}, MeshTable(cells=cells, order=order))
     image = turned(pad, np.ones(len(pad.cells), dtype=bool))
     names = ({MIRRORED[n]: tag for n, tag in own.items()} for own in (pad.layers, pad.faces))
     layers, faces = names

@@ -100,13 +100,14 @@ def narrowed(points, pad):
     return points + bottom[:, None] * move
 
 
+COARSE, FINE = ("hexahedra", 2, 11e-3), ("hexahedra", 2)
+
+
 @pytest.fixture
 def written(tmp_path, meshes):
     """``written(length)``: a scene of files of 12 mm and 8 mm; or of one of a length alone [mm]."""
 
-    def write(
-        length=None, kind=("hexahedra", 2), move=worn, morph=WEAR, form="msh", mesh=None, **more
-    ):
+    def write(length=None, kind=COARSE, move=worn, morph=WEAR, form="msh", mesh=None, **more):
         mesh = mesh or meshes.boxes(*kind)
         # Nodes of tetrahedra of order 2 move on their own as well.
         pad = np.zeros(len(mesh.points), dtype=bool)
@@ -138,8 +139,8 @@ BAR = {
 }
 
 PLATE = {
-    "pad": (block, block.Block(length=80e-3, width=10e-3, height=10e-3, z=0.0, size=3.4e-3)),
-    "plate": (block, block.Block(length=80e-3, width=10e-3, height=4e-3, z=-4e-3, size=3.4e-3)),
+    "pad": (block, block.Block(length=80e-3, width=3.4e-3, height=10e-3, z=0.0, size=3.4e-3)),
+    "plate": (block, block.Block(length=80e-3, width=3.4e-3, height=4e-3, z=-4e-3, size=3.4e-3)),
 }
 
 
@@ -153,10 +154,10 @@ def swept(low, high):
 @pytest.mark.parametrize(
     ("kind", "form", "more"),
     [
-        (("hexahedra", 2), "msh", {}),
-        (("tetrahedra", 2), "inp", {}),
+        (COARSE, "msh", {}),
+        (("tetrahedra", 2, 14e-3), "inp", {}),
         (("tetrahedra", 1), "msh", {"degree": 1, "mass": "lumped"}),
-        (("hexahedra", 2), "inp", {}),
+        (COARSE, "inp", {}),
     ],
 )
 def test_matrices_are_those_of_the_file_with_moved_nodes(kind, form, more, written):
@@ -193,20 +194,20 @@ def test_a_scene_with_another_value_is_the_file_of_that_length(written):
 
 
 @pytest.mark.parametrize(
-    "box",
+    ("kind", "box"),
     [
-        pytest.param({KEY: (8e-3, 12e-3)}, id="wear"),
-        pytest.param({KEY: (10.5e-3, 12e-3), E: (3.8e9, 4.2e9)}, id="wear and modulus"),
+        pytest.param(FINE, {KEY: (8e-3, 12e-3)}, id="wear"),
+        pytest.param(COARSE, {KEY: (10.5e-3, 12e-3), E: (3.8e9, 4.2e9)}, id="wear and modulus"),
     ],
 )
-def test_modes_are_those_of_the_file_with_moved_nodes(box, written):
+def test_modes_are_those_of_the_file_with_moved_nodes(kind, box, written):
     """Full order of the file with this length; at the ends as good as inside."""
-    prepared = model.prepare(written(), parameters=box)
+    prepared = model.prepare(written(kind=kind), parameters=box)
     for share in (0.0, 0.3, 0.63, 1.0):
         values = {key: low + share * (high - low) for key, (low, high) in box.items()}
         sets = ["stability.method=full", f"{E}='{values.get(E, 4e9)} Pa'"]
         found = prepared.modes(values)
-        exact = model.prepare(written(1e3 * values[KEY]), sets).modes()
+        exact = model.prepare(written(1e3 * values[KEY], kind=kind), sets).modes()
         assert found.s.size == exact.s.size >= 8
         distance = np.abs(found.s - exact.s)
         assert np.all(distance < 1e-4 * np.abs(exact.s))
@@ -288,13 +289,14 @@ def test_derivative_to_a_length_is_that_of_files_beside_it(move, written):
         "contact.pad_plate.friction=0.5", "contact.pad_plate.law={ p0='1 MPa', u0='0.3 um' }",
         f'samples.random={{ "{KEY}"={{ law="uniform", min="9.9 mm", max="10.1 mm" }} }}',
     ]  # fmt: skip
-    study = model.prepare(written(move=move), sets).study
+    study = model.prepare(written(kind=FINE, move=move), sets).study
     data = study.work(("multi-scale", 0))
     length, s = float(data["random"][0]), data["s"][data["driver_mode"]]
 
     def beside(x):
         # Files hold their nodes to 16 digits of the unit.
-        b = assemble_brake(read_scene(written(1e3 * length * (1 + x), move=move)), MPI.COMM_SELF)
+        scene = read_scene(written(1e3 * length * (1 + x), kind=FINE, move=move))
+        b = assemble_brake(scene, MPI.COMM_SELF)
         k = sp.diags(b.w * data["k_vibration"])
         K = b.K + b.N.T @ k @ b.N + 0.5 * b.T.T @ k @ b.N
         found = complex_modes(b.M, None, K.tocsr(), band=(0.0, 25e3)).s
@@ -309,7 +311,7 @@ def test_derivative_to_a_length_is_that_of_files_beside_it(move, written):
 @pytest.mark.parametrize(
     ("kind", "sets"),
     [
-        (("hexahedra", 2), []),
+        (COARSE, []),
         (("tetrahedra", 1), [TURNING, "contact.pad_plate.discretisation='quadrature'"]),
         (("tetrahedra", 1), ["stability.damping={ sliding=true }"]),
     ],
@@ -432,8 +434,8 @@ def twisted(points, pad):
 @pytest.mark.parametrize(
     ("kind", "more"),
     [
-        pytest.param(("hexahedra", 2), {}, marks=pytest.mark.slow),
-        (("tetrahedra", 1), {"degree": 1, "mass": "lumped"}),
+        pytest.param(COARSE, {}, marks=pytest.mark.slow),
+        (("tetrahedra", 1, 14e-3), {"degree": 1, "mass": "lumped"}),
     ],
 )
 def test_two_lengths_and_a_modulus_of_one_part(kind, more, written, meshes):
@@ -471,7 +473,7 @@ def test_two_lengths_and_a_modulus_of_one_part(kind, more, written, meshes):
 
 def test_modes_of_two_lengths_and_a_modulus(written, meshes):
     """Full order of the same sample, at corners of the box and inside."""
-    mesh = meshes.boxes("tetrahedra", 1)
+    mesh = meshes.boxes("tetrahedra", 1, 14e-3)
     pad = np.zeros(len(mesh.points), dtype=bool)
     pad[mesh.cells[mesh.part("pad")]] = True
     morph = WEAR + '\nmorph.swell = { displaced = "swollen.msh", ends = ["1 mm", "2 mm"] }'
@@ -513,12 +515,12 @@ def test_a_mesh_of_other_numbers_is_refused(written, meshes):
 def test_a_range_that_folds_cells_is_refused_with_the_largest_that_does_not(written):
     """The highest cells have no height left at 2.83 mm."""
     with pytest.raises(SceneError, match="narrow the range") as refused:
-        model.prepare(written(), parameters={KEY: (2.5e-3, 12e-3)})
+        model.prepare(written(kind=FINE), parameters={KEY: (2.5e-3, 12e-3)})
     holds = float(re.search(r"the mesh holds to (\S+) m", str(refused.value))[1])
     assert 2.8e-3 < holds < 3.1e-3
     # Just above, a series of few terms does not reach the stiffness.
     with pytest.raises(InaccurateResult, match=r"changes too much between .*: narrow the range"):
-        model.prepare(written(), parameters={KEY: (1.1 * holds, 12e-3)})
+        model.prepare(written(kind=FINE), parameters={KEY: (1.1 * holds, 12e-3)})
 
 
 @pytest.mark.hard
@@ -568,7 +570,7 @@ def test_a_range_of_one_length(written):
 @pytest.mark.hard
 def test_the_same_nodes_in_another_order(written, meshes):
     """As many nodes and cells, numbered otherwise: rejected."""
-    scene, mesh = written(form="inp"), meshes.boxes("hexahedra", 2)
+    scene, mesh = written(form="inp"), meshes.boxes(*COARSE)
     order = np.arange(len(mesh.points))[::-1]
     other = replace(mesh, points=mesh.points[order], cells=order[mesh.cells])
     other = replace(other, facets=order[mesh.facets])

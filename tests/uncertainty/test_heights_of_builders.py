@@ -24,6 +24,8 @@ PAD = ["mesh.quality=0.002", "parts.pad.shape='rectangle'", "parts.pad.ear_lengt
        'supports={ "disc.bolts"="clamped", "pad.piston"=["x", "y"] }']  # fmt: skip
 SLOT, CHAMFER = "parts.pad.slot_depth", "parts.pad.chamfer_depth"
 LINING = "parts.pad.lining"
+COARSE = ["parts.disc.size='24 mm'", "parts.disc.face_size='24 mm'", "parts.pad.size='16 mm'",
+          "mesh.quality=0.002"]  # fmt: skip
 DISC = {
     # Heights of the scene, and where a longer length has them.
     "thickness": (22e-3, [-12, -4, 4, 12, 34, 42], [-11, -3, 3, 11, 33, 41]),
@@ -51,7 +53,7 @@ def changed(sets, key, length):
 def test_a_length_of_a_vented_disc_moves_its_planes(name):
     """Matrices of the mesh whose nodes are moved by hand, cells between planes in proportion."""
     length, here, there = DISC[name]
-    scene, brake, K, M = changed([], f"parts.disc.{name}", length)
+    scene, brake, K, M = changed(COARSE, f"parts.disc.{name}", length)
     mesh = brake.mesh
     x = mesh.domain.geometry.x
     own = np.unique(compat.geometry_dofs(mesh.domain)[mesh.cells_of("disc")])

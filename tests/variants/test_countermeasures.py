@@ -39,9 +39,9 @@ def loud(before, after):
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory):
-    """Folder and rows by key, of one call of the command line."""
+    """Folder and rows by key, of one search; under mpirun each process makes its own."""
     out = tmp_path_factory.mktemp("countermeasures") / "out"
-    assert main(words(out, *ROUGH, LEVERS)) == 0
+    module.find_countermeasures(BLOCK, COMM, out, [*ROUGH, LEVERS])
     return out, {row["key"]: row for row in read_rows(out / "countermeasures.csv")}
 
 
