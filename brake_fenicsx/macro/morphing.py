@@ -22,7 +22,6 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
-from scipy.sparse.csgraph import connected_components
 
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.scene import Scene
@@ -33,7 +32,7 @@ from .matrix_series import DEGREES, matrix_series, products
 from .mesh import Mesh, check_cells
 from .meshing.groups import mesh_of_file
 from .meshing.quality import determinants
-from .meshing.rawmesh import RawMesh, facet_nodes
+from .meshing.rawmesh import RawMesh, body_of_points, facet_nodes
 from .stretching import Assembly, Power
 
 Array = NDArray[np.float64]
@@ -325,9 +324,7 @@ def _sliding(mesh: RawMesh, v: Array, faces: Mapping[str, str]) -> frozenset[str
     """
     every, tolerance = facet_nodes(mesh), EVEN * float(np.abs(v).max())
     found = set[str]()
-    first = np.repeat(mesh.cells[:, 0], mesh.cells.shape[1])
-    links = sp.coo_matrix((np.ones(first.size), (first, mesh.cells.ravel())), (len(v), len(v)))
-    _, body = connected_components(links, directed=False)
+    body = body_of_points(mesh.cells, len(v))
     for key, face in faces.items():
         own = every[mesh.facet_tag == mesh.faces[face]]
         step, x = v[own], mesh.points[own[:, :3]]

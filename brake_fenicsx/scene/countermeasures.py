@@ -14,9 +14,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene.parts import length_in_scene, length_key
 from brake_fenicsx.scene.samples import NO_ROUGH_SAMPLES, is_constant, split_key
-from brake_fenicsx.scene.scalars import check_scalar, si_unit
+from brake_fenicsx.scene.scalars import check_scalar, si_unit, written_value
 from brake_fenicsx.scene.tables import KeyMistake, dotted, key_parts
 from brake_fenicsx.scene.tables import key as scene_key
 
@@ -103,26 +102,13 @@ def _with_ends(scene: Scene, c: Countermeasure, read: Callable[[str], Scene]) ->
     _check_not_random(scene, c.key, where)
     _check_written(scene, c.key, where)
     try:
-        stop = _value(read(c.override(scene, c.to)), c.key)
+        stop = written_value(read(c.override(scene, c.to)), c.key)
     except SceneError as error:
         raise SceneError(f"{where}, to = {c.to!r}: {error}") from None
-    start = _value(scene, c.key)
+    start = written_value(scene, c.key)
     if math.isclose(stop, start):
         raise SceneError(f"{where}, to = {c.to!r}: is the scene's own value; write another one")
     return replace(c, start=start, stop=stop, unit=unit)
-
-
-def _value(scene: Scene, name: str) -> float:
-    """Value of a scalar that the scene writes, SI."""
-    section, table, last = split_key(name)
-    if scene.motion is not None and section == "motion":
-        return scene.motion.rate
-    if scene.damping and scene.damping.rayleigh and section == "stability":
-        return scene.damping.rayleigh[("alpha", "beta").index(last)]
-    if section == "parts":
-        part, last = length_key(name)
-        return length_in_scene(scene.parts[part], last)
-    return float(getattr(getattr(scene, section)[table], last))
 
 
 def _check_written(scene: Scene, name: str, where: str) -> None:

@@ -12,6 +12,7 @@ from brake_fenicsx.scene.friction import PERFECT, one_friction, slides
 from brake_fenicsx.scene.parts import (
     MORPH,
     layers_of_thickness,
+    length_in_scene,
     length_key,
     morph_of,
     moved_planes,
@@ -42,6 +43,23 @@ def is_length(name: str) -> bool:
 def is_inertia(name: str) -> bool:
     """Whether a scalar, by its dotted key, is the density of a material or a mass on a face."""
     return split_key(name)[2] in ("rho", "mass")
+
+
+def written_value(scene: Scene, name: str) -> float:
+    """Value of a scalar, by its dotted key, as the scene writes it, SI."""
+    section, table, last = split_key(name)
+    if name == "motion.speed":
+        return 1.0 if scene.motion is None else scene.motion.rate
+    if is_length(name):
+        part, last = length_key(name)
+        return length_in_scene(scene.parts[part], last)
+    found = getattr(scene, section)
+    for step in [*([table] if isinstance(found, dict) else table.split(".")), last]:
+        if isinstance(found, tuple):
+            found = found[("alpha", "beta").index(step)]
+        else:
+            found = found[step] if isinstance(found, dict) else getattr(found, step)
+    return float(found)
 
 
 def si_unit(scene: Scene, name: str) -> str:

@@ -137,9 +137,8 @@ def _spanning(scene: Scene, name: str) -> list[float]:
     if scene.sweep is not None:
         values += [nominal, *scene.sweep.parameters.get(name, Range()).points]
     least = min(values)
-    if not (least > 0 or (least == 0 and name.endswith(".mass"))) and (
-        is_length(name) or is_inertia(name)
-    ):
+    possible = least >= 0 if name.endswith(".mass") else least > 0
+    if not possible and (is_length(name) or is_inertia(name)):
         raise SceneError(
             f'samples.random."{name}": the law reaches {least:.3g} {unit_of(name)} with a'
             f" probability of {TAIL:g}; write a positive min, or a smaller sd"

@@ -20,9 +20,8 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.parts import length_in_scene, length_key
 from brake_fenicsx.scene.samples import is_constant, split_key
-from brake_fenicsx.scene.scalars import is_length
+from brake_fenicsx.scene.scalars import is_length, written_value
 
 from .designs import (
     RIGID,
@@ -116,23 +115,12 @@ def draw_inputs(
 
 def nominal_value(scene: Scene, name: str) -> float:
     """Value of a scalar in the scene, SI."""
-    section, table, last = split_key(name)
     if is_constant(name):
         from brake_fenicsx.macro.material_table import constants
 
+        _, table, last = split_key(name)
         return constants(scene.materials[table])[last]
-    if name == "motion.speed":
-        return 1.0 if scene.motion is None else scene.motion.rate
-    if is_length(name):
-        part, last = length_key(name)
-        return length_in_scene(scene.parts[part], last)
-    found = getattr(scene, section)
-    for step in [*([table] if isinstance(found, dict) else table.split(".")), last]:
-        if isinstance(found, tuple):
-            found = found[("alpha", "beta").index(step)]
-        else:
-            found = found[step] if isinstance(found, dict) else getattr(found, step)
-    return float(found)
+    return written_value(scene, name)
 
 
 def inputs_of(

@@ -161,22 +161,22 @@ class Search:
         gc.collect()
         self.runs.comm.Barrier()
 
+    def _outcomes(self, c: Countermeasure, trial: Trial, x: float) -> Iterable[bool]:
+        logger.info("%s = %s: samples ...", c.key, quantity_text(x, c.unit))
+        return trial.outcomes(x)
+
     def search(self, c: Countermeasure, worst: Worst) -> None:
         """Find the first-order effect and the smallest change of a number; collective."""
-
-        def outcomes(x: float) -> Iterable[bool]:
-            logger.info("%s = %s: samples ...", c.key, quantity_text(x, c.unit))
-            return self._trial(c, worst).outcomes(x)
-
-        def slope() -> float | None:
-            trial = self._trial(c, worst)
-            return on_first(lambda: trial.slope(c.start, c.stop), self.runs.comm)
-
-        ends, n = (c.start, c.stop), len(worst.samples)
-        effect, note = _or_note(slope)
-        change = None
-        if not note:
-            change, note = _or_note(partial(smallest_change, outcomes, ends, n, STEPS, ACCURACY))
+        trial, note = _or_note(partial(self._trial, c, worst))
+        effect = change = None
+        if trial is not None:
+            ends, n = (c.start, c.stop), len(worst.samples)
+            slope = partial(trial.slope, *ends)
+            effect, note = _or_note(partial(on_first, slope, self.runs.comm))
+            outcomes = partial(self._outcomes, c, trial)
+            if not note:
+                found = partial(smallest_change, outcomes, ends, n, STEPS, ACCURACY)
+                change, note = _or_note(found)
         share = None if change is None else [change.share.hits, change.share.n]
         self.keep(c, first_order=effect, value=change and change.value, share=share, note=note)
 

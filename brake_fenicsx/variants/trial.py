@@ -125,9 +125,12 @@ class Trial:
         return self._points.setdefault(k, Points(self._study, task, self._key))(x)
 
     def _loud(self, state: State) -> list[int]:
-        """Modes that squeal and are of the worst family; by their damping where it is open."""
-        told = np.where(state.verdict == "neutral", "unstable", state.verdict)
-        known = {"verdict": told, "damping": state.damping}
+        """Modes that squeal and are of the worst family.
+
+        One whose stability its estimated error leaves open ("neutral") counts by its damping.
+        """
+        verdict = np.where(state.verdict == "neutral", "unstable", state.verdict)
+        known = {"verdict": verdict, "damping": state.damping}
         modes = np.flatnonzero(squeals(known, self._worst.threshold))
         numbers = known_numbers(mac(self._known, state.right[:, modes]))
         return [int(i) for i, n in zip(modes, numbers, strict=True) if n == self._worst.column]

@@ -29,7 +29,7 @@ Coefficients = Array | Sequence[Array]
 # series are corrected afterwards.
 STEPS, STILL = 40, 1e-11
 
-# Most steps for left vectors, b' L = c': each gains a factor of the size of L - 1.
+# Steps at most for left vectors, b' L = c': each gains a factor of the size of L - 1.
 LEFT_STEPS = 16
 
 

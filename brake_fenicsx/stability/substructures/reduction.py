@@ -193,8 +193,8 @@ def kept_modes(
     reach = float(np.sqrt(softening * pole))
     if reach < NEAREST:
         raise InaccurateResult(
-            f"with a length or a mass modes that are left out come down to {reach:.2f} times the"
-            " end of the band: narrow its range, or raise stability.cutoff"
+            f"modes that are left out come down to {reach:.2f} times the end of the band where a"
+            " length, a density or a mass changes: narrow its range, or raise stability.cutoff"
         )
     return KeptModes(W, kappa, kept, reach)
 
