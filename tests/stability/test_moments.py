@@ -1,7 +1,5 @@
 """Moments of what the kept modes leave out."""
 
-from types import SimpleNamespace
-
 from mpi4py import MPI
 
 import numpy as np
@@ -12,8 +10,15 @@ from brake_fenicsx.stability.substructures.moments import (
     SIGMA,
     Rows,
     moments,
+    plan_of,
     shifted_polynomial,
 )
+from brake_fenicsx.stability.substructures.substructure import Substructure
+
+
+def body_of(K, M, at, loads):
+    elements = np.arange(at["N"].shape[0])
+    return Substructure(np.arange(K.shape[0]), elements, K, M, None, at, loads)
 
 
 @pytest.mark.parametrize("count", [5, 8, 11])
@@ -29,7 +34,7 @@ def test_a_body_without_damping_has_the_moments_of_its_modes(count):
     M = sp.diags(mass).tocsr()
     K = sp.csr_matrix((M @ Phi * kappa) @ (M @ Phi).T)
     at = {name: sp.csr_matrix(rng.standard_normal((2, n))) for name in "NTR"}
-    body = SimpleNamespace(C=None, changes={}, interface=at, loads=rng.standard_normal((n, 1)))
+    body = body_of(K, M, at, rng.standard_normal((n, 1)))
     rows = Rows("NR", True)
     P = shifted_polynomial(K, None, M, 1.0, rows)
     D = moments(body, P, M, Phi[:, :kept], rows, count, MPI.COMM_SELF)
@@ -46,3 +51,31 @@ def test_a_body_without_damping_has_the_moments_of_its_modes(count):
             np.testing.assert_allclose(got, known, atol=1e-11)
         far = (abs(w) / (beyond.min() + SIGMA)) ** (count // 2)
         assert np.abs(got - exact).max() < far * np.abs(exact).max()
+
+
+@pytest.mark.parametrize(("falls", "damped"), [(True, False), (True, True), (False, False)])
+def test_high_moments_by_few_combinations_are_the_sums_over_the_modes_left_out(falls, damped):
+    """Of a body whose shorter waves the contact moves less and less, and of one where they do not.
+
+    Those of the second have no low rank: all columns are solved.
+    """
+    rng, n, kept, elements = np.random.default_rng(5), 300, 3, 150
+    Phi = np.linalg.qr(rng.standard_normal((n, n)))[0]
+    kappa = np.r_[0.1, 0.4, 0.9, 3.3 * (1 + np.arange(n - kept)) ** (1.5 if falls else 0.0)]
+    M = sp.identity(n, format="csr")
+    K = sp.csr_matrix((Phi * kappa) @ Phi.T)
+    at = {name: sp.csr_matrix(rng.standard_normal((elements, n)) / n) for name in "NTR"}
+    body = body_of(K, M, at, rng.standard_normal((n, 1)))
+    rows, count = (Rows("NR", True), 9) if damped else (Rows("N", False), 6)
+    assert plan_of(body, kept, rows, count).further > 0
+    P = shifted_polynomial(K, None, M, 1.0, rows)
+    D = moments(body, P, M, Phi[:, :kept], rows, count, MPI.COMM_WORLD)
+    left_out = {name: at[name] @ Phi[:, kept:] for name in rows.acting}
+    followed = np.vstack([left_out[name] for name in rows.followed])
+    acting = np.vstack([*left_out.values(), body.loads.T @ Phi[:, kept:]])
+    pole = kappa[kept:] + SIGMA
+    for z in (0.5, 1j - rows.shift):
+        w = -(z**2 + 2 * z * rows.shift) if damped else z
+        terms = [(followed * w**k / pole ** (k + 1)) @ acting.T for k in range(5 if damped else 6)]
+        error = np.abs(sum(z**k * A for k, A in enumerate(D)) - sum(terms)).max()
+        assert error < (0.05 * np.abs(terms[-1]).max() if falls else 1e-9)

@@ -32,9 +32,11 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
-from brake_fenicsx.macro.condensation import shared_columns
-from brake_fenicsx.macro.solver import Factor, blocks
+from brake_fenicsx.macro.solver import Factor
 
+from ..eigensolvers.arnoldi import combined
+from .low_rank import SHARE, Plan
+from .series import Series
 from .substructure import Substructure
 
 Array = NDArray[np.float64]
@@ -123,7 +125,7 @@ class Complement:
         """Right-hand sides without their share of the kept modes, shape (n, columns)."""
         return np.asarray(b - self._MW @ (self._W.T @ b))
 
-    def solve(self, b: Array, cleared: bool = False) -> Array:
+    def solve(self, b: Array | sp.csc_matrix, cleared: bool = False) -> Array:
         """S_0 b, for a block of right-hand sides.
 
         Args:
@@ -131,12 +133,38 @@ class Complement:
             cleared: whether they have no share of the kept modes as they are.
         """
         x = self.factor.solve(b if cleared else self.clear(b))
-        return np.asarray(x - self._Y @ (self._small @ (self._MW.T @ x)))
+        x -= combined(self._Y, self._small @ (self._MW.T @ x))
+        return x
 
 
 def coupled(body: Substructure) -> bool:
     """Whether kept modes of the centre of the box couple with what they leave out."""
     return body.C is not None or bool(body.changes)
+
+
+def plan_of(body: Substructure, kept: int, rows: Rows, count: int) -> Plan:
+    """Solves that ``moments`` takes at a point.
+
+    Args:
+        body: the body.
+        kept: number of its kept modes.
+        rows: blocks of its contact rows.
+        count: number of moments.
+    """
+    if rows.damped and not _even(body, rows):
+        return Plan(count)
+    count = count // 2 + 1 if rows.damped else count
+    return Plan.of(number_of_columns(body, kept, rows), kept, count)
+
+
+def number_of_columns(body: Substructure, kept: int, rows: Rows) -> int:
+    """Contact rows that forces follow and, where these are coupled, kept modes."""
+    return body.elements.size * len(rows.followed) + kept * coupled(body)
+
+
+def _even(body: Substructure, rows: Rows) -> bool:
+    """Whether a body without damping among rates: a series in z^2 + 2 lambda_0 z, half as long."""
+    return rows.damped and not body.ratios and not coupled(body)
 
 
 def moments(
@@ -147,7 +175,7 @@ def moments(
     rows: Rows,
     count: int,
     comm: MPI.Comm,
-    progress: Callable[[int], None] = lambda columns: None,
+    progress: Callable[[int], None] = lambda solves: None,
 ) -> Array:
     """D_0 ... of a body, its rows shared by the processes of a communicator; collective.
 
@@ -159,7 +187,7 @@ def moments(
         rows: blocks of its contact rows.
         count: number of moments.
         comm: processes that share the work.
-        progress: called with the number of solves that were done, columns times moments.
+        progress: called with the number of solves that were done.
 
     Returns:
         Shape (count, followed rows + kept modes, acting rows + kept modes + loads); the rows and
@@ -168,49 +196,19 @@ def moments(
     Raises:
         InaccurateResult: P_0 has no factor.
     """
-    # X(z) = S(z)' L(z)' column by column; D(z) = X(z)' R(z).
-    complement = Complement(P[0].T.tocsr(), M, W)
-    O = sp.vstack([body.interface[name] for name in rows.followed]).T.tocsc()
-    I = sp.vstack([body.interface[name] for name in rows.acting]).T.tocsc()
-    m, wanted, s = W.shape[1] if coupled(body) else 0, count, rows.shift
-    # A body without damping depends on lambda^2 alone: half as many powers of z^2 + 2 lambda_0 z.
-    even = rows.damped and not m and abs(P[1] - 2 * s * P[2]).max() == 0
-    if even:
-        P, count = [P[0], P[2]], count // 2 + 1
-    left = [complement.clear(A.T @ W[:, :m]) for A in P]
-    right = [complement.clear(A @ W[:, :m]) for A in P]
-    transposed = [A.T.tocsr() for A in P]
+    plan = plan_of(body, W.shape[1], rows, count)
+    even = _even(body, rows)
+    P = [P[0], P[2]] if even else P
     # M v has no share of modes that v is M-orthogonal to.
-    cleared = (even or not rows.damped) and min(abs(P[1] + M).max(), abs(P[1] - M).max()) == 0
-    columns = O.shape[1] + m
-    share = shared_columns(columns, comm)
-    width = I.shape[1] + m + body.loads.shape[1]
-    out = np.empty((count, share.size, width))
-    for b in blocks(share.size):
-        chosen = share[b]
-        contact, modal = chosen[chosen < O.shape[1]], chosen[chosen >= O.shape[1]] - O.shape[1]
-        X: list[Array] = []
-        for n in range(count):
-            rhs = np.zeros((P[0].shape[0], chosen.size))
-            if n == 0:
-                rhs[:, : contact.size] = O[:, contact].toarray()
-            if n < len(P):
-                rhs[:, contact.size :] = left[n][:, modal]
-            for i in range(1, min(n, len(P) - 1) + 1):
-                rhs -= transposed[i] @ X[-i]
-            X = [*X[-2:], complement.solve(rhs, n > 0 and cleared)]
-            at = out[n, b]
-            at[:, : I.shape[1]] = (I.T @ X[-1]).T
-            at[:, I.shape[1] + m :] = X[-1].T @ body.loads
-            if m:
-                part = X[-1].T @ right[0]
-                for i in range(1, min(n, len(P) - 1) + 1):
-                    part += X[-1 - i].T @ right[i]
-                at[:, I.shape[1] : I.shape[1] + m] = part
-        progress(chosen.size * wanted)
+    cleared = len(P) == 2 and min(abs(P[1] + M).max(), abs(P[1] - M).max()) == 0
+    complement = Complement(P[0].T.tocsr(), M, W)
+    modal = W if coupled(body) else W[:, :0]
+    series = Series(body, P, complement, modal, rows, cleared)
+    D, error = series.moments(plan, comm, progress)
+    if error > SHARE:
+        D, _ = series.moments(Plan(plan.exact + plan.further), comm)
     complement.factor.destroy()
-    D = np.concatenate(comm.allgather(out), axis=1)
-    return _in_powers_of_z(D, s, wanted) if even else D
+    return _in_powers_of_z(D, rows.shift, count) if even else D
 
 
 def _in_powers_of_z(D: Array, s: float, count: int) -> Array:

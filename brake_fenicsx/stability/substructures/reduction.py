@@ -20,7 +20,7 @@ from ..eigensolvers.lanczos import lowest_modes
 from ..eigensolvers.symmetric import count_below
 from .component import interface_at, polynomial
 from .interpolated import InterpolatedMoments
-from .moments import SIGMA, Complement, Rows, coupled, moments
+from .moments import SIGMA, Complement, Rows, moments, number_of_columns, plan_of
 from .parameters import Parameters
 from .substructure import Substructure
 
@@ -92,12 +92,13 @@ class Reduction:
     @property
     def solves(self) -> int:
         """Solves of this process."""
-        modes = self._W.shape[1] * coupled(self._body)
-        columns = self._body.elements.size * len(self._rows.followed) + modes
-        counts, comm = self._moments.counts, self._comm
+        kept, comm = self._W.shape[1], self._comm
+        columns = number_of_columns(self._body, kept, self._rows)
+        plans = [plan_of(self._body, kept, self._rows, n) for n in self._moments.counts]
+        solves = [columns * p.exact + p.rank * p.further for p in plans]
         if self._together:
-            return ceil(columns / comm.size) * sum(counts)
-        return columns * sum(counts[comm.rank :: comm.size])
+            return ceil(sum(solves) / comm.size)
+        return sum(solves[comm.rank :: comm.size])
 
     def arrays(self, progress: Callable[[int], None]) -> dict[str, NDArray]:
         """What ``Component`` takes, on the first process alone, nothing on others; collective.

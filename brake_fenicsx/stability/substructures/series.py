@@ -1,0 +1,127 @@
+"""The series X(z) = S(z)' L(z)' of a body and what is read of it, D(z) = X(z)' R(z).
+
+Terms and letters are those of ``moments``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from mpi4py import MPI
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from brake_fenicsx.macro.condensation import shared_columns
+from brake_fenicsx.macro.solver import blocks
+
+from .low_rank import Plan, combinations, completed
+from .substructure import Substructure
+
+if TYPE_CHECKING:
+    from .moments import Complement, Rows
+
+Array = NDArray[np.float64]
+Index = NDArray[np.intp]
+
+
+class Series:
+    """X(z) = S(z)' L(z)' column by column, and D(z) = X(z)' R(z)."""
+
+    def __init__(
+        self, body: Substructure, P: Sequence[sp.csr_matrix], complement: Complement, W: Array,
+        rows: Rows, cleared: bool,
+    ):  # fmt: skip
+        """Take them.
+
+        Args:
+            body: the body.
+            P: its matrix polynomial.
+            complement: S_0 of its transpose.
+            W: kept modes that are columns too, shape (n, m).
+            rows: blocks of its contact rows.
+            cleared: whether P_n v has no share of the kept modes for any v that has none.
+        """
+        followed, acting = (
+            sp.vstack([body.interface[name] for name in names]).tocsr()
+            for names in (rows.followed, rows.acting)
+        )
+        self._O, self._I, self._loads = followed.T.tocsc(), acting, body.loads
+        self._complement, self._cleared, self._m = complement, cleared, W.shape[1]
+        self._left = [complement.clear(A.T @ W) for A in P]
+        self._right = [complement.clear(A @ W) for A in P]
+        self._transposed = [A.T.tocsr() for A in P]
+        self._columns = self._O.shape[1] + self._m
+        self._width = acting.shape[0] + self._m + body.loads.shape[1]
+        # Where the columns stand among what is read.
+        of = body.elements.size
+        places = [np.arange(of) + of * rows.acting.index(name) for name in rows.followed]
+        self._places = np.concatenate([*places, acting.shape[0] + np.arange(self._m)])
+
+    def moments(
+        self, plan: Plan, comm: MPI.Comm, progress: Callable[[int], None] = lambda solves: None
+    ) -> tuple[Array, float]:
+        """D_0 ... of all columns, shared by the processes of a communicator; collective.
+
+        Args:
+            plan: how many, and of these how many by combinations.
+            comm: processes that share the work.
+            progress: called with the number of solves that were done.
+
+        Returns:
+            Shape (moments, columns, width), and the error of what combinations give, over the size
+            of the last moment.
+        """
+        own, omega = shared_columns(self._columns, comm), combinations(self._columns, plan.rank)
+        out = np.empty((plan.exact, own.size, self._width))
+        combined = np.zeros((self._O.shape[0], plan.rank))
+        for b in blocks(own.size):
+            X: list[Array] = []
+            for n in range(plan.exact):
+                X = [*X[-2:], self._next(X, n, own[b])]
+                self._read(X, out[n, b])
+            if plan.further:
+                combined += X[-1] @ omega[own[b]]
+            progress(own[b].size * plan.exact)
+        D = np.concatenate(comm.allgather(out), axis=1)
+        if not plan.further:
+            return D, 0.0
+        comm.Allreduce(MPI.IN_PLACE, combined)
+        own = shared_columns(plan.rank, comm)
+        out = np.empty((plan.further, own.size, self._width))
+        for b in blocks(own.size):
+            X = [combined[:, own[b]]]
+            for n in range(plan.further):
+                X = [X[-1], self._next(X, plan.exact + n, own[:0])]
+                self._read(X, out[n, b])
+            progress(own[b].size * plan.further)
+        seen = np.concatenate(comm.allgather(out), axis=1)
+        more, error = completed(seen, omega, self._places)
+        return np.concatenate([D, more]), error
+
+    def _next(self, X: list[Array], n: int, columns: Index) -> Array:
+        """X_n behind the last ones."""
+        contact = columns[columns < self._O.shape[1]]
+        if n == 0 and contact.size == columns.size:
+            # Sparse right-hand sides take less time; kept modes are taken off the solution alone.
+            return self._complement.solve(self._O[:, contact], True)
+        rhs = np.zeros((self._O.shape[0], X[-1].shape[1] if X else columns.size))
+        if n == 0:
+            rhs[:, : contact.size] = self._O[:, contact].toarray()
+        if n < len(self._left) and contact.size < columns.size:
+            modal = columns[contact.size :] - self._O.shape[1]
+            rhs[:, contact.size :] = self._left[n][:, modal]
+        for i in range(1, min(n, len(self._left) - 1) + 1):
+            rhs -= self._transposed[i] @ X[-i]
+        return self._complement.solve(rhs, n > 0 and self._cleared)
+
+    def _read(self, X: list[Array], out: Array) -> None:
+        """D_n of some columns from the last of their X_0 ... X_n."""
+        contact, m = self._I.shape[0], self._m
+        out[:, :contact] = (self._I @ X[-1]).T
+        out[:, contact + m :] = X[-1].T @ self._loads
+        if m:
+            pairs = zip(X[::-1], self._right, strict=False)
+            out[:, contact : contact + m] = sum(x.T @ right for x, right in pairs)
