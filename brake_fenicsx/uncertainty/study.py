@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -13,7 +14,7 @@ from mpi4py import MPI
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.errors import InaccurateResult, SceneError
+from brake_fenicsx.errors import BrakeError, InaccurateResult, SceneError
 from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
@@ -91,6 +92,7 @@ class Study:
         self.models: Models = Models(scene, brake, count, store, comm, cache or SharedCache(store))
         self.equilibria: Equilibria | None = None
         self._displaced: dict[Task, Array] = {}
+        self._first: dict[str, Array | None] = {}
         # Of the last sample, with the scene's moduli.
         self._laws: dict[Task, EnrichedGap] = {}
         # Vectors of the families, once the tables are written; on one process.
@@ -164,7 +166,8 @@ class Study:
             approach = self.verified
         sample = self._draw(approach, k)
         reduced = task[0] != VERIFY and models.takes(approach, sample.random)
-        eq = self._prepared.of(approach, sample, reduced)
+        start = self._first_gaps(approach) if k and reduced else None
+        eq = self._prepared.of(approach, sample, reduced, start)
         names = sorted(sample.random)
         out: dict[str, Any] = {
             "seed": np.uint64(sample.seed),
@@ -190,6 +193,18 @@ class Study:
                 more.append(partial(self.cycles.of, approach, sample, eq))
             out |= modes_of_sample(models, approach, sample, eq, reduced, more, comm)
         return out
+
+    def _first_gaps(self, approach: str) -> Array | None:
+        """Gaps of the first sample of an approach [m], from which the others start.
+
+        Each process finds them for itself: no sample depends on which others it computes.
+        """
+        if approach not in self._first:
+            self._first[approach] = None
+            with suppress(BrakeError):
+                eq = self._prepared.of(approach, self._draw(approach, 0), True)
+                self._first[approach] = eq.g
+        return self._first[approach]
 
     def solved(
         self, task: Task, values: Mapping[str, float], start: Array | None = None,
