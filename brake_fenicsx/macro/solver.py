@@ -100,12 +100,12 @@ class Factor:
         for first in range(0, b.shape[1], BLOCK):
             block = np.asfortranarray(b[:, first : first + BLOCK], dtype=float)
             B = PETSc.Mat().createDense(block.shape, array=block, comm=PETSc.COMM_SELF)
-            X = PETSc.Mat().createDense(block.shape, comm=PETSc.COMM_SELF)
-            X.setUp()
+            X = PETSc.Mat().createDense(
+                block.shape, array=out[:, first : first + BLOCK], comm=PETSc.COMM_SELF
+            )
             for m in (B, X):
                 m.assemble()
             self._F.matSolve(B, X)
-            out[:, first : first + BLOCK] = X.getDenseArray()
             B.destroy()
             X.destroy()
         return out
@@ -120,11 +120,11 @@ class Factor:
             turned = PETSc.Mat().createAIJ(rows.shape, csr=csr, comm=PETSc.COMM_SELF)
             turned.assemble()
             B = PETSc.Mat().createTranspose(turned)
-            X = PETSc.Mat().createDense((b.shape[0], part.stop - part.start), comm=PETSc.COMM_SELF)
-            X.setUp()
+            X = PETSc.Mat().createDense(
+                (b.shape[0], part.stop - part.start), array=out[:, part], comm=PETSc.COMM_SELF
+            )
             X.assemble()
             self._F.matSolve(B, X)
-            out[:, part] = X.getDenseArray()
             for m in (X, B, turned):
                 m.destroy()
         return out

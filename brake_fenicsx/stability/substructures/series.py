@@ -52,7 +52,7 @@ class Series:
         self._complement, self._cleared, self._m = complement, cleared, W.shape[1]
         self._left = [complement.clear(A.T @ W) for A in P]
         self._right = [complement.clear(A @ W) for A in P]
-        self._transposed = [A.T.tocsr() for A in P]
+        self._minus = [-A.T.tocsr() for A in P[1:]]
         self._columns = self._O.shape[1] + self._m
         self._width = acting.shape[0] + self._m + body.loads.shape[1]
         # Where the columns stand among what is read.
@@ -107,14 +107,14 @@ class Series:
         if n == 0 and contact.size == columns.size:
             # Sparse right-hand sides take less time; kept modes are taken off the solution alone.
             return self._complement.solve(self._O[:, contact], True)
-        rhs = np.zeros((self._O.shape[0], X[-1].shape[1] if X else columns.size))
         if n == 0:
+            rhs = np.zeros((self._O.shape[0], columns.size), order="F")
             rhs[:, : contact.size] = self._O[:, contact].toarray()
+        else:
+            rhs = sum(A @ x for A, x in zip(self._minus, X[::-1], strict=False))
         if n < len(self._left) and contact.size < columns.size:
             modal = columns[contact.size :] - self._O.shape[1]
-            rhs[:, contact.size :] = self._left[n][:, modal]
-        for i in range(1, min(n, len(self._left) - 1) + 1):
-            rhs -= self._transposed[i] @ X[-i]
+            rhs[:, contact.size :] += self._left[n][:, modal]
         return self._complement.solve(rhs, n > 0 and self._cleared)
 
     def _read(self, X: list[Array], out: Array) -> None:
