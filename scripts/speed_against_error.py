@@ -8,7 +8,7 @@ point is measured in this run, on one core; seconds and errors compare within it
 ``--quick``: smaller models, which show the curves' shape and no figure that means anything.
 
 laws           stiffness of vibrations between 0.05 and 5 MPa, rms over surfaces, against one grid
-               of all pixels and four times the steps; seconds of a law
+               of all pixels and four times the steps; seconds of a law; Tamaas where installed
 brake          first 20 frequencies (largest error) and contact forces of the reference brake
                against finer hexahedra of curved sides; seconds of mesh, factor and real modes
 complex modes  largest error of the demo brake's eigenvalues against full order; of that the error
@@ -27,6 +27,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from dataclasses import astuple, dataclass, fields
+from importlib.util import find_spec
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -55,7 +56,7 @@ from brake_fenicsx.surface import characterise, make_topography, read_topography
 
 SCENES = Path(__file__).parent / "scenes"
 PATCH, E_STAR, HARDNESS = 2.825e-3, 2373.4e6, 200e6
-PRESSURES = np.geomspace(0.05e6, 5e6, 9)
+PRESSURES, ALONE = np.geomspace(0.05e6, 5e6, 9), 3
 PANELS = {
     "laws": "stiffness of vibrations [-]", "brake": "frequencies, forces [-]",
     "complex modes": "eigenvalues [-]", "probability": "probability of squeal [-]",
@@ -110,6 +111,38 @@ def laws(quick: bool) -> Iterator[Point]:
             error = float(np.sqrt(np.mean(np.expm1(found - true) ** 2)))
             default = curve == "pixels" and pixels == n
             yield Point("laws", f"{name}: {curve}", setting, seconds, error, default)
+        if hardness is None and find_spec("tamaas"):
+            times, found = zip(*(by_tamaas(topo.heights) for topo in fine[:2]), strict=True)
+            gap = np.array(found) - true[:2, ALONE:]
+            error = float(np.sqrt(np.mean(np.expm1(gap) ** 2)))
+            yield Point("laws", "elastic: Tamaas", "6 pressures", float(np.mean(times)), error)
+
+
+def by_tamaas(h: np.ndarray) -> tuple[float, np.ndarray]:
+    """Seconds of 12 contacts of a surface by Tamaas, and ln of the stiffness between each two.
+
+    Lengths are over the side of the patch, pressures over E*. At the lowest ones a single pixel may
+    touch, which it refuses.
+    """
+    import tamaas as tm
+
+    tm.initialize(1)
+    tm.set_log_level(tm.LogLevel.error)
+    model = tm.Model(tm.model_type.basic_2d, [1.0, 1.0], list(h.shape))
+    model.E, model.nu = 1.0, 0.0
+    solver = tm.PolonskyKeerRey(model, np.ascontiguousarray(h / PATCH), 1e-12)
+    solver.max_iter, solver.dump_freq = 20_000, 10**9
+    start, d, loads = (
+        time.perf_counter(),
+        [],
+        (PRESSURES[ALONE:, None] * [0.98, 1.02] / E_STAR).ravel(),
+    )
+    for p in loads:
+        solver.solve(p)
+        d.append(float(np.mean(model["gap"])))
+    steps = np.reshape(loads, (-1, 2)), np.reshape(d, (-1, 2))
+    dp, dd = (np.diff(x, axis=1)[:, 0] for x in steps)
+    return time.perf_counter() - start, np.log(-dp / dd * E_STAR / PATCH)
 
 
 def brake(quick: bool) -> Iterator[Point]:
