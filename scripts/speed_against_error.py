@@ -132,11 +132,8 @@ def by_tamaas(h: np.ndarray) -> tuple[float, np.ndarray]:
     model.E, model.nu = 1.0, 0.0
     solver = tm.PolonskyKeerRey(model, np.ascontiguousarray(h / PATCH), 1e-12)
     solver.max_iter, solver.dump_freq = 20_000, 10**9
-    start, d, loads = (
-        time.perf_counter(),
-        [],
-        (PRESSURES[ALONE:, None] * [0.98, 1.02] / E_STAR).ravel(),
-    )
+    loads = (PRESSURES[ALONE:, None] * [0.98, 1.02] / E_STAR).ravel()
+    start, d = time.perf_counter(), []
     for p in loads:
         solver.solve(p)
         d.append(float(np.mean(model["gap"])))
