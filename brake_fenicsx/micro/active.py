@@ -62,7 +62,7 @@ class AllPixels:
 
 
 class HighPixels:
-    """The highest pixels alone, gaps by a dense matrix.
+    """The highest pixels alone, gaps by a dense matrix: of the rows of pixels that ever touched.
 
     Pressures push a free half-space down everywhere: a pixel below the undeformed plane never
     touches. Under a periodic boundary that does not hold.
@@ -76,15 +76,34 @@ class HighPixels:
     def __init__(self, space: HalfSpace, h: Array, address: Index):
         self.address, self.height = address, h.ravel()[address]
         self.most = address.size
-        self._matrix = space.block(address, address)
+        self._space, self._known = space, 0
+        self._row = np.full(address.size, -1)
+        self._rows: Array = np.empty((0, address.size))
 
     def influence(self, points: Index) -> Array:
         """See ``Pixels``."""
-        return np.asarray(self._matrix[points[:, None], points])
+        row = self._placed(points)
+        return np.asarray(self._rows[row[:, None], points])
 
     def gap(self, points: Index, pressure: Array, d: float) -> Array:
         """See ``Pixels``."""
-        return np.asarray(pressure @ self._matrix[points] - self.height + d)
+        row = self._placed(points)
+        p = np.zeros(self._known)
+        p[row] = pressure
+        return np.asarray(p @ self._rows[: self._known] - self.height + d)
+
+    def _placed(self, points: Index) -> Index:
+        """Places of the points among the rows, those that are missing computed."""
+        missing = points[self._row[points] < 0]
+        if missing.size:
+            first, self._known = self._known, self._known + missing.size
+            if self._known > len(self._rows):
+                rows = np.empty((2 * self._known, self.address.size))
+                rows[:first] = self._rows[:first]
+                self._rows = rows
+            self._row[missing] = np.arange(first, self._known)
+            self._rows[first : self._known] = self._space.block(self.address[missing], self.address)
+        return np.asarray(self._row[points])
 
 
 @dataclass(frozen=True, slots=True)
