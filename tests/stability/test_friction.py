@@ -152,6 +152,25 @@ def prepared(scene, k, mu, cutoff=1.6, orders=interface.ORDERS):
     return at_interface(modes, face), face, seen, high
 
 
+@pytest.mark.parametrize("keep", [False, True])
+@pytest.mark.parametrize("transposed", [False, True])
+def test_inverse_with_and_without_kept_solutions(two_blocks, keep, transposed):
+    """One solve of a block where S^-1 left' is kept, two where it is not: the same inverse."""
+    scene = two_blocks("guided")
+    k = stiffness(scene.w.size, 2)
+    S, sigma = shifted_factor(scene.tangent(k, 0.0), scene.M, (2 * np.pi * BAND[1]) ** 2)
+    face = contact_interface(scene.N, scene.T, scene.w * k, 0.8)
+    S.gigabytes = 1.0  # MUMPS counts whole megabytes.
+    known = interface.moments(S, scene.M, face, keep=keep)
+    assert (known.SL is not None) == keep
+    b = np.random.default_rng(0).standard_normal((scene.M.shape[0], 3))
+    A = (scene.tangent(k, 0.8) - sigma * scene.M).toarray()
+    exact = la.solve(A.T if transposed else A, b)
+    x = interface.Inverse(S, face, known)(b, transposed)
+    S.destroy()
+    np.testing.assert_allclose(x, exact, rtol=0, atol=1e-9 * abs(exact).max())
+
+
 def test_count_needs_no_eigensolver(two_blocks):
     """With values withheld, invented or none at all the count is the truth."""
     scene = two_blocks("guided")

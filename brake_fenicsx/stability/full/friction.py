@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from mpi4py import MPI
@@ -63,12 +64,14 @@ def friction_modes(
     given = p.frictionless, p.M, factor, sigma, CUTOFF**2 * high
     parts: tuple[Callable[[], Any], ...] = (
         lambda: at_interface(symmetric_modes(*given), friction),
-        lambda: moments(factor, p.M, friction),
+        lambda: moments(factor, p.M, friction, keep=comm.size == 1),
     )
     modes, known = in_turns(2, lambda i: parts[i](), comm)
-    inverse = Inverse(factor, friction, known.RL[0])
+    inverse = Inverse(factor, friction, known)
     reach = undamped_reach(high, zeta_max) - sigma
     kappa, right, left, steps = _both_sides(p, inverse, modes, reach, comm)
+    del inverse
+    known = replace(known, SL=None)
     region = undamped_region(kappa, low, high, zeta_max)
     proof = prove(modes, friction, known, region, kappa, comm)
     while not proof.remainder < 1 and len(known.RL) < MOST_ORDERS:

@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.macro.solver import Factor, blocks
 
+from ..eigensolvers.arnoldi import combined, shares
+
 Array = NDArray[np.float64]
 
 # Moments of the interface that are kept at first: right S^-1 (M S^-1)^j left', j = 0, 1, 2; more
@@ -121,14 +123,18 @@ class Moments:
         RL: right S^-1 (M S^-1)^j left', j = 0, 1, 2 at least, each of shape (rank, rank).
         LL: left S^-1 (M S^-1)^2 left', shape (rank, rank).
         RR: largest eigenvalue of right S^-1 right'; 1 where the interface is bounded.
+        SL: S^-1 left', shape (dofs, rank), where it is kept.
     """
 
     RL: tuple[Array, ...]
     LL: Array
     RR: float
+    SL: Array | None = None
 
 
-def moments(factor: Factor, M: sp.csr_matrix, friction: Interface, orders: int = ORDERS) -> Moments:
+def moments(
+    factor: Factor, M: sp.csr_matrix, friction: Interface, orders: int = ORDERS, keep: bool = False
+) -> Moments:
     """Solve for every column of the interface.
 
     Args:
@@ -136,16 +142,22 @@ def moments(factor: Factor, M: sp.csr_matrix, friction: Interface, orders: int =
         M: mass [kg].
         friction: the interface.
         orders: number of moments, 3 at least.
+        keep: whether to keep S^-1 left', if it is no larger than the factor: the second factor that
+            the inertia count held is gone by then, so that the peak of memory hardly grows.
 
     Returns:
         The moments.
     """
     rank = friction.rank
+    keep = keep and 8e-9 * rank * M.shape[0] <= factor.gigabytes
+    SL = np.empty((M.shape[0], rank), order="F") if keep else None
     RL, LL = np.empty((orders, rank, rank)), np.empty((rank, rank))
     compliance = np.empty((rank, 0 if friction.bounded else rank))
     left, right = friction.left.T.tocsc(), friction.right.T.tocsc()
     for b in blocks(rank):
         X = factor.solve(left[:, b])
+        if SL is not None:
+            SL[:, b] = X
         for j in range(orders):
             X = X if j == 0 else factor.solve(M @ X)
             RL[j][:, b] = friction.right @ X
@@ -157,26 +169,30 @@ def moments(factor: Factor, M: sp.csr_matrix, friction: Interface, orders: int =
     if not friction.bounded:
         gap = 0.5 * (compliance + compliance.T)
         size = float(la.eigvalsh(gap, subset_by_index=[rank - 1, rank - 1])[0])
-    return Moments(tuple(RL), 0.5 * (LL + LL.T), size)
+    return Moments(tuple(RL), 0.5 * (LL + LL.T), size, SL)
 
 
 class Inverse:
     """(S + left' right)^-1 and its transpose by block solves with S (Woodbury)."""
 
-    def __init__(self, factor: Factor, friction: Interface, RL0: Array):
+    def __init__(self, factor: Factor, friction: Interface, known: Moments):
         """Factor the interface matrix.
 
         Args:
             factor: factor of S.
             friction: the interface.
-            RL0: right S^-1 left'.
+            known: its moments; with S^-1 left' a block takes one solve, without it two.
         """
-        self.factor, self.friction = factor, friction
-        self._lu = la.lu_factor(np.eye(friction.rank) + RL0)
+        self.factor, self.friction, self.SL = factor, friction, known.SL
+        self._lu = la.lu_factor(np.eye(friction.rank) + known.RL[0])
 
     def __call__(self, b: Array, transposed: bool = False) -> Array:
         """Apply to a block, shape (dofs, columns)."""
-        x, f = self.factor.solve(b), self.friction
+        f, SL = self.friction, self.SL
+        if transposed and SL is not None:
+            c = la.lu_solve(self._lu, shares(SL, b), trans=1)
+            return self.factor.solve(b - f.right.T @ c)
+        x = self.factor.solve(b)
         first, second = (f.left, f.right) if transposed else (f.right, f.left)
         c = la.lu_solve(self._lu, first @ x, trans=int(transposed))
-        return x - self.factor.solve(second.T @ c)
+        return x - (self.factor.solve(second.T @ c) if SL is None else combined(SL, c))
