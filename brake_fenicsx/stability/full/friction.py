@@ -64,7 +64,7 @@ def friction_modes(
     given = p.frictionless, p.M, factor, sigma, CUTOFF**2 * high
     parts: tuple[Callable[[], Any], ...] = (
         lambda: at_interface(symmetric_modes(*given), friction),
-        lambda: moments(factor, p.M, friction, keep=comm.size == 1),
+        lambda: moments(factor, p.M, friction, keep=True),
     )
     modes, known = in_turns(2, lambda i: parts[i](), comm)
     inverse = Inverse(factor, friction, known)

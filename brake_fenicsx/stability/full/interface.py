@@ -27,6 +27,9 @@ Array = NDArray[np.float64]
 # where they prove nothing.
 ORDERS, MOST_ORDERS = 3, 12
 
+# Most that one process sends another at once [GB]; alone it is the same, so that results are.
+MESSAGE = 1.8
+
 # Largest rank for which friction is treated on its interface: a proof holds some sixteen dense
 # matrices of this size, 128 MB each. Nor is the rank more than one in SHARE of all dofs.
 LARGEST, SHARE = 4000, 4
@@ -149,7 +152,7 @@ def moments(
         The moments.
     """
     rank = friction.rank
-    keep = keep and 8e-9 * rank * M.shape[0] <= factor.gigabytes
+    keep = keep and 8e-9 * rank * M.shape[0] <= min(factor.gigabytes, MESSAGE)
     SL = np.empty((M.shape[0], rank), order="F") if keep else None
     RL, LL = np.empty((orders, rank, rank)), np.empty((rank, rank))
     compliance = np.empty((rank, 0 if friction.bounded else rank))
