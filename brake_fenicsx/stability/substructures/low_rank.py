@@ -37,7 +37,7 @@ ROUND_OFF = 1e-12
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class MomentPlan:
     """Solves for the moments of a body at a point.
 
     Attributes:
@@ -51,7 +51,7 @@ class Plan:
     rank: int = 0
 
     @classmethod
-    def of(cls, columns: int, kept: int, count: int) -> Plan:
+    def of(cls, columns: int, kept: int, count: int) -> MomentPlan:
         """The cheapest.
 
         Args:

@@ -35,7 +35,7 @@ from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.macro.solver import Factor
 
 from ..eigensolvers.arnoldi import combined
-from .low_rank import SHARE, Plan
+from .low_rank import SHARE, MomentPlan
 from .series import Series
 from .substructure import Substructure
 
@@ -142,7 +142,7 @@ def coupled(body: Substructure) -> bool:
     return body.C is not None or bool(body.changes)
 
 
-def plan_of(body: Substructure, kept: int, rows: Rows, count: int) -> Plan:
+def plan_of(body: Substructure, kept: int, rows: Rows, count: int) -> MomentPlan:
     """Solves that ``moments`` takes at a point.
 
     Args:
@@ -152,9 +152,9 @@ def plan_of(body: Substructure, kept: int, rows: Rows, count: int) -> Plan:
         count: number of moments.
     """
     if rows.damped and not _even(body, rows):
-        return Plan(count)
+        return MomentPlan(count)
     count = count // 2 + 1 if rows.damped else count
-    return Plan.of(number_of_columns(body, kept, rows), kept, count)
+    return MomentPlan.of(number_of_columns(body, kept, rows), kept, count)
 
 
 def number_of_columns(body: Substructure, kept: int, rows: Rows) -> int:
@@ -206,7 +206,7 @@ def moments(
     series = Series(body, P, complement, modal, rows, cleared)
     D, error = series.moments(plan, comm, progress)
     if error > SHARE:
-        D, _ = series.moments(Plan(plan.exact + plan.further), comm)
+        D, _ = series.moments(MomentPlan(plan.exact + plan.further), comm)
     complement.factor.destroy()
     return _in_powers_of_z(D, rows.shift, count) if even else D
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.macro.condensation import shared_columns
 from brake_fenicsx.macro.solver import blocks
 
-from .low_rank import Plan, combinations, completed
+from .low_rank import MomentPlan, combinations, completed
 from .substructure import Substructure
 
 if TYPE_CHECKING:
@@ -61,7 +61,10 @@ class Series:
         self._places = np.concatenate([*places, acting.shape[0] + np.arange(self._m)])
 
     def moments(
-        self, plan: Plan, comm: MPI.Comm, progress: Callable[[int], None] = lambda solves: None
+        self,
+        plan: MomentPlan,
+        comm: MPI.Comm,
+        progress: Callable[[int], None] = lambda solves: None,
     ) -> tuple[Array, float]:
         """D_0 ... of all columns, shared by the processes of a communicator; collective.
 
