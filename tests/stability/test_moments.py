@@ -53,12 +53,11 @@ def test_a_body_without_damping_has_the_moments_of_its_modes(count):
         assert np.abs(got - exact).max() < far * np.abs(exact).max()
 
 
+@pytest.mark.hard
+@pytest.mark.together
 @pytest.mark.parametrize(("falls", "damped"), [(True, False), (True, True), (False, False)])
-def test_high_moments_by_few_combinations_are_the_sums_over_the_modes_left_out(falls, damped):
-    """Of a body whose shorter waves the contact moves less and less, and of one where they do not.
-
-    Those of the second have no low rank: all columns are solved.
-    """
+def test_high_moments_of_low_rank_and_of_none(falls, damped):
+    """Sums over the modes left out, by few combinations of contact rows and where these fail."""
     rng, n, kept, elements = np.random.default_rng(5), 300, 3, 150
     Phi = np.linalg.qr(rng.standard_normal((n, n)))[0]
     kappa = np.r_[0.1, 0.4, 0.9, 3.3 * (1 + np.arange(n - kept)) ** (1.5 if falls else 0.0)]
