@@ -262,8 +262,9 @@ def test_failing_sample_is_kept_and_stops_nothing(tmp_path, monkeypatch):
     calls = iter(range(100))
 
     def sometimes(*args, **kwargs):
-        # The second sample, at once and by its ramp of two steps.
-        if next(calls) in (1, 2):
+        # The second sample, from the gaps of the first one, which the call before finds, at once,
+        # and by its ramp of two steps.
+        if next(calls) in (2, 3, 4):
             raise NotConverged("made to fail")
         return solve(*args, **kwargs)
 
@@ -298,16 +299,17 @@ def test_the_ramp_is_gone_through_where_the_full_load_does_not_converge(tmp_path
 
     solve, steps = equilibria.equilibrium, []
 
-    def sometimes(ops, laws, mu, n, tolerance):
-        steps.append(n)
-        if len(steps) == 2:
+    def sometimes(ops, laws, mu, n=1, tolerance=None, start=None):
+        steps.append(n if start is None else "near")
+        if len(steps) in (3, 4):
             raise NotConverged("made to fail")
-        return solve(ops, laws, mu, n, tolerance)
+        return solve(ops, laws, mu, n, tolerance, start=start)
 
     monkeypatch.setattr(equilibria, "equilibrium", sometimes)
     changes = [*MANY, "samples.n=3", "equilibrium.tolerance=1e-12"]
     run(BLOCK, MPI.COMM_SELF, tmp_path / "ramp", changes)
-    assert steps == [1, 1, 2, 1]
+    # The first sample, its gaps from which the others start, the second one, the third one.
+    assert steps == [1, 1, "near", 1, 2, "near"]
     monkeypatch.undo()
     run(BLOCK, MPI.COMM_SELF, tmp_path / "full", changes)
     a, b = (rows(tmp_path / name / "modes.csv") for name in ("ramp", "full"))

@@ -67,6 +67,8 @@ class MomentPlan:
 
 def combinations(columns: int, number: int) -> Array:
     """Random orthonormal combinations of columns, shape (columns, number)."""
+    if not number:
+        return np.zeros((columns, 0))
     drawn = np.random.default_rng(0).standard_normal((columns, number))
     return np.asarray(la.qr(drawn, mode="economic")[0])
 
