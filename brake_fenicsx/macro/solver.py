@@ -97,12 +97,10 @@ class Factor:
         if b.ndim == 1:
             return self.solve(b[:, None])[:, 0]
         out = np.empty(b.shape, order="F")
-        for first in range(0, b.shape[1], BLOCK):
-            block = np.asfortranarray(b[:, first : first + BLOCK], dtype=float)
+        for part in blocks(b.shape[1]):
+            block = np.asfortranarray(b[:, part], dtype=float)
             B = PETSc.Mat().createDense(block.shape, array=block, comm=PETSc.COMM_SELF)
-            X = PETSc.Mat().createDense(
-                block.shape, array=out[:, first : first + BLOCK], comm=PETSc.COMM_SELF
-            )
+            X = PETSc.Mat().createDense(block.shape, array=out[:, part], comm=PETSc.COMM_SELF)
             for m in (B, X):
                 m.assemble()
             self._F.matSolve(B, X)

@@ -62,7 +62,9 @@ class AllPixels:
 
 
 class HighPixels:
-    """The highest pixels alone, gaps by a dense matrix: of the rows of pixels that ever touched.
+    """The highest pixels alone, gaps by their dense influence.
+
+    A row of the influence is computed when its pixel touches for the first time, and kept: few do.
 
     Pressures push a free half-space down everywhere: a pixel below the undeformed plane never
     touches. Under a periodic boundary that does not hold.
@@ -93,7 +95,7 @@ class HighPixels:
         return np.asarray(p @ self._rows[: self._known] - self.height + d)
 
     def _placed(self, points: Index) -> Index:
-        """Places of the points among the rows, those that are missing computed."""
+        """Places of the points among the rows; missing rows are computed."""
         missing = points[self._row[points] < 0]
         if missing.size:
             first, self._known = self._known, self._known + missing.size

@@ -197,7 +197,8 @@ class Study:
     def _first_gaps(self, approach: str) -> Array | None:
         """Gaps of the first sample of an approach [m], from which the others start.
 
-        Each process finds them for itself: no sample depends on which others it computes.
+        Each process computes them for itself, so that no sample depends on which others its process
+        took. None where the first sample has no equilibrium.
         """
         if approach not in self._first:
             self._first[approach] = None

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from brake_fenicsx.stability.substructures.low_rank import combinations, completed
 from brake_fenicsx.stability.substructures.moments import (
     SIGMA,
     Rows,
@@ -57,7 +58,7 @@ def test_a_body_without_damping_has_the_moments_of_its_modes(count):
 @pytest.mark.together
 @pytest.mark.parametrize(("falls", "damped"), [(True, False), (True, True), (False, False)])
 def test_high_moments_of_low_rank_and_of_none(falls, damped):
-    """Sums over the modes left out, by few combinations of contact rows and where these fail."""
+    """As sums over the modes left out: by combinations of contact rows, and where these fail."""
     rng, n, kept, elements = np.random.default_rng(5), 300, 3, 150
     Phi = np.linalg.qr(rng.standard_normal((n, n)))[0]
     kappa = np.r_[0.1, 0.4, 0.9, 3.3 * (1 + np.arange(n - kept)) ** (1.5 if falls else 0.0)]
@@ -78,3 +79,9 @@ def test_high_moments_of_low_rank_and_of_none(falls, damped):
         terms = [(followed * w**k / pole ** (k + 1)) @ acting.T for k in range(5 if damped else 6)]
         error = np.abs(sum(z**k * A for k, A in enumerate(D)) - sum(terms)).max()
         assert error < (0.05 * np.abs(terms[-1]).max() if falls else 1e-9)
+
+
+def test_an_error_that_nothing_measures_is_infinite():
+    """Against a last moment of zero: all columns are solved then."""
+    omega = combinations(60, 20)
+    assert completed(np.zeros((2, 20, 70)), omega, np.arange(60))[1] == np.inf

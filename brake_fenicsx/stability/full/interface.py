@@ -27,7 +27,8 @@ Array = NDArray[np.float64]
 # where they prove nothing.
 ORDERS, MOST_ORDERS = 3, 12
 
-# Most that one process sends another at once [GB]; alone it is the same, so that results are.
+# Largest array that one process sends another [GB]: a message of MPI has less than 2 GB. It limits
+# one process alone as well, so that results do not depend on the number of processes.
 MESSAGE = 1.8
 
 # Largest rank for which friction is treated on its interface: a proof holds some sixteen dense
@@ -145,8 +146,8 @@ def moments(
         M: mass [kg].
         friction: the interface.
         orders: number of moments, 3 at least.
-        keep: whether to keep S^-1 left', if it is no larger than the factor: the second factor that
-            the inertia count held is gone by then, so that the peak of memory hardly grows.
+        keep: whether to keep S^-1 left' where it is no larger than the factor and than MESSAGE: the
+            factor of the inertia count took as much memory, and is freed before it is used.
 
     Returns:
         The moments.

@@ -94,7 +94,9 @@ def shifted_polynomial(
 class Complement:
     """Inverse of P_0 on the displacements that are M-orthogonal to the kept modes.
 
-    Everything large is taken off the right-hand sides before a solve, never off a solution.
+    The share of the kept modes is taken off dense right-hand sides before a solve. Sparse ones
+    would become dense: theirs is taken off the solution, where a solve has made it larger by at
+    most 1 / SIGMA.
     """
 
     def __init__(self, P0: sp.csr_matrix, M: sp.csr_matrix, W: Array):
@@ -129,10 +131,10 @@ class Complement:
         """S_0 b, for a block of right-hand sides.
 
         Args:
-            b: shape (n, columns).
+            b: shape (n, columns), dense or sparse.
             cleared: whether they have no share of the kept modes as they are.
         """
-        x = self.factor.solve(b if cleared else self.clear(b))
+        x = self.factor.solve(b if cleared or sp.issparse(b) else self.clear(b))
         x -= combined(self._Y, self._small @ (self._MW.T @ x))
         return x
 
@@ -143,7 +145,7 @@ def coupled(body: Substructure) -> bool:
 
 
 def plan_of(body: Substructure, kept: int, rows: Rows, count: int) -> MomentPlan:
-    """Solves that ``moments`` takes at a point.
+    """Which moments ``moments`` computes of every column at a point, and which of combinations.
 
     Args:
         body: the body.
@@ -205,7 +207,7 @@ def moments(
     modal = W if coupled(body) else W[:, :0]
     series = Series(body, P, complement, modal, rows, cleared)
     D, error = series.moments(plan, comm, progress)
-    if error > SHARE:
+    if not error <= SHARE:
         D, _ = series.moments(MomentPlan(plan.exact + plan.further), comm)
     complement.factor.destroy()
     return _in_powers_of_z(D, rows.shift, count) if even else D

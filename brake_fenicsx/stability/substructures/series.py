@@ -1,6 +1,8 @@
-"""The series X(z) = S(z)' L(z)' of a body and what is read of it, D(z) = X(z)' R(z).
+"""The series X(z) = S(z)' L(z)' of a body, and its moments D(z) = X(z)' R(z).
 
-Terms and letters are those of ``moments``.
+With the letters of ``moments``: L(z)' = [O', P(z)'W] has a column for each contact row that forces
+follow and each coupled kept mode, R(z) = [I', P(z)W, F'] one for each contact row that forces act
+along, coupled kept mode and load.
 """
 
 from __future__ import annotations
@@ -28,13 +30,13 @@ Index = NDArray[np.intp]
 
 
 class Series:
-    """X(z) = S(z)' L(z)' column by column, and D(z) = X(z)' R(z)."""
+    """X(z) column by column, and D(z)."""
 
     def __init__(
         self, body: Substructure, P: Sequence[sp.csr_matrix], complement: Complement, W: Array,
         rows: Rows, cleared: bool,
     ):  # fmt: skip
-        """Take them.
+        """Prepare both sides L(z) and R(z).
 
         Args:
             body: the body.
@@ -55,7 +57,7 @@ class Series:
         self._minus = [-A.T.tocsr() for A in P[1:]]
         self._columns = self._O.shape[1] + self._m
         self._width = acting.shape[0] + self._m + body.loads.shape[1]
-        # Where the columns stand among what is read.
+        # Places of the columns of L' among those of R.
         of = body.elements.size
         places = [np.arange(of) + of * rows.acting.index(name) for name in rows.followed]
         self._places = np.concatenate([*places, acting.shape[0] + np.arange(self._m)])
@@ -69,13 +71,13 @@ class Series:
         """D_0 ... of all columns, shared by the processes of a communicator; collective.
 
         Args:
-            plan: how many, and of these how many by combinations.
+            plan: how many of every column, and how many of combinations.
             comm: processes that share the work.
             progress: called with the number of solves that were done.
 
         Returns:
-            Shape (moments, columns, width), and the error of what combinations give, over the size
-            of the last moment.
+            Shape (moments, columns of L', columns of R), and the error of what combinations give,
+            over the size of the last moment.
         """
         own, omega = shared_columns(self._columns, comm), combinations(self._columns, plan.rank)
         out = np.empty((plan.exact, own.size, self._width))
@@ -105,11 +107,10 @@ class Series:
         return np.concatenate([D, more]), error
 
     def _next(self, X: list[Array], n: int, columns: Index) -> Array:
-        """X_n behind the last ones."""
+        """X_n of some columns from the last of their X_0 ... X_n-1; no columns: combinations."""
         contact = columns[columns < self._O.shape[1]]
         if n == 0 and contact.size == columns.size:
-            # Sparse right-hand sides take less time; kept modes are taken off the solution alone.
-            return self._complement.solve(self._O[:, contact], True)
+            return self._complement.solve(self._O[:, contact])
         if n == 0:
             rhs = np.zeros((self._O.shape[0], columns.size), order="F")
             rhs[:, : contact.size] = self._O[:, contact].toarray()
