@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import comb
+from typing import Any
 
 import numpy as np
 import scipy.linalg as la
@@ -20,8 +21,11 @@ Array = NDArray[np.float64]
 # Estimates of errors need few digits.
 Estimate = NDArray[np.float32]
 
-# Values that are taken at a time, so that the second product with them finds them in the cache: it
-# is memory that limits the interpolation.
+# Up to this degree the interpolation errs more than single precision does, in which the changes
+# from the centre are held then: it is memory that limits the interpolation.
+SINGLE = 5
+
+# Values that are taken at a time, so that those of all anchors stay in the cache.
 STRIP = 8192
 
 
@@ -53,40 +57,41 @@ class InterpolatedMoments:
         self.counts += [len(self._degrees)] * len(checks)
         self._gain: Array = np.zeros(len(degrees))
         self._checks: list[Estimate] = []
-        self._D: list[Array] = []
-        # Of a body without parameters: all moments in one array, which may be mapped from a file.
-        self._constant: Array = np.zeros((0, 0, 0))
-        if known is not None and not dimension:
-            self._constant = known["D"]
-        elif known is not None:
-            self._D = [known[f"D{n}"] for n in range(len(degrees))]
+        # The moments at the centre, and what they change from there to the other anchors.
+        self._centre: Array = np.zeros((0, 0, 0))
+        self._changes: list[NDArray[Any]] = []
+        self._precision = np.float32 if self._box.degree <= SINGLE else np.float64
+        if known is not None:
+            self._centre = known["D"]
+        if known is not None and dimension:
+            self._changes = [known[f"D{n}"] for n in range(len(degrees))]
             self._checks, self._gain = [*known["checks"]], known["gain"]
 
     def add(self, i: int, found: Array) -> None:
         """Moments at point i, shape (counts[i], rows, columns); points come in their order."""
-        if not self.points[i].size:
-            self._constant = found
-            return
         if i == 0:
-            self._D = [np.empty((end, *found.shape[1:])) for end in self._ends]
-        if i < self._ends[0]:
-            for n in range(len(found)):
-                self._D[n][i] = found[n]
-            return
-        D, step = self._interpolated(self.points[i])
-        error = found - D
-        size = [[la.norm(A) for A in every] for every in (error, step)]
-        self._gain = np.maximum(self._gain, np.divide(size[0], size[1]))
-        self._checks.append(error.astype(np.float32))
+            self._centre = found
+            if self.points[0].size:
+                shapes = [(end - 1, *found.shape[1:]) for end in self._ends]
+                self._changes = [np.empty(shape, self._precision) for shape in shapes]
+        elif i < self._ends[0]:
+            for n, moment in enumerate(found):
+                self._changes[n][i - 1] = moment - self._centre[n]
+        else:
+            D, step = self._interpolated(self.points[i])
+            error = found - D
+            size = [[la.norm(A) for A in every] for every in (error, step)]
+            self._gain = np.maximum(self._gain, np.divide(size[0], size[1]))
+            self._checks.append(error.astype(np.float32))
 
     def arrays(self) -> dict[str, NDArray]:
         """What was computed, to be kept in a file."""
-        if not self._D:
-            return {"D": self._constant}
-        shape = len(self._checks), len(self._D), *self._D[0].shape[1:]
+        if not self._changes:
+            return {"D": self._centre}
+        shape = len(self._checks), *self._centre.shape
         checks = np.array(self._checks, np.float32).reshape(shape)
-        made = {f"D{n}": D for n, D in enumerate(self._D)}
-        return {"checks": checks, "gain": self._gain, **made}
+        made = {f"D{n}": changes for n, changes in enumerate(self._changes)}
+        return {"D": self._centre, "checks": checks, "gain": self._gain, **made}
 
     def at(self, own: Array) -> tuple[Array, list[Estimate], float]:
         """Moments at a point of the own parameters, shape (own parameters,).
@@ -97,24 +102,24 @@ class InterpolatedMoments:
             larger these may be at this point.
         """
         if not own.size:
-            return self._constant, [], 1.0
+            return self._centre, [], 1.0
         D, step = self._interpolated(own)
         # One degree more gains about what it gains at the points that were checked.
-        gain = self._gain[:, None, None]
-        more = np.multiply(step, gain, dtype=np.float32, casting="same_kind")
-        return D, [more, *self._checks], self._box.growth(own)
+        step *= self._gain[:, None, None].astype(step.dtype)
+        return D, [step.astype(np.float32, copy=False), *self._checks], self._box.growth(own)
 
-    def _interpolated(self, own: Array) -> tuple[Array, Array]:
+    def _interpolated(self, own: Array) -> tuple[Array, NDArray[Any]]:
         """Moments, and the step from one degree lower."""
-        D = np.empty((len(self._D), *self._D[0].shape[1:]))
-        step = np.empty_like(D)
-        for n, (values, degree) in enumerate(zip(self._D, self._degrees, strict=True)):
+        D, step = np.empty(self._centre.shape), np.empty(self._centre.shape, self._precision)
+        for n, (changes, degree) in enumerate(zip(self._changes, self._degrees, strict=True)):
             weights = self._box.weights(own, degree)
-            lower = weights - self._box.weights(own, degree - 1)
-            count = len(values)
-            every, pairs = values.reshape(count, -1), ((weights, D[n]), (lower, step[n]))
-            for first in range(0, every.shape[1], STRIP):
+            pair = np.array([weights, weights - self._box.weights(own, degree - 1)])
+            # Weights add up to 1: those of the changes are all but that of the centre.
+            factors = pair[:, 1 : len(changes) + 1].astype(self._precision)
+            every, centre = changes.reshape(len(changes), -1), self._centre[n].ravel()
+            for first in range(0, centre.size, STRIP):
                 strip = slice(first, first + STRIP)
-                for factors, out in pairs:
-                    np.matmul(factors[:count], every[:, strip], out=out.reshape(-1)[strip])
+                change, last = factors @ every[:, strip]
+                np.add(centre[strip], change, out=D[n].reshape(-1)[strip])
+                step[n].reshape(-1)[strip] = last
         return D, step
