@@ -23,23 +23,29 @@ def in_turns(count: int, work: Callable[[int], T], comm: MPI.Comm, aside: int = 
         count: number of works.
         work: computes one of them.
         comm: the processes.
-        aside: the first so many take none, as long as others are there.
+        aside: the first so many take none, as long as others are there, and may be long in coming:
+            the others do all of theirs before they send any of it.
 
     Raises:
         Exception: what one of them raises, on all.
     """
     aside = min(aside, comm.size - 1)
     team, rank = comm.size - aside, comm.rank - aside
-    for first in range(0, count, team):
-        own: T | Exception | None = None
-        if rank >= 0 and first + rank < count:
-            try:
-                own = work(first + rank)
-            except Exception as error:
-                own = error
-        for i in range(min(team, count - first)):
+    together = count if aside else team
+
+    def attempt(i: int) -> T | Exception:
+        try:
+            return work(i)
+        except Exception as error:
+            return error
+
+    for first in range(0, count, max(together, 1)):
+        last = min(first + together, count)
+        own = {i: attempt(i) for i in range(first + rank, last, team)} if rank >= 0 else {}
+        for i in range(first, last):
             # One process needs no copy: it may be all vectors of a large problem.
-            one: Any = comm.bcast(own, root=aside + i) if comm.size > 1 else own
+            root = aside + (i - first) % team
+            one: Any = comm.bcast(own.get(i), root=root) if comm.size > 1 else own[i]
             if isinstance(one, Exception):
                 raise one
             yield one

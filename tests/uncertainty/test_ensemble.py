@@ -1,5 +1,7 @@
 """Samples over processes: all done once, failures kept, defects not hidden."""
 
+import time
+
 from mpi4py import MPI
 
 import numpy as np
@@ -120,6 +122,30 @@ def test_the_first_process_does_other_work_meanwhile():
     assert began == [0] * (COMM.rank == 0)
     with pytest.raises(NotConverged, match="stalls"):
         end()
+
+
+@pytest.mark.skipif(COMM.size == 1, reason="needs other processes")
+def test_others_do_not_wait_for_the_first_process():
+    """They do all of their turns while it is busy, however large the results are."""
+    last, heard = COMM.size - 1, []
+    number = 3 * last
+
+    def busy():
+        until = time.monotonic() + 60
+        while not COMM.Iprobe(source=last) and time.monotonic() < until:
+            time.sleep(0.01)
+        heard.append(COMM.Iprobe(source=last) and COMM.recv(source=last))
+
+    def work(i):
+        if i == number - 1:
+            COMM.send("all done", 0)
+        return np.full(10**6, float(i))
+
+    end = meanwhile(busy, COMM)
+    found = [int(a[0]) for a in in_turns(number, work, COMM, aside=1)]
+    end()
+    assert found == [*range(number)]
+    assert heard == ["all done"] * (COMM.rank == 0)
 
 
 def test_results_that_cannot_be_stored_end_the_run_on_all(store):
