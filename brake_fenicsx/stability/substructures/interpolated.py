@@ -36,6 +36,8 @@ class InterpolatedMoments:
         points: where they are computed: the anchors, the first at the centre, then the points
             where the interpolation is checked; each of shape (own parameters,).
         counts: how many moments each of these points needs.
+        order: numbers of the points, the centre first, those of many moments before others: the
+            works that processes take in turns are about alike.
     """
 
     def __init__(
@@ -55,8 +57,10 @@ class InterpolatedMoments:
         self.points: list[Array] = [*self._box.points, *checks]
         self.counts = [sum(i < end for end in self._ends) for i in range(self._ends[0])]
         self.counts += [len(self._degrees)] * len(checks)
+        self.order: list[int] = sorted(range(len(self.points)), key=lambda i: -self.counts[i])
         self._gain: Array = np.zeros(len(degrees))
         self._checks: list[Estimate] = []
+        self._between: dict[int, Array] = {}
         # The moments at the centre, and what they change from there to the other anchors.
         self._centre: Array = np.zeros((0, 0, 0))
         self._changes: list[NDArray[Any]] = []
@@ -68,7 +72,7 @@ class InterpolatedMoments:
             self._checks, self._gain = [*known["checks"]], known["gain"]
 
     def add(self, i: int, found: Array) -> None:
-        """Moments at point i, shape (counts[i], rows, columns); points come in their order."""
+        """Moments at point i, shape (counts[i], rows, columns); the centre comes first."""
         if i == 0:
             self._centre = found
             if self.points[0].size:
@@ -78,16 +82,18 @@ class InterpolatedMoments:
             for n, moment in enumerate(found):
                 self._changes[n][i - 1] = moment - self._centre[n]
         else:
+            self._between[i] = found
+
+    def arrays(self) -> dict[str, NDArray]:
+        """What was computed, to be kept in a file; once all points are there."""
+        if not self._changes:
+            return {"D": self._centre}
+        for i in sorted(self._between):
             D, step = self._interpolated(self.points[i])
-            error = found - D
+            error = self._between.pop(i) - D
             size = [[la.norm(A) for A in every] for every in (error, step)]
             self._gain = np.maximum(self._gain, np.divide(size[0], size[1]))
             self._checks.append(error.astype(np.float32))
-
-    def arrays(self) -> dict[str, NDArray]:
-        """What was computed, to be kept in a file."""
-        if not self._changes:
-            return {"D": self._centre}
         shape = len(self._checks), *self._centre.shape
         checks = np.array(self._checks, np.float32).reshape(shape)
         made = {f"D{n}": changes for n, changes in enumerate(self._changes)}

@@ -94,7 +94,8 @@ class Reduction:
         """Solves of this process."""
         kept, comm = self._W.shape[1], self._comm
         columns = number_of_columns(self._body, kept, self._rows)
-        plans = [plan_of(self._body, kept, self._rows, n) for n in self._moments.counts]
+        counts = [self._moments.counts[i] for i in self._moments.order]
+        plans = [plan_of(self._body, kept, self._rows, n) for n in counts]
         solves = [columns * p.exact + p.rank * p.further for p in plans]
         if self._together:
             return ceil(sum(solves) / comm.size)
@@ -111,13 +112,14 @@ class Reduction:
                 it is damped too strongly for the series of moments.
         """
         body, W, comm = self._body, self._W, self._comm
-        number = len(self._moments.points)
+        order = self._moments.order
         every: Iterable[Array]
         if self._together:
-            every = (self._at(i, comm, progress) for i in range(number))
+            every = (self._at(i, comm, progress) for i in order)
         else:
-            every = in_turns(number, lambda i: self._at(i, MPI.COMM_SELF, progress), comm)
-        for i, found in enumerate(every):
+            alone = MPI.COMM_SELF
+            every = in_turns(len(order), lambda n: self._at(order[n], alone, progress), comm)
+        for i, found in zip(order, every, strict=True):
             if i == 0:
                 self._check_convergence(found)
             if comm.rank == 0:
