@@ -14,7 +14,12 @@ from brake_fenicsx.stability.eigensolvers.argument_principle import Trapezium
 from brake_fenicsx.stability.eigensolvers.symmetric import shifted_factor, symmetric_modes
 from brake_fenicsx.stability.full import dense, friction, interface
 from brake_fenicsx.stability.full.interface import difference_interface
-from brake_fenicsx.stability.full.interface_count import Determinant, at_interface, prove
+from brake_fenicsx.stability.full.interface_count import (
+    Determinant,
+    InterfaceModes,
+    at_interface,
+    prove,
+)
 from brake_fenicsx.stability.operators import tangent
 from dense_reference import agrees, all_kappa, all_lambda
 
@@ -183,6 +188,30 @@ def test_count_needs_no_eigensolver(two_blocks):
     for believed in (near, near[3:], np.r_[near, 0.5 * high, 0.6 * high], np.zeros(0)):
         proof = prove(modes, face, seen, region, believed)
         assert proof.count == inside and proof.remainder < 1
+
+
+@pytest.mark.parametrize("beyond", [50, 200, 1000])
+def test_many_modes_beyond_the_region(beyond):
+    """They turn the phase by many turns between two points of the edge; the count is the truth."""
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        poles = np.sort(np.r_[rng.uniform(0.01, 1.0, 20), rng.uniform(1.05, 2.5, beyond)])
+        sigma, size = -1e-3, poles.size
+        left, right = (1e-2 * rng.standard_normal((4, size)) for _ in range(2))
+        kappa = la.eigvals(np.diag(poles) + left.T @ right)
+        S = poles - sigma
+        seen = interface.Moments(
+            tuple((right / S ** (j + 1)) @ left.T for j in range(3)), (left / S**3) @ left.T,
+            float(la.eigvalsh((right / S) @ right.T)[-1]),
+        )  # fmt: skip
+        face = interface.Interface(sp.csr_matrix(left), sp.csr_matrix(right), False)
+        modes = InterfaceModes(poles, 2.6, sigma, right, left)
+        region = Trapezium(-0.02, 1.025, 0.45, 1e-3)
+        inside, near = int(region.holds(kappa).sum()), kappa[np.abs(kappa) < 1.1]
+        for believed in (near, near[2:]):
+            proof = prove(modes, face, seen, region, believed)
+            assert proof.count == inside, (seed, believed.size)
+            assert proof.points < 300
 
 
 @pytest.mark.parametrize("cutoff, orders", [(1.3, 3), (1.6, 3), (2.5, 3), (1.3, 6)])
