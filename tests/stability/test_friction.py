@@ -190,9 +190,10 @@ def test_count_needs_no_eigensolver(two_blocks):
         assert proof.count == inside and proof.remainder < 1
 
 
+@pytest.mark.hard
 @pytest.mark.parametrize("beyond", [50, 200, 1000])
 def test_many_modes_beyond_the_region(beyond):
-    """They turn the phase by many turns between two points of the edge; the count is the truth."""
+    """Up to a thousand poles just beyond the edge, which turn the phase: the count is the truth."""
     for seed in range(8):
         rng = np.random.default_rng(seed)
         poles = np.sort(np.r_[rng.uniform(0.01, 1.0, 20), rng.uniform(1.05, 2.5, beyond)])

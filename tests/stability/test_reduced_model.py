@@ -23,6 +23,7 @@ from brake_fenicsx.stability import (
 )
 from brake_fenicsx.stability.damping import gyroscopic
 from brake_fenicsx.stability.substructures import CONSTANT, reduction
+from brake_fenicsx.stability.substructures.interpolated import InterpolatedMoments
 from brake_fenicsx.stability.substructures.moments import Complement
 from brake_fenicsx.stability.substructures.parameters import Interpolation
 from brake_fenicsx.stability.substructures.polynomials import zeros
@@ -445,3 +446,40 @@ def test_petsc_matrices_and_a_communicator(two_blocks):
     k = scattered(scene, 2)
     exact = all_lambda(scene.tangent(k, 0.5), scene.M)
     assert agrees(made.modes(k, 0.5), exact, BAND)[0] < 2e-6
+
+
+@pytest.mark.parametrize("degrees, digits", [((4, 3, 1), 2e-7), ((6, 4, 2), 1e-13)])
+def test_moments_between_the_anchors(degrees, digits):
+    """Polynomials of each degree, however the points come; errors of others are what was checked.
+
+    Changes from the centre are held in single precision up to the fifth degree.
+    """
+    rng = np.random.default_rng(3)
+    moments = InterpolatedMoments(2, degrees)
+    assert sorted(moments.order) == [*range(len(moments.points))] and moments.order[0] == 0
+    assert np.all(np.diff([moments.counts[i] for i in moments.order]) <= 0)
+    powers = [[(i, j) for i in range(n + 1) for j in range(n + 1 - i)] for n in degrees]
+    factors = [rng.standard_normal((len(of), 5, 7)) for of in powers]
+    largest = max(np.abs(factor).sum(axis=0).max() for factor in factors)
+
+    def exact(x, more=0.0):
+        """And a term of one degree more."""
+        out = []
+        for n, of, factor in zip(degrees, powers, factors, strict=True):
+            terms = np.array([x[0] ** i * x[1] ** j for i, j in of])
+            out.append(np.tensordot(terms, factor, 1) + more * x[0] ** (n + 1))
+        return np.array(out)
+
+    for more in (0.0, 1e-3):
+        made = InterpolatedMoments(2, degrees)
+        for i in made.order:
+            made.add(i, exact(made.points[i], more)[: made.counts[i]])
+        arrays = made.arrays()
+        known = InterpolatedMoments(2, degrees, arrays)
+        for x in rng.uniform(-1, 1, (5, 2)):
+            D, errors, growth = known.at(x)
+            off = np.abs(D - exact(x, more))
+            assert growth == 1.0 and off.max() <= (2e-3 if more else digits * largest)
+            assert len(errors) == 3 and all(e.dtype == np.float32 for e in errors)
+            if more:
+                assert off.max() <= 8 * max(np.abs(e).max() for e in errors)
