@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.stability import Reduced, complex_modes
@@ -41,6 +42,18 @@ def test_missed_and_invented_zeros_are_seen(missed, phantom):
     believed = [v for v in exact if not any(abs(v - m) < 1e-6 for m in missed)]
     got = count_zeros(lambda z: A - z * np.eye(len(A)), REGION, np.array(believed + phantom))
     assert got == 8
+
+
+@pytest.mark.hard
+@pytest.mark.parametrize("beyond", [4.3, 4.5, 4.7])
+def test_many_modes_beyond_twice_the_band(beyond):
+    """285 eigenvalues side by side, which turn the phase: the few modes of the band are counted."""
+    rng, end = np.random.default_rng(0), 2 * np.pi * 1e3
+    kappa = np.r_[rng.uniform(0.01, 0.97, 15), beyond + 1e-3 * rng.standard_normal(285)]
+    K = sp.csr_matrix(end**2 * matrix(list(kappa)))
+    modes = complex_modes(sp.identity(300, format="csr"), None, K, (0.0, 1e3), zeta_max=0.3)
+    assert modes.count.expected == 15 and modes.count.how.startswith("winding number")
+    np.testing.assert_allclose(np.sort(modes.s.imag), end * np.sqrt(np.sort(kappa[:15])), 1e-8)
 
 
 def test_nothing_believed_still_counts():

@@ -141,8 +141,9 @@ def count_zeros(
     Args:
         T: matrix function, analytic in the region, real on the real axis.
         region: where to count; no zero may lie on its boundary.
-        candidates: values taken for zeros, inside the region and near it; any values are allowed,
-            good ones save work.
+        candidates: values taken for zeros; any values are allowed, good ones save work. Those far
+            beyond the region belong to them: many zeros there turn the phase by whole turns
+            between two points.
         points: first points along the short sides.
         most: evaluations allowed.
 
