@@ -283,7 +283,9 @@ def draw(points: list[Point], path: Path) -> None:
             own = [p for p in points if p.panel == panel]
             for i, curve in enumerate(dict.fromkeys(p.curve for p in own)):
                 line = sorted((p.seconds, p.error) for p in own if p.curve == curve)
-                style = MARKERS[i % len(MARKERS)] + ("-" if len(line) > 1 else "")
+                # More curves than colours: a colour comes again with another marker.
+                marker = MARKERS[(i + i // len(CYCLE)) % len(MARKERS)]
+                style = marker + ("-" if len(line) > 1 else "")
                 axis.loglog(
                     *zip(*line, strict=True), style, color=CYCLE[i % len(CYCLE)], label=curve, ms=5
                 )

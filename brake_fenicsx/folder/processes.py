@@ -31,7 +31,7 @@ def in_turns(count: int, work: Callable[[int], T], comm: MPI.Comm, aside: int = 
     """
     aside = min(aside, comm.size - 1)
     team, rank = comm.size - aside, comm.rank - aside
-    together = count if aside else team
+    together = max(count, team) if aside else team
 
     def attempt(i: int) -> T | Exception:
         try:
@@ -39,12 +39,12 @@ def in_turns(count: int, work: Callable[[int], T], comm: MPI.Comm, aside: int = 
         except Exception as error:
             return error
 
-    for first in range(0, count, max(together, 1)):
+    for first in range(0, count, together):
         last = min(first + together, count)
         own = {i: attempt(i) for i in range(first + rank, last, team)} if rank >= 0 else {}
         for i in range(first, last):
             # One process needs no copy: it may be all vectors of a large problem.
-            root = aside + (i - first) % team
+            root = aside + i % team
             one: Any = comm.bcast(own.get(i), root=root) if comm.size > 1 else own[i]
             if isinstance(one, Exception):
                 raise one

@@ -225,7 +225,7 @@ def test_rest_is_a_bound(two_blocks, cutoff, orders):
     L, R = face.left.toarray(), face.right.toarray()
     for z in (0.9 * high * (1 + 0.2j), 0.3 * high * (1 + 0.1j), high * (1.01 + 0.01j)):
         det = Determinant(modes, face, seen)
-        det.phase(z, np.zeros(0))
+        det.phase(z, np.zeros(0), modes.kappa)
         exact = np.eye(face.rank) + R @ la.solve(K - z * M, L.T)
         d = z - modes.sigma
         known = sum(d**j * R for j, R in enumerate(det.R)) + det.P / (modes.kappa - z) @ det.Q.T

@@ -450,9 +450,9 @@ def test_petsc_matrices_and_a_communicator(two_blocks):
 
 @pytest.mark.parametrize("degrees, digits", [((4, 3, 1), 2e-7), ((6, 4, 2), 1e-13)])
 def test_moments_between_the_anchors(degrees, digits):
-    """Polynomials of each degree, however the points come; errors of others are what was checked.
+    """Exact for polynomials of each degree; a term of one degree more is within the estimates.
 
-    Changes from the centre are held in single precision up to the fifth degree.
+    "Exact" is round-off: of single precision up to the fifth degree, else of double precision.
     """
     rng = np.random.default_rng(3)
     moments = InterpolatedMoments(2, degrees)
@@ -463,7 +463,7 @@ def test_moments_between_the_anchors(degrees, digits):
     largest = max(np.abs(factor).sum(axis=0).max() for factor in factors)
 
     def exact(x, more=0.0):
-        """And a term of one degree more."""
+        """Moments at x, and ``more`` times a term of one degree more."""
         out = []
         for n, of, factor in zip(degrees, powers, factors, strict=True):
             terms = np.array([x[0] ** i * x[1] ** j for i, j in of])

@@ -113,21 +113,22 @@ class Determinant:
         self.remainder, self.points = 0.0, 0
         self._x = np.random.default_rng(0).standard_normal((len(self.P), 4)).astype(complex)
 
-    def turn(self, path: NDArray, candidates: NDArray, last: float) -> tuple[float, float, int]:
+    def turn(self, path: NDArray, candidates: NDArray, poles: Array) -> tuple[float, float, int]:
         """Turn of ``phase`` along a path [rad], largest remainder there, and number of points."""
         self._begin()
-        turned = turn_along(lambda z: self.phase(z, candidates, last), path)
+        turned = turn_along(lambda z: self.phase(z, candidates, poles), path)
         return turned, self.remainder, self.points
 
-    def phase(self, kappa: complex, candidates: NDArray, last: float = np.inf) -> complex:
+    def phase(self, kappa: complex, candidates: NDArray, poles: Array) -> complex:
         """Phase of det G prod(poles - kappa) / prod(candidates - kappa), up to a constant sign.
 
         Args:
             kappa: a point of the edge.
             candidates: eigenvalues that are divided out.
-            last: poles up to this one are multiplied. Each of those beyond has an eigenvalue next
-                to it, and together they hardly turn the phase. With all of them it turns so fast
-                that a piece of the edge may hide whole turns.
+            poles: those of G in the region and as far beyond it as there are candidates. Each pole
+                further away has an eigenvalue next to it, and the two together hardly turn the
+                phase of det G. With the pole alone multiplied, the eigenvalues of many would turn
+                it by whole turns between two points of the edge.
         """
         z = kappa - self.sigma
         modal, powers = 1 / (self.kappa - kappa), z ** np.arange(len(self.R))
@@ -138,7 +139,6 @@ class Determinant:
         lu = la.lu_factor(G, overwrite_a=True, check_finite=False)
         self.remainder = max(self.remainder, self._bound(abs(z), lu))
         self.points += 1
-        poles = self.kappa[self.kappa <= last]
         return determinant_phase(lu, candidates - kappa, poles - kappa)
 
     def _bound(self, z: float, lu: tuple[NDArray, NDArray]) -> float:
@@ -184,8 +184,8 @@ def prove(
     """
     det, path = Determinant(modes, friction, moments), region.upper_half(6)
     halves = path[: path.size // 2 + 1], path[path.size // 2 :]
-    last = float(candidates.real.max(initial=region.high))
-    done = in_turns(2, lambda i: det.turn(halves[i], candidates, last), comm)
+    poles = modes.kappa[modes.kappa <= candidates.real.max(initial=region.high)]
+    done = in_turns(2, lambda i: det.turn(halves[i], candidates, poles), comm)
     turned, remainder, points = zip(*done, strict=True)
     count = int(region.holds(candidates).sum()) + int(np.rint(sum(turned) / np.pi))
     return Proof(count, max(remainder), sum(points))

@@ -21,8 +21,8 @@ Array = NDArray[np.float64]
 # Estimates of errors need few digits.
 Estimate = NDArray[np.float32]
 
-# Up to this degree the interpolation errs more than single precision does, in which the changes
-# from the centre are held then: it is memory that limits the interpolation.
+# Up to this degree the changes from the centre are held in single precision, since memory limits
+# the interpolation: its own error is larger. The errors at the checked points contain both.
 SINGLE = 5
 
 # Values that are taken at a time, so that those of all anchors stay in the cache.
@@ -36,8 +36,8 @@ class InterpolatedMoments:
         points: where they are computed: the anchors, the first at the centre, then the points
             where the interpolation is checked; each of shape (own parameters,).
         counts: how many moments each of these points needs.
-        order: numbers of the points, the centre first, those of many moments before others: the
-            works that processes take in turns are about alike.
+        order: numbers of the points, the centre first, those of many moments before others, so
+            that points which processes compute at the same time take about as long.
     """
 
     def __init__(
@@ -58,9 +58,9 @@ class InterpolatedMoments:
         self.counts = [sum(i < end for end in self._ends) for i in range(self._ends[0])]
         self.counts += [len(self._degrees)] * len(checks)
         self.order: list[int] = sorted(range(len(self.points)), key=lambda i: -self.counts[i])
-        self._gain: Array = np.zeros(len(degrees))
+        self._gain: Array = np.zeros(0)
         self._checks: list[Estimate] = []
-        self._between: dict[int, Array] = {}
+        self._checked: dict[int, Array] = {}
         # The moments at the centre, and what they change from there to the other anchors.
         self._centre: Array = np.zeros((0, 0, 0))
         self._changes: list[NDArray[Any]] = []
@@ -82,22 +82,21 @@ class InterpolatedMoments:
             for n, moment in enumerate(found):
                 self._changes[n][i - 1] = moment - self._centre[n]
         else:
-            self._between[i] = found
+            self._checked[i] = found
 
     def arrays(self) -> dict[str, NDArray]:
         """What was computed, to be kept in a file; once all points are there."""
         if not self._changes:
             return {"D": self._centre}
-        for i in sorted(self._between):
+        gain, checks = np.zeros(len(self._degrees)), []
+        for i, found in sorted(self._checked.items()):
             D, step = self._interpolated(self.points[i])
-            error = self._between.pop(i) - D
+            error = found - D
             size = [[la.norm(A) for A in every] for every in (error, step)]
-            self._gain = np.maximum(self._gain, np.divide(size[0], size[1]))
-            self._checks.append(error.astype(np.float32))
-        shape = len(self._checks), *self._centre.shape
-        checks = np.array(self._checks, np.float32).reshape(shape)
+            gain = np.maximum(gain, np.divide(size[0], size[1]))
+            checks.append(error.astype(np.float32))
         made = {f"D{n}": changes for n, changes in enumerate(self._changes)}
-        return {"D": self._centre, "checks": checks, "gain": self._gain, **made}
+        return {"D": self._centre, "checks": np.array(checks), "gain": gain, **made}
 
     def at(self, own: Array) -> tuple[Array, list[Estimate], float]:
         """Moments at a point of the own parameters, shape (own parameters,).
@@ -125,7 +124,7 @@ class InterpolatedMoments:
             every, centre = changes.reshape(len(changes), -1), self._centre[n].ravel()
             for first in range(0, centre.size, STRIP):
                 strip = slice(first, first + STRIP)
-                change, last = factors @ every[:, strip]
+                change, difference = factors @ every[:, strip]
                 np.add(centre[strip], change, out=D[n].reshape(-1)[strip])
-                step[n].reshape(-1)[strip] = last
+                step[n].reshape(-1)[strip] = difference
         return D, step
