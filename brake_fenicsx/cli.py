@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import os
 
-# One BLAS thread per process, before any library is loaded.
+from brake_fenicsx.folder.kernels import best_kernels
+
+# One BLAS thread per process and the processor's kernels, before any library is loaded.
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
+if (_kernels := best_kernels()) is not None:
+    os.environ.setdefault("OPENBLAS_CORETYPE", _kernels)
 # PETSc would answer a closed pipe and SIGTERM with its own banner and MPI_Abort.
 os.environ["PETSC_OPTIONS"] = f"-no_signal_handler {os.environ.get('PETSC_OPTIONS', '')}"
 
