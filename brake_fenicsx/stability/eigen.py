@@ -26,6 +26,7 @@ from brake_fenicsx.errors import InaccurateResult, NotConverged, SceneError
 from brake_fenicsx.macro.solver import whole
 
 from .damped_count import counted
+from .eigensolvers.arnoldi import times
 from .eigensolvers.eigenpairs import ROUND_OFF, QuadraticPencil, paired, residuals, undamped_errors
 from .eigensolvers.rows import undamped_rows
 from .eigensolvers.symmetric import LARGEST_SHIFT, shifted_factor, symmetric_modes
@@ -151,7 +152,7 @@ def _record(
     Raises:
         NotConverged: a mode misses the tolerance by more than round-off explains.
     """
-    left = paired(f.kappa, f.left, p.M @ f.right)
+    left = paired(f.kappa, f.left, times(p.M, f.right))
     condition, error = undamped_errors(p.K, p.M, f.kappa, f.right, left)
     pencil = QuadraticPencil(p.M, None, p.K)
     residual, backward = residuals(pencil, np.sqrt(-f.kappa), f.right)

@@ -18,6 +18,8 @@ from scipy.optimize import linear_sum_assignment
 
 from brake_fenicsx.errors import InaccurateResult
 
+from .arnoldi import times
+
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
@@ -53,13 +55,13 @@ class QuadraticPencil:
 
     def times(self, s: Complex, X: Complex) -> Complex:
         """P(lambda) x for each pair."""
-        out = self.M @ (X * s**2) + self.K @ X
-        return np.asarray(out if self.C is None else out + self.C @ (X * s))
+        out = times(self.M, X) * s**2 + times(self.K, X)
+        return out if self.C is None else out + times(self.C, X) * s
 
     def slope(self, s: Complex, X: Complex) -> Complex:
         """P'(lambda) x = (2 lambda M + C) x for each pair."""
-        out = self.M @ (X * (2 * s))
-        return np.asarray(out if self.C is None else out + self.C @ X)
+        out = times(self.M, X) * (2 * s)
+        return out if self.C is None else out + times(self.C, X)
 
 
 def residuals(p: QuadraticPencil, s: Complex, X: Complex) -> tuple[Array, Array]:
@@ -77,7 +79,7 @@ def residuals(p: QuadraticPencil, s: Complex, X: Complex) -> tuple[Array, Array]
     """
     r, squared, tiny = np.linalg.norm(p.times(s, X), axis=0), np.abs(s) ** 2, np.finfo(float).tiny
     inertia = np.maximum(squared, 1e-6 * squared.max(initial=0.0))
-    inertia = np.maximum(inertia * np.linalg.norm(p.M @ X, axis=0), tiny)
+    inertia = np.maximum(inertia * np.linalg.norm(times(p.M, X), axis=0), tiny)
     norm = squared * norm_bound(p.M) + norm_bound(p.K)
     if p.C is not None:
         norm = norm + np.abs(s) * norm_bound(p.C)
@@ -97,18 +99,19 @@ def inner(left: Complex, right: Complex) -> Complex:
 
 def mass_norms(M: sp.spmatrix, right: Complex, left: Complex) -> Array:
     """Product of the norms of each right and left vector in the mass."""
-    return np.asarray(np.sqrt(inner(right, M @ right).real * inner(left, M @ left).real))
+    sizes = (inner(X, times(M, X)).real for X in (right, left))
+    return np.asarray(np.sqrt(np.prod([*sizes], axis=0)))
 
 
 def undamped_errors(
     K: sp.spmatrix, M: sp.spmatrix, kappa: Complex, right: Complex, left: Complex
 ) -> tuple[Array, Array]:
     """Condition numbers in the norm of M, and errors from the two-sided quotient [1/s^2]."""
-    MX = M @ right
+    MX = times(M, right)
     overlap = inner(left, MX)
     with np.errstate(divide="ignore"):
         condition = mass_norms(M, right, left) / np.abs(overlap)
-    first = np.abs(inner(left, K @ right - kappa * MX) / overlap)
+    first = np.abs(inner(left, times(K, right) - kappa * MX) / overlap)
     # What the quotient of two inexact vectors leaves open, and the round-off of the solves.
     return condition, first + SOLVES * condition * np.abs(kappa).max(initial=0.0)
 

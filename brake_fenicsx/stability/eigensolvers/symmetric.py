@@ -6,7 +6,7 @@ definite also where a part is held by nothing (rigid modes, open contacts): bloc
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.linalg as la
@@ -26,8 +26,11 @@ Array = NDArray[np.float64]
 # the band's end the band is one percent of the spectrum seen, and Lanczos hardly converges.
 SHIFT, LARGEST_SHIFT = 1e-3, 1e2
 
-# A limit closer than this to an eigenvalue is moved beyond it.
-ON_EDGE = 1e-11
+# Relative residual of Lanczos; one inverse iteration follows.
+TOLERANCE = 1e-7
+
+# A limit closer than this to an eigenvalue is moved beyond it; by no more than MOVED.
+ON_EDGE, MOVED = 1e-11, 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +44,7 @@ class Symmetric:
         factor: factor of S = K_s - sigma M.
         Phi: M-orthonormal shapes, shape (dofs, modes).
         kappa: eigenvalues [1/s^2], ascending.
-        limit: inertia counts as many modes below it as there are [1/s^2].
+        limit: up to it all were looked for [1/s^2].
         blocks: block solves of the Lanczos process.
     """
 
@@ -93,7 +96,7 @@ def count_below(K: sp.csr_matrix, M: sp.csr_matrix, kappa: float) -> tuple[int, 
     Raises:
         InaccurateResult: the matrix cannot be factored there nor nearby.
     """
-    for step in (0.0, 1e-6, 1e-4, 1e-3):
+    for step in (0.0, 1e-6, 1e-4, MOVED):
         at = kappa * (1 + step) if kappa > 0 else kappa * (1 - step)
         try:
             factor = Factor((K - at * M).tocsr(), "brake_inertia_")
@@ -110,7 +113,7 @@ def count_below(K: sp.csr_matrix, M: sp.csr_matrix, kappa: float) -> tuple[int, 
 def symmetric_modes(
     K: sp.csr_matrix, M: sp.csr_matrix, factor: Factor, sigma: float, limit: float
 ) -> Symmetric:
-    """All modes below a limit.
+    """All modes below a limit, counted.
 
     Args:
         K: K_s [N/m].
@@ -126,11 +129,54 @@ def symmetric_modes(
         NotConverged: Lanczos does not converge.
         InaccurateResult: inertia counts another number.
     """
-    expected, limit = count_below(K, M, limit)
-    cutoff = (limit - sigma) * (1 + 200 * ON_EDGE)
-    found = lowest_modes(factor, M, cutoff, expected=expected)
+    counted = count_below(K, M, limit)
+    modes = modes_not_counted(K, M, factor, sigma, limit, counted[0])
+    inside, limit = complete(K, M, modes.kappa, counted)
+    return replace(modes, Phi=modes.Phi[:, inside], kappa=modes.kappa[inside], limit=limit)
+
+
+def modes_not_counted(
+    K: sp.csr_matrix, M: sp.csr_matrix, factor: Factor, sigma: float, limit: float,
+    expected: int = 0,
+) -> Symmetric:  # fmt: skip
+    """Modes up to a limit, and a little beyond as far as a count may move it.
+
+    Args:
+        K: K_s [N/m].
+        M: mass [kg].
+        factor: factor of K_s - sigma M.
+        sigma: the shift [1/s^2].
+        limit: largest eigenvalue wanted [1/s^2].
+        expected: number of modes, if it is known.
+
+    Raises:
+        NotConverged: Lanczos does not converge.
+    """
+    cutoff = limit * (1 + 2 * MOVED) - sigma
+    found = lowest_modes(factor, M, cutoff, TOLERANCE, expected)
     release_memory()
     Phi, kappa = _polished(K, M, factor, found.Phi)
+    return Symmetric(K, M, sigma, factor, Phi, kappa, limit, found.blocks)
+
+
+def complete(
+    K: sp.csr_matrix, M: sp.csr_matrix, kappa: Array, counted: tuple[int, float]
+) -> tuple[NDArray[np.bool_], float]:
+    """Which modes lie below the limit of a count, as many as it says.
+
+    Args:
+        K: K_s [N/m].
+        M: mass [kg].
+        kappa: eigenvalues of ``modes_not_counted`` [1/s^2].
+        counted: number and limit of ``count_below``.
+
+    Returns:
+        Which of them, and the limit [1/s^2], which may have moved off an eigenvalue.
+
+    Raises:
+        InaccurateResult: inertia counts another number.
+    """
+    expected, limit = counted
     if np.any(np.abs(kappa - limit) <= ON_EDGE * limit):
         # On an eigenvalue round-off decides what either count takes for below.
         expected, limit = count_below(K, M, limit * (1 + 100 * ON_EDGE))
@@ -140,7 +186,7 @@ def symmetric_modes(
             f"{inside.sum()} modes found below {np.sqrt(limit) / 2 / np.pi:.6g} Hz without"
             f" friction, inertia counts {expected}"
         )
-    return Symmetric(K, M, sigma, factor, Phi[:, inside], kappa[inside], limit, found.blocks)
+    return inside, limit
 
 
 def _polished(

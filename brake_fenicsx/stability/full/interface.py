@@ -12,20 +12,22 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from mpi4py import MPI
+
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.macro.solver import Factor, blocks
 
 from ..eigensolvers.arnoldi import combined, shares
 
 Array = NDArray[np.float64]
 
-# Moments of the interface that are kept at first: right S^-1 (M S^-1)^j left', j = 0, 1, 2; more
-# where they prove nothing.
-ORDERS, MOST_ORDERS = 3, 12
+# Most moments of the interface, right S^-1 (M S^-1)^j left', j = 0, 1, ..., and those of LL.
+MOST_ORDERS, ORDERS_LL = 12, 3
 
 # Largest array that one process sends another [GB]: a message of MPI has less than 2 GB. It limits
 # one process alone as well, so that results do not depend on the number of processes.
@@ -124,8 +126,8 @@ class Moments:
     """Moments of S^-1 at the interface.
 
     Attributes:
-        RL: right S^-1 (M S^-1)^j left', j = 0, 1, 2 at least, each of shape (rank, rank).
-        LL: left S^-1 (M S^-1)^2 left', shape (rank, rank).
+        RL: right S^-1 (M S^-1)^j left', j = 0, 1, ..., each of shape (rank, rank).
+        LL: left S^-1 (M S^-1)^(m - 1) left' of the last of them, m = 3 at most, shape (rank, rank).
         RR: largest eigenvalue of right S^-1 right'; 1 where the interface is bounded.
         SL: S^-1 left', shape (dofs, rank), where it is kept.
     """
@@ -137,7 +139,7 @@ class Moments:
 
 
 def moments(
-    factor: Factor, M: sp.csr_matrix, friction: Interface, orders: int = ORDERS, keep: bool = False
+    factor: Factor, M: sp.csr_matrix, friction: Interface, orders: int = 1, keep: bool = False
 ) -> Moments:
     """Solve for every column of the interface.
 
@@ -145,35 +147,72 @@ def moments(
         factor: factor of S.
         M: mass [kg].
         friction: the interface.
-        orders: number of moments, 3 at least.
+        orders: number of moments.
         keep: whether to keep S^-1 left' where it is no larger than the factor and than MESSAGE: the
             factor of the inertia count took as much memory, and is freed before it is used.
 
     Returns:
         The moments.
     """
-    rank = friction.rank
+    rank, size = friction.rank, 1.0
     keep = keep and 8e-9 * rank * M.shape[0] <= min(factor.gigabytes, MESSAGE)
     SL = np.empty((M.shape[0], rank), order="F") if keep else None
-    RL, LL = np.empty((orders, rank, rank)), np.empty((rank, rank))
-    compliance = np.empty((rank, 0 if friction.bounded else rank))
-    left, right = friction.left.T.tocsc(), friction.right.T.tocsc()
-    for b in blocks(rank):
+    RL, LL = _of_columns(factor, M, friction, orders, slice(0, rank), SL)
+    if not friction.bounded:
+        right = friction.right.T.tocsc()
+        parts = [friction.right @ factor.solve(right[:, b]) for b in blocks(rank)]
+        gap = np.hstack(parts)
+        size = float(la.eigvalsh(0.5 * (gap + gap.T), subset_by_index=[rank - 1, rank - 1])[0])
+    return Moments(tuple(RL), 0.5 * (LL + LL.T), size, SL)
+
+
+def more_moments(
+    factor: Factor,
+    M: sp.csr_matrix,
+    friction: Interface,
+    known: Moments,
+    orders: int,
+    comm: MPI.Comm = MPI.COMM_SELF,
+) -> Moments:
+    """The same interface with more moments; collective.
+
+    Args:
+        factor: factor of S.
+        M: mass [kg].
+        friction: the interface.
+        known: fewer of its moments.
+        orders: number of moments.
+        comm: two processes, each of which solves for half of the columns, or one.
+    """
+    half = friction.rank // 2
+    columns = slice(0, half), slice(half, friction.rank)
+    found = in_turns(2, lambda i: _of_columns(factor, M, friction, orders, columns[i]), comm)
+    RL, LL = (np.concatenate(parts, axis=-1) for parts in zip(*found, strict=True))
+    return Moments(tuple(RL), 0.5 * (LL + LL.T), known.RR)
+
+
+def _of_columns(
+    factor: Factor,
+    M: sp.csr_matrix,
+    friction: Interface,
+    orders: int,
+    columns: slice,
+    SL: Array | None = None,
+) -> tuple[Array, Array]:
+    """Columns of RL and of LL, not made symmetric; S^-1 left' goes to SL."""
+    left = friction.left.T.tocsc()[:, columns]
+    shape = friction.rank, left.shape[1]
+    RL, LL = np.empty((orders, *shape)), np.empty(shape)
+    for b in blocks(left.shape[1]):
         X = factor.solve(left[:, b])
         if SL is not None:
             SL[:, b] = X
         for j in range(orders):
             X = X if j == 0 else factor.solve(M @ X)
             RL[j][:, b] = friction.right @ X
-            if j == 2:
+            if j == min(orders, ORDERS_LL) - 1:
                 LL[:, b] = friction.left @ X
-        if not friction.bounded:
-            compliance[:, b] = friction.right @ factor.solve(right[:, b])
-    size = 1.0
-    if not friction.bounded:
-        gap = 0.5 * (compliance + compliance.T)
-        size = float(la.eigvalsh(gap, subset_by_index=[rank - 1, rank - 1])[0])
-    return Moments(tuple(RL), 0.5 * (LL + LL.T), size, SL)
+    return RL, LL
 
 
 class Inverse:
@@ -190,13 +229,21 @@ class Inverse:
         self.factor, self.friction, self.SL = factor, friction, known.SL
         self._lu = la.lu_factor(np.eye(friction.rank) + known.RL[0])
 
-    def __call__(self, b: Array, transposed: bool = False) -> Array:
-        """Apply to a block, shape (dofs, columns)."""
-        f, SL = self.friction, self.SL
-        if transposed and SL is not None:
-            c = la.lu_solve(self._lu, shares(SL, b), trans=1)
-            return self.factor.solve(b - f.right.T @ c)
+    def __call__(self, b: Array, turned: int = 0) -> Array:
+        """Apply to a block, and the transpose to the last columns of it.
+
+        Args:
+            b: shape (dofs, columns).
+            turned: number of the columns that are for the transpose.
+        """
+        f, SL, own = self.friction, self.SL, b.shape[1] - turned
+        if SL is not None and turned:
+            b = b.copy()
+            b[:, own:] -= f.right.T @ la.lu_solve(self._lu, shares(SL, b[:, own:]), trans=1)
         x = self.factor.solve(b)
-        first, second = (f.left, f.right) if transposed else (f.right, f.left)
-        c = la.lu_solve(self._lu, first @ x, trans=int(transposed))
-        return x - (self.factor.solve(second.T @ c) if SL is None else combined(SL, c))
+        c = la.lu_solve(self._lu, f.right @ x[:, :own])
+        if SL is not None:
+            x[:, :own] -= combined(SL, c)
+            return x
+        d = la.lu_solve(self._lu, f.left @ x[:, own:], trans=1)
+        return x - self.factor.solve(np.hstack([f.left.T @ c, f.right.T @ d]))

@@ -8,23 +8,24 @@ The zeros of the first factor are counted by inertia. G is analytic but for thes
 number of eigenvalues in a region is that of the poles plus the turns of det G along its edge. With
 the modes Phi, Lambda below a limit and the moments about sigma, kappa' = kappa - sigma,
 
-    G = I + P (Lambda' - kappa')^-1 Q' + R_0 + kappa' R_1 + kappa'^2 R_2 + remainder,
+    G = I + P (Lambda' - kappa')^-1 Q' + R_0 + kappa' R_1 + ... + kappa'^(J-1) R_(J-1) + remainder,
     P = right Phi,  Q = left Phi,  R_j = right S^-1 (M S^-1)^j left' - P Lambda'^-(j+1) Q'.
 
-All modes below the limit are in Phi, so that the remainder is kappa'^3 A (Lambda' - kappa')^-1 B'
-over the modes beyond it, with A A' <= right S^-1 right' and
-B B' limit'^2 <= left S^-1 (M S^-1)^2 left' less its part in Phi. The turns of det G are
-those of its known part as long as
+All modes below the limit are in Phi, so that the remainder is the sum over the modes beyond it of
+P (kappa' / Lambda')^J / (Lambda' - kappa') Q'. With A A' = P Lambda'^-1 P' <= right S^-1 right' and
+B B' = Q Lambda'^-m Q' = left S^-1 (M S^-1)^(m-1) left' less its part in Phi, m <= J, the turns of
+det G are those of its known part as long as
 
-    |kappa'|^3 / (limit' - |kappa'|) / limit' |B' G^-1| |A| < 1
+    |kappa'|^J limit'^((1 + m) / 2 - J) / (limit' - |kappa'|) |B' G^-1| |A| < 1
 
-along the edge; the largest value of the left-hand side is kept with the count. Each further R_j
-that is known makes it smaller by |kappa'| / limit'.
+along the edge; the largest value of the left-hand side is kept with the count. One moment does for
+rough contact. Each further R_j that is known makes it smaller by |kappa'| / limit'.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import ceil
 
 from mpi4py import MPI
 
@@ -32,17 +33,20 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from brake_fenicsx.folder.processes import in_turns
+from brake_fenicsx.folder.processes import in_turns, on_first
 
 from ..eigensolvers.argument_principle import Trapezium, determinant_phase, turn_along
 from ..eigensolvers.arnoldi import times
 from ..eigensolvers.symmetric import Symmetric
-from .interface import Interface, Moments
+from .interface import MOST_ORDERS, ORDERS_LL, Interface, Moments
 
 Array = NDArray[np.float64]
 
 # Subspace iterations for the norm in the bound of the remainder: at the first point, at all others.
 FIRST_STEPS, STEPS = 12, 3
+
+# Bound of the remainder at the corner of a region from which on it is proven along the edge.
+ENOUGH = 0.7
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +89,12 @@ def at_interface(modes: Symmetric, friction: Interface) -> InterfaceModes:
     return InterfaceModes(modes.kappa, modes.limit, modes.sigma, P, Q)
 
 
+def below(modes: InterfaceModes, inside: NDArray[np.bool_], limit: float) -> InterfaceModes:
+    """Those of some modes that a count has found complete, and up to where."""
+    kappa, P, Q = modes.kappa[inside], modes.P[:, inside], modes.Q[:, inside]
+    return InterfaceModes(kappa, limit, modes.sigma, P, Q)
+
+
 class Determinant:
     """Phase of det G, and the bound of the remainder."""
 
@@ -104,7 +114,8 @@ class Determinant:
         for j, R in enumerate(self.R):
             R -= (self.P / away ** (j + 1)) @ self.Q.T
         self.R[0] += np.eye(friction.rank)
-        values, vectors = la.eigh(moments.LL - (self.Q / away**3) @ self.Q.T)
+        self.m = min(len(self.R), ORDERS_LL)
+        values, vectors = la.eigh(moments.LL - (self.Q / away**self.m) @ self.Q.T)
         self.B = np.sqrt(np.maximum(values, 0.0)) * vectors
         self.A = np.sqrt(moments.RR)
         self._begin()
@@ -154,8 +165,38 @@ class Determinant:
             y = times(self.B.T, la.lu_solve(lu, x, check_finite=False))
             size = float(np.linalg.norm(y, 2))
             self._x = la.lu_solve(lu, times(self.B, y), trans=2, check_finite=False)
-        ratio = z / self.limit
-        return z**3 / (self.limit - z) / self.limit * ratio ** (len(self.R) - 3) * size * self.A
+        J = len(self.R)
+        power = (1 + self.m) / 2
+        return (z / self.limit) ** J * self.limit**power / (self.limit - z) * size * self.A
+
+
+def moments_needed(
+    modes: InterfaceModes,
+    friction: Interface,
+    moments: Moments,
+    region: Trapezium,
+    comm: MPI.Comm = MPI.COMM_SELF,
+) -> int:
+    """Number of moments that should prove a count, by the bound at the corner; collective.
+
+    Args:
+        modes: the frictionless problem, complete beyond the region.
+        friction: the friction term.
+        moments: those that are known.
+        region: where to count.
+        comm: the processes.
+    """
+    corner = complex(region.high, region.slope * region.high + region.rise)
+
+    def needed() -> int:
+        det, none = Determinant(modes, friction, moments), np.zeros(0)
+        det.phase(corner, none, none)
+        known, ratio = len(det.R), abs(corner - det.sigma) / det.limit
+        if det.remainder < ENOUGH or not ratio < 1:
+            return known
+        return min(known + ceil(np.log(ENOUGH / det.remainder) / np.log(ratio)), MOST_ORDERS)
+
+    return on_first(needed, comm)
 
 
 def prove(
@@ -171,7 +212,7 @@ def prove(
     Args:
         modes: the frictionless problem, complete beyond the region.
         friction: the friction term.
-        moments: its moments.
+        moments: its moments, see ``moments_needed``.
         region: where to count.
         candidates: what an eigensolver found, in the region and near it, conjugates included.
         comm: two processes, each of which follows half of the edge, or one.
