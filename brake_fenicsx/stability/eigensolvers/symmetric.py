@@ -26,9 +26,6 @@ Array = NDArray[np.float64]
 # the band's end the band is one percent of the spectrum seen, and Lanczos hardly converges.
 SHIFT, LARGEST_SHIFT = 1e-3, 1e2
 
-# Relative residual of Lanczos; one inverse iteration follows.
-TOLERANCE = 1e-7
-
 # A limit closer than this to an eigenvalue is moved beyond it; by no more than MOVED.
 ON_EDGE, MOVED = 1e-11, 1e-3
 
@@ -153,7 +150,7 @@ def modes_not_counted(
         NotConverged: Lanczos does not converge.
     """
     cutoff = limit * (1 + 2 * MOVED) - sigma
-    found = lowest_modes(factor, M, cutoff, TOLERANCE, expected)
+    found = lowest_modes(factor, M, cutoff, expected=expected)
     release_memory()
     Phi, kappa = _polished(K, M, factor, found.Phi)
     return Symmetric(K, M, sigma, factor, Phi, kappa, limit, found.blocks)

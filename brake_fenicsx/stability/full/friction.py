@@ -25,13 +25,19 @@ from .problem import Found, SplitProblem, agree
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
-# The frictionless modes are complete up to this multiple of the band's highest frequency. The bound
-# of the proof falls with the square of it for each moment, the number of modes grows. Measured: at
-# 1.4 one moment proves rough contact (bound 0.2 to 0.3), and perfect contact takes eight.
-CUTOFF = 1.4
+# The frictionless modes are complete up to this multiple of the largest |kappa - sigma| of the
+# region. Each moment divides the bound of the proof by it, the number of modes grows. Measured: one
+# moment proves rough contact (bound 0.2), and perfect contact takes eight.
+LIMIT = 1.85
+
+# Up to this share of it modes are low; see ``Moments.low``.
+LOW = 0.15
 
 # Relative residuals of block Arnoldi. Left vectors weigh residuals of right ones: few digits do.
 RIGHT, LEFT = 1e-11, 1e-8
+
+# Share of other displacements than modes of the band in the block that block Arnoldi starts from.
+OTHERS = 1e-2
 
 
 def friction_modes(
@@ -64,18 +70,19 @@ def friction_modes(
     if held[0] is None:
         return None
     factor, sigma = held[0]
-    pencil, limit = (p.frictionless, p.M), CUTOFF**2 * high
     reach = undamped_reach(high, zeta_max) - sigma
+    pencil, limit = (p.frictionless, p.M), LIMIT * reach
 
-    def without_friction() -> tuple[InterfaceModes, Array | None]:
+    def without_friction() -> tuple[InterfaceModes, Array, Array]:
         found = modes_not_counted(*pencil, factor, sigma, limit)
-        return at_interface(found, friction), _mixed(found.Phi[:, found.kappa <= reach])
+        band, low = (found.Phi[:, found.kappa <= end] for end in (reach, LOW * limit))
+        return at_interface(found, friction), _mixed(band), np.asfortranarray(low)
 
     parts: tuple[Callable[[], Any], ...] = (
         without_friction,
         lambda: (count_below(*pencil, limit), moments(factor, p.M, friction, keep=True)),
     )
-    (modes, start), (counted, known) = in_turns(2, lambda i: parts[i](), comm)
+    (modes, start, lowest), (counted, known) = in_turns(2, lambda i: parts[i](), comm)
     modes = below(modes, *complete(*pencil, modes.kappa, counted))
     inverse = Inverse(factor, friction, known)
     kappa, right, left, steps = _both_sides(p, inverse, modes, reach, start, comm)
@@ -86,7 +93,7 @@ def friction_modes(
     while True:
         if needed > len(known.RL):
             # Stiff contact: more of what the kept modes leave out is needed.
-            known = more_moments(factor, p.M, friction, known, needed, comm)
+            known = more_moments(factor, p.M, friction, known, needed, lowest, comm)
         proof = prove(modes, friction, known, region, kappa, comm)
         if proof.remainder < 1 or needed == MOST_ORDERS:
             break
@@ -99,10 +106,13 @@ def friction_modes(
     return Found(kappa, right, left, f"inertia without friction, {how}", steps)
 
 
-def _mixed(Phi: Array) -> Array | None:
-    """Random combinations of modes to start from; None without modes."""
-    size = Phi.shape[1]
-    return combined(Phi, np.random.default_rng(0).standard_normal((size, BLOCK))) if size else None
+def _mixed(Phi: Array) -> Array:
+    """Random combinations of modes to start from, and a little of all other displacements."""
+    rng, (n, size) = np.random.default_rng(0), Phi.shape
+    modal = combined(Phi, rng.standard_normal((size, BLOCK)))
+    others = rng.standard_normal((n, BLOCK))
+    lengths = [np.linalg.norm(x, axis=0) for x in (modal, others)]
+    return modal + others * (np.where(lengths[0] > 0, OTHERS * lengths[0], 1.0) / lengths[1])
 
 
 def _both_sides(
@@ -110,7 +120,7 @@ def _both_sides(
     inverse: Inverse,
     modes: InterfaceModes,
     reach: float,
-    start: Array | None,
+    start: Array,
     comm: MPI.Comm,
 ) -> tuple[Complex, Complex, Complex, int]:
     """Right and left eigenpairs, conjugates included."""

@@ -130,12 +130,16 @@ class Moments:
         LL: left S^-1 (M S^-1)^(m - 1) left' of the last of them, m = 3 at most, shape (rank, rank).
         RR: largest eigenvalue of right S^-1 right'; 1 where the interface is bounded.
         SL: S^-1 left', shape (dofs, rank), where it is kept.
+        low: so many of the lowest modes have no part in the moments from the second on, nor in an
+            LL of these: their part would be so large that round-off of it hides that of the modes
+            beyond the limit.
     """
 
     RL: tuple[Array, ...]
     LL: Array
     RR: float
     SL: Array | None = None
+    low: int = 0
 
 
 def moments(
@@ -157,7 +161,8 @@ def moments(
     rank, size = friction.rank, 1.0
     keep = keep and 8e-9 * rank * M.shape[0] <= min(factor.gigabytes, MESSAGE)
     SL = np.empty((M.shape[0], rank), order="F") if keep else None
-    RL, LL = _of_columns(factor, M, friction, orders, slice(0, rank), SL)
+    none = np.zeros((M.shape[0], 0))
+    RL, LL = _of_columns(factor, M, friction, orders, slice(0, rank), none, SL)
     if not friction.bounded:
         right = friction.right.T.tocsc()
         parts = [friction.right @ factor.solve(right[:, b]) for b in blocks(rank)]
@@ -172,6 +177,7 @@ def more_moments(
     friction: Interface,
     known: Moments,
     orders: int,
+    Phi: Array,
     comm: MPI.Comm = MPI.COMM_SELF,
 ) -> Moments:
     """The same interface with more moments; collective.
@@ -182,13 +188,14 @@ def more_moments(
         friction: the interface.
         known: fewer of its moments.
         orders: number of moments.
+        Phi: lowest modes, shape (dofs, low).
         comm: two processes, each of which solves for half of the columns, or one.
     """
     half = friction.rank // 2
     columns = slice(0, half), slice(half, friction.rank)
-    found = in_turns(2, lambda i: _of_columns(factor, M, friction, orders, columns[i]), comm)
+    found = in_turns(2, lambda i: _of_columns(factor, M, friction, orders, columns[i], Phi), comm)
     RL, LL = (np.concatenate(parts, axis=-1) for parts in zip(*found, strict=True))
-    return Moments(tuple(RL), 0.5 * (LL + LL.T), known.RR)
+    return Moments(tuple(RL), 0.5 * (LL + LL.T), known.RR, None, Phi.shape[1])
 
 
 def _of_columns(
@@ -197,10 +204,11 @@ def _of_columns(
     friction: Interface,
     orders: int,
     columns: slice,
+    Phi: Array,
     SL: Array | None = None,
 ) -> tuple[Array, Array]:
     """Columns of RL and of LL, not made symmetric; S^-1 left' goes to SL."""
-    left = friction.left.T.tocsc()[:, columns]
+    left, MPhi = friction.left.T.tocsc()[:, columns], np.asfortranarray(M @ Phi)
     shape = friction.rank, left.shape[1]
     RL, LL = np.empty((orders, *shape)), np.empty(shape)
     for b in blocks(left.shape[1]):
@@ -208,6 +216,8 @@ def _of_columns(
         if SL is not None:
             SL[:, b] = X
         for j in range(orders):
+            if j > 0 and Phi.size:
+                X -= combined(Phi, shares(MPhi, X))
             X = X if j == 0 else factor.solve(M @ X)
             RL[j][:, b] = friction.right @ X
             if j == min(orders, ORDERS_LL) - 1:

@@ -111,11 +111,16 @@ class Determinant:
         away = modes.kappa - modes.sigma
         self.P, self.Q = modes.P, modes.Q
         self.R = np.array(moments.RL)
-        for j, R in enumerate(self.R):
-            R -= (self.P / away ** (j + 1)) @ self.Q.T
-        self.R[0] += np.eye(friction.rank)
         self.m = min(len(self.R), ORDERS_LL)
-        values, vectors = la.eigh(moments.LL - (self.Q / away**self.m) @ self.Q.T)
+
+        def kept(left: Array, power: int) -> Array:
+            seen = slice(moments.low if power > 1 else 0, None)
+            return np.asarray((left[:, seen] / away[seen] ** power) @ self.Q[:, seen].T)
+
+        for j, R in enumerate(self.R):
+            R -= kept(self.P, j + 1)
+        self.R[0] += np.eye(friction.rank)
+        values, vectors = la.eigh(moments.LL - kept(self.Q, self.m))
         self.B = np.sqrt(np.maximum(values, 0.0)) * vectors
         self.A = np.sqrt(moments.RR)
         self._begin()
