@@ -322,10 +322,10 @@ def test_moments_of_stiff_contact_keep_their_digits_beside_low_modes(two_blocks)
     plain = interface.moments(factor, scene.M, face, 10)
     seen = interface.more_moments(factor, scene.M, face, plain, 10, lowest)
     factor.destroy()
-    found, without = (Determinant(modes, face, m).R for m in (seen, plain))
-    for j, (R, lost) in enumerate(zip(found, without, strict=True)):
+    found, lost = (Determinant(modes, face, m).R for m in (seen, plain))
+    for j, R in enumerate(found):
         exact = (P[:, count:] / away[count:] ** (j + 1)) @ Q[:, count:].T
         exact += np.eye(face.rank) * (j == 0)
         size = np.abs(exact).max()
         assert np.abs(R - exact).max() < 1e-2 * size, j
-    assert np.abs(lost - exact).max() > 10 * size
+    assert np.abs(lost[-1] - exact).max() > 10 * size
