@@ -135,6 +135,31 @@ class Factor:
         release_memory()
 
 
+class Product:
+    """A x of blocks whose columns are contiguous, as factors give and take them.
+
+    Half the time of SciPy's product, which wants rows contiguous and copies the block.
+    """
+
+    def __init__(self, A: sp.spmatrix):
+        """Take the matrix."""
+        self._A = petsc_matrix(A)
+
+    def __call__(self, x: Array) -> Array:
+        """Product with a block, shape (columns of A, columns)."""
+        x = np.asfortranarray(x, dtype=float)
+        out = np.empty((self._A.getSize()[0], x.shape[1]), order="F")
+        if not x.shape[1]:
+            return out
+        B, C = (PETSc.Mat().createDense(a.shape, array=a, comm=PETSc.COMM_SELF) for a in (x, out))
+        for m in (B, C):
+            m.assemble()
+        self._A.matMult(B, C)
+        B.destroy()
+        C.destroy()
+        return out
+
+
 def petsc_matrix(A: sp.spmatrix) -> PETSc.Mat:
     """A SciPy matrix as a PETSc matrix of this process."""
     A = A.tocsr()

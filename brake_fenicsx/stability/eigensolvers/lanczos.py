@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.macro.condensation import Solves
+from brake_fenicsx.macro.solver import Product
 
 from .arnoldi import combined, shares
 
@@ -76,8 +77,9 @@ def lowest_modes(
     room = min(n, max(128 * block, 4 * expected))
     V = np.empty((n, room + block), order="F")
     H = np.zeros((room + block, room + block))
-    W = factor.solve(M @ np.random.default_rng(seed).standard_normal((n, block)))
-    new, Mnew, _ = _orthonormalise(W, M @ W)
+    mass = Product(M)
+    W = factor.solve(mass(np.random.default_rng(seed).standard_normal((n, block))))
+    new, Mnew, _ = _orthonormalise(W, mass(W))
     size = before = due = 0
     for step in range(1, room // block + 2):
         k = new.shape[1]
@@ -88,13 +90,13 @@ def lowest_modes(
         h = np.zeros((size, k))
         # Only the last two blocks have a share in W; all others round-off, which grows unchecked.
         for first in (before, 0):
-            c = shares(V[:, first:size], M @ W)
+            c = shares(V[:, first:size], mass(W))
             W -= combined(V[:, first:size], c)
             h[first:] += c
         before = last.start
         H[:size, last] = h
         H[last, :size] = h.T
-        new, Mnew, coupling = _orthonormalise(W, M @ W)
+        new, Mnew, coupling = _orthonormalise(W, mass(W))
         if size < min(due, n, room):
             continue
         due = int(GROWTH * size) + block

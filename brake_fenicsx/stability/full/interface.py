@@ -20,7 +20,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.folder.processes import in_turns
-from brake_fenicsx.macro.solver import Factor, blocks
+from brake_fenicsx.macro.solver import Factor, Product, blocks
 
 from ..eigensolvers.arnoldi import combined, shares
 
@@ -208,7 +208,8 @@ def _of_columns(
     SL: Array | None = None,
 ) -> tuple[Array, Array]:
     """Columns of RL and of LL, not made symmetric; S^-1 left' goes to SL."""
-    left, MPhi = friction.left.T.tocsc()[:, columns], np.asfortranarray(M @ Phi)
+    left, mass = friction.left.T.tocsc()[:, columns], Product(M)
+    MPhi = mass(Phi)
     shape = friction.rank, left.shape[1]
     RL, LL = np.empty((orders, *shape)), np.empty(shape)
     for b in blocks(left.shape[1]):
@@ -218,7 +219,7 @@ def _of_columns(
         for j in range(orders):
             if j > 0 and Phi.size:
                 X -= combined(Phi, shares(MPhi, X))
-            X = X if j == 0 else factor.solve(M @ X)
+            X = X if j == 0 else factor.solve(mass(X))
             RL[j][:, b] = friction.right @ X
             if j == min(orders, ORDERS_LL) - 1:
                 LL[:, b] = friction.left @ X

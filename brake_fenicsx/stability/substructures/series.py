@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.macro.condensation import shared_columns
-from brake_fenicsx.macro.solver import blocks
+from brake_fenicsx.macro.solver import Product, blocks
 
 from .low_rank import MomentPlan, combinations, completed
 from .substructure import Substructure
@@ -50,11 +50,11 @@ class Series:
             sp.vstack([body.interface[name] for name in names]).tocsr()
             for names in (rows.followed, rows.acting)
         )
-        self._O, self._I, self._loads = followed.T.tocsc(), acting, body.loads
+        self._O, self._I, self._loads = followed.T.tocsc(), Product(acting), body.loads
         self._complement, self._cleared, self._m = complement, cleared, W.shape[1]
         self._left = [complement.clear(A.T @ W) for A in P]
         self._right = [complement.clear(A @ W) for A in P]
-        self._minus = [-A.T.tocsr() for A in P[1:]]
+        self._minus = [Product(-A.T) for A in P[1:]]
         self._columns = self._O.shape[1] + self._m
         self._width = acting.shape[0] + self._m + body.loads.shape[1]
         # Places of the columns of L' among those of R.
@@ -115,7 +115,8 @@ class Series:
             rhs = np.zeros((self._O.shape[0], columns.size), order="F")
             rhs[:, : contact.size] = self._O[:, contact].toarray()
         else:
-            rhs = sum(A @ x for A, x in zip(self._minus, X[::-1], strict=False))
+            parts = [A(x) for A, x in zip(self._minus, X[::-1], strict=False)]
+            rhs = parts[0] if len(parts) == 1 else parts[0] + parts[1]
         if n < len(self._left) and contact.size < columns.size:
             modal = columns[contact.size :] - self._O.shape[1]
             rhs[:, contact.size :] += self._left[n][:, modal]
@@ -123,8 +124,8 @@ class Series:
 
     def _read(self, X: list[Array], out: Array) -> None:
         """D_n of some columns from the last of their X_0 ... X_n."""
-        contact, m = self._I.shape[0], self._m
-        out[:, :contact] = (self._I @ X[-1]).T
+        contact, m = self._width - self._m - self._loads.shape[1], self._m
+        out[:, :contact] = self._I(X[-1]).T
         out[:, contact + m :] = X[-1].T @ self._loads
         if m:
             pairs = zip(X[::-1], self._right, strict=False)
