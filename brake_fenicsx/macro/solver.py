@@ -135,7 +135,7 @@ class Factor:
         release_memory()
 
 
-class Product:
+class BlockProduct:
     """A x of blocks whose columns are contiguous, as factors give and take them.
 
     Half the time of SciPy's product, which wants rows contiguous and copies the block.
@@ -146,7 +146,7 @@ class Product:
         self._A = petsc_matrix(A)
 
     def __call__(self, x: Array) -> Array:
-        """Product with a block, shape (columns of A, columns)."""
+        """BlockProduct with a block, shape (columns of A, columns)."""
         x = np.asfortranarray(x, dtype=float)
         out = np.empty((self._A.getSize()[0], x.shape[1]), order="F")
         if not x.shape[1]:

@@ -30,7 +30,7 @@ Complex = NDArray[np.complex128]
 BLOCK = 8
 
 # Yields blocks and takes their products.
-Search = Generator[Array, Any, "Found"]
+Search = Generator[Array, Any, "Converged"]
 K = TypeVar("K", int, bool)
 
 
@@ -67,7 +67,7 @@ def with_conjugates(values: Complex, X: Complex) -> tuple[Complex, Complex]:
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class Converged:
     """Eigenpairs that block Arnoldi found.
 
     Attributes:
@@ -115,14 +115,14 @@ def nearest_modes(
 
 def side_by_side(
     searches: dict[K, Search], apply: Callable[[dict[K, Array]], dict[K, Array]]
-) -> dict[K, Found]:
+) -> dict[K, Converged]:
     """Several searches, whose blocks are applied together.
 
     Args:
         searches: the searches.
         apply: the operator of each, on a block of each that has not ended.
     """
-    found: dict[K, Found] = {}
+    found: dict[K, Converged] = {}
     products: dict[K, Array] = {}
     while len(found) < len(searches):
         blocks = {}
@@ -196,7 +196,7 @@ def search(
             beyond = np.abs(theta[~near]).max(initial=0.0) > 0 or full
             near[near] = sigma + (1 / theta[near]).real >= leftmost
             if full or (beyond and np.all(residual[near] < tolerance)):
-                return Found(V[:, :size], theta[near], s[:, near], steps)
+                return Converged(V[:, :size], theta[near], s[:, near], steps)
         if size <= room:
             H[size : size + new.shape[1], first:size] = coupling
     raise NotConverged(
@@ -206,7 +206,7 @@ def search(
 
 
 def polished(
-    apply: Callable[[Array], Array], found: Found, sigma: float
+    apply: Callable[[Array], Array], found: Converged, sigma: float
 ) -> tuple[Complex, Complex]:
     """Eigenvalues kappa and vectors, one of each conjugate pair, once more through A.
 

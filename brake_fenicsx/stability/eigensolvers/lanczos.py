@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.macro.condensation import Solves
-from brake_fenicsx.macro.solver import Product
+from brake_fenicsx.macro.solver import BlockProduct
 
 from .arnoldi import combined, shares
 
@@ -77,7 +77,7 @@ def lowest_modes(
     room = min(n, max(128 * block, 4 * expected))
     V = np.empty((n, room + block), order="F")
     H = np.zeros((room + block, room + block))
-    mass = Product(M)
+    mass = BlockProduct(M)
     W = factor.solve(mass(np.random.default_rng(seed).standard_normal((n, block))))
     new, Mnew, _ = _orthonormalise(W, mass(W))
     size = before = due = 0

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.folder.processes import in_turns
-from brake_fenicsx.macro.solver import Product
+from brake_fenicsx.macro.solver import BlockProduct
 
 from ..eigensolvers.argument_principle import RIM, undamped_reach, undamped_region
 from ..eigensolvers.arnoldi import BLOCK, combined, polished, search, side_by_side, with_conjugates
@@ -127,7 +127,7 @@ def _both_sides(
     """Right and left eigenpairs, conjugates included."""
     expected = int(np.sum(modes.kappa <= reach)) + 1
 
-    none, mass = np.zeros((p.M.shape[0], 0)), Product(p.M)
+    none, mass = np.zeros((p.M.shape[0], 0)), BlockProduct(p.M)
 
     def applied(blocks: dict[bool, Array]) -> dict[bool, Array]:
         """Right blocks, left ones (True), or both at once: solves take as long as one."""

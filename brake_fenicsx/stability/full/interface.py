@@ -20,7 +20,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.folder.processes import in_turns
-from brake_fenicsx.macro.solver import Factor, Product, blocks
+from brake_fenicsx.macro.solver import Factor, BlockProduct, blocks
 
 from ..eigensolvers.arnoldi import combined, shares
 
@@ -208,7 +208,7 @@ def _of_columns(
     SL: Array | None = None,
 ) -> tuple[Array, Array]:
     """Columns of RL and of LL, not made symmetric; S^-1 left' goes to SL."""
-    left, mass = friction.left.T.tocsc()[:, columns], Product(M)
+    left, mass = friction.left.T.tocsc()[:, columns], BlockProduct(M)
     MPhi = mass(Phi)
     shape = friction.rank, left.shape[1]
     RL, LL = np.empty((orders, *shape)), np.empty(shape)

@@ -17,7 +17,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.macro.condensation import shared_columns
-from brake_fenicsx.macro.solver import Product, blocks
+from brake_fenicsx.macro.solver import BlockProduct, blocks
 
 from .low_rank import MomentPlan, combinations, completed
 from .substructure import Substructure
@@ -50,11 +50,11 @@ class Series:
             sp.vstack([body.interface[name] for name in names]).tocsr()
             for names in (rows.followed, rows.acting)
         )
-        self._O, self._I, self._loads = followed.T.tocsc(), Product(acting), body.loads
+        self._O, self._I, self._loads = followed.T.tocsc(), BlockProduct(acting), body.loads
         self._complement, self._cleared, self._m = complement, cleared, W.shape[1]
         self._left = [complement.clear(A.T @ W) for A in P]
         self._right = [complement.clear(A @ W) for A in P]
-        self._minus = [Product(-A.T) for A in P[1:]]
+        self._minus = [BlockProduct(-A.T) for A in P[1:]]
         self._columns = self._O.shape[1] + self._m
         self._width = acting.shape[0] + self._m + body.loads.shape[1]
         # Places of the columns of L' among those of R.
