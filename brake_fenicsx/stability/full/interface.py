@@ -20,7 +20,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.folder.processes import in_turns
-from brake_fenicsx.macro.solver import Factor, BlockProduct, blocks
+from brake_fenicsx.macro.solver import BlockProduct, Factor, blocks
 
 from ..eigensolvers.arnoldi import combined, shares
 
