@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import os
+import sys
 
 from brake_fenicsx.folder.kernels import best_kernels
 
 # One BLAS thread per process and the processor's kernels, before any library is loaded.
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
-if (_kernels := best_kernels()) is not None:
+# Where it is loaded, processes that this one starts shall have the kernels that this one has.
+if "numpy" not in sys.modules and (_kernels := best_kernels()) is not None:
     os.environ.setdefault("OPENBLAS_CORETYPE", _kernels)
 # PETSc would answer a closed pipe and SIGTERM with its own banner and MPI_Abort.
 os.environ["PETSC_OPTIONS"] = f"-no_signal_handler {os.environ.get('PETSC_OPTIONS', '')}"
 
 INTERRUPTED = "brake-fenicsx: interrupted; the same command resumes the run"
 try:
-    import sys
     import traceback
     from collections.abc import Sequence
     from pathlib import Path

@@ -147,7 +147,6 @@ def _compute(source: Source, digest: str, tasks: Sequence[Task]) -> list[Record]
 def _entered(source: Source, digest: str) -> Study:
     """What the samples share, loaded from the prepared folder and kept by the process."""
     from brake_fenicsx.model import entered
-    from brake_fenicsx.results.blocks import prepare_blocks
 
     if not Path(source.directory, "scene.sha256").is_file():
         raise SceneError(
@@ -157,6 +156,9 @@ def _entered(source: Source, digest: str) -> Study:
     if not {"OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"} & {*os.environ}:
         logger.warning("a worker may use several BLAS threads: start it with OMP_NUM_THREADS=1")
     study = entered(source)
+    # Not before: it imports PETSc, which would wait for all processes of mpi4py.futures.
+    from brake_fenicsx.results.blocks import prepare_blocks
+
     prepare_blocks(study)
     return study
 

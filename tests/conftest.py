@@ -8,6 +8,9 @@ import logging
 from functools import cache
 from pathlib import Path
 
+import brake_fenicsx.cli  # noqa: F401 -- before NumPy: the matrix kernels of the command
+
+# isort: split
 from mpi4py import MPI
 
 import numpy as np
