@@ -12,9 +12,8 @@ Complex columns in real arithmetic: without complex copies of real matrices or K
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
-from dataclasses import dataclass
-from typing import Any, TypeVar
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import scipy.linalg as la
@@ -28,10 +27,6 @@ Complex = NDArray[np.complex128]
 
 # Vectors of a block.
 BLOCK = 8
-
-# Yields blocks and takes their products.
-Search = Generator[Array, Any, "Converged"]
-K = TypeVar("K", int, bool)
 
 
 def shares(V: Array, W: Array) -> Array:
@@ -66,23 +61,6 @@ def with_conjugates(values: Complex, X: Complex) -> tuple[Complex, Complex]:
     return np.r_[values, values[pairs].conj()], np.hstack([X, X[:, pairs].conj()])
 
 
-@dataclass(frozen=True, slots=True)
-class Converged:
-    """Eigenpairs that block Arnoldi found.
-
-    Attributes:
-        V: orthonormal basis, shape (n, size).
-        theta: eigenvalues of A.
-        s: their vectors in the basis, shape (size, modes).
-        steps: number of blocks.
-    """
-
-    V: Array
-    theta: Complex
-    s: Complex
-    steps: int
-
-
 def nearest_modes(
     apply: Callable[[Array], Array],
     n: int,
@@ -90,8 +68,13 @@ def nearest_modes(
     reach: float,
     expected: int,
     leftmost: float = -np.inf,
+    tolerance: float = 1e-11,
+    start: Array | None = None,
 ) -> tuple[Complex, Complex, int]:
     """All eigenpairs with |kappa - sigma| <= reach and Re kappa >= leftmost.
+
+    kappa = sigma + 1 / theta. Those further left are not waited for: strongly damped bodies gather
+    any number of real eigenvalues lambda within reach.
 
     Args:
         apply: the operator A, on blocks of shape (n, columns).
@@ -100,6 +83,8 @@ def nearest_modes(
         reach: radius.
         expected: about how many eigenvalues there are, conjugates included.
         leftmost: smallest real part wanted.
+        tolerance: relative residual of (A - theta) x.
+        start: starting block that is rich in the wanted vectors, shape (n, BLOCK); random if None.
 
     Returns:
         kappa, those of positive imaginary part for their pairs; vectors, shape (n, modes), after
@@ -108,71 +93,13 @@ def nearest_modes(
     Raises:
         NotConverged: the Krylov space fills without convergence.
     """
-    one = search(n, sigma, reach, expected, leftmost)
-    found = side_by_side({0: one}, lambda blocks: {0: apply(blocks[0])})[0]
-    return *polished(apply, found, sigma), found.steps
-
-
-def side_by_side(
-    searches: dict[K, Search], apply: Callable[[dict[K, Array]], dict[K, Array]]
-) -> dict[K, Converged]:
-    """Several searches, whose blocks are applied together.
-
-    Args:
-        searches: the searches.
-        apply: the operator of each, on a block of each that has not ended.
-    """
-    found: dict[K, Converged] = {}
-    products: dict[K, Array] = {}
-    while len(found) < len(searches):
-        blocks = {}
-        for name in [name for name in searches if name not in found]:
-            try:
-                blocks[name] = searches[name].send(products.get(name))
-            except StopIteration as end:
-                found[name] = end.value
-        products = apply(blocks) if blocks else {}
-    return found
-
-
-def search(
-    n: int,
-    sigma: float,
-    reach: float,
-    expected: int,
-    leftmost: float = -np.inf,
-    tolerance: float = 1e-11,
-    start: Array | None = None,
-) -> Search:
-    """Search of all eigenpairs with |kappa - sigma| <= reach and Re kappa >= leftmost.
-
-    kappa = sigma + 1 / theta. Those further left are not waited for: strongly damped bodies gather
-    any number of real eigenvalues lambda within reach.
-
-    Args:
-        n: size of the operator A.
-        sigma: real shift.
-        reach: radius.
-        expected: about how many eigenvalues there are, conjugates included.
-        leftmost: smallest real part wanted.
-        tolerance: relative residual of (A - theta) x.
-        start: starting block that is rich in the wanted vectors, shape (n, BLOCK); random if None.
-
-    Yields:
-        Blocks, of which it takes the products with A.
-
-    Returns:
-        What was found.
-
-    Raises:
-        NotConverged: the Krylov space fills without convergence.
-    """
     block = min(BLOCK, n)
     room = min(n, 8 * expected + 48 * block)
     V = np.empty((n, room + block), order="F")
     H = np.zeros((room + block, room + block))
-    drawn = np.random.default_rng(0).standard_normal((n, block)) if start is None else start
-    new = _orthonormal((yield drawn))[0]
+    if start is None:
+        start = np.random.default_rng(0).standard_normal((n, block))
+    new = _orthonormal(apply(start))[0]
     size = steps = 0
     due = 2 * expected
     while size <= room:
@@ -180,7 +107,7 @@ def search(
         V[:, first : first + k] = new
         size += k
         steps += 1
-        W = yield new
+        W = apply(new)
         for _ in range(2):
             c = shares(V[:, :size], W)
             W -= combined(V[:, :size], c)
@@ -196,7 +123,7 @@ def search(
             beyond = np.abs(theta[~near]).max(initial=0.0) > 0 or full
             near[near] = sigma + (1 / theta[near]).real >= leftmost
             if full or (beyond and np.all(residual[near] < tolerance)):
-                return Converged(V[:, :size], theta[near], s[:, near], steps)
+                return *_polished(apply, V[:, :size], sigma, theta[near], s[:, near]), steps
         if size <= room:
             H[size : size + new.shape[1], first:size] = coupling
     raise NotConverged(
@@ -205,16 +132,20 @@ def search(
     )
 
 
-def polished(
-    apply: Callable[[Array], Array], found: Converged, sigma: float
+def _polished(
+    apply: Callable[[Array], Array],
+    V: Array,
+    sigma: float,
+    theta: Complex,
+    s: Complex,
 ) -> tuple[Complex, Complex]:
-    """Eigenvalues kappa and vectors, one of each conjugate pair, once more through A.
+    """Eigenvalues and vectors, one of each conjugate pair, once more through A.
 
     The residual of K itself is then that of the Arnoldi process, without the norm of K.
     """
-    one = np.flatnonzero(found.theta.imag <= 0)  # kappa has the other sign.
-    X = on_parts(lambda y: apply(combined(found.V, y)), found.s[:, one])
-    return sigma + 1 / found.theta[one], X / np.linalg.norm(X, axis=0)
+    one = np.flatnonzero(theta.imag <= 0)  # kappa has the other sign.
+    X = on_parts(lambda y: apply(combined(V, y)), s[:, one])
+    return sigma + 1 / theta[one], X / np.linalg.norm(X, axis=0)
 
 
 def _orthonormal(W: Array) -> tuple[Array, Array]:

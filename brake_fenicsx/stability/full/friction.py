@@ -16,7 +16,7 @@ from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.macro.solver import BlockProduct
 
 from ..eigensolvers.argument_principle import RIM, undamped_reach, undamped_region
-from ..eigensolvers.arnoldi import BLOCK, combined, polished, search, side_by_side, with_conjugates
+from ..eigensolvers.arnoldi import BLOCK, combined, nearest_modes, with_conjugates
 from ..eigensolvers.eigenpairs import matched
 from ..eigensolvers.symmetric import complete, count_below, modes_not_counted, shifted_factor
 from .interface import MOST_ORDERS, Interface, Inverse, moments, more_moments
@@ -127,33 +127,19 @@ def _both_sides(
     """Right and left eigenpairs, conjugates included."""
     expected = int(np.sum(modes.kappa <= reach)) + 1
 
-    none, mass = np.zeros((p.M.shape[0], 0)), BlockProduct(p.M)
+    mass = BlockProduct(p.M)
 
-    def applied(blocks: dict[bool, Array]) -> dict[bool, Array]:
-        """Right blocks, left ones (True), or both at once: solves take as long as one."""
-        right, left = (blocks.get(side, none) for side in (False, True))
-        x = inverse(mass(np.hstack([right, left])), left.shape[1])
-        return {False: x[:, : right.shape[1]], True: x[:, right.shape[1] :]}
-
-    def sides(chosen: tuple[bool, ...]) -> list[tuple[Complex, Complex, int]]:
-        where = p.M.shape[0], modes.sigma, RIM * reach, expected
-        searches = {
-            side: search(*where, tolerance=LEFT if side else RIGHT, start=start) for side in chosen
-        }
-        found = side_by_side(searches, applied)
-
-        def ended(side: bool) -> tuple[Complex, Complex, int]:
-            one = found[side]
-            return *polished(lambda b: applied({side: b})[side], one, modes.sigma), one.steps
-
-        out = [ended(side) for side in chosen]
+    def side(transposed: bool) -> tuple[Complex, Complex, int]:
+        found = nearest_modes(
+            lambda b: inverse(mass(b), transposed),
+            *(p.M.shape[0], modes.sigma, RIM * reach, expected),
+            tolerance=LEFT if transposed else RIGHT,
+            start=start,
+        )
         release_memory()
-        return out
+        return found
 
-    # One process searches on both sides at once, two on one each.
-    shared = ((False, True),) if comm.size == 1 else ((False,), (True,))
-    ends = in_turns(len(shared), lambda i: sides(shared[i]), comm)
-    (kappa, right, steps), (other, left, more) = (one for part in ends for one in part)
+    (kappa, right, steps), (other, left, more) = in_turns(2, lambda i: side(i > 0), comm)
     # Both of each pair: round-off splits a true doublet into a pair on one side alone.
     (kappa, right), (other, left) = with_conjugates(kappa, right), with_conjugates(other, left)
     i, j = matched(kappa, other, modes.sigma, reach)

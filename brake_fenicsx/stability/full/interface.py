@@ -240,21 +240,13 @@ class Inverse:
         self.factor, self.friction, self.SL = factor, friction, known.SL
         self._lu = la.lu_factor(np.eye(friction.rank) + known.RL[0])
 
-    def __call__(self, b: Array, turned: int = 0) -> Array:
-        """Apply to a block, and the transpose to the last columns of it.
-
-        Args:
-            b: shape (dofs, columns).
-            turned: number of the columns that are for the transpose.
-        """
-        f, SL, own = self.friction, self.SL, b.shape[1] - turned
-        if SL is not None and turned:
-            b = b.copy()
-            b[:, own:] -= f.right.T @ la.lu_solve(self._lu, shares(SL, b[:, own:]), trans=1)
+    def __call__(self, b: Array, transposed: bool = False) -> Array:
+        """Apply to a block, shape (dofs, columns)."""
+        f, SL = self.friction, self.SL
+        if transposed and SL is not None:
+            c = la.lu_solve(self._lu, shares(SL, b), trans=1)
+            return self.factor.solve(b - f.right.T @ c)
         x = self.factor.solve(b)
-        c = la.lu_solve(self._lu, f.right @ x[:, :own])
-        if SL is not None:
-            x[:, :own] -= combined(SL, c)
-            return x
-        d = la.lu_solve(self._lu, f.left @ x[:, own:], trans=1)
-        return x - self.factor.solve(np.hstack([f.left.T @ c, f.right.T @ d]))
+        first, second = (f.left, f.right) if transposed else (f.right, f.left)
+        c = la.lu_solve(self._lu, first @ x, trans=int(transposed))
+        return x - (self.factor.solve(second.T @ c) if SL is None else combined(SL, c))
