@@ -7,10 +7,10 @@ import sys
 
 from brake_fenicsx.folder.kernels import best_kernels
 
-# One BLAS thread per process and the processor's kernels, before any library is loaded.
+# One BLAS thread per process, and kernels for the processor, before any library is loaded.
 for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
-# Where it is loaded, processes that this one starts shall have the kernels that this one has.
+# Where NumPy is loaded already, child processes shall take the same kernels as this one.
 if "numpy" not in sys.modules and (_kernels := best_kernels()) is not None:
     os.environ.setdefault("OPENBLAS_CORETYPE", _kernels)
 # PETSc would answer a closed pipe and SIGTERM with its own banner and MPI_Abort.

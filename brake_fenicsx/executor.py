@@ -156,7 +156,8 @@ def _entered(source: Source, digest: str) -> Study:
     if not {"OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"} & {*os.environ}:
         logger.warning("a worker may use several BLAS threads: start it with OMP_NUM_THREADS=1")
     study = entered(source)
-    # Not before: it imports PETSc, which would wait for all processes of mpi4py.futures.
+    # After ``entered``, which starts PETSc for this process alone: an import of PETSc before would
+    # wait for all processes of mpi4py.futures.
     from brake_fenicsx.results.blocks import prepare_blocks
 
     prepare_blocks(study)

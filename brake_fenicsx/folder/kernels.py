@@ -1,8 +1,8 @@
 """Matrix kernels of OpenBLAS for the processor.
 
-OpenBLAS tells processors by their model number. A release knows none that came after it and takes
-its oldest kernels for them (Prescott, of 2004): 0.3.21, which Debian 12 has, on Emerald Rapids, for
-one, multiplies matrices five times slower than it can. What the instructions allow does not age.
+OpenBLAS identifies processors by their model number. On a processor newer than itself a release
+takes its oldest kernels (Prescott, of 2004): 0.3.21 of Debian 12 multiplies matrices on Emerald
+Rapids at a fifth of the speed of its best kernels. Here the instruction set chooses the kernels.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from pathlib import Path
 
 CPUINFO = Path("/proc/cpuinfo")
 
-# OPENBLAS_CORETYPE -> what it takes; better ones first.
+# OPENBLAS_CORETYPE -> instructions that the kernels need; the best kernels first.
 KERNELS = {
     "SkylakeX": {"avx512f", "avx512dq", "avx512bw", "avx512vl"},
     "Haswell": {"avx2", "fma"},
@@ -22,11 +22,11 @@ def best_kernels(cpuinfo: Path = CPUINFO) -> str | None:
     """Name of the best kernels that every OpenBLAS has and the processor can run.
 
     Args:
-        cpuinfo: what Linux says of the processor.
+        cpuinfo: file in which Linux describes the processor.
 
     Returns:
-        Value for OPENBLAS_CORETYPE, which is read when the library is loaded; None where nothing
-        is known, and OpenBLAS had better choose.
+        Value for OPENBLAS_CORETYPE, which OpenBLAS reads when it is loaded; None where the
+        instruction set is not known or too old, and the choice is left to OpenBLAS.
     """
     try:
         with cpuinfo.open() as lines:

@@ -99,10 +99,7 @@ class Factor:
         out = np.empty(b.shape, order="F")
         for part in blocks(b.shape[1]):
             block = np.asfortranarray(b[:, part], dtype=float)
-            B = PETSc.Mat().createDense(block.shape, array=block, comm=PETSc.COMM_SELF)
-            X = PETSc.Mat().createDense(block.shape, array=out[:, part], comm=PETSc.COMM_SELF)
-            for m in (B, X):
-                m.assemble()
+            B, X = dense_matrix(block), dense_matrix(out[:, part])
             self._F.matSolve(B, X)
             B.destroy()
             X.destroy()
@@ -118,10 +115,7 @@ class Factor:
             turned = PETSc.Mat().createAIJ(rows.shape, csr=csr, comm=PETSc.COMM_SELF)
             turned.assemble()
             B = PETSc.Mat().createTranspose(turned)
-            X = PETSc.Mat().createDense(
-                (b.shape[0], part.stop - part.start), array=out[:, part], comm=PETSc.COMM_SELF
-            )
-            X.assemble()
+            X = dense_matrix(out[:, part])
             self._F.matSolve(B, X)
             for m in (X, B, turned):
                 m.destroy()
@@ -136,28 +130,35 @@ class Factor:
 
 
 class BlockProduct:
-    """A x of blocks whose columns are contiguous, as factors give and take them.
+    """Products of a sparse matrix with blocks whose columns are contiguous, as in ``Factor.solve``.
 
-    Half the time of SciPy's product, which wants rows contiguous and copies the block.
+    Half the time of SciPy's product, which wants contiguous rows and copies the block.
+
+    Attributes:
+        shape: of the matrix.
     """
 
     def __init__(self, A: sp.spmatrix):
         """Take the matrix."""
         self._A = petsc_matrix(A)
+        self.shape: tuple[int, int] = A.shape
 
     def __call__(self, x: Array) -> Array:
-        """BlockProduct with a block, shape (columns of A, columns)."""
-        x = np.asfortranarray(x, dtype=float)
-        out = np.empty((self._A.getSize()[0], x.shape[1]), order="F")
-        if not x.shape[1]:
-            return out
-        B, C = (PETSc.Mat().createDense(a.shape, array=a, comm=PETSc.COMM_SELF) for a in (x, out))
-        for m in (B, C):
-            m.assemble()
-        self._A.matMult(B, C)
-        B.destroy()
-        C.destroy()
+        """A x of a block, shape (columns of A, columns)."""
+        out = np.empty((self.shape[0], x.shape[1]), order="F")
+        if x.shape[1]:
+            B, C = dense_matrix(np.asfortranarray(x, dtype=float)), dense_matrix(out)
+            self._A.matMult(B, C)
+            B.destroy()
+            C.destroy()
         return out
+
+
+def dense_matrix(a: Array) -> PETSc.Mat:
+    """A matrix of PETSc on the memory of an array whose columns are contiguous."""
+    A = PETSc.Mat().createDense(a.shape, array=a, comm=PETSc.COMM_SELF)
+    A.assemble()
+    return A
 
 
 def petsc_matrix(A: sp.spmatrix) -> PETSc.Mat:

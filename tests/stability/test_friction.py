@@ -186,7 +186,7 @@ def test_count_needs_no_eigensolver(two_blocks):
     inside = int(region.holds(kappa).sum())
     near = kappa[np.abs(kappa) < 1.5 * high]
     for believed in (near, near[3:], np.r_[near, 0.5 * high, 0.6 * high], np.zeros(0)):
-        proof = prove(modes, face, seen, region, believed)
+        proof = prove(Determinant(modes, face, seen), region, believed)
         assert proof.count == inside and proof.remainder < 1
 
 
@@ -210,7 +210,7 @@ def test_many_modes_beyond_the_region(beyond):
         region = Trapezium(-0.02, 1.025, 0.45, 1e-3)
         inside, near = int(region.holds(kappa).sum()), kappa[np.abs(kappa) < 1.1]
         for believed in (near, near[2:]):
-            proof = prove(modes, face, seen, region, believed)
+            proof = prove(Determinant(modes, face, seen), region, believed)
             assert proof.count == inside, (seed, believed.size)
             assert proof.points < 300
 

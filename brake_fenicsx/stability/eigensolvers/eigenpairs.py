@@ -99,8 +99,8 @@ def inner(left: Complex, right: Complex) -> Complex:
 
 def mass_norms(M: sp.spmatrix, right: Complex, left: Complex) -> Array:
     """Product of the norms of each right and left vector in the mass."""
-    sizes = (inner(X, times(M, X)).real for X in (right, left))
-    return np.asarray(np.sqrt(np.prod([*sizes], axis=0)))
+    first, second = (inner(X, times(M, X)).real for X in (right, left))
+    return np.asarray(np.sqrt(first * second))
 
 
 def undamped_errors(

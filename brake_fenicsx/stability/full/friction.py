@@ -20,7 +20,14 @@ from ..eigensolvers.arnoldi import BLOCK, combined, nearest_modes, with_conjugat
 from ..eigensolvers.eigenpairs import matched
 from ..eigensolvers.symmetric import complete, count_below, modes_not_counted, shifted_factor
 from .interface import MOST_ORDERS, Interface, Inverse, moments, more_moments
-from .interface_count import InterfaceModes, at_interface, below, moments_needed, prove
+from .interface_count import (
+    Determinant,
+    InterfaceModes,
+    at_interface,
+    below,
+    moments_needed,
+    prove,
+)
 from .problem import Found, SplitProblem, agree
 
 Array = NDArray[np.float64]
@@ -31,7 +38,7 @@ Complex = NDArray[np.complex128]
 # moment proves rough contact (bound 0.2), and perfect contact takes eight.
 LIMIT = 1.85
 
-# Up to this share of it modes are low; see ``Moments.low``.
+# Modes up to this share of the limit are left out of further moments, see ``Moments.low``.
 LOW = 0.15
 
 # Relative residuals of block Arnoldi. Left vectors weigh residuals of right ones: few digits do.
@@ -76,8 +83,8 @@ def friction_modes(
 
     def without_friction() -> tuple[InterfaceModes, Array, Array]:
         found = modes_not_counted(*pencil, factor, sigma, limit)
-        band, low = (found.Phi[:, found.kappa <= end] for end in (reach, LOW * limit))
-        return at_interface(found, friction), _mixed(band), np.asfortranarray(low)
+        band, lowest = (found.Phi[:, found.kappa <= end] for end in (reach, LOW * limit))
+        return at_interface(found, friction), _starting_block(band), np.asfortranarray(lowest)
 
     parts: tuple[Callable[[], Any], ...] = (
         without_friction,
@@ -90,15 +97,15 @@ def friction_modes(
     del inverse
     known = replace(known, SL=None)
     region = undamped_region(kappa, low, high, zeta_max)
-    needed = moments_needed(modes, friction, known, region, comm)
-    while True:
-        if needed > len(known.RL):
+    det = Determinant(modes, friction, known)
+    for orders in range(moments_needed(det, region, comm), MOST_ORDERS + 1):
+        if orders > len(known.RL):
             # Stiff contact: more of what the kept modes leave out is needed.
-            known = more_moments(factor, p.M, friction, known, needed, lowest, comm)
-        proof = prove(modes, friction, known, region, kappa, comm)
-        if proof.remainder < 1 or needed == MOST_ORDERS:
+            known = more_moments(factor, p.M, friction, known, orders, lowest, comm)
+            det = Determinant(modes, friction, known)
+        proof = prove(det, region, kappa, comm)
+        if proof.remainder < 1:
             break
-        needed += 1
     factor.destroy()
     unproven = "" if proof.remainder < 1 else f"; not proven, it should be below 1{p.remedy}"
     bound = f"remainder {proof.remainder:.1g}{unproven}"
@@ -107,7 +114,7 @@ def friction_modes(
     return Found(kappa, right, left, f"inertia without friction, {how}", steps)
 
 
-def _mixed(Phi: Array) -> Array:
+def _starting_block(Phi: Array) -> Array:
     """Random combinations of modes to start from, and a little of all other displacements."""
     rng, (n, size) = np.random.default_rng(0), Phi.shape
     modal = combined(Phi, rng.standard_normal((size, BLOCK)))

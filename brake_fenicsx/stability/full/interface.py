@@ -26,8 +26,9 @@ from ..eigensolvers.arnoldi import combined, shares
 
 Array = NDArray[np.float64]
 
-# Most moments of the interface, right S^-1 (M S^-1)^j left', j = 0, 1, ..., and those of LL.
-MOST_ORDERS, ORDERS_LL = 12, 3
+# Most moments of the interface, right S^-1 (M S^-1)^j left', j = 0, 1, ..., and the highest power m
+# of S^-1 in left S^-1 (M S^-1)^(m - 1) left'.
+MOST_ORDERS, POWER_LL = 12, 3
 
 # Largest array that one process sends another [GB]: a message of MPI has less than 2 GB. It limits
 # one process alone as well, so that results do not depend on the number of processes.
@@ -127,12 +128,12 @@ class Moments:
 
     Attributes:
         RL: right S^-1 (M S^-1)^j left', j = 0, 1, ..., each of shape (rank, rank).
-        LL: left S^-1 (M S^-1)^(m - 1) left' of the last of them, m = 3 at most, shape (rank, rank).
+        LL: left S^-1 (M S^-1)^(m - 1) left', m the number of RL but 3 at most, shape (rank, rank).
         RR: largest eigenvalue of right S^-1 right'; 1 where the interface is bounded.
         SL: S^-1 left', shape (dofs, rank), where it is kept.
-        low: so many of the lowest modes have no part in the moments from the second on, nor in an
-            LL of these: their part would be so large that round-off of it hides that of the modes
-            beyond the limit.
+        low: number of the lowest modes whose part is left out of RL from the second on, and of LL
+            with m > 1: the round-off of that part would hide the part of the modes beyond the
+            limit.
     """
 
     RL: tuple[Array, ...]
@@ -221,7 +222,7 @@ def _of_columns(
                 X -= combined(Phi, shares(MPhi, X))
             X = X if j == 0 else factor.solve(mass(X))
             RL[j][:, b] = friction.right @ X
-            if j == min(orders, ORDERS_LL) - 1:
+            if j == min(orders, POWER_LL) - 1:
                 LL[:, b] = friction.left @ X
     return RL, LL
 

@@ -18,8 +18,8 @@ det G are those of its known part as long as
 
     |kappa'|^J limit'^((1 + m) / 2 - J) / (limit' - |kappa'|) |B' G^-1| |A| < 1
 
-along the edge; the largest value of the left-hand side is kept with the count. One moment does for
-rough contact. Each further R_j that is known makes it smaller by |kappa'| / limit'.
+along the edge; the largest value of the left-hand side is kept with the count. One moment suffices
+for rough contact. Each further R_j that is known makes it smaller by |kappa'| / limit'.
 """
 
 from __future__ import annotations
@@ -38,15 +38,15 @@ from brake_fenicsx.folder.processes import in_turns, on_first
 from ..eigensolvers.argument_principle import Trapezium, determinant_phase, turn_along
 from ..eigensolvers.arnoldi import times
 from ..eigensolvers.symmetric import Symmetric
-from .interface import MOST_ORDERS, ORDERS_LL, Interface, Moments
+from .interface import MOST_ORDERS, POWER_LL, Interface, Moments
 
 Array = NDArray[np.float64]
 
 # Subspace iterations for the norm in the bound of the remainder: at the first point, at all others.
 FIRST_STEPS, STEPS = 12, 3
 
-# Bound of the remainder at the corner of a region that hardly exceeds 1 along the edge, and what
-# more moments shall make of a larger one: measured, it is up to three times as large elsewhere.
+# Where the bound at the corner of the region is larger than the first number, as many moments are
+# taken as should bring it to the second. Along the edge it was up to three times as large.
 ENOUGH, WANTED = 0.5, 0.2
 
 
@@ -91,7 +91,7 @@ def at_interface(modes: Symmetric, friction: Interface) -> InterfaceModes:
 
 
 def below(modes: InterfaceModes, inside: NDArray[np.bool_], limit: float) -> InterfaceModes:
-    """Those of some modes that a count has found complete, and up to where."""
+    """The modes below a limit up to which a count has found them complete."""
     kappa, P, Q = modes.kappa[inside], modes.P[:, inside], modes.Q[:, inside]
     return InterfaceModes(kappa, limit, modes.sigma, P, Q)
 
@@ -112,7 +112,7 @@ class Determinant:
         away = modes.kappa - modes.sigma
         self.P, self.Q = modes.P, modes.Q
         self.R = np.array(moments.RL)
-        self.m = min(len(self.R), ORDERS_LL)
+        self.m = min(len(self.R), POWER_LL)
 
         def kept(left: Array, power: int) -> Array:
             seen = slice(moments.low if power > 1 else 0, None)
@@ -176,26 +176,18 @@ class Determinant:
         return (z / self.limit) ** J * self.limit**power / (self.limit - z) * size * self.A
 
 
-def moments_needed(
-    modes: InterfaceModes,
-    friction: Interface,
-    moments: Moments,
-    region: Trapezium,
-    comm: MPI.Comm = MPI.COMM_SELF,
-) -> int:
+def moments_needed(det: Determinant, region: Trapezium, comm: MPI.Comm) -> int:
     """Number of moments that should prove a count, by the bound at the corner; collective.
 
     Args:
-        modes: the frictionless problem, complete beyond the region.
-        friction: the friction term.
-        moments: those that are known.
+        det: the determinant with the moments that are known.
         region: where to count.
         comm: the processes.
     """
     corner = complex(region.high, region.slope * region.high + region.rise)
 
     def needed() -> int:
-        det, none = Determinant(modes, friction, moments), np.zeros(0)
+        none = np.zeros(0)
         det.phase(corner, none, none)
         known, ratio = len(det.R), abs(corner - det.sigma) / det.limit
         if det.remainder < ENOUGH or not ratio < 1:
@@ -206,19 +198,12 @@ def moments_needed(
 
 
 def prove(
-    modes: InterfaceModes,
-    friction: Interface,
-    moments: Moments,
-    region: Trapezium,
-    candidates: NDArray,
-    comm: MPI.Comm = MPI.COMM_SELF,
+    det: Determinant, region: Trapezium, candidates: NDArray, comm: MPI.Comm = MPI.COMM_SELF
 ) -> Proof:
     """Count the eigenvalues of a region, conjugates included; collective.
 
     Args:
-        modes: the frictionless problem, complete beyond the region.
-        friction: the friction term.
-        moments: its moments, see ``moments_needed``.
+        det: the determinant, of modes that are complete beyond the region.
         region: where to count.
         candidates: what an eigensolver found, in the region and near it, conjugates included.
         comm: two processes, each of which follows half of the edge, or one.
@@ -229,9 +214,9 @@ def prove(
     Raises:
         InaccurateResult: an eigenvalue lies on the edge of the region.
     """
-    det, path = Determinant(modes, friction, moments), region.upper_half(6)
+    path = region.upper_half(6)
     halves = path[: path.size // 2 + 1], path[path.size // 2 :]
-    poles = modes.kappa[modes.kappa <= candidates.real.max(initial=region.high)]
+    poles = det.kappa[det.kappa <= candidates.real.max(initial=region.high)]
     done = in_turns(2, lambda i: det.turn(halves[i], candidates, poles), comm)
     turned, remainder, points = zip(*done, strict=True)
     count = int(region.holds(candidates).sum()) + int(np.rint(sum(turned) / np.pi))

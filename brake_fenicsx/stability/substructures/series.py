@@ -116,7 +116,7 @@ class Series:
             rhs[:, : contact.size] = self._O[:, contact].toarray()
         else:
             parts = [A(x) for A, x in zip(self._minus, X[::-1], strict=False)]
-            rhs = parts[0] if len(parts) == 1 else parts[0] + parts[1]
+            rhs = sum(parts[1:], parts[0])
         if n < len(self._left) and contact.size < columns.size:
             modal = columns[contact.size :] - self._O.shape[1]
             rhs[:, contact.size :] += self._left[n][:, modal]
@@ -124,7 +124,7 @@ class Series:
 
     def _read(self, X: list[Array], out: Array) -> None:
         """D_n of some columns from the last of their X_0 ... X_n."""
-        contact, m = self._width - self._m - self._loads.shape[1], self._m
+        contact, m = self._I.shape[0], self._m
         out[:, :contact] = self._I(X[-1]).T
         out[:, contact + m :] = X[-1].T @ self._loads
         if m:
