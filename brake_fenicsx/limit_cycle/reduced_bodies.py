@@ -54,10 +54,10 @@ def reduced_bodies(model: ReducedModel, p: Array, mu: Array) -> Bodies:
     unit = (2 * np.pi * model.band[1]) ** 2
 
     def weights(lam: Complex) -> tuple[Complex, Complex]:
-        z = model.scaled(lam)
-        held = z * np.minimum(1.0, HELD * model.pole / np.abs(z))
+        w = model.rows.variable(model.scaled(lam))
+        held = w * np.minimum(1.0, HELD * model.pole / np.abs(w))
         powers = held ** np.arange(count)[:, None]
-        return np.concatenate([z ** np.arange(len(own))[:, None], powers]), powers
+        return np.concatenate([w ** np.arange(len(own))[:, None], powers]), powers
 
     lead, D = np.asarray(lead / unit, float), np.asarray(D / unit, float)
     return Bodies(np.concatenate([own, coupling]), lead, source, D, weights)

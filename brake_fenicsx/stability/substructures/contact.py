@@ -1,10 +1,11 @@
-"""Contact and friction of one sample, linearised at its equilibrium: J(lambda) = J_0 + lambda J_1.
+"""Contact and friction of one sample, linearised at its equilibrium.
 
 A motion with the gaps g, the slips v_T along and v_R across the sliding direction meets the forces
 
     w k g on the gaps,   mu w k g + lambda w p mu'(V) v_T along,   lambda (w mu p / V) v_R across
 
 of each contact element, along the rows I = [N; T] or [N; T; R]; see ``damping`` for their signs.
+They are J u of the gaps and slip rates u = [g; lambda v_T; lambda v_R].
 """
 
 from __future__ import annotations
@@ -81,19 +82,17 @@ class ContactLinearisation:
 
 @dataclass(frozen=True, slots=True)
 class ContactForces:
-    """J(z) of some elements in units of the band's end, z = lambda - shift.
+    """J of some elements in units of the band's end.
 
     Attributes:
         normal: w k, shape (elements,).
         friction: mu w k.
         rates: for each followed row beside "N", its place among the acting rows and its factor.
-        shift: lambda_0; 0 where nothing depends on a rate.
     """
 
     normal: Array
     friction: Array
     rates: list[tuple[int, Array]]
-    shift: float
 
     @classmethod
     def of(
@@ -121,50 +120,42 @@ class ContactForces:
             (rows.acting.index(name), np.asarray(w * factor[name][elements] / omega))
             for name in rows.followed[1:]
         ]
-        return cls(normal, friction, rates, rows.shift)
+        return cls(normal, friction, rates)
 
     def after(self, A: Array) -> Array:
-        """Coefficients of A(z) J(z).
+        """Coefficients of A(w) J.
 
         Args:
             A: coefficients, shape (count, rows, acting rows).
 
         Returns:
-            Shape (count, rows, followed rows), one coefficient more where forces follow rates.
+            Shape (count, rows, followed rows).
         """
-        count, size, n = A.shape[0], A.shape[1], self.normal.size
-        out = np.zeros((count + bool(self.rates), size, n * (1 + len(self.rates))))
-        for j, power, block in self.blocks_after(A):
-            out[power : power + count, :, j * n : (j + 1) * n] += block
-        return out
+        return np.concatenate([*self.blocks_after(A)], axis=2)
 
-    def blocks_after(self, A: Array) -> Iterator[tuple[int, int, Array]]:
+    def blocks_after(self, A: Array) -> Iterator[Array]:
         """The same of one or more coefficients, one block of followed rows at a time.
 
         Args:
             A: shape (..., rows, acting rows).
 
         Yields:
-            Number of the block; power of z that it multiplies; its part, shape (..., rows,
-            elements).
+            Shape (..., rows, elements).
         """
         n = self.normal.size
         normal = A[..., :n] * self.normal
         if self.friction.any():
             normal += A[..., n : 2 * n] * self.friction
-        yield 0, 0, normal
-        for j, (place, rate) in enumerate(self.rates, 1):
-            along = A[..., place * n : (place + 1) * n] * rate
-            yield j, 1, along
-            yield j, 0, self.shift * along
+        yield normal
+        for place, rate in self.rates:
+            yield A[..., place * n : (place + 1) * n] * rate
 
-    def __call__(self, z: Complex, y: Complex) -> Complex:
-        """J(z_j) y_j of each column, shape (acting rows, columns)."""
+    def __call__(self, u: Complex) -> Complex:
+        """J u of gaps and slip rates, shape (acting rows, columns)."""
         n = self.normal.size
-        blocks = [self.normal[:, None] * y[:n], self.friction[:, None] * y[:n]]
+        blocks = [self.normal[:, None] * u[:n], self.friction[:, None] * u[:n]]
         if any(place == 2 for place, _ in self.rates):
             blocks.append(np.zeros_like(blocks[0]))
         for j, (place, rate) in enumerate(self.rates, 1):
-            slip_rate = (self.shift + z) * y[j * n : (j + 1) * n]
-            blocks[place] = blocks[place] + rate[:, None] * slip_rate
+            blocks[place] = blocks[place] + rate[:, None] * u[j * n : (j + 1) * n]
         return np.vstack(blocks)

@@ -144,7 +144,7 @@ class ReducedModel:
         band = frequency_band(band)
         if cutoff is not None and not cutoff > band[1]:
             raise SceneError(f"cutoff {cutoff:g} Hz must lie above the band's {band[1]:g} Hz")
-        damped = followed != "N" or any(body.C is not None or body.ratios for body in substructures)
+        damped = any(body.C is not None or body.ratios for body in substructures)
         rows, omega = Rows(followed, damped), 2 * np.pi * band[1]
         reach = None if cutoff is None else cutoff / band[1]
         degrees = _degrees(tolerance, damped)
@@ -220,7 +220,7 @@ class ReducedModel:
         """Eigenvalues lambda [1/s] near the band, conjugates included, shape (zeros,)."""
         z = self._corrected(self.sample(p, contact), p, contact).zeros.z
         z = np.r_[z, z[z.imag > 0].conj()]
-        z = z + self.rows.shift if self.rows.damped else np.sqrt(SIGMA - z + 0j)
+        z = z + self.rows.shift if self.rows.rates else np.sqrt(SIGMA - z + 0j)
         return np.asarray(self._omega * z)
 
     def static(self, p: ArrayLike, k0: Array) -> tuple[Array, Array, Array]:
@@ -315,13 +315,13 @@ class ReducedModel:
         sample, z = self.sample(p, contact), self.scaled(s)
         v, settled = sharpened(sample, z, right, left.conj())
         seen, met = motions_of_elements(sample, self.rows, self._w.size, z, v)
-        slope = slopes(sample, z, v) * (self._omega if self.rows.damped else -2 * s)
+        slope = slopes(sample, z, v) * (self._omega if self.rows.rates else -2 * s)
         return ContactMotions(s, slope, seen, met, settled), v.a, v.b.conj()
 
     def scaled(self, s: Complex) -> Complex:
         """Z of lambda = s [1/s], in units of the model."""
         scaled = s / self._omega
-        return scaled - self.rows.shift if self.rows.damped else SIGMA - scaled**2
+        return scaled - self.rows.shift if self.rows.rates else SIGMA - scaled**2
 
     def coordinates(self, A: sp.csr_matrix, u: NDArray[Any] | None = None) -> NDArray[Any]:
         """U'A u of the kept modes U of all bodies, or U'A U.
@@ -363,7 +363,7 @@ class ReducedModel:
 
     @property
     def pole(self) -> float:
-        """Least modulus |z|, anywhere in the box, of a pole of what the kept modes leave out."""
+        """Least modulus |w|, anywhere in the box, of a pole of what the kept modes leave out."""
         return least_pole(self.bodies, self.rows)
 
     @property
@@ -417,7 +417,7 @@ class ReducedModel:
 
         Of each conjugate pair one.
         """
-        if self.rows.damped:
+        if self.rows.rates:
             centre, limit = -self.rows.shift, SEARCHED
         else:
             centre, limit = SIGMA, SEARCHED**2
@@ -429,7 +429,7 @@ class ReducedModel:
         """Rows of the band from corrected zeros."""
         omega, z, slope, error = self._omega, found.zeros.z, found.slope, found.error
         right, left = found.zeros.right, found.zeros.left.conj()
-        if self.rows.damped:
+        if self.rows.rates:
             s = omega * (z + self.rows.shift)
             condition = np.maximum(2 * np.abs(s) / omega / slope, 1.0)
             spread = omega * error

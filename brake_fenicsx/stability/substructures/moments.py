@@ -3,8 +3,8 @@ r"""Moments of what the kept modes of a substructure leave out: residual flexibi
 Without contact a substructure is a matrix polynomial P(z) = P_0 + z P_1 + z^2 P_2 about a real
 shift, in units in which the end of the band is 1:
 
-    no rates    z = kappa + sigma,      P = [K + sigma M, -M],                  kappa = -lambda^2
-    rates       z = lambda - lambda_0,  P = [K + lambda_0 C + sigma M, C + 2 lambda_0 M, M]
+    undamped    z = kappa + sigma,      P = [K + sigma M, -M],                  kappa = -lambda^2
+    damped      z = lambda - lambda_0,  P = [K + lambda_0 C + sigma M, C + 2 lambda_0 M, M]
 
 with sigma = lambda_0^2. With u = W a + v, W the kept modes and v M-orthogonal to them, let S(z) be
 the inverse of P(z) on these v. All that the interface and the kept modes know of v is
@@ -35,6 +35,7 @@ from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.macro.solver import Factor
 
 from ..eigensolvers.arnoldi import combined
+from ..modes import Complex
 from .low_rank import SHARE, MomentPlan
 from .series import Series
 from .substructure import Substructure
@@ -54,7 +55,8 @@ class Rows:
 
     Attributes:
         followed: "N", then "T" and "R" where forces follow the slip rates along and across.
-        damped: whether anything depends on a rate, so that z = lambda - lambda_0.
+        damped: whether a body depends on a rate: its variable w is lambda - lambda_0 then, else
+            kappa + sigma.
     """
 
     followed: str
@@ -66,9 +68,31 @@ class Rows:
         return "NT" + "R" * ("R" in self.followed)
 
     @property
+    def rates(self) -> bool:
+        """Whether anything depends on a rate, so that eigenvalues are z = lambda - lambda_0."""
+        return self.damped or self.followed != "N"
+
+    @property
     def shift(self) -> float:
-        """lambda_0; 0 where z is in kappa."""
-        return float(np.sqrt(SIGMA)) if self.damped else 0.0
+        """lambda_0; 0 where eigenvalues are z = kappa + sigma."""
+        return float(np.sqrt(SIGMA)) if self.rates else 0.0
+
+    def variable(self, z: Complex) -> Complex:
+        """The variable w of the bodies at eigenvalues z."""
+        return z if self.rates == self.damped else SIGMA - (z + self.shift) ** 2
+
+    def slope(self, z: Complex) -> Complex:
+        """dw/dz."""
+        return np.ones_like(z) if self.rates == self.damped else -2 * (z + self.shift)
+
+    def powers(self, count: int) -> Array:
+        """Coefficients of z^m in w^n, n < count, shape (powers of z, count)."""
+        w = [0.0, 1.0] if self.rates == self.damped else [0.0, -2 * self.shift, -1.0]
+        out = np.zeros(((count - 1) * (len(w) - 1) + 1, count))
+        out[0, 0] = 1.0
+        for n in range(1, count):
+            out[:, n] = np.convolve(out[:, n - 1], w)[: len(out)]
+        return out
 
 
 def shifted_polynomial(

@@ -1,21 +1,23 @@
 """Eigenvalues of one sample, from the matrices that its contact and its bodies make.
 
-With the kept coordinates a of all bodies and the motions y that contact forces follow, eliminating
-what the kept modes leave out gives, exactly,
+With the kept coordinates a of all bodies, the gaps and slips y that contact forces follow, and
+u = Lambda y, Lambda = 1 on gaps and lambda on slips, eliminating what the kept modes leave out
+gives, exactly,
 
-    own(z) a + forced(z) y = 0,       own = W'P W - D_XX,      forced = (W'I' - D_XI) J,
-    E(z) y = source(z) a,             E = 1 + D_OI J,          source = O W - D_OX,
+    own(w) a + forced(w) u = 0,            own = W'P W - D_XX,      forced = (W'I' - D_XI) J,
+    y + (E(w) - 1) u = source(w) a,        E = 1 + D_OI J,          source = O W - D_OX,
 
-and T(z) = own + forced E^-1 source. T is expanded in powers of z; its zeros come from a
-companion matrix, and the two-sided Rayleigh quotient with all moments corrects them (``errors``):
-b'T(z)a is evaluated with y and the left motions eta solved for, which makes its error of second
-order (Schwetlick and Schreiber, Linear Algebra Appl. 436, 2012; Guettel and Tisseur, Acta Numerica
-26, 2017, doi:10.1017/S0962492917000034).
+w = kappa + sigma where bodies are not damped, also where contact forces follow rates: D has half as
+many moments then. Without y and u it is T(z) a = 0. T is expanded in powers of z; its zeros come
+from a companion matrix, and the two-sided Rayleigh quotient with all moments corrects them
+(``errors``): b'T(z)a is evaluated with y and the left motions eta solved for, which makes its error
+of second order (Schwetlick and Schreiber, Linear Algebra Appl. 436, 2012; Guettel and Tisseur, Acta
+Numerica 26, 2017, doi:10.1017/S0962492917000034).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -58,7 +60,7 @@ class Quotient:
             the left vectors' conjugates.
         slope: b' T'(z) a.
         truncated: what the moments beyond the last add, over the slope: the last known terms, which
-            fall by |z| over the distance of the nearest pole; and what y and eta leave.
+            fall by |w| over the distance of the nearest pole; and what y and eta leave.
         y: motions that contact forces follow, shape (followed rows, zeros).
         right: a of each zero.
         left: [eta; b], the motions of what is left out that are seen.
@@ -76,15 +78,16 @@ class SampleProblem:
     """The problem of one sample.
 
     Attributes:
-        E: coefficients of E(z).
-        source: coefficients of source(z).
-        forced: coefficients of forced(z).
-        own: coefficients of own(z).
+        E: coefficients of E(w).
+        source: coefficients of source(w).
+        forced: coefficients of forced(w).
+        own: coefficients of own(w).
+        rows: blocks of contact rows.
     """
 
     def __init__(
-        self, E: Coefficients, source: Coefficients, forced: Coefficients, own: Coefficients,
-        rows: Rows, pole: float,
+        self, E: Coefficients, source: Array, forced: Coefficients, own: Array, rows: Rows,
+        pole: float,
     ):  # fmt: skip
         """Take the coefficients.
 
@@ -94,10 +97,11 @@ class SampleProblem:
             forced: likewise.
             own: likewise.
             rows: blocks of contact rows.
-            pole: least modulus of a pole of what the kept modes leave out.
+            pole: least modulus |w| of a pole of what the kept modes leave out.
         """
         self.E, self.source, self.forced, self.own = E, source, forced, own
-        self._rows, self._pole = rows, pole
+        self.rows: Rows = rows
+        self._pole = pole
 
     @property
     def T(self) -> Array:
@@ -106,7 +110,18 @@ class SampleProblem:
 
     @cached_property
     def _lu(self) -> tuple[NDArray[Any], NDArray[Any]] | None:
-        return la.lu_factor(self.E[0], check_finite=False) if len(self.E[0]) else None
+        """Factor of the matrix of y at z = 0."""
+        if not len(self.E[0]):
+            return None
+        A, shift = self.E[0].copy(), self.rows.shift
+        A[:, self.gaps :] *= shift
+        A[np.diag_indices(len(A))] += np.where(np.arange(len(A)) < self.gaps, 0.0, 1 - shift)
+        return la.lu_factor(A, overwrite_a=True, check_finite=False)
+
+    @property
+    def gaps(self) -> int:
+        """Gaps among the motions that contact forces follow; slips come after them."""
+        return len(self.E[0]) // len(self.rows.followed)
 
     @cached_property
     def _expanded(self) -> tuple[Array, Array]:
@@ -119,20 +134,36 @@ class SampleProblem:
             InaccurateResult: the series does not settle.
         """
         Y: list[Array] = []
+        u: list[Array] = []
         T: list[Array] = []
         sizes: list[float] = []
-        damped = self._rows.damped
-        end = float(np.hypot(1.0, self._rows.shift) if damped else 1.0 + SIGMA)
-        for n in range(MOST + 1):
-            rhs = self.source[n].copy() if n < len(self.source) else np.zeros_like(self.source[0])
-            for k in range(1, min(n, len(self.E) - 1) + 1):
-                rhs -= self.E[k] @ Y[n - k].astype(self.E[k].dtype, copy=False)
+        rates, gaps, shift = self.rows.rates, self.gaps, self.rows.shift
+        end = float(np.hypot(1.0, shift) if rates else 1.0 + SIGMA)
+        source, own = self._in_powers_of_z(self.source), self._in_powers_of_z(self.own)
+        powers = self.rows.powers(len(self.E))
+
+        def times_u(A: Coefficients, m: int, first: int) -> Iterator[Array]:
+            """Coefficients of A_n w^n u at z^m, A_first and those after it."""
+            for n in range(first, min(m, len(A) - 1) + 1):
+                terms = [k for k in range(n, m + 1) if k < len(powers) and powers[k, n]]
+                x = sum(powers[k, n] * u[m - k] for k in terms)
+                yield A[n] @ np.asarray(x, A[n].dtype)
+
+        for m in range(MOST + 1):
+            rhs = source[m].copy() if m < len(source) else np.zeros_like(source[0])
+            if m and gaps < len(rhs):
+                rhs[gaps:] += Y[-1][gaps:]
+                rhs -= self.E[0][:, gaps:] @ Y[-1][gaps:]
+            for product in times_u(self.E, m, 1):
+                rhs -= product
             Y.append(self._static(rhs))
-            T.append(self.own[n].copy() if n < len(self.own) else np.zeros_like(self.own[0]))
-            for k in range(min(n, len(self.forced) - 1) + 1):
-                T[n] += self.forced[k] @ Y[n - k]
-            sizes.append(float(la.norm(T[n])) * end**n)
-            if n >= LEAST[damped] and max(sizes[-2 if damped else -1 :]) <= SETTLED * sizes[0]:
+            u.append(Y[m].copy())
+            if gaps < len(rhs):
+                u[m][gaps:] = shift * Y[m][gaps:] + (Y[m - 1][gaps:] if m else 0.0)
+            T.append(own[m].copy() if m < len(own) else np.zeros_like(own[0]))
+            T[m] += sum(times_u(self.forced, m, 0))
+            sizes.append(float(la.norm(T[m])) * end**m)
+            if m >= LEAST[rates] and max(sizes[-2 if rates else -1 :]) <= SETTLED * sizes[0]:
                 return np.array(Y), np.array(T)
         raise InaccurateResult(
             "the motions of the contact are no short series in lambda: the damping of sliding,"
@@ -140,35 +171,44 @@ class SampleProblem:
             ' stability.on_tolerance = "full order"'
         )
 
+    def _in_powers_of_z(self, A: Array) -> Array:
+        """Coefficients of A(w), shape (terms, rows, columns)."""
+        return np.tensordot(self.rows.powers(len(A)), A, 1)
+
     def zeros(self, reach: float, near: Callable[[Complex], Index]) -> Zeros:
         """Zeros of T, none missing up to a modulus; vectors of those that ``near`` chooses."""
-        return zeros(self.T, 2 if self._rows.damped else 1, reach, near)
+        return zeros(self.T, 2 if self.rows.rates else 1, reach, near)
 
     def quotient(self, found: Zeros) -> Quotient:
         """The two-sided quotient with all moments, for some zeros."""
         z, a, b = found.z, found.right, found.left
-        count, damped = len(self.E), self._rows.damped
+        w = self.rows.variable(z)
+        count, gaps = len(self.E), self.gaps
         powers = np.arange(count)[:, None]
-        fall = np.minimum(np.abs(z) / self._pole, 0.9)
-        tail = powers[-TAIL[damped] :]
-        kept = self._terms([(self.own, a)], z, b)
+        fall = np.minimum(np.abs(w) / self._pole, 0.9)
+        tail = powers[-TAIL[self.rows.damped] :]
+        kept = self._terms(self.own, a, b)
         source = [times(A, a) for A in self.source]
         y, last = self.motions(z, a), np.full(z.size, np.inf)
-        forced = applied(self.forced, z, b, transpose=True)
-        eta = self.solve(forced, 1)
+        forced = applied(self.forced, w, b, transpose=True)
+        eta = self.solve(self.driving(z, forced), 1)
         for _ in range(STEPS):
-            moved = [-times(A, y) for A in self.E]
+            u = self.driving(z, y)
+            moved = [-times(A, u) for A in self.E]
             for n, product in enumerate(source):
                 moved[n] = moved[n] + product
-            unsolved = np.sum([z**n * x for n, x in enumerate(moved)], axis=0)
-            change = self.solve(forced - applied(self.E, z, eta, transpose=True), 1)
+            unsolved = u - y + np.sum([w**n * x for n, x in enumerate(moved)], axis=0)
+            seen = forced + self.rest(z, eta)
+            change = self.solve(self.driving(z, seen) - eta, 1)
             eta = eta + change
-            terms = kept + self._terms([(self.forced, y)], z, b)
+            terms = kept + self._terms(self.forced, u, b)
             terms += np.array([_paired(eta, x) for x in moved])
-            slope = np.sum((powers * terms)[1:] * z ** powers[:-1], axis=0)
+            slope = self.rows.slope(z) * np.sum((powers * terms)[1:] * w ** powers[:-1], axis=0)
+            # Lambda depends on z, too.
+            slope = slope + _paired(seen[gaps:], y[gaps:])
             slope = np.where(np.abs(slope) > 1e-300, slope, 1e-300)
             # One term alone may be nought by chance.
-            ends = np.abs(terms[tail[:, 0]] * z**tail) * fall ** (count - 1 - tail)
+            ends = np.abs(terms[tail[:, 0]] * w**tail) * fall ** (count - 1 - tail)
             truncated = np.max(ends, axis=0) * fall / (1 - fall)
             # eta gains by both steps what it gained by this one, y what it did.
             gained = np.abs(_paired(change, unsolved))
@@ -178,25 +218,34 @@ class SampleProblem:
             if np.all(left <= np.maximum(SHARE * truncated, ROUND_OFF)):
                 break
             y, last = y + self.solve(unsolved), np.maximum(gained, 1e-300)
-        rest = applied(self.own, z, a) + applied(self.forced, z, y)
+        rest = applied(self.own, w, a) + applied(self.forced, w, u)
         products = b.T @ rest + eta.T @ unsolved, b.conj().T @ rest + eta.conj().T @ unsolved
         truncated = (truncated + left) / np.abs(slope)
         return Quotient(products, slope, truncated, y, a, np.vstack([eta, b]))
 
-    def _terms(self, parts: list[tuple[Coefficients, Complex]], z: Complex, b: Complex) -> Complex:
-        """Coefficients of b' A(z) x, as many as there are moments, shape (moments, zeros)."""
-        terms = np.zeros((len(self.E), z.size), complex)
-        for coefficients, x in parts:
-            for n, A in enumerate(coefficients):
-                terms[n] += _paired(b, times(A, x))
+    def _terms(self, A: Coefficients, x: Complex, b: Complex) -> Complex:
+        """Coefficients of b' A(w) x, as many as there are moments, shape (moments, zeros)."""
+        terms = np.zeros((len(self.E), x.shape[1]), complex)
+        for n, coefficient in enumerate(A):
+            terms[n] = _paired(b, times(coefficient, x))
         return terms
+
+    def driving(self, z: Complex, y: Complex) -> Complex:
+        """Gaps, and rates of slips: u = Lambda y."""
+        if self.gaps == len(y):
+            return y
+        return np.concatenate([y[: self.gaps], (z + self.rows.shift) * y[self.gaps :]])
+
+    def rest(self, z: Complex, eta: Complex) -> Complex:
+        """-(E - 1)' eta, shape (followed rows, zeros)."""
+        return eta - applied(self.E, self.rows.variable(z), eta, transpose=True)
 
     def motions(self, z: Complex, a: Complex) -> Complex:
         """E^-1 source a as far as it is expanded, shape (followed rows, zeros)."""
         return applied(self._expanded[0], z, a)
 
     def solve(self, x: Complex, trans: int = 0) -> Complex:
-        """E_0^-1 x, or its transpose."""
+        """Inverse of the matrix of y at z = 0 times x, or its transpose."""
         return on_parts(lambda v: self._static(v, trans), x)
 
     def _static(self, x: Array, trans: int = 0) -> Array:

@@ -44,7 +44,7 @@ class Closed:
 
 
 def least_pole(bodies: Sequence[Placed], rows: Rows) -> float:
-    """Least modulus |z|, anywhere in the box, of a pole of what the kept modes leave out."""
+    """Least modulus |w|, anywhere in the box, of a pole of what the kept modes leave out."""
     reach = min(body.component.reach for body in bodies)
     return float(np.hypot(reach, rows.shift) if rows.damped else reach**2 + SIGMA)
 
@@ -57,8 +57,8 @@ class Sample(SampleProblem):
         closed: closed contact elements of each body.
         count: number of all of them.
         forces: J of the closed elements.
-        E: coefficients of E(z).
-        source: coefficients of source(z).
+        E: coefficients of E.
+        source: coefficients of source.
         T: coefficients of T(z).
     """
 
@@ -85,7 +85,7 @@ class Sample(SampleProblem):
         if not closed.size:
             # One open element in place of none: its force is zero. There may be no element at all.
             closed = np.arange(min(1, w.size))
-        self.bodies, self.views, self._rows = bodies, views, rows
+        self.bodies, self.views, self.rows = bodies, views, rows
         self._pole = least_pole(bodies, rows)
         at = np.full(w.size, -1)
         at[closed] = np.arange(closed.size)
@@ -99,16 +99,16 @@ class Sample(SampleProblem):
 
     def _assemble(self, contact: ContactLinearisation, w: Array, omega: float) -> None:
         """E, source, forced and own of all bodies together."""
-        rows, c = self._rows, self.count
+        rows, c = self.rows, self.count
         f, g = len(rows.followed), len(rows.acting)
         any_coupled = any(b.component.coupled for b in self.bodies)
-        count, extra = len(self.views[0].D), int(rows.followed != "N")
+        count = len(self.views[0].D)
         size = self.bodies[-1].modes.stop
-        # Coefficients beyond E_0 are a hundredth of it and, with rates, many and large.
-        kind = np.float32 if rows.damped else float
-        self.E = [np.zeros((f * c, f * c), kind if n else float) for n in range(count + extra)]
+        # Coefficients beyond E_0 are a hundredth of it and, with rates, large.
+        kind = np.float32 if rows.rates else float
+        self.E = [np.zeros((f * c, f * c), kind if n else float) for n in range(count)]
         self.source = np.zeros((count if any_coupled else 1, f * c, size))
-        self.forced = np.zeros(((count if any_coupled else 1) + extra, size, f * c))
+        self.forced = np.zeros((count if any_coupled else 1, size, f * c))
         length = max(len(self.views[0].modal), count if any_coupled else 0)
         self.own = np.zeros((length, size, size))
         for body, view, at in zip(self.bodies, self.views, self.closed, strict=True):
@@ -138,15 +138,16 @@ class Sample(SampleProblem):
                 for n in range(count):
                     part = np.take(D[n], flat)
                     for i, row in enumerate(np.split(part, f)):
-                        for j, power, block in J.blocks_after(row):
-                            self.E[n + power][squares[i][j]] += block
+                        for j, block in enumerate(J.blocks_after(row)):
+                            self.E[n][squares[i][j]] += block
         self.E[0][np.diag_indices(f * c)] += 1.0
 
     def interpolation_errors(self, z: Complex, q: Quotient) -> Array:
         """Estimated errors of z that the interpolation of the moments makes, all bodies added."""
-        c, f, g = self.count, len(self._rows.followed), len(self._rows.acting)
+        c, f, g = self.count, len(self.rows.followed), len(self.rows.acting)
         total = np.zeros(z.size)
-        loads = np.vstack([self.forces(z, q.y), q.right])
+        loads = np.vstack([self.forces(self.driving(z, q.y)), q.right])
+        w = self.rows.variable(z)
         for body, view, at in zip(self.bodies, self.views, self.closed, strict=True):
             if not view.errors:
                 continue
@@ -166,7 +167,7 @@ class Sample(SampleProblem):
                 picked = error[:, rows].reshape(-1, error.shape[2])
                 product = times(picked, right).reshape(len(error), rows.size, z.size)
                 terms = np.einsum("im,nim->nm", left, product)
-                size = np.sum(np.abs(terms * z ** np.arange(len(error))[:, None]), axis=0)
+                size = np.sum(np.abs(terms * w ** np.arange(len(error))[:, None]), axis=0)
                 largest = np.maximum(largest, size)
             total += view.growth * largest
         return np.asarray(total / np.abs(q.slope))

@@ -1,10 +1,10 @@
 """Right and left vectors of single modes of a sample, and their motions at the contact elements.
 
 The zeros of the expanded T(z) come with its own vectors, which derivatives would feel to first
-order. With all moments T(z) a = own a + forced y, E y = source a, and T(z)' b = own' b + source'
-eta, E' eta = forced' b; the corrections come from the expanded T, bordered so that it is regular
-(Guettel and Tisseur, Acta Numerica 26, 2017, doi:10.1017/S0962492917000034, section 4). The motions
-of the left vector along the rows that forces act along are lead' b - D' eta, and J' of them is eta.
+order. With all moments (``problem``) T(z) a = own a + forced u, and T(z)' b = own' b + source' eta;
+the corrections come from the expanded T, bordered so that it is regular (Guettel and Tisseur, Acta
+Numerica 26, 2017, doi:10.1017/S0962492917000034, section 4). The motions of the left vector along
+the rows that forces act along are lead' b - D' eta.
 
 Displacements of modes of the reduced model, with all that the kept modes leave out.
 
@@ -124,13 +124,14 @@ def sharpened(sample: Sample, z: Complex, a: Complex, b: Complex) -> tuple[Vecto
     settled, moving, last = np.zeros(z.size, bool), np.ones(z.size, bool), np.full(z.size, np.inf)
     y: Complex | None = None
     eta: Complex | None = None
+    w = sample.rows.variable(z)
     while True:
         y, eta = right_motions(sample, z, a, y), left_motions(sample, z, b, eta)
         if not moving.any():
             return Vectors(a, b, y, eta), settled
-        right = applied(sample.own, z, a) + applied(sample.forced, z, y)
-        left = applied(sample.own, z, b, transpose=True)
-        left = left + applied(sample.source, z, eta, transpose=True)
+        right = applied(sample.own, w, a) + applied(sample.forced, w, sample.driving(z, y))
+        left = applied(sample.own, w, b, transpose=True)
+        left = left + applied(sample.source, w, eta, transpose=True)
         da, db = step(right, 0), step(left, 1)
         change = np.maximum(la.norm(da, axis=0), la.norm(db, axis=0))
         # What does not gain any more is left as it is.
@@ -148,21 +149,25 @@ def _bordered(sample: Sample, z: complex, a: Complex, b: Complex) -> tuple[Compl
 
 
 def right_motions(sample: Sample, z: Complex, a: Complex, start: Complex | None = None) -> Complex:
-    """Motions y that contact forces follow: E(z) y = source(z) a; from others nearby."""
-    source = applied(sample.source, z, a)
-    return _settled(
-        sample.motions(z, a) if start is None else start,
-        lambda y: sample.solve(source - applied(sample.E, z, y)),
-    )
+    """Motions y that contact forces follow, see ``problem``; from others nearby."""
+    w = sample.rows.variable(z)
+    source = applied(sample.source, w, a)
+
+    def step(y: Complex) -> Complex:
+        u = sample.driving(z, y)
+        return sample.solve(source + u - y - applied(sample.E, w, u))
+
+    return _settled(sample.motions(z, a) if start is None else start, step)
 
 
 def left_motions(sample: Sample, z: Complex, b: Complex, start: Complex | None = None) -> Complex:
-    """Motions eta that the left vector sees: E(z)' eta = forced(z)' b; from others nearby."""
-    forced = applied(sample.forced, z, b, transpose=True)
-    return _settled(
-        sample.solve(forced, 1) if start is None else start,
-        lambda eta: sample.solve(forced - applied(sample.E, z, eta, transpose=True), 1),
-    )
+    """Motions eta that the left vector sees, of the transposed problem; from others nearby."""
+    forced = applied(sample.forced, sample.rows.variable(z), b, transpose=True)
+
+    def step(eta: Complex) -> Complex:
+        return sample.solve(sample.driving(z, forced + sample.rest(z, eta)) - eta, 1)
+
+    return _settled(sample.solve(sample.driving(z, forced), 1) if start is None else start, step)
 
 
 def _settled(y: Complex, step: Callable[[Complex], Complex]) -> Complex:
@@ -176,14 +181,19 @@ def _settled(y: Complex, step: Callable[[Complex], Complex]) -> Complex:
 
 def slopes(sample: Sample, z: Complex, v: Vectors) -> Complex:
     """Slope b' T'(z) a of each mode."""
+    w, u = sample.rows.variable(z), sample.driving(z, v.y)
 
     def changed(A: Coefficients, x: Complex) -> Complex:
-        terms = [n * z ** (n - 1) * times(B, x) for n, B in enumerate(A) if n]
+        terms = [n * w ** (n - 1) * times(B, x) for n, B in enumerate(A) if n]
         return np.asarray(sum(terms, np.zeros((len(A[0]), z.size), complex)))
 
-    kept = changed(sample.own, v.a) + changed(sample.forced, v.y)
-    seen = changed(sample.source, v.a) - changed(sample.E, v.y)
-    return np.asarray(np.sum(v.b * kept, axis=0) + np.sum(v.eta * seen, axis=0))
+    kept = changed(sample.own, v.a) + changed(sample.forced, u)
+    seen = changed(sample.source, v.a) - changed(sample.E, u)
+    of_w = np.sum(v.b * kept, axis=0) + np.sum(v.eta * seen, axis=0)
+    # Lambda depends on z, too.
+    rates = applied(sample.forced, w, v.b, transpose=True) + sample.rest(z, v.eta)
+    of_rates = np.sum((rates * v.y)[sample.gaps :], axis=0)
+    return np.asarray(sample.rows.slope(z) * of_w + of_rates)
 
 
 def motions_of_elements(
@@ -202,7 +212,8 @@ def motions_of_elements(
         Followed rows under the right vectors, acting rows under the left ones: block -> motions,
         shape (elements, modes).
     """
-    f, g, force = len(rows.followed), len(rows.acting), sample.forces(z, v.y)
+    f, g, w = len(rows.followed), len(rows.acting), rows.variable(z)
+    force = sample.forces(sample.driving(z, v.y))
     right = np.zeros((f, elements, z.size), complex)
     left = np.zeros((g, elements, z.size), complex)
     for body, view, at in zip(sample.bodies, sample.views, sample.closed, strict=True):
@@ -214,8 +225,8 @@ def motions_of_elements(
         x[acting], u[own] = force[there], v.eta[place]
         if comp.coupled:
             x[g * m : g * m + comp.W.shape[1]], u[f * m :] = v.a[modes], v.b[modes]
-        seen = times(view.followed, v.a[modes]) - applied(view.D[:, : f * m], z, x)
-        met = times(view.acting, v.b[modes]) - applied(view.D[:, :, : g * m], z, u, transpose=True)
+        seen = times(view.followed, v.a[modes]) - applied(view.D[:, : f * m], w, x)
+        met = times(view.acting, v.b[modes]) - applied(view.D[:, :, : g * m], w, u, transpose=True)
         right[:, body.elements] += seen.reshape(f, m, z.size)
         left[:, body.elements] += met.reshape(g, m, z.size)
     return dict(zip(rows.followed, right, strict=True)), dict(zip(rows.acting, left, strict=True))
@@ -256,12 +267,12 @@ def mode_displacements(
         P = [A.T.tocsr() for A in P] if left else P
         # All modes together: solves with few columns take as long as with one.
         every = [(i, *one) for i in users for one in _driven(modes[i], component, rows, left)]
-        z = np.concatenate([modes[i].z for i, *_ in every])
+        w = np.concatenate([rows.variable(modes[i].z) for i, *_ in every])
         kept = np.hstack([a for *_, a, _ in every])
         load = np.hstack([f for *_, f in every])
         complement = Complement(P[0], component.mass, component.W)
         try:
-            u = kept + _left_out(complement, P, z, kept, load)
+            u = kept + _left_out(complement, P, w, kept, load)
         finally:
             complement.factor.destroy()
         parts = np.split(u, np.cumsum([one[2].shape[1] for one in every])[:-1], axis=1)
@@ -283,7 +294,8 @@ def _driven(
     if left:
         force, along = left_motions(m.sample, m.z, m.a), rows.followed
     else:
-        force, along = m.sample.forces(m.z, right_motions(m.sample, m.z, m.a)), rows.acting
+        u = m.sample.driving(m.z, right_motions(m.sample, m.z, m.a))
+        force, along = m.sample.forces(u), rows.acting
     interface = component.interface(m.x)
     I = sp.vstack([interface[name] for name in along]).tocsr()
     for body, at in zip(m.sample.bodies, m.sample.closed, strict=True):
@@ -294,13 +306,13 @@ def _driven(
 
 
 def _left_out(
-    complement: Complement, P: list[sp.csr_matrix], z: Complex, kept: Complex, load: Complex
+    complement: Complement, P: list[sp.csr_matrix], w: Complex, kept: Complex, load: Complex
 ) -> Complex:
-    """V of S(z)^-1 v = -load - P(z) kept, by the inverse at the shift."""
+    """V of S(w)^-1 v = -load - P(w) kept, by the inverse at the shift."""
     v = np.zeros_like(kept)
-    known = -load - np.sum([z**n * times(A, kept) for n, A in enumerate(P)], axis=0)
+    known = -load - np.sum([w**n * times(A, kept) for n, A in enumerate(P)], axis=0)
     for _ in range(STEPS):
-        rhs = known - np.sum([z**n * times(A, v) for n, A in enumerate(P) if n], axis=0)
+        rhs = known - np.sum([w**n * times(A, v) for n, A in enumerate(P) if n], axis=0)
         new = on_parts(complement.solve, rhs)
         change, v = la.norm(new - v, axis=0), new
         if np.all(change <= SETTLED * la.norm(kept + v, axis=0)):
