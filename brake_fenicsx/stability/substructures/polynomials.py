@@ -27,7 +27,7 @@ Coefficients = Array | Sequence[Array]
 
 # Steps of the division, and the relative change at which it stands still: the zeros of a truncated
 # series are corrected afterwards.
-STEPS, STILL = 40, 1e-11
+STEPS, STILL = 40, 1e-6
 
 # Steps at most for left vectors, b' L = c': each gains a factor of the size of L - 1.
 LEFT_STEPS = 16
