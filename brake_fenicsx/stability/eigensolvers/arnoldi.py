@@ -39,6 +39,13 @@ def combined(V: Array, c: Array) -> Array:
     return np.asarray((c.T @ V.T).T)
 
 
+def plus(out: Array, V: Array, c: Array, factor: float = 1.0) -> Array:
+    """Add factor V c to ``out`` in its memory; columns of the tall arrays are contiguous."""
+    if not out.size or not V.size:
+        return out
+    return np.asarray(la.blas.dgemm(factor, V, c, 1.0, out, overwrite_c=True))
+
+
 def on_parts(real: Callable[[Array], Array], x: Complex) -> Complex:
     """A real operator on complex columns: of imaginary parts only those that are there."""
     n, turned = x.shape[1], np.flatnonzero(np.any(x.imag != 0, axis=0))

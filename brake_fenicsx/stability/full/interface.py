@@ -250,4 +250,7 @@ class Inverse:
         x = self.factor.solve(b)
         first, second = (f.left, f.right) if transposed else (f.right, f.left)
         c = la.lu_solve(self._lu, first @ x, trans=int(transposed))
-        return x - (self.factor.solve(second.T @ c) if SL is None else combined(SL, c))
+        if SL is not None:
+            return x - combined(SL, c)
+        # Few rows are not zero.
+        return x - self.factor.solve(sp.csc_matrix(second.T @ c))

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import InaccurateResult
 from brake_fenicsx.macro.solver import Factor
 
-from ..eigensolvers.arnoldi import combined
+from ..eigensolvers.arnoldi import plus
 from ..modes import Complex
 from .low_rank import SHARE, MomentPlan
 from .series import Series
@@ -143,13 +143,18 @@ class Complement:
                 "the stiffness of a body is not positive definite somewhere in the box of the"
                 " random materials: narrow their distributions"
             )
-        self._W, self._MW = W, M @ W
-        self._Y = self.factor.solve(self._MW) if W.shape[1] else np.zeros_like(W)
+        self._W, self._MW = W, np.asfortranarray(M @ W)
+        self._Y = self.factor.solve(self._MW)
         self._small = np.linalg.inv(self._MW.T @ self._Y) if W.shape[1] else np.zeros((0, 0))
 
     def clear(self, b: Array) -> Array:
         """Right-hand sides without their share of the kept modes, shape (n, columns)."""
-        return np.asarray(b - self._MW @ (self._W.T @ b))
+        return plus(np.array(b, order="F"), self._MW, self._W.T @ b, -1.0)
+
+    def kept(self, P0W: Array) -> Array:
+        """S_0 P_0 W, which takes no solve, from P_0 W."""
+        x = plus(np.array(self._W, order="F"), self._Y, self._W.T @ P0W, -1.0)
+        return self._cleared(x)
 
     def solve(self, b: Array | sp.csc_matrix, cleared: bool = False) -> Array:
         """S_0 b, for a block of right-hand sides.
@@ -158,9 +163,11 @@ class Complement:
             b: shape (n, columns), dense or sparse.
             cleared: whether they have no share of the kept modes as they are.
         """
-        x = self.factor.solve(b if cleared or sp.issparse(b) else self.clear(b))
-        x -= combined(self._Y, self._small @ (self._MW.T @ x))
-        return x
+        return self._cleared(self.factor.solve(b if cleared or sp.issparse(b) else self.clear(b)))
+
+    def _cleared(self, x: Array) -> Array:
+        """Solutions without the kept modes, in the memory of ``x``."""
+        return plus(x, self._Y, self._small @ (self._MW.T @ x), -1.0)
 
 
 def coupled(body: Substructure) -> bool:

@@ -225,8 +225,10 @@ def _lowest_pole(
     c = parameters.coefficients(x)
     K, M = body.stiffness(c) / omega**2, body.mass(c)
     complement = Complement((K + SIGMA * M).tocsr(), body.mass(parameters.centre), W)
-    inverse = LinearOperator(K.shape, complement.solve, dtype=float)
-    start = complement.solve(np.ones(K.shape[0]))
+    inverse = LinearOperator(
+        K.shape, lambda b: complement.solve(b.reshape(-1, 1)).ravel(), dtype=float
+    )
+    start = inverse @ np.ones(K.shape[0])
     (found,) = eigsh(
         K, 1, M, sigma=-SIGMA, OPinv=inverse, v0=start, tol=POLE_TOLERANCE,
         return_eigenvectors=False,

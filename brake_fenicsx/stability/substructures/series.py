@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.macro.condensation import shared_columns
 from brake_fenicsx.macro.solver import BlockProduct, blocks
 
+from ..eigensolvers.arnoldi import plus
 from .low_rank import MomentPlan, combinations, completed
 from .substructure import Substructure
 
@@ -52,8 +53,12 @@ class Series:
         )
         self._O, self._I, self._loads = followed.T.tocsc(), BlockProduct(acting), body.loads
         self._complement, self._cleared, self._m = complement, cleared, W.shape[1]
-        self._left = [complement.clear(A.T @ W) for A in P]
-        self._right = [complement.clear(A @ W) for A in P]
+        # P_1 = M or -M has no share of what is left out in W.
+        coupling = [A @ W for A in P[: 1 if cleared else len(P)]]
+        turned = [A.T @ W for A in P[: len(coupling)]]
+        self._right = [complement.clear(A) for A in coupling]
+        self._left = [complement.clear(A) for A in turned[1:]]
+        self._kept = complement.kept(turned[0]) if self._m else W
         self._minus = [BlockProduct(-A.T) for A in P[1:]]
         self._columns = self._O.shape[1] + self._m
         self._width = acting.shape[0] + self._m + body.loads.shape[1]
@@ -81,14 +86,14 @@ class Series:
         """
         own, omega = shared_columns(self._columns, comm), combinations(self._columns, plan.rank)
         out = np.empty((plan.exact, own.size, self._width))
-        combined = np.zeros((self._O.shape[0], plan.rank))
+        combined = np.zeros((self._O.shape[0], plan.rank), order="F")
         for b in blocks(own.size):
             X: list[Array] = []
             for n in range(plan.exact):
                 X = [*X[-2:], self._next(X, n, own[b])]
                 self._read(X, out[n, b])
             if plan.further:
-                combined += X[-1] @ omega[own[b]]
+                combined = plus(combined, X[-1], omega[own[b]])
             progress(own[b].size * plan.exact)
         D = np.concatenate(comm.allgather(out), axis=1)
         if not plan.further:
@@ -109,18 +114,20 @@ class Series:
     def _next(self, X: list[Array], n: int, columns: Index) -> Array:
         """X_n of some columns from the last of their X_0 ... X_n-1; no columns: combinations."""
         contact = columns[columns < self._O.shape[1]]
-        if n == 0 and contact.size == columns.size:
+        modal = columns[contact.size :] - self._O.shape[1]
+        if n == 0 and not modal.size:
             return self._complement.solve(self._O[:, contact])
         if n == 0:
-            rhs = np.zeros((self._O.shape[0], columns.size), order="F")
-            rhs[:, : contact.size] = self._O[:, contact].toarray()
-        else:
-            parts = [A(x) for A, x in zip(self._minus, X[::-1], strict=False)]
-            rhs = sum(parts[1:], parts[0])
-        if n < len(self._left) and contact.size < columns.size:
-            modal = columns[contact.size :] - self._O.shape[1]
-            rhs[:, contact.size :] += self._left[n][:, modal]
-        return self._complement.solve(rhs, n > 0 and self._cleared)
+            out = np.empty((self._O.shape[0], columns.size), order="F")
+            if contact.size:
+                out[:, : contact.size] = self._complement.solve(self._O[:, contact])
+            out[:, contact.size :] = self._kept[:, modal]
+            return out
+        parts = [A(x) for A, x in zip(self._minus, X[::-1], strict=False)]
+        rhs = sum(parts[1:], parts[0])
+        if n <= len(self._left) and modal.size:
+            rhs[:, contact.size :] += self._left[n - 1][:, modal]
+        return self._complement.solve(rhs, self._cleared)
 
     def _read(self, X: list[Array], out: Array) -> None:
         """D_n of some columns from the last of their X_0 ... X_n."""
