@@ -50,6 +50,9 @@ TAIL = {False: 2, True: 4}
 # round-off, that the error which they leave in the quotient may have.
 STEPS, SHARE = 8, 0.1
 
+# Moments of the first step of eta where anything depends on a rate.
+FIRST = 2
+
 
 @dataclass(frozen=True, slots=True)
 class Quotient:
@@ -192,6 +195,10 @@ class SampleProblem:
         y, last = self.motions(z, a), np.full(z.size, np.inf)
         forced = applied(self.forced, w, b, transpose=True)
         eta = self.solve(self.driving(z, forced), 1)
+        if self.rows.rates:
+            # Lambda is far from that of z = 0: a step with the first moments spares a whole one.
+            seen = forced + self.rest(z, eta, FIRST)
+            eta = eta + self.solve(self.driving(z, seen) - eta, 1)
         for _ in range(STEPS):
             u = self.driving(z, y)
             moved = [-times(A, u) for A in self.E]
@@ -236,9 +243,9 @@ class SampleProblem:
             return y
         return np.concatenate([y[: self.gaps], (z + self.rows.shift) * y[self.gaps :]])
 
-    def rest(self, z: Complex, eta: Complex) -> Complex:
-        """-(E - 1)' eta, shape (followed rows, zeros)."""
-        return eta - applied(self.E, self.rows.variable(z), eta, transpose=True)
+    def rest(self, z: Complex, eta: Complex, moments: int | None = None) -> Complex:
+        """-(E - 1)' eta, shape (followed rows, zeros); of all moments if None."""
+        return eta - applied(self.E[:moments], self.rows.variable(z), eta, transpose=True)
 
     def motions(self, z: Complex, a: Complex) -> Complex:
         """E^-1 source a as far as it is expanded, shape (followed rows, zeros)."""
