@@ -152,10 +152,12 @@ def _record(
     Raises:
         NotConverged: a mode misses the tolerance by more than round-off explains.
     """
-    left = paired(f.kappa, f.left, times(p.M, f.right))
-    condition, error = undamped_errors(p.K, p.M, f.kappa, f.right, left)
+    MX = times(p.M, f.right)
+    rest = times(p.K, f.right) - f.kappa * MX
+    left = paired(f.kappa, f.left, MX)
+    condition, error = undamped_errors(p.M, f.kappa, f.right, left, rest, MX)
     pencil = QuadraticPencil(p.M, None, p.K)
-    residual, backward = residuals(pencil, np.sqrt(-f.kappa), f.right)
+    residual, backward = residuals(pencil, np.sqrt(-f.kappa), f.right, rest, MX)
     order, lam, spread, real = undamped_rows(f.kappa, error, band)
     missed = (residual > tolerance) & (backward > ROUND_OFF)
     if np.any(missed[order]):

@@ -64,7 +64,9 @@ class QuadraticPencil:
         return out if self.C is None else out + times(self.C, X)
 
 
-def residuals(p: QuadraticPencil, s: Complex, X: Complex) -> tuple[Array, Array]:
+def residuals(
+    p: QuadraticPencil, s: Complex, X: Complex, rest: Complex, MX: Complex
+) -> tuple[Array, Array]:
     """Relative residual and normwise backward error of each mode, Euclidean norms.
 
     The first is |P(lambda) phi| / |lambda^2 M phi|; of rigid modes, whose lambda^2 is round-off,
@@ -76,10 +78,12 @@ def residuals(p: QuadraticPencil, s: Complex, X: Complex) -> tuple[Array, Array]
         p: the problem.
         s: eigenvalues lambda [1/s], shape (modes,).
         X: their right vectors, shape (dofs, modes).
+        rest: P(lambda) X.
+        MX: M X.
     """
-    r, squared, tiny = np.linalg.norm(p.times(s, X), axis=0), np.abs(s) ** 2, np.finfo(float).tiny
+    r, squared, tiny = np.linalg.norm(rest, axis=0), np.abs(s) ** 2, np.finfo(float).tiny
     inertia = np.maximum(squared, 1e-6 * squared.max(initial=0.0))
-    inertia = np.maximum(inertia * np.linalg.norm(times(p.M, X), axis=0), tiny)
+    inertia = np.maximum(inertia * np.linalg.norm(MX, axis=0), tiny)
     norm = squared * norm_bound(p.M) + norm_bound(p.K)
     if p.C is not None:
         norm = norm + np.abs(s) * norm_bound(p.C)
@@ -97,21 +101,24 @@ def inner(left: Complex, right: Complex) -> Complex:
     return np.asarray(np.einsum("im,im->m", left.conj(), right))
 
 
-def mass_norms(M: sp.spmatrix, right: Complex, left: Complex) -> Array:
-    """Product of the norms of each right and left vector in the mass."""
-    first, second = (inner(X, times(M, X)).real for X in (right, left))
-    return np.asarray(np.sqrt(first * second))
-
-
 def undamped_errors(
-    K: sp.spmatrix, M: sp.spmatrix, kappa: Complex, right: Complex, left: Complex
+    M: sp.spmatrix, kappa: Complex, right: Complex, left: Complex, rest: Complex, MX: Complex
 ) -> tuple[Array, Array]:
-    """Condition numbers in the norm of M, and errors from the two-sided quotient [1/s^2]."""
-    MX = times(M, right)
+    """Condition numbers in the norm of M, and errors from the two-sided quotient [1/s^2].
+
+    Args:
+        M: mass [kg].
+        kappa: eigenvalues [1/s^2], shape (modes,).
+        right: right vectors, shape (dofs, modes).
+        left: left vectors, likewise.
+        rest: K phi - kappa M phi of the right vectors.
+        MX: M phi.
+    """
     overlap = inner(left, MX)
+    norms = np.sqrt(inner(right, MX).real * inner(left, times(M, left)).real)
     with np.errstate(divide="ignore"):
-        condition = mass_norms(M, right, left) / np.abs(overlap)
-    first = np.abs(inner(left, times(K, right) - kappa * MX) / overlap)
+        condition = norms / np.abs(overlap)
+    first = np.abs(inner(left, rest) / overlap)
     # What the quotient of two inexact vectors leaves open, and the round-off of the solves.
     return condition, first + SOLVES * condition * np.abs(kappa).max(initial=0.0)
 
@@ -121,7 +128,8 @@ def damped_errors(
 ) -> tuple[Array, Array]:
     """Condition numbers in the norm of M, and errors from the two-sided quotient [1/s]."""
     overlap = np.abs(inner(left, p.slope(s, right)))
-    condition = 2 * np.abs(s) * mass_norms(p.M, right, left) / overlap
+    first, second = (inner(X, times(p.M, X)).real for X in (right, left))
+    condition = 2 * np.abs(s) * np.sqrt(first * second) / overlap
     first = np.abs(inner(left, p.times(s, right))) / overlap
     # The round-off of K phi, which is all that there is of a rigid mode.
     lengths = np.linalg.norm(right, axis=0) * np.linalg.norm(left, axis=0)

@@ -32,7 +32,7 @@ from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.macro.solver import Factor
 
 from ..eigensolvers.argument_principle import RIM
-from ..eigensolvers.arnoldi import nearest_modes, with_conjugates
+from ..eigensolvers.arnoldi import nearest_modes, times, with_conjugates
 from ..eigensolvers.eigenpairs import (
     ROUND_OFF,
     QuadraticPencil,
@@ -161,7 +161,8 @@ def damped_modes(
     condition, error = damped_errors(pencil, s, right, left)
     rows, s = damped_rows(s, right, error, (low, high), zeta_max)
     right, left = right[:, rows], left[:, rows]
-    residual, backward = residuals(pencil, s, right)
+    rest = pencil.times(s, right)
+    residual, backward = residuals(pencil, s, right, rest, times(pencil.M, right))
     if np.any((residual > tolerance) & (backward > ROUND_OFF)):
         raise NotConverged(
             f"damped modes: relative residual {residual.max():.1e}, wanted {tolerance:.0e}"
