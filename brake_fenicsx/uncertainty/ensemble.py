@@ -18,6 +18,10 @@ from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.folder.termination import asked, ending, finishing
 
+# A sample at full order takes as long as so many others: where there are more of them than that, one
+# process computes it alone, which takes less work than two that share it, while another one is busy.
+AS_LONG = 400
+
 # Beyond all samples: how a run that is to end keeps its processes from taking more.
 _NO_MORE = 2**40
 
@@ -47,7 +51,7 @@ def run_ensemble(
         large: samples that take longer and come first.
         what: what the samples are called in the log.
         paired: whether two processes may share a long sample, where there are more processes than
-            such samples.
+            such samples, and not so many others that all are busy anyway.
     """
     if store.share is not None:
         large, tasks = store.share.part(large), store.share.part(tasks)
@@ -79,6 +83,7 @@ def _run(
     by two processes.
     """
     progress = Progress(what, len(wanted), large)
+    paired = paired and len(wanted) - large < AS_LONG * large
     shared = min(large % comm.size, comm.size // 2) if paired else 0
     first, wanted, pair = wanted[:shared], wanted[shared:], comm.rank // 2
     defect: Any = None

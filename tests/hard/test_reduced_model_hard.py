@@ -59,6 +59,15 @@ def test_penalty_of_perfect_contact(two_blocks, k, x):
     assert sample.agrees(sample.modes(offline(scene, changing=bool(x)))) < 1e-4
 
 
+@pytest.mark.parametrize("case", ["sliding", "falling"])
+@pytest.mark.parametrize("factor", [0.1, 1e3, 1e5])
+def test_rates_at_the_contact_alone(two_blocks, case, factor):
+    """Bodies in powers of kappa, contact forces of rates, and soft to stiff contact."""
+    scene = two_blocks("coarse")
+    sample = Sample(scene, case, mu=0.5, k=factor * scattered(scene, 4))
+    assert sample.agrees(sample.modes(offline(scene, case))) < 1e-5
+
+
 def test_contact_all_but_rigid_and_damped(two_blocks):
     """At 1e6 K0 the dense solution is inaccurate: compared with the modes at 1e5 K0."""
     scene = two_blocks("coarse")

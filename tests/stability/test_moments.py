@@ -54,6 +54,19 @@ def test_a_body_without_damping_has_the_moments_of_its_modes(count):
         assert np.abs(got - exact).max() < far * np.abs(exact).max()
 
 
+@pytest.mark.parametrize("followed, damped", [("N", False), ("NR", False), ("NR", True)])
+def test_the_variable_of_the_bodies(followed, damped):
+    """By kappa = -lambda^2, in powers of the eigenvalue z, and its slope by a difference."""
+    rows, lam, h = Rows(followed, damped), np.array([0.3j, -0.1 + 0.9j]), 1e-6
+    z = lam - rows.shift if rows.rates else SIGMA - lam**2
+    w = rows.variable(z)
+    np.testing.assert_allclose(w, z if damped else SIGMA - lam**2, rtol=1e-14)
+    C = rows.powers(4)
+    np.testing.assert_allclose(z[:, None] ** np.arange(len(C)) @ C, w[:, None] ** np.arange(4))
+    change = (rows.variable(z + h) - rows.variable(z - h)) / (2 * h)
+    np.testing.assert_allclose(rows.slope(z), change, rtol=1e-9)
+
+
 @pytest.mark.hard
 @pytest.mark.together
 @pytest.mark.parametrize(("falls", "damped"), [(True, False), (True, True), (False, False)])

@@ -17,7 +17,7 @@ Numerica 26, 2017, doi:10.1017/S0962492917000034).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -26,22 +26,15 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
-from brake_fenicsx.errors import InaccurateResult
-
 from ..eigensolvers.arnoldi import on_parts, times
 from ..modes import Complex
 from .errors import ROUND_OFF
-from .moments import SIGMA, Rows
+from .expansion import expanded
+from .moments import Rows
 from .polynomials import Coefficients, Zeros, applied, zeros
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
-
-# Least power of z in T (two of lambda for each of kappa), the most, and the share of T_0 that the
-# last one (two of lambda) may have at the end of the band. Measured against full order on a block,
-# mu p / V from 0.03 to 0.9 times the impedance of the lining: the stated errors hold where this is
-# settled, and are up to 16 times too small where it is not.
-LEAST, MOST, SETTLED = {False: 2, True: 4}, 16, 1e-3
 
 # Last known terms that tell what is truncated.
 TAIL = {False: 2, True: 4}
@@ -50,7 +43,7 @@ TAIL = {False: 2, True: 4}
 # round-off, that the error which they leave in the quotient may have.
 STEPS, SHARE = 8, 0.1
 
-# Moments of the first step of eta where anything depends on a rate.
+# Moments of the first step of eta where forces follow rates.
 FIRST = 2
 
 
@@ -89,7 +82,7 @@ class SampleProblem:
     """
 
     def __init__(
-        self, E: Coefficients, source: Array, forced: Coefficients, own: Array, rows: Rows,
+        self, E: Sequence[Array], source: Array, forced: Coefficients, own: Array, rows: Rows,
         pole: float,
     ):  # fmt: skip
         """Take the coefficients.
@@ -128,55 +121,7 @@ class SampleProblem:
 
     @cached_property
     def _expanded(self) -> tuple[Array, Array]:
-        return self._series()
-
-    def _series(self) -> tuple[Array, Array]:
-        """Coefficients of E^-1 source and of T, as many as it takes.
-
-        Raises:
-            InaccurateResult: the series does not settle.
-        """
-        Y: list[Array] = []
-        u: list[Array] = []
-        T: list[Array] = []
-        sizes: list[float] = []
-        rates, gaps, shift = self.rows.rates, self.gaps, self.rows.shift
-        end = float(np.hypot(1.0, shift) if rates else 1.0 + SIGMA)
-        source, own = self._in_powers_of_z(self.source), self._in_powers_of_z(self.own)
-        powers = self.rows.powers(len(self.E))
-
-        def times_u(A: Coefficients, m: int, first: int) -> Iterator[Array]:
-            """Coefficients of A_n w^n u at z^m, A_first and those after it."""
-            for n in range(first, min(m, len(A) - 1) + 1):
-                terms = [k for k in range(n, m + 1) if k < len(powers) and powers[k, n]]
-                x = sum(powers[k, n] * u[m - k] for k in terms)
-                yield A[n] @ np.asarray(x, A[n].dtype)
-
-        for m in range(MOST + 1):
-            rhs = source[m].copy() if m < len(source) else np.zeros_like(source[0])
-            if m and gaps < len(rhs):
-                rhs[gaps:] += Y[-1][gaps:]
-                rhs -= self.E[0][:, gaps:] @ Y[-1][gaps:]
-            for product in times_u(self.E, m, 1):
-                rhs -= product
-            Y.append(self._static(rhs))
-            u.append(Y[m].copy())
-            if gaps < len(rhs):
-                u[m][gaps:] = shift * Y[m][gaps:] + (Y[m - 1][gaps:] if m else 0.0)
-            T.append(own[m].copy() if m < len(own) else np.zeros_like(own[0]))
-            T[m] += sum(times_u(self.forced, m, 0))
-            sizes.append(float(la.norm(T[m])) * end**m)
-            if m >= LEAST[rates] and max(sizes[-2 if rates else -1 :]) <= SETTLED * sizes[0]:
-                return np.array(Y), np.array(T)
-        raise InaccurateResult(
-            "the motions of the contact are no short series in lambda: the damping of sliding,"
-            ' mu p / V, is too strong for the reduced model; use stability.method = "full", or'
-            ' stability.on_tolerance = "full order"'
-        )
-
-    def _in_powers_of_z(self, A: Array) -> Array:
-        """Coefficients of A(w), shape (terms, rows, columns)."""
-        return np.tensordot(self.rows.powers(len(A)), A, 1)
+        return expanded(self.E, self.source, self.forced, self.own, self.rows, self._static)
 
     def zeros(self, reach: float, near: Callable[[Complex], Index]) -> Zeros:
         """Zeros of T, none missing up to a modulus; vectors of those that ``near`` chooses."""
@@ -195,7 +140,7 @@ class SampleProblem:
         y, last = self.motions(z, a), np.full(z.size, np.inf)
         forced = applied(self.forced, w, b, transpose=True)
         eta = self.solve(self.driving(z, forced), 1)
-        if self.rows.rates:
+        if gaps < len(eta):
             # Lambda is far from that of z = 0: a step with the first moments spares a whole one.
             seen = forced + self.rest(z, eta, FIRST)
             eta = eta + self.solve(self.driving(z, seen) - eta, 1)

@@ -64,7 +64,7 @@ class UnitContact:
         none = np.zeros_like(unit)
         one = model.sample(p, ContactLinearisation.of(unit, 0.0))
         other = model.sample(p, ContactLinearisation(none, unit, none, none))
-        D = []
+        D: list[list[NDArray[Any]]] = []
         for sample in (one, other):
             sample.E[0][np.diag_indices(unit.size)] -= 1.0
             D.append([sample.E[0], *(E.astype(np.float32) for E in sample.E[1:])])
