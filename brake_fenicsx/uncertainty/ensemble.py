@@ -18,8 +18,9 @@ from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.folder.termination import asked, ending, finishing
 
-# A sample at full order takes as long as so many others: where there are more of them than that, one
-# process computes it alone, which takes less work than two that share it, while another one is busy.
+# A sample at full order takes as long as so many others (measured: the reference brake). Where there
+# are enough to keep all other processes busy, one process computes it alone: two that share it do
+# more work in all.
 AS_LONG = 400
 
 # Beyond all samples: how a run that is to end keeps its processes from taking more.
@@ -83,8 +84,9 @@ def _run(
     by two processes.
     """
     progress = Progress(what, len(wanted), large)
-    paired = paired and len(wanted) - large < AS_LONG * large
-    shared = min(large % comm.size, comm.size // 2) if paired else 0
+    left_over = large % comm.size
+    paired = paired and len(wanted) - large < AS_LONG * (comm.size - left_over)
+    shared = min(left_over, comm.size // 2) if paired else 0
     first, wanted, pair = wanted[:shared], wanted[shared:], comm.rank // 2
     defect: Any = None
     with _Counter(comm) as counter, finishing():

@@ -10,6 +10,7 @@ import pytest
 from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.folder.processes import in_turns, meanwhile
 from brake_fenicsx.results.stored import Results
+from brake_fenicsx.uncertainty import ensemble
 from brake_fenicsx.uncertainty.ensemble import run_ensemble
 
 pytestmark = pytest.mark.together
@@ -106,6 +107,19 @@ def test_two_processes_share_a_long_sample_that_is_left_over(store, number):
     assert str(value(store, large[0])["status"]) == "stalls"
     sizes = [int(value(store, t)["x"]) for t in [*large[1:], *TASKS]]
     assert sizes == [2] * max(together - 1, 0) + [1] * (len(sizes) - max(together - 1, 0))
+
+
+def test_a_long_sample_is_not_shared_where_others_keep_all_busy(store, monkeypatch):
+    """Two processes that share it do more work in all."""
+    monkeypatch.setattr(ensemble, "AS_LONG", len(TASKS) // COMM.size)
+    sizes = []
+
+    def work(task, comm=MPI.COMM_SELF):
+        sizes.append(comm.size)
+        return {"x": np.array(1)}
+
+    run_ensemble(TASKS, work, store, COMM, [("classical", 0)], paired=True)
+    assert sizes == [1] * len(sizes)
 
 
 def test_the_first_process_does_other_work_meanwhile():
