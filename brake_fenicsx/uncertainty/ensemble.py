@@ -19,8 +19,8 @@ from brake_fenicsx.folder.store import Store
 from brake_fenicsx.folder.termination import asked, ending, finishing
 
 # A sample at full order takes as long as so many others (measured at the reference brake). Where
-# there are enough to keep all other processes busy, one process computes it alone: two that share it
-# do more work in all.
+# these keep all other processes busy, one process computes it alone: two that share it do more work
+# in all.
 AS_LONG = 400
 
 # Beyond all samples: how a run that is to end keeps its processes from taking more.

@@ -1,21 +1,21 @@
 r"""Moments of what the kept modes of a substructure leave out: residual flexibility and beyond.
 
-Without contact a substructure is a matrix polynomial P(z) = P_0 + z P_1 + z^2 P_2 about a real
+Without contact a substructure is a matrix polynomial P(w) = P_0 + w P_1 + w^2 P_2 about a real
 shift, in units in which the end of the band is 1:
 
-    undamped    z = kappa + sigma,      P = [K + sigma M, -M],                  kappa = -lambda^2
-    damped      z = lambda - lambda_0,  P = [K + lambda_0 C + sigma M, C + 2 lambda_0 M, M]
+    undamped    w = kappa + sigma,      P = [K + sigma M, -M],                  kappa = -lambda^2
+    damped      w = lambda - lambda_0,  P = [K + lambda_0 C + sigma M, C + 2 lambda_0 M, M]
 
-with sigma = lambda_0^2. With u = W a + v, W the kept modes and v M-orthogonal to them, let S(z) be
-the inverse of P(z) on these v. All that the interface and the kept modes know of v is
+with sigma = lambda_0^2. With u = W a + v, W the kept modes and v M-orthogonal to them, let S(w) be
+the inverse of P(w) on these v. All that the interface and the kept modes know of v is
 
-    D(z) = [O; W'P(z)] S(z) [I', P(z) W, F'] = sum z^n D_n,
+    D(w) = [O; W'P(w)] S(w) [I', P(w) W, F'] = sum w^n D_n,
 
 O the rows of the motions that contact forces follow, I those that they act along, F loads. D_0
 holds the residual flexibility (MacNeal 1971, Rubin 1975); the higher moments are those that
 second-order Arnoldi methods match (Bai and Su, SIAM J. Matrix Anal. Appl. 26, 2005), here computed
 exactly about one point, of a body without damping in powers of kappa + sigma. Where the modes are
-those of the body itself and it is not damped, P(z) W lies in the span of M W and couples with
+those of the body itself and it is not damped, P(w) W lies in the span of M W and couples with
 nothing.
 """
 
@@ -196,7 +196,7 @@ def number_of_columns(body: Substructure, kept: int, rows: Rows) -> int:
 
 
 def _even(body: Substructure, rows: Rows) -> bool:
-    """Whether a body without damping among rates: a series in z^2 + 2 lambda_0 z, half as long."""
+    """Whether an undamped body among damped ones: half as long a series, in w^2 + 2 lambda_0 w."""
     return rows.damped and not body.ratios and not coupled(body)
 
 
@@ -241,11 +241,11 @@ def moments(
     if not error <= SHARE:
         D, _ = series.moments(MomentPlan(plan.exact + plan.further), comm)
     complement.factor.destroy()
-    return _in_powers_of_z(D, rows.shift, count) if even else D
+    return _in_powers_of_w(D, rows.shift, count) if even else D
 
 
-def _in_powers_of_z(D: Array, s: float, count: int) -> Array:
-    """Coefficients of z^n of the sum of (z^2 + 2 s z)^k D_k."""
+def _in_powers_of_w(D: Array, s: float, count: int) -> Array:
+    """Coefficients of w^n of the sum of (w^2 + 2 s w)^k D_k."""
     out = np.zeros((count, *D.shape[1:]))
     for k, one in enumerate(D):
         for i in range(min(k + 1, count - k)):

@@ -1,7 +1,7 @@
-"""The series X(z) = S(z)' L(z)' of a body, and its moments D(z) = X(z)' R(z).
+"""The series X(w) = S(w)' L(w)' of a body, and its moments D(w) = X(w)' R(w).
 
-With the letters of ``moments``: L(z)' = [O', P(z)'W] has a column for each contact row that forces
-follow and each coupled kept mode, R(z) = [I', P(z)W, F'] one for each contact row that forces act
+With the letters of ``moments``: L(w)' = [O', P(w)'W] has a column for each contact row that forces
+follow and each coupled kept mode, R(w) = [I', P(w)W, F'] one for each contact row that forces act
 along, coupled kept mode and load.
 """
 
@@ -31,13 +31,13 @@ Index = NDArray[np.intp]
 
 
 class Series:
-    """X(z) column by column, and D(z)."""
+    """X(w) column by column, and D(w)."""
 
     def __init__(
         self, body: Substructure, P: Sequence[sp.csr_matrix], complement: Complement, W: Array,
         rows: Rows, cleared: bool,
     ):  # fmt: skip
-        """Prepare both sides L(z) and R(z).
+        """Prepare both sides L(w) and R(w).
 
         Args:
             body: the body.
