@@ -78,8 +78,9 @@ def test_stated_errors_of_the_demo_brake_hold():
     smooth = [
         "contact.pad_disc.gap = none",
         "contact.pad_disc.law = { p0 = '2e5 Pa', u0 = '2e-6 m' }",
-        "samples.approaches = ['multi-scale']", "stages = ['equilibrium','stability','uncertainty']",
-    ]  # fmt: skip
+        "samples.approaches = ['multi-scale']",
+        "stages = ['equilibrium','stability','uncertainty']",
+    ]
     scene = read_scene(SCENE.with_name("disc_brake_demo.toml"), smooth)
     b = assemble_brake(scene, MPI.COMM_SELF)
     band, rng = (0.0, 8e3), np.random.default_rng(0)
