@@ -153,11 +153,11 @@ def _record(
         NotConverged: a mode misses the tolerance by more than round-off explains.
     """
     MX = times(p.M, f.right)
-    rest = times(p.K, f.right) - f.kappa * MX
+    R = times(p.K, f.right) - f.kappa * MX
     left = paired(f.kappa, f.left, MX)
-    condition, error = undamped_errors(p.M, f.kappa, f.right, left, rest, MX)
+    condition, error = undamped_errors(p.M, f.kappa, f.right, left, R, MX)
     pencil = QuadraticPencil(p.M, None, p.K)
-    residual, backward = residuals(pencil, np.sqrt(-f.kappa), f.right, rest, MX)
+    residual, backward = residuals(pencil, np.sqrt(-f.kappa), f.right, R, MX)
     order, lam, spread, real = undamped_rows(f.kappa, error, band)
     missed = (residual > tolerance) & (backward > ROUND_OFF)
     if np.any(missed[order]):

@@ -81,7 +81,7 @@ def _run(
     """Compute the samples, each on the process that takes it next; large ones come first.
 
     Those that are left over when every process has had as many come before all others, each shared
-    by two processes.
+    by two processes, unless the other samples keep all processes busy.
     """
     progress = Progress(what, len(wanted), large)
     left_over = large % comm.size

@@ -65,7 +65,7 @@ class QuadraticPencil:
 
 
 def residuals(
-    p: QuadraticPencil, s: Complex, X: Complex, rest: Complex, MX: Complex
+    p: QuadraticPencil, s: Complex, X: Complex, R: Complex, MX: Complex
 ) -> tuple[Array, Array]:
     """Relative residual and normwise backward error of each mode, Euclidean norms.
 
@@ -78,10 +78,10 @@ def residuals(
         p: the problem.
         s: eigenvalues lambda [1/s], shape (modes,).
         X: their right vectors, shape (dofs, modes).
-        rest: P(lambda) X.
+        R: residual vectors P(lambda) X.
         MX: M X.
     """
-    r, squared, tiny = np.linalg.norm(rest, axis=0), np.abs(s) ** 2, np.finfo(float).tiny
+    r, squared, tiny = np.linalg.norm(R, axis=0), np.abs(s) ** 2, np.finfo(float).tiny
     inertia = np.maximum(squared, 1e-6 * squared.max(initial=0.0))
     inertia = np.maximum(inertia * np.linalg.norm(MX, axis=0), tiny)
     norm = squared * norm_bound(p.M) + norm_bound(p.K)
@@ -102,7 +102,7 @@ def inner(left: Complex, right: Complex) -> Complex:
 
 
 def undamped_errors(
-    M: sp.spmatrix, kappa: Complex, right: Complex, left: Complex, rest: Complex, MX: Complex
+    M: sp.spmatrix, kappa: Complex, right: Complex, left: Complex, R: Complex, MX: Complex
 ) -> tuple[Array, Array]:
     """Condition numbers in the norm of M, and errors from the two-sided quotient [1/s^2].
 
@@ -111,14 +111,14 @@ def undamped_errors(
         kappa: eigenvalues [1/s^2], shape (modes,).
         right: right vectors, shape (dofs, modes).
         left: left vectors, likewise.
-        rest: K phi - kappa M phi of the right vectors.
+        R: residual vectors K phi - kappa M phi.
         MX: M phi.
     """
     overlap = inner(left, MX)
     norms = np.sqrt(inner(right, MX).real * inner(left, times(M, left)).real)
     with np.errstate(divide="ignore"):
         condition = norms / np.abs(overlap)
-    first = np.abs(inner(left, rest) / overlap)
+    first = np.abs(inner(left, R) / overlap)
     # What the quotient of two inexact vectors leaves open, and the round-off of the solves.
     return condition, first + SOLVES * condition * np.abs(kappa).max(initial=0.0)
 

@@ -161,8 +161,8 @@ def damped_modes(
     condition, error = damped_errors(pencil, s, right, left)
     rows, s = damped_rows(s, right, error, (low, high), zeta_max)
     right, left = right[:, rows], left[:, rows]
-    rest = pencil.times(s, right)
-    residual, backward = residuals(pencil, s, right, rest, times(pencil.M, right))
+    R, MX = pencil.times(s, right), times(pencil.M, right)
+    residual, backward = residuals(pencil, s, right, R, MX)
     if np.any((residual > tolerance) & (backward > ROUND_OFF)):
         raise NotConverged(
             f"damped modes: relative residual {residual.max():.1e}, wanted {tolerance:.0e}"

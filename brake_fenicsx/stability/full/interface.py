@@ -252,5 +252,5 @@ class Inverse:
         c = la.lu_solve(self._lu, first @ x, trans=int(transposed))
         if SL is not None:
             return x - combined(SL, c)
-        # Few rows are not zero.
+        # Only the rows of contact nodes are not zero.
         return x - self.factor.solve(sp.csc_matrix(second.T @ c))

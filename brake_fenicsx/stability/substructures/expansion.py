@@ -35,12 +35,12 @@ def expanded(
     """Coefficients of y as a function of a, and of T, as many as it takes.
 
     Args:
-        E: coefficients of E(w), likewise of the next ones.
-        source: of source(w).
-        forced: of forced(w).
-        own: of own(w).
+        E: coefficients in powers of w.
+        source: likewise.
+        forced: likewise.
+        own: likewise.
         rows: blocks of contact rows.
-        solve: inverse of the matrix of y_m.
+        solve: solves with the matrix of y_m.
 
     Raises:
         InaccurateResult: the series does not settle.
@@ -49,8 +49,9 @@ def expanded(
     u: list[Array] = []
     T: list[Array] = []
     sizes: list[float] = []
-    gaps, rates = len(E[0]) // len(rows.followed), rows.rates
+    gaps, rates = rows.gaps(len(E[0])), rows.rates
     end = float(np.hypot(1.0, rows.shift) if rates else 1.0 + SIGMA)
+    # In powers of z.
     source, own = (np.tensordot(rows.powers(len(A)), A, 1) for A in (source, own))
     powers = rows.powers(len(E))
 
@@ -62,17 +63,18 @@ def expanded(
             yield A[n] @ np.asarray(x, A[n].dtype)
 
     for m in range(MOST + 1):
-        rhs = source[m].copy() if m < len(source) else np.zeros_like(source[0])
+        rhs = source[m] if m < len(source) else np.zeros_like(source[0])
         if m and gaps < len(rhs):
             rhs[gaps:] += y[-1][gaps:]
             rhs -= E[0][:, gaps:] @ y[-1][gaps:]
         for product in times_u(E, m, 1):
             rhs -= product
         y.append(solve(rhs))
-        u.append(y[m].copy())
+        u.append(y[m])
         if gaps < len(rhs):
+            u[m] = y[m].copy()
             u[m][gaps:] = rows.shift * y[m][gaps:] + (y[m - 1][gaps:] if m else 0.0)
-        T.append(own[m].copy() if m < len(own) else np.zeros_like(own[0]))
+        T.append(own[m] if m < len(own) else np.zeros_like(own[0]))
         T[m] += sum(times_u(forced, m, 0))
         sizes.append(float(la.norm(T[m])) * end**m)
         if m >= LEAST[rates] and max(sizes[-2 if rates else -1 :]) <= SETTLED * sizes[0]:

@@ -77,17 +77,26 @@ class Rows:
         """lambda_0; 0 where eigenvalues are z = kappa + sigma."""
         return float(np.sqrt(SIGMA)) if self.rates else 0.0
 
+    def gaps(self, motions: int) -> int:
+        """Gaps among a number of motions that forces follow; slips come after them."""
+        return motions // len(self.followed)
+
+    @property
+    def _contact_rates_alone(self) -> bool:
+        """Whether contact forces follow rates and bodies do not, so that w is not z."""
+        return self.rates and not self.damped
+
     def variable(self, z: Complex) -> Complex:
         """The variable w of the bodies at eigenvalues z."""
-        return z if self.rates == self.damped else SIGMA - (z + self.shift) ** 2
+        return SIGMA - (z + self.shift) ** 2 if self._contact_rates_alone else z
 
     def slope(self, z: Complex) -> Complex:
         """dw/dz."""
-        return np.ones_like(z) if self.rates == self.damped else -2 * (z + self.shift)
+        return -2 * (z + self.shift) if self._contact_rates_alone else np.ones_like(z)
 
     def powers(self, count: int) -> Array:
         """Coefficients of z^m in w^n, n < count, shape (powers of z, count)."""
-        w = [0.0, 1.0] if self.rates == self.damped else [0.0, -2 * self.shift, -1.0]
+        w = [0.0, -2 * self.shift, -1.0] if self._contact_rates_alone else [0.0, 1.0]
         out = np.zeros(((count - 1) * (len(w) - 1) + 1, count))
         out[0, 0] = 1.0
         for n in range(1, count):

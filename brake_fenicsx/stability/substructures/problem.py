@@ -106,7 +106,7 @@ class SampleProblem:
 
     @cached_property
     def _lu(self) -> tuple[NDArray[Any], NDArray[Any]] | None:
-        """Factor of the matrix of y at z = 0."""
+        """Factor of 1 + (E_0 - 1) Lambda_0."""
         if not len(self.E[0]):
             return None
         A, shift = self.E[0].copy(), self.rows.shift
@@ -117,7 +117,7 @@ class SampleProblem:
     @property
     def gaps(self) -> int:
         """Gaps among the motions that contact forces follow; slips come after them."""
-        return len(self.E[0]) // len(self.rows.followed)
+        return self.rows.gaps(len(self.E[0]))
 
     @cached_property
     def _expanded(self) -> tuple[Array, Array]:
@@ -139,19 +139,19 @@ class SampleProblem:
         source = [times(A, a) for A in self.source]
         y, last = self.motions(z, a), np.full(z.size, np.inf)
         forced = applied(self.forced, w, b, transpose=True)
-        eta = self.solve(self.driving(z, forced), 1)
+        eta = self.solve(self.gaps_and_rates(z, forced), 1)
         if gaps < len(eta):
             # Lambda is far from that of z = 0: a step with the first moments spares a whole one.
-            seen = forced + self.rest(z, eta, FIRST)
-            eta = eta + self.solve(self.driving(z, seen) - eta, 1)
+            seen = forced + self.left_response(z, eta, FIRST)
+            eta = eta + self.solve(self.gaps_and_rates(z, seen) - eta, 1)
         for _ in range(STEPS):
-            u = self.driving(z, y)
+            u = self.gaps_and_rates(z, y)
             moved = [-times(A, u) for A in self.E]
             for n, product in enumerate(source):
                 moved[n] = moved[n] + product
             unsolved = u - y + np.sum([w**n * x for n, x in enumerate(moved)], axis=0)
-            seen = forced + self.rest(z, eta)
-            change = self.solve(self.driving(z, seen) - eta, 1)
+            seen = forced + self.left_response(z, eta)
+            change = self.solve(self.gaps_and_rates(z, seen) - eta, 1)
             eta = eta + change
             terms = kept + self._terms(self.forced, u, b)
             terms += np.array([_paired(eta, x) for x in moved])
@@ -182,22 +182,22 @@ class SampleProblem:
             terms[n] = _paired(b, times(coefficient, x))
         return terms
 
-    def driving(self, z: Complex, y: Complex) -> Complex:
+    def gaps_and_rates(self, z: Complex, y: Complex) -> Complex:
         """Gaps, and rates of slips: u = Lambda y."""
         if self.gaps == len(y):
             return y
         return np.concatenate([y[: self.gaps], (z + self.rows.shift) * y[self.gaps :]])
 
-    def rest(self, z: Complex, eta: Complex, moments: int | None = None) -> Complex:
-        """-(E - 1)' eta, shape (followed rows, zeros); of all moments if None."""
+    def left_response(self, z: Complex, eta: Complex, moments: int | None = None) -> Complex:
+        """(1 - E)' eta, shape (followed rows, zeros); with all moments if None."""
         return eta - applied(self.E[:moments], self.rows.variable(z), eta, transpose=True)
 
     def motions(self, z: Complex, a: Complex) -> Complex:
-        """E^-1 source a as far as it is expanded, shape (followed rows, zeros)."""
+        """Motions y of some a, as far as they are expanded, shape (followed rows, zeros)."""
         return applied(self._expanded[0], z, a)
 
     def solve(self, x: Complex, trans: int = 0) -> Complex:
-        """Inverse of the matrix of y at z = 0 times x, or its transpose."""
+        """Solve with 1 + (E_0 - 1) Lambda_0, the matrix of y at z = 0, or with its transpose."""
         return on_parts(lambda v: self._static(v, trans), x)
 
     def _static(self, x: Array, trans: int = 0) -> Array:

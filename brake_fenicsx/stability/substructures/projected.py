@@ -80,7 +80,7 @@ class Projected:
     def square(self, z: Complex) -> Array:
         """|lambda|^2 in units of the band's end."""
         shift = self._rows.shift
-        return np.asarray(np.abs(z + shift) ** 2 if self._rows.damped else np.abs(z - SIGMA))
+        return np.asarray(np.abs(z + shift) ** 2 if self._rows.rates else np.abs(z - SIGMA))
 
     def left_out(self, zeros: Zeros, q: Quotient) -> Array:
         """What the whole problem adds to b' T a of each zero: r' P^-1 r of both residuals."""

@@ -53,7 +53,7 @@ class Series:
         )
         self._O, self._I, self._loads = followed.T.tocsc(), BlockProduct(acting), body.loads
         self._complement, self._cleared, self._m = complement, cleared, W.shape[1]
-        # P_1 = M or -M has no share of what is left out in W.
+        # Clearing leaves nothing of P_1 W where P_1 = M or -M.
         coupling = [A @ W for A in P[: 1 if cleared else len(P)]]
         turned = [A.T @ W for A in P[: len(coupling)]]
         self._right = [complement.clear(A) for A in coupling]

@@ -129,7 +129,7 @@ def sharpened(sample: Sample, z: Complex, a: Complex, b: Complex) -> tuple[Vecto
         y, eta = right_motions(sample, z, a, y), left_motions(sample, z, b, eta)
         if not moving.any():
             return Vectors(a, b, y, eta), settled
-        right = applied(sample.own, w, a) + applied(sample.forced, w, sample.driving(z, y))
+        right = applied(sample.own, w, a) + applied(sample.forced, w, sample.gaps_and_rates(z, y))
         left = applied(sample.own, w, b, transpose=True)
         left = left + applied(sample.source, w, eta, transpose=True)
         da, db = step(right, 0), step(left, 1)
@@ -154,7 +154,7 @@ def right_motions(sample: Sample, z: Complex, a: Complex, start: Complex | None 
     source = applied(sample.source, w, a)
 
     def step(y: Complex) -> Complex:
-        u = sample.driving(z, y)
+        u = sample.gaps_and_rates(z, y)
         return sample.solve(source + u - y - applied(sample.E, w, u))
 
     return _settled(sample.motions(z, a) if start is None else start, step)
@@ -165,9 +165,13 @@ def left_motions(sample: Sample, z: Complex, b: Complex, start: Complex | None =
     forced = applied(sample.forced, sample.rows.variable(z), b, transpose=True)
 
     def step(eta: Complex) -> Complex:
-        return sample.solve(sample.driving(z, forced + sample.rest(z, eta)) - eta, 1)
+        return sample.solve(
+            sample.gaps_and_rates(z, forced + sample.left_response(z, eta)) - eta, 1
+        )
 
-    return _settled(sample.solve(sample.driving(z, forced), 1) if start is None else start, step)
+    return _settled(
+        sample.solve(sample.gaps_and_rates(z, forced), 1) if start is None else start, step
+    )
 
 
 def _settled(y: Complex, step: Callable[[Complex], Complex]) -> Complex:
@@ -181,7 +185,7 @@ def _settled(y: Complex, step: Callable[[Complex], Complex]) -> Complex:
 
 def slopes(sample: Sample, z: Complex, v: Vectors) -> Complex:
     """Slope b' T'(z) a of each mode."""
-    w, u = sample.rows.variable(z), sample.driving(z, v.y)
+    w, u = sample.rows.variable(z), sample.gaps_and_rates(z, v.y)
 
     def changed(A: Coefficients, x: Complex) -> Complex:
         terms = [n * w ** (n - 1) * times(B, x) for n, B in enumerate(A) if n]
@@ -191,7 +195,7 @@ def slopes(sample: Sample, z: Complex, v: Vectors) -> Complex:
     seen = changed(sample.source, v.a) - changed(sample.E, u)
     of_w = np.sum(v.b * kept, axis=0) + np.sum(v.eta * seen, axis=0)
     # Lambda depends on z, too.
-    rates = applied(sample.forced, w, v.b, transpose=True) + sample.rest(z, v.eta)
+    rates = applied(sample.forced, w, v.b, transpose=True) + sample.left_response(z, v.eta)
     of_rates = np.sum((rates * v.y)[sample.gaps :], axis=0)
     return np.asarray(sample.rows.slope(z) * of_w + of_rates)
 
@@ -213,7 +217,7 @@ def motions_of_elements(
         shape (elements, modes).
     """
     f, g, w = len(rows.followed), len(rows.acting), rows.variable(z)
-    force = sample.forces(sample.driving(z, v.y))
+    force = sample.forces(sample.gaps_and_rates(z, v.y))
     right = np.zeros((f, elements, z.size), complex)
     left = np.zeros((g, elements, z.size), complex)
     for body, view, at in zip(sample.bodies, sample.views, sample.closed, strict=True):
@@ -294,7 +298,7 @@ def _driven(
     if left:
         force, along = left_motions(m.sample, m.z, m.a), rows.followed
     else:
-        u = m.sample.driving(m.z, right_motions(m.sample, m.z, m.a))
+        u = m.sample.gaps_and_rates(m.z, right_motions(m.sample, m.z, m.a))
         force, along = m.sample.forces(u), rows.acting
     interface = component.interface(m.x)
     I = sp.vstack([interface[name] for name in along]).tocsr()
