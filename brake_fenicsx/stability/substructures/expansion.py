@@ -52,7 +52,7 @@ def expanded(
     gaps, rates = rows.gaps(len(E[0])), rows.rates
     end = float(np.hypot(1.0, rows.shift) if rates else 1.0 + SIGMA)
     # In powers of z.
-    source, own = (np.tensordot(rows.powers(len(A)), A, 1) for A in (source, own))
+    source, own = (np.einsum("mn,n...->m...", rows.powers(len(A)), A) for A in (source, own))
     powers = rows.powers(len(E))
 
     def times_u(A: Coefficients, m: int, first: int) -> Iterator[Array]:
