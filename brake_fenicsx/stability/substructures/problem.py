@@ -109,7 +109,7 @@ class SampleProblem:
         """Factor of 1 + (E_0 - 1) Lambda_0."""
         if not len(self.E[0]):
             return None
-        A, shift = self.E[0].copy(), self.rows.shift
+        A, shift = self.E[0].astype(np.float32), self.rows.shift
         A[:, self.gaps :] *= shift
         A[np.diag_indices(len(A))] += np.where(np.arange(len(A)) < self.gaps, 0.0, 1 - shift)
         return la.lu_factor(A, overwrite_a=True, check_finite=False)
@@ -204,7 +204,8 @@ class SampleProblem:
         """The same of real columns."""
         if self._lu is None:
             return x
-        return np.asarray(la.lu_solve(self._lu, x, trans=trans, check_finite=False))
+        x = x.astype(np.float32)
+        return np.asarray(la.lu_solve(self._lu, x, trans=trans, check_finite=False), float)
 
 
 def _paired(left: Complex, right: Complex) -> Complex:
