@@ -1,8 +1,8 @@
 """The reduced model of a brake as harmonic balance sees it, at any lambda.
 
-What the kept modes leave out is a power series about the start of the band. Beyond HELD of the way
-to its nearest pole it keeps the value it has there: higher harmonics meet the kept modes, and a
-local compliance that does not change any more.
+What the kept modes leave out is a power series about the start of the band. Beyond the band, and
+HELD of the way to its nearest pole, it keeps the value it has there: higher harmonics meet the kept
+modes, and a local compliance that does not change any more.
 """
 
 from __future__ import annotations
@@ -51,11 +51,14 @@ def reduced_bodies(model: ReducedModel, p: Array, mu: Array) -> Bodies:
                 source[n][followed, modes] -= A[: f * m, X]
     if model.rows.followed == "N":
         lead, D = (A[..., :c] + mu * A[..., c:] for A in (lead, D))
-    unit = (2 * np.pi * model.band[1]) ** 2
+    omega = 2 * np.pi * model.band[1]
+    unit = omega**2
+    end = np.abs(model.rows.variable(model.scaled(np.array(1j * omega))))
+    reach = max(HELD * model.pole, float(end))
 
     def weights(lam: Complex) -> tuple[Complex, Complex]:
         w = model.rows.variable(model.scaled(lam))
-        held = w * np.minimum(1.0, HELD * model.pole / np.abs(w))
+        held = w * np.minimum(1.0, reach / np.abs(w))
         powers = held ** np.arange(count)[:, None]
         return np.concatenate([w ** np.arange(len(own))[:, None], powers]), powers
 

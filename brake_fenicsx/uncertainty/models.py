@@ -61,7 +61,7 @@ FAMILIES = 1.3
 HARMONICS = 3.0
 
 # Number of the layout of a kept reduced model; one of another layout is made again.
-LAYOUT = 9
+LAYOUT = 10
 
 
 class Models:

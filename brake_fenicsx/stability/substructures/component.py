@@ -22,7 +22,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from .interpolated import InterpolatedMoments
+from .interpolated import InterpolatedMoments, Moments
 from .moments import SIGMA, Rows, coupled, shifted_polynomial
 from .parameters import CONSTANT, Parameters
 from .substructure import SAME_ENTRY, MirrorImage, Substructure, mirror_image, turned_across
@@ -39,7 +39,7 @@ class AtPoint:
 
     Attributes:
         modal: W'P_n W, in units of the band's end, shape (2 or 3, modes, modes).
-        D: moments, shape (count, rows, columns).
+        D: moments, each of shape (rows, columns).
         errors: estimates of the errors of D, see ``InterpolatedMoments.at``.
         growth: how much larger they may be at this point.
         followed: motions of the kept modes that forces follow, shape (followed rows, modes).
@@ -47,7 +47,7 @@ class AtPoint:
     """
 
     modal: Array
-    D: Array
+    D: Moments
     errors: list[NDArray[np.float32]]
     growth: float
     followed: Array

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -123,32 +124,32 @@ class ContactForces:
         return cls(normal, friction, rates)
 
     def after(self, A: Array) -> Array:
-        """Coefficients of A(w) J.
+        """A J.
 
         Args:
-            A: coefficients, shape (count, rows, acting rows).
+            A: shape (rows, acting rows).
 
         Returns:
-            Shape (count, rows, followed rows).
+            Shape (rows, followed rows).
         """
-        return np.concatenate([*self.blocks_after(A)], axis=2)
+        return np.concatenate([*self.blocks_after(A)], axis=1)
 
-    def blocks_after(self, A: Array) -> Iterator[Array]:
-        """The same of one or more coefficients, one block of followed rows at a time.
+    def blocks_after(self, A: NDArray[Any]) -> Iterator[NDArray[Any]]:
+        """The same, one block of followed rows at a time, in the precision of A.
 
         Args:
-            A: shape (..., rows, acting rows).
+            A: shape (rows, acting rows).
 
         Yields:
-            Shape (..., rows, elements).
+            Shape (rows, elements).
         """
         n = self.normal.size
-        normal = A[..., :n] * self.normal
+        normal = A[:, :n] * self.normal.astype(A.dtype, copy=False)
         if self.friction.any():
-            normal += A[..., n : 2 * n] * self.friction
+            normal += A[:, n : 2 * n] * self.friction.astype(A.dtype, copy=False)
         yield normal
         for place, rate in self.rates:
-            yield A[..., place * n : (place + 1) * n] * rate
+            yield A[:, place * n : (place + 1) * n] * rate.astype(A.dtype, copy=False)
 
     def __call__(self, u: Complex) -> Complex:
         """J u of gaps and slip rates, shape (acting rows, columns)."""

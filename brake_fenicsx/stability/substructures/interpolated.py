@@ -1,5 +1,6 @@
 """Moments of a body over its own parameters: each D_n interpolated with a degree of its own.
 
+The moments beyond the first are held in single precision: they are a hundredth of it and less.
 The error is estimated by the step from one degree lower, times what one degree more gains, and by
 the errors that were measured at two points between the anchors.
 """
@@ -17,6 +18,9 @@ from numpy.typing import NDArray
 from .parameters import Interpolation
 
 Array = NDArray[np.float64]
+
+# The first in double, those beyond in single precision.
+Moments = Sequence[NDArray[Any]]
 
 # Estimates of errors need few digits.
 Estimate = NDArray[np.float32]
@@ -62,11 +66,11 @@ class InterpolatedMoments:
         self._checks: list[Estimate] = []
         self._checked: dict[int, Array] = {}
         # The moments at the centre, and what they change from there to the other anchors.
-        self._centre: Array = np.zeros((0, 0, 0))
+        self._centre: Moments = []
         self._changes: list[NDArray[Any]] = []
         self._precision = np.float32 if self._box.degree <= SINGLE else np.float64
         if known is not None:
-            self._centre = known["D"]
+            self._centre = [known["D"], *known["higher"]]
         if known is not None and dimension:
             self._changes = [known[f"D{n}"] for n in range(len(degrees))]
             self._checks, self._gain = [*known["checks"]], known["gain"]
@@ -74,7 +78,7 @@ class InterpolatedMoments:
     def add(self, i: int, found: Array) -> None:
         """Moments at point i, shape (counts[i], rows, columns); the centre comes first."""
         if i == 0:
-            self._centre = found
+            self._centre = [found[0], *found[1:].astype(np.float32)]
             if self.points[0].size:
                 shapes = [(end - 1, *found.shape[1:]) for end in self._ends]
                 self._changes = [np.empty(shape, self._precision) for shape in shapes]
@@ -86,25 +90,26 @@ class InterpolatedMoments:
 
     def arrays(self) -> dict[str, NDArray]:
         """What was computed, to be kept in a file; once all points are there."""
+        centre = {"D": self._centre[0], "higher": np.array(self._centre[1:])}
         if not self._changes:
-            return {"D": self._centre}
+            return centre
         gain, checks = np.zeros(len(self._degrees)), []
         for i, found in sorted(self._checked.items()):
             D, step = self._interpolated(self.points[i])
-            error = found - D
+            error = [A - B for A, B in zip(found, D, strict=True)]
             size = [[la.norm(A) for A in every] for every in (error, step)]
             gain = np.maximum(gain, np.divide(size[0], size[1]))
-            checks.append(error.astype(np.float32))
+            checks.append(np.array(error, np.float32))
         made = {f"D{n}": changes for n, changes in enumerate(self._changes)}
-        return {"D": self._centre, "checks": np.array(checks), "gain": gain, **made}
+        return {**centre, "checks": np.array(checks), "gain": gain, **made}
 
-    def at(self, own: Array) -> tuple[Array, list[Estimate], float]:
+    def at(self, own: Array) -> tuple[Moments, list[Estimate], float]:
         """Moments at a point of the own parameters, shape (own parameters,).
 
         Returns:
-            D, shape (count, rows, columns); estimates of its errors, each of that shape: what one
-            degree more would change, and the errors at the points that were checked; how much
-            larger these may be at this point.
+            D, one array of shape (rows, columns) for each moment; estimates of its errors, each of
+            shape (count, rows, columns): what one degree more would change, and the errors at the
+            points that were checked; how much larger these may be at this point.
         """
         if not own.size:
             return self._centre, [], 1.0
@@ -113,9 +118,10 @@ class InterpolatedMoments:
         step *= self._gain[:, None, None].astype(step.dtype)
         return D, [step.astype(np.float32, copy=False), *self._checks], self._box.growth(own)
 
-    def _interpolated(self, own: Array) -> tuple[Array, NDArray[Any]]:
+    def _interpolated(self, own: Array) -> tuple[Moments, NDArray[Any]]:
         """Moments, and the step from one degree lower."""
-        D, step = np.empty(self._centre.shape), np.empty(self._centre.shape, self._precision)
+        D = [np.empty_like(moment) for moment in self._centre]
+        step = np.empty((len(D), *D[0].shape), self._precision)
         for n, (changes, degree) in enumerate(zip(self._changes, self._degrees, strict=True)):
             weights = self._box.weights(own, degree)
             pair = np.array([weights, weights - self._box.weights(own, degree - 1)])
@@ -125,6 +131,6 @@ class InterpolatedMoments:
             for first in range(0, centre.size, STRIP):
                 strip = slice(first, first + STRIP)
                 change, difference = factors @ every[:, strip]
-                np.add(centre[strip], change, out=D[n].reshape(-1)[strip])
+                D[n].reshape(-1)[strip] = centre[strip] + change
                 step[n].reshape(-1)[strip] = difference
         return D, step

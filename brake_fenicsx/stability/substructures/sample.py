@@ -104,9 +104,7 @@ class Sample(SampleProblem):
         any_coupled = any(b.component.coupled for b in self.bodies)
         count = len(self.views[0].D)
         size = self.bodies[-1].modes.stop
-        # Coefficients beyond E_0 are a hundredth of it and, with rates, large.
-        kind = np.float32 if rows.rates else float
-        self.E = [np.zeros((f * c, f * c), kind if n else float) for n in range(count)]
+        self.E = [np.zeros((f * c, f * c), A.dtype) for A in self.views[0].D]
         self.source = np.zeros((count if any_coupled else 1, f * c, size))
         self.forced = np.zeros((count if any_coupled else 1, size, f * c))
         length = max(len(self.views[0].modal), count if any_coupled else 0)
@@ -118,27 +116,27 @@ class Sample(SampleProblem):
             acting, _ = at.rows(g, m, c)
             elements = body.elements[at.here]
             J = ContactForces.of(contact, w, elements, rows, omega)
-            D = view.D
             self.own[: len(view.modal), modes, modes] += view.modal
             self.source[0][place, modes] += view.followed[own]
-            lead = view.acting[acting].T[None]
+            lead = [view.acting[acting].T]
             if comp.coupled:
                 first, second = f * m, g * m
                 X = slice(second, second + comp.W.shape[1])
-                self.own[:count, modes, modes] -= D[:, first:, X]
-                self.source[:, place, modes] -= D[:, own, X]
-                lead = np.concatenate([lead, np.zeros((count - 1, *lead.shape[1:]))])
-                lead = lead - D[:, first:][:, :, acting]
+                for n, A in enumerate(view.D):
+                    self.own[n][modes, modes] -= A[first:, X]
+                    self.source[n][place, modes] -= A[own, X]
+                lead = [-A[first:, acting] for A in view.D]
+                lead[0] += view.acting[acting].T
             if at.here.size:
-                through = J.after(lead)
-                self.forced[: len(through), modes, place] += through
+                for n, A in enumerate(lead):
+                    self.forced[n][modes, place] += J.after(A)
                 # Faster than picking by rows and columns; one moment at a time stays in the cache.
-                flat = own[:, None] * D.shape[2] + acting
-                part = np.empty(flat.shape)
+                flat = own[:, None] * view.D[0].shape[1] + acting
+                parts = [np.empty(flat.shape, A.dtype) for A in view.D[:2]]
                 squares = [[square_of(at.there, i * c, j * c) for j in range(f)] for i in range(f)]
-                for n in range(count):
+                for n, A in enumerate(view.D):
                     # In place and without checks of bounds it takes two thirds of the time.
-                    np.take(D[n], flat, out=part, mode="clip")
+                    part = np.take(A, flat, out=parts[min(n, 1)], mode="clip")
                     for i, row in enumerate(np.split(part, f)):
                         for j, block in enumerate(J.blocks_after(row)):
                             self.E[n][squares[i][j]] += block

@@ -62,7 +62,7 @@ def body_compliance(comp: Component, view: AtPoint, rows: Rows, omega: float) ->
     """
     # lambda = 0: z = sigma in kappa, z = -lambda_0 in lambda.
     z = -rows.shift if rows.damped else SIGMA
-    D = np.tensordot(z ** np.arange(len(view.D)), view.D, 1)
+    D: Array = sum((z**n * A for n, A in enumerate(view.D)), start=np.zeros(1))
     A = np.tensordot(z ** np.arange(len(view.modal)), view.modal, 1)
     m, loads = comp.body.elements.size, comp.loads.shape[0]
     last = D.shape[1] - loads

@@ -67,7 +67,7 @@ class UnitContact:
         D: list[list[NDArray[Any]]] = []
         for sample in (one, other):
             sample.E[0][np.diag_indices(unit.size)] -= 1.0
-            D.append([sample.E[0], *(E.astype(np.float32) for E in sample.E[1:])])
+            D.append([*sample.E])
         lead = np.asarray(one.forced), np.asarray(other.forced)
         own = np.asarray(one.own)
         symmetric = bool(la.norm(own - own.transpose(0, 2, 1)) <= SYMMETRIC * la.norm(own))

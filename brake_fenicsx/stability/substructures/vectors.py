@@ -224,13 +224,14 @@ def motions_of_elements(
         comp, modes, m = body.component, body.modes, body.elements.size
         own, place = at.rows(f, m, sample.count)
         acting, there = at.rows(g, m, sample.count)
-        x = np.zeros((view.D.shape[2], z.size), complex)
-        u = np.zeros((view.D.shape[1], z.size), complex)
+        x: Complex = np.zeros((view.D[0].shape[1], z.size), complex)
+        u: Complex = np.zeros((view.D[0].shape[0], z.size), complex)
         x[acting], u[own] = force[there], v.eta[place]
         if comp.coupled:
             x[g * m : g * m + comp.W.shape[1]], u[f * m :] = v.a[modes], v.b[modes]
-        seen = times(view.followed, v.a[modes]) - applied(view.D[:, : f * m], w, x)
-        met = times(view.acting, v.b[modes]) - applied(view.D[:, :, : g * m], w, u, transpose=True)
+        seen, met = times(view.followed, v.a[modes]), times(view.acting, v.b[modes])
+        seen = seen - applied([A[: f * m] for A in view.D], w, x)
+        met = met - applied([A[:, : g * m] for A in view.D], w, u, transpose=True)
         right[:, body.elements] += seen.reshape(f, m, z.size)
         left[:, body.elements] += met.reshape(g, m, z.size)
     return dict(zip(rows.followed, right, strict=True)), dict(zip(rows.acting, left, strict=True))
