@@ -123,19 +123,8 @@ class ContactForces:
         ]
         return cls(normal, friction, rates)
 
-    def after(self, A: Array) -> Array:
-        """A J.
-
-        Args:
-            A: shape (rows, acting rows).
-
-        Returns:
-            Shape (rows, followed rows).
-        """
-        return np.concatenate([*self.blocks_after(A)], axis=1)
-
     def blocks_after(self, A: NDArray[Any]) -> Iterator[NDArray[Any]]:
-        """The same, one block of followed rows at a time, in the precision of A.
+        """A J, one block of followed rows at a time, in the precision of A.
 
         Args:
             A: shape (rows, acting rows).

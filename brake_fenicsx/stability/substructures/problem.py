@@ -81,6 +81,9 @@ class SampleProblem:
         rows: blocks of contact rows.
     """
 
+    # Of the factor of E_0.
+    _precision: type = float
+
     def __init__(
         self, E: Sequence[Array], source: Array, forced: Coefficients, own: Array, rows: Rows,
         pole: float,
@@ -109,7 +112,8 @@ class SampleProblem:
         """Factor of 1 + (E_0 - 1) Lambda_0."""
         if not len(self.E[0]):
             return None
-        A, shift = self.E[0].astype(np.float32), self.rows.shift
+        A: NDArray[Any] = self.E[0].astype(self._precision)
+        shift = self.rows.shift
         A[:, self.gaps :] *= shift
         A[np.diag_indices(len(A))] += np.where(np.arange(len(A)) < self.gaps, 0.0, 1 - shift)
         return la.lu_factor(A, overwrite_a=True, check_finite=False)
@@ -204,7 +208,7 @@ class SampleProblem:
         """The same of real columns."""
         if self._lu is None:
             return x
-        x = x.astype(np.float32)
+        x = x.astype(self._precision)
         return np.asarray(la.lu_solve(self._lu, x, trans=trans, check_finite=False), float)
 
 

@@ -62,6 +62,9 @@ class Sample(SampleProblem):
         T: coefficients of T(z).
     """
 
+    # What it leaves in y and eta is corrected by the quotient, with E_0 in double precision.
+    _precision = np.float32
+
     def __init__(
         self,
         bodies: Sequence[Placed],
@@ -129,7 +132,7 @@ class Sample(SampleProblem):
                 lead[0] += view.acting[acting].T
             if at.here.size:
                 for n, A in enumerate(lead):
-                    self.forced[n][modes, place] += J.after(A)
+                    self.forced[n][modes, place] += np.hstack([*J.blocks_after(A)])
                 # Faster than picking by rows and columns; one moment at a time stays in the cache.
                 flat = own[:, None] * view.D[0].shape[1] + acting
                 parts = [np.empty(flat.shape, A.dtype) for A in view.D[:2]]
