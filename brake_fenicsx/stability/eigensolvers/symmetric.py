@@ -129,12 +129,13 @@ def symmetric_modes(
     counted = count_below(K, M, limit)
     modes = modes_not_counted(K, M, factor, sigma, limit, counted[0])
     inside, limit = complete(K, M, modes.kappa, counted)
-    return replace(modes, Phi=modes.Phi[:, inside], kappa=modes.kappa[inside], limit=limit)
+    Phi, kappa = _polished(K, M, factor, modes.Phi[:, inside])
+    return replace(modes, Phi=Phi, kappa=kappa, limit=limit)
 
 
 def modes_not_counted(
     K: sp.csr_matrix, M: sp.csr_matrix, factor: Factor, sigma: float, limit: float,
-    expected: int = 0,
+    expected: int = 0, tolerance: float = 1e-9,
 ) -> Symmetric:  # fmt: skip
     """Modes up to a limit, and a little beyond as far as a count may move it.
 
@@ -145,15 +146,15 @@ def modes_not_counted(
         sigma: the shift [1/s^2].
         limit: largest eigenvalue wanted [1/s^2].
         expected: number of modes, if it is known.
+        tolerance: relative residual of every mode.
 
     Raises:
         NotConverged: Lanczos does not converge.
     """
     cutoff = limit * (1 + 2 * MOVED) - sigma
-    found = lowest_modes(factor, M, cutoff, expected=expected)
+    found = lowest_modes(factor, M, cutoff, tolerance, expected)
     release_memory()
-    Phi, kappa = _polished(K, M, factor, found.Phi)
-    return Symmetric(K, M, sigma, factor, Phi, kappa, limit, found.blocks)
+    return Symmetric(K, M, sigma, factor, found.Phi, found.Lambda + sigma, limit, found.blocks)
 
 
 def complete(
