@@ -41,8 +41,8 @@ LIMIT = 1.85
 # Modes up to this share of the limit are left out of further moments, see ``Moments.low``.
 LOW = 0.15
 
-# Relative residuals of block Lanczos, whose modes the proof and the start of block Arnoldi take, and
-# of block Arnoldi. Left vectors weigh residuals of right ones: few digits do.
+# Relative residuals of block Lanczos, whose modes serve the proof and the start of block Arnoldi,
+# and of block Arnoldi. Left vectors weigh residuals of right ones: few digits do.
 WITHOUT, RIGHT, LEFT = 1e-6, 1e-10, 1e-8
 
 # Share of other displacements than modes of the band in the block that block Arnoldi starts from.
