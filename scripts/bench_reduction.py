@@ -134,8 +134,9 @@ class Case:
         if self.terms is not None and self.terms.bulk is not None:
             C = C + self.terms.bulk
         if self.random is not None:
-            K = K + self.random.change(self.random.box.materials(x))
-            C = C + self.random.damping_change(self.random.box.values(x))
+            values = self.random.box.values(x)
+            K = K + self.random.stiffness_change(values)
+            C = C + self.random.damping_change(values)
         C = C + sliding_damping(b.R, b.w, contact.across * V, V + 0 * b.w, 1.0)
         C = (C + velocity_slope(b.T, b.w, contact.along, 1.0)).tocsr()
         C.eliminate_zeros()
