@@ -18,7 +18,7 @@ from brake_fenicsx.stability.eigensolvers.symmetric import (
     shifted_factor,
 )
 from brake_fenicsx.stability.full import dense, friction, interface, interface_count
-from brake_fenicsx.stability.full.friction import WITHOUT
+from brake_fenicsx.stability.full.friction import FRICTIONLESS
 from brake_fenicsx.stability.full.interface import difference_interface
 from brake_fenicsx.stability.full.interface_count import (
     Determinant,
@@ -159,7 +159,7 @@ def prepared(scene, k, mu, cutoff=1.6, orders=1):
     K = scene.tangent(k, 0.0)
     factor, sigma = shifted_factor(K, scene.M, high)
     limit = cutoff**2 * high
-    modes = modes_not_counted(K, scene.M, factor, sigma, limit, tolerance=WITHOUT)
+    modes = modes_not_counted(K, scene.M, factor, sigma, limit, tolerance=FRICTIONLESS)
     face = contact_interface(scene.N, scene.T, scene.w * k, mu)
     seen = interface.moments(factor, scene.M, face, orders)
     known = complete(K, scene.M, modes.kappa, count_below(K, scene.M, limit))

@@ -43,7 +43,7 @@ LOW = 0.15
 
 # Relative residuals of block Lanczos, whose modes serve the proof and the start of block Arnoldi,
 # and of block Arnoldi. Left vectors weigh residuals of right ones: few digits do.
-WITHOUT, RIGHT, LEFT = 1e-6, 1e-10, 1e-8
+FRICTIONLESS, RIGHT, LEFT = 1e-6, 1e-10, 1e-8
 
 # Share of other displacements than modes of the band in the block that block Arnoldi starts from.
 OTHERS = 1e-2
@@ -83,7 +83,7 @@ def friction_modes(
     pencil, limit = (p.frictionless, p.M), LIMIT * reach
 
     def without_friction() -> tuple[InterfaceModes, Array, Array]:
-        found = modes_not_counted(*pencil, factor, sigma, limit, tolerance=WITHOUT)
+        found = modes_not_counted(*pencil, factor, sigma, limit, tolerance=FRICTIONLESS)
         band, lowest = (found.Phi[:, found.kappa <= end] for end in (reach, LOW * limit))
         return at_interface(found, friction), _starting_block(band), np.asfortranarray(lowest)
 

@@ -81,7 +81,7 @@ class SampleProblem:
         rows: blocks of contact rows.
     """
 
-    # Of the factor of E_0.
+    # Precision of the LU factor of 1 + (E_0 - 1) Lambda_0.
     _precision: type = float
 
     def __init__(

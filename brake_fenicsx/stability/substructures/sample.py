@@ -62,7 +62,7 @@ class Sample(SampleProblem):
         T: coefficients of T(z).
     """
 
-    # What it leaves in y and eta is corrected by the quotient, with E_0 in double precision.
+    # The quotient corrects y and eta by residuals with E_0 in double precision.
     _precision = np.float32
 
     def __init__(
