@@ -1,13 +1,9 @@
-"""The order of the folders and their budgets of lines; what a command loads."""
+"""The order of the folders; what a command loads."""
 
 import ast
-import io
-import re
 import subprocess
 import sys
-import tokenize
 from collections import Counter
-from functools import cache
 from pathlib import Path
 
 import pytest
@@ -66,40 +62,9 @@ def test_folders_import_those_before_them(folder):
     assert not {(file, name) for file, name in found if name in later}
 
 
-@cache
-def code_lines(file):
-    """Lines of code of a module, without docstrings, comments and blank lines."""
-    text, lines = file.read_text(), set()
-    blank = {
-        tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT,
-        tokenize.ENDMARKER,
-    }  # fmt: skip
-    for token in tokenize.generate_tokens(io.StringIO(text).readline):
-        if token.type not in blank:
-            lines |= {*range(token.start[0], token.end[0] + 1)}
-    for node in ast.walk(ast.parse(text)):
-        kinds = ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef
-        if isinstance(node, kinds) and ast.get_docstring(node) is not None:
-            lines -= {*range(node.body[0].lineno, node.body[0].end_lineno + 1)}
-    return len(lines)
-
-
 def sources():
     """Modules of the package; geometry is a link to a folder beside it."""
     return [*PACKAGE.rglob("*.py"), *(PACKAGE / "geometry").glob("*.py")]
-
-
-def test_folders_keep_to_their_budgets_of_lines():
-    guide = (PACKAGE.parent / "docs" / "developer_guide.md").read_text()
-    budgets = {n: int(b) for n, b in re.findall(r"^\| `?(\w+)`? \|.*\| (\d+) \|$", guide, re.M)}
-    counted = {
-        name: sum(code_lines(file) for file in sources() if file.is_relative_to(PACKAGE / name))
-        for name in budgets.keys() - {"top"}
-    }
-    counted["top"] = sum(map(code_lines, PACKAGE.glob("*.py")))
-    assert sum(counted.values()) == sum(map(code_lines, sources()))
-    assert [*budgets] == [*ORDER, "geometry", "top"]
-    assert not {n: (lines, budgets[n]) for n, lines in counted.items() if lines > budgets[n]}
 
 
 def test_no_two_classes_have_one_name():
@@ -110,14 +75,6 @@ def test_no_two_classes_have_one_name():
         if isinstance(node, ast.ClassDef)
     )
     assert len(names) > 100 and max(names.values()) == 1, names.most_common(3)
-
-
-def test_code_lines_are_neither_comments_nor_docstrings(tmp_path):
-    file = tmp_path / "a.py"
-    file.write_text(
-        '"""Doc.\n\nMore."""\n\nx = [\n    1,  # one\n]\n# no\ndef f():\n    """F."""\n    return x'
-    )
-    assert code_lines(file) == 5
 
 
 @pytest.mark.parametrize("folder", list(BELOW))
