@@ -29,8 +29,9 @@ def remaining(size: ArrayLike, rate: ArrayLike) -> Array:
         size: of the last step.
         rate: of contraction; ``SLOWEST`` at most is believed.
     """
-    rate = np.clip(np.nan_to_num(rate, nan=SLOWEST), 0.0, SLOWEST)
-    return np.asarray(np.nan_to_num(size * rate / (1 - rate), nan=np.inf, posinf=np.inf))
+    rate = np.clip(np.nan_to_num(np.asarray(rate, float), nan=SLOWEST), 0.0, SLOWEST)
+    left = np.asarray(size, float) * rate / (1 - rate)
+    return np.asarray(np.nan_to_num(left, nan=np.inf, posinf=np.inf))
 
 
 def relative_size(step: NDArray, x: NDArray) -> Array:
@@ -60,7 +61,7 @@ class Steps:
         self.moving: NDArray[np.bool_] = np.ones(columns, bool)
         self.left: Array = np.full(columns, np.inf)
         self.taken = 0
-        self._tolerance, self._most = tolerance, most
+        self._tolerance, self._most = np.asarray(tolerance, float), most
         self._last, self._least = np.full(columns, np.inf), np.full(columns, np.inf)
         self._idle = np.zeros(columns, int)
 

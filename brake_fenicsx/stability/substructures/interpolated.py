@@ -29,9 +29,6 @@ Estimate = NDArray[np.float32]
 # the interpolation: its own error is larger. The errors at the checked points contain both.
 SINGLE = 5
 
-# Of the single precision of moments, relative to them.
-ROUND_OFF = 1e-7
-
 # Values that are taken at a time, so that those of all anchors stay in the cache.
 STRIP = 8192
 
@@ -101,10 +98,12 @@ class InterpolatedMoments:
             D, step = self._interpolated(self.points[i])
             error = [A - B for A, B in zip(found, D, strict=True)]
             size, last, whole = (
-                np.array([la.norm(A.astype(float)) for A in every]) for every in (error, step, found)
+                np.array([la.norm(A.astype(float)) for A in every])
+                for every in (error, step, found)
             )
             # Of a step that is round-off no ratio is known: the errors at the points remain.
-            known = last > ROUND_OFF * whole
+            held = [max(np.finfo(kind).eps for kind in (A.dtype, self._precision)) for A in D]
+            known = last > held * whole
             gain = np.maximum(gain, np.where(known, size / np.where(known, last, 1.0), 1.0))
             checks.append(np.array(error, np.float32))
         made = {f"D{n}": changes for n, changes in enumerate(self._changes)}

@@ -196,7 +196,9 @@ def slopes(sample: Sample, z: Complex, v: Vectors) -> Complex:
     seen = changed(sample.source, v.a) - changed(sample.E, u)
     of_w = np.sum(v.b * kept, axis=0) + np.sum(v.eta * seen, axis=0)
     # Lambda depends on z, too.
-    rates = applied(sample.forced, w, v.b, transpose=True) + sample.left_response(z, v.eta, kind=float)
+    rates = applied(sample.forced, w, v.b, transpose=True) + sample.left_response(
+        z, v.eta, kind=float
+    )
     of_rates = np.sum((rates * v.y)[sample.gaps :], axis=0)
     return np.asarray(sample.rows.slope(z) * of_w + of_rates)
 
@@ -282,10 +284,10 @@ def mode_displacements(
             complement.factor.destroy()
         ends = np.cumsum([b[2].shape[1] for b in every])[:-1]
         parts = np.split(kept + v, ends, axis=1)
-        errors = np.split(np.maximum(errors, settled), ends)
+        worst = np.split(np.maximum(errors, settled), ends)
         return [
             (i, body.dofs, body.signs[:, None] * u, error)
-            for (i, body, *_), u, error in zip(every, parts, errors, strict=True)
+            for (i, body, *_), u, error in zip(every, parts, worst, strict=True)
         ]
 
     sizes = [(sum(b.dofs.size for b in m.sample.bodies), m.z.size) for m in modes]
