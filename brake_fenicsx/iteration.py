@@ -18,8 +18,9 @@ Array = NDArray[np.float64]
 # A step gains nothing where none of so many is smaller than this share of the smallest before.
 PATIENCE, GAIN = 3, 0.9
 
-# Largest contraction that the estimate believes: steps that stand still would leave all.
-SLOWEST = 0.95
+# Contraction that the estimate believes: what is left is not less than the last step, and steps that
+# stand still would leave all.
+FASTEST, SLOWEST = 0.5, 0.95
 
 
 def remaining(size: ArrayLike, rate: ArrayLike) -> Array:
@@ -27,17 +28,17 @@ def remaining(size: ArrayLike, rate: ArrayLike) -> Array:
 
     Args:
         size: of the last step.
-        rate: of contraction; ``SLOWEST`` at most is believed.
+        rate: of contraction, believed between ``FASTEST`` and ``SLOWEST``.
     """
-    rate = np.clip(np.nan_to_num(np.asarray(rate, float), nan=SLOWEST), 0.0, SLOWEST)
+    rate = np.clip(np.nan_to_num(np.asarray(rate, float), nan=SLOWEST), FASTEST, SLOWEST)
     left = np.asarray(size, float) * rate / (1 - rate)
     return np.asarray(np.nan_to_num(left, nan=np.inf, posinf=np.inf))
 
 
 def relative_size(step: NDArray, x: NDArray) -> Array:
-    """Norm of each column of a step over that of what it changes, shape (columns,)."""
-    size = np.linalg.norm(step, axis=0)
-    return np.asarray(size / np.maximum(np.linalg.norm(x, axis=0), np.finfo(float).tiny))
+    """Norm of each column of a step over that of what it changes: 1 at most, shape (columns,)."""
+    size, whole = np.linalg.norm(step, axis=0), np.linalg.norm(x, axis=0)
+    return np.asarray(size / np.maximum(np.maximum(whole, size), np.finfo(float).tiny))
 
 
 class Steps:
@@ -78,7 +79,7 @@ class Steps:
         self.taken += 1
         with np.errstate(invalid="ignore", divide="ignore"):
             rate = np.where(np.isfinite(self._last), size / self._last, SLOWEST)
-        left = remaining(size, np.where(size == 0, 0.0, rate))
+        left = remaining(size, rate)
         self.left = np.where(good, left, np.where(self.moving, np.inf, self.left))
         self._idle = np.where(size < GAIN * self._least, 0, self._idle + 1)
         self._least, self._last = np.minimum(self._least, size), size

@@ -54,8 +54,9 @@ Array = NDArray[np.float64]
 REACHED, GAIN = 1e-5, 12.0
 
 # Zeros are corrected up to this multiple of the band's end: at the reference brake those of the
-# truncated series are off by less than 1e-4.
-SEARCHED = 1.1
+# truncated series are off by less than 1e-4. Modes of the band that grow strongly lie further out:
+# they are listed up to this multiple of |lambda|.
+SEARCHED, LISTED = 1.1, 1.3
 
 NEAR = "not counted: found on the vectors of other values of the sample"
 COUNTED = "zeros of T(z), on modes of the bodies complete by inertia"
@@ -413,12 +414,22 @@ class ReducedModel:
         Of each conjugate pair one.
         """
         if self.rows.rates:
-            centre, limit = -self.rows.shift, SEARCHED
+            reach = LISTED + abs(self.rows.shift)
         else:
-            centre, limit = SIGMA, SEARCHED**2
-        return limit + abs(centre), lambda z: np.flatnonzero(
-            (np.abs(z - centre) <= limit) & (z.imag >= 0)
-        )
+            reach = LISTED**2 + SIGMA
+
+        def near(z: Complex) -> NDArray[np.intp]:
+            s = z + self.rows.shift if self.rows.rates else np.sqrt(SIGMA - z + 0j)
+            size = np.where(np.abs(s.imag) <= SEARCHED, np.abs(s), np.inf)
+            size = np.where(np.abs(s) <= SEARCHED, 0.0, size)
+            return np.flatnonzero((size <= LISTED) & (z.imag >= 0))
+
+        return reach, near
+
+    @property
+    def listed(self) -> float:
+        """Largest |lambda| of the modes that are listed, over the band's end."""
+        return LISTED
 
     def _rows(self, found: Corrected, zeta_max: float, start: float, how: str = COUNTED) -> Modes:
         """Rows of the band from corrected zeros."""
