@@ -59,7 +59,10 @@ REACHED, GAIN = 1e-5, 12.0
 SEARCHED, LISTED = 1.1, 1.3
 
 NEAR = "not counted: found on the vectors of other values of the sample"
-COUNTED = "zeros of T(z), on modes of the bodies complete by inertia"
+COUNTED = (
+    f"zeros of T(z), |lambda| up to {LISTED} times the band's end, on modes of the bodies complete"
+    " by inertia"
+)
 
 
 class ReducedModel:
@@ -413,13 +416,11 @@ class ReducedModel:
 
         Of each conjugate pair one.
         """
-        if self.rows.rates:
-            reach = LISTED + abs(self.rows.shift)
-        else:
-            reach = LISTED**2 + SIGMA
+        rates = self.rows.rates
+        reach = LISTED + abs(self.rows.shift) if rates else LISTED**2 + SIGMA
 
         def near(z: Complex) -> NDArray[np.intp]:
-            s = z + self.rows.shift if self.rows.rates else np.sqrt(SIGMA - z + 0j)
+            s = z + self.rows.shift if rates else np.sqrt(SIGMA - z + 0j)
             size = np.where(np.abs(s.imag) <= SEARCHED, np.abs(s), np.inf)
             size = np.where(np.abs(s) <= SEARCHED, 0.0, size)
             return np.flatnonzero((size <= LISTED) & (z.imag >= 0))
