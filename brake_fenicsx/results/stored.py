@@ -25,7 +25,7 @@ from brake_fenicsx.uncertainty.study import Study
 
 from .blocks import SampleBlock, Tabulation, blocks_of, tabulation_of
 from .columns import column_writer, ma
-from .counts import Counts, is_complete
+from .counts import PROVEN, Counts
 from .families import ModeFamilies
 from .run import RunData
 from .tables import CONTACT, MODES, SAMPLES, Columns, read_columns, write_rows
@@ -38,7 +38,7 @@ Data = dict[str, Any]
 # Names of the arrays that tables of drivers and of limit cycles are made of begin so.
 MORE = ("driver_", "cycle_", "branch_")
 # What rows of samples.csv are made of, beside the random inputs.
-ROW = ("status", "seed", "mean_mu", "rejected", "tolerance_missed", "counted")
+ROW = ("status", "seed", "mean_mu", "rejected", "tolerance_missed", "count_kind")
 
 
 class Results:
@@ -137,7 +137,7 @@ class Results:
         """
         names = sorted({str(n) for block in self._rows for n in block.words("random_names")})
         drawn = any(name.startswith("materials.") for name in names)
-        modes = any("counted" in block for block in self._rows)
+        modes = any("count_kind" in block for block in self._rows)
         heads = [*SAMPLES, "mu", *names]
         heads += ["rejected"] * drawn + ["tolerance_missed", "complete"] * modes
 
@@ -145,11 +145,11 @@ class Results:
             for block in self._rows:
                 known, values = block.each("random_names"), block.each("random")
                 columns = (block.scalars(name, None) for name in ROW)
-                for task, x, v, *row, rejected, missed, counted in zip(
+                for task, x, v, *row, rejected, missed, kind in zip(
                     block.tasks, known, values, *columns, strict=True
                 ):
                     inputs = {} if x is None or v is None else dict(zip(x, v, strict=True))
-                    proven = None if counted is None else "yes" if is_complete(counted) else "no"
+                    proven = None if kind is None else "yes" if kind == PROVEN else "no"
                     more = [rejected] * drawn + [missed, proven] * modes
                     drawn_values = (float(inputs[n]) if n in inputs else None for n in names)
                     yield [*task, *row, *drawn_values, *more]
@@ -162,10 +162,9 @@ class Results:
         good = np.array(block.scalars("status", "")) == "ok"
         lost = zip(block.tasks, block.scalars("lost", None), strict=True)
         self._lost += [(f"{approach} {k}", text) for (approach, k), text in lost if text]
-        texts = block.scalars("counted", None)
         for name in dict.fromkeys(names.tolist()):
             own = np.flatnonzero((names == name) & good)
-            self._counts[name].add_samples(block, own, [texts[i] for i in own if texts[i]])
+            self._counts[name].add_samples(block, own)
             self._counts[name].failed += int(((names == name) & ~good).sum())
         if "s" in block:
             approach = np.repeat(names, block.sizes("s"))
