@@ -173,10 +173,10 @@ class Results:
 
     def _compare(self, block: SampleBlock) -> None:
         """Keep what the verification compares."""
-        values = zip(block.each("s"), block.each("verdict"), strict=True)
-        for (approach, number), (s, verdict) in zip(block.tasks, values, strict=True):
-            if approach == self._verified and number < len(self._verify) and s is not None:
-                self._reduced[number] = {"s": s, "verdict": verdict}
+        names = ("s", "verdict", "error")
+        for (approach, number), *values in zip(block.tasks, *map(block.each, names), strict=True):
+            if approach == self._verified and number < len(self._verify) and values[0] is not None:
+                self._reduced[number] = dict(zip(names, values, strict=True))
 
     def _more(self, block: SampleBlock, family: NDArray[np.int32]) -> None:
         """Samples with derivatives or limit cycles."""
@@ -218,19 +218,22 @@ class Results:
 
     def _verification(self) -> dict[str, Any]:
         """Reduced samples against full order."""
-        errors, wrong, compared = [np.zeros(0)], 0, 0
+        errors, wrong, beyond, compared = [np.zeros(0)], 0, 0, 0
         for (_, number), full in self._verify.items():
             mine = self._reduced.get(number, {})
             if "s" not in full or "s" not in mine or mine["s"].size != full["s"].size:
                 continue
             compared += 1
-            errors.append(np.abs(mine["s"] - full["s"]) / np.abs(full["s"]))
+            error = np.abs(mine["s"] - full["s"])
+            beyond += int(np.sum(~(error <= mine["error"] + full["error"])))
+            errors.append(error / np.abs(full["s"]))
             pairs = zip(mine["verdict"], full["verdict"], strict=True)
             wrong += sum({str(a), str(b)} == {"stable", "unstable"} for a, b in pairs)
         error = np.concatenate(errors)
         return {
             "samples_asked": len(self._verify), "samples_compared": compared,
             "eigenvalues": int(error.size), "wrong_verdicts": wrong,
+            "errors_beyond_estimates": beyond,
             "largest_relative_error": float(error.max()) if error.size else None,
             "median_relative_error": float(np.median(error)) if error.size else None,
         }  # fmt: skip

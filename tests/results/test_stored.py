@@ -57,6 +57,21 @@ def test_the_kind_of_a_count_decides_and_no_word(how, kind, proven, said):
     assert about["counted_by"] == said + how
 
 
+def test_true_errors_of_verified_samples_are_compared_with_their_estimates():
+    """Both estimates together bound the difference; one that is no number bounds nothing."""
+    one = sample("proven", 0)
+    moved, own = np.array([3e-6, 5e-6]), np.array([1.1e-6, 1.1e-6])
+    for estimate, beyond in ((np.array([2e-6, 2e-6]), 1), (np.array([2e-6, np.nan]), 1),
+                             (np.array([2e-6, 4e-6]), 0)):  # fmt: skip
+        full = {"s": one["s"] + moved, "verdict": one["verdict"], "error": own}
+        files = {("parametric", 0): one | {"error": estimate}, ("verify", 0): full}
+        store = SimpleNamespace(samples=SimpleNamespace(load=files.get))
+        found = Results(store, [("parametric", 0)], [("verify", 0)], "parametric").facts()
+        check = found["verification"]
+        assert (check["samples_compared"], check["errors_beyond_estimates"]) == (1, beyond)
+        assert check["largest_relative_error"] == pytest.approx(3e-6)
+
+
 def test_samples_without_modes_have_no_such_columns():
     data = sample("proven", 0)
     for name in ("s", "counted", "count_kind", "tolerance_missed"):
