@@ -152,10 +152,6 @@ def test_labels_of_several_maps_stand_on_the_figure(tmp_path, save_scan, scans, 
     assert "profiles" not in topography_caption(run)
 
 
-def test_heights_are_drawn_with_the_words_of_one_scan_or_of_several(run):
-    assert "profiles through its centre" in topography_caption(run)
-
-
 @pytest.mark.parametrize(
     ("mean", "said"), [(7.48e-12, "$0$ µm"), (-1.03e-7, "$-0.103$ µm"), (2.56e-5, "$25.6$ µm")]
 )
@@ -287,14 +283,6 @@ def test_both_stiffnesses_of_laws_with_a_hardness_have_a_band(run):
     np.testing.assert_allclose(lines[1].get_ydata(), 3 * lines[0].get_ydata())
     assert "vibration stiffness" in laws_caption(hard)
     assert "vibration stiffness" not in laws_caption(run)
-
-
-def test_pressures_on_the_pads_are_drawn_and_told_where_there_are_pads(run):
-    for contact, told in ((run.contact, True), (None, False)):
-        own = replace(run, contact=contact)
-        names = draw_laws(own).axes[2].get_legend_handles_labels()[1]
-        assert any("brake's patches" in name for name in names) == told
-        assert ("pressures on the pads" in laws_caption(own)) == told
 
 
 def points(axes, marker):
