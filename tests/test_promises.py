@@ -220,6 +220,13 @@ def test_results_that_are_there_are_judged_and_not_made(rows, tmp_path):
     assert rows(table, "ci", "--made", "a")[0] == 0
 
 
+def test_rows_that_stand_elsewhere_say_where(rows):
+    table = '[a]\nwhen = "example"\nwhy = "a cluster"\nsh = "exit 3"\n'
+    table += '[b]\nwhen = "ci"\nby = ".ci/run"\nsh = "exit 3"\n'
+    status, printed = rows(table, "a", "b")
+    assert status == 0 and "not run here: a cluster" in printed and "run by .ci/run" in printed
+
+
 def test_a_row_that_is_not_there_is_refused(rows, capsys):
     with pytest.raises(SystemExit) as stop:
         rows('[a]\nwhen = "ci"\nsh = "true"\n', "b")
