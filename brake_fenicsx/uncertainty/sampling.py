@@ -143,7 +143,7 @@ def draw_sample(
     speed = (contact if moved is None else moved(inputs.values)).speed
     if SPEED in inputs.values:
         speed = speed * (inputs.values[SPEED] / nominal_value(scene, SPEED))
-    mu, slope = _friction(scene, contact.interface, speed, approach, inputs.values)
+    mu, slope = friction_coefficients(scene, contact.interface, speed, approach, inputs.values)
     in_equilibrium = np.array([t.friction_in_equilibrium for t in scene.contact.values()])
     return SampleInput(
         seed, laws, mu, mu * in_equilibrium[contact.interface], slope, speed,
@@ -157,7 +157,7 @@ def perfect_contact(penalty: float, elements: int) -> EnrichedGap:
     return EnrichedGap(OneLaw(linear_law(penalty)), index, np.zeros(elements))
 
 
-def _friction(
+def friction_coefficients(
     scene: Scene,
     interface: NDArray[np.int64],
     speed: Array,
