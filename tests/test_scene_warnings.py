@@ -58,6 +58,25 @@ def test_values_outside_their_band_are_named(change, key, band):
 
 
 MANY = "stages=['equilibrium','stability','uncertainty']"
+
+
+def test_fast_with_a_roughness_has_no_total_indices():
+    """Said by check, not where the contact is perfect and not of other designs."""
+    joint = [
+        "stages=['surface','equilibrium','stability','uncertainty']", "samples.n=1200",
+        "surface.statistics={ S_q='3 um' }", "contact.block_plate.gap=hdf",
+        "samples.random.\"contact.block_plate.friction\"={ law='uniform', spread=0.1 }",
+    ]  # fmt: skip
+
+    def said(approach, design):
+        more = [f"samples.approaches=['{approach}']", f"samples.{approach}.design={design}"]
+        return [line for line in unusual(read_scene(BLOCK, [*joint, *more])) if "total" in line]
+
+    (line,) = said("joint", "fast")
+    assert 'design = "fast" of joint' in line and 'design = "saltelli" gives them' in line
+    assert not said("parametric", "fast") and not said("joint", "saltelli")
+
+
 FRICTION = 'samples.random."contact.block_plate.friction"'
 
 

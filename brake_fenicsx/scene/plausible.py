@@ -33,6 +33,13 @@ def unusual(scene: Scene) -> list[str]:
             lines += _outside(("samples", "random", name, word), scalar, getattr(law, word, None))
         if isinstance(law, Distribution):  # a law of one's own says nothing of its draws
             lines += _doubtful(name, law, scalar.get("sign") == "any")
+    for name in filter(scene.samples.takes_random, scene.samples.approaches):
+        plan = scene.samples.plan(name)
+        if plan.rough and plan.design == "fast":
+            lines.append(
+                f'samples: design = "fast" of {name}: no total indices, because every sample draws'
+                ' its roughness anew; design = "saltelli" gives them, and those of the roughness'
+            )
     count = max(scene.samples.plan(name).n for name in scene.samples.approaches)
     if scene.stability and scene.stability.verify > count:
         lines.append(

@@ -146,6 +146,7 @@ class Samples:
         joint: number and design of its samples.
         limit: share of samples beyond which a family is called likely to squeal.
         random: law of each random input.
+        roughness: whether samples of rough contact draw laws or critical gaps.
     """
 
     n: int = key(default=1)
@@ -162,6 +163,7 @@ class Samples:
     random: dict[str, Distribution] = field(
         default_factory=dict, metadata={"type": lambda: _random_type()}
     )
+    roughness: bool = key(default=False, internal=True)
 
     @property
     def rough(self) -> bool:
@@ -182,16 +184,25 @@ class Samples:
         """Number and design of an approach's samples as the scene asks for them."""
         table = {"parametric": self.parametric, "joint": self.joint}.get(approach, Design())
         design = table.design or ("rbd-fast" if approach == "parametric" else self.design)
-        return Plan(table.n or self.n, design, table.curves or self.curves)
+        rough = self.roughness and approach in ROUGH
+        return Plan(table.n or self.n, design, table.curves or self.curves, rough)
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Samples asked for, their design, and search curves of FAST for each input."""
+    """Samples asked for, and how they are laid out.
+
+    Attributes:
+        n: their number.
+        design: of the random inputs.
+        curves: search curves of FAST for each input.
+        rough: whether samples draw laws or critical gaps beside the inputs.
+    """
 
     n: int
     design: str
     curves: int
+    rough: bool = False
 
     @property
     def grows(self) -> bool:
