@@ -13,7 +13,7 @@ from brake_fenicsx.scene.parts import part_lengths
 from brake_fenicsx.scene.samples import Classical, Distribution, split_key
 from brake_fenicsx.scene.sections import MaterialTable, Scene
 from brake_fenicsx.scene.tables import dotted
-from brake_fenicsx.scene.units import MODULI, with_unit
+from brake_fenicsx.scene.units import MODULI, quantity_text, with_unit
 
 METAL_DENSITY, METAL_MODULUS = 4000.0, 5e9  # kg/m^3, Pa: above the one, below the other is no metal
 CUT = 0.01  # share of a normal law below zero that is worth a warning
@@ -45,6 +45,13 @@ def unusual(scene: Scene) -> list[str]:
         lines.append(
             f"stability.verify = {scene.stability.verify}: there are {count} samples, all of which"
             " are then verified"
+        )
+    micro = scene.micro
+    if micro and micro.hardness and micro.hardness > (E_star := micro.E / (1 - micro.nu**2)):
+        lines.append(
+            f"micro.hardness = {with_unit(micro.hardness, 'Pa')}: above E* = E / (1 - nu^2) ="
+            f" {quantity_text(E_star, 'Pa')} of the lining, where solids yield at a tenth of it and"
+            " less; correct micro.E or the hardness"
         )
     for name, table in scene.materials.items():
         modulus = min(v for v in (*_flat(table.E), *_flat(table.C11), METAL_MODULUS))

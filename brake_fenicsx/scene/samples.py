@@ -301,7 +301,8 @@ def complete(d: Distribution, name: str, folder: Path) -> Distribution:
         values = _measured(d, unit_of(name), folder, where)
         digest = hashlib.sha256(np.array(values).tobytes()).hexdigest()
         d = replace(d, values=values, digest=digest)
-    for text in _mistakes(d):
+    friction = _negative(d) if name.endswith(".friction") else ()
+    for text in (*_mistakes(d), *friction):
         raise SceneError(f"{where}{text}")
     return d
 
@@ -323,6 +324,18 @@ def _mistakes(d: Distribution) -> Iterator[str]:
         yield ": a measured law needs two values or more within min and max, in values or file"
     if d.law != "measured" and (d.values or d.file):
         yield ': values and file belong to law = "measured"'
+
+
+def _negative(d: Distribution) -> Iterator[str]:
+    """Values that a friction coefficient never has."""
+    negative = [v for v in d.values if d.min <= v < 0]
+    if negative:
+        yield (
+            f": {len(negative)} of {len(d.values)} measured values are negative, the least is"
+            f" {min(negative):g}; correct them, or write min = 0, which leaves them out"
+        )
+    if d.law == "uniform" and d.spread is None and d.min < 0:
+        yield f".min = {d.min:g}: a friction coefficient is not negative; write 0 or more"
 
 
 def _measured(d: Distribution, unit: str, folder: Path, where: str) -> tuple[float, ...]:
