@@ -39,7 +39,8 @@ def result_digest(scene: Scene) -> str:
     # The points of a design belong together; parametric and joint take the inputs from multi-scale.
     whole = [s.plan(a) for a in s.approaches if s.takes_random(a) and not s.plan(a).grows]
     if whole:
-        content["designs"] = [[p.n, p.design, p.curves] for p in whole]
+        crossed = {p: ["roughness"] * (p.rough and p.design == "saltelli") for p in whole}
+        content["designs"] = [[p.n, p.design, p.curves, *crossed[p]] for p in whole]
     if s.random and {"parametric", "joint"} & {*s.approaches}:
         content["multi-scale"] = "roughness alone"
     if measured := {name: d.digest for name, d in s.random.items() if d.digest}:

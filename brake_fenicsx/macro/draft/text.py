@@ -231,6 +231,10 @@ class Draft:
             self._write("contact", {f"{name}{number}": {"faces": faces, **given}}, comment)
         self._write("motion", *proposed_motion(self.bodies, moving, touching))
         self._write("stability", {"band": ["0 Hz", "5 kHz"], "method": "reduced"}, "proposed")
+        used = [m for layers in self.parts.values() for m in layers.values()]
+        if any("loss" in self.deck.tables["materials"].get(name, {}) for name in used):
+            damping = {"loss": True, "omega_ref": "2.5 kHz"}
+            self._write("stability", {"damping": damping}, "proposed: omega_ref, of the loss")
 
     def _unread(self, sign: str) -> list[str]:
         """Put keywords that were not taken over in their places; a line on the others."""
