@@ -10,12 +10,10 @@ samples/              finished samples (sample_files.py)
 from __future__ import annotations
 
 import json
-import mmap
 import os
 import shutil
 import struct
 import zipfile
-import zlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -23,9 +21,9 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.arrays import check_mapped, npy, read_npz
 from brake_fenicsx.folder.files import whole_file
 from brake_fenicsx.folder.lock import Lock, Share
-from brake_fenicsx.folder.memory import mapped_files
 from brake_fenicsx.folder.sample_files import SampleFiles, damaged
 
 # What to forget when a stage is run again; later stages lose theirs too.
@@ -51,12 +49,8 @@ MADE_OF_SAMPLES = (
 
 
 # Arrays begin at multiples of so many bytes in a file; the number of the zip field that pads them
-# (any reader skips it); arrays from this size on are mapped [bytes].
-ALIGNED, PADDING, MAPPED = 64, 0xD935, 2**20
-
-
-# NumPy gives its own file format no types.
-npy: Any = np.lib.format
+# (any reader skips it) [bytes].
+ALIGNED, PADDING = 64, 0xD935
 
 
 class Store:
@@ -176,14 +170,22 @@ class Store:
         """
         path = self.path(name)
         try:
-            with np.load(path, allow_pickle=False) as data:
-                there = _mapped(path) if mapped else {}
-                wanted = (key for key in data.files if keys is None or key in keys)
-                return {key: there[key] if key in there else data[key] for key in wanted}
+            stream = path.open("rb")
         except FileNotFoundError:
             return None
-        except (ValueError, EOFError, zipfile.BadZipFile, zlib.error):
-            raise damaged(path) from None
+        with stream, damaged(path):
+            return read_npz(stream, keys, mapped)
+
+    def check_mapped(self, name: str) -> None:
+        """Compare what ``load`` maps of a file with its checksums; once a run.
+
+        Raises:
+            SceneError: the file is there, and damaged.
+        """
+        path = self.path(name)
+        if path.is_file():
+            with damaged(path):
+                check_mapped(path)
 
     def save_json(self, name: str, content: Mapping[str, Any] | list[str]) -> None:
         """Write a JSON file; infinity and nan, which JSON does not have, become null."""
@@ -206,27 +208,6 @@ def _write_arrays(file: BinaryIO, arrays: Mapping[str, Any]) -> None:
             entry.extra = struct.pack("<HH", PADDING, gap) + bytes(gap)
             with archive.open(entry, "w", force_zip64=True) as out:
                 npy.write_array(out, np.asanyarray(values), allow_pickle=False)
-
-
-def _mapped(path: Path) -> dict[str, np.ndarray[Any, Any]]:
-    """The large arrays of an npz file, mapped read-only."""
-    found = dict[str, np.ndarray[Any, Any]]()
-    with zipfile.ZipFile(path) as archive, path.open("rb") as file:
-        content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-        mapped_files.add(content)
-        for entry in archive.infolist():
-            if entry.file_size < MAPPED or entry.compress_type != zipfile.ZIP_STORED:
-                continue
-            file.seek(entry.header_offset + 26)
-            file.seek(sum(struct.unpack("<HH", file.read(4))), os.SEEK_CUR)
-            npy.read_magic(file)
-            shape, turned, dtype = npy.read_array_header_1_0(file)
-            if file.tell() % dtype.alignment:
-                continue
-            found[entry.filename.removesuffix(".npy")] = np.ndarray(
-                shape, dtype, content, file.tell(), order="F" if turned else "C"
-            )
-    return found
 
 
 def _write(path: Path, text: str) -> None:

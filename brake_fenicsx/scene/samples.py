@@ -38,6 +38,7 @@ import numpy as np
 from pydantic import BeforeValidator
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.arrays import npz_names, read_npz, reading
 from brake_fenicsx.scene.tables import KeyMistake, below, key, value_type
 from brake_fenicsx.scene.units import factor_to_si, to_si
 
@@ -323,19 +324,15 @@ def _measured(d: Distribution, unit: str, folder: Path, where: str) -> tuple[flo
         if d.unit is None:
             raise SceneError(f"{where}.unit: missing; say the unit of the numbers in {d.file}")
         factor = factor_to_si(d.unit, unit, f"{where}.unit = {d.unit!r}")
-    try:
+    with reading(path, "as numbers", at=f"{at}: "):
         if path.suffix == ".npz":
-            with np.load(path, allow_pickle=False) as data:
-                names = data.files if d.array is None else [d.array]
-                if len(names) != 1 or names[0] not in data.files:
-                    raise SceneError(f"{at}: contains {', '.join(data.files)}; name one as array")
-                values = np.ravel(data[names[0]]).astype(float)
+            found = npz_names(path)
+            names = found if d.array is None else [d.array]
+            if len(names) != 1 or names[0] not in found:
+                raise SceneError(f"{at}: contains {', '.join(found)}; name one as array")
+            values = np.ravel(read_npz(path, names)[names[0]]).astype(float)
         else:
             values = np.ravel(np.loadtxt(path, ndmin=1))
-    except FileNotFoundError:
-        raise SceneError(f"{at}: no such file; paths start at the scene's folder") from None
-    except (ValueError, OSError) as error:
-        raise SceneError(f"{at}: cannot be read as numbers: {error}") from None
     if not np.isfinite(values).all():
         raise SceneError(f"{at}: contains values that are not numbers; remove them")
     return tuple(float(v) * factor for v in values)

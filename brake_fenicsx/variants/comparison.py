@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.arrays import read_npz, reading
 from brake_fenicsx.report.blocks import Table, Text
 from brake_fenicsx.results.families import same_families
 from brake_fenicsx.results.run import RunData, read_run
@@ -141,8 +142,8 @@ def _shapes(run: RunData) -> Shapes | None:
     path = run.directory / "shapes.npz"
     if not path.is_file():
         return None
-    with np.load(path, allow_pickle=False) as data:
-        return {name: data[name] for name in data.files}
+    with reading(path, "as an npz file", "`run` of the scene makes it again"):
+        return read_npz(path)
 
 
 def _at_common_nodes(
