@@ -28,6 +28,7 @@ from brake_fenicsx.checks import (
 from brake_fenicsx.errors import BrakeError, SceneError
 from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.entry import PREPARED, check_folder, enter_prepared, open_folder
+from brake_fenicsx.folder.extras import spared
 from brake_fenicsx.folder.lock import Share
 from brake_fenicsx.folder.log import logger, start_log
 from brake_fenicsx.folder.processes import in_turns, on_first
@@ -320,15 +321,20 @@ def mechanics(
 
             note_warnings(this, stuck_warnings(this.scene, this.facts["stuck_contact"]))
         note_open_points(this)
+        note_warnings(this, this.facts.pop("lost_extras", []))
         if "report" in this.scene.stages:
             from brake_fenicsx.report.inputs import contact_maps
             from brake_fenicsx.report.mode_fields import write_mode_fields
 
-            write_mode_fields(study, first, this.pictures)
+            note_warnings(this, write_mode_fields(study, first, this.pictures))
             if this.pictures:
                 # The maps of the page too, beside the picture.
-                last = lambda: contact_maps(this.store.directory), lambda: draw_mesh(this, brake)
-                list(in_turns(2, lambda i: last[i](), this.comm))
+                last = (
+                    ("maps of the contact", lambda: contact_maps(this.store.directory)),
+                    ("picture of the mesh", lambda: draw_mesh(this, brake)),
+                )
+                drawn = in_turns(2, lambda i: spared(*last[i])[1], this.comm)
+                note_warnings(this, [text for lost in drawn for text in lost])
 
 
 def draw_mesh(this: Run, brake: Brake) -> None:
@@ -386,7 +392,11 @@ def report(directory: Path, comm: MPI.Comm = MPI.COMM_SELF, pictures: bool = Tru
     from brake_fenicsx.results.run import RunData, read_run
 
     if pictures:
-        on_first(lambda: contact_maps(directory), comm)
+        lost = on_first(
+            lambda: spared("maps of the contact", lambda: contact_maps(directory)), comm
+        )
+        for text in lost[1]:
+            logger.warning("%s", text)
     draws, held = min(comm.size, DRAWING), list[RunData]()
 
     def draw(i: int) -> None:

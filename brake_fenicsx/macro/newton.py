@@ -148,8 +148,11 @@ class Newton:
             # step: after a while they are halved every time.
             p, k = self.laws.loading(g)
             k = k + hold * min(history[-1], 0.5 ** max(i - PATIENCE, 0))
-            g_new = self.system.linear(load, p + k * g, k)
-            t_new = p - k * (g_new - g)
+            # The pressures t are those of the very system that was solved: from p - k (g_new - g)
+            # round-off of a gap of metres, where a part has come loose, would make any state one.
+            a = p + k * g
+            g_new = self.system.linear(load, a, k)
+            t_new = a - k * g_new
             s = self._line_search(g, t, g_new - g, t_new - t)
             g, t = g + s * (g_new - g), t + s * (t_new - t)
             history.append(self._residual(g, t))

@@ -76,6 +76,7 @@ class Results:
         self.more: list[tuple[Task, Data, NDArray[np.int32]]] = []
         self._verify = {task: store.samples.load(task) or {} for task in verify}
         self._reduced: dict[int, Data] = {}
+        self._lost: list[tuple[str, str]] = []
         self._verified = verified
         self._squealing: dict[int, NDArray[np.complex64]] = {}
         self._beyond = ModeFamilies()
@@ -159,6 +160,8 @@ class Results:
         """Sums for the summary."""
         names = np.array([name for name, _ in block.tasks])
         good = np.array(block.scalars("status", "")) == "ok"
+        lost = zip(block.tasks, block.scalars("lost", None), strict=True)
+        self._lost += [(f"{approach} {k}", text) for (approach, k), text in lost if text]
         texts = block.scalars("counted", None)
         for name in dict.fromkeys(names.tolist()):
             own = np.flatnonzero((names == name) & good)
@@ -208,6 +211,10 @@ class Results:
             facts["samples"][name] = counts.facts()
         if self._verify:
             facts["verification"] = self._verification()
+        if self._lost:
+            (where, text), more = self._lost[0], len(self._lost) - 1
+            others = f", and in {more} more samples" if more else ""
+            facts["lost_extras"] = [f"{text} (sample {where}{others})"]
         return facts
 
     def _verification(self) -> dict[str, Any]:

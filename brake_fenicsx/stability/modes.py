@@ -69,6 +69,10 @@ class Modes:
     seconds: float
     real: NDArray[np.bool_]
 
+    def __post_init__(self) -> None:
+        """An estimate that is no number is none: the error may have any size."""
+        object.__setattr__(self, "error", np.where(np.isnan(self.error), np.inf, self.error))
+
     def __len__(self) -> int:
         """Number of modes."""
         return int(self.s.size)
@@ -125,11 +129,13 @@ class Modes:
 def relative_errors(s: Complex, error: Array) -> Array:
     """Estimated errors of eigenvalues over |lambda|, shape (modes,).
 
-    Those of rigid modes, whose |lambda| is round-off, are nan: below 1e-3 of the largest.
+    Those of rigid modes, whose |lambda| is round-off, are nan: below 1e-3 of the largest. An error
+    that is no number is infinite.
     """
     size = np.abs(s)
     elastic = size > RIGID_BELOW * size.max(initial=0.0)
-    return np.where(elastic, error / np.where(elastic, size, 1.0), np.nan)
+    known = np.where(np.isnan(error), np.inf, error)
+    return np.where(elastic, known / np.where(elastic, size, 1.0), np.nan)
 
 
 def counted_rows(s: Complex, how: str, zeta_max: float) -> Count:

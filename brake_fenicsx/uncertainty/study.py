@@ -188,9 +188,9 @@ class Study:
 
             more: list[More] = []
             if self.drivers is not None and task[0] != VERIFY and comm.rank == 0:
-                more.append(partial(self.drivers.of, approach, sample, eq, k == 0))
+                more.append(("drivers", partial(self.drivers.of, approach, sample, eq, k == 0)))
             if self.cycles is not None and task[0] != VERIFY and comm.rank == 0:
-                more.append(partial(self.cycles.of, approach, sample, eq))
+                more.append(("limit cycles", partial(self.cycles.of, approach, sample, eq)))
             out |= modes_of_sample(models, approach, sample, eq, reduced, more, comm)
         return out
 

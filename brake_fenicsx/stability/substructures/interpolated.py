@@ -97,8 +97,14 @@ class InterpolatedMoments:
         for i, found in sorted(self._checked.items()):
             D, step = self._interpolated(self.points[i])
             error = [A - B for A, B in zip(found, D, strict=True)]
-            size = [[la.norm(A) for A in every] for every in (error, step)]
-            gain = np.maximum(gain, np.divide(size[0], size[1]))
+            size, last, whole = (
+                np.array([la.norm(A.astype(float)) for A in every])
+                for every in (error, step, found)
+            )
+            # Of a step that is round-off no ratio is known: the errors at the points remain.
+            held = [max(np.finfo(kind).eps for kind in (A.dtype, self._precision)) for A in D]
+            known = last > held * whole
+            gain = np.maximum(gain, np.where(known, size / np.where(known, last, 1.0), 1.0))
             checks.append(np.array(error, np.float32))
         made = {f"D{n}": changes for n, changes in enumerate(self._changes)}
         return {**centre, "checks": np.array(checks), "gain": gain, **made}

@@ -251,7 +251,7 @@ class ReducedModel:
         s: Complex,
         a: Complex,
         left: bool = False,
-    ) -> Complex:
+    ) -> tuple[Complex, Array]:
         """Displacements of some modes of a sample, with all that the kept modes leave out.
 
         Args:
@@ -262,10 +262,8 @@ class ReducedModel:
             left: whether these are columns of ``left``, and left vectors are wanted.
 
         Returns:
-            Shape (dofs, chosen).
-
-        Raises:
-            NotConverged: what the kept modes leave out does not settle.
+            The displacements, shape (dofs, chosen), and their estimated relative errors, shape
+            (chosen,).
         """
         return self.displacements_of_samples([(p, contact, s, a)], left)[0]
 
@@ -275,7 +273,7 @@ class ReducedModel:
         left: bool = False,
         comm: MPI.Comm = MPI.COMM_SELF,
         aside: int = 0,
-    ) -> list[Complex]:
+    ) -> list[tuple[Complex, Array]]:
         """Displacements of modes of several samples, each matrix factored once; collective.
 
         Args:
@@ -291,7 +289,7 @@ class ReducedModel:
             chosen.append(SampleModes(sample, x, self.scaled(s), a))
             release_memory()
         found = mode_displacements(chosen, self.rows, left, comm, aside)
-        return [u.conj() if left else u for u in found]
+        return [(u.conj() if left else u, error) for u, error in found]
 
     def motions(
         self, p: ArrayLike, contact: ContactLinearisation, s: Complex, right: Complex, left: Complex
@@ -306,17 +304,14 @@ class ReducedModel:
             left: likewise.
 
         Returns:
-            The motions, under the right vectors of the rows that forces follow; and the coordinates
-            made sharper: those of ``modes`` are vectors of a truncated series.
-
-        Raises:
-            NotConverged: the motions at the contact do not settle.
+            The motions, under the right vectors of the rows that forces follow, with their errors;
+            and the coordinates made sharper: those of ``modes`` are vectors of a truncated series.
         """
         sample, z = self.sample(p, contact), self.scaled(s)
-        v, settled = sharpened(sample, z, right, left.conj())
+        v, error = sharpened(sample, z, right, left.conj())
         seen, met = motions_of_elements(sample, self.rows, self._w.size, z, v)
         slope = slopes(sample, z, v) * (self._omega if self.rows.rates else -2 * s)
-        return ContactMotions(s, slope, seen, met, settled), v.a, v.b.conj()
+        return ContactMotions(s, slope, seen, met, error), v.a, v.b.conj()
 
     def scaled(self, s: Complex) -> Complex:
         """Z of lambda = s [1/s], in units of the model."""

@@ -130,7 +130,9 @@ def _companion(T: Array, near: Callable[[Complex], Index]) -> Zeros:
     return Zeros(every, chosen, X / la.norm(X, axis=0), b / la.norm(b, axis=0))
 
 
-def applied(A: Coefficients, z: Complex, X: Complex, transpose: bool = False) -> Complex:
+def applied(
+    A: Coefficients, z: Complex, X: Complex, transpose: bool = False, kind: type | None = None
+) -> Complex:
     """A(z_j) x_j of each column, or A(z_j)' x_j.
 
     Args:
@@ -138,9 +140,10 @@ def applied(A: Coefficients, z: Complex, X: Complex, transpose: bool = False) ->
         z: of each column, shape (columns,).
         X: shape (columns or rows of A, columns).
         transpose: whether A is transposed.
+        kind: precision of the products; that of each coefficient if None.
     """
     total = None
     for n, coefficient in enumerate(A):
-        term = z**n * times(coefficient.T if transpose else coefficient, X)
+        term = z**n * times(coefficient.T if transpose else coefficient, X, kind)
         total = term if total is None else total + term
     return np.asarray(total)

@@ -192,9 +192,11 @@ class SampleProblem:
             return y
         return np.concatenate([y[: self.gaps], (z + self.rows.shift) * y[self.gaps :]])
 
-    def left_response(self, z: Complex, eta: Complex, moments: int | None = None) -> Complex:
+    def left_response(
+        self, z: Complex, eta: Complex, moments: int | None = None, kind: type | None = None
+    ) -> Complex:
         """(1 - E)' eta, shape (followed rows, zeros); with all moments if None."""
-        return eta - applied(self.E[:moments], self.rows.variable(z), eta, transpose=True)
+        return eta - applied(self.E[:moments], self.rows.variable(z), eta, True, kind)
 
     def motions(self, z: Complex, a: Complex) -> Complex:
         """Motions y of some a, as far as they are expanded, shape (followed rows, zeros)."""
