@@ -32,7 +32,7 @@ from brake_fenicsx.macro.equilibrium import Condensed
 from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.macro.material_table import layer_materials, scene_materials
 from brake_fenicsx.scene import Scene, Stability
-from brake_fenicsx.scene.damping import active_terms, reduced_approaches
+from brake_fenicsx.scene.damping import active_terms, lone_samples, reduced_approaches
 from brake_fenicsx.scene.digest import bodies_key
 from brake_fenicsx.scene.scalars import changes_bodies
 
@@ -269,6 +269,12 @@ class Models:
             if names:
                 self._reduce(damped, names)
         full = [n for n, r in self.by_reduction.items() if not r]
+        for name in lone_samples(scene, self._counts):
+            logger.info(
+                '%s: one sample, at full order although stability.method = "reduced": a reduced'
+                " model takes longer than one sample, and pays from two on",
+                name,
+            )
         special = [n for n in full if self.damped(n) or self.changes_bodies(n)]
         if special:
             logger.info("%s: damping or bodies of their own, full order", ", ".join(special))
