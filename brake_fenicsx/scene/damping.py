@@ -139,8 +139,7 @@ def reduced_approaches(scene: Scene, counts: Mapping[str, int]) -> set[str]:
 
     One serves all approaches whose samples something damps, and one all others. A sample alone
     does not pay for a reduced model, but takes that of other approaches; a sweep, and what only a
-    reduced model has (damping ratios, limit cycles), pay for all, and a verification where nothing
-    else does.
+    reduced model has (damping ratios, limit cycles), pay for all.
 
     Args:
         scene: the scene.
@@ -153,8 +152,6 @@ def reduced_approaches(scene: Scene, counts: Mapping[str, int]) -> set[str]:
     modal = bool(scene.damping and scene.damping.modal)
     asked = bool(scene.sweep or modal or scene.limit_cycle)
     paid = {damped[name] for name, count in counts.items() if count > 1 or asked}
-    if not paid and stability.verify:
-        paid = {*damped.values()}
     return {name for name in counts if damped[name] in paid}
 
 

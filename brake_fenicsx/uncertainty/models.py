@@ -272,8 +272,9 @@ class Models:
         for name in lone_samples(scene, self._counts):
             logger.info(
                 '%s: one sample, at full order although stability.method = "reduced": a reduced'
-                " model takes longer than one sample, and pays from two on",
+                " model takes longer than one sample, and pays from two on%s",
                 name,
+                "; there is nothing to verify" * bool(self.stability and self.stability.verify),
             )
         special = [n for n in full if self.damped(n) or self.changes_bodies(n)]
         if special:

@@ -187,7 +187,6 @@ def test_samples_that_full_order_takes_lose_their_cycles_alone(tmp_path):
 
 def test_the_log_says_why_a_lone_sample_is_at_full_order(tmp_path):
     """method = "reduced" with one sample, and nothing that only a reduced model has."""
-    for more, said in ((), True), (("stability.verify=1",), False):
-        folder = tmp_path / str(said)
-        run(BLOCK, MPI.COMM_SELF, folder, [*PLAIN, "samples.n=1", *more])
-        assert ("one sample, at full order although" in (folder / "log.txt").read_text()) == said
+    run(BLOCK, MPI.COMM_SELF, tmp_path / "out", [*PLAIN, "samples.n=1", "stability.verify=1"])
+    log = (tmp_path / "out" / "log.txt").read_text()
+    assert "one sample, at full order although" in log and "nothing to verify" in log
