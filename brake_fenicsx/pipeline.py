@@ -119,7 +119,7 @@ def run(
     new = not store.directory.exists()
     try:
         if share is None:
-            open_folder(store, parsed.file.read_text(), from_stage, comm)
+            open_folder(store, parsed.file.read_text("utf-8"), from_stage, comm)
         else:
             command = f"brake-fenicsx prepare {parsed.file} -o {store.directory}"
             enter_prepared(store, parsed.samples.approaches, command, comm)

@@ -41,7 +41,7 @@ def best_kernels(cpuinfo: Path = CPUINFO) -> str | None:
 def kernels_in_use() -> str:
     """Releases and kernels of the OpenBLAS libraries that this process has loaded; "" of none."""
     try:
-        files = set(re.findall(r"/\S*openblas\S*", MAPS.read_text()))
+        files = set(re.findall(r"/\S*openblas\S*", MAPS.read_text("utf-8")))
     except OSError:
         return ""
     found = set()

@@ -135,7 +135,7 @@ class Lock:
         self._ended = threading.Event()
         self.name: str = f"{socket.gethostname()}-{os.getpid()}-{_start(os.getpid())}"
         folder.mkdir(parents=True, exist_ok=True)
-        self._file(self.name).write_text(time.strftime("%Y-%m-%d %H:%M:%S"))
+        self._file(self.name).write_text(time.strftime("%Y-%m-%d %H:%M:%S"), "utf-8")
         threading.Thread(target=self._beat, daemon=True).start()
 
     @classmethod
@@ -243,7 +243,7 @@ def _read(path: Path) -> str | None:
     """Name in a claim file; None if it is gone, or is being written at this moment."""
     for _ in range(10):
         try:
-            if text := path.read_text():
+            if text := path.read_text("utf-8"):
                 return text
         except FileNotFoundError:
             return None
@@ -254,7 +254,7 @@ def _read(path: Path) -> str | None:
 def _start(process: int) -> str:
     """When a process of this machine started [clock ticks since the boot]; "" if it has ended."""
     try:
-        words = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+        words = Path(f"/proc/{process}/stat").read_text("utf-8").rpartition(")")[2].split()
     except OSError:
         return ""
     return "" if words[0] in "ZX" else words[19]

@@ -93,7 +93,7 @@ class Store:
             )
         mark = self.path("scene.sha256")
         if mark.exists():
-            if mark.read_text() != self.digest:
+            if mark.read_text("utf-8") != self.digest:
                 raise SceneError(
                     f"{folder}: contains results of another scene, or of other content of a file"
                     f" that it names; {remedy}, or remove it"
@@ -212,7 +212,7 @@ def _write_arrays(file: BinaryIO, arrays: Mapping[str, Any]) -> None:
 
 def _write(path: Path, text: str) -> None:
     with whole_file(path) as part:
-        part.write_text(text)
+        part.write_text(text, "utf-8")
 
 
 def _plain(value: Any) -> Any:
