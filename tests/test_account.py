@@ -34,7 +34,8 @@ def accounts(tmp_path_factory):
     for name, text in FILES.items():
         (home / name).write_text(text)
     environment |= {
-        "MATPLOTLIBRC": str(home), "SEED": "77", "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0",
+        "MATPLOTLIBRC": str(home), "SEED": "77", "LC_ALL": "C", "PYTHONUTF8": "0",
+        "PYTHONCOERCECLOCALE": "0",
         "PYTHONHASHSEED": "5",
         "PETSC_OPTIONS": "-hostile 2 -brake_compliance_ksp_type none", "GMSH_HOME": str(home),
     }  # fmt: skip

@@ -94,7 +94,7 @@ class Design:
 
     n: int | None = key(default=None)
     design: str | None = key(default=None, choices=DESIGNS)
-    curves: int | None = key(default=None)
+    curves: int | None = key(default=None, most=1000)
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,9 +150,9 @@ class Samples:
     """
 
     n: int = key(default=1)
-    seed: int = key(default=1, sign="zero")
+    seed: int = key(default=1, sign="zero", most=2**63 - 1)
     design: str = key(default="random", choices=DESIGNS)
-    curves: int = key(default=3)
+    curves: int = key(default=3, most=1000)
     approaches: tuple[str, ...] = key(default=("multi-scale",), choices=APPROACHES)
     classical: Classical = field(default_factory=Classical)
     parametric: Design = field(default_factory=Design)
@@ -211,6 +211,16 @@ def is_constant(name: str) -> bool:
     """Whether a scalar, by its dotted key, is an elastic constant of a material."""
     section, _, last = split_key(name)
     return section == "materials" and last not in ("loss", "rho")
+
+
+def below_least(name: str, value: float) -> str:
+    """What a scalar must be, by its dotted key, where a value is less than that; else ""."""
+    last = split_key(name)[2]
+    if last.startswith("nu") or last in ("C12", "C13", "C23"):
+        return ""
+    if last in ("friction", "loss", "alpha", "beta", "mass", "pressure"):
+        return "must be zero or more" if value < 0 else ""
+    return "" if value > 0 else "must be positive"
 
 
 def unit_of(name: str) -> str:
@@ -293,7 +303,16 @@ def complete(d: Distribution, name: str, folder: Path) -> Distribution:
         d = replace(d, values=values, digest=digest)
     for text in _mistakes(d):
         raise SceneError(f"{where}{text}")
+    measured = min((v for v in d.values if d.min <= v <= d.max), default=None)
+    for key_, value in (("mean", d.mean), ("values", measured), ("min", _uniform(d))):
+        if value is not None and name != "motion.speed" and (text := below_least(name, value)):
+            raise SceneError(f"{where}.{key_}: {value:g}: {text}")
     return d
+
+
+def _uniform(d: Distribution) -> float | None:
+    """Lower end of a uniform law that has one."""
+    return d.min if d.law == "uniform" and np.isfinite(d.min) else None
 
 
 def _mistakes(d: Distribution) -> Iterator[str]:
