@@ -72,7 +72,9 @@ def _main(words: list[str]) -> int:
     except KeyboardInterrupt:
         return _end(comm, verbose, INTERRUPTED, 130)
     except Terminated as error:
-        message = "terminated; finished samples are stored, the same command resumes the run"
+        message = (
+            "terminated; finished laws and samples are stored, the same command resumes the run"
+        )
         status = _end(comm, verbose, message, STATUS)
         if comm is not None and comm.size > 1 and not error.together:
             comm.Abort(status)

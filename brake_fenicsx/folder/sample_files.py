@@ -14,7 +14,7 @@ import os
 import re
 import zipfile
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, ExitStack
+from contextlib import AbstractContextManager, ExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -88,6 +88,18 @@ class SampleFiles:
                 names.add(name)
         found = (_SINGLE.fullmatch(name) for name in names)
         return {(match[1], int(match[2])) for match in found if match}
+
+    def scene(self) -> str:
+        """Hash of the scene of the first sample that can be read; "" without any."""
+        for name in self._names():
+            with suppress(SceneError, OSError):
+                if _SINGLE.fullmatch(name):
+                    return str((self._store.load(_path(name), ["scene"]) or {}).get("scene", ""))
+                if _ARCHIVE.fullmatch(name):
+                    path = self._store.path(FOLDER, name)
+                    with damaged(path), zipfile.ZipFile(path) as archive:
+                        return archive.comment.decode()
+        return ""
 
     def load(self, task: Task) -> dict[str, np.ndarray[Any, Any]] | None:
         """Arrays of a sample; None where it is not computed yet.

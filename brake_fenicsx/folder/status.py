@@ -92,9 +92,9 @@ def read_status(directory: str | Path) -> Status:
         SceneError: no results folder, or a damaged file.
     """
     store = Store(Path(directory))
-    if not store.path("scene.sha256").is_file():
+    store.digest = store.known()
+    if not store.digest:
         raise SceneError(f"{directory}: no results folder; give the one that a run wrote")
-    store.digest = store.path("scene.sha256").read_text("utf-8").strip()
     there, mark = SampleFiles(store).present(), store.path(PREPARED)
     found = json.loads(mark.read_text("utf-8")) if mark.is_file() else {}
     of = found if isinstance(found, dict) else {}

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
+import re
 import struct
 import zipfile
 from collections.abc import Callable, Mapping, Sequence
@@ -22,12 +22,13 @@ import numpy as np
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import check_mapped, npy, read_npz
-from brake_fenicsx.folder.files import whole_file
+from brake_fenicsx.folder.files import emptied, remove_remains, whole_file
 from brake_fenicsx.folder.lock import Lock, Share
+from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.sample_files import SampleFiles, damaged
 
 # What to forget when a stage is run again; later stages lose theirs too.
-RUNNING = "running"
+RUNNING, MARK = "running", "scene.sha256"
 _FILES = {
     "surface": ("surface.npz",),
     "micro": ("laws.npz", "contact_maps.npz"),
@@ -91,17 +92,34 @@ class Store:
             raise SceneError(
                 f"-o {folder}: a broken symbolic link (to {os.readlink(folder)}); {remedy}"
             )
-        mark = self.path("scene.sha256")
-        if mark.exists():
-            if mark.read_text("utf-8") != self.digest:
-                raise SceneError(
-                    f"{folder}: contains results of another scene, or of other content of a file"
-                    f" that it names; {remedy}, or remove it"
-                )
-        else:
-            found = sorted(p.name for p in folder.glob("[!.]*") if p.name != RUNNING)
-            if found:
-                raise SceneError(f"-o {folder}: contains {found[0]!r} and no results; {remedy}")
+        mark = self._mark()
+        if mark == digest:
+            return
+        known = self.samples.scene()
+        if known == digest:
+            logger.warning("%s: damaged or lost; the samples are of this scene", self.path(MARK))
+        elif mark or known:
+            raise SceneError(
+                f"{folder}: contains results of another scene, or of other content of a file"
+                f" that it names; {remedy}"
+            )
+        elif mark is not None:
+            raise SceneError(
+                f"{self.path(MARK)}: damaged, and no sample says which scene the folder is of;"
+                f" {remedy}, or remove the folder"
+            )
+        elif found := sorted(p.name for p in folder.glob("[!.]*") if p.name != RUNNING):
+            raise SceneError(f"-o {folder}: contains {found[0]!r} and no results; {remedy}")
+
+    def _mark(self) -> str | None:
+        """Hash of the scene as the folder has it; "" of one that is damaged, None without."""
+        path = self.path(MARK)
+        text = path.read_text("utf-8", "replace").strip() if path.is_file() else None
+        return text if text is None or re.fullmatch("[0-9a-f]{64}", text) else ""
+
+    def known(self) -> str:
+        """Hash of the scene of the folder; "" where nothing tells it."""
+        return self.samples.scene() or self._mark() or ""
 
     def open(self, scene: str, from_stage: str | None = None) -> None:
         """Make the folder, or enter it; forget what ``from_stage`` and later stages left.
@@ -113,14 +131,11 @@ class Store:
         self.directory.mkdir(parents=True, exist_ok=True)
         if from_stage is not None:
             later = list(_FILES)[list(_FILES).index(from_stage) :]
-            for name in {file for stage in later for file in _FILES[stage]}:
-                target = self.path(name)
-                if target.is_dir():
-                    shutil.rmtree(target)
-                else:
-                    target.unlink(missing_ok=True)
+            for name in dict.fromkeys(file for stage in later for file in _FILES[stage]):
+                emptied(self.path(name))
             self.samples = SampleFiles(self)
-        _write(self.path("scene.sha256"), self.digest)
+        remove_remains(self.directory)
+        _write(self.path(MARK), self.digest)
         for name in ("cache", "samples"):
             self.path(name).mkdir(exist_ok=True)
         _write(self.path("scene.toml"), scene)
@@ -146,13 +161,11 @@ class Store:
         Raises:
             StorageError: the file cannot be written.
         """
-        with whole_file(self.path(name)) as part, part.open("wb") as file:
+        with whole_file(self.path(name), durable=True) as part, part.open("wb") as file:
             # A full disc is noticed here; a zip file would raise once more at its end.
             os.posix_fallocate(file.fileno(), 0, size)
             content(file)
             file.truncate()
-            file.flush()
-            os.fsync(file.fileno())
 
     def load(
         self, name: str, keys: Sequence[str] | None = None, mapped: bool = False
@@ -211,7 +224,7 @@ def _write_arrays(file: BinaryIO, arrays: Mapping[str, Any]) -> None:
 
 
 def _write(path: Path, text: str) -> None:
-    with whole_file(path) as part:
+    with whole_file(path, durable=True) as part:
         part.write_text(text, "utf-8")
 
 

@@ -396,8 +396,12 @@ class Models:
         return [bodies_key(self._scene), self.numbering.mark, band, *more]
 
     def _known(self, file: str) -> dict[str, NDArray[Any]] | None:
-        """What an earlier run left: processes of a machine hold the large arrays once."""
+        """What an earlier run left: processes of a machine hold the large arrays once; collective.
+
+        Their checksums are looked at here, by one process, and nowhere else.
+        """
         try:
+            on_first(lambda: self._store.check_mapped(file), self._comm)
             stored = self._store.load(file, mapped=True)
         except SceneError as error:  # cut short, by a full disc or a killed copy
             logger.warning("%s: made again", error)
