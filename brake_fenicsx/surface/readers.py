@@ -9,6 +9,7 @@ with a lateral size 1e9 too large, and readers of TrueMap files disagree by 1e3 
 from __future__ import annotations
 
 import logging
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.arguments import number, one_of, real
 from brake_fenicsx.errors import SurfaceError
+from brake_fenicsx.folder.arrays import npz_names, read_hdf5, read_npz, reading
 from brake_fenicsx.surface.doubts import implausible
 from brake_fenicsx.surface.missing import missing_points
 from brake_fenicsx.surface.table import ACCEPTED, ENDINGS, delimiter_of, read_npy, read_table
@@ -28,6 +30,7 @@ METRES = {
     "m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "\u00b5m": 1e-6, "\u03bcm": 1e-6,
     "nm": 1e-9, "A": 1e-10, "\u00c5": 1e-10, "pm": 1e-12,
 }  # fmt: skip
+OWN = ("heights", "size", "scale")  # arrays of our own formats
 MISSING = np.iinfo(np.int16).min  # value of a missing point in our int16 npz
 
 
@@ -121,33 +124,25 @@ Read = tuple[NDArray[Any], Any]
 
 def _read_npz(file: Path, unit: float | None) -> Read:
     """Own format: ``heights`` (times ``scale`` [m] if there is one, 1 m if not), ``size`` [m]."""
-    try:
-        with np.load(file, allow_pickle=False) as data:
-            arrays = {name: data[name] for name in data.files}
-    except (ValueError, OSError) as error:
-        raise SurfaceError(f"{file}: not a readable npz file ({error})") from error
-    return _from_arrays(file, arrays, unit)
+    with reading(file, "as an npz file", kind=SurfaceError):
+        return _from_arrays(file, read_npz(file, OWN), npz_names(file), unit)
 
 
 def _read_hdf5(file: Path, unit: float | None) -> Read:
     """Own format in HDF5: data sets ``heights``, ``size`` and ``scale`` as in npz."""
-    import h5py
-
-    try:
-        with h5py.File(file, "r") as data:
-            names = ("heights", "size", "scale")
-            arrays = {name: np.asarray(data[name]) for name in names if name in data}
-    except OSError as error:
-        raise SurfaceError(f"{file}: not a readable HDF5 file ({error})") from error
+    with reading(file, "as an HDF5 file", kind=SurfaceError):
+        arrays = read_hdf5(file, OWN)
     if "heights" not in arrays:
         return _read_instrument(file, unit, None, None)
-    return _from_arrays(file, arrays, unit)
+    return _from_arrays(file, arrays, [*arrays], unit)
 
 
-def _from_arrays(file: Path, arrays: dict[str, NDArray[Any]], unit: float | None) -> Read:
+def _from_arrays(
+    file: Path, arrays: dict[str, NDArray[Any]], names: list[str], unit: float | None
+) -> Read:
     """Heights [m] and size [m] of the arrays of an npz or HDF5 file."""
     if "heights" not in arrays:
-        raise SurfaceError(f"{file}: no array 'heights' (found: {', '.join(arrays) or 'nothing'})")
+        raise SurfaceError(f"{file}: no array 'heights' (found: {', '.join(names) or 'nothing'})")
     raw = arrays["heights"]
     heights = real(f"{file}: heights", raw)
     if raw.dtype == np.int16:
@@ -199,15 +194,6 @@ def _read_numbers(file: Path, unit: float | None) -> Read | None:
     return heights * unit, None if lengths is None else lengths * unit
 
 
-def _failed(file: Path, error: Exception) -> SurfaceError:
-    """What a reader of SurfaceTopography stumbled over, in one line."""
-    text = " ".join(str(error).split())[:80] or type(error).__name__
-    return SurfaceError(
-        f"{file}: cannot be read ({text}): cut short or damaged, or of a kind that the reader does"
-        f" not know; copy it again, or export it as text: {ACCEPTED}"
-    )
-
-
 def _read_instrument(
     file: Path, unit: float | None, size: tuple[float, float] | None, channel: int | None
 ) -> Read:
@@ -215,14 +201,15 @@ def _read_instrument(
     import SurfaceTopography
     from SurfaceTopography.Exceptions import CannotDetectFileFormat
 
-    try:
-        reader = SurfaceTopography.open_topography(str(file))
-    except CannotDetectFileFormat:
-        raise SurfaceError(
-            f"{file}: no reader knows this format; export it as text: {ACCEPTED}"
-        ) from None
-    except Exception as error:
-        raise _failed(file, error) from error
+    remedy = f"copy it again, or export it as text: {ACCEPTED}"
+    trial = partial(reading, file, "by SurfaceTopography", remedy, SurfaceError)
+    with trial():
+        try:
+            reader = SurfaceTopography.open_topography(str(file))
+        except CannotDetectFileFormat:
+            raise SurfaceError(
+                f"{file}: no reader knows this format; export it as text: {ACCEPTED}"
+            ) from None
     channels = reader.channels
     index = reader.default_channel.index if channel is None else channel
     if index not in range(len(channels)):
@@ -235,12 +222,10 @@ def _read_instrument(
         if size is None:
             raise SurfaceError(f"{file}: the file names no lateral size; give it as 'size'")
         settings["physical_sizes"] = tuple(size)
-    try:
+    with trial():
         topo = reader.topography(channel_index=index, **settings)
         heights = real("heights", topo.heights())  # A masked array where points are missing.
         heights[missing_points(file, heights / (info.height_scale_factor or 1.0))] = np.nan
-    except Exception as error:
-        raise _failed(file, error) from error
     length = METRES.get(topo.unit or "")
     if length is None and (size is None or unit is None):
         named = f"its unit {topo.unit!r} is unknown" if topo.unit else "the file names no unit"

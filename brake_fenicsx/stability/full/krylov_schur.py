@@ -10,6 +10,10 @@ Reference: G. W. Stewart, SIAM J. Matrix Anal. Appl. 23 (2002) 601, doi:10.1137/
 
 from __future__ import annotations
 
+import brake_fenicsx.petsc_started  # noqa: F401
+
+# isort: split
+
 from petsc4py import PETSc
 from slepc4py import SLEPc
 
