@@ -38,7 +38,7 @@ class Topography:
         size: lengths of the scan [m], shape (2,); a pixel measures ``size / (nx, ny)``.
         periodic: whether the surface repeats itself without a step.
         source: where the heights come from, for messages and reports.
-        warnings: what looked implausible when the heights were read.
+        warnings: what is doubtful about an artificial surface.
         record: errors reached by the synthesis, for an artificial surface.
     """
 
@@ -86,7 +86,6 @@ def make_topography(
     size: Array | tuple[float, float],
     periodic: bool = False,
     source: str = "array",
-    warnings: tuple[str, ...] = (),
 ) -> Topography:
     """Check heights and size and put them together.
 
@@ -95,7 +94,6 @@ def make_topography(
         size: lengths [m], shape (2,).
         periodic: whether the surface repeats itself.
         source: name for messages.
-        warnings: what the reader noticed.
 
     Raises:
         SurfaceError: not a two-dimensional array, no valid point, or a size that is not positive.
@@ -109,7 +107,7 @@ def make_topography(
         raise SurfaceError(f"{source}: size {size} m; give two positive lengths as 'size'")
     if np.isnan(h).all():
         raise SurfaceError(f"{source}: no valid point in the scan; measure again or mask less")
-    return Topography(h, lengths, periodic, source, warnings)
+    return Topography(h, lengths, periodic, source)
 
 
 Scans = Topography | Sequence[Topography]  # of one surface, on the same grid
