@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 # A value this often at the end of the heights, and so much more often than the next, is no height.
 MANY, TIMES = 10, 10
-EMPTY = 0.5  # of the range of the heights without any: two surfaces, or numbers read wrongly
+EMPTY = 0.25  # of the range of the heights without any: two surfaces, or numbers read wrongly
 FEW_VALID, MANY_OUTLIERS = 0.7, 0.05  # shares of the points
 NOISE = -1.0  # white noise has a slope of 0; a steeper spectrum is that of a rough surface
 MISSED = 2.0  # times the measured variance of an octave
@@ -48,9 +48,9 @@ def pile_at_an_end(heights: Array) -> tuple[int, float] | None:
 
 
 def gap_in_the_heights(heights: Array) -> tuple[float, float] | None:
-    """The longest range without a height, where it is half of that which holds 98 % of them.
+    """The longest range without a height, where it is a quarter of that which holds 98 % of them.
 
-    Heights of a steep step leave no such gap: its flank, and the roughness on both sides, fill it.
+    The steps of a coarse detector are no gap: the next longest range is nearly as long.
 
     Args:
         heights: heights [m], shape (nx, ny); nan where missing.
@@ -61,10 +61,10 @@ def gap_in_the_heights(heights: Array) -> tuple[float, float] | None:
     low, high = np.nanpercentile(heights, [1.0, 99.0])
     z = np.sort(heights[(heights >= low) & (heights <= high)])
     widths = np.diff(z)
-    widest = int(np.argmax(widths)) if widths.size else 0
-    if np.unique(z).size < 3 or widths[widest] <= EMPTY * (high - low):
+    order = np.argsort(widths)[-2:]
+    if order.size < 2 or widths[order[1]] <= max(EMPTY * (high - low), TIMES * widths[order[0]]):
         return None
-    return float(z[widest]), float(z[widest + 1])
+    return float(z[order[1]]), float(z[order[1] + 1])
 
 
 def where_missing(heights: Array) -> str:

@@ -94,9 +94,30 @@ def cosine_psd(topo: Topography) -> Array:
     Reference: B. Denis, J. Cote, R. Laprise, Mon. Weather Rev. 130 (2002) 1812,
     doi:10.1175/1520-0493(2002)130<1812:SDOTDA>2.0.CO;2.
     """
-    h = fill(topo.heights)
-    waves = scipy.fft.dctn(h - h.mean(), norm="ortho")
-    return np.asarray(waves**2 * np.prod(topo.size) / (4.0 * np.pi**2 * h.size))
+    waves = waves_of(fill(topo.heights), topo)
+    return np.asarray(waves**2 * np.prod(topo.size) / (4.0 * np.pi**2 * waves.size))
+
+
+def waves_of(heights: Array, topo: Topography) -> Array:
+    """Coefficients [m] of the waves that a scan is measured by, without the mean plane.
+
+    Args:
+        heights: heights without missing points [m], shape (nx, ny).
+        topo: the scan, which is periodic or not.
+    """
+    h = heights - heights.mean()
+    return np.asarray(scipy.fft.rfft2(h) if topo.periodic else scipy.fft.dctn(h, norm="ortho"))
+
+
+def ring_sums(values: Array, topo: Topography) -> Array:
+    """Sums over the rings of ``radial_psd`` of what belongs to each wave, shape (n,).
+
+    Args:
+        values: of the waves of ``waves_of``.
+        topo: scan whose grid it has.
+    """
+    ring, inside, _, weights = _rings(topo)
+    return np.asarray(np.bincount(ring, (weights * values.ravel())[inside]), dtype=float)
 
 
 def radial_psd(scans: Scans, cutoff: float | None = None, rings: int = 12) -> RadialPsd:
@@ -136,12 +157,18 @@ def radial_mean(C: Array, topo: Topography, rings: int = 12) -> tuple[Array, Arr
         topo: scan whose grid it has.
         rings: as for ``radial_psd``.
     """
+    ring, inside, q, weights = _rings(topo, rings)
+    return _ring_means(ring, weights[inside], q[inside], C.ravel()[inside])
+
+
+def _rings(topo: Topography, rings: int = 12) -> tuple[NDArray[np.intp], NDArray, Array, Array]:
+    """Ring of every wave inside one, empty rings left out; which waves; wave numbers; weights."""
     q, weights = _wave_numbers(topo)
     q, weights = q.ravel(), np.broadcast_to(weights, q.shape).ravel()
     edges = _ring_edges(2.0 * np.pi / topo.size.min(), np.pi / topo.pixel.max(), rings)
-    ring = np.digitize(q, edges) - 1
+    ring = np.digitize(q * (1.0 + 1e-9), edges) - 1  # waves on an edge, whatever the rounding
     inside = (ring >= 0) & (ring < edges.size - 1)
-    return _ring_means(ring[inside], weights[inside], q[inside], C.ravel()[inside])
+    return np.unique(ring[inside], return_inverse=True)[1], inside, q, weights
 
 
 def seen_in_scans(C: Density, topo: Topography) -> Array:
@@ -210,7 +237,6 @@ def _ring_means(ring: NDArray[np.intp], w: Array, q: Array, C: Array) -> tuple[A
     wide ring would lie high. The variance between wave vectors is the same share of the square in
     all rings: 1 for a random surface, 0 for one with imposed amplitudes.
     """
-    _, ring = np.unique(ring, return_inverse=True)
     count = np.bincount(ring, w)
     middle = np.exp(np.bincount(ring, w * np.log(q)) / count)
     mean = np.bincount(ring, w * C) / count

@@ -22,8 +22,8 @@ Array = NDArray[np.float64]
 LOW = ("extend", "flat")
 SPECTRA = ("fit", "measured")
 MODEL = 0.01  # variance of ln C that a ring has beyond its scatter
-SMOOTH = 0.1  # standard deviation over ln q of the weights of rings: one ring
-WINDOW = 0.5  # and over q, in grid steps: half the width of the window's transform
+SMOOTH = 0.07  # standard deviation over ln q of the weights of rings: nearly one ring
+WINDOW = 0.3  # and over q, in grid steps: half the width of the transform of a scan's area
 ITERATIONS = 12
 MOST = 5.0  # change of ln C of the waves longer than the reliable band
 
@@ -124,14 +124,24 @@ def spectrum_of(scans: Scans, psd: RadialPsd, fit: BiFractal, kind: str) -> BiFr
         seen = seen_in_scans(partial(found, low="flat"), first(scans))[use]
         ln_ratio = ln_ratio + np.log((kernel @ psd.C[use]) / (kernel @ seen))
         found = replace(fit, misfit=(tuple(map(float, x)), tuple(map(float, ln_ratio))))
-    return found if first(scans).periodic else _closed(found, scans)
+        if not first(scans).periodic:
+            found = _closed(found, scans)
+    return found
 
 
-def variance_on(spectrum: BiFractal, topo: Topography) -> float:
-    """Variance [m^2] of periodic surfaces with the sides and the pixels of a scan."""
-    C = spectrum(wave_numbers(topo.shape, topo.size), "flat")
+def variance_on(spectrum: BiFractal, topo: Topography, below: float = np.inf) -> float:
+    """Variance [m^2] of periodic surfaces with the sides and the pixels of a scan.
+
+    Args:
+        spectrum: of the surfaces.
+        topo: the scan.
+        below: wave number that the waves stay below [rad/m].
+    """
+    q = wave_numbers(topo.shape, topo.size)
+    counted = q < below
+    weights = np.broadcast_to(half_plane_weights(topo.shape), q.shape)[counted]
     cell = 4.0 * np.pi**2 / float(np.prod(topo.size))
-    return float((half_plane_weights(topo.shape) * C).sum() * cell)
+    return float(weights @ spectrum(q[counted], "flat")) * cell
 
 
 def _closed(found: BiFractal, scans: Scans) -> BiFractal:
@@ -142,14 +152,17 @@ def _closed(found: BiFractal, scans: Scans) -> BiFractal:
     longest = 2.0 * np.pi / float(topo.size.max())
 
     def with_level(change: float) -> BiFractal:
-        misfit = ((np.log(longest), *x), (ln_ratio[0] + change, *ln_ratio))
+        misfit = ((float(np.log(longest)), *x), (ln_ratio[0] + change, *ln_ratio))
         return replace(found, band=(longest, found.band[1]), misfit=misfit)
 
     def missed(change: float) -> float:
-        return variance_on(with_level(change), topo) - wanted
+        return variance_on(with_level(change), topo, shortest) - wanted + rest
 
-    if missed(-MOST) * missed(MOST) > 0.0:
-        return with_level(-MOST if missed(-MOST) > 0.0 else MOST)
+    shortest = float(np.exp(x[0]))
+    rest = variance_on(found, topo) - variance_on(found, topo, shortest)
+    low, high = missed(-MOST), missed(MOST)
+    if low * high > 0.0:
+        return with_level(-MOST if low > 0.0 else MOST)
     return with_level(float(brentq(missed, -MOST, MOST, xtol=1e-6)))
 
 
