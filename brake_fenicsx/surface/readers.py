@@ -1,14 +1,13 @@
 """Read a scan: own readers of npz, HDF5, TrueMap and tables; the rest through SurfaceTopography.
 
-What a file says of its size and unit is checked for plausibility; what looks wrong is logged with
-the remedy (``size``, ``height_unit``), never corrected silently. Known traps: NMS files come out
+What a file says of its size and unit is not corrected: the statistics doubt what looks wrong, with
+the remedy (``size``, ``height_unit``; ``doubts``). Known traps: NMS files come out
 with a lateral size 1e9 too large, and readers of TrueMap files disagree by 1e3 on the heights
 (the format stores millimetres).
 """
 
 from __future__ import annotations
 
-import logging
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,13 +18,11 @@ from numpy.typing import NDArray
 from brake_fenicsx.arguments import number, one_of, real
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.folder.arrays import npz_names, read_hdf5, read_npz, reading
-from brake_fenicsx.surface.doubts import implausible
 from brake_fenicsx.surface.missing import missing_points
 from brake_fenicsx.surface.table import ACCEPTED, ENDINGS, delimiter_of, read_npy, read_table
 from brake_fenicsx.surface.topography import Topography, make_topography
 
 Array = NDArray[np.float64]
-logger = logging.getLogger("brake_fenicsx")
 METRES = {
     "m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "\u00b5m": 1e-6, "\u03bcm": 1e-6,
     "nm": 1e-9, "A": 1e-10, "\u00c5": 1e-10, "pm": 1e-12,
@@ -87,11 +84,7 @@ def read_topography(
     lengths = sides if size is None else size
     if lengths is None:
         raise SurfaceError(f"{file}: the file names no lateral size; give it as 'size'")
-    topo = make_topography(heights, lengths, source=str(file))
-    warnings = implausible(topo)
-    for text in warnings:
-        logger.warning("%s", text)
-    return Topography(topo.heights, topo.size, source=str(file), warnings=warnings)
+    return make_topography(heights, lengths, source=str(file))
 
 
 def _check_coordinates(file: Path, spans: NDArray[Any], size: Any, shape: tuple[int, ...]) -> None:
