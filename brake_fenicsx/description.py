@@ -72,7 +72,7 @@ def describe(
 
         brake = assemble_brake(parsed, comm)
         sizes, doubts = brake.size(), brake_doubts(parsed, brake)
-        told = [*remarks(parsed, comm), *brake.mesh.unread.other]
+        told = remarks(parsed, comm)
         built = {"parts": parts_of(parsed, brake), "contact": interfaces_of(parsed, brake)}
         side = 1e-3 * sizes["mean_patch_mm"]
         parsed = with_patch(parsed, side)

@@ -13,7 +13,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.mesh import check_cells, tagged_mesh
 from brake_fenicsx.macro.meshing.abaqus import read_abaqus
 from brake_fenicsx.macro.meshing.groups import mesh_of_file
-from brake_fenicsx.macro.meshing.meshfile import read_mesh_file, unread_cards
+from brake_fenicsx.macro.meshing.meshfile import read_mesh_file
 from brake_fenicsx.macro.meshing.quality import orientation
 from brake_fenicsx.scene.mesh import MeshTable
 
@@ -102,7 +102,7 @@ def test_degenerate_bricks_of_ansys_are_tetrahedra(order, tmp_path, meshes):
 
 
 def test_nastran_by_property(tmp_path, meshes):
-    """.bdf through meshio: groups are the property numbers of solids and shells."""
+    """.bdf as meshio writes it: groups are the property numbers of solids and shells."""
     meshio = pytest.importorskip("meshio")
     mesh = meshes.boxes()
     blocks = [("tetra", mesh.cells), ("triangle", mesh.facets)]
@@ -367,18 +367,20 @@ PLATE_BOTTOM, 1, 3
 
 
 def test_what_an_abaqus_deck_holds_beside_its_mesh_is_said(tmp_path, meshes):
+    """What no reader takes is named; a tie and supports are kept to be compared with a scene."""
     file = tmp_path / "two_boxes.inp"
     meshes.write_abaqus(meshes.boxes(), file)
-    assert read(file).unread.changing == ()
+    assert read(file).unread.changing == () and read(file).unread.stated == ()
     with file.open("a") as deck:
         deck.write(DECK)
     found = read(file).unread
     assert found.changing == (
-        "two_boxes.inp: not read: 1 S3, 1 MASS and 2 SPRINGA elements, *TIE, *COUPLING, *BOUNDARY;"
+        "two_boxes.inp: not read: 1 S3, 1 MASS and 2 SPRINGA elements, *SOLID SECTION;"
         " docs/howto_abaqus_deck.md says what to write instead",
     )
-    (other,) = found.other
-    assert other.endswith("*HEADING, *SOLID SECTION, 2 *MATERIAL, *STEP")
+    stated = {one.section: one.faces for _, one in found.stated}
+    assert stated["ties"] == ({"pad.back"}, {"plate.top"})
+    assert stated["supports"] == ({"plate.bottom"},)
 
 
 def test_shells_that_mark_a_face_are_no_loss(tmp_path, meshes):
@@ -405,25 +407,15 @@ def test_shells_that_mark_a_face_are_no_loss(tmp_path, meshes):
 def test_what_an_ansys_file_holds_beside_its_mesh_is_said(tmp_path, meshes):
     file = tmp_path / "two.cdb"
     meshes.write_ansys(meshes.boxes(), file)
-    file.write_text(file.read_text() + "MPTEMP,R5.0, 1, 1,  0.0\nD, 10,UX, 0.0\nD, 10,UY, 0.0\n")
+    held = "D, 10,UX, 0.0\nD, 10,UY, 0.0\n"
+    file.write_text(file.read_text() + "MPTEMP,R5.0, 1, 1,  0.0\nACEL, 0.0, 0.0\nCE,1,2\n" + held)
     found = read(file).unread
     assert found.changing == (
-        "two.cdb: not read: 1 CONTA174 element, 2 D; docs/coming_from_other_codes.md says what to"
+        "two.cdb: not read: 1 CONTA174 element, CE; docs/coming_from_other_codes.md says what to"
         " write instead",
     )
-    assert found.other[0].endswith("MPTEMP")
-
-
-def test_cards_of_nastran_that_are_not_read(tmp_path):
-    file = tmp_path / "deck.bdf"
-    file.write_text(
-        "SOL 103\nSPC = 1\nBEGIN BULK\nGRID,1,,0.,0.,0.\nCTETRA         1       1       1\n"
-        "+              2\n$ a comment\nCONM2*  7\n*       1\nCELAS2,8,1.,1,1\nRBE2,9,1,123,2\n"
-        "SPC1,1,123,1\nSPC1,1,123,2\nMAT1,1,2.1+11,,.3\nENDDATA\n"
-    )
-    elements, cards = unread_cards(file)
-    assert elements == {"CONM2": 1, "CELAS2": 1}
-    assert cards == {"RBE2": 1, "SPC1": 2, "MAT1": 1}
+    ((_, one),) = found.stated
+    assert one.section == "supports" and one.faces == (set(),)
 
 
 @pytest.mark.parametrize("cells, order", KINDS)
@@ -555,7 +547,7 @@ def test_files_that_are_none(tmp_path):
         ("a.msh", "no mesh", "cannot be read|no tetrahedra"),
         ("a.stp", "x", "not known"),
         ("a.cdb", "/PREP7\nN,1,0,0,0\n", "no NBLOCK"),
-        ("a.bdf", "nothing", "cannot be read"),
+        ("a.bdf", "nothing", "no tetrahedra"),
         ("a.inp", "nothing", "no tetrahedra"),
         ("b.inp", "*NODE\n1,0,0,0\n*ELEMENT,TYPE=C3D4\n1,1,2,3,4\n", "node 2 .*not defined"),
         ("c.inp", "*NODE\n1,0,0,0\n*ELEMENT,TYPE=C3D6\n1,1,1,1,1,1,1\n", "wedge"),
