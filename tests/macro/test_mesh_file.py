@@ -583,3 +583,68 @@ def test_overlapping_groups_and_faces(tmp_path):
     groups = {"a": "p.a", "low": "p.low", "n": "p.n"}
     with pytest.raises(SceneError, match=r"'p.low' and 'p.n' have 1 facets in common"):
         mesh_of_file(tmp_path, table(file, groups=groups), ["p"])
+
+
+def test_a_cell_of_two_groups_is_one_cell(tmp_path):
+    """A plate in two physical volumes: gmsh 2.2 writes its cells twice, 4.1 once; the body is one.
+
+    Volume by hand: a block of 40 x 20 x 20 mm and a plate of 60 x 30 x 10 mm, 34 000 mm^3.
+    """
+    from brake_fenicsx.macro.meshing.gmsh_mesh import gmsh_session
+
+    meshes, sizes = [], []
+    for version in (4.1, 2.2):
+        file = tmp_path / f"twice_{version:.0f}.msh"
+        with gmsh_session() as gmsh:
+            gmsh.model.occ.addBox(10, 5, 0, 40, 20, 20, 1)
+            gmsh.model.occ.addBox(0, 0, -10, 60, 30, 10, 2)
+            gmsh.model.occ.synchronize()
+            for tag, (name, own) in enumerate(
+                {"lining": [1], "plate": [2], "steel": [2], "all": [1, 2]}.items(), 1
+            ):
+                gmsh.model.addPhysicalGroup(3, own, tag)
+                gmsh.model.setPhysicalName(3, tag, name)
+            gmsh.model.mesh.generate(3)
+            gmsh.option.setNumber("Mesh.MshFileVersion", version)
+            gmsh.write(str(file))
+        meshes.append(read_mesh_file(file))
+        sizes.append({name: own.size for name, own in meshes[-1].cell_groups.items()})
+        x = meshes[-1].points[meshes[-1].cells]
+        volume = np.abs(np.linalg.det(x[:, 1:] - x[:, :1])).sum() / 6
+        assert volume == pytest.approx(34000.0, rel=1e-9)
+    assert sizes[0] == sizes[1] and sizes[0]["plate"] == sizes[0]["steel"]
+    assert sizes[0]["all"] == len(meshes[1].cells) == sizes[0]["plate"] + sizes[0]["lining"]
+
+
+def test_c3d27_as_gmsh_writes_it(tmp_path):
+    """Body first, then the middles of S1 to S6 (gmsh's writer of .inp): each node in its place."""
+    from brake_fenicsx.macro.meshing.rawmesh import EDGES, FACETS
+
+    # Middles of faces S1 to S6 of Abaqus, of a box with corners in its order.
+    corners = box(20, 30, 40)
+    vtk = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6),
+           (3, 7))  # fmt: skip
+    faces = ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))
+    points = [*corners, *(corners[[*e]].mean(axis=0) for e in vtk), corners.mean(axis=0),
+              *(corners[[*f]].mean(axis=0) for f in faces)]  # fmt: skip
+    file = tmp_path / "one.inp"
+    nodes = "".join(f"{n}, {x}, {y}, {z}\n" for n, (x, y, z) in enumerate(points, 1))
+    rows = ", ".join(map(str, range(1, 16))) + ",\n" + ", ".join(map(str, range(16, 28)))
+    file.write_text(f"*NODE\n{nodes}*ELEMENT, TYPE=C3D27, ELSET=A\n1, {rows}\n")
+    mesh = read_abaqus(file)
+    x = mesh.points[mesh.cells[0]]
+    for k, pair in enumerate(EDGES["hexahedron"]):
+        np.testing.assert_allclose(x[8 + k], x[[*pair]].mean(axis=0))
+    for k, facet in enumerate(FACETS["hexahedron"]):
+        np.testing.assert_allclose(x[20 + k], x[[*facet]].mean(axis=0))
+    np.testing.assert_allclose(x[26], x[:8].mean(axis=0))
+
+
+def test_cells_that_meshio_reads_twice_are_refused(tmp_path, meshes):
+    meshio = pytest.importorskip("meshio")
+    mesh = meshes.boxes()
+    file = tmp_path / "twice.vtu"
+    cells = np.vstack([mesh.cells, mesh.cells[4:5, [1, 0, 3, 2]]])
+    meshio.Mesh(1e3 * mesh.points, [("tetra", cells)]).write(file)
+    with pytest.raises(SceneError, match=f"elements 5 and {len(cells)} have the same corners"):
+        read_mesh_file(file)

@@ -14,8 +14,8 @@ from brake_fenicsx.scene import read_scene
 pytest.importorskip("pyNastran")
 R, ANGLE, Z = (96.0, 118.0, 140.0), (60.0, 80.0, 100.0, 120.0), (0.0, 10.0)
 POLAR = np.array([(r, a, z) for z in Z for a in ANGLE for r in R])
-CARTESIAN = np.column_stack([POLAR[:, 0] * np.cos(np.radians(POLAR[:, 1])),
-                             POLAR[:, 0] * np.sin(np.radians(POLAR[:, 1])), POLAR[:, 2]])  # fmt: skip
+_R, _A, _Z = POLAR.T
+CARTESIAN = np.column_stack([_R * np.cos(np.radians(_A)), _R * np.sin(np.radians(_A)), _Z])
 CELLS = [[o + i + 3 * j + d for o in (0, 12) for d in (0, 1, 4, 3)]
          for j in range(3) for i in range(2)]  # fmt: skip
 MATERIAL = "PSOLID,1,7\nMAT1,7,125000.,,.24,7.2-9\n"

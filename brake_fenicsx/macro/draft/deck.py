@@ -11,6 +11,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.meshing.abaqus import held_along
 from brake_fenicsx.macro.meshing.abaqus_keywords import HARMLESS, KNOWN, doubts
 from brake_fenicsx.macro.meshing.filemesh import DeckKeyword, FileMesh
+from brake_fenicsx.macro.meshing.nastran import HARMLESS as NASTRAN_HARMLESS
 from brake_fenicsx.macro.meshing.nastran import SHELL_NODES
 
 from .materials import ABAQUS, ANSYS, NASTRAN, SHELLS, Reader, of_solids, taken
@@ -47,7 +48,7 @@ def read_deck(mesh: FileMesh, suffix: str, solid: bool = False) -> Deck:
                 " line if they only mark a face"
             )
     for block in sorted(mesh.blocks, key=lambda block: block.keyword not in _FIRST):
-        if block.keyword in HARMLESS:
+        if block.keyword in (HARMLESS if suffix == ".inp" else NASTRAN_HARMLESS):
             continue
         said: str | None = "" if block.keyword not in readers else None
         if suffix == ".inp" and block.keyword in KNOWN:

@@ -111,7 +111,7 @@ def _cards(path: Path) -> tuple[Any, list[DeckKeyword]]:
         raise SceneError("superelements are not read; write one deck without BEGIN SUPER")
     start = begins[0] if begins else 0
     lines, places = lines[start:], places[start:]
-    cards, blank = list[DeckKeyword](), list[int]()
+    cards, points = list[DeckKeyword](), dict[int, list[str]]()
     listed, by_name, _ = model.get_bdf_cards(lines, places)
     rest = [(name, *card) for name, own in by_name.items() for card in own]
     for name, _, own, (file, line) in [*listed, *rest]:
@@ -127,13 +127,19 @@ def _cards(path: Path) -> tuple[Any, list[DeckKeyword]]:
         except Exception as error:  # pyNastran raises nothing narrower
             text = " ".join(str(error).split())[:120]
             raise SceneError(f"{at}: {own[0].strip()}: {text}") from None
-        if name == "GRID" and not fields[2]:
-            blank.append(int(fields[1]))
+        if name == "GRID":
+            points[int(fields[1])] = fields
         if name == "PARAM" and fields[1].upper() in ("WTMASS", *_PARAMETERS):
             cards.pop()
     if model.grdset is not None:
-        for number in blank:
-            model.nodes[number].cp = model.grdset.cp
+        for number, fields in points.items():
+            own = model.nodes[number]
+            own.cp, own.ps = (
+                given if fields[place] else default
+                for place, given, default in (
+                    (2, own.cp, model.grdset.cp), (7, own.ps, model.grdset.ps),
+                )
+            )  # fmt: skip
     only = dict.fromkeys(
         ("elements", "nodes_with_elements", "properties", "masses", "materials", "loads",
          "constraints", "aero", "sets", "optimization"), False,
