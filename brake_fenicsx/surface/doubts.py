@@ -12,6 +12,8 @@ from brake_fenicsx.surface.topography import Topography
 Array = NDArray[np.float64]
 # A value this often at the end of the heights, and so much more often than the next, is no height.
 MANY, TIMES = 10, 10
+# Sides of a pixel that differ by less than this are equal: a size may leave a point out.
+SQUARE = 0.02
 
 
 def pile_at_an_end(heights: Array) -> tuple[int, float] | None:
@@ -41,6 +43,13 @@ def implausible(topo: Topography) -> tuple[str, ...]:
     ratio = topo.pixel.max() / topo.pixel.min()
     if ratio > 5.0:
         doubts.append(f"pixels {ratio:.3g} times longer than wide; give 'size'")
+    elif ratio > 1.0 + SQUARE:
+        across = topo.size / topo.heights.shape[::-1]
+        if across.max() < (1.0 + SQUARE) * across.min():
+            doubts.append(
+                f"pixels {ratio:.3g} times longer than wide, and square with the sides of the map"
+                " exchanged; correct 'size' or 'rows'"
+            )
     low, high = np.nanpercentile(topo.heights, [0.5, 99.5])
     if doubts:  # heights cannot be judged against a size that is wrong
         pass
