@@ -22,7 +22,7 @@ from brake_fenicsx.arguments import number, one_of, real
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.surface.doubts import implausible
 from brake_fenicsx.surface.missing import missing_points
-from brake_fenicsx.surface.table import ACCEPTED, ENDINGS, Table, read_npy, read_table
+from brake_fenicsx.surface.table import ACCEPTED, ENDINGS, HeightTable, read_npy, read_table
 from brake_fenicsx.surface.topography import Topography, make_topography
 
 Array = NDArray[np.float64]
@@ -190,7 +190,7 @@ def _read_numbers(
         "columns" of columns x, y, z, "header" of one that names the sides, x along a row; else
         "matrix".
     """
-    table = Table(read_npy(file)) if file.suffix.lower() == ".npy" else read_table(file)
+    table = HeightTable(read_npy(file)) if file.suffix.lower() == ".npy" else read_table(file)
     if unit is None and table.unit is not None:
         unit = _metres(table.unit, f"{file}: the header")
     if unit is None:

@@ -36,7 +36,7 @@ _UNIT = r"value units?|z-unit|werte?-?einheit(?:en)?|unit\u00e9s? (?:des|de) val
 _EVEN = 0.2
 
 
-class Table(NamedTuple):
+class HeightTable(NamedTuple):
     """Numbers of a text file.
 
     Attributes:
@@ -67,7 +67,7 @@ def delimiter_of(file: Path) -> str | None:
     return "," if "," in line and not all(map(_COMMA.fullmatch, line.split())) else None
 
 
-def read_table(file: Path) -> Table:
+def read_table(file: Path) -> HeightTable:
     """Heights of a text file in its own numbers, and what its header says of them.
 
     Args:
@@ -98,7 +98,7 @@ def read_table(file: Path) -> Table:
     if values.shape[1] > 1 and np.isnan(values[:, -1]).all():
         values = values[:, :-1]  # every line ends with its delimiter
     if values.shape[1] == 3 and len(values) > 3:
-        return Table(*_grid(file, values))
+        return HeightTable(*_grid(file, values))
     for name, edge, beside in (
         ("column", values[:, 0], values[:, 1:2].ravel()),
         ("row", values[0], values[1:2].ravel()),
@@ -112,7 +112,7 @@ def read_table(file: Path) -> Table:
     return _with_header(values, [line for _, line in numbered[:start]])
 
 
-def _with_header(values: Array, lines: Sequence[str]) -> Table:
+def _with_header(values: Array, lines: Sequence[str]) -> HeightTable:
     """A matrix with the sides, if both are there, and the unit of the heights of its header."""
     text = "\n".join(line.strip(' \t#;"') for line in lines)
 
@@ -131,7 +131,7 @@ def _with_header(values: Array, lines: Sequence[str]) -> Table:
     factor = re.search(rf"conversion factor \(->\s*(\w+)\)\s*=\s*({_NUMBER})", text, re.I)
     if factor is not None:
         values, unit = values * _number(factor[2]), factor
-    return Table(values, None, tuple(sides) if len(sides) == 2 else None, unit and unit[1])
+    return HeightTable(values, None, tuple(sides) if len(sides) == 2 else None, unit and unit[1])
 
 
 def _number(word: str) -> float:

@@ -446,3 +446,23 @@ def test_two_processes_write_one_scene(tmp_path, meshes):
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("wrote boxes.toml") == 1 and (tmp_path / "boxes.toml").is_file()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["{}.inp"], "{0}.inp: no command; write brake-fenicsx init {0}.inp"),
+        (["{}.toml"], "{0}.toml: no command; write brake-fenicsx run {0}.toml"),
+        (["run", "{}.inp"], "a mesh file; brake-fenicsx init {0}.inp writes a first scene of it"),
+        (["check", "{}.cdb"], "a mesh file; brake-fenicsx init {0}.cdb writes a first scene"),
+        (["init", "{}.toml"], "{0}.toml: a scene, and no mesh file; check it: brake-fenicsx check"),
+    ],
+)
+def test_the_command_that_a_file_needs_is_named(words, said, tmp_path, capsys):
+    """A mesh file in place of a scene, a file in place of a command: what to write instead."""
+    stem = str(tmp_path / "brake")
+    for ending, content in ((".inp", b"*NODE\n"), (".cdb", b"\xff/PREP7\n"), (".toml", b"")):
+        Path(stem + ending).write_bytes(content)
+    assert main([word.format(stem) for word in words]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert said.format(stem) in line
