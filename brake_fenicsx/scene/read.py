@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from brake_fenicsx.arguments import of_kind
+from brake_fenicsx.endings import MESH_FILES
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.contact import with_table
 from brake_fenicsx.scene.countermeasures import with_ends
@@ -81,11 +82,15 @@ def _toml(path: Path) -> dict[str, Any]:
         raise SceneError("no such file; give the path of a scene") from None
     except OSError as error:
         raise SceneError(f"cannot be read ({error.strerror}); give the path of a scene") from None
-    except UnicodeDecodeError as error:
+    except (ValueError, RecursionError) as error:
+        if path.suffix.lower() in MESH_FILES:
+            raise SceneError(
+                f"a mesh file; brake-fenicsx init {path} writes a first scene of it"
+            ) from None
+        if not isinstance(error, UnicodeDecodeError):
+            raise SceneError(f"not a TOML file: {error}") from None
         line = error.object.count(b"\n", 0, error.start) + 1
         raise SceneError(f"line {line}: not UTF-8 text; save the scene as UTF-8") from None
-    except (ValueError, RecursionError) as error:
-        raise SceneError(f"not a TOML file: {error}") from None
 
 
 def _override(table: dict[str, Any], text: str) -> None:

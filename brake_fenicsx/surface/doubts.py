@@ -26,6 +26,8 @@ MISSED = 2.0  # times the measured variance of an octave
 FORM = 0.5  # share of the variance in a second-order form
 OTHER = 0.15  # relative difference of S_q of artificial surfaces and scan
 RIM = 0.9  # of the rims of holes lie in the lower half of the heights where the deepest are missing
+# Sides of a pixel that differ by less than this are equal: a size may leave a point out.
+SQUARE = 0.02
 
 
 def pile_at_an_end(heights: Array) -> tuple[int, float] | None:
@@ -96,6 +98,13 @@ def implausible(topo: Topography) -> tuple[str, ...]:
     ratio = topo.pixel.max() / topo.pixel.min()
     if ratio > 5.0:
         doubts.append(f"pixels {ratio:.3g} times longer than wide; give 'size'")
+    elif ratio > 1.0 + SQUARE:
+        across = topo.size / topo.heights.shape[::-1]
+        if across.max() < (1.0 + SQUARE) * across.min():
+            doubts.append(
+                f"pixels {ratio:.3g} times longer than wide, and square with the sides of the map"
+                " exchanged; correct 'size' or 'rows'"
+            )
     low, high = np.nanpercentile(topo.heights, [0.5, 99.5])
     if doubts:  # heights cannot be judged against a size that is wrong
         pass

@@ -33,6 +33,11 @@ class Deck:
         tables: section of a scene -> name, or group of a face -> its keys.
         sections: group of cells -> material.
         laws: name of an interaction -> keys of a contact.
+        constants: material of Ansys -> its constants by their labels.
+        interaction: that of general contact.
+        general: whether all faces that touch are in contact.
+        apart: pairs of faces that are not.
+        motion: set of nodes that moves, and keys of [motion].
         shells: sections of shells that become solid.
         couplings: place of a reference node -> group of the face.
         ends: set of springs or masses -> faces that the nodes of each are coupled to.
@@ -45,6 +50,11 @@ class Deck:
     tables: dict[str, dict[str, Any]] = field(default_factory=lambda: defaultdict(dict))
     sections: dict[str, str] = field(default_factory=dict)
     laws: dict[str, dict[str, Any]] = field(default_factory=lambda: defaultdict(dict))
+    constants: dict[str, dict[str, Quantity]] = field(default_factory=lambda: defaultdict(dict))
+    interaction: str = ""
+    general: bool = False
+    apart: list[list[str]] = field(default_factory=list)
+    motion: tuple[str, dict[str, Any]] | None = None
     shells: list[ShellSection] = field(default_factory=list)
     couplings: dict[int, str] = field(default_factory=dict)
     ends: dict[str, list[list[str]]] = field(default_factory=lambda: defaultdict(list))
