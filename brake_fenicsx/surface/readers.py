@@ -1,4 +1,4 @@
-"""Read a scan: own readers of npz, HDF5, TrueMap and tables; the rest through SurfaceTopography.
+"""Read a scan: npz, HDF5, TrueMap, X3P and tables here; the rest through SurfaceTopography.
 
 What a file says of its size and unit is not corrected: the statistics doubt what looks wrong, with
 the remedy (``size``, ``height_unit``; ``doubts``). Known traps: NMS files come out
@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 from brake_fenicsx.arguments import number, one_of, real
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.surface.missing import missing_points
+from brake_fenicsx.surface.releases import FORMATS
 from brake_fenicsx.surface.table import ACCEPTED, ENDINGS, delimiter_of, read_npy, read_table
 from brake_fenicsx.surface.topography import Topography, make_topography
+from brake_fenicsx.surface.x3p import read_x3p
 
 Array = NDArray[np.float64]
 METRES = {
@@ -58,7 +60,10 @@ def read_topography(
     if height_unit is not None:
         height_unit = _metres(height_unit, str(file))
     one_of(f"{file}: rows", rows, ("x", "y"))
-    readers = {".npz": _read_npz, ".h5": _read_hdf5, ".hdf5": _read_hdf5, ".tmd": _read_truemap}
+    readers = {
+        ".npz": _read_npz, ".h5": _read_hdf5, ".hdf5": _read_hdf5, ".tmd": _read_truemap,
+        ".x3p": read_x3p,
+    }  # fmt: skip
     read, table = readers.get(file.suffix.lower()), None
     by_rows = read is None and (_is_text(file) or file.suffix.lower() == ".npy")
     if read is not None:
@@ -208,6 +213,8 @@ def _read_instrument(
     import SurfaceTopography
     from SurfaceTopography.Exceptions import CannotDetectFileFormat
 
+    if (known := FORMATS.get(file.suffix.lower())) and known.refused and size is None:
+        raise SurfaceError(f"{file}: {known.refused}")
     try:
         reader = SurfaceTopography.open_topography(str(file))
     except CannotDetectFileFormat:

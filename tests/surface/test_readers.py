@@ -249,12 +249,6 @@ def test_missing_points_of_instruments_are_no_heights(tmp_path):
     (tmp_path / "a.sur").write_bytes(sur(np.where(mask, -1002, COUNTS)))
     np.testing.assert_array_equal(~read_topography(tmp_path / "a.sur").valid, mask)
 
-    bits = np.packbits(~mask.T.reshape(-1), bitorder="little").tobytes()
-    with zipfile.ZipFile(tmp_path / "a.x3p", "w") as archive:
-        archive.writestr("main.xml", "<a><ValidPointsLink>bindata/valid.bin</ValidPointsLink></a>")
-        archive.writestr("bindata/valid.bin", bits)
-    np.testing.assert_array_equal(missing_points(tmp_path / "a.x3p", COUNTS * 1.0), mask)
-
     rows = np.pad(mask.T.astype(np.uint8), ((0, 0), (0, 4)))
     with zipfile.ZipFile(tmp_path / "zip", "w") as archive:
         archive.writestr(
