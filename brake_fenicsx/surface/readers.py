@@ -1,4 +1,4 @@
-"""Read a scan: own readers of npz, HDF5, TrueMap and tables; the rest through SurfaceTopography.
+"""Read a scan: npz, HDF5, TrueMap, X3P and tables here; the rest through SurfaceTopography.
 
 What a file says of its size and unit is not corrected: the statistics doubt what looks wrong, with
 the remedy (``size``, ``height_unit``; ``doubts``). Known traps: NMS files come out
@@ -8,9 +8,7 @@ with a lateral size 1e9 too large, and readers of TrueMap files disagree by 1e3 
 
 from __future__ import annotations
 
-import re
 import struct
-import zipfile
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -22,8 +20,10 @@ from brake_fenicsx.arguments import number, one_of, real
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.folder.arrays import npz_names, read_hdf5, read_npz, reading
 from brake_fenicsx.surface.missing import missing_points
+from brake_fenicsx.surface.releases import FORMATS
 from brake_fenicsx.surface.table import ACCEPTED, ENDINGS, HeightTable, read_npy, read_table
 from brake_fenicsx.surface.topography import Topography, make_topography
+from brake_fenicsx.surface.x3p import read_x3p
 
 Array = NDArray[np.float64]
 METRES = {
@@ -64,8 +64,10 @@ def read_topography(
     if height_unit is not None:
         height_unit = _metres(height_unit, str(file))
     one_of(f"{file}: rows", rows, ("x", "y"))
-    readers = {".npz": _read_npz, ".h5": _read_hdf5, ".hdf5": _read_hdf5, ".tmd": _read_truemap,
-               ".sdf": _read_sdf}  # fmt: skip
+    readers = {
+        ".npz": _read_npz, ".h5": _read_hdf5, ".hdf5": _read_hdf5, ".tmd": _read_truemap,
+        ".sdf": _read_sdf, ".x3p": read_x3p,
+    }  # fmt: skip
     read, kind = readers.get(file.suffix.lower()), ""
     if read is not None:
         heights, sides = read(file, height_unit)
@@ -208,18 +210,6 @@ def _refused(file: Path) -> str | None:
         count, _, kind = struct.unpack_from("<3h", head, 14)
         if count > 1 or kind == 5:
             return f"holds {count} surfaces, of kind {kind}; export one of them"
-    if head.startswith(b"PK") and zipfile.is_zipfile(file):
-        with zipfile.ZipFile(file) as archive:
-            if "main.xml" not in archive.namelist():
-                return None
-            text = archive.read("main.xml").decode("utf-8", "replace")
-        for axis in ("CX", "CY"):
-            kind = re.search(rf"<{axis}>\s*<AxisType>\s*(\w+)", text)
-            if kind and kind[1] != "I":
-                return (
-                    f"axis {axis} of the X3P is of type {kind[1]}, every point with a coordinate of"
-                    " its own; export it with incremental axes (type I), or as columns x, y, z"
-                )
     return None
 
 
@@ -248,6 +238,8 @@ def _read_instrument(
 
     if refused := _refused(file):
         raise SurfaceError(f"{file}: {refused}")
+    if (known := FORMATS.get(file.suffix.lower())) and known.refused and size is None:
+        raise SurfaceError(f"{file}: {known.refused}")
     remedy = f"copy it again, or export it as text: {ACCEPTED}"
     trial = partial(reading, file, "by SurfaceTopography", remedy, SurfaceError)
     with trial():

@@ -165,11 +165,11 @@ def test_known_formats_that_are_refused_say_why(tmp_path):
             read_topography(tmp_path / "a.sur")
     with zipfile.ZipFile(tmp_path / "a.x3p", "w") as archive:
         axes = "<Axes><CX>\n<AxisType>A</AxisType></CX><CY><AxisType>I</AxisType></CY></Axes>"
-        archive.writestr("main.xml", f"<x>{axes}</x>")
-    with pytest.raises(SurfaceError, match="axis CX of the X3P is of type A"):
+        archive.writestr("main.xml", f"<x><Record1>{axes}</Record1></x>")
+    with pytest.raises(SurfaceError, match="axis CX of type 'A'"):
         read_topography(tmp_path / "a.x3p")
     (tmp_path / "a.nms").write_bytes(struct.pack("<3I2HI", 2, 1, 0, 65535, 0, 1 << 29) + 12 * b"\1")
-    with pytest.raises(SurfaceError, match=r"a\.nms: (cannot be read|no reader)"):
+    with pytest.raises(SurfaceError, match=r"a\.nms: is read from release 1\.27 on"):
         read_topography(tmp_path / "a.nms")
 
 
@@ -328,12 +328,6 @@ def test_missing_points_of_instruments_are_no_heights(tmp_path):
 
     (tmp_path / "a.sur").write_bytes(sur(np.where(mask, -1002, COUNTS)))
     np.testing.assert_array_equal(~read_topography(tmp_path / "a.sur").valid, mask)
-
-    bits = np.packbits(~mask.T.reshape(-1), bitorder="little").tobytes()
-    with zipfile.ZipFile(tmp_path / "a.x3p", "w") as archive:
-        archive.writestr("main.xml", "<a><ValidPointsLink>bindata/valid.bin</ValidPointsLink></a>")
-        archive.writestr("bindata/valid.bin", bits)
-    np.testing.assert_array_equal(missing_points(tmp_path / "a.x3p", COUNTS * 1.0), mask)
 
     rows = np.pad(mask.T.astype(np.uint8), ((0, 0), (0, 4)))
     with zipfile.ZipFile(tmp_path / "zip", "w") as archive:
