@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
@@ -78,7 +79,11 @@ class Parser(argparse.ArgumentParser):
     """Arguments whose mistakes are one line, as every other mistake is."""
 
     def error(self, message: str) -> NoReturn:
-        """Refuse a command line."""
+        """Refuse a command line; a file in place of a command is said what to do with."""
+        found = re.search(r"argument COMMAND: invalid choice: '(.+\.(\w+))'", message)
+        if found is not None:
+            command = "check or run" if found[2] == "toml" else "init"
+            raise SceneError(f"{found[1]}: is no command; write {self.prog} {command} {found[1]}")
         raise SceneError(f'{message}; "{self.prog} --help" lists what there is')
 
     def _print_message(self, message: str, file: Any = None) -> None:

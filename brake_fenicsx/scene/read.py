@@ -75,6 +75,8 @@ def scene_text(scene: Scene) -> str:
 
 def _toml(path: Path) -> dict[str, Any]:
     """Content of a TOML file; a byte order mark in front of it is left out."""
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise SceneError("a device or pipe, no file; give the path of a scene")
     try:
         return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
     except FileNotFoundError:
@@ -85,7 +87,12 @@ def _toml(path: Path) -> dict[str, Any]:
         line = error.object.count(b"\n", 0, error.start) + 1
         raise SceneError(f"line {line}: not UTF-8 text; save the scene as UTF-8") from None
     except (ValueError, RecursionError) as error:
-        raise SceneError(f"not a TOML file: {error}") from None
+        remedy = ""
+        if path.suffix.lower() not in ("", ".toml"):
+            remedy = f"; of a mesh file `brake-fenicsx init {path.name}` makes a scene"
+        elif "\\" in str(error):
+            remedy = "; write paths with / or in single quotes"
+        raise SceneError(f"not a TOML file: {error}{remedy}") from None
 
 
 def _override(table: dict[str, Any], text: str) -> None:
