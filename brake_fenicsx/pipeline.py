@@ -402,6 +402,8 @@ def report(directory: Path, comm: MPI.Comm = MPI.COMM_SELF, pictures: bool = Tru
     from brake_fenicsx.results.answer import write_tables
     from brake_fenicsx.results.run import RunData, read_run
 
+    if not directory.is_dir():
+        read_run(directory)  # says what it is
     if pictures:
         lost = on_first(
             lambda: spared("maps of the contact", lambda: contact_maps(directory)), comm
@@ -428,7 +430,7 @@ def report(directory: Path, comm: MPI.Comm = MPI.COMM_SELF, pictures: bool = Tru
             "%s: samples without tables; `run` of the scene, with -o %s, makes them", directory,
             directory,
         )  # fmt: skip
-    elif data.modes is None and (data.summary or {}).get("in_effect", {}).get("stability"):
+    elif data.modes is None and "stability" in data.summary.get("in_effect", {}).get("stages", ()):
         logger.warning(
             "%s: modes.csv is missing, and the page has no modes; `run` makes it again", directory
         )

@@ -76,6 +76,8 @@ def scene_text(scene: Scene) -> str:
 
 def _toml(path: Path) -> dict[str, Any]:
     """Content of a TOML file; a byte order mark in front of it is left out."""
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise SceneError("a device or pipe, no file; give the path of a scene")
     try:
         return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
     except FileNotFoundError:
@@ -88,7 +90,8 @@ def _toml(path: Path) -> dict[str, Any]:
                 f"a mesh file; brake-fenicsx init {path} writes a first scene of it"
             ) from None
         if not isinstance(error, UnicodeDecodeError):
-            raise SceneError(f"not a TOML file: {error}") from None
+            remedy = "; write paths with / or in single quotes" if "\\" in str(error) else ""
+            raise SceneError(f"not a TOML file: {error}{remedy}") from None
         line = error.object.count(b"\n", 0, error.start) + 1
         raise SceneError(f"line {line}: not UTF-8 text; save the scene as UTF-8") from None
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -126,7 +127,12 @@ class Motion:
         try:
             _ = self.rate
         except ValueError as error:
-            yield f".speed = {self.speed!r}: {error}"
+            turns, remedy = self.direction is None, ""
+            with suppress(ValueError):
+                to_si(self.speed, "m/s" if turns else "rad/s")
+                written, other = ("direction", "axis") if turns else ("axis", "direction")
+                remedy = f"; with this speed write motion.{written}, and no motion.{other}"
+            yield f".speed = {self.speed!r}: {error}{remedy}"
 
 
 @dataclass(frozen=True, slots=True)

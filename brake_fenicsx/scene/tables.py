@@ -44,6 +44,8 @@ ANY_UNIT = {"anyOf": [QUANTITY, {"type": "number"}]}
 SIGNS = {"positive": Gt(0), "zero": Ge(0), "any": None}
 # Whole numbers are no larger than the samples or steps that any computer gets through.
 MOST = 10**7
+# Sections of tables by names that a user chooses: an unknown one is a slip as a rule.
+NAMED = ("parts", "materials", "contact", "ties")
 # Names of version 0.1 and what replaced them.
 RENAMED = {"fast": "parametric"}
 # Keys of version 0.2 that are gone, and what to do in their place.
@@ -377,8 +379,13 @@ def _line(error: Any, table: Any) -> str:
         text += f", {error['ctx']['le']} at most"
     if keys == ["stability", "threshold"] and error["type"] == "greater_than_equal":
         text += "; 0.01 counts modes with a damping below -0.01"
+    others = [n for n in table.get(keys[0], ()) if n != keys[1]] if len(keys) == 3 else []
     for name in keys:
         if not isinstance(table, dict) or name not in table:
+            if error["type"] == "missing" and others and keys[0] in NAMED:
+                text += f" ({keys[0]} there are beside {keys[1]}: {', '.join(others)})"
             return f"{dotted(*keys)}: {text}"
         table = table[name]
+    if isinstance(table, str) and re.fullmatch(r"[+-]?\d+,\d+", table):
+        text += f"; decimals have a point, {table.replace(',', '.')}"
     return f"{dotted(*keys)} = {shown(table)}: {text}"

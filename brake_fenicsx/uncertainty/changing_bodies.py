@@ -170,7 +170,7 @@ def check_box(scene: Scene) -> None:
     Raises:
         SceneError: the key and the remedy.
     """
-    stability = scene.stability
+    stability = scene.stability if "stability" in scene.stages else None
     try:
         box = Box(scene)
         if stability and (stability.method, stability.on_tolerance) == ("reduced", "warn"):

@@ -79,7 +79,7 @@ def write_scene(
     mesh = scene.with_name(f"{scene.stem}_solid.inp") if solid else deck
     for file in (scene, mesh)[: 1 + solid]:
         if file.exists():
-            raise SceneError(f"{file}: is there already; remove it, or name another file with -o")
+            raise SceneError(f"{file}: is there already; name another file with -o")
     try:
         found = read_mesh_file(deck)
         read = read_deck(found, deck.suffix, solid)
