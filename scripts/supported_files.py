@@ -34,8 +34,8 @@ Written by `scripts/supported_files.py`; do not edit it here.
 
 ## What is found in small files of each kind
 
-The files are those of `tests/files`, each with its right values in `tests/files/right.toml`. Files of
-the same program may hold more: what is not taken over has its line in the scene that `init` writes.
+The files are those of `tests/files`, each with its right values in `tests/files/right.toml`. Other
+files of a program may hold more: what is not taken over has its line in the scene of `init`.
 """
 KEYWORDS = """\
 ## Keywords of Abaqus and CalculiX
