@@ -25,15 +25,17 @@ from brake_fenicsx.checks import (
     with_patch,
     with_pixels,
 )
+from brake_fenicsx.costs import earlier_run
 from brake_fenicsx.errors import BrakeError, SceneError
 from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.entry import PREPARED, check_folder, enter_prepared, open_folder
+from brake_fenicsx.folder.extras import spared
 from brake_fenicsx.folder.lock import Share
 from brake_fenicsx.folder.log import logger, start_log
 from brake_fenicsx.folder.processes import in_turns, on_first
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.law_stage import law_recipe, micro_stage
-from brake_fenicsx.results.versions import versions
+from brake_fenicsx.results.versions import differences, versions
 from brake_fenicsx.scene import STAGES, read_scene
 from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.scene.friction import friction_texts, listed
@@ -117,7 +119,7 @@ def run(
     new = not store.directory.exists()
     try:
         if share is None:
-            open_folder(store, parsed.file.read_text(), from_stage, comm)
+            open_folder(store, parsed.file.read_text("utf-8"), from_stage, comm)
         else:
             command = f"brake-fenicsx prepare {parsed.file} -o {store.directory}"
             enter_prepared(store, parsed.samples.approaches, command, comm)
@@ -126,7 +128,7 @@ def run(
         logger.info("%s -> %s, %d process(es)", parsed.file, this.store.directory, comm.size)
         for text in remarks(parsed, comm):
             logger.info("%s", text)
-        note_warnings(this, warnings(parsed))
+        note_warnings(this, [*warnings(parsed), *_made_otherwise(store)])
         _finish(this, stats, new)
     finally:
         if store.lock is not None:
@@ -135,6 +137,13 @@ def run(
         refuse_if_all_failed(this)
     logger.info("%s", this.ending())
     return this
+
+
+def _made_otherwise(store: Store) -> list[str]:
+    """A warning where the results of the folder were made with other programs or kernels."""
+    before = (earlier_run(store.directory) or {}).get("versions", {})
+    made = differences({"versions": before}, {"versions": versions()})
+    return [f"results in {store.directory} and this run differ: {'; '.join(made)}"] * bool(made)
 
 
 def _finish(this: Run, stats: SurfaceStatistics | None, new: bool) -> None:
@@ -212,7 +221,9 @@ def surface_stage(this: Run, stats: SurfaceStatistics) -> None:
         if this.comm.rank == 0:
             from brake_fenicsx.report.inputs import surface_arrays
 
-            this.store.save("surface.npz", **surface_arrays(stats, law_recipe(this.scene, stats)))
+            recipe, micro = law_recipe(this.scene, stats), this.scene.micro
+            arrays = surface_arrays(stats, recipe, micro.seed if micro else 0)
+            this.store.save("surface.npz", **arrays)
 
 
 def brake_stage(this: Run) -> Brake:
@@ -229,6 +240,7 @@ def brake_stage(this: Run) -> Brake:
             "uncovered_area_mm2": 1e6 * brake.contact.uncovered,
             "pressed_N": brake.pressed,
             "worst_cell_quality": brake.mesh.quality,
+            "mesh_sha256": brake.mesh.digest,
         }
         if brake.mesh.worst is not None:
             this.facts["smallest_dihedral_deg"] = float(np.degrees(brake.mesh.worst.dihedral))
@@ -320,15 +332,20 @@ def mechanics(
 
             note_warnings(this, stuck_warnings(this.scene, this.facts["stuck_contact"]))
         note_open_points(this)
+        note_warnings(this, this.facts.pop("lost_extras", []))
         if "report" in this.scene.stages:
             from brake_fenicsx.report.inputs import contact_maps
             from brake_fenicsx.report.mode_fields import write_mode_fields
 
-            write_mode_fields(study, first, this.pictures)
+            note_warnings(this, write_mode_fields(study, first, this.pictures))
             if this.pictures:
                 # The maps of the page too, beside the picture.
-                last = lambda: contact_maps(this.store.directory), lambda: draw_mesh(this, brake)
-                list(in_turns(2, lambda i: last[i](), this.comm))
+                last = (
+                    ("maps of the contact", lambda: contact_maps(this.store.directory)),
+                    ("picture of the mesh", lambda: draw_mesh(this, brake)),
+                )
+                drawn = in_turns(2, lambda i: spared(*last[i])[1], this.comm)
+                note_warnings(this, [text for lost in drawn for text in lost])
 
 
 def draw_mesh(this: Run, brake: Brake) -> None:
@@ -386,7 +403,11 @@ def report(directory: Path, comm: MPI.Comm = MPI.COMM_SELF, pictures: bool = Tru
     from brake_fenicsx.results.run import RunData, read_run
 
     if pictures:
-        on_first(lambda: contact_maps(directory), comm)
+        lost = on_first(
+            lambda: spared("maps of the contact", lambda: contact_maps(directory)), comm
+        )
+        for text in lost[1]:
+            logger.warning("%s", text)
     draws, held = min(comm.size, DRAWING), list[RunData]()
 
     def draw(i: int) -> None:

@@ -255,7 +255,7 @@ def test_sigterm_finishes_the_sample_and_nothing_new(tmp_path, monkeypatch, caps
 
     monkeypatch.setattr(pipeline, "run", run)
     status, said = one_line(capsys, "run", BLOCK)
-    assert status == 143 and "finished samples are stored" in said
+    assert status == 143 and "laws and samples are stored" in said
     assert [k for _, k in begun] == [0, 1, 2]
     assert store.samples.load(("parametric", 2)) is not None
 

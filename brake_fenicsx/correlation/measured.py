@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.arrays import reading
 from brake_fenicsx.report.universal import universal_files
 
 from .mode_sets import Mode, read_mode_sets
@@ -93,16 +94,12 @@ def read_sets(file: Path, kinds: Collection[int]) -> list[dict[str, Any]]:
         SceneError: the file is missing or no universal file.
     """
     pyuff = universal_files("a test in a universal file")
-    if not file.is_file():
-        raise SceneError(f"{file}: no such file; name the universal file of the test")
-    try:
+    with reading(file, "as a universal file by pyuff"):
         read = pyuff.UFF(str(file))
         return [
             read.read_sets(i) if kind in kinds else {"type": int(kind)}
             for i, kind in enumerate(read.get_set_types())
         ]
-    except Exception as error:  # pyuff raises nothing narrower
-        raise SceneError(f"{file}: cannot be read as a universal file: {error}") from None
 
 
 def modes_of(file: Path, sets: list[dict[str, Any]]) -> list[Mode]:

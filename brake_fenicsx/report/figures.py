@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
+from brake_fenicsx.folder.extras import spared
+from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.results.run import RunData, read_run
 
-from .plots import PLOTS
+from .plots import PLOTS, Plot
 from .style import house_style, save
+
+# Ending of the file that stands for a figure that could not be drawn, and says why.
+LOST = ".lost"
 
 
 def make_figures(
@@ -33,11 +39,29 @@ def make_figures(
     written: list[Path] = []
     with house_style():
         for plot in PLOTS[share]:
-            figure = plot.draw(run) if draw else None
-            if figure is not None:
-                written += save(figure, folder, plot.name)
-                release_memory()
-                continue
             for old in folder.glob(f"{plot.name}.*"):
-                old.unlink()  # of an earlier run with other stages or keys
+                old.unlink()  # perhaps of an earlier run with other stages or keys
+            if not draw:
+                continue
+            made, lost = spared(f"figure {plot.name}", partial(_draw, plot, run, folder))
+            written += made or []
+            if lost:
+                # The page names it, now and when it is written again.
+                (folder / f"{plot.name}{LOST}").write_text(lost[0], "utf-8")
+                logger.warning("%s", lost[0])
+    return written
+
+
+def lost_figures(directory: Path) -> list[str]:
+    """Figures of a results folder that could not be drawn, and why, a line each."""
+    return [path.read_text("utf-8") for path in sorted((directory / "figures").glob(f"*{LOST}"))]
+
+
+def _draw(plot: Plot, run: RunData, folder: Path) -> list[Path]:
+    """Files of one figure; none where a run has no data for it."""
+    figure = plot.draw(run)
+    if figure is None:
+        return []
+    written = save(figure, folder, plot.name)
+    release_memory()
     return written

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.folder.extras import spared
 from brake_fenicsx.folder.processes import in_turns, meanwhile, on_first
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.results.run import RunData
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
 RIM = 0.9  # nodes beyond this share of the largest radius make the rim
 WIDEST = np.pi / 6  # gap between neighbouring angles [rad] beyond which there is no ring
 DIRECTIONS = ("out of plane", "in plane, radial", "in plane, tangential")
+EXACT = 1e-3  # relative error of displacements that no picture shows
 MOST = 4  # modes drawn for each approach, of the most severe families
 
 
@@ -87,7 +89,7 @@ def nodal_pattern(points: NDArray, u: NDArray, most: int = 12) -> NodalPattern |
 
 def write_mode_fields(
     study: Study, first: Mapping[Task, Mapping[str, Any]], pictures: bool = True
-) -> None:
+) -> list[str]:
     """Write fields/*.vtkhdf, figures/mode_* and contact_faces.npz; collective.
 
     Equilibrium and contact are those of the first sample of each approach; modes are of its most
@@ -97,6 +99,9 @@ def write_mode_fields(
         study: the study.
         first: what was stored of the first good sample of each approach.
         pictures: False writes the fields and the nodal diameters alone.
+
+    Returns:
+        What failed and is left out, or is less exact than a picture asks, a line each.
     """
     from brake_fenicsx.uncertainty.solve import displacements
 
@@ -111,20 +116,34 @@ def write_mode_fields(
     faces = contact_faces(study)
     run, drawn = _severe(study)
     # On one process: the factor of all bodies is large. The others take those of single bodies.
-    written = meanwhile(lambda: _write_equilibria(study, first, faces), comm)
+    lost: list[str] = []
+    written = meanwhile(
+        lambda: lost.extend(
+            spared("fields of the equilibria", lambda: _write_equilibria(study, first, faces))[1]
+        ),
+        comm,
+    )
     modes = []
     for mode in (mode for chosen in drawn for mode in chosen):
         task = mode.approach, mode.sample
         stored = study.stored(task)
         modes.append((mode.approach, study._draw(*task), stored, np.array([mode.mode])))
-    shapes = iter(displacements(study.models, modes, comm, aside=1))
+    found, missing = spared("shapes of modes", lambda: displacements(study.models, modes, comm, 1))
     written()
-    rows: list[list[Value]] = []
-    for chosen in drawn:
-        rows += _write_modes(study, run, chosen, [next(shapes)[:, 0] for _ in chosen], pictures)
-    if comm.rank > 0:
-        return
-    write_rows(store.path("figures", SHAPES), SHAPE_COLUMNS, rows)
+    lost = comm.bcast(lost, root=0) + missing
+    shapes, rows = iter(found or ()), list[list[Value]]()
+    for chosen in drawn if found is not None else ():
+        own = [next(shapes) for _ in chosen]
+        rows += _write_modes(study, run, chosen, [u[:, 0] for u, _ in own], pictures, lost)
+        lost += [
+            f"shape of the mode at {mode.frequency:.0f} Hz of {mode.approach} {mode.sample}: its"
+            f" displacements have an estimated relative error of {error[0]:.0e}"
+            for mode, (_, error) in zip(chosen, own, strict=True)
+            if not error[0] <= EXACT
+        ]
+    if comm.rank == 0:
+        write_rows(store.path("figures", SHAPES), SHAPE_COLUMNS, rows)
+    return lost
 
 
 def contact_faces(study: Study) -> dict[str, NDArray]:
@@ -211,6 +230,7 @@ def _write_modes(
     chosen: list[ModeKey],
     shapes: list[NDArray[np.complex128]],
     pictures: bool,
+    lost: list[str],
 ) -> list[list[Value]]:
     """Real and imaginary part of some modes of an approach, one period of each, and its pictures.
 
@@ -222,6 +242,7 @@ def _write_modes(
         chosen: the modes.
         shapes: displacement of each, shape (dofs,).
         pictures: whether they are drawn.
+        lost: what fails is added, a line each.
 
     Returns:
         Rows of `SHAPE_COLUMNS`.
@@ -258,7 +279,13 @@ def _write_modes(
         ]  # fmt: skip
         return f"mode_{hertz}", shape, row
 
-    done = list(in_turns(len(chosen), draw, study.comm))
+    def attempt(i: int) -> tuple[tuple[str, NDArray[np.complex128], list[Value]] | None, list[str]]:
+        return spared(f"picture of the mode at {chosen[i].frequency:.0f} Hz", lambda: draw(i))
+
+    done = []
+    for made, missing in in_turns(len(chosen), attempt, study.comm):
+        done += [] if made is None else [made]
+        lost += missing
     if study.comm.rank == 0:
         fields = {key: shape for key, shape, _ in done}
         write_fields(store.path("fields", f"modes_{name}.vtkhdf"), V, fields)

@@ -16,6 +16,7 @@ from brake_fenicsx.results.tables import Value
 
 from .blocks import Block, Table
 from .conditions import conditions, settings_in_effect
+from .figures import lost_figures
 from .mode_cards import Card, ModePictures, family_card
 from .overview import open_points, share_text
 
@@ -152,6 +153,7 @@ def warnings_of(run: RunData) -> list[str]:
     """Warnings of the run, and what its computation leaves open."""
     found = run.summary.get("warnings")
     lines = [str(text) for text in found] if isinstance(found, list) else []
+    lines += lost_figures(run.directory)
     return [*lines, text] if (text := open_points(run)) else lines
 
 

@@ -115,12 +115,13 @@ def _scene(path: Path, table: dict[str, Any]) -> Scene:
     scene: Scene = read_table(Scene, table)
     if scene.surface and len(scene.surface.scans) == 1:  # a list of one is that one, in hashes too
         table = {**table, "surface": {**table["surface"], "scan": scene.surface.scans[0]}}
+    roughness = any(c.law == "library" or c.gap != "none" for c in scene.contact.values())
     random = {n: complete(d, n, path.parent) for n, d in scene.samples.random.items()}
     contact = {n: with_table(c, n, path.parent) for n, c in scene.contact.items()}
     scene = replace(
         scene, contact=contact, file=path, table=table,
         stages=tuple(s for s in STAGES if s in scene.stages),
-        samples=replace(scene.samples, random=random),
+        samples=replace(scene.samples, random=random, roughness=roughness),
     )  # fmt: skip
     check_consistent(scene)
     return with_ends(scene, lambda text: _changed(scene, text))

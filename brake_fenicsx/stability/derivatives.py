@@ -72,7 +72,7 @@ def motions_of_vectors(
     """
     seen = {name: np.asarray(A @ right) for name, A in rows.items()}
     met = {name: np.asarray(A @ left.conj()) for name, A in rows.items()}
-    return ContactMotions(s, slope, seen, met, np.ones(s.size, dtype=bool))
+    return ContactMotions(s, slope, seen, met, np.zeros(s.size))
 
 
 @dataclass(frozen=True, slots=True)

@@ -81,7 +81,7 @@ class Reduced:
             k: contact stiffness of the sample [Pa/m].
             mu: its friction coefficient.
         """
-        return self.model.displacements([], ContactLinearisation.of(k, mu), s, a)
+        return self.model.displacements([], ContactLinearisation.of(k, mu), s, a)[0]
 
 
 def _checked(dofs: int, N: Any, T: Any, w: Array, k0: Array) -> None:

@@ -1,17 +1,17 @@
 """Read a scan: own readers of npz, HDF5, TrueMap and tables; the rest through SurfaceTopography.
 
-What a file says of its size and unit is checked for plausibility; what looks wrong is logged with
-the remedy (``size``, ``height_unit``), never corrected silently. Known traps: NMS files come out
+What a file says of its size and unit is not corrected: the statistics doubt what looks wrong, with
+the remedy (``size``, ``height_unit``; ``doubts``). Known traps: NMS files come out
 with a lateral size 1e9 too large, and readers of TrueMap files disagree by 1e3 on the heights
 (the format stores millimetres).
 """
 
 from __future__ import annotations
 
-import logging
 import re
 import struct
 import zipfile
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,17 +20,17 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.arguments import number, one_of, real
 from brake_fenicsx.errors import SurfaceError
-from brake_fenicsx.surface.doubts import implausible
+from brake_fenicsx.folder.arrays import npz_names, read_hdf5, read_npz, reading
 from brake_fenicsx.surface.missing import missing_points
 from brake_fenicsx.surface.table import ACCEPTED, ENDINGS, HeightTable, read_npy, read_table
 from brake_fenicsx.surface.topography import Topography, make_topography
 
 Array = NDArray[np.float64]
-logger = logging.getLogger("brake_fenicsx")
 METRES = {
     "m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "\u00b5m": 1e-6, "\u03bcm": 1e-6,
     "nm": 1e-9, "A": 1e-10, "\u00c5": 1e-10, "pm": 1e-12,
 }  # fmt: skip
+OWN = ("heights", "size", "scale")  # arrays of our own formats
 MISSING = np.iinfo(np.int16).min  # value of a missing point in our int16 npz
 
 
@@ -84,11 +84,7 @@ def read_topography(
     lengths = sides if size is None else size
     if lengths is None:
         raise SurfaceError(f"{file}: the file names no lateral size; give it as 'size'")
-    topo = make_topography(heights, lengths, source=str(file))
-    warnings = implausible(topo)
-    for text in warnings:
-        logger.warning("%s", text)
-    return Topography(topo.heights, topo.size, source=str(file), warnings=warnings)
+    return make_topography(heights, lengths, source=str(file))
 
 
 def _check_coordinates(file: Path, spans: NDArray[Any], size: Any, shape: tuple[int, ...]) -> None:
@@ -127,33 +123,25 @@ Read = tuple[NDArray[Any], Any]
 
 def _read_npz(file: Path, unit: float | None) -> Read:
     """Own format: ``heights`` (times ``scale`` [m] if there is one, 1 m if not), ``size`` [m]."""
-    try:
-        with np.load(file, allow_pickle=False) as data:
-            arrays = {name: data[name] for name in data.files}
-    except (ValueError, OSError) as error:
-        raise SurfaceError(f"{file}: not a readable npz file ({error})") from error
-    return _from_arrays(file, arrays, unit)
+    with reading(file, "as an npz file", kind=SurfaceError):
+        return _from_arrays(file, read_npz(file, OWN), npz_names(file), unit)
 
 
 def _read_hdf5(file: Path, unit: float | None) -> Read:
     """Own format in HDF5: data sets ``heights``, ``size`` and ``scale`` as in npz."""
-    import h5py
-
-    try:
-        with h5py.File(file, "r") as data:
-            names = ("heights", "size", "scale")
-            arrays = {name: np.asarray(data[name]) for name in names if name in data}
-    except OSError as error:
-        raise SurfaceError(f"{file}: not a readable HDF5 file ({error})") from error
+    with reading(file, "as an HDF5 file", kind=SurfaceError):
+        arrays = read_hdf5(file, OWN)
     if "heights" not in arrays:
         return _read_instrument(file, unit, None, None)
-    return _from_arrays(file, arrays, unit)
+    return _from_arrays(file, arrays, [*arrays], unit)
 
 
-def _from_arrays(file: Path, arrays: dict[str, NDArray[Any]], unit: float | None) -> Read:
+def _from_arrays(
+    file: Path, arrays: dict[str, NDArray[Any]], names: list[str], unit: float | None
+) -> Read:
     """Heights [m] and size [m] of the arrays of an npz or HDF5 file."""
     if "heights" not in arrays:
-        raise SurfaceError(f"{file}: no array 'heights' (found: {', '.join(arrays) or 'nothing'})")
+        raise SurfaceError(f"{file}: no array 'heights' (found: {', '.join(names) or 'nothing'})")
     raw = arrays["heights"]
     heights = real(f"{file}: heights", raw)
     if raw.dtype == np.int16:
@@ -211,15 +199,6 @@ def _read_numbers(
     return table.heights.T * unit, sides, "header"
 
 
-def _failed(file: Path, error: Exception) -> SurfaceError:
-    """What a reader of SurfaceTopography stumbled over, in one line."""
-    text = " ".join(str(error).split())[:80] or type(error).__name__
-    return SurfaceError(
-        f"{file}: cannot be read ({text}): cut short or damaged, or of a kind that the reader does"
-        f" not know; copy it again, or export it as text: {ACCEPTED}"
-    )
-
-
 def _refused(file: Path) -> str | None:
     """Why a file of a known format is not read, whatever its reader makes of it."""
     with file.open("rb") as stream:
@@ -251,14 +230,12 @@ def _read_sdf(file: Path, unit: float | None) -> Read:
     head, _, rest = file.read_text("latin1").partition("*")
     pairs = (line.partition("=") for line in head.splitlines()[1:])
     given = {name.strip().lower(): value.strip() for name, _, value in pairs}
-    try:
+    with reading(file, "as SDF", f"copy it again, or export it as text: {ACCEPTED}", SurfaceError):
         nx, ny = int(given["numpoints"]), int(given["numprofiles"])
         x, y, z = (float(given[f"{axis}scale"]) for axis in "xyz")
         words = rest.partition("*")[0].split()
         heights = np.array([np.nan if word.upper() == "BAD" else float(word) for word in words])
         heights = heights.reshape(ny, nx).T
-    except (KeyError, ValueError) as error:
-        raise _failed(file, error) from error
     return heights * (z if unit is None else unit), np.array([nx * x, ny * y])
 
 
@@ -271,16 +248,17 @@ def _read_instrument(
 
     if refused := _refused(file):
         raise SurfaceError(f"{file}: {refused}")
-    try:
-        reader = SurfaceTopography.open_topography(str(file))
-        channels = reader.channels
-        index = reader.default_channel.index if channel is None else channel
-    except CannotDetectFileFormat:
-        raise SurfaceError(
-            f"{file}: no reader knows this format; export it as text: {ACCEPTED}"
-        ) from None
-    except Exception as error:
-        raise _failed(file, error) from error
+    remedy = f"copy it again, or export it as text: {ACCEPTED}"
+    trial = partial(reading, file, "by SurfaceTopography", remedy, SurfaceError)
+    with trial():
+        try:
+            reader = SurfaceTopography.open_topography(str(file))
+        except CannotDetectFileFormat:
+            raise SurfaceError(
+                f"{file}: no reader knows this format; export it as text: {ACCEPTED}"
+            ) from None
+    channels = reader.channels
+    index = reader.default_channel.index if channel is None else channel
     if index not in range(len(channels)):
         raise SurfaceError(f"{file}: channel = {channel!r}, the file has {len(channels)}, from 0")
     info = channels[index]
@@ -291,12 +269,10 @@ def _read_instrument(
         if size is None:
             raise SurfaceError(f"{file}: the file names no lateral size; give it as 'size'")
         settings["physical_sizes"] = tuple(size)
-    try:
+    with trial():
         topo = reader.topography(channel_index=index, **settings)
         heights = real("heights", topo.heights())  # A masked array where points are missing.
         heights[missing_points(file, heights / (info.height_scale_factor or 1.0))] = np.nan
-    except Exception as error:
-        raise _failed(file, error) from error
     length = METRES.get(topo.unit or "")
     if length is None and (size is None or unit is None):
         named = f"its unit {topo.unit!r} is unknown" if topo.unit else "the file names no unit"

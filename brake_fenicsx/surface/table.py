@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,6 +18,8 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.arguments import real
 from brake_fenicsx.errors import SurfaceError
+from brake_fenicsx.folder.arrays import read_npy as read_npy_array
+from brake_fenicsx.folder.arrays import reading
 
 Array = NDArray[np.float64]
 
@@ -78,13 +81,17 @@ def read_table(file: Path) -> HeightTable:
             numbers of rows or columns among the heights.
     """
     delimiter = delimiter_of(file)
-    lines = file.read_text("utf-8-sig", "replace").splitlines()
-    numbered = [(i, line) for i, line in enumerate(lines, 1) if line.strip()]
-    rows = [(i, _cells(line, delimiter)) for i, line in numbered]
-    width = len(rows[-1][1]) if rows else 0
+    with reading(file, "as text", kind=SurfaceError):
+        lines = file.read_text("utf-8-sig", "replace").splitlines()
+    # Cells are made line by line: as texts they take ten times the file.
+    rows = [i for i, line in enumerate(lines, 1) if line.strip()]
+    cells = partial(_cells_of, lines, delimiter)
+    width = len(cells(rows[-1])) if rows else 0
     # All that is no row of numbers, down to the first that is, is the header.
-    start = next((k for k, (_, r) in enumerate(rows) if len(r) == width and _numbers(r)), None)
-    for number, row in rows[-1:] if start is None else rows[start : start + 1]:
+    table = (k for k, i in enumerate(rows) if len(cells(i)) == width and _numbers(cells(i)))
+    start = next(table, None)
+    for number in rows[-1:] if start is None else rows[start : start + 1]:
+        row = cells(number)
         comma = next((c for c in row if _COMMA.fullmatch(c)), None)
         mixed = delimiter == "," and re.search(r"\d,\d.*,\s", lines[number - 1])
         if comma is not None or mixed:
@@ -94,7 +101,7 @@ def read_table(file: Path) -> HeightTable:
             )
     if start is None:
         raise SurfaceError(f"{file}: no table of numbers; {ACCEPTED}")
-    values = np.array([_row(file, number, row, width) for number, row in rows[start:]])
+    values = np.array([np.array(_row(file, i, cells(i), width)) for i in rows[start:]])
     if values.shape[1] > 1 and np.isnan(values[:, -1]).all():
         values = values[:, :-1]  # every line ends with its delimiter
     if values.shape[1] == 3 and len(values) > 3:
@@ -109,7 +116,7 @@ def read_table(file: Path) -> HeightTable:
                 " heights, but numbers of rows or columns; export the heights alone (pandas:"
                 " index=False, header=False)"
             )
-    return _with_header(values, [line for _, line in numbered[:start]])
+    return _with_header(values, [lines[i - 1] for i in rows[:start]])
 
 
 def _with_header(values: Array, lines: Sequence[str]) -> HeightTable:
@@ -141,10 +148,8 @@ def _number(word: str) -> float:
 
 def read_npy(file: Path) -> Array:
     """Heights of a .npy file in its own numbers, shape (rows, columns)."""
-    try:
-        return real(f"{file}: heights", np.load(file, allow_pickle=False))
-    except (ValueError, OSError, EOFError) as error:
-        raise SurfaceError(f"{file}: not a readable npy file of numbers ({error})") from error
+    with reading(file, "as a npy file of numbers", kind=SurfaceError):
+        return real(f"{file}: heights", read_npy_array(file))
 
 
 def _counts(edge: Array) -> bool:
@@ -153,8 +158,10 @@ def _counts(edge: Array) -> bool:
     return steps.size > 4 and steps[0] != 0 and bool(np.all(np.abs(np.diff(steps)) < 1e-9))
 
 
-def _cells(line: str, delimiter: str | None) -> list[str]:
-    return [cell.strip().strip('"') for cell in line.strip(" \r\n").split(delimiter)]
+def _cells_of(lines: Sequence[str], delimiter: str | None, number: int) -> list[str]:
+    """Cells of a line by its number."""
+    row = lines[number - 1].strip(" \r\n").split(delimiter)
+    return [cell.strip().strip('"') for cell in row]
 
 
 def _numbers(row: Sequence[str]) -> bool:
@@ -196,8 +203,9 @@ def _grid(file: Path, values: Array) -> tuple[Array, Array]:
             )
         places.append(place)
         lengths.append(float(steps.mean()) * unique.size)
-    heights = np.full((places[0].max() + 1, places[1].max() + 1), np.nan)
-    if heights.size > 10 * len(values):
+    shape = int(places[0].max()) + 1, int(places[1].max()) + 1
+    if shape[0] * shape[1] > 10 * len(values):
         raise SurfaceError(f"{file}: columns x, y, z that fill no grid; {ACCEPTED}")
+    heights = np.full(shape, np.nan)
     heights[places[0], places[1]] = values[:, 2]
     return heights, np.array(lengths)

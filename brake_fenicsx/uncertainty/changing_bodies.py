@@ -113,6 +113,18 @@ class Box:
         ends = [_unscaled(name, v) for v in (self.low[i] - beyond, self.high[i] + beyond)]
         return min(*ends, usual), max(*ends, usual)
 
+    def part(self, name: str, share: float) -> tuple[float, float]:
+        """Ends of a part of the range of a scalar, SI: about its middle, or as near as may be.
+
+        The range of a sweep has the scene's own value in it.
+        """
+        i, middle = self.names.index(name), 0.0
+        if self._scene.sweep is not None:
+            middle = float(np.clip(0.0, *(self.point({})[i] + share * np.array([-1.0, 1.0]))))
+        axis = np.eye(len(self.names))[i]
+        ends = [self.values((middle + side) * axis)[name] for side in (-share, share)]
+        return min(ends), max(ends)
+
     def values(self, x: Array) -> dict[str, float]:
         """The scalars at a point of the box, SI."""
         scaled = 0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * x
@@ -121,6 +133,52 @@ class Box:
     def materials(self, x: Array) -> dict[str, Array]:
         """Stiffness of the materials at a point of the box [Pa], each of shape (6, 6)."""
         return changed_materials(self._scene, self.values(x))
+
+
+def softening(box: Box) -> float:
+    """Least r with K(x) >= r K(0) at any one thickness, as quadratic forms: of the C(x).
+
+    Raises:
+        InaccurateResult: a material is not positive definite at the centre of the box or a corner.
+    """
+    centre, least = np.zeros(len(box.names)), 1.0
+    corners = product(*((-1.0, 1.0) if is_constant(n) else (0.0,) for n in box.names))
+    usual = _definite(box, centre)
+    for corner in corners:
+        for name, C in _definite(box, np.array(corner)).items():
+            least = min(least, float(la.eigvalsh(C, usual[name])[0]))
+    return least
+
+
+def _definite(box: Box, x: Array) -> dict[str, Array]:
+    """Stiffness of the materials at a point of the box, all positive definite."""
+    found = box.materials(x)
+    for name, C in found.items():
+        if not la.eigvalsh(C)[0] > 0:
+            own = (n for n in box.names if split_key(n)[1] == name)
+            values = ", ".join(f"{n} = {box.values(x)[n]:.3g} {unit_of(n)}" for n in own)
+            raise InaccurateResult(
+                f"materials.{name} is not positive definite everywhere in the range of its values,"
+                f" with {values} for example; narrow the range"
+            )
+    return found
+
+
+def check_box(scene: Scene) -> None:
+    """Refuse ranges of random and swept scalars that hold no material or no length.
+
+    Raises:
+        SceneError: the key and the remedy.
+    """
+    stability = scene.stability
+    try:
+        box = Box(scene)
+        if stability and (stability.method, stability.on_tolerance) == ("reduced", "warn"):
+            softening(box)
+    except InaccurateResult as error:
+        raise SceneError(f'{scene.file}: stability.method = "reduced": {error}') from None
+    except SceneError as error:
+        raise SceneError(f"{scene.file}: {error}") from None
 
 
 def changed_materials(scene: Scene, values: Mapping[str, float]) -> dict[str, Array]:
@@ -138,10 +196,11 @@ def _spanning(scene: Scene, name: str) -> list[float]:
         values += [nominal, *scene.sweep.parameters.get(name, Range()).points]
     least = min(values)
     possible = least >= 0 if name.endswith(".mass") else least > 0
-    if not possible and (is_length(name) or is_inertia(name)):
+    if not possible and (is_length(name) or is_inertia(name) or _is_modulus(name)):
+        where = 'samples.random."{}"' if law is not None else 'sweep.parameters."{}"'
         raise SceneError(
-            f'samples.random."{name}": the law reaches {least:.3g} {unit_of(name)} with a'
-            f" probability of {TAIL:g}; write a positive min, or a smaller sd"
+            f"{where.format(name)}: the law reaches {least:.3g} {unit_of(name)} with a probability"
+            f" of {TAIL:g}; write a positive min, or a smaller sd"
         )
     return values
 
@@ -225,8 +284,8 @@ class ChangingBodies:
         shapes = tuple(i for i, n in enumerate(names) if is_length(n) or is_inertia(n))
         sliding = tuple(i for i, name in enumerate(names) if name in self.contact.names)
         return Parameters(
-            len(names), self.coefficients, self.softening(), shapes, sliding,
-            self._contact if sliding else None,
+            len(names), self.coefficients, softening(self.box), shapes, sliding,
+            self._contact if sliding else None, tuple(names),
         )  # fmt: skip
 
     def _contact(self, x: Array) -> tuple[dict[str, sp.csr_matrix], Array]:
@@ -307,23 +366,6 @@ class ChangingBodies:
     def mass_change(self, values: Mapping[str, float]) -> sp.csr_matrix:
         """What they add to the mass [kg]."""
         return self.combined(self.coefficients_of(values)[2])
-
-    def softening(self) -> float:
-        """Least r with K(x) >= r K(0) at any one thickness, as quadratic forms: of the C(x).
-
-        Raises:
-            InaccurateResult: a material is not positive definite at a corner of the box.
-        """
-        names = self.box.names
-        centre, least = self.box.materials(np.zeros(len(names))), 1.0
-        for corner in product(*((-1.0, 1.0) if is_constant(n) else (0.0,) for n in names)):
-            for name, C in self.box.materials(np.array(corner)).items():
-                least = min(least, float(la.eigvalsh(C, centre[name])[0]))
-        if not least > 0:
-            raise InaccurateResult(
-                "a material is not positive definite everywhere in the box of its values"
-            )
-        return least
 
     def _shares(self, values: Mapping[str, float]) -> dict[str, float]:
         """Share that the damping takes of the stiffness of each material [s], "": of the mass."""

@@ -16,8 +16,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.errors import NotConverged
-from brake_fenicsx.folder.log import logger
 from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.macro.equilibrium_change import EquilibriumChange, equilibrium_change
 from brake_fenicsx.scene import Scene
@@ -53,6 +51,9 @@ Index = NDArray[np.intp]
 # Change by which a derivative must hold to be trusted: of a parameter, relatively, and of a loss
 # factor.
 STEP, LOSS_STEP = 0.01, 1e-3
+
+# Relative error of vectors up to which a derivative is trusted.
+SHARP = 1e-6
 
 ALL = "all"
 
@@ -103,9 +104,9 @@ class Drivers:
 
         Returns:
             ``driver_mode``, ``driver_parameter`` and ``driver_kind``; ``driver_value`` [1/s] and
-            ``driver_trusted``, shape (parameters, modes); of the first sample ``driver_map``,
-            d lambda / d ln k [1/s], and ``driver_work`` [-], shape (elements, modes). Nothing where
-            no mode grows, or the vectors or the change of the equilibrium cannot be found.
+            ``driver_trusted``, shape (parameters, modes): not where the vectors have errors beyond
+            ``SHARP``; of the first sample ``driver_map``, d lambda / d ln k [1/s], and
+            ``driver_work`` [-], shape (elements, modes). Nothing where no mode grows.
         """
         growing = np.flatnonzero((np.array(modes.verdict, str) == "unstable") & (modes.s.imag > 0))
         if not growing.size:
@@ -113,12 +114,9 @@ class Drivers:
         chosen, neighbours = _with_neighbours(modes.s, growing, partner)
         mirrored = np.isin(partner[chosen], growing) & ~np.isin(chosen, growing)
         mirrored &= not self._models.damped(approach)
-        try:
-            found = self._found(approach, sample, eq, first, modes, chosen[~mirrored], reduced)
-        except NotConverged as error:
-            logger.warning("drivers of a sample of %s left out: %s", approach, error)
-            return {}
-        table, maps, settled = found
+        table, maps, error = self._found(
+            approach, sample, eq, first, modes, chosen[~mirrored], reduced
+        )
         # Without damping the partner's eigenvalue is -conj(lambda), and so is its derivative.
         values = np.zeros((len(table.values), chosen.size), complex)
         values[:, ~mirrored] = table.values
@@ -131,7 +129,7 @@ class Drivers:
             "driver_parameter": np.array([name for name, _ in table.names], dtype=str),
             "driver_kind": np.array([kind for _, kind in table.names], dtype=str),
             "driver_value": np.array(table.values)[:, own],
-            "driver_trusted": kept & settled[own],
+            "driver_trusted": kept & (error[own] <= SHARP),
             **{name: columns[:, own] for name, columns in maps.items()},
         }
 
@@ -144,21 +142,23 @@ class Drivers:
         modes: Modes,
         chosen: Index,
         reduced: bool,
-    ) -> tuple[_Table, dict[str, NDArray[Any]], NDArray[np.bool_]]:
-        """Derivatives of chosen modes, maps over the elements, and whether vectors settled."""
+    ) -> tuple[_Table, dict[str, NDArray[Any]], Array]:
+        """Derivatives of chosen modes, maps over the elements, and errors of the vectors."""
         models, w = self._models, self._models.contact(sample.random).w
         contact = linearised(models, approach, sample, eq.k_vibration, eq.p)
         s, right, left = modes.s[chosen], modes.right[:, chosen], modes.left[:, chosen]
         whole: tuple[Complex, Complex] | None = None if reduced else (right, left)
+        errors = [np.zeros(s.size)]
         if reduced:
             model = models.reduced[models.damped(approach)]
             p = models.parameter_point(sample.random)
             motions, right, left = model.motions(p, contact, s, right, left)
+            errors.append(motions.error)
             if first:
-                whole = (
-                    model.displacements(p, contact, s, right),
-                    model.displacements(p, contact, s, left, left=True),
-                )
+                right, right_error = model.displacements(p, contact, s, right)
+                left, left_error = model.displacements(p, contact, s, left, left=True)
+                whole = right, left
+                errors += [right_error, left_error]
         if whole is not None:
             whole_motions = self._whole_motions(sample, eq, s, whole)
             motions = motions if reduced else whole_motions
@@ -171,7 +171,7 @@ class Drivers:
             inertia = inner(whole[0], models.mass(sample) @ whole[0]).real
             maps["driver_map"] = contact.k[:, None] * d.k
             maps["driver_work"] = friction_work(whole_motions, contact, w, inertia)
-        return table, maps, motions.settled
+        return table, maps, np.max(errors, axis=0)
 
     def _whole_motions(
         self, sample: SampleInput, eq: Equilibrium, s: Complex, vectors: tuple[Complex, Complex]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from mpi4py import MPI
@@ -12,6 +13,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
+from brake_fenicsx.folder.extras import spared
 from brake_fenicsx.folder.log import logger
 from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.stability import Modes, complex_modes, contact_interface
@@ -32,8 +34,9 @@ Array = NDArray[np.float64]
 Arrays = dict[str, Any]
 
 
-# Modes, their partners, and whether they are those of the reduced model -> what else is stored.
-More = Callable[[Modes, NDArray[np.intp], bool], Arrays]
+# Its name, and modes, their partners, and whether they are those of the reduced model -> what else
+# is stored.
+More = tuple[str, Callable[[Modes, NDArray[np.intp], bool], Arrays]]
 
 
 def modes_of_sample(
@@ -53,7 +56,7 @@ def modes_of_sample(
         sample: its inputs.
         eq: its equilibrium.
         by_reduction: whether the reduced model gives its modes.
-        more: what else is made of them.
+        more: what else is made of them; where that fails, the modes stand without it.
         comm: processes that share a sample at full order.
     """
     if not by_reduction:
@@ -148,7 +151,7 @@ def displacements(
     modes: Sequence[tuple[str, SampleInput, Mapping[str, Any], NDArray[np.intp]]],
     comm: MPI.Comm,
     aside: int = 0,
-) -> list[NDArray[np.complex128]]:
+) -> list[tuple[NDArray[np.complex128], Array]]:
     """Displacements of some unstable modes of stored samples; collective.
 
     Args:
@@ -159,13 +162,15 @@ def displacements(
         aside: of these, the first so many do other work.
 
     Returns:
-        Of each sample, shape (dofs, chosen).
+        Of each sample the displacements, shape (dofs, chosen), and their relative errors, shape
+        (chosen,).
     """
-    out: dict[int, NDArray[np.complex128]] = {}
+    out: dict[int, tuple[NDArray[np.complex128], Array]] = {}
     for i, (*_, data, chosen) in enumerate(modes):
         if "vectors" in data:
             columns = [int(np.flatnonzero(data["vector_mode"] == mode)[0]) for mode in chosen]
-            out[i] = data["vectors"][:, columns].astype(complex)
+            vectors = data["vectors"][:, columns].astype(complex)
+            out[i] = vectors, np.zeros(len(columns))
     for damped, model in models.reduced.items():
         served = [i for i, m in enumerate(modes) if i not in out and models.damped(m[0]) == damped]
         given = []
@@ -216,15 +221,22 @@ def _full(
 def _together(
     more: Sequence[More], modes: Modes, partners: NDArray[np.intp], by_reduction: bool
 ) -> Arrays:
-    """What is made of the modes beside them."""
-    return {name: a for make in more for name, a in make(modes, partners, by_reduction).items()}
+    """What is made of the modes beside them; what fails is named in ``lost``."""
+    out: Arrays = {}
+    lost: list[str] = []
+    for name, make in more:
+        made, missing = spared(name, partial(make, modes, partners, by_reduction))
+        out |= made or {}
+        lost += missing
+    return out | ({"lost": "; ".join(lost)} if lost else {})
 
 
 def _record(modes: Modes, tolerance: float) -> Arrays:
     return {
         "s": modes.s, "residual": modes.residual, "error": modes.error,
         "condition": modes.condition, "verdict": np.array(modes.verdict, dtype=str),
-        "damping": modes.damping, "expected": modes.count.expected, "counted": modes.count.how,
+        "damping": modes.damping, "expected": modes.count.expected,
+        "count_kind": modes.count.kind, "counted": modes.count.how,
         "tolerance_missed": _missed(modes, tolerance), "stability_seconds": modes.seconds,
     }  # fmt: skip
 

@@ -160,7 +160,22 @@ class Study:
         Args:
             task: approach and number of the sample.
             comm: processes that share it; the first has what is to be stored.
+
+        Raises:
+            InaccurateResult: a matrix of the sample is singular, or its verification fails.
         """
+        try:
+            return self._solved(task, comm)
+        except np.linalg.LinAlgError as error:
+            raise InaccurateResult(f"a matrix of the sample: {error}") from error
+        except Exception as error:
+            if isinstance(error, BrakeError) or task[0] != VERIFY:
+                raise
+            # Beside the samples: whatever it is costs the comparison alone.
+            raise InaccurateResult(f"verification at full order: {error}") from error
+
+    def _solved(self, task: Task, comm: MPI.Comm) -> dict[str, Any]:
+        """The same without an answer to what fails."""
         (approach, k), models = task, self.models
         if approach == VERIFY:
             approach = self.verified
@@ -188,9 +203,9 @@ class Study:
 
             more: list[More] = []
             if self.drivers is not None and task[0] != VERIFY and comm.rank == 0:
-                more.append(partial(self.drivers.of, approach, sample, eq, k == 0))
+                more.append(("drivers", partial(self.drivers.of, approach, sample, eq, k == 0)))
             if self.cycles is not None and task[0] != VERIFY and comm.rank == 0:
-                more.append(partial(self.cycles.of, approach, sample, eq))
+                more.append(("limit cycles", partial(self.cycles.of, approach, sample, eq)))
             out |= modes_of_sample(models, approach, sample, eq, reduced, more, comm)
         return out
 

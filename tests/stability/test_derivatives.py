@@ -156,8 +156,8 @@ def test_reduced_model_agrees_with_differences_of_the_full_problem(two_blocks, c
     )
     given = modes.s[chosen], modes.right[:, chosen], modes.left[:, chosen]
     motions, a, b = model.motions([], smp.contact, *given)
-    right = model.displacements([], smp.contact, motions.s, a)
-    left = model.displacements([], smp.contact, motions.s, b, left=True)
+    right, _ = model.displacements([], smp.contact, motions.s, a)
+    left, _ = model.displacements([], smp.contact, motions.s, b, left=True)
     compared(scene, case, derivatives(scene, case, motions, right, left))
 
 
@@ -185,7 +185,7 @@ def test_friction_work_is_the_growth(two_blocks):
     (modes, chosen), smp, model = found(scene, case), sample(scene, case), offline(scene, case)
     given = modes.s[chosen], modes.right[:, chosen], modes.left[:, chosen]
     motions, a, _ = model.motions([], smp.contact, *given)
-    right = model.displacements([], smp.contact, motions.s, a)
+    right, _ = model.displacements([], smp.contact, motions.s, a)
     rows = {name: getattr(scene, name) for name in "NTR"}
     whole = motions_of_vectors(rows, motions.s, right, right, motions.slope)
     inertia = inner(right, smp.M @ right).real

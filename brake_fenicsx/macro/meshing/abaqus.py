@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import count
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.arrays import reading
 
 from .abaqus_keywords import keyword_of
 from .abaqus_scope import Rows, Scope, find, placement
@@ -37,6 +40,8 @@ _SKINS = {"S3": 3, "S4": 4, "S6": 6, "S8": 8, "M3D3": 3, "M3D4": 4, "M3D6": 6, "
 # Elements without stiffness or mass in a deck of solids: they mark faces and edges at most.
 _MARKS = ("CPS", "SFM")
 _DATA = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE")
+# Files that a deck may include, and numbers that a range of a set may have.
+MOST_FILES, MOST_NUMBERS = 1000, 10**7
 # Their options; with another one they would be another mesh.
 _OPTIONS = {
     "NODE": {"NSET", "SYSTEM"}, "ELEMENT": {"TYPE", "ELSET"},
@@ -127,17 +132,23 @@ def read_abaqus(path: Path) -> FileMesh:
     return mesh
 
 
-def _blocks(path: Path, block: DeckKeyword | None = None) -> Iterator[DeckKeyword]:
+def _blocks(
+    path: Path, block: DeckKeyword | None = None, chain: tuple[Path, ...] = (), opened: Any = None
+) -> Iterator[DeckKeyword]:
     """Every block, included files in their place.
 
     Args:
         path: the file.
         block: the one whose data lines go on in it.
+        chain: files that include it, one in the other.
+        opened: number of each file that was opened.
     """
-    try:
-        text = path.read_text(errors="replace")
-    except OSError as error:
-        raise SceneError(f"{path}: cannot be read: {error.strerror}") from None
+    opened = count() if opened is None else opened
+    if path.resolve() in chain or next(opened) > MOST_FILES:
+        raise SceneError(f"{path}: includes itself, or more than {MOST_FILES} files")
+    chain = (*chain, path.resolve())
+    with reading(path, "as text"):
+        text = path.read_text("utf-8", "replace")
     lines = enumerate([*text.splitlines(), "*END"], 1)
     for number, line in lines:
         if line.startswith("**") or not line.strip():
@@ -162,7 +173,7 @@ def _blocks(path: Path, block: DeckKeyword | None = None) -> Iterator[DeckKeywor
         pairs = (word.partition("=") for word in words)
         options = {"".join(n.split()).upper(): value.strip().strip('"') for n, _, value in pairs}
         if keyword == "INCLUDE":
-            yield from _blocks(path.parent / options.get("INPUT", ""), block)
+            yield from _blocks(path.parent / options.get("INPUT", ""), block, chain, opened)
             block = None
             continue
         block = DeckKeyword(keyword, options, [], line.strip(), f"{path.name}:{number}")
@@ -317,7 +328,10 @@ def _set(scope: Scope, keyword: str, options: Options, rows: Rows) -> None:
         if "GENERATE" in options:
             first, last, *step = (int(word) for word in row)
             by = scope.offset(instance)
-            found += range(first + by, last + by + 1, step[0] if step else 1)
+            numbers = range(first + by, last + by + 1, step[0] if step else 1)
+            if len(numbers) > MOST_NUMBERS:
+                raise SceneError(f"{', '.join(row)}: more than {MOST_NUMBERS} numbers")
+            found += numbers
         else:
             found += scope.members(sets, row, instance)
     if keyword == "NSET" and "ELSET" in options:

@@ -7,20 +7,27 @@ neither coordinate systems nor included files.
 from __future__ import annotations
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.arrays import reading
 
 from .abaqus import read_abaqus
 from .ansys import read_ansys
-from .filemesh import SOLIDS, FileMesh, each_once, gmsh_order, one_kind, same_length
+from .filemesh import NO_CELLS, SOLIDS, FileMesh, each_once, gmsh_order, one_kind, same_length
 from .gmsh_mesh import gmsh_session
 from .nastran import SUFFIXES, read_nastran
 
 Ints = NDArray[np.int64]
+MSH = b"$MeshFormat"  # how every mesh of gmsh begins since its format 2
+REMEDY = (
+    "export the mesh once more, or as another of .msh, .inp, .cdb and .bdf; if another program"
+    " reads the file, tell us of it"
+)
 # Gmsh's numbers of solid elements, and of triangles and quadrilaterals with their corners.
 _GMSH_SOLIDS = {4: "tetra", 11: "tetra10", 5: "hexahedron", 17: "hexahedron20", 12: "hexahedron27",
                 6: "wedge", 7: "pyramid", 13: "wedge18", 18: "wedge15"}  # fmt: skip
@@ -38,27 +45,40 @@ def read_mesh_file(path: Path) -> FileMesh:
     Raises:
         SceneError: the file is missing, of no known kind, or damaged.
     """
-    if not path.is_file():
-        raise SceneError("no such file; paths start at the scene's folder")
-    readers = {".inp": read_abaqus, ".cdb": read_ansys, ".msh": read_gmsh}
-    readers |= dict.fromkeys(SUFFIXES, read_nastran)
-    try:
-        mesh = readers.get(path.suffix, read_other)(path)
-        each_once(mesh, merge=path.suffix == ".msh")
-        return mesh
-    except SceneError:
-        raise
-    except Exception as error:
-        text = " ".join(str(error).split()) or type(error).__name__
-        raise SceneError(f"cannot be read: {text}; is it a whole mesh file?") from None
+    readers = {
+        ".inp": (read_abaqus, "as an Abaqus deck"), ".cdb": (read_ansys, "as an Ansys archive"),
+        ".msh": (read_gmsh, "by gmsh"),
+        **dict.fromkeys(SUFFIXES, (read_nastran, "by pyNastran")),
+    }  # fmt: skip
+    read, how = readers.get(path.suffix, (read_other, "by meshio"))
+    with reading(path, how, REMEDY, at=""):
+        mesh = read(path)
+    each_once(mesh, merge=path.suffix == ".msh")
+    return mesh
 
 
 def read_gmsh(path: Path) -> FileMesh:
-    """Read gmsh's own format, 2.2 or 4.1; physical groups by name, or by number without one."""
-    with gmsh_session() as gmsh:
-        gmsh.open(str(path))
+    """Read gmsh's own format, 2.2 or 4.1; physical groups by name, or by number without one.
+
+    Gmsh takes a file that does not begin as one of its meshes for a script, and runs it; it runs
+    the file beside it whose name ends with ".opt" too. It is shown meshes alone, by a link in a
+    folder of its own.
+    """
+    with path.open("rb") as stream:
+        begin = stream.read(len(MSH) + 1)
+    if begin.rstrip() != MSH:
+        raise SceneError(
+            "does not begin with $MeshFormat and is no mesh of gmsh; save the mesh in gmsh's format"
+            " 2.2 or 4.1, or name the file by its own ending"
+        )
+    with gmsh_session() as gmsh, TemporaryDirectory() as folder:
+        link = Path(folder, "mesh.msh")
+        link.symlink_to(path.resolve())
+        gmsh.open(str(link))
         model = gmsh.model
         tags, x, _ = model.mesh.getNodes()
+        if not tags.size:
+            raise SceneError(NO_CELLS)
         number = np.full(int(tags.max()) + 1, -1, dtype=np.int64)
         number[tags.astype(np.int64)] = np.arange(tags.size)
         kinds = [int(kind) for kind in model.mesh.getElementTypes(3)]
@@ -105,10 +125,7 @@ def read_other(path: Path) -> FileMesh:
         ) from None
     if path.suffix not in meshio.extension_to_filetypes:
         raise SceneError(f"files {path.suffix} are not known; write .msh, .inp or .bdf instead")
-    try:
-        read = meshio.read(path)
-    except SystemExit:
-        raise SceneError("cannot be read by meshio; write .msh or .inp instead") from None
+    read = meshio.read(path)
     blocks = [*enumerate(read.cells)]
     kind = one_kind(b.type for _, b in blocks if b.dim == 3)
     shape, count = SOLIDS[kind]

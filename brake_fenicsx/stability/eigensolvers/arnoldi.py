@@ -57,9 +57,10 @@ def on_parts(real: Callable[[Array], Array], x: Complex) -> Complex:
     return out
 
 
-def times(A: NDArray[Any] | sp.spmatrix, x: NDArray[Any]) -> Complex:
-    """A x for real A, in its own precision."""
-    return on_parts(lambda y: A @ y.astype(A.dtype, copy=False), x)
+def times(A: NDArray[Any] | sp.spmatrix, x: NDArray[Any], kind: type | None = None) -> Complex:
+    """A x for real A, in its own precision or in another one."""
+    B = A if kind is None else A.astype(kind, copy=False)
+    return on_parts(lambda y: B @ y.astype(B.dtype, copy=False), x)
 
 
 def with_conjugates(values: Complex, X: Complex) -> tuple[Complex, Complex]:

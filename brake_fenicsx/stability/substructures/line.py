@@ -113,7 +113,7 @@ class Basis:
         left_out = projected.left_out(zeros, q) + SINGLE * np.abs(zeros.z)
         square = projected.square(zeros.z)
         wanted = self._tolerance * np.maximum(square, SIGMA)
-        if np.any((left_out > wanted)[square <= 1.0]) or not zeros.z.size:
+        if not np.all((left_out <= wanted)[square <= 1.0]) or not zeros.z.size:
             return None
         self.projected, self._refused = self.projected + 1, 0
         out = corrected(zeros, q, (left_out + self._trial.moments) / np.abs(q.slope))

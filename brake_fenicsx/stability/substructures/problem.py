@@ -26,6 +26,8 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from brake_fenicsx.iteration import remaining
+
 from ..eigensolvers.arnoldi import on_parts, times
 from ..modes import Complex
 from .errors import ROUND_OFF
@@ -169,8 +171,7 @@ class SampleProblem:
             # eta gains by both steps what it gained by this one, y what it did.
             gained = np.abs(_paired(change, unsolved))
             size = la.norm(change, axis=0) / np.maximum(la.norm(eta, axis=0), 1e-300)
-            rate = np.minimum(np.maximum(size, np.sqrt(gained / last)), 0.9)
-            left = gained * rate / (1 - rate)
+            left = remaining(gained, np.maximum(size, np.sqrt(gained / last)))
             if np.all(left <= np.maximum(SHARE * truncated, ROUND_OFF)):
                 break
             y, last = y + self.solve(unsolved), np.maximum(gained, 1e-300)
@@ -192,9 +193,11 @@ class SampleProblem:
             return y
         return np.concatenate([y[: self.gaps], (z + self.rows.shift) * y[self.gaps :]])
 
-    def left_response(self, z: Complex, eta: Complex, moments: int | None = None) -> Complex:
+    def left_response(
+        self, z: Complex, eta: Complex, moments: int | None = None, kind: type | None = None
+    ) -> Complex:
         """(1 - E)' eta, shape (followed rows, zeros); with all moments if None."""
-        return eta - applied(self.E[:moments], self.rows.variable(z), eta, transpose=True)
+        return eta - applied(self.E[:moments], self.rows.variable(z), eta, True, kind)
 
     def motions(self, z: Complex, a: Complex) -> Complex:
         """Motions y of some a, as far as they are expanded, shape (followed rows, zeros)."""

@@ -24,22 +24,19 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from brake_fenicsx.errors import NotConverged
 from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.folder.processes import in_turns
+from brake_fenicsx.iteration import Steps, sizes
 
 from ..eigensolvers.arnoldi import on_parts, times
 from ..modes import Complex
-from .component import Component, Index, Placed
+from .component import Array, Component, Index, Placed
 from .moments import Complement, Rows
 from .polynomials import Coefficients, applied
 from .sample import Sample
 
-# Steps at most for motions and for vectors, and the relative change at which they end.
-STEPS, SETTLED = 60, 1e-8
-# Each step must gain this factor.
-GAIN = 0.5
-Settled = NDArray[np.bool_]
+# Steps at most for motions and for vectors, and the relative error at which they end.
+STEPS, SETTLED = 200, 1e-8
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,14 +48,14 @@ class ContactMotions:
         slope: psi^H P'(lambda) phi, shape (modes,).
         right: rows "N", "T", "R" -> N phi, T phi, R phi of each element, shape (elements, modes).
         left: rows -> psi^H N', psi^H T', psi^H R', likewise.
-        settled: whether the vectors are as sharp as wanted, shape (modes,).
+        error: estimated relative error of the vectors and motions, shape (modes,).
     """
 
     s: Complex
     slope: Complex
     right: dict[str, Complex]
     left: dict[str, Complex]
-    settled: Settled
+    error: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +92,7 @@ class SampleModes:
     a: Complex
 
 
-def sharpened(sample: Sample, z: Complex, a: Complex, b: Complex) -> tuple[Vectors, Settled]:
+def sharpened(sample: Sample, z: Complex, a: Complex, b: Complex) -> tuple[Vectors, Array]:
     """Vectors with all moments from those of the expanded T(z).
 
     Args:
@@ -105,11 +102,8 @@ def sharpened(sample: Sample, z: Complex, a: Complex, b: Complex) -> tuple[Vecto
         b: the left ones, not conjugated.
 
     Returns:
-        The vectors, and which modes have settled: next to a merging point some may not, and stay
-        as sharp as they got.
-
-    Raises:
-        NotConverged: the motions at the contact do not settle.
+        The vectors, and their estimated relative errors, shape (modes,): large next to a merging
+        point, where they stay as sharp as they got.
     """
     a, b = a / la.norm(a, axis=0), b / la.norm(b, axis=0)
     factors = [_bordered(sample, *mode) for mode in zip(z, a.T, b.T, strict=True)]
@@ -121,24 +115,24 @@ def sharpened(sample: Sample, z: Complex, a: Complex, b: Complex) -> tuple[Vecto
         ]
         return np.asarray(np.array(found).T[:-1])
 
-    settled, moving, last = np.zeros(z.size, bool), np.ones(z.size, bool), np.full(z.size, np.inf)
+    steps = Steps(z.size, SETTLED, STEPS)
     y: Complex | None = None
     eta: Complex | None = None
     w = sample.rows.variable(z)
     while True:
-        y, eta = right_motions(sample, z, a, y), left_motions(sample, z, b, eta)
-        if not moving.any():
-            return Vectors(a, b, y, eta), settled
-        right = applied(sample.own, w, a) + applied(sample.forced, w, sample.gaps_and_rates(z, y))
+        y, right_error = right_motions(sample, z, a, y)
+        eta, left_error = left_motions(sample, z, b, eta)
+        if not steps.moving.any():
+            error = np.maximum(steps.left, np.maximum(right_error, left_error))
+            return Vectors(a, b, y, eta), error
+        u = sample.gaps_and_rates(z, y)
+        right = applied(sample.own, w, a) + applied(sample.forced, w, u)
         left = applied(sample.own, w, b, transpose=True)
         left = left + applied(sample.source, w, eta, transpose=True)
         da, db = step(right, 0), step(left, 1)
-        change = np.maximum(la.norm(da, axis=0), la.norm(db, axis=0))
-        # What does not gain any more is left as it is.
-        moving &= change < GAIN * last
-        settled |= moving & (change <= SETTLED)
-        a, b, last = a + moving * da, b + moving * db, change
-        moving &= ~settled
+        # Both are unit vectors.
+        added = steps.take(np.maximum(la.norm(da, axis=0), la.norm(db, axis=0)))
+        a, b = np.where(added, a + da, a), np.where(added, b + db, b)
 
 
 def _bordered(sample: Sample, z: complex, a: Complex, b: Complex) -> tuple[Complex, NDArray]:
@@ -148,39 +142,46 @@ def _bordered(sample: Sample, z: complex, a: Complex, b: Complex) -> tuple[Compl
     return la.lu_factor(T, check_finite=False)
 
 
-def right_motions(sample: Sample, z: Complex, a: Complex, start: Complex | None = None) -> Complex:
-    """Motions y that contact forces follow, see ``problem``; from others nearby."""
+def right_motions(
+    sample: Sample, z: Complex, a: Complex, start: Complex | None = None
+) -> tuple[Complex, Array]:
+    """Motions y that contact forces follow, see ``problem``, from others nearby; and errors."""
     w = sample.rows.variable(z)
     source = applied(sample.source, w, a)
 
     def step(y: Complex) -> Complex:
         u = sample.gaps_and_rates(z, y)
-        return sample.solve(source + u - y - applied(sample.E, w, u))
+        return sample.solve(source + u - y - applied(sample.E, w, u, kind=float))
 
-    return _settled(sample.motions(z, a) if start is None else start, step)
+    return _iterated(sample.motions(z, a) if start is None else start, step)
 
 
-def left_motions(sample: Sample, z: Complex, b: Complex, start: Complex | None = None) -> Complex:
-    """Motions eta that the left vector sees, of the transposed problem; from others nearby."""
+def left_motions(
+    sample: Sample, z: Complex, b: Complex, start: Complex | None = None
+) -> tuple[Complex, Array]:
+    """Motions eta that the left vector sees, of the transposed problem; as ``right_motions``."""
     forced = applied(sample.forced, sample.rows.variable(z), b, transpose=True)
 
     def step(eta: Complex) -> Complex:
-        return sample.solve(
-            sample.gaps_and_rates(z, forced + sample.left_response(z, eta)) - eta, 1
-        )
+        seen = forced + sample.left_response(z, eta, kind=float)
+        return sample.solve(sample.gaps_and_rates(z, seen) - eta, 1)
 
-    return _settled(
+    return _iterated(
         sample.solve(sample.gaps_and_rates(z, forced), 1) if start is None else start, step
     )
 
 
-def _settled(y: Complex, step: Callable[[Complex], Complex]) -> Complex:
-    for _ in range(STEPS):
+def _iterated(y: Complex, step: Callable[[Complex], Complex]) -> tuple[Complex, Array]:
+    """Columns y after their steps, and the relative errors that are left, shape (columns,).
+
+    The solves are of single precision; the products that give the residuals are of double
+    precision, or their noise would be what is left.
+    """
+    steps = Steps(y.shape[1], SETTLED, STEPS)
+    while steps.moving.any():
         change = step(y)
-        y = y + change
-        if np.linalg.norm(change) <= SETTLED * np.linalg.norm(y):
-            return y
-    raise NotConverged("vectors of a mode: the motions at the contact do not settle")
+        y = np.where(steps.take(*sizes(change, y)), y + change, y)
+    return y, steps.left
 
 
 def slopes(sample: Sample, z: Complex, v: Vectors) -> Complex:
@@ -188,14 +189,16 @@ def slopes(sample: Sample, z: Complex, v: Vectors) -> Complex:
     w, u = sample.rows.variable(z), sample.gaps_and_rates(z, v.y)
 
     def changed(A: Coefficients, x: Complex) -> Complex:
-        terms = [n * w ** (n - 1) * times(B, x) for n, B in enumerate(A) if n]
+        terms = [n * w ** (n - 1) * times(B, x, float) for n, B in enumerate(A) if n]
         return np.asarray(sum(terms, np.zeros((len(A[0]), z.size), complex)))
 
     kept = changed(sample.own, v.a) + changed(sample.forced, u)
     seen = changed(sample.source, v.a) - changed(sample.E, u)
     of_w = np.sum(v.b * kept, axis=0) + np.sum(v.eta * seen, axis=0)
     # Lambda depends on z, too.
-    rates = applied(sample.forced, w, v.b, transpose=True) + sample.left_response(z, v.eta)
+    rates = applied(sample.forced, w, v.b, transpose=True) + sample.left_response(
+        z, v.eta, kind=float
+    )
     of_rates = np.sum((rates * v.y)[sample.gaps :], axis=0)
     return np.asarray(sample.rows.slope(z) * of_w + of_rates)
 
@@ -230,8 +233,8 @@ def motions_of_elements(
         if comp.coupled:
             x[g * m : g * m + comp.W.shape[1]], u[f * m :] = v.a[modes], v.b[modes]
         seen, met = times(view.followed, v.a[modes]), times(view.acting, v.b[modes])
-        seen = seen - applied([A[: f * m] for A in view.D], w, x)
-        met = met - applied([A[:, : g * m] for A in view.D], w, u, transpose=True)
+        seen = seen - applied([A[: f * m] for A in view.D], w, x, kind=float)
+        met = met - applied([A[:, : g * m] for A in view.D], w, u, True, float)
         right[:, body.elements] += seen.reshape(f, m, z.size)
         left[:, body.elements] += met.reshape(g, m, z.size)
     return dict(zip(rows.followed, right, strict=True)), dict(zip(rows.acting, left, strict=True))
@@ -239,7 +242,7 @@ def motions_of_elements(
 
 def mode_displacements(
     modes: Sequence[SampleModes], rows: Rows, left: bool, comm: MPI.Comm, aside: int = 0
-) -> list[Complex]:
+) -> list[tuple[Complex, Array]]:
     """Displacements W a + v of the bodies, v from their matrices at full order; collective.
 
     The processes take the matrices in turns: each has one factor, for the modes of all samples that
@@ -253,10 +256,8 @@ def mode_displacements(
         aside: of these, the first so many do other work.
 
     Returns:
-        Of each sample, shape (dofs, its modes).
-
-    Raises:
-        NotConverged: v does not settle.
+        Of each sample the displacements, shape (dofs, its modes), and their estimated relative
+        errors, shape (its modes,): of the motions at the contact, or of v in the worst body.
     """
     matrices: dict[tuple[Component, bytes], list[int]] = {}
     for i, m in enumerate(modes):
@@ -265,61 +266,69 @@ def mode_displacements(
             matrices.setdefault((component, point), []).append(i)
     keys = list(matrices)
 
-    def work(j: int) -> list[tuple[int, Index, Complex]]:
+    def work(j: int) -> list[tuple[int, Index, Complex, Array]]:
         component, users = keys[j][0], matrices[keys[j]]
         release_memory()
         P = component.polynomial(modes[users[0]].x)
         P = [A.T.tocsr() for A in P] if left else P
         # All modes together: solves with few columns take as long as with one.
-        every = [(i, *one) for i in users for one in _driven(modes[i], component, rows, left)]
+        every = [(i, *b) for i in users for b in _driven(modes[i], component, rows, left)]
         w = np.concatenate([rows.variable(modes[i].z) for i, *_ in every])
-        kept = np.hstack([a for *_, a, _ in every])
-        load = np.hstack([f for *_, f in every])
+        kept = np.hstack([a for *_, a, _, _ in every])
+        load = np.hstack([f for *_, f, _ in every])
+        errors = np.hstack([error for *_, error in every])
         complement = Complement(P[0], component.mass, component.W)
         try:
-            u = kept + _left_out(complement, P, w, kept, load)
+            v, settled = _left_out(complement, P, w, kept, load)
         finally:
             complement.factor.destroy()
-        parts = np.split(u, np.cumsum([one[2].shape[1] for one in every])[:-1], axis=1)
-        pairs = zip(every, parts, strict=True)
-        return [(i, body.dofs, body.signs[:, None] * part) for (i, body, *_), part in pairs]
+        ends = np.cumsum([b[2].shape[1] for b in every])[:-1]
+        parts = np.split(kept + v, ends, axis=1)
+        worst = np.split(np.maximum(errors, settled), ends)
+        return [
+            (i, body.dofs, body.signs[:, None] * u, error)
+            for (i, body, *_), u, error in zip(every, parts, worst, strict=True)
+        ]
 
-    sizes = [(sum(b.dofs.size for b in m.sample.bodies), m.z.size) for m in modes]
-    out: list[Complex] = [np.zeros(size, complex) for size in sizes]
-    for shapes in in_turns(len(keys), work, comm, aside):
-        for i, dofs, u in shapes:
-            out[i][dofs] = u
+    shapes = [(sum(b.dofs.size for b in m.sample.bodies), m.z.size) for m in modes]
+    out = [(np.zeros(shape, complex), np.zeros(shape[1])) for shape in shapes]
+    for found in in_turns(len(keys), work, comm, aside):
+        for i, dofs, u, error in found:
+            out[i][0][dofs] = u
+            np.maximum(out[i][1], error, out=out[i][1])
     return out
 
 
 def _driven(
     m: SampleModes, component: Component, rows: Rows, left: bool
-) -> Iterator[tuple[Placed, Complex, Complex]]:
-    """A body and its mirror images under the modes of a sample: what is kept, and contact loads."""
+) -> Iterator[tuple[Placed, Complex, Complex, Array]]:
+    """A body and its mirror images under the modes of a sample.
+
+    What is kept, contact loads, and the relative errors of the motions at the contact.
+    """
     if left:
-        force, along = left_motions(m.sample, m.z, m.a), rows.followed
+        (force, error), along = left_motions(m.sample, m.z, m.a), rows.followed
     else:
-        u = m.sample.gaps_and_rates(m.z, right_motions(m.sample, m.z, m.a))
-        force, along = m.sample.forces(u), rows.acting
+        y, error = right_motions(m.sample, m.z, m.a)
+        force, along = m.sample.forces(m.sample.gaps_and_rates(m.z, y)), rows.acting
     interface = component.interface(m.x)
     I = sp.vstack([interface[name] for name in along]).tocsr()
     for body, at in zip(m.sample.bodies, m.sample.closed, strict=True):
         if body.component is component:
             acting, there = at.rows(len(along), body.elements.size, m.sample.count)
             kept = times(component.W, m.a[body.modes])
-            yield body, kept, times(I[acting].T.tocsr(), force[there])
+            yield body, kept, times(I[acting].T.tocsr(), force[there]), error
 
 
 def _left_out(
     complement: Complement, P: list[sp.csr_matrix], w: Complex, kept: Complex, load: Complex
-) -> Complex:
-    """V of S(w)^-1 v = -load - P(w) kept, by the inverse at the shift."""
+) -> tuple[Complex, Array]:
+    """V of S(w)^-1 v = -load - P(w) kept, by the inverse at the shift, and relative errors."""
     v = np.zeros_like(kept)
     known = -load - np.sum([w**n * times(A, kept) for n, A in enumerate(P)], axis=0)
-    for _ in range(STEPS):
+    steps = Steps(w.size, SETTLED, STEPS)
+    while steps.moving.any():
         rhs = known - np.sum([w**n * times(A, v) for n, A in enumerate(P) if n], axis=0)
         new = on_parts(complement.solve, rhs)
-        change, v = la.norm(new - v, axis=0), new
-        if np.all(change <= SETTLED * la.norm(kept + v, axis=0)):
-            return v
-    raise NotConverged("displacements of a mode: what the kept modes leave out does not settle")
+        v = np.where(steps.take(*sizes(new - v, kept + v)), new, v)
+    return v, steps.left
