@@ -309,7 +309,7 @@ def test_motion_of_the_deck(drafted):
     """
     turns = "*MOTION, ROTATION\nTOP, 7., 1., 2., 0., 1., 2., 5.\n"
     scene, lost = drafted(after=STEP.format(turns))
-    assert scene.motion.turns_about == (0.0, 0.0, 5.0) and scene.motion.rate == 7.0
+    assert scene.motion.axis == "z" and scene.motion.rate == 7.0
     assert scene.motion.point == pytest.approx((1e-3, 2e-3, 0.0)) and not lost
     (contact,) = scene.contact.values()
     assert contact.faces == ("plate.disc", "block.pad")
