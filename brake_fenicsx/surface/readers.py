@@ -249,8 +249,8 @@ def _read_instrument(
             raise SurfaceError(
                 f"{file}: no reader knows this format; export it as text: {ACCEPTED}"
             ) from None
-    channels = reader.channels
-    index = reader.default_channel.index if channel is None else channel
+        channels = reader.channels
+        index = reader.default_channel.index if channel is None else channel
     if index not in range(len(channels)):
         raise SurfaceError(f"{file}: channel = {channel!r}, the file has {len(channels)}, from 0")
     info = channels[index]

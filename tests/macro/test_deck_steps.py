@@ -309,7 +309,7 @@ def test_motion_of_the_deck(drafted):
     """
     turns = "*MOTION, ROTATION\nTOP, 7., 1., 2., 0., 1., 2., 5.\n"
     scene, lost = drafted(after=STEP.format(turns))
-    assert scene.motion.turns_about == (0.0, 0.0, 5.0) and scene.motion.rate == 7.0
+    assert scene.motion.axis == "z" and scene.motion.rate == 7.0
     assert scene.motion.point == pytest.approx((1e-3, 2e-3, 0.0)) and not lost
     (contact,) = scene.contact.values()
     assert contact.faces == ("plate.disc", "block.pad")
@@ -356,7 +356,8 @@ def test_an_element_written_twice(drafted):
 
 
 @pytest.mark.parametrize("keyword", ["*NODE, INPUT=a", "*ELEMENT, TYPE=C3D8, OFFSET=3",
-                                     "*NSET, NSET=A, FOO", "*SURFACE, NAME=A, TYPE=CUTTING SURFACE",
+                                     "*NSET, NSET=A, INPUT=a",
+                                     "*SURFACE, NAME=A, TYPE=CUTTING SURFACE",
                                      "*SURFACE, NAME=A, CROP"])  # fmt: skip
 def test_options_of_the_mesh_are_understood_or_refused(keyword, drafted):
     with pytest.raises(SceneError, match=r"not understood|are not read"):
@@ -451,6 +452,11 @@ def test_each_option_is_taken_or_has_its_line(keyword, drafted):
                 "TRANSFORM")]  # fmt: skip
         assert said, (option, lost)
         assert all(re.search(r"\(brake.inp:\d+", line) for line in said)
+
+
+def test_an_unknown_option_of_a_set_has_its_line(drafted):
+    _, lost = drafted(mesh=MESH + "*NSET, NSET=A, FREQUENCY=100\n1, 2\n")
+    assert len(lost) == 1 and "FREQUENCY=100 (brake.inp:" in lost[0]
 
 
 def test_unknown_keywords_have_their_lines(drafted):

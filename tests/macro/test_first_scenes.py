@@ -208,7 +208,7 @@ def test_check_accepts_an_assembly(assembly, capsys):
     path, _ = first_scene(assembly)
     assert main(["check", str(path)]) == 0
     assert (
-        "'plate_1' turns about (0, 0, 1) through (0, 90, 0) mm under 'pad_1'"
+        "'plate_1' turns about z through (0, 90, 0) mm under 'pad_1'"
         in capsys.readouterr().out
     )
 

@@ -9,8 +9,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.macro.meshing.abaqus_keywords import KNOWN, doubts
 from brake_fenicsx.macro.meshing.abaqus_scope import find
-from brake_fenicsx.macro.meshing.filemesh import FileMesh, corners_of
+from brake_fenicsx.macro.meshing.filemesh import DeckKeyword, FileMesh, corners_of
 from brake_fenicsx.macro.meshing.rawmesh import RawMesh, Stated, Unread, cell_facets, facet_keys
 
 from .deck import read_deck
@@ -40,12 +41,14 @@ def beside(
         kind: int(np.count_nonzero(~np.isin(facet_keys(corners_of(shells)), marked)))
         for kind, shells in found.shells.items()
     }
-    lost = {id(block) for block, _ in deck.unread}
+    # What an option adds to a keyword that is read has its line in the scene alone.
+    unread = [block for block, why in deck.unread if not _is_aside(block, why)]
+    lost = {id(block) for block in unread}
     own = [block for block in found.blocks if block.keyword == "ELEMENT" and id(block) not in lost]
     read = {block.options.get("TYPE", "").upper() for block in own}
     elements |= {kind: n for kind, n in found.elements.items() if kind not in read}
     sign = "*" * (file.suffix == ".inp")
-    words = Counter(sign + b.keyword for b, _ in deck.unread if b.keyword != "ELEMENT")
+    words = Counter(sign + block.keyword for block in unread if block.keyword != "ELEMENT")
     texts = [*_elements({kind: n for kind, n in elements.items() if n}), *_keywords(words)]
     page = "howto_abaqus_deck" if sign else "coming_from_other_codes"
     line = f"{file.name}: not read: {', '.join(texts)}; docs/{page}.md says what to write instead"
@@ -57,6 +60,11 @@ def beside(
             on = tuple(frozenset(_faces_on(found, mesh, group, keys)) for group in groups)
             stated.append((file.name, Stated(section, f"[{section}] {name}", on)))
     return Unread((line,) if texts else (), tuple(stated))
+
+
+def _is_aside(block: DeckKeyword, why: str) -> bool:
+    """Whether no more than an option of a keyword is left out."""
+    return block.keyword in KNOWN and why in doubts(block)[1]
 
 
 def _faces_on(

@@ -15,7 +15,7 @@ from brake_fenicsx.macro.meshing.nastran import HARMLESS as NASTRAN_HARMLESS
 from brake_fenicsx.macro.meshing.nastran import SHELL_NODES
 
 from .materials import ABAQUS, ANSYS, NASTRAN, SHELLS, Reader, of_solids, taken
-from .statements import Deck, Quantity, numbers
+from .statements import Deck, Quantity, axis_key, numbers
 
 # Keywords that others refer to, also before they stand in the deck.
 _FIRST = ("COUPLING", "KINEMATIC", "RIGID BODY", "ELEMENT", *SHELL_NODES)
@@ -103,8 +103,9 @@ def _pair(deck: Deck, block: DeckKeyword) -> str | None:
     return None
 
 
-def _exclusions(deck: Deck, block: DeckKeyword) -> None:
-    deck.apart += block.rows
+def _exclusions(deck: Deck, block: DeckKeyword) -> str | None:
+    deck.apart += [row for row in block.rows if all(row)]
+    return None if all(map(all, block.rows)) else "write the [contact] of the surface with others"
 
 
 def _assignment(deck: Deck, block: DeckKeyword) -> str | None:
@@ -235,7 +236,7 @@ def _motion(deck: Deck, block: DeckKeyword) -> str | None:
     deck.motion = (
         name,
         {
-            ("axis" if turns else "direction"): along,
+            **({"axis": axis_key(along)} if turns else {"direction": along}),
             **({"point": [Quantity(v, "m") for v in x[:3]]} if turns and any(x[:3]) else {}),
             "speed": Quantity(float(speed), "rad/s" if turns else "m/s"),
         },

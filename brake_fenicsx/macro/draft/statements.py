@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -90,3 +91,9 @@ class Deck:
 def numbers(block: DeckKeyword) -> list[float]:
     """All numbers below a keyword."""
     return [float(word) for row in block.rows for word in row if word]
+
+
+def axis_key(axis: Sequence[float]) -> str | list[float]:
+    """An axis as a scene has it: "x", "y", "z", or a direction whose largest component is 1."""
+    x = np.round(np.asarray(axis) / np.abs(axis).max(), 6) + 0.0
+    return "xyz"[int(np.argmax(x))] if sorted(x) == [0.0, 0.0, 1.0] else [float(v) for v in x]

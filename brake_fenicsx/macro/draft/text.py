@@ -224,6 +224,7 @@ class Draft:
             for pair in self.deck.apart:
                 first, second = (self.bodies.faces_of(name)[0] for name in pair)
                 known += [{a, b} for a in first for b in second]
+                self.lines["contact"].append(f"# out of contact: {', '.join(pair)}")
             free = [pair for pair in self.bodies.touching() if not tied & {*pair}]
             proposed = {"_".join(p): {"faces": [*p]} for p in free if {*p} not in known}
         touching = sorted({f for keys in (own | proposed).values() for f in keys["faces"]})

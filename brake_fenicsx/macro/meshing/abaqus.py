@@ -67,6 +67,7 @@ class _AbaqusDeck:
         place: rotation and shift of the instance being read.
         surfaces: of the scope being read, name -> rows; sets they name may follow.
         blocks: what is no part of the mesh.
+        lost: what is left out of it, and why.
         instances: name -> part.
     """
 
@@ -76,6 +77,7 @@ class _AbaqusDeck:
     place: Rows = field(default_factory=list)
     surfaces: dict[str, Rows] = field(default_factory=dict)
     blocks: list[DeckKeyword] = field(default_factory=list)
+    lost: list[tuple[DeckKeyword, str]] = field(default_factory=list)
     instances: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -121,7 +123,11 @@ def read_abaqus(path: Path) -> FileMesh:
     deck.blocks, lost = along_global(deck.whole, found.blocks)
     lost += _unnamed(deck)
     mesh = _mesh(deck.whole)
-    mesh.blocks, mesh.instances, mesh.lost = deck.blocks, deck.instances, found.lost + lost
+    mesh.blocks, mesh.instances, mesh.lost = (
+        deck.blocks,
+        deck.instances,
+        [*deck.lost, *found.lost, *lost],
+    )
     mesh.step, mesh.band, mesh.apart = found.step, found.band, found.apart
     return mesh
 
@@ -176,8 +182,11 @@ def _blocks(
 def _take(deck: _AbaqusDeck, block: DeckKeyword) -> None:
     """Add one block to the deck."""
     keyword, options, rows, scope = block.keyword, block.options, block.rows, deck.scope
-    if unknown := options.keys() - _OPTIONS.get(keyword, options.keys()):
-        raise SceneError(f"its option {sorted(unknown)[0]} is not understood; write it without")
+    if unknown := sorted(options.keys() - _OPTIONS.get(keyword, options.keys())):
+        said = f"its option {unknown[0]} is not understood"
+        if keyword not in ("NODE", "NSET", "ELSET") or "INPUT" in unknown:
+            raise SceneError(f"{said}; write it without")
+        deck.lost.append((block, said))
     if keyword in _MAKERS or (keyword == "NODE" and options.get("SYSTEM", "R").upper() != "R"):
         raise SceneError("nodes and elements must be written one by one in Cartesian axes")
     if keyword == "PART":

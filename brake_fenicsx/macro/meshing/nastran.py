@@ -7,6 +7,8 @@ It gives a point without a coordinate system the basic one although a GRDSET nam
 
 from __future__ import annotations
 
+from contextlib import redirect_stderr, redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +47,8 @@ def read_nastran(path: Path) -> FileMesh:
     Raises:
         SceneError: pyNastran is not installed, or the deck cannot be read.
     """
-    model, cards = _cards(path)
+    with redirect_stdout(StringIO()), redirect_stderr(StringIO()):  # what is wrong is raised too
+        model, cards = _cards(path)
     solids: dict[int, tuple[str, list[int]]] = {}
     skins: dict[str, list[list[int]]] = {}
     cells, shells = dict[str, list[int]](), dict[str, list[list[int]]]()
@@ -104,8 +107,15 @@ def _cards(path: Path) -> tuple[Any, list[DeckKeyword]]:
             f"{path.suffix} needs pyNastran: pip install pyNastran, or convert the mesh to .msh"
         ) from None
     model = BDF(debug=None)
-    source = BDFInputPy(True, False, "latin1", log=model.log)
-    lines, places = source.lines_to_deck_lines(source.get_main_lines(str(path)), make_ilines=True)
+    source: Any = BDFInputPy(True, False, "latin1", log=model.log)
+    source._dump_file = (
+        lambda *_: None
+    )  # it would write pyNastran_crash.bdf beside the user's files
+    try:
+        lines, places = source.lines_to_deck_lines(source.get_main_lines(str(path)))
+    except (OSError, RuntimeError) as error:
+        text = " ".join(str(error).split())[:120]
+        raise SceneError(f"an included file cannot be read: {text}") from None
     begins = [i + 1 for i, line in enumerate(lines) if line.split()[:1] in (["BEGIN"], ["begin"])]
     if len(begins) > 1:
         raise SceneError("superelements are not read; write one deck without BEGIN SUPER")
