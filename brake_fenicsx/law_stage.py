@@ -19,6 +19,7 @@ from brake_fenicsx.stages import Run, note_warnings
 if TYPE_CHECKING:
     from brake_fenicsx.micro import LawLibrary, LawRecipe
     from brake_fenicsx.micro.halfspace import Boundary
+    from brake_fenicsx.micro.law import LawSteps
     from brake_fenicsx.micro.settings import BulkCompliance
     from brake_fenicsx.micro.support import LawSupport
     from brake_fenicsx.surface import SurfaceStatistics
@@ -89,13 +90,14 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
             notes = comm.bcast(
                 [*doubts(first), *beyond_elasticity(this, recipe)] if comm.rank == 0 else None
             )
-            support = support_of_laws(this, recipe, stats)
+            laws = [steps[i] for i in range(number)]
+            support = support_of_laws(this, recipe, stats, laws)
             if support is not None and (doubt := support.warning()):
                 notes.append(doubt)
             settings = {**recipe.record(), "seed": micro.seed, "notes": notes}
             if support is not None:
                 settings["support"] = {k: v.tolist() for k, v in asdict(support).items()}
-            library = make_library([steps[i] for i in range(number)], list(range(number)), settings)
+            library = make_library(laws, list(range(number)), settings)
             if comm.rank == 0:
                 with whole_file(path) as part:
                     save_laws(part, library)
@@ -105,7 +107,9 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
         return library
 
 
-def support_of_laws(this: Run, recipe: LawRecipe, stats: SurfaceStatistics) -> LawSupport | None:
+def support_of_laws(
+    this: Run, recipe: LawRecipe, stats: SurfaceStatistics, laws: list[LawSteps]
+) -> LawSupport | None:
     """Pixels behind the laws and their scatter over scans; None without a scan or a band."""
     from brake_fenicsx.micro.support import PRESSURES, drawn_law, law_support
 
@@ -123,7 +127,7 @@ def support_of_laws(this: Run, recipe: LawRecipe, stats: SurfaceStatistics) -> L
             "only %d of %d scans drawn anew gave a law: no band", len(every), micro.scans
         )
         return None
-    return law_support([every[i] for i in sorted(every)])
+    return law_support([every[i] for i in sorted(every)], laws) if len(every) > 1 else None
 
 
 def beyond_elasticity(this: Run, recipe: LawRecipe) -> list[str]:
