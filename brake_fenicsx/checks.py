@@ -14,6 +14,7 @@ from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.damping import active_terms
 from brake_fenicsx.scene.friction import rubs, slides
 from brake_fenicsx.scene.plausible import unusual
+from brake_fenicsx.scene.scalars import changes_bodies
 from brake_fenicsx.scene.surface import MAX_PIXELS
 from brake_fenicsx.scene.tables import dotted
 
@@ -43,6 +44,10 @@ def check(scene: Scene, comm: MPI.Comm) -> SurfaceStatistics | None:
         from brake_fenicsx.macro.brake import check_brake
 
         check_brake(scene, comm)
+        if any(changes_bodies(scene, name) for name in scene.varied):
+            from brake_fenicsx.uncertainty.changing_bodies import check_box
+
+            check_box(scene)
     return stats
 
 

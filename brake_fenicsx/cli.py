@@ -13,8 +13,6 @@ for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
 # Where NumPy is loaded already, child processes shall take the same kernels as this one.
 if "numpy" not in sys.modules and (_kernels := best_kernels()) is not None:
     os.environ.setdefault("OPENBLAS_CORETYPE", _kernels)
-# PETSc would answer a closed pipe and SIGTERM with its own banner and MPI_Abort.
-os.environ["PETSC_OPTIONS"] = f"-no_signal_handler {os.environ.get('PETSC_OPTIONS', '')}"
 
 INTERRUPTED = "brake-fenicsx: interrupted; the same command resumes the run"
 try:
@@ -74,7 +72,9 @@ def _main(words: list[str]) -> int:
     except KeyboardInterrupt:
         return _end(comm, verbose, INTERRUPTED, 130)
     except Terminated as error:
-        message = "terminated; finished samples are stored, the same command resumes the run"
+        message = (
+            "terminated; finished laws and samples are stored, the same command resumes the run"
+        )
         status = _end(comm, verbose, message, STATUS)
         if comm is not None and comm.size > 1 and not error.together:
             comm.Abort(status)
@@ -120,9 +120,9 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
     level = "WARNING" if options.quiet else "DEBUG" if options.verbose else "INFO"
     start_log(comm.rank, level=level)
     if petsc:
-        import petsc4py
+        from brake_fenicsx.petsc import start_petsc
 
-        petsc4py.init(["brake-fenicsx", *petsc])
+        start_petsc(petsc)
     from brake_fenicsx import pipeline
     from brake_fenicsx.folder.lock import read_share
 
@@ -194,6 +194,8 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
     elif options.command == "init":
         from brake_fenicsx.macro.draft.text import write_scene  # starts PETSc on all processes
 
+        if options.deck.endswith(".toml"):
+            raise SceneError(f"{options.deck}: is a scene; give the mesh file that it is to be of")
         scene = Path(options.scene or f"{Path(options.deck).stem}.toml")
         if comm.rank == 0:
             print(write_scene(Path(options.deck), scene, options.units, bool(options.shells)))

@@ -108,7 +108,7 @@ def run_sizes(scene: Scene, samples: Mapping[str, int], dofs: int, elements: int
 def earlier_run(folder: Path) -> dict[str, Any] | None:
     """Facts of a finished run in a folder, its summary.json; None where there is none."""
     try:
-        facts = json.loads((folder / "summary.json").read_text())
+        facts = json.loads((folder / "summary.json").read_text("utf-8"))
     except (OSError, ValueError):
         return None
     return facts if {"seconds", "in_effect", "processes"} <= {*facts} else None

@@ -72,8 +72,12 @@ def describe(
 
         brake = assemble_brake(parsed, comm)
         sizes, doubts = brake.size(), brake_doubts(parsed, brake)
-        told = [*remarks(parsed, comm), *brake.mesh.unread.other]
-        built = {"parts": parts_of(parsed, brake), "contact": interfaces_of(parsed, brake)}
+        told = remarks(parsed, comm)
+        built = {
+            "mesh_sha256": brake.mesh.digest,
+            "parts": parts_of(parsed, brake),
+            "contact": interfaces_of(parsed, brake),
+        }
         side = 1e-3 * sizes["mean_patch_mm"]
         parsed = with_patch(parsed, side)
         samples = {name: sample_count(parsed, name) for name in parsed.samples.approaches}

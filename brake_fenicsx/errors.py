@@ -1,8 +1,18 @@
 """The named errors of the program: text = what, where, value, remedy."""
 
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
 
 class BrakeError(Exception):
-    """Base of all named errors; the command line prints its text as one line."""
+    """Base of all named errors; the command line prints its text as one line.
+
+    Attributes:
+        known: seed and inputs of the sample that failed, as arrays to store.
+    """
+
+    known: Mapping[str, Any] = MappingProxyType({})
 
 
 class SceneError(BrakeError, ValueError):

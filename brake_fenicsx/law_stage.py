@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict
-from typing import TYPE_CHECKING, cast
+from functools import partial
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.errors import BrakeError, NotConverged, SceneError
-from brake_fenicsx.folder.files import whole_file
+from brake_fenicsx.errors import BrakeError, NotConverged, SceneError, StorageError
+from brake_fenicsx.folder.files import digest, emptied, whole_file
 from brake_fenicsx.folder.log import Progress, logger
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.digest import laws_key
 from brake_fenicsx.stages import Run, note_warnings
 
 if TYPE_CHECKING:
-    from brake_fenicsx.micro import LawLibrary, LawRecipe
+    from brake_fenicsx.micro import LawLibrary, LawRecipe, LawSteps
     from brake_fenicsx.micro.halfspace import Boundary
     from brake_fenicsx.micro.settings import BulkCompliance
     from brake_fenicsx.micro.support import LawSupport
+    from brake_fenicsx.scene.surface import Micro
     from brake_fenicsx.surface import SurfaceStatistics
 
+PIECES = "cache/laws"
 # Hardness of a hard lining, a usual pressure of braking [Pa], and the share of the force beyond
 # the first at which elastic laws are doubtful.
 SOFT, BRAKING, SOME = 400e6, 0.2e6, 0.1
@@ -79,17 +83,21 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
                     *first.shape, 1e6 * r.S_q, 1e6 * stats.S_q, r.C0_scale,
                     100 * r.low_share,
                 )  # fmt: skip
-            what = "laws" if comm.size == 1 else "laws of the first process"
-            progress = Progress(what, len(range(comm.rank, number, comm.size)))
+            pieces, again = _Pieces(this), support_draws(micro, recipe, stats)
+            what = "laws and scans drawn anew" if again else "laws"
+            counts = (len(range(comm.rank, n, comm.size)) for n in (number, again))
+            whose = " of the first process" * (comm.size > 1)
+            progress = Progress(f"{what}{whose}", sum(counts))
             own = {}
             for i in range(comm.rank, number, comm.size):
-                own[i] = recipe.law(micro.seed, i)
+                own[i] = pieces.law(i, recipe)
                 progress.advance()
             steps = {i: law for part in comm.allgather(own) for i, law in part.items()}
             notes = comm.bcast(
                 [*doubts(first), *beyond_elasticity(this, recipe)] if comm.rank == 0 else None
             )
-            support = support_of_laws(this, recipe, stats)
+            draw = partial(pieces.drawn, recipe=recipe, stats=stats)
+            support = support_of_laws(this, again, draw, progress) if again else None
             if support is not None and (doubt := support.warning()):
                 notes.append(doubt)
             settings = {**recipe.record(), "seed": micro.seed, "notes": notes}
@@ -97,31 +105,81 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
                 settings["support"] = {k: v.tolist() for k, v in asdict(support).items()}
             library = make_library([steps[i] for i in range(number)], list(range(number)), settings)
             if comm.rank == 0:
-                with whole_file(path) as part:
+                with whole_file(path, durable=True) as part:
                     save_laws(part, library)
             comm.Barrier()
+            if comm.rank == 0:
+                emptied(this.store.path(PIECES))
         library = load_laws(path)
         note_warnings(this, library.settings["notes"])
         return library
 
 
-def support_of_laws(this: Run, recipe: LawRecipe, stats: SurfaceStatistics) -> LawSupport | None:
-    """Pixels behind the laws and their scatter over scans; None without a scan or a band."""
-    from brake_fenicsx.micro.support import PRESSURES, drawn_law, law_support
+class _Pieces:
+    """Laws and scans drawn anew, each stored as it is solved, until the library is written."""
 
-    micro, comm = this.scene.micro, this.comm
-    highest = recipe.settings.highest
-    if micro is None or not (micro.scans and stats.topographies and max(PRESSURES) < highest):
-        return None
-    draws: dict[int, NDArray[np.float64]] = {}
-    for i in range(comm.rank, micro.scans, comm.size):
-        with suppress(BrakeError):  # a scan drawn anew may be too poor for a fit
-            draws[i] = drawn_law(recipe, stats, micro.seed, i)
+    def __init__(self, this: Run):
+        """Look at what they depend on."""
+        self._store, self._key = this.store, digest(laws_key(this.scene))
+        self._seed = 0 if this.scene.micro is None else this.scene.micro.seed
+        self._store.path(PIECES).mkdir(parents=True, exist_ok=True)
+
+    def law(self, number: int, recipe: LawRecipe) -> LawSteps:
+        """Steps of a law."""
+        from brake_fenicsx.micro import LawSteps
+
+        def solve() -> dict[str, Any]:
+            steps = recipe.law(self._seed, number)._asdict()
+            return {name: a for name, a in steps.items() if a is not None}
+
+        return LawSteps(**self._kept(f"law-{number:05d}", solve))
+
+    def drawn(
+        self, number: int, recipe: LawRecipe, stats: SurfaceStatistics
+    ) -> NDArray[np.float64]:
+        """The law of a scan drawn anew, see ``drawn_law``."""
+        from brake_fenicsx.micro.support import drawn_law
+
+        make = partial(drawn_law, recipe, stats, self._seed, number)
+        return self._kept(f"drawn-{number:05d}", lambda: {"rows": make()})["rows"]
+
+    def _kept(self, name: str, make: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+        file = f"{PIECES}/{name}.npz"
+        with suppress(SceneError):  # a damaged one is solved again
+            found = self._store.load(file) or {}
+            if str(found.pop("key", "")) == self._key:
+                return found
+        made = make()
+        self._store.save(file, key=np.array(self._key), **made)
+        return made
+
+
+def support_draws(micro: Micro, recipe: LawRecipe, stats: SurfaceStatistics) -> int:
+    """Scans that are drawn anew for the scatter of the laws; 0 without a scan or a band."""
+    from brake_fenicsx.micro.support import PRESSURES
+
+    wanted = stats.topographies and max(PRESSURES) < recipe.settings.highest
+    return micro.scans if wanted else 0
+
+
+def support_of_laws(
+    this: Run, scans: int, draw: Callable[[int], NDArray[np.float64]], progress: Progress
+) -> LawSupport | None:
+    """Pixels behind the laws and their scatter over scans drawn anew; None without a band."""
+    from brake_fenicsx.micro.support import law_support
+
+    comm, draws = this.comm, dict[int, NDArray[np.float64]]()
+    for i in range(comm.rank, scans, comm.size):
+        try:
+            draws[i] = draw(i)
+        except StorageError:
+            raise
+        except BrakeError:  # a scan drawn anew may be too poor for a fit
+            logger.debug("scan %d drawn anew gives no law", i, exc_info=True)
+        progress.advance()
     every = {i: law for part in comm.allgather(draws) for i, law in part.items()}
-    if len(every) < 0.8 * micro.scans:
-        logger.warning(
-            "only %d of %d scans drawn anew gave a law: no band", len(every), micro.scans
-        )
+    if len(every) < 0.8 * scans:
+        logger.warning("only %d of %d scans drawn anew gave a law: no band", len(every), scans)
         return None
     return law_support([every[i] for i in sorted(every)])
 

@@ -334,10 +334,10 @@ def _prepared(
 ) -> Study:
     """Brake, laws and reduced model, made or loaded from the folder; collective."""
     if comm.size == 1 and "mpi4py.futures" in sys.modules:
-        import petsc4py
+        from brake_fenicsx.petsc import start_petsc
 
         # PETSc starts on all processes together, and those of a pool wait for work elsewhere.
-        petsc4py.init(comm=comm)
+        start_petsc(comm=comm)
     check_folder(store, result_digest(parsed), comm)
     stats = check(parsed, comm)
     if extensions is not None:

@@ -25,6 +25,7 @@ from brake_fenicsx.checks import (
     with_patch,
     with_pixels,
 )
+from brake_fenicsx.costs import earlier_run
 from brake_fenicsx.errors import BrakeError, SceneError
 from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.entry import PREPARED, check_folder, enter_prepared, open_folder
@@ -34,7 +35,7 @@ from brake_fenicsx.folder.log import logger, start_log
 from brake_fenicsx.folder.processes import in_turns, on_first
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.law_stage import law_recipe, micro_stage
-from brake_fenicsx.results.versions import versions
+from brake_fenicsx.results.versions import differences, versions
 from brake_fenicsx.scene import STAGES, read_scene
 from brake_fenicsx.scene.digest import result_digest
 from brake_fenicsx.scene.friction import friction_texts, listed
@@ -118,7 +119,7 @@ def run(
     new = not store.directory.exists()
     try:
         if share is None:
-            open_folder(store, parsed.file.read_text(), from_stage, comm)
+            open_folder(store, parsed.file.read_text("utf-8"), from_stage, comm)
         else:
             command = f"brake-fenicsx prepare {parsed.file} -o {store.directory}"
             enter_prepared(store, parsed.samples.approaches, command, comm)
@@ -127,7 +128,7 @@ def run(
         logger.info("%s -> %s, %d process(es)", parsed.file, this.store.directory, comm.size)
         for text in remarks(parsed, comm):
             logger.info("%s", text)
-        note_warnings(this, warnings(parsed))
+        note_warnings(this, [*warnings(parsed), *_made_otherwise(store)])
         _finish(this, stats, new)
     finally:
         if store.lock is not None:
@@ -136,6 +137,13 @@ def run(
         refuse_if_all_failed(this)
     logger.info("%s", this.ending())
     return this
+
+
+def _made_otherwise(store: Store) -> list[str]:
+    """A warning where the results of the folder were made with other programs or kernels."""
+    before = (earlier_run(store.directory) or {}).get("versions", {})
+    made = differences({"versions": before}, {"versions": versions()})
+    return [f"results in {store.directory} and this run differ: {'; '.join(made)}"] * bool(made)
 
 
 def _finish(this: Run, stats: SurfaceStatistics | None, new: bool) -> None:
@@ -213,7 +221,9 @@ def surface_stage(this: Run, stats: SurfaceStatistics) -> None:
         if this.comm.rank == 0:
             from brake_fenicsx.report.inputs import surface_arrays
 
-            this.store.save("surface.npz", **surface_arrays(stats, law_recipe(this.scene, stats)))
+            recipe, micro = law_recipe(this.scene, stats), this.scene.micro
+            arrays = surface_arrays(stats, recipe, micro.seed if micro else 0)
+            this.store.save("surface.npz", **arrays)
 
 
 def brake_stage(this: Run) -> Brake:
@@ -230,6 +240,7 @@ def brake_stage(this: Run) -> Brake:
             "uncovered_area_mm2": 1e6 * brake.contact.uncovered,
             "pressed_N": brake.pressed,
             "worst_cell_quality": brake.mesh.quality,
+            "mesh_sha256": brake.mesh.digest,
         }
         if brake.mesh.worst is not None:
             this.facts["smallest_dihedral_deg"] = float(np.degrees(brake.mesh.worst.dihedral))
@@ -391,6 +402,8 @@ def report(directory: Path, comm: MPI.Comm = MPI.COMM_SELF, pictures: bool = Tru
     from brake_fenicsx.results.answer import write_tables
     from brake_fenicsx.results.run import RunData, read_run
 
+    if not directory.is_dir():
+        read_run(directory)  # says what it is
     if pictures:
         lost = on_first(
             lambda: spared("maps of the contact", lambda: contact_maps(directory)), comm
@@ -417,7 +430,7 @@ def report(directory: Path, comm: MPI.Comm = MPI.COMM_SELF, pictures: bool = Tru
             "%s: samples without tables; `run` of the scene, with -o %s, makes them", directory,
             directory,
         )  # fmt: skip
-    elif data.modes is None and (data.summary or {}).get("in_effect", {}).get("stability"):
+    elif data.modes is None and "stability" in data.summary.get("in_effect", {}).get("stages", ()):
         logger.warning(
             "%s: modes.csv is missing, and the page has no modes; `run` makes it again", directory
         )

@@ -270,9 +270,9 @@ def settings() -> None:
 def run(job: Any, threads: int = 1, options: Any = None, **case: Any) -> dict[str, Any]:
     """Run one case in a process of its own and read its figures."""
     command = [sys.executable, __file__, "--case", json.dumps({"job": job.__name__, **case})]
-    flags = [f"-brake_compliance_mat_mumps_{k}={v}" for k, v in (options or {}).items()]
-    env = dict(os.environ, OPENBLAS_NUM_THREADS=str(threads), OMP_NUM_THREADS=str(threads),
-               PETSC_OPTIONS=" ".join(f.replace("=", " ") for f in flags))  # fmt: skip
+    for name, value in (options or {}).items():
+        command += ["--", f"-brake_compliance_mat_mumps_{name}", str(value)]
+    env = dict(os.environ, OPENBLAS_NUM_THREADS=str(threads), OMP_NUM_THREADS=str(threads))
     done = subprocess.run(command, env=env, check=True, capture_output=True, text=True)
     return json.loads(next(x for x in done.stdout.splitlines() if x.startswith("{")))  # type: ignore[no-any-return]
 
@@ -284,7 +284,12 @@ def main() -> None:
     parser.add_argument("table", nargs="?", default="samples", choices=[*tables, "ladder"])
     parser.add_argument("--largest", type=float, default=1e6, help="dofs of the ladder's last rung")
     parser.add_argument("--case", type=json.loads, help=argparse.SUPPRESS)
-    given = parser.parse_args()
+    at = sys.argv.index("--") if "--" in sys.argv else len(sys.argv)
+    if sys.argv[at + 1 :]:
+        from brake_fenicsx.petsc import start_petsc
+
+        start_petsc(sys.argv[at + 1 :])
+    given = parser.parse_args(sys.argv[1:at])
     if given.case:
         print(json.dumps(globals()[given.case.pop("job")](given.case)))
     elif given.table == "ladder":

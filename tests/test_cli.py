@@ -113,7 +113,7 @@ def test_words_of_the_program():
 
 
 def test_a_report_without_modes_says_so(tmp_path, caplog):
-    stability = {"in_effect": {"stability": {"band": [0.0, 1e3]}}}
+    stability = {"in_effect": {"stages": ["stability"], "stability": {"band": [0.0, 1e3]}}}
     (tmp_path / "summary.json").write_text(json.dumps(stability))
     with caplog.at_level("WARNING", "brake_fenicsx"):
         pipeline.report(tmp_path)
@@ -255,7 +255,7 @@ def test_sigterm_finishes_the_sample_and_nothing_new(tmp_path, monkeypatch, caps
 
     monkeypatch.setattr(pipeline, "run", run)
     status, said = one_line(capsys, "run", BLOCK)
-    assert status == 143 and "finished samples are stored" in said
+    assert status == 143 and "laws and samples are stored" in said
     assert [k for _, k in begun] == [0, 1, 2]
     assert store.samples.load(("parametric", 2)) is not None
 
@@ -340,3 +340,45 @@ def test_table_of_the_log_stands_under_its_heading(tmp_path, monkeypatch):
 def test_words_that_mean_nothing_are_named(capsys):
     """A word after the scene was ignored."""
     assert "unrecognized arguments: word" in one_line(capsys, "run", BLOCK, "word")[1]
+
+
+WRONG_WORDS = [
+    (["brake.toml"], "brake.toml: no command; write brake-fenicsx run brake.toml"),
+    (["a.inp"], "a.inp: no command; write brake-fenicsx init a.inp"),
+    (["run", "a.inp"], "a mesh file; brake-fenicsx init"),
+    (["init", "b.toml"], "b.toml: is a scene; give the mesh file"),
+    (["init", "a.inp", "-o", "b.toml"], "b.toml: is there already; name another file with -o"),
+    (["report", "b.toml"], "b.toml: a file, and no folder of results"),
+    (["check", "win.toml"], "write paths with / or in single quotes"),
+    (["check", "pipe.toml"], "pipe.toml: a device or pipe, no file"),
+    (["check", "b.toml", "--set", "contact.block_plate.friction=0,4"],
+     "decimals have a point, 0.4"),
+    (["check", "b.toml", "--set", "motion.speed=300 rpm"],
+     "with this speed write motion.axis, and no motion.direction"),
+    (["check", "b.toml", "--set", "materials.wood.E='1 GPa'"],
+     "materials.wood.model: missing; it has no default (materials there are beside wood: iron,"
+     " lining)"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("words", "said"), WRONG_WORDS)
+def test_slips_are_told_what_to_write(tmp_path, monkeypatch, capsys, words, said):
+    """What people do by mistake: one line with the right remedy, status 2, nothing removed."""
+    monkeypatch.chdir(tmp_path)
+    scene = Path(BLOCK).read_text()
+    (tmp_path / "b.toml").write_text(scene)
+    (tmp_path / "a.inp").write_text("*NODE\n1, 0, 0, 0\n")
+    windows = 'stages = ["surface"]\n[surface]\nscan = "C:\\scans\\new.txt"\n'
+    (tmp_path / "win.toml").write_text(windows)
+    os.mkfifo(tmp_path / "pipe.toml")
+    assert main(words) == 2
+    line = capsys.readouterr().err.strip()
+    assert said in line and "\n" not in line
+    assert (tmp_path / "b.toml").read_text() == scene and not list(tmp_path.glob("*-results"))
+
+
+def test_a_page_without_modes_that_nobody_asked_for(tmp_path, capsys):
+    """stages = ["surface", "report"] beside a section [stability]: no word of missing modes."""
+    more = ["--set", 'stages=["surface","report"]', "--no-pictures"]
+    assert main(["run", str(BLOCK), "-o", str(tmp_path / "out"), *more]) == 0
+    assert "modes.csv" not in capsys.readouterr().err

@@ -279,6 +279,46 @@ def test_failing_sample_is_kept_and_stops_nothing(tmp_path, monkeypatch):
     assert {m["sample"] for m in rows(tmp_path / "out" / "modes.csv")} == {"0", "2"}
 
 
+def test_failed_samples_have_seed_and_inputs(tmp_path, monkeypatch):
+    """Where in the space of the inputs samples fail: seed, friction and random inputs of each."""
+    from brake_fenicsx.errors import NotConverged
+    from brake_fenicsx.uncertainty.study import Study
+
+    more = [
+        *MANY, "samples.n=4", "samples.approaches=['joint']",
+        "samples.random={'contact.block_plate.friction'={law='uniform', min=0.1, max=0.6}}",
+    ]  # fmt: skip
+    run(BLOCK, MPI.COMM_SELF, tmp_path / "good", more)
+    solved = Study._solved
+
+    def sometimes(self, task, *args):
+        if task[1] % 2:
+            raise NotConverged("made to fail")
+        return solved(self, task, *args)
+
+    monkeypatch.setattr(Study, "_solved", sometimes)
+    run(BLOCK, MPI.COMM_SELF, tmp_path / "out", more)
+    good, some = (rows(tmp_path / name / "samples.csv") for name in ("good", "out"))
+    assert [s["status"] for s in some] == ["ok", "made to fail", "ok", "made to fail"]
+    for one, two in zip(good, some, strict=True):
+        for name in ("seed", "mu", "contact.block_plate.friction"):
+            assert one[name] == two[name] != ""
+
+
+def test_rejected_points_have_their_inputs(tmp_path):
+    """A point of a design that no material has: its values stand beside the reason."""
+    more = [
+        *MANY, "stages=['surface','equilibrium','uncertainty']", "samples.n=24",
+        "samples.approaches=['joint']", "samples.design='saltelli'",
+        "samples.random={'materials.lining.C13'={law='uniform', min='0.5 GPa', max='6 GPa'}}",
+    ]  # fmt: skip
+    run(BLOCK, MPI.COMM_SELF, tmp_path / "out", more)
+    refused = [s for s in rows(tmp_path / "out" / "samples.csv") if s["status"] != "ok"]
+    assert refused and all("draw rejected" in s["status"] and s["seed"] for s in refused)
+    # C13^2 < C33 (C11 + C12) / 2 of the lining.
+    assert all(float(s["materials.lining.C13"]) > 2.757e9 for s in refused)
+
+
 def test_a_run_of_failed_samples_alone_is_an_error(tmp_path, monkeypatch, capsys):
     """With status 0 a script would take the empty tables for a brake without squeal."""
     from brake_fenicsx.cli import main

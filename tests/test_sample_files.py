@@ -115,13 +115,13 @@ def test_samples_of_another_scene_and_damaged_ones_are_named(folder, name, k, va
     path = folder / "samples" / name
     whole = path.read_bytes()
     path.write_bytes(whole[:100])
-    with pytest.raises(SceneError, match=rf"{name}: damaged"):
+    with pytest.raises(SceneError, match=rf"{name}: .*damaged"):
         run_ensemble(TASKS, never, of(folder), MPI.COMM_SELF)
     # A bit that is lost within a sample is noticed where the sample is read.
     cut = bytearray(whole)
     cut[whole.index(np.float64(value).tobytes())] ^= 1
     path.write_bytes(cut)
-    with pytest.raises(SceneError, match=rf"{name}: damaged"):
+    with pytest.raises(SceneError, match=rf"{name}: .*damaged"):
         of(folder).samples.load(TASKS[k])
 
 

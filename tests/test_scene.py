@@ -6,9 +6,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
 
+from brake_fenicsx.checks import check
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import read_scene
@@ -71,6 +74,7 @@ def test_override_with_quoted_key():
     assert scene.loads["block.top"].pressure == pytest.approx(7e5)
 
 
+MATERIAL = "{ model='isotropic', E='1 GPa', nu=0.3, rho='1000 kg/m^3' }"
 MISTAKES = [
     ("contact.block_plate.frcition=0.3", "contact.block_plate.frcition", "friction"),
     ('loads."block.top".pressure=5 mm', "5 mm", "pressure"),
@@ -94,7 +98,18 @@ MISTAKES = [
     ("contact.block_plate.friction=-0.1", "friction", "zero or more"),
     ("samples.n=2.5", "samples.n", "whole number"),
     ("stability.tolerance=0", "stability.tolerance", "positive"),
-    ("stability.zeta_max=0.8", "stability.zeta_max", "below 0.7"),
+    ("stability.zeta_max=0.8", "stability.zeta_max", "between 1e-06 and 0.7"),
+    ("stability.tolerance=1e-16", "stability.tolerance = 1e-16", "between 1e-12 and 0.01"),
+    ("stability.tolerance=1", "stability.tolerance = 1", "between 1e-12 and 0.01"),
+    ("stability.zeta_max=1e-300", "stability.zeta_max = 1e-300", "between 1e-06 and 0.7"),
+    ("samples.n=9223372036854775808", "samples.n = 9223372036854775808", "10000000 at most"),
+    ("samples.curves=1000000000", "samples.curves", "1000 at most"),
+    ('loads."block.top".steps=1000000000', "steps", "10000 at most"),
+    (f"materials.'a.b'={MATERIAL}", 'materials."a.b"', "without dots"),
+    (f'materials."a\\nb"={MATERIAL}', 'materials."a\\nb"', "visible characters"),
+    (f'materials."a\\u202eb"={MATERIAL}', 'materials."a\\u202eb"', "visible characters"),
+    (f'materials."a\\u0000b"={MATERIAL}', 'materials."a\\u0000b"', "visible characters"),
+    (f"materials.{5000 * 'a'}={MATERIAL}", "materials.aaa", "1 to 100"),
     ("stability.damping={}", "stability.damping: no term", "rayleigh"),
     ("motion.friction=0.3", "motion.friction", "friction belongs to [contact.NAME]"),
     ("stability.hardness='1 MPa'", "stability.hardness", "hardness belongs to [micro]"),
@@ -275,6 +290,58 @@ def test_speed_that_is_not_given(motion, speed):
     assert si_unit(scene, "motion.speed") == ("rad/s" if "axis" in motion else "m/s")
     found = scene_motion(scene)
     np.testing.assert_allclose(found.velocity(np.array([[1.0, 0, 0]])), [[0, speed, 0]], rtol=1e-12)
+
+
+def test_an_empty_scene_has_no_stages(tmp_path):
+    """Nothing in the file: refused; stages = [] is that of parts alone."""
+    (tmp_path / "a.toml").write_text("")
+    with pytest.raises(SceneError, match="stages: missing; name some of surface, micro"):
+        read_scene(tmp_path / "a.toml")
+    assert read_scene({"stages": []}).stages == ()
+
+
+DEMO = BLOCK.with_name("disc_brake_demo.toml")
+RANGES = [
+    ("samples.random={'materials.lining.C33'={law='normal', mean='2.27 GPa', sd='0.8 GPa'}}",
+     "the law reaches -2.02e+08 Pa with a probability of 0.001; write a positive min"),
+    ("samples.random={'materials.lining.C33'={law='uniform', spread=0.9}}",
+     "materials.lining is not positive definite everywhere in the range of its values, with"
+     " materials.lining.C33 = 2.31e+08 Pa"),
+    ("sweep.parameters={'materials.lining.C33'={start='0.1 GPa', stop='2.27 GPa'}}",
+     "materials.lining is not positive definite"),
+    ("sweep.parameters={'materials.lining.C33'={start='-1 GPa', stop='2.27 GPa'}}",
+     "-1e+09: must be positive"),
+    ("samples.random={'materials.lining.rho'={law='normal', mean='2 t/m^3', sd='1 t/m^3'}}",
+     "the law reaches"),
+    ("samples.random={'contact.pad_disc.friction'={law='measured', values=[-0.5, 0.4]}}",
+     ".values: -0.5: must be zero or more"),
+    ("samples.random={'contact.pad_disc.friction'={law='uniform', min=-0.1, max=0.4}}",
+     ".min: -0.1: must be zero or more"),
+]  # fmt: skip
+
+
+@pytest.mark.hard
+@pytest.mark.parametrize(("change", "text"), RANGES)
+def test_ranges_that_hold_no_material_are_refused_by_check(change, text):
+    """Random and swept moduli, densities and friction beyond what they can be: refused at once.
+
+    The lining is positive definite from C33 = 0.29 GPa on: C13^2 = C33 (C11 + C12) / 2.
+    """
+    least = 2 * 0.98**2 / (5.94 + 0.76)
+    assert abs(least - 0.287) < 1e-3
+    with pytest.raises(SceneError) as caught:
+        joint = ["samples.approaches=['joint']"] * change.startswith("samples")
+        check(read_scene(DEMO, [*joint, change]), MPI.COMM_SELF)
+    assert text in str(caught.value) and "disc_brake_demo.toml: " in str(caught.value)
+
+
+def test_a_face_size_with_a_slip_of_its_unit_is_refused():
+    """Ten decades finer than the disc: gmsh would never end."""
+    scene = BLOCK.with_name("vented_brake.toml")
+    for value in ("1e-13 m", "10 um"):
+        with pytest.raises(SceneError, match=r"disc\.face_size = 1e-\d+ m: less than 0\.0003 of"):
+            read_scene(scene, [f"parts.disc.face_size={value}"])
+    read_scene(scene, ["parts.disc.face_size=1 mm"])
 
 
 def test_missing_scene(tmp_path, capsys):

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import brake_fenicsx.petsc_started  # noqa: F401
+
+# isort: split
+
 from dataclasses import dataclass, replace
 
 from mpi4py import MPI

@@ -76,7 +76,7 @@ def enter_prepared(store: Store, wanted: Sequence[str], command: str, comm: MPI.
 
     def work() -> None:
         mark = store.path(PREPARED)
-        missing = {*wanted} - {*(json.loads(mark.read_text()) if mark.exists() else ())}
+        missing = {*wanted} - {*(json.loads(mark.read_text("utf-8")) if mark.exists() else ())}
         if missing:
             raise SceneError(
                 f"-o {store.directory}: not prepared for {', '.join(sorted(missing))}; {command},"

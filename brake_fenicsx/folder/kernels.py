@@ -7,9 +7,11 @@ Rapids at a fifth of the speed of its best kernels. Here the instruction set cho
 
 from __future__ import annotations
 
+import ctypes
+import re
 from pathlib import Path
 
-CPUINFO = Path("/proc/cpuinfo")
+CPUINFO, MAPS = Path("/proc/cpuinfo"), Path("/proc/self/maps")
 
 # OPENBLAS_CORETYPE -> instructions that the kernels need; the best kernels first.
 KERNELS = {
@@ -34,3 +36,21 @@ def best_kernels(cpuinfo: Path = CPUINFO) -> str | None:
     except OSError:
         return None
     return next((name for name, needed in KERNELS.items() if needed <= flags), None)
+
+
+def kernels_in_use() -> str:
+    """Releases and kernels of the OpenBLAS libraries that this process has loaded; "" of none."""
+    try:
+        files = set(re.findall(r"/\S*openblas\S*", MAPS.read_text("utf-8")))
+    except OSError:
+        return ""
+    found = set()
+    for file in files:
+        library = ctypes.CDLL(file)
+        for name in ("openblas_get_config", "scipy_openblas_get_config64_"):
+            if (function := getattr(library, name, None)) is not None:
+                function.restype = ctypes.c_char_p
+                words = (function() or b"").decode(errors="replace").split()
+                # The release, and the kernels in front of the largest number of threads.
+                found.add(" ".join([*words[:2], *words[-2:-1]]))
+    return ", ".join(sorted(found))

@@ -37,6 +37,7 @@ ARRAYS = (
 BEAT, SILENCE = 30.0, 240.0  # [s]
 _CLAIM, _RUN = ".claim", ".run"
 _UNKNOWN = "unknown-0-0"
+_NAME = re.compile(r"(.+)-(\d+)-(\d*)")  # of a process
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,9 +134,9 @@ class Lock:
         """
         self.folder: Path = folder
         self._ended = threading.Event()
-        self.name: str = f"{socket.gethostname()}-{os.getpid()}-{_start(os.getpid())}"
+        self.name: str = process_name()
         folder.mkdir(parents=True, exist_ok=True)
-        self._file(self.name).write_text(time.strftime("%Y-%m-%d %H:%M:%S"))
+        self._file(self.name).write_text(time.strftime("%Y-%m-%d %H:%M:%S"), "utf-8")
         threading.Thread(target=self._beat, daemon=True).start()
 
     @classmethod
@@ -200,7 +201,9 @@ class Lock:
     def described(self, name: str) -> str:
         """Process, machine and start of a run, and the file that stands for it."""
         host, process, _ = name.rsplit("-", 2)
-        since = _read(self._file(name)) or "at an unknown time"
+        since = "at an unknown time"
+        with suppress(OSError):
+            since = self._file(name).read_text("utf-8", "replace") or since
         return f"process {process} on {host}, started {since} ({self._file(name)})"
 
     def alive(self, name: str) -> bool:
@@ -239,22 +242,33 @@ class Lock:
                 os.utime(self._file(self.name))
 
 
+def process_name() -> str:
+    """Name of this process among those of all machines: HOST-PROCESS-START."""
+    return f"{socket.gethostname()}-{os.getpid()}-{_start(os.getpid())}"
+
+
+def has_ended(name: str) -> bool:
+    """Whether a process of this machine has ended, by its name; not of what is no such name."""
+    match = _NAME.fullmatch(name)
+    return match is not None and match[1] == socket.gethostname() and _start(match[2]) != match[3]
+
+
 def _read(path: Path) -> str | None:
-    """Name in a claim file; None if it is gone, or is being written at this moment."""
+    """Name in a claim file, that of nobody where it is damaged; None if the file is gone."""
     for _ in range(10):
         try:
-            if text := path.read_text():
-                return text
+            if text := path.read_text("utf-8", "replace"):
+                return text if _NAME.fullmatch(text) else _UNKNOWN
         except FileNotFoundError:
             return None
         time.sleep(0.01)
     return _UNKNOWN
 
 
-def _start(process: int) -> str:
+def _start(process: int | str) -> str:
     """When a process of this machine started [clock ticks since the boot]; "" if it has ended."""
     try:
-        words = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+        words = Path(f"/proc/{process}/stat").read_text("utf-8").rpartition(")")[2].split()
     except OSError:
         return ""
     return "" if words[0] in "ZX" else words[19]

@@ -40,7 +40,7 @@ def start_log(rank: int, file: Path | None = None, level: str | None = None) -> 
     terminal.setFormatter(_Lines("%(message)s"))
     logger.addHandler(terminal)
     if file is not None:
-        handler = logging.FileHandler(file)
+        handler = logging.FileHandler(file, encoding="utf-8")
         handler.setLevel(min(terminal.level, logging.INFO))
         handler.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(message)s"))
         logger.addHandler(handler)

@@ -87,7 +87,7 @@ def peak_memory(comm: MPI.Comm) -> tuple[float, float]:
     What processes of a node map from files counts once there.
     """
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    lines = (line.split() for line in Path("/proc/self/status").read_text().splitlines())
+    lines = (line.split() for line in Path("/proc/self/status").read_text("utf-8").splitlines())
     mapped = sum(int(w[1]) for w in lines if w[0] in ("RssFile:", "RssShmem:")) / 1024
     nodes: dict[str, list[tuple[float, float]]] = {}
     for node, own in comm.allgather((socket.gethostname(), (peak - mapped, mapped))):

@@ -14,13 +14,14 @@ import os
 import re
 import zipfile
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import AbstractContextManager, ExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.arrays import read_npz, reading
 from brake_fenicsx.folder.files import arrays_of_bytes, bytes_of_arrays
 
 if TYPE_CHECKING:
@@ -40,11 +41,10 @@ _SINGLE = re.compile(r"(.+)-(\d{5,})\.npz")
 _ARCHIVE = re.compile(r"(.+)-\d{5,}-\d{5,}\.zip")
 
 
-def damaged(path: Path) -> SceneError:
-    """What is said of a file that cannot be read."""
-    return SceneError(
-        f"{path}: damaged or cut short; remove this file, and the same command makes it again"
-    )
+def damaged(path: Path) -> AbstractContextManager[None]:
+    """A block that reads a file of the folder that is open, or may have been packed meanwhile."""
+    remedy = "remove this file, and the same command makes it again"
+    return reading(None, "as an npz file", f"damaged or cut short: {remedy}", at=f"{path}: ")
 
 
 class SampleFiles:
@@ -89,6 +89,18 @@ class SampleFiles:
         found = (_SINGLE.fullmatch(name) for name in names)
         return {(match[1], int(match[2])) for match in found if match}
 
+    def scene(self) -> str:
+        """Hash of the scene of the first sample that can be read; "" without any."""
+        for name in self._names():
+            with suppress(SceneError, OSError):
+                if _SINGLE.fullmatch(name):
+                    return str((self._store.load(_path(name), ["scene"]) or {}).get("scene", ""))
+                if _ARCHIVE.fullmatch(name):
+                    path = self._store.path(FOLDER, name)
+                    with damaged(path), zipfile.ZipFile(path) as archive:
+                        return archive.comment.decode()
+        return ""
+
     def load(self, task: Task) -> dict[str, np.ndarray[Any, Any]] | None:
         """Arrays of a sample; None where it is not computed yet.
 
@@ -99,12 +111,9 @@ class SampleFiles:
         # Between the two another process may have packed it.
         data = self._store.load(_path(name))
         if data is None and self._in_archive(task):
-            archive = self._store.path(FOLDER, _archive(task))
-            try:
-                with zipfile.ZipFile(archive) as file, file.open(name) as member:
-                    data = dict(np.load(member, allow_pickle=False))
-            except (ValueError, EOFError, zipfile.BadZipFile):
-                raise damaged(archive) from None
+            path = self._store.path(FOLDER, _archive(task))
+            with damaged(path), zipfile.ZipFile(path) as archive, archive.open(name) as member:
+                data = read_npz(member)
         if data is not None and str(data.pop("scene", "")) != self._store.digest:
             raise _foreign(self._store.path(FOLDER, name))
         return data
@@ -116,17 +125,14 @@ class SampleFiles:
             SceneError: the archive is damaged, or belongs to another scene.
         """
         path = self._store.path(FOLDER, _archive(task))
-        try:
-            with zipfile.ZipFile(path) as file:
-                if file.comment.decode() != self._store.digest:
-                    raise _foreign(path)
-                if COLUMNS not in file.NameToInfo:
-                    return None
-                return arrays_of_bytes(file.read(COLUMNS))
-        except FileNotFoundError:
+        if not path.exists():
             return None
-        except (ValueError, EOFError, zipfile.BadZipFile):
-            raise damaged(path) from None
+        with damaged(path), zipfile.ZipFile(path) as file:
+            if file.comment.decode() != self._store.digest:
+                raise _foreign(path)
+            if COLUMNS not in file.NameToInfo:
+                return None
+            return arrays_of_bytes(file.read(COLUMNS))
 
     def _names(self) -> list[str]:
         """Files there are; none where there is no folder yet."""
@@ -151,13 +157,10 @@ class SampleFiles:
         """Samples in an archive; none where there is no such file."""
         if archive not in self._archives:
             path = self._store.path(FOLDER, archive)
-            try:
-                with zipfile.ZipFile(path) as file:
-                    digest, names = file.comment.decode(), frozenset(file.namelist())
-            except FileNotFoundError:
+            if not path.exists():
                 return frozenset()
-            except (ValueError, zipfile.BadZipFile):
-                raise damaged(path) from None
+            with damaged(path), zipfile.ZipFile(path) as file:
+                digest, names = file.comment.decode(), frozenset(file.namelist())
             if digest != self._store.digest:
                 raise _foreign(path)
             self._archives[archive] = names
@@ -193,11 +196,9 @@ class SampleFiles:
         """Columns of a block as a file; none where nothing makes them."""
 
         def load(task: Task) -> Arrays:
-            try:
-                with np.load(block[task], allow_pickle=False) as data:
-                    return {name: data[name] for name in data.files if name != "scene"}
-            except (ValueError, EOFError, zipfile.BadZipFile):
-                raise damaged(self._store.path(FOLDER, _single(task))) from None
+            with damaged(self._store.path(FOLDER, _single(task))):
+                data = read_npz(block[task])
+            return {name: data[name] for name in data if name != "scene"}
 
         arrays = None if self.tabulate is None else self.tabulate([*block], load)
         return b"" if arrays is None else bytes_of_arrays(arrays)

@@ -92,11 +92,11 @@ def read_status(directory: str | Path) -> Status:
         SceneError: no results folder, or a damaged file.
     """
     store = Store(Path(directory))
-    if not store.path("scene.sha256").is_file():
+    store.digest = store.known()
+    if not store.digest:
         raise SceneError(f"{directory}: no results folder; give the one that a run wrote")
-    store.digest = store.path("scene.sha256").read_text().strip()
     there, mark = SampleFiles(store).present(), store.path(PREPARED)
-    found = json.loads(mark.read_text()) if mark.is_file() else {}
+    found = json.loads(mark.read_text("utf-8")) if mark.is_file() else {}
     of = found if isinstance(found, dict) else {}
     tasks = [(name, k) for name, n in of.items() for k in range(n)]
     done = dict(sorted(Counter(name for name, _ in there).items()))
@@ -126,7 +126,7 @@ def _seconds_each(folder: Path) -> float | None:
 def _last(store: Store) -> str:
     """Last line of the log that was written last."""
     logs = sorted(store.directory.glob("log*.txt"), key=lambda p: p.stat().st_mtime)
-    return next(iter(reversed(logs[-1].read_text().splitlines())), "") if logs else ""
+    return next(iter(reversed(logs[-1].read_text("utf-8").splitlines())), "") if logs else ""
 
 
 def _duration(seconds: float) -> str:

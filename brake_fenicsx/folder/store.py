@@ -10,12 +10,10 @@ samples/              finished samples (sample_files.py)
 from __future__ import annotations
 
 import json
-import mmap
 import os
-import shutil
+import re
 import struct
 import zipfile
-import zlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -23,13 +21,14 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.folder.files import whole_file
+from brake_fenicsx.folder.arrays import check_mapped, npy, read_npz
+from brake_fenicsx.folder.files import emptied, remove_remains, whole_file
 from brake_fenicsx.folder.lock import Lock, Share
-from brake_fenicsx.folder.memory import mapped_files
+from brake_fenicsx.folder.log import logger
 from brake_fenicsx.folder.sample_files import SampleFiles, damaged
 
 # What to forget when a stage is run again; later stages lose theirs too.
-RUNNING = "running"
+RUNNING, MARK = "running", "scene.sha256"
 _FILES = {
     "surface": ("surface.npz",),
     "micro": ("laws.npz", "contact_maps.npz"),
@@ -51,12 +50,8 @@ MADE_OF_SAMPLES = (
 
 
 # Arrays begin at multiples of so many bytes in a file; the number of the zip field that pads them
-# (any reader skips it); arrays from this size on are mapped [bytes].
-ALIGNED, PADDING, MAPPED = 64, 0xD935, 2**20
-
-
-# NumPy gives its own file format no types.
-npy: Any = np.lib.format
+# (any reader skips it) [bytes].
+ALIGNED, PADDING = 64, 0xD935
 
 
 class Store:
@@ -97,17 +92,34 @@ class Store:
             raise SceneError(
                 f"-o {folder}: a broken symbolic link (to {os.readlink(folder)}); {remedy}"
             )
-        mark = self.path("scene.sha256")
-        if mark.exists():
-            if mark.read_text() != self.digest:
-                raise SceneError(
-                    f"{folder}: contains results of another scene, or of other content of a file"
-                    f" that it names; {remedy}, or remove it"
-                )
-        else:
-            found = sorted(p.name for p in folder.glob("[!.]*") if p.name != RUNNING)
-            if found:
-                raise SceneError(f"-o {folder}: contains {found[0]!r} and no results; {remedy}")
+        mark = self._mark()
+        if mark == digest:
+            return
+        known = self.samples.scene()
+        if known == digest:
+            logger.warning("%s: damaged or lost; the samples are of this scene", self.path(MARK))
+        elif mark or known:
+            raise SceneError(
+                f"{folder}: contains results of another scene, or of other content of a file"
+                f" that it names; {remedy}"
+            )
+        elif mark is not None:
+            raise SceneError(
+                f"{self.path(MARK)}: damaged, and no sample says which scene the folder is of;"
+                f" {remedy}, or remove the folder"
+            )
+        elif found := sorted(p.name for p in folder.glob("[!.]*") if p.name != RUNNING):
+            raise SceneError(f"-o {folder}: contains {found[0]!r} and no results; {remedy}")
+
+    def _mark(self) -> str | None:
+        """Hash of the scene as the folder has it; "" of one that is damaged, None without."""
+        path = self.path(MARK)
+        text = path.read_text("utf-8", "replace").strip() if path.is_file() else None
+        return text if text is None or re.fullmatch("[0-9a-f]{64}", text) else ""
+
+    def known(self) -> str:
+        """Hash of the scene of the folder; "" where nothing tells it."""
+        return self.samples.scene() or self._mark() or ""
 
     def open(self, scene: str, from_stage: str | None = None) -> None:
         """Make the folder, or enter it; forget what ``from_stage`` and later stages left.
@@ -119,14 +131,11 @@ class Store:
         self.directory.mkdir(parents=True, exist_ok=True)
         if from_stage is not None:
             later = list(_FILES)[list(_FILES).index(from_stage) :]
-            for name in {file for stage in later for file in _FILES[stage]}:
-                target = self.path(name)
-                if target.is_dir():
-                    shutil.rmtree(target)
-                else:
-                    target.unlink(missing_ok=True)
+            for name in dict.fromkeys(file for stage in later for file in _FILES[stage]):
+                emptied(self.path(name))
             self.samples = SampleFiles(self)
-        _write(self.path("scene.sha256"), self.digest)
+        remove_remains(self.directory)
+        _write(self.path(MARK), self.digest)
         for name in ("cache", "samples"):
             self.path(name).mkdir(exist_ok=True)
         _write(self.path("scene.toml"), scene)
@@ -152,13 +161,11 @@ class Store:
         Raises:
             StorageError: the file cannot be written.
         """
-        with whole_file(self.path(name)) as part, part.open("wb") as file:
+        with whole_file(self.path(name), durable=True) as part, part.open("wb") as file:
             # A full disc is noticed here; a zip file would raise once more at its end.
             os.posix_fallocate(file.fileno(), 0, size)
             content(file)
             file.truncate()
-            file.flush()
-            os.fsync(file.fileno())
 
     def load(
         self, name: str, keys: Sequence[str] | None = None, mapped: bool = False
@@ -176,14 +183,22 @@ class Store:
         """
         path = self.path(name)
         try:
-            with np.load(path, allow_pickle=False) as data:
-                there = _mapped(path) if mapped else {}
-                wanted = (key for key in data.files if keys is None or key in keys)
-                return {key: there[key] if key in there else data[key] for key in wanted}
+            stream = path.open("rb")
         except FileNotFoundError:
             return None
-        except (ValueError, EOFError, zipfile.BadZipFile, zlib.error):
-            raise damaged(path) from None
+        with stream, damaged(path):
+            return read_npz(stream, keys, mapped)
+
+    def check_mapped(self, name: str) -> None:
+        """Compare what ``load`` maps of a file with its checksums; once a run.
+
+        Raises:
+            SceneError: the file is there, and damaged.
+        """
+        path = self.path(name)
+        if path.is_file():
+            with damaged(path):
+                check_mapped(path)
 
     def save_json(self, name: str, content: Mapping[str, Any] | list[str]) -> None:
         """Write a JSON file; infinity and nan, which JSON does not have, become null."""
@@ -208,30 +223,9 @@ def _write_arrays(file: BinaryIO, arrays: Mapping[str, Any]) -> None:
                 npy.write_array(out, np.asanyarray(values), allow_pickle=False)
 
 
-def _mapped(path: Path) -> dict[str, np.ndarray[Any, Any]]:
-    """The large arrays of an npz file, mapped read-only."""
-    found = dict[str, np.ndarray[Any, Any]]()
-    with zipfile.ZipFile(path) as archive, path.open("rb") as file:
-        content = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-        mapped_files.add(content)
-        for entry in archive.infolist():
-            if entry.file_size < MAPPED or entry.compress_type != zipfile.ZIP_STORED:
-                continue
-            file.seek(entry.header_offset + 26)
-            file.seek(sum(struct.unpack("<HH", file.read(4))), os.SEEK_CUR)
-            npy.read_magic(file)
-            shape, turned, dtype = npy.read_array_header_1_0(file)
-            if file.tell() % dtype.alignment:
-                continue
-            found[entry.filename.removesuffix(".npy")] = np.ndarray(
-                shape, dtype, content, file.tell(), order="F" if turned else "C"
-            )
-    return found
-
-
 def _write(path: Path, text: str) -> None:
-    with whole_file(path) as part:
-        part.write_text(text)
+    with whole_file(path, durable=True) as part:
+        part.write_text(text, "utf-8")
 
 
 def _plain(value: Any) -> Any:

@@ -6,6 +6,10 @@ Second-order elements by default: linear ones lock in bending.
 
 from __future__ import annotations
 
+import brake_fenicsx.petsc_started  # noqa: F401
+
+# isort: split
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any

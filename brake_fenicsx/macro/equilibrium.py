@@ -18,6 +18,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import NotConverged
+from brake_fenicsx.iteration import Steps, sizes
 
 from .condensation import Compliance
 from .friction import friction_traction
@@ -31,9 +32,10 @@ Index = NDArray[np.intp]
 # share of it; growth of a step after one that succeeded.
 FIRST, SMALLEST, GROWTH = 0.25, 1e-3, 1.5
 
-# Steps of iterative refinement before double precision takes over; a column of the matrix is left
-# to the refinement where its diagonal differs from 1 by less than LITTLE.
-REFINEMENTS, LITTLE = 12, 1e-4
+# Steps of iterative refinement, the relative error at which it ends, and up to which it is enough,
+# before double precision takes over; a column of the matrix is left to the refinement where its
+# diagonal differs from 1 by less than LITTLE.
+REFINEMENTS, REFINED, ENOUGH, LITTLE = 12, 1e-15, 1e-12, 1e-4
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -227,27 +229,19 @@ class Jacobian:
         """Solution by refinement; None where it is not enough of a start."""
         lu = la.lu_factor(self._matrix(np.float32, chosen), overwrite_a=True, check_finite=False)
         others = np.setdiff1d(np.arange(b.size), chosen)
-        x, r, last = np.zeros_like(b), b, np.inf
-        for _ in range(REFINEMENTS):
+        x, r, steps = np.zeros_like(b), b, Steps(1, REFINED, REFINEMENTS)
+        while steps.moving.any():
             dx = r.copy()
             dx[others] = 0.0
             dx[chosen] = la.lu_solve(lu, r[chosen].astype(np.float32), check_finite=False)
             if others.size:
                 dx[others] = (r - self._contact(dx))[others]
-            size = float(np.linalg.norm(dx))
-            if not np.isfinite(size):
-                # Springs so soft that no element is among the chosen: a free body has none.
+            # Not finite: springs so soft that no element is among the chosen; a free body has none.
+            if not steps.take(*sizes(dx[:, None], x[:, None])):
                 return None
             x = x + dx
-            # The next step gains what this one gained.
-            gain = size / last if np.isfinite(last) else 1.0
-            if size * gain <= 1e-15 * np.linalg.norm(x):
-                return x
-            if not size < 0.5 * last:
-                # Round-off of the residual, or no convergence at all.
-                return x if last <= 1e-13 * np.linalg.norm(x) else None
-            r, last = b - self.times(x), size
-        return None
+            r = b - self.times(x)
+        return x if steps.left <= ENOUGH else None
 
     def _contact(self, x: Array) -> Array:
         """What contact adds to a vector."""

@@ -17,6 +17,7 @@ from .faces import Face, gather_face
 from .free_motions import check_free_motions
 from .friction import Rotation
 from .material_table import layer_materials, scene_materials
+from .stated import left_out
 
 ALONE = 0.05  # share of a first face that faces nothing, from which it is said
 APART = 10e-6  # m, smallest gap before the load from which it is said
@@ -94,7 +95,12 @@ def brake_doubts(scene: Scene, brake: Brake) -> list[str]:
     mesh = brake.mesh
     doubts = [*check_free_motions(scene, brake), *placement_doubts(scene, brake)]
     doubts += [*resolution_doubts(scene, mesh), *displacement_doubts(scene, mesh)]
-    return [*mesh.unread.changing, *brake.elastic.doubts, *doubts]
+    left = [
+        f"{file}: not in the scene: {', '.join(one.said for one in stated)}; write them, or ignore"
+        " this if you left them out"
+        for file, stated in left_out(scene, mesh.unread).items()
+    ]
+    return [*mesh.unread.changing, *left, *brake.elastic.doubts, *doubts]
 
 
 def placement_doubts(scene: Scene, brake: Brake) -> list[str]:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import brake_fenicsx.petsc_started  # noqa: F401
+
+# isort: split
+
 from collections.abc import Mapping
 
 from petsc4py import PETSc

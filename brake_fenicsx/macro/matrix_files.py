@@ -8,6 +8,7 @@ entry: Abaqus FORMAT=MATRIX INPUT and LABELS); Nastran DMIG, by pyNastran; SciPy
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,12 +17,15 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.arrays import read_npz, reading
 
 # Node and component (1, 2, 3: displacements, 4, 5, 6: rotations) of a row.
 Label = tuple[int, int]
 
 # Entries below this share of the largest one tell no triangle from another.
 ROUND_OFF = 1e-6
+# Rows that a matrix of any file may have.
+ROWS = 10**6
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,25 +51,17 @@ def read_matrix(path: Path) -> LabelledMatrix:
         SceneError: the file cannot be read, is of no known format, or holds no symmetric matrix;
             the line and the remedy.
     """
-    try:
+    with reading(path, "as a matrix", at=""):
         if path.suffix == ".npz":
-            matrix = LabelledMatrix(sp.load_npz(path).tocsr(), None)
+            matrix = LabelledMatrix(_npz(path), None)
         else:
             head = _head(path)
             if head.startswith("%%MatrixMarket"):
-                from scipy.io import mmread
-
-                matrix = LabelledMatrix(sp.csr_matrix(mmread(path)), None)
+                matrix = LabelledMatrix(_matrix_market(path), None)
             elif re.search(r"^DMIG", head, re.MULTILINE):
                 matrix = _dmig(path)
             else:
                 matrix = _columns(path)
-    except SceneError:
-        raise
-    except FileNotFoundError:
-        raise SceneError("no such file; paths start at the scene's folder") from None
-    except (OSError, ValueError) as error:
-        raise SceneError(f"cannot be read: {error}") from None
     A = matrix.A
     if A.shape[0] != A.shape[1] or not A.shape[0]:
         raise SceneError(f"{A.shape[0]} x {A.shape[1]} entries; a square matrix is needed")
@@ -86,10 +82,8 @@ def read_row_labels(path: Path) -> list[Label]:
     Raises:
         SceneError: a line that is no label.
     """
-    try:
-        lines = [line for line in path.read_text().splitlines() if line.strip()]
-    except (OSError, UnicodeDecodeError) as error:
-        raise SceneError(f"cannot be read: {error}") from None
+    with reading(path, "as text", at=""):
+        lines = [line for line in path.read_text("utf-8").splitlines() if line.strip()]
     labels = []
     for number, line in enumerate(lines, 1):
         words = re.split(r"[.,;\s]+", line.strip())
@@ -102,6 +96,44 @@ def read_row_labels(path: Path) -> list[Label]:
 def _head(path: Path) -> str:
     with path.open(encoding="utf-8", errors="replace") as file:
         return file.read(10_000)
+
+
+def _npz(path: Path) -> sp.csr_matrix:
+    """A sparse matrix as ``scipy.sparse.save_npz`` writes it, whose indices are looked at."""
+    held = read_npz(path)
+    kind, shape = held["format"].item(), tuple(int(n) for n in held["shape"])
+    _check_rows(shape, sum(a.nbytes for a in held.values()))
+    name = kind.decode() if isinstance(kind, bytes) else str(kind)
+    if name in ("csr", "csc", "bsr"):
+        A = getattr(sp, f"{name}_matrix")((held["data"], held["indices"], held["indptr"]), shape)
+        A.check_format(full_check=True)
+    elif name == "coo":
+        A = sp.coo_matrix((held["data"], (held["row"], held["col"])), shape)
+    elif name == "dia":
+        A = sp.dia_matrix((held["data"], held["offsets"]), shape)
+    else:
+        raise ValueError(f"format {name!r} is not known; write csr")
+    return A.tocsr()
+
+
+def _matrix_market(path: Path) -> sp.csr_matrix:
+    """A matrix in Matrix Market format, after a look at the sizes that it declares."""
+    from scipy.io import mminfo, mmread
+
+    rows, columns, entries, layout, _, symmetry = mminfo(str(path))
+    length = path.stat().st_size
+    _check_rows((rows, columns), length)
+    whole = layout == "coordinate" or symmetry == "general"
+    # A number and its line feed take two bytes or more.
+    if 2 * (entries if whole else entries // 2) > length:
+        raise ValueError(f"it declares {entries} entries, more than its {length} bytes hold")
+    return sp.csr_matrix(mmread(str(path)))
+
+
+def _check_rows(shape: Sequence[int], there: int) -> None:
+    """Refuse rows by far more than there are bytes: empty ones have entries among others."""
+    if max(shape, default=0) > max(ROWS, there):
+        raise ValueError(f"{' x '.join(map(str, shape))} rows and columns in {there} bytes")
 
 
 def _columns(path: Path) -> LabelledMatrix:
@@ -130,7 +162,9 @@ def _columns(path: Path) -> LabelledMatrix:
         raise SceneError("no entries")
     if width == 3:
         i, j = table[:, :2].astype(int).T - 1
-        return LabelledMatrix(_filled(i, j, table[:, 2], int(max(i.max(), j.max())) + 1), None)
+        size = int(max(i.max(), j.max())) + 1
+        _check_rows((size,), path.stat().st_size)
+        return LabelledMatrix(_filled(i, j, table[:, 2], size), None)
     return _labelled(table[:, :4].astype(int), table[:, 4])
 
 
@@ -163,10 +197,8 @@ def _dmig(path: Path) -> LabelledMatrix:
     except ImportError:
         raise SceneError("Nastran DMIG is read by pyNastran: pip install pyNastran") from None
     deck = BDF(debug=None)
-    try:
+    with reading(path, "by pyNastran", at=""):
         deck.read_bdf(str(path), validate=False, xref=False, punch=True)
-    except Exception as error:  # pyNastran raises errors of many classes, of several lines
-        raise SceneError(f"pyNastran cannot read it: {str(error).partition(chr(10))[0]}") from None
     if len(deck.dmig) != 1:
         raise SceneError(
             f"DMIG matrices {', '.join(deck.dmig) or 'none'}; write one matrix to each file"

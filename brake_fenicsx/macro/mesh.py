@@ -5,6 +5,7 @@ All bodies live in one mesh, as components that share no node; layers of one par
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TypeVar
@@ -76,6 +77,13 @@ class Mesh:
     extents: dict[str, tuple[float, ...]] = field(default_factory=dict)
     unread: Unread = field(default_factory=Unread)
     raw: RawMesh | None = None
+
+    @property
+    def digest(self) -> str:
+        """Hash of nodes and cells; "" of a mesh that was made otherwise."""
+        arrays = () if self.raw is None else (self.raw.points, self.raw.cells)
+        content = b"".join(np.ascontiguousarray(a).tobytes() for a in arrays)
+        return hashlib.sha256(content).hexdigest() if content else ""
 
     def cells_of(self, part: str) -> NDArray[np.int32]:
         """Cells of all layers of a part."""

@@ -20,6 +20,7 @@ from scipy.stats import t as student
 
 from brake_fenicsx.arguments import number, positive
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.arrays import reading
 from brake_fenicsx.micro.halfspace import Array, Mask, half_space_of
 from brake_fenicsx.micro.library import LawRecipe
 from brake_fenicsx.micro.loading import solve_contact
@@ -111,13 +112,13 @@ def fit_hardness(
 def _checked(curve: Array | str | Path) -> tuple[Array, Array, Mask]:
     """Pressures [Pa], closures [m], and which of them belong to unloading."""
     name = f"{curve}" if isinstance(curve, str | Path) else "curve"
-    try:
-        if isinstance(curve, str | Path):
-            data = np.loadtxt(curve, delimiter=",", skiprows=1, ndmin=2) * (1e6, 1e-6)
+    file = Path(curve) if isinstance(curve, str | Path) else None
+    remedy = "not a table of pressures and closures; write numbers below one heading"
+    with reading(file, "as numbers", remedy, at=f"{name}: "):
+        if file is not None:
+            data = np.loadtxt(file, delimiter=",", skiprows=1, ndmin=2) * (1e6, 1e-6)
         else:
             data = np.asarray(curve, dtype=float)
-    except (OSError, TypeError, ValueError) as error:
-        raise SceneError(f"{name}: not a table of pressures and closures ({error})") from error
     if data.ndim != 2 or data.shape[1] != 2 or not np.isfinite(data).all():
         raise SceneError(f"{name}: give finite pressures and closures, shape (n, 2)")
     p, closure = data.T

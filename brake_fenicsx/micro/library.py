@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.arrays import read_npz, reading
 from brake_fenicsx.micro.law import LawLibrary, LawSteps, make_library
 from brake_fenicsx.micro.law_of_surface import doubts, law_steps
 from brake_fenicsx.micro.loading import solve_contact
@@ -129,12 +130,9 @@ def load_laws(path: str | Path) -> LawLibrary:
         SceneError: no such file, not a library, or one of an earlier version.
     """
     file = Path(path)
-    try:
-        with np.load(file, allow_pickle=False) as data:
-            arrays = {name: data[name] for name in data.files if name != "settings"}
-            settings = json.loads(str(data["settings"]))
+    with reading(file, "as a library of laws", "remove it and run the micro stage"):
+        arrays = read_npz(file)
+        settings = json.loads(str(arrays.pop("settings")))
         if "ratio" in arrays:
             raise ValueError("laws of an earlier version, which were wrong between their steps")
         return LawLibrary(settings=settings, **arrays)
-    except (OSError, KeyError, TypeError, ValueError) as error:
-        raise SceneError(f"{file}: not a library of laws ({error}); run the micro stage") from error

@@ -47,14 +47,14 @@ def make_figures(
             written += made or []
             if lost:
                 # The page names it, now and when it is written again.
-                (folder / f"{plot.name}{LOST}").write_text(lost[0])
+                (folder / f"{plot.name}{LOST}").write_text(lost[0], "utf-8")
                 logger.warning("%s", lost[0])
     return written
 
 
 def lost_figures(directory: Path) -> list[str]:
     """Figures of a results folder that could not be drawn, and why, a line each."""
-    return [path.read_text() for path in sorted((directory / "figures").glob(f"*{LOST}"))]
+    return [path.read_text("utf-8") for path in sorted((directory / "figures").glob(f"*{LOST}"))]
 
 
 def _draw(plot: Plot, run: RunData, folder: Path) -> list[Path]:

@@ -70,9 +70,9 @@ PLOTS: tuple[Plot, ...] = (
     ),
     Plot(
         "figure7_contact_maps",
-        "Real contact of one artificial surface with a rigid plane at growing mean pressure p; "
-        "circles mark the few points of a light contact. E* is the composite modulus; the contact "
-        "is elastic, also where the laws have a hardness.",
+        "Real contact of the artificial surface of the first law with a rigid plane at growing mean"
+        " pressure p, with the hardness of the laws if they have one; circles mark the few points"
+        " of a light contact. E* is the composite modulus.",
         draw_contact_maps,
     ),
     Plot(

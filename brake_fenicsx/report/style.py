@@ -55,10 +55,15 @@ _PARAMETERS = {
 
 @contextmanager
 def house_style() -> Iterator[None]:
-    """Apply the look inside the block and leave matplotlib's settings as they were."""
+    """Apply the look inside the block and leave matplotlib's settings as they were.
+
+    What is not set here has matplotlib's own defaults, whatever the account's matplotlibrc says.
+    """
     import matplotlib
 
-    with matplotlib.rc_context(_PARAMETERS):
+    with matplotlib.rc_context():
+        matplotlib.rcdefaults()
+        matplotlib.rcParams.update(_PARAMETERS)
         yield
 
 

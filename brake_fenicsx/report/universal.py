@@ -9,6 +9,7 @@ for Modal Analysis Testing, https://www.ceas3.uc.edu/sdrluff/.
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.arrays import reading
 from brake_fenicsx.folder.files import whole_file
 from brake_fenicsx.results.run import RunData, read_run
 from brake_fenicsx.results.squeal import ModeKey
@@ -83,10 +85,14 @@ def _file(run: RunData, approach: str) -> Path:
     return run.directory / "fields" / f"modes_{approach}.vtkhdf"
 
 
+def _reading(path: Path) -> AbstractContextManager[None]:
+    return reading(path, "as an HDF5 file", "`run` of the scene makes it again")
+
+
 def _shapes(run: RunData, approach: str) -> list[tuple[ModeKey, NDArray[np.complex128]]]:
     """Stored modes of an approach, shapes at the points of the file, (points, 3)."""
     found = []
-    with h5py.File(_file(run, approach)) as file:
+    with _reading(path := _file(run, approach)), h5py.File(path) as file:
         fields = file["VTKHDF/PointData"]
         for key in run.squeal.representatives(approach, MOST):
             name = f"mode_{key.name}"
@@ -98,7 +104,7 @@ def _shapes(run: RunData, approach: str) -> list[tuple[ModeKey, NDArray[np.compl
 
 def _mesh(path: Path) -> tuple[NDArray[np.float64], NDArray[np.int64], NDArray[np.int64]]:
     """Corners of the cells [m], cells over them, and the point of the file of each corner."""
-    with h5py.File(path) as file:
+    with _reading(path), h5py.File(path) as file:
         mesh = file["VTKHDF"]
         cells = mesh["Connectivity"][:].reshape(len(mesh["Types"]), -1)
         used, numbers = np.unique(cells[:, : ELEMENTS[cells.shape[1]][0]], return_inverse=True)

@@ -80,6 +80,8 @@ class Tabulation:
             if data is None:
                 continue
             row = {name: v for name, v in data.items() if name not in LARGE}
+            if "mu" in data:
+                row["mean_mu"] = np.array(_mean(data["mu"], self.sliding))
             if str(data["status"]) == "ok":
                 row |= self._of_good(data, members, squealing)
             rows.append(row)
@@ -98,10 +100,8 @@ class Tabulation:
     def _of_good(
         self, data: Mapping[str, Any], members: ModeFamilies, squealing: dict[int, NDArray]
     ) -> Arrays:
-        """Mean friction, forces, and families of the modes of a good sample."""
-        out = {}
-        if "mu" in data:
-            out["mean_mu"] = np.array(_mean(data["mu"], self.sliding))
+        """Forces, and families of the modes of a good sample."""
+        out: Arrays = {}
         if self.forces is not None:
             out["forces"] = self.forces(data)
         if "s" in data:

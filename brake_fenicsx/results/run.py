@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.arrays import read_npz, reading
 
 from .columns import is_parquet
 from .squeal import SquealTable
@@ -186,11 +187,8 @@ def _tables(root: Path, names: Sequence[str]) -> dict[str, Columns]:
 def _arrays(path: Path, required: Sequence[str]) -> Arrays | None:
     if not path.is_file():
         return None
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-    except (ValueError, OSError, EOFError) as error:
-        raise SceneError(f"{path}: cannot be read ({error}); run the stage again") from error
+    with reading(path, "as an npz file", "run the stage again"):
+        arrays = read_npz(path)
     missing = [name for name in required if name not in arrays]
     if missing:
         raise SceneError(f"{path}: array {', '.join(missing)} is missing; run the stage again")

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.arrays import reading
 from brake_fenicsx.scene.tables import key, shown
 from brake_fenicsx.scene.units import factor_to_si, usual_unit, with_unit
 
@@ -226,12 +227,8 @@ def with_table(contact: ContactTable, name: str, folder: Path) -> ContactTable:
 
 def _columns(path: Path, at: str) -> np.ndarray:
     """Two columns of numbers, shape (2, rows); one heading and lines that begin with # are not."""
-    try:
+    with reading(path, "as text", at=f"{at}: "):
         text = path.read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise SceneError(f"{at}: no such file; paths start at the scene's folder") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise SceneError(f"{at}: cannot be read as text: {error}") from None
     rows: list[list[float]] = []
     heading = False
     for number, line in enumerate(text.splitlines(), 1):

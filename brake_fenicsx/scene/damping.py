@@ -138,8 +138,8 @@ def reduced_approaches(scene: Scene, counts: Mapping[str, int]) -> set[str]:
     """Approaches whose modes a reduced model gives, if the bodies admit one.
 
     One serves all approaches whose samples something damps, and one all others. A sample alone
-    does not pay for a reduced model, but takes that of other approaches; a sweep, and damping
-    ratios, which only a reduced model has, pay for all.
+    does not pay for a reduced model, but takes that of other approaches; a sweep, and what only a
+    reduced model has (damping ratios, limit cycles), pay for all.
 
     Args:
         scene: the scene.
@@ -150,8 +150,17 @@ def reduced_approaches(scene: Scene, counts: Mapping[str, int]) -> set[str]:
         return set()
     damped = {name: bool(active_terms(scene, name)) for name in counts}
     modal = bool(scene.damping and scene.damping.modal)
-    paid = {damped[name] for name, count in counts.items() if count > 1 or scene.sweep or modal}
+    asked = bool(scene.sweep or modal or scene.limit_cycle)
+    paid = {damped[name] for name, count in counts.items() if count > 1 or asked}
     return {name for name in counts if damped[name] in paid}
+
+
+def lone_samples(scene: Scene, counts: Mapping[str, int]) -> list[str]:
+    """Approaches with a single sample that full order takes although the scene says "reduced"."""
+    stability = scene.stability if "stability" in scene.stages else None
+    if stability is None or stability.method != "reduced":
+        return []
+    return [name for name in counts if name not in reduced_approaches(scene, counts)]
 
 
 def check_modal_names(table: Mapping[str, Any]) -> None:

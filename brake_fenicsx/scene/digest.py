@@ -13,7 +13,7 @@ from brake_fenicsx.scene import LawTable, Scene
 from brake_fenicsx.scene.scalars import changes_bodies
 
 # Format of laws and samples on disk: what older programs wrote is not read as current.
-FORMAT = 3
+FORMAT = 4
 
 # Sections whose numbers change no result of a sample, or of which only some do.
 NO_RESULT = ("stages", "samples", "sweep", "countermeasures")

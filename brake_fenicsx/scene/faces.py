@@ -58,7 +58,7 @@ class Load:
     force: tuple[float, ...] | None = axes("N", '[0, 0, "-5 kN"]', "any")
     moment: tuple[float, ...] | None = axes("N m", '[0, 0, "50 N m"]', "any")
     displacement: dict[str, float] | None = key("m", default=None, sign="any")  # noqa: RUF009
-    steps: int = key(default=1)
+    steps: int = key(default=1, most=10_000)
 
     def contradictions(self) -> Iterator[str]:
         """A pressure, or a force and a moment, or a displacement of a support."""

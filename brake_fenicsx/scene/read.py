@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from brake_fenicsx.arguments import of_kind
+from brake_fenicsx.endings import MESH_FILES
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.contact import with_table
 from brake_fenicsx.scene.countermeasures import with_ends
@@ -75,17 +76,24 @@ def scene_text(scene: Scene) -> str:
 
 def _toml(path: Path) -> dict[str, Any]:
     """Content of a TOML file; a byte order mark in front of it is left out."""
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise SceneError("a device or pipe, no file; give the path of a scene")
     try:
         return tomllib.loads(path.read_bytes().decode("utf-8-sig"))
     except FileNotFoundError:
         raise SceneError("no such file; give the path of a scene") from None
     except OSError as error:
         raise SceneError(f"cannot be read ({error.strerror}); give the path of a scene") from None
-    except UnicodeDecodeError as error:
+    except (ValueError, RecursionError) as error:
+        if path.suffix.lower() in MESH_FILES:
+            raise SceneError(
+                f"a mesh file; brake-fenicsx init {path} writes a first scene of it"
+            ) from None
+        if not isinstance(error, UnicodeDecodeError):
+            remedy = "; write paths with / or in single quotes" if "\\" in str(error) else ""
+            raise SceneError(f"not a TOML file: {error}{remedy}") from None
         line = error.object.count(b"\n", 0, error.start) + 1
         raise SceneError(f"line {line}: not UTF-8 text; save the scene as UTF-8") from None
-    except (ValueError, RecursionError) as error:
-        raise SceneError(f"not a TOML file: {error}") from None
 
 
 def _override(table: dict[str, Any], text: str) -> None:

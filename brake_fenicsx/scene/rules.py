@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
+from unicodedata import category
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.contact import contact_mistakes
@@ -13,8 +14,10 @@ from brake_fenicsx.scene.friction import rubs
 from brake_fenicsx.scene.parts import BUILDERS, part_lengths
 from brake_fenicsx.scene.samples import APPROACHES, split_key
 from brake_fenicsx.scene.scalars import check_scalar
+from brake_fenicsx.scene.sections import STAGES
 from brake_fenicsx.scene.surface import surface_mistakes
 from brake_fenicsx.scene.sweep import sweep_mistakes
+from brake_fenicsx.scene.tables import dotted
 
 if TYPE_CHECKING:
     from brake_fenicsx.scene.sections import Scene
@@ -25,6 +28,10 @@ SECTIONS = {
 }  # fmt: skip
 PREDECESSORS = {"micro": "surface", "stability": "equilibrium", "uncertainty": "equilibrium"}
 
+LONGEST_NAME = 100
+# Finer sizes, which the number of cells that is looked at before meshing leaves out -> the least
+# share of the part's length: ten million facets of a face; a spot or a line may be finer.
+FINEST = {"face_size": 3e-4, "fine": 1e-5}
 # Keys of [samples] that are about many of them.
 MANY = ("n", "random", "design", "curves", "parametric", "joint", "limit")
 
@@ -36,7 +43,7 @@ def check_consistent(s: Scene) -> None:
         SceneError: the key, its value and the remedy.
     """
     rules = (
-        _stages, surface_mistakes, _parts, contact_mistakes, face_mistakes, _motion,
+        _names, _stages, surface_mistakes, _parts, contact_mistakes, face_mistakes, _motion,
         damping_mistakes, _varied, sweep_mistakes, _approaches, _limit_cycle,
     )  # fmt: skip
     for rule in rules:
@@ -44,8 +51,25 @@ def check_consistent(s: Scene) -> None:
             raise SceneError(text)
 
 
+def _names(s: Scene) -> Iterator[str]:
+    """Names of tables are words that a person, a file name and a dotted key can hold."""
+    for section in ("parts", "materials", "contact", "ties"):
+        for name in getattr(s, section):
+            hidden = any(category(c)[0] == "C" or category(c) in ("Zl", "Zp") for c in name)
+            if hidden or "." in name or not 0 < len(name.strip()) <= LONGEST_NAME:
+                yield (
+                    f"{dotted(section, name[:LONGEST_NAME])}: write a name of 1 to {LONGEST_NAME}"
+                    " visible characters without dots"
+                )
+
+
 def _stages(s: Scene) -> Iterator[str]:
-    """Every stage has its section and the stages it builds on."""
+    """Some are named; every one has its section and the stages it builds on."""
+    if "stages" not in s.table:
+        yield (
+            f"stages: missing; name some of {', '.join(STAGES)}, or write stages = [] in a scene"
+            " of parts alone, for correlate and identify"
+        )
     for stage, section in SECTIONS.items():
         if stage in s.stages and not getattr(s, section):
             yield f"stages: {stage!r} needs a section [{section}]"
@@ -72,6 +96,13 @@ def _parts(s: Scene) -> Iterator[str]:
                     f"{where}.{longest} = {length:.3g} m: the longest length of the part, not"
                     f" between {low:g} m and {high:g} m; correct the unit, or widen mesh.extent"
                 )
+            for key, share in FINEST.items():
+                size = getattr(part.parameters, key, None)
+                if size is not None and size < share * length:
+                    yield (
+                        f"{where}.{key} = {size:.3g} m: less than {share:g} of the part's {longest}"
+                        f" = {length:.3g} m, more cells than can be made; correct the unit"
+                    )
         for material in part.materials:
             if material not in s.materials:
                 yield f"{where}.material = {material!r}: there is no [materials.{material}]"

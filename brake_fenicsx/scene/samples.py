@@ -38,6 +38,7 @@ import numpy as np
 from pydantic import BeforeValidator
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.arrays import npz_names, read_npz, reading
 from brake_fenicsx.scene.tables import KeyMistake, below, key, value_type
 from brake_fenicsx.scene.units import factor_to_si, to_si
 
@@ -93,7 +94,7 @@ class Design:
 
     n: int | None = key(default=None)
     design: str | None = key(default=None, choices=DESIGNS)
-    curves: int | None = key(default=None)
+    curves: int | None = key(default=None, most=1000)
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,9 +151,9 @@ class Samples:
     """
 
     n: int = key(default=1)
-    seed: int = key(default=1, sign="zero")
+    seed: int = key(default=1, sign="zero", most=2**63 - 1)
     design: str = key(default="random", choices=DESIGNS)
-    curves: int = key(default=3)
+    curves: int = key(default=3, most=1000)
     approaches: tuple[str, ...] = key(default=("multi-scale",), choices=APPROACHES)
     classical: Classical = field(default_factory=Classical)
     parametric: Design = field(default_factory=Design)
@@ -221,6 +222,16 @@ def is_constant(name: str) -> bool:
     """Whether a scalar, by its dotted key, is an elastic constant of a material."""
     section, _, last = split_key(name)
     return section == "materials" and last not in ("loss", "rho")
+
+
+def below_least(name: str, value: float) -> str:
+    """What a scalar must be, by its dotted key, where a value is less than that; else ""."""
+    last = split_key(name)[2]
+    if last.startswith("nu") or last in ("C12", "C13", "C23"):
+        return ""
+    if last in ("friction", "loss", "alpha", "beta", "mass", "pressure"):
+        return "must be zero or more" if value < 0 else ""
+    return "" if value > 0 else "must be positive"
 
 
 def unit_of(name: str) -> str:
@@ -304,7 +315,16 @@ def complete(d: Distribution, name: str, folder: Path) -> Distribution:
     friction = _negative(d) if name.endswith(".friction") else ()
     for text in (*_mistakes(d), *friction):
         raise SceneError(f"{where}{text}")
+    measured = min((v for v in d.values if d.min <= v <= d.max), default=None)
+    for key_, value in (("mean", d.mean), ("values", measured), ("min", _uniform(d))):
+        if value is not None and name != "motion.speed" and (text := below_least(name, value)):
+            raise SceneError(f"{where}.{key_}: {value:g}: {text}")
     return d
+
+
+def _uniform(d: Distribution) -> float | None:
+    """Lower end of a uniform law that has one."""
+    return d.min if d.law == "uniform" and np.isfinite(d.min) else None
 
 
 def _mistakes(d: Distribution) -> Iterator[str]:
@@ -347,19 +367,15 @@ def _measured(d: Distribution, unit: str, folder: Path, where: str) -> tuple[flo
         if d.unit is None:
             raise SceneError(f"{where}.unit: missing; say the unit of the numbers in {d.file}")
         factor = factor_to_si(d.unit, unit, f"{where}.unit = {d.unit!r}")
-    try:
+    with reading(path, "as numbers", at=f"{at}: "):
         if path.suffix == ".npz":
-            with np.load(path, allow_pickle=False) as data:
-                names = data.files if d.array is None else [d.array]
-                if len(names) != 1 or names[0] not in data.files:
-                    raise SceneError(f"{at}: contains {', '.join(data.files)}; name one as array")
-                values = np.ravel(data[names[0]]).astype(float)
+            found = npz_names(path)
+            names = found if d.array is None else [d.array]
+            if len(names) != 1 or names[0] not in found:
+                raise SceneError(f"{at}: contains {', '.join(found)}; name one as array")
+            values = np.ravel(read_npz(path, names)[names[0]]).astype(float)
         else:
             values = np.ravel(np.loadtxt(path, ndmin=1))
-    except FileNotFoundError:
-        raise SceneError(f"{at}: no such file; paths start at the scene's folder") from None
-    except (ValueError, OSError) as error:
-        raise SceneError(f"{at}: cannot be read as numbers: {error}") from None
     if not np.isfinite(values).all():
         raise SceneError(f"{at}: contains values that are not numbers; remove them")
     return tuple(float(v) * factor for v in values)

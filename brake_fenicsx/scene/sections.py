@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -24,7 +25,7 @@ from brake_fenicsx.scene.parts import Part, parts_type
 from brake_fenicsx.scene.samples import Samples
 from brake_fenicsx.scene.surface import Micro, Surface
 from brake_fenicsx.scene.sweep import Sweep
-from brake_fenicsx.scene.tables import below, key, rising_pair, shown, vector
+from brake_fenicsx.scene.tables import below, between, key, rising_pair, shown, vector
 from brake_fenicsx.scene.units import MODULI, to_si
 
 STAGES = ("surface", "micro", "equilibrium", "stability", "uncertainty", "report")
@@ -32,7 +33,7 @@ STAGES = ("surface", "micro", "equilibrium", "stability", "uncertainty", "report
 # Least and largest tolerance of Newton's iterations [-].
 NEWTON = (1e-13, 1e-3)
 
-# Beyond 1/sqrt(2) the squares of damped frequencies are no longer positive.
+# Beyond about 1/sqrt(2) the squares of damped frequencies are no longer positive.
 ZETA_LIMIT = 0.7
 
 
@@ -126,7 +127,12 @@ class Motion:
         try:
             _ = self.rate
         except ValueError as error:
-            yield f".speed = {self.speed!r}: {error}"
+            turns, remedy = self.direction is None, ""
+            with suppress(ValueError):
+                to_si(self.speed, "m/s" if turns else "rad/s")
+                written, other = ("direction", "axis") if turns else ("axis", "direction")
+                remedy = f"; with this speed write motion.{written}, and no motion.{other}"
+            yield f".speed = {self.speed!r}: {error}{remedy}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,10 +146,7 @@ class EquilibriumTable:
 
     tolerance: float = key(
         default=1e-8,
-        rule=(
-            lambda value: NEWTON[0] <= value <= NEWTON[1],
-            f"must lie between {NEWTON[0]:g}, where round-off begins, and {NEWTON[1]:g}",
-        ),
+        rule=between(*NEWTON),
     )
 
 
@@ -172,10 +175,10 @@ class Stability:
         "Hz", sign="zero", band=(0.0, 1e5), rule=(rising_pair, "write [lowest, highest]")
     )
     method: str = key(default="full", choices=("full", "reduced"))
-    cutoff: float | None = key("Hz", default=None)
-    tolerance: float = key(default=1e-5)
+    cutoff: float | None = key("Hz", default=None, band=(0.0, 1e6))
+    tolerance: float = key(default=1e-5, rule=between(1e-12, 0.01))
     on_tolerance: str = key(default="warn", choices=("warn", "full order"))
-    zeta_max: float = key(default=0.1, rule=below(ZETA_LIMIT, f"must lie below {ZETA_LIMIT:g}"))
+    zeta_max: float = key(default=0.1, rule=between(1e-6, ZETA_LIMIT))
     verify: int = key(default=0, sign="zero")
     threshold: float = key(
         default=0.0,

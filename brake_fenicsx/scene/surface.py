@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import combinations
 from typing import TYPE_CHECKING, Literal
 
-from brake_fenicsx.scene.tables import key, shown
+from brake_fenicsx.scene.tables import between, key, shown
 from brake_fenicsx.scene.units import MODULI
 
 if TYPE_CHECKING:
@@ -127,19 +127,19 @@ class Micro:
         rule=(lambda n: n == "scan" or 2 <= n <= MAX_PIXELS, f"write 2 to {MAX_PIXELS}"),
     )
     boundary: str = key(default="free", choices=("free", "periodic"))
-    laws: int = key(default=100)
+    laws: int = key(default=100, most=10**5)
     E: float = key("Pa", default=1983.3e6, band=MODULI)
     nu: float = key(
         default=0.4054,
         sign="any",
         rule=(lambda nu: abs(nu) < 1, "must lie between -1 and 1, E* = E / (1 - nu^2)"),
     )
-    tolerance: float = key(default=1e-6)
+    tolerance: float = key(default=1e-6, rule=between(1e-13, 0.01))
     max_pressure: float | None = key(default=None)
     steps: int = key(default=40)
     bulk_compliance: str = key(default="remove", choices=("remove", "keep"))
-    seed: int = key(default=1, sign="zero")
-    scans: int = key(default=20, sign="zero")
+    seed: int = key(default=1, sign="zero", most=2**63 - 1)
+    scans: int = key(default=20, sign="zero", most=10**5)
     hardness: float | None = key("Pa", default=None, band=(1e6, 2e10))
 
     def contradictions(self) -> Iterator[str]:

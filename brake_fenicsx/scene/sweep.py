@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 from pydantic import BeforeValidator
 
-from brake_fenicsx.scene.samples import NO_ROUGH_SAMPLES, in_si_units, split_key
+from brake_fenicsx.scene.samples import NO_ROUGH_SAMPLES, below_least, in_si_units
 from brake_fenicsx.scene.tables import dotted, key, value_type
 
 if TYPE_CHECKING:
@@ -116,8 +116,5 @@ def _range_mistakes(name: str, values: Range) -> Iterator[str]:
     step = np.diff(x)
     if x.size < 2 or not (np.all(step > 0) or np.all(step < 0)):
         yield "two values or more are needed, rising or falling"
-    section, _, last = split_key(name)
-    may_be_zero = last in ("friction", "loss", "alpha", "beta") or last.startswith("nu")
-    signed = section == "materials" and (last.startswith("nu") or last[:1] == "C")
-    if not signed and (x.min() < 0 or (x.min() == 0 and not may_be_zero)):
-        yield f"{x.min():g}: must be {'zero or more' if may_be_zero else 'positive'}"
+    if x.size and (wanted := below_least(name, float(x.min()))):
+        yield f"{x.min():g}: {wanted}"

@@ -19,7 +19,7 @@ from dataclasses import MISSING, Field, field, fields, is_dataclass
 from functools import cache, partial
 from typing import Annotated, Any, Literal, NotRequired, Required
 
-from annotated_types import Ge, Gt
+from annotated_types import Ge, Gt, Le
 from pydantic import (
     AfterValidator,
     BeforeValidator,
@@ -42,6 +42,10 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 QUANTITY = {"anyOf": [{"type": "string", "pattern": r"^[^,]*\d[^,]*$"}, {"const": 0}]}
 ANY_UNIT = {"anyOf": [QUANTITY, {"type": "number"}]}
 SIGNS = {"positive": Gt(0), "zero": Ge(0), "any": None}
+# Whole numbers are no larger than the samples or steps that any computer gets through.
+MOST = 10**7
+# Sections of tables by names that a user chooses: an unknown one is a slip as a rule.
+NAMED = ("parts", "materials", "contact", "ties")
 # Names of version 0.1 and what replaced them.
 RENAMED = {"fast": "parametric"}
 # Keys of version 0.2 that are gone, and what to do in their place.
@@ -56,6 +60,7 @@ TEXTS = {
     "string_type": "write text", "bool_type": "write true or false",
     "int_type": "write a whole number", "tuple_type": "write a list",
     "greater_than": "must be positive", "greater_than_equal": "must be zero or more",
+    "less_than_equal": "too large",
 }  # fmt: skip
 
 
@@ -74,10 +79,11 @@ class Contradiction(ValueError):
 def key(unit: str = "", default: Any = MISSING, **metadata: Any) -> Any:
     """A field of a scene: unit, default, and of these as needed.
 
-    ``sign`` ("positive" if absent, "zero", "any"), ``choices``, ``units`` of a list whose values
-    differ, ``band`` of usual values, ``rule`` (what holds for the value, and the remedy where it
-    does not), ``internal`` for what no scene writes, ``write`` for what to write in place of
-    another type, ``type`` that gives pydantic's type where the hint does not.
+    ``sign`` ("positive" if absent, "zero", "any"), ``choices``, ``most`` of a whole number,
+    ``units`` of a list whose values differ, ``band`` of usual values, ``rule`` (what holds for the
+    value, and the remedy where it does not), ``internal`` for what no scene writes, ``write`` for
+    what to write in place of another type, ``type`` that gives pydantic's type where the hint does
+    not.
     """
     return field(default=default, metadata={"unit": unit, **metadata})
 
@@ -85,6 +91,11 @@ def key(unit: str = "", default: Any = MISSING, **metadata: Any) -> Any:
 def below(limit: float, remedy: str) -> tuple[Callable[[float], bool], str]:
     """The rule that a number lies below a limit."""
     return lambda value: value < limit, remedy
+
+
+def between(least: float, most: float) -> tuple[Callable[[float], bool], str]:
+    """The rule that a number lies between limits beyond which it means nothing."""
+    return lambda value: least <= value <= most, f"must lie between {least:g} and {most:g}"
 
 
 def rising_pair(values: tuple[float, ...]) -> bool:
@@ -248,7 +259,7 @@ def value_type(hint: Any, about: Mapping[str, Any]) -> Any:
         schema = {"": None, "*": ANY_UNIT}.get(unit, QUANTITY)
         return Annotated[number, WithJsonSchema(schema)] if schema else number
     strict: Any = Annotated[kind, Strict()]
-    return Annotated[strict, sign] if kind is int else strict
+    return Annotated[strict, sign, Le(about.get("most", MOST))] if kind is int else strict
 
 
 def written_default(f: Field) -> Any:
@@ -364,10 +375,17 @@ def _line(error: Any, table: Any) -> str:
         return f"{dotted(*keys)}{cause}"
     keys += getattr(cause, "keys", ())
     text = str(cause) if cause else TEXTS.get(error["type"], error["msg"])
+    if error["type"] == "less_than_equal":
+        text += f", {error['ctx']['le']} at most"
     if keys == ["stability", "threshold"] and error["type"] == "greater_than_equal":
         text += "; 0.01 counts modes with a damping below -0.01"
+    others = [n for n in table.get(keys[0], ()) if n != keys[1]] if len(keys) == 3 else []
     for name in keys:
         if not isinstance(table, dict) or name not in table:
+            if error["type"] == "missing" and others and keys[0] in NAMED:
+                text += f" ({keys[0]} there are beside {keys[1]}: {', '.join(others)})"
             return f"{dotted(*keys)}: {text}"
         table = table[name]
+    if isinstance(table, str) and re.fullmatch(r"[+-]?\d+,\d+", table):
+        text += f"; decimals have a point, {table.replace(',', '.')}"
     return f"{dotted(*keys)} = {shown(table)}: {text}"

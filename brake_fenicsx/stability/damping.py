@@ -48,6 +48,10 @@ omega_ref of it, whatever the scalars are then.
 
 from __future__ import annotations
 
+import brake_fenicsx.petsc_started  # noqa: F401
+
+# isort: split
+
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any

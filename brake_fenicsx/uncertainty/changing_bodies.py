@@ -135,6 +135,52 @@ class Box:
         return changed_materials(self._scene, self.values(x))
 
 
+def softening(box: Box) -> float:
+    """Least r with K(x) >= r K(0) at any one thickness, as quadratic forms: of the C(x).
+
+    Raises:
+        InaccurateResult: a material is not positive definite at the centre of the box or a corner.
+    """
+    centre, least = np.zeros(len(box.names)), 1.0
+    corners = product(*((-1.0, 1.0) if is_constant(n) else (0.0,) for n in box.names))
+    usual = _definite(box, centre)
+    for corner in corners:
+        for name, C in _definite(box, np.array(corner)).items():
+            least = min(least, float(la.eigvalsh(C, usual[name])[0]))
+    return least
+
+
+def _definite(box: Box, x: Array) -> dict[str, Array]:
+    """Stiffness of the materials at a point of the box, all positive definite."""
+    found = box.materials(x)
+    for name, C in found.items():
+        if not la.eigvalsh(C)[0] > 0:
+            own = (n for n in box.names if split_key(n)[1] == name)
+            values = ", ".join(f"{n} = {box.values(x)[n]:.3g} {unit_of(n)}" for n in own)
+            raise InaccurateResult(
+                f"materials.{name} is not positive definite everywhere in the range of its values,"
+                f" with {values} for example; narrow the range"
+            )
+    return found
+
+
+def check_box(scene: Scene) -> None:
+    """Refuse ranges of random and swept scalars that hold no material or no length.
+
+    Raises:
+        SceneError: the key and the remedy.
+    """
+    stability = scene.stability if "stability" in scene.stages else None
+    try:
+        box = Box(scene)
+        if stability and (stability.method, stability.on_tolerance) == ("reduced", "warn"):
+            softening(box)
+    except InaccurateResult as error:
+        raise SceneError(f'{scene.file}: stability.method = "reduced": {error}') from None
+    except SceneError as error:
+        raise SceneError(f"{scene.file}: {error}") from None
+
+
 def changed_materials(scene: Scene, values: Mapping[str, float]) -> dict[str, Array]:
     """Stiffness [Pa] of the materials of which some constants are given, each of shape (6, 6)."""
     return {m: varied_stiffness(scene.materials[m], c) for m, c in by_material(values).items()}
@@ -150,10 +196,11 @@ def _spanning(scene: Scene, name: str) -> list[float]:
         values += [nominal, *scene.sweep.parameters.get(name, Range()).points]
     least = min(values)
     possible = least >= 0 if name.endswith(".mass") else least > 0
-    if not possible and (is_length(name) or is_inertia(name)):
+    if not possible and (is_length(name) or is_inertia(name) or _is_modulus(name)):
+        where = 'samples.random."{}"' if law is not None else 'sweep.parameters."{}"'
         raise SceneError(
-            f'samples.random."{name}": the law reaches {least:.3g} {unit_of(name)} with a'
-            f" probability of {TAIL:g}; write a positive min, or a smaller sd"
+            f"{where.format(name)}: the law reaches {least:.3g} {unit_of(name)} with a probability"
+            f" of {TAIL:g}; write a positive min, or a smaller sd"
         )
     return values
 
@@ -237,7 +284,7 @@ class ChangingBodies:
         shapes = tuple(i for i, n in enumerate(names) if is_length(n) or is_inertia(n))
         sliding = tuple(i for i, name in enumerate(names) if name in self.contact.names)
         return Parameters(
-            len(names), self.coefficients, self.softening(), shapes, sliding,
+            len(names), self.coefficients, softening(self.box), shapes, sliding,
             self._contact if sliding else None, tuple(names),
         )  # fmt: skip
 
@@ -319,23 +366,6 @@ class ChangingBodies:
     def mass_change(self, values: Mapping[str, float]) -> sp.csr_matrix:
         """What they add to the mass [kg]."""
         return self.combined(self.coefficients_of(values)[2])
-
-    def softening(self) -> float:
-        """Least r with K(x) >= r K(0) at any one thickness, as quadratic forms: of the C(x).
-
-        Raises:
-            InaccurateResult: a material is not positive definite at a corner of the box.
-        """
-        names = self.box.names
-        centre, least = self.box.materials(np.zeros(len(names))), 1.0
-        for corner in product(*((-1.0, 1.0) if is_constant(n) else (0.0,) for n in names)):
-            for name, C in self.box.materials(np.array(corner)).items():
-                least = min(least, float(la.eigvalsh(C, centre[name])[0]))
-        if not least > 0:
-            raise InaccurateResult(
-                "a material is not positive definite everywhere in the box of its values"
-            )
-        return least
 
     def _shares(self, values: Mapping[str, float]) -> dict[str, float]:
         """Share that the damping takes of the stiffness of each material [s], "": of the mass."""

@@ -65,7 +65,7 @@ class Cycles:
             InaccurateResult: they are not.
         """
         if not reduced:
-            raise InaccurateResult("limit_cycle: a sample at full order has no limit cycle")
+            raise InaccurateResult("a sample at full order has none: they are of the reduced model")
         cycles, slip = self.sample(approach, sample, eq), self._models.contact(sample.random).T
         return cycles_of_modes(cycles, modes, self._settings, self._faces, slip)
 

@@ -152,8 +152,11 @@ def correlation_root(random: Mapping[str, Distribution | InputLaw], design: str)
     for name in names:
         for other, value in getattr(random[name], "correlation", {}).items():
             where = f'samples.random."{name}".correlation."{other}"'
-            if other not in random or other == name:
-                raise SceneError(f"{where}: is no other random input; name one of {names}")
+            others = ", ".join(n for n in names if n != name) or "there is none"
+            if other == name:
+                raise SceneError(f"{where}: of an input with itself; leave it out")
+            if other not in random:
+                raise SceneError(f"{where}: is no random input; others are {others}")
             i, j = names.index(name), names.index(other)
             if not -1 < value < 1 or R[i, j] not in (0.0, value):
                 raise SceneError(

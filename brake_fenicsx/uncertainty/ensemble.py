@@ -122,7 +122,7 @@ def compute_sample(task: Task, work: Work, store: Store, keep: bool = True) -> N
     try:
         result = {"status": "ok", **work(task)}
     except BrakeError as error:
-        result = {"status": str(error)}
+        result = {**error.known, "status": str(error)}
         if keep:
             logger.warning("%s %d: %s", *task, error)
     if keep:

@@ -108,9 +108,14 @@ def draw_inputs(
         except BrakeError as error:
             reason = error
         if scene.samples.plan(approach).design in RIGID:
-            raise InaccurateResult(f"draw rejected: {reason}") from None
+            refused = InaccurateResult(f"draw rejected: {reason}")
+            break
         u = rng.random(len(random))
-    raise InaccurateResult(f"all of {MOST_DRAWS} draws rejected, the last one: {reason}")
+    else:
+        refused = InaccurateResult(f"all of {MOST_DRAWS} draws rejected, the last one: {reason}")
+    names, numbers = np.array([*values], dtype=str), np.array([*values.values()])
+    refused.known = {"random_names": names, "random": numbers}
+    raise refused
 
 
 def nominal_value(scene: Scene, name: str) -> float:

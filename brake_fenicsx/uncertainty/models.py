@@ -32,7 +32,7 @@ from brake_fenicsx.macro.equilibrium import Condensed
 from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.macro.material_table import layer_materials, scene_materials
 from brake_fenicsx.scene import Scene, Stability
-from brake_fenicsx.scene.damping import active_terms, reduced_approaches
+from brake_fenicsx.scene.damping import active_terms, lone_samples, reduced_approaches
 from brake_fenicsx.scene.digest import bodies_key
 from brake_fenicsx.scene.scalars import changes_bodies, si_unit
 from brake_fenicsx.scene.units import quantity_text
@@ -275,6 +275,13 @@ class Models:
             if names:
                 self._reduce(damped, names, k0)
         full = [n for n, r in self.by_reduction.items() if not r]
+        for name in lone_samples(scene, self._counts):
+            logger.info(
+                '%s: one sample, at full order although stability.method = "reduced": a reduced'
+                " model takes longer than one sample, and pays from two on%s",
+                name,
+                "; there is nothing to verify" * bool(self.stability and self.stability.verify),
+            )
         special = [n for n in full if self.damped(n) or self.changes_bodies(n)]
         if special:
             logger.info("%s: damping or bodies of their own, full order", ", ".join(special))
@@ -431,8 +438,12 @@ class Models:
         return [bodies_key(self._scene), self.numbering.mark, band, *more]
 
     def _known(self, file: str) -> dict[str, NDArray[Any]] | None:
-        """What an earlier run left: processes of a machine hold the large arrays once."""
+        """What an earlier run left: processes of a machine hold the large arrays once; collective.
+
+        Their checksums are looked at here, by one process, and nowhere else.
+        """
         try:
+            on_first(lambda: self._store.check_mapped(file), self._comm)
             stored = self._store.load(file, mapped=True)
         except SceneError as error:  # cut short, by a full disc or a killed copy
             logger.warning("%s: made again", error)

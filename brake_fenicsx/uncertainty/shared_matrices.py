@@ -5,6 +5,7 @@ Samples of the reduced model look at neither; a sample at full order, and pictur
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 
 from mpi4py import MPI
@@ -12,6 +13,7 @@ from mpi4py import MPI
 import numpy as np
 import scipy.sparse as sp
 
+from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.store import Store
@@ -48,8 +50,12 @@ def with_shared_matrices(brake: Brake, store: Store, comm: MPI.Comm) -> Brake:
 
 
 def _keep(store: Store, own: dict[str, sp.csr_matrix]) -> None:
-    """Write the matrices where the file holds others."""
-    if not _same(_mapped(store), own):
+    """Write the matrices where the file holds others, or is damaged."""
+    there = dict[str, sp.csr_matrix]()
+    with suppress(SceneError):
+        store.check_mapped(FILE)
+        there = _mapped(store)
+    if not _same(there, own):
         arrays = {f"{n}_{part}": getattr(A, part) for n, A in own.items() for part in PARTS}
         store.save(FILE, **arrays)
 

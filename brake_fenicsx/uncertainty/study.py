@@ -32,7 +32,7 @@ from .equilibria import Equilibria
 from .forces import moved
 from .inputs import PERFECT, note_laws, points_of
 from .models import Models
-from .sampling import SampleInput, draw_sample, sample_count
+from .sampling import SampleInput, draw_sample, sample_count, sample_seed
 
 if TYPE_CHECKING:
     from brake_fenicsx.macro.equilibrium import Equilibrium
@@ -160,27 +160,56 @@ class Study:
         Args:
             task: approach and number of the sample.
             comm: processes that share it; the first has what is to be stored.
+
+        Raises:
+            BrakeError: it has none, a matrix of it is singular, or its verification fails; what is
+                known of its inputs is in ``known``.
         """
+        approach, k = task
+        known: dict[str, Any] = {"seed": np.uint64(sample_seed(self.scene.samples.seed, k))}
+        try:
+            sample = self._draw(self.verified if approach == VERIFY else approach, k)
+            names = sorted(sample.random)
+            known |= {
+                "mu": sample.mu, "random_names": np.array(names, dtype=str),
+                "random": np.array([sample.random[n] for n in names]),
+            }  # fmt: skip
+            if sample.random:
+                known["rejected"] = sample.rejected
+            return known | self._solved(task, sample, comm)
+        except Exception as error:
+            failed = self._named(task, error)
+            if failed is None:
+                raise
+            failed.known = {**known, **failed.known}
+            raise failed from (None if failed is error else error)
+
+    def _named(self, task: Task, error: Exception) -> BrakeError | None:
+        """How a sample fails; None for a defect of the program, which ends the run."""
+        if isinstance(error, BrakeError):
+            return error
+        if isinstance(error, np.linalg.LinAlgError):
+            return InaccurateResult(f"a matrix of the sample: {error}")
+        # Beside the samples: whatever it is costs the comparison alone.
+        if task[0] == VERIFY:
+            return InaccurateResult(f"verification at full order: {error}")
+        return None
+
+    def _solved(self, task: Task, sample: SampleInput, comm: MPI.Comm) -> dict[str, Any]:
+        """Equilibrium and modes of a sample by its inputs; arguments as above."""
         (approach, k), models = task, self.models
         if approach == VERIFY:
             approach = self.verified
-        sample = self._draw(approach, k)
         reduced = task[0] != VERIFY and models.takes(approach, sample.random)
         start = self._first_gaps(approach) if k and reduced else None
         eq = self._prepared.of(approach, sample, reduced, start)
-        names = sorted(sample.random)
         out: dict[str, Any] = {
-            "seed": np.uint64(sample.seed),
-            "mu": sample.mu, "mu_equilibrium": sample.mu_equilibrium,
+            "mu_equilibrium": sample.mu_equilibrium,
             "g": eq.g, "g_cr": sample.laws.g_cr, "p": eq.p, "k": eq.k,
             "k_vibration": eq.k_vibration, "law": sample.laws.index,
-            "random_names": np.array(names, dtype=str),
-            "random": np.array([sample.random[n] for n in names]),
             "equilibrium_iterations": sum(eq.iterations), "equilibrium_residual": eq.residual,
             "equilibrium_seconds": eq.seconds,
         }  # fmt: skip
-        if sample.random:
-            out["rejected"] = sample.rejected
         if (contact := models.contact(sample.random)) is not self.brake.contact:
             out["moved"] = moved(contact)
         if models.stability is not None:

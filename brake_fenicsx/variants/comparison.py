@@ -16,11 +16,13 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.folder.arrays import read_npz, reading
 from brake_fenicsx.report.blocks import Table, Text
 from brake_fenicsx.results.families import same_families
 from brake_fenicsx.results.run import RunData, read_run
 from brake_fenicsx.results.statistics import difference
 from brake_fenicsx.results.tables import Value, text_table, write_rows
+from brake_fenicsx.results.versions import differences
 
 from .page import (
     ShareChange,
@@ -141,8 +143,8 @@ def _shapes(run: RunData) -> Shapes | None:
     path = run.directory / "shapes.npz"
     if not path.is_file():
         return None
-    with np.load(path, allow_pickle=False) as data:
-        return {name: data[name] for name in data.files}
+    with reading(path, "as an npz file", "`run` of the scene makes it again"):
+        return read_npz(path)
 
 
 def _at_common_nodes(
@@ -224,7 +226,7 @@ def write_comparison(a: str | Path, b: str | Path, directory: str | Path) -> Pat
     return page_of_changes(
         folder / "compare.html", "Two runs compared",
         [f"{text} ({run.criterion})" for text, run in zip(where, (one, two), strict=True)]
-        + [f"Warning: {text}." for text in _two_limits(one, two)],
+        + [f"Warning: {text}." for text in _doubts(one, two)],
         picture_of(lines, ("A", "B"), text),
         [
             Text(
@@ -245,7 +247,7 @@ def comparison_text(a: str | Path | RunData, b: str | Path | RunData) -> str:
     if alone:
         return "\n".join(text)
     rows = compare_runs(one, two)
-    return "\n".join([text_table(HEADS, _shown(rows)), *_two_limits(one, two), *text])
+    return "\n".join([text_table(HEADS, _shown(rows)), *_doubts(one, two), *text])
 
 
 def _surfaces(one: RunData, two: RunData) -> tuple[list[list[Value]], bool]:
@@ -255,14 +257,20 @@ def _surfaces(one: RunData, two: RunData) -> tuple[list[list[Value]], bool]:
     return (rows if alone or any(row[7] not in (None, 1.0) for row in rows) else []), alone
 
 
-def _two_limits(one: RunData, two: RunData) -> list[str]:
-    """A warning where the runs do not count the same modes as squeal."""
+def _doubts(one: RunData, two: RunData) -> list[str]:
+    """A warning where the runs are one, were made with other programs, or count other modes."""
+    lines = []
+    if one.directory.resolve() == two.directory.resolve():
+        lines.append("A and B are the same folder; name two")
+    if made := differences(one.summary, two.summary):
+        lines.append(f"A and B were made differently: {'; '.join(made)}")
     if one.threshold == two.threshold:
-        return []
+        return lines
     a, b = (f"{-run.threshold if run.threshold else 0:g}" for run in (one, two))
     return [
+        *lines,
         f"A counts squeal below {a}, B below {b}; set one stability.threshold and run both again"
-        " (no sample is computed again)"
+        " (no sample is computed again)",
     ]
 
 

@@ -52,7 +52,7 @@ class Runs:
 
     def _recorded(self) -> dict[str, dict[str, Any]]:
         with suppress(FileNotFoundError, ValueError):
-            return dict(json.loads((self.folder / RECORD).read_text()))
+            return dict(json.loads((self.folder / RECORD).read_text("utf-8")))
         return {}
 
     def read(self, changes: Sequence[str] = ()) -> Scene:
@@ -125,7 +125,7 @@ def _resident() -> float:
     gc.collect()
     release_memory()
     with suppress(OSError):  # Where the system is no Linux, nothing is taken off.
-        Path("/proc/self/clear_refs").write_text("5")
-        pages = int(Path("/proc/self/statm").read_text().split()[1])
+        Path("/proc/self/clear_refs").write_text("5", "utf-8")
+        pages = int(Path("/proc/self/statm").read_text("utf-8").split()[1])
         return pages * resource.getpagesize() / 2**20
     return 0.0

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from scipy.stats import beta, binom
 
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
+from brake_fenicsx.folder.arrays import read_npz, reading
 from brake_fenicsx.folder.processes import in_turns
 from brake_fenicsx.results.families import known_numbers, mac
 from brake_fenicsx.results.run import RunData
@@ -77,8 +78,9 @@ def worst_family(run: RunData, approach: str) -> Worst | None:
     own = sorted({*run.squeal.squeal_modes(approach, worst.key)["sample"]})
     every = wilson(modes["sample"].nunique(), worst.share.n)
     samples = [int(k) for k in run.squeal.good(approach)]
-    with np.load(run.directory / SHAPES, allow_pickle=False) as data:
-        shapes = {name: data[name] for name in data.files}
+    path = run.directory / SHAPES
+    with reading(path, "as an npz file", "`run` of the scene makes it again"):
+        shapes = read_npz(path)
     column = int(np.flatnonzero(shapes["families"] == worst.key)[0])
     return Worst(worst, every, samples, own, shapes, column, run.threshold)
 

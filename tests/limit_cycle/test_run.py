@@ -217,3 +217,31 @@ def test_what_cannot_be_computed_is_refused(more, said):
 def test_a_face_that_is_not_there_is_named(tmp_path):
     with pytest.raises(SceneError, match=re.escape("limit_cycle.radiating[0]: no face 'block.up'")):
         prepare(BLOCK, [*GIVEN, "limit_cycle.radiating=['block.up']"])
+
+
+@pytest.mark.hard
+def test_one_sample_takes_the_reduced_model_for_its_cycles(done, tmp_path):
+    """One sample with [limit_cycle]: the method that the scene names, the numbers of the others."""
+    run(BLOCK, MPI.COMM_SELF, tmp_path / "one", [*GIVEN, "samples.n=1"])
+    for name in TABLES[:2]:
+        rows = [(f / name).read_text().splitlines() for f in (done, tmp_path / "one")]
+        assert len(rows[1]) > 1 and rows[1] == [x for x in rows[0] if x.split(",")[1] != "1"]
+
+
+@pytest.mark.hard
+def test_samples_that_full_order_takes_lose_their_cycles_alone(tmp_path):
+    """[limit_cycle] with a tolerance that no mode keeps: modes of full order, cycles named lost."""
+    more = ["stability.tolerance=1e-12", "stability.on_tolerance='full order'"]
+    run(BLOCK, MPI.COMM_SELF, tmp_path / "full", [*GIVEN, *more])
+    samples, modes = (read_columns(tmp_path / "full" / f"{n}.csv") for n in ("samples", "modes"))
+    assert list(samples["status"]) == ["ok", "ok"] and "unstable" in set(modes["verdict"])
+    assert not (tmp_path / "full" / TABLES[0]).read_text().splitlines()[1:]
+    log = (tmp_path / "full" / "log.txt").read_text()
+    assert "limit cycles" in log and "at full order has none" in log
+
+
+def test_the_log_says_why_a_lone_sample_is_at_full_order(tmp_path):
+    """method = "reduced" with one sample, and nothing that only a reduced model has."""
+    run(BLOCK, MPI.COMM_SELF, tmp_path / "out", [*PLAIN, "samples.n=1", "stability.verify=1"])
+    log = (tmp_path / "out" / "log.txt").read_text()
+    assert "one sample, at full order although" in log and "nothing to verify" in log

@@ -374,7 +374,7 @@ def test_entries_given_twice_are_refused(tmp_path):
 @pytest.mark.parametrize(
     ("lines", "said"),
     [
-        (["DMIG    A       1       1               x       1       2.5"], "cannot read it"),
+        (["DMIG    A       1       1               x       1       2.5"], "by pyNastran"),
         (
             ["DMIG    A              0       6       4       0",
              "DMIG    A              1       1               1       1     2.5     1.5"],

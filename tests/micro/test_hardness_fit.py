@@ -106,8 +106,8 @@ WRONG = {
     "closure .*units": lambda c: c * (1.0, 1e-3),
     "shape": lambda c: c[:, 0],
     "finite": lambda c: np.where(c == c.max(), np.nan, c),
-    "not a table": lambda c: "none.csv",
-    "not a table.": lambda c: [["a", "b"]],
+    "no such file": lambda c: "none.csv",
+    "not a table": lambda c: [["a", "b"]],
 }
 
 

@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.cli import main
+from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import read_scene
+from brake_fenicsx.scene.samples import Distribution
+from brake_fenicsx.uncertainty.designs import correlation_root
 from brake_fenicsx.uncertainty.inputs import draw_inputs, points_of
 
 SCENE = Path(__file__).parents[2] / "scripts" / "scenes" / "squealing_block.toml"
@@ -60,4 +63,13 @@ def test_check_refuses_correlations_of_no_inputs(words, said, capsys):
 def test_correlation_with_no_input_is_refused(capsys):
     given = [c.replace("C44' = 0.7", "C66' = 0.7") for c in changes()]
     assert main(["check", str(SCENE), *(w for c in given for w in ("--set", c))]) == 2
-    assert 'C66": is no other random input' in capsys.readouterr().err
+    assert 'C66": is no random input' in capsys.readouterr().err
+
+
+def test_a_correlation_with_itself_is_named():
+    """It is one; others that there are are named for a key that is none."""
+    law = Distribution("uniform", min=0.0, max=1.0, correlation={"a": 0.5})
+    with pytest.raises(SceneError, match="of an input with itself; leave it out"):
+        correlation_root({"a": law, "b": law}, "random")
+    with pytest.raises(SceneError, match=r"is no random input; others are c$"):
+        correlation_root({"b": law, "c": law}, "random")

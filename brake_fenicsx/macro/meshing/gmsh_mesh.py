@@ -26,6 +26,14 @@ logger = logging.getLogger(__name__)
 PLANE_ALGORITHMS = (6, 5, 1)
 # Quality 3 r / R of the worst cell from which on no other algorithm is tried.
 GOOD = 0.05
+# Silent; without the question that comes before long work; one thread, since meshes of several
+# depend on which is first; algorithms and seed that could be set elsewhere.
+SETTINGS = {
+    "General.Terminal": 0, "General.ExpertMode": 1, "General.NumThreads": 1,
+    "Mesh.MaxNumThreads1D": 1, "Mesh.MaxNumThreads2D": 1, "Mesh.MaxNumThreads3D": 1,
+    "Mesh.Algorithm": PLANE_ALGORITHMS[0], "Mesh.Algorithm3D": 1, "Mesh.RandomSeed": 1,
+    "Mesh.MeshSizeFactor": 1,
+}  # fmt: skip
 # gmsh's numbers for cells and facets of order 1 and 2.
 CELL_TYPE = {("tetrahedron", 1): 4, ("tetrahedron", 2): 11,
              ("hexahedron", 1): 5, ("hexahedron", 2): 12}  # fmt: skip
@@ -35,17 +43,17 @@ FACET_TYPE = {("tetrahedron", 1): 2, ("tetrahedron", 2): 9,
 
 @contextmanager
 def gmsh_session() -> Iterator[Any]:
-    """Gmsh, silent, from start to end."""
+    """Gmsh, silent, from start to end, with the same settings in every account."""
     # It sets signal handlers, which Python allows the main thread alone.
     main = threading.current_thread() is threading.main_thread()
     with nullcontext() if main else mock.patch("signal.signal"):
         import gmsh
 
-        gmsh.initialize()
+        # Without the option files in the user's home.
+        gmsh.initialize(readConfigFiles=False)
         try:
-            gmsh.option.setNumber("General.Terminal", 0)
-            # Before long work it would ask on the terminal, and wait.
-            gmsh.option.setNumber("General.ExpertMode", 1)
+            for name, value in SETTINGS.items():
+                gmsh.option.setNumber(name, value)
             yield gmsh
         finally:
             gmsh.finalize()

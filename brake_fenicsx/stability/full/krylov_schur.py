@@ -10,6 +10,10 @@ Reference: G. W. Stewart, SIAM J. Matrix Anal. Appl. 23 (2002) 601, doi:10.1137/
 
 from __future__ import annotations
 
+import brake_fenicsx.petsc_started  # noqa: F401
+
+# isort: split
+
 from petsc4py import PETSc
 from slepc4py import SLEPc
 
@@ -51,8 +55,8 @@ def general_modes(p: SplitProblem, high: float, zeta_max: float, tolerance: floa
     right, X, steps = _within(p.K, p.M, sigma, RIM * reach, wanted, tolerance)
     left, Y, more = _within(p.K.T.tocsr(), p.M.T.tocsr(), sigma, RIM * reach, wanted, tolerance)
     i, j = matched(right, left, sigma, reach)
-    how = p.not_low_rank if p.friction is None else p.indefinite
-    return Found(right[i], X[:, i], Y[:, j].conj(), how, steps + more)
+    counting = p.not_low_rank if p.friction is None else p.indefinite
+    return Found(right[i], X[:, i], Y[:, j].conj(), counting, steps + more)
 
 
 def _within(

@@ -25,7 +25,7 @@ from brake_fenicsx.folder.memory import release_memory
 
 from ..eigensolvers.arnoldi import with_conjugates
 from ..eigensolvers.rows import damped_rows, undamped_rows
-from ..modes import Complex, Count, Modes
+from ..modes import Complex, Count, Counting, Modes
 from .component import AtPoint, Component, Placed, placed
 from .contact import ContactLinearisation
 from .errors import Corrected, corrected
@@ -58,8 +58,12 @@ REACHED, GAIN = 1e-5, 12.0
 # they are listed up to this multiple of |lambda|.
 SEARCHED, LISTED = 1.1, 1.3
 
-NEAR = "not counted: found on the vectors of other values of the sample"
-COUNTED = "zeros of T(z), on modes of the bodies complete by inertia"
+NEAR = Counting("not counted", "found on the vectors of other values of the sample")
+COUNTED = Counting(
+    "proven",
+    f"zeros of T(z), |lambda| up to {LISTED} times the band's end, on modes of the bodies complete"
+    " by inertia",
+)
 
 
 class ReducedModel:
@@ -413,13 +417,11 @@ class ReducedModel:
 
         Of each conjugate pair one.
         """
-        if self.rows.rates:
-            reach = LISTED + abs(self.rows.shift)
-        else:
-            reach = LISTED**2 + SIGMA
+        rates = self.rows.rates
+        reach = LISTED + abs(self.rows.shift) if rates else LISTED**2 + SIGMA
 
         def near(z: Complex) -> NDArray[np.intp]:
-            s = z + self.rows.shift if self.rows.rates else np.sqrt(SIGMA - z + 0j)
+            s = z + self.rows.shift if rates else np.sqrt(SIGMA - z + 0j)
             size = np.where(np.abs(s.imag) <= SEARCHED, np.abs(s), np.inf)
             size = np.where(np.abs(s) <= SEARCHED, 0.0, size)
             return np.flatnonzero((size <= LISTED) & (z.imag >= 0))
@@ -431,7 +433,9 @@ class ReducedModel:
         """Largest |lambda| of the modes that are listed, over the band's end."""
         return LISTED
 
-    def _rows(self, found: Corrected, zeta_max: float, start: float, how: str = COUNTED) -> Modes:
+    def _rows(
+        self, found: Corrected, zeta_max: float, start: float, counting: Counting = COUNTED
+    ) -> Modes:
         """Rows of the band from corrected zeros."""
         omega, z, slope, error = self._omega, found.zeros.z, found.slope, found.error
         right, left = found.zeros.right, found.zeros.left.conj()
@@ -457,7 +461,7 @@ class ReducedModel:
         size = np.where(np.abs(lam) > spread, np.abs(lam), np.maximum(spread, omega))
         return Modes(
             lam, right[:, order], left[:, order], 2 * spread / condition / size, spread, condition,
-            Count(lam.size, how), 0, time.perf_counter() - start, real,
+            Count(lam.size, *counting), 0, time.perf_counter() - start, real,
         )  # fmt: skip
 
 
