@@ -281,9 +281,9 @@ def test_rejected_draws_are_counted_where_one_looks(tmp_path):
     counted = [int(r["rejected"]) for r in rows(tmp_path / "a" / "samples.csv")]
     summary = json.loads((tmp_path / "a" / "summary.json").read_text())
     assert sum(counted) == summary["samples"]["multi-scale"]["rejected_draws"] > 0
-    rigid = [*COARSE, bad, NO_MODES, "samples.n=24", "samples.design=saltelli"]
+    rigid = [*COARSE, bad, NO_MODES, "samples.n=32", "samples.design=saltelli"]
     run(BLOCK, COMM, tmp_path / "b", rigid)
     status = [r["status"] for r in rows(tmp_path / "b" / "samples.csv")]
     failed = [s for s in status if s.startswith("draw rejected: materials.lining: ")]
-    assert 0 < len(failed) < len(status) == 24
-    assert len(failed) + status.count("ok") == 24
+    assert 0 < len(failed) < len(status) == 32
+    assert len(failed) + status.count("ok") == 32
