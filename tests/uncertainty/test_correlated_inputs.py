@@ -71,5 +71,5 @@ def test_a_correlation_with_itself_is_named():
     law = Distribution("uniform", min=0.0, max=1.0, correlation={"a": 0.5})
     with pytest.raises(SceneError, match="of an input with itself; leave it out"):
         correlation_root({"a": law, "b": law}, "random")
-    with pytest.raises(SceneError, match="is no random input; others are c$"):
+    with pytest.raises(SceneError, match=r"is no random input; others are c$"):
         correlation_root({"b": law, "c": law}, "random")
