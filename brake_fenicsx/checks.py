@@ -25,6 +25,7 @@ MAX_AREA_RATIO = 2.0  # in area, between contact elements and the patches of the
 MIN_PIXELS = 16  # along a side of a patch
 MAX_PIXEL_RATIO = 2.0  # pixels of the laws over those that the scan resolves
 MIN_ROUGHNESS = (1e-7, 1e-3)  # S_q [m] and rms slope of the smoothest linings
+ROOM = 4.0  # side of a patch over that of the scan, beyond which waves are assumed
 LARGE_SCAN = 0.05  # m, longest side of most scans
 
 
@@ -161,7 +162,16 @@ def surface_warnings(scene: Scene, stats: SurfaceStatistics | None) -> list[str]
     micro = scene.micro
     if micro is None or "micro" not in scene.stages or not stats.each:
         return lines
-    if isinstance(micro.patch, str) or isinstance(micro.pixels, str):
+    if isinstance(micro.patch, str):
+        return lines
+    shortest = min((float(t.size.min()) for t in stats.topographies), default=float("inf"))
+    if micro.patch > ROOM * shortest:
+        lines.append(
+            f"micro.patch = {1e3 * micro.patch:.4g} mm: {micro.patch / shortest:.2g} times the"
+            f" shortest side of a scan, {1e3 * shortest:.4g} mm, and longer waves are assumed"
+            f" (surface.low); take {ROOM * 1e3 * shortest:.4g} mm at most, or a larger scan"
+        )
+    if isinstance(micro.pixels, str):
         return lines
     pixel, fine = micro.patch / micro.pixels, stats.pixel
     if pixel > MAX_PIXEL_RATIO * fine:

@@ -8,6 +8,7 @@ import re
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
+from brake_fenicsx.endings import MESH_FILES
 from brake_fenicsx.errors import SceneError
 
 STAGES = ("surface", "micro", "equilibrium", "stability", "uncertainty", "report")
@@ -80,11 +81,12 @@ class Parser(argparse.ArgumentParser):
     """Arguments whose mistakes are one line, as every other mistake is."""
 
     def error(self, message: str) -> NoReturn:
-        """Refuse a command line; a file in place of a command is said what to do with."""
-        found = re.search(r"argument COMMAND: invalid choice: '(.+\.(\w+))'", message)
-        if found is not None:
-            command = "check or run" if found[2] == "toml" else "init"
-            raise SceneError(f"{found[1]}: is no command; write {self.prog} {command} {found[1]}")
+        """Refuse a command line; of a file without a command the command is named."""
+        given = re.search(r"COMMAND: invalid choice: '([^']+)'", message)
+        ending = os.path.splitext(given[1])[1].lower() if given else ""
+        if given and ending in {*MESH_FILES, ".toml"}:
+            command = "run" if ending == ".toml" else "init"
+            message = f"{given[1]}: no command; write {self.prog} {command} {given[1]}"
         raise SceneError(f'{message}; "{self.prog} --help" lists what there is')
 
     def _print_message(self, message: str, file: Any = None) -> None:

@@ -73,7 +73,7 @@ def describe(
 
         brake = assemble_brake(parsed, comm)
         sizes, doubts = brake.size(), brake_doubts(parsed, brake)
-        told = [*remarks(parsed, comm), *brake.mesh.unread.other]
+        told = remarks(parsed, comm)
         built = {
             "mesh_sha256": brake.mesh.digest,
             "parts": parts_of(parsed, brake),

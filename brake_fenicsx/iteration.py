@@ -15,11 +15,12 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
-# A step gains nothing where none of so many is smaller than this share of the smallest before.
-PATIENCE, GAIN = 3, 0.9
+# An iteration gains nothing where none of so many steps is below this share of one before them.
+PATIENCE, GAIN = 4, 0.9
 
-# Largest contraction that the estimate believes: steps that stand still would leave all.
-SLOWEST = 0.95
+# Contraction that is believed: what is left is taken as no less than the last step, and steps that
+# stand still leave some twenty times as much.
+FASTEST, SLOWEST = 0.5, 0.95
 
 
 def remaining(size: ArrayLike, rate: ArrayLike) -> Array:
@@ -34,10 +35,9 @@ def remaining(size: ArrayLike, rate: ArrayLike) -> Array:
     return np.asarray(np.nan_to_num(left, nan=np.inf, posinf=np.inf))
 
 
-def relative_size(step: NDArray, x: NDArray) -> Array:
-    """Norm of each column of a step over that of what it changes, shape (columns,)."""
-    size = np.linalg.norm(step, axis=0)
-    return np.asarray(size / np.maximum(np.linalg.norm(x, axis=0), np.finfo(float).tiny))
+def sizes(step: NDArray, x: NDArray) -> tuple[Array, Array]:
+    """Norm of each column of a step, and of what it leads to, shape (columns,) each."""
+    return np.linalg.norm(step, axis=0), np.linalg.norm(x + step, axis=0)
 
 
 class Steps:
@@ -45,43 +45,47 @@ class Steps:
 
     Attributes:
         moving: columns that go on, shape (columns,).
-        left: estimated size of what is left of the error of each column, in the measure of the
-            steps; infinite before the first one.
+        left: estimated relative error of each column; infinite before the first step.
         taken: number of steps.
     """
 
-    def __init__(self, columns: int, tolerance: ArrayLike, most: int):
+    def __init__(self, columns: int, tolerance: float, most: int):
         """Begin.
 
         Args:
             columns: number of columns.
-            tolerance: size of ``left`` at which a column ends, one or one per column.
+            tolerance: value of ``left`` at which a column ends.
             most: steps allowed.
         """
         self.moving: NDArray[np.bool_] = np.ones(columns, bool)
         self.left: Array = np.full(columns, np.inf)
         self.taken = 0
-        self._tolerance, self._most = np.asarray(tolerance, float), most
-        self._last, self._least = np.full(columns, np.inf), np.full(columns, np.inf)
+        self._tolerance, self._most = tolerance, most
+        # The last step, the last one that gained, and the largest since then.
+        self._last, self._least, self._worst = np.full((3, columns), np.inf)
         self._idle = np.zeros(columns, int)
 
-    def take(self, size: Array) -> NDArray[np.bool_]:
+    def take(self, size: Array, whole: ArrayLike = 1.0) -> NDArray[np.bool_]:
         """Judge a step before it is added.
 
         Args:
-            size: of the step of every column, relative to what it changes, shape (columns,).
+            size: of the step of every column, shape (columns,).
+            whole: size of what it leads to, likewise.
 
         Returns:
             The columns that the step is to be added to: those that move and stay finite.
         """
         good = self.moving & np.isfinite(size)
         self.taken += 1
-        with np.errstate(invalid="ignore", divide="ignore"):
+        gains = size < GAIN * self._least
+        self._idle = np.where(gains, 0, self._idle + 1)
+        self._worst = np.where(gains, size, np.fmax(self._worst, size))
+        with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             rate = np.where(np.isfinite(self._last), size / self._last, SLOWEST)
-        left = remaining(size, np.where(size == 0, 0.0, rate))
+            left = remaining(self._worst, np.fmax(rate, FASTEST)) / np.asarray(whole, float)
+        left = np.where(self._worst == 0, 0.0, np.where(np.isnan(left), np.inf, left))
         self.left = np.where(good, left, np.where(self.moving, np.inf, self.left))
-        self._idle = np.where(size < GAIN * self._least, 0, self._idle + 1)
-        self._least, self._last = np.minimum(self._least, size), size
+        self._least, self._last = np.where(gains, size, self._least), size
         self.moving = good & (self.left > self._tolerance) & (self._idle < PATIENCE)
         if self.taken >= self._most:
             self.moving = np.zeros_like(self.moving)

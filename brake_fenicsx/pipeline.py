@@ -221,7 +221,9 @@ def surface_stage(this: Run, stats: SurfaceStatistics) -> None:
         if this.comm.rank == 0:
             from brake_fenicsx.report.inputs import surface_arrays
 
-            this.store.save("surface.npz", **surface_arrays(stats, law_recipe(this.scene, stats)))
+            recipe, micro = law_recipe(this.scene, stats), this.scene.micro
+            arrays = surface_arrays(stats, recipe, micro.seed if micro else 0)
+            this.store.save("surface.npz", **arrays)
 
 
 def brake_stage(this: Run) -> Brake:

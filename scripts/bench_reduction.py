@@ -61,6 +61,14 @@ MU, V, SLOPE, PRESSURE, ZETA, K0 = 0.5, 1.0, -0.05, 2e5, 0.2, 8e9
 CONSTANTS = ("E_3", "G_13", "G_23")
 
 
+def damped_by(kind: str) -> list[str]:
+    """Changes of the scene of the demo that damp its bodies."""
+    if kind not in BULK:
+        return []
+    losses = ["materials.lining.loss = 0.05", "materials.steel.loss = 0.002"]
+    return [f"stability.damping = {BULK[kind]}", *(losses if "loss" in BULK[kind] else [])]
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -75,7 +83,6 @@ def main() -> None:
     parser.add_argument("--set", nargs="+", default=[], help="KEY=VALUE of the scene")
     given = parser.parse_args()
     changes = [
-        "materials.lining.loss = 0.05", "materials.steel.loss = 0.002",
         "contact.pad_disc.gap = none", "samples.approaches = ['multi-scale']",
         "stages = ['equilibrium', 'stability', 'uncertainty']",
         "contact.pad_disc.law = { p0 = '2e5 Pa', u0 = '2e-6 m' }", *given.set,
@@ -90,7 +97,7 @@ def main() -> None:
         law = f"{{ law = 'uniform', spread = {spread} }}"
         random = [f'samples.random."materials.lining.{name}"={law}' for name in CONSTANTS]
         for kind in given.kinds:
-            more = [f"stability.damping = {BULK[kind]}"] if kind in BULK else []
+            more = damped_by(kind)
             scene = read_scene(given.scene, [*changes, *(random if spread else []), *more])
             row(Case(scene, brake, kind, spread, given), given)
 

@@ -126,7 +126,7 @@ show("figure6_artificial", draw_artificial)
 
 # ## Figure 7: the real contact
 #
-# The same surface, 512 x 512 points, pressed by a rigid plane: min 1/2 p'Hp - p'u with p >= 0.
+# The surface of the first law, pressed by a rigid plane: min 1/2 p'Hp - p'u with p >= 0.
 
 show("figure7_contact_maps", draw_contact_maps)
 

@@ -175,7 +175,6 @@ def complex_modes(quick: bool) -> Iterator[Point]:
     """Tolerance and kept modes of the reduced model, full order, and SLEPc without a proof."""
     band = 2000.0 if quick else 8000.0
     changes = [
-        "materials.lining.loss = 0.05", "materials.steel.loss = 0.002",
         "contact.pad_disc.gap = none", "samples.approaches = ['multi-scale']",
         "stages = ['equilibrium', 'stability', 'uncertainty']",
         "contact.pad_disc.law = { p0 = '2e5 Pa', u0 = '2e-6 m' }",
@@ -183,7 +182,7 @@ def complex_modes(quick: bool) -> Iterator[Point]:
     ]  # fmt: skip
     built = assemble_brake(read_scene(SCENES / "disc_brake_demo.toml", changes), MPI.COMM_SELF)
     for kind in ("undamped",) if quick else ("undamped", "loss", "sliding"):
-        more = [f"stability.damping = {reduction.BULK[kind]}"] if kind in reduction.BULK else []
+        more = reduction.damped_by(kind)
         scene = read_scene(SCENES / "disc_brake_demo.toml", [*changes, *more])
         full = None
         cases = [("tolerance", t, None) for t in (1e-5, 1e-3, 1e-7)]

@@ -34,7 +34,7 @@ def modes_of(M, C, K):
         zero,
         error,
         size / np.maximum(overlap, 1e-300),
-        Count(s.size, "dense"),
+        Count(s.size, "proven", "dense"),
         0,
         0.0,
         s.real == 0,

@@ -268,7 +268,11 @@ def test_failing_sample_is_kept_and_stops_nothing(tmp_path, monkeypatch):
             raise NotConverged("made to fail")
         return solve(*args, **kwargs)
 
+    def nowhere(bodies, laws, mu, error, tolerance):
+        raise error
+
     monkeypatch.setattr(equilibria, "equilibrium", sometimes)
+    monkeypatch.setattr(equilibria, "raised_friction", nowhere)
     run(BLOCK, MPI.COMM_SELF, tmp_path / "out", [*MANY, "samples.n=3"])
     status = [s["status"] for s in rows(tmp_path / "out" / "samples.csv")]
     assert status == ["ok", "made to fail", "ok"]
@@ -325,6 +329,7 @@ def test_a_run_of_failed_samples_alone_is_an_error(tmp_path, monkeypatch, capsys
         raise NotConverged("made to fail")
 
     monkeypatch.setattr(equilibria, "equilibrium", never)
+    monkeypatch.setattr(equilibria, "raised_friction", never)
     out = tmp_path / "out"
     assert main(["run", str(BLOCK), "-o", str(out), "--set", "stages=['equilibrium']"]) == 1
     assert "all samples failed (1 of 1)" in capsys.readouterr().err

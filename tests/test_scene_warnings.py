@@ -9,9 +9,13 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter
 
 from brake_fenicsx.checks import surface_warnings, warnings, with_patch, with_pixels
 from brake_fenicsx.description import describe
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.macro.brake import assemble_brake
+from brake_fenicsx.macro.inventory import brake_doubts
 from brake_fenicsx.micro import load_laws
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.report.html import render_page
@@ -58,6 +62,120 @@ def test_values_outside_their_band_are_named(change, key, band):
 
 
 MANY = "stages=['equilibrium','stability','uncertainty']"
+
+
+FRICTION = '"contact.block_plate.friction"'
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ("materials.lining.loss=0.02", "materials.lining.loss = 0.02: acts only with stability"),
+        (f"samples.random.{FRICTION}={{ law='measured', values=[0.3, -0.5, 0.4, -0.1] }}",
+         "2 of 4 measured values are negative, the least is -0.5"),
+        (f"samples.random.{FRICTION}={{ law='uniform', min=-0.1, max=0.4 }}", "min = -0.1"),
+    ],
+)  # fmt: skip
+def test_what_acts_nowhere_or_cannot_be_is_refused(change, said):
+    """A loss factor that no damping term reads; friction below zero was drawn anew in silence."""
+    with pytest.raises(SceneError, match=re.escape(said)):
+        read_scene(BLOCK, [MANY, change])
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        ["materials.lining.loss=0.02", "stability.damping={ loss=true, omega_ref='5 kHz' }"],
+        ["materials.lining.loss=0.02", "stages=['equilibrium']"],
+        [f"samples.random.{FRICTION}={{ law='measured', values=[0.3, -0.5, 0.4], min=0 }}"],
+    ],
+)
+def test_what_acts_or_is_left_out_is_taken(changes):
+    read_scene(BLOCK, [MANY, *changes])
+
+
+@pytest.mark.parametrize(
+    ("E", "nu", "hardness", "warned"),
+    [
+        ("2 MPa", 0.0, "200 MPa", True),
+        ("2 GPa", 0.4, "200 MPa", False),
+        ("2 GPa", 0.4, None, False),
+    ],
+)
+def test_a_hardness_above_the_modulus(E, nu, hardness, warned):
+    """Metals and polymers yield at a hundredth to a tenth of E*."""
+    micro = f"micro={{ E='{E}', nu={nu}"
+    if hardness:
+        micro += f", hardness='{hardness}'"
+    lines = unusual(read_scene(BLOCK, [*ROUGH, micro + " }"]))
+    assert any("above E*" in line and "2 MPa" in line for line in lines) == warned
+
+
+@pytest.mark.parametrize(("patch", "warned"), [("20 mm", True), ("3 mm", False)])
+def test_a_patch_several_times_the_scan(tmp_path, patch, warned):
+    """Said with both sides: 20 mm of a scan of 3.5 x 2.5 mm."""
+    white = np.random.default_rng(0).standard_normal((350, 250))
+    heights = 1e-5 * gaussian_filter(white, 4, mode="wrap")
+    np.savez(tmp_path / "scan.npz", heights=heights, size=[3.5e-3, 2.5e-3])
+    scene = tmp_path / "scene.toml"
+    scene.write_text(
+        f"stages = ['surface', 'micro']\nsurface.scan = 'scan.npz'\nmicro.patch = '{patch}'\n"
+    )
+    parsed = read_scene(scene)
+    lines = [x for x in surface_warnings(parsed, read_surface(parsed)) if "micro.patch" in x]
+    assert len(lines) == warned
+    if warned:
+        assert "20 mm: 8 times the shortest side of a scan, 2.5 mm" in lines[0]
+
+
+def test_fewer_than_six_nodes_per_wavelength():
+    """The shear wave of a lining of G = 1.18 GPa and 2510 kg/m^3 at 40 kHz: 17.1 mm.
+
+    On cells of 10 mm and second order, nodes are 5 mm apart: 3.4; with 12 kHz 11.4.
+    """
+    coarse = ["mesh.cells=hexahedra", "parts.block.length='20 mm'", "parts.block.width='20 mm'",
+              "parts.block.height='20 mm'", "parts.block.size='10 mm'"]  # fmt: skip
+
+    def said(*changes):
+        scene = read_scene(BLOCK, [*coarse, *changes])
+        brake = assemble_brake(scene, MPI.COMM_SELF)
+        return [line for line in brake_doubts(scene, brake) if "nodes per wavelength" in line]
+
+    (line,) = said("stability.band=['0 Hz','40 kHz']", "parts.plate.size='3 mm'")
+    assert line.startswith("parts.block: 3.4 nodes per wavelength (17.1 mm in block.body) at the")
+    assert "take cells of 5.7 mm at most, or end the band at 23000 Hz" in line
+    assert not said("stability.band=['0 Hz','12 kHz']")
+
+
+@pytest.mark.parametrize(("moved", "warned"), [("1 m", True), ("0.1 mm", False)])
+def test_an_imposed_displacement_of_the_size_of_the_part(moved, warned):
+    load = f"loads={{ 'block.top'={{ displacement={{ z='-{moved}' }} }} }}"
+    changes = ["supports.'block.top'=['x','y','z']", load]
+    scene = read_scene(BLOCK, changes)
+    lines = brake_doubts(scene, assemble_brake(scene, MPI.COMM_SELF))
+    said = [line for line in lines if "displacement" in line]
+    assert len(said) == warned
+    if warned:
+        assert "1000 mm: the shortest side of the part is 20 mm" in said[0]
+
+
+def test_fast_with_a_roughness_has_no_total_indices():
+    """Said by check, not where the contact is perfect and not of other designs."""
+    joint = [
+        "stages=['surface','equilibrium','stability','uncertainty']", "samples.n=1200",
+        "surface.statistics={ S_q='3 um' }", "contact.block_plate.gap=hdf",
+        "samples.random.\"contact.block_plate.friction\"={ law='uniform', spread=0.1 }",
+    ]  # fmt: skip
+
+    def said(approach, design):
+        more = [f"samples.approaches=['{approach}']", f"samples.{approach}.design={design}"]
+        return [line for line in unusual(read_scene(BLOCK, [*joint, *more])) if "total" in line]
+
+    (line,) = said("joint", "fast")
+    assert 'design = "fast" of joint' in line and 'design = "saltelli" gives them' in line
+    assert not said("parametric", "fast") and not said("joint", "saltelli")
+
+
 FRICTION = 'samples.random."contact.block_plate.friction"'
 
 

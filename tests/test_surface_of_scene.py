@@ -206,6 +206,23 @@ def test_laws_that_end_below_the_pressure_of_the_brake_are_named(scene, tmp_path
     assert any("laws end at 0.1 MPa" in text for text in done.facts["warnings"])
 
 
+@pytest.mark.parametrize("hardness", [None, "200 MPa"])
+def test_contact_maps_are_the_contact_of_the_first_law(scene, tmp_path, hardness):
+    """Touching shares of the maps are those of the law; no point passes the hardness."""
+    more = "pixels = 64\nseed = 5" + ("" if hardness is None else f'\nhardness = "{hardness}"')
+    done = run(scene(micro=more).file, MPI.COMM_SELF, tmp_path / "out")
+    contact_maps(tmp_path / "out")
+    law, maps = load_laws(done.store.path("laws.npz")), done.store.load("contact_maps.npz")
+    steps, E_star = law[0].steps, law.settings["E_star"]
+    mean = maps["pressures"].mean(axis=(1, 2))
+    np.testing.assert_allclose(mean, maps["p_over_E"] * E_star, rtol=1e-5)
+    assert mean[-1] <= steps.p[-1] * (1 + 1e-5) and maps["pressures"].shape[1:] == (64, 64)
+    share = np.interp(np.log(mean), np.log(steps.p), steps.area)
+    np.testing.assert_allclose(maps["area_fraction"], share, atol=2 / 64**2, rtol=0.03)
+    if hardness is not None:
+        assert maps["pressures"].max() == pytest.approx(200e6, rel=1e-6)
+
+
 def test_laws_of_an_older_version_are_refused_in_one_line(scene, tmp_path):
     done = run(scene(micro="pixels = 32").file, MPI.COMM_SELF, tmp_path / "out")
     path = done.store.path("laws.npz")

@@ -1,4 +1,4 @@
-"""Modes of a modal test from a universal file: datasets 15 or 2411, 18 or 2420, 164 and 55.
+"""A modal test in a universal file: nodes (datasets 15, 2411), axes (18, 2420), units, modes.
 
 A direction of a point counts as measured where any mode has a displacement other than zero in it.
 Directions are those of the point's displacement coordinate system, Cartesian or cylindrical.
@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
-from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +21,11 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import reading
 from brake_fenicsx.report.universal import universal_files
 
+from .mode_sets import Mode, read_mode_sets
+
 Array = NDArray[np.float64]
 
-NODES, SYSTEMS, UNITS, SHAPES = (15, 2411), (18, 2420), 164, 55
-NORMAL, COMPLEX = 2, (3, 7)  # analysis types of dataset 55
+NODES, SYSTEMS, UNITS = (15, 2411), (18, 2420), 164
 CYLINDRICAL, SPHERICAL = 1, 2
 
 
@@ -64,24 +64,25 @@ def read_modes(path: str | Path) -> ModalTest:
         SceneError: the file, what it lacks, and the remedy.
     """
     file = Path(path)
-    sets = read_sets(file, (*NODES, *SYSTEMS, UNITS, SHAPES))
-    s, modes = eigenvalues(file, sets)
+    sets = read_sets(file, (*NODES, *SYSTEMS, UNITS))
+    modes = modes_of(file, sets)
     if not set(NODES) & {d["type"] for d in sets}:
         raise SceneError(
             f"{file}: contains no nodes (dataset 15 or 2411); export the geometry of the test too"
         )
     place = _nodes(file, sets)
-    labels = reduce(np.intersect1d, [np.asarray(m["node_nums"], dtype=int) for m in modes])
+    labels = sorted(set[int].intersection(*({*mode.shape} for mode in modes)))
     without = [n for n in labels if n not in place]
-    if without or not labels.size:
+    if without or not labels:
         lost = f"node {without[0]} of the modes has no position" if without else "no node is common"
         raise SceneError(f"{file}: dataset 55: {lost}; export the geometry of all measured points")
-    shapes = np.array([_shape(m, labels) for m in modes])
+    shapes = np.array([[mode.shape[n][:3] for n in labels] for mode in modes])
     if not np.isfinite(shapes).all() or not np.any(shapes, axis=(1, 2)).all():
         raise SceneError(f"{file}: dataset 55: a mode is zero or not finite; export it again")
     points, axes = (np.array(of) for of in zip(*(place[n] for n in labels), strict=True))
+    s = np.array([mode.s for mode in modes])
     return ModalTest(
-        file, labels, points, axes, np.any(shapes != 0, axis=0), np.abs(s.imag) / (2 * np.pi),
+        file, np.array(labels), points, axes, np.any(shapes != 0, axis=0), s.imag / (2 * np.pi),
         -s.real / np.abs(s), shapes,
     )  # fmt: skip
 
@@ -101,47 +102,25 @@ def read_sets(file: Path, kinds: Collection[int]) -> list[dict[str, Any]]:
         ]
 
 
-def eigenvalues(
-    file: Path, sets: list[dict[str, Any]]
-) -> tuple[NDArray[np.complex128], list[dict[str, Any]]]:
-    """Eigenvalues [1/s] of the modes among some datasets, by frequency, and these datasets.
+def modes_of(file: Path, sets: list[dict[str, Any]]) -> list[Mode]:
+    """Modes of a universal file, by frequency.
+
+    Args:
+        file: the file.
+        sets: its datasets, to say what it holds instead.
 
     Raises:
         SceneError: there is none.
     """
-    shapes = (d for d in sets if d["type"] == SHAPES)
-    pairs = [(s, d) for d in shapes if (s := _eigenvalue(d)) is not None]
-    pairs.sort(key=lambda pair: abs(pair[0].imag))
-    if not pairs:
+    modes = read_mode_sets(file)
+    if not modes:
         kinds = dict.fromkeys(str(d["type"]) for d in sets)
         raise SceneError(
             f"{file}: contains no modes (dataset 55, normal or complex) but"
             f" {', '.join(kinds) or 'no dataset at all'}; export nodes and modes; of frequency"
             " responses (58) identify the modes first, in the test software or with sdypy-EMA"
         )
-    return np.array([s for s, _ in pairs]), [d for _, d in pairs]
-
-
-def _eigenvalue(mode: dict[str, Any]) -> complex | None:
-    """Eigenvalue alpha + i omega [1/s] of a mode that vibrates; None of anything else.
-
-    The damping ratio of a normal mode is the viscous one or half of the hysteretic one.
-    """
-    if mode["analysis_type"] in COMPLEX:
-        s = complex(mode["eig"])
-        return s if s.imag else None
-    if mode["analysis_type"] != NORMAL or not mode["freq"] > 0:
-        return None
-    ratio = mode.get("modal_damp_vis") or 0.5 * mode.get("modal_damp_his", 0.0)
-    omega = 2 * np.pi * mode["freq"]
-    return complex(-ratio / np.sqrt(max(1 - ratio**2, 1e-6)) * omega, omega)
-
-
-def _shape(mode: dict[str, Any], labels: NDArray[np.intp]) -> NDArray[np.complex128]:
-    """Displacements at some nodes, shape (nodes, 3)."""
-    number = {int(n): i for i, n in enumerate(mode["node_nums"])}
-    rows = [number[int(n)] for n in labels]
-    return np.column_stack([np.asarray(mode[r], complex)[rows] for r in ("r1", "r2", "r3")])
+    return modes
 
 
 def _systems(

@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.log import logger
 
-from .measured import SHAPES, eigenvalues, read_sets
+from .measured import modes_of, read_sets
 
 Array = NDArray[np.float64]
 UNITS = {"frequency_hz": 1.0, "frequency_khz": 1e3}
 # Two peaks closer than this may be one that was written twice.
 TWICE = 2e-4
 SUFFIXES = (".unv", ".uff", ".uf")
-# Dataset 58 holds functions of several types; this one is the frequency response.
-RESPONSES, RESPONSE = 58, 4
+# Modes; functions of several types, of which one is the frequency response.
+SHAPES, RESPONSES, RESPONSE = 55, 58, 4
 # A pole counts as a mode if, of so many model orders, this share has one this near, over |s|.
 ORDERS, ORDER, SHARE, STABLE = 60, 20, 0.8, 1e-3
 
@@ -54,21 +54,24 @@ def read_peaks(path: str | Path) -> list[Peaks]:
     """
     file = Path(path)
     if file.suffix.lower() in SUFFIXES:
-        sets = read_sets(file, (SHAPES,))
+        sets = read_sets(file, ())
         kinds = {d["type"] for d in sets}
         measured = RESPONSES in kinds and SHAPES not in kinds
-        s = _poles(file) if measured else eigenvalues(file, sets)[0]
+        s = _poles(file) if measured else np.array([mode.s for mode in modes_of(file, sets)])
         ratio = np.where(s.real < 0, -s.real / np.abs(s), np.nan)
         return [_checked(file, file.stem, np.column_stack([s.imag / (2 * np.pi), 0.5 / ratio]))]
     try:
-        with file.open(newline="", encoding="utf-8-sig") as text:
-            rows = csv.DictReader(line for line in text if line.strip() and line[0] != "#")
-            table = [{str(k).strip(): v for k, v in row.items()} for row in rows]
-            heading = [name.strip() for name in rows.fieldnames or ()]
+        text = file.read_text("utf-8-sig")
     except FileNotFoundError:
         raise SceneError(f"{file}: no such file; name the table of peaks") from None
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+    except (OSError, UnicodeDecodeError) as error:
         raise SceneError(f"{file}: cannot be read as a table: {error}") from None
+    lines = [line for line in text.splitlines() if line.strip() and line[0] != "#"]
+    # With semicolons or tabs between the cells a comma is a decimal one.
+    delimiter = next((c for c in ";\t" if lines and c in lines[0]), ",")
+    rows = csv.DictReader(lines, delimiter=delimiter)
+    table = [{str(k).strip(): v for k, v in row.items()} for row in rows]
+    heading = [name.strip() for name in rows.fieldnames or ()]
     unit = [name for name in heading if name in UNITS]
     unknown = {*heading} - {*UNITS, "q", "specimen"}
     if len(unit) != 1 or unknown:
@@ -83,6 +86,9 @@ def read_peaks(path: str | Path) -> list[Peaks]:
                 f"{file}: peak {number}: more cells than the heading has; write decimals with a"
                 " point, not a comma"
             )
+        if delimiter != ",":
+            numbers = {name: (row.get(name) or "").replace(",", ".") for name in (unit[0], "q")}
+            row |= {name: word for name, word in numbers.items() if name in heading}
         peak = UNITS[unit[0]] * _number(file, number, unit[0], row[unit[0]])
         q = _number(file, number, "q", row["q"]) if (row.get("q") or "").strip() else np.nan
         specimens.setdefault((row.get("specimen") or "1").strip(), []).append((peak, q))
@@ -116,8 +122,14 @@ def _poles(file: Path) -> NDArray[np.complex128]:
             " same frequencies; export frequency responses of one frequency axis"
         )
     model = ema.Model(lower=x[0][1], upper=x[0][-1], pol_order_high=ORDERS)
-    model.read_uff(str(file))
-    model.get_poles(show_progress=False)
+    try:
+        model.read_uff(str(file))
+        model.get_poles(show_progress=False)
+    except Exception as error:  # sdypy-EMA raises nothing narrower
+        raise SceneError(
+            f"{file}: dataset 58: sdypy-EMA fails ({type(error).__name__}: {error}); export modes"
+            " as dataset 55"
+        ) from None
     orders, found = [np.asarray(poles) for poles in model.all_poles[-ORDER:]], []
     for s in (s for s in orders[-1] if s.imag > 0 > s.real):
         nearest = np.array([poles[np.argmin(np.abs(poles - s))] for poles in orders])

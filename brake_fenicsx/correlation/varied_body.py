@@ -83,7 +83,10 @@ class VariedBody:
     def _entries(self, theta: Array) -> Array:
         """The C_ij that change, at logarithms of the constants."""
         values = dict(zip(self.names, np.exp(theta), strict=True))
-        C = varied_stiffness(self._table, values)
+        try:
+            C = varied_stiffness(self._table, values)
+        except SceneError as error:  # as of nu beyond 0.5
+            raise InaccurateResult(f"{self._where}: {error}") from None
         if not la.eigvalsh(C)[0] > 0:
             raise InaccurateResult(f"{self._where}: constants are not positive definite")
         return np.asarray(C[self._index])

@@ -35,6 +35,9 @@ from .newton_steps import Factors, Step, changes, newton_step, through
 # frequency over that of the guess.
 ITERATIONS, GAIN, MISSES, VECTORS, FEW, DIFFERENCE, SLOW = 20, 0.3, 1, 200, 100, 1e-3, 0.1
 
+# Forces [N] and stiffnesses [N/m] beyond this are those of a state that no vibration has.
+HUGE = 1e30
+
 
 @dataclass(frozen=True, slots=True)
 class Tangent:
@@ -257,6 +260,9 @@ class HarmonicBalance:
     ) -> tuple[Step | None, bool]:
         """Newton's step, None if not found, and whether its factors are new."""
         F, tangent = self.contact(at)
+        if not max(np.abs(F).max(initial=0.0), np.abs(tangent.stiffness).max(initial=0.0)) < HUGE:
+            # Gaps so far closed that the pressures of an exponential law overflow.
+            return None, True
         lam, step = self.lam(at), DIFFERENCE * abs(at.s)
         single = self._single or self.bodies.single(lam)
         ahead, here = (single.unbalanced(x, at.a, at.y, F) for x in (lam + step, lam))

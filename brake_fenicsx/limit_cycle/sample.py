@@ -15,7 +15,7 @@ from brake_fenicsx.stability.substructures import ReducedModel
 
 from .bodies import Array
 from .contact_forces import PatchForces
-from .floquet import exponents, verdict
+from .floquet import UNDECIDED, exponents, verdict
 from .growth import STABLE, UNDAMPED, Cycle, GrowthBranch, follow, time_to_reach
 from .harmonic_balance import HarmonicBalance
 from .reduced_bodies import reduced_bodies
@@ -34,6 +34,11 @@ MEASURES = (
     "open_share", "yield_share", "slip_over_speed", "time_s", "sound_power_db", "level_1m_db",
     "harmonics_left_out", "exponent_1_s", "exponent_error_1_s", "exponent_hz",
 )  # fmt: skip
+
+# Measures of how loud a cycle is: of outcomes that may be what is heard. What takes the place of
+# another one is not computed, and may be several times as large.
+SOUND = ("sound_power_db", "level_1m_db")
+HEARD = (STABLE, UNDECIDED, UNDAMPED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,8 +191,14 @@ def cycles_of_modes(
         points += [(int(i), *point) for point in zip(branch.amplitude, branch.s, strict=True)]
         for cycle in branch.cycles:
             values = cycles.measured(problem, cycle, branch, faces, slip)
-            found = verdict(values[-3], values[-2], values[-1] / values[2])
-            rows.append((int(i), found if cycle.kind == STABLE else cycle.kind, values))
+            outcome = cycle.kind
+            if outcome == STABLE:
+                outcome = verdict(values[-3], values[-2], values[-1] / values[2])
+            if not outcome.startswith(HEARD):
+                values = [
+                    np.nan if n in SOUND else v for n, v in zip(MEASURES, values, strict=True)
+                ]
+            rows.append((int(i), outcome, values))
         if grows[i] and not any(cycle.kind in (STABLE, UNDAMPED) for cycle in branch.cycles):
             rows.append((int(i), f"none: {branch.end}", nothing))
     number, amplitude, s = zip(*points, strict=True) if points else ((), (), ())

@@ -16,7 +16,7 @@ from brake_fenicsx.micro.combined import OneLaw, join_laws
 from brake_fenicsx.micro.law import Law, Laws
 
 from .condensation import Compliance, compliance
-from .equilibrium import Equilibrium, displacement, limit_of_friction
+from .equilibrium import Equilibrium, displacement, raised_friction
 from .equilibrium import equilibrium as solve
 from .gap import EnrichedGap
 
@@ -73,7 +73,7 @@ def equilibrium(
     try:
         eq = solve(ops, enriched, mu, steps)
     except NotConverged as error:
-        raise limit_of_friction(ops, enriched, mu, steps, error) from None
+        eq = raised_friction(ops, enriched, mu, error)
     return replace(eq, u=displacement(ops, eq, ops.f))
 
 

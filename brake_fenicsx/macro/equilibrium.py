@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ import scipy.linalg as la
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import NotConverged
+from brake_fenicsx.iteration import Steps, sizes
 
 from .condensation import Compliance
 from .friction import friction_traction
@@ -27,12 +28,14 @@ from .newton import Newton, State
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
 
-# Halvings of the friction coefficient that find its limit, to one part in a hundred.
-BISECTIONS = 7
+# First and smallest step of the friction coefficient along which an equilibrium is followed, as a
+# share of it; growth of a step after one that succeeded.
+FIRST, SMALLEST, GROWTH = 0.25, 1e-3, 1.5
 
-# Steps of iterative refinement before double precision takes over; a column of the matrix is left
-# to the refinement where its diagonal differs from 1 by less than LITTLE.
-REFINEMENTS, LITTLE = 12, 1e-4
+# Steps of iterative refinement, the relative error at which it ends, and up to which it is enough,
+# before double precision takes over; a column of the matrix is left to the refinement where its
+# diagonal differs from 1 by less than LITTLE.
+REFINEMENTS, REFINED, ENOUGH, LITTLE = 12, 1e-15, 1e-12, 1e-4
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -111,44 +114,54 @@ def equilibrium(
     return record(laws, mu, found, began)
 
 
-def limit_of_friction(
-    ops: Any, laws: EnrichedGap, mu: float | Array, steps: int, error: NotConverged
-) -> NotConverged:
-    """The error of a failed equilibrium, with the friction up to which there is one.
+def raised_friction(
+    ops: Any, laws: EnrichedGap, mu: float | Array, error: NotConverged, tolerance: float = 1e-10
+) -> Equilibrium:
+    """Equilibrium that is followed from the one without friction, as friction grows.
+
+    Each step starts from the straight line through the last two equilibria, and is halved where
+    Newton's iteration fails from there.
 
     Args:
         ops: as in ``equilibrium``.
         laws: law and critical gap of every element.
         mu: friction coefficient at which none was found, one or one per element.
-        steps: equal load steps.
         error: how the equilibrium failed.
+        tolerance: relative residual.
 
     Returns:
-        The same error where friction is not the cause.
+        The equilibrium at ``mu``, where it is reached.
+
+    Raises:
+        NotConverged: it is not: up to which friction it is; ``error`` where there is none without
+            friction, or nothing rubs.
     """
-
-    def found(share: float) -> bool:
-        try:
-            equilibrium(ops, laws, share * np.asarray(mu), steps)
-        except NotConverged:
-            return False
-        return True
-
     largest = float(np.max(np.abs(mu)))
-    # Without friction it must be found: else another cause made it fail.
-    if largest == 0.0 or not found(0.0):
-        return error
-    low, high = 0.0, 1.0
-    for _ in range(BISECTIONS):
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if found(middle) else (low, middle)
-    # Found at every lower friction: then perhaps at this one too, and another cause made it fail.
-    if high == 1.0 and found(1.0):
-        return error
-    return NotConverged(
-        f"equilibrium: none was found at a friction coefficient of {largest:.3g}, but up to"
-        f" {low * largest:.3g} there is one: more friction tips or locks a part; lower the"
-        " friction, or change supports or loads"
+    if largest == 0.0:
+        raise error
+    try:
+        shares, found = [0.0], [equilibrium(ops, laws, 0.0, tolerance=tolerance)]
+    except NotConverged:
+        raise error from None
+    step = FIRST
+    while shares[-1] < 1.0 and step >= SMALLEST:
+        share, start = min(shares[-1] + step, 1.0), found[-1].g
+        if len(found) > 1:
+            slope = (found[-1].g - found[-2].g) / (shares[-1] - shares[-2])
+            start = start + (share - shares[-1]) * slope
+        try:
+            eq = equilibrium(ops, laws, share * np.asarray(mu), tolerance=tolerance, start=start)
+        except NotConverged:
+            step *= 0.5
+            continue
+        shares, found = [*shares[-1:], share], [*found[-1:], eq]
+        step *= GROWTH
+    if shares[-1] == 1.0:
+        return replace(found[-1], mu=mu)
+    raise NotConverged(
+        f"equilibrium: none was found at a friction coefficient of {largest:.3g}; the one without"
+        f" friction was followed up to {shares[-1] * largest:.3g} and no further: more friction"
+        " tips or locks a part; lower the friction, or change supports or loads"
     )
 
 
@@ -216,27 +229,19 @@ class Jacobian:
         """Solution by refinement; None where it is not enough of a start."""
         lu = la.lu_factor(self._matrix(np.float32, chosen), overwrite_a=True, check_finite=False)
         others = np.setdiff1d(np.arange(b.size), chosen)
-        x, r, last = np.zeros_like(b), b, np.inf
-        for _ in range(REFINEMENTS):
+        x, r, steps = np.zeros_like(b), b, Steps(1, REFINED, REFINEMENTS)
+        while steps.moving.any():
             dx = r.copy()
             dx[others] = 0.0
             dx[chosen] = la.lu_solve(lu, r[chosen].astype(np.float32), check_finite=False)
             if others.size:
                 dx[others] = (r - self._contact(dx))[others]
-            size = float(np.linalg.norm(dx))
-            if not np.isfinite(size):
-                # Springs so soft that no element is among the chosen: a free body has none.
+            # Not finite: springs so soft that no element is among the chosen; a free body has none.
+            if not steps.take(*sizes(dx[:, None], x[:, None])):
                 return None
             x = x + dx
-            # The next step gains what this one gained.
-            gain = size / last if np.isfinite(last) else 1.0
-            if size * gain <= 1e-15 * np.linalg.norm(x):
-                return x
-            if not size < 0.5 * last:
-                # Round-off of the residual, or no convergence at all.
-                return x if last <= 1e-13 * np.linalg.norm(x) else None
-            r, last = b - self.times(x), size
-        return None
+            r = b - self.times(x)
+        return x if steps.left <= ENOUGH else None
 
     def _contact(self, x: Array) -> Array:
         """What contact adds to a vector."""

@@ -35,6 +35,7 @@ from .brake import Brake
 from .elasticity import FreeDofs
 from .faces import body_of_nodes
 from .parts import file_parts
+from .stated import left_out
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]
@@ -51,8 +52,8 @@ FREE, SAME = 1e-5, 1e-3
 COINCIDENT = 1e-5
 # Share of the loads that no contact force balances.
 UNBALANCED = 1e-3
-# Keywords of mesh files that join or hold parts.
-JOINING = ("*TIE", "*COUPLING", "*BOUNDARY")
+# Sections that join or hold parts.
+JOINING = ("ties", "springs", "supports")
 
 
 def check_free_motions(scene: Scene, brake: Brake) -> list[str]:
@@ -232,10 +233,11 @@ def _refusal(scene: Scene, brake: Brake, motions: Motions, pieces: dict[str, str
     sentences += [
         f"{text}: merge them in the mesh" for name, text in pieces.items() if name in free
     ]
-    lost = [word for word in JOINING if word in " ".join(brake.mesh.unread.changing)]
+    left = left_out(scene, brake.mesh.unread).values()
+    lost = [one.said for stated in left for one in stated if one.section in JOINING]
     if lost and (of_file := [name for name in file_parts(scene) if name in free]):
         whose = f"{scene.mesh.file}, the mesh of {' and '.join(of_file)}"
-        sentences.append(f"{whose}, has {' and '.join(lost)}, which is not read")
+        sentences.append(f"{whose}, has {' and '.join(lost)}, which the scene has not")
     return (
         f"{'; '.join(sentences)}. Hold them by supports, ties or springs; contact holds along its"
         " normal alone"

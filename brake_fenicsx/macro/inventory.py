@@ -12,10 +12,12 @@ from brake_fenicsx.scene.friction import slides
 from brake_fenicsx.scene.sections import Motion
 
 from .brake import Brake, scene_motion
+from .doubts import displacement_doubts, resolution_doubts
 from .faces import Face, gather_face
 from .free_motions import check_free_motions
 from .friction import Rotation
 from .material_table import layer_materials, scene_materials
+from .stated import left_out
 
 ALONE = 0.05  # share of a first face that faces nothing, from which it is said
 APART = 10e-6  # m, smallest gap before the load from which it is said
@@ -85,13 +87,20 @@ def inventory_lines(scene: Scene, brake: Brake) -> list[str]:
 
 
 def brake_doubts(scene: Scene, brake: Brake) -> list[str]:
-    """What is doubtful of a brake: what is not read of its meshes, places, joints, loads.
+    """What is doubtful of a brake: what is not read of its meshes, cells, places, joints, loads.
 
     Raises:
         SceneError: a part moves freely.
     """
+    mesh = brake.mesh
     doubts = [*check_free_motions(scene, brake), *placement_doubts(scene, brake)]
-    return [*brake.mesh.unread.changing, *brake.elastic.doubts, *doubts]
+    doubts += [*resolution_doubts(scene, mesh), *displacement_doubts(scene, mesh)]
+    left = [
+        f"{file}: not in the scene: {', '.join(one.said for one in stated)}; write them, or ignore"
+        " this if you left them out"
+        for file, stated in left_out(scene, mesh.unread).items()
+    ]
+    return [*mesh.unread.changing, *left, *brake.elastic.doubts, *doubts]
 
 
 def placement_doubts(scene: Scene, brake: Brake) -> list[str]:

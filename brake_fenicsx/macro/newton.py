@@ -27,6 +27,8 @@ HOLD = 0.03
 TILT = 100.0
 # Iterations before these springs are taken away; contact that needs them is found in fewer.
 PATIENCE = 20
+# Round-offs of a gap that a residual may hold.
+ROUNDINGS = 8.0
 # Work of the residual below this share of the pressures' is round-off: the full step is taken.
 ROUND_OFF = 1e-13
 
@@ -159,7 +161,7 @@ class Newton:
             if np.isnan(history[-1]):
                 break
             # Only a full step moves the loads of the state to the present ones.
-            if history[-1] < tolerance and s == 1.0:
+            if s == 1.0 and history[-1] < max(tolerance, self._reachable(history, g)):
                 self._check_tilt(g)
                 return (g, t), history
         raise NotConverged(
@@ -167,6 +169,16 @@ class Newton:
             f" {history[-1]:.2e}, {tolerance:.0e} needed); check supports and loads, then raise the"
             " load steps"
         )
+
+    def _reachable(self, history: list[float], g: Array) -> float:
+        """Residual that round-off of the gaps and pressures leaves, once steps gain nothing."""
+        if not history[-1] > 0.5 * history[-2]:
+            return 0.0
+        p, k = self.laws.loading(g)
+        gaps = np.abs(g) + np.abs(self.laws.g_cr) + np.abs(self.system.g0)
+        size = self.system.norm(p)
+        noise = np.finfo(float).eps * (np.abs(p) + k * gaps)
+        return ROUNDINGS * self.system.norm(noise) / size if size > 0 else 0.0
 
     def _check_tilt(self, g: Array) -> None:
         """Whether the bodies tilt by an angle that linear kinematics can mean.

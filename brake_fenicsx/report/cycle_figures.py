@@ -17,10 +17,12 @@ from .style import CYCLE, GREY, label, light_grid, new_figure
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-ENDED = ("stable", "undecided", "undamped", "gives way")  # outcomes at which growth ends
+HEARD = ("stable", "undecided", "undamped")  # outcomes whose loudness is stated
+ENDED = (*HEARD, "gives way")  # outcomes at which growth ends
 DOUBTS: dict[str, str] = {
     "undamped": "{} have no damping: growth ends there, but no vibration settles.",
-    "gives way": "{} cycles give way to another vibration: their size is a first estimate.",
+    "gives way": "{} cycles give way to another vibration, which may be several times larger and is"
+    " not computed: no loudness is stated.",
     "none": "{} modes grow beyond the largest amplitude, or their branch is lost: no number.",
     "unstable": "{} cycles are thresholds of a kick beyond which a vibration grows.",
 }
@@ -41,22 +43,24 @@ def cycle_blocks(run: RunData) -> list[Block]:
     if table is None or not table["family"].size:
         return []
     heads = [
-        "approach", "family", "frequency [kHz]", "samples that grow", "with a cycle",
+        "approach", "family", "frequency [kHz]", "samples that grow", "how growth ends",
         "level at 1 m [dB]", "5 % to 95 % of samples [dB]", "disc velocity [mm/s]",
         "gap amplitude [um]", "rank by loudness", "rank by damping",
     ]  # fmt: skip
     rows: list[list[Value]] = []
-    texts = kilohertz(table["frequency_hz"].tolist())
-    for i in np.flatnonzero(table["rank_by_loudness"] <= MOST):
+    shown = {(name, family) for name in run.approaches for family in _loudest(run, name)}
+    for i, place in enumerate(zip(map(str, table["approach"]), table["family"], strict=True)):
+        if place not in shown:
+            continue
         cell = {name: column[i] for name, column in table.items()}
         ends = [cell[f"{LEVEL}_{q}"] for q in (5, 95)]
         rows.append([
             run.label(str(cell["approach"])), int(cell["family"]),
-            texts[i], int(cell["growing_samples"]), int(cell["cycles"]),
+            frequency_text(run, *place), int(cell["growing_samples"]), str(cell["outcomes"]),
             _text(cell[f"{LEVEL}_50"], ".0f"),
             "{:.0f} to {:.0f}".format(*ends) if np.all(np.isfinite(ends)) else "-",
             _text(cell["disc_mm_s_50"], ".3g"), _text(cell["gap_um_50"], ".3g"),
-            int(cell["rank_by_loudness"]), int(cell["rank_by_damping"]),
+            _text(cell["rank_by_loudness"], ".0f"), int(cell["rank_by_damping"]),
         ])  # fmt: skip
     return [
         Text(" ".join([NOTE, *_doubts(run.cycles["limit_cycle"])])),
@@ -77,7 +81,7 @@ def draw_growth(run: RunData) -> Figure | None:
             pairs = np.unique(np.array([points["sample"][own], points["mode"][own]]), axis=1).T
             for i, (sample, mode) in enumerate(pairs):
                 line = own & (points["sample"] == sample) & (points["mode"] == mode)
-                text = f"{points['frequency_hz'][line][0] / 1e3:.3f} kHz" if i == 0 else None
+                text = f"{frequency_text(run, approach, family)} kHz" if i == 0 else None
                 axis.plot(
                     points["amplitude_um"][line], points["alpha_1_s"][line], color=colour, lw=0.9,
                     alpha=0.8, label=text,
@@ -107,11 +111,13 @@ def draw_loudness(run: RunData) -> Figure | None:
     for approach in run.approaches:
         for family in _loudest(run, approach):
             own = (cycles["approach"] == approach) & (cycles["family"] == family)
-            own &= _begins(cycles, ENDED) & np.isfinite(cycles[LEVEL])
+            own &= _begins(cycles, HEARD) & np.isfinite(cycles[LEVEL])
             if own.any():
                 levels.append(cycles[LEVEL][own])
-                kilo = cycles["frequency_hz"][own].mean() / 1e3
-                names.append(f"{kilo:.3f} kHz\n{label(run, approach)}")
+                kilo = frequency_text(run, approach, family)
+                names.append(f"{kilo} kHz\n{label(run, approach)}")
+    if not levels:
+        return None
     figure, axes = new_figure(1, 1, height=3.0)
     axes[0, 0].boxplot(levels, whis=(5, 95), widths=0.5)
     axes[0, 0].set_xticks(range(1, len(names) + 1), names, fontsize=7.5)
@@ -122,8 +128,30 @@ def draw_loudness(run: RunData) -> Figure | None:
 
 def _loudest(run: RunData, approach: str) -> list[int]:
     table = run.cycles["limit_cycle_families"]
-    own = (table["approach"] == approach) & (table["rank_by_loudness"] <= MOST)
-    return [int(family) for family in table["family"][own]]
+    own = table["approach"] == approach
+    return [int(family) for family in table["family"][own][:MOST]]
+
+
+def frequency_text(run: RunData, approach: str, family: int) -> str:
+    """Frequency of a family [kHz]: that of its squeal modes, as everywhere on the page."""
+    for one in run.squeal.families(approach):
+        if one.key == family:
+            return one.kilohertz
+    table = run.cycles["limit_cycle_families"]
+    own = (table["approach"] == approach) & (table["family"] == family)
+    return kilohertz(table["frequency_hz"][own].tolist())[0]
+
+
+def loudness_text(run: RunData, approach: str, family: int) -> str:
+    """How growth of a family ends, and how loud; empty without limit cycles."""
+    table = run.cycles.get("limit_cycle_families")
+    if table is None:
+        return ""
+    for i in np.flatnonzero((table["approach"] == approach) & (table["family"] == family)):
+        level = float(table[f"{LEVEL}_50"][i])
+        loud = f"; {level:.0f} dB at 1 m" if np.isfinite(level) else ""
+        return f"{table['outcomes'][i]}{loud}"
+    return ""
 
 
 def _doubts(cycles: Columns) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,19 +15,20 @@ if TYPE_CHECKING:
     from brake_fenicsx.micro import LawRecipe
     from brake_fenicsx.surface import SurfaceStatistics
 
-# Figure 7: pixels of the surface, and the loads it is pressed with, p / E*.
-MAP_PIXELS = 512
 MOMENTS = ("mean", "median", "S_q", "S_sk", "S_ku")
 MOMENT_ERRORS = ("mean_error", "S_q_error", "S_sk_error", "S_ku_error")
-MAP_LOADS = (1e-4, 1e-3, 1e-2, 5e-2)
+MAP_LOADS = (1e-4, 1e-3, 1e-2, 5e-2)  # of figure 7, p / E*; lower where the laws end lower
 
 
-def surface_arrays(stats: SurfaceStatistics, recipe: LawRecipe | None) -> dict[str, Any]:
+def surface_arrays(
+    stats: SurfaceStatistics, recipe: LawRecipe | None, seed: int = 0
+) -> dict[str, Any]:
     """Content of surface.npz.
 
     Args:
         stats: statistics of the scan, or given by numbers.
         recipe: what artificial surfaces are made from, if the scene makes any.
+        seed: of the laws; the artificial surface is that of the first of them.
 
     Returns:
         Arrays by name; what there is no scan or no artificial surface for is left out.
@@ -52,7 +54,7 @@ def surface_arrays(stats: SurfaceStatistics, recipe: LawRecipe | None) -> dict[s
         from brake_fenicsx.surface import radial_psd
         from brake_fenicsx.surface.hdf import kernel_density
 
-        made = recipe.surface(0, 0)
+        made = recipe.surface(seed, 0)
         psd = radial_psd(made)
         out |= {
             "artificial": made.heights, "artificial_size": made.size,
@@ -105,52 +107,39 @@ def surface_numbers(stats: SurfaceStatistics) -> dict[str, Any]:
 
 
 def contact_maps(directory: Path) -> None:
-    """Press one artificial surface of 512 x 512 points at several loads; writes contact_maps.npz.
+    """Press the surface of the first law at several loads; writes contact_maps.npz.
 
-    The surface has the statistics of the run's laws; nothing is done without laws, or twice.
+    It is pressed like the law, with its hardness and its boundary, up to the end of the law.
+    Nothing is done without laws, or twice.
     """
     from brake_fenicsx.folder.store import Store
-    from brake_fenicsx.results.run import scan_heights
 
     store = Store(directory)
     surface = store.load("surface.npz")
     made = store.path("laws.npz").exists() and not store.path("contact_maps.npz").exists()
     if surface is None or not made:
         return
-    from brake_fenicsx.micro import load_laws, solve_contact
-    from brake_fenicsx.surface import synthesise
-    from brake_fenicsx.surface.hdf import HeightDistribution, matched, measured
+    from brake_fenicsx.micro import LawSettings, load_laws, solve_contact
 
-    how = load_laws(store.path("laws.npz")).settings
-    if "distribution" not in how or "spectrum_q" not in surface:
+    how, names = load_laws(store.path("laws.npz")).settings, [f.name for f in fields(LawSettings)]
+    heights, size = (surface.get(n, np.empty(0)) for n in ("artificial", "artificial_size"))
+    if {*names} - {*how} or [*heights.shape] != [*how["shape"]]:
         raise SceneError(
             f"{store.path('laws.npz')}: made by an older version; run the scene again in a new"
             " folder"
         )
-    numbers = json.loads(str(surface["stats"]))
-    ln_q, ln_C = np.log(surface["spectrum_q"]), np.log(surface["spectrum_C"])
-    hdf: HeightDistribution
-    if how["distribution"] == "measured":
-        hdf = measured(scan_heights(surface))
-    else:
-        S_q, S_sk, S_ku = (numbers[name] for name in ("S_q", "S_sk", "S_ku"))
-        hdf = matched(S_q, S_sk, S_ku, how["distribution"])
-    size, E_star = tuple(how["size"]), how["E_star"]
-    shape = (MAP_PIXELS, MAP_PIXELS)
-    topography = synthesise(
-        lambda q: np.exp(np.interp(np.log(q), ln_q, ln_C)), hdf, shape, size,
-        np.random.default_rng(0), variance=how["variance"],
-    )  # fmt: skip
+    settings = LawSettings(**{name: how[name] for name in names})
+    loads = np.array(MAP_LOADS) * min(1.0, settings.highest / settings.E_star / MAP_LOADS[-1])
     solved = [
         solve_contact(
-            topography.heights, size, E_star, load=x * E_star * size[0] * size[1],
-            boundary=how["boundary"], tol=1e-6,
+            heights, size, settings.E_star, load=p * settings.E_star * float(np.prod(size)),
+            boundary=settings.boundary, tol=settings.tolerance, hardness=settings.hardness,
         )
-        for x in MAP_LOADS
+        for p in loads
     ]  # fmt: skip
     store.save(
         "contact_maps.npz",
-        heights=topography.heights, size=np.array(size), p_over_E=np.array(MAP_LOADS),
+        heights=heights, size=size, p_over_E=loads,
         pressures=np.array([s.pressure for s in solved], dtype=np.float32),
         area_fraction=np.array([s.area_fraction for s in solved]),
         separation=np.array([s.separation for s in solved]),

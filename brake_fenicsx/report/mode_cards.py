@@ -11,6 +11,7 @@ from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import Family
 from brake_fenicsx.results.tables import Value, read_rows
 
+from .cycle_figures import loudness_text
 from .overview import share_text
 from .turned import can_turn
 
@@ -119,6 +120,8 @@ def family_card(run: RunData, family: Family, pictures: ModePictures, rank: int 
         facts.append(("samples", often_text(family)))
     if parts := _parts_text(run, family):
         facts.append(("moving parts", parts))
+    if loud := loudness_text(run, family.approach, family.key):
+        facts.append(("how growth ends", loud))
     if (pattern := pictures.pattern(key)) is not None:
         facts.append((pattern[0], pattern[2]))
     return Card(

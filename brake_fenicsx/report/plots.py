@@ -70,9 +70,9 @@ PLOTS: tuple[Plot, ...] = (
     ),
     Plot(
         "figure7_contact_maps",
-        "Real contact of one artificial surface with a rigid plane at growing mean pressure p; "
-        "circles mark the few points of a light contact. E* is the composite modulus; the contact "
-        "is elastic, also where the laws have a hardness.",
+        "Real contact of the artificial surface of the first law with a rigid plane at growing mean"
+        " pressure p, with the hardness of the laws if they have one; circles mark the few points"
+        " of a light contact. E* is the composite modulus.",
         draw_contact_maps,
     ),
     Plot(
@@ -121,9 +121,11 @@ PLOTS: tuple[Plot, ...] = (
     Plot(
         "sensitivity",
         "Share of the variance of the growth rate (0 where no mode squeals) that each random input "
-        "explains alone, with 95 % intervals, in the whole band and in the most severe families. "
-        "Diamonds: total share with interactions, where the design provides it. Empty bars: too "
-        "few samples for an interval. Negative shares are sampling error of the estimate.",
+        "explains alone, with 95 % intervals, in the whole band and in the most severe families; "
+        "roughness, where it is one of them, is all that laws and critical gaps do. Diamonds: "
+        "total share, with all interactions of the input, also those with the roughness, where "
+        "the design provides it. Empty bars: too few samples for an interval. Negative shares are "
+        "sampling error of the estimate.",
         draw_sensitivity,
     ),
     Plot(

@@ -70,7 +70,10 @@ def speed_rows(run: RunData) -> list[list[Value]]:
         rows.append([name, *known, error[4], error[6], about.get("counted_by")])
     checked = run.summary.get("verification")
     if isinstance(checked, Mapping) and checked.get("samples_compared"):
-        verdicts = f"{checked.get('wrong_verdicts')} wrong of {checked.get('eigenvalues')} verdicts"
+        verdicts = (
+            f"{checked.get('wrong_verdicts')} wrong of {checked.get('eigenvalues')} verdicts,"
+            f" {checked.get('errors_beyond_estimates')} errors beyond their estimates"
+        )
         true = (checked.get(f"{kind}_relative_error") for kind in ("median", "largest"))
         rows.append(
             ["against full order", checked["samples_compared"], None, None, *true, verdicts]

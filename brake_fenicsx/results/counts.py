@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from .blocks import SampleBlock
 
+PROVEN = "proven"  # kind of a count, see ``brake_fenicsx.stability.modes.Counting``
+
 Array = NDArray[np.float64]
 
 
@@ -30,11 +32,14 @@ class Counts:
     forces: list[Array] = field(default_factory=list)
     of_each: dict[str, list[float]] = field(default_factory=dict)
 
-    def add_samples(self, block: SampleBlock, own: NDArray[np.intp], counted: list[str]) -> None:
-        """Samples of a block by their places, and how their modes were counted."""
+    def add_samples(self, block: SampleBlock, own: NDArray[np.intp]) -> None:
+        """Samples of a block by their places."""
         self.good += own.size
-        self.counted_by = self.counted_by or next(iter(counted), None)
-        self.not_complete += sum(not is_complete(how) for how in counted)
+        kinds, words = (block.scalars(name, None) for name in ("count_kind", "counted"))
+        counts = [(kinds[i], words[i]) for i in own if kinds[i] is not None]
+        if counts and self.counted_by is None:
+            self.counted_by = _sentence(*counts[0])
+        self.not_complete += sum(kind != PROVEN for kind, _ in counts)
         for name in ("stability_seconds", "equilibrium_seconds", "equilibrium_iterations"):
             values = block.scalars(name, None)
             known = self.of_each.setdefault(name, [])
@@ -78,6 +83,6 @@ class Counts:
         return about
 
 
-def is_complete(how: str) -> bool:
-    """Whether the count of the modes of a sample proves that none is missing."""
-    return not how.startswith("not counted") and "not proven" not in how
+def _sentence(kind: str, how: str) -> str:
+    """What the summary says of how the modes of a sample were counted."""
+    return how if kind == PROVEN else f"{'not proven' if kind == 'counted' else kind}: {how}"

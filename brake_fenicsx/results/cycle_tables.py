@@ -1,13 +1,14 @@
 """limit_cycle*.csv: how large squeal becomes, from stored samples, and families ranked by it.
 
 A family's loudness is that of the first cycle that its growth ends at in each sample, or of the end
-of its growth where nothing damps it. Families are ranked by the median of the level where the faces
-radiate, else by that of the velocity of the disc or of the gap; beside it stands their rank by
-damping.
+of its growth where nothing damps it; cycles that give way to another vibration have none. Families
+are ranked by the median of the level where the faces radiate, else by that of the velocity of the
+disc or of the gap; beside it stands their rank by damping.
 """
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.limit_cycle.floquet import GIVES_WAY, UNDECIDED
 from brake_fenicsx.limit_cycle.growth import STABLE, UNDAMPED
-from brake_fenicsx.limit_cycle.sample import MEASURES
+from brake_fenicsx.limit_cycle.sample import HEARD, MEASURES
 
 from .stored import Results
 from .tables import write_rows
@@ -28,7 +29,7 @@ GROWTH = (*MODE, "amplitude_um", "alpha_1_s", "frequency_hz")
 FAMILIES = (
     "approach", "family", "frequency_hz", "growing_samples", "cycles", "level_1m_db_5",
     "level_1m_db_50", "level_1m_db_95", "disc_mm_s_50", "gap_um_50", "rank_by_loudness",
-    "rank_by_damping",
+    "rank_by_damping", "outcomes",
 )  # fmt: skip
 LOUDNESS = ("level_1m_db", "disc_mm_s", "gap_um")
 
@@ -75,20 +76,30 @@ def _families(rows: list[list[Any]]) -> list[list[Any]]:
     for approach in dict.fromkeys(name for name, _ in members):
         own = [(number, found) for (name, number), found in members.items() if name == approach]
         first = [_first_cycles(found) for _, found in own]
-        loud = _ranks([[_median(cycles, name) for name in LOUDNESS] for cycles in first])
+        heard = [[c for c in cycles if c["outcome"].startswith(HEARD)] for cycles in first]
+        loud = _ranks([[_median(cycles, name) for name in LOUDNESS] for cycles in heard])
         calm = _ranks([
             [np.median([2 * m["linear_alpha_1_s"] / m["linear_frequency_hz"] for m in found])]
             for _, found in own
         ])  # fmt: skip
-        for (number, found), cycles, rank, damping in zip(own, first, loud, calm, strict=True):
+        each = zip(own, first, heard, loud, calm, strict=True)
+        for (number, found), ended, cycles, rank, damping in sorted(each, key=lambda x: x[3]):
             levels = [c["level_1m_db"] for c in cycles if c["level_1m_db"] is not None]
             spread = np.quantile(levels, [0.05, 0.5, 0.95]).tolist() if levels else [None] * 3
             out.append([
                 approach, number, float(np.mean([m["linear_frequency_hz"] for m in found])),
-                len({m["sample"] for m in found}), len(cycles), *spread,
-                _median(cycles, "disc_mm_s"), _median(cycles, "gap_um"), rank, damping,
+                len({m["sample"] for m in found}), len(ended), *spread,
+                _median(cycles, "disc_mm_s"), _median(cycles, "gap_um"),
+                rank if cycles else None, damping, _outcomes(ended, found),
             ])  # fmt: skip
-    return sorted(out, key=lambda row: (row[0], row[-2]))
+    return sorted(out, key=lambda row: row[0])
+
+
+def _outcomes(ended: list[dict[str, Any]], members: list[dict[str, Any]]) -> str:
+    """How many modes end their growth in which way, such as "3 stable, 1 gives way"."""
+    words = [c["outcome"].partition(":")[0] for c in ended]
+    words += ["no end" for m in members if m["outcome"].startswith("none")]
+    return ", ".join(f"{n} {word}" for word, n in Counter(words).most_common())
 
 
 def _first_cycles(members: list[dict[str, Any]]) -> list[dict[str, Any]]:

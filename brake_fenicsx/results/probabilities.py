@@ -10,14 +10,14 @@ round-off, and with damping how fast it decays says nothing about noise. Indices
 answer for crossing the border and for the strength beyond it, those of squeal for the border alone.
 A family that has no mode in a sample does not squeal there.
 
-sensitivity.csv   first-order and total indices of every outcome for every random input
+sensitivity.csv   first-order and total indices of every outcome for every random input, and for
+                  the roughness where the design gives them
 probabilities.csv probability of squeal of every band and family, its median damping and severity
                   (the product of both), who moves it, and the shares of the variance of its growth
 convergence.csv   the probabilities after so many samples
 
 Shares of the variance are sums of first-order indices: friction, materials, loads; what is left is
-roughness (which has its own seed in every sample) together with all interactions. Without rough
-contact it is interactions alone.
+roughness together with all interactions. Without rough contact it is interactions alone.
 """
 
 from __future__ import annotations
@@ -48,6 +48,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 MOST_FAMILIES = 20  # looked at, the most severe first
+ROUGHNESS = "roughness"  # as an input: laws and critical gaps
 
 WHERE = ("approach", "threshold", "scope", "where", "frequency_hz")
 SENSITIVITY = (
@@ -248,7 +249,7 @@ def sensitivity_rows(found: Sequence[Ensemble]) -> Iterator[list[Any]]:
             for name, x in (("growth", cause.growth), ("squeal", cause.squeal)):
                 if x is None or np.ptp(o.growth[e.good]) == 0:
                     continue
-                for i, key in enumerate(e.names):
+                for i, key in enumerate((*e.names, ROUGHNESS)[: x.first.size]):
                     first = _interval(x.first[i], x.first_half[i])
                     total = _interval(x.total[i], x.total_half[i])
                     counts = [x.method, x.used, x.filled]
@@ -296,10 +297,11 @@ def _dominant(cause: Causes, e: Ensemble) -> list[Any]:
 
 def _shares(x: Indices, e: Ensemble) -> list[float | None]:
     """Shares of the variance by kind of input, and the rest."""
-    if not e.names or not np.isfinite(x.first).all():
+    first = x.first[: len(e.names)]
+    if not e.names or not np.isfinite(first).all():
         return [None] * (len(SHARES) + 1)
     own = [[n.startswith(start) for n in e.names] for start in SHARES.values()]
-    shares = [float(x.first[np.array(chosen)].sum()) for chosen in own]
+    shares = [float(first[np.array(chosen)].sum()) for chosen in own]
     return [*shares, 1.0 - sum(shares)]
 
 

@@ -1,11 +1,19 @@
 """Which random input moves an outcome: first-order and total indices with 95 % intervals.
 
-    fast       extended FAST, first and total; means over the independent search curves, intervals
-               from their spread by Student's t, widened by the bias of the method. (Resampling a
-               curve, as SALib's own interval does, destroys the order its spectrum is made of.)
-    saltelli   first and total; intervals by SALib's bootstrap over the rows
+    fast       extended FAST, first and, without roughness, total; means over the independent search
+               curves, intervals from their spread by Student's t, widened by the bias of the
+               method. (Resampling a curve, as SALib's own interval does, destroys the order its
+               spectrum is made of.)
+    saltelli   first and total, of the roughness as well, which counts as one more input; intervals
+               by SALib's bootstrap over the rows
     others     RBD-FAST, first; intervals by SALib's bootstrap over halves of the samples, of many
                over those of the first 1,024, narrowed by the square root of the number
+
+First-order index: share of the variance of the outcome that an input explains alone, on the mean
+over all others. Total index: share that is left on average when all but this input are held, with
+its interactions, also those with the roughness. Where each sample has a roughness of its own, all
+frequencies of a search curve of FAST contain its scatter: no total index is given then, and the
+first-order intervals are wider by the share of the scatter at the frequencies of one input.
 
 Samples that failed are left out, which only RBD-FAST allows; in the two others their outcome is
 set to the mean of the others, and no index is given where more than 2 % are.
@@ -43,7 +51,8 @@ class Indices:
     """Indices of one outcome for each input; nan where the design cannot give them.
 
     Attributes:
-        first: first-order indices, shape (inputs,).
+        first: first-order indices, shape (inputs,); with Saltelli's design of rough samples the
+            last one is that of the roughness.
         first_half: half widths of their 95 % intervals.
         total: total indices.
         total_half: half widths of their intervals.
@@ -79,13 +88,13 @@ def indices(plan: Plan, x: Array, y: Array, good: NDArray[np.bool_]) -> Indices:
     used, missing = int(good.sum()), int((~good).sum())
     rigid = plan.design in RIGID
     short = missing > FILLED * y.size if rigid else used < FEWEST
-    if short or used == 0 or np.ptp(y[good]) == 0:
+    if not d or short or used == 0 or np.ptp(y[good]) == 0:
         return Indices(none, none, none, none, method, used, 0)
     if not rigid:
         first, half = _rbd(x[good], y[good])
         return Indices(first, half, none, none, method, used, 0)
     whole = np.where(good, y, y[good].mean())
-    found = _fast(plan, whole, d) if plan.design == "fast" else _saltelli(whole, d)
+    found = _fast(plan, whole, d) if plan.design == "fast" else _saltelli(whole, d + plan.rough)
     return Indices(*found, method, used, missing)
 
 
@@ -134,4 +143,8 @@ def _fast(plan: Plan, y: Array, inputs: int) -> tuple[Array, Array, Array, Array
     if plan.curves > 1:
         t = stats.t.ppf(0.5 + CONFIDENCE / 2, plan.curves - 1)
         half = t * found.std(axis=0, ddof=1) / np.sqrt(plan.curves) + BIAS
+    if plan.rough:
+        # Of scatter, which fills all n / 2 frequencies, as much as the harmonics are of these.
+        half[:, 0] += 2 * HARMONICS / n * (1 - mean[:, 0])
+        mean[:, 1] = half[:, 1] = np.nan
     return mean[:, 0], half[:, 0], mean[:, 1], half[:, 1]

@@ -25,7 +25,7 @@ from brake_fenicsx.uncertainty.study import Study
 
 from .blocks import SampleBlock, Tabulation, blocks_of, tabulation_of
 from .columns import column_writer, ma
-from .counts import Counts, is_complete
+from .counts import PROVEN, Counts
 from .families import ModeFamilies
 from .run import RunData
 from .tables import CONTACT, MODES, SAMPLES, Columns, read_columns, write_rows
@@ -38,7 +38,7 @@ Data = dict[str, Any]
 # Names of the arrays that tables of drivers and of limit cycles are made of begin so.
 MORE = ("driver_", "cycle_", "branch_")
 # What rows of samples.csv are made of, beside the random inputs.
-ROW = ("status", "seed", "mean_mu", "rejected", "tolerance_missed", "counted")
+ROW = ("status", "seed", "mean_mu", "rejected", "tolerance_missed", "count_kind")
 
 
 class Results:
@@ -137,7 +137,7 @@ class Results:
         """
         names = sorted({str(n) for block in self._rows for n in block.words("random_names")})
         drawn = any(name.startswith("materials.") for name in names)
-        modes = any("counted" in block for block in self._rows)
+        modes = any("count_kind" in block for block in self._rows)
         heads = [*SAMPLES, "mu", *names]
         heads += ["rejected"] * drawn + ["tolerance_missed", "complete"] * modes
 
@@ -145,11 +145,11 @@ class Results:
             for block in self._rows:
                 known, values = block.each("random_names"), block.each("random")
                 columns = (block.scalars(name, None) for name in ROW)
-                for task, x, v, *row, rejected, missed, counted in zip(
+                for task, x, v, *row, rejected, missed, kind in zip(
                     block.tasks, known, values, *columns, strict=True
                 ):
                     inputs = {} if x is None or v is None else dict(zip(x, v, strict=True))
-                    proven = None if counted is None else "yes" if is_complete(counted) else "no"
+                    proven = None if kind is None else "yes" if kind == PROVEN else "no"
                     more = [rejected] * drawn + [missed, proven] * modes
                     drawn_values = (float(inputs[n]) if n in inputs else None for n in names)
                     yield [*task, *row, *drawn_values, *more]
@@ -162,10 +162,9 @@ class Results:
         good = np.array(block.scalars("status", "")) == "ok"
         lost = zip(block.tasks, block.scalars("lost", None), strict=True)
         self._lost += [(f"{approach} {k}", text) for (approach, k), text in lost if text]
-        texts = block.scalars("counted", None)
         for name in dict.fromkeys(names.tolist()):
             own = np.flatnonzero((names == name) & good)
-            self._counts[name].add_samples(block, own, [texts[i] for i in own if texts[i]])
+            self._counts[name].add_samples(block, own)
             self._counts[name].failed += int(((names == name) & ~good).sum())
         if "s" in block:
             approach = np.repeat(names, block.sizes("s"))
@@ -174,10 +173,10 @@ class Results:
 
     def _compare(self, block: SampleBlock) -> None:
         """Keep what the verification compares."""
-        values = zip(block.each("s"), block.each("verdict"), strict=True)
-        for (approach, number), (s, verdict) in zip(block.tasks, values, strict=True):
-            if approach == self._verified and number < len(self._verify) and s is not None:
-                self._reduced[number] = {"s": s, "verdict": verdict}
+        names = ("s", "verdict", "error")
+        for (approach, number), *values in zip(block.tasks, *map(block.each, names), strict=True):
+            if approach == self._verified and number < len(self._verify) and values[0] is not None:
+                self._reduced[number] = dict(zip(names, values, strict=True))
 
     def _more(self, block: SampleBlock, family: NDArray[np.int32]) -> None:
         """Samples with derivatives or limit cycles."""
@@ -219,19 +218,22 @@ class Results:
 
     def _verification(self) -> dict[str, Any]:
         """Reduced samples against full order."""
-        errors, wrong, compared = [np.zeros(0)], 0, 0
+        errors, wrong, beyond, compared = [np.zeros(0)], 0, 0, 0
         for (_, number), full in self._verify.items():
             mine = self._reduced.get(number, {})
             if "s" not in full or "s" not in mine or mine["s"].size != full["s"].size:
                 continue
             compared += 1
-            errors.append(np.abs(mine["s"] - full["s"]) / np.abs(full["s"]))
+            error = np.abs(mine["s"] - full["s"])
+            beyond += int(np.sum(~(error <= mine["error"] + full["error"])))
+            errors.append(error / np.abs(full["s"]))
             pairs = zip(mine["verdict"], full["verdict"], strict=True)
             wrong += sum({str(a), str(b)} == {"stable", "unstable"} for a, b in pairs)
         error = np.concatenate(errors)
         return {
             "samples_asked": len(self._verify), "samples_compared": compared,
             "eigenvalues": int(error.size), "wrong_verdicts": wrong,
+            "errors_beyond_estimates": beyond,
             "largest_relative_error": float(error.max()) if error.size else None,
             "median_relative_error": float(np.median(error)) if error.size else None,
         }  # fmt: skip

@@ -188,6 +188,13 @@ def check_modal_names(table: Mapping[str, Any]) -> None:
 def damping_mistakes(scene: Scene) -> Iterator[str]:
     """Terms that lack what they act on."""
     table = scene.damping
+    if "stability" in scene.stages and not (table and table.loss):
+        for name in sorted(used_materials(scene)):
+            if loss := scene.materials[name].loss:
+                yield (
+                    f"{dotted('materials', name, 'loss')} = {loss:g}: acts only with {WHERE}.loss ="
+                    f" true; write it, with {WHERE}.omega_ref, or leave the loss factor out"
+                )
     if table is None:
         return
     if table.loss and not any(scene.materials[name].loss for name in used_materials(scene)):

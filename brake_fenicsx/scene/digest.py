@@ -13,7 +13,7 @@ from brake_fenicsx.scene import LawTable, Scene
 from brake_fenicsx.scene.scalars import changes_bodies
 
 # Format of laws and samples on disk: what older programs wrote is not read as current.
-FORMAT = 3
+FORMAT = 4
 
 # Sections whose numbers change no result of a sample, or of which only some do.
 NO_RESULT = ("stages", "samples", "sweep", "countermeasures")
@@ -39,7 +39,8 @@ def result_digest(scene: Scene) -> str:
     # The points of a design belong together; parametric and joint take the inputs from multi-scale.
     whole = [s.plan(a) for a in s.approaches if s.takes_random(a) and not s.plan(a).grows]
     if whole:
-        content["designs"] = [[p.n, p.design, p.curves] for p in whole]
+        crossed = {p: ["roughness"] * (p.rough and p.design == "saltelli") for p in whole}
+        content["designs"] = [[p.n, p.design, p.curves, *crossed[p]] for p in whole]
     if s.random and {"parametric", "joint"} & {*s.approaches}:
         content["multi-scale"] = "roughness alone"
     if measured := {name: d.digest for name, d in s.random.items() if d.digest}:

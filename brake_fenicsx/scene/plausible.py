@@ -13,7 +13,7 @@ from brake_fenicsx.scene.parts import part_lengths
 from brake_fenicsx.scene.samples import Classical, Distribution, split_key
 from brake_fenicsx.scene.sections import MaterialTable, Scene
 from brake_fenicsx.scene.tables import dotted
-from brake_fenicsx.scene.units import MODULI, with_unit
+from brake_fenicsx.scene.units import MODULI, quantity_text, with_unit
 
 METAL_DENSITY, METAL_MODULUS = 4000.0, 5e9  # kg/m^3, Pa: above the one, below the other is no metal
 CUT = 0.01  # share of a normal law below zero that is worth a warning
@@ -33,11 +33,25 @@ def unusual(scene: Scene) -> list[str]:
             lines += _outside(("samples", "random", name, word), scalar, getattr(law, word, None))
         if isinstance(law, Distribution):  # a law of one's own says nothing of its draws
             lines += _doubtful(name, law, scalar.get("sign") == "any")
+    for name in filter(scene.samples.takes_random, scene.samples.approaches):
+        plan = scene.samples.plan(name)
+        if plan.rough and plan.design == "fast":
+            lines.append(
+                f'samples: design = "fast" of {name}: no total indices, because every sample draws'
+                ' its roughness anew; design = "saltelli" gives them, and those of the roughness'
+            )
     count = max(scene.samples.plan(name).n for name in scene.samples.approaches)
     if scene.stability and scene.stability.verify > count:
         lines.append(
             f"stability.verify = {scene.stability.verify}: there are {count} samples, all of which"
             " are then verified"
+        )
+    micro = scene.micro
+    if micro and micro.hardness and micro.hardness > (E_star := micro.E / (1 - micro.nu**2)):
+        lines.append(
+            f"micro.hardness = {with_unit(micro.hardness, 'Pa')}: above E* = E / (1 - nu^2) ="
+            f" {quantity_text(E_star, 'Pa')} of the lining, where solids yield at a tenth of it and"
+            " less; correct micro.E or the hardness"
         )
     for name, table in scene.materials.items():
         modulus = min(v for v in (*_flat(table.E), *_flat(table.C11), METAL_MODULUS))

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from brake_fenicsx.arguments import of_kind
+from brake_fenicsx.endings import MESH_FILES
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene.contact import with_table
 from brake_fenicsx.scene.countermeasures import with_ends
@@ -83,16 +84,16 @@ def _toml(path: Path) -> dict[str, Any]:
         raise SceneError("no such file; give the path of a scene") from None
     except OSError as error:
         raise SceneError(f"cannot be read ({error.strerror}); give the path of a scene") from None
-    except UnicodeDecodeError as error:
+    except (ValueError, RecursionError) as error:
+        if path.suffix.lower() in MESH_FILES:
+            raise SceneError(
+                f"a mesh file; brake-fenicsx init {path} writes a first scene of it"
+            ) from None
+        if not isinstance(error, UnicodeDecodeError):
+            remedy = "; write paths with / or in single quotes" if "\\" in str(error) else ""
+            raise SceneError(f"not a TOML file: {error}{remedy}") from None
         line = error.object.count(b"\n", 0, error.start) + 1
         raise SceneError(f"line {line}: not UTF-8 text; save the scene as UTF-8") from None
-    except (ValueError, RecursionError) as error:
-        remedy = ""
-        if path.suffix.lower() not in ("", ".toml"):
-            remedy = f"; of a mesh file `brake-fenicsx init {path.name}` makes a scene"
-        elif "\\" in str(error):
-            remedy = "; write paths with / or in single quotes"
-        raise SceneError(f"not a TOML file: {error}{remedy}") from None
 
 
 def _override(table: dict[str, Any], text: str) -> None:
@@ -117,12 +118,13 @@ def _scene(path: Path, table: dict[str, Any]) -> Scene:
     scene: Scene = read_table(Scene, table)
     if scene.surface and len(scene.surface.scans) == 1:  # a list of one is that one, in hashes too
         table = {**table, "surface": {**table["surface"], "scan": scene.surface.scans[0]}}
+    roughness = any(c.law == "library" or c.gap != "none" for c in scene.contact.values())
     random = {n: complete(d, n, path.parent) for n, d in scene.samples.random.items()}
     contact = {n: with_table(c, n, path.parent) for n, c in scene.contact.items()}
     scene = replace(
         scene, contact=contact, file=path, table=table,
         stages=tuple(s for s in STAGES if s in scene.stages),
-        samples=replace(scene.samples, random=random),
+        samples=replace(scene.samples, random=random, roughness=roughness),
     )  # fmt: skip
     check_consistent(scene)
     return with_ends(scene, lambda text: _changed(scene, text))

@@ -147,6 +147,7 @@ class Samples:
         joint: number and design of its samples.
         limit: share of samples beyond which a family is called likely to squeal.
         random: law of each random input.
+        roughness: whether samples of rough contact draw laws or critical gaps.
     """
 
     n: int = key(default=1)
@@ -163,6 +164,7 @@ class Samples:
     random: dict[str, Distribution] = field(
         default_factory=dict, metadata={"type": lambda: _random_type()}
     )
+    roughness: bool = key(default=False, internal=True)
 
     @property
     def rough(self) -> bool:
@@ -183,16 +185,25 @@ class Samples:
         """Number and design of an approach's samples as the scene asks for them."""
         table = {"parametric": self.parametric, "joint": self.joint}.get(approach, Design())
         design = table.design or ("rbd-fast" if approach == "parametric" else self.design)
-        return Plan(table.n or self.n, design, table.curves or self.curves)
+        rough = self.roughness and approach in ROUGH
+        return Plan(table.n or self.n, design, table.curves or self.curves, rough)
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Samples asked for, their design, and search curves of FAST for each input."""
+    """Samples asked for, and how they are laid out.
+
+    Attributes:
+        n: their number.
+        design: of the random inputs.
+        curves: search curves of FAST for each input.
+        rough: whether samples draw laws or critical gaps beside the inputs.
+    """
 
     n: int
     design: str
     curves: int
+    rough: bool = False
 
     @property
     def grows(self) -> bool:
@@ -301,7 +312,8 @@ def complete(d: Distribution, name: str, folder: Path) -> Distribution:
         values = _measured(d, unit_of(name), folder, where)
         digest = hashlib.sha256(np.array(values).tobytes()).hexdigest()
         d = replace(d, values=values, digest=digest)
-    for text in _mistakes(d):
+    friction = _negative(d) if name.endswith(".friction") else ()
+    for text in (*_mistakes(d), *friction):
         raise SceneError(f"{where}{text}")
     measured = min((v for v in d.values if d.min <= v <= d.max), default=None)
     for key_, value in (("mean", d.mean), ("values", measured), ("min", _uniform(d))):
@@ -332,6 +344,18 @@ def _mistakes(d: Distribution) -> Iterator[str]:
         yield ": a measured law needs two values or more within min and max, in values or file"
     if d.law != "measured" and (d.values or d.file):
         yield ': values and file belong to law = "measured"'
+
+
+def _negative(d: Distribution) -> Iterator[str]:
+    """Values that a friction coefficient never has."""
+    negative = [v for v in d.values if d.min <= v < 0]
+    if negative:
+        yield (
+            f": {len(negative)} of {len(d.values)} measured values are negative, the least is"
+            f" {min(negative):g}; correct them, or write min = 0, which leaves them out"
+        )
+    if d.law == "uniform" and d.spread is None and d.min < 0:
+        yield f".min = {d.min:g}: a friction coefficient is not negative; write 0 or more"
 
 
 def _measured(d: Distribution, unit: str, folder: Path, where: str) -> tuple[float, ...]:

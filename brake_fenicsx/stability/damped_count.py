@@ -15,7 +15,7 @@ from brake_fenicsx.errors import InaccurateResult
 from .eigensolvers.argument_principle import damped_region
 from .eigensolvers.symmetric import SHIFT, count_below
 from .full.problem import SplitProblem
-from .modes import Complex
+from .modes import Complex, Counting
 from .substructures.contact import ContactLinearisation
 from .substructures.model import ReducedModel
 from .substructures.substructure import Substructure
@@ -24,7 +24,9 @@ from .substructures.substructure import Substructure
 TOLERANCE = 1e-3
 
 
-def counted(p: SplitProblem, C: sp.csr_matrix, s: Complex, high: float, zeta_max: float) -> str:
+def counted(
+    p: SplitProblem, C: sp.csr_matrix, s: Complex, high: float, zeta_max: float
+) -> Counting:
     """Compare the modes found with the zeros of T around the band.
 
     Args:
@@ -55,12 +57,13 @@ def counted(p: SplitProblem, C: sp.csr_matrix, s: Complex, high: float, zeta_max
     try:
         model = ReducedModel.offline([body], one, (0.0, high / 2 / np.pi), tolerance=TOLERANCE)
     except InaccurateResult as error:
-        indefinite = count_below(p.frictionless, p.M, -SHIFT * high**2)[0] > 0
-        return p.indefinite if indefinite else f"not counted: {error}; lower the end of the band"
+        if count_below(p.frictionless, p.M, -SHIFT * high**2)[0] > 0:
+            return p.indefinite
+        return Counting("not counted", f"{error}; lower the end of the band")
     zeros = model.zeros([], contact)
     wide = zeta_max / np.sqrt(1 - zeta_max**2)
     region = damped_region(np.r_[s, zeros], high, wide)
     found, expected = int(region.holds(s).sum()), int(region.holds(zeros).sum())
     if found != expected:
         raise InaccurateResult(f"damped modes: {found} found, the reduced problem has {expected}")
-    return "zeros of T(z) of the frictionless modes, complete by inertia"
+    return Counting("proven", "zeros of T(z) of the frictionless modes, complete by inertia")

@@ -36,7 +36,7 @@ from .full.friction import friction_modes
 from .full.interface import Interface, difference_interface
 from .full.krylov_schur import general_modes
 from .full.problem import Found, SplitProblem
-from .modes import Modes, counted_rows
+from .modes import Counting, Modes, counted_rows
 
 
 def complex_modes(
@@ -134,9 +134,8 @@ def _symmetric(p: SplitProblem, high: float) -> Found:
     modes = symmetric_modes(p.K, p.M, *shifted, high)
     shifted[0].destroy()
     shapes = modes.Phi.astype(complex)
-    return Found(
-        modes.kappa.astype(complex), shapes, shapes, "inertia of K - kappa M", modes.blocks
-    )
+    counting = Counting("proven", "inertia of K - kappa M")
+    return Found(modes.kappa.astype(complex), shapes, shapes, counting, modes.blocks)
 
 
 def _record(
@@ -166,5 +165,5 @@ def _record(
         )
     return Modes(
         lam, f.right[:, order], left[:, order], residual[order], spread, condition[order],
-        counted_rows(lam, f.how, zeta_max), f.iterations, time.perf_counter() - start, real,
+        counted_rows(lam, f.counting, zeta_max), f.iterations, time.perf_counter() - start, real,
     )  # fmt: skip

@@ -8,7 +8,7 @@ kappa gives two rows, +-alpha.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,16 +27,34 @@ THRESHOLD = 1e-6
 RIGID_BELOW = 1e-3
 
 
+CountKind = Literal["proven", "counted", "not counted"]
+
+
+class Counting(NamedTuple):
+    """What is known of the number of modes.
+
+    Attributes:
+        kind: "proven": the number found is that of a count whose own condition holds; "counted":
+            it is that of a count whose condition does not hold; "not counted".
+        how: by what they were counted, or why not; nothing is decided by these words.
+    """
+
+    kind: CountKind
+    how: str
+
+
 @dataclass(frozen=True, slots=True)
 class Count:
-    """How many modes the band must hold, and how that was counted.
+    """How many modes the band must hold, and what is known of that number.
 
     Attributes:
         expected: modes of the band, after what was found agreed with what was counted.
-        how: by what; names the modes beyond the damping ratios counted, if there are any.
+        kind: see ``Counting``.
+        how: see ``Counting``; names the modes beyond the damping ratios counted, if there are any.
     """
 
     expected: int
+    kind: CountKind
     how: str
 
 
@@ -138,14 +156,14 @@ def relative_errors(s: Complex, error: Array) -> Array:
     return np.where(elastic, known / np.where(elastic, size, 1.0), np.nan)
 
 
-def counted_rows(s: Complex, how: str, zeta_max: float) -> Count:
+def counted_rows(s: Complex, counting: Counting, zeta_max: float) -> Count:
     """Record of a count that agreed with the modes found in its region.
 
     Args:
         s: eigenvalues of the band [1/s], shape (modes,).
-        how: how the region was counted.
+        counting: how the region was counted.
         zeta_max: the region holds every mode of the band up to this damping ratio.
     """
     beyond = int(np.sum((s.imag != 0) & (np.abs(s.real) > zeta_max * np.abs(s))))
     note = f"; {beyond} beyond the damping ratio {zeta_max:g}, found but not counted"
-    return Count(s.size, how + note if beyond else how)
+    return Count(s.size, counting.kind, counting.how + note * bool(beyond))

@@ -38,21 +38,28 @@ def resampled(stats: SurfaceStatistics, rng: np.random.Generator) -> SurfaceStat
     each = kind if len(stats.topographies) == 1 else "fit"
     scans = [
         characterise(
-            _other(stats, scan, rng), stats.level, "none", cutoff=cutoff,
+            _other(stats, one, rng), stats.level, "none", cutoff=cutoff,
             distribution=stats.hdf.name, spectrum=each,
         )
-        for scan in stats.topographies
+        for one in stats.each
     ]  # fmt: skip
     found = averaged(scans, cutoff, stats.hdf.name, kind)
     return replace(found, spectrum=replace(found.spectrum, form=stats.spectrum.form))
 
 
-def _other(stats: SurfaceStatistics, scan: Topography, rng: np.random.Generator) -> Topography:
-    """A scan of the size, the pixels and the missing points of another."""
+def _other(
+    stats: SurfaceStatistics, one: SurfaceStatistics, rng: np.random.Generator
+) -> Topography:
+    """A scan of the size, the pixels and the missing points of another.
+
+    Where the deepest points were missing the surface has flat valleys, and none is missing.
+    """
+    scan = one.topographies[0]
     (nx, ny), times = scan.shape, 1 if scan.periodic else 2
     size = times * scan.size
     whole = synthesise(
         stats.spectrum, stats.hdf, (times * nx, times * ny), (size[0], size[1]), rng, "extend"
     )
-    heights = np.where(scan.valid, whole.heights[:nx, :ny], np.nan)
+    shown = scan.valid | (one.lost == "deepest")
+    heights = np.where(shown, whole.heights[:nx, :ny], np.nan)
     return replace(scan, heights=heights, source=f"{scan.source}, drawn anew")

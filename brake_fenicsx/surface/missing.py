@@ -2,7 +2,7 @@
 
 What marks them is read from the file itself, so that it does not depend on the reader's release:
 Wyko OPD: the two largest 16-bit integers; Digital Surf SUR: two steps below the smallest height of
-the header; X3P: a file of bits; Keyence ZON: a map of bytes.
+the header; Keyence ZON: a map of bytes.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 import struct
 import zipfile
 from pathlib import Path
-from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,19 +38,8 @@ def missing_points(file: Path, counts: Array) -> Mask:
     found = None
     if head.startswith((b"PK", b"KPK")):
         with zipfile.ZipFile(file) as archive:
-            of = _bits_of_x3p if "main.xml" in archive.namelist() else _bytes_of_zon
-            found = of(archive, counts.shape)
+            found = _bytes_of_zon(archive, counts.shape)
     return np.zeros(counts.shape, dtype=bool) if found is None else found
-
-
-def _bits_of_x3p(archive: zipfile.ZipFile, shape: tuple[int, ...]) -> Mask | None:
-    """The bits of the points, the lowest of a byte first; a bit that is set is a height."""
-    link = ElementTree.fromstring(archive.read("main.xml")).find(".//ValidPointsLink")
-    if link is None or not link.text or link.text not in archive.namelist():
-        return None
-    bits = np.frombuffer(archive.read(link.text), np.uint8)
-    valid = np.unpackbits(bits, count=int(np.prod(shape)), bitorder="little")
-    return np.asarray(valid.reshape(shape[::-1]).T == 0)
 
 
 def _bytes_of_zon(archive: zipfile.ZipFile, shape: tuple[int, ...]) -> Mask | None:

@@ -45,9 +45,10 @@ def _with_form(
     """Statistics of a surface whose longest waves are those of a longer scan."""
     with _named(scene, "form", file):
         long = characterise(_read(scene, file), table.level, distribution="johnson",
-                            spectrum=table.spectrum).spectrum  # fmt: skip
-    where, scan = f"{scene.file}: surface.form = {file!r}", stats.bifractal.band[0]
-    shortest, longest, limit = (2e3 * np.pi / q for q in (long.band[1], long.band[0], scan))
+                            spectrum=table.spectrum)  # fmt: skip
+    where, band = f"{scene.file}: surface.form = {file!r}", stats.bifractal.band
+    ends = (*long.bifractal.band[::-1], band[0])
+    shortest, longest, limit = (2e3 * np.pi / q for q in ends)
     if shortest > limit:
         raise SceneError(
             f"{where}: its shortest wave of {shortest:.3g} mm is longer than the longest of the"
@@ -58,7 +59,7 @@ def _with_form(
             f"{where}: its longest wave of {longest:.3g} mm is not longer than that of the scan,"
             f" {limit:.3g} mm; name a longer scan, or none"
         )
-    return replace(stats, spectrum=replace(stats.spectrum, form=long))
+    return replace(stats, spectrum=replace(stats.spectrum, form=long.spectrum, band=band))
 
 
 def _each_scan(scene: Scene, table: Surface, distribution: str) -> list[SurfaceStatistics]:

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 import scipy.fft
@@ -69,14 +68,15 @@ def psd_2d(topo: Scans) -> Array:
     """Two-dimensional PSD [m^4] on the half plane of ``rfft2``, shape (nx, ny // 2 + 1).
 
     A scan that is not periodic is multiplied by a Hann window in both directions, scaled so that
-    the variance is kept on average. Missing points are filled first. The density of several scans
-    is their mean at every wave vector (Bartlett's method).
+    the variance is kept on average: it shows directions, and the centre of the scan more than its
+    rim. Missing points are filled first. The density of several scans is their mean at every wave
+    vector (Bartlett's method).
     """
     if not isinstance(topo, Topography):
         return np.asarray(np.mean([psd_2d(scan) for scan in topo], axis=0))
     h = fill(topo.heights)
     if not topo.periodic:
-        window = _window(topo.shape)
+        window = np.outer(*(np.hanning(n + 2)[1:-1] for n in topo.shape))
         h = h - np.sum(window * h) / window.sum()
         h = h * window / np.sqrt(np.mean(window**2))
     h_q = scipy.fft.rfft2(h) / h.size
@@ -84,32 +84,65 @@ def psd_2d(topo: Scans) -> Array:
     return np.asarray(np.abs(h_q) ** 2 * np.prod(topo.size) / (4.0 * np.pi**2))
 
 
-def radial_psd(topo: Scans, cutoff: float | None = None, rings: int = 12) -> RadialPsd:
+def cosine_psd(topo: Topography) -> Array:
+    """Two-dimensional PSD [m^4] of a scan that is not periodic, of wave vectors pi (i, j) / L.
+
+    Cosine waves, the Fourier series of the scan beside its mirror image, have no step at the rim.
+    No window is needed: every point has the same weight, wherever it lies, and the sum is the
+    variance of the scan. Missing points are filled first. Shape (nx, ny).
+
+    Reference: B. Denis, J. Cote, R. Laprise, Mon. Weather Rev. 130 (2002) 1812,
+    doi:10.1175/1520-0493(2002)130<1812:SDOTDA>2.0.CO;2.
+    """
+    waves = waves_of(fill(topo.heights), topo)
+    return np.asarray(waves**2 * np.prod(topo.size) / (4.0 * np.pi**2 * waves.size))
+
+
+def waves_of(heights: Array, topo: Topography) -> Array:
+    """Coefficients [m] of the waves that a scan is measured by, without the mean plane.
+
+    Args:
+        heights: heights without missing points [m], shape (nx, ny).
+        topo: the scan, which is periodic or not.
+    """
+    h = heights - heights.mean()
+    return np.asarray(scipy.fft.rfft2(h) if topo.periodic else scipy.fft.dctn(h, norm="ortho"))
+
+
+def ring_sums(values: Array, topo: Topography) -> Array:
+    """Sums over the rings of ``radial_psd`` of what belongs to each wave, shape (n,).
+
+    Args:
+        values: of the waves of ``waves_of``.
+        topo: scan whose grid it has.
+    """
+    ring, inside, _, weights = _rings(topo)
+    return np.asarray(np.bincount(ring, (weights * values.ravel())[inside]), dtype=float)
+
+
+def radial_psd(scans: Scans, cutoff: float | None = None, rings: int = 12) -> RadialPsd:
     """Radial mean of the PSD with its reliable band.
 
     Args:
-        topo: levelled scan, or several.
+        scans: levelled scan, or several.
         cutoff: shortest wave length the instrument resolves [m]; two pixels if not given.
         rings: rings per factor e of the wave number where the grid is fine enough; ring edges
             stand at least one grid step apart.
 
     Returns:
-        The PSD. Its reliable band runs from the scan length (from twice its wave number for a
-        windowed scan, since window and levelling take from the lowest waves) to the cutoff, or to
+        The PSD. Its reliable band runs from the scan length (from twice its wave number for a scan
+        that is not periodic, since levelling takes from the lowest waves) to the cutoff, or to
         where the density sinks to ten times that of the instrument's white noise.
     """
-    C, topo = psd_2d(topo), first(topo)
+    topo = first(scans)
+    C = _density(scans)
     mean_q, mean_C, scatter = radial_mean(C, topo, rings)
-    if not topo.periodic:
-        scatter = scatter * 2.25  # the window ties neighbouring wave vectors to each other
-    q = wave_numbers(topo.shape, topo.size)
-    weights = np.broadcast_to(half_plane_weights(topo.shape), C.shape)
     step, nyquist = 2.0 * np.pi / topo.size.min(), np.pi / topo.pixel.max()
-    lo = (0.99 if topo.periodic else 2.0) * step
+    lo = (0.99 if topo.periodic else 1.9) * step
     if cutoff is None:
         cutoff = float(2.0 * topo.pixel.max())
     hi = min(nyquist, 2.0 * np.pi / number("cutoff", cutoff, least=0.0))
-    floor = 0.0 if topo.periodic else 10.0 * _noise(C, q, weights, nyquist)
+    floor = 0.0 if topo.periodic else 10.0 * _noise(C, _wave_numbers(topo)[0], nyquist)
     below = (mean_C < floor) & (mean_q > 2.0 * lo)
     hi = min(hi, float(mean_q[below][0])) if below.any() else hi
     return RadialPsd(mean_q, mean_C, scatter, (lo, hi))
@@ -119,52 +152,71 @@ def radial_mean(C: Array, topo: Topography, rings: int = 12) -> tuple[Array, Arr
     """Wave number [rad/m], mean density [m^4] and its relative variance [-] of each ring.
 
     Args:
-        C: density on the half plane of ``rfft2`` [m^4].
+        C: density [m^4] of the waves that a scan is measured by: those of ``psd_2d`` of a periodic
+            one, else those of ``cosine_psd``.
         topo: scan whose grid it has.
         rings: as for ``radial_psd``.
     """
-    q = wave_numbers(topo.shape, topo.size).ravel()
-    weights = np.broadcast_to(half_plane_weights(topo.shape) / 2.0, C.shape).ravel()
+    ring, inside, q, weights = _rings(topo, rings)
+    return _ring_means(ring, weights[inside], q[inside], C.ravel()[inside])
+
+
+def _rings(topo: Topography, rings: int = 12) -> tuple[NDArray[np.intp], NDArray, Array, Array]:
+    """Ring of every wave inside one, empty rings left out; which waves; wave numbers; weights."""
+    q, weights = _wave_numbers(topo)
+    q, weights = q.ravel(), np.broadcast_to(weights, q.shape).ravel()
     edges = _ring_edges(2.0 * np.pi / topo.size.min(), np.pi / topo.pixel.max(), rings)
-    ring = np.digitize(q, edges) - 1
+    ring = np.digitize(q * (1.0 + 1e-9), edges) - 1  # waves on an edge, whatever the rounding
     inside = (ring >= 0) & (ring < edges.size - 1)
-    return _ring_means(ring[inside], weights[inside], q[inside], C.ravel()[inside])
+    return np.unique(ring[inside], return_inverse=True)[1], inside, q, weights
 
 
-def seen_through_the_window(C: Density, topo: Topography) -> Array:
+def seen_in_scans(C: Density, topo: Topography) -> Array:
     """Radial mean that ``radial_psd`` finds on average in scans of a spectrum [m^4], shape (n,).
 
-    The Hann window multiplies the correlation of the heights by its own correlation.
+    With the correlation R of the surface, the mean square of the cosine wave k along n points is
+    the sum over lags l of R(l) ((n - |l|) cos(a l) - sin(a |l|) / sin a) / n, where a = pi k / n;
+    without the second term for k = 0.
 
     Args:
         C: density [m^4] of the wave number [rad/m].
         topo: a scan of the size and the grid; nothing is done to a periodic one.
     """
+    q, _ = _wave_numbers(topo, ends=not topo.periodic)
+    seen, (nx, ny) = C(q), topo.shape
+    if not topo.periodic:
+        seen = scipy.fft.dctn(seen, type=1) / (4.0 * nx * ny)  # correlation times the size / 4 pi^2
+        for axis in (0, 1):
+            seen = _mean_squares(np.moveaxis(seen, axis, 0)).swapaxes(0, axis)
+    return radial_mean(np.maximum(seen, 0.0), topo)[1]
+
+
+def _mean_squares(R: Array) -> Array:
+    """Mean squares of cosine waves along the first axis, of correlations at lags 0 to n."""
+    n = len(R) - 1
+    lag = np.arange(n + 1.0)[:, None]
+    squares = scipy.fft.dct(R * (1.0 - lag / n), type=1, axis=0)[:n]
+    sine = scipy.fft.dst(R[1:n], type=1, axis=0)
+    squares[1:] -= sine / (n * np.sin(np.pi * lag[1:n] / n))
+    return np.asarray(squares)
+
+
+def _density(scans: Scans) -> Array:
+    """Density of the waves that scans are measured by [m^4], the mean of several."""
+    if not isinstance(scans, Topography):
+        return np.asarray(np.mean([_density(scan) for scan in scans], axis=0))
+    return psd_2d(scans) if scans.periodic else cosine_psd(scans)
+
+
+def _wave_numbers(topo: Topography, ends: bool = False) -> tuple[Array, Array]:
+    """Wave numbers [rad/m] of the waves that a scan is measured by, and how much each counts."""
     if topo.periodic:
-        return radial_mean(C(wave_numbers(topo.shape, topo.size)), topo)[1]
-    twice = (2 * topo.shape[0], 2 * topo.shape[1])
-    window = _window_correlation(topo.shape)
-    correlation = scipy.fft.irfft2(C(wave_numbers(twice, 2.0 * topo.size)), s=twice)
-    seen = scipy.fft.rfft2(correlation * window / window[0, 0]).real
-    return radial_mean(np.maximum(seen[::2, ::2], 0.0), topo)[1]
+        return wave_numbers(topo.shape, topo.size), half_plane_weights(topo.shape) / 2.0
+    kx, ky = (np.pi * np.arange(n + ends) / L for n, L in zip(topo.shape, topo.size, strict=True))
+    return np.hypot(kx[:, None], ky), np.ones(1)
 
 
-@lru_cache(maxsize=1)
-def _window_correlation(shape: tuple[int, int]) -> Array:
-    """Correlation of the Hann window with itself at all offsets, shape (2 nx, 2 ny)."""
-    twice = (2 * shape[0], 2 * shape[1])
-    padded = np.zeros(twice)
-    padded[: shape[0], : shape[1]] = _window(shape)
-    return np.asarray(scipy.fft.irfft2(np.abs(scipy.fft.rfft2(padded)) ** 2, s=twice))
-
-
-def _window(shape: tuple[int, int]) -> Array:
-    """Hann window in both directions, shape (nx, ny)."""
-    rows, columns = (np.hanning(n + 2)[1:-1].astype(float) for n in shape)
-    return np.outer(rows, columns)
-
-
-def _noise(C: Array, q: Array, weights: Array, nyquist: float) -> float:
+def _noise(C: Array, q: Array, nyquist: float) -> float:
     """Density of the instrument's white noise [m^4]; zero where the surface still rules.
 
     Noise shows as a density that no longer falls: between 0.7 of the Nyquist wave number and the
@@ -173,7 +225,7 @@ def _noise(C: Array, q: Array, weights: Array, nyquist: float) -> float:
     inner, outer = (q > 0.6 * nyquist) & (q < 0.8 * nyquist), q > 1.2 * nyquist
     if inner.sum() < 8 or outer.sum() < 8:
         return 0.0
-    levels = [float(np.average(C[part], weights=weights[part])) for part in (inner, outer)]
+    levels = [float(np.mean(C[part])) for part in (inner, outer)]
     ratio = float(q[outer].mean() / q[inner].mean())
     return levels[1] if levels[1] > levels[0] / ratio else 0.0
 
@@ -185,7 +237,6 @@ def _ring_means(ring: NDArray[np.intp], w: Array, q: Array, C: Array) -> tuple[A
     wide ring would lie high. The variance between wave vectors is the same share of the square in
     all rings: 1 for a random surface, 0 for one with imposed amplitudes.
     """
-    _, ring = np.unique(ring, return_inverse=True)
     count = np.bincount(ring, w)
     middle = np.exp(np.bincount(ring, w * np.log(q)) / count)
     mean = np.bincount(ring, w * C) / count

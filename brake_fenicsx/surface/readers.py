@@ -1,14 +1,14 @@
-"""Read a scan: own readers of npz, HDF5, TrueMap and tables; the rest through SurfaceTopography.
+"""Read a scan: npz, HDF5, TrueMap, X3P and tables here; the rest through SurfaceTopography.
 
-What a file says of its size and unit is checked for plausibility; what looks wrong is logged with
-the remedy (``size``, ``height_unit``), never corrected silently. Known traps: NMS files come out
+What a file says of its size and unit is not corrected: the statistics doubt what looks wrong, with
+the remedy (``size``, ``height_unit``; ``doubts``). Known traps: NMS files come out
 with a lateral size 1e9 too large, and readers of TrueMap files disagree by 1e3 on the heights
 (the format stores millimetres).
 """
 
 from __future__ import annotations
 
-import logging
+import struct
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from brake_fenicsx.arguments import number, one_of, real
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.folder.arrays import npz_names, read_hdf5, read_npz, reading
-from brake_fenicsx.surface.doubts import implausible
 from brake_fenicsx.surface.missing import missing_points
-from brake_fenicsx.surface.table import ACCEPTED, ENDINGS, delimiter_of, read_npy, read_table
+from brake_fenicsx.surface.releases import FORMATS
+from brake_fenicsx.surface.table import ACCEPTED, ENDINGS, HeightTable, read_npy, read_table
 from brake_fenicsx.surface.topography import Topography, make_topography
+from brake_fenicsx.surface.x3p import read_x3p
 
 Array = NDArray[np.float64]
-logger = logging.getLogger("brake_fenicsx")
 METRES = {
     "m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "\u00b5m": 1e-6, "\u03bcm": 1e-6,
     "nm": 1e-9, "A": 1e-10, "\u00c5": 1e-10, "pm": 1e-12,
@@ -64,34 +64,29 @@ def read_topography(
     if height_unit is not None:
         height_unit = _metres(height_unit, str(file))
     one_of(f"{file}: rows", rows, ("x", "y"))
-    readers = {".npz": _read_npz, ".h5": _read_hdf5, ".hdf5": _read_hdf5, ".tmd": _read_truemap}
-    read, table = readers.get(file.suffix.lower()), None
-    by_rows = read is None and (_is_text(file) or file.suffix.lower() == ".npy")
+    readers = {
+        ".npz": _read_npz, ".h5": _read_hdf5, ".hdf5": _read_hdf5, ".tmd": _read_truemap,
+        ".sdf": _read_sdf, ".x3p": read_x3p,
+    }  # fmt: skip
+    read, kind = readers.get(file.suffix.lower()), ""
     if read is not None:
         heights, sides = read(file, height_unit)
-    elif (table := _read_numbers(file, height_unit)) is not None:
-        heights, sides = table
+    elif file.suffix.lower() == ".npy" or _is_text(file):
+        heights, sides, kind = _read_numbers(file, height_unit, size)
     else:
         heights, sides = _read_instrument(file, height_unit, size, channel)
-        by_rows = by_rows and sides is None
-        if by_rows:  # SurfaceTopography takes the columns of text for x
-            heights = heights.T
-    if channel is not None and (read is not None or table is not None):
+    if channel is not None and (read is not None or kind):
         raise SurfaceError(f"{file}: channel = {channel} has no meaning: the file has no channels")
     if rows == "y":
-        if not by_rows:
+        if kind not in ("matrix", "columns"):
             raise SurfaceError(f"{file}: rows = 'y' has no meaning: the file itself says it")
         heights, sides = heights.T, None if sides is None else sides[::-1]
-    if table is not None and sides is not None and size is not None:
+    if kind == "columns" and size is not None:
         _check_coordinates(file, sides / float(height_unit or 1.0), size, heights.shape)
     lengths = sides if size is None else size
     if lengths is None:
         raise SurfaceError(f"{file}: the file names no lateral size; give it as 'size'")
-    topo = make_topography(heights, lengths, source=str(file))
-    warnings = implausible(topo)
-    for text in warnings:
-        logger.warning("%s", text)
-    return Topography(topo.heights, topo.size, source=str(file), warnings=warnings)
+    return make_topography(heights, lengths, source=str(file))
 
 
 def _check_coordinates(file: Path, spans: NDArray[Any], size: Any, shape: tuple[int, ...]) -> None:
@@ -107,8 +102,14 @@ def _check_coordinates(file: Path, spans: NDArray[Any], size: Any, shape: tuple[
 
 
 def _is_text(file: Path) -> bool:
-    """Whether a file is a table of text: some instruments give binary files such an ending."""
-    return file.suffix.lower() in ENDINGS and b"\0" not in file.read_bytes()
+    """Whether a file is a table of text.
+
+    Some instruments give binary files such an ending; Wyko has a format of its own in text.
+    """
+    if file.suffix.lower() not in ENDINGS:
+        return False
+    data = file.read_bytes()
+    return b"\0" not in data and not data.startswith(b"Wyko ASCII")
 
 
 def _metres(unit: str | float, source: str) -> float:
@@ -170,28 +171,62 @@ def _read_truemap(file: Path, unit: float | None) -> Read:
     return heights * (1e-3 if unit is None else unit), lengths
 
 
-def _read_numbers(file: Path, unit: float | None) -> Read | None:
-    """Heights [m] of .npy, of text that is not separated by blanks, and of columns x, y, z.
+def _read_numbers(
+    file: Path, unit: float | None, size: tuple[float, float] | None
+) -> tuple[Array, Any, str]:
+    """Heights [m] of .npy and of text, their sides [m] or None, and what gives these.
 
     Returns:
-        With the lengths of columns x, y, z [m]. None for a matrix in text with blanks, whose header
-        may say its size, and for other files.
+        "columns" of columns x, y, z, "header" of one that names the sides, x along a row; else
+        "matrix".
     """
-    lengths = None
-    if file.suffix.lower() == ".npy":
-        heights = read_npy(file)
-    elif _is_text(file):
-        heights, lengths = read_table(file)
-        if lengths is None and delimiter_of(file) is None:
-            return None
-    else:
-        return None
+    table = HeightTable(read_npy(file)) if file.suffix.lower() == ".npy" else read_table(file)
+    if unit is None and table.unit is not None:
+        unit = _metres(table.unit, f"{file}: the header")
     if unit is None:
         raise SurfaceError(
             f"{file}: a table of numbers names no unit of its heights; give 'height_unit', such as"
             ' "um"'
         )
-    return heights * unit, None if lengths is None else lengths * unit
+    if table.lengths is not None:
+        return table.heights * unit, table.lengths * unit, "columns"
+    if table.sides is None:
+        return table.heights * unit, None, "matrix"
+    unknown = [side for _, side in table.sides if side not in METRES]
+    if unknown and size is None:
+        raise SurfaceError(
+            f"{file}: the header names no known unit of the sides ({unknown[0]!r}); give 'size'"
+        )
+    sides = np.array([value * METRES.get(side, np.nan) for value, side in table.sides])
+    return table.heights.T * unit, sides, "header"
+
+
+def _refused(file: Path) -> str | None:
+    """Why a file of a known format is not read, whatever its reader makes of it."""
+    with file.open("rb") as stream:
+        head = stream.read(64)
+    if head.startswith(b"DIGITAL SURF"):
+        # Number of objects and kind of study; 5 is a series of surfaces.
+        count, _, kind = struct.unpack_from("<3h", head, 14)
+        if count > 1 or kind == 5:
+            return f"holds {count} surfaces, of kind {kind}; export one of them"
+    return None
+
+
+def _read_sdf(file: Path, unit: float | None) -> Read:
+    """Text of ISO 25178-71: a header of NAME = VALUE [m], "*", and heights, x fastest."""
+    if file.read_bytes()[:1] != b"a":
+        return _read_instrument(file, unit, None, None)
+    head, _, rest = file.read_text("latin1").partition("*")
+    pairs = (line.partition("=") for line in head.splitlines()[1:])
+    given = {name.strip().lower(): value.strip() for name, _, value in pairs}
+    with reading(file, "as SDF", f"copy it again, or export it as text: {ACCEPTED}", SurfaceError):
+        nx, ny = int(given["numpoints"]), int(given["numprofiles"])
+        x, y, z = (float(given[f"{axis}scale"]) for axis in "xyz")
+        words = rest.partition("*")[0].split()
+        heights = np.array([np.nan if word.upper() == "BAD" else float(word) for word in words])
+        heights = heights.reshape(ny, nx).T
+    return heights * (z if unit is None else unit), np.array([nx * x, ny * y])
 
 
 def _read_instrument(
@@ -201,6 +236,10 @@ def _read_instrument(
     import SurfaceTopography
     from SurfaceTopography.Exceptions import CannotDetectFileFormat
 
+    if refused := _refused(file):
+        raise SurfaceError(f"{file}: {refused}")
+    if (known := FORMATS.get(file.suffix.lower())) and known.refused and size is None:
+        raise SurfaceError(f"{file}: {known.refused}")
     remedy = f"copy it again, or export it as text: {ACCEPTED}"
     trial = partial(reading, file, "by SurfaceTopography", remedy, SurfaceError)
     with trial():
@@ -210,8 +249,8 @@ def _read_instrument(
             raise SurfaceError(
                 f"{file}: no reader knows this format; export it as text: {ACCEPTED}"
             ) from None
-    channels = reader.channels
-    index = reader.default_channel.index if channel is None else channel
+        channels = reader.channels
+        index = reader.default_channel.index if channel is None else channel
     if index not in range(len(channels)):
         raise SurfaceError(f"{file}: channel = {channel!r}, the file has {len(channels)}, from 0")
     info = channels[index]

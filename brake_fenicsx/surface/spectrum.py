@@ -11,20 +11,21 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
+from scipy.optimize import brentq, least_squares
 
 from brake_fenicsx.arguments import one_of
 from brake_fenicsx.errors import SurfaceError
-from brake_fenicsx.surface.psd import RadialPsd, seen_through_the_window
-from brake_fenicsx.surface.topography import Scans, first
+from brake_fenicsx.surface.psd import RadialPsd, half_plane_weights, seen_in_scans, wave_numbers
+from brake_fenicsx.surface.topography import Scans, Topography, first
 
 Array = NDArray[np.float64]
 LOW = ("extend", "flat")
 SPECTRA = ("fit", "measured")
 MODEL = 0.01  # variance of ln C that a ring has beyond its scatter
-SMOOTH = 0.1  # standard deviation over ln q of the weights of rings: one ring
-WINDOW = 0.5  # and over q, in grid steps: half the width of the window's transform
+SMOOTH = 0.07  # standard deviation over ln q of the weights of rings: nearly one ring
+WINDOW = 0.3  # and over q, in grid steps: half the width of the transform of a scan's area
 ITERATIONS = 12
+MOST = 5.0  # change of ln C of the waves longer than the reliable band
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,8 +99,10 @@ def spectrum_of(scans: Scans, psd: RadialPsd, fit: BiFractal, kind: str) -> BiFr
     """The fit of a measured spectrum, or the spectrum of which scans show the measured one.
 
     The variance of rings, summed with the weights of a normal curve over ln q, is compared with
-    that which the window would show of the spectrum, and their ratio corrects the spectrum
-    (Richardson-Lucy iteration, stopped early, so that single rings are not copied).
+    that which scans would show of the spectrum, and their ratio corrects the spectrum
+    (Richardson-Lucy iteration, stopped early, so that single rings are not copied). The waves
+    longer than the reliable band get the level with which a periodic surface of the scan's side
+    has its variance: levelling takes from them what no correction brings back.
 
     Args:
         scans: levelled scan, or several.
@@ -118,10 +121,49 @@ def spectrum_of(scans: Scans, psd: RadialPsd, fit: BiFractal, kind: str) -> BiFr
     kernel = np.exp(-0.5 * ((x[:, None] - x) / width) ** 2) * (psd.q * np.gradient(psd.q))[use]
     found, ln_ratio = fit, np.zeros(x.size)
     for _ in range(ITERATIONS):
-        seen = seen_through_the_window(partial(found, low="flat"), first(scans))[use]
+        seen = seen_in_scans(partial(found, low="flat"), first(scans))[use]
         ln_ratio = ln_ratio + np.log((kernel @ psd.C[use]) / (kernel @ seen))
         found = replace(fit, misfit=(tuple(map(float, x)), tuple(map(float, ln_ratio))))
+        if not first(scans).periodic:
+            found = _closed(found, scans)
     return found
+
+
+def variance_on(spectrum: BiFractal, topo: Topography, below: float = np.inf) -> float:
+    """Variance [m^2] of periodic surfaces with the sides and the pixels of a scan.
+
+    Args:
+        spectrum: of the surfaces.
+        topo: the scan.
+        below: wave number that the waves stay below [rad/m].
+    """
+    q = wave_numbers(topo.shape, topo.size)
+    counted = q < below
+    weights = np.broadcast_to(half_plane_weights(topo.shape), q.shape)[counted]
+    cell = 4.0 * np.pi**2 / float(np.prod(topo.size))
+    return float(weights @ spectrum(q[counted], "flat")) * cell
+
+
+def _closed(found: BiFractal, scans: Scans) -> BiFractal:
+    """A spectrum whose long waves bring the variance of periodic surfaces to that of scans."""
+    every = [scans] if isinstance(scans, Topography) else scans
+    wanted = float(np.mean([np.nanvar(scan.heights) for scan in every]))
+    (x, ln_ratio), topo = found.misfit or ((), ()), first(scans)
+    longest = 2.0 * np.pi / float(topo.size.max())
+
+    def with_level(change: float) -> BiFractal:
+        misfit = ((float(np.log(longest)), *x), (ln_ratio[0] + change, *ln_ratio))
+        return replace(found, band=(longest, found.band[1]), misfit=misfit)
+
+    def missed(change: float) -> float:
+        return variance_on(with_level(change), topo, shortest) - wanted + rest
+
+    shortest = float(np.exp(x[0]))
+    rest = variance_on(found, topo) - variance_on(found, topo, shortest)
+    low, high = missed(-MOST), missed(MOST)
+    if low * high > 0.0:
+        return with_level(-MOST if low > 0.0 else MOST)
+    return with_level(float(brentq(missed, -MOST, MOST, xtol=1e-6)))
 
 
 def fit_bifractal(psd: RadialPsd) -> BiFractal:

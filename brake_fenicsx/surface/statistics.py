@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from brake_fenicsx.arguments import one_of
 from brake_fenicsx.errors import SurfaceError
+from brake_fenicsx.surface.doubts import implausible, of_statistics, where_missing
 from brake_fenicsx.surface.hdf import HeightDistribution, matched, measured, moments, pooled
+from brake_fenicsx.surface.masked import FEW, without_holes
 from brake_fenicsx.surface.psd import RadialPsd, anisotropy, radial_psd
-from brake_fenicsx.surface.spectrum import BiFractal, fit_bifractal, spectrum_of
-from brake_fenicsx.surface.topography import Array, Topography, form, outliers
+from brake_fenicsx.surface.spectrum import BiFractal, fit_bifractal, spectrum_of, variance_on
+from brake_fenicsx.surface.topography import Array, Topography, fill, form, outliers
 
 # The paper's scan: 256 pixels over 1.8 mm; the band of statistics that come without a scan.
 DISTRIBUTIONS = ("measured", "johnson", "normal")
-NOISE = -1.0  # white noise has a slope of 0; a steeper spectrum is that of a rough surface
-MISSED = 2.0  # times the measured variance of an octave
-FORM = 0.5  # share of the variance in a second-order form that is worth a warning
 PAPER_BAND = (2.0 * np.pi / 1.8e-3, np.pi * 256 / 1.8e-3)
 
 
@@ -45,8 +44,11 @@ class SurfaceStatistics:
             scans, each of which has its own.
         level: form that was removed.
         missing: points without a height in the scans.
+        lost: where they are, see ``doubts.where_missing``; where the deepest are missing, heights
+            and spectrum of artificial surfaces are those of the scan with its holes filled.
         outliers: points masked by the outlier rule.
         curvature: share of the variance in a second-order form, largest of the scans [-].
+        doubts: what is implausible about the scans as they were read.
         scans: statistics of each scan, where several are averaged.
     """
 
@@ -65,8 +67,10 @@ class SurfaceStatistics:
     topography: Topography | None = None
     level: str = "none"
     missing: int = 0
+    lost: str = "anywhere"
     outliers: int = 0
     curvature: float = 0.0
+    doubts: tuple[str, ...] = ()
     scans: tuple[SurfaceStatistics, ...] = ()
 
     @property
@@ -85,36 +89,16 @@ class SurfaceStatistics:
         return float(np.pi / self.bifractal.band[1])
 
     @property
+    def variance_ratio(self) -> float:
+        """S_q of artificial surfaces with the sides and pixels of the scan over that of it [-]."""
+        if not self.topographies:
+            return 1.0
+        return float(np.sqrt(variance_on(self.spectrum, self.topographies[0])) / self.S_q)
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """What is doubtful about the statistics, one line each."""
-        fit, doubts = self.bifractal, []
-        fitted = self.spectrum.misfit is None
-        if fit.convex:
-            cut = f'surface.cutoff = "{2e6 * np.pi / fit.q_c:.3g} um"'
-            why = f"this is usually instrument noise; set {cut}"
-            if fit.c2 < NOISE:
-                why = f"if this is instrument noise, set {cut}" + (
-                    '; if not, surface.spectrum = "measured"' if fitted else ""
-                )
-            doubts.append(
-                f"the PSD flattens above {fit.q_c:.3g} rad/m (slope {fit.c2:.2f} after"
-                f" {fit.c1:.2f}){', which the bi-fractal model cannot represent' * fitted}: {why}"
-            )
-        wave, ratio = worst_octave(self.psd, fit) if self.psd and fitted else (np.nan, 1.0)
-        if not 1 / MISSED < ratio < MISSED:
-            more, times = ("more", ratio) if ratio > 1 else ("less", 1 / ratio)
-            doubts.append(
-                f"the bi-fractal fit misses the spectrum: about a wavelength of {1e6 * wave:.3g} um"
-                f" artificial surfaces have {times:.1f} times {more} variance than the scan; use"
-                ' surface.spectrum = "measured"'
-            )
-        if self.level != "second-order" and self.curvature > FORM:
-            doubts.append(
-                f"level = {self.level!r} leaves a bow or bend with {self.curvature:.0%} of the"
-                " variance of the scan, which is form and not roughness: remove it with"
-                ' surface.level = "second-order"'
-            )
-        return tuple(doubts)
+        return of_statistics(self)
 
     @property
     def heights(self) -> Array:
@@ -166,11 +150,17 @@ def characterise(
     if S_q <= 1e-12 * max(float(np.nanmax(np.abs(topo.heights))), 1e-300):
         raise SurfaceError(f"{topo.source}: the scan is flat; a rough surface is needed here")
     missing = int(topo.heights.size - topo.valid.sum())
-    bow = 0.0 if topo.periodic else float(np.nanvar(form(levelled, "second-order")) / S_q**2)
+    few = missing + marked <= FEW * topo.heights.size
+    lost = "anywhere" if few else where_missing(levelled.heights)
+    complete = _counted(levelled, lost)
+    levelled = replace(levelled, heights=levelled.heights - np.nanmean(complete.heights))
+    bow = np.nanvar(np.where(levelled.valid, form(levelled, "second-order"), np.nan)) / S_q**2
     return SurfaceStatistics(
-        mean=zero, median=zero + float(np.median(h)) - mean, errors=_moment_errors(levelled),
-        **_described([levelled], (S_q, S_sk, S_ku), cutoff, distribution, spectrum),
-        topography=levelled, level=level, missing=missing, outliers=marked, curvature=bow,
+        mean=zero, median=zero + float(np.median(h)) - mean, S_q=S_q, S_sk=S_sk, S_ku=S_ku,
+        errors=_moment_errors(levelled),
+        **_described([complete], level, cutoff, distribution, spectrum),
+        topography=levelled, level=level, missing=missing, lost=lost, outliers=marked,
+        curvature=0.0 if topo.periodic else float(bow), doubts=implausible(topo),
     )  # fmt: skip
 
 
@@ -193,32 +183,49 @@ def averaged(
     """
     if len(scans) == 1:
         return scans[0]
-    topos = [t for scan in scans for t in scan.topographies]
-    heights = [t.heights for t in topos]
+    topos = [_counted(t, scan.lost) for scan in scans for t in scan.topographies]
     each = np.array([(s.mean, s.S_q, s.S_sk, s.S_ku, s.median) for s in scans])
     errors = each[:, :4].std(axis=0, ddof=1) / np.sqrt(len(scans))
+    _, S_q, S_sk, S_ku = moments(pooled([t.heights for s in scans for t in s.topographies]))
     return SurfaceStatistics(
         mean=float(each[:, 0].mean()), median=float(each[:, 4].mean()), errors=_four(errors),
-        **_described(topos, moments(pooled(heights))[1:], cutoff, distribution, spectrum),
+        S_q=S_q, S_sk=S_sk, S_ku=S_ku,
+        **_described(topos, scans[0].level, cutoff, distribution, spectrum),
         level=scans[0].level, missing=sum(s.missing for s in scans),
         outliers=sum(s.outliers for s in scans), curvature=max(s.curvature for s in scans),
         scans=tuple(scans),
     )  # fmt: skip
 
 
+def _counted(topo: Topography, lost: str) -> Topography:
+    """Levelled heights that artificial surfaces are made from: filled where valleys are missing.
+
+    No instrument sees how deep they are, and the contact does not reach them: the holes count as
+    area of the height of their rim.
+    """
+    if lost != "deepest":
+        return topo
+    filled = fill(topo.heights)
+    return replace(topo, heights=filled - filled.mean())
+
+
 def _described(
-    scans: Sequence[Topography], moments: tuple[float, float, float], cutoff: float | None,
-    distribution: str, spectrum: str,
-) -> dict[str, Any]:  # fmt: skip
-    """Moments, distribution and spectra of levelled scans of one surface, by their names."""
+    scans: Sequence[Topography], level: str, cutoff: float | None, distribution: str, spectrum: str
+) -> dict[str, Any]:
+    """Distribution and spectra of levelled scans of one surface, by their names."""
     one_of("distribution", distribution, DISTRIBUTIONS)
-    heights, psd = [t.heights for t in scans], radial_psd(scans, cutoff)
-    hdf = measured(heights) if distribution == "measured" else matched(*moments, distribution)
+    heights = [t.heights for t in scans]
+    psd = without_holes(
+        radial_psd(scans, cutoff), scans, level,
+        lambda psd: spectrum_of(scans, psd, fit_bifractal(psd), "measured"),
+    )  # fmt: skip
+    johnson = distribution != "measured"
+    hdf = matched(*moments(pooled(heights))[1:], distribution) if johnson else measured(heights)
     fit = fit_bifractal(psd)
     strength, direction = anisotropy(scans, psd.band)
     return {
-        **dict(zip(("S_q", "S_sk", "S_ku"), moments, strict=True)), "hdf": hdf, "psd": psd,
-        "bifractal": fit, "spectrum": spectrum_of(scans, psd, fit, spectrum),
+        "hdf": hdf, "psd": psd, "bifractal": fit,
+        "spectrum": spectrum_of(scans, psd, fit, spectrum),
         "anisotropy": strength, "direction": direction,
     }  # fmt: skip
 
@@ -264,22 +271,6 @@ def given_statistics(
     return SurfaceStatistics(mean, mean, S_q, S_sk, S_ku, errors, hdf, bifractal, bifractal)
 
 
-def worst_octave(psd: RadialPsd, fit: BiFractal) -> tuple[float, float]:
-    """Where a fit is worst: wavelength [m] at the middle of the octave, and variance over measured.
-
-    Args:
-        psd: measured spectrum.
-        fit: of it.
-    """
-    q, C = psd.q[psd.reliable], psd.C[psd.reliable]
-    octave = np.floor(np.log2(q / q[0])).astype(int)
-    many = np.bincount(octave) > 0
-    own, other = (np.bincount(octave, q * density)[many] for density in (C, fit(q)))
-    worst = int(np.argmax(np.abs(np.log(other / own))))
-    middle = q[0] * 2.0 ** (np.flatnonzero(many)[worst] + 0.5)
-    return float(2.0 * np.pi / middle), float(other[worst] / own[worst])
-
-
 def _clean(topo: Topography, level: str, rule: str, threshold: float) -> tuple[Topography, int]:
     """Levelled heights without outliers, zero mean, and the number of outliers."""
     heights = topo.heights - form(topo, level)
@@ -288,7 +279,7 @@ def _clean(topo: Topography, level: str, rule: str, threshold: float) -> tuple[T
         kept = Topography(np.where(marked, np.nan, topo.heights), topo.size, topo.periodic)
         heights = kept.heights - form(kept, level)
     heights = heights - np.nanmean(heights)
-    levelled = Topography(heights, topo.size, topo.periodic, topo.source, topo.warnings)
+    levelled = Topography(heights, topo.size, topo.periodic, topo.source)
     return levelled, int(marked.sum())
 
 

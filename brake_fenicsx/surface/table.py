@@ -1,7 +1,8 @@
 """Heights in tables: text with any delimiter and header, columns x y z, and .npy.
 
-The delimiter is found: semicolon, tab, comma or blanks. Lines above the numbers are a header. A
-cell that is empty or says nan, bad, inf or *** is a missing point. Decimal commas are refused.
+The delimiter is found: semicolon, tab, comma or blanks. Lines above the numbers are a header; that
+of Gwyddion, SPIP or LynceeTec gives the sides and the unit of the heights, whatever the delimiter.
+A cell that is empty or says nan, bad, inf or *** is a missing point. Decimal commas are refused.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import re
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,8 +30,30 @@ ACCEPTED = (
 ENDINGS = (".txt", ".csv", ".tsv", ".dat", ".asc", ".xyz")
 _MISSING = re.compile(r"|[+-]?nan|[+-]?inf(inite)?|bad|\*+|-+|n/?a|---", re.I)
 _COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?")
+# Lines of a header: "# Width: 0.4 mm" of Gwyddion, "x-length = 400" of SPIP, "pixel size=3e-7 m"
+# of LynceeTec.
+_NUMBER = r"(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?"
+_WIDTH, _HEIGHT = r"width|breite|largeur|x-length", r"height|h\u00f6he|hauteur|y-length"
+_UNIT = r"value units?|z-unit|werte?-?einheit(?:en)?|unit\u00e9s? (?:des|de) valeurs?"
 # Steps between neighbouring coordinates of a grid differ by less than this, relative to the mean.
 _EVEN = 0.2
+
+
+class HeightTable(NamedTuple):
+    """Numbers of a text file.
+
+    Attributes:
+        heights: in the file's own numbers, shape (rows, columns), of columns x, y, z shape (nx,
+            ny); nan where missing.
+        lengths: of columns x, y, z, shape (2,); None of a matrix.
+        sides: width along a row and height of a header, each a number and its unit; None without.
+        unit: of the heights by the header.
+    """
+
+    heights: Array
+    lengths: Array | None = None
+    sides: tuple[tuple[float, str], ...] | None = None
+    unit: str | None = None
 
 
 def delimiter_of(file: Path) -> str | None:
@@ -46,15 +70,11 @@ def delimiter_of(file: Path) -> str | None:
     return "," if "," in line and not all(map(_COMMA.fullmatch, line.split())) else None
 
 
-def read_table(file: Path) -> tuple[Array, Array | None]:
-    """Heights of a text file in its own numbers.
+def read_table(file: Path) -> HeightTable:
+    """Heights of a text file in its own numbers, and what its header says of them.
 
     Args:
         file: the file.
-
-    Returns:
-        Heights, shape (rows, columns), of columns x, y, z shape (nx, ny), nan where missing; and
-        the lengths of columns x, y, z, shape (2,), None of a matrix.
 
     Raises:
         SurfaceError: decimal commas, rows of different lengths, cells that are no numbers, or
@@ -85,7 +105,7 @@ def read_table(file: Path) -> tuple[Array, Array | None]:
     if values.shape[1] > 1 and np.isnan(values[:, -1]).all():
         values = values[:, :-1]  # every line ends with its delimiter
     if values.shape[1] == 3 and len(values) > 3:
-        return _grid(file, values)
+        return HeightTable(*_grid(file, values))
     for name, edge, beside in (
         ("column", values[:, 0], values[:, 1:2].ravel()),
         ("row", values[0], values[1:2].ravel()),
@@ -96,7 +116,34 @@ def read_table(file: Path) -> tuple[Array, Array | None]:
                 " heights, but numbers of rows or columns; export the heights alone (pandas:"
                 " index=False, header=False)"
             )
-    return values, None
+    return _with_header(values, [lines[i - 1] for i in rows[:start]])
+
+
+def _with_header(values: Array, lines: Sequence[str]) -> HeightTable:
+    """A matrix with the sides, if both are there, and the unit of the heights of its header."""
+    text = "\n".join(line.strip(' \t#;"') for line in lines)
+
+    def found(names: str, value: str = rf"({_NUMBER})[ \t]*([^\W\d]*)") -> re.Match[str] | None:
+        return re.search(rf"^(?:{names})\s*[:=]\s*{value}", text, re.I | re.M)
+
+    sides = []
+    for names, axis, count in ((_WIDTH, "x", values.shape[1]), (_HEIGHT, "y", len(values))):
+        side, pixel = found(names), found(r"pixel\s+size")
+        if side is not None:
+            other = found(f"{axis}-unit", r"([^\W\d]+)")
+            sides.append((_number(side[1]), side[2] or (other[1] if other else "")))
+        elif pixel is not None:
+            sides.append((_number(pixel[1]) * count, pixel[2]))
+    unit = found(_UNIT, r"([^\W\d]+)")
+    factor = re.search(rf"conversion factor \(->\s*(\w+)\)\s*=\s*({_NUMBER})", text, re.I)
+    if factor is not None:
+        values, unit = values * _number(factor[2]), factor
+    return HeightTable(values, None, tuple(sides) if len(sides) == 2 else None, unit and unit[1])
+
+
+def _number(word: str) -> float:
+    """A number of a header, which may have a decimal comma."""
+    return float(word.replace(",", "."))
 
 
 def read_npy(file: Path) -> Array:

@@ -5,7 +5,7 @@ Every treatment has a name and a count: nothing is masked, filled or rescaled si
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.ndimage import median_filter
-from scipy.sparse.linalg import spsolve
+from scipy.sparse.linalg import splu
 
 from brake_fenicsx.arguments import one_of, positive, real
 from brake_fenicsx.display import html_table
@@ -38,7 +38,7 @@ class Topography:
         size: lengths of the scan [m], shape (2,); a pixel measures ``size / (nx, ny)``.
         periodic: whether the surface repeats itself without a step.
         source: where the heights come from, for messages and reports.
-        warnings: what looked implausible when the heights were read.
+        warnings: what is doubtful about an artificial surface.
         record: errors reached by the synthesis, for an artificial surface.
     """
 
@@ -86,7 +86,6 @@ def make_topography(
     size: Array | tuple[float, float],
     periodic: bool = False,
     source: str = "array",
-    warnings: tuple[str, ...] = (),
 ) -> Topography:
     """Check heights and size and put them together.
 
@@ -95,7 +94,6 @@ def make_topography(
         size: lengths [m], shape (2,).
         periodic: whether the surface repeats itself.
         source: name for messages.
-        warnings: what the reader noticed.
 
     Raises:
         SurfaceError: not a two-dimensional array, no valid point, or a size that is not positive.
@@ -109,7 +107,7 @@ def make_topography(
         raise SurfaceError(f"{source}: size {size} m; give two positive lengths as 'size'")
     if np.isnan(h).all():
         raise SurfaceError(f"{source}: no valid point in the scan; measure again or mask less")
-    return Topography(h, lengths, periodic, source, warnings)
+    return Topography(h, lengths, periodic, source)
 
 
 Scans = Topography | Sequence[Topography]  # of one surface, on the same grid
@@ -208,25 +206,39 @@ def fill(heights: Array) -> Array:
         Heights without nan [m], shape (nx, ny). Filled points lie between their neighbours, so
         no new extreme arises. Edges of the scan have no slope across them.
     """
-    missing = np.isnan(heights)
+    return filling(np.isnan(heights))(heights)
+
+
+def filling(missing: NDArray[np.bool_]) -> Callable[[Array], Array]:
+    """How to fill the same missing points of many surfaces, see ``fill``.
+
+    Args:
+        missing: where there is no height, shape (nx, ny); not everywhere.
+    """
     if not missing.any():
-        return heights
+        return lambda heights: heights
     count = int(missing.sum())
-    number = np.full(heights.shape, -1)
+    number = np.full(missing.shape, -1)
     number[missing] = np.arange(count)
     # A rim of one pixel that is no neighbour: number -2.
     numbers = np.pad(number, 1, constant_values=-2)
-    around = np.pad(heights, 1)
-    rows, columns, rhs, degree = [], [], np.zeros(count), np.zeros(count)
-    nx, ny = heights.shape
-    for i, j in ((0, 1), (2, 1), (1, 0), (1, 2)):
-        other, height = (a[i : i + nx, j : j + ny][missing] for a in (numbers, around))
+    rows, columns, degree = [], [], np.zeros(count)
+    nx, ny = missing.shape
+    beside = [(slice(i, i + nx), slice(j, j + ny)) for i, j in ((0, 1), (2, 1), (1, 0), (1, 2))]
+    for part in beside:
+        other = numbers[part][missing]
         degree += other > -2
         rows.append(np.flatnonzero(other >= 0))
         columns.append(other[other >= 0])
-        rhs += np.where(other == -1, height, 0.0)
     row, column = np.concatenate(rows), np.concatenate(columns)
     matrix = sp.diags(degree) - sp.csr_matrix((np.ones(row.size), (row, column)), (count, count))
-    filled = heights.copy()
-    filled[missing] = spsolve(matrix.tocsc(), rhs)
+    solver = splu(matrix.tocsc())
+
+    def filled(heights: Array) -> Array:
+        """These heights with the missing points filled, whatever stands there."""
+        around = np.pad(np.where(missing, 0.0, heights), 1)
+        result = heights.copy()
+        result[missing] = solver.solve(sum(around[part][missing] for part in beside))
+        return result
+
     return filled

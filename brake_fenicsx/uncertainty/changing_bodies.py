@@ -113,6 +113,18 @@ class Box:
         ends = [_unscaled(name, v) for v in (self.low[i] - beyond, self.high[i] + beyond)]
         return min(*ends, usual), max(*ends, usual)
 
+    def part(self, name: str, share: float) -> tuple[float, float]:
+        """Ends of a part of the range of a scalar, SI: about its middle, or as near as may be.
+
+        The range of a sweep has the scene's own value in it.
+        """
+        i, middle = self.names.index(name), 0.0
+        if self._scene.sweep is not None:
+            middle = float(np.clip(0.0, *(self.point({})[i] + share * np.array([-1.0, 1.0]))))
+        axis = np.eye(len(self.names))[i]
+        ends = [self.values((middle + side) * axis)[name] for side in (-share, share)]
+        return min(ends), max(ends)
+
     def values(self, x: Array) -> dict[str, float]:
         """The scalars at a point of the box, SI."""
         scaled = 0.5 * (self.low + self.high) + 0.5 * (self.high - self.low) * x
@@ -273,7 +285,7 @@ class ChangingBodies:
         sliding = tuple(i for i, name in enumerate(names) if name in self.contact.names)
         return Parameters(
             len(names), self.coefficients, softening(self.box), shapes, sliding,
-            self._contact if sliding else None,
+            self._contact if sliding else None, tuple(names),
         )  # fmt: skip
 
     def _contact(self, x: Array) -> tuple[dict[str, sp.csr_matrix], Array]:

@@ -7,6 +7,10 @@
     fast             search curves of the extended FAST, one for each input
     saltelli         Saltelli's crossing of two Sobol blocks, for first-order and total indices
 
+Where samples draw their roughness, Saltelli's design takes it for one more input: the rows A and A
+with an input of B have the roughness of the row A, one more row A and the row B that of B. A search
+curve of FAST cannot hold it.
+
 The last two give n' <= n points, the largest number their structure allows.
 
 Laws of random inputs by their quantiles: a point of the unit interval to a value.
@@ -61,13 +65,14 @@ def design_size(plan: Plan, inputs: int) -> int:
             )
         return length * inputs * plan.curves
     if plan.design == "saltelli":
-        rows = plan.n // (inputs + 2)
+        width = inputs + plan.rough + 2
+        rows = plan.n // width
         if rows < 8:
             raise SceneError(
-                f"samples: n = {plan.n} is too few for Saltelli's design with {inputs} inputs;"
-                f" take {8 * (inputs + 2)} or more"
+                f"samples: n = {plan.n} is too few for Saltelli's design with {inputs} inputs"
+                f"{' and the roughness' if plan.rough else ''}; take {8 * width} or more"
             )
-        return int(2 ** math.floor(math.log2(rows))) * (inputs + 2)
+        return int(2 ** math.floor(math.log2(rows))) * width
     return plan.n
 
 
@@ -102,9 +107,19 @@ def design_points(plan: Plan, inputs: int, seed: np.random.SeedSequence) -> Arra
     if plan.design == "saltelli":
         from SALib.sample import sobol
 
-        rows = size // (inputs + 2)
-        return _inside(sobol.sample(unit_problem(inputs), rows, calc_second_order=False, seed=rng))
+        every = inputs + plan.rough
+        rows, problem = size // (every + 2), unit_problem(every)
+        points = sobol.sample(problem, rows, calc_second_order=False, seed=rng)
+        return _inside(points[:, :inputs])
     return _curves(plan.curves, size // plan.curves // inputs, inputs, rng)
+
+
+def roughness_of(plan: Plan, inputs: int, k: int) -> int:
+    """Number of the sample whose roughness sample k has: its own but for Saltelli's design."""
+    if not (plan.rough and plan.design == "saltelli"):
+        return k
+    block, row = divmod(k, inputs + 3)
+    return block * (inputs + 3) + (0 if row <= inputs else inputs + 2)
 
 
 def _curves(curves: int, length: int, inputs: int, rng: np.random.Generator) -> Array:

@@ -19,7 +19,7 @@ from brake_fenicsx.macro.equilibrium import (
     Equilibrium,
     displacement,
     equilibrium,
-    limit_of_friction,
+    raised_friction,
 )
 from brake_fenicsx.macro.equilibrium_change import BodyOperators, corrected_equilibrium
 from brake_fenicsx.macro.solver import Factor
@@ -62,7 +62,8 @@ class Equilibria:
             start: gaps of an equilibrium nearby [m], to start from.
 
         Raises:
-            NotConverged: neither the full load at once nor the scene's ramp converges.
+            NotConverged: neither the full load at once nor the scene's ramp converges, nor is
+                there an equilibrium that can be followed from the one without friction.
         """
         laws, mu, changes = sample.laws, sample.mu_equilibrium, self.models.changes
         if changes is not None and self.models.has_own_bodies(sample) and not reduced:
@@ -86,7 +87,7 @@ class Equilibria:
                 return equilibrium(bodies, laws, mu, steps, self.tolerance)
             except NotConverged as error:
                 failed = error
-        raise limit_of_friction(bodies, laws, mu, self.steps, failed)
+        return raised_friction(bodies, laws, mu, failed, self.tolerance)
 
     def bodies(self, approach: str, sample: SampleInput, reduced: bool) -> BodyOperators:
         """The bodies of a sample under its loads; the arguments are those of ``of``."""

@@ -34,15 +34,21 @@ from brake_fenicsx.macro.material_table import layer_materials, scene_materials
 from brake_fenicsx.scene import Scene, Stability
 from brake_fenicsx.scene.damping import active_terms, lone_samples, reduced_approaches
 from brake_fenicsx.scene.digest import bodies_key
-from brake_fenicsx.scene.scalars import changes_bodies
+from brake_fenicsx.scene.scalars import changes_bodies, si_unit
+from brake_fenicsx.scene.units import quantity_text
 
 from .changing_bodies import Box, ChangingBodies, assemble_changes
 from .numbering import FILE as DOFS
 from .numbering import Numbering, dof_points
+from .sampling import friction_coefficients
 from .shapes import body_centres
 
 if TYPE_CHECKING:
-    from brake_fenicsx.stability.substructures import Parameters, ReducedModel
+    from brake_fenicsx.stability.substructures import (
+        ContactLinearisation,
+        Parameters,
+        ReducedModel,
+    )
     from brake_fenicsx.stability.terms import Terms
 
     from .sampling import SampleInput
@@ -61,7 +67,7 @@ FAMILIES = 1.3
 HARMONICS = 3.0
 
 # Number of the layout of a kept reduced model; one of another layout is made again.
-LAYOUT = 10
+LAYOUT = 11
 
 
 class Models:
@@ -267,7 +273,7 @@ class Models:
         for damped in (False, True):
             names = [n for n, r in self.by_reduction.items() if r and self.damped(n) == damped]
             if names:
-                self._reduce(damped, names)
+                self._reduce(damped, names, k0)
         full = [n for n, r in self.by_reduction.items() if not r]
         for name in lone_samples(scene, self._counts):
             logger.info(
@@ -288,13 +294,18 @@ class Models:
             said = ", ".join(f"{name} = {value}" for name, value in numbers.items())
             logger.info("damping, %s: %s", term, said)
 
-    def _reduce(self, damped: bool, names: list[str]) -> None:
+    def _reduce(self, damped: bool, names: list[str], k0: Array) -> None:
         """Reduced model of some approaches; full order for them only if the scene says so."""
+        from brake_fenicsx.stability.substructures import ContactLinearisation
+
         file = f"cache/{'damped' if damped else 'undamped'}.npz"
+        scene, contact = self._scene, self.brake.contact
+        mu, _ = friction_coefficients(scene, contact.interface, contact.speed, names[0], {})
+        usual = ContactLinearisation.of(k0, mu)
         changing = any(self.changes_bodies(n) for n in self.by_reduction)
         try:
             with self._cache.shared(file, lambda: self._depends(self._acting(damped)), self._comm):
-                model = self._reduced_model(damped, changing, file)
+                model = self._reduced_model(damped, changing, file, usual)
         except StorageError:
             raise
         except BrakeError as error:
@@ -321,9 +332,40 @@ class Models:
             "bodies": len(model.bodies),
             "complete_up_to_hz": model.complete_up_to,
             "seconds": model.seconds,
+            **self._note_shortfall(model, usual),
         }
 
-    def _reduced_model(self, damped: bool, changing: bool, file: str) -> ReducedModel:
+    def _note_shortfall(
+        self, model: ReducedModel, usual: ContactLinearisation
+    ) -> dict[str, str | float]:
+        """Say before the samples where their modes will miss the tolerance; for the summary too."""
+        from brake_fenicsx.stability.substructures import shortfall
+
+        settings = self.stability
+        if settings is None or self.changes is None:
+            return {}
+        lacking = self._comm.bcast(shortfall(model, usual, settings.tolerance))
+        if lacking is None:
+            return {}
+        box, names = self.changes.box, np.array(model.parameters.names)[lacking.wide]
+        holds = ", ".join(
+            f"{name} from {_between(box.part(name, lacking.share), si_unit(self._scene, name))}"
+            f" (now {_between(box.part(name, 1.0), si_unit(self._scene, name))})"
+            for name in names
+        )
+        advice = 'write stability.on_tolerance = "full order"'
+        if settings.on_tolerance == "full order":
+            advice = "leave such samples to full order"
+        logger.warning(
+            "stability.tolerance = %g: missed by %d of %d modes between the ends of what varies,"
+            " by up to %.1e; a narrower range should hold it: %s; or raise the tolerance, or %s",
+            settings.tolerance, lacking.missed, lacking.modes, lacking.error, holds, advice,
+        )  # fmt: skip
+        return {"largest_error": lacking.error, "ranges_that_hold": holds}
+
+    def _reduced_model(
+        self, damped: bool, changing: bool, file: str, usual: ContactLinearisation
+    ) -> ReducedModel:
         from brake_fenicsx.stability.damping import with_modal_damping
         from brake_fenicsx.stability.substructures import ReducedModel, split_substructures
 
@@ -350,7 +392,7 @@ class Models:
         release_memory()
         return ReducedModel.offline(
             bodies, brake.w, band, parameters, followed, stability.tolerance,
-            self._cutoff(parameters), self._comm,
+            self._cutoff(parameters), usual, self._comm,
             lambda total: Progress("solves of the reduced model", total).advance,
             lambda made: self._kept(file, made),
         )  # fmt: skip
@@ -456,3 +498,8 @@ class Models:
             else:
                 shapes = stored["shapes"]
         return np.asarray(self._comm.bcast(shapes, root=0))
+
+
+def _between(ends: tuple[float, float], unit: str) -> str:
+    """Two values with their unit, to three digits."""
+    return " to ".join(quantity_text(float(f"{end:.3g}"), unit) for end in ends)

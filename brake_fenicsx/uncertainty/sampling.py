@@ -1,7 +1,8 @@
 """What makes one sample: its seed, its inputs, its laws and critical gaps.
 
 Sample k draws from child k of the scene's seed, so that any sample can be run again alone and
-nothing depends on the number of processes.
+nothing depends on the number of processes. Rows of Saltelli's design share their roughness
+(``designs``): they draw it from the child of one of them.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from brake_fenicsx.scene import ContactTable, LawTable, Scene
 from brake_fenicsx.scene.contact import LAWS
 from brake_fenicsx.scene.friction import friction_of
 
+from .designs import roughness_of
 from .inputs import (
     PERFECT,
     Inputs,
@@ -89,6 +91,11 @@ def sample_seed(seed: int, k: int) -> int:
     return int(child.generate_state(1, np.uint64)[0])
 
 
+def _streams(seed: int) -> list[np.random.Generator]:
+    """Streams of laws, gaps and random inputs."""
+    return [np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(3)]
+
+
 def draw_sample(
     scene: Scene,
     approach: str,
@@ -126,10 +133,12 @@ def draw_sample(
         InaccurateResult: the point cannot be used and may not be replaced.
         SceneError: no brake has the given values.
     """
-    seed = sample_seed(scene.samples.seed, k)
+    seed, shared = sample_seed(scene.samples.seed, k), k
+    if scene.samples.takes_random(approach):
+        shared = roughness_of(scene.samples.plan(approach), len(scene.samples.random), k)
     # Each kind of draw has its own child, so that naming one does not change the others.
-    children = np.random.SeedSequence(seed).spawn(3)
-    law_rng, gap_rng, random_rng = (np.random.default_rng(child) for child in children)
+    law_rng, gap_rng, _ = _streams(sample_seed(scene.samples.seed, shared))
+    random_rng = _streams(seed)[2]
     inputs = Inputs({}, {}, {})
     if scene.samples.takes_random(approach):
         inputs = draw_inputs(scene, approach, point, random_rng)
@@ -143,7 +152,7 @@ def draw_sample(
     speed = (contact if moved is None else moved(inputs.values)).speed
     if SPEED in inputs.values:
         speed = speed * (inputs.values[SPEED] / nominal_value(scene, SPEED))
-    mu, slope = _friction(scene, contact.interface, speed, approach, inputs.values)
+    mu, slope = friction_coefficients(scene, contact.interface, speed, approach, inputs.values)
     in_equilibrium = np.array([t.friction_in_equilibrium for t in scene.contact.values()])
     return SampleInput(
         seed, laws, mu, mu * in_equilibrium[contact.interface], slope, speed,
@@ -157,7 +166,7 @@ def perfect_contact(penalty: float, elements: int) -> EnrichedGap:
     return EnrichedGap(OneLaw(linear_law(penalty)), index, np.zeros(elements))
 
 
-def _friction(
+def friction_coefficients(
     scene: Scene,
     interface: NDArray[np.int64],
     speed: Array,
@@ -252,6 +261,5 @@ def sample_count(scene: Scene, approach: str = "multi-scale") -> int:
     """Samples of an approach: many if the scene names uncertainty and something is random."""
     if approach == "classical" or "uncertainty" not in scene.stages:
         return 1
-    tables = scene.contact.values()
-    rough = any(c.law == "library" or c.gap != "none" for c in tables) and approach not in PERFECT
-    return size_of(scene, approach) if rough or scene.samples.takes_random(approach) else 1
+    drawn = scene.samples.plan(approach).rough or scene.samples.takes_random(approach)
+    return size_of(scene, approach) if drawn else 1

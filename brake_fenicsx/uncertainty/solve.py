@@ -235,7 +235,8 @@ def _record(modes: Modes, tolerance: float) -> Arrays:
     return {
         "s": modes.s, "residual": modes.residual, "error": modes.error,
         "condition": modes.condition, "verdict": np.array(modes.verdict, dtype=str),
-        "damping": modes.damping, "expected": modes.count.expected, "counted": modes.count.how,
+        "damping": modes.damping, "expected": modes.count.expected,
+        "count_kind": modes.count.kind, "counted": modes.count.how,
         "tolerance_missed": _missed(modes, tolerance), "stability_seconds": modes.seconds,
     }  # fmt: skip
 

@@ -162,7 +162,8 @@ class Study:
             comm: processes that share it; the first has what is to be stored.
 
         Raises:
-            BrakeError: it has none; what is known of its inputs is in ``known``.
+            BrakeError: it has none, a matrix of it is singular, or its verification fails; what is
+                known of its inputs is in ``known``.
         """
         approach, k = task
         known: dict[str, Any] = {"seed": np.uint64(sample_seed(self.scene.samples.seed, k))}
@@ -176,9 +177,23 @@ class Study:
             if sample.random:
                 known["rejected"] = sample.rejected
             return known | self._solved(task, sample, comm)
-        except BrakeError as error:
-            error.known = {**known, **error.known}
-            raise
+        except Exception as error:
+            failed = self._named(task, error)
+            if failed is None:
+                raise
+            failed.known = {**known, **failed.known}
+            raise failed from (None if failed is error else error)
+
+    def _named(self, task: Task, error: Exception) -> BrakeError | None:
+        """How a sample fails; None for a defect of the program, which ends the run."""
+        if isinstance(error, BrakeError):
+            return error
+        if isinstance(error, np.linalg.LinAlgError):
+            return InaccurateResult(f"a matrix of the sample: {error}")
+        # Beside the samples: whatever it is costs the comparison alone.
+        if task[0] == VERIFY:
+            return InaccurateResult(f"verification at full order: {error}")
+        return None
 
     def _solved(self, task: Task, sample: SampleInput, comm: MPI.Comm) -> dict[str, Any]:
         """Equilibrium and modes of a sample by its inputs; arguments as above."""

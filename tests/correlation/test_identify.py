@@ -18,7 +18,7 @@ from brake_fenicsx.correlation.posterior import (
     misfit,
 )
 from brake_fenicsx.correlation.varied_body import VariedBody
-from brake_fenicsx.errors import SceneError
+from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.results.tables import read_rows
 from brake_fenicsx.scene import read_scene
 
@@ -327,3 +327,22 @@ def test_doubtful_peaks_are_warned_of(tmp_path, capsys):
 def test_words_that_are_wrong(words, said, tmp_path, capsys):
     status, out = run(tmp_path, "frequency_hz\n116700\n143800\n", capsys, *words)
     assert status == 2 and said in out.err
+
+
+ISOTROPIC = "materials.aluminium={ model='isotropic', E='70 GPa', nu=0.33, rho='2700 kg/m^3' }"
+
+
+def test_a_start_that_leaves_every_material_is_one_that_does_not_settle():
+    """nu beyond 0.5 ends a start and not the command: the ten first peaks give E and nu back.
+
+    Exact peaks at nominal constants; a prior of 30 % has starts beyond ln(0.5 / 0.33) = 0.42.
+    """
+    body = VariedBody(read_scene(BOX, [*COARSE, ISOTROPIC]), "box", "aluminium", 3e5, False)
+    with pytest.raises(InaccurateResult, match=r"nu = 0\.5"):
+        body.modes(body.nominal + np.array([0.0, 0.42]))
+    fill_basis(body, 0.3)
+    peaks = body.modes(body.nominal).frequency[:10]
+    end = identified(body, peaks, 0.3, 2.5e-3)
+    E, nu = np.exp(end.theta)
+    assert pytest.approx(70e9, rel=2e-3) == E and nu == pytest.approx(0.33, rel=2e-2)
+    assert np.exp(end.theta + 3 * np.sqrt(np.diag(end.covariance)))[1] < 0.5

@@ -13,10 +13,17 @@ import pytest
 
 from brake_fenicsx import prepare, run
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.limit_cycle import sample as cycle_sample
 from brake_fenicsx.limit_cycle.floquet import verdict
 from brake_fenicsx.limit_cycle.growth import EXACTLY
 from brake_fenicsx.limit_cycle.sample import MEASURES
-from brake_fenicsx.report.cycle_figures import draw_growth, draw_loudness
+from brake_fenicsx.report.cycle_figures import (
+    cycle_blocks,
+    draw_growth,
+    draw_loudness,
+    loudness_text,
+)
+from brake_fenicsx.results.cycle_tables import CYCLES, FAMILIES, _families
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.results.tables import read_columns
 from brake_fenicsx.scene import read_scene
@@ -25,8 +32,8 @@ from processes import parallel
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "squealing_block.toml"
 PLAIN = [
     "stages=['surface','equilibrium','stability','uncertainty']", "samples.n=2",
-    "countermeasures=[]", "contact.block_plate.friction=0.55",
-    "stability.damping={ rayleigh = ['0 1/s', '4e-7 s'] }",
+    "countermeasures=[]", "contact.block_plate.friction=0.5",
+    "stability.damping={ rayleigh = ['0 1/s', '2e-7 s'] }",
 ]  # fmt: skip
 GIVEN = [
     *PLAIN,
@@ -92,6 +99,54 @@ def test_page_has_a_section(done):
     assert {f.name for f in (done / "figures").glob("limit_cycle*.png")} == {
         "limit_cycle_growth.png", "limit_cycle_loudness.png",
     }  # fmt: skip
+
+
+def test_one_family_has_one_frequency_on_the_page(done):
+    """In the table, the legend of growth and under the box: the mean of its squeal modes."""
+    data = read_run(done)
+    family = data.squeal.families("multi-scale")[0]
+    growth, loudness = draw_growth(data), draw_loudness(data)
+    legend = growth.axes[0].get_legend().get_texts()[0].get_text()
+    ticks = loudness.axes[0].get_xticklabels()[0].get_text()
+    (_, table) = cycle_blocks(data)
+    row = dict(zip(table.heads, table.rows[0], strict=True))
+    assert legend == f"{family.kilohertz} kHz"
+    assert ticks.startswith(legend) and row["frequency [kHz]"] == family.kilohertz
+    ends = row["how growth ends"]
+    assert "stable" in ends and "gives" not in ends
+    said = loudness_text(data, "multi-scale", family.key)
+    assert said == f"{ends}; {float(row['level at 1 m [dB]']):.0f} dB at 1 m"
+
+
+def test_a_cycle_that_gives_way_has_no_loudness(monkeypatch):
+    """What takes its place was 3.3 times as large by time steps; its amplitude stays."""
+    monkeypatch.setattr(cycle_sample, "verdict", lambda *_: "gives way: its period doubles")
+    (cycle,) = prepare(BLOCK, GIVEN).limit_cycles(sample=1)
+    assert cycle["outcome"].startswith("gives way") and cycle["amplitude_um"] > 0.3
+    assert np.isnan(cycle["level_1m_db"]) and np.isnan(cycle["sound_power_db"])
+
+
+def test_loudness_of_families_is_that_of_what_is_heard():
+    """Cycles that give way count in the words of a row, not in its numbers or ranks."""
+
+    def cycle(family, sample, outcome, level, gap):
+        values = dict.fromkeys(CYCLES) | {"approach": "joint", "sample": sample, "mode": 3}
+        values |= {"family": family, "outcome": outcome, "level_1m_db": level, "gap_um": gap}
+        return [*(values | {"linear_alpha_1_s": 9.0, "linear_frequency_hz": 2e3}).values()]
+
+    doubles = "gives way: its period doubles"
+    rows = [
+        cycle(0, 0, doubles, None, 9.0), cycle(0, 1, "gives way: a second frequency", None, 8.0),
+        cycle(1, 0, "stable", 80.0, 1.0), cycle(1, 1, doubles, None, 7.0),
+        cycle(2, 0, "undecided", 85.0, 2.0), cycle(2, 1, "none: lost", None, None),
+    ]  # fmt: skip
+    found = [dict(zip(FAMILIES, row, strict=True)) for row in _families(rows)]
+    assert [f["family"] for f in found] == [2, 1, 0]
+    assert [f["rank_by_loudness"] for f in found] == [1, 2, None]
+    assert [f["level_1m_db_50"] for f in found] == [85.0, 80.0, None]
+    assert [f["gap_um_50"] for f in found] == [2.0, 1.0, None]
+    words = ["1 undecided, 1 no end", "1 gives way, 1 stable", "2 gives way"]
+    assert [f["outcomes"] for f in found] == words
 
 
 def test_a_killed_run_goes_on_with_the_same_numbers(done, tmp_path):

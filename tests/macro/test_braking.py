@@ -64,13 +64,45 @@ def test_contact_stiffness_is_the_slope_of_the_law(ops):
     assert sp.issparse(ops.N)
 
 
+def named_limit(raised):
+    return float(re.search(r"was followed up to ([0-9.]+) and no further", str(raised.value))[1])
+
+
+@pytest.mark.parametrize(
+    ("length", "height", "law", "scatter", "mu"),
+    [
+        (44.482, 32.52, exponential_law(435e3, 25e-9), 59e-9, 1.74),
+        (55.765, 41.867, exponential_law(118e3, 15.7e-9), 2.37e-6, 1.25),
+    ],
+)
+def test_limit_of_friction_of_a_block_that_tips(length, height, law, scatter, mu):
+    """Held at its top against friction: mu = x / h of its outer elements, on which it stands then.
+
+    A bisection of the friction in four load steps named 0.39 for 0.513, and for 0.499 none.
+    """
+    size = f"parts.block.size='{length / 4:.3f} mm'"
+    sets = [f"parts.block.length='{length} mm'", f"parts.block.height='{height} mm'", size]
+    block = assemble(
+        BLOCK, MPI.COMM_SELF, [*sets, "parts.plate.size='20 mm'", "mesh.cells=hexahedra"]
+    )
+    outer = np.abs(block.points[:, 0]).max() / (1e-3 * height)
+    g_cr = scatter * np.random.default_rng(1).standard_normal(len(block.w))
+    with pytest.raises(NotConverged, match="was followed") as raised:
+        equilibrium(block, law, g_cr, mu, steps=4)
+    assert 0.99 * outer < named_limit(raised) < 1.002 * outer
+    reached = equilibrium(block, law, g_cr, 0.98 * outer, steps=4)
+    # All pressure on the outer elements of one side, under the load of 5 bar.
+    on_one_side = np.sum((block.w * reached.p)[block.points[:, 0] > 0])
+    assert max(on_one_side, block.w @ reached.p - on_one_side) > 0.95 * block.w @ reached.p
+
+
 @pytest.mark.parametrize("mu", [1.2, 8.0])
 def test_friction_that_tips_the_part_is_named_with_its_limit(ops, mu):
     """Load steps do not help: the message says up to which friction there is an equilibrium."""
     law = exponential_law(10e6, 10e-6)
     with pytest.raises(NotConverged, match=r"tips or locks a part") as raised:
         equilibrium(ops, law, 0.0, mu)
-    limit = float(re.search(r"up to ([0-9.]+) there is one", str(raised.value))[1])
+    limit = named_limit(raised)
     assert 0.5 < limit < 1.1
     assert equilibrium(ops, law, 0.0, 0.98 * limit).residual < 1e-10
     with pytest.raises(NotConverged):

@@ -246,3 +246,20 @@ def test_loads_of_the_record(two_blocks):
         assemble_elastic(scene.mesh, scene.materials, {"pad.ears": ["x"]})
     with pytest.raises(ValueError, match="no material"):
         assemble_elastic(scene.mesh, {}, {})
+
+
+@pytest.mark.parametrize("stiffness", [1e10, 1e13, 1e16])
+def test_a_tolerance_below_round_off_ends_at_round_off(two_blocks, stiffness):
+    """Penalty beside critical gaps of 1 mm: eps x gap x stiffness over the pressure is left.
+
+    1e-16 of a metre times 1e16 Pa/m is 1 Pa in 0.5 MPa; the iteration ran on to its limit and
+    raised.
+    """
+    scene = two_blocks("guided")
+    n = scene.w.size
+    laws = EnrichedGap(OneLaw(linear_law(stiffness)), np.zeros(n, int), np.full(n, -1e-3))
+    wanted, sharp = (
+        equilibrium(operators(scene), laws, 0.3, tolerance=tolerance) for tolerance in (1e-8, 1e-17)
+    )
+    assert sharp.residual <= 16 * np.finfo(float).eps * (1 + 1e-3 * stiffness / 5e5)
+    np.testing.assert_allclose(sharp.p, wanted.p, rtol=1e-6, atol=1e-6 * wanted.p.max())

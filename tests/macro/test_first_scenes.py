@@ -188,16 +188,18 @@ def test_what_an_assembly_says(assembly):
     assert '"nodes:Plate-1.plate_sides" = "plate_1.plate_sides"' in text  # an element set too
     count = read_mesh_file(assembly).node_groups["Plate-1.plate_sides"].size
     assert scene.loads["plate_1.plate_sides"].force == pytest.approx((0.0, 1.5 * count, 0.0))
-    assert scene.motion.direction == (1.0, 0.0, 0.0)  # 40 mm by 20 mm is not round
+    motion = scene.motion
+    assert motion.turns_about == (0.0, 0.0, 1.0) and motion.point == (0.0, 0.09, 0.0)
+    assert motion.rate == 6.0
     lines = assembly.read_text().splitlines()
     for word, section in (
         ("*EQUATION", "ties"), ("*ELEMENT, TYPE=CONN3D2, ELSET=Joint", "parts"),
-        ("*MOTION, ROTATION", "motion"),
+        ("*EXPANSION", "materials"),
     ):  # fmt: skip
         at = 1 + lines.index(word)
         own = text.partition(f"[{section}]\n")[2].partition("\n\n")[0]
         assert f"# not taken over: {word} (cae.inp:{at})" in own
-    assert f"*EXPANSION (cae.inp:{1 + lines.index('*EXPANSION')})" in text
+    assert "Ignored" not in text
     assert '# not taken over: "RP-2": no facet of a boundary' in text
     assert "800 mm^2, normal (0, 0, -1), middle (0, 0, 0) mm" in text
 
@@ -205,7 +207,7 @@ def test_what_an_assembly_says(assembly):
 def test_check_accepts_an_assembly(assembly, capsys):
     path, _ = first_scene(assembly)
     assert main(["check", str(path)]) == 0
-    assert "'plate_1' slides over 'pad_1' along (1, 0, 0)" in capsys.readouterr().out
+    assert "'plate_1' turns about z through (0, 90, 0) mm under 'pad_1'" in capsys.readouterr().out
 
 
 def test_ties_take_the_place_of_contact(assembly, capsys):
@@ -441,3 +443,23 @@ def test_two_processes_write_one_scene(tmp_path, meshes):
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("wrote boxes.toml") == 1 and (tmp_path / "boxes.toml").is_file()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["{}.inp"], "{0}.inp: no command; write brake-fenicsx init {0}.inp"),
+        (["{}.toml"], "{0}.toml: no command; write brake-fenicsx run {0}.toml"),
+        (["run", "{}.inp"], "a mesh file; brake-fenicsx init {0}.inp writes a first scene of it"),
+        (["check", "{}.cdb"], "a mesh file; brake-fenicsx init {0}.cdb writes a first scene"),
+        (["init", "{}.toml"], "{0}.toml: a scene, and no mesh file; check it: brake-fenicsx check"),
+    ],
+)
+def test_the_command_that_a_file_needs_is_named(words, said, tmp_path, capsys):
+    """A mesh file in place of a scene, a file in place of a command: what to write instead."""
+    stem = str(tmp_path / "brake")
+    for ending, content in ((".inp", b"*NODE\n"), (".cdb", b"\xff/PREP7\n"), (".toml", b"")):
+        Path(stem + ending).write_bytes(content)
+    assert main([word.format(stem) for word in words]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert said.format(stem) in line

@@ -209,7 +209,7 @@ def test_ties_of_a_deck_that_are_not_read_are_named_beside_what_they_would_hold(
     tie = "*TIE, NAME=GLUE\npad_bottom, plate_top\n"
     file = deck(meshes.write_abaqus, meshes.boxes(), keywords=tie)
     with pytest.raises(
-        SceneError, match=r"deck\.inp, the mesh of block and plate, has \*TIE, which"
+        SceneError, match=r"deck\.inp, the mesh of block and plate, has \[ties\] GLUE, which"
     ):
         checked(scene=file)
 

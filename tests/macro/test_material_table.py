@@ -101,7 +101,8 @@ def test_half_a_turn_is_nothing_and_a_quarter_is_exact():
 
 
 def layers(changes, names=("pad.lining", "pad.plate", "pad.shim", "disc.body")):
-    scene = read_scene(SCENES / "disc_brake.toml", changes)
+    stages = "stages=['surface','micro','equilibrium','uncertainty']"  # where no loss has to act
+    scene = read_scene(SCENES / "disc_brake.toml", [stages, *changes])
     return layer_materials(scene, scene_materials(scene), names)
 
 

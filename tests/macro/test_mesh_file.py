@@ -13,7 +13,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.mesh import check_cells, tagged_mesh
 from brake_fenicsx.macro.meshing.abaqus import read_abaqus
 from brake_fenicsx.macro.meshing.groups import mesh_of_file
-from brake_fenicsx.macro.meshing.meshfile import read_mesh_file, unread_cards
+from brake_fenicsx.macro.meshing.meshfile import read_mesh_file
 from brake_fenicsx.macro.meshing.quality import orientation
 from brake_fenicsx.scene.mesh import MeshTable
 
@@ -102,7 +102,7 @@ def test_degenerate_bricks_of_ansys_are_tetrahedra(order, tmp_path, meshes):
 
 
 def test_nastran_by_property(tmp_path, meshes):
-    """.bdf through meshio: groups are the property numbers of solids and shells."""
+    """.bdf as meshio writes it: groups are the property numbers of solids and shells."""
     meshio = pytest.importorskip("meshio")
     mesh = meshes.boxes()
     blocks = [("tetra", mesh.cells), ("triangle", mesh.facets)]
@@ -367,18 +367,20 @@ PLATE_BOTTOM, 1, 3
 
 
 def test_what_an_abaqus_deck_holds_beside_its_mesh_is_said(tmp_path, meshes):
+    """What no reader takes is named; a tie and supports are kept to be compared with a scene."""
     file = tmp_path / "two_boxes.inp"
     meshes.write_abaqus(meshes.boxes(), file)
-    assert read(file).unread.changing == ()
+    assert read(file).unread.changing == () and read(file).unread.stated == ()
     with file.open("a") as deck:
         deck.write(DECK)
     found = read(file).unread
     assert found.changing == (
-        "two_boxes.inp: not read: 1 S3, 1 MASS and 2 SPRINGA elements, *TIE, *COUPLING, *BOUNDARY;"
+        "two_boxes.inp: not read: 1 S3, 1 MASS and 2 SPRINGA elements, *SOLID SECTION;"
         " docs/howto_abaqus_deck.md says what to write instead",
     )
-    (other,) = found.other
-    assert other.endswith("*HEADING, *SOLID SECTION, 2 *MATERIAL, *STEP")
+    stated = {one.section: one.faces for _, one in found.stated}
+    assert stated["ties"] == ({"pad.back"}, {"plate.top"})
+    assert stated["supports"] == ({"plate.bottom"},)
 
 
 def test_shells_that_mark_a_face_are_no_loss(tmp_path, meshes):
@@ -405,25 +407,15 @@ def test_shells_that_mark_a_face_are_no_loss(tmp_path, meshes):
 def test_what_an_ansys_file_holds_beside_its_mesh_is_said(tmp_path, meshes):
     file = tmp_path / "two.cdb"
     meshes.write_ansys(meshes.boxes(), file)
-    file.write_text(file.read_text() + "MPTEMP,R5.0, 1, 1,  0.0\nD, 10,UX, 0.0\nD, 10,UY, 0.0\n")
+    held = "D, 10,UX, 0.0\nD, 10,UY, 0.0\n"
+    file.write_text(file.read_text() + "MPTEMP,R5.0, 1, 1,  0.0\nACEL, 0.0, 0.0\nCE,1,2\n" + held)
     found = read(file).unread
     assert found.changing == (
-        "two.cdb: not read: 1 CONTA174 element, 2 D; docs/coming_from_other_codes.md says what to"
+        "two.cdb: not read: 1 CONTA174 element, CE; docs/coming_from_other_codes.md says what to"
         " write instead",
     )
-    assert found.other[0].endswith("MPTEMP")
-
-
-def test_cards_of_nastran_that_are_not_read(tmp_path):
-    file = tmp_path / "deck.bdf"
-    file.write_text(
-        "SOL 103\nSPC = 1\nBEGIN BULK\nGRID,1,,0.,0.,0.\nCTETRA         1       1       1\n"
-        "+              2\n$ a comment\nCONM2*  7\n*       1\nCELAS2,8,1.,1,1\nRBE2,9,1,123,2\n"
-        "SPC1,1,123,1\nSPC1,1,123,2\nMAT1,1,2.1+11,,.3\nENDDATA\n"
-    )
-    elements, cards = unread_cards(file)
-    assert elements == {"CONM2": 1, "CELAS2": 1}
-    assert cards == {"RBE2": 1, "SPC1": 2, "MAT1": 1}
+    ((_, one),) = found.stated
+    assert one.section == "supports" and one.faces == (set(),)
 
 
 @pytest.mark.parametrize("cells, order", KINDS)
@@ -555,7 +547,7 @@ def test_files_that_are_none(tmp_path):
         ("a.msh", "no mesh", r"does not begin with \$MeshFormat"),
         ("a.stp", "x", "not known"),
         ("a.cdb", "/PREP7\nN,1,0,0,0\n", "no NBLOCK"),
-        ("a.bdf", "nothing", "cannot be read"),
+        ("a.bdf", "nothing", "no tetrahedra"),
         ("a.inp", "nothing", "no tetrahedra"),
         ("b.inp", "*NODE\n1,0,0,0\n*ELEMENT,TYPE=C3D4\n1,1,2,3,4\n", "node 2 .*not defined"),
         ("c.inp", "*NODE\n1,0,0,0\n*ELEMENT,TYPE=C3D6\n1,1,1,1,1,1,1\n", "wedge"),
@@ -591,3 +583,68 @@ def test_overlapping_groups_and_faces(tmp_path):
     groups = {"a": "p.a", "low": "p.low", "n": "p.n"}
     with pytest.raises(SceneError, match=r"'p.low' and 'p.n' have 1 facets in common"):
         mesh_of_file(tmp_path, table(file, groups=groups), ["p"])
+
+
+def test_a_cell_of_two_groups_is_one_cell(tmp_path):
+    """A plate in two physical volumes: gmsh 2.2 writes its cells twice, 4.1 once; the body is one.
+
+    Volume by hand: a block of 40 x 20 x 20 mm and a plate of 60 x 30 x 10 mm, 34 000 mm^3.
+    """
+    from brake_fenicsx.macro.meshing.gmsh_mesh import gmsh_session
+
+    meshes, sizes = [], []
+    for version in (4.1, 2.2):
+        file = tmp_path / f"twice_{version:.0f}.msh"
+        with gmsh_session() as gmsh:
+            gmsh.model.occ.addBox(10, 5, 0, 40, 20, 20, 1)
+            gmsh.model.occ.addBox(0, 0, -10, 60, 30, 10, 2)
+            gmsh.model.occ.synchronize()
+            for tag, (name, own) in enumerate(
+                {"lining": [1], "plate": [2], "steel": [2], "all": [1, 2]}.items(), 1
+            ):
+                gmsh.model.addPhysicalGroup(3, own, tag)
+                gmsh.model.setPhysicalName(3, tag, name)
+            gmsh.model.mesh.generate(3)
+            gmsh.option.setNumber("Mesh.MshFileVersion", version)
+            gmsh.write(str(file))
+        meshes.append(read_mesh_file(file))
+        sizes.append({name: own.size for name, own in meshes[-1].cell_groups.items()})
+        x = meshes[-1].points[meshes[-1].cells]
+        volume = np.abs(np.linalg.det(x[:, 1:] - x[:, :1])).sum() / 6
+        assert volume == pytest.approx(34000.0, rel=1e-9)
+    assert sizes[0] == sizes[1] and sizes[0]["plate"] == sizes[0]["steel"]
+    assert sizes[0]["all"] == len(meshes[1].cells) == sizes[0]["plate"] + sizes[0]["lining"]
+
+
+def test_c3d27_as_gmsh_writes_it(tmp_path):
+    """Body first, then the middles of S1 to S6 (gmsh's writer of .inp): each node in its place."""
+    from brake_fenicsx.macro.meshing.rawmesh import EDGES, FACETS
+
+    # Middles of faces S1 to S6 of Abaqus, of a box with corners in its order.
+    corners = box(20, 30, 40)
+    vtk = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6),
+           (3, 7))  # fmt: skip
+    faces = ((0, 1, 2, 3), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))
+    points = [*corners, *(corners[[*e]].mean(axis=0) for e in vtk), corners.mean(axis=0),
+              *(corners[[*f]].mean(axis=0) for f in faces)]  # fmt: skip
+    file = tmp_path / "one.inp"
+    nodes = "".join(f"{n}, {x}, {y}, {z}\n" for n, (x, y, z) in enumerate(points, 1))
+    rows = ", ".join(map(str, range(1, 16))) + ",\n" + ", ".join(map(str, range(16, 28)))
+    file.write_text(f"*NODE\n{nodes}*ELEMENT, TYPE=C3D27, ELSET=A\n1, {rows}\n")
+    mesh = read_abaqus(file)
+    x = mesh.points[mesh.cells[0]]
+    for k, pair in enumerate(EDGES["hexahedron"]):
+        np.testing.assert_allclose(x[8 + k], x[[*pair]].mean(axis=0))
+    for k, facet in enumerate(FACETS["hexahedron"]):
+        np.testing.assert_allclose(x[20 + k], x[[*facet]].mean(axis=0))
+    np.testing.assert_allclose(x[26], x[:8].mean(axis=0))
+
+
+def test_cells_that_meshio_reads_twice_are_refused(tmp_path, meshes):
+    meshio = pytest.importorskip("meshio")
+    mesh = meshes.boxes()
+    file = tmp_path / "twice.vtu"
+    cells = np.vstack([mesh.cells, mesh.cells[4:5, [1, 0, 3, 2]]])
+    meshio.Mesh(1e3 * mesh.points, [("tetra", cells)]).write(file)
+    with pytest.raises(SceneError, match=f"elements 5 and {len(cells)} have the same corners"):
+        read_mesh_file(file)

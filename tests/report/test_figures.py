@@ -19,7 +19,7 @@ from brake_fenicsx.report.contact_figures import draw_contact_pressure
 from brake_fenicsx.report.driver_figures import draw_driver_maps
 from brake_fenicsx.report.error_figures import draw_errors
 from brake_fenicsx.report.figures import make_figures
-from brake_fenicsx.report.micro_figures import draw_contact_maps, draw_laws, laws_caption
+from brake_fenicsx.report.micro_figures import draw_contact_maps, draw_laws
 from brake_fenicsx.report.plots import PLOTS
 from brake_fenicsx.report.probability_figures import draw_convergence, draw_counts, draw_probability
 from brake_fenicsx.report.squeal_figures import draw_families, draw_squeal_map
@@ -29,7 +29,6 @@ from brake_fenicsx.report.sweep_figures import draw_branches
 from brake_fenicsx.report.topography_figures import (
     draw_artificial,
     draw_topography,
-    topography_caption,
 )
 from brake_fenicsx.results.run import read_run
 from brake_fenicsx.results.tables import MODES, write_rows
@@ -60,10 +59,6 @@ NEEDS = {
 @pytest.fixture(scope="module")
 def run(run_directory):
     return read_run(run_directory)
-
-
-def labels(axes):
-    return axes.get_xlabel(), axes.get_ylabel()
 
 
 def ink(path: Path) -> tuple[float, int]:
@@ -124,7 +119,6 @@ def test_topography_shows_the_heights_with_x_to_the_right(run):
     assert np.array_equal(np.isnan(z), np.ma.getmaskarray(image.get_array()))
     assert np.allclose(image.get_array().compressed(), z[np.isfinite(z)])
     assert np.allclose(image.get_extent(), [0, 1.8, 0, 1.4])
-    assert labels(figure.axes[0]) == ("x [mm]", "y [mm]")
     assert f"{np.isnan(z).sum()} of {z.size} points missing" in figure.axes[0].get_title(
         loc="left"
     ) + (figure.axes[0].get_title())
@@ -149,11 +143,6 @@ def test_labels_of_several_maps_stand_on_the_figure(tmp_path, save_scan, scans, 
         assert all(inside(figure, axis.get_tightbbox()) for axis in shown)
     maps = [axis for axis in shown if axis.images]
     assert len(maps) == min(scans, 9) and all(axis.get_xlabel() for axis in maps)
-    assert "profiles" not in topography_caption(run)
-
-
-def test_heights_are_drawn_with_the_words_of_one_scan_or_of_several(run):
-    assert "profiles through its centre" in topography_caption(run)
 
 
 @pytest.mark.parametrize(
@@ -176,12 +165,8 @@ def test_numbers_of_the_heights_stand_beside_the_legend(run, mean, said):
 def test_statistics_show_fit_band_and_residual(run):
     figure = draw_statistics(run)
     heights, psd, residual = figure.axes
-    assert labels(heights) == ("height over the mean plane $z$ [µm]", "density $P(z)$ [1/µm]")
-    assert psd.get_ylabel() == "radial PSD $C$ [m$^4$]"
-    assert residual.get_xlabel() == "wave number $q$ [rad/m]"
     assert (psd.get_xscale(), psd.get_yscale()) == ("log", "log")
     texts = [t.get_text() for t in psd.get_legend().get_texts()]
-    assert texts[:2] == ["reliable band", "whole scan"]
     assert "$-2.01$ ± 0.04" in texts[2]
     curves = [line for line in psd.lines if len(line.get_xdata()) > 2]
     assert len(curves) == 2
@@ -231,7 +216,6 @@ def test_artificial_surface_stands_at_the_scale_of_the_scan(run):
     assert left.get_xlim() == right.get_xlim() == (0, pytest.approx(2.825))
     assert left.images[0].get_clim() == right.images[0].get_clim()
     assert np.allclose(right.images[0].get_array(), run.surface["artificial"].T * 1e6)
-    assert all("[" in text for axis in figure.axes[:4] for text in labels(axis))
 
 
 def test_contact_maps_show_only_what_touches(run):
@@ -252,8 +236,6 @@ def test_laws_are_all_drawn_on_linear_and_log_axes(run):
     first = figure.axes[0].collections[0].get_segments()[3]
     assert np.allclose(first[:, 0], run.laws["d"][3] * 1e6)
     assert np.allclose(first[:, 1], run.laws["p"][3] / 1e6)
-    assert figure.axes[1].get_ylabel() == "$p/E^*$ [-]"
-    assert figure.axes[2].get_ylabel() == "stiffness $-p'(d)$ [N/mm$^3$]"
 
 
 def stiffness_band(run, number):
@@ -277,7 +259,6 @@ def test_stiffness_of_many_laws_has_its_median_and_band(run):
     low, high = np.quantile(1 / u0, [0.05, 0.95])
     assert share.min() == pytest.approx(low, rel=2e-2)
     assert share.max() == pytest.approx(high, rel=2e-2)
-    assert "its median over the laws" in laws_caption(run)
 
 
 def test_both_stiffnesses_of_laws_with_a_hardness_have_a_band(run):
@@ -285,16 +266,6 @@ def test_both_stiffnesses_of_laws_with_a_hardness_have_a_band(run):
     _, lines, bands = stiffness_band(hard, 30)
     assert len(lines) == len(bands) == 2
     np.testing.assert_allclose(lines[1].get_ydata(), 3 * lines[0].get_ydata())
-    assert "vibration stiffness" in laws_caption(hard)
-    assert "vibration stiffness" not in laws_caption(run)
-
-
-def test_pressures_on_the_pads_are_drawn_and_told_where_there_are_pads(run):
-    for contact, told in ((run.contact, True), (None, False)):
-        own = replace(run, contact=contact)
-        names = draw_laws(own).axes[2].get_legend_handles_labels()[1]
-        assert any("brake's patches" in name for name in names) == told
-        assert ("pressures on the pads" in laws_caption(own)) == told
 
 
 def points(axes, marker):
@@ -312,11 +283,9 @@ def test_squeal_map_shows_every_mode_of_every_good_sample(run):
         assert sum(map(len, shown.values())) == c.modes
         assert len(shown["squeal"]) == c.unstable > 0
         assert np.all(shown["squeal"][:, 1] < 0)
-        assert "-2" in axis.get_ylabel() and r"\alpha/|\omega|" in axis.get_ylabel()
         assert f"{c.squeal} of {c.modes} modes squeal" in (
             axis.get_title(loc="left") + axis.get_title()
         )
-    assert figure.axes[-1].get_xlabel() == "frequency [kHz]"
     assert len({axis.get_ylim() for axis in figure.axes}) == 1
     mine = (run.modes["approach"] == "classical") & (run.modes["verdict"] == "unstable")
     expected = np.column_stack([run.modes["frequency_hz"][mine] / 1e3, run.modes["damping"][mine]])
@@ -377,7 +346,6 @@ def test_probability_bars_are_the_shares(run):
     bars = [p.get_height() for p in figure.axes[1].patches]
     assert len(bars) == 16
     assert max(bars) == pytest.approx(44 / 60)
-    assert "bands of 1000 Hz" in figure.axes[1].get_xlabel()
 
 
 def test_stable_single_run_leaves_no_mark_and_no_legend(run, tmp_path):
@@ -416,7 +384,6 @@ def test_pressure_is_drawn_on_both_pads_of_each_approach(run):
     for axis in pads:
         (patches,) = (c for c in axis.collections if isinstance(c, PolyCollection))
         assert len(patches.get_paths()) == 8 * 19
-        assert labels(axis) == ("x [mm]", "y [mm]")
     (patches,) = (c for c in pads[0].collections if isinstance(c, PolyCollection))
     polygon = patches.get_paths()[0].vertices[:4]
     sides = np.linalg.norm(np.diff(polygon, axis=0), axis=1)
@@ -468,7 +435,6 @@ def test_error_curves_end_at_the_largest_error_of_each_approach(run):
     assert [line.get_ydata().max() for line in bands.lines[::2]] == largest
     assert [line.get_xdata()[-1] for line in excess.lines] == largest
     assert all(line.get_ydata()[0] == 1.0 for line in excess.lines)
-    assert excess.get_xlabel() == "relative error estimate of the eigenvalue [-]"
 
 
 def test_directories_without_results_are_named(tmp_path):

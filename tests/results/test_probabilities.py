@@ -1,5 +1,7 @@
 """Outcomes of samples and the tables of causes, against closed forms."""
 
+from dataclasses import replace
+
 from mpi4py import MPI
 
 import numpy as np
@@ -21,7 +23,7 @@ from brake_fenicsx.results.probabilities import (
 )
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.scene import Distribution, Samples
-from brake_fenicsx.uncertainty.designs import quantile
+from brake_fenicsx.uncertainty.designs import design_points, quantile, roughness_of
 
 MU, E3 = "contact.pad_disc.friction", "materials.lining.E_3"
 SAMPLES = Samples(approaches=("joint",), random={MU: Distribution("normal", 0.5, 0.05)})
@@ -82,6 +84,25 @@ def test_shares_of_the_variance_of_a_sum():
     # Always unstable: the verdict never changes and has no index, the growth has two for each.
     assert [r["outcome"] for r in index] == ["growth"] * 4
     assert index[0]["first_low"] <= exact[0] <= index[0]["first_high"]
+
+
+def test_roughness_is_a_row_of_its_own():
+    """Growth of friction and roughness alike, by Saltelli's design: half each, 0 of the modulus."""
+    samples = Samples(approaches=("joint",), design="saltelli", random=SAMPLES.random,
+                      roughness=True)  # fmt: skip
+    plan = samples.plan("joint")
+    u = design_points(replace(plan, n=1024 * 5), 2, np.random.SeedSequence(1))
+    w = np.random.default_rng(2).random(len(u))
+    growth = 1.0 + u[:, 0] + w[[roughness_of(plan, 2, k) for k in range(len(u))]]
+    outcome = Outcome("band", "0-16000", 8000.0, growth, -1e-4 * growth)
+    e = Ensemble("joint", (MU, E3), u, np.ones(len(u), dtype=bool), (outcome,))
+    find_causes(samples, [e], MPI.COMM_SELF)
+    rows = table(SENSITIVITY, sensitivity_rows([e]))
+    assert [row["input"] for row in rows] == [MU, E3, "roughness"]
+    np.testing.assert_allclose([row["total"] for row in rows], [0.5, 0, 0.5], atol=0.05)
+    shares = table(PROBABILITIES, probability_rows(samples, [e]))[0]
+    assert shares["share_friction"] == pytest.approx(0.5, abs=0.06)
+    assert shares["share_rest"] == pytest.approx(0.5, abs=0.06)
 
 
 def test_failed_samples_count_for_nothing():

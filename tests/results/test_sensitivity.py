@@ -7,7 +7,7 @@ from brake_fenicsx.results.sensitivity import indices
 from brake_fenicsx.results.statistics import rank_correlation
 from brake_fenicsx.scene import Distribution
 from brake_fenicsx.scene.samples import Plan
-from brake_fenicsx.uncertainty.designs import design_points, quantile
+from brake_fenicsx.uncertainty.designs import design_points, quantile, roughness_of
 
 LAW = Distribution("uniform", min=-np.pi, max=np.pi)
 # Closed forms for a = 7, b = 0.1: D = a^2/8 + b pi^4/5 + b^2 pi^8/18 + 1/2.
@@ -103,6 +103,54 @@ def test_failed_samples_are_left_out_or_filled():
     x, y = ishigami(Plan(3000, "fast", 3))
     many = np.arange(y.size) % 20 > 0
     assert np.isnan(indices(Plan(3000, "fast", 3), x, y, many).first).all()
+
+
+def rough(plan, outcome, seed=3):
+    """Indices of a function of three inputs and of a roughness, each of mean 0 and variance 1."""
+    points = design_points(plan, 3, np.random.SeedSequence(seed))
+    x = np.sqrt(12) * (points - 0.5)
+    normal = np.random.default_rng(seed + 1).standard_normal(len(x))
+    w = normal[[roughness_of(plan, 3, k) for k in range(len(x))]]
+    return indices(plan, x, outcome(x, w), np.ones(len(x), dtype=bool))
+
+
+@pytest.mark.parametrize("a", [0.0, 1.0])
+def test_total_indices_beside_a_roughness(a):
+    """y = x_1 + w + a x_1 w of variance V = 2 + a^2: first 1 / V, total (1 + a^2) / V, idle 0.
+
+    With a roughness for each row the idle inputs had the total index 1 / V and more.
+    """
+    plan, V = Plan(2048 * 6, "saltelli", 1, rough=True), 2 + a**2
+    found = rough(plan, lambda x, w: x[:, 0] + w + a * x[:, 0] * w)
+    np.testing.assert_allclose(found.first, [1 / V, 0, 0, 1 / V], atol=0.06)
+    np.testing.assert_allclose(found.total[[0, 3]], (1 + a**2) / V, atol=0.06)
+    np.testing.assert_array_equal(found.total[1:3], 0.0)
+    np.testing.assert_array_equal(found.first[1:3], 0.0)
+
+
+def test_an_input_that_acts_with_the_roughness_alone():
+    """y = x_2 w: alone neither explains anything, together all."""
+    found = rough(Plan(2048 * 6, "saltelli", 1, rough=True), lambda x, w: x[:, 1] * w)
+    np.testing.assert_allclose(found.first, 0.0, atol=0.06)
+    np.testing.assert_allclose(found.total, [0, 1, 0, 1], atol=0.1)
+
+
+def test_fast_gives_no_total_index_beside_a_roughness():
+    """The scatter of y = x_1 + w was half of the total index of each idle input, at any n."""
+    hits = np.zeros(3)
+    for seed in range(10):
+        found = rough(Plan(1800, "fast", 3, rough=True), lambda x, w: x[:, 0] + w, seed)
+        hits += np.abs(found.first - [0.5, 0, 0]) <= found.first_half
+        assert np.isnan(found.total).all() and np.isnan(found.total_half).all()
+    assert np.all(hits >= 8)
+
+
+def test_no_input_no_index():
+    """Roughness alone, beside approaches whose design is one of inputs."""
+    y = np.random.default_rng(1).random(600)
+    for design in ("fast", "saltelli", "random"):
+        plan = Plan(600, design, 3, rough=True)
+        assert indices(plan, np.zeros((600, 0)), y, y >= 0).first.size == 0
 
 
 def test_rank_correlation_of_a_normal_pair():

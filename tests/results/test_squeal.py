@@ -129,7 +129,8 @@ def test_speed_stands_beside_the_error_of_the_same_run(run):
             "classical": {"good": 1},
         },
         "verification": {"samples_compared": 2, "largest_relative_error": 3e-7,
-                         "median_relative_error": 1e-9, "wrong_verdicts": 0, "eigenvalues": 9},
+                         "median_relative_error": 1e-9, "wrong_verdicts": 0, "eigenvalues": 9,
+                         "errors_beyond_estimates": 4},
     }  # fmt: skip
     rows = speed_rows(replace(run, summary=facts))
     assert rows[0][:4] == ["classical", 1, None, None]
@@ -137,7 +138,7 @@ def test_speed_stands_beside_the_error_of_the_same_run(run):
     assert rows[1][4] == error_rows(run)[1][4]
     assert rows[2][0] == "against full order"
     assert rows[2][4:6] == [1e-9, 3e-7]
-    assert "0 wrong of 9" in rows[2][6]
+    assert rows[2][6] == "0 wrong of 9 verdicts, 4 errors beyond their estimates"
     assert speed_rows(run) == []
 
 

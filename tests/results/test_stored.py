@@ -9,9 +9,9 @@ from brake_fenicsx.results.stored import Results
 from brake_fenicsx.results.tables import SAMPLES, read_rows, write_rows
 
 
-def sample(how, missed):
-    mode = {"s": np.array([1j, 2j]), "verdict": np.array(["stable", "neutral"]), "counted": how,
-            "error": 1e-6 * (1 + missed) * np.array([1.0, 4.0])}  # fmt: skip
+def sample(kind, missed, how="zeros of T(z)"):
+    mode = {"s": np.array([1j, 2j]), "verdict": np.array(["stable", "neutral"]), "count_kind": kind,
+            "counted": how, "error": 1e-6 * (1 + missed) * np.array([1.0, 4.0])}  # fmt: skip
     seconds = {f"{name}_seconds": 1.0 for name in ("stability", "equilibrium")}
     return {
         "status": "ok", "seed": 1, "mu": np.ones(2), "random_names": [], "random": [],
@@ -29,9 +29,9 @@ def results(*samples):
 def test_open_points_of_a_sample_reach_its_row_and_the_summary(tmp_path):
     """What is not counted or not proven is not complete; a failed sample says nothing."""
     found = results(
-        sample("inertia of K - kappa M", 0),
-        sample("not counted: friction is not of low rank", 3),
-        sample("winding number (remainder 1.2; not proven, it should be below 1)", 1),
+        sample("proven", 0),
+        sample("not counted", 3),
+        sample("counted", 1),
         {"status": "no equilibrium"},
     )
     write_rows(tmp_path / "samples.csv", *found.samples())
@@ -43,9 +43,38 @@ def test_open_points_of_a_sample_reach_its_row_and_the_summary(tmp_path):
     assert about["largest_error"] == pytest.approx(8e-6)
 
 
+@pytest.mark.parametrize(
+    ("kind", "proven", "said"), [("proven", "yes", ""), ("counted", "no", "not proven: "),
+                                 ("not counted", "no", "not counted: ")],
+)  # fmt: skip
+@pytest.mark.parametrize("how", ["", "not counted: by hand, not proven", "complete, proven"])
+def test_the_kind_of_a_count_decides_and_no_word(how, kind, proven, said):
+    found = results(sample(kind, 0, how))
+    heads, rows = found.samples()
+    assert dict(zip(heads, next(rows), strict=True))["complete"] == proven
+    about = found.facts()["samples"]["parametric"]
+    assert about["not_complete"] == (proven == "no")
+    assert about["counted_by"] == said + how
+
+
+def test_true_errors_of_verified_samples_are_compared_with_their_estimates():
+    """Both estimates together bound the difference; one that is no number bounds nothing."""
+    one = sample("proven", 0)
+    moved, own = np.array([3e-6, 5e-6]), np.array([1.1e-6, 1.1e-6])
+    for estimate, beyond in ((np.array([2e-6, 2e-6]), 1), (np.array([2e-6, np.nan]), 1),
+                             (np.array([2e-6, 4e-6]), 0)):  # fmt: skip
+        full = {"s": one["s"] + moved, "verdict": one["verdict"], "error": own}
+        files = {("parametric", 0): one | {"error": estimate}, ("verify", 0): full}
+        store = SimpleNamespace(samples=SimpleNamespace(load=files.get))
+        found = Results(store, [("parametric", 0)], [("verify", 0)], "parametric").facts()
+        check = found["verification"]
+        assert (check["samples_compared"], check["errors_beyond_estimates"]) == (1, beyond)
+        assert check["largest_relative_error"] == pytest.approx(3e-6)
+
+
 def test_samples_without_modes_have_no_such_columns():
-    data = sample("", 0)
-    for name in ("s", "counted", "tolerance_missed"):
+    data = sample("proven", 0)
+    for name in ("s", "counted", "count_kind", "tolerance_missed"):
         del data[name]
     assert results(data).samples()[0] == [*SAMPLES, "mu"]
 
@@ -53,5 +82,5 @@ def test_samples_without_modes_have_no_such_columns():
 def test_equal_friction_is_given_with_every_digit():
     """samples.csv had it twice, in two precisions."""
     mu = 0.24797111763653748
-    _, rows = results(sample("inertia", 0) | {"mu": np.full(7, mu)}).samples()
+    _, rows = results(sample("proven", 0) | {"mu": np.full(7, mu)}).samples()
     assert next(rows)[4] == mu

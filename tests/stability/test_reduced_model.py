@@ -391,7 +391,7 @@ def test_arguments_that_do_not_fit_are_one_line(two_blocks, change, said):
 def test_interpolation_is_exact_for_polynomials(dimension, degree):
     """Any polynomial up to the degree, also a little beyond the box, from the first anchors."""
     rng = np.random.default_rng(dimension)
-    box = Interpolation(dimension, degree)
+    box = Interpolation((degree,) * dimension)
     for lower in range(degree + 1):
         powers = rng.multinomial(lower, np.ones(dimension) / dimension) if dimension else []
         x = 1.1 * rng.uniform(-1, 1, dimension)
@@ -399,6 +399,21 @@ def test_interpolation_is_exact_for_polynomials(dimension, degree):
         assert not np.any(weights[box.count(lower) :])
         value = weights @ np.prod(box.points ** np.array(powers), axis=1)
         assert value == pytest.approx(np.prod(x ** np.array(powers)), abs=1e-10)
+
+
+@pytest.mark.parametrize("degrees", [(7, 3), (9, 2, 4)])
+def test_interpolation_of_a_degree_in_each_parameter(degrees):
+    """Exact for products up to i / n_1 + j / n_2 + ... = 1, with an anchor for each, no more."""
+    rng, box = np.random.default_rng(5), Interpolation(degrees)
+    powers = [
+        i for i in np.ndindex(*(n + 1 for n in degrees)) if sum(np.divide(i, degrees)) < 1 + 1e-9
+    ]
+    assert len(box.points) == len(powers) == box.count(max(degrees))
+    x = rng.uniform(-1, 1, len(degrees))
+    weights = box.weights(x, box.degree)
+    for one in powers:
+        value = weights @ np.prod(box.points ** np.array(one), axis=1)
+        assert value == pytest.approx(np.prod(x ** np.array(one)), abs=1e-10)
 
 
 @pytest.mark.parametrize("degree", [1, 2])
@@ -457,7 +472,7 @@ def test_moments_between_the_anchors(degrees, digits):
     first, else of double precision.
     """
     rng = np.random.default_rng(3)
-    moments = InterpolatedMoments(2, degrees)
+    moments = InterpolatedMoments((degrees[0],) * 2, degrees)
     assert sorted(moments.order) == [*range(len(moments.points))] and moments.order[0] == 0
     assert np.all(np.diff([moments.counts[i] for i in moments.order]) <= 0)
     powers = [[(i, j) for i in range(n + 1) for j in range(n + 1 - i)] for n in degrees]
@@ -473,11 +488,11 @@ def test_moments_between_the_anchors(degrees, digits):
         return np.array(out)
 
     for more in (0.0, 1e-3):
-        made = InterpolatedMoments(2, degrees)
+        made = InterpolatedMoments((degrees[0],) * 2, degrees)
         for i in made.order:
             made.add(i, exact(made.points[i], more)[: made.counts[i]])
         arrays = made.arrays()
-        known = InterpolatedMoments(2, degrees, arrays)
+        known = InterpolatedMoments((degrees[0],) * 2, degrees, arrays)
         for x in rng.uniform(-1, 1, (5, 2)):
             D, errors, growth = known.at(x)
             assert growth == 1.0 and all(A.dtype == np.float32 for A in D[1:])

@@ -18,9 +18,11 @@ from brake_fenicsx.surface import (
 from brake_fenicsx.surface.psd import (
     RadialPsd,
     anisotropy,
+    cosine_psd,
     half_plane_weights,
     psd_2d,
-    seen_through_the_window,
+    radial_mean,
+    seen_in_scans,
     wave_numbers,
 )
 from brake_fenicsx.surface.spectrum import BiFractal
@@ -61,14 +63,48 @@ def test_single_wave_stands_at_its_wave_number():
     assert np.sum(C * half_plane_weights((n, n))) * cell == pytest.approx(a**2 / 2, rel=1e-12)
 
 
-def test_window_keeps_the_level():
-    """A windowed cut of a white surface has the density of the surface."""
+@pytest.mark.parametrize("density", [psd_2d, cosine_psd])
+def test_a_cut_keeps_the_level(density):
+    """A cut of a white surface has the density of the surface, by both ways."""
     rng = np.random.default_rng(0)
     h = rng.standard_normal((256, 200))
     topo = make_topography(h, (256e-6, 200e-6))
     expected = 1e-12 / (4 * np.pi**2)  # variance 1 spread over (2 pi / pixel)^2
-    inner = psd_2d(topo)[10:120, 10:]
+    inner = density(topo)[10:120, 10:]
     assert inner.mean() == pytest.approx(expected, rel=0.02)
+
+
+def test_cosine_waves_hold_the_variance_and_weigh_all_points_alike():
+    """Parseval; a single high pixel adds the same variance wherever it lies."""
+    shape, size = (31, 22), np.array([1.3e-3, 0.7e-3])
+    cell = (2 * np.pi) ** 2 / np.prod(size)
+    for place in ((0, 0), (15, 11), (30, 3)):
+        h = np.zeros(shape)
+        h[place] = 1e-6
+        total = cosine_psd(make_topography(h, size)).sum() * cell
+        assert total == pytest.approx(h.var(), rel=1e-12)
+
+
+@pytest.mark.parametrize("shape", [(7, 5), (6, 9)])
+def test_what_scans_show_of_a_spectrum_is_the_mean_square_of_their_cosine_waves(shape):
+    """The closed form against the covariance matrix of all points of small scans."""
+    (n, m), size = shape, np.array([1.0, 0.8])
+    kx, ky = (np.pi * np.arange(k + 1) / side for k, side in zip(shape, size, strict=True))
+    C = 1 / (1 + np.hypot(kx[:, None], ky) ** 2)
+    # Correlation of the surface of twice the sides: the sum over its wave vectors.
+    x, y = np.arange(n) * size[0] / n, np.arange(m) * size[1] / m
+    wave = [np.where(np.isin(np.arange(k + 1), (0, k)), 1, 2) for k in shape]
+    R = np.einsum(
+        "ij,i,j,ix,jy->xy", C, *wave, np.cos(np.outer(kx, x)), np.cos(np.outer(ky, y))
+    ) * np.pi**2 / np.prod(size)  # fmt: skip
+    dx, dy = (np.abs(np.subtract.outer(np.arange(k), np.arange(k))) for k in shape)
+    covariance = R[dx[:, None, :, None], dy[None, :, None, :]].reshape(n * m, n * m)
+    waves = [scipy.fft.dctn(e.reshape(shape), norm="ortho").ravel() for e in np.eye(n * m)]
+    square = np.einsum("ik,ij,jk->k", waves, covariance, waves).reshape(shape)
+    square *= np.prod(size) / (4 * np.pi**2 * n * m)
+    topo = make_topography(np.arange(n * m).reshape(shape), size)
+    seen = seen_in_scans(lambda q: 1 / (1 + q**2), topo)
+    np.testing.assert_allclose(seen, radial_mean(square, topo)[1], rtol=1e-10)
 
 
 def test_radial_integral_is_the_variance_of_the_model():
@@ -217,12 +253,13 @@ def test_the_mean_of_k_spectra_is_as_much_closer_to_the_truth(K):
 
 
 @pytest.mark.parametrize("shape", [(96, 96), (80, 117)])
-def test_mean_of_windowed_scans_is_what_the_window_shows_of_their_spectrum(shape):
+def test_mean_of_scans_is_what_scans_show_of_their_spectrum(shape):
     """200 cuts of Gaussian surfaces whose spectrum has a gap of a factor 100 in half an octave."""
     psd = given_statistics(1e-6, c1=-1.0, c2=-3.0, q_c=5e4).bifractal
 
     def gapped(q):
-        return psd(q, "flat") * np.where((q > 4e4) & (q < 6e4), 0.01, 1.0)
+        gap = np.exp(-((np.log(np.maximum(q, 1.0) / 5e4) / 0.3) ** 2))
+        return psd(q, "flat") * 0.01**gap
 
     n, pixel = 256, 1e-5
     scans = []
@@ -233,10 +270,10 @@ def test_mean_of_windowed_scans_is_what_the_window_shows_of_their_spectrum(shape
                 part = np.roll(h, (-i, -j), (0, 1))[: shape[0], : shape[1]]
                 scans.append(make_topography(part, (shape[0] * pixel, shape[1] * pixel)))
     found = radial_psd(scans)
-    seen = seen_through_the_window(gapped, scans[0])
+    seen = seen_in_scans(gapped, scans[0])
     inside = found.reliable
     error = np.sqrt(found.scatter[inside])
     miss = np.abs(found.C[inside] / seen[inside] - 1) / error
     assert np.sqrt(np.mean(miss**2)) < 1.6 and miss.max() < 5
-    # The gap that the window fills is not the gap of the surface.
-    assert np.max(seen[inside] / gapped(found.q[inside])) > 3
+    # The ends of the scan fill the gap: what is seen is not the spectrum of the surface.
+    assert np.max(seen[inside] / gapped(found.q[inside])) > 2

@@ -7,7 +7,12 @@ from scipy import stats
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.scene import Distribution
 from brake_fenicsx.scene.samples import Plan
-from brake_fenicsx.uncertainty.designs import design_points, design_size, quantile
+from brake_fenicsx.uncertainty.designs import (
+    design_points,
+    design_size,
+    quantile,
+    roughness_of,
+)
 
 SEED = np.random.SeedSequence(5)
 
@@ -34,6 +39,21 @@ def test_saltelli_crosses_two_blocks():
         crossed = x[:, 0].copy()
         crossed[:, j] = x[:, 4, j]
         np.testing.assert_array_equal(x[:, 1 + j], crossed)
+
+
+def test_saltelli_crosses_the_roughness_as_one_more_input():
+    """Rows A and A with an input of B have the roughness of A, a row A and the row B that of B."""
+    plan = Plan(100, "saltelli", 1, rough=True)
+    x = design_points(plan, 3, SEED).reshape(16, 6, 3)
+    np.testing.assert_array_equal(x[:, 4], x[:, 0])
+    for j in range(3):
+        crossed = x[:, 0].copy()
+        crossed[:, j] = x[:, 5, j]
+        np.testing.assert_array_equal(x[:, 1 + j], crossed)
+    assert [roughness_of(plan, 3, k) for k in range(6, 12)] == [6, 6, 6, 6, 11, 11]
+    assert [roughness_of(Plan(100, "saltelli", 1), 3, k) for k in range(4)] == [0, 1, 2, 3]
+    with pytest.raises(SceneError, match="3 inputs and the roughness; take 48 or more"):
+        design_size(Plan(47, "saltelli", 1, rough=True), 3)
 
 
 def test_fast_curves_visit_every_axis_evenly_and_differ():

@@ -73,14 +73,12 @@ model = "isotropic"
 E = "125 GPa"
 nu = 0.24
 rho = "7200 kg/m^3"
-loss = 0.002
 
 [materials.lining]
 model = "isotropic"
 E = "4 GPa"
 nu = 0.3
 rho = "2510 kg/m^3"
-loss = 0.03
 
 [contact.pads]
 faces = ["pad.friction", "disc.friction"]
@@ -184,6 +182,7 @@ def changes(c):
         damping.append("rayleigh=['200 1/s', '0.1 us']")
     if c["loss"]:
         damping += ["loss=true", "omega_ref='4 kHz'"]
+        out += ["materials.iron.loss=0.002", "materials.lining.loss=0.03"]
     if c["sliding"]:
         damping.append("sliding=true")
     if c["slope"] and not c["stuck"]:

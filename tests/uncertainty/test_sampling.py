@@ -10,7 +10,8 @@ from scipy import stats
 from brake_fenicsx.scene import Distribution, read_scene
 from brake_fenicsx.surface import match_moments
 from brake_fenicsx.uncertainty.designs import quantile
-from brake_fenicsx.uncertainty.sampling import draw_sample, sample_seed
+from brake_fenicsx.uncertainty.inputs import points_of
+from brake_fenicsx.uncertainty.sampling import draw_sample, sample_count, sample_seed
 
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 CHANGES = [
@@ -50,6 +51,28 @@ def test_naming_another_random_input_leaves_the_gaps_alone():
     assert np.all(sample(0).mu == 0.5)
     assert np.all(with_mu.mu == with_mu.mu[0])
     assert with_mu.mu[0] != 0.5
+
+
+def test_rows_of_saltelli_share_their_gaps():
+    """Two inputs, five rows of a block: A, two crossed ones; A and B with the roughness of B."""
+    laws = [
+        f"samples.random.{key}={{ law='uniform', spread=0.1 }}"
+        for key in ('"contact.block_plate.friction"', '"materials.lining.E_3"')
+    ]
+    joint = [*laws, "samples.design=saltelli", "samples.n=80", "samples.approaches=['joint']"]
+    scene = read_scene(BLOCK, [*CHANGES, *joint])
+    points = points_of(scene, "joint")
+    assert sample_count(scene, "joint") == len(points) == 80
+    rows = [draw_sample(scene, "joint", k, contact(50), None, HDF, points[k]) for k in range(10)]
+    gaps = [row.laws.g_cr for row in rows]
+    same = [[np.array_equal(a, b) for b in gaps] for a in gaps]
+    group = [0, 0, 0, 1, 1, 2, 2, 2, 3, 3]
+    assert same == [[a == b for b in group] for a in group]
+    assert rows[3].random == rows[0].random and rows[4].random != rows[0].random
+    assert len({row.seed for row in rows}) == 10
+    # Beside joint, multi-scale samples are independent ones, whatever the design.
+    alone = draw_sample(scene, "multi-scale", 1, contact(50), None, HDF)
+    assert not np.array_equal(alone.laws.g_cr, gaps[0])
 
 
 def test_critical_gaps_follow_the_heights():

@@ -159,6 +159,12 @@ class FileParts:
         inside = sum(len(face.keys) for face in own.values())
         return {} if surface and inside < np.unique(wanted).size else own
 
+    def parts_with(self, nodes: Ints) -> set[str]:
+        """Parts that have some of the nodes."""
+        return {
+            p for p in self.boundary if np.isin(self.mesh.cells[self.mesh.part(p)], nodes).any()
+        }
+
     def touching(self) -> list[tuple[str, str]]:
         """Faces of different parts that lie on each other."""
         pairs = combinations(self.faces, 2)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from brake_fenicsx.scene.units import quantity_text
 
 from .faces import FileParts
+from .statements import axis_key
 
 Array = NDArray[np.float64]
 
@@ -52,8 +53,7 @@ def proposed_motion(
     if np.ptp(sides) > ROUND * sides.max():
         along = axes[:, int(np.argmax(sides))]
         return {"direction": _vector(along)}, f"proposed: the long side of {part}"
-    axis = _vector(n)
-    keys: dict[str, Any] = {"axis": "xyz"[axis.index(1.0)] if axis.count(0.0) == 2 else axis}
+    keys: dict[str, Any] = {"axis": axis_key(_vector(n))}
     middle = np.average(whole.centre, axis=0, weights=whole.areas)
     if np.linalg.norm(middle - (middle @ n) * n) > ROUND * sides.max():
         keys["point"] = [quantity_text(float(x), "m") for x in middle]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -33,6 +34,11 @@ class Deck:
         tables: section of a scene -> name, or group of a face -> its keys.
         sections: group of cells -> material.
         laws: name of an interaction -> keys of a contact.
+        constants: material of Ansys -> its constants by their labels.
+        interaction: that of general contact.
+        general: whether all faces that touch are in contact.
+        apart: pairs of faces that are not.
+        motion: set of nodes that moves, and keys of [motion].
         shells: sections of shells that become solid.
         couplings: place of a reference node -> group of the face.
         ends: set of springs or masses -> faces that the nodes of each are coupled to.
@@ -45,6 +51,11 @@ class Deck:
     tables: dict[str, dict[str, Any]] = field(default_factory=lambda: defaultdict(dict))
     sections: dict[str, str] = field(default_factory=dict)
     laws: dict[str, dict[str, Any]] = field(default_factory=lambda: defaultdict(dict))
+    constants: dict[str, dict[str, Quantity]] = field(default_factory=lambda: defaultdict(dict))
+    interaction: str = ""
+    general: bool = False
+    apart: list[list[str]] = field(default_factory=list)
+    motion: tuple[str, dict[str, Any]] | None = None
     shells: list[ShellSection] = field(default_factory=list)
     couplings: dict[int, str] = field(default_factory=dict)
     ends: dict[str, list[list[str]]] = field(default_factory=lambda: defaultdict(list))
@@ -80,3 +91,9 @@ class Deck:
 def numbers(block: DeckKeyword) -> list[float]:
     """All numbers below a keyword."""
     return [float(word) for row in block.rows for word in row if word]
+
+
+def axis_key(axis: Sequence[float]) -> str | list[float]:
+    """An axis as a scene has it: "x", "y", "z", or a direction whose largest component is 1."""
+    x = np.round(np.asarray(axis) / np.abs(axis).max(), 6) + 0.0
+    return "xyz"[int(np.argmax(x))] if sorted(x) == [0.0, 0.0, 1.0] else [float(v) for v in x]

@@ -1,6 +1,6 @@
 """A first scene of a mesh file: what the file says, with proposals where it says nothing.
 
-Comments say what was guessed or proposed, and name the keywords that were not taken over.
+Comments say what was guessed or proposed, and name every keyword that was not taken over.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.meshing.abaqus_scope import find
 from brake_fenicsx.macro.meshing.filemesh import NO_CELLS, DeckKeyword, FileMesh
 from brake_fenicsx.macro.meshing.meshfile import read_mesh_file
-from brake_fenicsx.macro.meshing.rawmesh import CHANGING
 from brake_fenicsx.scene.tables import dotted
 from brake_fenicsx.scene.units import several
 
@@ -29,13 +28,19 @@ from .statements import Deck, Quantity
 from .units import guessed_units, moduli, si, toml
 from .written import write_abaqus
 
-# Section in whose place a keyword is named, by its start; [ties] for others.
+# Section in whose place a keyword is named, by its start, of short ones whole; [ties] for others.
 _PLACES = {
-    "supports": ("BOUNDARY", "TRANSFORM", "SPC", "BASE", "D"),
-    "loads": ("CLOAD", "DLOAD", "DSLOAD", "FORCE", "MOMENT", "PLOAD", "SF", "TEMP", "GRAV"),
-    "contact": ("CONTACT", "BC", "FRICTION", "SURFACE B", "CLEARANCE"), "motion": ("MOTION",),
-    "springs": ("SPRING", "DASHPOT", "CONNECTOR"), "masses": ("MASS",),
-    "materials": ("ELASTIC", "DAMPING", "MAT", "MP", "TB"), "parts": ("SOLID", "ELEMENT"),
+    "mesh": ("STEP", "STATIC", "GRID", "GRDSET", "TRANSFORM"),
+    "contact": ("CONTACT", "BCT", "BCON", "FRICTION", "CHANGE", "SURFACE", "CLEARANCE", "MODEL",
+                "GAP"),
+    "materials": ("ELASTIC", "DAMPING", "DENSITY", "MAT", "MP", "MPDATA", "TB", "EXPANSION",
+                  "PLASTIC"),
+    "parts": ("SOLID", "SHELL", "ELEMENT", "PSOLID", "PSHELL", "PCOMP"),
+    "supports": ("BOUNDARY", "SPC", "BASE", "D"),
+    "loads": ("CLOAD", "DLOAD", "DSLOAD", "FORCE", "MOMENT", "PLOAD", "F", "SF", "SFE", "TEMP",
+              "GRAV"),
+    "motion": ("MOTION",), "springs": ("SPRING", "DASHPOT", "CONNECTOR", "CELAS", "CBUSH"),
+    "masses": ("MASS", "CONM"), "stability": ("FREQUENCY", "COMPLEX"),
 }  # fmt: skip
 # Sections about faces, and all in their order.
 _ON_FACES = ("contact", "ties", "supports", "loads", "springs", "masses")
@@ -46,9 +51,10 @@ _STUCK = {"law": _SLIDES["law"], "slip": "stuck", "tangential_stiffness": "1e12 
 _MISSING = '{ model = "isotropic", E = "207 GPa", nu = 0.28, rho = "7820 kg/m^3" }'
 _HEAD = """\
 # Written by brake-fenicsx init; comments say what is guessed or proposed, and what of the file is
-# not taken over.
+# not taken over.{}
 stages = {}
 """
+_BAND = "5 kHz"
 
 
 def write_scene(
@@ -68,6 +74,8 @@ def write_scene(
     Raises:
         SceneError: the file cannot be read, the units are unknown, or the scene is there already.
     """
+    if deck.suffix == ".toml":
+        raise SceneError(f"{deck}: a scene, and no mesh file; check it: brake-fenicsx check {deck}")
     mesh = scene.with_name(f"{scene.stem}_solid.inp") if solid else deck
     for file in (scene, mesh)[: 1 + solid]:
         if file.exists():
@@ -80,7 +88,7 @@ def write_scene(
         if not len(found.cells):
             raise SceneError(NO_CELLS)
         draft = Draft(found, read, units)
-        text = draft.scene(os.path.relpath(mesh, scene.parent), "*" * (deck.suffix == ".inp"))
+        text = draft.scene(os.path.relpath(mesh, scene.parent))
     except SceneError as error:
         raise SceneError(f"{deck}: {error}") from None
     if solid:
@@ -113,12 +121,11 @@ class Draft:
             name = deck.sections.get(group, clean(group))
             self.parts[part][layer] = find(deck.tables["materials"], name) or name
 
-    def scene(self, file: str, sign: str) -> str:
+    def scene(self, file: str) -> str:
         """The whole text.
 
         Args:
             file: path of the mesh file, from the folder of the scene.
-            sign: "*" before the keywords of the file, or "".
         """
         placed = {section: self._placed(section) for section in _ON_FACES}
         groups = (*self.found.facet_groups, *self.found.node_groups)
@@ -137,9 +144,10 @@ class Draft:
         self._contact(placed.pop("contact"), tied)
         for section, table in placed.items():
             self._write(section, table)
-        others = self._unread(sign)
         stages = ["equilibrium", "stability", "report"] if self.lines["stability"] else []
-        text = [_HEAD.format(json.dumps(stages)), *others]
+        self._unread()
+        step = self.found.step and f"\n# The scene is of {self.found.step}."
+        text = [_HEAD.format(step, json.dumps(stages))]
         for name in _ORDER:
             lines = self.lines[name]
             text += [f"[{name}]", *lines, ""] if lines else []
@@ -180,6 +188,9 @@ class Draft:
                     before = "xyz" if before == "clamped" else before
                     held = sorted({*before, *keys["along"]} & {*"xyz"})
                     placed[pair[0]] = "clamped" if len(held) == 3 else held
+                elif section == "loads" and (before := placed.get(pair[0])):
+                    both = " and ".join({**before, **keys})
+                    self._lost(section, f"{name}: {both} twice on {pair[0]}: write their sum")
                 else:
                     placed[pair[0]] = placed.get(pair[0], {}) | keys
         return placed
@@ -199,53 +210,76 @@ class Draft:
             comment = "layers share nodes; faces that slide need [mesh.split]"
             self._write("parts", {part: value}, comment if len(layers) > 1 else "")
         for name in dict.fromkeys(m for layers in self.parts.values() for m in layers.values()):
-            if own := self.deck.tables["materials"].get(name):
+            own = self.deck.tables["materials"].get(name, {})
+            if "model" in own:
                 self._write("materials", {name: own})
             else:
                 self.lines["materials"].append(f"# missing: {dotted(name)} = {_MISSING}")
 
     def _contact(self, own: dict[str, Any], tied: set[str]) -> None:
         """Contact with the moving part second, and what follows from it."""
-        said = ""
-        if not own:
-            free = [[*pair] for pair in self.bodies.touching() if not tied & {*pair}]
-            own = {"_".join(pair): {"faces": pair} for pair in free}
-            said = "the faces touch; glued ones are [ties]"
-        touching = sorted({face for keys in own.values() for face in keys["faces"]})
+        proposed = dict[str, Any]()
+        if not own or self.deck.general:
+            known = [{*keys["faces"]} for keys in own.values()]
+            for pair in self.deck.apart:
+                first, second = (self.bodies.faces_of(name)[0] for name in pair)
+                known += [{a, b} for a in first for b in second]
+                self.lines["contact"].append(f"# out of contact: {', '.join(pair)}")
+            free = [pair for pair in self.bodies.touching() if not tied & {*pair}]
+            proposed = {"_".join(p): {"faces": [*p]} for p in free if {*p} not in known}
+        touching = sorted({f for keys in (own | proposed).values() for f in keys["faces"]})
         if not touching:
             return
-        known = self.deck.tables["materials"]
-        own_tables = {p: [known.get(m, {}) for m in v.values()] for p, v in self.parts.items()}
+        materials = self.deck.tables["materials"]
+        own_tables = {p: [materials.get(m, {}) for m in v.values()] for p, v in self.parts.items()}
         stiff = {part: max([0.0, *moduli(tables)]) for part, tables in own_tables.items()}
-        moving, count = moving_part(self.bodies, touching, stiff), Counter[str]()
-        for keys in own.values():
+        moving, motion, count = moving_part(self.bodies, touching, stiff), None, Counter[str]()
+        if self.deck.motion:
+            name, motion = self.deck.motion
+            parts = self.bodies.parts_with(self.deck.nodes(name)) & {*map(_part, touching)}
+            moving = parts.pop() if len(parts) == 1 else moving
+        for key, keys in (own | proposed).items():
             faces = sorted(keys["faces"], key=lambda face: _part(face) == moving)
-            name = "_".join(map(_part, faces))
-            number = f"_{count[name]}" if count[name] else ""
-            count[name] += 1
-            law = self.deck.laws.get(keys.get("interaction", "").upper(), {})
-            guess = _SLIDES if _part(faces[1]) == moving else _STUCK
-            given = {key: law.get(key, value) for key, value in guess.items()}
-            words = [word for word in (said, *(k for k in guess if k not in law)) if word]
+            both = "_".join(map(_part, faces))
+            number = f"_{count[both]}" if count[both] else ""
+            count[both] += 1
+            law = self.deck.laws.get((keys.get("interaction") or self.deck.interaction).upper(), {})
+            slides = _part(faces[1]) == moving and "slip" not in law
+            guess = _SLIDES if slides else _STUCK
+            given = {name: law.get(name, value) for name, value in guess.items()}
+            words = ["the faces touch; glued ones are [ties]"] if key in proposed else []
+            words += [name for name in guess if name not in law]
             comment = f"proposed: {', '.join(words)}" if words else ""
-            self._write("contact", {f"{name}{number}": {"faces": faces, **given}}, comment)
-        self._write("motion", *proposed_motion(self.bodies, moving, touching))
-        self._write("stability", {"band": ["0 Hz", "5 kHz"], "method": "reduced"}, "proposed")
+            self._write("contact", {f"{both}{number}": {"faces": faces, **given}}, comment)
+        said = proposed_motion(self.bodies, moving, touching)
+        self._write("motion", *((motion, "") if motion else said))
+        self._stability()
 
-    def _unread(self, sign: str) -> list[str]:
-        """Put keywords that were not taken over in their places; a line on the others."""
+    def _stability(self) -> None:
+        """The band that the file asks modes of, and loss factors if a material has one."""
+        low, high = self.found.band or (0.0, 0.0)
+        band = [Quantity(low, "Hz") if low else "0 Hz", Quantity(high, "Hz") if high else _BAND]
+        self._write("stability", {"band": band}, "" if high else "proposed")
+        self._write("stability", {"method": "reduced"}, "proposed")
+        used = [m for layers in self.parts.values() for m in layers.values()]
+        if any("loss" in self.deck.tables["materials"].get(name, {}) for name in used):
+            middle = Quantity(0.5 * high, "Hz") if high else "2.5 kHz"
+            damping = {"loss": True, "omega_ref": middle}
+            self._write("stability", {"damping": damping}, "proposed: omega_ref, of the loss")
+
+    def _unread(self) -> None:
+        """Put keywords that were not taken over in their places."""
         same: dict[tuple[str, str], list[DeckKeyword]] = defaultdict(list)
         for block, why in self.deck.unread:
             same[block.keyword, why].append(block)
-        others = []
         for (word, why), (first, *more) in same.items():
             said = f"{first.said} ({first.at}{f' and {len(more)} more' if more else ''})"
-            places = (p for p, words in _PLACES.items() if word.startswith(words))
-            if why or f"{sign}{word}" in CHANGING or word == "ELEMENT":
-                self._lost(next(places, "ties"), f"{said}{why and ': ' + why}")
-            else:
-                others.append(f"{sign}{word} ({first.at})")
-        return [f"# Ignored: {', '.join(others)}\n"] if others else []
+            places = (
+                p for p, starts in _PLACES.items()
+                if word in starts or word.startswith(tuple(s for s in starts if len(s) > 2))
+            )  # fmt: skip
+            place = next(places, "ties")
+            self._lost(place, f"{said}{why and ': ' + why}")
 
 
 def _part(face: str) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from itertools import count
 from pathlib import Path
@@ -16,8 +15,11 @@ from numpy.typing import NDArray
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.arrays import reading
 
+from .abaqus_keywords import keyword_of
 from .abaqus_scope import Rows, Scope, find, placement
+from .abaqus_steps import in_force
 from .filemesh import SOLIDS, DeckKeyword, FileMesh, held_nodes, numbered, same_length
+from .node_axes import along_global
 
 Ints = NDArray[np.int64]
 Options = dict[str, str]
@@ -28,6 +30,8 @@ _KINDS = {
     "C3D27": "hexahedron27", "C3D6": "wedge", "C3D15": "wedge15", "SC6": "wedge",
     "SC8": "hexahedron",
 }  # fmt: skip
+# Places of the nodes of a C3D27 in the order of VTK: the body is its 21st, faces S1 to S6 follow.
+_VTK27 = (*range(20), 26, 24, 23, 25, 21, 22, 20)
 _NODES = {"wedge": 6, "wedge15": 15, "hexahedron27": 27} | {k: n for k, (_, n) in SOLIDS.items()}
 # gmsh writes faces as elements of plane stress, CPS.
 _SKINS = {"S3": 3, "S4": 4, "S6": 6, "S8": 8, "M3D3": 3, "M3D4": 4, "M3D6": 6, "M3D8": 8,
@@ -35,11 +39,17 @@ _SKINS = {"S3": 3, "S4": 4, "S6": 6, "S8": 8, "M3D3": 3, "M3D4": 4, "M3D6": 6, "
           "SFM3D3": 3, "SFM3D4": 4, "SFM3D6": 6, "SFM3D8": 8, "STRI3": 3, "STRI65": 6}  # fmt: skip
 # Elements without stiffness or mass in a deck of solids: they mark faces and edges at most.
 _MARKS = ("CPS", "SFM")
-# Directions that a type of *BOUNDARY holds; r stands for rotations.
-_TYPES = {"ENCASTRE": "xyzr", "PINNED": "xyz", "XSYMM": "x", "YSYMM": "y", "ZSYMM": "z"}
 _DATA = ("NODE", "ELEMENT", "NSET", "ELSET", "SURFACE")
 # Files that a deck may include, and numbers that a range of a set may have.
 MOST_FILES, MOST_NUMBERS = 1000, 10**7
+# Their options; with another one they would be another mesh.
+_OPTIONS = {
+    "NODE": {"NSET", "SYSTEM"}, "ELEMENT": {"TYPE", "ELSET"},
+    "NSET": {"NSET", "ELSET", "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED"},
+    "ELSET": {"ELSET", "GENERATE", "INSTANCE", "INTERNAL", "UNSORTED"},
+    "SURFACE": {"NAME", "TYPE", "INTERNAL", "COMBINE"},
+    "PART": {"NAME"}, "INSTANCE": {"NAME", "PART"}, "ASSEMBLY": {"NAME"},
+}  # fmt: skip
 # Blocks with an end of their own.
 _CLOSED = ("PART", "INSTANCE", "ASSEMBLY")
 # What makes or moves nodes and elements, and would be missing in the mesh.
@@ -57,6 +67,7 @@ class _AbaqusDeck:
         place: rotation and shift of the instance being read.
         surfaces: of the scope being read, name -> rows; sets they name may follow.
         blocks: what is no part of the mesh.
+        lost: what is left out of it, and why.
         instances: name -> part.
     """
 
@@ -66,6 +77,7 @@ class _AbaqusDeck:
     place: Rows = field(default_factory=list)
     surfaces: dict[str, Rows] = field(default_factory=dict)
     blocks: list[DeckKeyword] = field(default_factory=list)
+    lost: list[tuple[DeckKeyword, str]] = field(default_factory=list)
     instances: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -107,10 +119,16 @@ def read_abaqus(path: Path) -> FileMesh:
             deck.whole.take(part, np.eye(3), np.zeros(3))
             deck.instances[part.name] = part.name
     deck.whole.share()
-    _unnamed(deck)
+    found = in_force(deck.blocks)
+    deck.blocks, lost = along_global(deck.whole, found.blocks)
+    lost += _unnamed(deck)
     mesh = _mesh(deck.whole)
-    mesh.blocks, mesh.instances = deck.blocks, deck.instances
-    mesh.keywords = Counter(f"*{b.keyword}" for b in deck.blocks if b.keyword != "ELEMENT")
+    mesh.blocks, mesh.instances, mesh.lost = (
+        deck.blocks,
+        deck.instances,
+        [*deck.lost, *found.lost, *lost],
+    )
+    mesh.step, mesh.band, mesh.apart = found.step, found.band, found.apart
     return mesh
 
 
@@ -143,7 +161,7 @@ def _blocks(
         while line.rstrip().endswith(","):
             line = line.rstrip() + next(lines)[1]
         first, *words = line[1:].split(",")
-        keyword = " ".join(first.split()).upper()
+        keyword = keyword_of(first)
         if block and keyword != "INCLUDE":
             last = line == "*END" and not text.endswith(("\n", "\r"))
             if last and block.keyword in _DATA:
@@ -153,7 +171,7 @@ def _blocks(
                 )
             yield block
         pairs = (word.partition("=") for word in words)
-        options = {name.strip().upper(): value.strip().strip('"') for name, _, value in pairs}
+        options = {"".join(n.split()).upper(): value.strip().strip('"') for n, _, value in pairs}
         if keyword == "INCLUDE":
             yield from _blocks(path.parent / options.get("INPUT", ""), block, chain, opened)
             block = None
@@ -164,6 +182,11 @@ def _blocks(
 def _take(deck: _AbaqusDeck, block: DeckKeyword) -> None:
     """Add one block to the deck."""
     keyword, options, rows, scope = block.keyword, block.options, block.rows, deck.scope
+    if unknown := sorted(options.keys() - _OPTIONS.get(keyword, options.keys())):
+        said = f"its option {unknown[0]} is not understood"
+        if keyword not in ("NODE", "NSET", "ELSET") or "INPUT" in unknown:
+            raise SceneError(f"{said}; write it without")
+        deck.lost.append((block, said))
     if keyword in _MAKERS or (keyword == "NODE" and options.get("SYSTEM", "R").upper() != "R"):
         raise SceneError("nodes and elements must be written one by one in Cartesian axes")
     if keyword == "PART":
@@ -197,20 +220,25 @@ def _take(deck: _AbaqusDeck, block: DeckKeyword) -> None:
         elif "COMBINE" in options:
             raise SceneError("combined surfaces are not read; write their faces")
         else:
+            if options.get("TYPE", "ELEMENT").upper() != "ELEMENT":
+                raise SceneError(f"surfaces of type {options['TYPE']} are not read; write faces")
             deck.surfaces[options["NAME"]] = rows
     elif not keyword.startswith("END ") and keyword != "ASSEMBLY":
         deck.blocks.append(replace(block, scope=scope.name))
 
 
-def _unnamed(deck: _AbaqusDeck) -> None:
-    """Sets of nodes and faces that supports and pressures name by their numbers alone."""
-    held, whole = [], deck.whole
+def _unnamed(deck: _AbaqusDeck) -> list[tuple[DeckKeyword, str]]:
+    """Sets of nodes and faces that supports and pressures name by their numbers alone.
+
+    Returns:
+        Rows that name nothing, and why.
+    """
+    held, whole, lost = [], deck.whole, list[tuple[DeckKeyword, str]]()
     for block in deck.blocks:
         if block.scope or block.keyword not in ("BOUNDARY", "DLOAD"):
             continue
         for word, *row in block.rows:
-            # What is wrong with a load is no matter of the mesh.
-            with suppress(SceneError, ValueError, IndexError):
+            try:
                 if block.keyword == "DLOAD":
                     name = f"*DLOAD {float(row[1]):g}"
                     facets = whole.facets(name, [[word, row[0].upper().replace("P", "S")]])
@@ -218,21 +246,19 @@ def _unnamed(deck: _AbaqusDeck) -> None:
                 elif word.rpartition(".")[2].isdigit():
                     along = held_along(row)
                     held += [(n, along) for n in whole.members(whole.nsets, [word], "")]
+            except SceneError as error:
+                lost.append((block, f"{', '.join((word, *row))}: {error}"))
     whole.nsets |= held_nodes("*BOUNDARY", held)
+    return lost
 
 
 def held_along(row: Sequence[str]) -> str:
-    """Directions that a line of *BOUNDARY holds, and "r" of all rotations: "xyzr"; "" if it moves.
+    """Direction that a row of *BOUNDARY holds in the modes, also where it moves: x, y, z or r.
 
     Args:
-        row: what follows the node or set: a type, or first and last component and the value.
+        row: component twice and value.
     """
-    if not row[0].isdigit():
-        return _TYPES.get(row[0].upper(), "")
-    first, last = int(row[0]), int((row[1:2] or [""])[0] or row[0])
-    if any(float(value or 0) for value in row[2:3]):
-        return ""
-    return "".join("xyz"[c - 1] for c in range(first, min(last, 3) + 1)) + "r" * (last == 6 >= 4)
+    return "xyzrrr"[int(row[0]) - 1]
 
 
 def _instance(deck: _AbaqusDeck, options: Options) -> Scope:
@@ -280,6 +306,8 @@ def _elements(scope: Scope, options: Options, rows: Rows) -> bool:
         raise SceneError(f"a row has not {count} nodes; is the file whole?")
     table = np.array(words, dtype=np.int64).reshape(-1, count + 1)
     for number, *nodes in table.tolist():
+        if kind == "hexahedron27":
+            nodes = [nodes[i] for i in _VTK27]
         if kind:
             scope.solids[number] = (kind, nodes)
         else:

@@ -102,18 +102,35 @@ class Scope:
 
         Args:
             name: of the surface, for messages.
-            rows: a set or number of elements, and their face S1, S2, ...; of shells SPOS or SNEG,
-                whose nodes are in the opposite order, or none for both.
+            rows: a set or number of elements, and their face S1, S2, ..., or none for all that are
+                on the boundary; of shells SPOS or SNEG, whose nodes are in the opposite order, or
+                none for both.
         """
         found: list[list[int]] = []
+        free = self._free() if any(not (row[1:] or [""])[0] for row in rows) else {}
         for member, *side in rows:
             for number in self.members(self.elsets, [member], ""):
                 if number in self.skins:
                     corners, word = self.corners(number), (side or [""])[0].upper()
                     # A pressure on the element, "S", acts along the normal: on SNEG.
                     found += [corners] * (word in ("", "SPOS")) + [corners[::-1]] * (word != "SPOS")
+                elif number in self.solids and not (side and side[0]):
+                    found += free.get(number, [])
                 elif number in self.solids:
                     found.append(self._facet(name, number, side[0] if side else ""))
+        return found
+
+    def _free(self) -> dict[int, list[list[int]]]:
+        """Facets on the boundary of the solids, by element."""
+        seen, facets = Counter[frozenset[int]](), list[tuple[int, list[int]]]()
+        for number, (kind, nodes) in self.solids.items():
+            for face in FACES.get(SOLIDS[kind][0] if kind in SOLIDS else "", ()):
+                facets.append((number, [nodes[i] for i in face]))
+                seen[frozenset(facets[-1][1])] += 1
+        found: dict[int, list[list[int]]] = {}
+        for number, corners in facets:
+            if seen[frozenset(corners)] == 1:
+                found.setdefault(number, []).append(corners)
         return found
 
     def corners(self, number: int) -> list[int]:

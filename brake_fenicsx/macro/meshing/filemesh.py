@@ -73,8 +73,14 @@ class FileMesh:
             of elements, no surfaces.
         shells: kind of shell or membrane -> nodes of each, shape (shells, 3, 4, 6 or 8).
         elements: kind of element that is not read -> number of them.
-        blocks: keywords, commands or cards that are no part of the mesh.
-        keywords: keyword or command that is not read -> number of them.
+        blocks: keywords, commands or cards that are no part of the mesh, those in force at the
+            step that the scene is of.
+        lost: keyword that is not taken over, and why.
+        step: the step that the scene is of, in words.
+        band: lowest and highest frequency that it asks modes of.
+        apart: pairs of surfaces that are taken out of contact.
+        mass_factor: by which densities of the file are multiplied.
+        labels: number of each cell in the file; its place from 1 on of files without numbers.
         numbers: number of a node in the file -> its place in ``points``.
         instances: instance of an assembly -> its part.
         advice: what to do where a group is missing, as the end of a sentence.
@@ -90,7 +96,12 @@ class FileMesh:
     shells: dict[str, Ints] = field(default_factory=dict)
     elements: Mapping[str, int] = field(default_factory=dict)
     blocks: list[DeckKeyword] = field(default_factory=list)
-    keywords: Mapping[str, int] = field(default_factory=dict)
+    lost: list[tuple[DeckKeyword, str]] = field(default_factory=list)
+    step: str = ""
+    band: tuple[float, float] | None = None
+    apart: list[list[str]] = field(default_factory=list)
+    mass_factor: float = 1.0
+    labels: Sequence[int] = ()
     numbers: Mapping[int, int] = field(default_factory=dict)
     instances: Mapping[str, str] = field(default_factory=dict)
     advice: str = ""
@@ -155,6 +166,7 @@ def numbered(
     points = np.array(list(nodes.values()), dtype=float)
     cells = cells.reshape(-1, count).astype(np.int64)
     mesh = FileMesh(points, shape, cells[:, gmsh_order(shape, count)], numbers=node)
+    mesh.labels = [*solids]
     for name, numbers in elements.items():
         own = [cell[n] for n in numbers if n in cell]
         if own:
@@ -162,6 +174,36 @@ def numbered(
     for name, numbers in nodesets.items():
         mesh.node_groups[name] = np.array([node[n] for n in numbers if n in node], dtype=np.int64)
     return mesh, cells, node, cell
+
+
+def each_once(mesh: FileMesh, merge: bool) -> None:
+    """Look for cells with the same corners.
+
+    Args:
+        mesh: the file, without copies afterwards.
+        merge: a copy is another name of its cell, as gmsh 2.2 writes those of two groups.
+
+    Raises:
+        SceneError: copies that are no names.
+    """
+    corners = np.sort(mesh.cells[:, : CORNERS[mesh.shape]], axis=1)
+    _, first, place = np.unique(corners, axis=0, return_index=True, return_inverse=True)
+    if first.size == len(mesh.cells):
+        return
+    place = place.reshape(-1)
+    if not merge:
+        copy = int(np.setdiff1d(np.arange(place.size), first)[0])
+        both = [int(first[place[copy]]), copy]
+        one, two = ((mesh.labels[i] % FAR if mesh.labels else i + 1) for i in both)
+        copies = place.size - first.size
+        raise SceneError(
+            f"elements {one} and {two} have the same corners ({copies} such copies in all); remove"
+            " one of each pair"
+        )
+    order = np.argsort(first)
+    number = np.argsort(order)[place]
+    mesh.cells = mesh.cells[first[order]]
+    mesh.cell_groups = {name: np.unique(number[own]) for name, own in mesh.cell_groups.items()}
 
 
 def held_nodes(sign: str, held: Iterable[tuple[int, str]]) -> dict[str, list[int]]:

@@ -12,20 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.macro.draft.beside import beside
 from brake_fenicsx.scene.mesh import MeshTable
 from brake_fenicsx.scene.units import to_si
 
-from .filemesh import NO_CELLS, FileMesh, completed, corners_of
+from .filemesh import NO_CELLS, FileMesh, completed
 from .meshfile import read_mesh_file
 from .quality import orientation
 from .rawmesh import (
     RawMesh,
-    Unread,
     exterior_facets,
     facet_keys,
     facet_nodes,
     turned,
-    unread,
     without_unused_nodes,
 )
 
@@ -74,7 +73,7 @@ def mesh_of_file(
     for group, target in table.groups.items():
         if kinds[group][0] != "cells":
             faces |= _faces(found, mesh, group, target, kinds[group])
-    mesh = replace(mesh, unread=_unread(Path(str(table.file)).name, found, kinds.values()))
+    mesh = replace(mesh, unread=beside(Path(str(table.file)), found, mesh, faces, kinds.values()))
     return without_unused_nodes(_turned_right(_apart(mesh, faces, table.split)))
 
 
@@ -86,22 +85,6 @@ def _read(folder: Path, file: str, key: str) -> FileMesh:
     except SceneError as error:
         raise SceneError(f"{key} = {file!r}: {error}") from None
     return found
-
-
-def _unread(file: str, found: FileMesh, used: Iterable[tuple[str, str]]) -> Unread:
-    """What of the file is in no body and no face; shells of sets that the scene names mark faces.
-
-    A shell that only lies on a named face, as a shim on a back plate, is part of the brake.
-    """
-    sets = [name for kind, name in used if kind == "facets" and name in found.shell_sets]
-    marks = [facet_keys(found.facet_groups[name]) for name in sets]
-    marked = np.concatenate([np.zeros(0, dtype=np.uint64), *marks])
-    elements = {
-        kind: int(np.count_nonzero(~np.isin(facet_keys(corners_of(shells)), marked)))
-        for kind, shells in found.shells.items()
-    }
-    elements = {kind: n for kind, n in (elements | dict(found.elements)).items() if n}
-    return unread(file, elements, found.keywords)
 
 
 def _metres(found: FileMesh, table: MeshTable) -> float:

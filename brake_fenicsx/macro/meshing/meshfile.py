@@ -1,13 +1,11 @@
-"""Readers of mesh files: gmsh by gmsh, Abaqus and Ansys by modules here, the rest by meshio.
+"""Readers of mesh files: gmsh by gmsh, Abaqus, Ansys and Nastran by modules here, others by meshio.
 
-Meshio reads no .cdb, and of an .inp neither surfaces nor two element blocks of one set. Cards of a
-Nastran deck that it does not read are named.
+Meshio reads no .cdb, of an .inp neither surfaces nor two element blocks of one set, and of a .bdf
+neither coordinate systems nor included files.
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -20,8 +18,9 @@ from brake_fenicsx.folder.arrays import reading
 
 from .abaqus import read_abaqus
 from .ansys import read_ansys
-from .filemesh import NO_CELLS, SOLIDS, DeckKeyword, FileMesh, gmsh_order, one_kind, same_length
+from .filemesh import NO_CELLS, SOLIDS, FileMesh, each_once, gmsh_order, one_kind, same_length
 from .gmsh_mesh import gmsh_session
+from .nastran import SUFFIXES, read_nastran
 
 Ints = NDArray[np.int64]
 MSH = b"$MeshFormat"  # how every mesh of gmsh begins since its format 2
@@ -34,14 +33,6 @@ _GMSH_SOLIDS = {4: "tetra", 11: "tetra10", 5: "hexahedron", 17: "hexahedron20", 
                 6: "wedge", 7: "pyramid", 13: "wedge18", 18: "wedge15"}  # fmt: skip
 _GMSH_SKINS = {2: 3, 9: 3, 3: 4, 10: 4, 16: 4}
 _SKINS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}
-# Shells by meshio's name; they may mark faces, or become solids.
-SHELLS = {"triangle": "CTRIA3", "triangle6": "CTRIA6", "quad": "CQUAD4", "quad8": "CQUAD8"}
-SHELL_NODES = {"CTRIA3": 3, "CTRIA6": 6, "CQUAD4": 4, "CQUAD8": 8}
-SUFFIXES = (".bdf", ".nas", ".fem")
-_READ = {"GRID", "CTETRA", "CHEXA", "CPENTA", "CPYRA", "CPYRAM", "CTRIAR", "CQUADR", "ENDDATA"}
-# Elements beside solids and shells.
-_ELEMENTS = ("CONM", "CMASS", "CELAS", "CDAMP", "CVISC", "CBUSH", "CBAR", "CBEAM", "CROD", "CONROD",
-             "CTUBE", "CGAP", "CSHEAR", "CFAST", "CWELD", "CHBDY", "PLOTEL", "GENEL")  # fmt: skip
 
 
 def read_mesh_file(path: Path) -> FileMesh:
@@ -57,10 +48,13 @@ def read_mesh_file(path: Path) -> FileMesh:
     readers = {
         ".inp": (read_abaqus, "as an Abaqus deck"), ".cdb": (read_ansys, "as an Ansys archive"),
         ".msh": (read_gmsh, "by gmsh"),
+        **dict.fromkeys(SUFFIXES, (read_nastran, "by pyNastran")),
     }  # fmt: skip
     read, how = readers.get(path.suffix, (read_other, "by meshio"))
     with reading(path, how, REMEDY, at=""):
-        return read(path)
+        mesh = read(path)
+    each_once(mesh, merge=path.suffix == ".msh")
+    return mesh
 
 
 def read_gmsh(path: Path) -> FileMesh:
@@ -131,15 +125,9 @@ def read_other(path: Path) -> FileMesh:
         ) from None
     if path.suffix not in meshio.extension_to_filetypes:
         raise SceneError(f"files {path.suffix} are not known; write .msh, .inp or .bdf instead")
-    with TemporaryDirectory() as folder:
-        plain = path
-        if path.suffix in SUFFIXES:
-            plain = Path(folder, path.name)
-            plain.write_text(_with_plain_shells(path.read_text(errors="replace")))
-        read = meshio.read(plain)
+    read = meshio.read(path)
     blocks = [*enumerate(read.cells)]
-    nodes = [b.data.shape[1] for _, b in blocks if path.suffix in SUFFIXES and b.type in SHELLS]
-    kind = one_kind((b.type for _, b in blocks if b.dim == 3), nodes)
+    kind = one_kind(b.type for _, b in blocks if b.dim == 3)
     shape, count = SOLIDS[kind]
     solid = [i for i, block in blocks if block.type == kind]
     cells = np.vstack([np.zeros((0, count), np.int64), *(read.cells[i].data for i in solid)])
@@ -170,43 +158,7 @@ def read_other(path: Path) -> FileMesh:
             f"; meshio found no sets of {' or '.join(none)} in it and does not read those of every"
             " format (docs/meshes.md): write .msh, .inp or .cdb"
         )
-    if path.suffix in SUFFIXES:
-        mesh.elements, mesh.keywords = unread_cards(path)
-        mesh.blocks = cards_of(path)
-        for name in SHELLS:
-            own = [b.data for b in read.cells if b.type == name]
-            if own:
-                mesh.shells[SHELLS[name]] = np.concatenate(own).astype(np.int64)
     return mesh
-
-
-def _with_plain_shells(text: str) -> str:
-    """A Nastran deck whose shells have nothing but nodes: meshio takes an angle for one more."""
-    lines, cards = list[str](), list[list[str]]()
-    for line in [*text.splitlines(), "$"]:
-        if cards and line[:1] in (" ", "+", "*", ",") and line.strip():
-            cards[-1].append(line)
-            continue
-        for card in cards:
-            word = card[0].split(",")[0][:8].rstrip("* ").upper()
-            fields = [f"{field:>8}" for field in card_fields(card)[: 2 + SHELL_NODES[word]]]
-            lines.append(f"{word:8}{''.join(fields[:8])}")
-            lines += [f"{'+':8}{''.join(fields[8:])}"] * (len(fields) > 8)
-        word = line.split(",")[0][:8].rstrip("* ").upper()
-        cards = [[line]] if word in SHELL_NODES else []
-        lines += [] if cards else [line]
-    return "\n".join(lines[:-1]) + "\n"
-
-
-def card_fields(lines: Sequence[str]) -> list[str]:
-    """Fields of a card of Nastran behind its name, by commas or of 8 or 16 columns."""
-    fields: list[str] = []
-    for line in (line.split("$")[0] for line in lines):
-        width = 16 if "*" in line.split(",")[0][:8] else 8
-        columns = [line[i : i + width] for i in range(8, 72, width)]
-        own = line.split(",")[1 : 1 + 64 // width] if "," in line else columns
-        fields += [*(word.strip() for word in own), *[""] * (64 // width - len(own))]
-    return fields
 
 
 def _meshio_groups(read: Any) -> dict[str, list[Ints]]:
@@ -244,34 +196,3 @@ def _families(read: Any, tags: str, data: Any) -> dict[str, list[int]]:
         for name in names:
             groups.setdefault(name, []).append(family)
     return groups
-
-
-def unread_cards(path: Path) -> tuple[Counter[str], Counter[str]]:
-    """Cards of the bulk data that are no nodes, solids or shells.
-
-    Args:
-        path: the deck.
-
-    Returns:
-        Number of elements of each kind, and of other cards.
-    """
-    every = (card.keyword for card in cards_of(path))
-    words = [word for word in every if word not in SHELLS.values()]
-    elements = Counter(word for word in words if word.startswith(_ELEMENTS))
-    return elements, Counter(word for word in words if word not in elements)
-
-
-def cards_of(path: Path) -> list[DeckKeyword]:
-    """Cards of the bulk data that are no nodes or solids; a row is a line as it stands."""
-    lines = path.read_text(errors="replace").splitlines()
-    begins = (i for i, line in enumerate(lines, 1) if line.upper().split()[:2] == ["BEGIN", "BULK"])
-    start = next(begins, 0)
-    cards: list[DeckKeyword] = []
-    for number, line in enumerate(lines[start:], start + 1):
-        word = line.split("$")[0][:8].split(",")[0].rstrip("* ").upper()
-        # A blank, + or * begins the continuation of a card.
-        if word[:1].isalpha():
-            cards.append(DeckKeyword(word, {}, [[line]], line.strip(), f"{path.name}:{number}"))
-        elif cards and line[:1] in (" ", "+", "*", ","):
-            cards[-1].rows.append([line])
-    return [card for card in cards if card.keyword not in _READ]

@@ -44,7 +44,7 @@ from ..eigensolvers.eigenpairs import (
 )  # fmt: skip
 from ..eigensolvers.rows import NEAR_ZERO, damped_rows
 from ..eigensolvers.symmetric import SHIFT, count_below
-from ..modes import Complex, Count, Modes
+from ..modes import Complex, Count, Counting, Modes
 from .dense import DENSE, counted_quadratic, dense_quadratic_modes
 from .problem import SplitProblem
 
@@ -119,7 +119,7 @@ def damped_modes(
     band: tuple[float, float],
     tolerance: float,
     zeta_max: float,
-    counted: Callable[[SplitProblem, sp.csr_matrix, Complex, float, float], str],
+    counted: Callable[[SplitProblem, sp.csr_matrix, Complex, float, float], Counting],
     comm: MPI.Comm = MPI.COMM_SELF,
 ) -> Modes:
     """All modes of a band with alpha >= -zeta_max |lambda|, one of each conjugate pair.
@@ -145,10 +145,10 @@ def damped_modes(
     pencil = QuadraticPencil(problem.M, C, problem.K)
     if problem.K.shape[0] <= DENSE:
         s, right, left, used = *dense_quadratic_modes(pencil, high), 1
-        how = counted_quadratic(pencil, s, high, zeta_max)
+        counting = counted_quadratic(pencil, s, high, zeta_max)
     else:
         s, right, left, used = quadratic_modes(pencil, high, zeta_max, comm)
-        how = counted(problem, C, s, high, zeta_max)
+        counting = counted(problem, C, s, high, zeta_max)
     # Only decay is cut off: a mode that grows faster than that is news.
     slow = s.real >= -zeta_max * np.abs(s)
     chosen = np.flatnonzero(
@@ -169,6 +169,6 @@ def damped_modes(
         )
     return Modes(
         s, right, left, residual, error[rows], condition[rows],
-        Count(s.size, how), used, time.perf_counter() - start,
+        Count(s.size, *counting), used, time.perf_counter() - start,
         np.zeros(s.size, dtype=bool),
     )  # fmt: skip

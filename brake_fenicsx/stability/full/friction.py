@@ -19,6 +19,7 @@ from ..eigensolvers.argument_principle import RIM, undamped_reach, undamped_regi
 from ..eigensolvers.arnoldi import BLOCK, combined, nearest_modes, with_conjugates
 from ..eigensolvers.eigenpairs import matched
 from ..eigensolvers.symmetric import complete, count_below, modes_not_counted, shifted_factor
+from ..modes import Counting
 from .interface import MOST_ORDERS, Interface, Inverse, moments, more_moments
 from .interface_count import (
     Determinant,
@@ -108,11 +109,12 @@ def friction_modes(
         if proof.remainder < 1:
             break
     factor.destroy()
-    unproven = "" if proof.remainder < 1 else f"; not proven, it should be below 1{p.remedy}"
-    bound = f"remainder {proof.remainder:.1g}{unproven}"
+    proven = proof.remainder < 1
+    bound = f"remainder {proof.remainder:.1g}" + ("" if proven else ", which should be below 1")
     how = f"winding number on the interface of rank {friction.rank} ({bound})"
     agree(int(region.holds(kappa).sum()), proof.count, high, f"the {how}")
-    return Found(kappa, right, left, f"inertia without friction, {how}", steps)
+    how = f"inertia without friction, {how}" + ("" if proven else p.remedy)
+    return Found(kappa, right, left, Counting("proven" if proven else "counted", how), steps)
 
 
 def _starting_block(Phi: Array) -> Array:

@@ -55,8 +55,8 @@ def general_modes(p: SplitProblem, high: float, zeta_max: float, tolerance: floa
     right, X, steps = _within(p.K, p.M, sigma, RIM * reach, wanted, tolerance)
     left, Y, more = _within(p.K.T.tocsr(), p.M.T.tocsr(), sigma, RIM * reach, wanted, tolerance)
     i, j = matched(right, left, sigma, reach)
-    how = p.not_low_rank if p.friction is None else p.indefinite
-    return Found(right[i], X[:, i], Y[:, j].conj(), how, steps + more)
+    counting = p.not_low_rank if p.friction is None else p.indefinite
+    return Found(right[i], X[:, i], Y[:, j].conj(), counting, steps + more)
 
 
 def _within(

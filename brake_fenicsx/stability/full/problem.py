@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
 
+from ..modes import Counting
 from .interface import Interface
 
 Complex = NDArray[np.complex128]
@@ -44,15 +45,17 @@ class SplitProblem:
         return "; give frictionless=, the stiffness at mu = 0" if self.halved else ""
 
     @property
-    def not_low_rank(self) -> str:
+    def not_low_rank(self) -> Counting:
         """Record of modes that are not counted because of the rank of friction."""
-        return "not counted: K less its frictionless part is not of low rank" + self.remedy
+        reason = "K less its frictionless part is not of low rank"
+        return Counting("not counted", reason + self.remedy)
 
     @property
-    def indefinite(self) -> str:
+    def indefinite(self) -> Counting:
         """Record of modes that are not counted because of the frictionless part."""
         part = "symmetric half of K" if self.halved else "frictionless stiffness"
-        return f"not counted: the {part} is not positive semi-definite{self.remedy}"
+        reason = f"the {part} is not positive semi-definite{self.remedy}"
+        return Counting("not counted", reason)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,14 +66,14 @@ class Found:
         kappa: eigenvalues [1/s^2], conjugates included.
         right: right vectors, shape (dofs, modes).
         left: left vectors, psi^H K = kappa psi^H M.
-        how: how their number was counted.
+        counting: how their number was counted.
         iterations: block solves or restarts.
     """
 
     kappa: Complex
     right: Complex
     left: Complex
-    how: str
+    counting: Counting
     iterations: int
 
 

@@ -3,9 +3,10 @@
 from .contact import ContactLinearisation
 from .model import ReducedModel
 from .parameters import CONSTANT, Parameters
+from .reach import Shortfall, shortfall
 from .substructure import Substructure, split_substructures
 
 __all__ = [
-    "CONSTANT", "ContactLinearisation", "Parameters", "ReducedModel", "Substructure",
-    "split_substructures",
+    "CONSTANT", "ContactLinearisation", "Parameters", "ReducedModel", "Shortfall", "Substructure",
+    "shortfall", "split_substructures",
 ]  # fmt: skip

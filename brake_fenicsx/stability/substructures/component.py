@@ -85,7 +85,8 @@ class Component:
         (self._K, self._M, *self._changes), self._C = arrays["modal"], arrays["modal_C"]
         self._own = parameters.acting_on(list(body.changes), body.elements.size)
         degrees = [int(degree) for degree in arrays["degrees"]]
-        self._moments = InterpolatedMoments(self._own.size, degrees, arrays)
+        orders = [int(order) for order in arrays["orders"]]
+        self._moments = InterpolatedMoments(orders, degrees, arrays)
         self._constant: AtPoint | None = None
         self._still = self._motions(body.interface)
 

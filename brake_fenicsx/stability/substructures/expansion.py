@@ -80,7 +80,8 @@ def expanded(
         if m >= LEAST[rates] and max(sizes[-2 if rates else -1 :]) <= SETTLED * sizes[0]:
             return np.array(y), np.array(T)
     raise InaccurateResult(
-        "the motions of the contact are no short series in lambda: the damping of sliding,"
-        ' mu p / V, is too strong for the reduced model; use stability.method = "full", or'
+        "the motions of the contact are no short series in lambda: its forces that follow rates"
+        " (damping of sliding mu p / V, or falling friction) are too strong for the reduced model;"
+        ' use stability.method = "full", or'
         ' stability.on_tolerance = "full order"'
     )

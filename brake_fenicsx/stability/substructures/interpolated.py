@@ -8,7 +8,6 @@ the errors that were measured at two points between the anchors.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import comb
 from typing import Any
 
 import numpy as np
@@ -45,18 +44,21 @@ class InterpolatedMoments:
     """
 
     def __init__(
-        self, dimension: int, degrees: Sequence[int], known: dict[str, NDArray] | None = None
+        self, orders: Sequence[int], degrees: Sequence[int], known: dict[str, NDArray] | None = None
     ):
         """Place the points.
 
         Args:
-            dimension: number of own parameters.
-            degrees: total degree of the interpolation of each moment, not increasing.
+            orders: degree of the interpolation of the first moment in each own parameter.
+            degrees: level of the interpolation of each moment, not increasing; see
+                ``Interpolation``. The first is the largest of ``orders``, if there are any.
             known: ``arrays`` of an earlier run; None where ``add`` will bring the values.
         """
-        self._degrees = degrees if dimension else [0] * len(degrees)
-        self._box = Interpolation(dimension, max(self._degrees))
-        self._ends = [comb(degree + dimension, dimension) for degree in self._degrees]
+        dimension, highest = len(orders), max(orders, default=0)
+        # A body that has none of the parameters of the highest degree needs fewer levels.
+        self._degrees = [max(0, n - max(degrees) + highest) for n in degrees]
+        self._box = Interpolation(orders)
+        self._ends = [self._box.count(degree) for degree in self._degrees]
         checks = self._box.checks if dimension else ()
         self.points: list[Array] = [*self._box.points, *checks]
         self.counts = [sum(i < end for end in self._ends) for i in range(self._ends[0])]

@@ -22,18 +22,18 @@ from numpy.typing import ArrayLike, NDArray
 from brake_fenicsx.arguments import frequency_band
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.folder.memory import release_memory
-from brake_fenicsx.folder.processes import in_turns
 
 from ..eigensolvers.arnoldi import with_conjugates
 from ..eigensolvers.rows import damped_rows, undamped_rows
-from ..modes import Complex, Count, Modes
-from .component import AtPoint, Component, Placed, image_arrays, originals_and_images, placed
+from ..modes import Complex, Count, Counting, Modes
+from .component import AtPoint, Component, Placed, placed
 from .contact import ContactLinearisation
 from .errors import Corrected, corrected
 from .line import Basis
 from .moments import SIGMA, Rows
+from .offline import OfflineBodies
 from .parameters import CONSTANT, Parameters
-from .reduction import Reduction, kept_modes
+from .reach import higher
 from .sample import Sample, least_pole
 from .static import BodyCompliance, body_compliance, static_compliance
 from .substructure import Substructure
@@ -54,11 +54,16 @@ Array = NDArray[np.float64]
 REACHED, GAIN = 1e-5, 12.0
 
 # Zeros are corrected up to this multiple of the band's end: at the reference brake those of the
-# truncated series are off by less than 1e-4.
-SEARCHED = 1.1
+# truncated series are off by less than 1e-4. Modes of the band that grow strongly lie further out:
+# they are listed up to this multiple of |lambda|.
+SEARCHED, LISTED = 1.1, 1.3
 
-NEAR = "not counted: found on the vectors of other values of the sample"
-COUNTED = "zeros of T(z), on modes of the bodies complete by inertia"
+NEAR = Counting("not counted", "found on the vectors of other values of the sample")
+COUNTED = Counting(
+    "proven",
+    f"zeros of T(z), |lambda| up to {LISTED} times the band's end, on modes of the bodies complete"
+    " by inertia",
+)
 
 
 class ReducedModel:
@@ -69,6 +74,7 @@ class ReducedModel:
         band: lowest and highest frequency [Hz].
         rows: blocks of contact rows, and whether anything depends on a rate.
         parameters: those that the materials depend on.
+        orders: degree of the interpolation in each of them, shape (d,).
         seconds: time of the offline stage [s].
     """
 
@@ -90,6 +96,7 @@ class ReducedModel:
         """
         self.band: tuple[float, float] = band
         self.parameters: Parameters = parameters
+        self.orders: NDArray[np.intp] = arrays["orders"]
         self.seconds: float = float(arrays["seconds"])
         self._w, self._omega = np.asarray(w, float), 2 * np.pi * band[1]
         self.rows: Rows = Rows(str(arrays["followed"]), bool(arrays["damped"]))
@@ -113,6 +120,7 @@ class ReducedModel:
         followed: str = "N",
         tolerance: float = 1e-5,
         cutoff: float | None = None,
+        contact: ContactLinearisation | None = None,
         comm: MPI.Comm | None = None,
         progress: Callable[[int], Callable[[int], None]] = lambda total: lambda done: None,
         keep: Callable[[dict[str, NDArray[Any]]], Mapping[str, NDArray[Any]]] | None = None,
@@ -129,6 +137,8 @@ class ReducedModel:
             tolerance: wanted relative error of lambda; more moments and higher degrees below 1e-5.
             cutoff: kept modes reach up to this frequency [Hz]; chosen from the softening of the box
                 if None.
+            contact: of a typical sample. Where estimated errors with it exceed the tolerance, the
+                degree is raised and the work done again (``reach``); never if None.
             comm: processes that share the work; this process alone if None.
             progress: called with the number of solves of this process; what it returns is called
                 with the number of those that were done since.
@@ -147,30 +157,25 @@ class ReducedModel:
         damped = any(body.C is not None or body.ratios for body in substructures)
         rows, omega = Rows(followed, damped), 2 * np.pi * band[1]
         reach = None if cutoff is None else cutoff / band[1]
-        degrees = _degrees(tolerance, damped)
-        originals, images = originals_and_images(substructures, parameters)
-        modes = in_turns(
-            len(originals),
-            lambda i: kept_modes(originals[i], parameters, omega, reach),
-            comm,
+        bodies = OfflineBodies(
+            substructures, rows, parameters, _degrees(tolerance, damped), omega, reach, comm
         )
-        reductions = [
-            Reduction(body, kept, rows, parameters, degrees, omega, comm)
-            for body, kept in zip(originals, modes, strict=True)
-        ]
-        advance = progress(sum(reduction.solves for reduction in reductions))
-        # The largest body takes most memory: it comes before the moments of others are there.
-        order = sorted(range(len(originals)), key=lambda i: -originals[i].dofs.size)
-        made = {i: reductions[i].arrays(advance) for i in order}
-        arrays: dict[str, NDArray[Any]] = {}
-        if comm.rank == 0:
-            arrays = {f"{i}.{name}": a for i, one in made.items() for name, a in one.items()}
-            arrays |= image_arrays(images)
-            arrays |= {"followed": np.array(followed), "damped": np.array(damped)}
-            arrays |= {"seconds": np.array(time.perf_counter() - start)}
-        del modes, reductions, made
-        held = _on_all(arrays, comm) if keep is None else keep(arrays)
-        return cls(held, w, band, parameters)
+
+        def made(orders: NDArray[np.intp]) -> ReducedModel:
+            arrays = bodies.arrays(orders, progress)
+            if comm.rank == 0:
+                arrays |= {"followed": np.array(followed), "damped": np.array(damped)}
+                arrays |= {"seconds": np.array(time.perf_counter() - start)}
+            held = _on_all(arrays, comm) if keep is None else keep(arrays)
+            return cls(held, w, band, parameters)
+
+        model = made(bodies.orders)
+        while contact is not None:
+            orders = comm.bcast(higher(model, contact, tolerance, bodies.points))
+            if orders is None:
+                break
+            model = made(orders)
+        return model
 
     def at(self, p: ArrayLike) -> list[AtPoint]:
         """The bodies at a point of the box [-1, 1]^d; mirror images share theirs."""
@@ -412,15 +417,25 @@ class ReducedModel:
 
         Of each conjugate pair one.
         """
-        if self.rows.rates:
-            centre, limit = -self.rows.shift, SEARCHED
-        else:
-            centre, limit = SIGMA, SEARCHED**2
-        return limit + abs(centre), lambda z: np.flatnonzero(
-            (np.abs(z - centre) <= limit) & (z.imag >= 0)
-        )
+        rates = self.rows.rates
+        reach = LISTED + abs(self.rows.shift) if rates else LISTED**2 + SIGMA
 
-    def _rows(self, found: Corrected, zeta_max: float, start: float, how: str = COUNTED) -> Modes:
+        def near(z: Complex) -> NDArray[np.intp]:
+            s = z + self.rows.shift if rates else np.sqrt(SIGMA - z + 0j)
+            size = np.where(np.abs(s.imag) <= SEARCHED, np.abs(s), np.inf)
+            size = np.where(np.abs(s) <= SEARCHED, 0.0, size)
+            return np.flatnonzero((size <= LISTED) & (z.imag >= 0))
+
+        return reach, near
+
+    @property
+    def listed(self) -> float:
+        """Largest |lambda| of the modes that are listed, over the band's end."""
+        return LISTED
+
+    def _rows(
+        self, found: Corrected, zeta_max: float, start: float, counting: Counting = COUNTED
+    ) -> Modes:
         """Rows of the band from corrected zeros."""
         omega, z, slope, error = self._omega, found.zeros.z, found.slope, found.error
         right, left = found.zeros.right, found.zeros.left.conj()
@@ -446,7 +461,7 @@ class ReducedModel:
         size = np.where(np.abs(lam) > spread, np.abs(lam), np.maximum(spread, omega))
         return Modes(
             lam, right[:, order], left[:, order], 2 * spread / condition / size, spread, condition,
-            Count(lam.size, how), 0, time.perf_counter() - start, real,
+            Count(lam.size, *counting), 0, time.perf_counter() - start, real,
         )  # fmt: skip
 
 

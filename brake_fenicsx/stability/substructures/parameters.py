@@ -1,17 +1,18 @@
-"""Polynomial interpolation of total degree over a box of parameters.
+"""Polynomial interpolation over a box of parameters, of a degree of its own in each of them.
 
-The anchors are discrete Leja points: as many as there are polynomials up to the degree, chosen
-among Chebyshev points by Gaussian elimination with pivoting, so that the first of them are good
-anchors of the lower degrees (Bos, De Marchi, Sommariva and Vianello, SIAM J. Numer. Anal. 48, 2010,
-doi:10.1137/090777372).
+A polynomial T_i(x_1) T_j(x_2) ... is one of them where i / n_1 + j / n_2 + ... is 1 at most: with
+the same degree n in all parameters, all polynomials of total degree n. The anchors are discrete
+Leja points: as many as there are polynomials, chosen among Chebyshev points by Gaussian elimination
+with pivoting, so that the first of them are good anchors of the lower degrees (Bos, De Marchi,
+Sommariva and Vianello, SIAM J. Numer. Anal. 48, 2010, doi:10.1137/090777372).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations, product
-from math import comb
+from math import ceil
 
 import numpy as np
 import scipy.sparse as sp
@@ -23,6 +24,9 @@ Array = NDArray[np.float64]
 # A coefficient moves with a parameter if that changes it by more than this share of what another
 # parameter does.
 MOVES = 1e-12
+
+# Of sums of shares of degrees.
+ROUND_OFF = 1e-9
 
 # Pivots that differ by less than this share are ties, which the order of the points decides,
 # whatever round-off a processor makes.
@@ -47,6 +51,7 @@ class Parameters:
         sliding: numbers of those that move contact elements along their faces.
         contact: with such ones the rows "N", "T", "R" of all contact elements, shape (elements,
             dofs), and their areas [m^2] at a point of the box; None where these stay.
+        names: what a user knows them by, shape (d,); none if nobody has to.
     """
 
     dimension: int
@@ -55,6 +60,7 @@ class Parameters:
     shapes: tuple[int, ...] = ()
     sliding: tuple[int, ...] = ()
     contact: Callable[[Array], tuple[dict[str, sp.csr_matrix], Array]] | None = None
+    names: tuple[str, ...] = ()
 
     @property
     def centre(self) -> Array:
@@ -96,37 +102,44 @@ CONSTANT = Parameters(0, lambda x: np.zeros((3, 0)))
 
 
 class Interpolation:
-    """Polynomials of total degree through discrete Leja points of [-1, 1]^d.
+    """Polynomials through discrete Leja points of [-1, 1]^d.
 
     Attributes:
         points: the anchors, shape (anchors, d); the first is the centre.
-        degree: total degree.
+        degree: the largest of the degrees.
     """
 
-    def __init__(self, dimension: int, degree: int):
+    def __init__(self, degrees: Sequence[int]):
         """Place the anchors.
 
         Args:
-            dimension: number of parameters d.
-            degree: total degree of the polynomials.
+            degrees: degree in each of the d parameters.
         """
-        indices = [i for i in product(range(degree + 1), repeat=dimension) if sum(i) <= degree]
-        ordered = sorted(indices, key=lambda i: (sum(i), i))
-        self._indices = np.array(ordered, dtype=int).reshape(len(ordered), dimension)
-        self.degree = degree
-        candidates = _candidates(dimension, degree)
+        self._degrees = tuple(degrees)
+        self.degree = max(self._degrees, default=0)
+        levels = {i: self._level(i) for i in product(*(range(n + 1) for n in self._degrees))}
+        kept = [i for i in levels if levels[i] <= self.degree]
+        ordered = sorted(kept, key=lambda i: (levels[i], i))
+        self._indices = np.array(ordered, dtype=int).reshape(len(ordered), len(self._degrees))
+        self._levels = np.array([levels[i] for i in ordered])
+        candidates = self._candidates()
         self.points: Array = candidates[_discrete_leja(self._polynomials(candidates))]
 
+    def _level(self, index: tuple[int, ...]) -> int:
+        """Degree that a polynomial counts with: of one parameter of the largest degree its own."""
+        share = sum(i / n for i, n in zip(index, self._degrees, strict=True))
+        return ceil(self.degree * share - ROUND_OFF)
+
     def count(self, degree: int) -> int:
-        """Number of anchors of a degree; they come first."""
-        return comb(degree + self.points.shape[1], degree)
+        """Number of anchors up to a level; they come first."""
+        return int(np.searchsorted(self._levels, degree, side="right"))
 
     def weights(self, x: Array, degree: int) -> Array:
-        """Weights of the values at all anchors for the interpolant of a degree, shape (anchors,).
+        """Weights of the values at all anchors for the interpolant of a level, shape (anchors,).
 
         Args:
             x: a point, shape (d,).
-            degree: total degree, at most that of the anchors.
+            degree: the level, at most the largest degree.
         """
         n = self.count(degree)
         out = np.zeros(len(self.points))
@@ -145,7 +158,8 @@ class Interpolation:
         The polynomials of one degree more, which the interpolation lacks, grow no faster outside
         than Chebyshev's.
         """
-        return float(special.eval_chebyt(self.degree + 1, max(1.0, np.abs(x).max(initial=0.0))))
+        each = zip(self._degrees, np.maximum(1.0, np.abs(x)), strict=True)
+        return float(max((special.eval_chebyt(n + 1, size) for n, size in each), default=1.0))
 
     def _polynomials(self, x: Array) -> Array:
         """Products of Chebyshev polynomials, shape (points, anchors)."""
@@ -155,19 +169,23 @@ class Interpolation:
             out *= each[:, j, self._indices[:, j]]
         return out
 
-
-def _candidates(dimension: int, degree: int) -> Array:
-    """Chebyshev points with as many coordinates off the centre as a polynomial couples."""
-    line = np.sin(np.pi / 2 * np.linspace(-1, 1, 2 * (degree // 2) + 5))
-    off = [x for x in line if x]
-    points = [np.zeros(dimension)]
-    for many in range(1, min(dimension, degree) + 1):
-        for axes in combinations(range(dimension), many):
-            for values in product(off, repeat=many):
-                point = np.zeros(dimension)
-                point[list(axes)] = values
-                points.append(point)
-    return np.array(points)
+    def _candidates(self) -> Array:
+        """Chebyshev points with as many coordinates off the centre as a polynomial couples."""
+        off = []
+        for n in self._degrees:
+            line = np.sin(np.pi / 2 * np.linspace(-1, 1, 2 * (n // 2) + 5))
+            off.append([x for x in line if x])
+        dimension = len(self._degrees)
+        points = [np.zeros(dimension)]
+        for many in range(1, dimension + 1):
+            for axes in combinations(range(dimension), many):
+                if self._level(tuple(int(j in axes) for j in range(dimension))) > self.degree:
+                    continue
+                for values in product(*(off[j] for j in axes)):
+                    point = np.zeros(dimension)
+                    point[list(axes)] = values
+                    points.append(point)
+        return np.array(points)
 
 
 def _discrete_leja(V: Array) -> NDArray[np.intp]:

@@ -18,6 +18,8 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from brake_fenicsx.iteration import Steps, sizes
+
 from ..eigensolvers.arnoldi import times
 from ..modes import Complex
 
@@ -72,13 +74,12 @@ def zeros(T: Array, degree: int, reach: float, near: Callable[[Complex], Index])
         return _companion(T, near)
     Q, L = divisor
     found = _companion(Q, near)
-    left = found.left
-    for _ in range(LEFT_STEPS):
-        last = left
+    left, steps = found.left, Steps(found.left.shape[1], STILL, LEFT_STEPS)
+    while steps.moving.any():
         series = [found.z ** (j + 1) * times(A.T, left) for j, A in enumerate(L)]
-        left = found.left - np.sum(series, axis=0)
-        if np.abs(left - last).max(initial=0.0) <= STILL:
-            break
+        new = found.left - np.sum(series, axis=0)
+        left = np.where(steps.take(*sizes(new - left, left)), new, left)
+    # What is left of them moves the quotient to second order: its products show it.
     return Zeros(found.every, found.chosen, found.right, left / la.norm(left, axis=0))
 
 

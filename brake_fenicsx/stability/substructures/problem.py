@@ -26,6 +26,8 @@ import numpy as np
 import scipy.linalg as la
 from numpy.typing import NDArray
 
+from brake_fenicsx.iteration import remaining
+
 from ..eigensolvers.arnoldi import on_parts, times
 from ..modes import Complex
 from .errors import ROUND_OFF
@@ -169,8 +171,7 @@ class SampleProblem:
             # eta gains by both steps what it gained by this one, y what it did.
             gained = np.abs(_paired(change, unsolved))
             size = la.norm(change, axis=0) / np.maximum(la.norm(eta, axis=0), 1e-300)
-            rate = np.minimum(np.maximum(size, np.sqrt(gained / last)), 0.9)
-            left = gained * rate / (1 - rate)
+            left = remaining(gained, np.maximum(size, np.sqrt(gained / last)))
             if np.all(left <= np.maximum(SHARE * truncated, ROUND_OFF)):
                 break
             y, last = y + self.solve(unsolved), np.maximum(gained, 1e-300)

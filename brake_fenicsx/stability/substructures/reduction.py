@@ -64,6 +64,7 @@ class Reduction:
         rows: Rows,
         parameters: Parameters,
         degrees: tuple[int, ...],
+        orders: NDArray[np.intp],
         omega: float,
         comm: MPI.Comm,
     ):
@@ -74,7 +75,9 @@ class Reduction:
             modes: what it keeps.
             rows: blocks of its contact rows.
             parameters: of all bodies.
-            degrees: total degree of the interpolation of each moment D_n; as many as moments.
+            degrees: level of the interpolation of each moment D_n, see ``Interpolation``; as many
+                as moments.
+            orders: degree of the first moment in each parameter, shape (d,).
             omega: end of the band [rad/s].
             comm: processes that share the work.
         """
@@ -84,10 +87,16 @@ class Reduction:
         self._omega, self._comm = omega, comm
         self._beyond = body.damping_beyond(modes.cutoff * omega)
         self._own = parameters.acting_on(list(body.changes), body.elements.size)
-        self._moments = InterpolatedMoments(self._own.size, degrees)
+        self._orders = orders[self._own]
+        self._moments = InterpolatedMoments([*map(int, self._orders)], degrees)
         # Processes take points in turns, so that the factor of a point is made once; if there are
         # fewer points than processes, all share the columns of each.
         self._together = len(self._moments.points) < comm.size
+
+    @property
+    def points(self) -> int:
+        """Points of the box where moments are computed."""
+        return len(self._moments.points)
 
     @property
     def solves(self) -> int:
@@ -136,7 +145,7 @@ class Reduction:
             **body.arrays(), **self._moments.arrays(), "W": W, "kappa": self._kappa,
             "beyond": self._beyond,
             "reach": np.array(self._reach),
-            "degrees": np.array(self._degrees),
+            "degrees": np.array(self._degrees), "orders": self._orders,
             "modal": np.array(modal), "modal_C": np.array(damping),
         }  # fmt: skip
 

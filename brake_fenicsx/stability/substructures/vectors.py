@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.folder.processes import in_turns
-from brake_fenicsx.iteration import Steps, relative_size
+from brake_fenicsx.iteration import Steps, sizes
 
 from ..eigensolvers.arnoldi import on_parts, times
 from ..modes import Complex
@@ -36,7 +36,7 @@ from .polynomials import Coefficients, applied
 from .sample import Sample
 
 # Steps at most for motions and for vectors, and the relative error at which they end.
-STEPS, SETTLED = 60, 1e-8
+STEPS, SETTLED = 200, 1e-8
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +180,7 @@ def _iterated(y: Complex, step: Callable[[Complex], Complex]) -> tuple[Complex, 
     steps = Steps(y.shape[1], SETTLED, STEPS)
     while steps.moving.any():
         change = step(y)
-        y = np.where(steps.take(relative_size(change, y)), y + change, y)
+        y = np.where(steps.take(*sizes(change, y)), y + change, y)
     return y, steps.left
 
 
@@ -290,10 +290,10 @@ def mode_displacements(
             for (i, body, *_), u, error in zip(every, parts, worst, strict=True)
         ]
 
-    sizes = [(sum(b.dofs.size for b in m.sample.bodies), m.z.size) for m in modes]
-    out = [(np.zeros(size, complex), np.zeros(size[1])) for size in sizes]
-    for shapes in in_turns(len(keys), work, comm, aside):
-        for i, dofs, u, error in shapes:
+    shapes = [(sum(b.dofs.size for b in m.sample.bodies), m.z.size) for m in modes]
+    out = [(np.zeros(shape, complex), np.zeros(shape[1])) for shape in shapes]
+    for found in in_turns(len(keys), work, comm, aside):
+        for i, dofs, u, error in found:
             out[i][0][dofs] = u
             np.maximum(out[i][1], error, out=out[i][1])
     return out
@@ -330,5 +330,5 @@ def _left_out(
     while steps.moving.any():
         rhs = known - np.sum([w**n * times(A, v) for n, A in enumerate(P) if n], axis=0)
         new = on_parts(complement.solve, rhs)
-        v = np.where(steps.take(relative_size(new - v, kept + v)), new, v)
+        v = np.where(steps.take(*sizes(new - v, kept + v)), new, v)
     return v, steps.left
