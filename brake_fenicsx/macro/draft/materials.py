@@ -166,8 +166,7 @@ def _property(deck: Deck, block: DeckKeyword) -> str | None:
 
 def _zoffs(deck: Deck, block: DeckKeyword) -> None:
     """How far the middle of a shell of Nastran is from its grid points."""
-    ((_, own),) = card_of(block).elements.items()
-    deck.zoffs[str(own.pid)].add(float(own.zoffset or 0.0))
+    deck.zoffs[block.options["PID"]].add(float(block.options["ZOFFS"]))
 
 
 def taken(deck: Deck, block: DeckKeyword) -> None:
