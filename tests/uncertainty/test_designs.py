@@ -1,5 +1,7 @@
 """Designs of points, and laws by their quantiles."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from scipy import stats
@@ -54,6 +56,14 @@ def test_saltelli_crosses_the_roughness_as_one_more_input():
     assert [roughness_of(Plan(100, "saltelli", 1), 3, k) for k in range(4)] == [0, 1, 2, 3]
     with pytest.raises(SceneError, match="3 inputs and the roughness; take 48 or more"):
         design_size(Plan(47, "saltelli", 1, rough=True), 3)
+
+
+def test_no_point_lies_on_a_face_of_the_cube(monkeypatch):
+    """An unbounded law is infinite there; so begins a sequence that is not scrambled."""
+    monkeypatch.setattr(stats.qmc, "Sobol", partial(stats.qmc.Sobol, scramble=False))
+    x = design_points(Plan(64, "sobol", 1), 2, SEED)
+    np.testing.assert_array_equal(x[0], 1e-12)
+    np.testing.assert_array_equal(x[1], 0.5)
 
 
 def test_fast_curves_visit_every_axis_evenly_and_differ():
