@@ -58,7 +58,8 @@ exit status:
 
 AFTER_CHECK = """\
 Nothing is written. Memory and disc are estimates from the sizes of the scene; times are those of
-its run in ./SCENE-results, scaled to the scene as it is now."""
+its run in ./SCENE-results, scaled to the scene as it is now, or, without one, by a second of work
+on this machine."""
 
 AFTER_RUN = """\
 The results folder holds report.html, figures/ (PNG, SVG), tables (modes.csv, samples.csv, ...),

@@ -1,4 +1,4 @@
-"""What a run will cost: memory and disc from its sizes, time from an earlier run on this machine.
+"""What a run will cost: memory and disc by its sizes, time by an earlier run on this machine.
 
 The seconds of each stage of that run, and of its samples solve by solve, are scaled by the work of
 the stage. With n free dofs, m contact elements and N samples, the work grows as
@@ -9,16 +9,21 @@ the stage. With n free dofs, m contact elements and N samples, the work grows as
     samples    N m^2 through a reduced model, N n at full order, approach by approach
     sweep      as samples, for each value    results, report: as they were
 
-A process holds 0.2 GB, and 16 kB n with a factor of the bodies, 30 kB n more to solve at full
-order, 19 kB n more with damping there. All processes of a machine share 150 B m^2 + 3 kB n of a
-reduced model, 350 B m^2 more with damping, and where d moduli are random or swept the moments at
-the points of an interpolation, 15 B m^2 C(d + 4, 4). A process of run --share holds beside that
-what a sample needs. These figures are those of docs/benchmarks.md, good to a factor of three.
+A process holds 0.25 GB, and 9 kB n with factors of the bodies one by one, 10 kB n more to solve at
+full order, 19 kB n more with damping there; pictures take 0.3 GB, when the samples are done. All
+processes of a machine share 150 B m^2 + 3 kB n of a reduced model, 350 B m^2 more with damping, and
+where d moduli are random or swept the moments at the points of an interpolation, 15 B m^2
+C(d + 4, 4). A process of run --share holds beside that what a sample needs. Peaks of shipped brakes
+lie within a factor of 1.5 of these figures.
+
+Without an earlier run the times are those of docs/benchmarks.md, scaled by the time that a second
+of work takes here.
 """
 
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import comb, prod
@@ -33,6 +38,11 @@ from brake_fenicsx.scene.scalars import changes_bodies
 # Degree of the interpolation over scalars of the bodies at the default tolerance, and the points
 # between its anchors where it is checked.
 DEGREE, CHECKED = 4, 2
+# What else is made where a stage is named.
+MADE_BY = {"equilibrium": ("brake", "offline", "samples", "sweep", "results")}
+# CPU seconds that ``_work_of_a_second`` took where the runs of docs/benchmarks.md were measured.
+REFERENCE = 0.8
+BASE, PICTURES = 0.25, 0.3  # [GB]: the libraries, and VTK with Matplotlib
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +99,7 @@ def run_sizes(scene: Scene, samples: Mapping[str, int], dofs: int, elements: int
     solves = count_solves(scene, samples)
     at_full = solves.pop("at full order", 0)
     damped = any(active_terms(scene, name) for name in samples)
-    process, shared, share = 0.2 + 16e-6 * n, 0.0, 0.0
+    process, shared, share = BASE + 9e-6 * n, 0.0, 0.0
     if any(solves.values()):
         shared = 150e-9 * m**2 + 3e-6 * n + (350e-9 * m**2 if damped else 0.0)
         if solves["reduced with bodies of their own"]:
@@ -99,10 +109,59 @@ def run_sizes(scene: Scene, samples: Mapping[str, int], dofs: int, elements: int
     else:
         process += 40e-9 * m**2
     if at_full:
-        process += 30e-6 * n + (19e-6 * n if damped else 0.0)
+        process += 10e-6 * n + (19e-6 * n if damped else 0.0)
+    if "report" in scene.stages:
+        process = max(process, BASE + PICTURES + 2e-6 * n)
     fields = 1e-6 * n if "report" in scene.stages else 0.0
     disc = 0.2e-6 * m * sum(samples.values()) + shared + 1.2e-6 * n + fields
     return Sizes(process + shared, shared, share, disc)
+
+
+def calibrated_seconds(
+    scene: Scene, samples: Mapping[str, int], dofs: float, elements: float
+) -> dict[str, float]:
+    """Seconds of the stages of a run where none was measured: a second of work on this machine.
+
+    By the seconds that this work and the runs of docs/benchmarks.md took on one machine, and the
+    growth that they show; on one process.
+    """
+    n, m = dofs / 40_745, elements / 1368
+    solves, micro = count_solves(scene, samples), scene.micro
+    laws = 0.0
+    if micro is not None and not isinstance(micro.pixels, str):
+        periodic = micro.boundary == "periodic"
+        each = 0.23 * (micro.pixels / 128) ** (1.85 if periodic else 0.6)
+        laws = each * (micro.laws + micro.scans)
+    by_reduction = solves.get("reduced", 0) + solves.get("reduced with bodies of their own", 0)
+    points = anchors(len(changing_scalars(scene))) if by_reduction else 1
+    solving = (0.05 + 0.14 * m**2) * by_reduction + 20 * n**1.5 * solves.get("at full order", 0)
+    seconds = {
+        "surface": 0.2, "micro": laws, "brake": 1.1 * n,
+        "offline": (11 if by_reduction else 1) * n**1.6 * points**0.5,
+        "samples": solving or (0.05 + 0.14 * m**2) * sum(samples.values()),
+        "results": 2 + 10 * n, "report": 14.0,
+    }  # fmt: skip
+    kept = {name for stage in scene.stages for name in MADE_BY.get(stage, (stage,))}
+    slower = _work_of_a_second() / REFERENCE
+    return {name: slower * s for name, s in seconds.items() if s and name in kept}
+
+
+def _work_of_a_second() -> float:
+    """CPU seconds for products of matrices, transforms and a sparse factor, as a run has them."""
+    import numpy as np
+    import scipy.sparse as sp
+    from scipy.sparse.linalg import splu
+
+    A = np.random.default_rng(0).normal(size=(600, 600))
+    line = sp.diags([-1.0, 2.0, -1.0], [-1, 0, 1], shape=(120, 120))
+    one = sp.identity(120)
+    grid = (sp.kron(line, one) + sp.kron(one, line)).tocsc()
+    began = time.process_time()
+    for _ in range(16):
+        np.linalg.svd(A[:200, :200] @ A[:200] @ A[:, :200])
+        np.fft.rfft2(A)
+        splu(grid)
+    return time.process_time() - began
 
 
 def earlier_run(folder: Path) -> dict[str, Any] | None:
@@ -172,9 +231,7 @@ def _work(settings: Mapping[str, Any], dofs: float, elements: float) -> dict[str
         "brake": dofs, "offline": dofs**1.6, "samples": one,
         "sweep": prod(map(len, values)) * one if values else 0.0, "results": 1, "report": 1,
     }  # fmt: skip
-    stages = {*settings["stages"]}
-    named = {"equilibrium": ("brake", "offline", "samples", "sweep", "results")}
-    kept = {name for stage in stages for name in named.get(stage, (stage,))}
+    kept = {name for stage in settings["stages"] for name in MADE_BY.get(stage, (stage,))}
     return {name: value for name, value in work.items() if name in kept}
 
 
@@ -199,7 +256,7 @@ def cost_lines(sizes: Sizes, seconds: Mapping[str, float], told: str, processes:
         f"memory: about {sizes.process:.1f} GB{every}{share if sizes.share else ''}",
         f"disc: about {sizes.disc:.1f} GB",
         f"time: {total}",
-        "these are estimates, up to a factor of three off; nothing was run",
+        "these are estimates: memory within a factor of 1.5 as a rule, time of three",
     ]
 
 

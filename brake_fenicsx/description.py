@@ -19,6 +19,7 @@ from brake_fenicsx.checks import (
 )
 from brake_fenicsx.costs import (
     anchors,
+    calibrated_seconds,
     changing_scalars,
     cost_lines,
     count_solves,
@@ -93,7 +94,11 @@ def describe(
     memory = run_sizes(parsed, samples, *size)
     earlier = Path.cwd() / f"{parsed.file.stem}-results"
     facts = earlier_run(earlier)
-    seconds = scaled_seconds(facts, parsed, samples, *size) if facts else {}
+    seconds = (
+        scaled_seconds(facts, parsed, samples, *size)
+        if facts
+        else calibrated_seconds(parsed, samples, *size)
+    )
     noted = [*doubts, *warnings(parsed, side), *surface_warnings(parsed, stats)]
     if as_json:
         content = {
@@ -115,9 +120,9 @@ def describe(
 
 
 def _measured(facts: Mapping[str, Any] | None, folder: Path) -> str:
-    """The run that times come from, or how to get one."""
+    """Where times come from."""
     if facts is None:
-        return "unknown before a run on this machine; run a few samples, --set samples.n=4"
+        return "on one process, by a second of work on this machine; a run of it tells more"
     return f"on {several(facts['processes'], 'process', 'processes')} as in {folder.name}"
 
 

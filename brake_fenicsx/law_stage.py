@@ -97,13 +97,14 @@ def micro_stage(this: Run, stats: SurfaceStatistics) -> LawLibrary:
                 [*doubts(first), *beyond_elasticity(this, recipe)] if comm.rank == 0 else None
             )
             draw = partial(pieces.drawn, recipe=recipe, stats=stats)
-            support = support_of_laws(this, again, draw, progress) if again else None
+            laws = [steps[i] for i in range(number)]
+            support = support_of_laws(this, again, draw, progress, laws) if again else None
             if support is not None and (doubt := support.warning()):
                 notes.append(doubt)
             settings = {**recipe.record(), "seed": micro.seed, "notes": notes}
             if support is not None:
                 settings["support"] = {k: v.tolist() for k, v in asdict(support).items()}
-            library = make_library([steps[i] for i in range(number)], list(range(number)), settings)
+            library = make_library(laws, list(range(number)), settings)
             if comm.rank == 0:
                 with whole_file(path, durable=True) as part:
                     save_laws(part, library)
@@ -163,8 +164,9 @@ def support_draws(micro: Micro, recipe: LawRecipe, stats: SurfaceStatistics) -> 
 
 
 def support_of_laws(
-    this: Run, scans: int, draw: Callable[[int], NDArray[np.float64]], progress: Progress
-) -> LawSupport | None:
+    this: Run, scans: int, draw: Callable[[int], NDArray[np.float64]], progress: Progress,
+    laws: list[LawSteps],
+) -> LawSupport | None:  # fmt: skip
     """Pixels behind the laws and their scatter over scans drawn anew; None without a band."""
     from brake_fenicsx.micro.support import law_support
 
@@ -181,7 +183,7 @@ def support_of_laws(
     if len(every) < 0.8 * scans:
         logger.warning("only %d of %d scans drawn anew gave a law: no band", len(every), scans)
         return None
-    return law_support([every[i] for i in sorted(every)])
+    return law_support([every[i] for i in sorted(every)], laws) if len(every) > 1 else None
 
 
 def beyond_elasticity(this: Run, recipe: LawRecipe) -> list[str]:

@@ -2,6 +2,9 @@
 
 At the pressures of braking a few highest pixels of a scan carry the load. Another scan of the same
 pad has others: laws of statistics that are drawn anew (``surface.resampled``) show by how much.
+Two things scatter: patches of one scan, and scans. A face of a brake has many patches, and its
+stiffness is that of the library, in which the scatter of patches has gone down to that of its mean.
+The scatter of scans alone shows in patches that are made of the same random numbers for every scan.
 """
 
 from __future__ import annotations
@@ -10,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import stdtrit
 
 from brake_fenicsx.micro.law import Array, LawSteps
 from brake_fenicsx.micro.law_of_surface import law_steps
@@ -18,6 +22,7 @@ from brake_fenicsx.surface import SurfaceStatistics, resampled
 
 PRESSURES = (0.05e6, 0.1e6, 0.2e6, 0.4e6)  # of braking [Pa]
 FEW_PIXELS = 100  # of a scan, below which a law hangs on single summits
+COMMON = 2  # patches that all draws have, of random numbers of their own
 WINDOW = 0.15  # relative half-width of pressure over which a secant is taken
 
 
@@ -29,8 +34,11 @@ class LawSupport:
         pressure: mean pressures [Pa], shape (m,).
         scan_pixels: pixels of the scans that are higher than what touches, median, shape (m,).
         grid_pixels: pixels of a patch that touch, median, shape (m,).
-        k: 5, 50 and 95 % of the secant stiffness of loading of another scan [Pa/m], shape (3, m).
+        k: 5, 50 and 95 % of the secant stiffness of loading of the library (geometric mean) of
+            another scan [Pa/m], shape (3, m).
         v: the same of the stiffness of vibrations [Pa/m], shape (3, m).
+        k_patch: as ``k``, of a single patch of another scan [Pa/m], shape (3, m).
+        v_patch: as ``v``, of a single patch [Pa/m], shape (3, m).
     """
 
     pressure: Array
@@ -38,6 +46,8 @@ class LawSupport:
     grid_pixels: Array
     k: Array
     v: Array
+    k_patch: Array
+    v_patch: Array
 
     def warning(self) -> str | None:
         """What is doubtful about the laws, or None."""
@@ -45,16 +55,20 @@ class LawSupport:
         if not few.any():
             return None
         i = int(np.flatnonzero(few)[-1])
+        library, patch = (
+            " to ".join(f"{band[j, i] / band[1, i]:.2f}" for j in (0, 2))
+            for band in (self.v, self.v_patch)
+        )
         return (
             f"laws: at {self.pressure[i] / 1e6:.2g} MPa the highest {self.scan_pixels[i]:.0f}"
-            " pixels of the scan carry the load; another scan gives"
-            f" {self.v[0, i] / self.v[1, i]:.2f} to {self.v[2, i] / self.v[1, i]:.2f} times the"
-            " stiffness of vibrations (90 %): take a larger scan, or several"
+            f" pixels of the scan carry the load; the laws of another scan have {library} times the"
+            f" stiffness of vibrations on average (90 %), a single patch {patch} times: take a"
+            " larger scan, or several"
         )
 
 
 def drawn_law(recipe: LawRecipe, stats: SurfaceStatistics, seed: int, number: int) -> Array:
-    """One patch of one scan drawn anew, pressed to the highest of ``PRESSURES``.
+    """Patches of one scan drawn anew, pressed to the highest of ``PRESSURES``.
 
     Args:
         recipe: what all laws share.
@@ -63,36 +77,52 @@ def drawn_law(recipe: LawRecipe, stats: SurfaceStatistics, seed: int, number: in
         number: of the draw, which has its own child of the seed.
 
     Returns:
-        Rows scan pixels, grid pixels, k and v [Pa/m], shape (4, m).
+        Rows scan pixels, grid pixels, k and v [Pa/m] of a patch of its own random numbers, then
+        geometric means of k and v of patches that all draws have, shape (6, m).
     """
     child = np.random.SeedSequence(seed, spawn_key=(number, 1))
     other = resampled(stats, np.random.default_rng(child))
     top = min(2.0 * max(PRESSURES), recipe.settings.highest)
     settings = replace(recipe.settings, max_pressure=top)
-    topo = replace(recipe, psd=other.spectrum, hdf=other.hdf).surface(seed, number)
+    drawn = replace(recipe, psd=other.spectrum, hdf=other.hdf)
+    topo = drawn.surface(seed, COMMON + number)
     steps = law_steps(topo, settings)
     S_q = float(topo.heights.std())
     scan = [stats.pixels_above(d, S_q) for d in _at(steps, steps.d)]
     grid = _at(steps, steps.area) * topo.heights.size
-    return np.stack([scan, grid, secant(steps), _at(steps, steps.v)])
+    common = [stiffness(law_steps(drawn.surface(seed, i), settings)) for i in range(COMMON)]
+    return np.stack([scan, grid, *stiffness(steps), *np.exp(np.mean(np.log(common), axis=0))])
 
 
-def law_support(draws: Sequence[Array]) -> LawSupport:
+def law_support(draws: Sequence[Array], laws: Sequence[LawSteps]) -> LawSupport:
     """Medians over draws, and the bands in which another scan lies.
 
     Draws scatter about this scan as this scan does about the surface: the logarithm of the ratio of
-    two scans has twice their variance.
+    two scans has twice the variance of scans, and that of the means of both libraries. Bands are
+    those of Student's distribution, about the mean of the laws.
 
     Args:
-        draws: what ``drawn_law`` returns.
+        draws: what ``drawn_law`` returns, two or more.
+        laws: the library.
     """
-    scan, grid, k, v = np.swapaxes(draws, 0, 1)
+    scan, grid, *one, k, v = np.swapaxes(draws, 0, 1)
+    wide = stdtrit(len(draws) - 1, 0.95)
+    library = np.log([stiffness(law) for law in laws])
     bands = []
-    for stiffness in (k, v):
-        ends = np.quantile(stiffness, [0.05, 0.5, 0.95], axis=0)
-        bands.append(ends[1] * (ends / ends[1]) ** np.sqrt(2.0))
+    for centre, single, common in zip(library.mean(axis=0), one, (k, v), strict=True):
+        scans = np.var(np.log(common), axis=0, ddof=1)
+        patches = np.maximum(np.var(np.log(single), axis=0, ddof=1) - scans, 0.0)
+        for variance in (patches * 2.0 / len(laws), patches * (1.0 + 1.0 / len(laws))):
+            reach = wide * np.sqrt(2.0 * scans + variance)
+            bands.append(np.exp(centre + np.outer([-1.0, 0.0, 1.0], reach)))
     medians = np.median(scan, axis=0), np.median(grid, axis=0)
-    return LawSupport(np.array(PRESSURES), *medians, *bands)
+    k_band, k_patch, v_band, v_patch = bands
+    return LawSupport(np.array(PRESSURES), *medians, k_band, v_band, k_patch, v_patch)
+
+
+def stiffness(steps: LawSteps) -> Array:
+    """Secant stiffness of loading and stiffness of vibrations at ``PRESSURES``, shape (2, m)."""
+    return np.stack([secant(steps), _at(steps, steps.v)])
 
 
 def secant(steps: LawSteps) -> Array:

@@ -105,12 +105,15 @@ def _support(laws: Arrays) -> list[str]:
     if not found:
         return []
     i = len(found["pressure"]) // 2
-    k, v = (" to ".join(f"{found[n][j][i] / 1e9:.3g}" for j in (0, 2)) for n in "kv")
+    k, v, one = (
+        " to ".join(f"{found[n][j][i] / 1e9:.3g}" for j in (0, 2)) for n in ("k", "v", "v_patch")
+    )
     return [
         f"At {found['pressure'][i] / 1e6:.2g} MPa {found['scan_pixels'][i]:.0f} pixels of the scan"
-        f" and {found['grid_pixels'][i]:.0f} of a patch carry the load. 90 % of other scans of the"
-        f" same surface would give a loading stiffness of {k} and a vibration stiffness of {v}"
-        " N/mm³ (parametric bootstrap; law_support.csv)."
+        f" and {found['grid_pixels'][i]:.0f} of a patch carry the load. The laws of 90 % of other"
+        f" scans of the same surface would have a mean loading stiffness of {k} and a mean"
+        f" vibration stiffness of {v} N/mm³, a single patch of them {one} N/mm³ (parametric"
+        " bootstrap; law_support.csv)."
     ]
 
 

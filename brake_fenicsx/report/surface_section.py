@@ -60,7 +60,8 @@ LAW_COLUMNS = {
 }
 SUPPORT_COLUMNS = (
     "p_Pa", "scan_pixels", "grid_pixels",
-    *(f"{name}_{share}_Pa_per_m" for name in ("k", "k_vibration") for share in ("5", "50", "95")),
+    *(f"{name}_{share}_Pa_per_m" for name in ("k", "k_vibration", "k_patch", "k_vibration_patch")
+      for share in ("5", "50", "95")),
 )  # fmt: skip
 HEIGHTS = "artificial_surface"
 
@@ -254,7 +255,8 @@ def write_surface_tables(run: RunData) -> list[Path]:
     if run.laws is not None and (support := settings_of(run.laws).get("support")):
         tables.mkdir(exist_ok=True)
         columns = [support[name] for name in ("pressure", "scan_pixels", "grid_pixels")]
-        table = zip(*columns, *support["k"], *support["v"], strict=True)
+        bands = (row for name in ("k", "v", "k_patch", "v_patch") for row in support[name])
+        table = zip(*columns, *bands, strict=True)
         written.append(write_rows(tables / "law_support.csv", SUPPORT_COLUMNS, table))
     if (s := run.surface) is None:
         return written

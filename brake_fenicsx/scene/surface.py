@@ -57,7 +57,10 @@ class Surface:
             file must contain size and units (npz, or an instrument's).
         cutoff: shortest wavelength the instrument resolves; it limits the spectrum and with it the
             artificial surfaces, and filters no height; two pixels if not given, or if longer.
-        spectrum: spectrum of the artificial surfaces: that of the scan, or its bi-fractal fit.
+        spectrum: spectrum of the artificial surfaces: that of the scan, the same in all directions;
+            that of the scan with its direction; or its bi-fractal fit.
+        grooves: direction of the grooves on the friction face, from its x axis, for spectrum
+            "directional"; as in the scan if not given.
         low: spectrum below the scan's lowest wave number: constant, or the power law extrapolated.
         S_q: variance of the artificial surfaces: from the scan's spectrum on a patch, or equal to
             the variance of the scan, to which the spectrum is scaled (as in the paper).
@@ -74,7 +77,8 @@ class Surface:
     rows: str = key(default="x", choices=("x", "y"))
     form: str | None = key(default=None)
     cutoff: float | None = key("m", default=None)
-    spectrum: str = key(default="measured", choices=("fit", "measured"))
+    spectrum: str = key(default="measured", choices=("fit", "measured", "directional"))
+    grooves: float | None = key("rad", default=None, sign="any")
     low: str = key(default="flat", choices=("flat", "extend"))
     S_q: str = key(default="spectrum", choices=("spectrum", "scan"))
     distribution: str | None = key(default=None, choices=("measured", "johnson", "normal"))
@@ -91,6 +95,13 @@ class Surface:
                 '.S_q = "scan": the variance is that of the scan, and surface.form adds longer'
                 " waves; leave one out"
             )
+        if self.grooves is not None and self.spectrum != "directional":
+            yield (
+                f'.grooves: spectrum = "{self.spectrum}" has no direction; write surface.spectrum ='
+                ' "directional", or leave it out'
+            )
+        if self.statistics and self.spectrum == "directional":
+            yield '.spectrum = "directional": statistics have no direction; name a scan'
         for name in ("cutoff", "size", "height_unit") if self.statistics and not self.scan else ():
             if getattr(self, name) is not None:
                 yield f".{name}: there is no scan, but statistics; leave it out"

@@ -34,6 +34,7 @@ def resampled(stats: SurfaceStatistics, rng: np.random.Generator) -> SurfaceStat
     if stats.psd is None or not stats.topographies:
         raise SurfaceError("statistics given by numbers have no scan that could be drawn anew")
     kind = "fit" if stats.spectrum.misfit is None else "measured"
+    kind = kind if stats.spectrum.lay is None else "directional"
     cutoff = 2.0 * np.pi / stats.psd.band[1]
     each = kind if len(stats.topographies) == 1 else "fit"
     scans = [

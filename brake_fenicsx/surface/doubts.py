@@ -24,6 +24,7 @@ FEW_VALID, MANY_OUTLIERS = 0.7, 0.05  # shares of the points
 NOISE = -1.0  # white noise has a slope of 0; a steeper spectrum is that of a rough surface
 MISSED = 2.0  # times the measured variance of an octave
 FORM = 0.5  # share of the variance in a second-order form
+DIRECTED = 0.5  # anisotropy; (r - 1) / (r + 1) of a surface stretched by r: three times as long
 OTHER = 0.15  # relative difference of S_q of artificial surfaces and scan
 RIM = 0.9  # of the rims of holes lie in the lower half of the heights where the deepest are missing
 # Sides of a pixel that differ by less than this are equal: a size may leave a point out.
@@ -132,7 +133,7 @@ def implausible(topo: Topography) -> tuple[str, ...]:
 def of_statistics(stats: SurfaceStatistics) -> tuple[str, ...]:
     """What is doubtful about statistics of scans, or given ones, one line each with its remedy."""
     lines = [line for one in stats.each for line in (*one.doubts, *_lost(one))]
-    return (*lines, *_spectrum(stats), *_form(stats))
+    return (*lines, *_spectrum(stats), *_direction(stats), *_form(stats))
 
 
 def _lost(stats: SurfaceStatistics) -> Iterator[str]:
@@ -188,6 +189,17 @@ def _spectrum(stats: SurfaceStatistics) -> Iterator[str]:
         elif any(one.lost != "anywhere" for one in stats.each):
             cause = "the missing points"
         yield f"artificial surfaces as large as the scan have {times:.2f} times its S_q: {cause}"
+
+
+def _direction(stats: SurfaceStatistics) -> Iterator[str]:
+    """Isotropic surfaces that stand for a scan with a direction."""
+    if stats.anisotropy > DIRECTED and stats.spectrum.lay is None:
+        grooves = np.degrees(stats.direction) % 180.0 - 90.0
+        yield (
+            f"the scan has a direction: grooves at {grooves:.0f} deg from its x axis, anisotropy"
+            f" {stats.anisotropy:.2f}; the artificial surfaces have none: write surface.spectrum ="
+            ' "directional"'
+        )
 
 
 def _form(stats: SurfaceStatistics) -> Iterator[str]:

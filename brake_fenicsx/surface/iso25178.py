@@ -28,8 +28,9 @@ def iso_parameters(topo: Topography) -> dict[str, float]:
 
     Returns:
         S_a, S_p, S_v, S_z, S_al [m], S_dq, S_dr, S_tr [-], and those of ``core_parameters``; nan
-        where the surface does not define one: S_al and S_tr where the autocorrelation does not fall
-        to 0.2 inside the scan.
+        where the surface does not define one: S_al and S_tr where the autocorrelation falls to 0.2
+        in no direction inside half of the scan. Where it does not fall in some, as along grooves,
+        S_tr is the largest value possible: with the length of the scan's half there.
     """
     z = topo.heights - np.nanmean(topo.heights)
     h = z[np.isfinite(z)]
@@ -145,8 +146,7 @@ def _decay(z: Array, valid: NDArray[np.bool_], pixel: Array) -> tuple[float, flo
     if not j.any():
         return float("nan"), float("nan")
     ray = np.arange(DIRECTIONS)
-    with np.errstate(divide="ignore"):  # rays on which it does not fall: not used below
+    with np.errstate(divide="ignore", invalid="ignore"):  # rays without a fall: not used below
         part = (DECAY - along[ray, j]) / (along[ray, np.maximum(j - 1, 0)] - along[ray, j])
-    lag = np.where(j > 0, s[j] - step * part, np.inf)
-    ratio = float(lag.min() / lag.max())
-    return float(lag.min()), ratio if ratio > 0 else float("nan")
+    lag = np.where(j > 0, s[j] - step * part, ends)
+    return float(lag[j > 0].min()), float(lag.min() / lag.max())

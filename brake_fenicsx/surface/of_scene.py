@@ -36,6 +36,10 @@ def read_surface(scene: Scene) -> SurfaceStatistics:
         each = _each_scan(scene, table, shape)
         with _named(scene, "scan", list(table.scans)):
             stats = averaged(each, table.cutoff, shape, table.spectrum)
+        if (lay := stats.spectrum.lay) is not None and table.grooves is not None:
+            turn = table.grooves - stats.direction - np.pi / 2.0
+            lay = replace(lay, turn=turn)
+            stats = replace(stats, spectrum=replace(stats.spectrum, lay=lay))
     return stats if table.form is None else _with_form(scene, table, table.form, stats)
 
 

@@ -264,28 +264,22 @@ def _ring_edges(step: float, nyquist: float, rings: int) -> Array:
 
 
 def anisotropy(topo: Scans, band: tuple[float, float]) -> tuple[float, float]:
-    """How far the PSD depends on the direction, and the direction of the strongest waves.
+    """How far the variance depends on the direction, and the direction of the strongest waves.
 
     Args:
         topo: levelled scan, or several.
         band: wave numbers looked at (lo, hi) [rad/m].
 
     Returns:
-        Second angular harmonic of C over its radial mean (0 isotropic, about 1 a grooved
-        surface) [-], and the angle of the wave vectors with the largest C from the x axis [rad].
+        Second angular harmonic of the variance over the variance (0 isotropic, 1 a grooved
+        surface) [-], and the angle of the wave vectors with most of it from the x axis [rad].
     """
     C, topo = psd_2d(topo), first(topo)
     qx, qy = wave_vectors(topo.shape, topo.size)
     q = np.hypot(qx, qy)
     inside = (q >= band[0]) & (q <= band[1])
-    if inside.sum() < 8:
+    variance = (C * half_plane_weights(topo.shape))[inside]
+    if inside.sum() < 8 or not variance.any():
         return 0.0, 0.0
-    weights = np.broadcast_to(half_plane_weights(topo.shape), C.shape)[inside]
-    ring = np.floor(np.log(q[inside] / band[0]) * 4.0).astype(int)
-    total = np.bincount(ring, weights * C[inside])
-    count = np.bincount(ring, weights)
-    mean = total[ring] / count[ring]
-    relative = np.divide(C[inside], mean, out=np.ones_like(mean), where=mean > 0.0)
-    angle = np.arctan2(np.broadcast_to(qy, C.shape), np.broadcast_to(qx, C.shape))[inside]
-    harmonic = np.average(relative * np.exp(2j * angle), weights=weights)
-    return float(abs(harmonic)), float(np.angle(harmonic) / 2.0)
+    harmonic = np.sum(variance * np.exp(2j * np.arctan2(qy, qx + 0.0 * qy)[inside]))
+    return float(abs(harmonic) / variance.sum()), float(np.angle(harmonic) / 2.0)

@@ -15,12 +15,13 @@ from scipy.optimize import brentq, least_squares
 
 from brake_fenicsx.arguments import one_of
 from brake_fenicsx.errors import SurfaceError
-from brake_fenicsx.surface.psd import RadialPsd, half_plane_weights, seen_in_scans, wave_numbers
+from brake_fenicsx.surface.lay import Lay, lay_of
+from brake_fenicsx.surface.psd import RadialPsd, half_plane_weights, seen_in_scans, wave_vectors
 from brake_fenicsx.surface.topography import Scans, Topography, first
 
 Array = NDArray[np.float64]
 LOW = ("extend", "flat")
-SPECTRA = ("fit", "measured")
+SPECTRA = ("fit", "measured", "directional")
 MODEL = 0.01  # variance of ln C that a ring has beyond its scatter
 SMOOTH = 0.07  # standard deviation over ln q of the weights of rings: nearly one ring
 WINDOW = 0.3  # and over q, in grid steps: half the width of the transform of a scan's area
@@ -43,6 +44,7 @@ class BiFractal:
         misfit: ln q [rad/m] of rings, and ln of the measured density there over the power law;
             none for the power law itself.
         form: spectrum of a longer, coarser scan, taken below the band; None where there is none.
+        lay: how the density is spread over directions; None for an isotropic surface.
     """
 
     c1: float
@@ -55,6 +57,7 @@ class BiFractal:
     rms: float = field(default=np.nan, compare=False)
     misfit: tuple[tuple[float, ...], tuple[float, ...]] | None = None
     form: BiFractal | None = None
+    lay: Lay | None = None
 
     def __call__(self, q: Array, low: str = "extend") -> Array:
         """Bi-fractal spectrum: density [m^4] at wave numbers q > 0 [rad/m], Eq. (17).
@@ -76,6 +79,11 @@ class BiFractal:
         if self.form is not None:
             C = np.where(q < self.band[0], self.form(q, low), C)
         return np.where(q > 0.0, C, 0.0)
+
+    def on(self, qx: Array, qy: Array, low: str = "extend") -> Array:
+        """Density [m^4] at wave vectors [rad/m], of which the call is the mean over directions."""
+        C = self(np.hypot(qx, qy), low)
+        return C if self.lay is None else C * self.lay(qx, qy)
 
     @property
     def convex(self) -> bool:
@@ -108,13 +116,15 @@ def spectrum_of(scans: Scans, psd: RadialPsd, fit: BiFractal, kind: str) -> BiFr
         scans: levelled scan, or several.
         psd: their radial mean.
         fit: of that.
-        kind: ``"fit"`` or ``"measured"``.
+        kind: ``"fit"``, ``"measured"``, or ``"directional"``: measured, with its direction.
 
     Reference: L. B. Lucy, Astron. J. 79 (1974) 745, doi:10.1086/111605.
     """
     one_of("spectrum", kind, SPECTRA)
     if kind == "fit":
         return fit
+    if kind == "directional":
+        fit = replace(fit, lay=lay_of(scans, psd.band[1]))
     use = psd.reliable
     x = np.log(psd.q[use])
     width = np.hypot(SMOOTH, WINDOW * psd.q[0] / psd.q[use])[:, None]
@@ -137,11 +147,11 @@ def variance_on(spectrum: BiFractal, topo: Topography, below: float = np.inf) ->
         topo: the scan.
         below: wave number that the waves stay below [rad/m].
     """
-    q = wave_numbers(topo.shape, topo.size)
-    counted = q < below
-    weights = np.broadcast_to(half_plane_weights(topo.shape), q.shape)[counted]
+    qx, qy = np.broadcast_arrays(*wave_vectors(topo.shape, topo.size))
+    counted = np.hypot(qx, qy) < below
+    weights = np.broadcast_to(half_plane_weights(topo.shape), qx.shape)[counted]
     cell = 4.0 * np.pi**2 / float(np.prod(topo.size))
-    return float(weights @ spectrum(q[counted], "flat")) * cell
+    return float(weights @ spectrum.on(qx[counted], qy[counted], "flat")) * cell
 
 
 def _closed(found: BiFractal, scans: Scans) -> BiFractal:

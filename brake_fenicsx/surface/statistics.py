@@ -38,7 +38,7 @@ class SurfaceStatistics:
         bifractal: broken power law of the PSD.
         spectrum: what artificial surfaces are made from: that, or the measured one.
         psd: radial PSD of the scan, or the mean of several.
-        anisotropy: second angular harmonic of the PSD, 0 for an isotropic surface [-].
+        anisotropy: second angular harmonic of the variance, 0 for an isotropic surface [-].
         direction: angle of the strongest waves from the x axis [rad].
         topography: levelled heights, zero mean, outliers and missing points nan; None for several
             scans, each of which has its own.
@@ -137,7 +137,7 @@ def characterise(
         cutoff: shortest wave length the instrument resolves [m].
         distribution: ``hdf`` is ``"measured"`` (the heights themselves), ``"johnson"`` (matched to
             the four moments) or ``"normal"``.
-        spectrum: ``"measured"`` or its ``"fit"``, see ``spectrum.spectrum_of``.
+        spectrum: ``"measured"``, ``"directional"`` or its ``"fit"``, see ``spectrum.spectrum_of``.
 
     Raises:
         SurfaceError: a flat scan, or too few valid points.

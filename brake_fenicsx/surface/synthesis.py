@@ -31,7 +31,7 @@ from scipy.special import ndtr
 from brake_fenicsx.arguments import one_of
 from brake_fenicsx.errors import SurfaceError
 from brake_fenicsx.surface.hdf import HeightDistribution
-from brake_fenicsx.surface.psd import Density, half_plane_weights, wave_numbers
+from brake_fenicsx.surface.psd import Density, half_plane_weights, wave_numbers, wave_vectors
 from brake_fenicsx.surface.spectrum import LOW, BiFractal
 from brake_fenicsx.surface.topography import Array, Topography
 
@@ -186,7 +186,7 @@ def synthesise(
     """Make one periodic artificial surface.
 
     Args:
-        psd: density C(q) [m^4] of the wave number [rad/m].
+        psd: density C(q) [m^4] of the wave number [rad/m]; a ``BiFractal`` may have a direction.
         hdf: distribution of the heights.
         shape: pixels (nx, ny).
         size: lengths [m], shape (2,).
@@ -244,7 +244,7 @@ def _powers(
     """Variance of every wave vector [m^2], of all, and the share of those below the band [-]."""
     q = wave_numbers(shape, size)
     if isinstance(psd, BiFractal):
-        C, lo = psd(q, low), (psd.form or psd).band[0]
+        C, lo = psd.on(*wave_vectors(shape, size), low), (psd.form or psd).band[0]
     else:
         C, lo = np.where(q > 0.0, psd(np.where(q > 0.0, q, q[q > 0.0].min())), 0.0), 0.0
     powers = C * (4.0 * np.pi**2 / float(np.prod(size)))

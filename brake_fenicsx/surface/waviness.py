@@ -86,5 +86,5 @@ class Waviness:
         qx, qy = wave_vectors(shape, size)
         # numpy's sinc(x) is sin(pi x) / (pi x).
         mean = np.sinc(qx * self.patch / (2.0 * np.pi)) * np.sinc(qy * self.patch / (2.0 * np.pi))
-        C = self.psd(np.hypot(qx, qy), self.low)
+        C = self.psd.on(qx, qy, self.low)
         return np.asarray(C * mean**2 * 4.0 * np.pi**2 / np.prod(size))

@@ -226,6 +226,8 @@ def test_friction_that_falls_exponentially(drafted):
     mu, _ = scene.contact["block_plate"].friction.coefficient(np.array([0.0, 1.0]))
     np.testing.assert_allclose(mu, [0.5, 0.2 + 0.3 * np.exp(-3.0)], rtol=1e-5)
     assert not lost
+    _, lost = drafted(interaction=own.replace("0.003", "0."))
+    assert "a decay constant of 0" in lost[0] and len(lost) == 1
 
 
 def test_rough_faces_stick(drafted):

@@ -207,10 +207,7 @@ def test_what_an_assembly_says(assembly):
 def test_check_accepts_an_assembly(assembly, capsys):
     path, _ = first_scene(assembly)
     assert main(["check", str(path)]) == 0
-    assert (
-        "'plate_1' turns about z through (0, 90, 0) mm under 'pad_1'"
-        in capsys.readouterr().out
-    )
+    assert "'plate_1' turns about z through (0, 90, 0) mm under 'pad_1'" in capsys.readouterr().out
 
 
 def test_ties_take_the_place_of_contact(assembly, capsys):

@@ -226,6 +226,7 @@ def test_orthotropic_constants_of_ansys(tmp_path):
     for more, said in (
         (ORTHOTROPIC.replace("GXZ ", "ALPX"), "no elastic constant or density"),
         (ISOTROPIC + "MP,EX,1,5.\n", "several values"),
+        ("MP,DENS,1,7.2e-9\nMP,ALPX,1,1e-5\n", "no elastic constant or density"),
         (ORTHOTROPIC.replace("8000.0,", "8000.0, 9000.0,"), "several values"),
     ):
         file.write_text(archive(more=more))
@@ -233,6 +234,8 @@ def test_orthotropic_constants_of_ansys(tmp_path):
         write_scene(file, scene, ["mm", "t", "s"])
         text = scene.read_text()
         assert said in text and "# missing: MAT1" in text
+    _, scene, text = drafted(tmp_path, archive(more=ISOTROPIC + "MP,ALPX,1,1e-5\n"), "sector.cdb")
+    assert scene.materials["MAT1"].E == 125e9 and "MP,ALPX,1,1e-5 (sector.cdb:" in text
     _, _, text = drafted(tmp_path, archive(esys=12), "sector.cdb")
     assert "solids have element coordinate systems 12: write the axis of the part" in text
 

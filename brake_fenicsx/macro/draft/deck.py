@@ -140,7 +140,7 @@ def _behavior(deck: Deck, block: DeckKeyword) -> str | None:
     return "write the stiffness of the tie" if kind == "TIED" and given else None
 
 
-def _friction(deck: Deck, block: DeckKeyword) -> None:
+def _friction(deck: Deck, block: DeckKeyword) -> str | None:
     """*FRICTION of an interaction: a number, a falling one, or faces that stick."""
     own, given = deck.laws[deck.about.upper()], numbers(block)
     for key in _REPLACED["FRICTION"]:
@@ -150,11 +150,14 @@ def _friction(deck: Deck, block: DeckKeyword) -> None:
     elif "EXPONENTIALDECAY" in block.options:
         # Abaqus: mu = mu_k + (mu_s - mu_k) exp(-d_c V); a scene has 1 / d_c.
         static, kinetic, rate = given
+        if not rate > 0:
+            return f"a decay constant of {rate:g}"
         own["friction"] = {"static": static, "kinetic": kinetic,
                            "decay": Quantity(1.0 / rate, "m/s")}  # fmt: skip
     else:
         # What else stands in the only line of a table is where it holds.
         own["friction"] = Quantity(given[0], "")
+    return None
 
 
 def _coupling(deck: Deck, block: DeckKeyword) -> None:

@@ -110,11 +110,13 @@ def _constants(deck: Deck, block: DeckKeyword) -> str | None:
     label, number = words[1:3] if block.keyword == "MP" else words[3:5]
     value, *more = words[3:] if block.keyword == "MP" else words[6:]
     name, own = f"MAT{number}", deck.constants[f"MAT{number}"]
-    deck.tables["materials"].pop(name, None)
     deck.sections[name] = name
-    if (key := _ANSYS.get(label)) is None or any(more) or label in own:
+    if (key := _ANSYS.get(label)) is None:
+        return "no elastic constant or density"
+    deck.tables["materials"].pop(name, None)
+    if any(more) or label in own:
         own[""] = Quantity(0.0, "")  # the material is not as it stands
-        return "no elastic constant or density" if key is None else "several values of one constant"
+        return "several values of one constant"
     unit = {"E": "Pa", "G": "Pa", "r": "kg/m^3"}.get(key[0], "")
     own[label] = Quantity(float(value), unit)
     given = {_ANSYS[one]: q for one, q in own.items() if one}
@@ -164,8 +166,7 @@ def _property(deck: Deck, block: DeckKeyword) -> str | None:
 
 def _zoffs(deck: Deck, block: DeckKeyword) -> None:
     """How far the middle of a shell of Nastran is from its grid points."""
-    ((_, own),) = card_of(block).elements.items()
-    deck.zoffs[str(own.pid)].add(float(own.zoffset or 0.0))
+    deck.zoffs[block.options["PID"]].add(float(block.options["ZOFFS"]))
 
 
 def taken(deck: Deck, block: DeckKeyword) -> None:

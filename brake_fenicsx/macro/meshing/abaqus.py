@@ -128,7 +128,7 @@ def read_abaqus(path: Path) -> FileMesh:
         deck.instances,
         [*deck.lost, *found.lost, *lost],
     )
-    mesh.step, mesh.band, mesh.apart = found.step, found.band, found.apart
+    mesh.step, mesh.band, mesh.apart = found.step, found.band, [*found.removed.values()]
     return mesh
 
 

@@ -29,25 +29,6 @@ Row = list[str]
 Key = tuple[str, ...]
 
 
-@dataclass(slots=True)
-class History:
-    """What the steps left.
-
-    Attributes:
-        blocks: what is in force, supports and loads with a row for each component.
-        lost: keyword that is not taken over, and why.
-        step: the step that the state is of, in words; "" of a deck without steps.
-        band: lowest and highest frequency that its modes were asked for.
-        apart: pairs of surfaces that a step takes out of contact.
-    """
-
-    blocks: list[DeckKeyword] = field(default_factory=list)
-    lost: list[tuple[DeckKeyword, str]] = field(default_factory=list)
-    step: str = ""
-    band: tuple[float, float] | None = None
-    apart: list[Row] = field(default_factory=list)
-
-
 def in_force(blocks: Sequence[DeckKeyword]) -> History:
     """Walk the steps of a deck.
 
@@ -61,19 +42,18 @@ def in_force(blocks: Sequence[DeckKeyword]) -> History:
     modes = [next((b for b in step if b.keyword in _MODES), None) for step in steps]
     wanted = [i for i, b in enumerate(modes) if b and b.keyword == "COMPLEX FREQUENCY"]
     wanted += [i for i, b in enumerate(modes) if b] or [len(steps) - 1]
-    walk = _Walk()
+    found = History()
     for block in model:
-        walk.take(block)
+        found.take(block)
     for step, kind in zip(steps[: wanted[0] + 1], modes, strict=False):
-        walk.begin(step[0], kind is not None)
+        found.begin(step[0], kind is not None)
         for block in step[1:]:
-            walk.take(block)
-    walk.lost += [(s[0], "it comes after the scene's step") for s in steps[wanted[0] + 1 :]]
-    found = History(walk.kept, walk.lost, band=walk.band, apart=[*walk.removed.values()])
+            found.take(block)
+    found.lost += [(s[0], "it comes after the scene's step") for s in steps[wanted[0] + 1 :]]
     if steps:
         at = modes[wanted[0]] or steps[-1][0]
         found.step = f"step {wanted[0] + 1} of {len(steps)} ({at.said}, {at.at})"
-    found.blocks += walk.in_force()
+    found.blocks += found.state()
     return found
 
 
@@ -88,16 +68,17 @@ def _steps(blocks: Iterable[DeckKeyword]) -> list[list[DeckKeyword]]:
 
 
 @dataclass(slots=True)
-class _Walk:
-    """What is in force now.
+class History:
+    """What the steps leave.
 
     Attributes:
-        kept: what is no state.
-        lost: as in the history.
+        blocks: what is in force, supports and loads with a row for each component.
+        lost: keyword that is not taken over, and why.
+        step: the step that the state is of, in words; "" of a deck without steps.
+        band: lowest and highest frequency that its modes are asked for.
+        removed: names of two surfaces -> the pair that a step takes out of contact.
         own: keyword -> what it names -> where it stands, and its row.
         amplitudes: name -> keyword, and why it is not understood.
-        removed: names of two surfaces -> the pair that a step takes out of contact.
-        band: as in the history.
         period: time of the step.
         before: time of the steps before it.
         equilibrium: whether a step before it was one.
@@ -107,14 +88,15 @@ class _Walk:
         seen: keywords of the step, and what it names.
     """
 
-    kept: list[DeckKeyword] = field(default_factory=list)
+    blocks: list[DeckKeyword] = field(default_factory=list)
     lost: list[tuple[DeckKeyword, str]] = field(default_factory=list)
+    step: str = ""
+    band: tuple[float, float] | None = None
+    removed: dict[frozenset[str], Row] = field(default_factory=dict)
     own: dict[str, dict[Key, tuple[DeckKeyword, Row]]] = field(
         default_factory=lambda: {name: {} for name in ("BOUNDARY", *_LOADS)}
     )
     amplitudes: dict[str, tuple[DeckKeyword, str | None]] = field(default_factory=dict)
-    removed: dict[frozenset[str], Row] = field(default_factory=dict)
-    band: tuple[float, float] | None = None
     period: float = 1.0
     before: float = 0.0
     equilibrium: bool = False
@@ -141,7 +123,7 @@ class _Walk:
         if self.left or word == "END STEP":
             return
         if word not in _WALKED and word not in self.own:
-            self.kept.append(block)
+            self.blocks.append(block)
             return
         why, aside = doubts(block)
         if word == "AMPLITUDE":
@@ -213,7 +195,7 @@ class _Walk:
         time = self.period + (self.before if total else 0.0)
         return repr(value * float(np.interp(time, flat[::2], flat[1::2])))
 
-    def in_force(self) -> list[DeckKeyword]:
+    def state(self) -> list[DeckKeyword]:
         """Supports and loads that are left, in the blocks that they stand in."""
         blocks = []
         for own in self.own.values():
@@ -224,27 +206,27 @@ class _Walk:
         return blocks
 
 
-def _static(walk: _Walk, block: DeckKeyword) -> None:
+def _static(found: History, block: DeckKeyword) -> None:
     given = [*block.rows, []][0][1:2]
-    walk.period = float(given[0]) if given and given[0] else 1.0
+    found.period = float(given[0]) if given and given[0] else 1.0
 
 
-def _band(walk: _Walk, block: DeckKeyword) -> None:
+def _band(found: History, block: DeckKeyword) -> None:
     low, high = [*[*block.rows, []][0], "", "", ""][1:3]
     if high:
-        walk.band = float(low or 0.0), float(high)
+        found.band = float(low or 0.0), float(high)
 
 
-def _model_change(walk: _Walk, block: DeckKeyword) -> None:
+def _model_change(found: History, block: DeckKeyword) -> None:
     for row in block.rows:
         pair = frozenset(map(str.upper, row))
-        walk.removed.pop(pair, None)
+        found.removed.pop(pair, None)
         if "REMOVE" in block.options:
-            walk.removed[pair] = row
+            found.removed[pair] = row
 
 
-def _amplitude(walk: _Walk, block: DeckKeyword) -> None:
-    walk.amplitudes[block.options.get("NAME", "").upper()] = block, doubts(block)[0]
+def _amplitude(found: History, block: DeckKeyword) -> None:
+    found.amplitudes[block.options.get("NAME", "").upper()] = block, doubts(block)[0]
 
 
 _WALKED = {

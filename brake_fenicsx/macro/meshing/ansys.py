@@ -205,7 +205,7 @@ def _mesh(deck: _AnsysDeck) -> FileMesh:
     for block in (b for b in deck.blocks if b.keyword == "D"):
         _, node, label, value, *_ = [*block.rows[0], "", "", ""]
         along = {"ALL": "XYZ", "UX": "X", "UY": "Y", "UZ": "Z"}.get(label)
-        if not node.isdigit() or along is None or float(value or 0):
+        if not node.isdigit() or along is None or value.strip("0.+-Ee"):
             continue  # its reader says why
         if len(along) == 1 and int(node) in deck.angles:
             found = component_along(_axes(*deck.angles[int(node)]), "XYZ".index(along))

@@ -92,7 +92,8 @@ def card_of(block: DeckKeyword) -> Any:
     from pyNastran.bdf.bdf import BDF
 
     model = BDF(debug=None)
-    model.add_card_lines([line for (line,) in block.rows], block.keyword)
+    with redirect_stdout(StringIO()):  # what is wrong is raised too
+        model.add_card_lines([line for (line,) in block.rows], block.keyword)
     return model
 
 
@@ -139,6 +140,9 @@ def _cards(path: Path) -> tuple[Any, list[DeckKeyword]]:
             raise SceneError(f"{at}: {own[0].strip()}: {text}") from None
         if name == "GRID":
             points[int(fields[1])] = fields
+        if name in SHELL_NODES:
+            shell = model.elements[int(fields[1])]
+            cards[-1].options = {"PID": str(shell.pid), "ZOFFS": str(shell.zoffset or 0.0)}
         if name == "PARAM" and fields[1].upper() in ("WTMASS", *_PARAMETERS):
             cards.pop()
     if model.grdset is not None:
