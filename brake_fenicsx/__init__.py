@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from .model import Model, prepare, sample, sweep
     from .pipeline import assemble, run
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 __all__ = ["Branches", "Model", "assemble", "prepare", "run", "sample", "sweep"]
 
 # Imported when first asked for: they bring DOLFINx and PETSc with them.

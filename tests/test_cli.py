@@ -379,6 +379,10 @@ def test_slips_are_told_what_to_write(tmp_path, monkeypatch, capsys, words, said
 
 def test_a_page_without_modes_that_nobody_asked_for(tmp_path, capsys):
     """stages = ["surface", "report"] beside a section [stability]: no word of missing modes."""
-    more = ["--set", 'stages=["surface","report"]', "--no-pictures"]
-    assert main(["run", str(BLOCK), "-o", str(tmp_path / "out"), *more]) == 0
+    (tmp_path / "a.toml").write_text(
+        'stages = ["surface", "report"]\nsurface = { statistics = { S_q = "3 um" } }\n'
+        'stability = { band = ["0 Hz", "5 kHz"] }\n'
+    )
+    words = ["run", str(tmp_path / "a.toml"), "-o", str(tmp_path / "out"), "--no-pictures"]
+    assert main(words) == 0
     assert "modes.csv" not in capsys.readouterr().err

@@ -314,9 +314,11 @@ RANGES = [
     ("samples.random={'materials.lining.rho'={law='normal', mean='2 t/m^3', sd='1 t/m^3'}}",
      "the law reaches"),
     ("samples.random={'contact.pad_disc.friction'={law='measured', values=[-0.5, 0.4]}}",
-     ".values: -0.5: must be zero or more"),
+     "1 of 2 measured values are negative, the least is -0.5"),
+    ("samples.random={'materials.lining.rho'={law='measured', values=['-1 t/m^3', '2 t/m^3']}}",
+     ".values: -1000: must be positive"),
     ("samples.random={'contact.pad_disc.friction'={law='uniform', min=-0.1, max=0.4}}",
-     ".min: -0.1: must be zero or more"),
+     ".min = -0.1: a friction coefficient is not negative"),
 ]  # fmt: skip
 
 

@@ -77,8 +77,8 @@ def drawn_law(recipe: LawRecipe, stats: SurfaceStatistics, seed: int, number: in
         number: of the draw, which has its own child of the seed.
 
     Returns:
-        Rows scan pixels, grid pixels, k and v [Pa/m] of a patch of its own random numbers, then
-        geometric means of k and v of patches that all draws have, shape (6, m).
+        Rows scan pixels, grid pixels, k and v [Pa/m] of a patch of its own random numbers, then k
+        and v of each of the patches that all draws have, shape (4 + 2 COMMON, m).
     """
     child = np.random.SeedSequence(seed, spawn_key=(number, 1))
     other = resampled(stats, np.random.default_rng(child))
@@ -91,7 +91,7 @@ def drawn_law(recipe: LawRecipe, stats: SurfaceStatistics, seed: int, number: in
     scan = [stats.pixels_above(d, S_q) for d in _at(steps, steps.d)]
     grid = _at(steps, steps.area) * topo.heights.size
     common = [stiffness(law_steps(drawn.surface(seed, i), settings)) for i in range(COMMON)]
-    return np.stack([scan, grid, *stiffness(steps), *np.exp(np.mean(np.log(common), axis=0))])
+    return np.stack([scan, grid, *stiffness(steps), *np.concatenate(common)])
 
 
 def law_support(draws: Sequence[Array], laws: Sequence[LawSteps]) -> LawSupport:
@@ -105,12 +105,13 @@ def law_support(draws: Sequence[Array], laws: Sequence[LawSteps]) -> LawSupport:
         draws: what ``drawn_law`` returns, two or more.
         laws: the library.
     """
-    scan, grid, *one, k, v = np.swapaxes(draws, 0, 1)
+    scan, grid, *one = np.swapaxes(draws, 0, 1)[:4]
+    common = np.log(np.array(draws)[:, 4:]).reshape(len(draws), COMMON, 2, -1)
     wide = stdtrit(len(draws) - 1, 0.95)
     library = np.log([stiffness(law) for law in laws])
     bands = []
-    for centre, single, common in zip(library.mean(axis=0), one, (k, v), strict=True):
-        scans = np.var(np.log(common), axis=0, ddof=1)
+    for i, (centre, single) in enumerate(zip(library.mean(axis=0), one, strict=True)):
+        scans = _between(common[:, :, i])
         patches = np.maximum(np.var(np.log(single), axis=0, ddof=1) - scans, 0.0)
         for variance in (patches * 2.0 / len(laws), patches * (1.0 + 1.0 / len(laws))):
             reach = wide * np.sqrt(2.0 * scans + variance)
@@ -118,6 +119,19 @@ def law_support(draws: Sequence[Array], laws: Sequence[LawSteps]) -> LawSupport:
     medians = np.median(scan, axis=0), np.median(grid, axis=0)
     k_band, k_patch, v_band, v_patch = bands
     return LawSupport(np.array(PRESSURES), *medians, k_band, v_band, k_patch, v_patch)
+
+
+def _between(values: Array) -> Array:
+    """Variance of scans in a table of scans and patches, without that of single entries.
+
+    Args:
+        values: of every scan and patch, shape (scans, patches, m).
+    """
+    rows = values.mean(axis=1)
+    rest = values - rows[:, None] - values.mean(axis=0) + values.mean(axis=(0, 1))
+    scans, patches = values.shape[:2]
+    single = np.sum(rest**2, axis=(0, 1)) / ((scans - 1) * (patches - 1))
+    return np.asarray(np.maximum(np.var(rows, axis=0, ddof=1) - single / patches, 0.0))
 
 
 def stiffness(steps: LawSteps) -> Array:

@@ -54,7 +54,7 @@ def test_displacements_are_those_of_the_modes(changes, stored, tmp_path, monkeyp
     assert {"vectors"} & {*data} == {stored} - {""}
     chosen = np.flatnonzero(data["verdict"] == "unstable")[:4]
     sample = study._draw(*task)
-    (X,) = displacements(study.models, [(task[0], sample, data, chosen)], COMM)
+    ((X, _),) = displacements(study.models, [(task[0], sample, data, chosen)], COMM)
     assert chosen.size == X.shape[1] == 4
     K = study.models.stiffness(sample)
     K_t = tangent(K, brake.N, brake.T, brake.w, data["k"], data["mu"])

@@ -204,7 +204,7 @@ def test_anisotropy():
     rng = np.random.default_rng(0)
     topo = synthesise(PAPER.bifractal, PAPER.hdf, (128, 128), (1e-3, 1e-3), rng)
     strength, _ = anisotropy(topo, (2e4, 3e5))
-    assert strength < 0.05
+    assert strength < 0.15  # a hundred waves have half of the variance: 1 / 10 by chance
     x = np.arange(128) / 128
     grooves = sum(np.cos(2 * np.pi * k * x + k) / k for k in range(2, 30))
     ridged = make_topography(np.repeat(grooves[None, :], 128, axis=0), (1e-3, 1e-3), periodic=True)

@@ -46,7 +46,7 @@ NEAR_ZERO = 1e-2
 
 # What is left of a range that is said to hold, for the scatter of errors over it; parameters that
 # make this share of the largest part of the errors are narrowed together.
-MARGIN, ALIKE = 0.8, 0.1
+MARGIN, ALIKE = 0.7, 0.1
 
 
 @dataclass(frozen=True, slots=True)
