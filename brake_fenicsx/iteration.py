@@ -31,7 +31,8 @@ def remaining(size: ArrayLike, rate: ArrayLike) -> Array:
         rate: of contraction; ``SLOWEST`` at most is believed.
     """
     rate = np.clip(np.nan_to_num(np.asarray(rate, float), nan=SLOWEST), 0.0, SLOWEST)
-    left = np.asarray(size, float) * rate / (1 - rate)
+    with np.errstate(over="ignore", invalid="ignore"):
+        left = np.asarray(size, float) * rate / (1 - rate)
     return np.asarray(np.nan_to_num(left, nan=np.inf, posinf=np.inf))
 
 

@@ -314,11 +314,11 @@ RANGES = [
     ("samples.random={'materials.lining.rho'={law='normal', mean='2 t/m^3', sd='1 t/m^3'}}",
      "the law reaches"),
     ("samples.random={'contact.pad_disc.friction'={law='measured', values=[-0.5, 0.4]}}",
-     "1 of 2 measured values are negative, the least is -0.5"),
+     "1 of 2 measured values must be zero or more, the least is -0.5"),
     ("samples.random={'materials.lining.rho'={law='measured', values=['-1 t/m^3', '2 t/m^3']}}",
-     ".values: -1000: must be positive"),
+     "1 of 2 measured values must be positive, the least is -1000"),
     ("samples.random={'contact.pad_disc.friction'={law='uniform', min=-0.1, max=0.4}}",
-     ".min = -0.1: a friction coefficient is not negative"),
+     ".min = -0.1: must be zero or more"),
 ]  # fmt: skip
 
 

@@ -72,7 +72,7 @@ FRICTION = '"contact.block_plate.friction"'
     [
         ("materials.lining.loss=0.02", "materials.lining.loss = 0.02: acts only with stability"),
         (f"samples.random.{FRICTION}={{ law='measured', values=[0.3, -0.5, 0.4, -0.1] }}",
-         "2 of 4 measured values are negative, the least is -0.5"),
+         "2 of 4 measured values must be zero or more, the least is -0.5"),
         (f"samples.random.{FRICTION}={{ law='uniform', min=-0.1, max=0.4 }}", "min = -0.1"),
     ],
 )  # fmt: skip

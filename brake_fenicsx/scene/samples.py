@@ -312,13 +312,20 @@ def complete(d: Distribution, name: str, folder: Path) -> Distribution:
         values = _measured(d, unit_of(name), folder, where)
         digest = hashlib.sha256(np.array(values).tobytes()).hexdigest()
         d = replace(d, values=values, digest=digest)
-    friction = _negative(d) if name.endswith(".friction") else ()
-    for text in (*_mistakes(d), *friction):
+    for text in _mistakes(d):
         raise SceneError(f"{where}{text}")
-    measured = min((v for v in d.values if d.min <= v <= d.max), default=None)
-    for key_, value in (("mean", d.mean), ("values", measured), ("min", _uniform(d))):
-        if value is not None and name != "motion.speed" and (text := below_least(name, value)):
-            raise SceneError(f"{where}.{key_}: {value:g}: {text}")
+    if name == "motion.speed":
+        return d
+    for key_, value in (("mean", d.mean), ("min", _uniform(d))):
+        if value is not None and (text := below_least(name, value)):
+            raise SceneError(f"{where}.{key_} = {value:g}: {text}")
+    wrong = [v for v in d.values if d.min <= v <= d.max and below_least(name, v)]
+    if wrong:
+        raise SceneError(
+            f"{where}.values: {len(wrong)} of {len(d.values)} measured values"
+            f" {below_least(name, min(wrong))}, the least is {min(wrong):g}; correct them, or write"
+            " min, which leaves them out"
+        )
     return d
 
 
@@ -344,18 +351,6 @@ def _mistakes(d: Distribution) -> Iterator[str]:
         yield ": a measured law needs two values or more within min and max, in values or file"
     if d.law != "measured" and (d.values or d.file):
         yield ': values and file belong to law = "measured"'
-
-
-def _negative(d: Distribution) -> Iterator[str]:
-    """Values that a friction coefficient never has."""
-    negative = [v for v in d.values if d.min <= v < 0]
-    if negative:
-        yield (
-            f": {len(negative)} of {len(d.values)} measured values are negative, the least is"
-            f" {min(negative):g}; correct them, or write min = 0, which leaves them out"
-        )
-    if d.law == "uniform" and d.spread is None and d.min < 0:
-        yield f".min = {d.min:g}: a friction coefficient is not negative; write 0 or more"
 
 
 def _measured(d: Distribution, unit: str, folder: Path, where: str) -> tuple[float, ...]:
