@@ -194,8 +194,6 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
     elif options.command == "init":
         from brake_fenicsx.macro.draft.text import write_scene  # starts PETSc on all processes
 
-        if options.deck.endswith(".toml"):
-            raise SceneError(f"{options.deck}: is a scene; give the mesh file that it is to be of")
         scene = Path(options.scene or f"{Path(options.deck).stem}.toml")
         if comm.rank == 0:
             print(write_scene(Path(options.deck), scene, options.units, bool(options.shells)))

@@ -308,7 +308,7 @@ def test_failed_samples_have_seed_and_inputs(tmp_path, monkeypatch):
 def test_rejected_points_have_their_inputs(tmp_path):
     """A point of a design that no material has: its values stand beside the reason."""
     more = [
-        *MANY, "stages=['surface','equilibrium','uncertainty']", "samples.n=24",
+        *MANY, "stages=['surface','equilibrium','uncertainty']", "samples.n=32",
         "samples.approaches=['joint']", "samples.design='saltelli'",
         "samples.random={'materials.lining.C13'={law='uniform', min='0.5 GPa', max='6 GPa'}}",
     ]  # fmt: skip

@@ -198,6 +198,9 @@ def _dmig(path: Path) -> LabelledMatrix:
         raise SceneError("Nastran DMIG is read by pyNastran: pip install pyNastran") from None
     deck = BDF(debug=None)
     with reading(path, "by pyNastran", at=""):
+        # pyNastran leaves a file in the working directory where one to include is missing.
+        if any(line.lstrip().upper().startswith("INCLUDE") for line in path.open("r", 1, "latin1")):
+            raise SceneError("INCLUDE: write the DMIG entries into the file itself")
         deck.read_bdf(str(path), validate=False, xref=False, punch=True)
     if len(deck.dmig) != 1:
         raise SceneError(

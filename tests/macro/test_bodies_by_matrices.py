@@ -376,6 +376,10 @@ def test_entries_given_twice_are_refused(tmp_path):
     [
         (["DMIG    A       1       1               x       1       2.5"], "by pyNastran"),
         (
+            ["DMIG    A              0       6       2       0", "INCLUDE 'gone.pch'"],
+            "INCLUDE: write the DMIG entries into the file itself",
+        ),
+        (
             ["DMIG    A              0       6       4       0",
              "DMIG    A              1       1               1       1     2.5     1.5"],
             "complex",

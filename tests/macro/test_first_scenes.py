@@ -452,7 +452,7 @@ def test_two_processes_write_one_scene(tmp_path, meshes):
         (["{}.toml"], "{0}.toml: no command; write brake-fenicsx run {0}.toml"),
         (["run", "{}.inp"], "a mesh file; brake-fenicsx init {0}.inp writes a first scene of it"),
         (["check", "{}.cdb"], "a mesh file; brake-fenicsx init {0}.cdb writes a first scene"),
-        (["init", "{}.toml"], "{0}.toml: a scene, and no mesh file; check it: brake-fenicsx check"),
+        (["init", "{}.toml"], "{0}.toml: is a scene; give the mesh file that it is to be of"),
     ],
 )
 def test_the_command_that_a_file_needs_is_named(words, said, tmp_path, capsys):

@@ -196,7 +196,7 @@ def test_what_was_made_earlier_gives_the_same_bytes(two_blocks, changing, tmp_pa
         substructures(scene, "loss", changing), scene.w, BAND, parameters,
         keep=lambda arrays: store.save("model.npz", **arrays) or arrays,
     )  # fmt: skip
-    monkeypatch.setattr("brake_fenicsx.folder.store.MAPPED", 1000)
+    monkeypatch.setattr("brake_fenicsx.folder.arrays.MAPPED", 1000)
     mapped = store.load("model.npz", mapped=True)
     assert isinstance(mapped["1.W"].base, mmap)
     again = ReducedModel(mapped, scene.w, BAND, parameters)

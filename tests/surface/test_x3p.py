@@ -114,7 +114,7 @@ def test_one_range_of_releases_of_surfacetopography():
     assert LOWEST <= installed < BELOW
     low, below = (".".join(map(str, v)) for v in (LOWEST, BELOW))
     assert f"SurfaceTopography>={low},<{below}" in (ROOT / "pyproject.toml").read_text()
-    assert f"SurfaceTopography<{below}" in (ROOT / "scripts" / "setup").read_text()
+    assert f"SurfaceTopography>={low},<{below}" in (ROOT / "scripts" / "setup").read_text()
 
 
 def test_the_table_of_formats_is_that_of_the_docs():

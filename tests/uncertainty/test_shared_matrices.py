@@ -8,7 +8,6 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from brake_fenicsx.folder import store as store_module
 from brake_fenicsx.folder.lock import Share
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.pipeline import assemble, run
@@ -64,7 +63,7 @@ def test_a_share_writes_nothing_and_other_matrices_are_not_taken(brake, store):
 @pytest.mark.parametrize("method", ["reduced", "full"])
 def test_nothing_writes_into_mapped_matrices(store, monkeypatch, without_pixels, method):
     """Equilibrium, reduced model, full order, damping and pictures: every array is read-only."""
-    monkeypatch.setattr(store_module, "MAPPED", 1)
+    monkeypatch.setattr("brake_fenicsx.folder.arrays.MAPPED", 1)
     pictures = ", 'report'" if method == "reduced" else ""
     changes = [
         "parts.block.size='14 mm'", "parts.plate.size='20 mm'", f"stability.method={method}",

@@ -75,7 +75,7 @@ def write_scene(
         SceneError: the file cannot be read, the units are unknown, or the scene is there already.
     """
     if deck.suffix == ".toml":
-        raise SceneError(f"{deck}: a scene, and no mesh file; check it: brake-fenicsx check {deck}")
+        raise SceneError(f"{deck}: is a scene; give the mesh file that it is to be of")
     mesh = scene.with_name(f"{scene.stem}_solid.inp") if solid else deck
     for file in (scene, mesh)[: 1 + solid]:
         if file.exists():
