@@ -63,8 +63,10 @@ class Steps:
         self.taken = 0
         self._tolerance, self._most = tolerance, most
         # The last step, the last one that gained, and the largest since then.
-        self._last, self._least, self._worst = np.full((3, columns), np.inf)
-        self._idle = np.zeros(columns, int)
+        self._last: Array = np.full(columns, np.inf)
+        self._least: Array = np.full(columns, np.inf)
+        self._worst: Array = np.full(columns, np.inf)
+        self._idle: NDArray[np.int64] = np.zeros(columns, np.int64)
 
     def take(self, size: Array, whole: ArrayLike = 1.0) -> NDArray[np.bool_]:
         """Judge a step before it is added.

@@ -211,7 +211,8 @@ def _density(scans: Scans) -> Array:
 def _wave_numbers(topo: Topography, ends: bool = False) -> tuple[Array, Array]:
     """Wave numbers [rad/m] of the waves that a scan is measured by, and how much each counts."""
     if topo.periodic:
-        return wave_numbers(topo.shape, topo.size), half_plane_weights(topo.shape) / 2.0
+        weights = np.asarray(half_plane_weights(topo.shape) / 2.0, float)
+        return wave_numbers(topo.shape, topo.size), weights
     kx, ky = (np.pi * np.arange(n + ends) / L for n, L in zip(topo.shape, topo.size, strict=True))
     return np.hypot(kx[:, None], ky), np.ones(1)
 

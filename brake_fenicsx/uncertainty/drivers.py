@@ -148,7 +148,7 @@ class Drivers:
         contact = linearised(models, approach, sample, eq.k_vibration, eq.p)
         s, right, left = modes.s[chosen], modes.right[:, chosen], modes.left[:, chosen]
         whole: tuple[Complex, Complex] | None = None if reduced else (right, left)
-        errors = [np.zeros(s.size)]
+        errors: list[Array] = [np.zeros(s.size)]
         if reduced:
             model = models.reduced[models.damped(approach)]
             p = models.parameter_point(sample.random)

@@ -291,7 +291,9 @@ def mode_displacements(
         ]
 
     shapes = [(sum(b.dofs.size for b in m.sample.bodies), m.z.size) for m in modes]
-    out = [(np.zeros(shape, complex), np.zeros(shape[1])) for shape in shapes]
+    out: list[tuple[Complex, Array]] = [
+        (np.zeros(shape, complex), np.zeros(shape[1])) for shape in shapes
+    ]
     for found in in_turns(len(keys), work, comm, aside):
         for i, dofs, u, error in found:
             out[i][0][dofs] = u
