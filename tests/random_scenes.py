@@ -223,5 +223,4 @@ def hunted(seed):
         study = prepare(scene).study
     except InaccurateResult as error:
         return [], str(error)
-    tasks = [task for task in study.tasks]
-    return [found for task in tasks if (found := compared(study, task)) is not None], ""
+    return [found for task in study.tasks if (found := compared(study, task)) is not None], ""

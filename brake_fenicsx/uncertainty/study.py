@@ -182,7 +182,9 @@ class Study:
             if failed is None:
                 raise
             failed.known = {**known, **failed.known}
-            raise failed from (None if failed is error else error)
+            if failed is error:
+                raise
+            raise failed from error
 
     def _named(self, task: Task, error: Exception) -> BrakeError | None:
         """How a sample fails; None for a defect of the program, which ends the run."""

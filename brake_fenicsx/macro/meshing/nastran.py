@@ -109,9 +109,8 @@ def _cards(path: Path) -> tuple[Any, list[DeckKeyword]]:
         ) from None
     model = BDF(debug=None)
     source: Any = BDFInputPy(True, False, "latin1", log=model.log)
-    source._dump_file = (
-        lambda *_: None
-    )  # it would write pyNastran_crash.bdf beside the user's files
+    # It would write pyNastran_crash.bdf into the working directory.
+    source._dump_file = lambda *_: None
     try:
         lines, places = source.lines_to_deck_lines(source.get_main_lines(str(path)))
     except (OSError, RuntimeError) as error:
