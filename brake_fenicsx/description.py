@@ -62,14 +62,14 @@ def describe(
     samples: dict[str, int] = {}
     side = None
     if "equilibrium" in parsed.stages:
-        from brake_fenicsx.macro.brake import assemble_brake
-        from brake_fenicsx.macro.inventory import (
+        from brake_fenicsx.build.brake import assemble_brake
+        from brake_fenicsx.build.inventory import (
             brake_doubts,
             interfaces_of,
             inventory_lines,
             parts_of,
         )
-        from brake_fenicsx.uncertainty.sampling import sample_count
+        from brake_fenicsx.samples.sampling import sample_count
 
         brake = assemble_brake(parsed, comm)
         sizes, doubts = brake.size(), brake_doubts(parsed, brake)

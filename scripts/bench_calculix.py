@@ -46,9 +46,9 @@ from numpy.typing import NDArray
 from scipy.sparse.linalg import eigsh
 
 from brake_fenicsx import compat, prepare
-from brake_fenicsx.macro.brake import Brake, assemble_brake
+from brake_fenicsx.build.brake import Brake, assemble_brake
+from brake_fenicsx.build.material_table import layer_materials, scene_materials
 from brake_fenicsx.macro.elasticity import COMPONENTS, mass_form, on_free_dofs
-from brake_fenicsx.macro.material_table import layer_materials, scene_materials
 from brake_fenicsx.scene import Scene, read_scene
 
 Array = NDArray[np.float64]

@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from brake_fenicsx import prepare
-from brake_fenicsx.limit_cycle.sample import Settings
-from brake_fenicsx.uncertainty.solve import sample_damping
+from brake_fenicsx.extras.limit_cycle.sample import Settings
+from brake_fenicsx.samples.solve import sample_damping
 
 ROOT = Path(__file__).parents[1]
 sys.path.append(str(ROOT / "tests"))

@@ -29,7 +29,10 @@ from mpi4py import MPI
 import numpy as np
 import scipy.sparse as sp
 
-from brake_fenicsx.macro.brake import Brake, assemble_brake
+from brake_fenicsx.build.brake import Brake, assemble_brake
+from brake_fenicsx.build.changes import assemble_changes
+from brake_fenicsx.build.damping_terms import sliding_damping, velocity_slope
+from brake_fenicsx.samples.numbering import dof_points
 from brake_fenicsx.scene import Scene, read_scene
 from brake_fenicsx.stability import (
     ContactLinearisation,
@@ -39,13 +42,10 @@ from brake_fenicsx.stability import (
     contact_interface,
     split_substructures,
 )
-from brake_fenicsx.stability.damping import sliding_damping, velocity_slope
 from brake_fenicsx.stability.modes import THRESHOLD
 from brake_fenicsx.stability.operators import tangent
 from brake_fenicsx.stability.substructures import CONSTANT
 from brake_fenicsx.stability.terms import damping_terms
-from brake_fenicsx.uncertainty.changing_bodies import assemble_changes
-from brake_fenicsx.uncertainty.numbering import dof_points
 
 SCENES = Path(__file__).parent / "scenes"
 BULK = {

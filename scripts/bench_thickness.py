@@ -24,8 +24,8 @@ os.environ.setdefault("OMP_NUM_THREADS", "1")
 import numpy as np
 
 from brake_fenicsx.model import Model, prepare
+from brake_fenicsx.samples.solve import full_modes
 from brake_fenicsx.stability.modes import Modes
-from brake_fenicsx.uncertainty.solve import full_modes
 
 SCENE = Path(__file__).parent / "scenes" / "disc_brake_demo.toml"
 LINING, DISC = "parts.pad.lining", "parts.disc.thickness"

@@ -17,7 +17,7 @@ import pyvista as pv
 from dolfinx import plot
 
 from brake_fenicsx.geometry import disc, pad
-from brake_fenicsx.macro.mesh import build_mesh
+from brake_fenicsx.meshing.brake_mesh import build_mesh
 from brake_fenicsx.scene.mesh import MeshTable
 
 OUT = Path(__file__).parents[1] / "docs" / "meshes.png"

@@ -16,8 +16,8 @@ import numpy as np
 from brake_fenicsx import prepare
 from brake_fenicsx.errors import BrakeError
 from brake_fenicsx.macro.equilibrium import equilibrium
+from brake_fenicsx.samples.solve import linearised, reduced_modes
 from brake_fenicsx.stability.substructures import vectors
-from brake_fenicsx.uncertainty.solve import linearised, reduced_modes
 
 ROOT = Path(__file__).parents[1]
 SCENES = ROOT / "scripts" / "scenes"

@@ -25,11 +25,11 @@ from bench_ensemble import SCENE, study
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
-from brake_fenicsx.macro.brake import Brake, assemble_brake, scene_motion
+from brake_fenicsx.build.brake import Brake, assemble_brake, scene_motion
+from brake_fenicsx.build.material_table import layer_materials, scene_materials
 from brake_fenicsx.macro.elasticity import on_free_dofs, sigma
 from brake_fenicsx.macro.faces import Face, gather_face
 from brake_fenicsx.macro.integrals import facet_areas
-from brake_fenicsx.macro.material_table import layer_materials, scene_materials
 from brake_fenicsx.macro.overlap import facing_pairs, overlap, rule
 from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.scene import read_scene

@@ -6,6 +6,7 @@ The scenes import DOLFINx only when a test asks for them.
 import gc
 import logging
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 
 import brake_fenicsx.cli  # noqa: F401 -- before NumPy: the matrix kernels of the command
@@ -66,6 +67,12 @@ def _log_of_its_own():
     log.propagate, log.handlers[:] = True, []
     log.setLevel(logging.NOTSET)
     yield
+
+
+@pytest.fixture
+def meshes():
+    """Makers and writers of small meshes."""
+    return import_module("small_meshes")
 
 
 @pytest.fixture
@@ -139,7 +146,7 @@ class TwoBlocks:
         from brake_fenicsx.macro.elasticity import assemble_elastic, unit_loads
         from brake_fenicsx.macro.friction import Translation
         from brake_fenicsx.macro.material import Material, isotropic, transversely_isotropic
-        from brake_fenicsx.macro.mesh import build_mesh
+        from brake_fenicsx.meshing.brake_mesh import build_mesh
         from brake_fenicsx.scene.mesh import MeshTable
 
         self.comm = comm

@@ -15,8 +15,8 @@ import scipy.linalg as la
 from brake_fenicsx import prepare
 from brake_fenicsx.errors import InaccurateResult, NotConverged
 from brake_fenicsx.pipeline import assemble
+from brake_fenicsx.samples.solve import linearised, sample_damping
 from brake_fenicsx.stability.operators import tangent
-from brake_fenicsx.uncertainty.solve import linearised, sample_damping
 from dense_reference import all_damped, all_lambda
 
 DAMPING = ("none", "rayleigh", "loss", "sliding", "slope", "mixed")

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from brake_fenicsx.extras.variants.comparison import comparison_text
 from brake_fenicsx.folder.kernels import kernels_in_use
 from brake_fenicsx.results.versions import differences
-from brake_fenicsx.variants.comparison import comparison_text
 
 SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
 PROGRAM = (sys.executable, "-m", "brake_fenicsx.cli")

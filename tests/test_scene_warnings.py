@@ -11,21 +11,21 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
+from brake_fenicsx.build.brake import assemble_brake
+from brake_fenicsx.build.inventory import brake_doubts
+from brake_fenicsx.build.measured_surface import read_surface
 from brake_fenicsx.checks import surface_warnings, warnings, with_patch, with_pixels
 from brake_fenicsx.description import describe
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.macro.brake import assemble_brake
-from brake_fenicsx.macro.inventory import brake_doubts
 from brake_fenicsx.micro import load_laws
 from brake_fenicsx.pipeline import run
 from brake_fenicsx.report.html import render_page
 from brake_fenicsx.results.run import read_run
+from brake_fenicsx.samples.sampling import draw_sample
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.digest import laws_key
 from brake_fenicsx.scene.friction import friction_texts, listed
 from brake_fenicsx.scene.plausible import unusual
-from brake_fenicsx.surface.of_scene import read_surface
-from brake_fenicsx.uncertainty.sampling import draw_sample
 
 SCENES = Path(__file__).parents[1] / "scripts" / "scenes"
 BLOCK = SCENES / "block_on_plate.toml"

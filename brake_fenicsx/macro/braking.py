@@ -21,7 +21,7 @@ from .equilibrium import equilibrium as solve
 from .gap import EnrichedGap
 
 if TYPE_CHECKING:
-    from .brake import Brake
+    from brake_fenicsx.build.brake import Brake
 
 Array = NDArray[np.float64]
 Index = NDArray[np.intp]

@@ -28,6 +28,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.contact import Zone
 from brake_fenicsx.scene.units import quantity_text
@@ -36,7 +37,6 @@ from .elasticity import FreeDofs
 from .faces import gather_face
 from .friction import Motion, slip_frame, tangent_frame
 from .integrals import Integrals, facet_integrals
-from .mesh import Mesh
 from .node_to_surface import node_integrals
 
 Array = NDArray[np.float64]

@@ -25,13 +25,13 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
 
 from .elasticity import Elastic, FaceAddition
 from .faces import Face, faces_of_bodies, gather_face
 from .integrals import facet_areas, facet_rule
 from .material import Material
-from .mesh import Mesh
 from .solver import with_interface
 from .tie import GluedFaces, cross_matrix, tied_faces
 

@@ -14,14 +14,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from brake_fenicsx.build.material_table import layer_materials, scene_materials
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
 
 from .elasticity import COMPONENTS, Elastic, FreeDofs, face_area, stiffness_action, unit_loads
 from .faces import faces_of_bodies, gather_face
 from .joints import mean_displacement, mean_of_nodes, mean_rotation, part_axes
-from .material_table import layer_materials, scene_materials
-from .mesh import Mesh
 
 Array = NDArray[np.float64]
 

@@ -7,11 +7,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from brake_fenicsx.extras.limit_cycle.cycle_figures import loudness_text
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import Family
 from brake_fenicsx.results.tables import Value, read_rows
 
-from .cycle_figures import loudness_text
 from .overview import share_text
 from .turned import can_turn
 

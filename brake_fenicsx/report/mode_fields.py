@@ -25,7 +25,7 @@ from brake_fenicsx.scene.in_effect import in_effect
 from .mode_cards import SHAPE_COLUMNS, SHAPES
 
 if TYPE_CHECKING:
-    from brake_fenicsx.uncertainty.study import Study
+    from brake_fenicsx.samples.study import Study
 
 RIM = 0.9  # nodes beyond this share of the largest radius make the rim
 WIDEST = np.pi / 6  # gap between neighbouring angles [rad] beyond which there is no ring
@@ -103,7 +103,7 @@ def write_mode_fields(
     Returns:
         What failed and is left out, or is less exact than a picture asks, a line each.
     """
-    from brake_fenicsx.uncertainty.solve import displacements
+    from brake_fenicsx.samples.solve import displacements
 
     store, comm = study.store, study.comm
     if comm.rank == 0:
@@ -192,7 +192,7 @@ def _write_equilibria(
 def _write_equilibrium(
     study: Study, name: str, u: NDArray, data: Mapping[str, Any], faces: dict[str, NDArray]
 ) -> None:
-    from brake_fenicsx.uncertainty.forces import contact_of
+    from brake_fenicsx.samples.forces import contact_of
 
     from .fields import facet_means, write_facets, write_fields, write_points
 

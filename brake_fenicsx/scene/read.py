@@ -13,8 +13,8 @@ from typing import Any
 from brake_fenicsx.arguments import of_kind
 from brake_fenicsx.endings import MESH_FILES
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.extras.variants.countermeasure_keys import with_ends
 from brake_fenicsx.scene.contact import with_table
-from brake_fenicsx.scene.countermeasures import with_ends
 from brake_fenicsx.scene.damping import check_modal_names
 from brake_fenicsx.scene.rules import check_consistent
 from brake_fenicsx.scene.samples import complete

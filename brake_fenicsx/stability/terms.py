@@ -15,12 +15,19 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from brake_fenicsx.macro.brake import Brake, scene_motion
+from brake_fenicsx.build.brake import Brake, scene_motion
+from brake_fenicsx.build.damping_terms import (
+    gyroscopic,
+    loss_factor,
+    rayleigh,
+    sliding_damping,
+    velocity_slope,
+)
+from brake_fenicsx.build.material_table import layer_materials, scene_materials
 from brake_fenicsx.macro.contact import Contact
 from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.material import Material
-from brake_fenicsx.macro.material_table import layer_materials, scene_materials
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.damping import (
     Damping,
@@ -29,8 +36,6 @@ from brake_fenicsx.scene.damping import (
     damped_springs,
     turning_parts,
 )
-
-from .damping import gyroscopic, loss_factor, rayleigh, sliding_damping, velocity_slope
 
 Array = NDArray[np.float64]
 

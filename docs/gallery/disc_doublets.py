@@ -16,6 +16,7 @@ from mpi4py import MPI
 import matplotlib.pyplot as plt
 import numpy as np
 
+from brake_fenicsx.build.damping_terms import gyroscopic
 from brake_fenicsx.geometry import disc
 from brake_fenicsx.macro import build_mesh
 from brake_fenicsx.macro.elasticity import assemble_elastic
@@ -23,7 +24,6 @@ from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.material import Material, isotropic
 from brake_fenicsx.scene import MeshTable
 from brake_fenicsx.stability import complex_modes
-from brake_fenicsx.stability.damping import gyroscopic
 
 IRON = Material(isotropic(125e9, 0.24), 7200.0)
 shape = disc.Disc(radius=0.144, bore=0.075, thickness=2e-3, size=14e-3)

@@ -13,10 +13,10 @@ from brake_fenicsx.geometry import (
     hertz_sphere,
     pad,
 )
-from brake_fenicsx.macro.mesh import check_cells, raw_mesh
-from brake_fenicsx.macro.meshing.gmsh_mesh import gmsh_session
-from brake_fenicsx.macro.meshing.quality import jacobians, quality
-from brake_fenicsx.macro.meshing.rawmesh import exterior_facets, facet_keys, facet_nodes
+from brake_fenicsx.meshing.brake_mesh import check_cells, raw_mesh
+from brake_fenicsx.meshing.gmsh_mesh import gmsh_session
+from brake_fenicsx.meshing.quality import jacobians, quality
+from brake_fenicsx.meshing.rawmesh import exterior_facets, facet_keys, facet_nodes
 from brake_fenicsx.scene.mesh import MeshTable
 
 MODULES = {
@@ -91,7 +91,7 @@ def surface(m, facets):
 
 
 def flux(m, facets):
-    from brake_fenicsx.macro.meshing.rawmesh import cell_facets
+    from brake_fenicsx.meshing.rawmesh import cell_facets
 
     position, vector = surface(m, facets)
     # Outward: away from the cell of each facet.
@@ -416,7 +416,7 @@ def test_a_bad_mesh_is_refused_with_its_place():
 
 def test_quality_measures():
     """Regular cells have measure 1; angles are the known ones; a flat cell tends to zero."""
-    from brake_fenicsx.macro.meshing.quality import corner_jacobians, dihedral, radius_ratio
+    from brake_fenicsx.meshing.quality import corner_jacobians, dihedral, radius_ratio
 
     regular = np.array([[[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1.0]]])
     assert radius_ratio(regular) == pytest.approx(1.0)

@@ -5,11 +5,11 @@ import pytest
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.geometry import block, disc, hertz_sphere, pad
-from brake_fenicsx.macro.mesh import check_cells, raw_mesh
-from brake_fenicsx.macro.meshing.filemesh import FileMesh, completed, gmsh_order
-from brake_fenicsx.macro.meshing.gmsh_mesh import gathered, gmsh_session
-from brake_fenicsx.macro.meshing.quality import orientation, quality
-from brake_fenicsx.macro.meshing.rawmesh import exterior_facets, facet_keys, facet_nodes
+from brake_fenicsx.meshing.brake_mesh import check_cells, raw_mesh
+from brake_fenicsx.meshing.filemesh import FileMesh, completed, gmsh_order
+from brake_fenicsx.meshing.gmsh_mesh import gathered, gmsh_session
+from brake_fenicsx.meshing.quality import orientation, quality
+from brake_fenicsx.meshing.rawmesh import exterior_facets, facet_keys, facet_nodes
 from brake_fenicsx.scene.mesh import MeshTable
 
 pytestmark = pytest.mark.hard
@@ -113,7 +113,7 @@ def test_gmsh_order_is_its_own_inverse_for_corners_and_agrees_with_positions():
     points = np.concatenate([corner, [corner[list(e)].mean(axis=0) for e in edges]])
     cell = np.array([gmsh_order("hexahedron", 20)])
     whole, cells = completed(points, cell)
-    from brake_fenicsx.macro.meshing.rawmesh import EDGES, FACETS
+    from brake_fenicsx.meshing.rawmesh import EDGES, FACETS
 
     sets = [*EDGES["hexahedron"], *FACETS["hexahedron"], tuple(range(8))]
     wanted = [corner[list(s)].mean(axis=0) for s in sets]

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from brake_fenicsx.errors import NotConverged
-from brake_fenicsx.limit_cycle.contact_forces import PatchForces
-from brake_fenicsx.limit_cycle.growth import follow
-from brake_fenicsx.limit_cycle.harmonic_balance import HarmonicBalance
+from brake_fenicsx.extras.limit_cycle.contact_forces import PatchForces
+from brake_fenicsx.extras.limit_cycle.growth import follow
+from brake_fenicsx.extras.limit_cycle.harmonic_balance import HarmonicBalance
 from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.micro import LawSteps, OneLaw, make_library
 from oscillators import first_vibration, no_growth, oscillator, van_der_pol

@@ -8,8 +8,8 @@ import pytest
 
 from brake_fenicsx import model
 from brake_fenicsx.errors import InaccurateResult, SceneError
+from brake_fenicsx.samples.solve import full_modes
 from brake_fenicsx.stability.substructures import reach
-from brake_fenicsx.uncertainty.solve import full_modes
 
 pytestmark = pytest.mark.hard
 

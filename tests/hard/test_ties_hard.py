@@ -10,9 +10,9 @@ import pytest
 from brake_fenicsx.geometry import block
 from brake_fenicsx.macro.elasticity import assemble_elastic, unit_loads
 from brake_fenicsx.macro.material import Material, isotropic
-from brake_fenicsx.macro.mesh import raw_mesh, tagged_mesh
 from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.macro.tie import tied_faces
+from brake_fenicsx.meshing.brake_mesh import raw_mesh, tagged_mesh
 from brake_fenicsx.scene.mesh import MeshTable
 
 pytestmark = pytest.mark.hard

@@ -11,7 +11,7 @@ from brake_fenicsx.macro.contact import contact_elements
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.friction import Translation
 from brake_fenicsx.macro.material import Material, isotropic
-from brake_fenicsx.macro.mesh import build_mesh
+from brake_fenicsx.meshing.brake_mesh import build_mesh
 from brake_fenicsx.scene.mesh import MeshTable
 
 R = 50e-3

@@ -11,8 +11,8 @@ from brake_fenicsx.macro.equilibrium import equilibrium
 from brake_fenicsx.micro import OneLaw, exponential_law, linear_law
 from brake_fenicsx.micro.combined import join_laws
 from brake_fenicsx.pipeline import assemble, run
+from brake_fenicsx.samples.sampling import draw_sample
 from brake_fenicsx.scene import Friction, read_scene
-from brake_fenicsx.uncertainty.sampling import draw_sample
 
 # A plate that slides between two blocks, pressed from above.
 SANDWICH = """

@@ -9,8 +9,8 @@ import pytest
 from scipy.sparse.linalg import eigsh
 
 from brake_fenicsx import prepare
+from brake_fenicsx.build.brake import assemble_brake
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.macro.brake import assemble_brake
 from brake_fenicsx.scene import read_scene
 
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"

@@ -10,12 +10,12 @@ import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
 
+from brake_fenicsx.build import brake as brake_module
+from brake_fenicsx.build.brake import assemble_brake, scene_motion
+from brake_fenicsx.build.inventory import placement_doubts
+from brake_fenicsx.build.part_builders import scene_mesh
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.macro import brake as brake_module
-from brake_fenicsx.macro.brake import assemble_brake, scene_motion
 from brake_fenicsx.macro.friction import Rotation
-from brake_fenicsx.macro.inventory import placement_doubts
-from brake_fenicsx.macro.parts import scene_mesh
 from brake_fenicsx.macro.resultants import pad_forces
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability.terms import damping_terms

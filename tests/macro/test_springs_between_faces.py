@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import eigsh
 
+from brake_fenicsx.build.brake import assemble_brake, check_brake
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.macro.brake import assemble_brake, check_brake
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.damping import active_terms
 from brake_fenicsx.stability import complex_modes

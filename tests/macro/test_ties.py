@@ -14,20 +14,20 @@ from dolfinx import fem
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import eigsh, norm
 
+from brake_fenicsx.build.brake import assemble_brake, check_brake
+from brake_fenicsx.build.shapes import body_centres
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.geometry import block
-from brake_fenicsx.macro.brake import assemble_brake, check_brake
 from brake_fenicsx.macro.elasticity import assemble_elastic, unit_loads
 from brake_fenicsx.macro.material import Material, isotropic
-from brake_fenicsx.macro.mesh import raw_mesh, tagged_mesh
-from brake_fenicsx.macro.meshing.rawmesh import joined
 from brake_fenicsx.macro.solver import Factor
 from brake_fenicsx.macro.tie import tied_faces
+from brake_fenicsx.meshing.brake_mesh import raw_mesh, tagged_mesh
+from brake_fenicsx.meshing.rawmesh import joined
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.scene.mesh import MeshTable
 from brake_fenicsx.stability.substructures.component import originals_and_images
 from brake_fenicsx.stability.substructures.substructure import split_substructures
-from brake_fenicsx.uncertainty.shapes import body_centres
 
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 # A second block glued on the first one, its mesh another one.

@@ -8,16 +8,16 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
+from brake_fenicsx.build.brake import assemble_brake
+from brake_fenicsx.build.measured_surface import read_surface
 from brake_fenicsx.folder.store import Store
-from brake_fenicsx.macro.brake import assemble_brake
 from brake_fenicsx.report.mode_fields import _severe
 from brake_fenicsx.results.tables import MODES, SAMPLES, write_rows
+from brake_fenicsx.samples.solve import displacements
+from brake_fenicsx.samples.study import Study
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability.modes import Modes
 from brake_fenicsx.stability.operators import tangent
-from brake_fenicsx.surface.of_scene import read_surface
-from brake_fenicsx.uncertainty.solve import displacements
-from brake_fenicsx.uncertainty.study import Study
 
 COMM = MPI.COMM_SELF
 BLOCK = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"

@@ -22,8 +22,8 @@ from brake_fenicsx.results.probabilities import (
     write_causes,
 )
 from brake_fenicsx.results.run import RunData
+from brake_fenicsx.samples.designs import design_points, quantile, roughness_of
 from brake_fenicsx.scene import Distribution, Samples
-from brake_fenicsx.uncertainty.designs import design_points, quantile, roughness_of
 
 MU, E3 = "contact.pad_disc.friction", "materials.lining.E_3"
 SAMPLES = Samples(approaches=("joint",), random={MU: Distribution("normal", 0.5, 0.05)})

@@ -8,7 +8,9 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from brake_fenicsx.macro.brake import assemble_brake
+from brake_fenicsx.build.brake import assemble_brake
+from brake_fenicsx.build.damping_terms import sliding_damping
+from brake_fenicsx.samples.numbering import dof_points
 from brake_fenicsx.scene import read_scene
 from brake_fenicsx.stability import (
     ContactLinearisation,
@@ -17,12 +19,10 @@ from brake_fenicsx.stability import (
     contact_interface,
     split_substructures,
 )
-from brake_fenicsx.stability.damping import sliding_damping
 from brake_fenicsx.stability.modes import relative_errors
 from brake_fenicsx.stability.operators import tangent
 from brake_fenicsx.stability.substructures.low_rank import SHARE
 from brake_fenicsx.stability.substructures.series import Series
-from brake_fenicsx.uncertainty.numbering import dof_points
 
 SCENE = Path(__file__).parents[2] / "scripts" / "scenes" / "block_on_plate.toml"
 BAND, MU = (0.0, 9e3), 0.5

@@ -219,7 +219,7 @@ def test_mistakes_are_one_line(changes, said, tmp_path):
 def test_wrong_line_is_kept_with_its_error(tmp_path, monkeypatch):
     """A sample without an equilibrium at the first value is a failed line, and stops nothing."""
     from brake_fenicsx.errors import NotConverged
-    from brake_fenicsx.uncertainty.study import Study
+    from brake_fenicsx.samples.study import Study
 
     whole = Study.solved
 
@@ -252,8 +252,8 @@ def test_values_without_an_equilibrium_end_the_branches(tmp_path):
 @pytest.mark.slow
 def test_branches_of_the_demo_brake_are_the_modes_of_full_order():
     """Ten values of friction, rough contact: every mode of full order lies on a branch."""
+    from brake_fenicsx.samples.solve import full_modes
     from brake_fenicsx.sweeps.branches import CUT
-    from brake_fenicsx.uncertainty.solve import full_modes
 
     key, values = "contact.pad_disc.friction", np.linspace(0.05, 0.75, 10)
     demo = prepare(BLOCK.with_name("disc_brake_demo.toml"), ["micro.laws=10", "samples.n=2"])

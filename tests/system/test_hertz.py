@@ -20,7 +20,7 @@ from brake_fenicsx.macro.faces import gather_face
 from brake_fenicsx.macro.friction import Translation
 from brake_fenicsx.macro.gap import EnrichedGap
 from brake_fenicsx.macro.material import Material, isotropic
-from brake_fenicsx.macro.mesh import build_mesh
+from brake_fenicsx.meshing.brake_mesh import build_mesh
 from brake_fenicsx.micro import OneLaw, linear_law
 from brake_fenicsx.scene.mesh import MeshTable
 

@@ -1,0 +1,165 @@
+"""Stiffness and mass of a layer over its thickness.
+
+Stretched by s along z, a body has derivatives along z that are 1/s of what they were, and s times
+its volume. Strains are linear in derivatives, so that with any quadrature, to round-off,
+
+    K(s) = s A + B + D / s,      M(s) = s M(1).
+
+What lies on a stretched layer is shifted along z, which changes neither.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.sparse as sp
+import ufl
+from numpy.typing import NDArray
+
+from brake_fenicsx import compat
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.macro.elasticity import face_tag, measured_area
+
+from .brake_mesh import Mesh
+from .rawmesh import body_of_points
+
+Array = NDArray[np.float64]
+# Number of a function of some lengths, one of each.
+Power = tuple[int, ...]
+# Makes a matrix of the mesh as it is then, with one pattern always.
+Assembly = Callable[[], sp.csr_matrix]
+
+# A power of the stretch whose matrix is less than this share of the others is round-off.
+ROUND_OFF = 1e-12
+
+# Heights of a mesh file are the same up to this share of the thickness.
+SAME = 1e-3
+
+
+@contextmanager
+def stretched(mesh: Mesh, factor: float) -> Iterator[None]:
+    """The whole mesh stretched along z, and back again."""
+    x = mesh.domain.geometry.x
+    z = x[:, 2].copy()
+    x[:, 2] = factor * z
+    try:
+        yield
+    finally:
+        x[:, 2] = z
+
+
+@dataclass(frozen=True, slots=True)
+class Stretch:
+    """The thickness of layers.
+
+    Attributes:
+        layers: "part.layer".
+        usual: the thickness in the scene [m], shape (1,).
+    """
+
+    layers: tuple[str, ...]
+    usual: Array
+
+    def applied(self, mesh: Mesh, lengths: Array) -> AbstractContextManager[None]:
+        """The mesh with layers of another thickness, and all else that is not looked at."""
+        return stretched(mesh, float(lengths[0] / self.usual[0]))
+
+    def factor(self, power: Power, lengths: Array, inertia: bool) -> float:
+        """Power of the stretch, of either."""
+        return float((lengths[0] / self.usual[0]) ** power[0])
+
+    def inertia(self, mesh: Mesh, assemble: Assembly) -> dict[Power, sp.csr_matrix]:
+        """Power of the stretch -> mass or gyroscopic term."""
+        return {(1,): assemble()}
+
+    def stiffness(self, mesh: Mesh, assemble: Assembly) -> dict[Power, sp.csr_matrix]:
+        """The matrices A, B and D of the stiffness.
+
+        Args:
+            mesh: the tagged mesh.
+            assemble: assembles the stiffness on the mesh as it is then, with one pattern always.
+
+        Returns:
+            Power of the stretch (1, 0, -1) -> matrix [N/m]; those that are zero are left out.
+        """
+        K = []
+        for factor in (1.0, 2.0, 0.5):
+            with stretched(mesh, factor):
+                K.append(assemble())
+        longer, shorter = K[1] - K[0], K[2] - K[0]
+        D = (4 / 3) * (0.5 * longer + shorter)
+        A = longer + 0.5 * D
+        found = {(1,): A, (0,): K[0] - A - D, (-1,): D}
+        size = max(abs(matrix).max() for matrix in found.values())
+        return {
+            power: matrix.tocsr()
+            for power, matrix in found.items()
+            if abs(matrix).max() > ROUND_OFF * size
+        }
+
+
+def check_layer(mesh: Mesh, layer: str, thickness: float | None, faces: Mapping[str, str]) -> None:
+    """Refuse a layer that cannot be stretched by itself, or changes faces in use.
+
+    Args:
+        mesh: the tagged mesh.
+        layer: "part.layer".
+        thickness: of a layer of a mesh file, as the scene writes it [m]; None of a builder's.
+        faces: key of the scene that depends on the area or the shape of a face -> the face.
+
+    Raises:
+        SceneError: what is wrong, and the remedy.
+    """
+    if layer not in mesh.layers:
+        raise SceneError(f"{layer}: the mesh has no such layer; there are {', '.join(mesh.layers)}")
+    cells = mesh.cell_tags.find(mesh.layers[layer])
+    if thickness is not None:
+        _check_flat(mesh, layer, cells, thickness)
+    domain = mesh.domain
+    domain.topology.create_connectivity(3, 2)
+    facets_of = domain.topology.connectivity(3, 2)
+    around = np.unique(np.concatenate([facets_of.links(cell) for cell in cells]))
+    for key, face in faces.items():
+        own = np.intersect1d(mesh.facet_tags.find(face_tag(mesh, face, key)), around)
+        tags = compat.meshtags(domain, 2, own.astype(np.int32), 1)
+        ds = ufl.Measure("ds", domain=domain, subdomain_data=tags)(1)
+        area = measured_area(mesh, ds)
+        with stretched(mesh, 2.0):
+            grown = measured_area(mesh, ds) - area
+        if grown > ROUND_OFF * area:
+            raise SceneError(
+                f"{key}: the face {face} lies on the sides of the layer {layer}, whose thickness is"
+                " random or swept; only flat faces across z may carry anything then: run the scene"
+                " once for each thickness"
+            )
+
+
+def _check_flat(mesh: Mesh, layer: str, cells: NDArray[np.int32], thickness: float) -> None:
+    """Ends across z, where a layer of a mesh file meets others, and the thickness that is written.
+
+    Raises:
+        SceneError: the layer is no such one.
+    """
+    z, nodes = mesh.domain.geometry.x[:, 2], compat.geometry_dofs(mesh.domain)
+    key = f"parts.{layer.replace('.', '.layers.')}"
+    shared = np.zeros(z.size, dtype=bool)
+    shared[nodes[np.setdiff1d(np.arange(len(nodes)), cells)]] = True
+    # Each body by itself: a layer may lie on both sides of a disc.
+    body = body_of_points(nodes[cells], z.size)
+    for number in np.unique(body[nodes[cells]]):
+        own = np.flatnonzero(body == number)
+        low, high = z[own].min(), z[own].max()
+        if abs(high - low - thickness) > SAME * thickness:
+            raise SceneError(
+                f"{key} = {thickness:g} m: the layer of the mesh is {high - low:.6g} m thick along"
+                " z; write that"
+            )
+        ends = np.minimum(z[own] - low, high - z[own])[shared[own]]
+        if np.any(ends > SAME * thickness):
+            raise SceneError(
+                f"{key}: the layer meets others elsewhere than at its two ends across z; run the"
+                " scene once for each thickness"
+            )
