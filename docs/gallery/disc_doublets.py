@@ -18,10 +18,10 @@ import numpy as np
 
 from brake_fenicsx.build.damping_terms import gyroscopic
 from brake_fenicsx.geometry import disc
-from brake_fenicsx.macro import build_mesh
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.material import Material, isotropic
+from brake_fenicsx.meshing.brake_mesh import build_mesh
 from brake_fenicsx.scene import MeshTable
 from brake_fenicsx.stability import complex_modes
 

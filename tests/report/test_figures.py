@@ -70,7 +70,7 @@ def ink(path: Path) -> tuple[float, int]:
 
 def test_all_figures_are_drawn_and_none_is_blank(drawn):
     _, written = drawn
-    # Those of limit cycles, which this run has not, are laid out in tests/extras/limit_cycle/test_run.py.
+    # Those of limit cycles, which this run has not: tests/extras/limit_cycle/test_run.py.
     names = [plot.name for plot in PLOTS if not plot.name.startswith("limit_cycle")]
     expected = [f"{name}.{kind}" for name in names for kind in ("png", "svg")]
     assert [path.name for path in written] == expected
