@@ -164,10 +164,10 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
             print(countermeasures_text(read_rows(found.with_suffix(".csv"))))
             print(f"open {found}")
     elif comm.rank == 0 and options.command == "schema":
-        from brake_fenicsx.scene import Scene
+        from brake_fenicsx.scene import scene_type
         from brake_fenicsx.scene.tables import json_schema
 
-        _print_json(json_schema(Scene))
+        _print_json(json_schema(scene_type()))
     elif comm.rank == 0 and options.command == "compare":
         from brake_fenicsx.extras.variants.comparison import comparison_text, write_comparison
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.extensions import provided, sections
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.friction import slides
 
@@ -209,9 +210,7 @@ def assemble_bodies(scene: Scene, mesh: Mesh) -> Elastic:
         mesh, layers, supports, scene.mesh.degree, added, scene.mesh.mass == "lumped"
     )
     if any(part.matrices for part in scene.parts.values()):
-        from brake_fenicsx.extras.decks.external_bodies import with_superelements
-
-        elastic = with_superelements(scene, mesh, elastic)
+        elastic = provided("bodies", "parts.NAME.matrices", "matrices")(scene, mesh, elastic)
     inert = any(added.inertia for added in scene.masses.values())
     if scene.ties or inert or any(spring.faces for spring in scene.springs.values()):
         from brake_fenicsx.macro.joints import joined_bodies
@@ -241,13 +240,14 @@ def check_brake(scene: Scene, comm: MPI.Comm) -> None:
             pair = getattr(one, "faces", None)
             named = {f'{table}."{name}"': name} if pair is None else {}
             faces |= named | {f"{table}.{name}.faces[{i}]": f for i, f in enumerate(pair or ())}
-    radiating = scene.limit_cycle.radiating if scene.limit_cycle else ()
-    faces |= {f"limit_cycle.radiating[{i}]": face for i, face in enumerate(radiating)}
+    areas: dict[str, str] = {}  # that sections of extras name
+    for section in sections(scene):
+        areas |= getattr(section, "areas", {})
+    faces |= areas
     for where, face in faces.items():
         load = scene.loads.get(face) if where.startswith("loads.") else None
-        spread = where.startswith(("contact.", "limit_cycle.")) or (
-            load is not None and load.pressure is not None
-        )
+        pressed = load is not None and load.pressure is not None
+        spread = where in areas or where.startswith("contact.") or pressed
         if spread and _on_matrices(scene, face):
             raise SceneError(
                 f"{scene.file}: {where} = {face!r}: a set of nodes has no area; name a face of a"

@@ -28,7 +28,7 @@ from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.parts import length_key, morph_of, moved_planes, moved_sideways
 from brake_fenicsx.scene.tables import key_parts
 
-from brake_fenicsx.extras.decks.matrix_series import DEGREES, matrix_series, products
+from brake_fenicsx.build.matrix_series import DEGREES, matrix_series, products
 from brake_fenicsx.meshing.brake_mesh import Mesh, check_cells
 from brake_fenicsx.meshing.groups import mesh_of_file
 from brake_fenicsx.meshing.quality import determinants

@@ -8,6 +8,7 @@ from importlib import import_module
 from mpi4py import MPI
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.extensions import provided
 from brake_fenicsx.scene import Scene
 
 from brake_fenicsx.meshing.brake_mesh import (
@@ -16,7 +17,6 @@ from brake_fenicsx.meshing.brake_mesh import (
 from brake_fenicsx.meshing.gmsh_mesh import gmsh_session
 from brake_fenicsx.meshing.rawmesh import RawMesh, joined
 from .morphing import file_mesh
-from brake_fenicsx.extras.decks.superelement import set_names
 
 
 def scene_parts(scene: Scene) -> dict[str, Builder]:
@@ -90,13 +90,19 @@ def check_mesh(scene: Scene, faces: Mapping[str, str], comm: MPI.Comm) -> list[s
             mesh, _ = file_mesh(scene, file_parts(scene))
             check_cells(mesh, scene.mesh)
             layers, known = [*layers, *mesh.layers], [*known, *mesh.faces]
-        check_faces(faces, [*known, *set_names(scene)])
+        check_faces(faces, [*known, *_sets(scene)])
         return layers
 
     try:
         return on_rank_0(checked, comm, lambda layers: layers)
     except SceneError as error:
         raise SceneError(f"{scene.file}: {error}") from None
+
+
+def _sets(scene: Scene) -> list[str]:
+    """Sets of nodes of bodies given by matrices, "part.set"."""
+    given = [name for name, part in scene.parts.items() if part.matrices]
+    return provided("nodes", f"parts.{given[0]}.matrices", "matrices")(scene) if given else []
 
 
 def cut_loads(scene: Scene) -> list[str]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.extras.decks.draft.beside import beside
+from brake_fenicsx.extensions import extras, load
 from brake_fenicsx.scene.mesh import MeshTable
 from brake_fenicsx.scene.units import to_si
 
@@ -66,7 +66,11 @@ def mesh_of_file(
     for group, target in table.groups.items():
         if kinds[group][0] != "cells":
             faces |= _faces(found, mesh, group, target, kinds[group])
-    mesh = replace(mesh, unread=beside(Path(str(table.file)), found, mesh, faces, kinds.values()))
+    file = Path(str(table.file))
+    for extra in extras():
+        if extra.unread and file.suffix in extra.readers:
+            unread = load(extra.unread)(file, found, mesh, faces, kinds.values())
+            mesh = replace(mesh, unread=unread)
     return without_unused_nodes(_turned_right(_apart(mesh, faces, table.split)))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from brake_fenicsx.extras.limit_cycle.cycle_figures import cycle_blocks
+from brake_fenicsx.extensions import load, shown
 from brake_fenicsx.results.answer import approach_rows
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import Family
@@ -45,9 +45,12 @@ def main_sections(
         ]),
         Section("sweep", "Lock-in over the parameter", sweep_blocks(run)),
         Section("inputs", "Which inputs cause it", input_blocks(run)),
-        Section("loudness", "How loud", [
-            *cycle_blocks(run), *figures(run, "limit_cycle_growth", "limit_cycle_loudness"),
-        ]),
+        *(
+            Section(extra.page[0], extra.page[1], [
+                *load(extra.page[2])(run), *figures(run, *extra.figures),
+            ])
+            for extra in shown(run) if extra.page[0]
+        ),
         Section("drivers", "What drives a mode", figures(run, "drivers", look="tall")),
         Section("pressure", "Contact pressure and forces", [
             *figures(run, "contact_pressure", look="tall"), *forces_blocks(run),

@@ -8,6 +8,7 @@ from dataclasses import fields
 from typing import Any
 
 from brake_fenicsx import __version__
+from brake_fenicsx.extensions import beside_samples, extras
 from brake_fenicsx.folder.files import digest
 from brake_fenicsx.scene import LawTable, Scene
 from brake_fenicsx.scene.scalars import changes_bodies
@@ -15,8 +16,9 @@ from brake_fenicsx.scene.scalars import changes_bodies
 # Format of laws and samples on disk: what older programs wrote is not read as current.
 FORMAT = 4
 
-# Sections whose numbers change no result of a sample, or of which only some do.
-NO_RESULT = ("stages", "samples", "sweep", "countermeasures")
+# Sections whose numbers change no result of a sample, or of which only some do; with those of
+# extras that compute nothing beside samples.
+NO_RESULT = ("stages", "samples", "sweep")
 
 # Keys of an interface that mesh, matrices and contact elements do not depend on.
 _LAWS = ("law", "gap", "friction", "friction_in_equilibrium")
@@ -26,9 +28,10 @@ def result_digest(scene: Scene) -> str:
     """Hash of all that the results of a sample depend on."""
     left_out = ("n", "approaches", "limit")
     samples = {k: v for k, v in scene.table.get("samples", {}).items() if k not in left_out}
-    table = {k: v for k, v in scene.table.items() if k not in NO_RESULT}
-    # What counts as squeal changes no result of a sample but the modes that limit cycles follow.
-    if "stability" in table and scene.limit_cycle is None:
+    aside = {*NO_RESULT, *(key for e in extras() if not e.samples for key in e.sections)}
+    table = {k: v for k, v in scene.table.items() if k not in aside}
+    # What counts as squeal changes no result of a sample but what extras make of modes that squeal.
+    if "stability" in table and not beside_samples(scene):
         table["stability"] = {k: v for k, v in table["stability"].items() if k != "threshold"}
     # The reduced model of all samples reaches over the values of a sweep that changes the bodies.
     swept = scene.sweep.parameters if scene.sweep else {}

@@ -5,20 +5,21 @@ from __future__ import annotations
 import copy
 import json
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from brake_fenicsx.arguments import of_kind
 from brake_fenicsx.endings import MESH_FILES
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.extras.variants.countermeasure_keys import with_ends
+from brake_fenicsx.extensions import load, named
 from brake_fenicsx.scene.contact import with_table
 from brake_fenicsx.scene.damping import check_modal_names
 from brake_fenicsx.scene.rules import check_consistent
 from brake_fenicsx.scene.samples import complete
-from brake_fenicsx.scene.sections import STAGES, Scene
+from brake_fenicsx.scene.sections import STAGES, Scene, scene_type
 from brake_fenicsx.scene.tables import dotted, key_parts, read_table, shown
 
 MAPPING = "scene (mapping)"  # in place of the path of a file
@@ -115,7 +116,7 @@ def _override(table: dict[str, Any], text: str) -> None:
 
 def _scene(path: Path, table: dict[str, Any]) -> Scene:
     check_modal_names(table)
-    scene: Scene = read_table(Scene, table)
+    scene: Scene = read_table(scene_type(), table)
     if scene.surface and len(scene.surface.scans) == 1:  # a list of one is that one, in hashes too
         table = {**table, "surface": {**table["surface"], "scan": scene.surface.scans[0]}}
     roughness = any(c.law == "library" or c.gap != "none" for c in scene.contact.values())
@@ -127,11 +128,14 @@ def _scene(path: Path, table: dict[str, Any]) -> Scene:
         samples=replace(scene.samples, random=random, roughness=roughness),
     )  # fmt: skip
     check_consistent(scene)
-    return with_ends(scene, lambda text: _changed(scene, text))
+    for extra in named(scene):
+        if extra.check:
+            scene = load(extra.check)(scene, partial(_changed, scene, extra.sections))
+    return scene
 
 
-def _changed(scene: Scene, text: str) -> Scene:
-    """A scene without countermeasures after a replacement "key=value"."""
-    table = {k: v for k, v in copy.deepcopy(scene.table).items() if k != "countermeasures"}
+def _changed(scene: Scene, sections: Iterable[str], text: str) -> Scene:
+    """A scene without some sections after a replacement "key=value"."""
+    table = {k: v for k, v in copy.deepcopy(scene.table).items() if k not in {*sections}}
     _override(table, text)
     return _scene(scene.file, table)
