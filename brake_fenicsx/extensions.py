@@ -48,7 +48,7 @@ class Extra:
         sections: key of a scene -> type of its section, a dataclass or a tuple of them.
         check: ``check(scene, changed)``, the scene with its sections checked and complete;
             ``changed("key=value")`` reads the scene without them after a replacement.
-        commands: word of the command line -> its ``Command``.
+        commands: of the command line, each a ``Command``.
         readers: ending of a mesh file -> ``read(path)``, and how: "as an Abaqus deck".
         unread: ``unread(path, file, mesh, faces, groups)``, what such a file holds beside its mesh.
         bodies: ``bodies(scene, mesh, elastic)``, the bodies with those given by matrices.
@@ -69,7 +69,7 @@ class Extra:
     name: str
     sections: Mapping[str, str] = field(default_factory=dict)
     check: str = ""
-    commands: Mapping[str, str] = field(default_factory=dict)
+    commands: tuple[str, ...] = ()
     readers: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     unread: str = ""
     bodies: str = ""

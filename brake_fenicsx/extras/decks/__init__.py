@@ -5,6 +5,7 @@ from brake_fenicsx.extensions import Extra
 _HERE = "brake_fenicsx.extras.decks"
 EXTRA = Extra(
     name="decks",
+    commands=(f"{_HERE}.commands:init",),
     readers={
         ".inp": (f"{_HERE}.abaqus:read_abaqus", "as an Abaqus deck"),
         ".cdb": (f"{_HERE}.ansys:read_ansys", "as an Ansys archive"),

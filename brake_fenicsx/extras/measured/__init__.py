@@ -2,4 +2,8 @@
 
 from brake_fenicsx.extensions import Extra
 
-EXTRA = Extra(name="measured")
+_HERE = "brake_fenicsx.extras.measured"
+EXTRA = Extra(
+    name="measured",
+    commands=tuple(f"{_HERE}.commands:{w}" for w in ("correlate", "identify", "export")),
+)
