@@ -75,6 +75,9 @@ SCENE = argument("scene", metavar="SCENE.toml", complete="file", help="the scene
 SET = argument("--set", action="append", default=[], metavar="KEY=VALUE",
                help="replace a key of the scene (docs/scene.md), as often as needed; the value is"
                " TOML, or a bare word")  # fmt: skip
+ALLOW = argument("--allow-extensions", dest="set", action="append_const",
+                 const="extensions.allow=true",
+                 help="run code beside the scene that it names in [extensions]")  # fmt: skip
 JSON = argument("--json", action="store_true",
                 help="print the outcome as JSON, for other programs")  # fmt: skip
 CACHE = argument("--cache", metavar="DIR", complete="folder",
@@ -90,7 +93,7 @@ VERBOSE = argument("-v", dest="verbose", action="store_true",
 
 @command(
     "read a scene; report what a run builds, and estimate its memory, disc and time",
-    SCENE, SET, JSON, epilog=AFTER_CHECK,
+    SCENE, SET, ALLOW, JSON, epilog=AFTER_CHECK,
 )  # fmt: skip
 def check(options: Any, comm: Any) -> None:
     """Check a scene."""
@@ -101,7 +104,7 @@ def check(options: Any, comm: Any) -> None:
 
 @command(
     "run a scene, or resume its run",
-    SCENE, SET, JSON,
+    SCENE, SET, ALLOW, JSON,
     argument("--from", dest="from_stage", choices=STAGES, metavar="STAGE",
              help=f"recompute this stage and all later ones: {', '.join(STAGES)}"),
     argument("--share", nargs="?", const="", metavar="I/N", help="compute the I-th of N parts of"
@@ -126,7 +129,7 @@ def run(options: Any, comm: Any) -> str | None:
 
 @command(
     "compute the data shared by all samples, the first step of a job array (run --share)",
-    SCENE, SET, folder_of("results"), CACHE,
+    SCENE, SET, ALLOW, folder_of("results"), CACHE,
 )  # fmt: skip
 def prepare(options: Any, comm: Any) -> None:
     """Make what all samples share."""

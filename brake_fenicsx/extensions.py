@@ -8,13 +8,18 @@ when it is used.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import sys
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cache
+from hashlib import sha256
 from importlib import import_module
 from importlib.metadata import entry_points
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
 from pkgutil import iter_modules
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, Protocol
 
 from brake_fenicsx.errors import SceneError
@@ -26,10 +31,11 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from brake_fenicsx.build.brake import Brake
+    from brake_fenicsx.micro.law import Law
 
     Array = NDArray[np.float64]
 
-GROUP = "brake_fenicsx.extras"
+GROUP, OWN = "brake_fenicsx.extras", "brake_fenicsx.extensions"
 # What the extras of this program answer to, for who has the core alone.
 OURS = {
     "decks": (".inp", ".cdb", ".bdf", ".nas", ".fem", "init", "matrices"),
@@ -189,14 +195,77 @@ class InputLaw(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Extensions:
-    """Own objects for a scene.
+    """Own objects for a scene, of ``prepare`` or of the section [extensions].
 
     Attributes:
+        contact: name of an interface -> its contact law (``brake_fenicsx.micro.Law``).
         friction: name of a sliding interface -> its friction law.
         damping: damping terms of the bodies, beside those that the scene names.
         random: dotted key of a random input -> its law, as in ``[samples.random]``.
+        figures: name of a figure of the report -> ``draw(run)``.
+        marks: what the section says, and version and source of each of its classes.
     """
 
+    contact: Mapping[str, Law] = field(default_factory=dict)
     friction: Mapping[str, FrictionLaw] = field(default_factory=dict)
     damping: Sequence[DampingTerm] = ()
     random: Mapping[str, InputLaw] = field(default_factory=dict)
+    figures: Mapping[str, Callable[[Any], Any]] = field(default_factory=dict)
+    marks: Mapping[str, Any] = field(default_factory=dict)
+
+
+def own_class(name: str, folder: Path, allowed: bool) -> tuple[Any, list[str]]:
+    """A class or function of a user's own, "module:attribute".
+
+    Entry points of installed packages (group ``brake_fenicsx.extensions``) name what any scene may
+    use. A scene is never code: a module beside it is run only where the user allows it.
+
+    Args:
+        name: the name.
+        folder: of the scene.
+        allowed: whether code in the folder may run.
+
+    Returns:
+        It, and what results depend on: version of the package, hash of the module.
+
+    Raises:
+        ValueError: it is not there, not allowed, or cannot be imported.
+    """
+    module, _, attribute = name.partition(":")
+    points = [point for point in entry_points(group=OWN) if point.value == name]
+    path = folder / f"{module}.py"
+    if not points and path.is_file() and not allowed:
+        raise ValueError(
+            f"{path} is code beside the scene; read it, and give --allow-extensions to run it"
+        )
+    if not points and not path.is_file():
+        raise ValueError(
+            f"no installed package has it among its entry points {OWN}, and there is no {path};"
+            ' write "module:attribute"'
+        )
+    try:
+        if points:
+            version = points[0].dist.version if points[0].dist else ""
+            found = points[0].load()
+            path = Path(sys.modules[module].__file__ or "")
+        else:
+            version, found = "", getattr(_beside(path), attribute)
+    except Exception as error:
+        raise ValueError(f"cannot be imported: {type(error).__name__}: {error}") from None
+    return found, [version, sha256(path.read_bytes()).hexdigest()]
+
+
+def _beside(path: Path) -> ModuleType:
+    """A module by its file, once for each content of it."""
+    name = f"{path.stem}_{sha256(path.read_bytes()).hexdigest()[:12]}"
+    if name not in sys.modules:
+        spec = spec_from_file_location(name, path)
+        if spec is None or spec.loader is None:
+            raise ImportError(str(path))
+        sys.modules[name] = module = module_from_spec(spec)
+        try:
+            spec.loader.exec_module(module)
+        except BaseException:
+            del sys.modules[name]
+            raise
+    return sys.modules[name]

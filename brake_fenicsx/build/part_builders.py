@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from importlib import import_module
 
 from mpi4py import MPI
 
@@ -22,6 +21,7 @@ from brake_fenicsx.meshing.brake_mesh import (
 from brake_fenicsx.meshing.gmsh_mesh import gmsh_session
 from brake_fenicsx.meshing.rawmesh import RawMesh, joined
 from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.parts import builder_module
 
 from .morphing import file_mesh
 
@@ -29,7 +29,7 @@ from .morphing import file_mesh
 def scene_parts(scene: Scene) -> dict[str, Builder]:
     """Builder module and parameters of each part that has a builder."""
     return {
-        name: (import_module(f"brake_fenicsx.geometry.{part.builder}"), part.parameters)
+        name: (builder_module(part), part.parameters)
         for name, part in scene.parts.items()
         if part.builder is not None
     }

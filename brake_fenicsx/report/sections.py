@@ -10,7 +10,7 @@ from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.squeal import Family
 from brake_fenicsx.results.tables import Value
 
-from .blocks import Block, Section, Special, Table, Text
+from .blocks import Block, Picture, Section, Special, Table, Text
 from .figure_blocks import figures
 from .forces_section import forces_blocks
 from .mode_cards import Card, ModePictures, family_card, family_table_cells, often_text, other_cards
@@ -51,12 +51,20 @@ def main_sections(
             ])
             for extra in shown(run) if extra.page[0]
         ),
+        Section("own", "Own figures", _own(run)),
         Section("drivers", "What drives a mode", figures(run, "drivers", look="tall")),
         Section("pressure", "Contact pressure and forces", [
             *figures(run, "contact_pressure", look="tall"), *forces_blocks(run),
         ]),
     ]  # fmt: skip
     return [section for section in sections if section.blocks]
+
+
+def _own(run: RunData) -> list[Block]:
+    """Figures of the scene's section [extensions]."""
+    names = run.summary.get("settings", {}).get("extensions", {}).get("figures", {})
+    paths = {name: run.directory / "figures" / f"own_{name}.png" for name in names}
+    return [Picture(path, name) for name, path in paths.items() if path.is_file()]
 
 
 def _squeal(

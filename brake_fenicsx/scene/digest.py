@@ -18,7 +18,7 @@ FORMAT = 4
 
 # Sections whose numbers change no result of a sample, or of which only some do; with those of
 # extras that compute nothing beside samples.
-NO_RESULT = ("stages", "samples", "sweep")
+NO_RESULT = ("stages", "samples", "sweep", "extensions")
 
 # Keys of an interface that mesh, matrices and contact elements do not depend on.
 _LAWS = ("law", "gap", "friction", "friction_in_equilibrium")
@@ -38,6 +38,8 @@ def result_digest(scene: Scene) -> str:
     if changing := {k: r.points for k, r in swept.items() if changes_bodies(scene, k)}:
         table["sweep"] = changing
     content = {**table, "samples": samples, "files": file_digests(scene), "format": FORMAT}
+    if scene.own.marks:
+        content["extensions"] = scene.own.marks
     s = scene.samples
     # The points of a design belong together; parametric and joint take the inputs from multi-scale.
     whole = [s.plan(a) for a in s.approaches if s.takes_random(a) and not s.plan(a).grows]
@@ -46,7 +48,8 @@ def result_digest(scene: Scene) -> str:
         content["designs"] = [[p.n, p.design, p.curves, *crossed[p]] for p in whole]
     if s.random and {"parametric", "joint"} & {*s.approaches}:
         content["multi-scale"] = "roughness alone"
-    if measured := {name: d.digest for name, d in s.random.items() if d.digest}:
+    digests = {name: getattr(d, "digest", "") for name, d in s.random.items()}
+    if measured := {name: text for name, text in digests.items() if text}:
         content["measured"] = measured
     laws = {n: c.law.steps for n, c in scene.contact.items() if isinstance(c.law, LawTable)}
     if laws := {n: steps for n, steps in laws.items() if steps}:
@@ -69,6 +72,8 @@ def bodies_key(scene: Scene) -> dict[str, Any]:
         for face, load in sorted(scene.loads.items())
     ]
     out["motion"] = {k: v for k, v in scene.table.get("motion", {}).items() if k != "speed"}
+    if scene.own.marks:
+        out["extensions"] = scene.own.marks
     out["files"] = _files(scene, "mesh.", "parts.")
     versions = (getattr(sys.modules.get(name), "__version__", "") for name in ("dolfinx", "gmsh"))
     return {**out, "versions": [__version__, *map(str, versions)]}

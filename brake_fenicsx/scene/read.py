@@ -17,6 +17,7 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import load, named
 from brake_fenicsx.scene.contact import with_table
 from brake_fenicsx.scene.damping import check_modal_names
+from brake_fenicsx.scene.objects import own_objects, with_objects
 from brake_fenicsx.scene.rules import check_consistent
 from brake_fenicsx.scene.samples import complete
 from brake_fenicsx.scene.sections import STAGES, Scene, scene_type
@@ -45,6 +46,8 @@ def read_scene(
     try:
         table = _toml(path) if isinstance(file, str | Path) else from_text(toml_text(file))
         of_kind("scene", table, dict, "the path of a scene, or a mapping of its keys")
+        if "allow" in (table.get("extensions") or ()):
+            raise SceneError("extensions.allow: no scene allows its own code; leave it out")
         for text in overrides:
             _override(table, text)
         return _scene(path, table)
@@ -116,14 +119,15 @@ def _override(table: dict[str, Any], text: str) -> None:
 
 def _scene(path: Path, table: dict[str, Any]) -> Scene:
     check_modal_names(table)
-    scene: Scene = read_table(scene_type(), table)
+    own, builders = own_objects(table, path.parent)
+    scene: Scene = read_table(scene_type(tuple(builders.items())), table)
     if scene.surface and len(scene.surface.scans) == 1:  # a list of one is that one, in hashes too
         table = {**table, "surface": {**table["surface"], "scan": scene.surface.scans[0]}}
     roughness = any(c.law == "library" or c.gap != "none" for c in scene.contact.values())
     random = {n: complete(d, n, path.parent) for n, d in scene.samples.random.items()}
     contact = {n: with_table(c, n, path.parent) for n, c in scene.contact.items()}
     scene = replace(
-        scene, contact=contact, file=path, table=table,
+        scene, contact=contact, file=path, table=table, own=own,
         stages=tuple(s for s in STAGES if s in scene.stages),
         samples=replace(scene.samples, random=random, roughness=roughness),
     )  # fmt: skip
@@ -131,7 +135,7 @@ def _scene(path: Path, table: dict[str, Any]) -> Scene:
     for extra in named(scene):
         if extra.check:
             scene = load(extra.check)(scene, partial(_changed, scene, extra.sections))
-    return scene
+    return with_objects(scene, own)
 
 
 def _changed(scene: Scene, sections: Iterable[str], text: str) -> Scene:

@@ -13,15 +13,16 @@ import os
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, is_dataclass, make_dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, Literal
 
-from brake_fenicsx.extensions import extras, load
+from brake_fenicsx.extensions import Extensions, extras, load
 from brake_fenicsx.scene.contact import ContactTable
 from brake_fenicsx.scene.damping import Damping
 from brake_fenicsx.scene.faces import AddedMass, Load, Spring, Tie, supports_type
 from brake_fenicsx.scene.mesh import MeshTable
+from brake_fenicsx.scene.own import ExtensionsTable
 from brake_fenicsx.scene.parts import Part, parts_type
 from brake_fenicsx.scene.samples import Samples
 from brake_fenicsx.scene.surface import Micro, Surface
@@ -206,6 +207,7 @@ class Scene:
         stages: stages to run, in order.
         file: the TOML file.
         table: its content with the overrides of the command line.
+        own: objects of its section [extensions].
     """
 
     stages: tuple[str, ...] = key(default=(), choices=STAGES)
@@ -227,8 +229,10 @@ class Scene:
     stability: Stability | None = None
     samples: Samples = field(default_factory=Samples)
     sweep: Sweep | None = None
+    extensions: ExtensionsTable | None = None
     file: Path = key(default=Path(), internal=True)  # noqa: RUF009
     table: dict[str, Any] = field(default_factory=dict, metadata={"internal": True})
+    own: Extensions = field(default_factory=Extensions, metadata={"internal": True})
 
     @property
     def damping(self) -> Damping | None:
@@ -255,9 +259,15 @@ class Scene:
 
 
 @cache
-def scene_type() -> type[Scene]:
-    """``Scene`` with the sections of all extras as further fields; None or empty if not named."""
-    more: list[tuple[str, Any, Any]] = []
+def scene_type(builders: tuple[tuple[str, Any], ...] = ()) -> type[Scene]:
+    """``Scene`` with the sections of all extras as further fields; None or empty if not named.
+
+    Args:
+        builders: names and dataclasses of builders of a user's own.
+    """
+    about = {"type": partial(parts_type, dict(builders))}
+    parts = field(default_factory=dict, metadata=about)
+    more: list[tuple[str, Any, Any]] = [("parts", dict[str, Part], parts)]
     for key_, name in ((k, n) for extra in extras() for k, n in extra.sections.items()):
         hint = load(name)
         one = is_dataclass(hint)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from brake_fenicsx.commands import DIRECTORY, SCENE, SET, argument, command, folder_of
+from brake_fenicsx.commands import ALLOW, DIRECTORY, SCENE, SET, argument, command, folder_of
 
 PART = argument("--part", metavar="NAME", help="the part, where the scene has several")
 SUPPORTED = argument("--supported", action="store_true", help="with the supports, springs and"
@@ -13,7 +13,7 @@ SUPPORTED = argument("--supported", action="store_true", help="with the supports
 
 @command(
     "compare the modes of a part of a scene with those of a modal test: frequencies and MAC",
-    SCENE, SET,
+    SCENE, SET, ALLOW,
     argument("test", metavar="TEST.unv", complete="file",
              help="universal file: nodes and modes (55)"),
     PART, SUPPORTED, folder_of("correlation"),
@@ -28,7 +28,7 @@ def correlate(options: Any, comm: Any) -> str:
 
 @command(
     "identify the constants of a part's material from the frequencies of its resonances",
-    SCENE, SET,
+    SCENE, SET, ALLOW,
     argument("--peaks", required=True, metavar="PEAKS.csv", help="table with the column"
              " frequency_hz or frequency_khz, and q, specimen if there are any; or a universal file"
              " of modes (55)"),

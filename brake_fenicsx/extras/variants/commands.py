@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from brake_fenicsx.commands import CACHE, SCENE, SET, argument, command, folder_of
+from brake_fenicsx.commands import ALLOW, CACHE, SCENE, SET, argument, command, folder_of
 
 AFTER_COUNTERMEASURES = """\
 The results folder holds countermeasures.html and .csv, the run of the scene (before/), and one run
@@ -14,7 +14,7 @@ an interrupted search. docs/countermeasures.md says what is searched and how."""
 
 @command(
     "run a scene and its refinements: how much each changes the probability of squeal",
-    SCENE, SET, folder_of("budget"), CACHE,
+    SCENE, SET, ALLOW, folder_of("budget"), CACHE,
     argument("--minutes", type=float, metavar="T",
              help="run only the refinements that fit in this time"),
 )  # fmt: skip
@@ -28,7 +28,7 @@ def budget(options: Any, comm: Any) -> str:
 
 @command(
     "find the smallest change of each of the scene's countermeasures that stops the squeal",
-    SCENE, SET, folder_of("countermeasures"), CACHE, epilog=AFTER_COUNTERMEASURES,
+    SCENE, SET, ALLOW, folder_of("countermeasures"), CACHE, epilog=AFTER_COUNTERMEASURES,
 )  # fmt: skip
 def countermeasures(options: Any, comm: Any) -> str | None:
     """Find what stops the squeal."""
