@@ -4,11 +4,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-<<<<<<<< HEAD:tests/build/test_matrix_series.py
-from brake_fenicsx.build.matrix_series import matrix_series, products
-========
 from brake_fenicsx.macro.matrix_series import matrix_series, products
->>>>>>>> main:tests/macro/test_matrix_series.py
 
 
 def summed(found, x):
