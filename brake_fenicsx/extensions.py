@@ -234,13 +234,14 @@ def own_class(name: str, folder: Path, allowed: bool) -> tuple[Any, list[str]]:
     module, _, attribute = name.partition(":")
     points = [point for point in entry_points(group=OWN) if point.value == name]
     path = folder / f"{module}.py"
-    if not points and path.is_file() and not allowed:
+    there = module.isidentifier() and path.is_file()
+    if not points and there and not allowed:
         raise ValueError(
             f"{path} is code beside the scene; read it, and give --allow-extensions to run it"
         )
-    if not points and not path.is_file():
+    if not points and not there:
         raise ValueError(
-            f"no installed package has it among its entry points {OWN}, and there is no {path};"
+            f"no installed package has it among its entry points {OWN}, and there is no module {path};"
             ' write "module:attribute"'
         )
     try:
