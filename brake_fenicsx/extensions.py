@@ -241,8 +241,8 @@ def own_class(name: str, folder: Path, allowed: bool) -> tuple[Any, list[str]]:
         )
     if not points and not there:
         raise ValueError(
-            f"no installed package has it among its entry points {OWN}, and there is no module {path};"
-            ' write "module:attribute"'
+            f"no installed package has it among its entry points {OWN}, and there is no module"
+            f' {path}; write "module:attribute"'
         )
     try:
         if points:

@@ -12,7 +12,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from brake_fenicsx import prepare, sample
+from brake_fenicsx import prepare
 from brake_fenicsx.cli import main
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import Extensions
@@ -31,6 +31,7 @@ COARSE = [
     "parts.plate.size='20 mm'", "stability.band=['0 Hz','20 kHz']", "stability.method=reduced",
     "samples.n=3",
 ]  # fmt: skip
+RANDOM = f"samples.random.'{FRICTION}'={{ law = 'uniform', spread = 0.1 }}"
 ALLOW = "extensions.allow=true"
 HERE = "test_extensions"  # the module whose classes an installed package names
 OWN = {
@@ -112,14 +113,13 @@ def beside(tmp_path):
 )
 def test_a_scene_and_python_name_the_same_objects(named, given, package):
     """Samples of classes of an installed package, without asking, and of the objects themselves."""
-    more = [*COARSE, f"samples.random.'{FRICTION}'={{ law = 'uniform', spread = 0.1 }}"]
-    more = more if named.startswith("random") else COARSE
+    more = COARSE if named.startswith("friction") else [*COARSE, RANDOM]
     by_scene = prepare(BLOCK, [*more, f"extensions.{named}={OWN[named]}"])
     by_object, plain = prepare(BLOCK, more, extensions=given), prepare(BLOCK, more)
-    for k in (0, 2):
+    for k in (0,) if more is COARSE else (0, 2):
         found, same, without = (m.modes(sample=k).s for m in (by_scene, by_object, plain))
         np.testing.assert_allclose(found, same, rtol=1e-10)
-        assert not np.allclose(found, without, rtol=1e-6)
+        assert found.size != without.size or not np.allclose(found, without, rtol=1e-6)
 
 
 def test_the_contact_law_of_a_run_is_that_beside_the_scene(beside, tmp_path):
@@ -138,28 +138,28 @@ def test_the_contact_law_of_a_run_is_that_beside_the_scene(beside, tmp_path):
 
 
 def test_shares_processes_and_workers_take_the_class(beside, tmp_path):
-    words = [w for text in COARSE for w in ("--set", text)]
-    code = "import sys; from brake_fenicsx.cli import main; sys.exit(main(sys.argv[1:]))"
-    given = [beside, *words, "--allow-extensions"]
-    for k, folder in enumerate(("one", "shares")):
-        command = ["prepare", "run"][: 1 if k else 2]
-        for word in command:
-            assert main([word, *map(str, given), "-o", str(tmp_path / folder)]) == 0
+    changes = [w for text in [*COARSE, RANDOM] for w in ("--set", text)]
+
+    def words(command, folder, *more):
+        given = [command, beside, *changes, "--allow-extensions", "-o", tmp_path / folder, *more]
+        return [str(word) for word in given]
+
+    assert main(words("run", "one")) == 0
+    assert main(words("prepare", "shares")) == 0
     for share in ("1/2", "2/2"):
-        more = ["-o", str(tmp_path / "shares"), "--share", share]
-        assert main(["run", *map(str, given), *more]) == 0
-    assert main(["run", *map(str, given), "-o", str(tmp_path / "shares")]) == 0
+        assert main(words("run", "shares", "--share", share)) == 0
+    assert main(words("run", "shares")) == 0
     folders = ["shares"]
     if (mpirun := shutil.which("mpirun")) is not None:
-        two = [mpirun, "-n", "2", "--oversubscribe", sys.executable, "-c", code, "run"]
-        where = ["-o", tmp_path / "two"]
-        subprocess.run([*two, *map(str, [*given, *where])], check=True, **parallel())
+        two = [mpirun, "-n", "2", "--oversubscribe", sys.executable, "-m", "brake_fenicsx"]
+        subprocess.run([*two, *words("run", "two")], check=True, **parallel())
         folders.append("two")
     whole = read_columns(tmp_path / "one" / "modes.csv")
+    assert {*whole["sample"]} == {0, 1, 2}
     for folder in folders:
         found = read_columns(tmp_path / folder / "modes.csv")
         np.testing.assert_allclose(found["frequency_hz"], whole["frequency_hz"], rtol=1e-9)
-    model = prepare(beside, [*COARSE, ALLOW], tmp_path / "workers")
+    model = prepare(beside, [*COARSE, RANDOM, ALLOW], tmp_path / "workers")
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as workers:
         for record in model.samples(executor=workers):
             own = whole["sample"] == record["sample"]
@@ -180,7 +180,7 @@ def test_shares_processes_and_workers_take_the_class(beside, tmp_path):
             ["extensions.contact={}", "extensions.friction.block_plate={ use='mine:Quadratic', c=1 }",
              ALLOW], "has no method 'coefficient'",
         ),
-        (["extensions.law.block_plate='mine:Quadratic'", ALLOW], r"extensions\.law: unknown key"),
+        (["extensions.law.block_plate='mine:Quadratic'", ALLOW], r"extensions\.law = .*unknown key"),
     ],
 )  # fmt: skip
 def test_what_may_not_run_is_refused_in_one_line(given, said, beside):
@@ -221,16 +221,10 @@ def test_a_part_of_ones_own_in_a_scene(tmp_path):
     from brake_fenicsx.extras.measured.part_modes import part_modes
 
     read = read_scene(scene, [ALLOW])
-    first = part_modes(read, "rod", True, 1).frequency[0]
+    first = part_modes(read, "rod", np.zeros((1, 3)), 10e3, True).frequency[0]
     beam = 1.8751**2 / (2 * np.pi) * np.sqrt(207e9 / 7820.0) * 8e-3 / 2 / 60e-3**2
     assert first == pytest.approx(beam, rel=0.06)
     other = replace(read, own=replace(read.own, marks={}))
     assert result_digest(read) != result_digest(other) and bodies_key(read) != bodies_key(other)
     with pytest.raises(SceneError, match="parts.rod.builder = 'rod': use one of disc"):
         read_scene(scene, ["extensions={}"])
-
-
-def test_sample_of_an_own_law_is_a_plain_function_of_numbers(package):
-    own = f"extensions.contact.block_plate={OWN['contact.block_plate']}"
-    model = prepare(BLOCK, [*COARSE, own])
-    assert not np.allclose(sample(model, {FRICTION: 0.2}).s, sample(model, {FRICTION: 0.5}).s)

@@ -1,4 +1,4 @@
-"""The registry: the core alone, what it says of an extra that is not there, and extras of others."""
+"""The registry: the core alone, what it says of absent extras, and extras of others."""
 
 import os
 import re
