@@ -42,6 +42,10 @@ class OneLaw:
         """See ``Laws``: a formula is known everywhere."""
         return self
 
+    def highest(self, index: Index) -> Array:
+        """See ``Laws``."""
+        return np.full(np.shape(index), getattr(self.law, "highest", np.inf))
+
 
 @dataclass(frozen=True, slots=True)
 class ScaledLaws:
@@ -76,6 +80,10 @@ class ScaledLaws:
         """See ``Laws``."""
         laws = self.laws.up_to(index, np.asarray(p) / self.factor)
         return self if laws is self.laws else replace(self, laws=laws)
+
+    def highest(self, index: Index) -> Array:
+        """See ``Laws``."""
+        return self.factor * self.laws.highest(index)
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +124,10 @@ class JoinedLaws:
         )
         same = all(a is b for a, b in zip(parts, self.parts, strict=True))
         return self if same else replace(self, parts=parts)
+
+    def highest(self, index: Index) -> Array:
+        """See ``Laws``."""
+        return self._each("highest", index)[0]
 
     def _each(self, name: str, index: Index, *d: Array) -> Array:
         """What the part of each element answers, shape (answers, *shape of index)."""

@@ -82,6 +82,9 @@ class Laws(Protocol):
         These laws themselves where they are: a caller that gets others solves again with them.
         """
 
+    def highest(self, index: Index) -> Array:
+        """Pressures [Pa] up to which the laws are known, shape of ``index``; inf for a formula."""
+
 
 class Longer(Protocol):
     """What makes a law of a library again, to a higher pressure."""
@@ -209,6 +212,12 @@ class LawLibrary:
         made = make_library(steps, self.seed.tolist(), self.settings, reach.tolist())
         return replace(made, longer=self.longer)
 
+    def highest(self, index: Index) -> Array:
+        """Pressures [Pa] up to which the laws are known, shape of ``index``."""
+        i = np.asarray(index, dtype=np.intp)
+        last = self.p[i, self.count[i] - 1]
+        return last if self.reach is None else np.minimum(last, self.reach[i])
+
     def at_pressure(self, pressure: float | str) -> LawSteps:
         """Every law at one mean pressure.
 
@@ -278,6 +287,11 @@ class ComputedLaw:
     def first_touch(self) -> float:
         """Separation [m] at which the pressure becomes zero."""
         return float(self.library.first_touch(np.array(self.number)))
+
+    @property
+    def highest(self) -> float:
+        """Pressure [Pa] up to which the law is known."""
+        return float(self.library.highest(np.array(self.number)))
 
     @property
     def steps(self) -> LawSteps:
