@@ -22,11 +22,11 @@ import numpy as np
 import scipy.sparse as sp
 import ufl
 from bench_ensemble import SCENE, study
-from brake_fenicsx.build.interfaces import scene_motion
 from dolfinx import fem
 from dolfinx.fem import petsc as fem_petsc
 
 from brake_fenicsx.build.brake import Brake, assemble_brake
+from brake_fenicsx.build.interfaces import scene_motion
 from brake_fenicsx.build.material_table import layer_materials, scene_materials
 from brake_fenicsx.macro.elasticity import on_free_dofs, sigma
 from brake_fenicsx.macro.faces import Face, gather_face

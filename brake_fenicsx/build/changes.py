@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import scipy.linalg as la
 import scipy.sparse as sp
-from brake_fenicsx.build.distributions import quantile
-from brake_fenicsx.build.interfaces import scene_motion
 from numpy.typing import NDArray
 
 from brake_fenicsx.build.brake import Brake
+from brake_fenicsx.build.distributions import quantile
+from brake_fenicsx.build.interfaces import scene_motion
 from brake_fenicsx.build.material_table import (
     STIFFNESSES,
     by_material,

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.sparse as sp
-from brake_fenicsx.build.interfaces import scene_motion
 from numpy.typing import NDArray
 
 from brake_fenicsx.build.brake import Brake
 from brake_fenicsx.build.damping_terms import mass_share, stiffness_share
+from brake_fenicsx.build.interfaces import scene_motion
 from brake_fenicsx.build.material_table import layer_materials, nominal_value, scene_materials
 from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.friction import Rotation

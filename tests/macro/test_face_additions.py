@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
-from brake_fenicsx.build.bodies import added_to_face
 from scipy.sparse.linalg import spsolve
 
+from brake_fenicsx.build.bodies import added_to_face
 from brake_fenicsx.build.brake import assemble_brake, check_brake
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.elasticity import FaceAddition, assemble_elastic, unit_loads

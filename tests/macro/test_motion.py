@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 import scipy.linalg as la
 import scipy.sparse as sp
-from brake_fenicsx.build.interfaces import scene_motion
 
 from brake_fenicsx.build import brake as brake_module
 from brake_fenicsx.build.brake import assemble_brake
 from brake_fenicsx.build.damping_terms import damping_terms
+from brake_fenicsx.build.interfaces import scene_motion
 from brake_fenicsx.build.inventory import placement_doubts
 from brake_fenicsx.build.part_builders import scene_mesh
 from brake_fenicsx.errors import SceneError

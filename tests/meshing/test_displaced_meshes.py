@@ -9,13 +9,13 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from brake_fenicsx.build.lengths import movement
 from scipy.optimize import brentq
 
 from brake_fenicsx import model
 from brake_fenicsx.build.brake import assemble_brake
 from brake_fenicsx.build.changes import assemble_changes
 from brake_fenicsx.build.damping_terms import damping_terms
+from brake_fenicsx.build.lengths import movement
 from brake_fenicsx.build.part_builders import scene_mesh
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.geometry import block

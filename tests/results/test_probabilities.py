@@ -6,9 +6,9 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from brake_fenicsx.build.distributions import quantile
 from scipy import stats
 
+from brake_fenicsx.build.distributions import quantile
 from brake_fenicsx.results.probabilities import (
     CONVERGENCE,
     PROBABILITIES,

@@ -4,9 +4,9 @@ from functools import partial
 
 import numpy as np
 import pytest
-from brake_fenicsx.build.distributions import quantile
 from scipy import stats
 
+from brake_fenicsx.build.distributions import quantile
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.samples.designs import design_points, design_size, roughness_of
 from brake_fenicsx.scene import Distribution
