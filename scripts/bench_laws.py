@@ -13,8 +13,9 @@ k over that of 804 on one grid), then surfaces drawn on each grid ("drawn": medi
 k). ``range``: the demo's surfaces with and without a hardness; largest error of p, k and v over
 those of the whole law, up to the pressure. ``scans`` reads the folder named by BRAKE_FENICSX_SCANS:
 every window of a scan is pressed, and five artificial surfaces of the same size, spectrum and
-variance; k at p = 1e-4 E* h'_rms over that of the window. ``direction`` reads it too: k and v at 0.2 MPa, with a hardness of 200 MPa, of
-artificial surfaces over those of the scan itself, whole and by quarters, each with its spectrum.
+variance; k at p = 1e-4 E* h'_rms over that of the window. ``direction`` reads it too: k and v at
+0.2 MPa, with a hardness of 200 MPa, of artificial surfaces over those of the scan itself, whole and
+by quarters, each with its spectrum.
 """
 
 from __future__ import annotations
