@@ -36,7 +36,7 @@ def resolution_doubts(scene: Scene, mesh: Mesh) -> Iterator[str]:
     if scene.stability is None or "stability" not in scene.stages or mesh.raw is None:
         return
     end, raw = float(scene.stability.band[1]), mesh.raw
-    materials = layer_materials(scene, scene_materials(scene), list(mesh.layers))
+    materials = layer_materials(scene, mesh.layers)
     for part in raw.parts():
         own = [layer for layer in raw.layers if layer.partition(".")[0] == part]
         thick = {layer: _thickness(raw, layer) for layer in own}

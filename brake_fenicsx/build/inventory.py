@@ -31,7 +31,7 @@ def parts_of(scene: Scene, brake: Brake) -> dict[str, dict[str, Any]]:
     of its nodes.
     """
     mesh = brake.mesh
-    layers = layer_materials(scene, scene_materials(scene), list(mesh.layers))
+    layers = layer_materials(scene, mesh.layers)
     mass = dict.fromkeys(mesh.extents, 0.0)
     for layer, volume in mesh.volumes.items():
         mass[layer.partition(".")[0]] += layers[layer].rho * volume

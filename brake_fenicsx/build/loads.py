@@ -16,7 +16,12 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.elasticity import (
-    COMPONENTS, Elastic, FreeDofs, face_area, stiffness_action, unit_loads,
+    COMPONENTS,
+    Elastic,
+    FreeDofs,
+    face_area,
+    stiffness_action,
+    unit_loads,
 )
 from brake_fenicsx.macro.faces import faces_of_bodies, gather_face
 from brake_fenicsx.macro.mean_motion import mean_displacement, mean_of_nodes, mean_rotation
@@ -130,7 +135,7 @@ def _displaced(scene: Scene, mesh: Mesh, elastic: Elastic, face: str) -> Array:
                     f'{scene.file}: loads."{face}".displacement: moves nodes of {other!r} too, on'
                     f" which {where} acts; move another face, or write a force"
                 )
-    materials = layer_materials(scene, scene_materials(scene), mesh.layers)
+    materials = layer_materials(scene, mesh.layers)
     f = np.zeros(free.size)
     f[: free.local.size] = -stiffness_action(mesh, free, materials, g)[free.local]
     return f

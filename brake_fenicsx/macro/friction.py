@@ -1,4 +1,10 @@
-"""Sliding: direction of the disc's velocity relative to the pad, and Coulomb friction."""
+"""Sliding: direction of the disc's velocity relative to the pad, and Coulomb friction.
+
+Friction has one encoding inside: ``Friction``, for each contact element the coefficient mu at its
+sliding speed V and the slope mu'(V). With the pressure p and the contact stiffness k everything
+else follows from it: the traction mu p of the equilibrium, mu k of its tangent, and of small
+vibrations p mu'(V) along and mu p / V across the sliding direction.
+"""
 
 from __future__ import annotations
 
@@ -105,6 +111,43 @@ def tangent_frame(normal: Array) -> tuple[Array, Array]:
     s = axis - np.einsum("ij,ij->i", axis, normal)[:, None] * normal
     s = s / np.linalg.norm(s, axis=1)[:, None]
     return s, np.cross(normal, s)
+
+
+@dataclass(frozen=True, slots=True)
+class Friction:
+    """Friction of the contact elements, each of shape (elements,).
+
+    Attributes:
+        mu: coefficient at the sliding speed; 0 where the faces stick.
+        slope: mu'(V) [s/m]; 0 where friction does not depend on the speed.
+        speed: sliding speed V [m/s].
+        braking: whether it acts in the equilibrium too, which one may solve without.
+    """
+
+    mu: Array
+    slope: Array
+    speed: Array
+    braking: NDArray[np.bool_]
+
+    @property
+    def equilibrium(self) -> Array:
+        """Coefficients of the equilibrium."""
+        return self.mu * self.braking
+
+    def rates(self, p: Array, turns: bool, falls: bool) -> tuple[Array, Array]:
+        """What slip rates are multiplied by, p mu'(V) along and mu p / V across [Pa s/m].
+
+        Args:
+            p: pressures at equilibrium [Pa].
+            turns: whether friction turns with the direction of sliding; across is zero else.
+            falls: whether it changes with the speed; along is zero else.
+        """
+        along = self.slope * p if falls else np.zeros_like(p)
+        across = np.zeros_like(p)
+        if turns:
+            # Faces that stick have neither speed nor friction.
+            np.divide(self.mu * p, self.speed, out=across, where=self.speed > 0)
+        return along, across
 
 
 def friction_traction(p: Array, mu: float | Array) -> Array:

@@ -98,7 +98,7 @@ def test_half_a_turn_is_nothing_and_a_quarter_is_exact():
 def layers(changes, names=("pad.lining", "pad.plate", "pad.shim", "disc.body")):
     stages = "stages=['surface','micro','equilibrium','uncertainty']"  # where no loss has to act
     scene = read_scene(SCENES / "disc_brake.toml", [stages, *changes])
-    return layer_materials(scene, scene_materials(scene), names)
+    return layer_materials(scene, names)
 
 
 STIFF = "materials.lining={model='orthotropic', rho='2510 kg/m^3', E=['9 GPa','5 GPa','2 GPa'],"
