@@ -9,7 +9,7 @@ from brake_fenicsx.macro.elasticity import Elastic, FaceAddition, assemble_elast
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
 
-from .material_table import layer_materials, scene_materials
+from .material_table import layer_materials
 
 Array = NDArray[np.float64]
 

@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene import Scene
 from brake_fenicsx.macro.condensation import Compliance
 from brake_fenicsx.macro.contact import Contact, join
 from brake_fenicsx.macro.elasticity import Elastic
 from brake_fenicsx.macro.material import Material
 from brake_fenicsx.macro.stuck import Stuck, stick
 from brake_fenicsx.meshing.brake_mesh import Mesh
+from brake_fenicsx.scene import Scene
 
 from .bodies import assemble_bodies, on_matrices
 from .interfaces import check_apart, interface_elements, scene_motion, uncovered, zone_of
@@ -152,8 +152,11 @@ def assemble_brake(scene: Scene, comm: MPI.Comm) -> Brake:
     vectors, sizes = load_vectors(scene, mesh, elastic)
     pressed = pressing(scene, mesh, float(contact.w.sum()))
     moved = lift(scene, mesh, elastic.free)
+    materials = layer_materials(scene, mesh.layers)
     return Brake(
-        mesh, elastic, contact, vectors @ sizes, pressed, vectors, moved, stuck=stuck, faced=faced, materials=layer_materials(scene, mesh.layers),)  # fmt: skip
+        mesh, elastic, contact, vectors @ sizes, pressed, vectors, moved, stuck=stuck,
+        faced=faced, materials=materials,
+    )  # fmt: skip
 
 
 def check_brake(scene: Scene, comm: MPI.Comm) -> None:

@@ -269,8 +269,8 @@ class _Table:
         return {layer: names for names, shape in self.shapes.items() for layer in shape.layers}
 
     def _series(
-        self, lengths: tuple[str, ...], make: Callable[..., sp.csr_matrix], given: Mapping[str, Any],
-        inertia: bool = False,
+        self, lengths: tuple[str, ...], make: Callable[..., sp.csr_matrix],
+        given: Mapping[str, Any], inertia: bool = False,
     ) -> Iterator[tuple[Power, sp.csr_matrix]]:  # fmt: skip
         """Numbers of functions of lengths, and the matrices that they come with."""
         if not given:

@@ -58,7 +58,7 @@ from brake_fenicsx.stability.substructures.substructure import ModalRatio
 
 from .brake import Brake
 from .interfaces import scene_motion
-from .material_table import layer_materials, material_of, scene_materials
+from .material_table import material_of
 
 Array = NDArray[np.float64]
 RAYLEIGH = ("stability.damping.rayleigh.alpha", "stability.damping.rayleigh.beta")

@@ -9,7 +9,6 @@ from itertools import product
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.elasticity import Elastic

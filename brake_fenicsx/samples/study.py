@@ -211,8 +211,10 @@ class Study:
             "equilibrium_iterations": sum(eq.iterations), "equilibrium_residual": eq.residual,
             "equilibrium_seconds": eq.seconds,
         }  # fmt: skip
-        if sample.brake.contact is not self.brake.contact:
-            out["moved"] = moved(sample.brake.contact)
+        contact = sample.brake.contact
+        out["beyond_laws"] = sample.laws.beyond(eq.p, contact.w)
+        if contact is not self.brake.contact:
+            out["moved"] = moved(contact)
         if models.stability is not None:
             from .solve import modes_of_sample
 
