@@ -45,7 +45,7 @@ from .box import Box, softening
 from .brake import Brake
 from .damping_terms import damping_slope, mass_share, stiffness_share
 from .interfaces import scene_motion
-from .lengths import Shapes, lengths_in, shapes_of
+from .lengths import Shape, Shapes, lengths_in, shapes_of
 from .material_table import (
     STIFFNESSES,
     by_material,
@@ -187,10 +187,10 @@ def assemble_changes(scene: Scene, brake: Brake) -> ChangingBodies:
     ranges = {name: box.span(name) for name in filter(is_length, box.names)}
     shapes = shapes_of(scene, brake.mesh, ranges)
     table = _Table(scene, brake, box, shapes)
-    bodies = [*table.moduli(), *table.layers(), *table.masses()]
-    _share_patterns([term.matrix for term in bodies])
-    contact = MovingContact(scene, brake, shapes)
-    return ChangingBodies(scene, box, [*bodies, *table.damping()], shapes, contact)
+    terms = [*table.moduli(), *table.layers()]
+    _share_patterns([term.matrix for term in terms])
+    terms += table.scalars()
+    return ChangingBodies(scene, box, terms, shapes, MovingContact(scene, brake, shapes))
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,126 +204,105 @@ class _Table:
 
     def moduli(self) -> Iterator[Term]:
         """The C_ij that random and swept constants move."""
-        mesh, shaped = self.brake.mesh, self._shaped()
         for material, names in by_material(dict.fromkeys(self.scene.varied)).items():
-            usual = stiffness(self.scene.materials[material])
+            share = partial(stiffness_share, self.scene, material)
             for constant in moved_entries(self.scene, material, [*names]):
-                changes, ij = unit_change(self.scene, mesh, material, constant), VOIGT[constant]
+                changes = unit_change(self.scene, self.brake.mesh, material, constant)
+                amount = partial(Values.moved, material=material, ij=VOIGT[constant])
                 for lengths in ((), *self.shapes):
-                    own = {n: C for n, C in changes.items() if shaped.get(n, ()) == lengths}
-                    for power, A in self._series(lengths, self._stiffness, own):
-                        f = self._function(lengths, power)
-                        multiple = partial(_of_modulus, f, material, ij, float(usual[ij]))
-                        yield Term(A, "K", constant, multiple, self._stiffness_share(material))
+                    own = {n: C for n, C in changes.items() if self._lengths(n) == lengths}
+                    yield from self._rows("K", own, lengths, amount, share, constant)
 
     def layers(self) -> Iterator[Term]:
         """Stiffness, mass and gyroscopic term of layers that a length or a density changes."""
         dense = {split_key(n)[1] for n in self.box.names if split_key(n)[2] == "rho"}
-        shaped, turns = self._shaped(), turning_parts(self.scene)
-        motion, groups = scene_motion(self.scene), dict[Any, Any]()
+        turns, groups = list[str](), dict[Any, Any]()
+        if isinstance(scene_motion(self.scene), Rotation):
+            turns = turning_parts(self.scene)
         for layer, m in self.brake.materials.items():
-            material, lengths = material_of(self.scene, layer), shaped.get(layer, ())
+            material, lengths = material_of(self.scene, layer), self._lengths(layer)
             if lengths or material in dense:
                 groups.setdefault((material, lengths), {})[layer] = m
         for (material, lengths), own in groups.items():
+            # The matrices of the scene have what depends on neither length nor density.
+            fixed, share = material in dense, partial(stiffness_share, self.scene, material)
+            ratio = partial(Values.ratio, name=f"materials.{material}.rho")
             rho = {layer: m.rho for layer, m in own.items()}
-            rows = [("stiffness", self._stiffness, {n: m.C for n, m in own.items()})] * bool(
-                lengths
-            )
-            rows.append(("mass", self._mass, rho))
             turning = {n: value for n, value in rho.items() if n.partition(".")[0] in turns}
-            if turning and isinstance(motion, Rotation):
-                rows.append(("turning", self._turning, turning))
-            for kind, make, given in rows:
-                inertia = kind != "stiffness"
-                for power, A in self._series(lengths, make, given, inertia):
-                    # The matrices of the scene have what depends on neither length nor density.
-                    if not any(power) and not (inertia and material in dense):
-                        continue
-                    multiple = f = self._function(lengths, power, inertia)
-                    if inertia:
-                        multiple = partial(_of_density, f, f"materials.{material}.rho")
-                    yield {
-                        "stiffness": partial(Term, A, "K", "", f, self._stiffness_share(material)),
-                        "mass": partial(Term, A, "M", "", multiple, self._mass_share),
-                        "turning": partial(Term, A, "C", "", multiple, _faster),
-                    }[kind]()
+            C = {layer: m.C for layer, m in own.items()} if lengths else {}
+            yield from self._rows("K", C, lengths, _one, share, fixed=False)
+            yield from self._rows("M", rho, lengths, ratio, self._mass_share, fixed=fixed)
+            faster = partial(Values.ratio, name=SPEED)
+            yield from self._rows("C", turning, lengths, ratio, faster, fixed=fixed)
 
-    def masses(self) -> Iterator[Term]:
-        """Masses on faces."""
+    def scalars(self) -> Iterator[Term]:
+        """Masses on faces, and what the damping alone depends on."""
         for name in self.box.names:
+            amount = partial(Values.value, name=name)
             if split_key(name)[2] == "mass":
-                lumped = self.scene.mesh.mass == "lumped"
-                A = face_mass(self.brake.mesh, self.brake.elastic.free, split_key(name)[1], lumped)
-                yield Term(A, "M", "", partial(_of_scalar, name), self._mass_share)
+                given = self.brake.elastic.free, split_key(name)[1], self._lumped
+                yield Term(face_mass(self.brake.mesh, *given), "M", "", amount, self._mass_share)
+            elif not _in_bodies(name):
+                yield Term(damping_slope(self.scene, self.brake, name), "C", "", amount, _one)
 
-    def damping(self) -> Iterator[Term]:
-        """Scalars that the damping alone depends on."""
-        for name in self.box.names:
-            if not _in_bodies(name):
-                A = damping_slope(self.scene, self.brake, name)
-                yield Term(A, "C", "", partial(_of_scalar, name), _whole)
+    def _rows(
+        self, enters: str, given: Mapping[str, Any], lengths: tuple[str, ...], amount: Of,
+        share: Of, constant: str = "", fixed: bool = True,
+    ) -> Iterator[Term]:  # fmt: skip
+        """A row for each function of some lengths; ``fixed``: for the constant one too.
 
-    def _shaped(self) -> dict[str, tuple[str, ...]]:
-        """Layer -> lengths that change it."""
-        return {layer: names for names, shape in self.shapes.items() for layer in shape.layers}
-
-    def _series(
-        self, lengths: tuple[str, ...], make: Callable[..., sp.csr_matrix],
-        given: Mapping[str, Any], inertia: bool = False,
-    ) -> Iterator[tuple[Power, sp.csr_matrix]]:  # fmt: skip
-        """Numbers of functions of lengths, and the matrices that they come with."""
-        if not given:
+        Args:
+            enters: see ``Term``.
+            given: layer -> stiffness [Pa], or density [kg/m^3].
+            lengths: that the layers follow.
+            amount: what the function is multiplied by.
+            share: see ``Term``.
+            constant: likewise.
+            fixed: see above.
+        """
+        make, shape = partial(self._matrix, enters, given), self.shapes.get(lengths)
+        if not given or (shape is None and not fixed):
             return
-        if (shape := self.shapes.get(lengths)) is None:
-            yield (), make(given)
-            return
-        split = shape.inertia if inertia else shape.stiffness
-        yield from split(self.brake.mesh, partial(make, given)).items()
+        split = {(): make()}
+        if shape is not None:
+            split = (shape.stiffness if enters == "K" else shape.inertia)(self.brake.mesh, make)
+        for power, A in split.items():
+            if fixed or any(power):
+                multiple = partial(_multiple, shape, lengths, power, enters != "K", amount)
+                yield Term(A, enters, constant, multiple, share)
 
-    def _function(self, lengths: tuple[str, ...], power: Power, inertia: bool = False) -> Of:
-        """The function of some lengths with a number."""
-        if (shape := self.shapes.get(lengths)) is None:
-            return _whole
-        return lambda v: shape.factor(power, lengths_in(lengths, shape, v), inertia)
+    def _matrix(self, enters: str, given: Mapping[str, Any]) -> sp.csr_matrix:
+        """Stiffness, gyroscopic term or mass of some layers."""
+        mesh, free, motion = self.brake.mesh, self.brake.elastic.free, scene_motion(self.scene)
+        if enters == "K":
+            return affine_parts(mesh, free, [given])[0]
+        if enters == "C" and isinstance(motion, Rotation):
+            return gyroscopic(mesh, free, given, motion)
+        return sum(layer_masses(mesh, free, given, self._lumped).values())
 
-    def _stiffness(self, C: Mapping[str, Array]) -> sp.csr_matrix:
-        return affine_parts(self.brake.mesh, self.brake.elastic.free, [C])[0]
+    def _lengths(self, layer: str) -> tuple[str, ...]:
+        """Lengths that a layer follows."""
+        return next((names for names, s in self.shapes.items() if layer in s.layers), ())
 
-    def _mass(self, density: Mapping[str, float]) -> sp.csr_matrix:
-        lumped = self.scene.mesh.mass == "lumped"
-        masses = layer_masses(self.brake.mesh, self.brake.elastic.free, density, lumped)
-        return sum(masses.values())
-
-    def _turning(self, density: Mapping[str, float]) -> sp.csr_matrix:
-        motion = scene_motion(self.scene)
-        assert isinstance(motion, Rotation)
-        return gyroscopic(self.brake.mesh, self.brake.elastic.free, density, motion)
-
-    def _stiffness_share(self, material: str) -> Of:
-        return partial(stiffness_share, self.scene, material)
+    @property
+    def _lumped(self) -> bool:
+        return self.scene.mesh.mass == "lumped"
 
     def _mass_share(self, values: Values) -> float:
         return mass_share(self.scene, values)
 
 
-def _of_modulus(f: Of, material: str, ij: tuple[int, int], usual: float, v: Values) -> float:
-    return f(v) * (float(v.stiffness(material)[ij]) - usual)
+def _multiple(
+    shape: Shape | None, lengths: tuple[str, ...], power: Power, inertia: bool, amount: Of,
+    values: Values,
+) -> float:  # fmt: skip
+    """A function of some lengths times an amount."""
+    if shape is None:
+        return amount(values)
+    return shape.factor(power, lengths_in(lengths, shape, values), inertia) * amount(values)
 
 
-def _of_density(f: Of, name: str, v: Values) -> float:
-    return f(v) * v.ratio(name)
-
-
-def _of_scalar(name: str, v: Values) -> float:
-    return v.value(name)
-
-
-def _faster(v: Values) -> float:
-    return v.ratio(SPEED)
-
-
-def _whole(_: Values) -> float:
+def _one(_: Values) -> float:
     return 1.0
 
 

@@ -4,7 +4,8 @@ Pressures and forces are dead: they do not turn with the face.
 
 A force F and a moment m about the centroid of the face are spread as the traction whose virtual
 work is F . mean displacement + m . mean rotation (``macro.mean_motion``): uniform, and linear in
-x, y, z. A displacement g of held dofs, zero elsewhere, gives u = u' + g and the load -K g on the free dofs.
+x, y, z. A displacement g of held dofs, zero elsewhere, gives u = u' + g and the load -K g on the
+free dofs.
 """
 
 from __future__ import annotations

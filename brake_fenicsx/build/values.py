@@ -59,6 +59,12 @@ class Values(dict[str, float]):
         found = self.materials.get(material)
         return stiffness(self.scene.materials[material]) if found is None else found
 
+    def moved(self, material: str, ij: tuple[int, int]) -> float:
+        """C_ij of a material less that in the scene [Pa]."""
+        if material not in self.materials:
+            return 0.0
+        return float((self.materials[material] - stiffness(self.scene.materials[material]))[ij])
+
     @property
     def pressures(self) -> Array:
         """Pressures of the loads [Pa], 1 of a force or a displacement, in the order of the names.

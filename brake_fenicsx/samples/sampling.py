@@ -21,7 +21,7 @@ from brake_fenicsx.build.values import Values
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import FrictionLaw
 from brake_fenicsx.macro.contact import Contact
-from brake_fenicsx.macro.friction import Friction
+from brake_fenicsx.macro.friction import Coefficient, Friction
 from brake_fenicsx.macro.gap import EnrichedGap, draw_critical_gaps, draw_waviness
 from brake_fenicsx.micro import (
     LawSteps,
@@ -154,15 +154,26 @@ def friction_of_contact(contact: Contact, approach: str, values: Values) -> Fric
         approach: of the sample.
         values: of its scalars.
     """
-    scene, interface = values.scene, contact.interface
     speed = contact.speed * values.ratio(SPEED)
-    mu, slope = np.zeros((2, interface.size))
-    for i, name in enumerate(scene.contact):
-        own = interface == i
-        value = values.get(f"contact.{name}.friction", friction_of(scene, approach, name))
-        mu[own], slope[own] = coefficient(value, speed[own])
-    braking = np.array([t.friction_in_equilibrium for t in scene.contact.values()], dtype=bool)
-    return Friction(mu, slope, speed, braking[interface])
+    tables = values.scene.contact.values()
+    braking = np.array([t.friction_in_equilibrium for t in tables], dtype=bool)
+    given = friction_law(contact, approach, values)(speed)
+    return Friction(*given, speed, braking[contact.interface])
+
+
+def friction_law(contact: Contact, approach: str, values: Values) -> Coefficient:
+    """Friction of contact elements by their slip speeds; arguments as above."""
+    scene, interface = values.scene, contact.interface
+
+    def law(speed: Array) -> tuple[Array, Array]:
+        mu, slope = np.zeros((2, *speed.shape))
+        for i, name in enumerate(scene.contact):
+            own = interface == i
+            value = values.get(f"contact.{name}.friction", friction_of(scene, approach, name))
+            mu[own], slope[own] = coefficient(value, speed[own])
+        return mu, slope
+
+    return law
 
 
 def _rough(

@@ -83,7 +83,7 @@ def row(data, kind, parameter=None):
 
 def beside(study, sample):
     """Eigenvalues of another sample, at its own equilibrium."""
-    eq = study.equilibria.of(MULTI, sample, reduced=True)
+    eq = study.balance(sample, reduced=True)
     return modes_of_sample(study.models, sample, eq, by_reduction=True)["s"]
 
 
@@ -103,7 +103,8 @@ def test_friction_and_load_agree_with_samples_beside(studied, case, kind):
 
     def changed(x):
         if kind == "load":
-            return replace(sample, pressures={"block.top": pressure * (1 + x)})
+            values = {**sample.values, "loads.block.top.pressure": pressure * (1 + x)}
+            return replace(sample, brake=study.models.brake.at(values))
         friction = replace(sample.friction, mu=sample.friction.mu + x)
         return replace(sample, friction=friction)
 
@@ -119,7 +120,7 @@ def test_thickness_agrees_with_modes_beside(studied):
     """Central differences of the modes on the bodies alone; the damping follows them."""
     study, data = studied("thick")
     sample, s, key = study.sample((MULTI, 0)), growing(data), "parts.block.height"
-    eq = study.equilibria.of(MULTI, sample, reduced=True)
+    eq = study.balance(sample, reduced=True)
 
     def moved(x):
         own = study.models.brake.at({**sample.values, key: sample.values[key] * (1 + x)})
@@ -201,7 +202,7 @@ def test_a_sample_without_unstable_modes_has_no_drivers(studied, tmp_path):
     study, _ = studied("reduced")
     sample = study.sample((MULTI, 0))
     sample = replace(sample, friction=replace(sample.friction, mu=0 * sample.friction.mu))
-    eq = study.equilibria.of(MULTI, sample, reduced=True)
+    eq = study.balance(sample, reduced=True)
     modes = reduced_modes(study.models, sample, eq)
     partner = np.full(len(modes), -1)
     assert study.drivers.of(sample, eq, True, modes, partner, True) == {}

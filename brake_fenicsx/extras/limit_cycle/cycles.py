@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import InaccurateResult
-from brake_fenicsx.extras.limit_cycle.contact_forces import Coefficient, PatchForces
+from brake_fenicsx.extras.limit_cycle.contact_forces import PeriodForces
 from brake_fenicsx.extras.limit_cycle.sample import Faces, SampleCycles, Settings, cycles_of_modes
 from brake_fenicsx.extras.limit_cycle.sound import nodes_of
 from brake_fenicsx.macro.equilibrium import Equilibrium
 from brake_fenicsx.samples.models import Models
-from brake_fenicsx.samples.sampling import coefficient
+from brake_fenicsx.samples.sampling import friction_law
 from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.friction import PERFECT, friction_of
+from brake_fenicsx.scene.friction import PERFECT
 from brake_fenicsx.stability.modes import Modes
 
 if TYPE_CHECKING:
@@ -75,15 +75,10 @@ class Cycles:
         yields = np.array([
             hard and table.law == "library" and approach not in PERFECT for _, table in tables
         ])  # fmt: skip
-        values = (
-            sample.values.get(f"contact.{name}.friction", friction_of(scene, approach, name))
-            for name, _ in tables
-        )
-        coefficients: tuple[Coefficient, ...] = tuple(partial(coefficient, v) for v in values)
-        forces = PatchForces(
-            sample.laws, yields[interface], sample.brake.contact.w, eq.g, sample.friction.mu,
-            sample.friction.speed, interface, model.rows.followed,
-            coefficients if "T" in model.rows.followed else (),
+        followed, given = model.rows.followed, (sample.brake.contact, approach, sample.values)
+        forces = PeriodForces(
+            sample.laws, yields[interface], sample.brake.contact.w, eq.g, sample.friction,
+            followed, friction_law(*given) if "T" in followed else None,
         )  # fmt: skip
         damped = reduction.damped(approach)
         return SampleCycles(model, sample.brake.point, forces, eq.p > 0, damped)
