@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.build.brake import Brake, scene_motion
+from brake_fenicsx.build.brake import Brake
+from brake_fenicsx.build.interfaces import scene_motion
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.macro.contact import Contact
 from brake_fenicsx.macro.friction import Rotation
