@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene import Scene
 from brake_fenicsx.macro.condensation import Compliance
 from brake_fenicsx.macro.contact import Contact, join
 from brake_fenicsx.macro.elasticity import Elastic
 from brake_fenicsx.macro.stuck import Stuck, stick
 from brake_fenicsx.meshing.brake_mesh import Mesh
+from brake_fenicsx.scene import Scene
 
 from .bodies import assemble_bodies, on_matrices
 from .interfaces import check_apart, interface_elements, scene_motion, uncovered, zone_of

@@ -20,33 +20,36 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.build.brake import Brake
+from brake_fenicsx.build.distributions import quantile
 from brake_fenicsx.build.interfaces import scene_motion
+from brake_fenicsx.build.material_table import (
+    STIFFNESSES,
+    by_material,
+    constants,
+    layer_materials,
+    material_of,
+    nominal_value,
+    scene_materials,
+    stiffness,
+    varied_stiffness,
+)
+from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.macro.elasticity import affine_parts, face_mass
 from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.macro.material import rotate_about_z
-from brake_fenicsx.build.material_table import (
-    STIFFNESSES, constants, layer_materials, material_of, scene_materials, stiffness, varied_stiffness,
-)
-from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.macro.matrix_series import Power
 from brake_fenicsx.macro.stretching import Assembly
+from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.damping import turning_parts
-from brake_fenicsx.scene.faces import faces_by_area
-from brake_fenicsx.scene.parts import FILE_LAYER, layers_of_thickness, length_key
 from brake_fenicsx.scene.samples import is_constant, split_key, unit_of
-from brake_fenicsx.scene.scalars import changes_bodies, is_inertia, is_length
+from brake_fenicsx.scene.scalars import SPEED, changes_bodies, is_inertia, is_length
 from brake_fenicsx.scene.sweep import Range
 
-from brake_fenicsx.build.distributions import quantile
-from brake_fenicsx.build.material_table import by_material
-from brake_fenicsx.build.material_table import nominal_value
 from .lengths import Shapes, lengths_in, shapes_of
 from .moving_contact import MovingContact
-from brake_fenicsx.scene.scalars import SPEED
 
 if TYPE_CHECKING:
     from brake_fenicsx.stability.substructures import Parameters

@@ -16,7 +16,12 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.elasticity import (
-    COMPONENTS, Elastic, FreeDofs, face_area, stiffness_action, unit_loads,
+    COMPONENTS,
+    Elastic,
+    FreeDofs,
+    face_area,
+    stiffness_action,
+    unit_loads,
 )
 from brake_fenicsx.macro.faces import faces_of_bodies, gather_face
 from brake_fenicsx.macro.mean_motion import mean_displacement, mean_of_nodes, mean_rotation

@@ -28,13 +28,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.macro.material import (
+    Material,
+    engineering_constants,
+    isotropic,
+    orthotropic,
+    orthotropic_stiffness,
+    rotate_about_z,
+    transversely_isotropic,
+)
 from brake_fenicsx.scene import MaterialTable, Scene
 from brake_fenicsx.scene.samples import is_constant, split_key
 from brake_fenicsx.scene.scalars import written_value
-
-from brake_fenicsx.macro.material import (
-    Material, engineering_constants, isotropic, orthotropic, orthotropic_stiffness, rotate_about_z, transversely_isotropic,
-)
 
 Array = NDArray[np.float64]
 Value = TypeVar("Value")
