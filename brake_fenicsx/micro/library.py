@@ -76,7 +76,10 @@ class LawRecipe:
             steps = self.law(seed, number, pressure)
             return steps, self.reach(steps, pressure)
 
-        return lambda number, pressure: made(number, ceil(log2(pressure / 1e6)) + 1)
+        def longer(number: int, pressure: float) -> tuple[LawSteps, float]:
+            return made(number, ceil(log2(min(pressure, self.settings.highest) / 1e6)) + 1)
+
+        return longer
 
     def record(self) -> dict[str, Any]:
         """What the laws were made with, for the record on disk."""
