@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from brake_fenicsx.build.box import Box
 from brake_fenicsx.build.damping_terms import with_modal_damping
 from brake_fenicsx.build.parametric import ParametricBrake
-from brake_fenicsx.build.shapes import body_centres
 from brake_fenicsx.build.values import Values
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
 from brake_fenicsx.folder.cache import SharedCache
@@ -33,7 +32,7 @@ from brake_fenicsx.scene.digest import bodies_key
 from brake_fenicsx.scene.scalars import changes_bodies, si_unit
 from brake_fenicsx.scene.units import quantity_text
 
-from .numbering import Numbering, dof_points
+from .numbering import Numbering, body_centres, dof_points
 from .sampling import friction_of_contact
 
 if TYPE_CHECKING:
