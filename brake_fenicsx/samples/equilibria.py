@@ -27,7 +27,7 @@ from brake_fenicsx.macro.solver import Factor
 from .models import Models
 
 if TYPE_CHECKING:
-    from .sampling import Sample
+    from .sampling import SampleInput
 
 Array = NDArray[np.float64]
 
@@ -46,7 +46,9 @@ class Equilibria:
     steps: int
     tolerance: float
 
-    def of(self, sample: Sample, reduced: bool = False, start: Array | None = None) -> Equilibrium:
+    def of(
+        self, sample: SampleInput, reduced: bool = False, start: Array | None = None
+    ) -> Equilibrium:
         """Equilibrium of a sample.
 
         Args:
@@ -81,7 +83,9 @@ class Equilibria:
                 failed = error
         return raised_friction(bodies, laws, mu, failed, self.tolerance)
 
-    def bodies(self, sample: Sample, reduced: bool, sizes: Array | None = None) -> BodyOperators:
+    def bodies(
+        self, sample: SampleInput, reduced: bool, sizes: Array | None = None
+    ) -> BodyOperators:
         """The bodies of a sample under its loads.
 
         Args:
@@ -103,7 +107,9 @@ class Equilibria:
             own.factor.destroy()
         return replace(bodies, compliance=replace(own, factor=None))
 
-    def displacements(self, given: Sequence[tuple[Sample, Mapping[str, Any]]]) -> Iterator[Array]:
+    def displacements(
+        self, given: Sequence[tuple[SampleInput, Mapping[str, Any]]]
+    ) -> Iterator[Array]:
         """Displacements of stored equilibria [m], shape (dofs,) each.
 
         Args:
@@ -127,7 +133,7 @@ class Equilibria:
         for factor in shared:
             factor.destroy()
 
-    def _under_loads(self, sample: Sample, sizes: Array | None = None) -> BodyOperators:
+    def _under_loads(self, sample: SampleInput, sizes: Array | None = None) -> BodyOperators:
         """The scene's bodies under the loads of a sample; arguments as above."""
         b, sizes = sample.brake.contact, sample.brake.pressures if sizes is None else sizes
         f = self.models.brake.unit_loads @ sizes

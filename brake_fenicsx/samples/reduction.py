@@ -42,7 +42,7 @@ if TYPE_CHECKING:
         ReducedModel,
     )
 
-    from .sampling import Sample
+    from .sampling import SampleInput
 
 Array = NDArray[np.float64]
 
@@ -106,13 +106,13 @@ class Reduction:
         """Whether damping acts in an approach's samples."""
         return bool(active_terms(self._scene, approach))
 
-    def of(self, sample: Sample) -> ReducedModel:
+    def of(self, sample: SampleInput) -> ReducedModel:
         """The model of a sample that a reduced model takes."""
         return self.models[self.damped(sample.approach)]
 
-    def takes(self, sample: Sample) -> bool:
+    def takes(self, sample: SampleInput) -> bool:
         """Whether a reduced model takes a sample: its bodies lie in the box."""
-        changes, approach = sample.brake.brake.changes, sample.approach
+        changes, approach = sample.brake.reference.changes, sample.approach
         if changes is not None:
             changes.check_range(sample.values)
         if not self.by_reduction[approach]:
