@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.build.shapes import FILE as SHAPES
-from brake_fenicsx.build.shapes import family_shapes
 from brake_fenicsx.extensions import extras, load, named
 from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.folder.processes import on_first
 from brake_fenicsx.folder.sample_files import Task
 from brake_fenicsx.folder.store import Store
 from brake_fenicsx.macro.contact import Contact
+from brake_fenicsx.results.family_shapes import FILE as SHAPES
+from brake_fenicsx.results.family_shapes import family_shapes
 from brake_fenicsx.samples.forces import contact_of, force_statistics
 from brake_fenicsx.samples.numbering import dof_points
 from brake_fenicsx.samples.study import Study
@@ -347,6 +347,6 @@ def _tables(
 def _write_shapes(study: Study, points: NDArray[np.float64], results: Results) -> None:
     """Shapes of the families that squeal, for comparisons with other runs."""
     if known := results.squealing_members():
-        u = study.models.shapes(np.array([*known.values()]).T)
+        u = study.models.coordinates.displacements(np.array([*known.values()]).T)
         body = study.models.numbering.body
         study.store.save(SHAPES, **family_shapes(points, body, u, np.array([*known])))
