@@ -5,21 +5,51 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import Extensions, own_class
 from brake_fenicsx.scene.damping import Damping
-from brake_fenicsx.scene.own import ExtensionsTable
 from brake_fenicsx.scene.scalars import check_scalar
 from brake_fenicsx.scene.sections import Scene
-from brake_fenicsx.scene.tables import dotted, read_table, shown
+from brake_fenicsx.scene.tables import dotted, key, read_table, shown
+
+if TYPE_CHECKING:
+    from brake_fenicsx.scene.sections import Scene
 
 # What objects of each kind must do.
 METHODS = {
     "contact": ("pressure", "stiffness", "vibration"), "friction": ("coefficient",),
     "damping": ("matrix",), "random": ("quantile",),
 }  # fmt: skip
+
+
+# Names -> "module:attribute", or a table with it under ``use`` beside arguments.
+NAMES = {"type": lambda: dict[str, str | dict[str, Any]]}
+
+
+@dataclass(frozen=True, slots=True)
+class ExtensionsTable:
+    """[extensions]: classes of installed packages ([developer_guide.md](developer_guide.md)).
+
+    Attributes:
+        contact: interface -> contact law, "module:Class" or a table with ``use = "module:Class"``
+            and the arguments of the class, in SI units.
+        friction: sliding interface -> friction law.
+        damping: any name -> damping term of the bodies.
+        random: dotted key of a random input -> its law.
+        builders: name for ``parts.NAME.builder`` -> dataclass of its parameters.
+        figures: name of a figure of the page -> function that draws it.
+        allow: code beside the scene may run; for the command line alone, ``--allow-extensions``.
+    """
+
+    contact: dict[str, Any] = field(default_factory=dict, metadata=NAMES)
+    friction: dict[str, Any] = field(default_factory=dict, metadata=NAMES)
+    damping: dict[str, Any] = field(default_factory=dict, metadata=NAMES)
+    random: dict[str, Any] = field(default_factory=dict, metadata=NAMES)
+    builders: dict[str, Any] = field(default_factory=dict, metadata=NAMES)
+    figures: dict[str, Any] = field(default_factory=dict, metadata=NAMES)
+    allow: bool = key(default=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +83,8 @@ def own_objects(table: Mapping[str, Any], folder: Path) -> tuple[Extensions, dic
             if kind != "figures":
                 marks[f"{kind}.{name}"] = [given, *about]
     builders = made.pop("builders")
-    return Extensions(**{**made, "damping": [*made["damping"].values()], "marks": marks}), builders
+    objects: dict[str, Any] = {**made, "damping": [*made["damping"].values()], "marks": marks}
+    return Extensions(**objects), builders
 
 
 def with_objects(scene: Scene, own: Extensions) -> Scene:

@@ -22,7 +22,7 @@ from brake_fenicsx.scene.contact import ContactTable
 from brake_fenicsx.scene.damping import Damping
 from brake_fenicsx.scene.faces import AddedMass, Load, Spring, Tie, supports_type
 from brake_fenicsx.scene.mesh import MeshTable
-from brake_fenicsx.scene.own import ExtensionsTable
+from brake_fenicsx.scene.objects import ExtensionsTable
 from brake_fenicsx.scene.parts import Part, parts_type
 from brake_fenicsx.scene.samples import Samples
 from brake_fenicsx.scene.surface import Micro, Surface
@@ -266,7 +266,7 @@ def scene_type(builders: tuple[tuple[str, Any], ...] = ()) -> type[Scene]:
         builders: names and dataclasses of builders of a user's own.
     """
     about = {"type": partial(parts_type, dict(builders))}
-    parts = field(default_factory=dict, metadata=about)
+    parts: Any = field(default_factory=dict, metadata=about)
     more: list[tuple[str, Any, Any]] = [("parts", dict[str, Part], parts)]
     for key_, name in ((k, n) for extra in extras() for k, n in extra.sections.items()):
         hint = load(name)
