@@ -11,7 +11,6 @@ from brake_fenicsx.errors import SceneError
 from brake_fenicsx.extensions import Extensions, own_class
 from brake_fenicsx.scene.damping import Damping
 from brake_fenicsx.scene.scalars import check_scalar
-from brake_fenicsx.scene.sections import Scene
 from brake_fenicsx.scene.tables import dotted, key, read_table, shown
 
 if TYPE_CHECKING:
