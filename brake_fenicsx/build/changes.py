@@ -186,7 +186,7 @@ def assemble_changes(scene: Scene, brake: Brake) -> ChangingBodies:
     box = Box(scene)
     ranges = {name: box.span(name) for name in filter(is_length, box.names)}
     shapes = shapes_of(scene, brake.mesh, ranges)
-    table = _Table(scene, brake, box, shapes)
+    table = _Rows(scene, brake, box, shapes)
     terms = [*table.moduli(), *table.layers()]
     _share_patterns([term.matrix for term in terms])
     terms += table.scalars()
@@ -194,7 +194,7 @@ def assemble_changes(scene: Scene, brake: Brake) -> ChangingBodies:
 
 
 @dataclass(frozen=True, slots=True)
-class _Table:
+class _Rows:
     """Rows of the table, kind by kind."""
 
     scene: Scene

@@ -55,7 +55,7 @@ HARMONICS = 3.0
 LAYOUT = 11
 
 
-class Reduction:
+class ReducedModels:
     """Reduced models of a study.
 
     Attributes:
