@@ -263,7 +263,7 @@ class _Rows:
         make, shape = partial(self._matrix, enters, given), self.shapes.get(lengths)
         if not given or (shape is None and not fixed):
             return
-        split = {(): make()}
+        split: dict[Power, sp.csr_matrix] = {(): make()}
         if shape is not None:
             split = (shape.stiffness if enters == "K" else shape.inertia)(self.brake.mesh, make)
         for power, A in split.items():
