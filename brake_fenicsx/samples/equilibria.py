@@ -48,8 +48,8 @@ class Equilibria:
 
     def of(
         self, sample: SampleInput, reduced: bool = False, start: Array | None = None
-    ) -> Equilibrium:
-        """Equilibrium of a sample.
+    ) -> tuple[SampleInput, Equilibrium]:
+        """Equilibrium of a sample, and the sample with laws that are known at its pressures.
 
         Args:
             sample: the sample.
@@ -60,6 +60,15 @@ class Equilibria:
             NotConverged: neither the full load at once nor the scene's ramp converges, nor is
                 there an equilibrium that can be followed from the one without friction.
         """
+        while True:
+            found = self._with(sample, reduced, start)
+            laws = sample.laws.up_to(found.p)
+            if laws is sample.laws:
+                return sample, found
+            sample = replace(sample, laws=laws)
+
+    def _with(self, sample: SampleInput, reduced: bool, start: Array | None) -> Equilibrium:
+        """Equilibrium with the laws of a sample as they are; arguments and errors as above."""
         laws, mu = sample.laws, sample.friction.equilibrium
         change = None if reduced else sample.brake.stiffness_change
         if change is not None and sample.brake.contact is self.models.brake.contact:

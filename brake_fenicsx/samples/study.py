@@ -203,7 +203,7 @@ class Study:
         k, models, own = task[1], self.models, task[0] != VERIFY
         reduced = own and models.reduction.takes(sample)
         start = self._first_gaps(sample.approach) if k and reduced else None
-        eq = self.balance(sample, reduced, start)
+        sample, eq = self._prepared.of(sample, reduced, start)
         out: dict[str, Any] = {
             "mu_equilibrium": sample.friction.equilibrium,
             "g": eq.g, "g_cr": sample.laws.g_cr, "p": eq.p, "k": eq.k,
@@ -267,7 +267,7 @@ class Study:
                 )
         sample = self.sample(task, values)
         reduced = models.reduction.takes(sample)
-        eq = self.balance(sample, reduced, start)
+        sample, eq = self._prepared.of(sample, reduced, start)
         if reduced:
             return eq, reduced_modes(models, sample, eq, line)
         modes = full_modes(models, sample, eq)
@@ -322,7 +322,7 @@ class Study:
         self, sample: SampleInput, reduced: bool = False, start: Array | None = None
     ) -> Equilibrium:
         """Braking equilibrium of a sample; see ``Equilibria.of``."""
-        return self._prepared.of(sample, reduced, start)
+        return self._prepared.of(sample, reduced, start)[1]
 
     def stored(self, task: Task) -> dict[str, Any]:
         """What was stored of a sample."""
