@@ -154,14 +154,11 @@ def _run(options: argparse.Namespace, petsc: Sequence[str], comm: Any) -> None:
         describe(options.scene, comm, options.set, options.json, options.quiet)
     elif options.command == "countermeasures":
         from brake_fenicsx.extras.variants.countermeasures import find_countermeasures
-        from brake_fenicsx.extras.variants.countermeasures_page import countermeasures_text
-        from brake_fenicsx.results.tables import read_rows
 
         found = find_countermeasures(
             options.scene, comm, options.directory, options.set, options.cache
         )
         if comm.rank == 0 and found is not None:
-            print(countermeasures_text(read_rows(found.with_suffix(".csv"))))
             print(f"open {found}")
     elif comm.rank == 0 and options.command == "schema":
         from brake_fenicsx.scene import Scene

@@ -13,17 +13,17 @@ from numpy.typing import NDArray
 
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.friction import slides
-
 from brake_fenicsx.macro.condensation import Compliance
 from brake_fenicsx.macro.contact import Contact, contact_elements, join
 from brake_fenicsx.macro.elasticity import Elastic, FreeDofs, assemble_elastic
 from brake_fenicsx.macro.friction import Motion, Rotation, Translation
 from brake_fenicsx.macro.joints import added_to_face
 from brake_fenicsx.macro.loads import lift, load_vectors, pressing
-from .material_table import layer_materials, scene_materials
 from brake_fenicsx.meshing.brake_mesh import Mesh
+from brake_fenicsx.scene import Scene
+from brake_fenicsx.scene.friction import slides
+
+from .material_table import layer_materials, scene_materials
 from .part_builders import check_mesh, scene_mesh
 
 if TYPE_CHECKING:

@@ -66,16 +66,15 @@ from dolfinx.fem import petsc as fem_petsc
 from numpy.typing import NDArray
 
 from brake_fenicsx import compat
-from brake_fenicsx.errors import SceneError
 from brake_fenicsx.build.brake import Brake, scene_motion
+from brake_fenicsx.build.material_table import layer_material, layer_materials, scene_materials
+from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.elasticity import FreeDofs, affine_parts, on_free_dofs
 from brake_fenicsx.macro.friction import Rotation
-from brake_fenicsx.build.material_table import layer_material, layer_materials, scene_materials
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.damping import Damping, ModalDamping, turning_parts
 from brake_fenicsx.scene.samples import split_key
-
 from brake_fenicsx.stability.substructures import Substructure
 from brake_fenicsx.stability.substructures.substructure import ModalRatio
 

@@ -28,11 +28,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene import MaterialTable, Scene
-
 from brake_fenicsx.macro.material import (
-    Material, engineering_constants, isotropic, orthotropic, orthotropic_stiffness, rotate_about_z, transversely_isotropic,
+    Material,
+    engineering_constants,
+    isotropic,
+    orthotropic,
+    orthotropic_stiffness,
+    rotate_about_z,
+    transversely_isotropic,
 )
+from brake_fenicsx.scene import MaterialTable, Scene
 
 Array = NDArray[np.float64]
 DIGITS = "0123456789"

@@ -16,10 +16,10 @@ from mpi4py import MPI
 import numpy as np
 from numpy.typing import NDArray
 
-from brake_fenicsx.errors import SceneError
 from brake_fenicsx.build.brake import Brake, interface_elements
-from brake_fenicsx.macro.contact import Contact, join, restricted
 from brake_fenicsx.build.morphing import Moving
+from brake_fenicsx.errors import SceneError
+from brake_fenicsx.macro.contact import Contact, join, restricted
 from brake_fenicsx.scene import Scene
 
 Array = NDArray[np.float64]

@@ -8,15 +8,22 @@ from importlib import import_module
 from mpi4py import MPI
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.scene import Scene
-
+from brake_fenicsx.extras.decks.superelement import set_names
 from brake_fenicsx.meshing.brake_mesh import (
-    Builder, Mesh, check_cells, check_faces, known_names, on_rank_0, raw_mesh, tagged_mesh,
+    Builder,
+    Mesh,
+    check_cells,
+    check_faces,
+    known_names,
+    on_rank_0,
+    raw_mesh,
+    tagged_mesh,
 )
 from brake_fenicsx.meshing.gmsh_mesh import gmsh_session
 from brake_fenicsx.meshing.rawmesh import RawMesh, joined
+from brake_fenicsx.scene import Scene
+
 from .morphing import file_mesh
-from brake_fenicsx.extras.decks.superelement import set_names
 
 
 def scene_parts(scene: Scene) -> dict[str, Builder]:

@@ -4,15 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from brake_fenicsx.results.accuracy import (
-    ERROR_COLUMNS,
-    SPEED_COLUMNS,
-    error_rows,
-    speed_rows,
-    stage_rows,
-)
+from brake_fenicsx.results.accuracy import ErrorRow, SpeedRow, error_rows, speed_rows, stage_rows
 from brake_fenicsx.results.run import RunData
-from brake_fenicsx.results.tables import Value
+from brake_fenicsx.results.tables import Row, Value
+from brake_fenicsx.results.tables import Table as Rows
 
 from .blocks import Block, Heading, Picture, Preformatted, Section, Special, Table, Text, pairs
 from .figure_blocks import figures
@@ -59,19 +54,17 @@ def appendix_sections(run: RunData, cards: Sequence[Card] = ()) -> list[Section]
 def _accuracy(run: RunData) -> list[Block]:
     blocks: list[Block] = []
     if stages := stage_rows(run.summary):
-        seconds = [float(row[1]) for row in stages if isinstance(row[1], int | float)]
-        whole: list[Value] = ["sum", sum(seconds), None]
-        blocks.append(Table(["stage", "time [s]", "peak memory [MB]"], [*stages, whole]))
+        rows: list[list[Value]] = [[r.stage, r.seconds, r.peak_memory_mb] for r in stages]
+        rows.append(["sum", sum(r.seconds for r in stages if r.seconds is not None), None])
+        blocks.append(Table(["stage", "time [s]", "peak memory [MB]"], rows))
         blocks.append(Text(
             "Times of the last run only; stages reused from earlier runs count as zero. Times per"
             " sample are medians over all samples."
         ))  # fmt: skip
     if speed := speed_rows(run):
-        heads = [SPEED_HEADS.get(name, name.replace("_", " ")) for name in SPEED_COLUMNS]
-        blocks.append(Table(heads, [[run.label(str(row[0])), *row[1:]] for row in speed]))
+        blocks.append(_table(run, SpeedRow, speed))
     if errors := error_rows(run):
-        heads = [name.replace("_", " ") for name in ERROR_COLUMNS]
-        blocks.append(Table(heads, [[run.label(str(row[0])), *row[1:]] for row in errors]))
+        blocks.append(_table(run, ErrorRow, errors))
         blocks.append(Text(
             "Errors are relative error estimates of the eigenvalues; the condition number of an"
             " eigenvalue relates them to the backward error: error = backward error x condition."
@@ -79,6 +72,13 @@ def _accuracy(run: RunData) -> list[Block]:
     rest = {key: value for key, value in run.summary.items() if key not in SHOWN}
     facts: list[Block] = [pairs("quantity", rest, digits=6)] if rest else []
     return [*blocks, *figures(run, "eigenvalue_errors"), *facts]
+
+
+def _table(run: RunData, kind: type[Row], rows: Sequence[Row]) -> Table:
+    """Rows by approach, under the names of their columns."""
+    heads = [SPEED_HEADS.get(name, name.replace("_", " ")) for name in kind.names()]
+    cells = Rows.of(kind, rows).cells
+    return Table(heads, [[run.label(str(row[0])), *row[1:]] for row in cells])
 
 
 def _settings(run: RunData) -> list[Block]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from brake_fenicsx.results.run import RunData
@@ -53,10 +51,12 @@ def input_blocks(run: RunData) -> list[Block]:
     """Which inputs move the growth rate, and the probabilities of the most severe families."""
     rows: list[list[Value]] = [
         [
-            run.label(str(row[0])), row[1], share_text(row[2:5]), *row[5:7], row[7] or None,
-            interval_text(row[8:11]), *(percent(v) for v in row[11:]),
+            run.label(approach), where, share_text(row["probability"], row["low"], row["high"]),
+            _number(row["median_damping"]), row["above_limit"], row["dominant_input"] or None,
+            interval_text(*(row[f"correlation{end}"] for end in ("", "_low", "_high"))),
+            *(percent(value) for name, value in row.items() if name.startswith("share_")),
         ]
-        for row in cause_rows(run, rows_of_each(run))
+        for approach, where, row in cause_rows(run, rows_of_each(run))
     ]  # fmt: skip
     heads = [
         "approach", "where", f"probability of squeal ({run.criterion})", "median damping [-]",
@@ -93,12 +93,15 @@ def _censored(value: float) -> str:
     return f"{value:.4g}" if np.isfinite(value) else "-"
 
 
-def interval_text(values: Sequence[Value]) -> str | None:
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def interval_text(*values: float) -> str | None:
     """A number with its interval; None without."""
-    numbers = [float(v) for v in values if isinstance(v, float)]
-    return "{:.2f} ({:.2f} to {:.2f})".format(*numbers) if len(numbers) == 3 else None
+    return "{:.2f} ({:.2f} to {:.2f})".format(*values) if np.all(np.isfinite(values)) else None
 
 
-def percent(value: Value) -> str | None:
+def percent(value: float) -> str | None:
     """A share in per cent, without "-0 %"."""
-    return f"{round(100 * value) + 0} %" if isinstance(value, float) else None
+    return f"{round(100 * value) + 0} %" if np.isfinite(value) else None

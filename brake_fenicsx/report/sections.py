@@ -87,9 +87,10 @@ def _approaches(run: RunData) -> Table:
         f"squeal modes ({run.criterion})", "squeal samples", "share of squeal samples",
     ]  # fmt: skip
     rows = [
-        [run.label(str(row[0])), *row[1:6], *row[7:9], share_text(row[9:12])]
-        for row in approach_rows(run)
-    ]
+        [run.label(r.approach), r.samples, r.failed, r.modes, r.unstable_modes, r.neutral_modes,
+         r.squeal_modes, r.squeal_samples, share_text(r.share, r.share_low, r.share_high)]
+        for r in approach_rows(run)
+    ]  # fmt: skip
     return Table(heads, rows)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.statistics import Correlation, rank_correlation
-from brake_fenicsx.results.tables import SAMPLES, Columns, read_columns, rows_of
+from brake_fenicsx.results.tables import SAMPLES, Columns, rows_of
 
 from .style import BLACK, CYCLE, label, light_grid, look, new_figure
 
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 HATCHES = ("", "///", "...", "xxx", "\\\\\\")  # told apart without colours
-NEEDED = ("approach", "scope", "where", "frequency_hz", "outcome", "input", "first", "total")
 NO_INPUT = (*SAMPLES, "rejected", "tolerance_missed")  # columns of samples.csv
 FEWEST = 10  # samples below which a correlation says nothing
 
@@ -26,17 +25,14 @@ def draw_sensitivity(run: RunData, most: int = 6) -> Figure | None:
     """Bars of the indices of growth: the whole band, then the most severe families.
 
     Args:
-        run: the results; ``sensitivity.csv`` of its folder is read.
+        run: the results.
         most: groups of bars for each approach.
 
     Returns:
         One panel per approach; None where no index is known.
     """
-    path = run.directory / "sensitivity.csv"
-    if not path.is_file():
-        return None
-    table = read_columns(path, NEEDED)
-    if not table["approach"].size:
+    table = run.causes.get("sensitivity")
+    if table is None or not table["approach"].size:
         return None
     known = (table["outcome"] == "growth") & np.isfinite(table["first"].astype(float))
     table = rows_of(table, known)
@@ -47,7 +43,7 @@ def draw_sensitivity(run: RunData, most: int = 6) -> Figure | None:
     for axis, name in zip(axes.flat, names, strict=True):
         own = table["approach"] == name
         _draw(axis, rows_of(table, own), most)
-        samples = f", {table['samples'][own][0]} samples" if "samples" in table else ""
+        samples = f", {table['samples'][own][0]} samples"
         axis.set_title(f"{label(run, name)}: {table['method'][own][0]}{samples}")
     axes[0, 0].legend(fontsize=7.5, ncols=2, loc="lower left", bbox_to_anchor=(0.0, 1.1))
     return figure

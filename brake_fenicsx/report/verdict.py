@@ -204,9 +204,12 @@ def _limits(run: RunData, c: ApproachCount) -> list[Block]:
     """What squeals at each limit of the damping."""
     what = "samples that squeal" if c.samples > 1 else "squeal modes"
     rows: list[list[Value]] = []
-    for _, name, limit, modes, hits, n, *share in limit_rows(run, [c.approach]):
-        counted = f"{hits} of {n}: {share_text(share)}" if c.samples > 1 else str(modes)
-        rows.append([name, f"{limit:g}", counted])
+    for r in limit_rows(run, [c.approach]):
+        share = share_text(r.share, r.share_low, r.share_high)
+        counted = f"{r.squeal_samples} of {r.samples}: {share}"
+        rows.append([
+            r.limit, f"{r.damping_below:g}", counted if c.samples > 1 else str(r.squeal_modes)
+        ])  # fmt: skip
     return [Table(["limit", "damping below", what], rows)] if rows else []
 
 

@@ -29,7 +29,7 @@ from brake_fenicsx.surface.waviness import Waviness
 
 from .ensemble import run_ensemble
 from .equilibria import Equilibria
-from .forces import moved
+from .forces import forces_of_sample, mean_friction, moved
 from .inputs import PERFECT, note_laws, points_of
 from .models import Models
 from .sampling import SampleInput, draw_sample, sample_count, sample_seed
@@ -171,7 +171,8 @@ class Study:
             sample = self._draw(self.verified if approach == VERIFY else approach, k)
             names = sorted(sample.random)
             known |= {
-                "mu": sample.mu, "random_names": np.array(names, dtype=str),
+                "mu": sample.mu, "mean_mu": mean_friction(self.brake.contact, sample.mu),
+                "random_names": np.array(names, dtype=str),
                 "random": np.array([sample.random[n] for n in names]),
             }  # fmt: skip
             if sample.random:
@@ -214,6 +215,7 @@ class Study:
         }  # fmt: skip
         if (contact := models.contact(sample.random)) is not self.brake.contact:
             out["moved"] = moved(contact)
+        out["forces"] = forces_of_sample(self.scene, contact, eq.p, sample.mu)
         if models.stability is not None:
             from .solve import modes_of_sample
 

@@ -9,12 +9,12 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from brake_fenicsx.description import describe
 from brake_fenicsx.build.brake import assemble_brake
+from brake_fenicsx.build.inventory import interfaces_of, parts_of, placement_doubts
+from brake_fenicsx.description import describe
 from brake_fenicsx.macro.contact import contact_elements
 from brake_fenicsx.macro.elasticity import assemble_elastic
 from brake_fenicsx.macro.friction import Rotation
-from brake_fenicsx.build.inventory import interfaces_of, parts_of, placement_doubts
 from brake_fenicsx.macro.material import Material, isotropic
 from brake_fenicsx.meshing.brake_mesh import tagged_mesh
 from brake_fenicsx.meshing.quality import volumes

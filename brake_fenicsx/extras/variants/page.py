@@ -152,7 +152,7 @@ def share_of(value: Value, samples: Value) -> str:
 def with_interval(row: Row, name: str) -> str:
     """A share of a row in per cent, with its interval where the row has one."""
     values = [row[name], row[f"{name}_low"], row[f"{name}_high"]]
-    text = share_text(values)
+    text = share_text(*values)
     return text if text != "-" or values[0] is None else f"{100 * float(values[0]):.0f} %"
 
 
