@@ -145,11 +145,13 @@ class TwoBlocks:
         from brake_fenicsx.macro.friction import Translation
         from brake_fenicsx.macro.material import Material, isotropic, transversely_isotropic
         from brake_fenicsx.meshing.brake_mesh import build_mesh
-        from brake_fenicsx.scene.mesh import MeshTable
+        from brake_fenicsx.meshing.gmsh_mesh import MeshSettings
 
         self.comm = comm
         self.parts = {"pad": (block, block.Block(**pad)), "plate": (block, block.Block(**plate))}
-        self.mesh = build_mesh(self.parts, comm, MeshTable(cells=cells)) if mesh is None else mesh
+        self.mesh = (
+            build_mesh(self.parts, comm, MeshSettings(cells=cells)) if mesh is None else mesh
+        )
         self.materials = {
             "pad.body": Material(transversely_isotropic(*self.LINING), 2510.0),
             "plate.body": Material(isotropic(125e9, 0.24), 7200.0),

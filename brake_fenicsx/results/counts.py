@@ -64,6 +64,8 @@ def _approach(
         }  # fmt: skip
     if rejected := values("rejected"):
         about["rejected_draws"] = sum(map(int, rejected))
+    if beyond := max(map(float, values("beyond_laws")), default=0.0):
+        about["force_share_beyond_laws"] = beyond
     if own:
         about["seconds_per_equilibrium"] = float(np.median(values("equilibrium_seconds")))
         about["newton_iterations"] = float(np.median(values("equilibrium_iterations")))

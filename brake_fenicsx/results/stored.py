@@ -30,7 +30,7 @@ PROVEN = "proven"  # kind of a count, see ``brake_fenicsx.stability.modes.Counti
 # What is kept of every sample: numbers of samples.csv and of the summary.
 KEPT = (
     "status", "seed", "mean_mu", "rejected", "tolerance_missed", "count_kind", "counted", "lost",
-    "stability_seconds", "equilibrium_seconds", "equilibrium_iterations",
+    "beyond_laws", "stability_seconds", "equilibrium_seconds", "equilibrium_iterations",
     "random_names", "random", "forces",
 )  # fmt: skip
 

@@ -213,7 +213,9 @@ class Study:
             "equilibrium_iterations": sum(eq.iterations), "equilibrium_residual": eq.residual,
             "equilibrium_seconds": eq.seconds,
         }  # fmt: skip
-        if (contact := models.contact(sample.random)) is not self.brake.contact:
+        contact = models.contact(sample.random)
+        out["beyond_laws"] = sample.laws.beyond(eq.p, contact.w)
+        if contact is not self.brake.contact:
             out["moved"] = moved(contact)
         out["forces"] = forces_of_sample(self.scene, contact, eq.p, sample.mu)
         if models.stability is not None:
