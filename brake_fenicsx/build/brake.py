@@ -14,25 +14,11 @@ from numpy.typing import NDArray
 from brake_fenicsx import compat
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.condensation import Compliance
-<<<<<<< HEAD
-from brake_fenicsx.macro.contact import Contact, contact_elements, join
-from brake_fenicsx.macro.elasticity import Elastic, FreeDofs, assemble_elastic
-from brake_fenicsx.macro.friction import Motion, Rotation, Translation
-from brake_fenicsx.macro.joints import added_to_face
-from brake_fenicsx.macro.loads import lift, load_vectors, pressing
-from brake_fenicsx.meshing.brake_mesh import Mesh
-from brake_fenicsx.scene import Scene
-from brake_fenicsx.scene.friction import slides
-
-from .material_table import layer_materials, scene_materials
-from .part_builders import check_mesh, scene_mesh
-=======
 from brake_fenicsx.macro.contact import Contact, join
 from brake_fenicsx.macro.elasticity import Elastic
 from brake_fenicsx.macro.stuck import Stuck, stick
 from brake_fenicsx.meshing.brake_mesh import Mesh
 from brake_fenicsx.scene import Scene
->>>>>>> main
 
 from .bodies import assemble_bodies, on_matrices
 from .interfaces import check_apart, interface_elements, scene_motion, uncovered, zone_of

@@ -20,14 +20,6 @@ import scipy.linalg as la
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-<<<<<<< HEAD
-from brake_fenicsx.build.brake import Brake, scene_motion
-from brake_fenicsx.build.material_table import (
-    STIFFNESSES,
-    constants,
-    layer_material,
-    layer_materials,
-=======
 from brake_fenicsx.build.brake import Brake
 from brake_fenicsx.build.distributions import quantile
 from brake_fenicsx.build.interfaces import scene_motion
@@ -38,42 +30,25 @@ from brake_fenicsx.build.material_table import (
     layer_materials,
     material_of,
     nominal_value,
->>>>>>> main
     scene_materials,
     stiffness,
     varied_stiffness,
 )
-<<<<<<< HEAD
-from brake_fenicsx.build.morphing import Move, Moving, deformed_layers, movement, moving, plain
-from brake_fenicsx.build.part_builders import file_parts
-=======
->>>>>>> main
 from brake_fenicsx.errors import InaccurateResult, SceneError
 from brake_fenicsx.macro.elasticity import affine_parts, face_mass
 from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.layer_mass import layer_masses
 from brake_fenicsx.macro.material import rotate_about_z
-<<<<<<< HEAD
-from brake_fenicsx.meshing.brake_mesh import Mesh
-from brake_fenicsx.meshing.stretching import Assembly, Power, Stretch, check_layer
-from brake_fenicsx.samples.designs import quantile
-from brake_fenicsx.samples.inputs import by_material, nominal_value
-from brake_fenicsx.samples.sampling import SPEED
-=======
 from brake_fenicsx.macro.matrix_series import Power
 from brake_fenicsx.macro.stretching import Assembly
 from brake_fenicsx.meshing.brake_mesh import Mesh
->>>>>>> main
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.damping import turning_parts
 from brake_fenicsx.scene.samples import is_constant, split_key, unit_of
 from brake_fenicsx.scene.scalars import SPEED, changes_bodies, is_inertia, is_length
 from brake_fenicsx.scene.sweep import Range
 
-<<<<<<< HEAD
-=======
 from .lengths import Shapes, lengths_in, shapes_of
->>>>>>> main
 from .moving_contact import MovingContact
 
 if TYPE_CHECKING:

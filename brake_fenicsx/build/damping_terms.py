@@ -31,20 +31,10 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-<<<<<<< HEAD
-from brake_fenicsx import compat
-from brake_fenicsx.build.brake import Brake, scene_motion
-from brake_fenicsx.build.material_table import layer_material, layer_materials, scene_materials
-from brake_fenicsx.errors import SceneError
-from brake_fenicsx.macro.elasticity import FreeDofs, affine_parts, on_free_dofs
-from brake_fenicsx.macro.friction import Rotation
-from brake_fenicsx.meshing.brake_mesh import Mesh
-=======
 from brake_fenicsx.macro.contact import Contact
 from brake_fenicsx.macro.elasticity import affine_parts
 from brake_fenicsx.macro.friction import Rotation
 from brake_fenicsx.macro.material import Material
->>>>>>> main
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.damping import (
     Damping,
@@ -55,8 +45,6 @@ from brake_fenicsx.scene.damping import (
     turning_parts,
 )
 from brake_fenicsx.scene.samples import split_key
-<<<<<<< HEAD
-=======
 from brake_fenicsx.stability.damping_matrices import (
     gyroscopic,
     loss_factor,
@@ -64,7 +52,6 @@ from brake_fenicsx.stability.damping_matrices import (
     sliding_damping,
     velocity_slope,
 )
->>>>>>> main
 from brake_fenicsx.stability.substructures import Substructure
 from brake_fenicsx.stability.substructures.substructure import ModalRatio
 

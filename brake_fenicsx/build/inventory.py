@@ -16,10 +16,7 @@ from brake_fenicsx.scene.sections import Motion
 from .brake import Brake
 from .contact_doubts import displacement_doubts, resolution_doubts
 from .free_motions import check_free_motions
-<<<<<<< HEAD
-=======
 from .interfaces import scene_motion
->>>>>>> main
 from .material_table import layer_materials, scene_materials
 from .stated import left_out
 

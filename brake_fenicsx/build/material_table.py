@@ -38,11 +38,8 @@ from brake_fenicsx.macro.material import (
     transversely_isotropic,
 )
 from brake_fenicsx.scene import MaterialTable, Scene
-<<<<<<< HEAD
-=======
 from brake_fenicsx.scene.samples import is_constant, split_key
 from brake_fenicsx.scene.scalars import written_value
->>>>>>> main
 
 Array = NDArray[np.float64]
 Value = TypeVar("Value")

@@ -16,18 +16,11 @@ from mpi4py import MPI
 import numpy as np
 from numpy.typing import NDArray
 
-<<<<<<< HEAD
-from brake_fenicsx.build.brake import Brake, interface_elements
-from brake_fenicsx.build.morphing import Moving
-from brake_fenicsx.errors import SceneError
-from brake_fenicsx.macro.contact import Contact, join, restricted
-=======
 from brake_fenicsx.build.brake import Brake
 from brake_fenicsx.build.interfaces import interface_elements
 from brake_fenicsx.errors import SceneError
 from brake_fenicsx.macro.contact import Contact, join, restricted
 from brake_fenicsx.macro.morphing import Moving
->>>>>>> main
 from brake_fenicsx.scene import Scene
 from brake_fenicsx.scene.tables import key_parts
 
