@@ -81,6 +81,6 @@ def read_run(directory):
         run = runs.read_run(folder)
     found = {name: table(name) for name in ("modes", "samples", "contact", "drivers")}
     found["driver_maps"] = table("drivers_contact")
-    named = {"sweep": SWEEPS, "cycles": CYCLES, "causes": ("probabilities", "sensitivity")}
+    named = {"sweep": SWEEPS, "extras": CYCLES, "causes": ("probabilities", "sensitivity")}
     found |= {name: tables(files) for name, files in named.items()}
     return replace(run, **{name: value for name, value in found.items() if value})

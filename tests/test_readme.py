@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from brake_fenicsx.cli import main
-from brake_fenicsx.commands import EPILOG, parser
+from brake_fenicsx.parser import EPILOG, parser
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text()

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from brake_fenicsx.build.shapes import FILE as SHAPES
 from brake_fenicsx.build.shapes import family_shapes
+from brake_fenicsx.extensions import load, named
 from brake_fenicsx.folder import sample_files
 from brake_fenicsx.folder.memory import release_memory
 from brake_fenicsx.folder.processes import on_first
@@ -145,10 +146,9 @@ def _tables(
     if stability is not None and study.drivers is not None:
         tables["drivers"] = driver_table(stored, stability.threshold)
         tables["drivers_contact"] = contact_driver_table(stored, stability.threshold)
-    if study.cycles is not None:
-        from brake_fenicsx.extras.limit_cycle.cycle_tables import cycle_tables
-
-        tables |= cycle_tables(stored)
+    for extra in named(scene) if stability is not None else ():
+        if extra.make_tables:
+            tables |= load(extra.make_tables)(stored)
     for name, table in tables.items():
         table.write(path(f"{name}.csv"))
     found = None

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from brake_fenicsx.errors import SceneError
+from brake_fenicsx.extensions import extras, load
 from brake_fenicsx.folder.arrays import read_npz, reading
 from brake_fenicsx.folder.store import PREPARED, Store
 
@@ -54,7 +55,7 @@ class RunData:
         maps: arrays of ``contact_maps.npz``.
         faces: arrays of ``contact_faces.npz``.
         sweep: columns of the tables of a sweep by the stem of their files, such as ``lock_in``.
-        cycles: columns of the tables of limit cycles, likewise.
+        extras: columns of the tables of extras, likewise.
         summary: content of ``summary.json``.
         scene: text of ``scene.toml``.
     """
@@ -72,7 +73,7 @@ class RunData:
     maps: Arrays | None = None
     faces: Arrays | None = None
     sweep: dict[str, Columns] = field(default_factory=dict)
-    cycles: dict[str, Columns] = field(default_factory=dict)
+    extras: dict[str, Columns] = field(default_factory=dict)
     summary: dict[str, Any] = field(default_factory=dict)
     scene: str | None = None
 
@@ -197,14 +198,14 @@ def _of_samples(run: RunData, stored: StoredSamples) -> dict[str, Any]:
     """Parts of a run that its samples tell."""
     in_effect = run.summary.get("in_effect", {})
     found: dict[str, Any] = {
-        "stored": stored, "samples": stored.samples,
+        "stored": stored, "samples": stored.samples, "extras": {},
         "modes": stored.modes
         if stored.modes.any or "stability" in in_effect.get("stages", ()) else None,
     }  # fmt: skip
-    if "limit_cycle" in in_effect:
-        from brake_fenicsx.extras.limit_cycle.cycle_tables import cycle_tables
-
-        found["cycles"] = {name: table.columns for name, table in cycle_tables(stored).items()}
+    for extra in extras():
+        if extra.make_tables and not in_effect.keys().isdisjoint(extra.sections):
+            tables = load(extra.make_tables)(stored)
+            found["extras"] |= {name: table.columns for name, table in tables.items()}
     drivers = driver_table(stored, run.threshold)
     if drivers.cells:
         maps = contact_driver_table(stored, run.threshold)

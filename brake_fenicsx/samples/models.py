@@ -24,6 +24,7 @@ from brake_fenicsx.build.changes import Box, ChangingBodies, assemble_changes
 from brake_fenicsx.build.material_table import layer_materials, scene_materials
 from brake_fenicsx.build.shapes import body_centres
 from brake_fenicsx.errors import BrakeError, SceneError, StorageError
+from brake_fenicsx.extensions import named
 from brake_fenicsx.folder.cache import SharedCache
 from brake_fenicsx.folder.log import Progress, logger
 from brake_fenicsx.folder.memory import release_memory
@@ -60,11 +61,6 @@ LAYERS = "cache/layers.npz"
 
 # Real modes up to this multiple of the band tell modes apart where there is no reduced model.
 FAMILIES = 1.3
-
-# Kept modes reach this multiple of the band for limit cycles, which meet higher harmonics: on the
-# block of the tutorials amplitudes are off by 29 % with 1.8, 7 % with 2.5, 0.7 % with 3 and 0.1 %
-# with 4.
-HARMONICS = 3.0
 
 # Number of the layout of a kept reduced model; one of another layout is made again.
 LAYOUT = 11
@@ -398,11 +394,16 @@ class Models:
         )  # fmt: skip
 
     def _cutoff(self, parameters: Parameters) -> float | None:
-        """Cutoff of the scene [Hz]; higher by itself where the bodies meet higher harmonics."""
-        settings = self.stability
-        if settings is None or settings.cutoff or self._scene.limit_cycle is None:
+        """Cutoff of the scene [Hz]; higher by itself where extras ask for it."""
+        settings, widest = self.stability, self._widest
+        if settings is None or settings.cutoff or not widest:
             return settings.cutoff if settings else None
-        return float(HARMONICS / np.sqrt(parameters.softening)) * settings.band[1]
+        return float(widest / np.sqrt(parameters.softening)) * settings.band[1]
+
+    @property
+    def _widest(self) -> float:
+        """Multiple of the band that kept modes reach for extras; 0 if none asks for it."""
+        return max((extra.band for extra in named(self._scene)), default=0.0)
 
     def _kept(self, file: str, made: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
         """What an offline stage made, from the file that the first process writes; collective."""
@@ -428,8 +429,8 @@ class Models:
         acts = [stability.get("damping"), scene.table.get("motion")] if damped else None
         settings = self.stability
         accuracy = None if settings is None else [settings.tolerance, settings.cutoff]
-        if accuracy and scene.limit_cycle is not None:
-            accuracy.append(HARMONICS)
+        if accuracy and self._widest:
+            accuracy.append(self._widest)
         return [LAYOUT, box, acts, accuracy]
 
     def _depends(self, more: list[Any]) -> list[Any]:
