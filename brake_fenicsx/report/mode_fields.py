@@ -247,8 +247,7 @@ def _write_modes(
     Returns:
         What the pictures show.
     """
-    from brake_fenicsx.report.animation import animate_mode
-    from brake_fenicsx.report.render import render_mode
+    from brake_fenicsx.report.render import animate_mode, render_mode
     from brake_fenicsx.report.style import label
 
     from .fields import write_fields, write_phases

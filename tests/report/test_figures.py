@@ -15,21 +15,23 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection, PathCollection, PolyCollection
 
 from brake_fenicsx.errors import SceneError
-from brake_fenicsx.report.contact_figures import draw_contact_pressure
-from brake_fenicsx.report.driver_figures import draw_driver_maps
-from brake_fenicsx.report.error_figures import draw_errors
-from brake_fenicsx.report.figures import make_figures
-from brake_fenicsx.report.micro_figures import draw_contact_maps, draw_laws
-from brake_fenicsx.report.plots import PLOTS
-from brake_fenicsx.report.probability_figures import draw_convergence, draw_counts, draw_probability
+from brake_fenicsx.report.contact_figures import draw_contact_maps, draw_contact_pressure, draw_laws
+from brake_fenicsx.report.figures import PLOTS, make_figures
+from brake_fenicsx.report.input_figures import draw_driver_maps
+from brake_fenicsx.report.sample_figures import (
+    draw_convergence,
+    draw_counts,
+    draw_errors,
+    draw_probability,
+)
 from brake_fenicsx.report.squeal_figures import draw_families, draw_squeal_map
 from brake_fenicsx.report.style import BLACK, GREY, house_style, save
-from brake_fenicsx.report.surface_figures import draw_statistics
-from brake_fenicsx.report.sweep_figures import draw_branches
-from brake_fenicsx.report.topography_figures import (
+from brake_fenicsx.report.surface_figures import (
     draw_artificial,
+    draw_statistics,
     draw_topography,
 )
+from brake_fenicsx.report.sweep_figures import draw_branches
 from brake_fenicsx.results.tables import MODES, write_rows
 from run_tables import EVENTS, SWEEP, read_run
 

@@ -10,11 +10,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from brake_fenicsx.report.html import render_page, write_report
+from brake_fenicsx.report.html import SMALL, render_page, write_report
 from brake_fenicsx.report.mode_cards import ModePictures
 from brake_fenicsx.report.parameter_sections import percent
 from brake_fenicsx.report.squeal_map import squeal_map
-from brake_fenicsx.report.template import SMALL
 from brake_fenicsx.results.probabilities import Probability
 from brake_fenicsx.results.run import RunData
 from brake_fenicsx.results.tables import MODES, SAMPLES, Table, write_rows

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from brake_fenicsx.report.input_figures import correlations, draw_correlations
 from brake_fenicsx.report.overview import open_points, summary_table
-from brake_fenicsx.report.sensitivity_figures import correlations, draw_correlations
 from brake_fenicsx.results.accuracy import error_rows, speed_rows, stage_rows
 from brake_fenicsx.results.answer import approach_rows, family_rows, write_tables
 from brake_fenicsx.results.limits import limit_rows
